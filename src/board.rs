@@ -1,0 +1,37 @@
+//! What a board implements: four small traits over its peripherals.
+//!
+//! A board is its pins and peripherals behind these traits, plus the spawning of the tasks of
+//! [`crate::tasks`]. embedded-hal 1.0 has no trait for a quadrature counter, for an ADC or for a
+//! bridge with three lines, so these are our own.
+
+use crate::bridge::Drive;
+use crate::supply::Sample;
+
+/// The quadrature counters of N motors.
+pub trait Encoders<const N: usize> {
+    /// All counters, wrapping at 16 bits, counting up when the motor turns CW. Must not block.
+    fn counts(&mut self) -> [u16; N];
+}
+
+/// The converter that measures the battery.
+#[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]
+pub trait SupplyAdc {
+    /// One conversion of battery and reference, or `None` if the converter does not answer. Must
+    /// end by itself in a few milliseconds.
+    async fn sample(&mut self) -> Option<Sample>;
+}
+
+/// N H bridges.
+pub trait Bridges<const N: usize> {
+    /// Makes all bridges do what `drives` says, from now on.
+    ///
+    /// On the way from one drive to another a bridge must only pass through states that may be
+    /// commanded: never a short circuit, and never the new direction with the old duty.
+    fn apply(&mut self, drives: &[Drive; N]);
+}
+
+/// A watchdog that resets the chip, and with it opens the bridges, unless it is fed.
+pub trait Watchdog {
+    /// Starts its time anew.
+    fn feed(&mut self);
+}

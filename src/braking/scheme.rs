@@ -1,0 +1,66 @@
+//! The schemes by which the four points are laid on the control range, chosen per motor.
+
+use crate::units::RangeError;
+
+/// How control values are given their meaning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Scheme {
+    /// No braking regime: positive is 9/8 and negative 6/2 whichever way the motor turns. What the
+    /// field's firmware did in 2018; here to be compared with.
+    ForwardReverse,
+    /// Control is an equivalent DC voltage (paper, section 2): T at 0, Z moves with the speed.
+    A,
+    /// Control is a current (paper, section 3): Z at 0, T moves with the speed.
+    B,
+    /// Scheme B without its knee at Z: braking as steep as driving, at the price of reverse authority
+    /// and, above half of the free speed, of braking authority.
+    C,
+    /// Between B (blend 0) and C (blend 1).
+    D(Blend),
+}
+
+/// How far Scheme D goes from B to C.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Blend {
+    /// The same at all speeds.
+    Fixed(BlendFraction),
+    /// As far as leaves full dynamic braking within the control range.
+    Automatic,
+}
+
+/// 0 to 1 in steps of 2^-16.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BlendFraction(u32);
+
+impl BlendFraction {
+    /// Scheme B.
+    pub const ZERO: Self = Self(0);
+    /// Scheme C.
+    pub const ONE: Self = Self(1 << 16);
+
+    /// From steps of 2^-16: 0 to 65 536.
+    ///
+    /// # Errors
+    /// [`RangeError::Blend`] above.
+    pub const fn from_bits(bits: u32) -> Result<Self, RangeError> {
+        if bits <= Self::ONE.0 { Ok(Self(bits)) } else { Err(RangeError::Blend) }
+    }
+
+    /// Steps of 2^-16.
+    pub const fn to_bits(self) -> u32 {
+        self.0
+    }
+
+    pub(super) const fn saturating(bits: i64) -> Self {
+        if bits <= 0 {
+            Self::ZERO
+        } else if bits >= Self::ONE.0 as i64 {
+            Self::ONE
+        } else {
+            Self(bits as u32)
+        }
+    }
+}

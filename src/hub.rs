@@ -1,0 +1,116 @@
+//! N motors on one battery: one step for all of them, and one snapshot of everything.
+
+use crate::bridge::Drive;
+use crate::motion::Reading;
+use crate::motor::{Motor, Report, Setpoint, Settings};
+use crate::supply::Battery;
+use crate::units::{Micros, Millivolts, Period, RangeError};
+
+/// Something to do to one motor at the next tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Command {
+    /// 0 to N - 1.
+    pub motor: usize,
+    /// What to do.
+    pub action: Action,
+}
+
+/// What a command does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Action {
+    /// Replaces the set-point.
+    Set(Setpoint),
+    /// Replaces all settings at once.
+    Configure(Settings),
+}
+
+/// What a tick is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Inputs<const N: usize> {
+    /// The time of the tick.
+    pub now: Micros,
+    /// The newest encoder readings; `None` if none came since the last tick.
+    pub readings: Option<[Reading; N]>,
+    /// The newest battery reading, however old.
+    pub battery: Option<Battery>,
+}
+
+/// Everything a host would want to see, as of one tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Snapshot<const N: usize> {
+    /// Ticks since boot, from 1; 0 before the first.
+    pub tick: u32,
+    /// The time of the tick.
+    pub at: Micros,
+    /// Ticks that were left out because the one before them ended too late.
+    pub missed: u32,
+    /// The battery voltage in force; `None` if unknown.
+    pub battery: Option<Millivolts>,
+    /// By motor.
+    pub motors: [Report; N],
+}
+
+impl<const N: usize> Snapshot<N> {
+    /// Before the first tick.
+    pub const INITIAL: Self =
+        Self { tick: 0, at: Micros(0), missed: 0, battery: None, motors: [Report::INITIAL; N] };
+
+    /// What the bridges are told.
+    pub fn drives(&self) -> [Drive; N] {
+        self.motors.map(|motor| motor.drive)
+    }
+}
+
+/// N motors.
+#[derive(Clone, Debug)]
+pub struct Hub<const N: usize> {
+    motors: [Motor; N],
+    period: Period,
+    tick: u32,
+    missed: u32,
+}
+
+impl<const N: usize> Hub<N> {
+    /// A hub of disabled motors that is stepped every `period`.
+    pub fn new(settings: [Settings; N], period: Period) -> Self {
+        Self { motors: settings.map(|s| Motor::new(s, period)), period, tick: 0, missed: 0 }
+    }
+
+    /// The control period.
+    pub const fn period(&self) -> Period {
+        self.period
+    }
+
+    /// Does what a command says; it shows at the next step.
+    ///
+    /// # Errors
+    /// [`RangeError::Motor`] if there is no such motor; nothing changes then.
+    pub fn apply(&mut self, command: Command) -> Result<(), RangeError> {
+        let motor = self.motors.get_mut(command.motor).ok_or(RangeError::Motor)?;
+        match command.action {
+            Action::Set(setpoint) => motor.set(setpoint),
+            Action::Configure(settings) => motor.configure(settings),
+        }
+        Ok(())
+    }
+
+    /// Notes ticks that did not happen.
+    pub const fn note_missed(&mut self, ticks: u32) {
+        self.missed = self.missed.saturating_add(ticks);
+    }
+
+    /// One tick of all motors. Each sees only its own encoder; none sees another's fault.
+    pub fn step(&mut self, inputs: Inputs<N>) -> Snapshot<N> {
+        let battery = inputs.battery.and_then(|battery| battery.fresh(inputs.now));
+        self.tick = self.tick.wrapping_add(1);
+        let mut reports = [Report::INITIAL; N];
+        for (index, (motor, report)) in self.motors.iter_mut().zip(&mut reports).enumerate() {
+            let reading = inputs.readings.and_then(|readings| readings.get(index).copied());
+            *report = motor.step(inputs.now, reading, battery);
+        }
+        Snapshot { tick: self.tick, at: inputs.now, missed: self.missed, battery, motors: reports }
+    }
+}

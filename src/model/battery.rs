@@ -1,0 +1,21 @@
+//! A battery as a voltage behind a resistance; it takes current back.
+
+use super::si::{Amps, Ohms, Volts};
+
+/// A voltage source with internal resistance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Battery {
+    /// Voltage without load.
+    pub emf: Volts,
+    /// Internal resistance with the wiring, at least 0.
+    pub resistance: Ohms,
+}
+
+impl Battery {
+    /// Voltage at the terminals while `current` leaves the battery, never below 0; a negative
+    /// current charges it and raises the voltage above [`Battery::emf`].
+    #[must_use]
+    pub fn voltage(&self, current: Amps) -> Volts {
+        Volts((self.emf.0 - self.resistance.0 * current.0).max(0.0))
+    }
+}

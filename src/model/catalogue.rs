@@ -1,0 +1,201 @@
+//! The motors that the paper's author characterised.
+//!
+//! Constants come from the author's repository `rgatkinson/RobotPhysics`; the header of the data
+//! file says which column stands where. They are measurements with known weaknesses: read
+//! [`CatalogueEntry::caveats`] before trusting a row.
+
+use std::sync::LazyLock;
+
+use super::si::{Drag, EmfConstant, Henries, KgM2, Ohms, TorqueConstant};
+
+/// Constants of a geared DC motor, all of the motor shaft, that is before the gearbox.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motor {
+    /// Name in the catalogue.
+    pub name: &'static str,
+    /// Winding resistance. Measured at 1 kHz on a standing motor: uncertain by a factor of 2 to 3.
+    pub r: Ohms,
+    /// Winding inductance.
+    pub l: Henries,
+    /// Reduction ratio: turns of the motor per turn of the output.
+    pub gear_ratio: f64,
+    /// Efficiency of the gearbox, 0 to 1: output torque = ratio * efficiency * motor torque.
+    pub eta: f64,
+    /// Back-EMF constant.
+    pub ke: EmfConstant,
+    /// Torque constant.
+    pub kt: TorqueConstant,
+    /// Viscous drag.
+    pub b: Drag,
+    /// Inertia as the paper computes it: the workbook's value divided by `eta * ratio²`.
+    pub j: KgM2,
+    /// Inertia as the measurement report describes it: measured on the bare armature.
+    pub j_rotor_measured: KgM2,
+    /// Encoder counts per turn of the motor.
+    pub counts_per_rev_motor: f64,
+}
+
+impl Motor {
+    /// The same motor with the inertia that was measured on its bare armature.
+    ///
+    /// The paper's `j` treats that measurement as one behind the gearbox. It gives an AM 60 A
+    /// alone a mechanical time constant of 30 us; the armature's own inertia gives 98 ms.
+    #[must_use]
+    pub const fn with_measured_rotor_inertia(self) -> Self {
+        Self { j: self.j_rotor_measured, ..self }
+    }
+
+    /// Back EMF per encoder speed, mV s/count: `2000 pi Ke / counts per turn` (paper,
+    /// revision of 31 August 2018).
+    #[must_use]
+    pub fn ke_fw(&self) -> f64 {
+        2000.0 * core::f64::consts::PI * self.ke.0 / self.counts_per_rev_motor
+    }
+}
+
+/// One row of the catalogue.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CatalogueEntry {
+    /// Name: product family, ratio, and a letter for the specimen.
+    pub name: &'static str,
+    /// Vendor's part number, empty where it is that of the specimen above.
+    pub part_number: &'static str,
+    /// Encoder counts per turn of the motor.
+    pub counts_per_rev_motor: f64,
+    /// Reduction ratio.
+    pub gear_ratio: f64,
+    /// The constants, or `None` for a motor that is listed but was never characterised.
+    pub motor: Option<Motor>,
+    /// Where in the author's files the row comes from.
+    pub source: &'static str,
+    /// What is doubtful about the row; empty if nothing is known to be.
+    pub caveats: &'static str,
+}
+
+const TABLE: &str = include_str!("motors.csv");
+
+/// Columns of the data file that are used, by their headings there.
+struct Columns<'a>(Vec<&'a str>);
+
+impl Columns<'_> {
+    fn text<'r>(&self, row: &[&'r str], heading: &str) -> Option<&'r str> {
+        let index = self.0.iter().position(|&h| h == heading)?;
+        row.get(index).copied()
+    }
+
+    fn number(&self, row: &[&str], heading: &str) -> Option<f64> {
+        self.text(row, heading)?.parse().ok()
+    }
+}
+
+/// Splits a line of comma-separated values. A field in double quotes may contain commas; doubled
+/// quotes inside one do not occur in the data file.
+fn fields(line: &str) -> Vec<&str> {
+    let mut out = Vec::new();
+    let mut rest = Some(line);
+    while let Some(text) = rest {
+        let quoted = text.strip_prefix('"').and_then(|inner| inner.split_once('"'));
+        let (field, tail) = match quoted {
+            Some((field, tail)) => (field, tail.strip_prefix(',')),
+            None => match text.split_once(',') {
+                Some((field, tail)) => (field, Some(tail)),
+                None => (text, None),
+            },
+        };
+        out.push(field);
+        rest = tail;
+    }
+    out
+}
+
+fn motor(columns: &Columns<'_>, row: &[&'static str]) -> Option<Motor> {
+    let number = |heading| columns.number(row, heading);
+    Some(Motor {
+        name: columns.text(row, "name")?,
+        r: Ohms(number("R_ohm")?),
+        l: Henries(number("L_H")?),
+        gear_ratio: number("N_gear_ratio")?,
+        eta: number("eta")?,
+        ke: EmfConstant(number("Ke_V_s_per_rad")?),
+        kt: TorqueConstant(number("Kt_Nm_per_A")?),
+        b: Drag(number("B_Nms_per_rad")?),
+        j: KgM2(number("J_kg_m2")?),
+        j_rotor_measured: KgM2(number("J_rotor_measured_kg_m2")?),
+        counts_per_rev_motor: number("encoder_counts_per_rev_motor")?,
+    })
+}
+
+fn entry(columns: &Columns<'_>, row: &[&'static str]) -> Option<CatalogueEntry> {
+    Some(CatalogueEntry {
+        name: columns.text(row, "name")?,
+        part_number: columns.text(row, "model")?,
+        counts_per_rev_motor: columns.number(row, "encoder_counts_per_rev_motor")?,
+        gear_ratio: columns.number(row, "N_gear_ratio")?,
+        motor: motor(columns, row),
+        source: columns.text(row, "source")?,
+        caveats: columns.text(row, "notes")?,
+    })
+}
+
+/// Every row of the data file, in its order.
+#[must_use]
+pub fn catalogue() -> &'static [CatalogueEntry] {
+    static ENTRIES: LazyLock<Vec<CatalogueEntry>> = LazyLock::new(|| {
+        let mut lines = TABLE.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
+        let columns = Columns(lines.next().map(fields).unwrap_or_default());
+        lines.filter_map(|line| entry(&columns, &fields(line))).collect()
+    });
+    &ENTRIES
+}
+
+/// Every motor with constants.
+pub fn motors() -> impl Iterator<Item = Motor> {
+    catalogue().iter().filter_map(|entry| entry.motor)
+}
+
+/// The row of this name. Only letters and digits count, in either case: "am60a" finds "AM 60 A".
+#[must_use]
+pub fn find(name: &str) -> Option<&'static CatalogueEntry> {
+    let key = |text: &str| -> String {
+        text.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect()
+    };
+    let wanted = key(name);
+    catalogue().iter().find(|entry| key(entry.name) == wanted)
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_row_is_listed_and_all_but_one_have_constants() {
+        assert_eq!(catalogue().len(), 18);
+        let without: Vec<_> = catalogue().iter().filter(|e| e.motor.is_none()).map(|e| e.name).collect();
+        assert_eq!(without, ["Tetrix"]);
+    }
+
+    #[test]
+    fn names_are_found_without_regard_to_case_space_or_point() {
+        for (typed, name) in [("am60a", "AM 60 A"), ("AM 3.7 B", "AM 3.7 B"), ("am37b", "AM 3.7 B")] {
+            assert_eq!(find(typed).map(|e| e.name), Some(name));
+        }
+        assert!(find("am 60").is_none());
+    }
+
+    #[test]
+    fn quoted_caveats_keep_their_commas() {
+        let caveats = find("CoreHex A").map(|e| e.caveats).unwrap_or_default();
+        assert!(caveats.starts_with("N: 72 in v2 workbook (used by"));
+        assert!(caveats.contains("output), 36.25 in"));
+        assert!(caveats.ends_with("ambiguous"));
+    }
+
+    #[test]
+    fn am_60_a_has_the_published_constants() {
+        let motor = find("AM 60 A").and_then(|e| e.motor).unwrap();
+        assert_eq!((motor.r.0, motor.l.0, motor.gear_ratio), (3.3, 0.000694, 60.0));
+        assert!((motor.ke_fw() - 3.98683).abs() < 5e-6);
+        assert_eq!(motor.with_measured_rotor_inertia().j.0, 1.04e-5);
+    }
+}

@@ -1,0 +1,111 @@
+//! The mode and duty that make a wanted mean current: the bridge, inverted.
+
+use super::numeric::bracketed_zero;
+use super::si::{Amps, Hertz};
+use super::switching::{Circuit, Conditions, Pwm};
+use crate::bridge::Mode;
+
+/// A mode with its duty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    /// The mode.
+    pub mode: Mode,
+    /// The duty of its first state, 0 to 1.
+    pub duty: f64,
+}
+
+impl Circuit {
+    /// The regime that a mean current belongs to: with the rotation 9/8, against it up to full
+    /// dynamic braking 5/0, beyond that 6/2 (and mirrored for counter-clockwise rotation).
+    #[must_use]
+    pub fn mode_for_current(&self, wanted: Amps, at: Conditions) -> Mode {
+        if at.emf.0 < 0.0 {
+            return self.mode_for_current(Amps(-wanted.0), mirrored(at)).mirrored();
+        }
+        let full_braking = -at.emf.0 / (self.r.0 + 2.0 * self.bridge.ron.0);
+        if wanted.0 > 0.0 {
+            Mode::Cw98
+        } else if wanted.0 >= full_braking {
+            Mode::Brake50
+        } else {
+            Mode::Ccw62
+        }
+    }
+
+    /// Mode and duty whose periodic mean current is `wanted`, to the precision of `f64`. A current
+    /// out of the mode's reach gets the duty that comes nearest.
+    #[must_use]
+    pub fn duty_for_current(&self, wanted: Amps, frequency: Hertz, at: Conditions) -> Choice {
+        let mode = self.mode_for_current(wanted, at);
+        let miss = |duty: f64| self.steady(Pwm::new(mode, duty, frequency), at).mean.0 - wanted.0;
+        Choice { mode, duty: bracketed_zero(0.0, 1.0, miss) }
+    }
+
+    /// The same by formula, without simulating the bridge: within 0.001 of the exact duty from
+    /// 15 kHz on, within 0.01 down to 1 kHz, for every motor of the catalogue.
+    ///
+    /// In continuous conduction the mean of the terminal voltage is linear in the duty. In
+    /// discontinuous conduction the current rises from zero for `x` and falls to zero within `y`
+    /// (in units of the electrical time constant), and the charge of that triangle of exponentials
+    /// is `a x - c ln(1 + (a/c)(1 - exp(-x)))`, `a` and `c` being the voltages that raise and lower
+    /// it. Valid for `|emf|` below the battery's voltage.
+    #[must_use]
+    pub fn duty_for_current_formula(&self, wanted: Amps, frequency: Hertz, at: Conditions) -> Choice {
+        if at.emf.0 < 0.0 {
+            let choice = self.duty_for_current_formula(Amps(-wanted.0), frequency, mirrored(at));
+            return Choice { mode: choice.mode.mirrored(), ..choice };
+        }
+        let (i, v, e) = (wanted.0, at.battery.0, at.emf.0);
+        let (r, ron, vd) = (self.r.0, self.bridge.ron.0, self.bridge.vd.0);
+        let mode = self.mode_for_current(wanted, at);
+        let duty = match mode {
+            Mode::Cw98 => {
+                let continuous = (e + vd + i * (r + ron)) / (v + vd - i * ron);
+                self.discontinuous(i, v - e, e + vd, r + 1.5 * ron, frequency).unwrap_or(continuous)
+            }
+            Mode::Brake50 => {
+                let continuous = (v + 2.0 * vd - e - r * i) / (v + 2.0 * vd + 2.0 * ron * i);
+                let fall = v + 2.0 * vd - e;
+                self.discontinuous(i, e, fall, r + ron, frequency).unwrap_or(continuous)
+            }
+            Mode::Ccw62 => {
+                let continuous = (vd - e - i * (r + ron)) / (v + vd + i * ron);
+                // Below the diode's drop the EMF cannot keep up the current between pulses.
+                self.discontinuous(i, v + e, vd - e, r + 1.5 * ron, frequency).unwrap_or(continuous)
+            }
+        };
+        Choice { mode, duty: duty.clamp(0.0, 1.0) }
+    }
+
+    /// Duty of discontinuous conduction with the mean current's size `|i|`, or `None` where the
+    /// current would not return to zero within the period.
+    fn discontinuous(&self, i: f64, rise: f64, fall: f64, r: f64, frequency: Hertz) -> Option<f64> {
+        if i == 0.0 {
+            return Some(0.0);
+        }
+        if rise <= 0.0 || fall <= 0.0 {
+            return None;
+        }
+        let periods = r / (self.l.0 * frequency.0);
+        let ratio = rise / fall;
+        let charge = r * i.abs() * periods;
+        let fall_time = |x: f64| (ratio * -(-x).exp_m1()).ln_1p();
+        // The charge is convex in x and the start, from its leading term, lies below the root or
+        // slightly above; Newton's steps then approach from above.
+        let mut x = (2.0 * charge / (rise * (1.0 + ratio))).sqrt();
+        for _ in 0..60 {
+            let decay = (-x).exp();
+            let slope = rise - rise * decay / (1.0 + ratio * (1.0 - decay));
+            let step = (rise * x - fall * fall_time(x) - charge) / slope;
+            x -= step;
+            if step.abs() <= 1e-14 * x {
+                break;
+            }
+        }
+        (x + fall_time(x) < periods).then_some(x / periods)
+    }
+}
+
+fn mirrored(at: Conditions) -> Conditions {
+    Conditions { emf: super::si::Volts(-at.emf.0), ..at }
+}

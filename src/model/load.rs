@@ -1,0 +1,58 @@
+//! What the output shaft turns, and what the motor feels of it through the gearbox.
+
+use super::catalogue::Motor;
+use super::si::{Drag, KgM2, Kilograms, Metres, NewtonMetres};
+
+/// A load on the output shaft.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Load {
+    /// Moment of inertia.
+    pub inertia_after: KgM2,
+    /// Viscous drag.
+    pub drag_after: Drag,
+    /// Constant external torque, positive when it drives clockwise.
+    pub torque_after: NewtonMetres,
+}
+
+impl Load {
+    /// No load: the bare motor.
+    pub const NONE: Self =
+        Self { inertia_after: KgM2(0.0), drag_after: Drag(0.0), torque_after: NewtonMetres(0.0) };
+
+    /// A solid disc: inertia `m r² / 2`, no drag.
+    #[must_use]
+    pub fn flywheel(mass: Kilograms, radius: Metres) -> Self {
+        Self { inertia_after: KgM2(0.5 * mass.0 * radius.0 * radius.0), ..Self::NONE }
+    }
+
+    /// A load that is only an inertia.
+    #[must_use]
+    pub const fn inertia(inertia_after: KgM2) -> Self {
+        Self { inertia_after, ..Self::NONE }
+    }
+}
+
+/// Motor and load as one body on the motor shaft (paper, section 2.2.2).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shaft {
+    /// Total inertia, `J + Jafter / (eta N²)`.
+    pub inertia: KgM2,
+    /// Total drag, `B + Bafter / (eta N²)`.
+    pub drag: Drag,
+    /// Torque on the motor shaft per torque on the output shaft, `1 / (eta N)`.
+    pub torque_ratio: f64,
+}
+
+impl Shaft {
+    /// Reflects `load` through the gearbox of `motor`.
+    #[must_use]
+    pub fn new(motor: &Motor, load: &Load) -> Self {
+        let n = motor.gear_ratio;
+        let reflection = 1.0 / (motor.eta * n * n);
+        Self {
+            inertia: KgM2(motor.j.0 + load.inertia_after.0 * reflection),
+            drag: Drag(motor.b.0 + load.drag_after.0 * reflection),
+            torque_ratio: 1.0 / (motor.eta * n),
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! The current that repeats from one PWM period to the next at constant speed.
+
+use super::numeric::bracketed_zero;
+use super::si::{Amps, Seconds};
+use super::switching::{Circuit, Conditions, Integrals, Pwm};
+use crate::bridge::CurrentSign;
+
+/// Whether current flows through the whole period.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Conduction {
+    /// Current flows all the time (it may pass through zero).
+    Continuous,
+    /// Current rests at zero for a part of the period.
+    Discontinuous,
+    /// No current at all.
+    Zero,
+}
+
+impl Conduction {
+    /// "C", "D" or "zero".
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Continuous => "C",
+            Self::Discontinuous => "D",
+            Self::Zero => "zero",
+        }
+    }
+}
+
+/// Averages over one period of the periodic steady state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Steady {
+    /// Current at the beginning of the period.
+    pub start: Amps,
+    /// Mean motor current.
+    pub mean: Amps,
+    /// Root mean square of the motor current.
+    pub rms: Amps,
+    /// Mean battery current, negative when it flows back.
+    pub battery: Amps,
+    /// Whether current flows all the time.
+    pub conduction: Conduction,
+    /// The integrals over the period that the averages come from.
+    pub sums: Integrals,
+    /// Length of the period.
+    pub period: Seconds,
+}
+
+impl Circuit {
+    /// The periodic steady state of `pwm`.
+    ///
+    /// A period's final current is a rising function of its initial current with a slope below 1,
+    /// so there is exactly one. It is closed form where the current never changes sign, and a root
+    /// to machine precision where it does.
+    #[must_use]
+    pub fn steady(&self, pwm: Pwm, at: Conditions) -> Steady {
+        let run = |start: f64| {
+            let mut sums = Integrals::default();
+            let end = self.period(pwm, Amps(start), at, &mut sums);
+            (end.0, sums)
+        };
+        let (from_zero, sums) = run(0.0);
+        // One sign or the other is reached from zero, and with it the sign of the fixed point.
+        let start = if from_zero > 0.0 {
+            self.fixed_point(pwm, at, CurrentSign::Positive)
+        } else if from_zero < 0.0 {
+            self.fixed_point(pwm, at, CurrentSign::Negative)
+        } else {
+            return summarise(pwm, 0.0, sums);
+        };
+        let start = start.unwrap_or_else(|| {
+            let bound = self.largest_target(pwm, at).copysign(from_zero);
+            bracketed_zero(0.0, bound, |start| run(start).0 - start)
+        });
+        summarise(pwm, start, run(start).1)
+    }
+
+    /// The periodic initial current if the current keeps `sign`, or `None` if it then does not.
+    fn fixed_point(&self, pwm: Pwm, at: Conditions, sign: CurrentSign) -> Option<f64> {
+        let period = 1.0 / pwm.frequency.0;
+        let on = self.path(pwm.on, sign, at);
+        let off = self.path(pwm.off, sign, at);
+        let on_exponent = -pwm.duty.clamp(0.0, 1.0) * period / on.tau;
+        let off_exponent = -(1.0 - pwm.duty.clamp(0.0, 1.0)) * period / off.tau;
+        let start = (off.target * -off_exponent.exp_m1()
+            + on.target * -on_exponent.exp_m1() * off_exponent.exp())
+            / -(on_exponent + off_exponent).exp_m1();
+        let turn = start + (on.target - start) * -on_exponent.exp_m1();
+        let keeps = |current: f64| match sign {
+            CurrentSign::Positive => current >= 0.0,
+            CurrentSign::Negative => current <= 0.0,
+        };
+        (keeps(start) && keeps(turn)).then_some(start)
+    }
+
+    /// No periodic current can be larger than this.
+    fn largest_target(&self, pwm: Pwm, at: Conditions) -> f64 {
+        let mut largest: f64 = 0.0;
+        for state in [pwm.on, pwm.off] {
+            for sign in [CurrentSign::Positive, CurrentSign::Negative] {
+                largest = largest.max(self.path(state, sign, at).target.abs());
+            }
+        }
+        largest
+    }
+}
+
+fn summarise(pwm: Pwm, start: f64, sums: Integrals) -> Steady {
+    let period = 1.0 / pwm.frequency.0;
+    let conduction = if sums.square == 0.0 {
+        Conduction::Zero
+    } else if sums.idle > 1e-12 * period {
+        Conduction::Discontinuous
+    } else {
+        Conduction::Continuous
+    };
+    Steady {
+        start: Amps(start),
+        mean: Amps(sums.current / period),
+        rms: Amps((sums.square.max(0.0) / period).sqrt()),
+        battery: Amps(sums.battery() / period),
+        conduction,
+        sums,
+        period: Seconds(period),
+    }
+}

@@ -1,0 +1,303 @@
+//! A geared motor with its load behind a switching bridge, for whole runs.
+//!
+//! Time advances in windows of at most one PWM period. Within a window the electrical side is
+//! event-exact at a constant back EMF, the one of the window's own mean speed; the mechanical side
+//! is the exact exponential under the window's mean torque. The two are iterated until they agree,
+//! which makes the step second-order accurate and stable for every motor. The error is of the order
+//! of `(w h)² / 24` of a change, `w` being the undamped frequency `sqrt(Ke Kt / (L Jt))` and `h` the
+//! window; windows shorter than the period are taken so that `w h` stays below 0.15 and the mean
+//! current of a few periods within 0.1 % of `Vbat/R`. Ripple of the speed within a window does not
+//! feed back into the current.
+
+use super::catalogue::Motor;
+use super::load::{Load, Shaft};
+use super::numeric::{phi1, phi2};
+use super::si::{Amps, Coulombs, Hertz, Joules, NewtonMetres, RadPerSec, Seconds, Volts};
+use super::switching::{Bridge, Circuit, Conditions, Integrals};
+use crate::bridge::{Mode, State};
+
+/// Largest product of undamped frequency and window.
+const WINDOW_LIMIT: f64 = 0.15;
+
+/// What a plant is told to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Command {
+    /// The state during the duty.
+    pub on: State,
+    /// The state during the rest of each PWM period.
+    pub off: State,
+    /// Share of each PWM period spent in `on`, 0 to 1.
+    pub duty: f64,
+    /// External torque on the output shaft beside the load's own, positive clockwise.
+    pub torque_after: NewtonMetres,
+}
+
+impl Command {
+    /// All switches open, no external torque.
+    pub const COAST: Self =
+        Self { on: State::Coast, off: State::Coast, duty: 0.0, torque_after: NewtonMetres(0.0) };
+
+    /// A mode at a duty from 0 to 1, without external torque.
+    #[must_use]
+    pub const fn pwm(mode: Mode, duty: f64) -> Self {
+        Self { on: mode.on(), off: mode.off(), duty, torque_after: NewtonMetres(0.0) }
+    }
+}
+
+/// What flowed during a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Flow {
+    /// Length of the run.
+    pub time: Seconds,
+    /// Charge through the motor, positive clockwise.
+    pub charge: Coulombs,
+    /// Energy that left the battery, at least 0.
+    pub energy_from_battery: Joules,
+    /// Energy that went back into the battery, at least 0.
+    pub energy_to_battery: Joules,
+    /// Charge that left the battery, at least 0.
+    pub charge_from_battery: Coulombs,
+    /// Charge that went back into the battery, at least 0.
+    pub charge_to_battery: Coulombs,
+    /// Heat in winding, switches and diodes.
+    pub heat: Joules,
+    /// Energy that the motor turned into shaft work; negative while it brakes.
+    pub shaft_work: Joules,
+}
+
+impl Flow {
+    /// Mean motor current, 0 for a run of no length.
+    #[must_use]
+    pub fn mean_current(&self) -> Amps {
+        Amps(if self.time.0 > 0.0 { self.charge.0 / self.time.0 } else { 0.0 })
+    }
+
+    /// Net charge out of the battery, C.
+    #[must_use]
+    pub fn battery_charge(&self) -> f64 {
+        self.charge_from_battery.0 - self.charge_to_battery.0
+    }
+
+    /// Adds what flowed in a following run.
+    pub fn append(&mut self, next: &Self) {
+        self.time.0 += next.time.0;
+        self.charge.0 += next.charge.0;
+        self.energy_from_battery.0 += next.energy_from_battery.0;
+        self.energy_to_battery.0 += next.energy_to_battery.0;
+        self.charge_from_battery.0 += next.charge_from_battery.0;
+        self.charge_to_battery.0 += next.charge_to_battery.0;
+        self.heat.0 += next.heat.0;
+        self.shaft_work.0 += next.shaft_work.0;
+    }
+}
+
+/// A motor, its load and its bridge, in motion.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    motor: Motor,
+    load: Load,
+    shaft: Shaft,
+    circuit: Circuit,
+    period: f64,
+    longest_window: f64,
+    coefficients: Mechanics,
+    /// Time since the present PWM period began.
+    phase: f64,
+    current: f64,
+    speed: f64,
+    angle: f64,
+    /// Mean current of the window before, the first guess for the next one.
+    last_mean: f64,
+}
+
+/// The mechanical side's exact solution over one window of constant torque.
+#[derive(Clone, Copy, Debug)]
+struct Mechanics {
+    window: f64,
+    /// Share of the speed that is left after the window.
+    decay: f64,
+    /// Share of the speed that its mean over the window keeps.
+    mean: f64,
+    /// Final speed per torque.
+    gain: f64,
+    /// Mean speed per torque.
+    mean_gain: f64,
+    /// How much less current a volt of back EMF lets through in the window's mean, 1/ohm, at most.
+    admittance: f64,
+}
+
+impl Mechanics {
+    fn new(shaft: &Shaft, circuit: &Circuit, window: f64) -> Self {
+        let x = shaft.drag.0 * window / shaft.inertia.0;
+        Self {
+            window,
+            decay: (-x).exp(),
+            mean: phi1(x),
+            gain: window / shaft.inertia.0 * phi1(x),
+            mean_gain: window / shaft.inertia.0 * phi2(x),
+            admittance: (1.0 - phi1(window * circuit.r.0 / circuit.l.0)) / circuit.r.0,
+        }
+    }
+}
+
+/// What stays the same during a run.
+#[derive(Clone, Copy)]
+struct Run {
+    command: Command,
+    on_time: f64,
+    battery: Volts,
+    /// External torque, on the motor shaft.
+    torque: f64,
+}
+
+impl Plant {
+    /// A plant at rest, without current, at angle 0 and the beginning of a PWM period.
+    #[must_use]
+    pub fn new(motor: Motor, load: Load, bridge: Bridge, pwm: Hertz) -> Self {
+        let shaft = Shaft::new(&motor, &load);
+        let circuit = Circuit::new(&motor, bridge);
+        let period = 1.0 / pwm.0;
+        let undamped = (motor.ke.0 * motor.kt.0 / (motor.l.0 * shaft.inertia.0)).sqrt();
+        let windows = (period * undamped / WINDOW_LIMIT).ceil().max(1.0);
+        let longest_window = period / windows;
+        Self {
+            motor,
+            load,
+            shaft,
+            circuit,
+            period,
+            longest_window,
+            coefficients: Mechanics::new(&shaft, &circuit, longest_window),
+            phase: 0.0,
+            current: 0.0,
+            speed: 0.0,
+            angle: 0.0,
+            last_mean: 0.0,
+        }
+    }
+
+    /// The motor.
+    #[must_use]
+    pub const fn motor(&self) -> &Motor {
+        &self.motor
+    }
+
+    /// The load.
+    #[must_use]
+    pub const fn load(&self) -> &Load {
+        &self.load
+    }
+
+    /// Present motor current.
+    #[must_use]
+    pub const fn current(&self) -> Amps {
+        Amps(self.current)
+    }
+
+    /// Present speed of the motor shaft.
+    #[must_use]
+    pub const fn speed(&self) -> RadPerSec {
+        RadPerSec(self.speed)
+    }
+
+    /// Present speed of the output shaft.
+    #[must_use]
+    pub fn speed_after(&self) -> RadPerSec {
+        RadPerSec(self.speed / self.motor.gear_ratio)
+    }
+
+    /// Angle that the motor shaft has turned, rad, without bound.
+    #[must_use]
+    pub const fn angle(&self) -> f64 {
+        self.angle
+    }
+
+    /// What an encoder on the motor shaft has counted since angle 0.
+    #[must_use]
+    pub fn counts(&self) -> i64 {
+        counts(self.angle, self.motor.counts_per_rev_motor)
+    }
+
+    /// Puts the plant into a state of motion: motor current, motor speed, motor angle in rad.
+    pub fn place(&mut self, current: Amps, speed: RadPerSec, angle: f64) {
+        self.current = current.0;
+        self.last_mean = current.0;
+        self.speed = speed.0;
+        self.angle = angle;
+    }
+
+    /// Advances by `dt` at a constant battery voltage. The PWM period goes on where the run before
+    /// left it; a new duty counts at once.
+    pub fn run(&mut self, dt: Seconds, command: Command, battery: Volts) -> Flow {
+        let torque = (self.load.torque_after.0 + command.torque_after.0) * self.shaft.torque_ratio;
+        let on_time = command.duty.clamp(0.0, 1.0) * self.period;
+        let run = Run { command, on_time, battery, torque };
+        let mut flow = Flow { time: Seconds(dt.0.max(0.0)), ..Flow::default() };
+        let mut left = dt.0;
+        // Below this a remainder is rounding, not time.
+        let dust = 1e-9 * self.period;
+        while left > dust {
+            let to_end = self.period - self.phase;
+            let window = self.longest_window.min(left);
+            let (window, phase) =
+                if to_end - window < dust { (to_end.min(left), 0.0) } else { (window, self.phase + window) };
+            self.window(window, &run, &mut flow);
+            self.phase = phase;
+            left -= window;
+        }
+        flow
+    }
+
+    fn window(&mut self, window: f64, run: &Run, flow: &mut Flow) {
+        if (window - self.coefficients.window).abs() > 1e-9 * window {
+            self.coefficients = Mechanics::new(&self.shaft, &self.circuit, window);
+        }
+        let m = self.coefficients;
+        let (ke, kt) = (self.motor.ke.0, self.motor.kt.0);
+        let mean_speed =
+            |mean_current: f64| m.mean * self.speed + m.mean_gain * (kt * mean_current + run.torque);
+        let tolerance = 1e-6 * (run.battery.0 + 1.0);
+        let slope = 1.0 + ke * kt * m.mean_gain * m.admittance;
+        let mut emf = ke * mean_speed(self.last_mean);
+        let (mut end, mut sums, mut mean) = self.electrical(window, emf, run);
+        // One pass in smooth running, two after a change, more only around a kink.
+        for _ in 0..6 {
+            let miss = ke * mean_speed(mean) - emf;
+            if miss.abs() <= tolerance {
+                break;
+            }
+            emf += miss / slope;
+            (end, sums, mean) = self.electrical(window, emf, run);
+        }
+        self.current = end;
+        self.last_mean = mean;
+        self.angle += window * mean_speed(mean);
+        self.speed = m.decay * self.speed + m.gain * (kt * mean + run.torque);
+
+        flow.charge.0 += sums.current;
+        flow.charge_from_battery.0 += sums.from_battery;
+        flow.charge_to_battery.0 += sums.to_battery;
+        flow.energy_from_battery.0 += run.battery.0 * sums.from_battery;
+        flow.energy_to_battery.0 += run.battery.0 * sums.to_battery;
+        flow.heat.0 += sums.heat;
+        flow.shaft_work.0 += emf * sums.current;
+    }
+
+    /// Final current, integrals and mean current of a window from the present current and phase.
+    fn electrical(&self, window: f64, emf: f64, run: &Run) -> (f64, Integrals, f64) {
+        let at = Conditions { battery: run.battery, emf: Volts(emf) };
+        let on = (run.on_time - self.phase).clamp(0.0, window);
+        let mut sums = Integrals::default();
+        let turn = self.circuit.dwell(run.command.on, Amps(self.current), at, Seconds(on), &mut sums);
+        let end = self.circuit.dwell(run.command.off, turn, at, Seconds(window - on), &mut sums);
+        (end.0, sums, sums.current / window)
+    }
+}
+
+/// Whole encoder counts in an angle in rad: the encoder steps when the angle passes a multiple of
+/// a turn divided by `counts_per_rev`.
+#[must_use]
+#[expect(clippy::cast_possible_truncation, reason = "a run is far shorter than 2^63 counts")]
+pub fn counts(angle: f64, counts_per_rev: f64) -> i64 {
+    (angle * counts_per_rev / core::f64::consts::TAU).floor() as i64
+}

@@ -1,0 +1,207 @@
+//! The bridge in one state, and through one PWM period, with its diodes: exact between events.
+//!
+//! While a current of one sign flows in one state the terminal voltage is constant but for the
+//! switches' resistance, so at constant back EMF
+//! `L i' + (R + n Ron) i + e = b Vbat + d Vd` has an exponential as its solution, and the time when
+//! the current reaches zero is a logarithm. At zero the terminal voltages decide whether current
+//! starts in either direction, or none does: discontinuous conduction.
+
+use super::catalogue::Motor;
+use super::si::{Amps, Henries, Hertz, Ohms, Seconds, Volts};
+use crate::bridge::{CurrentSign, Mode, State};
+
+/// What the switches and diodes cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bridge {
+    /// Drop of a conducting catch diode, at least 0.
+    pub vd: Volts,
+    /// Resistance of one closed switch, at least 0.
+    pub ron: Ohms,
+}
+
+impl Bridge {
+    /// No losses.
+    pub const IDEAL: Self = Self { vd: Volts(0.0), ron: Ohms(0.0) };
+}
+
+/// The battery's voltage and the motor's back EMF, both constant for the while.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conditions {
+    /// Voltage at the bridge's supply.
+    pub battery: Volts,
+    /// Back EMF, positive when turning clockwise.
+    pub emf: Volts,
+}
+
+/// Two states that alternate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pwm {
+    /// The state during the duty, which comes first.
+    pub on: State,
+    /// The state during the rest of the period.
+    pub off: State,
+    /// Share of the period spent in `on`, 0 to 1.
+    pub duty: f64,
+    /// Periods per second.
+    pub frequency: Hertz,
+}
+
+impl Pwm {
+    /// The two states of a mode.
+    #[must_use]
+    pub const fn new(mode: Mode, duty: f64, frequency: Hertz) -> Self {
+        Self { on: mode.on(), off: mode.off(), duty, frequency }
+    }
+}
+
+/// Integrals over some time of what flowed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Integrals {
+    /// Motor current, A s.
+    pub current: f64,
+    /// Square of the motor current, A² s.
+    pub square: f64,
+    /// Charge that left the battery, C, at least 0.
+    pub from_battery: f64,
+    /// Charge that went back into the battery, C, at least 0.
+    pub to_battery: f64,
+    /// Heat in winding, switches and diodes, J.
+    pub heat: f64,
+    /// Time without current, s.
+    pub idle: f64,
+}
+
+impl Integrals {
+    /// Net charge that left the battery, C.
+    #[must_use]
+    pub fn battery(&self) -> f64 {
+        self.from_battery - self.to_battery
+    }
+}
+
+/// A winding behind a bridge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Circuit {
+    /// Winding resistance, above 0.
+    pub r: Ohms,
+    /// Winding inductance, above 0.
+    pub l: Henries,
+    /// The bridge.
+    pub bridge: Bridge,
+}
+
+/// The circuit that a current of one sign sees in one state.
+#[derive(Clone, Copy)]
+pub(super) struct Path {
+    /// Current that would be reached if the path lasted.
+    pub target: f64,
+    /// Time constant.
+    pub tau: f64,
+    resistance: f64,
+    battery: f64,
+    /// Voltage lost in diodes per positive current; negative where the current is.
+    drop: f64,
+}
+
+impl Circuit {
+    /// The winding of `motor` behind `bridge`.
+    #[must_use]
+    pub const fn new(motor: &Motor, bridge: Bridge) -> Self {
+        Self { r: motor.r, l: motor.l, bridge }
+    }
+
+    pub(super) fn path(&self, state: State, sign: CurrentSign, at: Conditions) -> Path {
+        let terminal = state.terminal(sign);
+        let battery = f64::from(terminal.battery);
+        let drop = -f64::from(terminal.diode) * self.bridge.vd.0;
+        let resistance = self.r.0 + f64::from(terminal.switches) * self.bridge.ron.0;
+        Path {
+            target: (battery * at.battery.0 - drop - at.emf.0) / resistance,
+            tau: self.l.0 / resistance,
+            resistance,
+            battery,
+            drop,
+        }
+    }
+
+    /// Which way current starts to flow from zero, or `None` if it does not.
+    #[must_use]
+    pub fn starts(&self, state: State, at: Conditions) -> Option<CurrentSign> {
+        // Diodes oppose what flows, so at most one of the two holds.
+        if self.path(state, CurrentSign::Positive, at).target > 0.0 {
+            Some(CurrentSign::Positive)
+        } else if self.path(state, CurrentSign::Negative, at).target < 0.0 {
+            Some(CurrentSign::Negative)
+        } else {
+            None
+        }
+    }
+
+    /// Stays in `state` for `time` from current `start`: adds to `sums`, returns the final current.
+    pub fn dwell(
+        &self,
+        state: State,
+        start: Amps,
+        at: Conditions,
+        time: Seconds,
+        sums: &mut Integrals,
+    ) -> Amps {
+        let mut current = start.0;
+        let mut left = time.0;
+        // At most one zero crossing: a current that starts from zero has its own sign as target.
+        while left > 0.0 {
+            let sign = if current > 0.0 {
+                CurrentSign::Positive
+            } else if current < 0.0 {
+                CurrentSign::Negative
+            } else if let Some(sign) = self.starts(state, at) {
+                sign
+            } else {
+                sums.idle += left;
+                return Amps(0.0);
+            };
+            let path = self.path(state, sign, at);
+            let mut span = left;
+            let mut travelled = -(-left / path.tau).exp_m1();
+            let mut end = current + (path.target - current) * travelled;
+            if current * end < 0.0 {
+                span = (path.tau * (-current / path.target).ln_1p()).min(left);
+                travelled = current / (current - path.target);
+                end = 0.0;
+            }
+            path.add(current, span, travelled, sums);
+            current = end;
+            left -= span;
+        }
+        Amps(current)
+    }
+
+    /// One period of `pwm` from current `start`: adds to `sums`, returns the final current.
+    pub fn period(&self, pwm: Pwm, start: Amps, at: Conditions, sums: &mut Integrals) -> Amps {
+        let period = 1.0 / pwm.frequency.0;
+        let on = pwm.duty.clamp(0.0, 1.0) * period;
+        let turn = self.dwell(pwm.on, start, at, Seconds(on), sums);
+        self.dwell(pwm.off, turn, at, Seconds(period - on), sums)
+    }
+}
+
+impl Path {
+    /// Adds the integrals over `span`, in which the current went the share `travelled` of the way
+    /// from `start` to the target.
+    fn add(&self, start: f64, span: f64, travelled: f64, sums: &mut Integrals) {
+        let Self { target, tau, .. } = *self;
+        let away = start - target;
+        let charge = target * span + away * tau * travelled;
+        let square =
+            target * target * span + away * tau * travelled * (2.0 * target + 0.5 * away * (2.0 - travelled));
+        sums.current += charge;
+        sums.square += square;
+        let battery = self.battery * charge;
+        if battery >= 0.0 {
+            sums.from_battery += battery;
+        } else {
+            sums.to_battery -= battery;
+        }
+        sums.heat += self.resistance * square + self.drop * charge;
+    }
+}

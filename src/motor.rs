@@ -1,0 +1,317 @@
+//! One motor: its settings, its set-point, its state, and one step of control.
+
+use crate::braking::{self, OperatingPoint, Placement, Regime, Scheme};
+use crate::bridge::Drive;
+use crate::motion::{Pid, Pidf, Reading, Tick, VelocityEstimator, pid::PidInput};
+use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
+
+/// A reading older than this is none: the counters are sampled every millisecond.
+pub const STALE_MICROS: u64 = 20_000;
+
+/// What a zero set-point means in constant power and in regulated velocity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ZeroPower {
+    /// Constant power: full dynamic braking. Regulated velocity: held at standstill.
+    #[default]
+    Brake,
+    /// The bridge is open.
+    Float,
+}
+
+/// What does not change from tick to tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Settings {
+    /// Back EMF per encoder speed.
+    pub emf: EmfConstant,
+    /// Where S, T, Z and G lie.
+    pub scheme: Scheme,
+    /// What zero means.
+    pub zero_power: ZeroPower,
+    /// Coefficients of regulated velocity.
+    pub velocity: Pidf,
+    /// Coefficients of the position loop above it.
+    pub position: Pidf,
+}
+
+impl Settings {
+    /// Settings that run a gear motor with a back-EMF constant like this one: Scheme A, brake at
+    /// zero, and coefficients in proportion to the motor's speed range.
+    ///
+    /// In Scheme A a control value is a voltage. The feed-forward asks for the back EMF of the
+    /// set-point on a 12 V battery, P for twice the back EMF of the error, and I has P's gain
+    /// at 0.2 s, about the mechanical time constant of a loaded gear motor.
+    pub const fn new(emf: EmfConstant) -> Self {
+        // Control counts per count/s: 32767 * keFw / 12000 mV, from 6q20 to Q16.16. At most 87.4.
+        let f = (emf.to_bits() as i64 * Control::MAX.get() as i64 / (12_000 << 4)) as i32;
+        Self {
+            emf,
+            scheme: Scheme::A,
+            zero_power: ZeroPower::Brake,
+            velocity: Pidf {
+                p: coefficient(2 * f),
+                i: coefficient(10 * f),
+                d: Coefficient::ZERO,
+                f: coefficient(f),
+            },
+            position: Pidf {
+                p: coefficient(5 << 16),
+                i: Coefficient::ZERO,
+                d: Coefficient::ZERO,
+                f: Coefficient::ZERO,
+            },
+        }
+    }
+}
+
+const fn coefficient(bits: i32) -> Coefficient {
+    match Coefficient::from_bits(bits) {
+        Ok(coefficient) => coefficient,
+        Err(_) => Coefficient::ZERO,
+    }
+}
+
+/// What a motor is asked to do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Setpoint {
+    /// Nothing: the bridge is open.
+    #[default]
+    Disabled,
+    /// Open loop: 9/8 or 6/2 at this share of the control range, whatever the speed.
+    ConstantPower(Control),
+    /// Regulated velocity.
+    Velocity(CountsPerSecond),
+    /// Regulated position: a position loop above the velocity loop.
+    Position {
+        /// Where to go, in counts.
+        target: i32,
+        /// At target is reported within this many counts.
+        tolerance: u16,
+        /// Magnitude of the speed on the way; the sign does not matter.
+        speed_limit: CountsPerSecond,
+    },
+}
+
+impl Setpoint {
+    /// The run mode, which decides which loops are active.
+    const fn regulation(self) -> Regulation {
+        match self {
+            Self::Disabled | Self::ConstantPower(_) => Regulation::None,
+            Self::Velocity(_) => Regulation::Velocity,
+            Self::Position { .. } => Regulation::Position,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Regulation {
+    None,
+    Velocity,
+    Position,
+}
+
+/// What keeps a motor from doing what it is asked; each makes it coast.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Faults {
+    /// No battery voltage is known: never measured, implausible, or too old.
+    pub battery_unknown: bool,
+    /// No encoder reading for 20 ms. Constant power runs on without one.
+    pub encoder_stale: bool,
+}
+
+impl Faults {
+    /// True if there is one.
+    pub const fn any(self) -> bool {
+        self.battery_unknown || self.encoder_stale
+    }
+}
+
+/// What a host would want to see of a motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Report {
+    /// What it is asked to do.
+    pub setpoint: Setpoint,
+    /// Counts.
+    pub position: i32,
+    /// Estimated.
+    pub velocity: CountsPerSecond,
+    /// The control value; 0 while coasting.
+    pub control: Control,
+    /// Its regime; `None` while the bridge is open because the motor is disabled, floating or at fault.
+    pub regime: Option<Regime>,
+    /// What the bridge is told.
+    pub drive: Drive,
+    /// In regulated position and within the tolerance.
+    pub at_target: bool,
+    /// What keeps it from obeying.
+    pub faults: Faults,
+}
+
+impl Report {
+    /// A disabled motor of which nothing is known.
+    pub const INITIAL: Self = Self {
+        setpoint: Setpoint::Disabled,
+        position: 0,
+        velocity: CountsPerSecond::ZERO,
+        control: Control::ZERO,
+        regime: None,
+        drive: Drive::COAST,
+        at_target: false,
+        faults: Faults { battery_unknown: false, encoder_stale: false },
+    };
+}
+
+/// Settings, set-point and state of one motor.
+#[derive(Clone, Debug)]
+pub struct Motor {
+    settings: Settings,
+    setpoint: Setpoint,
+    tick: Tick,
+    velocity: VelocityEstimator,
+    velocity_loop: Pid,
+    position_loop: Pid,
+    position: i32,
+    /// The last control value had no effect.
+    coasting: bool,
+}
+
+impl Motor {
+    /// A disabled motor that is stepped every `period`.
+    pub fn new(settings: Settings, period: Period) -> Self {
+        Self {
+            settings,
+            setpoint: Setpoint::Disabled,
+            tick: Tick::new(period),
+            velocity: VelocityEstimator::new(period),
+            velocity_loop: Pid::default(),
+            position_loop: Pid::default(),
+            position: 0,
+            coasting: true,
+        }
+    }
+
+    /// Takes effect at the next step, as a whole. State is kept, so coefficients may be tuned while
+    /// the motor runs.
+    pub const fn configure(&mut self, settings: Settings) {
+        self.settings = settings;
+    }
+
+    /// Takes effect at the next step. A change of run mode starts its loops afresh.
+    pub fn set(&mut self, setpoint: Setpoint) {
+        if setpoint.regulation() != self.setpoint.regulation() {
+            self.velocity_loop.reset();
+            self.position_loop.reset();
+        }
+        self.setpoint = setpoint;
+    }
+
+    /// The settings in force.
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// One control tick.
+    pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
+        let reading = reading.filter(|reading| now.since(reading.at) <= STALE_MICROS);
+        let velocity = match reading {
+            Some(reading) => {
+                self.position = reading.position;
+                self.velocity.step(reading)
+            }
+            None => self.velocity.get(),
+        };
+        let faults = Faults { battery_unknown: battery.is_none(), encoder_stale: reading.is_none() };
+        let operating_point =
+            battery.and_then(|battery| OperatingPoint::new(self.settings.emf.emf(velocity), battery));
+
+        let output = operating_point.and_then(|at| self.output(at, velocity, reading.is_some()));
+        self.coasting = output.is_none();
+        Report {
+            setpoint: self.setpoint,
+            position: self.position,
+            velocity,
+            control: output.map_or(Control::ZERO, |(control, _)| control),
+            regime: output.map(|(_, placement)| placement.regime),
+            drive: output.map_or(Drive::COAST, |(_, placement)| placement.drive),
+            at_target: self.at_target(),
+            faults,
+        }
+    }
+
+    /// Control value and its placement, or `None` to coast.
+    fn output(
+        &mut self,
+        at: OperatingPoint,
+        velocity: CountsPerSecond,
+        encoder: bool,
+    ) -> Option<(Control, Placement)> {
+        let target = match self.setpoint {
+            Setpoint::Disabled => return None,
+            Setpoint::ConstantPower(power) => return self.open_loop(at, power).map(|p| (power, p)),
+            Setpoint::Velocity(_) | Setpoint::Position { .. } if !encoder => return None,
+            Setpoint::Velocity(target) if target == CountsPerSecond::ZERO && self.floats() => {
+                self.velocity_loop.reset();
+                return None;
+            }
+            Setpoint::Velocity(target) => target,
+            Setpoint::Position { target, speed_limit, .. } => self.approach(target, speed_limit),
+        };
+        let target_bits = i64::from(target.to_bits());
+        let measured = i64::from(velocity.to_bits());
+        let output = self.velocity_loop.step(
+            &self.settings.velocity,
+            self.tick,
+            PidInput {
+                error: target_bits - measured,
+                measured,
+                feed_forward: target_bits,
+                limit: i64::from(Control::MAX.get()) << 8,
+                hold: self.coasting,
+            },
+        );
+        let control = Control::saturating((output + (1 << 7)) >> 8);
+        Some((control, braking::place(self.settings.scheme, at, control)))
+    }
+
+    fn floats(&self) -> bool {
+        self.settings.zero_power == ZeroPower::Float
+    }
+
+    /// A host that sets a power means the duty of 9/8 or 6/2, so no scheme comes between.
+    fn open_loop(&self, at: OperatingPoint, power: Control) -> Option<Placement> {
+        if power != Control::ZERO {
+            return Some(braking::place(Scheme::ForwardReverse, at, power));
+        }
+        (!self.floats()).then_some(Placement { regime: Regime::Braking, drive: Drive::BRAKE })
+    }
+
+    /// The position loop: the velocity to go at now.
+    fn approach(&mut self, target: i32, speed_limit: CountsPerSecond) -> CountsPerSecond {
+        let distance = i64::from(target.wrapping_sub(self.position)) << 8;
+        let bits = self.position_loop.step(
+            &self.settings.position,
+            self.tick,
+            PidInput {
+                error: distance,
+                measured: i64::from(self.position) << 8,
+                feed_forward: 0,
+                limit: i64::from(speed_limit.to_bits()).abs(),
+                hold: self.coasting,
+            },
+        );
+        CountsPerSecond::saturating_from_bits(bits)
+    }
+
+    fn at_target(&self) -> bool {
+        match self.setpoint {
+            Setpoint::Position { target, tolerance, .. } => {
+                target.wrapping_sub(self.position).unsigned_abs() <= u32::from(tolerance)
+            }
+            _ => false,
+        }
+    }
+}

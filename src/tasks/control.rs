@@ -1,0 +1,40 @@
+//! The control ticker: every period, commands in, one step of the hub, drives and snapshot out.
+
+use super::{Health, Links, Task, micros};
+use crate::hub::{Hub, Inputs};
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_time::{Duration, Instant, Timer};
+
+/// Runs for ever.
+///
+/// Ticks stay on a grid of whole periods from the start. A tick that ends after the next one was due
+/// makes that one be left out and counted, rather than followed by a burst.
+pub async fn run<M: RawMutex, const N: usize>(mut hub: Hub<N>, links: &Links<M, N>, health: &Health) -> ! {
+    let period = Duration::from_micros(hub.period().as_micros());
+    let snapshots = links.snapshot.sender();
+    let mut battery = None;
+    let mut due = Instant::now() + period;
+    loop {
+        Timer::at(due).await;
+        let now = Instant::now();
+        while let Ok(command) = links.commands.try_receive() {
+            if hub.apply(command).is_err() {
+                // Whoever sent it used an index beyond N; there is no motor to do anything to.
+                continue;
+            }
+        }
+        battery = links.battery.try_take().or(battery);
+        let readings = links.readings.try_take();
+        let snapshot = hub.step(Inputs { now: micros(now), readings, battery });
+        links.drives.signal(snapshot.drives());
+        snapshots.send(snapshot);
+        health.check_in(Task::Control);
+
+        due += period;
+        if let Some(late) = Instant::now().checked_duration_since(due) {
+            let missed = u32::try_from(late.as_ticks() / period.as_ticks() + 1).unwrap_or(u32::MAX);
+            hub.note_missed(missed);
+            due += period * missed;
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! The watchdog is fed only while every task has checked in.
+
+use crate::board::Watchdog;
+use core::sync::atomic::{AtomicU8, Ordering};
+use embassy_time::{Duration, Ticker};
+
+/// A task that must check in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Task {
+    /// [`super::capture`].
+    Capture = 1,
+    /// [`super::supply`].
+    Supply = 2,
+    /// [`super::control`].
+    Control = 4,
+    /// [`super::output`].
+    Output = 8,
+}
+
+const ALL: u8 = Task::Capture as u8 | Task::Supply as u8 | Task::Control as u8 | Task::Output as u8;
+
+/// Who has checked in since the watchdog was last fed.
+#[derive(Debug, Default)]
+pub struct Health(AtomicU8);
+
+impl Health {
+    /// Nobody has.
+    pub const fn new() -> Self {
+        Self(AtomicU8::new(0))
+    }
+
+    /// A task says that it has done its work.
+    pub fn check_in(&self, task: Task) {
+        self.0.fetch_or(task as u8, Ordering::Relaxed);
+    }
+
+    /// True if all have checked in; the round then starts anew.
+    fn take_if_all(&self) -> bool {
+        self.0.compare_exchange(ALL, 0, Ordering::Relaxed, Ordering::Relaxed).is_ok()
+    }
+}
+
+/// How often the check-ins are looked at.
+pub const INTERVAL: Duration = Duration::from_millis(10);
+
+/// Runs for ever. A task is overdue when the watchdog's own time-out has passed, so that must exceed
+/// the longest control period (100 ms) by a good margin.
+pub async fn run(mut watchdog: impl Watchdog, health: &Health) -> ! {
+    let mut ticker = Ticker::every(INTERVAL);
+    loop {
+        ticker.next().await;
+        if health.take_if_all() {
+            watchdog.feed();
+        }
+    }
+}

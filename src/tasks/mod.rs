@@ -1,0 +1,81 @@
+//! The async tasks: each waits, calls the core, and passes the result on.
+//!
+//! ```text
+//! capture --readings--> +---------+ --drives--> output
+//! supply  --battery---> | control | --snapshot-> whoever wants to see
+//! anyone  --commands--> +---------+
+//! ```
+//!
+//! | channel | kind | when full, or when nothing new comes |
+//! |---|---|---|
+//! | readings | [`Signal`]: the latest | overwritten; none since the last tick, or one over 20 ms old, counts as no encoder |
+//! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
+//! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
+//! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
+//! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
+//!
+//! All of them are generic over the number of motors and over the board's traits, so an embassy
+//! task, which cannot be generic, is one line in a board.
+
+pub mod capture;
+pub mod control;
+pub mod health;
+pub mod output;
+pub mod supply;
+
+pub use health::{Health, Task};
+
+use crate::bridge::Drive;
+use crate::hub::{Command, Snapshot};
+use crate::motion::Reading;
+use crate::supply::Battery;
+use crate::units::Micros;
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_sync::channel::Channel;
+use embassy_sync::signal::Signal;
+use embassy_sync::watch::Watch;
+use embassy_time::Instant;
+
+/// Commands that may wait for the next tick.
+pub const COMMANDS: usize = 16;
+
+/// Receivers of snapshots.
+pub const OBSERVERS: usize = 4;
+
+/// The channels between the tasks of a hub with N motors: one static in a board.
+pub struct Links<M: RawMutex, const N: usize> {
+    /// From capture to control.
+    pub readings: Signal<M, [Reading; N]>,
+    /// From supply to control.
+    pub battery: Signal<M, Battery>,
+    /// From anyone to control.
+    pub commands: Channel<M, Command, COMMANDS>,
+    /// From control to output.
+    pub drives: Signal<M, [Drive; N]>,
+    /// From control to anyone.
+    pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
+}
+
+impl<M: RawMutex, const N: usize> Links<M, N> {
+    /// Empty channels.
+    pub const fn new() -> Self {
+        Self {
+            readings: Signal::new(),
+            battery: Signal::new(),
+            commands: Channel::new(),
+            drives: Signal::new(),
+            snapshot: Watch::new(),
+        }
+    }
+}
+
+impl<M: RawMutex, const N: usize> Default for Links<M, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The core's time is microseconds since boot, whatever the time driver's tick is.
+fn micros(instant: Instant) -> Micros {
+    Micros(instant.as_micros())
+}

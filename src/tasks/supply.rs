@@ -1,0 +1,30 @@
+//! Battery sampling: a conversion every 10 ms, filtered and passed on while it is plausible.
+
+use super::{Health, Links, Task, micros};
+use crate::board::SupplyAdc;
+use crate::supply::Supply;
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_time::{Duration, Instant, Ticker};
+
+/// The sampling interval.
+pub const INTERVAL: Duration = Duration::from_millis(10);
+
+/// Runs for ever. A dead converter or an implausible voltage sends nothing, and control then finds
+/// the last voltage too old.
+pub async fn run<M: RawMutex, const N: usize>(
+    mut adc: impl SupplyAdc,
+    mut supply: Supply,
+    links: &Links<M, N>,
+    health: &Health,
+) -> ! {
+    let mut ticker = Ticker::every(INTERVAL);
+    loop {
+        if let Some(sample) = adc.sample().await
+            && let Some(battery) = supply.step(sample, micros(Instant::now()))
+        {
+            links.battery.signal(battery);
+        }
+        health.check_in(Task::Supply);
+        ticker.next().await;
+    }
+}

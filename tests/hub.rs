@@ -1,0 +1,318 @@
+//! One motor and several: run modes, zero power, faults, settings.
+
+use motor_hub::braking::{Regime, Scheme};
+use motor_hub::bridge::{Drive, Mode};
+use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
+use motor_hub::motion::{Pidf, Reading};
+use motor_hub::motor::{Setpoint, Settings, ZeroPower};
+use motor_hub::supply::Battery;
+use motor_hub::units::{
+    Coefficient, Control, CountsPerSecond, Duty, EmfConstant, Micros, Millivolts, Period, RangeError,
+};
+use proptest::prelude::*;
+
+const TICK: u64 = 50_000;
+
+fn settings() -> Settings {
+    Settings::new(EmfConstant::from_bits(4_180_495).expect("in range"))
+}
+
+/// A hub whose encoders turn at constant speeds and whose battery holds a voltage.
+struct Bench<const N: usize> {
+    hub: Hub<N>,
+    now: u64,
+    cps: [i64; N],
+    battery_mv: Option<u16>,
+    encoder_age: u64,
+}
+
+impl<const N: usize> Bench<N> {
+    fn new() -> Self {
+        let hub = Hub::new([settings(); N], Period::DEFAULT);
+        Self { hub, now: 0, cps: [0; N], battery_mv: Some(12_000), encoder_age: 0 }
+    }
+
+    fn set(&mut self, motor: usize, setpoint: Setpoint) {
+        self.hub.apply(Command { motor, action: Action::Set(setpoint) }).expect("motor");
+    }
+
+    fn configure(&mut self, motor: usize, settings: Settings) {
+        self.hub.apply(Command { motor, action: Action::Configure(settings) }).expect("motor");
+    }
+
+    fn step(&mut self) -> Snapshot<N> {
+        self.now += TICK;
+        let at = Micros(self.now - self.encoder_age);
+        let readings = self.cps.map(|cps| Reading {
+            position: (cps * self.now as i64 / 1_000_000) as i32,
+            edge_at: at,
+            at,
+        });
+        let battery = self.battery_mv.map(|mv| Battery { voltage: Millivolts(mv), at: Micros(self.now) });
+        self.hub.step(Inputs { now: Micros(self.now), readings: Some(readings), battery })
+    }
+
+    fn settle(&mut self) -> Snapshot<N> {
+        for _ in 0..20 {
+            self.step();
+        }
+        self.step()
+    }
+}
+
+fn velocity(cps: i32) -> Setpoint {
+    Setpoint::Velocity(CountsPerSecond::new(cps))
+}
+
+fn position(target: i32, tolerance: u16, limit: i32) -> Setpoint {
+    Setpoint::Position { target, tolerance, speed_limit: CountsPerSecond::new(limit) }
+}
+
+#[test]
+fn a_new_hub_coasts() {
+    let snapshot = Bench::<4>::new().settle();
+    assert_eq!(snapshot.drives(), [Drive::COAST; 4]);
+    assert!(snapshot.motors.iter().all(|m| m.regime.is_none() && !m.faults.any()));
+    assert_eq!((snapshot.tick, snapshot.at), (21, Micros(21 * TICK)));
+    assert_eq!(Snapshot::<4>::INITIAL.drives(), [Drive::COAST; 4]);
+}
+
+#[test]
+fn constant_power_is_the_duty_of_9_8_or_6_2_at_any_speed() {
+    for cps in [-2000, 0, 2000] {
+        let mut bench = Bench::<1>::new();
+        bench.cps = [cps];
+        for (power, mode) in [(16_384, Mode::Cw98), (-16_384, Mode::Ccw62)] {
+            bench.set(0, Setpoint::ConstantPower(Control::new(power)));
+            let report = bench.settle().motors[0];
+            assert_eq!(report.drive.mode, mode);
+            assert!((report.drive.duty.to_f64() - 0.5).abs() < 1e-4);
+            let against = (power > 0) != (cps >= 0);
+            assert_eq!(report.regime, Some(if against { Regime::Reverse } else { Regime::Forward }));
+        }
+    }
+}
+
+#[test]
+fn zero_power_brakes_or_floats() {
+    let mut bench = Bench::<1>::new();
+    bench.set(0, Setpoint::ConstantPower(Control::ZERO));
+    assert_eq!(bench.step().drives(), [Drive::BRAKE]);
+    bench.configure(0, Settings { zero_power: ZeroPower::Float, ..settings() });
+    assert_eq!(bench.step().drives(), [Drive::COAST]);
+}
+
+#[test]
+fn a_floating_motor_coasts_at_velocity_zero_and_a_braking_one_is_held() {
+    for (zero_power, held) in [(ZeroPower::Brake, true), (ZeroPower::Float, false)] {
+        let mut bench = Bench::<1>::new();
+        bench.configure(0, Settings { zero_power, ..settings() });
+        bench.cps = [500];
+        bench.set(0, velocity(0));
+        let report = bench.settle().motors[0];
+        assert_eq!(report.regime.is_some(), held);
+        assert_eq!(report.drive != Drive::COAST, held);
+    }
+}
+
+#[test]
+fn velocity_below_the_set_point_drives_and_above_it_brakes_before_it_reverses() {
+    let mut bench = Bench::<1>::new();
+    let only_p = Pidf { i: Coefficient::ZERO, ..settings().velocity };
+    bench.configure(0, Settings { velocity: only_p, ..settings() });
+    bench.cps = [1000];
+    let mut regime = |cps| {
+        bench.set(0, velocity(cps));
+        bench.settle().motors[0].regime
+    };
+    assert_eq!(regime(1500), Some(Regime::Forward));
+    assert_eq!(regime(900), Some(Regime::Braking));
+    assert_eq!(regime(-500), Some(Regime::Reverse));
+}
+
+#[test]
+fn position_is_approached_no_faster_than_the_limit_and_reported_within_tolerance() {
+    let mut bench = Bench::<1>::new();
+    // At rest at 0: the control value asked for is that of the speed limit.
+    let only_f = Pidf { p: Coefficient::ZERO, i: Coefficient::ZERO, ..settings().velocity };
+    bench.configure(0, Settings { velocity: only_f, ..settings() });
+    bench.set(0, velocity(700));
+    let at_700 = bench.step().motors[0].control;
+    for (target, control) in [(1_000_000, at_700), (-1_000_000, -at_700)] {
+        for limit in [700, -700] {
+            bench.set(0, position(target, 5, limit));
+            assert_eq!(bench.step().motors[0].control, control);
+        }
+    }
+    for (target, tolerance, at_target) in
+        [(5, 5, true), (6, 5, false), (-5, 5, true), (-6, 5, false), (0, 0, true)]
+    {
+        bench.set(0, position(target, tolerance, 700));
+        assert_eq!(bench.step().motors[0].at_target, at_target, "{target} {tolerance}");
+    }
+    bench.set(0, velocity(0));
+    assert!(!bench.step().motors[0].at_target, "only regulated position has a target");
+}
+
+#[test]
+fn a_target_across_the_end_of_the_position_range_is_approached_the_short_way() {
+    let mut hub = Hub::new([settings()], Period::DEFAULT);
+    let setpoint = position(i32::MIN + 10, 0, 500);
+    hub.apply(Command { motor: 0, action: Action::Set(setpoint) }).expect("motor");
+    let at = Micros(TICK);
+    let reading = Reading { position: i32::MAX - 10, edge_at: at, at };
+    let battery = Some(Battery { voltage: Millivolts(12_000), at });
+    let snapshot = hub.step(Inputs { now: at, readings: Some([reading]), battery });
+    assert!(snapshot.motors[0].control > Control::ZERO);
+}
+
+#[test]
+fn without_a_battery_voltage_everything_coasts_and_says_why() {
+    let setpoints =
+        [Setpoint::Disabled, Setpoint::ConstantPower(Control::MAX), velocity(1000), position(1000, 5, 1000)];
+    for unknown in [None, Some(0)] {
+        let mut bench = Bench::<4>::new();
+        for (motor, setpoint) in setpoints.into_iter().enumerate() {
+            bench.set(motor, setpoint);
+        }
+        bench.step();
+        bench.battery_mv = unknown;
+        let snapshot = bench.step();
+        assert_eq!(snapshot.drives(), [Drive::COAST; 4]);
+        if unknown.is_none() {
+            assert!(snapshot.motors.iter().all(|m| m.faults.battery_unknown));
+        }
+    }
+}
+
+#[test]
+fn an_old_battery_voltage_is_none() {
+    let mut hub = Hub::new([settings()], Period::DEFAULT);
+    let setpoint = Setpoint::ConstantPower(Control::MAX);
+    hub.apply(Command { motor: 0, action: Action::Set(setpoint) }).expect("motor");
+    let battery = Some(Battery { voltage: Millivolts(12_000), at: Micros(0) });
+    let mut drive_at = |now| hub.step(Inputs { now: Micros(now), readings: None, battery }).drives()[0];
+    assert_eq!(drive_at(100_000).duty, Duty::ONE);
+    assert_eq!(drive_at(150_000), Drive::COAST);
+}
+
+#[test]
+fn a_stale_encoder_stops_regulation_but_not_constant_power() {
+    let mut bench = Bench::<3>::new();
+    bench.set(0, Setpoint::ConstantPower(Control::MAX));
+    bench.set(1, velocity(1000));
+    bench.set(2, position(1000, 5, 1000));
+    let running = bench.step();
+    assert!(running.motors.iter().all(|m| m.regime.is_some()));
+    bench.encoder_age = 20_001;
+    let snapshot = bench.step();
+    assert_eq!(snapshot.drives()[0].duty, Duty::ONE);
+    assert_eq!(snapshot.drives()[1..], [Drive::COAST; 2]);
+    assert!(snapshot.motors.iter().all(|m| m.faults.encoder_stale));
+}
+
+#[test]
+fn nothing_winds_up_while_the_bridge_cannot_obey() {
+    let mut steady = Bench::<1>::new();
+    let mut interrupted = Bench::<1>::new();
+    for bench in [&mut steady, &mut interrupted] {
+        bench.set(0, velocity(1000));
+        bench.step();
+    }
+    interrupted.battery_mv = None;
+    for _ in 0..200 {
+        interrupted.step();
+    }
+    interrupted.battery_mv = Some(12_000);
+    // One tick in which the integrator still holds, and then both go on alike.
+    interrupted.step();
+    assert_eq!(interrupted.step().motors[0].control, steady.step().motors[0].control);
+}
+
+#[test]
+fn a_change_of_run_mode_starts_its_loops_afresh_and_a_new_target_does_not() {
+    let fresh = {
+        let mut bench = Bench::<1>::new();
+        bench.set(0, velocity(300));
+        bench.step().motors[0].control
+    };
+    let mut bench = Bench::<1>::new();
+    bench.set(0, velocity(300));
+    let wound = bench.settle().motors[0].control;
+    assert!(wound > fresh);
+    bench.set(0, velocity(300));
+    assert!(bench.step().motors[0].control >= wound);
+    bench.set(0, Setpoint::Disabled);
+    bench.set(0, velocity(300));
+    assert!(bench.step().motors[0].control <= fresh);
+}
+
+#[test]
+fn settings_change_as_a_whole_at_the_next_step_while_running() {
+    let mut bench = Bench::<2>::new();
+    bench.cps = [1505, 1505];
+    for motor in 0..2 {
+        bench.configure(motor, Settings { velocity: Pidf::default(), ..settings() });
+        bench.set(motor, velocity(1505));
+    }
+    // Control 0: full braking in Scheme A, coasting in B.
+    assert_eq!(bench.settle().drives(), [Drive::BRAKE; 2]);
+    bench.configure(1, Settings { scheme: Scheme::B, velocity: Pidf::default(), ..settings() });
+    assert_eq!(bench.step().drives(), [Drive::BRAKE, Drive::COAST]);
+}
+
+#[test]
+fn a_command_for_a_motor_that_is_not_there_changes_nothing() {
+    let mut bench = Bench::<2>::new();
+    let command = Command { motor: 2, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
+    assert_eq!(bench.hub.apply(command), Err(RangeError::Motor));
+    assert_eq!(bench.step().drives(), [Drive::COAST; 2]);
+}
+
+#[test]
+fn missed_ticks_are_counted() {
+    let mut bench = Bench::<1>::new();
+    bench.hub.note_missed(3);
+    bench.hub.note_missed(u32::MAX);
+    assert_eq!(bench.step().missed, u32::MAX);
+}
+
+fn any_setpoint() -> impl Strategy<Value = Setpoint> {
+    prop_oneof![
+        Just(Setpoint::Disabled),
+        any::<i16>().prop_map(|p| Setpoint::ConstantPower(Control::new(p))),
+        any::<i32>().prop_map(velocity),
+        (any::<i32>(), any::<u16>(), any::<i32>()).prop_map(|(t, tol, limit)| position(t, tol, limit)),
+    ]
+}
+
+/// Whatever a neighbour's encoder does: position, age of its edge, age of the sample.
+type Neighbour = (i32, u64, u64, Setpoint);
+
+proptest! {
+    #[test]
+    fn one_motors_troubles_never_show_in_another(
+        own in any_setpoint(),
+        own_positions in prop::collection::vec(any::<i16>(), 12),
+        neighbours in prop::collection::vec(
+            (any::<i32>(), 0u64..100_000, 0u64..100_000, any_setpoint()), 12),
+    ) {
+        let run = |neighbours: &[Neighbour]| {
+            let mut hub = Hub::new([settings(); 2], Period::DEFAULT);
+            hub.apply(Command { motor: 0, action: Action::Set(own) }).expect("motor");
+            own_positions.iter().zip(neighbours).enumerate().map(|(n, (&position, neighbour))| {
+                let now = (n as u64 + 10) * TICK;
+                let (other, edge_age, age, setpoint) = *neighbour;
+                hub.apply(Command { motor: 1, action: Action::Set(setpoint) }).expect("motor");
+                let battery = Some(Battery { voltage: Millivolts(12_000), at: Micros(now) });
+                let readings = Some([
+                    Reading { position: position.into(), edge_at: Micros(now), at: Micros(now) },
+                    Reading { position: other, edge_at: Micros(now - edge_age), at: Micros(now - age) },
+                ]);
+                hub.step(Inputs { now: Micros(now), readings, battery }).motors[0]
+            }).collect::<Vec<_>>()
+        };
+        let quiet = vec![(0, 0, 0, Setpoint::Disabled); 12];
+        prop_assert_eq!(run(&neighbours), run(&quiet));
+    }
+}

@@ -1,0 +1,552 @@
+//! The model against first principles: integration in small steps, and laws that hold whatever the
+//! formulas are.
+
+#![cfg(feature = "model")]
+#![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
+
+use motor_hub::bridge::{Mode, State};
+use motor_hub::model::battery::Battery;
+use motor_hub::model::catalogue::{Motor, find, motors};
+use motor_hub::model::load::{Load, Shaft};
+use motor_hub::model::paper::OpenLoop;
+use motor_hub::model::periodic::Conduction;
+use motor_hub::model::plant::{Command, Flow, Plant, counts};
+use motor_hub::model::response::{Applied, GearedMotor, Motion};
+use motor_hub::model::rig::Rig;
+use motor_hub::model::si::{
+    Amps, Drag, Hertz, KgM2, Kilograms, Metres, NewtonMetres, Ohms, RadPerSec, Seconds, Volts,
+};
+use motor_hub::model::switching::{Bridge, Circuit, Conditions, Integrals, Pwm};
+
+const BRIDGE: Bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
+const BATTERY: f64 = 12.0;
+const MODES: [Mode; 3] = [Mode::Cw98, Mode::Ccw62, Mode::Brake50];
+
+fn motor(name: &str) -> Motor {
+    find(name).and_then(|entry| entry.motor).unwrap()
+}
+
+fn am60() -> Motor {
+    motor("AM 60 A").with_measured_rotor_inertia()
+}
+
+fn at(emf: f64) -> Conditions {
+    Conditions { battery: Volts(BATTERY), emf: Volts(emf) }
+}
+
+/// Voltage across the motor from the potentials of its two terminals: a closed switch connects its
+/// terminal to a rail through `Ron`; where both are open the current finds the diode that lets it
+/// through. `direction` is the sign of the current, which may be about to start.
+fn terminal_voltage(state: State, current: f64, direction: f64) -> f64 {
+    let [s1, s2, s3, s4] = state.pattern().switches();
+    let (vd, ron) = (BRIDGE.vd.0, BRIDGE.ron.0);
+    // Current into the motor at the left, out of it at the right.
+    let left = match (s1, s2) {
+        (true, _) => BATTERY - ron * current,
+        (_, true) => -ron * current,
+        _ if direction > 0.0 => -vd,
+        _ => BATTERY + vd,
+    };
+    let right = match (s3, s4) {
+        (true, _) => BATTERY + ron * current,
+        (_, true) => ron * current,
+        _ if direction > 0.0 => BATTERY + vd,
+        _ => -vd,
+    };
+    left - right
+}
+
+/// Where current of a state starts from zero: 1, -1, or 0 for nowhere.
+fn direction(state: State, current: f64, emf: f64) -> f64 {
+    if current != 0.0 {
+        current.signum()
+    } else if terminal_voltage(state, 0.0, 1.0) > emf {
+        1.0
+    } else if terminal_voltage(state, 0.0, -1.0) < emf {
+        -1.0
+    } else {
+        0.0
+    }
+}
+
+/// One Runge-Kutta step of fourth order.
+fn rk4<const N: usize>(x: [f64; N], h: f64, slope: impl Fn([f64; N]) -> [f64; N]) -> [f64; N] {
+    let ahead = |k: [f64; N], h: f64| core::array::from_fn(|n| x[n] + h * k[n]);
+    let k1 = slope(x);
+    let k2 = slope(ahead(k1, 0.5 * h));
+    let k3 = slope(ahead(k2, 0.5 * h));
+    let k4 = slope(ahead(k3, h));
+    core::array::from_fn(|n| x[n] + h / 6.0 * (k1[n] + 2.0 * k2[n] + 2.0 * k3[n] + k4[n]))
+}
+
+/// Motor, load and bridge in small steps: current, speed, and the integral of the current.
+struct Reference {
+    motor: Motor,
+    shaft: Shaft,
+    torque: f64,
+    state: [f64; 3],
+}
+
+impl Reference {
+    fn dwell(&mut self, state: State, time: f64, steps: u32) {
+        let h = time / f64::from(steps);
+        let Motor { r, l, ke, kt, .. } = self.motor;
+        let (shaft, torque) = (self.shaft, self.torque);
+        for _ in 0..steps {
+            let [current, speed, _] = self.state;
+            let way = direction(state, current, ke.0 * speed);
+            let next = rk4(self.state, h, |[i, w, _]| {
+                let voltage = terminal_voltage(state, i, way) - r.0 * i - ke.0 * w;
+                [
+                    if way == 0.0 { 0.0 } else { voltage / l.0 },
+                    (kt.0 * i + torque - shaft.drag.0 * w) / shaft.inertia.0,
+                    i,
+                ]
+            });
+            self.state = next;
+            if next[0] * way < 0.0 {
+                // Passed zero within the step: stop there and decide anew.
+                self.state[0] = 0.0;
+            }
+        }
+    }
+}
+
+fn close(got: f64, want: f64, tolerance: f64, what: impl core::fmt::Debug) {
+    assert!((got - want).abs() <= tolerance, "{what:?}: {got} instead of {want}");
+}
+
+#[test]
+fn closed_form_agrees_with_integration_in_small_steps() {
+    let load = Load { inertia_after: KgM2(0.002), drag_after: Drag(0.01), ..Load::NONE };
+    let mut worst: f64 = 0.0;
+    for motor in [am60(), motor("AM 60 A"), motor("CoreHex A"), motor("AM 3.7 B")] {
+        for load in [Load::NONE, load] {
+            let geared = GearedMotor::new(&motor, &load);
+            let shaft = *geared.shaft();
+            let applied = Applied { voltage: Volts(-7.0), torque_after: NewtonMetres(0.3) };
+            let start = Motion { current: Amps(1.5), speed: RadPerSec(200.0) };
+            let torque = 0.3 / (motor.eta * motor.gear_ratio);
+            let mut x = [start.current.0, start.speed.0, 0.0, 0.0];
+            let (h, steps) = (1e-6, 10_000);
+            for _ in 0..steps {
+                x = rk4(x, h, |[i, w, _, _]| {
+                    [
+                        (-7.0 - motor.r.0 * i - motor.ke.0 * w) / motor.l.0,
+                        (motor.kt.0 * i + torque - shaft.drag.0 * w) / shaft.inertia.0,
+                        i,
+                        w,
+                    ]
+                });
+            }
+            let time = Seconds(h * f64::from(steps));
+            let (end, mean) = (geared.after(start, applied, time), geared.mean(start, applied, time));
+            let (amps, speed) = (BATTERY / motor.r.0, BATTERY / motor.ke.0);
+            for (got, want, scale) in [
+                (end.current.0, x[0], amps),
+                (end.speed.0, x[1], speed),
+                (mean.current.0, x[2] / time.0, amps),
+                (mean.speed.0, x[3] / time.0, speed),
+            ] {
+                worst = worst.max((got - want).abs() / scale);
+                close(got, want, 1e-9 * scale, motor.name);
+            }
+        }
+    }
+    println!("closed form against Runge-Kutta: worst {worst:.1e}");
+}
+
+#[test]
+fn steady_state_of_the_closed_form_does_not_move() {
+    let geared = GearedMotor::new(&am60(), &Load::flywheel(Kilograms(10.0), Metres(0.1)));
+    let torque_after = NewtonMetres(-0.4);
+    let voltage = geared.steady_voltage(RadPerSec(250.0), torque_after);
+    let applied = Applied { voltage, torque_after };
+    let steady = geared.steady(applied);
+    close(steady.speed.0, 250.0, 1e-10, "speed");
+    for time in [1e-6, 0.05, 1e6] {
+        let later = geared.after(steady, applied, Seconds(time));
+        close(later.speed.0, 250.0, 1e-10, time);
+        close(later.current.0, steady.current.0, 1e-13, time);
+    }
+}
+
+#[test]
+fn every_state_applies_what_its_switches_and_diodes_connect() {
+    let circuit = Circuit::new(&am60(), BRIDGE);
+    for state in State::ALL {
+        for emf in [-15.0, -13.0, -5.0, -0.3, 0.0, 0.3, 5.0, 13.0, 15.0] {
+            let expected = direction(state, 0.0, emf);
+            for current in [-2.0, 0.0, 2.0] {
+                let way = if current == 0.0 { expected } else { f64::signum(current) };
+                let mut sums = Integrals::default();
+                let time = 1e-9;
+                let end = circuit.dwell(state, Amps(current), at(emf), Seconds(time), &mut sums).0;
+                let voltage = terminal_voltage(state, current, way) - emf - circuit.r.0 * current;
+                let want = if way == 0.0 { 0.0 } else { voltage / circuit.l.0 };
+                close((end - current) / time, want, 2e-5 * BATTERY / circuit.l.0, (state, emf, current));
+            }
+            let starts = circuit.starts(state, at(emf)).map_or(0.0, |sign| {
+                if sign == motor_hub::bridge::CurrentSign::Positive { 1.0 } else { -1.0 }
+            });
+            assert_eq!(starts, expected, "{state:?} at {emf}");
+        }
+    }
+}
+
+#[test]
+fn a_dwell_agrees_with_integration_in_small_steps_through_zero() {
+    let mut heavy = am60();
+    heavy.j = KgM2(1e9);
+    let circuit = Circuit::new(&heavy, BRIDGE);
+    let mut worst: f64 = 0.0;
+    for state in State::ALL {
+        for emf in [-14.0, -6.0, 0.0, 6.0, 14.0] {
+            for current in [-2.5, 0.0, 2.5] {
+                let shaft = Shaft::new(&heavy, &Load::NONE);
+                let speed = emf / heavy.ke.0;
+                let mut reference =
+                    Reference { motor: heavy, shaft, torque: 0.0, state: [current, speed, 0.0] };
+                reference.dwell(state, 3e-4, 30_000);
+                let mut sums = Integrals::default();
+                let end = circuit.dwell(state, Amps(current), at(emf), Seconds(3e-4), &mut sums);
+                let [i, _, charge] = reference.state;
+                let miss = (end.0 - i).abs().max((sums.current - charge).abs() / 3e-4);
+                worst = worst.max(miss);
+                assert!(miss < 5e-4, "{state:?} emf {emf} current {current}: {miss}");
+            }
+        }
+    }
+    println!("dwell against Runge-Kutta: worst {worst:.1e} A");
+}
+
+#[test]
+fn dwelling_in_pieces_is_dwelling_at_once() {
+    let circuit = Circuit::new(&am60(), BRIDGE);
+    for state in State::ALL {
+        for emf in [-14.0, -6.0, -0.2, 0.0, 6.0, 14.0] {
+            for start in [-2.5, 0.0, 2.5] {
+                let (mut whole, mut pieces) = (Integrals::default(), Integrals::default());
+                let end = circuit.dwell(state, Amps(start), at(emf), Seconds(5e-4), &mut whole);
+                let mut current = Amps(start);
+                for _ in 0..50 {
+                    current = circuit.dwell(state, current, at(emf), Seconds(1e-5), &mut pieces);
+                }
+                close(current.0, end.0, 1e-12, (state, emf, start));
+                close(pieces.current, whole.current, 1e-15, (state, emf, start));
+                close(pieces.square, whole.square, 1e-15, (state, emf, start));
+                close(pieces.idle, whole.idle, 1e-15, (state, emf, start));
+            }
+        }
+    }
+}
+
+#[test]
+fn the_bridge_conserves_energy() {
+    let mut worst: f64 = 0.0;
+    for motor in motors() {
+        let circuit = Circuit::new(&motor, BRIDGE);
+        for state in State::ALL {
+            for emf in [-16.0, -5.0, 0.0, 3.0, 13.0] {
+                for start in [-3.0, -0.1, 0.0, 0.1, 3.0] {
+                    for time in [1e-6, 1e-4, 1e-2] {
+                        let mut sums = Integrals::default();
+                        let end = circuit.dwell(state, Amps(start), at(emf), Seconds(time), &mut sums);
+                        let stored = 0.5 * circuit.l.0 * (end.0 * end.0 - start * start);
+                        let battery = BATTERY * sums.battery();
+                        let shaft = emf * sums.current;
+                        let scale = battery.abs() + sums.heat + shaft.abs() + stored.abs() + 1e-12;
+                        let miss = (battery - sums.heat - shaft - stored).abs() / scale;
+                        assert!(miss < 1e-9, "{} {state:?} {emf} {start} {time}: {miss}", motor.name);
+                        assert!(sums.heat >= circuit.r.0 * sums.square * (1.0 - 1e-9));
+                        assert!(sums.from_battery >= 0.0 && sums.to_battery >= 0.0);
+                        worst = worst.max(miss);
+                    }
+                }
+            }
+        }
+    }
+    println!("energy balance of the bridge: worst {worst:.1e}");
+}
+
+#[test]
+fn periodic_state_is_where_a_long_run_ends_for_every_pair_of_states() {
+    let circuit = Circuit::new(&am60(), BRIDGE);
+    let mut worst: f64 = 0.0;
+    let mut mixed = 0;
+    for on in State::ALL {
+        for off in State::ALL {
+            for frequency in [1e3, 20e3] {
+                for emf in [-14.0, -4.0, -0.2, 0.0, 0.5, 6.0, 11.5, 16.0] {
+                    for duty in [0.0, 0.1, 0.47, 0.8, 1.0] {
+                        let pwm = Pwm { on, off, duty, frequency: Hertz(frequency) };
+                        let mut current = Amps(1.0);
+                        for _ in 0..200 {
+                            current = circuit.period(pwm, current, at(emf), &mut Integrals::default());
+                        }
+                        let mut sums = Integrals::default();
+                        let end = circuit.period(pwm, current, at(emf), &mut sums);
+                        let steady = circuit.steady(pwm, at(emf));
+                        let miss = (steady.start.0 - end.0)
+                            .abs()
+                            .max((steady.mean.0 - sums.current * frequency).abs())
+                            .max((steady.battery.0 - sums.battery() * frequency).abs());
+                        worst = worst.max(miss);
+                        assert!(miss < 1e-11, "{pwm:?} {emf}: {miss}");
+                        let one_signed = steady.rms.0 >= steady.mean.0.abs() * (1.0 - 1e-12);
+                        assert!(one_signed || steady.conduction == Conduction::Zero);
+                        mixed += u32::from(on != off && steady.start.0 * steady.mean.0 < 0.0);
+                    }
+                }
+            }
+        }
+    }
+    assert!(mixed > 0, "no case in which the current changes sign");
+    println!("periodic state against a long run: worst {worst:.1e} A");
+}
+
+#[test]
+fn duty_for_current_inverts_the_bridge_for_every_motor() {
+    let (mut worst, mut worst_formula, mut worst_miss): (f64, f64, f64) = (0.0, 0.0, 0.0);
+    for motor in motors() {
+        let circuit = Circuit::new(&motor, BRIDGE);
+        for frequency in [1e3, 8e3, 15.6e3, 20e3].map(Hertz) {
+            for battery in [6.5, 14.5].map(Volts) {
+                for u in [-0.95, -0.5, -0.1, 0.0, 0.1, 0.5, 0.95] {
+                    let at = Conditions { battery, emf: Volts(u * battery.0) };
+                    let full = battery.0 / motor.r.0;
+                    for step in -19..=19 {
+                        let wanted = Amps(f64::from(step) / 20.0 * full);
+                        let choice = circuit.duty_for_current(wanted, frequency, at);
+                        let pwm = Pwm::new(choice.mode, choice.duty, frequency);
+                        let got = circuit.steady(pwm, at).mean;
+                        if choice.duty < 1.0 {
+                            let miss = (got.0 - wanted.0).abs() / full;
+                            worst = worst.max(miss);
+                            assert!(miss < 1e-12, "{} {frequency} {at:?} {wanted}: {got}", motor.name);
+                        } else {
+                            // Out of reach: as far as the bridge goes.
+                            assert!(got.0.abs() <= wanted.0.abs() + 1e-12 * full);
+                        }
+                        let formula = circuit.duty_for_current_formula(wanted, frequency, at);
+                        assert_eq!(formula.mode, choice.mode);
+                        // The mean current does not depend on the duty of 5/0 at standstill.
+                        if wanted.0 != 0.0 {
+                            let off = (formula.duty - choice.duty).abs();
+                            let pwm = Pwm::new(formula.mode, formula.duty, frequency);
+                            let miss = (circuit.steady(pwm, at).mean.0 - got.0).abs() / full;
+                            worst_miss = worst_miss.max(miss);
+                            worst_formula = worst_formula.max(off);
+                            assert!(
+                                frequency.0 < 15e3 || off < 1e-3,
+                                "{} {at:?} {wanted}: {off}",
+                                motor.name
+                            );
+                        }
+                    }
+                }
+            }
+        }
+    }
+    println!("duty_for_current: worst {worst:.1e} of Vbat/R");
+    println!("by formula: duty off by {worst_formula:.4}, current by {worst_miss:.4} of Vbat/R");
+    assert!(worst_formula < 0.01 && worst_miss < 0.01);
+}
+
+#[test]
+fn reverse_continues_full_braking_at_the_computed_duty() {
+    let circuit = Circuit::new(&am60(), BRIDGE);
+    for emf in [0.1 * BATTERY, 0.5 * BATTERY, 0.9 * BATTERY] {
+        let crossing = circuit.reverse0(32767.0, at(emf));
+        let pwm = Pwm::new(Mode::Ccw62, crossing.duty_at_t, Hertz(20e3));
+        let full = circuit.steady(Pwm::new(Mode::Brake50, 1.0, Hertz(20e3)), at(emf)).mean.0;
+        close(crossing.current_at_t.0, full, 1e-12, emf);
+        close(circuit.steady(pwm, at(emf)).mean.0, full, 2e-4, emf);
+        let off = circuit.steady(Pwm { duty: 0.0, ..pwm }, at(emf)).mean.0;
+        close(crossing.current.0, off, 1e-12, emf);
+    }
+}
+
+#[test]
+fn plant_follows_the_event_exact_motor_within_a_thousandth() {
+    let mut worst: f64 = 0.0;
+    let mut worst_speed: f64 = 0.0;
+    let flywheel = Load::inertia(KgM2(0.05));
+    let cases = [(am60(), flywheel), (am60(), Load::NONE), (motor("AM 60 A"), Load::NONE)];
+    for (motor, load) in cases {
+        for (frequency, steps) in [(1e3, 2000), (8e3, 500), (20e3, 200)] {
+            for mode in MODES {
+                for duty in [0.1, 0.5, 0.85] {
+                    let period = 1.0 / frequency;
+                    let shaft = Shaft::new(&motor, &load);
+                    let torque = 0.5 * shaft.torque_ratio;
+                    let mut reference = Reference { motor, shaft, torque, state: [0.0, 300.0, 0.0] };
+                    let mut plant = Plant::new(motor, load, BRIDGE, Hertz(frequency));
+                    plant.place(Amps(0.0), RadPerSec(300.0), 0.0);
+                    let command = Command { torque_after: NewtonMetres(0.5), ..Command::pwm(mode, duty) };
+                    // Means over 5 ms, as a controller would see them.
+                    for _ in 0..4 {
+                        let periods = (5e-3 * frequency).round();
+                        reference.state[2] = 0.0;
+                        let mut left = periods;
+                        while left > 0.5 {
+                            let on = (duty * f64::from(steps)).round();
+                            reference.dwell(mode.on(), duty * period, on as u32);
+                            reference.dwell(mode.off(), (1.0 - duty) * period, steps - on as u32);
+                            left -= 1.0;
+                        }
+                        let flow = plant.run(Seconds(periods * period), command, Volts(BATTERY));
+                        let mean = reference.state[2] / (periods * period);
+                        let miss = (flow.mean_current().0 - mean).abs() * motor.r.0 / BATTERY;
+                        let slip = (plant.speed().0 - reference.state[1]).abs() * motor.ke.0 / BATTERY;
+                        worst = worst.max(miss);
+                        worst_speed = worst_speed.max(slip);
+                        let what = format!("{mode:?} {duty} {frequency} {load:?} {}", motor.j);
+                        assert!(miss < 1e-3, "{what}: {miss}");
+                        assert!(slip < 1e-3, "{what}: {slip}");
+                    }
+                }
+            }
+        }
+    }
+    println!("plant: mean current off by {worst:.1e} of Vbat/R, speed by {worst_speed:.1e} of Vbat/Ke");
+}
+
+fn energies(plant: &Plant) -> f64 {
+    let shaft = Shaft::new(plant.motor(), plant.load());
+    0.5 * plant.motor().l.0 * plant.current().0.powi(2) + 0.5 * shaft.inertia.0 * plant.speed().0.powi(2)
+}
+
+#[test]
+fn plant_conserves_energy() {
+    for name in ["AM 60 A", "AM 20 B", "CoreHex A"] {
+        let frictionless = Motor { b: Drag(0.0), ..motor(name).with_measured_rotor_inertia() };
+        for mode in MODES {
+            let mut plant = Plant::new(frictionless, Load::inertia(KgM2(0.01)), BRIDGE, Hertz(20e3));
+            plant.place(Amps(0.5), RadPerSec(400.0), 0.0);
+            let before = (energies(&plant), plant.current().0);
+            let flow = plant.run(Seconds(0.1), Command::pwm(mode, 0.6), Volts(BATTERY));
+            let battery = flow.energy_from_battery.0 - flow.energy_to_battery.0;
+            let coil = 0.5 * frictionless.l.0 * (plant.current().0.powi(2) - before.1.powi(2));
+            let scale = battery.abs() + flow.heat.0 + flow.shaft_work.0.abs();
+            close(battery, flow.heat.0 + flow.shaft_work.0 + coil, 1e-9 * scale, (name, mode));
+            // Without drag the shaft's work is all there as motion.
+            let motion = energies(&plant) - before.0 - coil;
+            close(flow.shaft_work.0, motion, 1e-5 * scale, (name, mode, "motion"));
+        }
+    }
+}
+
+#[test]
+fn plant_run_in_uneven_pieces_is_one_run() {
+    let command = Command::pwm(Mode::Cw98, 0.37);
+    let new = || Plant::new(am60(), Load::inertia(KgM2(0.01)), BRIDGE, Hertz(15.6e3));
+    let (mut whole, mut pieces) = (new(), new());
+    let at_once = whole.run(Seconds(0.1), command, Volts(BATTERY));
+    let mut sum = Flow::default();
+    for piece in [0.37e-3, 0.63e-3].iter().cycle().take(200) {
+        sum.append(&pieces.run(Seconds(*piece), command, Volts(BATTERY)));
+    }
+    close(pieces.current().0, whole.current().0, 1e-4, "current");
+    close(pieces.speed().0, whole.speed().0, 1e-3, "speed");
+    close(pieces.angle(), whole.angle(), 1e-3, "angle");
+    close(sum.charge.0, at_once.charge.0, 1e-6, "charge");
+    close(sum.time.0, 0.1, 1e-12, "time");
+}
+
+#[test]
+fn plant_settles_at_the_steady_speed_of_its_duty() {
+    for (mode, duty) in [(Mode::Cw98, 0.3), (Mode::Cw98, 0.9), (Mode::Ccw62, 0.5)] {
+        let mut plant = Plant::new(am60(), Load::NONE, BRIDGE, Hertz(20e3));
+        plant.run(Seconds(6.0), Command::pwm(mode, duty), Volts(BATTERY));
+        let pwm = Pwm::new(mode, duty, Hertz(20e3));
+        let steady = OpenLoop::new(&am60(), &Load::NONE, BRIDGE).steady_speed(pwm, Volts(BATTERY));
+        close(plant.speed().0, steady.0, 0.02, (mode, duty));
+    }
+}
+
+#[test]
+fn a_plant_out_of_current_coasts_down_by_its_drag_alone() {
+    let mut plant = Plant::new(am60(), Load::NONE, BRIDGE, Hertz(20e3));
+    plant.place(Amps(0.0), RadPerSec(500.0), 1.0);
+    let flow = plant.run(Seconds(1.0), Command::COAST, Volts(BATTERY));
+    let rate = am60().b.0 / am60().j.0;
+    close(plant.speed().0, 500.0 * (-rate).exp(), 1e-9, "speed");
+    close(plant.angle(), 1.0 + 500.0 * (1.0 - (-rate).exp()) / rate, 1e-8, "angle");
+    assert_eq!(flow.charge.0, 0.0);
+}
+
+#[test]
+fn plant_stays_bounded_for_any_inertia() {
+    for j in [1e-12, 1e-10, 1e-8, 1e-6, 1e-4] {
+        let motor = Motor { j: KgM2(j), ..am60() };
+        for mode in MODES {
+            let mut plant = Plant::new(motor, Load::NONE, BRIDGE, Hertz(8e3));
+            for _ in 0..10 {
+                plant.run(Seconds(1e-3), Command::pwm(mode, 0.5), Volts(BATTERY));
+                assert!(plant.speed().0.abs() < 3.0 * BATTERY / motor.ke.0, "{j} {mode:?}");
+                assert!(plant.current().0.abs() < 3.0 * BATTERY / motor.r.0, "{j} {mode:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn encoder_counts_floor_in_both_directions() {
+    let quarter = core::f64::consts::TAU / 28.0;
+    assert_eq!(counts(0.0, 28.0), 0);
+    assert_eq!(counts(2.5 * quarter, 28.0), 2);
+    assert_eq!(counts(-0.5 * quarter, 28.0), -1);
+    assert_eq!(counts(1e6 * core::f64::consts::TAU + 0.5 * quarter, 28.0), 28_000_000);
+}
+
+#[test]
+fn a_battery_sags_under_load_and_rises_when_charged() {
+    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.1) };
+    assert_eq!(battery.voltage(Amps(0.0)), Volts(12.0));
+    close(battery.voltage(Amps(5.0)).0, 11.5, 1e-12, "sag");
+    close(battery.voltage(Amps(-5.0)).0, 12.5, 1e-12, "charge");
+    assert_eq!(battery.voltage(Amps(1000.0)), Volts(0.0));
+}
+
+#[test]
+fn plants_on_one_battery_share_its_sag_and_its_gain() {
+    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.2) };
+    let plant = |speed: f64| {
+        let mut plant = Plant::new(am60(), Load::inertia(KgM2(10.0)), BRIDGE, Hertz(20e3));
+        plant.place(Amps(0.0), RadPerSec(speed), 0.0);
+        plant
+    };
+    // Two motors at standstill with full voltage: v = emf - Rb 2 v / (R + 2 Ron).
+    let mut rig = Rig::new(battery, vec![plant(0.0), plant(0.0)]);
+    let full = Command::pwm(Mode::Cw98, 1.0);
+    let total = rig.run(Seconds(0.05), &[full, full]);
+    close(total.voltage.0, 12.0 / (1.0 + 0.4 / 3.4), 2e-2, "sag");
+    close(rig.voltage().0, 12.0 - 0.2 * total.current.0, 2e-2, "present");
+    assert_eq!(total.flows.len(), 2);
+
+    // Braking with 5/0 at speed is a boost chopper: it charges the battery. No command is to coast.
+    let mut rig = Rig::new(battery, vec![plant(550.0), plant(550.0)]);
+    let total = rig.run(Seconds(0.05), &[Command::pwm(Mode::Brake50, 0.5)]);
+    assert!(total.voltage.0 > 12.05, "{}", total.voltage);
+    assert_eq!(total.flows.last().map(|flow| flow.charge.0), Some(0.0));
+}
+
+#[test]
+#[ignore = "prints how fast the plant runs; meant for an optimised build"]
+fn plant_speed() {
+    for (name, motor) in [("rotor inertia", am60()), ("paper inertia", motor("AM 60 A"))] {
+        for frequency in [1e3, 20e3] {
+            for mode in MODES {
+                let mut plant = Plant::new(motor, Load::NONE, BRIDGE, Hertz(frequency));
+                plant.place(Amps(0.0), RadPerSec(300.0), 0.0);
+                let begin = std::time::Instant::now();
+                for _ in 0..1000 {
+                    plant.run(Seconds(1e-3), Command::pwm(mode, 0.4), Volts(BATTERY));
+                }
+                let spent = begin.elapsed().as_secs_f64() * 1e3;
+                println!("{name}, {frequency} Hz, {}: {spent:.2} ms per second", mode.name());
+            }
+        }
+    }
+}

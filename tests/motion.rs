@@ -1,0 +1,232 @@
+//! Velocity from counts, and the PID loop.
+
+use motor_hub::motion::pid::PidInput;
+use motor_hub::motion::{Pid, Pidf, Reading, Tick, Tracker, VelocityEstimator};
+use motor_hub::units::{Coefficient, Micros, Period};
+
+const PERIOD: Period = Period::DEFAULT;
+
+/// Samples a turning encoder every millisecond and estimates its velocity every period.
+struct Bench {
+    tracker: Tracker,
+    estimator: VelocityEstimator,
+    ms: u64,
+    period_ms: u64,
+}
+
+impl Bench {
+    fn new(period: Period) -> Self {
+        Self {
+            tracker: Tracker::default(),
+            estimator: VelocityEstimator::new(period),
+            ms: 0,
+            period_ms: u64::from(period.as_millis()),
+        }
+    }
+
+    /// Runs for a number of ticks with the count given by `position` (of the time in seconds), and
+    /// returns the estimates.
+    fn run(&mut self, ticks: u64, position: impl Fn(f64) -> f64) -> Vec<f64> {
+        let mut estimates = Vec::new();
+        for _ in 0..ticks {
+            let mut reading = Reading { position: 0, edge_at: Micros(0), at: Micros(0) };
+            for _ in 0..self.period_ms {
+                self.ms += 1;
+                let count = position(self.ms as f64 / 1000.0).floor() as i64 as u16;
+                reading = self.tracker.step(count, Micros(self.ms * 1000));
+            }
+            estimates.push(self.estimator.step(reading).to_f64());
+        }
+        estimates
+    }
+}
+
+#[test]
+fn positions_unwrap_in_both_directions() {
+    let mut tracker = Tracker::default();
+    let mut position = 0i32;
+    tracker.step(0, Micros(0));
+    for (n, step) in [30_000, 30_000, -32_768, 7, -30_000, -30_000, 32_767, 32_767, 1].into_iter().enumerate()
+    {
+        position += step;
+        let reading = tracker.step(position as u16, Micros(n as u64 + 1));
+        assert_eq!(reading.position, position);
+    }
+}
+
+#[test]
+fn an_edge_is_stamped_when_it_is_seen_and_kept_while_nothing_moves() {
+    let mut tracker = Tracker::default();
+    assert_eq!(tracker.step(65_535, Micros(5)), Reading { position: 0, edge_at: Micros(5), at: Micros(5) });
+    assert_eq!(tracker.step(0, Micros(6)), Reading { position: 1, edge_at: Micros(6), at: Micros(6) });
+    assert_eq!(tracker.step(0, Micros(9)), Reading { position: 1, edge_at: Micros(6), at: Micros(9) });
+}
+
+#[test]
+fn one_count_a_second_reads_as_one_in_either_direction() {
+    for cps in [1.0, -1.0] {
+        let mut bench = Bench::new(PERIOD);
+        let estimates = bench.run(100, |t| cps * t + 0.5);
+        for estimate in &estimates[45..] {
+            assert!((estimate - cps).abs() < 0.06, "{estimates:?}");
+        }
+    }
+}
+
+#[test]
+fn slow_speeds_do_not_flicker_between_whole_counts_per_period() {
+    for cps in [5.0, 23.0, 61.0, 137.0, -23.0] {
+        let mut bench = Bench::new(PERIOD);
+        let estimates = bench.run(60, |t| cps * t + 0.3);
+        for estimate in &estimates[20..] {
+            assert!((estimate - cps).abs() <= 0.045 * cps.abs(), "{cps}: {estimate}");
+        }
+    }
+}
+
+#[test]
+fn speeds_up_to_the_counters_limit_are_exact_to_a_count_per_window() {
+    for (ms, cps) in
+        [(50, 2_720.0), (50, -2_720.0), (1, 2_720.0), (10, 20_000.0), (1, 8_000_000.0), (100, 500_000.0)]
+    {
+        let period = Period::from_millis(ms).expect("period");
+        let mut bench = Bench::new(period);
+        let window_s = f64::from(ms.max(20)) / 1000.0;
+        for estimate in &bench.run(80, |t| cps * t)[40..] {
+            assert!(
+                (estimate - cps).abs() <= 1.01 / window_s + 1e-4 * cps.abs(),
+                "{ms} ms, {cps}: {estimate}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_motor_that_stops_is_seen_to_stop() {
+    let mut bench = Bench::new(PERIOD);
+    bench.run(20, |t| 1000.0 * t);
+    let estimates = bench.run(40, |_| 1000.0);
+    // One count in the time since the last one is the most it can be.
+    assert!(estimates[0] <= 21.0, "{estimates:?}");
+    for (n, estimate) in estimates.iter().enumerate() {
+        assert!(*estimate <= 1000.0 / (50.0 * (n as f64 + 1.0)) + 0.5, "{estimates:?}");
+    }
+    assert!(estimates[39] < 0.6, "{estimates:?}");
+}
+
+#[test]
+fn a_motor_that_stops_within_a_window_does_not_read_its_old_speed() {
+    let mut bench = Bench::new(PERIOD);
+    bench.run(20, |t| 1000.0 * t);
+    let stopped = bench.run(1, |t| (1000.0 * t).min(1010.0));
+    assert!(stopped[0] <= 230.0, "{stopped:?}");
+}
+
+#[test]
+fn a_start_after_a_long_rest_is_not_averaged_over_the_rest() {
+    let mut bench = Bench::new(PERIOD);
+    bench.run(200, |_| 0.0);
+    let estimates = bench.run(3, |t| 800.0 * (t - 10.0));
+    assert!((estimates[0] - 800.0).abs() < 40.0, "{estimates:?}");
+    assert!((estimates[2] - 800.0).abs() < 21.0, "{estimates:?}");
+}
+
+#[test]
+fn the_estimate_lags_by_half_the_window() {
+    let mut bench = Bench::new(PERIOD);
+    // Constant acceleration: 1000 counts/s^2.
+    let estimates = bench.run(40, |t| 500.0 * t * t);
+    let (now, lag) = (2.0, 0.025);
+    assert!((estimates[39] - 1000.0 * (now - lag)).abs() < 25.0, "{estimates:?}");
+}
+
+fn q16(value: f64) -> Coefficient {
+    Coefficient::from_bits((value * 65_536.0).round() as i32).expect("not negative")
+}
+
+const LIMIT: i64 = 32_767 << 8;
+
+fn input(error: i64, measured: i64) -> PidInput {
+    PidInput { error: error << 8, measured: measured << 8, feed_forward: 0, limit: LIMIT, hold: false }
+}
+
+#[test]
+fn each_coefficient_has_its_stated_unit() {
+    let tick = Tick::new(PERIOD);
+    let only_p = Pidf { p: q16(2.5), ..Pidf::default() };
+    assert_eq!(Pid::default().step(&only_p, tick, input(100, 0)), 250 << 8);
+
+    let only_f = Pidf { f: q16(3.0), ..Pidf::default() };
+    let fed = PidInput { feed_forward: 400 << 8, ..input(0, 0) };
+    assert_eq!(Pid::default().step(&only_f, tick, fed), 1200 << 8);
+
+    // One second of an error of 100 at 4 per second.
+    let only_i = Pidf { i: q16(4.0), ..Pidf::default() };
+    let mut pid = Pid::default();
+    let output = (0..20).map(|_| pid.step(&only_i, tick, input(100, 0))).last().expect("steps");
+    assert!((output - (400 << 8)).abs() <= 8, "{output}");
+
+    // Acceleration of 1000 counts/s^2 against 0.5 s.
+    let only_d = Pidf { d: q16(0.5), ..Pidf::default() };
+    let mut pid = Pid::default();
+    assert_eq!(pid.step(&only_d, tick, input(0, 0)), 0, "no kick at the start");
+    assert_eq!(pid.step(&only_d, tick, input(0, 50)), -500 << 8);
+    assert_eq!(pid.step(&only_d, tick, input(9999, 50)), 0, "no kick from a new set-point");
+}
+
+#[test]
+fn the_integrator_does_not_wind_up_while_the_output_saturates() {
+    let gains = Pidf { p: q16(10.0), i: q16(20.0), ..Pidf::default() };
+    let tick = Tick::new(PERIOD);
+    let mut wound = Pid::default();
+    for _ in 0..1000 {
+        assert_eq!(wound.step(&gains, tick, input(20_000, 0)), LIMIT);
+    }
+    // The error changes sign: the output follows within a tick.
+    assert!(wound.step(&gains, tick, input(-3_000, 0)) < 0);
+}
+
+#[test]
+fn a_saturated_output_may_still_unwind() {
+    let gains = Pidf { p: q16(0.0), i: q16(20.0), f: q16(10.0), ..Pidf::default() };
+    let tick = Tick::new(PERIOD);
+    let mut pid = Pid::default();
+    let saturated = |error| PidInput { feed_forward: 4_000 << 8, ..input(error, 0) };
+    for _ in 0..10 {
+        assert_eq!(pid.step(&gains, tick, saturated(-500)), LIMIT);
+    }
+    let output = (0..10).map(|_| pid.step(&gains, tick, saturated(-500))).last().expect("steps");
+    assert!(output < LIMIT, "the integrator went on while it brought the output back");
+}
+
+#[test]
+fn the_integrator_holds_while_the_output_has_no_effect() {
+    let gains = Pidf { i: q16(20.0), ..Pidf::default() };
+    let tick = Tick::new(PERIOD);
+    let mut pid = Pid::default();
+    let before = pid.step(&gains, tick, input(100, 0));
+    for _ in 0..100 {
+        pid.step(&gains, tick, PidInput { hold: true, ..input(1000, 0) });
+    }
+    let after = pid.step(&gains, tick, input(100, 0));
+    assert_eq!(after, before * 2);
+}
+
+#[test]
+fn no_input_or_coefficient_overflows() {
+    let most = Coefficient::from_bits(i32::MAX).expect("largest");
+    let gains = Pidf { p: most, i: most, d: most, f: most };
+    for period in [1, 100] {
+        let tick = Tick::new(Period::from_millis(period).expect("period"));
+        let ends = [-(1i64 << 31), -1, 0, 1, 1 << 31, i64::from(i32::MAX) << 8, -(i64::from(i32::MAX) << 8)];
+        let mut pid = Pid::default();
+        for error in ends {
+            for measured in ends {
+                for limit in [0, 256, LIMIT, 1 << 31] {
+                    let input = PidInput { error, measured, feed_forward: -error, limit, hold: false };
+                    assert!(pid.step(&gains, tick, input).abs() <= limit);
+                }
+            }
+        }
+    }
+}

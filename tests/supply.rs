@@ -1,0 +1,103 @@
+//! Battery voltage from ADC readings.
+
+use motor_hub::supply::{Battery, Limits, Sample, Scale, Supply};
+use motor_hub::units::{Micros, Millivolts, RangeError};
+
+const CALIBRATION: u16 = 1500;
+
+fn scale() -> Scale {
+    Scale::new(47_000, 10_000, CALIBRATION).expect("divider")
+}
+
+fn supply() -> Supply {
+    Supply::new(scale(), Limits::default())
+}
+
+/// What the converter reads at this battery voltage when its own supply is `rail_mv`.
+fn sample(battery_mv: f64, rail_mv: f64) -> Sample {
+    let pin_mv = battery_mv * 10.0 / 57.0;
+    let reference_mv = f64::from(CALIBRATION) / 4095.0 * 3300.0;
+    Sample {
+        battery: (pin_mv / rail_mv * 4095.0).round() as u16,
+        vrefint: (reference_mv / rail_mv * 4095.0).round() as u16,
+    }
+}
+
+fn first(sample: Sample) -> Option<Battery> {
+    supply().step(sample, Micros(7))
+}
+
+#[test]
+fn every_plausible_voltage_is_read_within_one_and_a_half_steps_of_the_converter() {
+    let step_mv = 3300.0 / 4095.0 * 5.7;
+    for mv in (5_010..17_990).step_by(7) {
+        let battery = first(sample(f64::from(mv), 3300.0)).expect("plausible");
+        let error = f64::from(battery.voltage.0) - f64::from(mv);
+        assert!(error.abs() <= 1.5 * step_mv + 1.0, "{mv} mV: off by {error}");
+        assert_eq!(battery.at, Micros(7));
+    }
+}
+
+#[test]
+fn a_sagging_rail_is_not_taken_for_a_rising_battery() {
+    for rail in [2_800.0, 3_000.0, 3_300.0, 3_500.0] {
+        let battery = first(sample(12_000.0, rail)).expect("plausible");
+        assert!((f64::from(battery.voltage.0) - 12_000.0).abs() < 20.0, "{rail}: {battery:?}");
+    }
+}
+
+#[test]
+fn implausible_readings_give_no_voltage() {
+    let good = sample(12_000.0, 3300.0);
+    assert_eq!(first(Sample { vrefint: 0, ..good }), None, "dead reference");
+    assert_eq!(first(Sample { vrefint: 4095, ..good }), None, "a rail of 1.2 V");
+    assert_eq!(first(Sample { vrefint: 700, ..good }), None, "a rail of 7 V");
+    assert_eq!(first(Sample { battery: 0, ..good }), None, "no battery");
+    assert_eq!(first(sample(4_900.0, 3300.0)), None, "too low");
+    assert_eq!(first(sample(18_100.0, 3300.0)), None, "too high");
+    assert_eq!(first(Sample { battery: u16::MAX, vrefint: u16::MAX }), None, "not 12 bits");
+}
+
+#[test]
+fn absurd_scales_do_not_overflow() {
+    assert_eq!(Scale::new(0, 1, 1), Err(RangeError::Divider));
+    assert_eq!(Scale::new(1, 0, 1), Err(RangeError::Divider));
+    for calibration in [0, 1, u16::MAX] {
+        for (top, bottom) in [(u32::MAX, 1), (1, u32::MAX), (u32::MAX, u32::MAX)] {
+            let scale = Scale::new(top, bottom, calibration).expect("above 0");
+            let mut supply = Supply::new(scale, Limits { min: Millivolts(0), max: Millivolts(u16::MAX) });
+            for reading in [0, 1, 4095, u16::MAX] {
+                let _ = supply.step(Sample { battery: reading, vrefint: reading }, Micros(0));
+            }
+        }
+    }
+}
+
+#[test]
+fn noise_is_filtered_with_a_time_constant_of_four_samples() {
+    let mut supply = supply();
+    supply.step(sample(12_000.0, 3300.0), Micros(0));
+    let voltages: Vec<f64> = (0..20)
+        .filter_map(|n| supply.step(sample(10_000.0, 3300.0), Micros(n)))
+        .map(|battery| f64::from(battery.voltage.0))
+        .collect();
+    assert!((voltages[0] - 11_500.0).abs() < 10.0, "a quarter of the way: {voltages:?}");
+    assert!((voltages[3] - 10_632.0).abs() < 15.0, "{voltages:?}");
+    assert!((voltages[19] - 10_000.0).abs() < 20.0, "{voltages:?}");
+}
+
+#[test]
+fn after_an_implausible_reading_the_filter_starts_afresh() {
+    let mut supply = supply();
+    supply.step(sample(16_000.0, 3300.0), Micros(0));
+    assert_eq!(supply.step(sample(0.0, 3300.0), Micros(1)), None);
+    let battery = supply.step(sample(8_000.0, 3300.0), Micros(2)).expect("plausible");
+    assert!((f64::from(battery.voltage.0) - 8_000.0).abs() < 10.0, "{battery:?}");
+}
+
+#[test]
+fn a_voltage_goes_stale() {
+    let battery = Battery { voltage: Millivolts(12_000), at: Micros(1_000_000) };
+    assert_eq!(battery.fresh(Micros(1_100_000)), Some(Millivolts(12_000)));
+    assert_eq!(battery.fresh(Micros(1_100_001)), None);
+}

@@ -1,0 +1,388 @@
+//! The real tasks under virtual time.
+
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_time::{Duration, Instant, MockDriver, Timer};
+use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
+use motor_hub::bridge::{Drive, Mode};
+use motor_hub::hub::{Action, Command, Hub, Snapshot};
+use motor_hub::motor::{Setpoint, Settings};
+use motor_hub::supply::{Limits, Sample, Scale, Supply};
+use motor_hub::tasks::{self, Health, Links};
+use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Period};
+use std::cell::{Cell, RefCell};
+use std::future::Future;
+use std::pin::Pin;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Wake, Waker};
+
+const N: usize = 4;
+const CALIBRATION: u16 = 1500;
+/// 12 V behind 47 k / 10 k.
+const GOOD: Sample = Sample { battery: 2612, vrefint: 1500 };
+
+/// The mock driver's clock is one for the process.
+static CLOCK: Mutex<()> = Mutex::new(());
+
+#[derive(Default)]
+struct World {
+    counts: [Cell<u16>; N],
+    sample: Cell<Option<Sample>>,
+    /// The converter takes this long.
+    conversion_ms: Cell<u64>,
+    applied: RefCell<Vec<(u64, [Drive; N])>>,
+    fed: RefCell<Vec<u64>>,
+}
+
+fn now_ms() -> u64 {
+    Instant::now().as_millis()
+}
+
+impl Encoders<N> for &World {
+    fn counts(&mut self) -> [u16; N] {
+        self.counts.each_ref().map(Cell::get)
+    }
+}
+
+impl SupplyAdc for &World {
+    async fn sample(&mut self) -> Option<Sample> {
+        Timer::after(Duration::from_millis(self.conversion_ms.get())).await;
+        self.sample.get()
+    }
+}
+
+impl Bridges<N> for &World {
+    fn apply(&mut self, drives: &[Drive; N]) {
+        self.applied.borrow_mut().push((now_ms(), *drives));
+    }
+}
+
+impl Watchdog for &World {
+    fn feed(&mut self) {
+        self.fed.borrow_mut().push(now_ms());
+    }
+}
+
+impl World {
+    fn last_drives(&self) -> [Drive; N] {
+        self.applied.borrow().last().expect("at least the first coast").1
+    }
+}
+
+#[derive(Default)]
+struct Woken(AtomicBool);
+
+impl Wake for Woken {
+    fn wake(self: Arc<Self>) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+type TaskFuture<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
+
+/// The tasks of a board, each of which can be stopped.
+struct Board<'a> {
+    capture: Option<TaskFuture<'a>>,
+    supply: Option<TaskFuture<'a>>,
+    control: Option<TaskFuture<'a>>,
+    output: Option<TaskFuture<'a>>,
+    health: Option<TaskFuture<'a>>,
+    woken: Arc<Woken>,
+}
+
+fn never<'a>(future: impl Future<Output = impl Sized> + 'a) -> Option<TaskFuture<'a>> {
+    Some(Box::pin(async move {
+        future.await;
+    }))
+}
+
+struct Parts {
+    world: World,
+    links: Links<NoopRawMutex, N>,
+    health: Health,
+    period: Period,
+    _clock: MutexGuard<'static, ()>,
+}
+
+impl Parts {
+    fn new(period_ms: u32) -> Self {
+        let clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
+        MockDriver::get().reset();
+        let world = World::default();
+        world.sample.set(Some(GOOD));
+        let period = Period::from_millis(period_ms).expect("period");
+        Self { world, links: Links::new(), health: Health::new(), period, _clock: clock }
+    }
+
+    fn board(&self) -> Board<'_> {
+        let Self { world, links, health, period, .. } = self;
+        let scale = Scale::new(47_000, 10_000, CALIBRATION).expect("divider");
+        let supply = Supply::new(scale, Limits::default());
+        let settings = Settings::new(EmfConstant::from_bits(4_180_495).expect("in range"));
+        let hub = Hub::new([settings; N], *period);
+        Board {
+            capture: never(tasks::capture::run(world, links, health)),
+            supply: never(tasks::supply::run(world, supply, links, health)),
+            control: never(tasks::control::run(hub, links, health)),
+            output: never(tasks::output::run(world, *period, links, health)),
+            health: never(tasks::health::run(world, health)),
+            woken: Arc::default(),
+        }
+    }
+
+    fn send(&self, motor: usize, setpoint: Setpoint) {
+        self.links.commands.try_send(Command { motor, action: Action::Set(setpoint) }).expect("room");
+    }
+
+    fn snapshot(&self) -> Snapshot<N> {
+        self.links.snapshot.try_get().expect("a tick has been")
+    }
+}
+
+impl Board<'_> {
+    /// Lets everything happen that is due now.
+    fn poll(&mut self) {
+        let waker = Waker::from(Arc::clone(&self.woken));
+        let mut context = Context::from_waker(&waker);
+        loop {
+            self.woken.0.store(false, Ordering::Relaxed);
+            let tasks =
+                [&mut self.capture, &mut self.supply, &mut self.control, &mut self.output, &mut self.health];
+            for task in tasks.into_iter().flatten() {
+                assert!(task.as_mut().poll(&mut context).is_pending(), "tasks run for ever");
+            }
+            if !self.woken.0.load(Ordering::Relaxed) {
+                return;
+            }
+        }
+    }
+
+    fn run_ms(&mut self, ms: u64) {
+        self.poll();
+        for _ in 0..ms {
+            MockDriver::get().advance(Duration::from_millis(1));
+            self.poll();
+        }
+    }
+}
+
+const HALF: Setpoint = Setpoint::ConstantPower(Control::new(16_384));
+
+#[test]
+fn ticks_come_exactly_one_period_apart() {
+    for period_ms in [1, 7, 50, 100] {
+        let parts = Parts::new(period_ms);
+        let mut board = parts.board();
+        board.poll();
+        for tick in 1..=40u64 {
+            board.run_ms(u64::from(period_ms));
+            let snapshot = parts.snapshot();
+            assert_eq!(u64::from(snapshot.tick), tick);
+            assert_eq!(snapshot.at, Micros(tick * u64::from(period_ms) * 1000));
+            assert_eq!(snapshot.missed, 0);
+        }
+    }
+}
+
+#[test]
+fn a_tick_that_came_too_late_is_left_out_and_counted_not_caught_up() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    board.run_ms(100);
+    // Nothing runs for 270 ms: the ticks at 150, 200, 250, 300 and 350 ms are due.
+    MockDriver::get().advance(Duration::from_millis(270));
+    board.poll();
+    let late = parts.snapshot();
+    assert_eq!((late.tick, late.at), (3, Micros(370_000)));
+    board.run_ms(30);
+    let next = parts.snapshot();
+    assert_eq!((next.tick, next.at, next.missed), (4, Micros(400_000), 4), "back on the grid");
+}
+
+#[test]
+fn a_command_takes_effect_at_the_next_tick() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    board.run_ms(210);
+    parts.send(2, HALF);
+    board.run_ms(39);
+    assert_eq!(parts.world.last_drives(), [Drive::COAST; N]);
+    board.run_ms(1);
+    let drives = parts.world.last_drives();
+    assert_eq!(drives[2].mode, Mode::Cw98);
+    assert_eq!([drives[0], drives[1], drives[3]], [Drive::COAST; 3]);
+}
+
+#[test]
+fn commands_queue_in_order_and_the_sender_is_told_when_there_is_no_room() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    board.run_ms(200);
+    for n in 0..tasks::COMMANDS {
+        parts.send(n % N, Setpoint::ConstantPower(Control::new(n as i16)));
+    }
+    let extra = Command { motor: 0, action: Action::Set(HALF) };
+    assert!(parts.links.commands.try_send(extra).is_err());
+    board.run_ms(50);
+    let powers = parts.snapshot().motors.map(|m| m.control.get());
+    assert_eq!(powers, [12, 13, 14, 15], "the last of each, none lost");
+    assert!(parts.links.commands.try_send(extra).is_ok());
+}
+
+#[test]
+fn a_command_for_no_motor_disturbs_nothing() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    board.run_ms(200);
+    parts.send(N, HALF);
+    parts.send(1, HALF);
+    board.run_ms(50);
+    let drives = parts.world.last_drives();
+    assert_eq!(drives[1].mode, Mode::Cw98);
+    assert_eq!([drives[0], drives[2], drives[3]], [Drive::COAST; 3]);
+}
+
+#[test]
+fn when_control_stops_the_bridges_coast_after_three_periods() {
+    for period_ms in [1, 50] {
+        let parts = Parts::new(period_ms);
+        let mut board = parts.board();
+        parts.send(0, HALF);
+        board.run_ms(200);
+        assert_ne!(parts.world.last_drives(), [Drive::COAST; N]);
+        board.control = None;
+        board.run_ms(u64::from(period_ms) * 3 - 1);
+        assert_ne!(parts.world.last_drives(), [Drive::COAST; N], "patient for three periods");
+        board.run_ms(1);
+        assert_eq!(parts.world.last_drives(), [Drive::COAST; N]);
+    }
+}
+
+#[test]
+fn the_watchdog_starves_when_any_task_stops() {
+    type Stop = fn(&mut Board<'_>);
+    let stops: [(&str, Stop); 4] = [
+        ("capture", |b| b.capture = None),
+        ("supply", |b| b.supply = None),
+        ("control", |b| b.control = None),
+        ("output", |b| b.output = None),
+    ];
+    for (name, stop) in stops {
+        let parts = Parts::new(50);
+        let mut board = parts.board();
+        board.run_ms(1000);
+        assert!(parts.world.fed.borrow().len() >= 19, "fed once a tick while all are well");
+        stop(&mut board);
+        board.run_ms(100);
+        parts.world.fed.borrow_mut().clear();
+        board.run_ms(2000);
+        assert_eq!(parts.world.fed.borrow().len(), 0, "{name}");
+    }
+}
+
+#[test]
+fn the_watchdog_is_fed_at_the_longest_period_too() {
+    let parts = Parts::new(100);
+    let mut board = parts.board();
+    board.run_ms(2000);
+    let fed = parts.world.fed.borrow();
+    assert!(fed.windows(2).all(|pair| pair[1] - pair[0] <= 120), "{fed:?}");
+}
+
+#[test]
+fn a_dead_converter_makes_the_voltage_stale_and_all_motors_coast() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    parts.send(0, HALF);
+    board.run_ms(500);
+    assert!(parts.snapshot().battery.is_some());
+    parts.world.sample.set(None);
+    board.run_ms(100);
+    assert_ne!(parts.world.last_drives(), [Drive::COAST; N], "the last voltage still holds");
+    board.run_ms(100);
+    assert_eq!(parts.world.last_drives(), [Drive::COAST; N]);
+    assert!(parts.snapshot().motors[0].faults.battery_unknown);
+    parts.world.sample.set(Some(GOOD));
+    board.run_ms(100);
+    assert_ne!(parts.world.last_drives(), [Drive::COAST; N], "and it recovers by itself");
+}
+
+#[test]
+fn the_battery_is_unknown_until_the_first_good_reading() {
+    let parts = Parts::new(50);
+    parts.world.sample.set(Some(Sample { battery: 0, ..GOOD }));
+    let mut board = parts.board();
+    parts.send(0, HALF);
+    board.run_ms(300);
+    assert_eq!(parts.snapshot().battery, None);
+    assert_eq!(parts.world.last_drives(), [Drive::COAST; N]);
+    parts.world.sample.set(Some(GOOD));
+    board.run_ms(70);
+    let battery = parts.snapshot().battery.expect("measured").0;
+    assert!((11_950..12_050).contains(&battery), "{battery}");
+}
+
+#[test]
+fn a_slow_converter_delays_no_tick() {
+    let parts = Parts::new(50);
+    parts.world.conversion_ms.set(40);
+    let mut board = parts.board();
+    board.run_ms(1000);
+    let snapshot = parts.snapshot();
+    assert_eq!((snapshot.tick, snapshot.missed), (20, 0));
+    assert!(snapshot.battery.is_some());
+}
+
+#[test]
+fn when_capture_stops_regulated_motors_coast_and_constant_power_goes_on() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    parts.send(0, HALF);
+    parts.send(1, Setpoint::Velocity(CountsPerSecond::new(1000)));
+    board.run_ms(200);
+    assert!(parts.snapshot().motors[..2].iter().all(|m| m.regime.is_some()));
+    board.capture = None;
+    board.run_ms(100);
+    let motors = parts.snapshot().motors;
+    assert!(motors[0].regime.is_some() && motors[0].faults.encoder_stale);
+    assert_eq!(motors[1].drive, Drive::COAST);
+}
+
+#[test]
+fn capture_counts_every_edge_of_a_fast_encoder() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    board.poll();
+    for _ in 0..1000 {
+        // 8 million counts/s: the 16-bit counter wraps every 8 ms.
+        let count = &parts.world.counts[3];
+        count.set(count.get().wrapping_add(8_000));
+        board.run_ms(1);
+    }
+    let report = parts.snapshot().motors[3];
+    assert_eq!(report.position, 8_000_000);
+    assert_eq!(report.velocity.round(), 8_000_000);
+}
+
+#[test]
+fn every_observer_sees_every_tick_it_waits_for() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    let mut observers: Vec<_> =
+        (0..tasks::OBSERVERS).map(|_| parts.links.snapshot.receiver().expect("free")).collect();
+    for tick in 1..=5 {
+        board.run_ms(50);
+        for observer in &mut observers {
+            assert_eq!(observer.try_changed().map(|s| s.tick), Some(tick));
+        }
+    }
+}
+
+#[test]
+fn the_bridges_coast_before_the_first_drive() {
+    let parts = Parts::new(50);
+    parts.send(0, HALF);
+    let mut board = parts.board();
+    board.run_ms(49);
+    assert_eq!(*parts.world.applied.borrow(), [(0, [Drive::COAST; N])]);
+}
