@@ -1,6 +1,6 @@
 //! One motor: its settings, its set-point, its state, and one step of control.
 
-use crate::braking::{self, OperatingPoint, Placement, Regime, Scheme};
+use crate::braking::{self, DutyRule, LinearCurrent, OperatingPoint, Placement, Regime, Scheme};
 use crate::bridge::Drive;
 use crate::motion::{Pid, Pidf, Reading, Tick, VelocityEstimator, pid::PidInput};
 use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
@@ -27,6 +27,8 @@ pub struct Settings {
     pub emf: EmfConstant,
     /// Where S, T, Z and G lie.
     pub scheme: Scheme,
+    /// How the duty is found within a regime.
+    pub duty: DutyRule,
     /// What zero means.
     pub zero_power: ZeroPower,
     /// Coefficients of regulated velocity.
@@ -36,8 +38,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Settings that run a gear motor with a back-EMF constant like this one: Scheme A, brake at
-    /// zero, and coefficients in proportion to the motor's speed range.
+    /// Settings that run a gear motor with this back-EMF constant: Scheme A with linear current of a
+    /// typical winding, brake at zero, and coefficients in proportion to the motor's speed range.
     ///
     /// In Scheme A a control value is a voltage. The feed-forward asks for the back EMF of the
     /// set-point on a 12 V battery, P for twice the back EMF of the error, and I has P's gain
@@ -48,6 +50,7 @@ impl Settings {
         Self {
             emf,
             scheme: Scheme::A,
+            duty: DutyRule::LinearCurrent(LinearCurrent::TYPICAL),
             zero_power: ZeroPower::Brake,
             velocity: Pidf {
                 p: coefficient(2 * f),
@@ -274,7 +277,7 @@ impl Motor {
             },
         );
         let control = Control::saturating((output + (1 << 7)) >> 8);
-        Some((control, braking::place(self.settings.scheme, at, control)))
+        Some((control, self.settings.duty.place(self.settings.scheme, at, control)))
     }
 
     fn floats(&self) -> bool {

@@ -157,10 +157,10 @@ pub enum RangeError {
     Coefficient,
     /// A divider needs both resistances above 0.
     Divider,
+    /// A winding or a bridge is out of the ranges stated with it.
+    Electrical,
     /// There is no motor with this index.
     Motor,
-    /// A speed limit must be above 0.
-    SpeedLimit,
 }
 
 impl core::fmt::Display for RangeError {
@@ -171,8 +171,10 @@ impl core::fmt::Display for RangeError {
             Self::Period => "control period must be 1 to 100 ms",
             Self::Coefficient => "PIDF coefficients must not be negative",
             Self::Divider => "both resistances of the battery divider must be above 0",
+            Self::Electrical => {
+                "resistance must be 1 to 65535 mohm, diode drop up to 2000 mV, switch up to 4095 mohm, PWM 100 to 200000 Hz"
+            }
             Self::Motor => "no motor with this index",
-            Self::SpeedLimit => "speed limit must be above 0 counts/s",
         })
     }
 }

@@ -2,16 +2,20 @@
 //!
 //! At each tick the four points S, T, Z, G are computed from speed and battery voltage
 //! ([`points`]) as the motor's [`scheme`] says; where the control value lies among them decides
-//! regime, mode and duty. The duty is linear within its regime, as in the paper.
+//! regime, mode and duty. The duty is either linear within its regime, as in the paper ([`place`]),
+//! or such that the motor's mean current is linear ([`place_current`]).
 
+mod explog;
+pub mod linear_current;
 pub mod points;
 pub mod scheme;
 
+pub use linear_current::{Electrical, LinearCurrent};
 pub use points::{Abscissa, OperatingPoint, Place, Points, Regime};
 pub use scheme::{Blend, BlendFraction, Scheme};
 
 use crate::bridge::{Drive, Mode};
-use crate::units::Control;
+use crate::units::{Control, Duty};
 
 /// A control value turned into a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,19 +26,71 @@ pub struct Placement {
     pub drive: Drive,
 }
 
-/// Regime, mode and duty of a control value at an operating point.
-///
-/// Counter-clockwise motion is the mirror image: the control value is negated before it is placed,
-/// and 9/8 and 6/2 change places after.
+impl Placement {
+    /// Counter-clockwise motion is the mirror image: 9/8 and 6/2 change places.
+    const fn new(regime: Regime, duty: Duty, counter_clockwise: bool) -> Self {
+        let mode = match regime {
+            Regime::Forward => Mode::Cw98,
+            Regime::Braking => Mode::Brake50,
+            Regime::Reverse => Mode::Ccw62,
+        };
+        let mode = if counter_clockwise { mode.mirrored() } else { mode };
+        Self { regime, drive: Drive { mode, duty } }
+    }
+}
+
+/// How the duty is found within a regime.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum DutyRule {
+    /// Linear between the points, as in the paper.
+    LinearDuty,
+    /// Such that the mean current is linear between the points.
+    LinearCurrent(LinearCurrent),
+}
+
+impl DutyRule {
+    /// Regime, mode and duty of a control value at an operating point.
+    pub const fn place(&self, scheme: Scheme, at: OperatingPoint, control: Control) -> Placement {
+        match self {
+            Self::LinearDuty => place(scheme, at, control),
+            Self::LinearCurrent(winding) => place_current(winding, scheme, at, control),
+        }
+    }
+}
+
+/// The control value as a motor that turns CW would be given it.
+const fn clockwise(at: OperatingPoint, control: Control) -> Control {
+    if at.counter_clockwise() { Control::new(-control.get()) } else { control }
+}
+
+/// Regime, mode and duty of a control value at an operating point; the duty is linear between the
+/// points (paper, section 1.3).
 pub const fn place(scheme: Scheme, at: OperatingPoint, control: Control) -> Placement {
-    let mirrored = at.counter_clockwise();
-    let clockwise_control = if mirrored { Control::new(-control.get()) } else { control };
-    let Place { regime, fraction } = Points::new(scheme, at).place(clockwise_control);
-    let mode = match regime {
-        Regime::Forward => Mode::Cw98,
-        Regime::Braking => Mode::Brake50,
-        Regime::Reverse => Mode::Ccw62,
+    let Place { regime, fraction } = Points::new(scheme, at).place(clockwise(at, control));
+    Placement::new(regime, fraction, at.counter_clockwise())
+}
+
+/// Regime, mode and duty such that the motor's mean current is the one on the scheme's straight lines
+/// from S over T and Z to G.
+///
+/// With [`Scheme::ForwardReverse`], which says nothing of current, the same as [`place`].
+pub const fn place_current(
+    winding: &LinearCurrent,
+    scheme: Scheme,
+    at: OperatingPoint,
+    control: Control,
+) -> Placement {
+    let (e, v) = at.sixteenths();
+    let Some(w) = scheme.current(e, v, clockwise(at, control)) else {
+        return place(scheme, at, control);
     };
-    let mode = if mirrored { mode.mirrored() } else { mode };
-    Placement { regime, drive: Drive { mode, duty: fraction } }
+    let (regime, duty) = if w > 0 {
+        (Regime::Forward, winding.drive(w, e, v))
+    } else if w >= -e {
+        (Regime::Braking, winding.brake(-w, e, v))
+    } else {
+        (Regime::Reverse, winding.drive(-w, -e, v))
+    };
+    Placement::new(regime, duty, at.counter_clockwise())
 }

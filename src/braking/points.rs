@@ -37,6 +37,11 @@ impl OperatingPoint {
         self.counter_clockwise
     }
 
+    /// |emf| and battery voltage in 1/16 mV: below 2^21 and below 2^20.
+    pub(super) const fn sixteenths(self) -> (i32, i32) {
+        (((self.emf + (1 << 15)) >> 16) as i32, (self.battery >> 16) as i32)
+    }
+
     /// True if the back EMF is at least the battery voltage: the battery can push no current.
     pub const fn is_overrun(self) -> bool {
         self.emf >= self.battery
