@@ -2,7 +2,9 @@
 
 use crate::braking::{self, DutyRule, LinearCurrent, OperatingPoint, Placement, Regime, Scheme};
 use crate::bridge::Drive;
-use crate::motion::{Pid, Pidf, Reading, Tick, VelocityEstimator, pid::PidInput};
+use crate::motion::guard::{Evidence, Finding};
+use crate::motion::pid::PidInput;
+use crate::motion::{EncoderFault, Guard, Pid, Pidf, Reading, Tick, VelocityEstimator};
 use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
 
 /// A reading older than this is none: the counters are sampled every millisecond.
@@ -123,12 +125,15 @@ pub struct Faults {
     pub battery_unknown: bool,
     /// No encoder reading for 20 ms. Constant power runs on without one.
     pub encoder_stale: bool,
+    /// The encoder of a regulated motor does not count, or counts the wrong way. Latched until the
+    /// motor is disabled; constant power runs on.
+    pub encoder: Option<EncoderFault>,
 }
 
 impl Faults {
     /// True if there is one.
     pub const fn any(self) -> bool {
-        self.battery_unknown || self.encoder_stale
+        self.battery_unknown || self.encoder_stale || self.encoder.is_some()
     }
 }
 
@@ -150,6 +155,8 @@ pub struct Report {
     pub drive: Drive,
     /// In regulated position and within the tolerance.
     pub at_target: bool,
+    /// Regulated, under effort, and held against a stop.
+    pub stalled: bool,
     /// What keeps it from obeying.
     pub faults: Faults,
 }
@@ -164,7 +171,8 @@ impl Report {
         regime: None,
         drive: Drive::COAST,
         at_target: false,
-        faults: Faults { battery_unknown: false, encoder_stale: false },
+        stalled: false,
+        faults: Faults { battery_unknown: false, encoder_stale: false, encoder: None },
     };
 }
 
@@ -173,11 +181,21 @@ impl Report {
 pub struct Motor {
     settings: Settings,
     setpoint: Setpoint,
+    period: Period,
     tick: Tick,
     velocity: VelocityEstimator,
     velocity_loop: Pid,
     position_loop: Pid,
+    guard: Guard,
+    /// Latched until the motor is disabled.
+    encoder_fault: Option<EncoderFault>,
+    stalled: bool,
     position: i32,
+    /// Counts since the last tick.
+    moved: i32,
+    /// The velocity loop's set-point and output at the last tick; 0 if it was not in use.
+    asked: CountsPerSecond,
+    applied: Control,
     /// The last control value had no effect.
     coasting: bool,
 }
@@ -188,11 +206,18 @@ impl Motor {
         Self {
             settings,
             setpoint: Setpoint::Disabled,
+            period,
             tick: Tick::new(period),
             velocity: VelocityEstimator::new(period),
             velocity_loop: Pid::default(),
             position_loop: Pid::default(),
+            guard: Guard::default(),
+            encoder_fault: None,
+            stalled: false,
             position: 0,
+            moved: 0,
+            asked: CountsPerSecond::ZERO,
+            applied: Control::ZERO,
             coasting: true,
         }
     }
@@ -203,11 +228,15 @@ impl Motor {
         self.settings = settings;
     }
 
-    /// Takes effect at the next step. A change of run mode starts its loops afresh.
+    /// Takes effect at the next step. A change of run mode starts its loops afresh; disabling the
+    /// motor ends a latched fault.
     pub fn set(&mut self, setpoint: Setpoint) {
         if setpoint.regulation() != self.setpoint.regulation() {
             self.velocity_loop.reset();
             self.position_loop.reset();
+        }
+        if setpoint == Setpoint::Disabled {
+            self.encoder_fault = None;
         }
         self.setpoint = setpoint;
     }
@@ -222,17 +251,20 @@ impl Motor {
         let reading = reading.filter(|reading| now.since(reading.at) <= STALE_MICROS);
         let velocity = match reading {
             Some(reading) => {
+                self.moved = reading.position.wrapping_sub(self.position);
                 self.position = reading.position;
                 self.velocity.step(reading)
             }
             None => self.velocity.get(),
         };
-        let faults = Faults { battery_unknown: battery.is_none(), encoder_stale: reading.is_none() };
         let operating_point =
             battery.and_then(|battery| OperatingPoint::new(self.settings.emf.emf(velocity), battery));
 
         let output = operating_point.and_then(|at| self.output(at, velocity, reading.is_some()));
         self.coasting = output.is_none();
+        if self.coasting || self.setpoint.regulation() == Regulation::None {
+            self.unwatch();
+        }
         Report {
             setpoint: self.setpoint,
             position: self.position,
@@ -241,7 +273,12 @@ impl Motor {
             regime: output.map(|(_, placement)| placement.regime),
             drive: output.map_or(Drive::COAST, |(_, placement)| placement.drive),
             at_target: self.at_target(),
-            faults,
+            stalled: self.stalled,
+            faults: Faults {
+                battery_unknown: battery.is_none(),
+                encoder_stale: reading.is_none(),
+                encoder: self.encoder_fault,
+            },
         }
     }
 
@@ -255,7 +292,7 @@ impl Motor {
         let target = match self.setpoint {
             Setpoint::Disabled => return None,
             Setpoint::ConstantPower(power) => return self.open_loop(at, power).map(|p| (power, p)),
-            Setpoint::Velocity(_) | Setpoint::Position { .. } if !encoder => return None,
+            _ if !encoder || self.encoder_fault.is_some() => return None,
             Setpoint::Velocity(target) if target == CountsPerSecond::ZERO && self.floats() => {
                 self.velocity_loop.reset();
                 return None;
@@ -263,21 +300,59 @@ impl Motor {
             Setpoint::Velocity(target) => target,
             Setpoint::Position { target, speed_limit, .. } => self.approach(target, speed_limit),
         };
-        let target_bits = i64::from(target.to_bits());
+        let control = match self.watch(at, velocity) {
+            Finding::Fault(fault) => {
+                self.encoder_fault = Some(fault);
+                return None;
+            }
+            Finding::Probe(control) => control,
+            Finding::Sound | Finding::Stalled => self.regulate(target, velocity),
+        };
+        self.asked = target;
+        self.applied = control;
+        Some((control, self.settings.duty.place(self.settings.scheme, at, control)))
+    }
+
+    /// The velocity loop: the control value for a set-point.
+    fn regulate(&mut self, target: CountsPerSecond, velocity: CountsPerSecond) -> Control {
+        let target = i64::from(target.to_bits());
         let measured = i64::from(velocity.to_bits());
         let output = self.velocity_loop.step(
             &self.settings.velocity,
             self.tick,
             PidInput {
-                error: target_bits - measured,
+                error: target - measured,
                 measured,
-                feed_forward: target_bits,
+                feed_forward: target,
                 limit: i64::from(Control::MAX.get()) << 8,
                 hold: self.coasting,
             },
         );
-        let control = Control::saturating((output + (1 << 7)) >> 8);
-        Some((control, self.settings.duty.place(self.settings.scheme, at, control)))
+        Control::saturating((output + (1 << 7)) >> 8)
+    }
+
+    /// What the encoder's answer to the last tick's control value says of the encoder.
+    fn watch(&mut self, at: OperatingPoint, velocity: CountsPerSecond) -> Finding {
+        let finding = self.guard.step(
+            self.period,
+            Evidence {
+                control: self.applied,
+                target: self.asked,
+                moved: self.moved,
+                velocity,
+                fast: at.is_above_a_tenth(),
+            },
+        );
+        self.stalled = finding == Finding::Stalled;
+        finding
+    }
+
+    /// Nothing is expected of the encoder.
+    fn unwatch(&mut self) {
+        self.guard = Guard::default();
+        self.stalled = false;
+        self.asked = CountsPerSecond::ZERO;
+        self.applied = Control::ZERO;
     }
 
     fn floats(&self) -> bool {

@@ -42,6 +42,11 @@ impl OperatingPoint {
         (((self.emf + (1 << 15)) >> 16) as i32, (self.battery >> 16) as i32)
     }
 
+    /// True if the back EMF is above a tenth of the battery voltage.
+    pub const fn is_above_a_tenth(self) -> bool {
+        10 * self.emf > self.battery
+    }
+
     /// True if the back EMF is at least the battery voltage: the battery can push no current.
     pub const fn is_overrun(self) -> bool {
         self.emf >= self.battery

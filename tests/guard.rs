@@ -1,0 +1,295 @@
+//! An encoder that is unplugged or reversed is noticed; a motor that is merely held is not taken for it.
+
+use motor_hub::bridge::{Drive, Mode};
+use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
+use motor_hub::model::catalogue::{self, Motor};
+use motor_hub::model::load::Load;
+use motor_hub::model::plant::{self, Plant};
+use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Ohms, Seconds, Volts};
+use motor_hub::model::switching::Bridge;
+use motor_hub::motion::{EncoderFault, Tracker};
+use motor_hub::motor::{Setpoint, Settings};
+use motor_hub::supply::Battery;
+use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
+
+const BRIDGE: Bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
+
+fn neverest_60() -> Motor {
+    let entry = catalogue::find("AM 60 A").expect("known");
+    entry.motor.expect("characterised").with_measured_rotor_inertia()
+}
+
+/// One motor, its load and its wiring.
+struct Axis {
+    plant: Plant,
+    tracker: Tracker,
+    plugged: bool,
+    reversed: bool,
+    /// Last count that came through before the plug was pulled.
+    count: i64,
+    /// Output torque.
+    torque: f64,
+    /// Motor angles at which hard stops are, in radians.
+    stops: (f64, f64),
+}
+
+impl Axis {
+    fn new() -> Self {
+        let load = Load { inertia_after: KgM2(0.05), ..Load::NONE };
+        Self {
+            plant: Plant::new(neverest_60(), load, BRIDGE, Hertz(20_000.0)),
+            tracker: Tracker::default(),
+            plugged: true,
+            reversed: false,
+            count: 0,
+            torque: 0.0,
+            stops: (f64::NEG_INFINITY, f64::INFINITY),
+        }
+    }
+
+    fn run_ms(&mut self, drive: Drive) {
+        let mut command = plant::Command::pwm(drive.mode, drive.duty.to_f64());
+        command.torque_after = NewtonMetres(self.torque);
+        self.plant.run(Seconds(1e-3), command, Volts(12.0));
+        let angle = self.plant.angle();
+        let held = angle.clamp(self.stops.0, self.stops.1);
+        if held != angle {
+            self.plant.place(self.plant.current(), motor_hub::model::si::RadPerSec(0.0), held);
+        }
+        if self.plugged {
+            self.count = self.plant.counts();
+        }
+    }
+}
+
+/// A hub with `N` axes, run in steps of a millisecond.
+struct Bench<const N: usize> {
+    hub: Hub<N>,
+    axes: [Axis; N],
+    drives: [Drive; N],
+    ms: u64,
+    snapshot: Snapshot<N>,
+}
+
+impl<const N: usize> Bench<N> {
+    fn new(period_ms: u32) -> Self {
+        let settings = Settings::new(EmfConstant::from_bits(4_180_495).expect("in range"));
+        Self {
+            hub: Hub::new([settings; N], Period::from_millis(period_ms).expect("period")),
+            axes: std::array::from_fn(|_| Axis::new()),
+            drives: [Drive::COAST; N],
+            ms: 0,
+            snapshot: Snapshot::INITIAL,
+        }
+    }
+
+    fn set(&mut self, motor: usize, setpoint: Setpoint) {
+        self.hub.apply(Command { motor, action: Action::Set(setpoint) }).expect("motor");
+    }
+
+    fn run_ms(&mut self, ms: u64) {
+        for _ in 0..ms {
+            self.ms += 1;
+            let now = Micros(self.ms * 1000);
+            let mut readings = self.axes.each_mut().map(|axis| axis.tracker.step(0, now));
+            for ((axis, drive), reading) in self.axes.iter_mut().zip(self.drives).zip(&mut readings) {
+                axis.run_ms(drive);
+                let count = if axis.reversed { -axis.count } else { axis.count };
+                *reading = axis.tracker.step(count as u16, now);
+            }
+            if self.ms.is_multiple_of(u64::from(self.hub.period().as_millis())) {
+                let battery = Some(Battery { voltage: Millivolts(12_000), at: now });
+                self.snapshot = self.hub.step(Inputs { now, readings: Some(readings), battery });
+                self.drives = self.snapshot.drives();
+            }
+        }
+    }
+
+    fn fault(&self, motor: usize) -> Option<EncoderFault> {
+        self.snapshot.motors[motor].faults.encoder
+    }
+
+    /// Milliseconds until there is a fault.
+    fn run_until_fault(&mut self, motor: usize) -> u64 {
+        let start = self.ms;
+        while self.fault(motor).is_none() {
+            self.run_ms(1);
+            assert!(self.ms - start < 5_000, "no fault: {:?}", self.snapshot.motors[motor]);
+        }
+        self.ms - start
+    }
+}
+
+fn velocity(cps: i32) -> Setpoint {
+    Setpoint::Velocity(CountsPerSecond::new(cps))
+}
+
+fn position(target: i32) -> Setpoint {
+    Setpoint::Position { target, tolerance: 10, speed_limit: CountsPerSecond::new(2_000) }
+}
+
+const PERIODS: [u32; 4] = [5, 10, 25, 50];
+
+#[test]
+fn an_encoder_that_is_unplugged_from_the_start_faults_within_250_ms_of_effort() {
+    for period in PERIODS {
+        for setpoint in [velocity(2_000), velocity(-1_500), position(50_000)] {
+            let mut bench = Bench::<1>::new(period);
+            bench.axes[0].plugged = false;
+            bench.set(0, setpoint);
+            let ms = bench.run_until_fault(0);
+            assert!(ms <= 250 + u64::from(period), "{period} ms period: after {ms} ms");
+            assert_eq!(bench.fault(0), Some(EncoderFault::Stuck));
+            assert_eq!(bench.drives, [Drive::COAST]);
+        }
+    }
+}
+
+#[test]
+fn an_encoder_that_is_unplugged_in_mid_run_faults_within_300_ms() {
+    for period in PERIODS {
+        let mut bench = Bench::<1>::new(period);
+        bench.set(0, velocity(1_500));
+        bench.run_ms(3_000);
+        assert_eq!(bench.fault(0), None);
+        bench.axes[0].plugged = false;
+        // Up to a period until the first tick without counts, and one until the effort is clear.
+        let ms = bench.run_until_fault(0);
+        assert!(ms <= 300, "{period} ms period: after {ms} ms");
+        assert_eq!(bench.fault(0), Some(EncoderFault::Stuck));
+    }
+}
+
+#[test]
+fn a_reversed_encoder_faults_within_250_ms_of_running_away() {
+    for period in PERIODS {
+        for cps in [2_000, -2_000] {
+            let mut bench = Bench::<1>::new(period);
+            bench.axes[0].reversed = true;
+            bench.set(0, velocity(cps));
+            // A tenth of the free speed is the clear case.
+            while bench.snapshot.motors[0].velocity.round().abs() < 301 {
+                bench.run_ms(1);
+            }
+            let ms = bench.run_until_fault(0);
+            assert!(ms <= 250, "{period} ms period: after {ms} ms");
+            assert_eq!(bench.fault(0), Some(EncoderFault::Reversed));
+            assert_eq!(bench.drives, [Drive::COAST]);
+        }
+    }
+}
+
+#[test]
+fn a_fault_stays_until_the_motor_is_disabled_and_disturbs_no_other_motor() {
+    let mut bench = Bench::<2>::new(50);
+    let mut alone = Bench::<2>::new(50);
+    bench.axes[0].plugged = false;
+    bench.set(0, velocity(2_000));
+    for bench in [&mut bench, &mut alone] {
+        bench.set(1, velocity(1_000));
+        bench.run_ms(2_000);
+    }
+    assert_eq!(bench.fault(0), Some(EncoderFault::Stuck));
+    assert_eq!(bench.snapshot.motors[1], alone.snapshot.motors[1]);
+
+    bench.axes[0].plugged = true;
+    bench.set(0, velocity(500));
+    bench.set(0, position(0));
+    bench.run_ms(200);
+    assert_eq!((bench.fault(0), bench.drives[0]), (Some(EncoderFault::Stuck), Drive::COAST));
+
+    bench.set(0, Setpoint::Disabled);
+    bench.set(0, velocity(500));
+    bench.run_ms(2_000);
+    assert_eq!(bench.fault(0), None);
+    assert!((bench.snapshot.motors[0].velocity.round() - 500).abs() < 25);
+}
+
+#[test]
+fn a_stall_against_a_hard_stop_is_told_from_an_unplugged_encoder() {
+    for period in PERIODS {
+        for cps in [1_500, -1_500] {
+            let mut bench = Bench::<1>::new(period);
+            bench.axes[0].stops = (-200.0, 200.0);
+            bench.set(0, velocity(cps));
+            bench.run_ms(5_000);
+            let report = bench.snapshot.motors[0];
+            assert_eq!(report.faults.encoder, None, "{period} ms, {cps} counts/s");
+            assert!(report.stalled, "{period} ms, {cps} counts/s: {report:?}");
+            // It goes on pushing, and comes away when it is told to.
+            assert!(report.control.get().abs() > 20_000);
+            bench.set(0, velocity(-cps));
+            bench.run_ms(500);
+            assert!(!bench.snapshot.motors[0].stalled);
+            assert_eq!(bench.fault(0), None);
+        }
+    }
+}
+
+#[test]
+fn a_stalled_motor_is_driven_away_from_the_stop_once_not_again_and_again() {
+    let mut bench = Bench::<1>::new(50);
+    bench.axes[0].stops = (-200.0, 200.0);
+    bench.set(0, velocity(1_500));
+    let mut probes = 0;
+    for _ in 0..200 {
+        bench.run_ms(50);
+        probes += u32::from(bench.drives[0].mode == Mode::Ccw62);
+    }
+    assert_eq!(probes, 1);
+}
+
+#[test]
+fn no_ordinary_scenario_raises_an_alarm() {
+    for period in [1, 10, 50, 100] {
+        for torque in [0.0, 2.0, -2.0] {
+            let mut bench = Bench::<1>::new(period);
+            bench.axes[0].torque = torque;
+            // Reversals at full speed, a standstill held against the load, creeping, positions.
+            for setpoint in [
+                velocity(2_700),
+                velocity(-2_700),
+                velocity(0),
+                velocity(20),
+                velocity(-20),
+                position(8_000),
+                position(-8_000),
+                Setpoint::ConstantPower(Control::MAX),
+                velocity(-2_000),
+                Setpoint::ConstantPower(Control::ZERO),
+                velocity(2_700),
+            ] {
+                bench.set(0, setpoint);
+                for _ in 0..40 {
+                    bench.run_ms(50);
+                    let report = bench.snapshot.motors[0];
+                    assert!(!report.faults.any() && !report.stalled, "{period} ms {torque} N m {report:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn open_loop_power_needs_no_encoder() {
+    let mut bench = Bench::<1>::new(50);
+    bench.axes[0].plugged = false;
+    bench.set(0, Setpoint::ConstantPower(Control::MAX));
+    bench.run_ms(3_000);
+    assert_eq!(bench.fault(0), None);
+    assert_eq!(bench.drives[0].mode, Mode::Cw98);
+}
+
+#[test]
+fn an_overhauling_load_within_the_motors_torque_is_no_reversed_encoder() {
+    let mut bench = Bench::<1>::new(50);
+    bench.set(0, velocity(1_000));
+    bench.run_ms(2_000);
+    // Three quarters of the stall torque against it, then gone.
+    bench.axes[0].torque = -2.6;
+    bench.run_ms(3_000);
+    bench.axes[0].torque = 0.0;
+    bench.run_ms(3_000);
+    assert_eq!(bench.fault(0), None);
+    assert!((bench.snapshot.motors[0].velocity.round() - 1_000).abs() < 25);
+}
