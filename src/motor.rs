@@ -10,6 +10,9 @@ use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Micros, M
 /// A reading older than this is none: the counters are sampled every millisecond.
 pub const STALE_MICROS: u64 = 20_000;
 
+/// Counts that still fit 32 bits in steps of 1/256.
+const FAR: i32 = (1 << 23) - 1;
+
 /// What a zero set-point means in constant power and in regulated velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -315,20 +318,19 @@ impl Motor {
 
     /// The velocity loop: the control value for a set-point.
     fn regulate(&mut self, target: CountsPerSecond, velocity: CountsPerSecond) -> Control {
-        let target = i64::from(target.to_bits());
-        let measured = i64::from(velocity.to_bits());
+        let (target, measured) = (target.to_bits(), velocity.to_bits());
         let output = self.velocity_loop.step(
             &self.settings.velocity,
             self.tick,
             PidInput {
-                error: target - measured,
+                error: target.saturating_sub(measured),
                 measured,
                 feed_forward: target,
-                limit: i64::from(Control::MAX.get()) << 8,
+                limit: i32::from(Control::MAX.get()) << 8,
                 hold: self.coasting,
             },
         );
-        Control::saturating((output + (1 << 7)) >> 8)
+        Control::saturating(i64::from((output + (1 << 7)) >> 8))
     }
 
     /// What the encoder's answer to the last tick's control value says of the encoder.
@@ -369,19 +371,20 @@ impl Motor {
 
     /// The position loop: the velocity to go at now.
     fn approach(&mut self, target: i32, speed_limit: CountsPerSecond) -> CountsPerSecond {
-        let distance = i64::from(target.wrapping_sub(self.position)) << 8;
+        // From 8 million counts on it is far enough.
+        let distance = target.wrapping_sub(self.position).clamp(-FAR, FAR);
         let bits = self.position_loop.step(
             &self.settings.position,
             self.tick,
             PidInput {
-                error: distance,
-                measured: i64::from(self.position) << 8,
+                error: distance << 8,
+                measured: self.position.wrapping_shl(8),
                 feed_forward: 0,
-                limit: i64::from(speed_limit.to_bits()).abs(),
+                limit: speed_limit.to_bits().saturating_abs(),
                 hold: self.coasting,
             },
         );
-        CountsPerSecond::saturating_from_bits(bits)
+        CountsPerSecond::saturating_from_bits(bits.into())
     }
 
     fn at_target(&self) -> bool {

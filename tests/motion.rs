@@ -144,9 +144,9 @@ fn q16(value: f64) -> Coefficient {
     Coefficient::from_bits((value * 65_536.0).round() as i32).expect("not negative")
 }
 
-const LIMIT: i64 = 32_767 << 8;
+const LIMIT: i32 = 32_767 << 8;
 
-fn input(error: i64, measured: i64) -> PidInput {
+fn input(error: i32, measured: i32) -> PidInput {
     PidInput { error: error << 8, measured: measured << 8, feed_forward: 0, limit: LIMIT, hold: false }
 }
 
@@ -218,12 +218,18 @@ fn no_input_or_coefficient_overflows() {
     let gains = Pidf { p: most, i: most, d: most, f: most };
     for period in [1, 100] {
         let tick = Tick::new(Period::from_millis(period).expect("period"));
-        let ends = [-(1i64 << 31), -1, 0, 1, 1 << 31, i64::from(i32::MAX) << 8, -(i64::from(i32::MAX) << 8)];
+        let ends = [i32::MIN, -i32::MAX, -1, 0, 1, i32::MAX];
         let mut pid = Pid::default();
         for error in ends {
             for measured in ends {
-                for limit in [0, 256, LIMIT, 1 << 31] {
-                    let input = PidInput { error, measured, feed_forward: -error, limit, hold: false };
+                for limit in [0, 256, LIMIT, i32::MAX] {
+                    let input = PidInput {
+                        error,
+                        measured,
+                        feed_forward: error.saturating_neg(),
+                        limit,
+                        hold: false,
+                    };
                     assert!(pid.step(&gains, tick, input).abs() <= limit);
                 }
             }

@@ -37,17 +37,18 @@ impl Tick {
     }
 }
 
-/// What a loop is given each tick, in steps of 1/256 of its unit. |value| at most 2^31.
+/// What a loop is given each tick, in steps of 1/256 of its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PidInput {
     /// Set-point minus measurement.
-    pub error: i64,
-    /// Measurement.
-    pub measured: i64,
+    pub error: i32,
+    /// Measurement; it may wrap, as positions do, so half of the range is the most that it may change
+    /// in a tick.
+    pub measured: i32,
     /// What F multiplies.
-    pub feed_forward: i64,
+    pub feed_forward: i32,
     /// The output's largest magnitude, in steps of 1/256, above 0.
-    pub limit: i64,
+    pub limit: i32,
     /// True if the last output had no effect, because the bridge was coasting: the integrator holds.
     pub hold: bool,
 }
@@ -57,7 +58,7 @@ pub struct PidInput {
 pub struct Pid {
     /// In steps of 2^-16 of the output's unit.
     integral: i64,
-    last_measured: Option<i64>,
+    last_measured: Option<i32>,
 }
 
 /// Rates of change are kept below this (32 control ranges) before they are multiplied by a
@@ -69,13 +70,14 @@ impl Pid {
     ///
     /// Anti-windup: the integrator moves only if the output does not saturate, or if it moves the
     /// output back into its range, and never beyond the range by itself.
-    pub fn step(&mut self, gains: &Pidf, tick: Tick, input: PidInput) -> i64 {
-        let limit = input.limit << 8;
+    pub fn step(&mut self, gains: &Pidf, tick: Tick, input: PidInput) -> i32 {
+        let limit = i64::from(input.limit) << 8;
         let p = product(gains.p, input.error);
         let f = product(gains.f, input.feed_forward);
         let d = match self.last_measured {
             Some(last) => {
-                let change = product(gains.d, input.measured - last).clamp(-RATE_BOUND, RATE_BOUND);
+                let change =
+                    product(gains.d, input.measured.wrapping_sub(last)).clamp(-RATE_BOUND, RATE_BOUND);
                 -((change * tick.per_second) >> 16)
             }
             None => 0,
@@ -89,7 +91,8 @@ impl Pid {
         if !input.hold && !deeper {
             self.integral = (self.integral + increment).clamp(-limit, limit);
         }
-        output >> 8
+        // Within the limit, which is 32 bits.
+        (output >> 8) as i32
     }
 
     /// Forgets the past, as when a loop is switched on.
@@ -99,7 +102,6 @@ impl Pid {
 }
 
 /// Coefficient (Q16) times value (Q8), in Q16: below 2^54.
-fn product(coefficient: Coefficient, value: i64) -> i64 {
-    let value = value.clamp(-(1 << 31), 1 << 31);
-    (i64::from(coefficient.to_bits()) * value) >> 8
+fn product(coefficient: Coefficient, value: i32) -> i64 {
+    (i64::from(coefficient.to_bits()) * i64::from(value)) >> 8
 }

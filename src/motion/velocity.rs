@@ -12,14 +12,14 @@
 //! 50 ms, and none once every sample sees a count.
 
 use super::encoder::Reading;
-use crate::units::{CountsPerSecond, Period};
+use crate::units::{CountsPerSecond, Micros, Period};
 use heapless::Deque;
 
 /// Readings of a 20 ms window at the shortest period.
 const CAPACITY: usize = 20;
 
 /// Speed bits (1/256 count/s) of one count per microsecond.
-const PER_MICROSECOND: i64 = 256_000_000;
+const PER_MICROSECOND: u32 = 256_000_000;
 
 /// Velocity of one motor.
 #[derive(Clone, Debug)]
@@ -44,22 +44,23 @@ impl VelocityEstimator {
             let _ = self.history.push_back(new);
             return self.estimate;
         };
-        let moved = i64::from(new.position.wrapping_sub(old.position));
-        let counts = moved.abs();
+        let moved = new.position.wrapping_sub(old.position);
+        let counts = moved.unsigned_abs();
         let window = new.at.since(old.at);
         // From the last edge before the window, unless that is so long ago that the motor was at
         // rest: several counts then began within the window.
         let at_rest = old.at.since(old.edge_at) > window;
         let from = if at_rest && counts > 1 { old.at } else { old.edge_at };
 
-        let speed = if moved == 0 {
-            i64::from(self.estimate.to_bits())
+        let (size, negative) = if counts == 0 {
+            (self.estimate.to_bits().unsigned_abs().into(), self.estimate.to_bits() < 0)
         } else {
-            rate(moved, new.edge_at.since(from))
+            (rate(counts, interval(new.edge_at, from)), moved < 0)
         };
         // Since the last edge less than one count has passed.
-        let most = rate(counts + 1, new.at.since(from));
-        self.estimate = CountsPerSecond::saturating_from_bits(speed.clamp(-most, most));
+        let most = rate(counts.saturating_add(1), interval(new.at, from));
+        let size = size.min(most).cast_signed();
+        self.estimate = CountsPerSecond::saturating_from_bits(if negative { -size } else { size });
 
         while self.history.len() >= self.ticks {
             self.history.pop_front();
@@ -74,8 +75,18 @@ impl VelocityEstimator {
     }
 }
 
-/// `counts` in `micros` as speed bits. |counts| is below 2^33, so the product fits.
-fn rate(counts: i64, micros: u64) -> i64 {
-    let micros = i64::try_from(micros).unwrap_or(i64::MAX).max(1);
-    counts * PER_MICROSECOND / micros
+/// At least 1, at most 71 minutes.
+fn interval(to: Micros, from: Micros) -> u32 {
+    u32::try_from(to.since(from)).unwrap_or(u32::MAX).max(1)
+}
+
+/// `counts` in `micros` (at least 1) as speed bits, rounded down; below 2^60.
+fn rate(counts: u32, micros: u32) -> u64 {
+    // 32-bit divisions where they do: always, unless a million counts come in a window.
+    let (whole, rest) = (PER_MICROSECOND / micros, PER_MICROSECOND % micros);
+    let below_one = match counts.checked_mul(rest) {
+        Some(product) => (product / micros).into(),
+        None => u64::from(counts) * u64::from(rest) / u64::from(micros),
+    };
+    u64::from(counts) * u64::from(whole) + below_one
 }
