@@ -1,0 +1,110 @@
+//! Axes: a linear map from data to pixels, and round numbers to mark it with.
+
+/// A linear axis: data from `low` to `high` on pixels from `start` to `end`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scale {
+    low: f64,
+    high: f64,
+    start: f64,
+    end: f64,
+    /// Distance of its marks.
+    step: f64,
+}
+
+/// One mark of an axis.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Tick {
+    /// Where it stands, in data units.
+    pub value: f64,
+    /// What is written beside it.
+    pub label: String,
+}
+
+impl Scale {
+    /// An axis over exactly `low..high` with at most about `marks` marks; an empty or non-finite range
+    /// becomes one of width 1.
+    pub(super) fn exact((low, high): (f64, f64), (start, end): (f64, f64), marks: usize) -> Self {
+        let usable = low.is_finite() && high.is_finite() && low < high;
+        let (low, high) = match (usable, low.is_finite()) {
+            (true, _) => (low, high),
+            (false, true) => (low - 0.5, low + 0.5),
+            (false, false) => (0.0, 1.0),
+        };
+        Self { low, high, start, end, step: round_step((high - low) / marks.max(1) as f64) }
+    }
+
+    /// An axis that ends on round numbers around `range`.
+    pub(super) fn rounded(range: (f64, f64), pixels: (f64, f64), marks: usize) -> Self {
+        let Self { low, high, start, end, step } = Self::exact(range, pixels, marks);
+        // The tolerance keeps data that ends on a mark, but for rounding, from gaining an empty step.
+        let low = step * (low / step + 1e-6).floor();
+        let high = step * (high / step - 1e-6).ceil();
+        Self { low, high, start, end, step }
+    }
+
+    /// Where `value` lies, in pixels.
+    pub(super) fn pixel(&self, value: f64) -> f64 {
+        self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
+    }
+
+    /// Lowest and highest value of the axis, in data units.
+    pub(super) fn range(&self) -> (f64, f64) {
+        (self.low, self.high)
+    }
+
+    /// Round numbers inside the axis.
+    pub(super) fn ticks(&self) -> Vec<Tick> {
+        let step = self.step;
+        let digits = (-step.log10().floor()).max(0.0) as usize;
+        let first = (self.low / step - 1e-6).ceil() as i64;
+        let last = (self.high / step + 1e-6).floor() as i64;
+        (first..=last)
+            .map(|n| {
+                let value = n as f64 * step;
+                Tick { value, label: format!("{value:.digits$}").replace('-', "\u{2212}") }
+            })
+            .collect()
+    }
+}
+
+/// The least of 1, 2 and 5 times a power of ten that is not below `least`, above 0.
+fn round_step(least: f64) -> f64 {
+    let power = 10f64.powf(least.log10().floor());
+    let factor = [1.0, 2.0, 5.0].into_iter().find(|f| f * power >= least * 0.999).unwrap_or(10.0);
+    factor * power
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(scale: Scale) -> Vec<String> {
+        scale.ticks().into_iter().map(|tick| tick.label).collect()
+    }
+
+    #[test]
+    fn marks_are_round_and_inside() {
+        assert_eq!(labels(Scale::exact((-0.3, 10.0), (0.0, 100.0), 5)), ["0", "5", "10"]);
+        let fine = Scale::exact((-0.07, 0.06), (0.0, 100.0), 3);
+        assert_eq!(labels(fine), ["\u{2212}0.05", "0.00", "0.05"]);
+    }
+
+    #[test]
+    fn rounding_keeps_the_data_inside_and_adds_no_empty_step() {
+        assert_eq!(Scale::rounded((0.0, 10.0), (0.0, 1.0), 5).range(), (0.0, 10.0));
+        assert_eq!(Scale::rounded((-3.0, 9.1), (0.0, 1.0), 5).range(), (-5.0, 10.0));
+    }
+
+    #[test]
+    fn a_rounded_axis_is_marked_at_both_ends() {
+        let marks = labels(Scale::rounded((-2.1, 3.4), (0.0, 1.0), 3));
+        assert_eq!(marks, ["\u{2212}4", "\u{2212}2", "0", "2", "4"]);
+    }
+
+    #[test]
+    fn an_empty_range_still_has_a_width() {
+        assert_eq!(Scale::exact((2.0, 2.0), (0.0, 1.0), 4).range(), (1.5, 2.5));
+        let nothing = (f64::INFINITY, f64::NEG_INFINITY);
+        assert_eq!(Scale::exact(nothing, (0.0, 1.0), 4).range(), (0.0, 1.0));
+    }
+}

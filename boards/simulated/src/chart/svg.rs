@@ -1,0 +1,117 @@
+//! The few SVG elements that a figure is made of, written as text.
+
+use std::fmt::Write;
+
+/// The text face; [`super::png`] brings the first of these along.
+const FONT: &str = "Ubuntu, 'DejaVu Sans', Verdana, sans-serif";
+
+/// How a text stands to its point.
+#[derive(Clone, Copy)]
+pub(super) enum Anchor {
+    /// The point is at the text's left end.
+    Start,
+    /// The point is at its middle.
+    Middle,
+    /// The point is at its right end.
+    End,
+}
+
+/// A line's look: colour, width in pixels, dash pattern ("" for a solid line).
+#[derive(Clone, Copy)]
+pub(super) struct Stroke<'a> {
+    /// Any SVG colour.
+    pub colour: &'a str,
+    /// Width in pixels.
+    pub width: f64,
+    /// Lengths of dashes and gaps in pixels.
+    pub dash: &'a str,
+}
+
+/// An SVG document under construction.
+pub(super) struct Canvas {
+    body: String,
+}
+
+impl Canvas {
+    /// A white page of `width` x `height` pixels; `title` is what a screen reader says.
+    pub(super) fn new(width: f64, height: f64, title: &str) -> Self {
+        let body = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+             viewBox=\"0 0 {width} {height}\" font-family=\"{FONT}\">\n\
+             <title>{}</title>\n\
+             <rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n",
+            escaped(title)
+        );
+        Self { body }
+    }
+
+    /// Ends the document.
+    pub(super) fn finish(mut self) -> String {
+        self.body.push_str("</svg>\n");
+        self.body
+    }
+
+    /// A filled rectangle from `(x, y)`, top left.
+    pub(super) fn rect(&mut self, (x, y): (f64, f64), (width, height): (f64, f64), fill: &str) {
+        self.element(format_args!(
+            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" fill=\"{fill}\"/>"
+        ));
+    }
+
+    /// A filled circle.
+    pub(super) fn disc(&mut self, (x, y): (f64, f64), radius: f64, fill: &str) {
+        self.element(format_args!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\" fill=\"{fill}\"/>"));
+    }
+
+    /// A line through all `points`.
+    pub(super) fn polyline(&mut self, points: &[(f64, f64)], stroke: Stroke) {
+        let Stroke { colour, width, dash } = stroke;
+        let mut list = String::with_capacity(points.len() * 12);
+        for (x, y) in points {
+            // Writing to a String cannot fail.
+            let _ = write!(list, "{x:.1},{y:.1} ");
+        }
+        let dash = if dash.is_empty() { String::new() } else { format!(" stroke-dasharray=\"{dash}\"") };
+        self.element(format_args!(
+            "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" \
+             stroke-linejoin=\"round\"{dash}/>",
+            list.trim_end()
+        ));
+    }
+
+    /// A text of `size` pixels with its base line at `at`.
+    pub(super) fn text(&mut self, (x, y): (f64, f64), anchor: Anchor, size: f64, fill: &str, text: &str) {
+        let anchor = match anchor {
+            Anchor::Start => "start",
+            Anchor::Middle => "middle",
+            Anchor::End => "end",
+        };
+        let text = escaped(text);
+        self.element(format_args!(
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" font-size=\"{size}\" \
+             fill=\"{fill}\">{text}</text>"
+        ));
+    }
+
+    fn element(&mut self, element: std::fmt::Arguments) {
+        let _ = writeln!(self.body, "{element}");
+    }
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_cannot_break_out_of_its_element() {
+        let mut canvas = Canvas::new(10.0, 10.0, "a < b & c");
+        canvas.text((0.0, 0.0), Anchor::Start, 12.0, "#000", "</text><x>");
+        let svg = canvas.finish();
+        assert!(svg.contains("a &lt; b &amp; c"));
+        assert!(svg.contains("&lt;/text&gt;&lt;x&gt;"));
+    }
+}

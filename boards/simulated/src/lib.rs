@@ -1,0 +1,25 @@
+//! The host as a board: the hub's own async tasks under virtual time against simulated motors.
+//!
+//! ```text
+//!     scenario --> sim: tasks of motor-hub <--> world: plants, battery --> trace
+//!                                                                            |
+//!     tables, charts, CSV, JSON <-- report <-- measures <--------------------+
+//! ```
+//!
+//! [`cli`] is the command line `motor-hub`; `points`, `map` and `eval` ask the firmware's core
+//! directly, without a run.
+#![forbid(unsafe_code)]
+
+pub mod catalogue;
+pub mod chart;
+pub mod cli;
+pub mod eval;
+pub mod measures;
+pub mod operating;
+pub mod report;
+pub mod scenario;
+pub mod scheme;
+pub mod sim;
+pub mod table;
+pub mod trace;
+pub mod world;

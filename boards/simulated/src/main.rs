@@ -1,0 +1,5 @@
+//! `motor-hub`: see `motor-hub --help`.
+
+fn main() -> std::process::ExitCode {
+    simulated::cli::main()
+}

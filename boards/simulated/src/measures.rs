@@ -1,0 +1,217 @@
+//! What a run was like, in numbers: how fast set-points were reached, how gently the motor slowed
+//! down, which regimes it was in, what the battery gave and got.
+
+use crate::scenario::Motor;
+use crate::trace::{Sample, Trace};
+use motor_hub::braking::Regime;
+use motor_hub::motor::Setpoint;
+use serde::Serialize;
+
+/// A velocity has settled when it stays this close, as a share of the larger of old and new speed.
+const BAND: f64 = 0.02;
+
+/// Everything measured of one motor in one run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Measures {
+    /// Answers to changes of a regulated set-point or of the external torque.
+    pub responses: Vec<Response>,
+    /// How abruptly it slowed down.
+    pub deceleration_jerk: Jerk,
+    /// Shares of the control ticks, in percent.
+    pub regimes: RegimeShares,
+    /// Energy taken from the battery by this motor's bridge, in joules.
+    pub energy_from_battery_j: f64,
+    /// Energy that its bridge returned, in joules.
+    pub energy_to_battery_j: f64,
+}
+
+/// The answer to one change, up to the next one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Response {
+    /// When the change came, in seconds.
+    pub at_s: f64,
+    /// What changed, in words.
+    pub change: String,
+    /// "counts/s" or "counts".
+    pub unit: &'static str,
+    /// Seconds until the motor stays within 2 % of the larger of old and new speed, or within the
+    /// position's tolerance, for at least the last tenth of the time; null if it never did.
+    pub settling_s: Option<f64>,
+    /// How far it went beyond, in percent of the step; after a change of torque how far it was
+    /// pushed away, in percent of the set-point. Null for a hold at zero.
+    pub overshoot_percent: Option<f64>,
+    /// Root mean square of the error in the second half of the time to the next change.
+    pub residual_rms: f64,
+}
+
+/// Changes of the mean motor current from one control period to the next, over the periods in which
+/// the motor slows down. Torque and so deceleration follow the current.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Jerk {
+    /// The largest, in amperes per control period.
+    pub worst_a: f64,
+    /// The same as torque on the output shaft, in newton metres per control period.
+    pub worst_nm: f64,
+    /// Root mean square, in amperes per control period.
+    pub rms_a: f64,
+}
+
+/// Where the control ticks fell, in percent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct RegimeShares {
+    /// Driven with the motion.
+    pub forward: f64,
+    /// Proportional braking.
+    pub braking: f64,
+    /// Driven against the motion.
+    pub reverse: f64,
+    /// Open bridge: disabled, floating or at fault.
+    pub coast: f64,
+}
+
+/// What a regulated motor should do, as a number in its unit.
+#[derive(Clone, Copy, PartialEq)]
+enum Goal {
+    Velocity(f64),
+    Position { counts: f64, tolerance: f64 },
+}
+
+impl Goal {
+    fn of(setpoint: Setpoint) -> Option<Self> {
+        match setpoint {
+            Setpoint::Disabled | Setpoint::ConstantPower(_) => None,
+            Setpoint::Velocity(cps) => Some(Self::Velocity(cps.to_f64())),
+            Setpoint::Position { target, tolerance, .. } => {
+                Some(Self::Position { counts: target.into(), tolerance: tolerance.into() })
+            }
+        }
+    }
+
+    fn target(self) -> f64 {
+        match self {
+            Self::Velocity(target) | Self::Position { counts: target, .. } => target,
+        }
+    }
+
+    fn unit(self) -> &'static str {
+        match self {
+            Self::Velocity(_) => "counts/s",
+            Self::Position { .. } => "counts",
+        }
+    }
+
+    fn value(self, sample: &Sample) -> f64 {
+        match self {
+            Self::Velocity(_) => sample.speed_cps,
+            Self::Position { .. } => sample.counts as f64,
+        }
+    }
+}
+
+impl Measures {
+    /// Measures one motor's part in a run of `duration_s` seconds.
+    pub fn new(motor: &Motor, duration_s: f64, trace: &Trace, index: usize) -> Self {
+        let ticks: Vec<(f64, &Sample)> = trace.motor(index).collect();
+        Self {
+            responses: responses(motor, duration_s, &ticks),
+            deceleration_jerk: jerk(motor, &ticks),
+            regimes: shares(&ticks),
+            energy_from_battery_j: ticks.iter().map(|(_, s)| s.flow.energy_from_battery.0).sum(),
+            energy_to_battery_j: ticks.iter().map(|(_, s)| s.flow.energy_to_battery.0).sum(),
+        }
+    }
+}
+
+fn responses(motor: &Motor, duration_s: f64, ticks: &[(f64, &Sample)]) -> Vec<Response> {
+    let mut changes: Vec<f64> = motor.setpoints.iter().map(|s| s.at_s).collect();
+    changes.extend(motor.torques.iter().skip(1).map(|t| t.at_s));
+    changes.sort_by(f64::total_cmp);
+    changes.dedup();
+    changes.retain(|&at_s| at_s < duration_s);
+    let ends = changes.iter().skip(1).copied().chain([duration_s]);
+    let phases = changes.iter().copied().zip(ends);
+    phases.filter_map(|(from, to)| response(motor, from, to, ticks)).collect()
+}
+
+fn response(motor: &Motor, from_s: f64, to_s: f64, ticks: &[(f64, &Sample)]) -> Option<Response> {
+    let goal = Goal::of(motor.setpoint_at(from_s))?;
+    let within: Vec<(f64, f64)> = ticks
+        .iter()
+        .filter(|(at, _)| (from_s..to_s).contains(at))
+        .map(|(at, sample)| (*at, goal.value(sample)))
+        .collect();
+    let before = motor.setpoints.iter().rev().find(|s| s.at_s < from_s).and_then(|s| Goal::of(s.value));
+    let old = match before {
+        // A change of run mode begins wherever the motor is.
+        Some(before) if before.unit() == goal.unit() => before.target(),
+        _ => within.first()?.1,
+    };
+    let new = goal.target();
+    let stepped = motor.setpoints.iter().any(|s| s.at_s == from_s);
+    let largest = old.abs().max(new.abs());
+    let band = match goal {
+        Goal::Velocity(_) => BAND * largest,
+        Goal::Position { tolerance, .. } => tolerance,
+    };
+
+    let last_outside = within.iter().rposition(|(_, value)| (value - new).abs() > band);
+    let settled_at = match last_outside {
+        None => Some(from_s),
+        Some(index) => within.get(index + 1).map(|(at, _)| *at),
+    };
+    let beyond =
+        |value: f64| if stepped { (value - new) * (new - old).signum() } else { (value - new).abs() };
+    let scale = if stepped { (new - old).abs() } else { new.abs() };
+    let farthest = within
+        .iter()
+        .map(|(_, value)| beyond(*value))
+        .fold(0.0, |most, value| if value > most { value } else { most });
+    let late: Vec<f64> = within
+        .iter()
+        .filter(|(at, _)| *at >= f64::midpoint(from_s, to_s))
+        .map(|(_, value)| value - new)
+        .collect();
+    Some(Response {
+        at_s: from_s,
+        change: if stepped {
+            format!("{:.0} to {new:.0} {}", old + 0.0, goal.unit())
+        } else {
+            format!("torque to {} N m", motor.torque_at(from_s))
+        },
+        unit: goal.unit(),
+        settling_s: settled_at.map(|at| at - from_s),
+        overshoot_percent: (scale > 0.0).then(|| 100.0 * farthest / scale + 0.0),
+        residual_rms: rms(&late),
+    })
+}
+
+fn jerk(motor: &Motor, ticks: &[(f64, &Sample)]) -> Jerk {
+    let triples = ticks.iter().zip(ticks.iter().skip(1)).zip(ticks.iter().skip(2));
+    let changes: Vec<f64> = triples
+        .filter(|((_, now), next)| next.1.speed_cps.abs() < now.1.speed_cps.abs())
+        .map(|((before, now), _)| now.1.flow.mean_current().0 - before.1.flow.mean_current().0)
+        .collect();
+    let worst_a = changes.iter().map(|change| change.abs()).fold(0.0, f64::max);
+    let constants = &motor.constants;
+    let torque_per_amp = constants.kt.0 * constants.gear_ratio * constants.eta;
+    Jerk { worst_a, worst_nm: worst_a * torque_per_amp, rms_a: rms(&changes) }
+}
+
+fn shares(ticks: &[(f64, &Sample)]) -> RegimeShares {
+    let share = |regime: Option<Regime>| {
+        let count = ticks.iter().filter(|(_, sample)| sample.report.regime == regime).count();
+        100.0 * count as f64 / ticks.len().max(1) as f64
+    };
+    RegimeShares {
+        forward: share(Some(Regime::Forward)),
+        braking: share(Some(Regime::Braking)),
+        reverse: share(Some(Regime::Reverse)),
+        coast: share(None),
+    }
+}
+
+/// Root mean square; 0 of nothing.
+fn rms(values: &[f64]) -> f64 {
+    let sum: f64 = values.iter().map(|value| value * value).sum();
+    (sum / values.len().max(1) as f64).sqrt()
+}

@@ -1,0 +1,208 @@
+//! Scenarios: which motors with which loads are told what, and when.
+//!
+//! A scenario is a TOML file. [`Scenario::parse`] reads it and refuses what is unknown, out of range
+//! or contradictory, with file, line and column; a `Scenario` that exists can be run.
+
+mod file;
+mod substitute;
+
+use crate::world::electrical;
+use motor_hub::braking::{DutyRule, LinearCurrent, Scheme};
+use motor_hub::model::{battery::Battery, catalogue, load::Load};
+use motor_hub::motion::Pidf;
+use motor_hub::motor::{Setpoint, Settings, ZeroPower};
+use motor_hub::units::{Coefficient, EmfConstant, Period, RangeError};
+use std::path::Path;
+
+/// How many motors the hub drives.
+pub const MOTORS: usize = 4;
+
+/// The longest run, in seconds: a trace must fit in memory.
+pub const LONGEST_S: f64 = 300.0;
+
+/// What runs when no file is named.
+const DEFAULT: (&str, &str) = ("scenarios/default.toml", include_str!("../scenarios/default.toml"));
+
+/// A run: its motors, its battery, its length.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scenario {
+    /// A title for reports.
+    pub name: String,
+    /// Length of the run in seconds.
+    pub duration_s: f64,
+    /// The hub's control period.
+    pub period: Period,
+    /// What the noise of the measurements follows from.
+    pub seed: u64,
+    /// The supply.
+    pub battery: Battery,
+    /// One to [`MOTORS`] motors.
+    pub motors: Vec<Motor>,
+}
+
+/// One motor of a scenario.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motor {
+    /// How reports call it.
+    pub label: String,
+    /// Its constants, with the inertia that was chosen.
+    pub constants: catalogue::Motor,
+    /// What it turns; torque is in `torques`.
+    pub load: Load,
+    /// How control values are given their meaning.
+    pub scheme: Scheme,
+    /// How duties are found.
+    pub duty: DutyChoice,
+    /// What zero power does.
+    pub zero_power: ZeroPower,
+    /// Coefficients of the velocity loop, if they are not left to the board.
+    pub velocity: Option<Pidf>,
+    /// Coefficients of the position loop, if they are not left to the board.
+    pub position: Option<Pidf>,
+    /// What it is told, times ascending; before the first it is disabled.
+    pub setpoints: Vec<Timed<Setpoint>>,
+    /// External torque on the output shaft in newton metres, times ascending, from 0 s on.
+    pub torques: Vec<Timed<f64>>,
+}
+
+/// How the duty is found within a regime.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize, clap::ValueEnum,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum DutyChoice {
+    /// Such that the mean current is linear between the points, for the motor's own winding
+    #[default]
+    LinearCurrent,
+    /// Linear between the points, as in the paper
+    LinearDuty,
+}
+
+/// Something that holds from a time on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timed<T> {
+    /// Seconds since the start.
+    pub at_s: f64,
+    /// What begins then.
+    pub value: T,
+}
+
+impl Scenario {
+    /// Reads a scenario; `file` is what errors call it.
+    ///
+    /// # Errors
+    /// One line: `file:line:column: what is wrong; what is allowed`.
+    pub fn parse(file: &str, text: &str) -> Result<Self, String> {
+        file::read(text).map_err(|fault| fault.in_file(file, text))
+    }
+
+    /// Reads a scenario file.
+    ///
+    /// # Errors
+    /// As [`Scenario::parse`], or why the file cannot be read.
+    pub fn load(path: &Path) -> Result<Self, String> {
+        let file = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|e| format!("{file}: {e}"))?;
+        Self::parse(&file, &text)
+    }
+
+    /// The scenario that the program carries.
+    ///
+    /// # Errors
+    /// None, as a test makes sure.
+    pub fn default_one() -> Result<Self, String> {
+        let (file, text) = DEFAULT;
+        Self::parse(file, text)
+    }
+
+    /// The same run without a braking regime: forward and reverse driving only.
+    #[must_use]
+    pub fn without_braking(&self) -> Self {
+        let mut other = self.clone();
+        for motor in &mut other.motors {
+            motor.scheme = Scheme::ForwardReverse;
+        }
+        other
+    }
+}
+
+impl Motor {
+    /// The settings that the hub is given for this motor.
+    ///
+    /// # Errors
+    /// If one of the motor's constants does not fit the firmware's range.
+    pub fn settings(&self) -> Result<Settings, RangeError> {
+        let defaults = Settings::new(emf_constant(&self.constants)?);
+        let velocity = match self.scheme {
+            Scheme::ForwardReverse | Scheme::A => defaults.velocity,
+            Scheme::B | Scheme::C | Scheme::D(_) => for_current(defaults.velocity),
+        };
+        Ok(Settings {
+            scheme: self.scheme,
+            duty: match self.duty {
+                DutyChoice::LinearCurrent => {
+                    DutyRule::LinearCurrent(LinearCurrent::new(electrical(&self.constants))?)
+                }
+                DutyChoice::LinearDuty => DutyRule::LinearDuty,
+            },
+            zero_power: self.zero_power,
+            velocity: self.velocity.unwrap_or(velocity),
+            position: self.position.unwrap_or(defaults.position),
+            ..defaults
+        })
+    }
+
+    /// The set-point that holds at a time in seconds.
+    pub fn setpoint_at(&self, at_s: f64) -> Setpoint {
+        latest(&self.setpoints, at_s).unwrap_or_default()
+    }
+
+    /// The external torque in newton metres that holds at a time in seconds.
+    pub fn torque_at(&self, at_s: f64) -> f64 {
+        latest(&self.torques, at_s).unwrap_or_default()
+    }
+}
+
+/// The firmware's back-EMF constant of a motor.
+///
+/// # Errors
+/// [`RangeError::EmfConstant`] if it does not fit in 6q20.
+pub fn emf_constant(motor: &catalogue::Motor) -> Result<EmfConstant, RangeError> {
+    EmfConstant::from_bits((motor.ke_fw() * f64::from(1 << 20)).round() as i32)
+}
+
+/// Coefficients for schemes in which control is a current, from those for one in which it is a
+/// voltage. No control value stands for a speed there, so nothing is fed forward; in exchange P makes
+/// up for the damping by the back EMF, which the scheme takes out.
+fn for_current(voltage: Pidf) -> Pidf {
+    let p = voltage.p.to_bits().saturating_add(voltage.f.to_bits());
+    Pidf { p: Coefficient::from_bits(p).unwrap_or(voltage.p), f: Coefficient::ZERO, ..voltage }
+}
+
+/// The last value that has begun by `at_s`.
+fn latest<T: Copy>(timed: &[Timed<T>], at_s: f64) -> Option<T> {
+    timed.iter().take_while(|t| t.at_s <= at_s).last().map(|t| t.value)
+}
+
+#[cfg(test)]
+#[expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_scenarios_are_valid() {
+        assert!(Scenario::default_one().is_ok());
+        for entry in std::fs::read_dir("scenarios").expect("the folder exists") {
+            let path = entry.expect("it can be listed").path();
+            assert_eq!(Scenario::load(&path).err(), None);
+        }
+    }
+
+    #[test]
+    fn a_value_holds_until_the_next() {
+        let timed = [Timed { at_s: 1.0, value: 7 }, Timed { at_s: 2.0, value: 8 }];
+        assert_eq!(latest(&timed, 0.9), None);
+        assert_eq!(latest(&timed, 1.0), Some(7));
+        assert_eq!(latest(&timed, 5.0), Some(8));
+    }
+}

@@ -1,0 +1,355 @@
+//! The scenario file as it is written, and the checks that make a [`Scenario`] of it.
+
+use super::{DutyChoice, LONGEST_S, MOTORS, Motor, Scenario, Timed};
+use crate::catalogue::find_motor;
+use crate::scheme::{BlendChoice, SchemeName};
+use motor_hub::model::{battery::Battery, load::Load, si};
+use motor_hub::motion::Pidf;
+use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::units::{Coefficient, Control, CountsPerSecond, Period};
+use serde::Deserialize;
+use std::ops::{Range, RangeInclusive};
+use toml::Spanned;
+
+/// In counts per second, ten times what any known motor does.
+const FASTEST_CPS: i64 = 1_000_000;
+/// What a Q16.16 coefficient can hold.
+const LARGEST_COEFFICIENT: f64 = 32_767.0;
+
+/// What is wrong, and where in the text.
+#[derive(Debug)]
+pub(super) struct Fault {
+    span: Range<usize>,
+    what: String,
+}
+
+impl Fault {
+    /// One line for people: `file:line:column: what`.
+    pub(super) fn in_file(&self, file: &str, text: &str) -> String {
+        let before = text.get(..self.span.start).unwrap_or(text);
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
+        format!("{file}:{line}:{column}: {}", self.what.trim_end().replace('\n', "; "))
+    }
+}
+
+fn fault<T>(at: &Spanned<T>, what: impl Into<String>) -> Fault {
+    Fault { span: at.span(), what: what.into() }
+}
+
+type Checked<T> = Result<T, Fault>;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    name: Spanned<String>,
+    duration_s: Spanned<f64>,
+    control_period_ms: Option<Spanned<i64>>,
+    seed: Option<u32>,
+    battery: BatteryTable,
+    motors: Spanned<Vec<Spanned<MotorTable>>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BatteryTable {
+    emf_v: Spanned<f64>,
+    resistance_ohm: Spanned<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MotorTable {
+    label: Spanned<String>,
+    motor: Spanned<String>,
+    #[serde(default)]
+    inertia: Inertia,
+    #[serde(default)]
+    load: LoadTable,
+    scheme: Option<SchemeName>,
+    blend: Option<Spanned<BlendChoice>>,
+    #[serde(default)]
+    duty: DutyChoice,
+    #[serde(default)]
+    zero_power: ZeroPowerWord,
+    #[serde(default)]
+    coefficients: CoefficientTables,
+    setpoints: Vec<Spanned<SetPointTable>>,
+    #[serde(default)]
+    torques: Vec<Spanned<TorqueTable>>,
+}
+
+/// The two rotor inertias that the catalogue knows.
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Inertia {
+    /// As measured on the bare armature.
+    #[default]
+    Rotor,
+    /// As the paper's code uses it: divided by efficiency and squared gear ratio.
+    Paper,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ZeroPowerWord {
+    #[default]
+    Brake,
+    Float,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LoadTable {
+    inertia_kg_m2: Option<Spanned<f64>>,
+    drag_nms_per_rad: Option<Spanned<f64>>,
+    torque_nm: Option<Spanned<f64>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CoefficientTables {
+    velocity: Option<GainTable>,
+    position: Option<GainTable>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GainTable {
+    p: Spanned<f64>,
+    i: Option<Spanned<f64>>,
+    d: Option<Spanned<f64>>,
+    f: Option<Spanned<f64>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SetPointTable {
+    at_s: Spanned<f64>,
+    power: Option<Spanned<f64>>,
+    velocity_cps: Option<Spanned<i64>>,
+    position_counts: Option<i32>,
+    tolerance_counts: Option<Spanned<u16>>,
+    speed_limit_cps: Option<Spanned<i64>>,
+    disable: Option<Spanned<bool>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TorqueTable {
+    at_s: Spanned<f64>,
+    torque_nm: Spanned<f64>,
+}
+
+/// Reads and checks a whole file.
+pub(super) fn read(text: &str) -> Checked<Scenario> {
+    let file: File = toml::from_str(text)
+        .map_err(|error| Fault { span: error.span().unwrap_or(0..0), what: error.message().to_owned() })?;
+    let duration_s = within(&file.duration_s, "duration_s", 0.001..=LONGEST_S)?;
+    let count = file.motors.get_ref().len();
+    if !(1..=MOTORS).contains(&count) {
+        let what = format!("{count} motors; the hub drives 1 to {MOTORS}");
+        return Err(fault(&file.motors, what));
+    }
+    let mut motors: Vec<Motor> = Vec::with_capacity(count);
+    for table in file.motors.get_ref() {
+        let motor = table.get_ref().check(table, duration_s)?;
+        if motors.iter().any(|m| m.label == motor.label) {
+            let what = format!("label {:?} is taken; every motor needs its own", motor.label);
+            return Err(fault(&table.get_ref().label, what));
+        }
+        motors.push(motor);
+    }
+    let period = match &file.control_period_ms {
+        Some(ms) => {
+            let checked = within(ms, "control_period_ms", 1..=100)?;
+            Period::from_millis(checked as u32).map_err(|e| fault(ms, e.to_string()))?
+        }
+        None => Period::DEFAULT,
+    };
+    Ok(Scenario {
+        name: named(&file.name, "name")?,
+        duration_s,
+        period,
+        seed: file.seed.unwrap_or(1).into(),
+        battery: Battery {
+            emf: si::Volts(within(&file.battery.emf_v, "emf_v", 1.0..=60.0)?),
+            resistance: si::Ohms(within(&file.battery.resistance_ohm, "resistance_ohm", 0.0..=1.0)?),
+        },
+        motors,
+    })
+}
+
+impl MotorTable {
+    fn check(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Motor> {
+        let constants = find_motor(self.motor.get_ref()).map_err(|what| fault(&self.motor, what))?;
+        let Some(scheme) = self.scheme.or(self.blend.is_none().then_some(SchemeName::A)) else {
+            return Err(fault(whole, "a blend goes with scheme = \"D\" only"));
+        };
+        let blend = self.blend.as_ref().map(|b| *b.get_ref());
+        let scheme = scheme.with_blend(blend).map_err(|what| match &self.blend {
+            Some(at) => fault(at, what),
+            None => fault(whole, what),
+        })?;
+        if self.setpoints.is_empty() {
+            return Err(fault(whole, "no set-points; a motor needs at least one"));
+        }
+        let any = 0.0..=1000.0;
+        let load = Load {
+            inertia_after: si::KgM2(optional(&self.load.inertia_kg_m2, "inertia_kg_m2", any.clone())?),
+            drag_after: si::Drag(optional(&self.load.drag_nms_per_rad, "drag_nms_per_rad", any)?),
+            ..Load::NONE
+        };
+        let coefficients = &self.coefficients;
+        Ok(Motor {
+            label: named(&self.label, "label")?,
+            constants: match self.inertia {
+                Inertia::Rotor => constants.with_measured_rotor_inertia(),
+                Inertia::Paper => constants,
+            },
+            load,
+            scheme,
+            duty: self.duty,
+            zero_power: match self.zero_power {
+                ZeroPowerWord::Brake => ZeroPower::Brake,
+                ZeroPowerWord::Float => ZeroPower::Float,
+            },
+            velocity: coefficients.velocity.as_ref().map(GainTable::check).transpose()?,
+            position: coefficients.position.as_ref().map(GainTable::check).transpose()?,
+            setpoints: timeline(&self.setpoints, duration_s, |s| &s.at_s, SetPointTable::check)?,
+            torques: self.check_torques(duration_s)?,
+        })
+    }
+
+    /// The load's own torque holds from the start, until the first change.
+    fn check_torques(&self, duration_s: f64) -> Checked<Vec<Timed<f64>>> {
+        let first = Timed { at_s: 0.0, value: optional(&self.load.torque_nm, "torque_nm", TORQUE)? };
+        let changes = timeline(
+            &self.torques,
+            duration_s,
+            |t| &t.at_s,
+            |t, _| within(&t.torque_nm, "torque_nm", TORQUE),
+        )?;
+        Ok(std::iter::once(first).chain(changes).collect())
+    }
+}
+
+const TORQUE: RangeInclusive<f64> = -1000.0..=1000.0;
+
+impl GainTable {
+    fn check(&self) -> Checked<Pidf> {
+        let fixed = |value: &Spanned<f64>, key: &str| {
+            let number = within(value, key, 0.0..=LARGEST_COEFFICIENT)?;
+            let bits = (number * f64::from(1 << 16)).round() as i32;
+            Coefficient::from_bits(bits).map_err(|e| fault(value, e.to_string()))
+        };
+        let optional = |value: &Option<Spanned<f64>>, key: &str| {
+            value.as_ref().map_or(Ok(Coefficient::ZERO), |value| fixed(value, key))
+        };
+        Ok(Pidf {
+            p: fixed(&self.p, "p")?,
+            i: optional(&self.i, "i")?,
+            d: optional(&self.d, "d")?,
+            f: optional(&self.f, "f")?,
+        })
+    }
+}
+
+impl SetPointTable {
+    fn check(&self, whole: &Spanned<Self>) -> Checked<Setpoint> {
+        let kinds = [
+            self.power.is_some(),
+            self.velocity_cps.is_some(),
+            self.position_counts.is_some(),
+            self.disable.is_some(),
+        ];
+        if kinds.into_iter().filter(|&given| given).count() != 1 {
+            let what = "a set-point says exactly one of power, velocity_cps, position_counts and disable";
+            return Err(fault(whole, what));
+        }
+        let (tolerance, limit) = (&self.tolerance_counts, &self.speed_limit_cps);
+        if let Some(counts) = self.position_counts {
+            let (Some(tolerance), Some(limit)) = (tolerance, limit) else {
+                let what = "position_counts needs tolerance_counts and speed_limit_cps beside it";
+                return Err(fault(whole, what));
+            };
+            return Ok(Setpoint::Position {
+                target: counts,
+                tolerance: *tolerance.get_ref(),
+                speed_limit: speed(limit, "speed_limit_cps", 1)?,
+            });
+        }
+        if tolerance.is_some() || limit.is_some() {
+            let what = "tolerance_counts and speed_limit_cps go with position_counts only";
+            return Err(fault(whole, what));
+        }
+        if let Some(cps) = &self.velocity_cps {
+            return speed(cps, "velocity_cps", -FASTEST_CPS).map(Setpoint::Velocity);
+        }
+        if let Some(power) = &self.power {
+            let counts = within(power, "power", -1.0..=1.0)? * f64::from(Control::MAX.get());
+            return Ok(Setpoint::ConstantPower(Control::new(counts.round() as i16)));
+        }
+        match &self.disable {
+            Some(no) if !no.get_ref() => Err(fault(no, "disable can only be true; leave it out otherwise")),
+            _ => Ok(Setpoint::Disabled),
+        }
+    }
+}
+
+fn speed(value: &Spanned<i64>, key: &str, lowest: i64) -> Checked<CountsPerSecond> {
+    within(value, key, lowest..=FASTEST_CPS).map(|cps| CountsPerSecond::new(cps as i32))
+}
+
+/// Checks a list of things that happen: each after the one before, within the run.
+fn timeline<F, T>(
+    entries: &[Spanned<F>],
+    duration_s: f64,
+    at: impl Fn(&F) -> &Spanned<f64>,
+    check: impl Fn(&F, &Spanned<F>) -> Checked<T>,
+) -> Checked<Vec<Timed<T>>> {
+    let mut timed: Vec<Timed<T>> = Vec::with_capacity(entries.len());
+    for entry in entries {
+        let time = at(entry.get_ref());
+        let at_s = *time.get_ref();
+        // Written so that a value that is not a number fails too.
+        if !(0.0..=duration_s).contains(&at_s) {
+            let what = format!("at_s = {at_s} is outside the run; it lasts from 0 to {duration_s} s");
+            return Err(fault(time, what));
+        }
+        if let Some(last) = timed.last().filter(|last| last.at_s >= at_s) {
+            let what = format!("at_s = {at_s} is not after {}; times must ascend", last.at_s);
+            return Err(fault(time, what));
+        }
+        timed.push(Timed { at_s, value: check(entry.get_ref(), entry)? });
+    }
+    Ok(timed)
+}
+
+fn named(text: &Spanned<String>, key: &str) -> Checked<String> {
+    let name = text.get_ref().trim();
+    let printable = !name.is_empty() && name.len() <= 80 && !name.chars().any(char::is_control);
+    if printable {
+        Ok(name.to_owned())
+    } else {
+        Err(fault(text, format!("{key} must be 1 to 80 printable characters")))
+    }
+}
+
+/// Not a number is in no range.
+fn within<T>(value: &Spanned<T>, key: &str, range: RangeInclusive<T>) -> Checked<T>
+where
+    T: Copy + PartialOrd + std::fmt::Display,
+{
+    let number = *value.get_ref();
+    if range.contains(&number) {
+        return Ok(number);
+    }
+    let (low, high) = (range.start(), range.end());
+    Err(fault(value, format!("{key} = {number} is out of range; allowed is {low} to {high}")))
+}
+
+/// As [`within`], 0 when absent.
+fn optional(value: &Option<Spanned<f64>>, key: &str, range: RangeInclusive<f64>) -> Checked<f64> {
+    value.as_ref().map_or(Ok(0.0), |value| within(value, key, range))
+}

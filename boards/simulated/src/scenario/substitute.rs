@@ -1,0 +1,64 @@
+//! Another motor in the place of a scenario's own, in a run that stays the same in relation to it.
+
+use super::{Motor, Timed};
+use motor_hub::model::{catalogue, si};
+use motor_hub::motor::Setpoint;
+use motor_hub::units::CountsPerSecond;
+
+/// What a motor can do at 12 V.
+struct Reach {
+    /// Free speed in counts per second.
+    free_cps: f64,
+    /// Free speed of the output shaft in rad/s.
+    free_after: f64,
+    /// Stall torque of the output shaft in newton metres.
+    stall_after: f64,
+}
+
+impl Reach {
+    fn of(motor: &catalogue::Motor) -> Self {
+        let (ke, kt) = (motor.ke.0, motor.kt.0);
+        let free = 12.0 * kt / (motor.r.0 * motor.b.0 + ke * kt);
+        Self {
+            free_cps: free * motor.counts_per_rev_motor / std::f64::consts::TAU,
+            free_after: free / motor.gear_ratio,
+            stall_after: 12.0 / motor.r.0 * kt * motor.gear_ratio * motor.eta,
+        }
+    }
+}
+
+impl Motor {
+    /// The same task for another motor: speeds and positions in the ratio of the free speeds, torques
+    /// in that of the stall torques, loads so that they take as long to be set in motion.
+    /// Coefficients are left to the board.
+    #[must_use]
+    pub fn with_constants(&self, constants: catalogue::Motor) -> Self {
+        let (old, new) = (Reach::of(&self.constants), Reach::of(&constants));
+        let counts = new.free_cps / old.free_cps;
+        let torque = new.stall_after / old.stall_after;
+        let load = torque * old.free_after / new.free_after;
+        let mut motor = Self { constants, velocity: None, position: None, ..self.clone() };
+        motor.load.inertia_after = si::KgM2(self.load.inertia_after.0 * load);
+        motor.load.drag_after = si::Drag(self.load.drag_after.0 * load);
+        for Timed { value, .. } in &mut motor.setpoints {
+            *value = scaled(*value, counts);
+        }
+        for Timed { value, .. } in &mut motor.torques {
+            *value *= torque;
+        }
+        motor
+    }
+}
+
+fn scaled(setpoint: Setpoint, counts: f64) -> Setpoint {
+    let speed = |cps: CountsPerSecond| CountsPerSecond::new((cps.to_f64() * counts).round() as i32);
+    match setpoint {
+        Setpoint::Disabled | Setpoint::ConstantPower(_) => setpoint,
+        Setpoint::Velocity(cps) => Setpoint::Velocity(speed(cps)),
+        Setpoint::Position { target, tolerance, speed_limit } => Setpoint::Position {
+            target: (f64::from(target) * counts).round() as i32,
+            tolerance: ((f64::from(tolerance) * counts).round() as u16).max(1),
+            speed_limit: speed(speed_limit),
+        },
+    }
+}

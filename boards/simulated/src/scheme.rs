@@ -1,0 +1,133 @@
+//! How people name a scheme: `none`, `A` to `D`, and for D a blend. Scenario files and the command
+//! line share these words.
+
+use motor_hub::braking::{Blend, BlendFraction, Scheme};
+use serde::de::{Deserialize, Deserializer, Error, Visitor};
+use std::fmt;
+use std::str::FromStr;
+
+/// A scheme's name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, clap::ValueEnum)]
+pub enum SchemeName {
+    /// No braking regime: forward and reverse driving only
+    #[serde(rename = "none")]
+    None,
+    /// Control is an equivalent voltage
+    #[value(name = "A", alias = "a")]
+    A,
+    /// Control is a current
+    #[value(name = "B", alias = "b")]
+    B,
+    /// As B, but braking is as steep as driving
+    #[value(name = "C", alias = "c")]
+    C,
+    /// Between B and C: see --blend
+    #[value(name = "D", alias = "d")]
+    D,
+}
+
+/// What is said about the blend of scheme D.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlendChoice(Blend);
+
+const ALLOWED: &str = "a blend is a number from 0 (scheme B) to 1 (scheme C), or \"auto\"";
+
+impl SchemeName {
+    /// The scheme that the firmware is set to. Scheme D without a blend blends automatically.
+    pub fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, &'static str> {
+        match (self, blend) {
+            (Self::D, None) => Ok(Scheme::D(Blend::Automatic)),
+            (Self::D, Some(BlendChoice(blend))) => Ok(Scheme::D(blend)),
+            (_, Some(_)) => Err("a blend goes with scheme D only"),
+            (Self::None, None) => Ok(Scheme::ForwardReverse),
+            (Self::A, None) => Ok(Scheme::A),
+            (Self::B, None) => Ok(Scheme::B),
+            (Self::C, None) => Ok(Scheme::C),
+        }
+    }
+}
+
+impl BlendChoice {
+    /// A blend that is the same at all speeds: 0 to 1, in steps of 2^-16.
+    pub fn fixed(blend: f64) -> Result<Self, &'static str> {
+        if !(0.0..=1.0).contains(&blend) {
+            return Err(ALLOWED);
+        }
+        let bits = (blend * f64::from(BlendFraction::ONE.to_bits())).round() as u32;
+        BlendFraction::from_bits(bits).map(|b| Self(Blend::Fixed(b))).map_err(|_| ALLOWED)
+    }
+}
+
+impl FromStr for BlendChoice {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text {
+            "auto" => Ok(Self(Blend::Automatic)),
+            _ => text.parse().map_err(|_| ALLOWED).and_then(Self::fixed),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for BlendChoice {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct NumberOrAuto;
+        impl Visitor<'_> for NumberOrAuto {
+            type Value = BlendChoice;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a number from 0 to 1, or \"auto\"")
+            }
+            fn visit_f64<E: Error>(self, blend: f64) -> Result<BlendChoice, E> {
+                BlendChoice::fixed(blend).map_err(E::custom)
+            }
+            fn visit_i64<E: Error>(self, blend: i64) -> Result<BlendChoice, E> {
+                self.visit_f64(blend as f64)
+            }
+            fn visit_u64<E: Error>(self, blend: u64) -> Result<BlendChoice, E> {
+                self.visit_f64(blend as f64)
+            }
+            fn visit_str<E: Error>(self, text: &str) -> Result<BlendChoice, E> {
+                text.parse().map_err(E::custom)
+            }
+        }
+        from.deserialize_any(NumberOrAuto)
+    }
+}
+
+/// A scheme in words, for headings.
+pub fn describe(scheme: Scheme) -> String {
+    match scheme {
+        Scheme::ForwardReverse => "no braking regime".into(),
+        Scheme::A => "scheme A".into(),
+        Scheme::B => "scheme B".into(),
+        Scheme::C => "scheme C".into(),
+        Scheme::D(Blend::Automatic) => "scheme D, automatic blend".into(),
+        Scheme::D(Blend::Fixed(fraction)) => {
+            let blend = f64::from(fraction.to_bits()) / f64::from(BlendFraction::ONE.to_bits());
+            format!("scheme D, blend {blend:.3}")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_blend_is_refused_unless_scheme_d_uses_it() {
+        let quarter = BlendChoice::fixed(0.25).ok();
+        assert!(SchemeName::B.with_blend(quarter).is_err());
+        let scheme = SchemeName::D.with_blend(quarter).map(describe);
+        assert_eq!(scheme, Ok("scheme D, blend 0.250".into()));
+        let scheme = SchemeName::D.with_blend(None).map(describe);
+        assert_eq!(scheme, Ok("scheme D, automatic blend".into()));
+    }
+
+    #[test]
+    fn a_blend_lies_between_zero_and_one() {
+        for wrong in ["-0.1", "1.01", "nan", "half", ""] {
+            assert_eq!(wrong.parse::<BlendChoice>(), Err(ALLOWED), "{wrong:?}");
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! What is remembered of a run: everything at each control tick, and what flowed until the next.
+
+use motor_hub::model::plant::Flow;
+use motor_hub::motor::Report;
+
+/// A whole run.
+#[derive(Clone, Debug, Default)]
+pub struct Trace {
+    /// By time.
+    pub ticks: Vec<Tick>,
+}
+
+/// One control tick.
+#[derive(Clone, Debug)]
+pub struct Tick {
+    /// Seconds since the start.
+    pub at_s: f64,
+    /// Voltage at the battery's terminals.
+    pub battery_v: f64,
+    /// What the hub takes it for.
+    pub measured_v: Option<f64>,
+    /// By motor.
+    pub motors: Vec<Sample>,
+}
+
+/// One motor at one control tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// What the hub says.
+    pub report: Report,
+    /// True speed in counts per second.
+    pub speed_cps: f64,
+    /// True position in counts.
+    pub counts: i64,
+    /// External torque on the output shaft in newton metres.
+    pub torque_nm: f64,
+    /// What flowed from this tick to the next.
+    pub flow: Flow,
+}
+
+impl Trace {
+    /// One motor's ticks: time in seconds and sample.
+    pub fn motor(&self, index: usize) -> impl Iterator<Item = (f64, &Sample)> {
+        self.ticks.iter().filter_map(move |tick| Some((tick.at_s, tick.motors.get(index)?)))
+    }
+}

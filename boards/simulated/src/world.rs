@@ -1,0 +1,164 @@
+//! The physical world behind the board's traits: plants on a battery, and what a chip would measure
+//! and switch of them.
+
+use crate::scenario::{MOTORS, Scenario};
+use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
+use motor_hub::braking::Electrical;
+use motor_hub::bridge::Drive;
+use motor_hub::model::catalogue::Motor;
+use motor_hub::model::plant::{Command, Flow, Plant};
+use motor_hub::model::rig::Rig;
+use motor_hub::model::si::{Hertz, NewtonMetres, Ohms, Seconds, Volts};
+use motor_hub::model::switching::Bridge;
+use motor_hub::supply::{Sample, Scale};
+use motor_hub::units::RangeError;
+use std::cell::RefCell;
+use std::rc::Rc;
+
+/// PWM of the bridges, as on the real board.
+const PWM: Hertz = Hertz(20_000.0);
+/// A bridge of the VNH5019 kind: drop of a catch diode, resistance of a closed switch.
+const BRIDGE: Bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
+
+/// The battery's divider: 47 k over 10 k brings 18 V within the converter's range.
+const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
+/// The chip's supply, off its nominal 3.3 V as real ones are.
+const RAIL_V: f64 = 3.27;
+const VREFINT_V: f64 = 1.21;
+/// What the factory measured of VREFINT at 3.3 V.
+const VREFINT_CALIBRATION: u16 = 1501;
+const FULL_SCALE: f64 = 4095.0;
+/// Standard deviation of a conversion, in counts.
+const NOISE: f64 = 1.5;
+
+/// What the firmware is told of a motor's winding and of this board's bridges.
+pub fn electrical(motor: &Motor) -> Electrical {
+    // Casts from float saturate.
+    Electrical {
+        resistance_mohm: (1e3 * motor.r.0).round() as u16,
+        inductance_uh: Some((1e6 * motor.l.0).round() as u16),
+        diode_mv: (1e3 * BRIDGE.vd.0) as u16,
+        switch_mohm: (1e3 * BRIDGE.ron.0) as u16,
+        pwm_hz: PWM.0 as u32,
+    }
+}
+
+/// A watchdog that is not fed for this long resets the chip.
+const WATCHDOG_S: f64 = 0.5;
+
+/// Plants, battery, bridges, converter and watchdog.
+pub struct World {
+    rig: Rig,
+    drives: [Drive; MOTORS],
+    noise: fastrand::Rng,
+    unfed_s: f64,
+    starved: bool,
+}
+
+/// The board: handles to one world, one for each task.
+#[derive(Clone)]
+pub struct Board(Rc<RefCell<World>>);
+
+/// What the outside sees of the world at one moment.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Voltage at the battery's terminals in volts.
+    pub battery_v: f64,
+    /// Speed in counts per second and whole counts, by motor.
+    pub motors: Vec<(f64, i64)>,
+}
+
+impl Board {
+    /// The world of a scenario, at rest.
+    pub fn new(scenario: &Scenario) -> Self {
+        let plants = scenario.motors.iter().map(|m| Plant::new(m.constants, m.load, BRIDGE, PWM));
+        Self(Rc::new(RefCell::new(World {
+            rig: Rig::new(scenario.battery, plants.collect()),
+            drives: [Drive::COAST; MOTORS],
+            noise: fastrand::Rng::with_seed(scenario.seed),
+            unfed_s: 0.0,
+            starved: false,
+        })))
+    }
+
+    /// How the firmware is to read this board's converter.
+    ///
+    /// # Errors
+    /// None: the divider is sound.
+    pub fn scale() -> Result<Scale, RangeError> {
+        Scale::new(DIVIDER_OHMS.0, DIVIDER_OHMS.1, VREFINT_CALIBRATION)
+    }
+
+    /// Lets time pass under external torques in newton metres, one for each motor.
+    pub fn run(&self, time: Seconds, torques: &[f64]) -> Vec<Flow> {
+        let mut world = self.0.borrow_mut();
+        let commands: Vec<_> = world
+            .drives
+            .iter()
+            .zip(torques)
+            .map(|(drive, &torque)| Command {
+                torque_after: NewtonMetres(torque),
+                ..Command::pwm(drive.mode, drive.duty.to_f64())
+            })
+            .collect();
+        world.unfed_s += time.0;
+        world.starved |= world.unfed_s > WATCHDOG_S;
+        world.rig.run(time, &commands).flows
+    }
+
+    /// Looks at everything.
+    pub fn view(&self) -> View {
+        let world = self.0.borrow();
+        let motors = world.rig.plants.iter().map(|plant| {
+            let turns = plant.speed().0 / std::f64::consts::TAU;
+            (turns * plant.motor().counts_per_rev_motor, plant.counts())
+        });
+        View { battery_v: world.rig.voltage().0, motors: motors.collect() }
+    }
+
+    /// True if the watchdog would have reset the chip.
+    pub fn starved(&self) -> bool {
+        self.0.borrow().starved
+    }
+}
+
+impl World {
+    /// A conversion of a pin voltage.
+    fn convert(&mut self, volts: f64) -> u16 {
+        // The sum of three uniform numbers has a standard deviation of 1/2.
+        let sum = self.noise.f64() + self.noise.f64() + self.noise.f64() - 1.5;
+        (volts / RAIL_V * FULL_SCALE + 2.0 * NOISE * sum).round().clamp(0.0, FULL_SCALE) as u16
+    }
+}
+
+impl Encoders<MOTORS> for Board {
+    fn counts(&mut self) -> [u16; MOTORS] {
+        let mut counts = [0; MOTORS];
+        for (count, plant) in counts.iter_mut().zip(&self.0.borrow().rig.plants) {
+            // A counter of 16 bits wraps.
+            *count = plant.counts() as u16;
+        }
+        counts
+    }
+}
+
+impl SupplyAdc for Board {
+    async fn sample(&mut self) -> Option<Sample> {
+        let mut world = self.0.borrow_mut();
+        let (top, bottom) = (f64::from(DIVIDER_OHMS.0), f64::from(DIVIDER_OHMS.1));
+        let pin = world.rig.voltage().0 * bottom / (top + bottom);
+        Some(Sample { battery: world.convert(pin), vrefint: world.convert(VREFINT_V) })
+    }
+}
+
+impl Bridges<MOTORS> for Board {
+    fn apply(&mut self, drives: &[Drive; MOTORS]) {
+        self.0.borrow_mut().drives = *drives;
+    }
+}
+
+impl Watchdog for Board {
+    fn feed(&mut self) {
+        self.0.borrow_mut().unfed_s = 0.0;
+    }
+}

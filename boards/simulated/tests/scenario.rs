@@ -1,0 +1,112 @@
+//! Scenario files with mistakes: each is refused with its place and with what is allowed.
+#![expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
+
+use simulated::scenario::Scenario;
+
+const SOUND: &str = r#"name = "test"
+duration_s = 2.0
+control_period_ms = 20
+battery = { emf_v = 12.0, resistance_ohm = 0.1 }
+
+[[motors]]
+label = "one"
+motor = "AM 60 A"
+scheme = "D"
+blend = 0.25
+load = { inertia_kg_m2 = 0.05 }
+coefficients.velocity = { p = 10.0, i = 20.0 }
+setpoints = [
+    { at_s = 0.0, velocity_cps = 1000 },
+    { at_s = 1.0, position_counts = 10, tolerance_counts = 5, speed_limit_cps = 500 },
+]
+torques = [{ at_s = 0.5, torque_nm = 0.1 }]
+"#;
+
+#[test]
+fn the_sound_scenario_is_accepted() {
+    assert_eq!(Scenario::parse("s.toml", SOUND).err(), None);
+}
+
+#[track_caller]
+fn refused(from: &str, to: &str, place: &str, says: &str) {
+    assert!(SOUND.contains(from), "{from:?} is not in the sound scenario");
+    let error = Scenario::parse("s.toml", &SOUND.replacen(from, to, 1)).expect_err(to);
+    assert!(error.starts_with(&format!("s.toml:{place}: ")), "{to:?}: {error}");
+    assert!(error.contains(says), "{to:?}: {error}");
+    assert!(!error.contains('\n'), "{to:?}: {error}");
+}
+
+#[test]
+fn broken_toml() {
+    refused("name = \"test\"", "name = \"test", "1:13", "");
+    refused("duration_s = 2.0", "duration_s = ", "2:14", "");
+}
+
+#[test]
+fn unknown_and_missing_keys_name_the_known_ones() {
+    refused("duration_s = 2.0", "duration_ms = 2000", "2:1", "`duration_s`");
+    refused("load = {", "lod = {", "11:1", "`load`");
+    refused("p = 10.0", "kp = 10.0", "12:27", "`p`");
+    refused("velocity_cps", "velocity", "14:19", "`velocity_cps`");
+    refused("duration_s = 2.0\n", "", "1:1", "duration_s");
+}
+
+#[test]
+fn an_unknown_motor_is_answered_with_the_known_ones() {
+    refused("AM 60 A", "AM 61 A", "8:9", "AM 60 A, AM 60 B");
+    refused("AM 60 A", "Tetrix", "8:9", "never characterised");
+}
+
+#[test]
+fn numbers_out_of_range_name_the_range() {
+    refused("duration_s = 2.0", "duration_s = 1e9", "2:14", "0.001 to 300");
+    refused("duration_s = 2.0", "duration_s = nan", "2:14", "0.001 to 300");
+    refused("control_period_ms = 20", "control_period_ms = 101", "3:21", "1 to 100");
+    refused("emf_v = 12.0", "emf_v = inf", "4:21", "1 to 60");
+    refused("0.05 }", "-0.05 }", "11:26", "inertia_kg_m2 = -0.05");
+    refused("p = 10.0", "p = -1.0", "12:31", "0 to 32767");
+    refused("velocity_cps = 1000", "velocity_cps = 2000000", "14:34", "-1000000 to 1000000");
+    refused("velocity_cps = 1000", "power = 1.5", "14:27", "-1 to 1");
+    refused("speed_limit_cps = 500", "speed_limit_cps = 0", "15:81", "1 to 1000000");
+    refused("torque_nm = 0.1", "torque_nm = nan", "17:38", "torque_nm");
+    refused("blend = 0.25", "blend = 1.5", "10:9", "0 (scheme B) to 1 (scheme C)");
+}
+
+#[test]
+fn contradictions_are_found() {
+    refused("velocity_cps = 1000", "velocity_cps = 1000, power = 0.5", "14:5", "exactly one of");
+    refused("velocity_cps = 1000", "", "14:5", "exactly one of");
+    refused("velocity_cps = 1000", "disable = false", "14:29", "disable can only be true");
+    refused(
+        "velocity_cps = 1000",
+        "velocity_cps = 1000, tolerance_counts = 3",
+        "14:5",
+        "position_counts only",
+    );
+    refused(", tolerance_counts = 5", "", "15:5", "needs tolerance_counts and speed_limit_cps");
+    refused("scheme = \"D\"", "scheme = \"B\"", "10:9", "scheme D only");
+    refused("scheme = \"D\"", "scheme = \"E\"", "9:10", "`none`, `A`, `B`, `C`, `D`");
+}
+
+#[test]
+fn times_ascend_within_the_run() {
+    refused("at_s = 1.0", "at_s = 0.0", "15:14", "not after 0");
+    refused("at_s = 1.0", "at_s = 2.5", "15:14", "from 0 to 2 s");
+    refused("at_s = 0.0", "at_s = -1.0", "14:14", "from 0 to 2 s");
+    refused("at_s = 0.5", "at_s = nan", "17:21", "from 0 to 2 s");
+}
+
+#[test]
+fn the_hub_drives_one_to_four_differently_named_motors() {
+    let motor = "[[motors]]\nlabel = \"n\"\nmotor = \"AM 20 A\"\nsetpoints = [{ at_s = 0, power = 0.5 }]\n";
+    let with = |count: usize| {
+        let more: String = (0..count).map(|n| motor.replace("\"n\"", &format!("\"{n}\""))).collect();
+        Scenario::parse("s.toml", &format!("{SOUND}{more}"))
+    };
+    assert!(with(3).is_ok());
+    assert!(with(4).expect_err("five motors").contains("5 motors; the hub drives 1 to 4"));
+    refused(SOUND.split_at(SOUND.find("[[motors]]").expect("a motor")).1, "motors = []", "6:10", "0 motors");
+    let twice = Scenario::parse("s.toml", &format!("{SOUND}{}", motor.replace("\"n\"", "\"one\"")));
+    assert!(twice.expect_err("the same label twice").starts_with("s.toml:19:9: label \"one\" is taken"));
+    refused("label = \"one\"", "label = \" \"", "7:9", "1 to 80 printable");
+}
