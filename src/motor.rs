@@ -8,7 +8,7 @@ use crate::motion::{EncoderFault, Guard, Pid, Pidf, Reading, Tick, VelocityEstim
 use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
 
 /// A reading older than this is none: the counters are sampled every millisecond.
-pub const STALE_MICROS: u64 = 20_000;
+pub const STALE_MICROS: u32 = 20_000;
 
 /// Counts that still fit 32 bits in steps of 1/256.
 const FAR: i32 = (1 << 23) - 1;
@@ -250,36 +250,44 @@ impl Motor {
     }
 
     /// One control tick.
+    ///
+    /// Kept apart from its callers, which are generic and so compiled with a board's optimisation; this is
+    /// compiled with the library's.
+    #[inline(never)]
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
-        let reading = reading.filter(|reading| now.since(reading.at) <= STALE_MICROS);
+        let fresh = reading.is_some_and(|reading| now.wrapping_since(reading.at) <= STALE_MICROS);
         let velocity = match reading {
-            Some(reading) => {
+            Some(reading) if fresh => {
                 self.moved = reading.position.wrapping_sub(self.position);
                 self.position = reading.position;
                 self.velocity.step(reading)
             }
-            None => self.velocity.get(),
+            _ => self.velocity.get(),
         };
         let operating_point =
             battery.and_then(|battery| OperatingPoint::new(self.settings.emf.emf(velocity), battery));
 
-        let output = operating_point.and_then(|at| self.output(at, velocity, reading.is_some()));
+        let output = operating_point.and_then(|at| self.output(at, velocity, fresh));
         self.coasting = output.is_none();
         if self.coasting || self.setpoint.regulation() == Regulation::None {
             self.unwatch();
         }
+        let (control, regime, drive) = match output {
+            Some((control, Placement { regime, drive })) => (control, Some(regime), drive),
+            None => (Control::ZERO, None, Drive::COAST),
+        };
         Report {
             setpoint: self.setpoint,
             position: self.position,
             velocity,
-            control: output.map_or(Control::ZERO, |(control, _)| control),
-            regime: output.map(|(_, placement)| placement.regime),
-            drive: output.map_or(Drive::COAST, |(_, placement)| placement.drive),
+            control,
+            regime,
+            drive,
             at_target: self.at_target(),
             stalled: self.stalled,
             faults: Faults {
                 battery_unknown: battery.is_none(),
-                encoder_stale: reading.is_none(),
+                encoder_stale: !fresh,
                 encoder: self.encoder_fault,
             },
         }
@@ -330,20 +338,15 @@ impl Motor {
                 hold: self.coasting,
             },
         );
-        Control::saturating(i64::from((output + (1 << 7)) >> 8))
+        // Within the limit, which is the control range.
+        Control::new(((output + (1 << 7)) >> 8) as i16)
     }
 
     /// What the encoder's answer to the last tick's control value says of the encoder.
     fn watch(&mut self, at: OperatingPoint, velocity: CountsPerSecond) -> Finding {
         let finding = self.guard.step(
             self.period,
-            Evidence {
-                control: self.applied,
-                target: self.asked,
-                moved: self.moved,
-                velocity,
-                fast: at.is_above_a_tenth(),
-            },
+            Evidence { control: self.applied, target: self.asked, moved: self.moved, velocity, at },
         );
         self.stalled = finding == Finding::Stalled;
         finding
@@ -384,7 +387,7 @@ impl Motor {
                 hold: self.coasting,
             },
         );
-        CountsPerSecond::saturating_from_bits(bits.into())
+        CountsPerSecond::from_bits(bits)
     }
 
     fn at_target(&self) -> bool {

@@ -38,11 +38,19 @@ impl Control {
     }
 }
 
+impl Control {
+    /// The same the other way.
+    #[must_use]
+    pub const fn reversed(self) -> Self {
+        // In range: -32768 is not a value of this type.
+        Self(-self.0)
+    }
+}
+
 impl core::ops::Neg for Control {
     type Output = Self;
     fn neg(self) -> Self {
-        // In range: -32768 is not a value of this type.
-        Self(-self.0)
+        self.reversed()
     }
 }
 
@@ -113,6 +121,11 @@ impl CountsPerSecond {
     /// Whole counts per second; beyond +-8 388 607 the end of the range.
     pub fn new(cps: i32) -> Self {
         Self(I24F8::saturating_from_num(cps))
+    }
+
+    /// From steps of 1/256 count per second.
+    pub const fn from_bits(bits: i32) -> Self {
+        Self(I24F8::from_bits(bits))
     }
 
     /// From steps of 1/256 count per second; beyond 32 bits the end of the range.
@@ -204,20 +217,11 @@ impl EmfConstant {
         self.0.to_bits()
     }
 
-    /// The back EMF at `speed`; beyond +-131 071 mV, far above any battery, the end of that range.
+    /// The back EMF at `speed`.
     ///
     /// The product is formed in 64 bits: in 32 it overflows at 513 counts/s for a NeveRest 60.
     pub const fn emf(self, speed: CountsPerSecond) -> Emf {
-        let q28 = speed.to_bits() as i64 * self.to_bits() as i64;
-        let q20 = (q28 + (1 << 7)) >> 8;
-        let q20 = if q20 > Emf::MAX_BITS {
-            Emf::MAX_BITS
-        } else if q20 < -Emf::MAX_BITS {
-            -Emf::MAX_BITS
-        } else {
-            q20
-        };
-        Emf(I44F20::from_bits(q20))
+        Emf(speed.to_bits() as i64 * self.to_bits() as i64)
     }
 }
 
@@ -228,27 +232,53 @@ impl defmt::Format for EmfConstant {
     }
 }
 
-/// A back EMF in millivolts: +-131 071 in steps of 2^-20. Positive when turning CW.
+/// A back EMF. Positive when turning CW; beyond +-131 071 mV, far above any battery, the end of that
+/// range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Emf(I44F20);
+pub struct Emf(
+    /// The product of speed and constant, exact, in steps of 2^-28 mV: below 2^56. Whoever needs less
+    /// takes less.
+    i64,
+);
 
 impl Emf {
-    /// One more than any product that is not saturated.
-    const MAX_BITS: i64 = 131_071 << 20;
+    /// The largest magnitude, in millivolts.
+    const MAX_MV: i32 = 131_071;
 
-    /// Steps of 2^-20 mV.
+    /// Steps of 2^-20 mV, rounded.
     pub const fn to_bits(self) -> i64 {
-        self.0.to_bits()
+        const MAX: i64 = (Emf::MAX_MV as i64) << 20;
+        let bits = (self.0 + (1 << 7)) >> 8;
+        if bits > MAX {
+            MAX
+        } else if bits < -MAX {
+            -MAX
+        } else {
+            bits
+        }
     }
 
-    /// The magnitude, in steps of 2^-20 mV: 0 to 131 071 * 2^20.
-    pub const fn magnitude_bits(self) -> i64 {
-        self.0.to_bits().abs()
+    /// Steps of 1/8 mV, rounded: within 20 bits and a sign.
+    pub const fn eighths(self) -> i32 {
+        // 32 bits hold it: the product is below 2^56.
+        let bits = ((self.0 + (1 << 24)) >> 25) as i32;
+        if bits > (1 << 20) - 1 {
+            (1 << 20) - 1
+        } else if bits < -(1 << 20) {
+            -(1 << 20)
+        } else {
+            bits
+        }
     }
 
-    /// For reports.
+    /// True if it is that of CCW motion.
+    pub const fn is_negative(self) -> bool {
+        self.0 < 0
+    }
+
+    /// Millivolts, for reports.
     pub fn to_f64(self) -> f64 {
-        self.0.to_num()
+        I44F20::from_bits(self.to_bits()).to_num()
     }
 }
 
@@ -290,6 +320,11 @@ impl Micros {
     /// Microseconds from `earlier` to this, 0 if `earlier` is later.
     pub const fn since(self, earlier: Self) -> u64 {
         self.0.saturating_sub(earlier.0)
+    }
+
+    /// The same for times that are certain to be less than 71 minutes apart, in 32 bits.
+    pub const fn wrapping_since(self, earlier: Self) -> u32 {
+        (self.0 as u32).wrapping_sub(earlier.0 as u32)
     }
 }
 

@@ -75,6 +75,8 @@ pub struct LinearCurrent {
     period: u32,
     /// Its inverse, steps of 2^-20.
     inverse: u32,
+    /// `(exp(period) - 1) / period`, steps of 2^-15: see [`Self::duty`].
+    growth: u32,
 }
 
 impl LinearCurrent {
@@ -108,42 +110,58 @@ impl LinearCurrent {
             brake_lambda: lambda(r2, r),
             period,
             inverse: if period == 0 { 0 } else { ((1 << 40) / period as u64) as u32 },
+            growth: growth(period),
         })
     }
 
-    /// Duty of 9/8 for the current `w >= 0` at the back EMF `e`, which is negative for a motor that
+    /// The duty of 9/8 for the current `w >= 0` at the back EMF `e`, which is negative for a motor that
     /// turns CCW. `w`, `e` and `v` in 1/16 mV, each below 2^22.
-    pub(super) const fn drive(&self, w: i32, e: i32, v: i32) -> Duty {
-        if w <= 0 {
-            return Duty::ZERO;
-        }
+    pub(super) const fn driving(&self, w: i32, e: i32, v: i32) -> Wanted {
         let through_switch = share(w, self.switch_share);
-        let continuous =
-            Fraction { part: e + self.diode + w - through_switch, whole: v + self.diode - through_switch };
-        self.duty(w, v - e, e + self.diode, self.drive_lambda, continuous)
+        Wanted {
+            w,
+            a: v - e,
+            c: e + self.diode,
+            lambda: self.drive_lambda,
+            continuous: Fraction {
+                part: e + self.diode + w - through_switch,
+                whole: v + self.diode - through_switch,
+            },
+        }
     }
 
-    /// Duty of 5/0 for the braking current `w >= 0` at the back EMF `e >= 0`, all as above.
-    pub(super) const fn brake(&self, w: i32, e: i32, v: i32) -> Duty {
-        if w <= 0 {
-            return Duty::ZERO;
-        }
+    /// The duty of 5/0 for the braking current `w >= 0` at the back EMF `e >= 0`, all as above.
+    pub(super) const fn braking(&self, w: i32, e: i32, v: i32) -> Wanted {
         let through_switches = 2 * share(w, self.switch_share);
         let both_diodes = v + 2 * self.diode;
-        let continuous =
-            Fraction { part: both_diodes - e + w - through_switches, whole: both_diodes - through_switches };
-        self.duty(w, e, both_diodes - e, self.brake_lambda, continuous)
+        Wanted {
+            w,
+            a: e,
+            c: both_diodes - e,
+            lambda: self.brake_lambda,
+            continuous: Fraction {
+                part: both_diodes - e + w - through_switches,
+                whole: both_diodes - through_switches,
+            },
+        }
     }
 
-    /// Duty for the current `w > 0` that rises towards `a` and falls towards `-c`.
-    const fn duty(&self, w: i32, a: i32, c: i32, lambda: Q16, continuous: Fraction) -> Duty {
+    /// The duty for a current.
+    #[inline(always)]
+    pub(super) const fn duty(&self, wanted: Wanted) -> Duty {
+        let Wanted { w, a, c, lambda, continuous } = wanted;
+        if w <= 0 {
+            return Duty::ZERO;
+        }
         let most = continuous.duty_bits();
         // Without a voltage that stops the current, or hardly any, it is continuous.
         if self.period == 0 || most == 0 || a <= 0 || c <= a >> 8 {
             return Duty::from_bits(most as u16);
         }
-        // A current beyond a / R2 cannot be reached and does not stop.
-        if w >= a {
+        // A current beyond a / R2 cannot be reached and does not stop. Nor does one that is still
+        // rising at exp(x) = (k + exp(T/tau)) / (k + 1), which is below the x compared with here.
+        let certain = self.growth as u64 * c as u64;
+        if w >= a || most as u64 * (a + c) as u64 >= certain {
             return Duty::from_bits(most as u16);
         }
         let (a, c) = (a as u32, scale(c as u32, lambda));
@@ -154,7 +172,12 @@ impl LinearCurrent {
         let q = ((ratio_q20(w as u32, a) as u64 * self.period as u64) >> 16) as u32;
         // The continuous duty as a time bounds the answer from above.
         let bound = ((most as u64 * self.period as u64) >> 11) as u32;
-        let x = on_time(q, k, lambda, bound);
+        let x = if self.period <= 1 << 20 {
+            let x = series(q, scale(k, lambda));
+            if x > bound { bound } else { x }
+        } else {
+            on_time(q, k, lambda, bound)
+        };
         let bits = ((x as u64 * self.inverse as u64) >> 29) as u32;
         Duty::from_bits(if bits < most { bits } else { most } as u16)
     }
@@ -163,6 +186,17 @@ impl LinearCurrent {
 /// `w` times a share in steps of 2^-16, rounded; both at least 0, `w` below 2^23.
 const fn share(w: i32, share: Q16) -> i32 {
     ((w as i64 * share as i64 + (1 << 15)) >> 16) as i32
+}
+
+/// A current `w` that rises towards `a` and falls towards `-c`.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted {
+    w: i32,
+    a: i32,
+    c: i32,
+    lambda: Q16,
+    /// The duty if the current is continuous.
+    continuous: Fraction,
 }
 
 #[derive(Clone, Copy)]
@@ -206,6 +240,18 @@ const fn period(r2: u64, inductance: u64, frequency: u64) -> u32 {
     }
 }
 
+/// `(exp(period) - 1) / period` in steps of 2^-15, saturating; from the period in steps of 2^-20.
+const fn growth(period: u32) -> u32 {
+    // The series has run out when its terms vanish; beyond 10 time constants it saturates.
+    let (mut term, mut sum, mut n) = (1u64 << 15, 1u64 << 15, 1);
+    while term > 0 && sum < u32::MAX as u64 {
+        n += 1;
+        term = ((term * period as u64) >> 20) / n;
+        sum += term;
+    }
+    if sum > u32::MAX as u64 { u32::MAX } else { sum as u32 }
+}
+
 /// Ratio of the resistances in on and off time; beyond 2, which no usable bridge has, it is 2.
 const fn lambda(on: u64, off: u64) -> Q16 {
     let ratio = (on << 16) / off;
@@ -238,30 +284,55 @@ const fn on_time(q: u32, k: Q16, lambda: Q16, bound: u32) -> u32 {
     }
 }
 
-/// From the series `q = (1 + k) x^2 / 2 (1 - x (1 + 2k) / 3 + ...)` with `k = a / c`, and `x <= q + 1`.
+/// The same for a period of at most one time constant, for which a series does (to 0.3 %):
+/// `x = s (1 + n/2 + n^2/16 - n^3/87 + s^2/48)`, the last two terms fitted; n is below 1 then.
+const fn series(q: u32, k: Q16) -> u32 {
+    let Small { s, square, n } = Small::new(q, k);
+    let n = if n > explog::ONE as u64 { explog::ONE } else { n as u32 };
+    let bend = mul(n, explog::ONE / 2 + mul(n, explog::ONE / 16 - n / 87));
+    // s is below 2 too.
+    s + mul(s, bend + square as u32 / 48)
+}
+
+/// Where to begin when the series does not do; it also holds that `x <= q + 1`.
 const fn first_guess(q: u32, k: Q16, bound: u32) -> u32 {
-    let inverse = u32::MAX / ((1 << 16) + k);
-    let square = (2 * q as u64 * inverse as u64) >> 16;
-    let s = sqrt(square);
-    let bend = (s * ((1 << 16) + 2 * k as u64)) >> 16;
-    // Where the series is of no use any more, the other bounds hold.
-    let bend = if bend > 1 << 32 { 1 << 32 } else { bend };
-    // A sixth.
-    let guess = s + ((((s * bend) >> 24) * 10_923) >> 16);
+    let Small { s, n, .. } = Small::new(q, k);
+    // Where n is large, the other bounds hold.
+    let n = if n > 1 << 32 { 1 << 32 } else { n };
+    let guess = s as u64 + ((s as u64 * n) >> 25);
     let most = if q < bound.saturating_sub(explog::ONE) { q + explog::ONE } else { bound };
     if guess > most as u64 { most } else { guess as u32 }
 }
 
+/// The quantities that are small with x: `s^2 = 2 q / (1 + k)`, where `k = a / c`, and
+/// `n = (1 + 2k) s / 3`; steps of 2^-24.
+struct Small {
+    s: u32,
+    square: u64,
+    n: u64,
+}
+
+impl Small {
+    const fn new(q: u32, k: Q16) -> Self {
+        let inverse = u32::MAX / ((1 << 16) + k);
+        let square = (2 * q as u64 * inverse as u64) >> 16;
+        let s = sqrt(square);
+        // A third.
+        let n = (s as u64 * (((1 << 16) + 2 * k) / 3) as u64) >> 16;
+        Self { s, square, n }
+    }
+}
+
 /// Square root of a number below 2^9 in steps of 2^-24, to 15 bits.
-const fn sqrt(square: u64) -> u64 {
+const fn sqrt(square: u64) -> u32 {
     if square == 0 {
         return 0;
     }
     // An even shift that fills 32 bits.
     let shift = (32 - (64 - square.leading_zeros() as i32)) & !1;
-    let root = if shift >= 0 { (square << shift) as u32 } else { (square >> -shift) as u32 }.isqrt();
-    // sqrt(n 2^-24) = sqrt(n 2^shift) 2^(-shift/2) 2^-12.
-    ((root as u64) << 24) >> (12 + shift / 2)
+    let root = if shift >= 0 { (square as u32) << shift } else { (square >> -shift) as u32 }.isqrt();
+    // sqrt(n 2^-24) = sqrt(n 2^shift) 2^(-shift/2) 2^-12; the root has 16 bits.
+    (root << 13) >> (1 + shift / 2)
 }
 
 /// `x` times a ratio, saturating.

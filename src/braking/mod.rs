@@ -61,7 +61,7 @@ impl DutyRule {
 
 /// The control value as a motor that turns CW would be given it.
 const fn clockwise(at: OperatingPoint, control: Control) -> Control {
-    if at.counter_clockwise() { Control::new(-control.get()) } else { control }
+    if at.counter_clockwise() { control.reversed() } else { control }
 }
 
 /// Regime, mode and duty of a control value at an operating point; the duty is linear between the
@@ -75,6 +75,7 @@ pub const fn place(scheme: Scheme, at: OperatingPoint, control: Control) -> Plac
 /// from S over T and Z to G.
 ///
 /// With [`Scheme::ForwardReverse`], which says nothing of current, the same as [`place`].
+#[inline(always)]
 pub const fn place_current(
     winding: &LinearCurrent,
     scheme: Scheme,
@@ -85,12 +86,12 @@ pub const fn place_current(
     let Some(w) = scheme.current(e, v, clockwise(at, control)) else {
         return place(scheme, at, control);
     };
-    let (regime, duty) = if w > 0 {
-        (Regime::Forward, winding.drive(w, e, v))
+    let (regime, wanted) = if w > 0 {
+        (Regime::Forward, winding.driving(w, e, v))
     } else if w >= -e {
-        (Regime::Braking, winding.brake(-w, e, v))
+        (Regime::Braking, winding.braking(-w, e, v))
     } else {
-        (Regime::Reverse, winding.drive(-w, -e, v))
+        (Regime::Reverse, winding.driving(-w, -e, v))
     };
-    Placement::new(regime, duty, at.counter_clockwise())
+    Placement::new(regime, winding.duty(wanted), at.counter_clockwise())
 }

@@ -12,44 +12,42 @@ use fixed::types::I56F8;
 /// The speed and the supply for which points are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OperatingPoint {
-    /// |emf| in 2^-20 mV, below 2^37.
-    emf: i64,
-    /// Battery in 2^-20 mV, above 0, below 2^36.
-    battery: i64,
-    counter_clockwise: bool,
+    emf: Emf,
+    /// Above 0.
+    battery: Millivolts,
 }
 
 impl OperatingPoint {
     /// `None` if the battery voltage is 0: nothing can be said about a bridge without supply.
     pub const fn new(emf: Emf, battery: Millivolts) -> Option<Self> {
-        if battery.0 == 0 {
-            return None;
-        }
-        Some(Self {
-            emf: emf.magnitude_bits(),
-            battery: (battery.0 as i64) << 20,
-            counter_clockwise: emf.to_bits() < 0,
-        })
+        if battery.0 == 0 { None } else { Some(Self { emf, battery }) }
     }
 
     /// True if the motor turns counter-clockwise, so that control and modes are mirrored.
     pub const fn counter_clockwise(self) -> bool {
-        self.counter_clockwise
+        self.emf.is_negative()
     }
 
-    /// |emf| and battery voltage in 1/16 mV: below 2^21 and below 2^20.
+    /// |emf| and battery voltage in steps of 2^-20 mV: below 2^37 and below 2^36.
+    const fn fine(self) -> (i64, i64) {
+        (self.emf.to_bits().abs(), (self.battery.0 as i64) << 20)
+    }
+
+    /// |emf| and battery voltage in 1/16 mV: at most 2^21 and below 2^20.
     pub(super) const fn sixteenths(self) -> (i32, i32) {
-        (((self.emf + (1 << 15)) >> 16) as i32, (self.battery >> 16) as i32)
+        (self.emf.eighths().abs() << 1, (self.battery.0 as i32) << 4)
     }
 
     /// True if the back EMF is above a tenth of the battery voltage.
     pub const fn is_above_a_tenth(self) -> bool {
-        10 * self.emf > self.battery
+        let (e, v) = self.sixteenths();
+        10 * e > v
     }
 
     /// True if the back EMF is at least the battery voltage: the battery can push no current.
     pub const fn is_overrun(self) -> bool {
-        self.emf >= self.battery
+        let (e, v) = self.fine();
+        e >= v
     }
 }
 
@@ -139,7 +137,7 @@ impl Points {
     ///
     /// `None` where it is infinite: Schemes C and D with |emf| equal to the battery voltage.
     pub const fn from_formula(scheme: Scheme, at: OperatingPoint) -> Option<Self> {
-        let (e, v) = (at.emf, at.battery);
+        let (e, v) = at.fine();
         Some(match scheme {
             Scheme::ForwardReverse => Self::on_line(Abscissa::ZERO, Abscissa::ZERO),
             Scheme::A => Self::on_line(Abscissa::ZERO, scaled(e, v)),

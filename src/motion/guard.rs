@@ -16,6 +16,7 @@
 //! power needs no encoder and is not watched; neither is a motor that holds its position, from which
 //! no count is due.
 
+use crate::braking::OperatingPoint;
 use crate::units::{Control, CountsPerSecond, Period};
 
 /// How long the evidence must last.
@@ -50,8 +51,8 @@ pub struct Evidence {
     pub moved: i32,
     /// Speed that was measured.
     pub velocity: CountsPerSecond,
-    /// True if its back EMF is above a tenth of the battery voltage.
-    pub fast: bool,
+    /// That speed's back EMF, and the battery voltage.
+    pub at: OperatingPoint,
 }
 
 /// What to do about it.
@@ -94,8 +95,9 @@ pub struct Guard {
 
 impl Guard {
     /// One tick of a regulated motor.
+    #[inline(always)]
     pub fn step(&mut self, period: Period, evidence: Evidence) -> Finding {
-        let Evidence { control, target, moved, velocity, fast } = evidence;
+        let Evidence { control, target, moved, velocity, at } = evidence;
         let (ms, counts) = (period.as_millis(), moved.unsigned_abs());
 
         if let State::Probing { against, for_ms, counts: before } = self.state {
@@ -114,12 +116,16 @@ impl Guard {
         }
 
         let effort = control.get().unsigned_abs() >= EFFORT.unsigned_abs();
+        if !effort && self.state == State::Watching {
+            (self.stuck_ms, self.reversed_ms, self.last_speed) = (0, 0, 0);
+            return Finding::Sound;
+        }
         let stuck = effort && counts == 0 && target.to_bits().unsigned_abs() >= DUE;
         self.stuck_ms = if stuck { self.stuck_ms.saturating_add(ms) } else { 0 };
 
         let speed = velocity.to_bits().unsigned_abs();
         let against = (velocity.to_bits() < 0) != (control.get() < 0);
-        let reversed = effort && fast && against && speed >= self.last_speed;
+        let reversed = effort && against && at.is_above_a_tenth() && speed >= self.last_speed;
         self.reversed_ms = if reversed { self.reversed_ms.saturating_add(ms) } else { 0 };
         self.last_speed = speed;
 
