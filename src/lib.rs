@@ -20,6 +20,7 @@
 //! | [`motion`] | set-point to control value: velocity, PID, position |
 //! | [`supply`] | ADC readings to battery voltage |
 //! | [`motor`], [`hub`] | one motor, N motors: `step(inputs) -> outputs` |
+//! | [`link`] | the host's protocol: frames, commands, keep-alive, LED |
 //! | [`board`] | the traits that a board implements |
 //! | [`tasks`] | async shells round the above |
 //! | `model` (feature `model`) | physics in `f64`, for simulators and tests; knows nothing of the control |
@@ -34,6 +35,7 @@ pub mod board;
 pub mod braking;
 pub mod bridge;
 pub mod hub;
+pub mod link;
 #[cfg(feature = "model")]
 pub mod model;
 pub mod motion;

@@ -20,6 +20,7 @@
 pub mod capture;
 pub mod control;
 pub mod health;
+pub mod link;
 pub mod output;
 pub mod supply;
 

@@ -1,0 +1,151 @@
+//! A motor hub for four motors on a NUCLEO-F429ZI: the pins, the peripherals, and one line per task.
+//!
+//! All decisions are in `motor_hub`; this crate is what its traits mean on this board. Wiring, sizes
+//! and how to flash are in the README beside it.
+#![no_std]
+#![no_main]
+
+mod adc;
+mod bridges;
+mod demo;
+mod encoders;
+mod faults;
+mod status;
+mod watchdog;
+
+use adc::BatteryAdc;
+use bridges::Vnh5019;
+use defmt::{info, unwrap};
+use defmt_rtt as _;
+use embassy_executor::Spawner;
+use embassy_stm32::gpio::{AnyPin, Input, Level, Output, Pull, Speed};
+use embassy_stm32::time::Hertz;
+use embassy_stm32::{Peri, rcc};
+use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
+use encoders::QuadratureCounters;
+use motor_hub::hub::Hub;
+use motor_hub::motor::Settings;
+use motor_hub::supply::{Limits, Scale, Supply};
+use motor_hub::tasks::{self, Health, Links};
+use motor_hub::units::{EmfConstant, Period};
+use watchdog::IndependentWatchdog;
+
+/// Motors on this board.
+const MOTORS: usize = 4;
+
+/// Divider from the battery to PA3: 18 V, the highest plausible battery, makes 3.16 V.
+const DIVIDER_TOP_OHMS: u32 = 47_000;
+const DIVIDER_BOTTOM_OHMS: u32 = 10_000;
+
+/// keFw of an AndyMark NeveRest 60, 3.98683 mV s/count, in 6q20.
+const NEVEREST_60: i32 = 4_180_495;
+
+/// Every task runs in the one executor in thread mode, so no channel needs to mask interrupts.
+type Wires = Links<ThreadModeRawMutex, MOTORS>;
+
+static LINKS: Wires = Wires::new();
+static HEALTH: Health = Health::new();
+
+/// 168 MHz from the 8 MHz that the ST-LINK puts on OSC_IN; timers on APB2 run at 168 MHz too.
+fn clocks() -> embassy_stm32::Config {
+    let mut config = embassy_stm32::Config::default();
+    config.rcc.hse = Some(rcc::Hse { freq: Hertz(8_000_000), mode: rcc::HseMode::Bypass });
+    config.rcc.pll_src = rcc::PllSource::HSE;
+    config.rcc.pll = Some(rcc::Pll {
+        prediv: rcc::PllPreDiv::DIV4,
+        mul: rcc::PllMul::MUL168,
+        divp: Some(rcc::PllPDiv::DIV2),
+        divq: None,
+        divr: None,
+    });
+    config.rcc.ahb_pre = rcc::AHBPrescaler::DIV1;
+    config.rcc.apb1_pre = rcc::APBPrescaler::DIV4;
+    config.rcc.apb2_pre = rcc::APBPrescaler::DIV2;
+    config.rcc.sys = rcc::Sysclk::PLL1_P;
+    config
+}
+
+#[embassy_executor::main]
+async fn main(spawner: Spawner) {
+    let p = embassy_stm32::init(clocks());
+    // Before anything else that could hang, and before a bridge can be anything but open.
+    let watchdog = IndependentWatchdog::start(p.IWDG);
+    let period = Period::DEFAULT;
+    info!(
+        "motor-hub {=str} on nucleo-f429zi: {=u32} Hz, {} motors every {=u32} ms",
+        env!("CARGO_PKG_VERSION"),
+        rcc::frequency::<embassy_stm32::peripherals::TIM1>().0,
+        MOTORS,
+        period.as_millis()
+    );
+    status::log_reset_cause();
+
+    let low = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low);
+    let bridges = Vnh5019::new(
+        p.TIM1,
+        (p.PE9, p.PE11, p.PE13, p.PE14),
+        [
+            low(p.PD0.into()),
+            low(p.PD1.into()),
+            low(p.PD2.into()),
+            low(p.PD3.into()),
+            low(p.PD4.into()),
+            low(p.PD5.into()),
+            low(p.PD6.into()),
+            low(p.PD7.into()),
+        ],
+    );
+    let encoders = QuadratureCounters::new(
+        (p.TIM2, p.PA15, p.PB3),
+        (p.TIM3, p.PB4, p.PB5),
+        (p.TIM4, p.PD12, p.PD13),
+        (p.TIM8, p.PC6, p.PC7),
+    );
+    let adc = BatteryAdc::new(p.ADC1, p.PA3);
+    let scale = unwrap!(Scale::new(DIVIDER_TOP_OHMS, DIVIDER_BOTTOM_OHMS, adc::vrefint_calibration()));
+    let settings = Settings::new(unwrap!(EmfConstant::from_bits(NEVEREST_60)));
+
+    spawner.spawn(unwrap!(output(bridges, period)));
+    spawner.spawn(unwrap!(capture(encoders)));
+    spawner.spawn(unwrap!(supply(adc, Supply::new(scale, Limits::default()))));
+    spawner.spawn(unwrap!(control(settings, period)));
+    spawner.spawn(unwrap!(health(watchdog)));
+    spawner.spawn(unwrap!(report(low(p.PB0.into()))));
+    spawner.spawn(unwrap!(button(Input::new(p.PC13, Pull::None))));
+}
+
+#[embassy_executor::task]
+async fn capture(encoders: QuadratureCounters) -> ! {
+    tasks::capture::run(encoders, &LINKS, &HEALTH).await
+}
+
+#[embassy_executor::task]
+async fn supply(adc: BatteryAdc, supply: Supply) -> ! {
+    tasks::supply::run(adc, supply, &LINKS, &HEALTH).await
+}
+
+/// Makes the hub itself: as an argument of two nested futures it would take twice the RAM.
+#[embassy_executor::task]
+async fn control(settings: Settings, period: Period) -> ! {
+    tasks::control::run(Hub::new([settings; MOTORS], period), &LINKS, &HEALTH).await
+}
+
+#[embassy_executor::task]
+async fn output(bridges: Vnh5019, period: Period) -> ! {
+    tasks::output::run(bridges, period, &LINKS, &HEALTH).await
+}
+
+#[embassy_executor::task]
+async fn health(watchdog: IndependentWatchdog) -> ! {
+    tasks::health::run(watchdog, &HEALTH).await
+}
+
+#[embassy_executor::task]
+async fn report(led: Output<'static>) -> ! {
+    status::run(led, &LINKS).await
+}
+
+#[embassy_executor::task]
+async fn button(button: Input<'static>) -> ! {
+    demo::run(button, &LINKS).await
+}

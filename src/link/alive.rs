@@ -1,0 +1,111 @@
+//! Whether the host is still there, and the status word that tells it what it has missed.
+
+use crate::units::Micros;
+
+/// A host that has said nothing for so long is gone.
+pub const TIMEOUT_MICROS: u64 = 2_500_000;
+
+/// Status bit 0: the keep-alive timer ran out.
+pub const KEEP_ALIVE_TIMEOUT: u8 = 1;
+/// Status bit 1: the hub has been reset.
+pub const RESET: u8 = 1 << 1;
+/// Status bit 2: a host asked for fail-safe.
+pub const FAIL_SAFE: u8 = 1 << 2;
+/// Status bit 4: the battery is low.
+pub const BATTERY_LOW: u8 = 1 << 4;
+
+#[derive(Clone, Copy, Debug, Default)]
+enum Host {
+    /// Nothing has been heard since boot: the timer stands.
+    #[default]
+    Awaited,
+    /// The last packet came then.
+    Heard(Micros),
+    /// The timer ran out then.
+    Lost(Micros),
+}
+
+/// Keep-alive timer and status word.
+#[derive(Clone, Copy, Debug)]
+pub struct Alive {
+    host: Host,
+    /// Events since the host last cleared them.
+    events: u8,
+    battery_low: bool,
+}
+
+impl Alive {
+    /// After a reset.
+    pub const fn new() -> Self {
+        Self { host: Host::Awaited, events: RESET, battery_low: false }
+    }
+
+    /// A valid packet came.
+    pub const fn heard(&mut self, now: Micros) {
+        self.host = Host::Heard(now);
+    }
+
+    /// True if the timer has just run out: once for each silence.
+    pub fn ran_out(&mut self, now: Micros) -> bool {
+        let ran_out = self.deadline().is_some_and(|deadline| deadline <= now);
+        if ran_out {
+            self.host = Host::Lost(now);
+            self.events |= KEEP_ALIVE_TIMEOUT;
+        }
+        ran_out
+    }
+
+    /// When the timer runs out, if it runs.
+    pub const fn deadline(&self) -> Option<Micros> {
+        match self.host {
+            Host::Heard(at) => Some(Micros(at.0.saturating_add(TIMEOUT_MICROS))),
+            Host::Awaited | Host::Lost(_) => None,
+        }
+    }
+
+    /// A host asked for fail-safe.
+    pub const fn fail_safe(&mut self) {
+        self.events |= FAIL_SAFE;
+    }
+
+    /// The battery is low, or not. Becoming low is an event; being low is a state that no host can
+    /// clear.
+    pub const fn battery(&mut self, low: bool) {
+        if low && !self.battery_low {
+            self.events |= BATTERY_LOW;
+        }
+        self.battery_low = low;
+    }
+
+    /// The status word.
+    pub const fn status(&self) -> u8 {
+        self.events | if self.battery_low { BATTERY_LOW } else { 0 }
+    }
+
+    /// The host knows.
+    pub const fn clear(&mut self) {
+        self.events = 0;
+    }
+
+    /// True if something has happened that the host has not cleared.
+    pub const fn attention(&self) -> bool {
+        self.events != 0
+    }
+
+    /// What the status LED is to say.
+    pub const fn sign(&self) -> super::led::Sign {
+        use super::led::Sign;
+        match self.host {
+            Host::Lost(since) => Sign::Lost(since),
+            _ if self.battery_low => Sign::BatteryLow,
+            Host::Heard(_) => Sign::Talking,
+            Host::Awaited => Sign::Waiting,
+        }
+    }
+}
+
+impl Default for Alive {
+    fn default() -> Self {
+        Self::new()
+    }
+}

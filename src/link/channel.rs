@@ -1,0 +1,240 @@
+//! What the hub remembers of one motor on behalf of the host, and what that makes the motor do.
+//!
+//! The host's counts are the motor's less an offset, which is what *reset encoder* sets. Targets are
+//! kept as the host gave them, so after a reset they are where the host's new counts say.
+
+use super::command::{Algorithm, Loop, Mode, ToMotor};
+use super::fields::Nack;
+use super::reply::Answer;
+use crate::hub::Action;
+use crate::motion::Pidf;
+use crate::motor::{Report, Setpoint, Settings, ZeroPower};
+use crate::units::{Control, CountsPerSecond};
+
+/// The speed limit on the way to a position, in counts per second, while no target velocity has ever
+/// been set: the largest that one could set.
+pub const SPEED_LIMIT: i16 = i16::MAX;
+
+/// One motor channel.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    settings: Settings,
+    velocity_algorithm: Algorithm,
+    position_algorithm: Algorithm,
+    mode: Mode,
+    enabled: bool,
+    /// Targets; `None` if never set.
+    power: Option<Control>,
+    velocity: Option<i16>,
+    position: Option<Target>,
+    /// The motor's counts where the host's are 0.
+    offset: i32,
+    /// In milliamperes. Kept only: the hub has no current sensors.
+    current_alert: u16,
+    pending: Pending,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Target {
+    counts: i32,
+    tolerance: u16,
+}
+
+/// What the motor has not been told yet, in the order in which it is told. The state is what is told,
+/// not its history: a target that was replaced in time is never told. Disabling always is, because
+/// it ends faults.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pending {
+    disable: bool,
+    configure: bool,
+    set: bool,
+}
+
+impl Channel {
+    /// A disabled motor in open loop without targets. `settings` are those that the motor starts with.
+    pub const fn new(settings: Settings) -> Self {
+        Self {
+            settings,
+            velocity_algorithm: Algorithm::Pidf,
+            position_algorithm: Algorithm::Pidf,
+            mode: Mode::Power,
+            enabled: false,
+            power: None,
+            velocity: None,
+            position: None,
+            offset: 0,
+            current_alert: 0,
+            pending: Pending { disable: false, configure: false, set: false },
+        }
+    }
+
+    /// Does what a request says. `battery_good` is whether motors may be enabled.
+    ///
+    /// # Errors
+    /// Why the request is refused; nothing has changed then.
+    pub fn receive(&mut self, request: ToMotor, report: &Report, battery_good: bool) -> Result<Answer, Nack> {
+        match request {
+            ToMotor::SetMode(mode, zero_power) => {
+                self.mode = mode;
+                self.settings.zero_power = zero_power;
+                self.pending.configure = true;
+                self.retarget();
+            }
+            ToMotor::SetEnable(false) => self.disable(),
+            ToMotor::SetEnable(true) => self.enable(battery_good)?,
+            ToMotor::SetCurrentAlert(milliamperes) => self.current_alert = milliamperes,
+            ToMotor::ResetEncoder => {
+                self.offset = report.position;
+                self.retarget();
+            }
+            ToMotor::SetPower(power) => {
+                self.power = Some(power);
+                self.retarget();
+            }
+            ToMotor::SetVelocity(velocity) => {
+                self.velocity = Some(velocity);
+                self.retarget();
+            }
+            ToMotor::SetPosition { target, tolerance } => {
+                self.position = Some(Target { counts: target, tolerance });
+                self.retarget();
+            }
+            ToMotor::SetPidf(of, pidf, algorithm) => {
+                match of {
+                    Loop::Velocity => {
+                        (self.settings.velocity, self.velocity_algorithm) = (pidf, algorithm);
+                    }
+                    Loop::Position => {
+                        (self.settings.position, self.position_algorithm) = (pidf, algorithm);
+                    }
+                }
+                self.pending.configure = true;
+            }
+            ToMotor::Mode => {
+                let float = self.settings.zero_power == ZeroPower::Float;
+                return Ok(Answer::data([self.mode as u8, u8::from(float)]));
+            }
+            ToMotor::Enable => return Ok(Answer::data([u8::from(self.enabled)])),
+            ToMotor::CurrentAlert => return Ok(Answer::data(self.current_alert.to_le_bytes())),
+            ToMotor::Power => return Ok(Answer::data(self.power.unwrap_or_default().get().to_le_bytes())),
+            ToMotor::Velocity => return Ok(Answer::data(self.velocity.unwrap_or_default().to_le_bytes())),
+            ToMotor::Position => {
+                let (counts, tolerance) = self.position.map_or((0, 0), |t| (t.counts, t.tolerance));
+                return Ok(Answer::data(counts.to_le_bytes().into_iter().chain(tolerance.to_le_bytes())));
+            }
+            ToMotor::AtTarget if self.mode != Mode::Position => return Err(Nack::WrongMode),
+            ToMotor::AtTarget => return Ok(Answer::data([u8::from(self.at_target(report))])),
+            ToMotor::Encoder => return Ok(Answer::data(self.counts(report).to_le_bytes())),
+            ToMotor::Pidf(of) => {
+                let (Pidf { p, i, d, f }, algorithm) = self.pidf(of);
+                let coefficients = [p, i, d, f].into_iter().flat_map(|c| c.to_bits().to_le_bytes());
+                return Ok(Answer::data(coefficients.chain([algorithm as u8])));
+            }
+            ToMotor::Pid(of) => {
+                let (Pidf { p, i, d, f }, _) = self.pidf(of);
+                if f.to_bits() != 0 {
+                    // An answer without F would not be the truth; hosts then ask for all four.
+                    return Err(Nack::Parameter(2));
+                }
+                return Ok(Answer::data([p, i, d].into_iter().flat_map(|c| c.to_bits().to_le_bytes())));
+            }
+        }
+        Ok(Answer::Ack)
+    }
+
+    const fn pidf(&self, of: Loop) -> (Pidf, Algorithm) {
+        match of {
+            Loop::Velocity => (self.settings.velocity, self.velocity_algorithm),
+            Loop::Position => (self.settings.position, self.position_algorithm),
+        }
+    }
+
+    fn enable(&mut self, battery_good: bool) -> Result<(), Nack> {
+        if self.target().is_none() {
+            return Err(Nack::NotConfigured);
+        }
+        if !battery_good {
+            return Err(Nack::BatteryLow);
+        }
+        self.enabled = true;
+        self.retarget();
+        Ok(())
+    }
+
+    /// The output floats; everything else is kept.
+    pub const fn disable(&mut self) {
+        self.enabled = false;
+        self.pending.disable = true;
+        self.pending.set = false;
+    }
+
+    /// An enabled motor hears of what has changed.
+    const fn retarget(&mut self) {
+        self.pending.set = self.enabled;
+    }
+
+    /// The set-point of the present mode; `None` if its target was never set.
+    fn target(&self) -> Option<Setpoint> {
+        match self.mode {
+            Mode::Power => self.power.map(Setpoint::ConstantPower),
+            Mode::Velocity => self.velocity.map(|cps| Setpoint::Velocity(CountsPerSecond::new(cps.into()))),
+            Mode::Position => self.position.map(|Target { counts, tolerance }| {
+                let speed_limit = i32::from(self.velocity.unwrap_or(SPEED_LIMIT)).abs();
+                Setpoint::Position {
+                    target: counts.wrapping_add(self.offset),
+                    tolerance,
+                    speed_limit: CountsPerSecond::new(speed_limit),
+                }
+            }),
+        }
+    }
+
+    /// What the motor is to be told next; [`told`](Self::told) when it has been.
+    pub fn pending(&self) -> Option<Action> {
+        if self.pending.disable {
+            Some(Action::Set(Setpoint::Disabled))
+        } else if self.pending.configure {
+            Some(Action::Configure(self.settings))
+        } else if self.pending.set {
+            // An enabled motor that is switched to a mode without a target floats until it has one.
+            Some(Action::Set(self.target().unwrap_or_default()))
+        } else {
+            None
+        }
+    }
+
+    /// The motor has been told what [`pending`](Self::pending) says.
+    pub const fn told(&mut self) {
+        if self.pending.disable {
+            self.pending.disable = false;
+        } else if self.pending.configure {
+            self.pending.configure = false;
+        } else {
+            self.pending.set = false;
+        }
+    }
+
+    /// True if the motor is about to be told to let go, which is urgent.
+    pub const fn urgent(&self) -> bool {
+        self.pending.disable
+    }
+
+    /// The last valid *set enable*, unless fail-safe came after it.
+    pub const fn enabled(&self) -> bool {
+        self.enabled
+    }
+
+    /// The host's counts.
+    pub const fn counts(&self, report: &Report) -> i32 {
+        report.position.wrapping_sub(self.offset)
+    }
+
+    /// In position mode and within the tolerance of the target, as far as the motor's last report
+    /// tells. A report may be of the time before the target, so its own word is not used.
+    pub fn at_target(&self, report: &Report) -> bool {
+        self.mode == Mode::Position
+            && self.position.is_some_and(|Target { counts, tolerance }| {
+                counts.wrapping_sub(self.counts(report)).unsigned_abs() <= u32::from(tolerance)
+            })
+    }
+}

@@ -1,0 +1,132 @@
+//! The host link: bytes to packets, packets to commands and replies, and the clock for the keep-alive
+//! timer and the status LED.
+
+use super::{Links, micros};
+use crate::hub::Snapshot;
+use crate::link::frame::{self, Decoder};
+use crate::link::{Colour, Link};
+use crate::units::Micros;
+use core::future::pending;
+use embassy_futures::select::{Either, Either3, select, select3};
+use embassy_futures::yield_now;
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_time::{Duration, Instant, TICK_HZ, Timer};
+use embedded_io_async::{Read, Write};
+
+/// How often the status LED is looked after: a step of a pattern lasts at least this long.
+pub const REFRESH: Duration = Duration::from_millis(100);
+
+/// Bytes taken from the line at once.
+const CHUNK: usize = 64;
+
+/// The wait after a line error, so that a broken line does not keep the processor busy.
+const RECOVERY: Duration = Duration::from_millis(1);
+
+/// Talks to hosts until `rx` ends (reads nothing), which a serial line never does. Where connections
+/// come and go, [`attend`] to the link between them: the keep-alive timer runs on.
+///
+/// Every reply is one `write_all`. A packet that is cut short or damaged by a line error goes
+/// unanswered, as does one whose reply cannot be written; hosts ask again. While a host does not take
+/// its reply, time goes on for the motors all the same.
+///
+/// `rx.read` must lose nothing when it is dropped before it is ready: on a chip, a receiver with a
+/// buffer of its own. `show` is given the colour of the status LED, changed or not.
+pub async fn run<M: RawMutex, const N: usize>(
+    mut rx: impl Read,
+    mut tx: impl Write,
+    link: &mut Link<N>,
+    links: &Links<M, N>,
+    mut show: impl FnMut(Colour),
+) {
+    let mut decoder = Decoder::new();
+    let mut chunk = [0; CHUNK];
+    loop {
+        let work = attend(link, links, &mut show);
+        let length = match select3(rx.read(&mut chunk), until(decoder.deadline()), work).await {
+            Either3::First(Ok(0)) => return,
+            Either3::First(Ok(length)) => length,
+            Either3::First(Err(_)) => {
+                select(Timer::after(RECOVERY), attend(link, links, &mut show)).await;
+                0
+            }
+            Either3::Second(()) => 0,
+        };
+        let mut input = chunk.get(..length).unwrap_or_default();
+        let came = now();
+        while let Some(packet) = decoder.next(&mut input, came) {
+            let Some(reply) = link.receive(&packet, now(), &snapshot(links)) else { continue };
+            settle(link, links, &mut show);
+            let frame = frame::encode(&reply);
+            let write = async {
+                // Without a reply the host asks again.
+                let _ = tx.write_all(&frame).await;
+                let _ = tx.flush().await;
+            };
+            select(write, attend(link, links, &mut show)).await;
+        }
+        settle(link, links, &mut show);
+        // A host that never pauses must not keep other tasks from running.
+        yield_now().await;
+    }
+}
+
+/// All that does not depend on bytes: motors are told what they have not been told yet, the keep-alive
+/// timer runs, and the LED shows it. Runs for ever; dropping it loses nothing.
+pub async fn attend<M: RawMutex, const N: usize>(
+    link: &mut Link<N>,
+    links: &Links<M, N>,
+    mut show: impl FnMut(Colour),
+) -> ! {
+    loop {
+        settle(link, links, &mut show);
+        let refresh = Instant::now() + REFRESH;
+        let due = link.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
+        match link.pending() {
+            Some(command) => {
+                if let Either::First(()) = select(links.commands.send(command), Timer::at(due)).await {
+                    link.told();
+                }
+            }
+            None => Timer::at(due).await,
+        }
+    }
+}
+
+/// What can be done without waiting.
+fn settle<M: RawMutex, const N: usize>(
+    link: &mut Link<N>,
+    links: &Links<M, N>,
+    mut show: impl FnMut(Colour),
+) {
+    let now = now();
+    link.tick(now, &snapshot(links));
+    while let Some(command) = link.pending() {
+        if links.commands.try_send(command).is_err() {
+            break;
+        }
+        link.told();
+    }
+    show(link.led(now));
+}
+
+/// The latest, or none yet.
+fn snapshot<M: RawMutex, const N: usize>(links: &Links<M, N>) -> Snapshot<N> {
+    links.snapshot.try_get().unwrap_or(Snapshot::INITIAL)
+}
+
+fn now() -> Micros {
+    micros(Instant::now())
+}
+
+async fn until(deadline: Option<Micros>) {
+    match deadline {
+        Some(deadline) => Timer::at(instant(deadline)).await,
+        None => pending().await,
+    }
+}
+
+/// The first tick of the time driver that is not before `at`.
+fn instant(at: Micros) -> Instant {
+    let ticks = u128::from(at.0) * u128::from(TICK_HZ);
+    Instant::from_ticks(u64::try_from(ticks.div_ceil(1_000_000)).unwrap_or(u64::MAX))
+}
