@@ -1,0 +1,47 @@
+//! The decoder and the whole state of the hub, given anything: the same property as in
+//! `tests/link_properties.rs`, which also says what must hold.
+//!
+//! The input is a script: a byte that says what happens, a byte that says how much, then the bytes
+//! concerned. Whole frames are among it, because no fuzzer guesses a checksum.
+#![no_main]
+
+#[path = "../../tests/link_support/mod.rs"]
+mod link_support;
+
+use libfuzzer_sys::fuzz_target;
+use link_support::{Event, HUB, frame_to, survive};
+
+/// The next event of the script; `None` at its end.
+fn event(script: &mut &[u8]) -> Option<Event> {
+    let (&[kind, amount], rest) = script.split_first_chunk()?;
+    let (bytes, rest) = rest.split_at_checked(amount.into()).unwrap_or((rest, &[]));
+    let frame = |destination| {
+        let (&[number, family, low], payload) = bytes.split_first_chunk()?;
+        let family = if family & 1 == 0 { 0x10 } else { 0x7F };
+        Some(frame_to(destination, number, u16::from_be_bytes([family, low & 0x3F]), payload))
+    };
+    let piece = usize::from(kind >> 3) + 1;
+    let event = match kind & 7 {
+        0 => {
+            // Nothing more than its two bytes.
+            *script = script.get(2..)?;
+            return Some(Event::Pause(u16::from(amount) * 20));
+        }
+        1 | 2 => Event::Bytes(bytes.to_vec(), piece),
+        3 => Event::Bytes(frame(255)?, piece),
+        4 => {
+            let mut damaged = frame(HUB)?;
+            damaged.truncate(damaged.len() - 1);
+            Event::Bytes(damaged, piece)
+        }
+        _ => Event::Bytes(frame(HUB)?, piece),
+    };
+    *script = rest;
+    Some(event)
+}
+
+fuzz_target!(|script: &[u8]| {
+    let mut script = script;
+    let events: Vec<Event> = std::iter::from_fn(|| event(&mut script)).collect();
+    survive(&events);
+});

@@ -1,0 +1,355 @@
+//! Every command in its good, out-of-range, short and long forms.
+
+mod link_support;
+
+use link_support::{HUB, Host, N, Said, frame_to};
+use motor_hub::link::command::{COUNT, FIRST};
+
+/// A command: type, sizes of its fields, a good payload, and bad ones with what they are refused for.
+struct Form {
+    id: u16,
+    sizes: &'static [usize],
+    good: &'static [u8],
+    /// Length of the data response; `None` for an ACK.
+    data: Option<usize>,
+    bad: &'static [(&'static [u8], u8)],
+}
+
+const fn write(id: u16, sizes: &'static [usize], good: &'static [u8], bad: &'static [(&[u8], u8)]) -> Form {
+    Form { id, sizes, good, data: None, bad }
+}
+
+const fn read(
+    id: u16,
+    sizes: &'static [usize],
+    good: &'static [u8],
+    data: usize,
+    bad: &'static [(&[u8], u8)],
+) -> Form {
+    Form { id, sizes, good, data: Some(data), bad }
+}
+
+const NO_MOTOR: &[(&[u8], u8)] = &[(&[4], 0), (&[255], 0)];
+const NO_LOOP: &[(&[u8], u8)] = &[(&[4, 1], 0), (&[0, 0], 1), (&[0, 3], 1)];
+
+const F: u16 = FIRST;
+
+/// Motor 0 is in position mode with a target when these are tried.
+const FORMS: &[Form] = &[
+    read(0x7F03, &[1], &[0], 2, &[(&[2], 0), (&[255], 0)]),
+    write(0x7F04, &[], &[], &[]),
+    write(0x7F05, &[], &[], &[]),
+    write(0x7F06, &[1], &[HUB], &[(&[0], 0), (&[255], 0)]),
+    read(
+        0x7F07,
+        &[5],
+        b"DEKA\0",
+        4,
+        &[(b"SERVO_HUB\0", 255), (b"\0", 255), (b"DEK\0", 255), (b"deka\0", 255)],
+    ),
+    write(0x7F0A, &[1, 1, 1], &[1, 2, 3], &[]),
+    read(0x7F0B, &[], &[], 3, &[]),
+    write(0x7F0C, &[1, 1, 1, 1], &[10, 1, 2, 3], &[(&[1, 2, 3, 4, 5, 6], 6)]),
+    read(0x7F0D, &[], &[], 64, &[]),
+    write(0x7F0E, &[1, 1], &[6, 3], &[(&[0, 0], 0), (&[13, 0], 0), (&[1, 4], 1)]),
+    read(0x7F0F, &[], &[], 1, &[]),
+    read(F, &[], &[], 35, &[]),
+    write(F + 1, &[1, 1], &[7, 1], &[(&[8, 1], 0), (&[0, 2], 1)]),
+    write(F + 2, &[1], &[255], &[]),
+    write(F + 3, &[1, 1], &[7, 1], &[(&[8, 1], 0), (&[0, 2], 1)]),
+    read(F + 4, &[1], &[7], 1, &[(&[8], 0)]),
+    read(F + 5, &[1], &[7], 1, &[(&[8], 0)]),
+    read(F + 6, &[], &[], 1, &[]),
+    read(F + 7, &[1, 1], &[13, 0], 2, &[(&[15, 0], 0), (&[13, 2], 1), (&[255, 255], 0)]),
+    write(
+        F + 8,
+        &[1, 1, 1],
+        &[3, 2, 1],
+        &[(&[4, 0, 0], 0), (&[0, 3, 0], 1), (&[0, 10, 0], 1), (&[0, 1, 2], 2)],
+    ),
+    read(F + 9, &[1], &[0], 2, NO_MOTOR),
+    write(F + 10, &[1, 1], &[0, 1], &[(&[4, 1], 0), (&[0, 2], 1)]),
+    read(F + 11, &[1], &[0], 1, NO_MOTOR),
+    write(F + 12, &[1, 2], &[0, 255, 255], &[(&[4, 0, 0], 0)]),
+    read(F + 13, &[1], &[0], 2, NO_MOTOR),
+    write(F + 14, &[1], &[0], NO_MOTOR),
+    write(F + 15, &[1, 2], &[0, 0, 128], &[(&[4, 0, 0], 0)]),
+    read(F + 16, &[1], &[0], 2, NO_MOTOR),
+    write(F + 17, &[1, 2], &[0, 0, 128], &[(&[4, 0, 0], 0)]),
+    read(F + 18, &[1], &[0], 2, NO_MOTOR),
+    write(F + 19, &[1, 4, 2], &[0, 0, 0, 0, 128, 255, 255], &[(&[4, 0, 0, 0, 0, 0, 0], 0)]),
+    read(F + 20, &[1], &[0], 6, NO_MOTOR),
+    read(F + 21, &[1], &[0], 1, &[(&[4], 0), (&[1], 51)]),
+    read(F + 22, &[1], &[0], 4, NO_MOTOR),
+    write(
+        F + 23,
+        &[1, 1, 4, 4, 4],
+        &[0, 2, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0],
+        &[(&[4, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], 0), (&[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], 1)],
+    ),
+    // Velocity has a feed-forward.
+    read(F + 24, &[1, 1], &[0, 2], 12, &[(&[4, 1], 0), (&[0, 0], 1), (&[0, 3], 1), (&[0, 1], 2)]),
+    write(F + 25, &[1, 2], &[3, 1, 2], &[(&[4, 1, 2], 0)]),
+    read(F + 26, &[1], &[3], 2, NO_MOTOR),
+    write(F + 27, &[1, 2], &[3, 1, 2], &[(&[4, 1, 2], 0)]),
+    read(F + 28, &[1], &[3], 2, NO_MOTOR),
+    write(F + 29, &[1, 1], &[3, 1], &[(&[4, 1], 0), (&[3, 2], 1)]),
+    read(F + 30, &[1], &[3], 1, NO_MOTOR),
+    write(F + 31, &[1, 2], &[5, 2, 0], &[(&[6, 2, 0], 0), (&[5, 1, 0], 1), (&[5, 0, 0], 1)]),
+    read(F + 32, &[1], &[5], 2, &[(&[6], 0)]),
+    write(F + 33, &[1, 2], &[5, 1, 0], &[(&[6, 1, 0], 0), (&[5, 0, 0], 1)]),
+    read(F + 34, &[1], &[5], 2, &[(&[6], 0)]),
+    write(F + 35, &[1, 1], &[5, 1], &[(&[6, 1], 0), (&[5, 2], 1)]),
+    read(F + 36, &[1], &[5], 1, &[(&[6], 0)]),
+    write(F + 44, &[1], &[1], &[(&[2], 0)]),
+    read(F + 45, &[], &[], 1, &[]),
+    write(F + 46, &[1, 3], b"\x03abc", &[(&[101], 0), (&[5, 1, 2], 1)]),
+    read(F + 48, &[], &[], 31, &[]),
+    write(F + 49, &[1], &[1], &[(&[2], 0)]),
+    read(F + 50, &[], &[], 1, &[]),
+    write(
+        F + 51,
+        &[1, 1, 4, 4, 4, 4, 1],
+        &[0, 1, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0, 1],
+        &[
+            (&[4, 1, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0, 1], 0),
+            (&[0, 3, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0, 1], 1),
+            (&[0, 1, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0, 4, 0, 0, 0, 2], 6),
+        ],
+    ),
+    read(F + 53, &[1, 1], &[0, 1], 17, NO_LOOP),
+    read(F + 57, &[], &[], 9, &[]),
+];
+
+/// A hub whose motors 0 can answer everything.
+fn host() -> Host {
+    let mut host = Host::settled();
+    host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 5, 0]), (8, &[1, 1, 0])]);
+    host.told();
+    host
+}
+
+/// All that can be read back.
+fn everything(host: &mut Host) -> Vec<Said> {
+    let mut all: Vec<_> = [0x7F0B, 0x7F0D, F, F + 45, F + 50].map(|id| host.ask(id, &[])).into();
+    all.push(host.ask(0x7F03, &[0]));
+    for index in 0..8 {
+        all.extend([4, 5].map(|function| host.call(function, &[index])));
+        for function in [9, 11, 13, 16, 18, 20, 21, 22, 26, 28, 30, 32, 34, 36] {
+            all.push(host.call(function, &[index]));
+        }
+        all.extend([1, 2].map(|of| host.call(53, &[index, of])));
+    }
+    all
+}
+
+#[test]
+fn good_forms_are_answered() {
+    for form in FORMS {
+        let said = host().ask(form.id, form.good);
+        match form.data {
+            Some(length) => {
+                assert!(matches!(&said, Said::Data(d) if d.len() == length), "{:#06x} {said:?}", form.id)
+            }
+            None => assert_eq!(said, Said::Ack(u8::from(form.id == 0x7F05)), "{:#06x}", form.id),
+        }
+    }
+}
+
+#[test]
+fn surplus_payload_makes_no_difference() {
+    for form in FORMS {
+        for surplus in [1, 5, 100, 400] {
+            // An LED pattern takes all that comes, unless it is ended.
+            let ending: &[u8] = if form.id == 0x7F0C { &[0] } else { &[] };
+            let long: Vec<u8> = [form.good, ending, &vec![0xA5; surplus]].concat();
+            let (mut plain, mut padded) = (host(), host());
+            assert_eq!(plain.ask(form.id, form.good), padded.ask(form.id, &long), "{:#06x}", form.id);
+            assert_eq!(everything(&mut plain), everything(&mut padded), "{:#06x}", form.id);
+        }
+    }
+}
+
+#[test]
+fn short_forms_are_refused_with_the_first_missing_field_and_change_nothing() {
+    for form in FORMS {
+        let mut host = host();
+        let before = everything(&mut host);
+        for length in 0..form.good.len() {
+            let mut end = 0;
+            let whole = form
+                .sizes
+                .iter()
+                .take_while(|size| {
+                    end += **size;
+                    end <= length
+                })
+                .count();
+            let said = host.ask(form.id, &form.good[..length]);
+            assert_eq!(said, Said::Nack(whole as u8), "{:#06x} {length}", form.id);
+        }
+        assert_eq!(everything(&mut host), before, "{:#06x}", form.id);
+        assert!(host.told().is_empty());
+    }
+}
+
+#[test]
+fn values_out_of_range_are_refused_with_their_field_and_change_nothing() {
+    for form in FORMS {
+        let mut host = host();
+        let before = everything(&mut host);
+        for (payload, code) in form.bad {
+            assert_eq!(host.ask(form.id, payload), Said::Nack(*code), "{:#06x} {payload:?}", form.id);
+        }
+        assert_eq!(everything(&mut host), before, "{:#06x}", form.id);
+        assert!(host.told().is_empty());
+    }
+}
+
+#[test]
+fn every_function_that_is_announced_is_answered() {
+    for function in 0..COUNT {
+        for payload in [&[][..], &[0; 40], &[1; 40], &[255; 40]] {
+            // `ask` insists on one reply.
+            host().call(function, payload);
+        }
+    }
+}
+
+#[test]
+fn transfers_on_a_bus_are_refused_when_they_are_asked_for() {
+    for function in [37, 38, 39, 40, 41, 42, 43, 47, 52, 54, 55, 56] {
+        assert_eq!(host().call(function, &[0; 110]), Said::Nack(253), "{function}");
+    }
+}
+
+#[test]
+fn quantities_that_are_not_measured_are_refused() {
+    for channel in (0..=14).filter(|channel| *channel != 13) {
+        assert_eq!(host().call(7, &[channel, 0]), Said::Nack(253));
+    }
+    assert_eq!(host().call(7, &[13, 1]), Said::Nack(253), "raw counts");
+}
+
+#[test]
+fn what_is_no_command_is_refused_as_unknown() {
+    for id in [0, 0x0FFF, F + COUNT, 0x2000, 0x7F00, 0x7F01, 0x7F02, 0x7F08, 0x7F09, 0x7F10, 0x8000, 0xFFFF] {
+        assert_eq!(host().ask(id, &[0; 20]), Said::Nack(255), "{id:#06x}");
+    }
+}
+
+#[test]
+fn what_is_set_reads_back_by_motor() {
+    let mut host = Host::settled();
+    for motor in 0..N as u8 {
+        host.do_all(&[
+            (8, &[motor, motor % 3, motor % 2]),
+            (12, &[motor, 1, motor]),
+            (15, &[motor, 2, motor]),
+            (17, &[motor, 3, 0x80 + motor]),
+            (19, &[motor, 4, 0, 0, 0xF0 + motor, 5, motor]),
+        ]);
+    }
+    for motor in 0..N as u8 {
+        let replies = [9, 13, 16, 18, 20].map(|function| host.call(function, &[motor]));
+        let expected = [
+            vec![motor % 3, motor % 2],
+            vec![1, motor],
+            vec![2, motor],
+            vec![3, 0x80 + motor],
+            vec![4, 0, 0, 0xF0 + motor, 5, motor],
+        ];
+        assert_eq!(replies, expected.map(Said::Data));
+    }
+}
+
+#[test]
+fn coefficients_are_kept_by_motor_and_by_mode() {
+    let mut host = Host::settled();
+    let payload = |motor: u8, of: u8| {
+        let coefficients = [1, 2, 3, 4].map(|n| [n, motor, of, 0x7F]).concat();
+        [vec![motor, of], coefficients, vec![of % 2]].concat()
+    };
+    for (motor, of) in (0..4).flat_map(|motor| [(motor, 1), (motor, 2)]) {
+        assert_eq!(host.call(51, &payload(motor, of)), Said::Ack(0));
+    }
+    for (motor, of) in (0..4).flat_map(|motor| [(motor, 1), (motor, 2)]) {
+        assert_eq!(host.call(53, &[motor, of]), Said::Data(payload(motor, of)[2..].to_vec()));
+    }
+}
+
+#[test]
+fn coefficients_without_feed_forward_read_back_as_legacy() {
+    let mut host = Host::settled();
+    let pid = [1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0];
+    assert_eq!(host.call(24, &[0, 1]), Said::Nack(2), "the default has a feed-forward");
+    assert_eq!(host.call(23, &[&[0, 1][..], &pid, &[9; 5]].concat()), Said::Ack(0));
+    assert_eq!(host.call(24, &[0, 1]), Said::Data(pid.to_vec()));
+    assert_eq!(host.call(53, &[0, 1]), Said::Data([&pid[..], &[0; 5]].concat()));
+    let Said::Data(position) = host.call(53, &[0, 2]) else { panic!() };
+    assert_eq!(position[16], 1, "the other mode keeps its algorithm");
+}
+
+#[test]
+fn the_lowest_power_is_the_negative_of_the_highest() {
+    let mut host = Host::settled();
+    host.do_all(&[(15, &[0, 0, 0x80])]);
+    assert_eq!(host.call(16, &[0]), Said::Data(vec![1, 0x80]));
+}
+
+#[test]
+fn outputs_that_the_hub_does_not_have_read_back_as_they_were_set() {
+    let mut host = Host::settled();
+    host.do_all(&[(3, &[5, 1]), (25, &[1, 1, 2]), (27, &[1, 3, 4]), (29, &[1, 1])]);
+    host.do_all(&[(31, &[5, 5, 6]), (33, &[5, 7, 8]), (35, &[5, 1])]);
+    let read = [(4, 5), (4, 4), (26, 1), (28, 1), (30, 1), (32, 5), (34, 5), (36, 5), (36, 4)];
+    let expected = [&[1][..], &[0], &[1, 2], &[3, 4], &[1], &[5, 6], &[7, 8], &[1], &[0]];
+    for ((function, index), expected) in read.into_iter().zip(expected) {
+        assert_eq!(host.call(function, &[index]), Said::Data(expected.to_vec()), "{function}");
+    }
+    host.ask(0x7F05, &[]);
+    assert_eq!([host.call(30, &[1]), host.call(36, &[5])], [Said::Data(vec![0]), Said::Data(vec![0])]);
+}
+
+#[test]
+fn the_version_is_in_the_form_that_hosts_parse() {
+    let mut host = Host::settled();
+    let Said::Data(text) = host.call(48, &[]) else { panic!() };
+    assert_eq!(text[1..], *b"HW: 20, Maj: 1, Min: 8, Eng: 2");
+    assert_eq!(usize::from(text[0]), text.len() - 1);
+    assert_eq!(host.call(57, &[]), Said::Data(vec![2, 8, 1, 0, 2, 0x53, 0x11, 0x31, 0]));
+}
+
+#[test]
+fn a_new_address_holds_from_the_next_packet_on() {
+    let mut host = Host::settled();
+    let reply = host.send(&frame_to(HUB, 9, 0x7F06, &[77]));
+    assert_eq!(reply[0][5], HUB, "acknowledged from the old address");
+    assert!(host.send(&frame_to(HUB, 10, 0x7F04, &[])).is_empty());
+    assert_eq!(host.send(&frame_to(77, 10, 0x7F04, &[]))[0][5], 77);
+    assert_eq!(host.send(&frame_to(255, 11, 0x7F0F, &[]))[0][5], 77, "discovery");
+    assert_eq!(host.link.address().get(), 77);
+}
+
+#[test]
+fn packets_for_others_and_broadcasts_that_are_no_discovery_are_ignored() {
+    let mut host = Host::settled();
+    let others = (0..=255).filter(|address| *address != HUB);
+    for address in others {
+        assert!(host.send(&frame_to(address, 1, 0x7F05, &[])).is_empty());
+        let heard = host.send(&frame_to(address, 1, 0x7F0F, &[])).len();
+        assert_eq!(heard, usize::from(address == 255));
+    }
+    assert!(host.told().is_empty());
+}
+
+#[test]
+fn the_same_number_twice_is_two_commands() {
+    let mut host = Host::settled();
+    for power in [1, 2] {
+        host.number = 255;
+        assert_eq!(host.call(15, &[0, power, 0]), Said::Ack(0));
+    }
+    host.number = 255;
+    assert_eq!(host.call(16, &[0]), Said::Data(vec![2, 0]));
+}

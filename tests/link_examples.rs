@@ -1,0 +1,129 @@
+//! Packets as they go over the line, byte for byte: a session with a hub at address 3.
+
+mod link_support;
+
+use link_support::{Host, bytes_of, decode};
+use motor_hub::hub::{Action, Command};
+use motor_hub::link::frame::encode;
+use motor_hub::link::reply::{Bulk, Reply};
+use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::units::{Control, CountsPerSecond};
+
+/// The replies of a fresh hub to these requests.
+fn session(host: &mut Host, requests: &[&str]) -> Vec<Vec<u8>> {
+    requests.iter().flat_map(|request| host.send(&bytes_of(request))).collect()
+}
+
+#[test]
+fn a_host_finds_the_hub_and_its_interface_and_reads_status_and_battery() {
+    let exchanges = [
+        ("44 4b 0b 00 ff 00 01 00 0f 7f 28", "44 4b 0c 00 00 03 01 01 0f ff 01 af"),
+        ("44 4b 0b 00 03 00 01 00 04 7f 21", "44 4b 0c 00 00 03 02 01 01 7f 01 22"),
+        ("44 4b 10 00 03 00 02 00 07 7f 44 45 4b 41 00 3f", "44 4b 0f 00 00 03 03 02 07 ff 00 10 3a 00 f6"),
+        ("44 4b 0c 00 03 00 03 00 03 7f 01 24", "44 4b 0d 00 00 03 04 03 03 ff 02 00 aa"),
+        ("44 4b 0d 00 03 00 04 00 07 10 0d 00 c7", "44 4b 0d 00 00 03 05 04 07 90 39 30 a8"),
+    ];
+    let mut host = Host::new();
+    for (request, reply) in exchanges {
+        assert_eq!(session(&mut host, &[request]), [bytes_of(reply)], "{request}");
+    }
+}
+
+#[test]
+fn a_host_runs_a_motor_at_half_power() {
+    let mut host = Host::new();
+    let replies = session(
+        &mut host,
+        &[
+            "44 4b 0e 00 03 00 05 00 08 10 00 00 01 be",
+            "44 4b 0e 00 03 00 06 00 0f 10 00 ff 3f 03",
+            "44 4b 0d 00 03 00 07 00 0a 10 00 01 c1",
+        ],
+    );
+    assert_eq!(replies.len(), 3);
+    assert!(replies.iter().all(|reply| decode(reply).id == 0x7F01));
+    let settings = motor_hub::motor::Settings { zero_power: ZeroPower::Float, ..link_support::settings() };
+    assert_eq!(
+        host.told(),
+        [
+            Command { motor: 0, action: Action::Configure(settings) },
+            Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::new(16_383))) },
+        ]
+    );
+}
+
+#[test]
+fn a_host_sets_velocity_and_position_targets() {
+    let mut host = Host::new();
+    let replies = session(
+        &mut host,
+        &[
+            "44 4b 0e 00 03 00 08 00 11 10 00 d4 fe 9b",
+            "44 4b 12 00 03 00 09 00 13 10 00 18 fc ff ff 19 00 fb",
+        ],
+    );
+    assert!(replies.iter().all(|reply| decode(reply).id == 0x7F01));
+    assert!(host.told().is_empty(), "setting targets enables nothing");
+    host.do_all(&[(8, &[0, 2, 0]), (10, &[0, 1])]);
+    let setpoint =
+        Setpoint::Position { target: -1000, tolerance: 25, speed_limit: CountsPerSecond::new(300) };
+    assert_eq!(host.told().last().map(|c| c.action), Some(Action::Set(setpoint)));
+}
+
+#[test]
+fn a_host_reads_an_encoder_and_is_refused_a_fifth_motor() {
+    let mut host = Host::new();
+    host.snapshot.motors[1].position = -7;
+    let keep_alive = "44 4b 0b 00 03 00 01 00 04 7f 21";
+    session(&mut host, &[keep_alive; 5]);
+    let replies = session(
+        &mut host,
+        &["44 4b 0c 00 03 00 0a 00 16 10 01 cf", "44 4b 0e 00 03 00 0b 00 08 10 04 00 00 c7"],
+    );
+    let expected = ["44 4b 0f 00 00 03 06 0a 16 90 f9 ff ff ff 4d", "44 4b 0c 00 00 03 07 0b 02 7f 00 31"];
+    assert_eq!(replies, expected.map(bytes_of));
+}
+
+#[test]
+fn a_host_sets_pidf_coefficients() {
+    let mut host = Host::new();
+    let request = "44 4b 1e 00 03 00 1b 00 33 10 01 01 8f 42 01 00 42 20 00 00 00 00 00 00 9a 99 0c 00 01 84";
+    assert_eq!(decode(&session(&mut host, &[request])[0]).id, 0x7F01);
+    let told = host.told();
+    let [Command { motor: 1, action: Action::Configure(settings) }] = told[..] else { panic!("{told:?}") };
+    let velocity = settings.velocity;
+    assert_eq!(
+        [velocity.p, velocity.i, velocity.d, velocity.f].map(|c| c.to_bits()),
+        [82_575, 8258, 0, 825_754]
+    );
+    assert_eq!(settings.position, link_support::settings().position);
+}
+
+#[test]
+fn a_bulk_answer_has_its_fields_in_place() {
+    let request = decode(&bytes_of("44 4b 0b 00 03 00 0c 00 00 10 b9"));
+    let bulk = Bulk {
+        digital: 1,
+        encoders: [354, -7, 0, 0],
+        motor_status: 1 << 5,
+        velocities: [1400, -300, 0, 0],
+        analog: [100, 200, 300, 400],
+        attention: false,
+    };
+    let frame = encode(&Reply::to(&request, 3, 8, false, Ok(bulk.answer())));
+    let expected = "44 4b 2e 00 00 03 08 0c 00 90 01 62 01 00 00 f9 ff ff ff 00 00 00 00 00 00 00 \
+                    00 20 78 05 d4 fe 00 00 00 00 64 00 c8 00 2c 01 90 01 00 17";
+    assert_eq!(frame.to_vec(), bytes_of(expected));
+}
+
+#[test]
+fn a_host_asks_for_fail_safe() {
+    let mut host = Host::settled();
+    host.do_all(&[(15, &[2, 0, 64]), (10, &[2, 1])]);
+    host.told();
+    let replies = session(&mut host, &["44 4b 0b 00 03 00 0d 00 05 7f 2e"]);
+    let reply = decode(&replies[0]);
+    assert_eq!((reply.id, reply.payload.as_slice()), (0x7F01, &[1][..]), "attention");
+    let expected = [0, 1, 2, 3].map(|motor| Command { motor, action: Action::Set(Setpoint::Disabled) });
+    assert_eq!(host.told(), expected);
+}

@@ -1,0 +1,140 @@
+//! Packets are found in whatever comes over the line.
+
+mod link_support;
+
+use link_support::{Host, bytes_of, decode, frame_to};
+use motor_hub::link::frame::{KEPT, LONGEST, PATIENCE_MICROS};
+use motor_hub::link::{Decoder, Packet};
+use motor_hub::units::Micros;
+
+const KEEP_ALIVE: u16 = 0x7F04;
+const NONE: [u8; 0] = [];
+
+fn keep_alive(number: u8) -> Vec<u8> {
+    frame_to(3, number, KEEP_ALIVE, &[])
+}
+
+/// Message numbers of the packets found.
+fn found(decoder: &mut Decoder, mut bytes: &[u8], at: u64) -> Vec<u8> {
+    std::iter::from_fn(|| decoder.next(&mut bytes, Micros(at))).map(|packet| packet.number).collect()
+}
+
+#[test]
+fn a_packet_has_all_its_fields() {
+    let packet = decode(&bytes_of("44 4b 12 00 03 00 09 00 13 10 00 18 fc ff ff 19 00 fb"));
+    assert_eq!((packet.destination, packet.source, packet.number, packet.reference), (3, 0, 9, 0));
+    assert_eq!((packet.id, packet.payload.as_slice()), (0x1013, &bytes_of("00 18 fc ff ff 19 00")[..]));
+}
+
+#[test]
+fn a_packet_may_come_byte_by_byte_and_several_at_once() {
+    let mut decoder = Decoder::new();
+    for (index, byte) in keep_alive(7).iter().enumerate() {
+        let expected: &[u8] = if index == 10 { &[7] } else { &[] };
+        assert_eq!(found(&mut decoder, &[*byte], index as u64 * 1000), expected);
+    }
+    let many: Vec<u8> = (1..=20).flat_map(keep_alive).collect();
+    for split in 0..many.len() {
+        let mut decoder = Decoder::new();
+        let mut numbers = found(&mut decoder, &many[..split], 0);
+        numbers.extend(found(&mut decoder, &many[split..], 10));
+        assert_eq!(numbers, (1..=20).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn every_single_damaged_byte_makes_a_packet_unheard() {
+    let good = bytes_of("44 4b 0d 00 03 00 07 00 0a 10 00 01 c1");
+    for index in 0..good.len() {
+        for bit in 0..8 {
+            let mut bad = good.clone();
+            bad[index] ^= 1 << bit;
+            let mut host = Host::new();
+            assert!(host.send(&bad).is_empty(), "byte {index} bit {bit}");
+            // A longer length may still wait for the rest.
+            host.wait_ms(51);
+            assert!(host.send(&[]).is_empty());
+            assert_eq!(host.send(&keep_alive(1)).len(), 1);
+        }
+    }
+}
+
+#[test]
+fn lengths_that_cannot_be_are_skipped_at_once() {
+    for length in [0u16, 1, 10, LONGEST as u16 + 1, 0x4B44, u16::MAX] {
+        let mut bytes = vec![0x44, 0x4B];
+        bytes.extend(length.to_le_bytes());
+        bytes.extend(keep_alive(5));
+        assert_eq!(found(&mut Decoder::new(), &bytes, 0), [5], "{length}");
+    }
+}
+
+#[test]
+fn stray_start_bytes_do_not_hide_a_packet() {
+    for stray in ["44", "44 44", "44 44 44 44", "4b", "44 4b", "44 4b 44", "44 4b 44 4b", "4b 44 44"] {
+        let mut bytes = bytes_of(stray);
+        bytes.extend(keep_alive(5));
+        assert_eq!(found(&mut Decoder::new(), &bytes, 0), [5], "{stray}");
+    }
+}
+
+#[test]
+fn a_good_packet_within_a_bad_one_is_not_lost() {
+    let mut bytes = bytes_of("44 4b 30 00 03 00 01");
+    bytes.extend(keep_alive(1));
+    bytes.extend(keep_alive(2));
+    bytes.extend([0xEE; 19]);
+    assert_eq!(found(&mut Decoder::new(), &bytes, 0), [1, 2]);
+}
+
+#[test]
+fn a_packet_swallowed_by_an_unfinished_one_is_found_when_that_is_given_up() {
+    let mut bytes = bytes_of("44 4b 00 02 03");
+    bytes.extend(keep_alive(1));
+    let mut decoder = Decoder::new();
+    assert_eq!(found(&mut decoder, &bytes, 0), NONE);
+    assert_eq!(decoder.deadline(), Some(Micros(PATIENCE_MICROS)));
+    assert_eq!(found(&mut decoder, &[], PATIENCE_MICROS - 1), NONE);
+    assert_eq!(found(&mut decoder, &[], PATIENCE_MICROS), [1]);
+    assert_eq!(decoder.deadline(), None);
+}
+
+#[test]
+fn an_unfinished_packet_is_given_up_50_ms_after_its_first_byte() {
+    let packet = keep_alive(1);
+    for (gap, expected) in [(PATIENCE_MICROS - 1, &[1u8][..]), (PATIENCE_MICROS, &[])] {
+        let mut decoder = Decoder::new();
+        assert_eq!(found(&mut decoder, &packet[..2], 0), NONE);
+        assert_eq!(found(&mut decoder, &packet[2..8], 40_000), NONE);
+        assert_eq!(found(&mut decoder, &packet[8..], gap), expected, "{gap}");
+        assert_eq!(found(&mut decoder, &keep_alive(2), gap + PATIENCE_MICROS), [2]);
+    }
+}
+
+#[test]
+fn after_a_silence_nothing_of_the_past_delays_a_packet() {
+    // Several plausible beginnings, each longer than what follows.
+    let beginnings: Vec<u8> = bytes_of("44 4b 00 01 03 00 44").repeat(30);
+    let mut decoder = Decoder::new();
+    assert_eq!(found(&mut decoder, &beginnings, 0), NONE);
+    assert_eq!(found(&mut decoder, &keep_alive(9), PATIENCE_MICROS), [9]);
+}
+
+#[test]
+fn a_full_buffer_of_beginnings_is_worked_off() {
+    let mut bytes = bytes_of("44 4b 58 02 03 00 01 00").repeat(400);
+    bytes.extend(keep_alive(3));
+    let mut decoder = Decoder::new();
+    let mut numbers = found(&mut decoder, &bytes, 0);
+    numbers.extend(found(&mut decoder, &[], PATIENCE_MICROS));
+    assert_eq!(numbers, [3]);
+}
+
+#[test]
+fn the_longest_payloads_of_hosts_are_taken_and_their_end_is_forgotten() {
+    let payload: Vec<u8> = (0..512).map(|byte| byte as u8).collect();
+    let Packet { payload: kept, number, .. } = decode(&frame_to(3, 8, 0x1000, &payload));
+    assert_eq!((number, kept.as_slice()), (8, &payload[..KEPT]));
+    let longest = frame_to(3, 9, 0x1000, &vec![0x44; LONGEST - 11]);
+    assert_eq!(found(&mut Decoder::new(), &longest, 0), [9]);
+}

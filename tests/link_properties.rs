@@ -1,0 +1,61 @@
+//! Whatever comes over the line.
+
+mod link_support;
+
+use link_support::{Event, HUB, frame_to, survive};
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+/// Types that mean something, and some that do not.
+fn id() -> impl Strategy<Value = u16> {
+    prop_oneof![0x7F00u16..=0x7F10, 0x1000u16..=0x103F, any::<u16>()]
+}
+
+fn frame() -> impl Strategy<Value = Vec<u8>> {
+    let destination = prop_oneof![8 => Just(HUB), 1 => Just(255), 1 => any::<u8>()];
+    // Small numbers are in range more often.
+    let payload = vec(prop_oneof![0u8..4, any::<u8>()], 0..40);
+    (destination, any::<u8>(), id(), payload)
+        .prop_map(|(to, number, id, payload)| frame_to(to, number, id, &payload))
+}
+
+/// A frame with a damaged byte, or cut short.
+fn damaged() -> impl Strategy<Value = Vec<u8>> {
+    (frame(), any::<prop::sample::Index>(), 1u8.., any::<bool>()).prop_map(|(mut frame, at, flip, cut)| {
+        let at = at.index(frame.len());
+        if cut {
+            frame.truncate(at);
+        } else {
+            frame[at] ^= flip;
+        }
+        frame
+    })
+}
+
+fn noise() -> impl Strategy<Value = Vec<u8>> {
+    // Start bytes and short lengths are what may mislead.
+    let byte = prop_oneof![2 => Just(0x44), 2 => Just(0x4B), 1 => 0u8..20, 4 => any::<u8>()];
+    vec(byte, 0..200)
+}
+
+fn event() -> impl Strategy<Value = Event> {
+    let bytes = prop_oneof![4 => frame(), 2 => damaged(), 2 => noise()];
+    prop_oneof![
+        8 => (bytes, 1usize..200).prop_map(|(bytes, piece)| Event::Bytes(bytes, piece)),
+        1 => (0u16..3000).prop_map(Event::Pause),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn no_stream_enables_a_motor_by_itself_or_deafens_the_hub(events in vec(event(), 0..30)) {
+        survive(&events);
+    }
+
+    #[test]
+    fn pure_noise_does_no_harm(bytes in vec(any::<u8>(), 0..2000), piece in 1usize..100) {
+        survive(&[Event::Bytes(bytes, piece)]);
+    }
+}

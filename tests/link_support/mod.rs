@@ -1,0 +1,200 @@
+//! A host that talks to the pure hub: for the tests of the link.
+#![allow(dead_code, reason = "each test uses its own part")]
+
+use motor_hub::hub::{Action, Command, Snapshot};
+use motor_hub::link::command::FIRST;
+use motor_hub::link::{Address, Decoder, Link, Packet, frame};
+use motor_hub::motor::{Setpoint, Settings};
+use motor_hub::units::{EmfConstant, Micros, Millivolts};
+
+pub(crate) const N: usize = 4;
+pub(crate) const HUB: u8 = 3;
+
+/// A NeveRest 60.
+pub(crate) fn settings() -> Settings {
+    Settings::new(EmfConstant::from_bits(4_180_495).expect("in range"))
+}
+
+pub(crate) fn bytes_of(hex: &str) -> Vec<u8> {
+    hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).expect("hex")).collect()
+}
+
+pub(crate) fn frame_to(destination: u8, number: u8, id: u16, payload: &[u8]) -> Vec<u8> {
+    let mut frame = vec![0x44, 0x4B];
+    frame.extend((11 + payload.len() as u16).to_le_bytes());
+    frame.extend([destination, 0, number, 0]);
+    frame.extend(id.to_le_bytes());
+    frame.extend(payload);
+    frame.push(frame.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)));
+    frame
+}
+
+/// What came back.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Said {
+    /// With the attention flag.
+    Ack(u8),
+    Nack(u8),
+    Data(Vec<u8>),
+}
+
+pub(crate) struct Host {
+    pub(crate) link: Link<N>,
+    pub(crate) decoder: Decoder,
+    pub(crate) now: Micros,
+    pub(crate) snapshot: Snapshot<N>,
+    pub(crate) number: u8,
+}
+
+impl Host {
+    /// At a hub just after its reset, whose battery has 12.345 V.
+    pub(crate) fn new() -> Self {
+        let snapshot = Snapshot { battery: Some(Millivolts(12_345)), ..Snapshot::INITIAL };
+        let address = Address::new(HUB).expect("an address");
+        let link = Link::new(address, [settings(); N]);
+        Self { link, decoder: Decoder::new(), now: Micros(1_000_000), snapshot, number: 0 }
+    }
+
+    /// At a hub that has nothing to call attention to.
+    pub(crate) fn settled() -> Self {
+        let mut host = Self::new();
+        assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![2, 0]));
+        host
+    }
+
+    /// Frames that come back.
+    pub(crate) fn send(&mut self, mut bytes: &[u8]) -> Vec<Vec<u8>> {
+        let mut replies = Vec::new();
+        while let Some(packet) = self.decoder.next(&mut bytes, self.now) {
+            let reply = self.link.receive(&packet, self.now, &self.snapshot);
+            replies.extend(reply.map(|reply| frame::encode(&reply).to_vec()));
+        }
+        replies
+    }
+
+    pub(crate) fn ask(&mut self, id: u16, payload: &[u8]) -> Said {
+        self.number = self.number.wrapping_add(1);
+        let replies = self.send(&frame_to(HUB, self.number, id, payload));
+        let [reply] = replies.as_slice() else { panic!("{id:#06x} {payload:x?}: {replies:x?}") };
+        let packet = decode(reply);
+        assert_eq!((packet.destination, packet.source, packet.reference), (0, HUB, self.number));
+        match packet.id {
+            0x7F01 => Said::Ack(packet.payload[0]),
+            0x7F02 => Said::Nack(packet.payload[0]),
+            other => {
+                assert_eq!(other, id | 0x8000);
+                Said::Data(packet.payload.to_vec())
+            }
+        }
+    }
+
+    /// A function of the motor interface.
+    pub(crate) fn call(&mut self, function: u16, payload: &[u8]) -> Said {
+        self.ask(FIRST + function, payload)
+    }
+
+    pub(crate) fn do_all(&mut self, calls: &[(u16, &[u8])]) {
+        for (function, payload) in calls {
+            let said = self.call(*function, payload);
+            assert!(matches!(said, Said::Ack(_)), "{function} {payload:?}: {said:?}");
+        }
+    }
+
+    /// What the motors have been told since the last time.
+    pub(crate) fn told(&mut self) -> Vec<Command> {
+        std::iter::from_fn(|| {
+            let command = self.link.pending();
+            self.link.told();
+            command
+        })
+        .collect()
+    }
+
+    pub(crate) fn wait_ms(&mut self, ms: u64) {
+        self.now.0 += ms * 1000;
+    }
+}
+
+/// The one packet in a frame.
+pub(crate) fn decode(mut frame: &[u8]) -> Packet {
+    let packet = Decoder::new().next(&mut frame, Micros(0)).expect("a whole frame");
+    assert!(frame.is_empty());
+    packet
+}
+
+/// Frames hidden anywhere in a stream, overlapping ones too, found without any cleverness: where each
+/// starts, and the frame.
+pub(crate) fn frames_in(bytes: &[u8]) -> impl Iterator<Item = (usize, &[u8])> {
+    bytes.windows(2).enumerate().filter(|(_, pair)| pair == b"\x44\x4B").filter_map(|(at, _)| {
+        let rest = &bytes[at..];
+        let length = usize::from(u16::from_le_bytes([*rest.get(2)?, *rest.get(3)?]));
+        let frame = rest.get(..length).filter(|frame| (11..=frame::LONGEST).contains(&frame.len()))?;
+        let (sum, summed) = frame.split_last()?;
+        (summed.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)) == *sum).then_some((at, frame))
+    })
+}
+
+/// True for a frame that may enable a motor.
+pub(crate) fn enables(frame: &[u8]) -> bool {
+    frame[8..10] == [0x0A, 0x10] && frame.len() >= 13 && frame[11] == 1
+}
+
+/// What happens on the line.
+#[derive(Clone, Debug)]
+pub(crate) enum Event {
+    /// Bytes come, in pieces of this many.
+    Bytes(Vec<u8>, usize),
+    /// Milliseconds pass.
+    Pause(u16),
+}
+
+/// Lets it all happen to a fresh hub and checks what must hold for whatever comes: no motor runs unless
+/// a frame enabled it, and in the end a keep-alive is answered.
+pub(crate) fn survive(events: &[Event]) {
+    let mut host = Host::settled();
+    let mut stream = Vec::new();
+    let mut told = Vec::new();
+    for event in events {
+        match event {
+            Event::Bytes(bytes, piece) => {
+                stream.extend(bytes);
+                for piece in bytes.chunks((*piece).max(1)) {
+                    host.send(piece);
+                }
+            }
+            Event::Pause(ms) => {
+                host.wait_ms(u64::from(*ms));
+                host.send(&[]);
+                host.link.tick(host.now, &host.snapshot);
+            }
+        }
+        told.extend(host.told());
+    }
+    if !frames_in(&stream).any(|(_, frame)| enables(frame)) {
+        let runs = |c: &Command| matches!(c.action, Action::Set(setpoint) if setpoint != Setpoint::Disabled);
+        assert!(!told.iter().any(runs), "{told:?}");
+        assert_eq!(host.link.enabled(), [false; N]);
+    }
+
+    let keep_alive = |host: &Host| frame_to(host.link.address().get(), 99, 0x7F04, &[]);
+    let answers = |replies: Vec<Vec<u8>>| replies.last().map(|reply| reply[7..10].to_vec());
+    let answered = Some(vec![99, 0x01, 0x7F]);
+    // At once, unless the end of the stream and the beginning of the packet make another frame, or a
+    // frame that is found on the way changes the address.
+    let address = host.link.address();
+    let packet = keep_alive(&host);
+    let end = stream.len();
+    stream.extend(&packet);
+    let hidden = frames_in(&stream).any(|(at, frame)| at < end && at + frame.len() > end);
+    let mut replies = host.send(&packet);
+    host.wait_ms(50);
+    replies.extend(host.send(&[]));
+    if !hidden && host.link.address() == address {
+        assert_eq!(answers(replies), answered);
+    }
+    // After a silence, whatever was before.
+    host.wait_ms(50);
+    host.send(&[]);
+    let packet = keep_alive(&host);
+    assert_eq!(answers(host.send(&packet)), answered);
+}

@@ -1,0 +1,311 @@
+//! The link task between in-memory pipes, under virtual time.
+
+mod link_support;
+
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::pipe::Pipe;
+use embassy_time::{Duration, Instant, MockDriver};
+use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+use link_support::{HUB, N, bytes_of, decode, frame_to, settings};
+use motor_hub::hub::{Action, Command, Snapshot};
+use motor_hub::link::{Address, Colour, Link};
+use motor_hub::motor::Setpoint;
+use motor_hub::tasks::{self, COMMANDS, Links};
+use motor_hub::units::Millivolts;
+use std::cell::{Cell, RefCell};
+use std::convert::Infallible;
+use std::future::{Future, pending};
+use std::pin::{Pin, pin};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Waker};
+
+/// The mock driver's clock is one for the process.
+static CLOCK: Mutex<()> = Mutex::new(());
+
+/// What the host sees of a hub's line.
+#[derive(Default)]
+struct Line {
+    /// Every write by itself.
+    writes: RefCell<Vec<Vec<u8>>>,
+    /// The host takes nothing.
+    jammed: Cell<bool>,
+}
+
+impl ErrorType for &Line {
+    type Error = Infallible;
+}
+
+impl Write for &Line {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        if self.jammed.get() {
+            pending::<()>().await;
+        }
+        self.writes.borrow_mut().push(bytes.to_vec());
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+/// Errors first, then what is in the pipe, then the end.
+struct Rough<'a> {
+    errors: u32,
+    pipe: &'a Pipe<NoopRawMutex, 1024>,
+}
+
+impl ErrorType for Rough<'_> {
+    type Error = ErrorKind;
+}
+
+impl Read for Rough<'_> {
+    async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, ErrorKind> {
+        if self.errors > 0 {
+            self.errors -= 1;
+            return Err(ErrorKind::Other);
+        }
+        Ok(self.pipe.try_read(bytes).unwrap_or(0))
+    }
+}
+
+struct World {
+    to_hub: Pipe<NoopRawMutex, 1024>,
+    line: Line,
+    links: Links<NoopRawMutex, N>,
+    shown: Cell<Colour>,
+    _clock: MutexGuard<'static, ()>,
+}
+
+impl World {
+    fn new() -> Self {
+        let clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
+        MockDriver::get().reset();
+        let links = Links::new();
+        links.snapshot.sender().send(Snapshot { battery: Some(Millivolts(12_000)), ..Snapshot::INITIAL });
+        Self { to_hub: Pipe::new(), line: Line::default(), links, shown: Cell::default(), _clock: clock }
+    }
+
+    async fn task(&self) {
+        let mut link = Link::new(Address::new(HUB).expect("an address"), [settings(); N]);
+        tasks::link::run(&self.to_hub, &self.line, &mut link, &self.links, |c| self.shown.set(c)).await;
+    }
+
+    fn send(&self, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            // A pipe takes what fits before its wrap.
+            let length = self.to_hub.try_write(bytes).expect("room");
+            bytes = &bytes[length..];
+        }
+    }
+
+    fn call(&self, function: u16, payload: &[u8]) {
+        self.send(&frame_to(HUB, 1, 0x1000 + function, payload));
+    }
+
+    /// Types and first bytes of the replies since the last time.
+    fn replies(&self) -> Vec<(u16, u8)> {
+        let packets = self.line.writes.take().into_iter().map(|write| decode(&write));
+        packets.map(|packet| (packet.id, packet.payload[0])).collect()
+    }
+
+    fn told(&self) -> Vec<Command> {
+        std::iter::from_fn(|| self.links.commands.try_receive().ok()).collect()
+    }
+}
+
+/// Lets everything happen that is due now: as often as something may have become due by it.
+fn poll(task: &mut Pin<&mut impl Future<Output = ()>>) -> bool {
+    let mut context = Context::from_waker(Waker::noop());
+    (0..50).any(|_| task.as_mut().poll(&mut context).is_ready())
+}
+
+fn run_ms(task: &mut Pin<&mut impl Future<Output = ()>>, ms: u64) {
+    assert!(!poll(task));
+    for _ in 0..ms {
+        MockDriver::get().advance(Duration::from_millis(1));
+        assert!(!poll(task));
+    }
+}
+
+fn disabled(motor: usize) -> Command {
+    Command { motor, action: Action::Set(Setpoint::Disabled) }
+}
+
+#[test]
+fn each_reply_is_one_write_however_the_requests_come() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    run_ms(&mut task, 1);
+    let many: Vec<u8> = (1..=9).flat_map(|number| frame_to(HUB, number, 0x7F04, &[])).collect();
+    world.send(&many);
+    run_ms(&mut task, 1);
+    let writes = world.line.writes.take();
+    assert_eq!(
+        writes.iter().map(|write| decode(write).reference).collect::<Vec<_>>(),
+        (1..=9).collect::<Vec<_>>()
+    );
+    for byte in many {
+        world.send(&[byte]);
+        run_ms(&mut task, 1);
+    }
+    assert_eq!(world.replies(), [(0x7F01, 1); 9]);
+}
+
+#[test]
+fn a_reply_comes_without_any_time_passing() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    run_ms(&mut task, 10);
+    world.send(&bytes_of("44 4b 0b 00 ff 00 01 00 0f 7f 28"));
+    assert!(!poll(&mut task));
+    assert_eq!(*world.line.writes.borrow(), [bytes_of("44 4b 0c 00 00 03 01 01 0f ff 01 af")]);
+}
+
+#[test]
+fn a_host_that_falls_silent_for_2500_ms_loses_its_motors_to_the_millisecond() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    run_ms(&mut task, 5);
+    world.call(15, &[0, 0, 64]);
+    world.call(10, &[0, 1]);
+    run_ms(&mut task, 0);
+    assert_eq!(world.told().len(), 1);
+    run_ms(&mut task, 2499);
+    assert!(world.told().is_empty());
+    run_ms(&mut task, 1);
+    assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));
+    assert_eq!(Instant::now().as_millis(), 2505);
+}
+
+#[test]
+fn silences_of_2100_ms_are_harmless() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    world.call(15, &[0, 0, 64]);
+    world.call(10, &[0, 1]);
+    run_ms(&mut task, 0);
+    world.told();
+    for _ in 0..5 {
+        run_ms(&mut task, 2100);
+        world.call(22, &[0]);
+    }
+    assert!(world.told().is_empty());
+}
+
+#[test]
+fn noise_without_end_does_not_keep_a_lost_host_alive() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    world.call(15, &[0, 0, 64]);
+    world.call(10, &[0, 1]);
+    run_ms(&mut task, 0);
+    world.told();
+    for _ in 0..2500 {
+        world.send(&[0x44, 0x4B, 0xF0, 0, 3, 0x44]);
+        run_ms(&mut task, 1);
+    }
+    assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));
+}
+
+#[test]
+fn a_host_that_takes_no_replies_loses_its_motors_too() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    world.call(15, &[0, 0, 64]);
+    world.call(10, &[0, 1]);
+    run_ms(&mut task, 0);
+    world.told();
+    world.line.jammed.set(true);
+    world.call(22, &[0]);
+    run_ms(&mut task, 2500);
+    assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));
+    assert_eq!(world.shown.get(), Colour::BLUE);
+}
+
+#[test]
+fn commands_wait_for_room_and_are_answered_at_once_all_the_same() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    while world.links.commands.try_send(disabled(0)).is_ok() {}
+    for power in 0..30 {
+        world.call(15, &[1, power, 0]);
+        world.call(10, &[1, 1]);
+        run_ms(&mut task, 1);
+    }
+    assert_eq!(world.replies().len(), 60);
+    assert_eq!(world.told().len(), COMMANDS);
+    run_ms(&mut task, 0);
+    let told = world.told();
+    assert!(
+        matches!(
+            told[..],
+            [Command { motor: 1, action: Action::Set(Setpoint::ConstantPower(power)) }] if power.get() == 29
+        ),
+        "{told:?}"
+    );
+}
+
+#[test]
+fn a_packet_behind_an_unfinished_one_is_answered_when_that_is_given_up() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    run_ms(&mut task, 1);
+    world.send(&[0x44, 0x4B, 0xFF, 0x00]);
+    world.send(&frame_to(HUB, 1, 0x7F04, &[]));
+    run_ms(&mut task, 49);
+    assert!(world.replies().is_empty());
+    run_ms(&mut task, 1);
+    assert_eq!(world.replies(), [(0x7F01, 1)]);
+}
+
+#[test]
+fn the_led_follows() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    run_ms(&mut task, 1);
+    assert_eq!(world.shown.get(), Colour::BLUE);
+    world.send(&frame_to(HUB, 1, 0x7F04, &[]));
+    run_ms(&mut task, 1);
+    assert_eq!(world.shown.get(), Colour::GREEN);
+    run_ms(&mut task, 2500);
+    let seen: Vec<_> = (0..4)
+        .map(|_| {
+            run_ms(&mut task, 500);
+            world.shown.get()
+        })
+        .collect();
+    assert_eq!(seen.iter().filter(|colour| **colour == Colour::BLUE).count(), 2, "{seen:?}");
+}
+
+#[test]
+fn line_errors_are_survived_and_the_end_of_the_line_ends_the_task() {
+    let world = World::new();
+    world.send(&frame_to(HUB, 1, 0x7F04, &[]));
+    let rough = Rough { errors: 5, pipe: &world.to_hub };
+    let mut link = Link::new(Address::new(HUB).expect("an address"), [settings(); N]);
+    let mut task = pin!(tasks::link::run(rough, &world.line, &mut link, &world.links, |_| ()));
+    run_ms(&mut task, 4);
+    MockDriver::get().advance(Duration::from_millis(1));
+    assert!(poll(&mut task));
+    assert_eq!(world.replies(), [(0x7F01, 1)]);
+}
+
+#[test]
+fn between_connections_the_timer_runs_on() {
+    let world = World::new();
+    let mut link = Link::new(Address::new(HUB).expect("an address"), [settings(); N]);
+    world.call(15, &[0, 0, 64]);
+    world.call(10, &[0, 1]);
+    let connection = Rough { errors: 0, pipe: &world.to_hub };
+    {
+        let session = tasks::link::run(connection, &world.line, &mut link, &world.links, |_| ());
+        assert!(poll(&mut pin!(session)));
+    }
+    assert_eq!(world.told().len(), 1);
+    let mut task = pin!(async {
+        tasks::link::attend(&mut link, &world.links, |_| ()).await;
+    });
+    run_ms(&mut task, 2500);
+    assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));
+}
