@@ -58,25 +58,18 @@ impl Settings {
             duty: DutyRule::LinearCurrent(LinearCurrent::TYPICAL),
             zero_power: ZeroPower::Brake,
             velocity: Pidf {
-                p: coefficient(2 * f),
-                i: coefficient(10 * f),
+                p: Coefficient::from_bits(2 * f),
+                i: Coefficient::from_bits(10 * f),
                 d: Coefficient::ZERO,
-                f: coefficient(f),
+                f: Coefficient::from_bits(f),
             },
             position: Pidf {
-                p: coefficient(5 << 16),
+                p: Coefficient::from_bits(5 << 16),
                 i: Coefficient::ZERO,
                 d: Coefficient::ZERO,
                 f: Coefficient::ZERO,
             },
         }
-    }
-}
-
-const fn coefficient(bits: i32) -> Coefficient {
-    match Coefficient::from_bits(bits) {
-        Ok(coefficient) => coefficient,
-        Err(_) => Coefficient::ZERO,
     }
 }
 

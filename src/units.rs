@@ -166,8 +166,6 @@ pub enum RangeError {
     Blend,
     /// The control period must be 1 to 100 ms.
     Period,
-    /// A coefficient must not be negative.
-    Coefficient,
     /// A divider needs both resistances above 0.
     Divider,
     /// A winding or a bridge is out of the ranges stated with it.
@@ -182,7 +180,6 @@ impl core::fmt::Display for RangeError {
             Self::EmfConstant => "back-EMF constant must be above 0 and below 32 mV s/count",
             Self::Blend => "blend must be 0 to 1",
             Self::Period => "control period must be 1 to 100 ms",
-            Self::Coefficient => "PIDF coefficients must not be negative",
             Self::Divider => "both resistances of the battery divider must be above 0",
             Self::Electrical => {
                 "resistance must be 1 to 65535 mohm, diode drop up to 2000 mV, switch up to 4095 mohm, PWM 100 to 200000 Hz"
@@ -282,7 +279,7 @@ impl Emf {
     }
 }
 
-/// A PIDF coefficient, signed Q16.16 as hosts send it: 0 to 32 767.99998.
+/// A PIDF coefficient, signed Q16.16 as hosts send it: -32 768 to 32 767.99998.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Coefficient(I16F16);
 
@@ -290,12 +287,10 @@ impl Coefficient {
     /// No contribution.
     pub const ZERO: Self = Self(I16F16::ZERO);
 
-    /// From Q16.16 bits.
-    ///
-    /// # Errors
-    /// [`RangeError::Coefficient`] if negative.
-    pub const fn from_bits(bits: i32) -> Result<Self, RangeError> {
-        if bits >= 0 { Ok(Self(I16F16::from_bits(bits))) } else { Err(RangeError::Coefficient) }
+    /// From Q16.16 bits. All are in range; that a negative one does what its owner wants is for the
+    /// owner to know.
+    pub const fn from_bits(bits: i32) -> Self {
+        Self(I16F16::from_bits(bits))
     }
 
     /// Q16.16 bits.

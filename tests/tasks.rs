@@ -119,11 +119,11 @@ impl Parts {
         let scale = Scale::new(47_000, 10_000, CALIBRATION).expect("divider");
         let supply = Supply::new(scale, Limits::default());
         let settings = Settings::new(EmfConstant::from_bits(4_180_495).expect("in range"));
-        let hub = Hub::new([settings; N], *period);
+        let mut hub = Hub::new([settings; N], *period);
         Board {
             capture: never(tasks::capture::run(world, links, health)),
             supply: never(tasks::supply::run(world, supply, links, health)),
-            control: never(tasks::control::run(hub, links, health)),
+            control: never(async move { tasks::control::run(&mut hub, links, health).await }),
             output: never(tasks::output::run(world, *period, links, health)),
             health: never(tasks::health::run(world, health)),
             woken: Arc::default(),

@@ -284,7 +284,7 @@ fn to_motor(number: u16, fields: &mut Fields<'_>) -> Result<ToMotor, Nack> {
     })
 }
 
-/// Signed Q16.16. What the loops cannot use is out of range.
+/// Signed Q16.16.
 fn coefficient(fields: &mut Fields<'_>) -> Result<Coefficient, Nack> {
-    fields.i32_as(|bits| Coefficient::from_bits(bits).ok())
+    fields.i32_as(|bits| Some(Coefficient::from_bits(bits)))
 }

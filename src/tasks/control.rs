@@ -5,11 +5,11 @@ use crate::hub::{Hub, Inputs};
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
 
-/// Runs for ever.
+/// Runs for ever. (The hub is borrowed because a future holds an argument twice.)
 ///
 /// Ticks stay on a grid of whole periods from the start. A tick that ends after the next one was due
 /// makes that one be left out and counted, rather than followed by a burst.
-pub async fn run<M: RawMutex, const N: usize>(mut hub: Hub<N>, links: &Links<M, N>, health: &Health) -> ! {
+pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, links: &Links<M, N>, health: &Health) -> ! {
     let period = Duration::from_micros(hub.period().as_micros());
     let snapshots = links.snapshot.sender();
     let mut battery = None;

@@ -127,7 +127,7 @@ async fn supply(adc: BatteryAdc, supply: Supply) -> ! {
 /// Makes the hub itself: as an argument of two nested futures it would take twice the RAM.
 #[embassy_executor::task]
 async fn control(settings: Settings, period: Period) -> ! {
-    tasks::control::run(Hub::new([settings; MOTORS], period), &LINKS, &HEALTH).await
+    tasks::control::run(&mut Hub::new([settings; MOTORS], period), &LINKS, &HEALTH).await
 }
 
 #[embassy_executor::task]

@@ -176,7 +176,7 @@ pub fn emf_constant(motor: &catalogue::Motor) -> Result<EmfConstant, RangeError>
 /// up for the damping by the back EMF, which the scheme takes out.
 fn for_current(voltage: Pidf) -> Pidf {
     let p = voltage.p.to_bits().saturating_add(voltage.f.to_bits());
-    Pidf { p: Coefficient::from_bits(p).unwrap_or(voltage.p), f: Coefficient::ZERO, ..voltage }
+    Pidf { p: Coefficient::from_bits(p), f: Coefficient::ZERO, ..voltage }
 }
 
 /// The last value that has begun by `at_s`.

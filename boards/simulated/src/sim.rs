@@ -45,13 +45,13 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
     let health = Health::new();
     let mut snapshots = links.snapshot.receiver().ok_or("the hub has no receiver to spare")?;
 
-    let hub = Hub::new(all_settings(&scenario.motors)?, scenario.period);
+    let mut hub = Hub::new(all_settings(&scenario.motors)?, scenario.period);
     let scale = Board::scale().map_err(|e| e.to_string())?;
     let supply = Supply::new(scale, Limits::default());
     let tasks = join5(
         tasks::capture::run(board.clone(), &links, &health),
         tasks::supply::run(board.clone(), supply, &links, &health),
-        tasks::control::run(hub, &links, &health),
+        tasks::control::run(&mut hub, &links, &health),
         tasks::output::run(board.clone(), scenario.period, &links, &health),
         tasks::health::run(board.clone(), &health),
     );

@@ -241,7 +241,7 @@ impl GainTable {
         let fixed = |value: &Spanned<f64>, key: &str| {
             let number = within(value, key, 0.0..=LARGEST_COEFFICIENT)?;
             let bits = (number * f64::from(1 << 16)).round() as i32;
-            Coefficient::from_bits(bits).map_err(|e| fault(value, e.to_string()))
+            Ok(Coefficient::from_bits(bits))
         };
         let optional = |value: &Option<Spanned<f64>>, key: &str| {
             value.as_ref().map_or(Ok(Coefficient::ZERO), |value| fixed(value, key))
