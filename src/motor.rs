@@ -43,25 +43,36 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Settings that run a gear motor with this back-EMF constant: Scheme A with linear current of a
-    /// typical winding, brake at zero, and coefficients in proportion to the motor's speed range.
-    ///
-    /// In Scheme A a control value is a voltage. The feed-forward asks for the back EMF of the
-    /// set-point on a 12 V battery, P for twice the back EMF of the error, and I has P's gain
-    /// at 0.2 s, about the mechanical time constant of a loaded gear motor.
+    /// [`for_scheme`](Self::for_scheme) A, the default.
     pub const fn new(emf: EmfConstant) -> Self {
-        // Control counts per count/s: 32767 * keFw / 12000 mV, from 6q20 to Q16.16. At most 87.4.
+        Self::for_scheme(emf, Scheme::A)
+    }
+
+    /// Settings that run a gear motor with this back-EMF constant: linear current of a typical
+    /// winding, brake at zero, and coefficients in proportion to the motor's speed range.
+    ///
+    /// With `f` control counts per count/s, which is full control at the speed whose back EMF is 12 V:
+    /// in Scheme A, where a control value is a voltage, P is 1.5 f. Where it is a current, the back EMF
+    /// does not damp the motor, and P makes up for it by another f. I is 7.5 f per second, P's gain in
+    /// 0.2 s, about the mechanical time constant of a loaded gear motor. Nothing is fed forward: what
+    /// a set-point needs depends on the load, and the integral has it soon.
+    pub const fn for_scheme(emf: EmfConstant, scheme: Scheme) -> Self {
+        // From 6q20 to Q16.16; f is at most 87.4.
         let f = (emf.to_bits() as i64 * Control::MAX.get() as i64 / (12_000 << 4)) as i32;
+        let p = match scheme {
+            Scheme::ForwardReverse | Scheme::A => 3 * f / 2,
+            Scheme::B | Scheme::C | Scheme::D(_) => 5 * f / 2,
+        };
         Self {
             emf,
-            scheme: Scheme::A,
+            scheme,
             duty: DutyRule::LinearCurrent(LinearCurrent::TYPICAL),
             zero_power: ZeroPower::Brake,
             velocity: Pidf {
-                p: Coefficient::from_bits(2 * f),
-                i: Coefficient::from_bits(10 * f),
+                p: Coefficient::from_bits(p),
+                i: Coefficient::from_bits(15 * f / 2),
                 d: Coefficient::ZERO,
-                f: Coefficient::from_bits(f),
+                f: Coefficient::ZERO,
             },
             position: Pidf {
                 p: Coefficient::from_bits(5 << 16),

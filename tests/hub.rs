@@ -125,11 +125,14 @@ fn a_floating_motor_coasts_at_velocity_zero_and_a_braking_one_is_held() {
 #[test]
 fn velocity_below_the_set_point_drives_and_above_it_brakes_before_it_reverses() {
     let mut bench = Bench::<1>::new();
-    let only_p = Pidf { i: Coefficient::ZERO, ..settings().velocity };
-    bench.configure(0, Settings { velocity: only_p, ..settings() });
+    // Feeds the set-point's back EMF forward, and twice that of the error.
+    let f = 32_767.0 * 3.98683 / 12_000.0 * 65_536.0;
+    let gains = [2.0 * f, f].map(|bits| Coefficient::from_bits(bits as i32));
+    let velocity = Pidf { p: gains[0], f: gains[1], ..Pidf::default() };
+    bench.configure(0, Settings { velocity, ..settings() });
     bench.cps = [1000];
     let mut regime = |cps| {
-        bench.set(0, velocity(cps));
+        bench.set(0, Setpoint::Velocity(CountsPerSecond::new(cps)));
         bench.two_steps().motors[0].regime
     };
     assert_eq!(regime(1500), Some(Regime::Forward));
@@ -141,7 +144,7 @@ fn velocity_below_the_set_point_drives_and_above_it_brakes_before_it_reverses() 
 fn position_is_approached_no_faster_than_the_limit_and_reported_within_tolerance() {
     let mut bench = Bench::<1>::new();
     // At rest at 0: the control value asked for is that of the speed limit.
-    let only_f = Pidf { p: Coefficient::ZERO, i: Coefficient::ZERO, ..settings().velocity };
+    let only_f = Pidf { f: Coefficient::from_bits(10 << 16), ..Pidf::default() };
     bench.configure(0, Settings { velocity: only_f, ..settings() });
     bench.set(0, velocity(700));
     let at_700 = bench.step().motors[0].control;

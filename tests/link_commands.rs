@@ -88,7 +88,7 @@ const FORMS: &[Form] = &[
         &[(&[4, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], 0), (&[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], 1)],
     ),
     // Velocity has a feed-forward.
-    read(F + 24, &[1, 1], &[0, 2], 12, &[(&[4, 1], 0), (&[0, 0], 1), (&[0, 3], 1), (&[0, 1], 2)]),
+    read(F + 24, &[1, 1], &[0, 2], 12, &[(&[4, 1], 0), (&[0, 0], 1), (&[0, 3], 1)]),
     write(F + 25, &[1, 2], &[3, 1, 2], &[(&[4, 1, 2], 0)]),
     read(F + 26, &[1], &[3], 2, NO_MOTOR),
     write(F + 27, &[1, 2], &[3, 1, 2], &[(&[4, 1, 2], 0)]),
@@ -282,7 +282,9 @@ fn coefficients_are_kept_by_motor_and_by_mode() {
 fn coefficients_without_feed_forward_read_back_as_legacy() {
     let mut host = Host::settled();
     let pid = [1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0];
-    assert_eq!(host.call(24, &[0, 1]), Said::Nack(2), "the default has a feed-forward");
+    let with_f = [&[0, 1][..], &[0; 12], &[4, 0, 0, 0], &[1]].concat();
+    assert_eq!(host.call(51, &with_f), Said::Ack(0));
+    assert_eq!(host.call(24, &[0, 1]), Said::Nack(2), "there is a feed-forward to lose");
     assert_eq!(host.call(23, &[&[0, 1][..], &pid, &[9; 5]].concat()), Said::Ack(0));
     assert_eq!(host.call(24, &[0, 1]), Said::Data(pid.to_vec()));
     assert_eq!(host.call(53, &[0, 1]), Said::Data([&pid[..], &[0; 5]].concat()));

@@ -11,7 +11,7 @@ use motor_hub::braking::{DutyRule, LinearCurrent, Scheme};
 use motor_hub::model::{battery::Battery, catalogue, load::Load};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Setpoint, Settings, ZeroPower};
-use motor_hub::units::{Coefficient, EmfConstant, Period, RangeError};
+use motor_hub::units::{EmfConstant, Period, RangeError};
 use std::path::Path;
 
 /// How many motors the hub drives.
@@ -132,13 +132,8 @@ impl Motor {
     /// # Errors
     /// If one of the motor's constants does not fit the firmware's range.
     pub fn settings(&self) -> Result<Settings, RangeError> {
-        let defaults = Settings::new(emf_constant(&self.constants)?);
-        let velocity = match self.scheme {
-            Scheme::ForwardReverse | Scheme::A => defaults.velocity,
-            Scheme::B | Scheme::C | Scheme::D(_) => for_current(defaults.velocity),
-        };
+        let defaults = Settings::for_scheme(emf_constant(&self.constants)?, self.scheme);
         Ok(Settings {
-            scheme: self.scheme,
             duty: match self.duty {
                 DutyChoice::LinearCurrent => {
                     DutyRule::LinearCurrent(LinearCurrent::new(electrical(&self.constants))?)
@@ -146,7 +141,7 @@ impl Motor {
                 DutyChoice::LinearDuty => DutyRule::LinearDuty,
             },
             zero_power: self.zero_power,
-            velocity: self.velocity.unwrap_or(velocity),
+            velocity: self.velocity.unwrap_or(defaults.velocity),
             position: self.position.unwrap_or(defaults.position),
             ..defaults
         })
@@ -169,14 +164,6 @@ impl Motor {
 /// [`RangeError::EmfConstant`] if it does not fit in 6q20.
 pub fn emf_constant(motor: &catalogue::Motor) -> Result<EmfConstant, RangeError> {
     EmfConstant::from_bits((motor.ke_fw() * f64::from(1 << 20)).round() as i32)
-}
-
-/// Coefficients for schemes in which control is a current, from those for one in which it is a
-/// voltage. No control value stands for a speed there, so nothing is fed forward; in exchange P makes
-/// up for the damping by the back EMF, which the scheme takes out.
-fn for_current(voltage: Pidf) -> Pidf {
-    let p = voltage.p.to_bits().saturating_add(voltage.f.to_bits());
-    Pidf { p: Coefficient::from_bits(p), f: Coefficient::ZERO, ..voltage }
 }
 
 /// The last value that has begun by `at_s`.
