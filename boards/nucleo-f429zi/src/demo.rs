@@ -1,6 +1,6 @@
 //! Something to try on the bench without a host: all motors turn while the blue button B1 is held.
 //!
-//! Held: 1000 counts/s. Released: brought to standstill, and the bridges are opened a second later.
+//! Of button and host the last to speak is obeyed. Held: 1000 counts/s. Released: brought to standstill, and the bridges are opened a second later.
 
 use embassy_stm32::gpio::Input;
 use embassy_time::{Duration, Instant, Ticker};

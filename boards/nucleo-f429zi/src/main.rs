@@ -10,6 +10,7 @@ mod bridges;
 mod demo;
 mod encoders;
 mod faults;
+mod host;
 mod status;
 mod watchdog;
 
@@ -20,10 +21,13 @@ use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{AnyPin, Input, Level, Output, Pull, Speed};
 use embassy_stm32::time::Hertz;
+use embassy_stm32::usart::{BufferedUartRx, BufferedUartTx};
 use embassy_stm32::{Peri, rcc};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use encoders::QuadratureCounters;
+use host::{Lamp, serial};
 use motor_hub::hub::Hub;
+use motor_hub::link::{Address, Link};
 use motor_hub::motor::Settings;
 use motor_hub::supply::{Limits, Scale, Supply};
 use motor_hub::tasks::{self, Health, Links};
@@ -68,12 +72,12 @@ fn clocks() -> embassy_stm32::Config {
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
     let p = embassy_stm32::init(clocks());
+    info!("motor-hub {=str} on nucleo-f429zi", env!("CARGO_PKG_VERSION"));
     // Before anything else that could hang, and before a bridge can be anything but open.
     let watchdog = IndependentWatchdog::start(p.IWDG);
     let period = Period::DEFAULT;
     info!(
-        "motor-hub {=str} on nucleo-f429zi: {=u32} Hz, {} motors every {=u32} ms",
-        env!("CARGO_PKG_VERSION"),
+        "{=u32} Hz, {} motors every {=u32} ms",
         rcc::frequency::<embassy_stm32::peripherals::TIM1>().0,
         MOTORS,
         period.as_millis()
@@ -110,7 +114,10 @@ async fn main(spawner: Spawner) {
     spawner.spawn(unwrap!(supply(adc, Supply::new(scale, Limits::default()))));
     spawner.spawn(unwrap!(control(settings, period)));
     spawner.spawn(unwrap!(health(watchdog)));
-    spawner.spawn(unwrap!(report(low(p.PB0.into()))));
+    spawner.spawn(unwrap!(report()));
+    let (tx, rx) = unwrap!(serial(p.USART3, p.PD8, p.PD9));
+    let lamp = Lamp { red: low(p.PB14.into()), green: low(p.PB0.into()), blue: low(p.PB7.into()) };
+    spawner.spawn(unwrap!(link(rx, tx, lamp, settings)));
     spawner.spawn(unwrap!(button(Input::new(p.PC13, Pull::None))));
 }
 
@@ -141,8 +148,15 @@ async fn health(watchdog: IndependentWatchdog) -> ! {
 }
 
 #[embassy_executor::task]
-async fn report(led: Output<'static>) -> ! {
-    status::run(led, &LINKS).await
+async fn report() -> ! {
+    status::run(&LINKS).await
+}
+
+/// Ends only if the serial line does, which it never does.
+#[embassy_executor::task]
+async fn link(rx: BufferedUartRx<'static>, tx: BufferedUartTx<'static>, mut lamp: Lamp, settings: Settings) {
+    let mut link = Link::new(Address::DEFAULT, [settings; MOTORS]);
+    tasks::link::run(rx, tx, &mut link, &LINKS, |colour| lamp.show(colour)).await;
 }
 
 #[embassy_executor::task]

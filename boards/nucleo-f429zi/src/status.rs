@@ -1,7 +1,6 @@
-//! What a person at the bench sees: a log line a second over RTT, and LD1 changing with it.
+//! What a person at the bench reads: a log line a second over RTT.
 
 use defmt::{Format, info, warn};
-use embassy_stm32::gpio::Output;
 use embassy_stm32::pac;
 use embassy_time::{Duration, Ticker};
 use motor_hub::braking::Regime;
@@ -33,11 +32,10 @@ impl Brief {
 }
 
 /// Runs for ever.
-pub(crate) async fn run(mut led: Output<'static>, links: &'static Wires) -> ! {
+pub(crate) async fn run(links: &'static Wires) -> ! {
     let mut ticker = Ticker::every(INTERVAL);
     loop {
         ticker.next().await;
-        led.toggle();
         match links.snapshot.try_get() {
             Some(snapshot) => log(&snapshot),
             None => warn!("no control tick yet"),

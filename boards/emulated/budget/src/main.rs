@@ -1,0 +1,137 @@
+//! One motor's control step, fed by the host with recorded inputs through words in memory, and watched
+//! by it. It is compiled as the firmware is, but its functions are kept apart so that they can be watched.
+//!
+//! The host writes [`SETTINGS`] once and [`INPUTS`] in batches, then the number of inputs into
+//! [`PENDING`]; the program answers in [`OUTPUTS`] and sets [`PENDING`] to 0. All are little-endian words.
+#![no_std]
+#![no_main]
+
+use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use cortex_m as _;
+use cortex_m_rt::entry;
+use motor_hub::braking::{DutyRule, LinearCurrent};
+use motor_hub::motion::Reading;
+use motor_hub::motor::{Motor, Report, Setpoint, Settings};
+use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
+
+/// Inputs in a batch.
+const BATCH: usize = 512;
+/// Words of an input: time (2), position, edge time (2), sample time (2), battery, set-point (4).
+const INPUT: usize = 12;
+/// Words of an output.
+const OUTPUT: usize = 4;
+
+type Words<const N: usize> = [AtomicU32; N];
+
+/// Back-EMF constant (6q20), period in ms, duty rule (0 linear duty, 1 linear current).
+static SETTINGS: Words<3> = [const { AtomicU32::new(0) }; 3];
+static INPUTS: Words<{ BATCH * INPUT }> = [const { AtomicU32::new(0) }; BATCH * INPUT];
+static OUTPUTS: Words<{ BATCH * OUTPUT }> = [const { AtomicU32::new(0) }; BATCH * OUTPUT];
+static PENDING: Words<1> = [const { AtomicU32::new(0) }; 1];
+
+fn word(words: &[AtomicU32], index: usize) -> u32 {
+    words.get(index).map_or(0, |word| word.load(Ordering::Relaxed))
+}
+
+fn put(words: &[AtomicU32], index: usize, value: u32) {
+    if let Some(word) = words.get(index) {
+        word.store(value, Ordering::Relaxed);
+    }
+}
+
+/// A set-point from its four words: kind, target, tolerance, speed limit.
+fn setpoint(words: &[AtomicU32], at: usize) -> Setpoint {
+    let value = word(words, at + 1).cast_signed();
+    let speed = |bits: u32| CountsPerSecond::saturating_from_bits(i64::from(bits.cast_signed()));
+    match word(words, at) {
+        1 => Setpoint::ConstantPower(Control::saturating(i64::from(value))),
+        2 => Setpoint::Velocity(speed(word(words, at + 1))),
+        3 => Setpoint::Position {
+            target: value,
+            tolerance: word(words, at + 2) as u16,
+            speed_limit: speed(word(words, at + 3)),
+        },
+        _ => Setpoint::Disabled,
+    }
+}
+
+/// What is counted: from its first instruction to the first of [`stepped`].
+#[inline(never)]
+fn step_motor(
+    motor: &mut Motor,
+    now: Micros,
+    reading: Option<Reading>,
+    battery: Option<Millivolts>,
+    report: &mut Report,
+) {
+    *report = motor.step(now, reading, battery);
+}
+
+/// The answer, in words: control, mode and duty, velocity, position.
+#[inline(never)]
+fn stepped(index: usize, report: &Report) {
+    let drive = report.drive;
+    let mode = drive.mode as u32;
+    put(&OUTPUTS, OUTPUT * index, i32::from(report.control.get()).cast_unsigned());
+    put(&OUTPUTS, OUTPUT * index + 1, mode << 16 | u32::from(drive.duty.to_bits()));
+    put(&OUTPUTS, OUTPUT * index + 2, report.velocity.to_bits().cast_unsigned());
+    put(&OUTPUTS, OUTPUT * index + 3, report.position.cast_unsigned());
+}
+
+fn time(words: &[AtomicU32], at: usize) -> Micros {
+    Micros(u64::from(word(words, at + 1)) << 32 | u64::from(word(words, at)))
+}
+
+#[entry]
+fn main() -> ! {
+    // The host writes these, which the compiler cannot know.
+    core::hint::black_box((&SETTINGS, &INPUTS, &OUTPUTS, &PENDING));
+    let mut motor = None;
+    let mut last = Setpoint::Disabled;
+    loop {
+        let pending = word(&PENDING, 0) as usize;
+        for index in 0..pending.min(BATCH) {
+            let at = INPUT * index;
+            let motor = motor.get_or_insert_with(new_motor);
+            let wanted = setpoint(&INPUTS, at + 8);
+            if wanted != last {
+                last = wanted;
+                motor.set(wanted);
+            }
+            let reading = Reading {
+                position: word(&INPUTS, at + 2).cast_signed(),
+                edge_at: time(&INPUTS, at + 3),
+                at: time(&INPUTS, at + 5),
+            };
+            let battery = Millivolts(word(&INPUTS, at + 7) as u16);
+            let mut report = Report::INITIAL;
+            step_motor(motor, time(&INPUTS, at), Some(reading), Some(battery), &mut report);
+            stepped(index, &report);
+        }
+        put(&PENDING, 0, 0);
+        while word(&PENDING, 0) == 0 {
+            cortex_m::asm::nop();
+        }
+    }
+}
+
+fn new_motor() -> Motor {
+    let emf = EmfConstant::from_bits(word(&SETTINGS, 0).cast_signed())
+        .unwrap_or_else(|_| panic!("the host gives a back-EMF constant"));
+    let period = Period::from_millis(word(&SETTINGS, 1)).unwrap_or_default();
+    let mut settings = Settings::new(emf);
+    settings.duty = match word(&SETTINGS, 2) {
+        0 => DutyRule::LinearDuty,
+        _ => DutyRule::LinearCurrent(LinearCurrent::TYPICAL),
+    };
+    Motor::new(settings, period)
+}
+
+#[panic_handler]
+fn panic(_: &PanicInfo<'_>) -> ! {
+    loop {
+        cortex_m::asm::nop();
+    }
+}

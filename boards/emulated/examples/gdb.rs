@@ -1,0 +1,35 @@
+//! The emulated hub under GDB: `cargo run --release --package emulated --example gdb`, then in another
+//! terminal `gdb-multiarch target/thumbv7em-none-eabihf/firmware/nucleo-f429zi`, and there
+//!
+//! ```text
+//! (gdb) target remote :3333
+//! (gdb) break motor_hub::hub::Hub<4>::step
+//! (gdb) continue
+//! ```
+//!
+//! Set a breakpoint before the first `continue`: a sleeping core takes no real time, so the run would
+//! be over before you can type. Button B1 is pressed after 300 ms; virtual time stands still while GDB
+//! holds the core, and the motors with it. The run ends after 10 virtual seconds.
+
+use std::time::Duration;
+
+use emulated::{Bench, Mounting, Setup};
+use motor_hub::model::catalogue::find;
+use motor_hub::model::load::Load;
+use motor_hub::model::switching::Bridge;
+
+fn main() {
+    let motor = find("AM 60 A").and_then(|entry| entry.motor).expect("a characterised motor");
+    let motor = motor.with_measured_rotor_inertia();
+    let mounting = Mounting { motor, load: Load::NONE, bridge: Bridge::IDEAL, stops: None };
+    println!("waiting for GDB on localhost:3333");
+    let mut bench = Bench::new(Setup { gdb: Some(3333), ..Setup::new(vec![mounting; 4]) });
+    bench.run(Duration::from_millis(300));
+    bench.press(true);
+    for _ in 0..97 {
+        bench.run(Duration::from_millis(100));
+    }
+    for line in bench.log() {
+        println!("{line}");
+    }
+}

@@ -1,0 +1,343 @@
+//! The test bench: an image on the emulated chip with motors, battery, serial line, log and faults round
+//! it, advanced as a test says.
+
+mod faults;
+mod probe;
+
+use std::path::Path;
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use defmt_decoder::Table;
+use motor_hub::model::battery::Battery;
+use motor_hub::model::si::{Ohms, Volts};
+use rigless::emulator::{Host, Start};
+use rigless::image::Image;
+use rigless::session::Session;
+use rigless::time::VirtualNanos;
+
+use crate::chip::{Nucleo, Pwm};
+use crate::elf;
+use crate::lab::{Lab, Order, terminal};
+use crate::pins::{Lines, Transition};
+use crate::pwm::Grid;
+use crate::rtt::{self, LogLine};
+use crate::serial::Terminal;
+use crate::shafts::{Look, Mounting};
+use crate::silence;
+use crate::wiring;
+
+/// What stands on the bench.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// One to four motors, by bridge.
+    pub motors: Vec<Mounting>,
+    /// Their battery.
+    pub battery: Battery,
+    /// How TIM1 is emulated.
+    pub pwm: Pwm,
+    /// Where to listen for GDB, if at all; the core then waits for it.
+    pub gdb: Option<u16>,
+}
+
+impl Setup {
+    /// These motors on a 12 V battery of 50 mohm.
+    #[must_use]
+    pub fn new(motors: Vec<Mounting>) -> Self {
+        let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
+        Self { motors, battery, pwm: Pwm::default(), gdb: None }
+    }
+}
+
+/// One byte on the serial line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SerialByte {
+    /// When its stop bit ended.
+    pub at: Duration,
+    /// The byte.
+    pub byte: u8,
+}
+
+/// A restart of the chip.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Reset {
+    /// When.
+    pub at: Duration,
+    /// What caused it, as the emulator names it.
+    pub cause: String,
+}
+
+/// An image, running.
+///
+/// # Panics
+/// Its methods panic when the emulator refuses to go on, with its reason.
+pub struct Bench {
+    orders: Sender<Order>,
+    reached: Receiver<()>,
+    thread: Option<JoinHandle<Result<(), String>>>,
+    table: Option<Table>,
+    symbols: Vec<elf::Symbol>,
+    motors: usize,
+    heard: usize,
+    now: u64,
+}
+
+impl Bench {
+    /// The hub's firmware, just powered on.
+    #[must_use]
+    pub fn new(setup: Setup) -> Self {
+        Self::with_image(setup, elf::hub())
+    }
+
+    /// Another image on the same board, just powered on.
+    #[must_use]
+    pub fn with_image(setup: Setup, image: &Path) -> Self {
+        let bytes = std::fs::read(image).unwrap_or_else(|error| panic!("{}: {error}", image.display()));
+        let table = Table::parse(&bytes).expect("the image's log strings are readable");
+        let symbols = elf::symbols(&bytes);
+        let log_ring = elf::find(&symbols, "_SEGGER_RTT");
+        let images = [
+            Nucleo::factory_image().expect("factory words"),
+            Image::new(image, bytes, None).expect("an image"),
+        ];
+        let (orders, order_queue) = channel();
+        let (reached_sender, reached) = sync_channel(0);
+        let motors = setup.motors.len();
+        assert!(motors <= wiring::BRIDGES, "the board has {} bridges", wiring::BRIDGES);
+        let thread = std::thread::spawn(move || run(setup, &images, log_ring, order_queue, reached_sender));
+        let mut bench =
+            Self { orders, reached, thread: Some(thread), table, symbols, motors, heard: 0, now: 0 };
+        bench.wait();
+        bench
+    }
+
+    fn wait(&mut self) {
+        if self.reached.recv().is_err() {
+            self.fail();
+        }
+    }
+
+    fn fail(&mut self) -> ! {
+        match self.thread.take().map(JoinHandle::join) {
+            Some(Ok(Err(reason))) => panic!("the emulator stopped: {reason}"),
+            Some(Err(panic)) => std::panic::resume_unwind(panic),
+            _ => panic!("the emulator stopped"),
+        }
+    }
+
+    /// Does something at the present instant.
+    fn at_stop<T: Send + 'static>(
+        &mut self,
+        errand: impl FnOnce(&mut Lab, &mut Session<Nucleo>, &mut dyn Host) -> T + Send + 'static,
+    ) -> T {
+        let (answer, receiver) = sync_channel(1);
+        let order = Order::Do(Box::new(move |lab, session, host| {
+            // Nobody to answer to: the bench is being dropped.
+            let _ = answer.send(errand(lab, session, host));
+        }));
+        if self.orders.send(order).is_err() {
+            self.fail();
+        }
+        match receiver.recv() {
+            Ok(answer) => answer,
+            Err(_) => self.fail(),
+        }
+    }
+
+    /// Does something at an instant to come.
+    fn at(
+        &mut self,
+        at: Duration,
+        errand: impl FnOnce(&mut Lab, &mut Session<Nucleo>, &mut dyn Host) + Send + 'static,
+    ) {
+        let at = nanos(at);
+        self.at_stop(move |lab, _, _| lab.plan(at, Box::new(errand)));
+    }
+
+    /// Runs for some virtual time.
+    pub fn run(&mut self, time: Duration) {
+        self.run_until(Duration::from_nanos(self.now) + time);
+    }
+
+    /// Runs until this much virtual time has passed since power-on.
+    pub fn run_until(&mut self, at: Duration) {
+        let target = nanos(at);
+        if target <= self.now {
+            return;
+        }
+        if self.orders.send(Order::Run(target)).is_err() {
+            self.fail();
+        }
+        self.wait();
+        self.now = target;
+    }
+
+    /// Runs in steps of `step` until `done` says so, at most for `limit`; true if it said so.
+    pub fn run_while(
+        &mut self,
+        step: Duration,
+        limit: Duration,
+        mut done: impl FnMut(&mut Self) -> bool,
+    ) -> bool {
+        let end = self.now() + limit;
+        while self.now() < end {
+            self.run(step);
+            if done(self) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Virtual time since power-on.
+    #[must_use]
+    pub const fn now(&self) -> Duration {
+        Duration::from_nanos(self.now)
+    }
+
+    /// Number of motors.
+    #[must_use]
+    pub const fn motors(&self) -> usize {
+        self.motors
+    }
+
+    /// Instructions that the core has executed; none while it sleeps.
+    pub fn instructions(&mut self) -> u64 {
+        self.at_stop(|lab, _, _| lab.instructions)
+    }
+
+    /// Where a shaft is and what flows.
+    pub fn look(&mut self, motor: usize) -> Look {
+        self.at_stop(move |lab, _, _| lab.shafts.look(motor, lab.now))
+    }
+
+    /// The lines of a bridge.
+    pub fn lines(&mut self, motor: usize) -> Lines {
+        self.at_stop(move |lab, _, _| lab.recorder.lines[motor])
+    }
+
+    /// The PWM periods, once the timer runs.
+    pub fn pwm_grid(&mut self) -> Option<Grid> {
+        self.at_stop(|lab, _, _| lab.grid())
+    }
+
+    /// Voltage of the battery under load, V, and current out of it, A.
+    pub fn battery(&mut self) -> (f64, f64) {
+        self.at_stop(|lab, _, _| (lab.shafts.voltage(), lab.shafts.battery_current()))
+    }
+
+    /// Every change of any bridge's lines so far.
+    pub fn transitions(&mut self) -> Vec<Transition> {
+        self.at_stop(|lab, _, _| lab.recorder.transitions.clone())
+    }
+
+    /// The log so far.
+    ///
+    /// # Panics
+    /// If the image has no log.
+    pub fn log(&mut self) -> Vec<LogLine> {
+        let taken = self.at_stop(|lab, _, _| lab.rtt.taken.clone());
+        rtt::decode(self.table.as_ref().expect("the image logs"), &taken)
+    }
+
+    /// Presses or releases button B1.
+    pub fn press(&mut self, pressed: bool) {
+        self.at_stop(move |lab, session, _| lab.press(session, pressed));
+    }
+
+    /// Sends bytes down the serial line, as fast as it takes them.
+    pub fn send(&mut self, bytes: &[u8]) {
+        let bytes = bytes.to_vec();
+        self.at_stop(move |lab, session, _| {
+            let now = lab.now;
+            terminal(session).outgoing.extend(bytes.into_iter().map(|byte| (now, byte)));
+        });
+    }
+
+    /// What came up the serial line since this was last asked.
+    pub fn receive(&mut self) -> Vec<SerialByte> {
+        let heard = self.heard;
+        let bytes = self.at_stop(move |_, session, _| {
+            terminal(session).incoming.get(heard..).unwrap_or_default().to_vec()
+        });
+        self.heard += bytes.len();
+        bytes.into_iter().map(|(at, byte)| SerialByte { at: Duration::from_nanos(at), byte }).collect()
+    }
+
+    /// The resets so far.
+    pub fn resets(&mut self) -> Vec<Reset> {
+        self.at_stop(|_, session, _| {
+            let resets = session.resets().iter();
+            resets
+                .map(|reset| Reset {
+                    at: Duration::from_nanos(reset.at.0),
+                    cause: format!("{:?}", reset.cause),
+                })
+                .collect()
+        })
+    }
+
+    /// What the emulator could not do as the chip would: empty, or the run proves nothing.
+    pub fn gaps(&mut self) -> Vec<String> {
+        self.at_stop(|_, session, _| silence::gaps(session))
+    }
+
+    /// Asserts that nothing was silent: no gap of the emulator, no illegal way of a bridge, and the log
+    /// begins 1 us after power-on.
+    ///
+    /// # Panics
+    /// If not so.
+    pub fn assert_sound(&mut self) {
+        let gaps = self.gaps();
+        assert!(gaps.is_empty(), "the emulator has gaps:\n{}", gaps.join("\n"));
+        let illegal: Vec<String> =
+            self.transitions().iter().filter(|t| !t.legal()).map(ToString::to_string).collect();
+        assert!(illegal.is_empty(), "illegal transitions:\n{}", illegal.join("\n"));
+        let first = self.log().into_iter().next().map(|line| line.stamp);
+        assert_eq!(first.as_deref(), Some("0.000001"), "the time driver started at the wrong time");
+    }
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        let _ = self.orders.send(Order::End);
+        if let Some(thread) = self.thread.take() {
+            let result = thread.join();
+            if !std::thread::panicking() {
+                match result {
+                    Ok(Ok(())) => {}
+                    Ok(Err(reason)) => panic!("the emulator stopped: {reason}"),
+                    Err(panic) => std::panic::resume_unwind(panic),
+                }
+            }
+        }
+    }
+}
+
+fn nanos(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).expect("a run shorter than 584 years")
+}
+
+/// The emulator's thread.
+fn run(
+    setup: Setup,
+    images: &[Image],
+    log_ring: Option<u64>,
+    orders: Receiver<Order>,
+    reached: SyncSender<()>,
+) -> Result<(), String> {
+    let mut board = Nucleo::new(setup.pwm).map_err(|error| error.to_string())?;
+    board.chip.part.usart[wiring::HOST_LINK].attach(Terminal::default());
+    let lab = Lab::new(setup.battery, setup.motors, log_ring, orders, reached);
+    let session = Session::new(Box::new(board), 0, VirtualNanos(0)).map_err(|error| error.to_string())?;
+    let listener = setup
+        .gdb
+        .map(|port| std::net::TcpListener::bind(("127.0.0.1", port)))
+        .transpose()
+        .map_err(|error| error.to_string())?;
+    let mut start = Start::new(images);
+    start.debugger = listener.as_ref();
+    start.wait_for_debugger = listener.is_some();
+    rigless::emulator::run(session, &start, lab).map(|_| ()).map_err(|error| error.to_string())
+}

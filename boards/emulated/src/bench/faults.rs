@@ -1,0 +1,105 @@
+//! What can be done to the chip and to what is connected to it: loads, supply, encoders, line errors, bus
+//! errors, resets, a task that hangs.
+
+use std::time::Duration;
+
+use motor_hub::model::battery::Battery;
+use motor_hub::model::si::Volts;
+use rigless::soc::Width;
+use rigless::time::VirtualNanos;
+
+use super::Bench;
+use crate::elf;
+use crate::shafts::Encoder;
+use crate::wiring;
+
+impl Bench {
+    /// Garbles this many words in a million on the way to the chip: half with noise, half with a
+    /// framing error.
+    pub fn garble_serial(&mut self, per_million: u32, seed: u64) {
+        self.at_stop(move |_, session, _| {
+            let errors = session.board_mut().chip.part.usart[wiring::HOST_LINK].errors_mut();
+            errors.seed = seed;
+            for (rate, name) in [(&mut errors.noise, "noise"), (&mut errors.framing, "framing")] {
+                rate.name = name;
+                rate.per_million = per_million / 2;
+            }
+        });
+    }
+
+    /// Connects an encoder differently, from now on.
+    pub fn set_encoder(&mut self, motor: usize, encoder: Encoder) {
+        self.at_stop(move |lab, _, _| lab.encoders[motor] = encoder);
+    }
+
+    /// An external torque on an output shaft, N m, positive CW, from now on.
+    pub fn set_torque(&mut self, motor: usize, torque: f64) {
+        self.at_stop(move |lab, _, _| lab.shafts.set_torque(motor, lab.now, torque));
+    }
+
+    /// Hard stops on an output shaft, in encoder counts, from now on.
+    pub fn set_stops(&mut self, motor: usize, stops: Option<(i64, i64)>) {
+        self.at_stop(move |lab, _, _| lab.shafts.set_stops(motor, lab.now, stops));
+    }
+
+    /// Another open-circuit voltage of the battery, from the next millisecond on.
+    pub fn set_battery(&mut self, volts: f64) {
+        self.at_stop(move |lab, _, _| {
+            let battery = lab.shafts.battery();
+            lab.shafts.set_battery(Battery { emf: Volts(volts), ..battery });
+        });
+    }
+
+    /// The converter takes orders and does nothing, or works again.
+    pub fn kill_adc(&mut self, dead: bool) {
+        self.at_stop(move |_, session, _| session.board_mut().chip.adc_dead = dead);
+    }
+
+    /// The core's next access to this range fails with a bus error.
+    pub fn fail_next_access(&mut self, addresses: std::ops::Range<u64>) {
+        self.at_stop(move |_, session, _| session.fail_next(addresses.start, addresses.end));
+    }
+
+    /// Pulls the reset pin at an instant to come.
+    pub fn pull_reset(&mut self, at: Duration) {
+        self.at(at, |lab, session, host| {
+            session.reset_by_pin(VirtualNanos(lab.now), lab.instructions, host);
+        });
+    }
+
+    /// Lets a task loop for ever when it is next polled, as if it never returned: its entry in the
+    /// executor's memory then points to an endless loop of the image.
+    ///
+    /// # Panics
+    /// If there is no such task, or no endless loop in the image.
+    pub fn hang(&mut self, task: &str) {
+        let pool = self.symbol(&format!("::{task}::POOL"));
+        // A function's address with the Thumb bit.
+        let poll = self.address(&format!("TaskStorage..{task}_task..::poll")) as u32 | 1;
+        let code = self.symbols.iter().filter(|s| (0x0800_0000..0x0820_0000).contains(&s.address));
+        let mut halves: Vec<u64> = code.flat_map(|s| (s.address..s.address + s.size).step_by(2)).collect();
+        halves.sort_unstable();
+        self.at_stop(move |_, _, host| {
+            // NOP; B back to it (ARMv7-M ARM A7.7.88, A7.7.12): the end of every fault handler.
+            let jump = halves
+                .into_iter()
+                .find(|&at| host.read(at, Width::W32).is_ok_and(|word| word == 0xE7FD_BF00))
+                .expect("an endless loop, as in the fault handlers")
+                | 1;
+            let mut found = false;
+            for at in (pool.address..pool.address + pool.size).step_by(4) {
+                if host.read(at, Width::W32).expect("memory") as u32 == poll {
+                    host.write(at, Width::W32, jump).expect("memory");
+                    found = true;
+                }
+            }
+            assert!(found, "the task has not been spawned");
+        });
+    }
+
+    fn symbol(&self, name: &str) -> elf::Symbol {
+        let address = self.address(name);
+        let symbol = self.symbols.iter().find(|symbol| symbol.address == address);
+        symbol.unwrap_or_else(|| panic!("no symbol {name}")).clone()
+    }
+}

@@ -1,0 +1,78 @@
+//! What a probe could see of the chip: symbols, memory, registers, arrivals at instructions.
+
+use rigless::emulator::Watch;
+use rigless::soc::Width;
+use rigless::soc::st::tim::Channel;
+use rigless::soc::stm32f427::generated::gpioi;
+
+use super::Bench;
+use crate::{elf, wiring};
+
+impl Bench {
+    /// Mode and output registers of port D, which the direction lines are on.
+    pub fn peek_port_d(&mut self) -> [u32; 2] {
+        self.at_stop(|_, session, _| {
+            let (_, registers) = session.board_mut().chip.part.port(wiring::LINE_PORT);
+            [gpioi::Register::Moder, gpioi::Register::Odr].map(|register| registers.get(register) as u32)
+        })
+    }
+
+    /// The pulse that the emulator's own TIM1 puts on a pin: high time and period in ns. `None` with
+    /// [`Pwm::Registers`], or while the pin has a level.
+    pub fn emulated_pulse(&mut self, motor: usize) -> Option<(u64, u64)> {
+        self.at_stop(move |_, session, _| {
+            let channel = Channel::new(u8::try_from(motor + 1).ok()?)?;
+            let (timer, registers) = session.board_mut().chip.part.advanced_timer(0);
+            timer.pulse(channel, registers).map(|pulse| (pulse.width.0, pulse.period.0))
+        })
+    }
+
+    /// The address of the only symbol with this name; see [`elf::find`].
+    ///
+    /// # Panics
+    /// If there is none, or several.
+    #[must_use]
+    pub fn address(&self, name: &str) -> u64 {
+        elf::find(&self.symbols, name).unwrap_or_else(|| panic!("not one symbol is {name}"))
+    }
+
+    /// The image's symbols, by address.
+    #[must_use]
+    pub fn symbols(&self) -> &[elf::Symbol] {
+        &self.symbols
+    }
+
+    /// Notes every arrival at these instructions from now on.
+    pub fn watch(&mut self, addresses: Vec<u64>) {
+        self.at_stop(move |_, session, _| {
+            for address in addresses {
+                session.watch(Watch::Instruction(address));
+            }
+        });
+    }
+
+    /// Takes the arrivals noted so far: address and instruction count.
+    pub fn take_hits(&mut self) -> Vec<(u64, u64)> {
+        self.at_stop(|lab, _, _| {
+            std::mem::take(&mut lab.hits).into_iter().map(|(address, count, _)| (address, count)).collect()
+        })
+    }
+
+    /// Reads words of the chip's memory.
+    pub fn read_words(&mut self, address: u64, count: usize) -> Vec<u32> {
+        self.at_stop(move |_, _, host| {
+            (0..count as u64)
+                .map(|index| host.read(address + 4 * index, Width::W32).expect("memory") as u32)
+                .collect()
+        })
+    }
+
+    /// Writes words of the chip's memory.
+    pub fn write_words(&mut self, address: u64, words: Vec<u32>) {
+        self.at_stop(move |_, _, host| {
+            for (index, word) in words.into_iter().enumerate() {
+                host.write(address + 4 * index as u64, Width::W32, u64::from(word)).expect("memory");
+            }
+        });
+    }
+}

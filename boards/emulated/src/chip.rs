@@ -1,0 +1,172 @@
+//! The emulated STM32F427 as this board has it: crystal, rail, calibration words, and two models that
+//! can be taken out: TIM1's comparators, which nothing on the chip reads, and a converter that died.
+//!
+//! The F427 has the registers of the F429 (one reference manual, RM0090); the F429 adds a display
+//! controller that the firmware does not use.
+
+use std::num::{NonZeroU32, NonZeroU64};
+use std::path::Path;
+
+use rigless::cpu::armv7m::windows;
+use rigless::device::{Device, ErasedDevice, ResetCause};
+use rigless::image::Image;
+use rigless::machine::armv7m::{Core, Fpu, MpuRegions, Variant};
+use rigless::machine::{Board, Target};
+use rigless::mcu::{Mcu, Operate};
+use rigless::snapshot::Store;
+use rigless::soc::stm32f427::Stm32f427;
+use rigless::soc::stm32f427::generated::{adc1, tim1};
+use rigless::soc::{Bus, Error};
+use rigless::time::VirtualNanos;
+
+/// The core clock that the firmware sets up; one instruction per cycle, so times of code are those of
+/// a core without wait states.
+pub(crate) const CORE_HZ: u64 = 168_000_000;
+
+/// What the ST-LINK puts on OSC_IN (UM1974).
+const HSE_HZ: u64 = 8_000_000;
+
+/// The rail, mV.
+const RAIL_MV: u32 = 3_300;
+
+/// Unique device number, flash size in kB, and the converter's calibration words (RM0090 39.1 and
+/// 39.2, STM32F429 data sheet, "internal reference voltage calibration values").
+const FACTORY_WORDS_AT: u64 = 0x1FFF_7A10;
+
+/// 1.21 V, which the emulator's VREFINT is, read on a 3.3 V rail.
+pub(crate) const VREFINT_CALIBRATION: u16 = 1501;
+
+/// How much of TIM1 is emulated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pwm {
+    /// Its registers alone; the waveforms follow from them on the outside. Nothing in the firmware reads
+    /// counter or flags, so this is the same to it, and several times faster.
+    #[default]
+    Registers,
+    /// The emulator's own model, which wakes up at every compare.
+    Emulated,
+}
+
+/// A peripheral that only remembers what is written to it.
+#[derive(Debug, Default)]
+struct Remembers<R>(core::marker::PhantomData<R>);
+
+impl Device for Remembers<tim1::Register> {
+    type Register = tim1::Register;
+}
+
+impl Device for Remembers<adc1::Register> {
+    type Register = adc1::Register;
+}
+
+/// The microcontroller.
+#[derive(Debug)]
+pub(crate) struct Chip {
+    pub(crate) part: Stm32f427,
+    pwm: Pwm,
+    pub(crate) adc_dead: bool,
+    plain_timer: Remembers<tim1::Register>,
+    plain_converter: Remembers<adc1::Register>,
+    timer_slot: usize,
+    converter_slot: usize,
+}
+
+impl Mcu for Chip {
+    fn bus(&self) -> &Bus {
+        self.part.bus()
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        self.part.bus_mut()
+    }
+
+    fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
+        self.part.reset(at, cause);
+    }
+
+    fn poll(&mut self, now: VirtualNanos) {
+        self.part.poll(now);
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        if slot == self.timer_slot && self.pwm == Pwm::Registers {
+            (self.part.bus_mut(), Some(&mut self.plain_timer))
+        } else if slot == self.converter_slot && self.adc_dead {
+            (self.part.bus_mut(), Some(&mut self.plain_converter))
+        } else {
+            self.part.split(slot)
+        }
+    }
+}
+
+/// The board as the emulator sees it. What is on its pins is the driver's.
+#[derive(Debug)]
+pub(crate) struct Nucleo {
+    pub(crate) chip: Chip,
+}
+
+impl Nucleo {
+    pub(crate) fn new(pwm: Pwm) -> Result<Self, Error> {
+        let mut part = Stm32f427::new()?;
+        part.rcc.attach_crystals(HSE_HZ, 0);
+        part.set_supply(RAIL_MV);
+        for converter in &mut part.adc {
+            converter.set_reference(RAIL_MV);
+            converter.set_backup_battery(RAIL_MV);
+        }
+        let timer_slot = part.bus().slot("TIM1")?;
+        let converter_slot = part.bus().slot("ADC1")?;
+        let chip = Chip {
+            part,
+            pwm,
+            adc_dead: false,
+            plain_timer: Remembers(core::marker::PhantomData),
+            plain_converter: Remembers(core::marker::PhantomData),
+            timer_slot,
+            converter_slot,
+        };
+        Ok(Self { chip })
+    }
+
+    /// The words that the factory writes.
+    pub(crate) fn factory_image() -> Result<Image, rigless::image::Error> {
+        let mut words = [0_u8; 32];
+        words[0x12..0x14].copy_from_slice(&2048_u16.to_le_bytes());
+        words[0x1A..0x1C].copy_from_slice(&VREFINT_CALIBRATION.to_le_bytes());
+        Image::new(Path::new("factory words"), words.to_vec(), Some(FACTORY_WORDS_AT))
+    }
+}
+
+/// Runs start from reset: a plant has no place in the emulator's snapshots.
+impl Store for Nucleo {}
+
+impl Board for Nucleo {
+    fn name(&self) -> &'static str {
+        "nucleo-f429zi"
+    }
+
+    fn target_names(&self) -> Vec<&'static str> {
+        vec!["stm32f427"]
+    }
+
+    fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
+        (target == 0).then_some(&mut self.chip)
+    }
+
+    fn targets(&mut self) -> Vec<Target<'_>> {
+        const HZ: NonZeroU64 = NonZeroU64::new(CORE_HZ).expect("a running clock");
+        let lines = u32::from(self.chip.cpu().interrupt_lines);
+        let core = Core {
+            variant: Variant::M4,
+            clock_hz: HZ,
+            interrupt_lines: NonZeroU32::new(lines).expect("a part with interrupts"),
+            // PM0214 4.3 and 4.5.
+            priority_bits: 4,
+            refclk_divider: NonZeroU32::new(8).expect("a divider"),
+            instructions_per_second: HZ,
+            boot: "flash",
+        }
+        .spec_with_parts(&windows(self.chip.bus()), Fpu::FpV4Sp, MpuRegions::Eight);
+        vec![Target::new("stm32f427", &mut self.chip, core)]
+    }
+}

@@ -1,0 +1,92 @@
+//! The firmware image: where it is, how it is built, and its symbols.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use object::{Object, ObjectSymbol};
+
+/// Builds a package for the chip, as it is flashed, and returns its ELF. Quick when it is fresh; once per
+/// process and package.
+///
+/// # Panics
+/// If it does not build.
+#[must_use]
+pub fn build(package: &str) -> PathBuf {
+    const TARGET: &str = "thumbv7em-none-eabihf";
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(cargo);
+    command
+        .current_dir(&root)
+        .args(["build", "--quiet", "--package", package, "--target", TARGET, "--profile", "firmware"])
+        // What `cargo test` sets for this crate must not reach the other build, or it would never be fresh.
+        .env_remove("RUSTFLAGS")
+        .env_remove("CARGO_ENCODED_RUSTFLAGS")
+        .env_remove("CARGO_TARGET_DIR");
+    let status = command.status().expect("cargo runs");
+    assert!(status.success(), "{package} does not build for {TARGET}");
+    root.join("target").join(TARGET).join("firmware").join(package)
+}
+
+/// The hub's firmware, built if it is not fresh. `MOTOR_HUB_ELF` names another image to run instead.
+#[must_use]
+pub fn hub() -> &'static Path {
+    static ELF: OnceLock<PathBuf> = OnceLock::new();
+    ELF.get_or_init(|| {
+        std::env::var_os("MOTOR_HUB_ELF").map_or_else(|| build("nucleo-f429zi"), PathBuf::from)
+    })
+}
+
+/// A function or variable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Symbol {
+    /// As the linker knows it, demangled.
+    pub name: String,
+    /// First byte, without the Thumb bit.
+    pub address: u64,
+    /// Bytes.
+    pub size: u64,
+}
+
+/// All symbols with a size, by address.
+///
+/// # Panics
+/// If the file is no ELF.
+#[must_use]
+pub fn symbols(elf: &[u8]) -> Vec<Symbol> {
+    let file = object::File::parse(elf).expect("an ELF file");
+    let mut symbols: Vec<Symbol> = file
+        .symbols()
+        .filter(|symbol| symbol.size() > 0)
+        .map(|symbol| Symbol {
+            name: format!("{:#}", rustc_demangle::demangle(symbol.name().unwrap_or_default())),
+            address: symbol.address() & !1,
+            size: symbol.size(),
+        })
+        .collect();
+    symbols.sort_by_key(|symbol| symbol.address);
+    symbols
+}
+
+/// The address of the only symbol whose name contains these parts in this order, separated by `..`, and
+/// ends with the last: `capture_task..::poll`.
+#[must_use]
+pub fn find(symbols: &[Symbol], name: &str) -> Option<u64> {
+    let matches = |symbol: &&Symbol| {
+        let (start, end) = name.rsplit_once("..").unwrap_or(("", name));
+        let Some(mut rest) = symbol.name.strip_suffix(end) else {
+            return false;
+        };
+        start.split("..").all(|part| match rest.split_once(part) {
+            Some((_, after)) => {
+                rest = after;
+                true
+            }
+            None => false,
+        })
+    };
+    let mut found = symbols.iter().filter(matches);
+    let first = found.next()?;
+    found.next().is_none().then_some(first.address)
+}

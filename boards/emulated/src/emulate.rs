@@ -1,0 +1,206 @@
+//! A scenario of the simulated board, run by the flashed image on the emulated chip: the host's line says
+//! what the scenario says, and what happens is remembered as the simulated board remembers it.
+//!
+//! The image has its own settings for all motors (an AM 60 A, Scheme A); a scenario for it has such
+//! motors, and its set-points lie between two control ticks.
+
+mod overlay;
+
+use std::time::Duration;
+
+use motor_hub::braking::Regime;
+use motor_hub::bridge::{Drive, Mode as BridgeMode};
+use motor_hub::model::plant::Flow;
+use motor_hub::model::si::{Ohms, Volts};
+use motor_hub::model::switching::Bridge;
+use motor_hub::motor::{Report, Setpoint, ZeroPower};
+use motor_hub::units::{CountsPerSecond, Duty};
+use simulated::scenario::{Motor, Scenario};
+use simulated::trace::{Sample, Tick, Trace};
+
+use crate::bench::{Bench, Setup};
+use crate::host::{Host, Mode};
+use crate::pins::Lines;
+use crate::pwm::Output;
+use crate::shafts::{Look, Mounting};
+
+pub use overlay::Overlay;
+
+/// As the simulated board has it.
+const BRIDGE: Bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
+
+/// How often the host says that it is there.
+const KEEP_ALIVE_S: f64 = 1.0;
+
+/// The scenario that this board carries.
+///
+/// # Errors
+/// If it is not valid.
+pub fn scenario() -> Result<Scenario, String> {
+    Scenario::parse("scenarios/hub.toml", include_str!("../scenarios/hub.toml"))
+}
+
+/// Runs a scenario on the emulated chip; `progress` is told the virtual time in seconds.
+///
+/// # Errors
+/// If the emulator had a gap.
+///
+/// # Panics
+/// If the firmware does not obey.
+pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, String> {
+    let motors = scenario.motors.iter().map(|motor| Mounting {
+        motor: motor.constants,
+        load: motor.load,
+        bridge: BRIDGE,
+        stops: None,
+    });
+    let mut setup = Setup::new(motors.collect());
+    setup.battery = scenario.battery;
+    let mut bench = Bench::new(setup);
+    let mut host = Host::default();
+    let mut orders = orders(scenario).into_iter().peekable();
+    let period_s = f64::from(scenario.period.as_millis()) * 1e-3;
+    let mut trace = Trace::default();
+    let mut heard_s = 0.0;
+    let ticks = (scenario.duration_s / period_s).floor() as usize;
+    for tick in 1..=ticks {
+        let at_s = tick as f64 * period_s;
+        while let Some((order_s, order)) = orders.next_if(|&(order_s, _)| order_s < at_s) {
+            run_to(&mut bench, order_s);
+            carry_out(&mut bench, &mut host, scenario, order);
+        }
+        if at_s - heard_s > KEEP_ALIVE_S {
+            heard_s = at_s;
+            run_to(&mut bench, at_s - 0.4 * period_s);
+            host.keep_alive(&mut bench);
+        }
+        // What the tick decides is on the pins within a millisecond.
+        run_to(&mut bench, at_s + 1e-3);
+        observe(&mut bench, scenario, at_s, &mut trace);
+        progress(at_s);
+    }
+    run_to(&mut bench, (ticks + 1) as f64 * period_s + 1e-3);
+    observe(&mut bench, scenario, scenario.duration_s, &mut trace);
+    // Seen only for what flowed since the tick before.
+    trace.ticks.pop();
+    let gaps = bench.gaps();
+    if gaps.is_empty() { Ok(trace) } else { Err(gaps.join("\n")) }
+}
+
+fn run_to(bench: &mut Bench, at_s: f64) {
+    bench.run_until(Duration::from_secs_f64(at_s));
+}
+
+#[derive(Clone, Copy)]
+enum Order {
+    Setpoint(usize, Setpoint),
+    Torque(usize, f64),
+}
+
+/// Everything that the scenario wants, by time.
+fn orders(scenario: &Scenario) -> Vec<(f64, Order)> {
+    let mut orders = Vec::new();
+    for (index, motor) in scenario.motors.iter().enumerate() {
+        orders.extend(motor.torques.iter().map(|t| (t.at_s, Order::Torque(index, t.value))));
+        orders.extend(motor.setpoints.iter().map(|t| (t.at_s, Order::Setpoint(index, t.value))));
+    }
+    orders.sort_by(|a, b| a.0.total_cmp(&b.0));
+    orders
+}
+
+fn carry_out(bench: &mut Bench, host: &mut Host, scenario: &Scenario, order: Order) {
+    match order {
+        Order::Torque(motor, torque) => bench.set_torque(motor, torque),
+        Order::Setpoint(motor, setpoint) => {
+            let floats = scenario.motors[motor].zero_power == ZeroPower::Float;
+            let motor = motor as u8;
+            let whole = |speed: CountsPerSecond| speed.round() as i16;
+            match setpoint {
+                Setpoint::Disabled => host.enable(bench, motor, false),
+                Setpoint::ConstantPower(power) => host.power(bench, motor, power.get()),
+                Setpoint::Velocity(target) => host.velocity(bench, motor, whole(target)),
+                Setpoint::Position { target, tolerance, speed_limit } => {
+                    host.position(bench, motor, target, tolerance, whole(speed_limit));
+                }
+            }
+            if floats {
+                let mode = match setpoint {
+                    Setpoint::Velocity(_) => Mode::Velocity,
+                    Setpoint::Position { .. } => Mode::Position,
+                    Setpoint::Disabled | Setpoint::ConstantPower(_) => Mode::ConstantPower,
+                };
+                host.order(bench, 8, &[motor, mode as u8, 1]);
+            }
+        }
+    }
+}
+
+fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace) {
+    let ticks = bench.pwm_grid().map_or(1, |grid| grid.ticks);
+    let mut motors = Vec::new();
+    for (index, motor) in scenario.motors.iter().enumerate() {
+        let (look, lines) = (bench.look(index), bench.lines(index));
+        // The flow so far; the difference to the next tick is what a tick holds.
+        motors.push(Sample {
+            report: report(motor, at_s, look, lines, ticks),
+            speed_cps: look.counts_per_second,
+            counts: look.counts,
+            torque_nm: motor.torque_at(at_s),
+            flow: look.flow,
+        });
+    }
+    if let Some(last) = trace.ticks.last_mut() {
+        for (sample, now) in last.motors.iter_mut().zip(&motors) {
+            sample.flow = difference(&now.flow, &sample.flow);
+        }
+    }
+    let (battery_v, _) = bench.battery();
+    trace.ticks.push(Tick { at_s, battery_v, measured_v: None, motors });
+}
+
+/// What flowed from `before` to `after`.
+fn difference(after: &Flow, before: &Flow) -> Flow {
+    let mut flow = *after;
+    flow.time.0 -= before.time.0;
+    flow.charge.0 -= before.charge.0;
+    flow.energy_from_battery.0 -= before.energy_from_battery.0;
+    flow.energy_to_battery.0 -= before.energy_to_battery.0;
+    flow.charge_from_battery.0 -= before.charge_from_battery.0;
+    flow.charge_to_battery.0 -= before.charge_to_battery.0;
+    flow.heat.0 -= before.heat.0;
+    flow.shaft_work.0 -= before.shaft_work.0;
+    flow
+}
+
+/// What can be told of the hub's decisions from outside: its bridge lines.
+fn report(motor: &Motor, at_s: f64, look: Look, lines: Lines, ticks: u32) -> Report {
+    let mode = match (lines.ina, lines.inb) {
+        (true, _) => BridgeMode::Cw98,
+        (_, true) => BridgeMode::Ccw62,
+        _ => BridgeMode::Brake50,
+    };
+    let duty = match lines.pwm {
+        Output::Level(high) => {
+            if high {
+                Duty::ONE
+            } else {
+                Duty::ZERO
+            }
+        }
+        Output::Pulse(high) => Duty::ratio(high.into(), ticks.into()),
+    };
+    let regime = match mode {
+        BridgeMode::Brake50 if duty == Duty::ZERO => None,
+        BridgeMode::Brake50 => Some(Regime::Braking),
+        mode if (mode == BridgeMode::Cw98) == (look.counts_per_second >= 0.0) => Some(Regime::Forward),
+        _ => Some(Regime::Reverse),
+    };
+    Report {
+        setpoint: motor.setpoint_at(at_s),
+        position: look.counts as i32,
+        velocity: CountsPerSecond::new(look.counts_per_second.round() as i32),
+        regime,
+        drive: Drive { mode, duty },
+        ..Report::INITIAL
+    }
+}

@@ -1,0 +1,338 @@
+//! What surrounds the chip, as the emulator's driver: pins to plants, plants to encoder lines, battery to
+//! the converter, the button, the serial line, the log.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, SyncSender};
+
+use motor_hub::model::battery::Battery;
+use rigless::device::Level;
+use rigless::emulator::{Access, AccessKind, Driver, Hit, Host, Settled, Stop};
+use rigless::mcu::Operate;
+use rigless::session::Session;
+use rigless::soc::Width;
+use rigless::soc::st::gpio::Pin;
+use rigless::soc::st::tim::Channel;
+use rigless::soc::stm32f427::generated::gpioi;
+use rigless::soc::stm32f427::peripherals::{adc, rcc::Apb};
+use rigless::time::VirtualNanos;
+
+use crate::chip::Nucleo;
+use crate::pins::{Lines, Recorder};
+use crate::pwm::Timer;
+use crate::rtt::Rtt;
+use crate::serial::Terminal;
+use crate::shafts::{Encoder, Mounting, Shafts};
+use crate::wiring;
+
+/// Something to do at a stop.
+pub(crate) type Errand = Box<dyn FnOnce(&mut Lab, &mut Session<Nucleo>, &mut dyn Host) + Send>;
+
+/// What the bench tells the emulator's thread.
+pub(crate) enum Order {
+    /// Run to this instant, ns.
+    Run(u64),
+    /// Do something here.
+    Do(Errand),
+    /// End the run.
+    End,
+}
+
+/// Everything round the chip.
+pub(crate) struct Lab {
+    pub(crate) shafts: Shafts,
+    pub(crate) recorder: Recorder,
+    pub(crate) encoders: Vec<Encoder>,
+    pub(crate) rtt: Rtt,
+    pub(crate) button: bool,
+    /// Arrivals at watched instructions: address, instruction count, ns.
+    pub(crate) hits: Vec<(u64, u64, u64)>,
+    pub(crate) now: u64,
+    pub(crate) instructions: u64,
+    timer: Timer,
+    pwm_hz: u64,
+    shown: Vec<i64>,
+    resets: usize,
+    /// The log's ring is left alone until the start-up code has filled it in.
+    quiet_until: u64,
+    target: u64,
+    orders: Receiver<Order>,
+    reached: SyncSender<()>,
+    /// What happens at an instant to come, by instant.
+    pub(crate) planned: VecDeque<(u64, Errand)>,
+}
+
+/// From reset until the log's ring is in order, ns.
+const START_UP: u64 = 500_000;
+
+impl Lab {
+    pub(crate) fn new(
+        battery: Battery,
+        motors: Vec<Mounting>,
+        rtt: Option<u64>,
+        orders: Receiver<Order>,
+        reached: SyncSender<()>,
+    ) -> Self {
+        let count = motors.len();
+        Self {
+            shafts: Shafts::new(battery, motors),
+            recorder: Recorder::new(wiring::BRIDGES),
+            encoders: vec![Encoder::Sound; count],
+            rtt: Rtt::new(rtt),
+            button: false,
+            hits: Vec::new(),
+            now: 0,
+            instructions: 0,
+            timer: Timer::default(),
+            pwm_hz: 0,
+            shown: vec![0; count],
+            resets: 0,
+            quiet_until: START_UP,
+            target: 0,
+            orders,
+            reached,
+            planned: VecDeque::new(),
+        }
+    }
+
+    /// The PWM timer's periods.
+    pub(crate) const fn grid(&self) -> Option<crate::pwm::Grid> {
+        self.timer.grid()
+    }
+
+    /// Does something at an instant to come.
+    pub(crate) fn plan(&mut self, at: u64, errand: Errand) {
+        let place = self.planned.partition_point(|&(other, _)| other <= at);
+        self.planned.insert(place, (at, errand));
+    }
+
+    fn next_instant(&self) -> u64 {
+        let mut next = self.target.min(self.shafts.cell_end);
+        for at in [self.shafts.next_edge(), self.timer.update_at, self.planned.front().map(|&(at, _)| at)] {
+            next = next.min(at.unwrap_or(u64::MAX));
+        }
+        next
+    }
+
+    /// The chip may have changed its pins at `at`.
+    fn follow_pins(&mut self, session: &mut Session<Nucleo>, at: u64, by_reset: bool) {
+        let part = &mut session.board_mut().chip.part;
+        let before = self.timer.grid();
+        let mut lines = [Lines::FLOATING; wiring::BRIDGES];
+        for (channel, lines) in lines.iter_mut().enumerate() {
+            let function = is_mode(part.port(wiring::PWM_PORT).1, wiring::PWM_PINS[channel], 2);
+            if function {
+                lines.pwm = self.timer.output(channel, part.advanced_timer(0).1);
+            }
+        }
+        let (_, registers) = part.port(wiring::LINE_PORT);
+        for (bridge, lines) in lines.iter_mut().enumerate() {
+            let (ina, inb) = wiring::LINE_PINS[bridge];
+            let high =
+                |pin| is_mode(registers, pin, 1) && registers.get(gpioi::Register::Odr) >> pin & 1 != 0;
+            (lines.ina, lines.inb) = (high(ina), high(inb));
+        }
+        for (bridge, lines) in lines.into_iter().enumerate() {
+            if self.recorder.set(at, bridge, lines, (before, self.timer.grid()), by_reset)
+                && bridge < self.shafts.len()
+            {
+                self.shafts.command(bridge, at, lines);
+            }
+        }
+    }
+
+    fn timer_written(&mut self, session: &mut Session<Nucleo>, at: u64, access: &Access) {
+        let part = &mut session.board_mut().chip.part;
+        self.pwm_hz = {
+            let (rcc, registers) = part.clocks();
+            rcc.timer_clock(registers, Apb::Two)
+        };
+        let update = access.address == wiring::PWM_TIMER + wiring::EGR && access.value & 1 != 0;
+        let before = self.timer.grid();
+        self.timer.written(at, update, part.advanced_timer(0).1, self.pwm_hz);
+        if let Some(grid) = self.timer.grid()
+            && before != Some(grid)
+        {
+            self.shafts.set_grid(at, grid);
+        }
+        self.follow_pins(session, at, false);
+    }
+
+    /// Gives the chip every edge that is due.
+    fn show_edges(&mut self, session: &mut Session<Nucleo>, at: u64) {
+        while let Some((motor, count)) = self.shafts.take_edge(at) {
+            self.shown[motor] = count;
+            self.show(session, motor, at);
+        }
+    }
+
+    /// Drives the encoder lines of one motor to where its shaft is.
+    fn show(&self, session: &mut Session<Nucleo>, motor: usize, at: u64) {
+        if self.encoders[motor] == Encoder::Unplugged {
+            return;
+        }
+        // Up is 00, 10, 11, 01.
+        let phase = self.shown[motor] & 3;
+        let (mut a, mut b) = (phase == 1 || phase == 2, phase >= 2);
+        if self.encoders[motor] == Encoder::Reversed {
+            (a, b) = (b, a);
+        }
+        let part = &mut session.board_mut().chip.part;
+        let at = VirtualNanos(at);
+        for (channel, high) in [(1, a), (2, b)] {
+            let (channel, level) = (Channel::new(channel).expect("1 or 2"), Level::from(high));
+            match wiring::ENCODERS[motor] {
+                wiring::Counter::General(nth) => {
+                    part.drive_timer(at, nth, |t, r, c| t.drive_input(channel, level, r, c));
+                }
+                wiring::Counter::Advanced(nth) => {
+                    part.drive_advanced_timer(at, nth, |t, r, c| t.drive_input(channel, level, r, c));
+                }
+            }
+        }
+    }
+
+    /// Puts the button's level on its pin; the board has a pull-down.
+    pub(crate) fn press(&mut self, session: &mut Session<Nucleo>, pressed: bool) {
+        self.button = pressed;
+        let pin = Pin::new(wiring::BUTTON.1).expect("a pin of a port");
+        let level = Some(Level::from(pressed));
+        let at = VirtualNanos(self.now);
+        session
+            .board_mut()
+            .chip
+            .part
+            .drive_port(at, wiring::BUTTON.0, |port, r, c| port.drive(pin, level, r, c));
+    }
+
+    /// Puts the battery's voltage on the converter's pin.
+    fn show_battery(&self, session: &mut Session<Nucleo>) {
+        let millivolts = self.shafts.voltage() * 1000.0 * wiring::DIVIDER;
+        let channel = adc::Channel::new(wiring::BATTERY_CHANNEL).expect("a channel on a pin");
+        session.board_mut().chip.part.adc[0].set_input(channel, millivolts.round() as u32);
+    }
+
+    /// Puts back on the pins what a reset of the emulated part let go of.
+    fn after_reset(&mut self, session: &mut Session<Nucleo>, at: u64) {
+        self.timer = Timer::default();
+        self.follow_pins(session, at, true);
+        self.rtt.reset();
+        self.quiet_until = at + START_UP;
+        let pressed = self.button;
+        self.press(session, pressed);
+        for motor in 0..self.shafts.len() {
+            self.show(session, motor, at);
+        }
+    }
+
+    fn look_for_reset(&mut self, session: &mut Session<Nucleo>) {
+        let resets = session.resets();
+        if resets.len() > self.resets {
+            self.resets = resets.len();
+            let at = resets.last().map_or(self.now, |reset| reset.at.0);
+            self.after_reset(session, at);
+        }
+    }
+
+    /// Everything that is due.
+    fn catch_up(&mut self, session: &mut Session<Nucleo>, host: &mut dyn Host) {
+        let now = self.now;
+        self.show_edges(session, now);
+        if self.timer.update_at.is_some_and(|at| at <= now) {
+            let hz = self.pwm_hz;
+            self.timer.update(now, session.board_mut().chip.part.advanced_timer(0).1, hz);
+            self.follow_pins(session, now, false);
+        }
+        while self.shafts.cell_end <= now {
+            self.shafts.next_cell();
+            self.show_battery(session);
+            if now >= self.quiet_until {
+                self.rtt.drain(now, host).expect("the log's ring is in memory");
+            }
+        }
+        self.show_edges(session, now);
+        while self.planned.front().is_some_and(|&(at, _)| at <= now) {
+            if let Some((_, errand)) = self.planned.pop_front() {
+                errand(self, session, host);
+            }
+        }
+    }
+}
+
+/// Whether `pin` of a port is in this mode (RM0090 8.4.1).
+fn is_mode(registers: &rigless::device::RegisterFile, pin: u8, mode: u64) -> bool {
+    registers.get(gpioi::Register::Moder) >> (2 * pin) & 3 == mode
+}
+
+impl Driver<Nucleo> for Lab {
+    fn on_settled(&mut self, session: &mut Session<Nucleo>, _host: &mut dyn Host, settled: Settled) {
+        match settled {
+            Settled::Access { access, .. } if access.kind == AccessKind::Write => {
+                let at = access.virtual_time.0;
+                let block = access.address & !0x3FF;
+                if block == wiring::PWM_TIMER {
+                    self.now = at;
+                    self.show_edges(session, at);
+                    self.timer_written(session, at, &access);
+                } else if block == wiring::LINE_PORT_AT || block == wiring::PWM_PORT_AT {
+                    self.now = at;
+                    self.show_edges(session, at);
+                    self.follow_pins(session, at, false);
+                } else if access.address == wiring::TIME_DRIVER + wiring::EGR && access.value & 1 != 0 {
+                    // The emulator also sets the compare flags on a software update of a stopped timer,
+                    // which the chip does not; the driver would take CC1IF for half a period.
+                    let sr = wiring::TIME_DRIVER + wiring::SR;
+                    session
+                        .mcu()
+                        .write(access.virtual_time, sr, Width::W32, 0xFFFF_FFE1)
+                        .expect("a status register");
+                } else {
+                    return;
+                }
+                session.run_until(VirtualNanos(self.next_instant().max(at + 1)));
+            }
+            Settled::Stop(stop) => {
+                self.now = stop.at.0;
+                self.instructions = stop.instruction_count;
+                self.look_for_reset(session);
+            }
+            Settled::Hit(Hit { address, instruction_count, at, .. }) => {
+                self.hits.push((address, instruction_count, at.0));
+            }
+            _ => {}
+        }
+    }
+
+    fn on_stop(
+        &mut self,
+        session: &mut Session<Nucleo>,
+        stop: Stop,
+        host: &mut dyn Host,
+    ) -> Option<VirtualNanos> {
+        self.now = stop.at.0;
+        self.instructions = stop.instruction_count;
+        self.look_for_reset(session);
+        self.catch_up(session, host);
+        while self.now >= self.target {
+            // Whoever waits learns that the last order is carried out.
+            self.reached.send(()).ok()?;
+            loop {
+                match self.orders.recv().ok()? {
+                    Order::Run(until) => {
+                        self.target = until;
+                        break;
+                    }
+                    Order::Do(errand) => errand(self, session, host),
+                    Order::End => return None,
+                }
+            }
+        }
+        Some(VirtualNanos(self.next_instant().max(self.now + 1)))
+    }
+}
+
+/// The serial line's far end.
+pub(crate) fn terminal(session: &mut Session<Nucleo>) -> &mut Terminal {
+    session.board_mut().chip.part.usart[wiring::HOST_LINK]
+        .chip_mut::<Terminal>()
+        .expect("the terminal is attached")
+}

@@ -1,0 +1,38 @@
+//! The image that is flashed, run against the physics: the `nucleo-f429zi` firmware, unmodified, on an
+//! emulated STM32F427, its pins wired to the motors of `motor_hub::model`.
+//!
+//! ```text
+//!          +---------------- emulated chip -----------------+
+//! battery -> ADC1          the ELF, instruction by           TIM1 -> PWM  \
+//! edges   -> TIM2,3,4,8    instruction, virtual time         PD0-7 -> INA/INB -> bridges -> plants
+//! bytes   <-> USART3                                         RTT -> log
+//!          +------------------------------------------------+
+//! ```
+//!
+//! A test builds a [`Bench`], lets it run, looks, injects a fault, and at the end calls
+//! [`Bench::assert_sound`], which fails if the emulator had a gap or a bridge went an illegal way.
+//!
+//! Times are virtual. The core retires one instruction per 168 MHz cycle, without the wait states of the
+//! real flash: instruction counts are exact, times of code are a lower bound.
+
+mod bench;
+mod chip;
+pub mod elf;
+pub mod emulate;
+pub mod host;
+mod lab;
+mod pins;
+mod pwm;
+pub mod recording;
+mod rtt;
+mod serial;
+mod shafts;
+mod silence;
+mod wiring;
+
+pub use bench::{Bench, Reset, SerialByte, Setup};
+pub use chip::Pwm;
+pub use pins::{Lines, Transition};
+pub use pwm::{Grid, Output};
+pub use rtt::LogLine;
+pub use shafts::{Encoder, Look, Mounting};

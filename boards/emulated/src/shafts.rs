@@ -1,0 +1,353 @@
+//! The plants: four motors with their loads on one battery, simulated a millisecond ahead so that every
+//! encoder edge is known before the chip gets there.
+//!
+//! A *cell* is a millisecond (of whole PWM periods) with a constant battery voltage; the voltage of the
+//! next one follows from what all motors drew. When a bridge changes within a cell, that motor alone is
+//! taken back to the cell's last change and simulated again.
+
+use std::collections::VecDeque;
+
+use motor_hub::model::battery::Battery;
+use motor_hub::model::catalogue::Motor;
+use motor_hub::model::load::Load;
+use motor_hub::model::plant::{Command, Flow, Plant};
+use motor_hub::model::si::{Amps, Hertz, NewtonMetres, RadPerSec, Seconds};
+use motor_hub::model::switching::Bridge;
+
+use crate::pins::Lines;
+use crate::pwm::{Grid, Output};
+
+/// Length of a cell, ns.
+pub(crate) const CELL: u64 = 1_000_000;
+
+/// Within this an angle is followed by a cubic between its ends, ns: far below the time between two
+/// edges (400 us at the free speed of the fastest encoder), and two PWM periods.
+const STEP: u64 = 100_000;
+
+/// PWM frequency until the chip's timer runs.
+const IDLE_PWM: Hertz = Hertz(20_000.0);
+
+/// A motor behind its bridge.
+#[derive(Clone, Debug)]
+pub struct Mounting {
+    /// The motor.
+    pub motor: Motor,
+    /// What it turns.
+    pub load: Load,
+    /// The bridge's losses.
+    pub bridge: Bridge,
+    /// Hard stops, in encoder counts, between which the shaft can turn.
+    pub stops: Option<(i64, i64)>,
+}
+
+/// How the encoder is connected.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Encoder {
+    /// As it should be.
+    #[default]
+    Sound,
+    /// A and B change places.
+    Reversed,
+    /// Both lines stay where they are.
+    Unplugged,
+}
+
+/// Where a shaft is and what flows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// Speed in encoder counts per second.
+    pub counts_per_second: f64,
+    /// Encoder counts since power-on.
+    pub counts: i64,
+    /// Motor current, A.
+    pub current: f64,
+    /// Speed of the output shaft, rad/s.
+    pub output_rad_per_s: f64,
+    /// Everything that flowed since power-on.
+    pub flow: Flow,
+}
+
+#[derive(Clone, Debug)]
+struct Shaft {
+    mounting: Mounting,
+    command: Command,
+    /// As of `base_at`.
+    base: Plant,
+    base_at: u64,
+    /// What flowed from the cell's beginning to `base_at`.
+    base_flow: Flow,
+    /// As of the cell's end.
+    ahead: Plant,
+    /// What flows in the whole cell.
+    flow: Flow,
+    /// What flowed before the cell.
+    past: Flow,
+    /// Counts to come in this cell, with their instants.
+    edges: VecDeque<(u64, i64)>,
+    /// The count that the encoder's lines show.
+    shown: i64,
+}
+
+impl Shaft {
+    fn new(mounting: Mounting) -> Self {
+        let plant = Plant::new(mounting.motor, mounting.load, mounting.bridge, IDLE_PWM);
+        Self {
+            mounting,
+            command: Command::COAST,
+            base: plant.clone(),
+            base_at: 0,
+            base_flow: Flow::default(),
+            ahead: plant,
+            flow: Flow::default(),
+            past: Flow::default(),
+            edges: VecDeque::new(),
+            shown: 0,
+        }
+    }
+
+    /// From the base to `to`: the plant there, and what flowed since the cell's beginning. Notes edges.
+    fn simulate(&mut self, to: u64, battery: f64, epoch: u64) -> (Plant, Flow) {
+        let mut plant = self.base.clone();
+        let mut flow = self.base_flow;
+        let mut at = self.base_at;
+        while at < to {
+            let end = (at + STEP - (at.wrapping_sub(epoch)) % STEP).min(to);
+            let dt = (end - at) as f64 * 1e-9;
+            let before = (plant.angle(), plant.speed().0, plant.counts());
+            let volts = motor_hub::model::si::Volts(battery);
+            flow.append(&plant.run(Seconds(dt), self.command, volts));
+            self.hold_between_stops(&mut plant);
+            if plant.counts() != before.2 {
+                self.note_edges(before, &plant, at, dt);
+            }
+            at = end;
+        }
+        (plant, flow)
+    }
+
+    fn hold_between_stops(&self, plant: &mut Plant) {
+        let Some((low, high)) = self.mounting.stops else {
+            return;
+        };
+        // In the middle of a count, so that a shaft at a stop does not tremble across an edge.
+        let per_count = core::f64::consts::TAU / self.mounting.motor.counts_per_rev_motor;
+        let angle = plant.angle().clamp((low as f64 + 0.5) * per_count, (high as f64 + 0.5) * per_count);
+        if angle != plant.angle() {
+            plant.place(plant.current(), RadPerSec(0.0), angle);
+        }
+    }
+
+    /// The instants of the counts passed in `dt` s from `start`, by the cubic through angle and speed at
+    /// both ends.
+    fn note_edges(&mut self, before: (f64, f64, i64), after: &Plant, start: u64, dt: f64) {
+        let (angle, speed, count) = before;
+        let per_count = core::f64::consts::TAU / self.mounting.motor.counts_per_rev_motor;
+        let cubic = |s: f64| {
+            let (s2, s3) = (s * s, s * s * s);
+            (2.0 * s3 - 3.0 * s2 + 1.0) * angle
+                + (s3 - 2.0 * s2 + s) * dt * speed
+                + (3.0 * s2 - 2.0 * s3) * after.angle()
+                + (s3 - s2) * dt * after.speed().0
+        };
+        let up = after.counts() > count;
+        let mut next = count;
+        let mut from = 0.0;
+        while next != after.counts() {
+            // Going up, count n begins at n; going down, n - 1 begins just below n.
+            let edge = if up { (next + 1) as f64 } else { next as f64 } * per_count;
+            next += if up { 1 } else { -1 };
+            let (mut low, mut high) = (from, 1.0);
+            for _ in 0..30 {
+                let middle = f64::midpoint(low, high);
+                if (cubic(middle) < edge) == up {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            from = high;
+            self.edges.push_back((start + (high * dt * 1e9).round() as u64, next));
+        }
+    }
+}
+
+/// All motors and their battery.
+#[derive(Clone, Debug)]
+pub(crate) struct Shafts {
+    battery: Battery,
+    shafts: Vec<Shaft>,
+    voltage: f64,
+    current: f64,
+    cell_from: u64,
+    pub(crate) cell_end: u64,
+    grid: Option<Grid>,
+}
+
+impl Shafts {
+    pub(crate) fn new(battery: Battery, mountings: Vec<Mounting>) -> Self {
+        let shafts = mountings.into_iter().map(Shaft::new).collect();
+        let voltage = battery.emf.0;
+        let mut new =
+            Self { battery, shafts, voltage, current: 0.0, cell_from: 0, cell_end: CELL, grid: None };
+        new.look_ahead();
+        new
+    }
+
+    /// Voltage at the battery's terminals in the present cell.
+    pub(crate) const fn voltage(&self) -> f64 {
+        self.voltage
+    }
+
+    /// Current out of the battery in the cell before, A.
+    pub(crate) const fn battery_current(&self) -> f64 {
+        self.current
+    }
+
+    /// Another battery from the next cell on.
+    pub(crate) fn set_battery(&mut self, battery: Battery) {
+        self.battery = battery;
+    }
+
+    pub(crate) const fn battery(&self) -> Battery {
+        self.battery
+    }
+
+    fn epoch(&self) -> u64 {
+        self.grid.map_or(0, |grid| grid.epoch)
+    }
+
+    fn look_ahead(&mut self) {
+        let (end, battery, epoch) = (self.cell_end, self.voltage, self.epoch());
+        for shaft in &mut self.shafts {
+            (shaft.ahead, shaft.flow) = shaft.simulate(end, battery, epoch);
+        }
+    }
+
+    /// The cell is over: the next one begins.
+    pub(crate) fn next_cell(&mut self) {
+        let drawn: f64 = self.shafts.iter().map(|shaft| shaft.flow.battery_charge()).sum();
+        let length = (self.cell_end - self.cell_from) as f64 * 1e-9;
+        if length > 0.0 {
+            // Smoothed over two cells, as a supply's capacitors do.
+            self.current = f64::midpoint(self.current, drawn / length);
+        }
+        self.voltage = self.battery.voltage(Amps(self.current)).0;
+        self.cell_from = self.cell_end;
+        self.cell_end += CELL;
+        for shaft in &mut self.shafts {
+            debug_assert!(shaft.edges.is_empty(), "an edge was left over");
+            shaft.base = shaft.ahead.clone();
+            shaft.base_at = self.cell_from;
+            shaft.base_flow = Flow::default();
+            shaft.past.append(&shaft.flow);
+        }
+        self.look_ahead();
+    }
+
+    /// Makes `at`, within the cell, the instant from which motor `index` is simulated anew.
+    fn rebase(&mut self, index: usize, at: u64) {
+        let (battery, epoch) = (self.voltage, self.epoch());
+        let shaft = &mut self.shafts[index];
+        shaft.edges.clear();
+        let (plant, flow) = shaft.simulate(at, battery, epoch);
+        shaft.edges.clear();
+        shaft.base = plant;
+        shaft.base_at = at;
+        shaft.base_flow = flow;
+    }
+
+    fn simulate_anew(&mut self, index: usize) {
+        let (end, battery, epoch) = (self.cell_end, self.voltage, self.epoch());
+        let shaft = &mut self.shafts[index];
+        shaft.edges.clear();
+        // Rounding may have moved an edge across the base: it is shown now.
+        let mut shown = shaft.shown;
+        while shown != shaft.base.counts() {
+            shown += (shaft.base.counts() - shown).signum();
+            shaft.edges.push_back((shaft.base_at, shown));
+        }
+        (shaft.ahead, shaft.flow) = shaft.simulate(end, battery, epoch);
+    }
+
+    /// The bridge of motor `index` has these lines from `at` on.
+    pub(crate) fn command(&mut self, index: usize, at: u64, lines: Lines) {
+        self.rebase(index, at);
+        let ticks = self.grid.map_or(1, |grid| grid.ticks);
+        let torque_after = self.shafts[index].command.torque_after;
+        let (on, off) = match lines.pwm {
+            Output::Level(high) => (lines.state(high), lines.state(high)),
+            Output::Pulse(_) => (lines.state(true), lines.state(false)),
+        };
+        self.shafts[index].command = Command { on, off, duty: lines.duty(ticks), torque_after };
+        self.simulate_anew(index);
+    }
+
+    /// An external torque on the output shaft of motor `index` from `at` on, N m.
+    pub(crate) fn set_torque(&mut self, index: usize, at: u64, torque: f64) {
+        self.rebase(index, at);
+        self.shafts[index].command.torque_after = NewtonMetres(torque);
+        self.simulate_anew(index);
+    }
+
+    /// Hard stops of motor `index` from `at` on.
+    pub(crate) fn set_stops(&mut self, index: usize, at: u64, stops: Option<(i64, i64)>) {
+        self.rebase(index, at);
+        self.shafts[index].mounting.stops = stops;
+        self.simulate_anew(index);
+    }
+
+    /// The PWM timer's periods begin anew at `at`: so do the plants'.
+    pub(crate) fn set_grid(&mut self, at: u64, grid: Grid) {
+        for index in 0..self.shafts.len() {
+            self.rebase(index, at);
+            let shaft = &mut self.shafts[index];
+            let mounting = &shaft.mounting;
+            let mut plant =
+                Plant::new(mounting.motor, mounting.load, mounting.bridge, Hertz(1.0 / grid.seconds()));
+            plant.place(shaft.base.current(), shaft.base.speed(), shaft.base.angle());
+            shaft.base = plant;
+        }
+        self.grid = Some(grid);
+        // Cells of whole periods from here on.
+        self.cell_end = at + CELL;
+        for index in 0..self.shafts.len() {
+            self.simulate_anew(index);
+        }
+    }
+
+    /// The next edge of any encoder.
+    pub(crate) fn next_edge(&self) -> Option<u64> {
+        self.shafts.iter().filter_map(|shaft| shaft.edges.front()).map(|&(at, _)| at).min()
+    }
+
+    /// Takes an edge that is due by `now`: which motor, and its count from then on.
+    pub(crate) fn take_edge(&mut self, now: u64) -> Option<(usize, i64)> {
+        self.shafts.iter_mut().enumerate().find_map(|(index, shaft)| {
+            let &(at, count) = shaft.edges.front()?;
+            (at <= now).then(|| {
+                shaft.edges.pop_front();
+                shaft.shown = count;
+                (index, count)
+            })
+        })
+    }
+
+    /// Motor `index` at `at`, within the cell.
+    pub(crate) fn look(&self, index: usize, at: u64) -> Look {
+        let mut shaft = self.shafts[index].clone();
+        let (plant, flow) = shaft.simulate(at.min(self.cell_end), self.voltage, self.epoch());
+        shaft.past.append(&flow);
+        let per_rad = shaft.mounting.motor.counts_per_rev_motor / core::f64::consts::TAU;
+        Look {
+            counts_per_second: plant.speed().0 * per_rad,
+            counts: plant.counts(),
+            current: plant.current().0,
+            output_rad_per_s: plant.speed_after().0,
+            flow: shaft.past,
+        }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.shafts.len()
+    }
+}

@@ -1,0 +1,49 @@
+//! What is connected to which pin: the NUCLEO-F429ZI hub's allocation, as its README says.
+//!
+//! Peripherals are named by their place in the emulator's lists and by their addresses (RM0090 2.3).
+
+/// Bridges.
+pub(crate) const BRIDGES: usize = 4;
+
+/// TIM1.
+pub(crate) const PWM_TIMER: u64 = 0x4001_0000;
+/// Port E, as place and address.
+pub(crate) const PWM_PORT: usize = 4;
+pub(crate) const PWM_PORT_AT: u64 = 0x4002_1000;
+/// PE9, PE11, PE13, PE14: TIM1 CH1 to CH4.
+pub(crate) const PWM_PINS: [u8; BRIDGES] = [9, 11, 13, 14];
+
+/// Port D.
+pub(crate) const LINE_PORT: usize = 3;
+pub(crate) const LINE_PORT_AT: u64 = 0x4002_0C00;
+/// INA and INB by bridge.
+pub(crate) const LINE_PINS: [(u8, u8); BRIDGES] = [(0, 1), (2, 3), (4, 5), (6, 7)];
+
+/// A quadrature counter.
+pub(crate) enum Counter {
+    /// TIM2 to TIM5, from 0.
+    General(usize),
+    /// TIM1 and TIM8, from 0.
+    Advanced(usize),
+}
+
+/// TIM2, TIM3, TIM4 and TIM8.
+pub(crate) const ENCODERS: [Counter; BRIDGES] =
+    [Counter::General(0), Counter::General(1), Counter::General(2), Counter::Advanced(1)];
+
+/// TIM5, which keeps embassy's time.
+pub(crate) const TIME_DRIVER: u64 = 0x4000_0C00;
+/// Offsets of a timer's registers.
+pub(crate) const SR: u64 = 0x10;
+pub(crate) const EGR: u64 = 0x14;
+
+/// Button B1: PC13.
+pub(crate) const BUTTON: (usize, u8) = (2, 13);
+
+/// USART3, in the emulator's list.
+pub(crate) const HOST_LINK: usize = 2;
+
+/// ADC1_IN3 is PA3.
+pub(crate) const BATTERY_CHANNEL: u8 = 3;
+/// 47 kohm to the battery, 10 kohm to ground.
+pub(crate) const DIVIDER: f64 = 10.0 / 57.0;

@@ -1,0 +1,77 @@
+//! From power-on to the first safe output, and the rhythm of the control ticks.
+
+mod common;
+
+use std::time::Duration;
+
+use common::{am60, booted, four_loads, log, ms, turning};
+use emulated::{Bench, Setup};
+
+#[test]
+fn bridges_are_open_from_power_on_until_somebody_asks_for_something() {
+    let mut bench = booted(four_loads());
+    bench.run(ms(1000));
+    assert_eq!(bench.transitions(), []);
+    for motor in 0..4 {
+        assert!(bench.lines(motor).open());
+        let look = bench.look(motor);
+        assert_eq!((look.counts, look.current), (0, 0.0));
+    }
+    assert!(log(&mut bench).contains("tick 19 missed 0"));
+    bench.assert_sound();
+}
+
+#[test]
+fn the_first_log_line_is_stamped_one_microsecond() {
+    // The time driver starts at zero: the emulator's work-around is in place.
+    let mut bench = Bench::new(Setup::new(vec![am60()]));
+    bench.run(ms(5));
+    let log = bench.log();
+    let [first, second, ..] = log.as_slice() else { panic!("two lines of log") };
+    assert_eq!(first.stamp, "0.000001");
+    assert!(second.text.contains("168000000 Hz"), "{}", second.text);
+    bench.assert_sound();
+}
+
+#[test]
+fn pins_drive_their_idle_levels_within_a_millisecond_of_reset() {
+    // Until then pull-downs hold them. Port D bits 0 to 15 are outputs (01) and low from here on.
+    let mut bench = Bench::new(Setup::new(vec![am60()]));
+    let safe = bench.run_while(Duration::from_micros(10), ms(20), |bench| {
+        let [modes, outputs] = bench.peek_port_d();
+        modes & 0xFFFF == 0x5555 && outputs & 0xFF == 0 && bench.pwm_grid().is_some()
+    });
+    assert!(safe);
+    println!("first safe output {:.3} ms after reset", bench.now().as_secs_f64() * 1e3);
+    assert!(bench.now() < ms(1), "{:?}", bench.now());
+    assert_eq!(bench.transitions(), []);
+}
+
+#[test]
+fn ticks_come_every_fifty_milliseconds() {
+    let mut bench = turning(four_loads());
+    bench.run(ms(5000));
+    // Duties change at nearly every tick, and take effect at the next PWM period.
+    let changes: Vec<Duration> =
+        bench.transitions().iter().filter(|t| t.motor == 0 && t.at > ms(1000)).map(|t| t.at).collect();
+    let mut gaps: Vec<Duration> = changes.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    gaps.retain(|gap| *gap > ms(1));
+    let (least, most) = (gaps.iter().min().expect("changes"), gaps.iter().max().expect("changes"));
+    println!("outputs change every {least:?} to {most:?}");
+    // One PWM period, since the duty waits for its end.
+    assert!(*least >= ms(50) - Duration::from_micros(60), "{least:?}");
+    bench.assert_sound();
+}
+
+#[test]
+fn the_whole_hub_needs_little_of_the_core() {
+    let mut bench = turning(four_loads());
+    let before = bench.instructions();
+    bench.run(ms(5000));
+    let per_second = (bench.instructions() - before) as f64 / 5.0;
+    let share = 100.0 * per_second / 168e6;
+    println!(
+        "whole hub, four motors every 50 ms: {per_second:.0} instructions/s, {share:.2} % of 168 million"
+    );
+    assert!(share < 5.0, "{share} %");
+}

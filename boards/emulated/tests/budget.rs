@@ -1,0 +1,138 @@
+//! One motor's control step on the chip: the same to the last bit as on the host, and within its budget
+//! of instructions.
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use emulated::recording::{OnChip, Recording, Rule, expected};
+use motor_hub::motor::Setpoint;
+use motor_hub::units::{CountsPerSecond, Period};
+
+/// Speeds and directions of all sizes, a second each.
+fn velocities(per_second: usize) -> impl Fn(usize) -> Setpoint {
+    move |tick| {
+        let speeds = [1000, 2400, 300, -700, -2600, -40, 0, 1500, 15, 2000, -2000, 5];
+        Setpoint::Velocity(CountsPerSecond::new(speeds[tick / per_second % speeds.len()]))
+    }
+}
+
+fn positions(per_second: usize) -> impl Fn(usize) -> Setpoint {
+    move |tick| Setpoint::Position {
+        target: [500, 4000, -3000, -2990, 0, 12][tick / (2 * per_second) % 6],
+        tolerance: 5,
+        speed_limit: CountsPerSecond::new(2200),
+    }
+}
+
+/// External torque on the output shaft, N m: none, some with and against the motion, and more.
+fn torque(tick: usize) -> f64 {
+    [0.0, 0.3, -0.3, 0.0, 0.8][tick / 37 % 5]
+}
+
+const MODES: [&str; 2] = ["velocity", "position"];
+
+fn record(mode: &str, rule: Rule, ms: u32, ticks: usize) -> Recording {
+    let period = Period::from_millis(ms).expect("a period");
+    let per_second = 1000 / ms as usize;
+    match mode {
+        "velocity" => Recording::new(&common::am60(), rule, period, ticks, velocities(per_second), torque),
+        _ => Recording::new(&common::am60(), rule, period, ticks, positions(per_second), torque),
+    }
+}
+
+#[test]
+fn control_to_drive_is_the_same_to_the_last_bit_as_on_the_host() {
+    for ms in [50, 1] {
+        for rule in [Rule::Current, Rule::Duty] {
+            for mode in MODES {
+                let recording = record(mode, rule, ms, 8000);
+                let mut chip = OnChip::new(&recording);
+                let answers = chip.replay(&recording.inputs);
+                let expected = expected(&recording);
+                let differs = answers.iter().zip(&expected).position(|(chip, host)| chip != host);
+                assert_eq!(differs, None, "{mode} at {ms} ms, {rule:?}: tick differs");
+                assert_eq!(answers.len(), expected.len());
+                assert_eq!(chip.gaps(), Vec::<String>::new());
+            }
+        }
+    }
+}
+
+#[test]
+fn a_step_stays_within_its_instructions() {
+    println!("instructions of one motor's control step");
+    println!("{:10} {:9} {:>6} {:>6} {:>6} {:>6}", "mode", "rule", "period", "mean", "median", "worst");
+    let mut over = Vec::new();
+    for ms in [50, 10, 1] {
+        for rule in [Rule::Current, Rule::Duty] {
+            for mode in MODES {
+                let recording = record(mode, rule, ms, 2000);
+                let mut counts = OnChip::new(&recording).count(&recording.inputs);
+                counts.sort_unstable();
+                let mean = counts.iter().sum::<u64>() / counts.len() as u64;
+                let (median, worst) = (counts[counts.len() / 2], counts[counts.len() - 1]);
+                println!("{mode:10} {rule:9?} {ms:3} ms {mean:6} {median:6} {worst:6}");
+                let (mean_limit, worst_limit) = if mode == "velocity" { (450, 700) } else { (600, u64::MAX) };
+                if rule == Rule::Current && (mean > mean_limit || worst > worst_limit) {
+                    over.push(format!("{mode} at {ms} ms: mean {mean}, worst {worst}"));
+                }
+            }
+        }
+    }
+    assert!(over.is_empty(), "over budget: {over:#?}");
+}
+
+/// `cargo test --release -p emulated --test budget -- --ignored --nocapture`: where the instructions go.
+#[test]
+#[ignore = "a report, not a test"]
+fn profile() {
+    let rules = [Rule::Current, Rule::Duty];
+    for (rule, mode) in rules.into_iter().flat_map(|rule| MODES.map(|mode| (rule, mode))) {
+        let recording = record(mode, rule, 50, 1200);
+        let steps = recording.inputs.len() as f64;
+        let mut chip = OnChip::new(&recording);
+        let counts = chip.profile(&recording.inputs);
+        let lines = addr2line::Loader::new(chip.image()).expect("debug information");
+        let (mut by_symbol, mut by_function, mut by_line) =
+            (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        for (&address, &count) in &counts {
+            let place = chip.symbols().partition_point(|s| s.address <= address).saturating_sub(1);
+            *by_symbol.entry(chip.symbols()[place].name.clone()).or_insert(0) += count;
+            let mut frames = lines.find_frames(address).expect("debug information");
+            let mut named = None;
+            while let Ok(Some(frame)) = frames.next() {
+                let function = frame.function.as_ref().and_then(|f| f.raw_name().ok());
+                let function = function.map(|name| format!("{:#}", rustc_demangle::demangle(&name)));
+                let location = frame
+                    .location
+                    .map(|l| format!("{}:{}", l.file.unwrap_or("?"), l.line.unwrap_or(0)))
+                    .unwrap_or_default();
+                let function = function.unwrap_or_default();
+                // Of inlined functions the innermost that is ours.
+                let ours = !location.contains("/library/") && !location.contains("/registry/");
+                if named.is_none() || ours {
+                    named = Some((function, location));
+                }
+                if ours {
+                    break;
+                }
+            }
+            let (function, location) = named.unwrap_or_default();
+            *by_function.entry(function).or_insert(0) += count;
+            *by_line.entry(location).or_insert(0) += count;
+        }
+        println!("\n{mode}, {rule:?}, 50 ms: instructions a step");
+        for (title, table, at_least) in
+            [("by symbol", by_symbol, 1.0), ("by function", by_function, 4.0), ("by line", by_line, 6.0)]
+        {
+            println!("  {title}");
+            let mut rows: Vec<_> =
+                table.into_iter().map(|(name, count)| (count as f64 / steps, name)).collect();
+            rows.sort_by(|a, b| b.0.total_cmp(&a.0));
+            for (count, name) in rows.iter().filter(|row| row.0 >= at_least) {
+                println!("    {count:7.1}  {name}");
+            }
+        }
+    }
+}

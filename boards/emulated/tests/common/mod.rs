@@ -1,0 +1,77 @@
+//! What the tests put on the bench, and how they read what happened there.
+#![allow(dead_code, reason = "each test uses some of it")]
+
+use std::time::Duration;
+
+use emulated::{Bench, Mounting, Setup, Transition};
+use motor_hub::model::catalogue::find;
+use motor_hub::model::load::Load;
+use motor_hub::model::si::{KgM2, Kilograms, Metres, Ohms, Volts};
+use motor_hub::model::switching::Bridge;
+
+/// The drop of a diode and the resistance of a switch in a VNH5019A-E (data sheet, typical).
+const BRIDGE: Bridge = Bridge { vd: Volts(0.6), ron: Ohms(0.009) };
+
+/// The gear motor that the firmware's settings are for, with a load.
+pub(crate) fn am60_with(load: Load) -> Mounting {
+    let motor = find("AM 60 A").and_then(|entry| entry.motor).expect("a characterised motor");
+    Mounting { motor: motor.with_measured_rotor_inertia(), load, bridge: BRIDGE, stops: None }
+}
+
+/// The same alone.
+pub(crate) fn am60() -> Mounting {
+    am60_with(Load::NONE)
+}
+
+/// Four of them: alone, with a light and a heavy flywheel, and with a robot's wheel.
+pub(crate) fn four_loads() -> Vec<Mounting> {
+    let wheel = |mass, radius| am60_with(Load::flywheel(Kilograms(mass), Metres(radius)));
+    vec![am60(), wheel(0.5, 0.06), wheel(2.0, 0.1), am60_with(Load::inertia(KgM2(0.004)))]
+}
+
+pub(crate) const fn ms(ms: u64) -> Duration {
+    Duration::from_millis(ms)
+}
+
+/// Powered on, first control ticks over.
+pub(crate) fn booted(motors: Vec<Mounting>) -> Bench {
+    let mut bench = Bench::new(Setup::new(motors));
+    bench.run(ms(300));
+    bench
+}
+
+/// All motors at 1000 counts/s, by the button.
+pub(crate) fn turning(motors: Vec<Mounting>) -> Bench {
+    let mut bench = booted(motors);
+    bench.press(true);
+    bench.run(ms(1500));
+    for motor in 0..bench.motors() {
+        let speed = bench.look(motor).counts_per_second;
+        assert!((speed - 1000.0).abs() < 100.0, "motor {motor} turns at {speed} counts/s");
+    }
+    bench
+}
+
+/// When a bridge opened for good, after `since`; `None` if it is not open now.
+pub(crate) fn open_since(transitions: &[Transition], motor: usize, since: Duration) -> Option<Duration> {
+    let mut open = Some(Duration::ZERO);
+    for transition in transitions.iter().filter(|t| t.motor == motor) {
+        open = transition.lines.open().then(|| open.unwrap_or(transition.at));
+    }
+    open.map(|at| at.max(since))
+}
+
+/// Time from `since` until a bridge was open for good.
+///
+/// # Panics
+/// If it is not open now.
+pub(crate) fn time_to_safe(bench: &mut Bench, motor: usize, since: Duration) -> Duration {
+    let transitions = bench.transitions();
+    let at = open_since(&transitions, motor, since);
+    at.unwrap_or_else(|| panic!("bridge {motor} is not open: {:?}", bench.lines(motor))) - since
+}
+
+/// The log as text.
+pub(crate) fn log(bench: &mut Bench) -> String {
+    bench.log().iter().map(|line| format!("{} {line}\n", line.boot)).collect()
+}

@@ -1,0 +1,209 @@
+//! The host's line: run modes, reading back, a saturated line, garbled words, silence.
+
+mod common;
+
+use std::time::Duration;
+
+use common::{am60, booted, four_loads, ms, open_since};
+use emulated::host::{Bulk, Host, Mode, Reply};
+use emulated::{Bench, Setup};
+
+/// Runs with a sign of life every second.
+fn run(bench: &mut Bench, host: &mut Host, time: Duration) {
+    let end = bench.now() + time;
+    while bench.now() < end {
+        host.keep_alive(bench);
+        bench.run_until(end.min(bench.now() + ms(1000)));
+    }
+}
+
+#[test]
+fn all_three_run_modes_at_once_with_different_loads() {
+    let (mut bench, mut host) = (booted(four_loads()), Host::default());
+    host.power(&mut bench, 0, 16_384);
+    host.velocity(&mut bench, 1, 1500);
+    host.velocity(&mut bench, 2, -700);
+    host.position(&mut bench, 3, 2500, 10, 1500);
+    run(&mut bench, &mut host, ms(4000));
+    let speeds: Vec<f64> = (0..4).map(|motor| bench.look(motor).counts_per_second).collect();
+    // Half of the battery, less the bridge's losses.
+    assert!((1200.0..1500.0).contains(&speeds[0]), "{speeds:?}");
+    assert!((speeds[1] - 1500.0).abs() < 40.0, "{speeds:?}");
+    assert!((speeds[2] + 700.0).abs() < 30.0, "{speeds:?}");
+    assert!((bench.look(3).counts - 2500).abs() <= 10, "{:?}", bench.look(3));
+    let bulk = host.bulk(&mut bench);
+    assert_eq!(bulk.at_target, [false, false, false, true]);
+    bench.assert_sound();
+}
+
+#[test]
+fn regulated_velocity_holds_at_several_speeds() {
+    let (mut bench, mut host) = (booted(vec![am60(); 4]), Host::default());
+    for speeds in [[100, 300, 600, 1000], [1400, 1800, 2200, -2200], [-100, -400, -900, 0]] {
+        for (motor, speed) in (0..).zip(speeds) {
+            host.velocity(&mut bench, motor, speed);
+        }
+        run(&mut bench, &mut host, ms(1500));
+        // The mean over half a second: the estimate chatters by one sampling interval in its window.
+        let before: Vec<i64> = (0..4).map(|motor| bench.look(motor).counts).collect();
+        run(&mut bench, &mut host, ms(500));
+        for (motor, speed) in speeds.into_iter().enumerate() {
+            let mean = (bench.look(motor).counts - before[motor]) as f64 / 0.5;
+            let wanted = f64::from(speed);
+            assert!((mean - wanted).abs() <= 0.02 * wanted.abs() + 4.0, "{mean} counts/s for {wanted}");
+        }
+    }
+    bench.assert_sound();
+}
+
+#[test]
+fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
+    let (mut bench, mut host) = (booted(four_loads()), Host::default());
+    for round in 0..6 {
+        for motor in 0..4 {
+            let speed = if (round + motor) % 2 == 0 { 1800 } else { -1800 };
+            host.velocity(&mut bench, motor, speed);
+        }
+        run(&mut bench, &mut host, ms(900));
+    }
+    let transitions = bench.transitions();
+    for motor in 0..4 {
+        let of = |ina: bool, inb: bool| {
+            transitions
+                .iter()
+                .any(|t| t.motor == motor && (t.lines.ina, t.lines.inb) == (ina, inb) && !t.lines.open())
+        };
+        assert!(of(true, false) && of(false, true) && of(false, false), "motor {motor}: all three modes");
+    }
+    assert!(transitions.len() > 300, "{}", transitions.len());
+    bench.assert_sound();
+}
+
+#[test]
+fn the_host_reads_what_the_physics_does() {
+    let (mut bench, mut host) = (booted(four_loads()), Host::default());
+    for (motor, speed) in (0..).zip([500, 1000, -1500, 2000]) {
+        host.velocity(&mut bench, motor, speed);
+    }
+    run(&mut bench, &mut host, ms(2000));
+    let Bulk { encoders, velocities, .. } = host.bulk(&mut bench);
+    for motor in 0..4 {
+        let look = bench.look(motor);
+        // A count is at most one tick and the reply's time old.
+        let late = (look.counts_per_second * 0.053).abs() as i64 + 1;
+        assert!((look.counts - i64::from(encoders[motor])).abs() <= late, "{look:?}, {encoders:?}");
+        let error = (look.counts_per_second - f64::from(velocities[motor])).abs();
+        assert!(error <= 0.03 * look.counts_per_second.abs() + 5.0, "{look:?}, {velocities:?}");
+    }
+    let battery = host.question(&mut bench, 7, &[13, 0]);
+    let millivolts = f64::from(i16::from_le_bytes([battery[0], battery[1]]));
+    assert!((millivolts - 1000.0 * bench.battery().0).abs() < 30.0, "{millivolts} mV");
+    bench.assert_sound();
+}
+
+/// Instants at which the bridges were given new duties, as tick numbers and offsets in ns.
+fn tick_offsets(bench: &mut Bench, from: Duration) -> Vec<u128> {
+    let mut offsets: Vec<u128> = Vec::new();
+    for t in bench.transitions().iter().filter(|t| t.at > from && t.motor == 0) {
+        offsets.push(t.at.as_nanos() % 50_000_000);
+    }
+    offsets
+}
+
+#[test]
+fn a_saturated_line_does_not_move_the_control_ticks() {
+    let (mut bench, mut host) = (booted(vec![am60(); 4]), Host::default());
+    for motor in 0..4 {
+        host.velocity(&mut bench, motor, 1000);
+    }
+    let from = bench.now() + ms(300);
+    let mut answers = 0;
+    for _ in 0..300 {
+        // Bulk reads back to back: 11 bytes in, 46 out.
+        let requests: Vec<u8> = (0..10).flat_map(|_| host.packet(0x1000, &[])).collect();
+        bench.send(&requests);
+        bench.run(ms(10));
+        answers += host.arrivals(&mut bench).len();
+    }
+    let offsets = tick_offsets(&mut bench, from);
+    let (least, most) = (offsets.iter().min().expect("ticks"), offsets.iter().max().expect("ticks"));
+    println!("{answers} answers in 3 s; outputs change {least} to {most} ns after the grid's instant");
+    assert!(answers > 2500, "{answers}");
+    // A change of duty waits for the end of its PWM period of 50 us, a change of mode does not.
+    assert!(most - least < 500_000, "{least} to {most} ns");
+    let log = common::log(&mut bench);
+    assert!(log.contains("missed 0") && !log.contains("missed 1"), "{log}");
+    bench.assert_sound();
+}
+
+#[test]
+fn garbled_words_do_no_harm_and_the_line_recovers() {
+    let (mut bench, mut host) = (booted(vec![am60(); 4]), Host::default());
+    for motor in 0..4 {
+        host.velocity(&mut bench, motor, 1000);
+    }
+    bench.garble_serial(20_000, 7);
+    let mut answers = 0;
+    for _ in 0..150 {
+        let packet = host.packet(0x1000, &[]);
+        bench.send(&packet);
+        bench.run(ms(10));
+        answers += host.arrivals(&mut bench).len();
+    }
+    println!("{answers} of 150 requests answered with 2 % of the words garbled");
+    // More answers than requests would be old bytes read again, such as an old "enable".
+    assert!((75..150).contains(&answers), "{answers}");
+    bench.garble_serial(0, 7);
+    bench.run(ms(60));
+    host.keep_alive(&mut bench);
+    for motor in 0..4 {
+        let speed = bench.look(motor).counts_per_second;
+        assert!((speed - 1000.0).abs() < 30.0, "motor {motor} turns at {speed} counts/s");
+    }
+    bench.assert_sound();
+}
+
+#[test]
+fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
+    let (mut bench, mut host) = (booted(vec![am60(); 4]), Host::default());
+    for motor in 0..4 {
+        host.velocity(&mut bench, motor, 1000);
+    }
+    let last = bench.now();
+    bench.run(ms(2400));
+    assert!((0..4).all(|motor| !bench.lines(motor).open()));
+    bench.run(ms(400));
+    let transitions = bench.transitions();
+    for motor in 0..4 {
+        let at = open_since(&transitions, motor, last).expect("open") - last;
+        if motor == 0 {
+            println!("time to safe: {:8.3} ms  host silent", at.as_secs_f64() * 1e3);
+        }
+        // And the next control tick.
+        assert!(at >= ms(2490) && at <= ms(2560), "bridge {motor}: {at:?}");
+    }
+    bench.assert_sound();
+}
+
+#[test]
+fn a_refused_command_changes_nothing() {
+    let (mut bench, mut host) = (booted(vec![am60()]), Host::default());
+    assert_eq!(host.ask(&mut bench, 0x1008, &[4, 0, 0]), Reply::Nack(0));
+    assert_eq!(host.ask(&mut bench, 0x1008, &[0, 10, 0]), Reply::Nack(1));
+    // Enabled before a target was set.
+    host.set_mode(&mut bench, 0, Mode::Velocity);
+    assert_eq!(host.ask(&mut bench, 0x100A, &[0, 1]), Reply::Nack(50));
+    bench.run(ms(200));
+    assert_eq!(bench.transitions(), []);
+}
+
+#[test]
+fn constant_power_needs_no_encoder() {
+    let (mut bench, mut host) = (Bench::new(Setup::new(vec![am60(); 2])), Host::default());
+    bench.run(ms(300));
+    bench.set_encoder(0, emulated::Encoder::Unplugged);
+    host.power(&mut bench, 0, 20_000);
+    run(&mut bench, &mut host, ms(2000));
+    assert!(bench.look(0).counts_per_second > 1200.0);
+    bench.assert_sound();
+}

@@ -1,0 +1,65 @@
+//! The light model of TIM1 against the emulator's own.
+
+mod common;
+
+use common::{four_loads, ms};
+use emulated::{Bench, Encoder, Output, Pwm, Setup};
+
+/// Speeds up, is disturbed, brakes, loses an encoder, is reset in mid-run, and starts again.
+fn story(pwm: Pwm) -> Bench {
+    let mut bench = Bench::new(Setup { pwm, ..Setup::new(four_loads()) });
+    bench.run(ms(300));
+    bench.press(true);
+    bench.run(ms(900));
+    bench.set_torque(0, 0.8);
+    bench.set_torque(3, -0.8);
+    bench.run(ms(400));
+    bench.press(false);
+    bench.set_torque(0, 0.0);
+    bench.run(ms(400));
+    bench.press(true);
+    bench.set_encoder(2, Encoder::Unplugged);
+    bench.run(ms(600));
+    let at = bench.now() + ms(5);
+    bench.pull_reset(at);
+    bench.run(ms(700));
+    bench
+}
+
+#[test]
+fn both_models_of_the_timer_make_the_same_run_to_the_last_edge() {
+    let mut light = story(Pwm::Registers);
+    let mut full = story(Pwm::Emulated);
+    assert_eq!(light.transitions(), full.transitions());
+    assert!(light.transitions().len() > 100);
+    assert_eq!(light.log(), full.log());
+    assert_eq!(light.instructions(), full.instructions());
+    for motor in 0..4 {
+        assert_eq!(light.look(motor), full.look(motor));
+    }
+    light.assert_sound();
+    full.assert_sound();
+}
+
+#[test]
+fn the_emulators_timer_puts_the_same_pulse_on_every_pin() {
+    let mut bench = Bench::new(Setup { pwm: Pwm::Emulated, ..Setup::new(four_loads()) });
+    bench.run(ms(300));
+    bench.press(true);
+    let mut compared = 0;
+    for step in 0..1500 {
+        if step == 800 {
+            bench.press(false);
+        }
+        bench.run(ms(1));
+        let Some(grid) = bench.pwm_grid() else { continue };
+        for motor in 0..4 {
+            let Output::Pulse(high) = bench.lines(motor).pwm else { continue };
+            let nanos = |ticks: u32| u64::from(ticks) * 1_000_000_000 / grid.hz;
+            let (width, period) = bench.emulated_pulse(motor).expect("a pulse on the pin");
+            assert!(width.abs_diff(nanos(high)) <= 1 && period.abs_diff(nanos(grid.ticks)) <= 1);
+            compared += 1;
+        }
+    }
+    assert!(compared > 1000, "{compared} pulses compared");
+}

@@ -1,0 +1,108 @@
+//! The closed loop on the chip, by the button: it needs no host.
+
+mod common;
+
+use common::{am60, four_loads, log, ms, turning};
+use emulated::{Bench, Setup, Transition};
+use motor_hub::bridge::State;
+
+/// The order in which a bridge went through its modes, by its direction lines and what its PWM did.
+fn modes(transitions: &[Transition], motor: usize) -> Vec<&'static str> {
+    let mut modes: Vec<&'static str> = Vec::new();
+    for t in transitions.iter().filter(|t| t.motor == motor) {
+        let mode = match (t.lines.ina, t.lines.inb, t.lines.open()) {
+            (true, _, _) => "9/8",
+            (_, true, _) => "6/2",
+            (_, _, true) => continue,
+            _ => "5/0",
+        };
+        if modes.last() != Some(&mode) {
+            modes.push(mode);
+        }
+    }
+    modes
+}
+
+#[test]
+fn four_motors_with_different_loads_reach_their_speed_and_stand_still_again() {
+    let mut bench = turning(four_loads());
+    bench.run(ms(1000));
+    for motor in 0..4 {
+        // The estimate is off by up to one sampling interval in its window: 2 %.
+        let speed = bench.look(motor).counts_per_second;
+        assert!((speed - 1000.0).abs() < 30.0, "motor {motor} turns at {speed} counts/s");
+    }
+    bench.press(false);
+    bench.run(ms(700));
+    // Held at standstill: it may tremble across a count.
+    let before: Vec<i64> = (0..4).map(|motor| bench.look(motor).counts).collect();
+    bench.run(ms(200));
+    for (motor, before) in before.into_iter().enumerate() {
+        let moved = bench.look(motor).counts - before;
+        assert!(moved.abs() <= 3, "motor {motor} moved {moved} counts");
+    }
+    bench.run(ms(400));
+    for motor in 0..4 {
+        assert!(bench.lines(motor).open());
+    }
+    assert!(!log(&mut bench).contains("encoder: Some"), "{}", log(&mut bench));
+    bench.assert_sound();
+}
+
+#[test]
+fn what_the_chip_measures_is_what_the_physics_does() {
+    let mut bench = turning(four_loads());
+    bench.run(ms(2500));
+    let text = log(&mut bench);
+    let line = text.lines().last().expect("a log line");
+    let read = |name: &str| -> Vec<f64> {
+        line.split(name)
+            .skip(1)
+            .filter_map(|rest| rest.trim_start().split([',', ')', ' ']).next()?.parse().ok())
+            .collect()
+    };
+    let speeds = read("cps:");
+    assert_eq!(speeds.len(), 4, "{line}");
+    for (motor, speed) in speeds.into_iter().enumerate() {
+        // One sampling interval of 1 ms in the window of 50 ms is 2 %.
+        let real = bench.look(motor).counts_per_second;
+        assert!((speed - real).abs() < 0.03 * real, "motor {motor}: {speed} read, {real} real");
+    }
+    let millivolts = read("Millivolts(");
+    let (volts, _) = bench.battery();
+    // The converter resolves 4.6 mV of battery; the filter lags by 40 ms.
+    assert!((millivolts[0] - 1000.0 * volts).abs() < 30.0, "{millivolts:?} mV read, {volts} V real");
+}
+
+#[test]
+fn a_release_goes_from_forward_over_braking_and_back_without_an_illegal_step() {
+    let mut bench = turning(vec![am60(); 4]);
+    let from = bench.now();
+    bench.press(false);
+    bench.run(ms(1300));
+    let transitions: Vec<_> = bench.transitions().into_iter().filter(|t| t.at > from).collect();
+    let modes = modes(&transitions, 0);
+    assert!(modes.contains(&"5/0"), "{modes:?}");
+    let illegal: Vec<_> = transitions.iter().filter(|t| !t.legal()).collect();
+    assert_eq!(illegal, Vec::<&Transition>::new());
+    // Between two directions or modes always through state 0 with the PWM line low.
+    for pair in transitions.windows(2).filter(|pair| pair[0].motor == pair[1].motor) {
+        let changes = (pair[0].lines.ina, pair[0].lines.inb) != (pair[1].lines.ina, pair[1].lines.inb);
+        if changes {
+            assert!(pair[1].before == State::Coast || pair[1].after == State::Coast, "{}", pair[1]);
+        }
+    }
+    bench.assert_sound();
+}
+
+#[test]
+fn the_same_image_runs_the_same_way_twice() {
+    let run = || {
+        let mut bench = Bench::new(Setup::new(four_loads()));
+        bench.run(ms(300));
+        bench.press(true);
+        bench.run(ms(700));
+        (bench.transitions(), bench.log(), bench.instructions(), bench.look(2))
+    };
+    assert_eq!(run(), run());
+}
