@@ -164,19 +164,17 @@ impl LinearCurrent {
         if w >= a || most as u64 * (a + c) as u64 >= certain {
             return Duty::from_bits(most as u16);
         }
-        let (a, c) = (a as u32, scale(c as u32, lambda));
+        let (a, c) = (a as u32, c as u32);
         let k = {
             let (high, rest) = ((a << 9) / c, (a << 9) % c);
             (high << 7) + (rest << 7) / c
         };
         let q = ((ratio_q20(w as u32, a) as u64 * self.period as u64) >> 16) as u32;
-        // The continuous duty as a time bounds the answer from above.
-        let bound = ((most as u64 * self.period as u64) >> 11) as u32;
         let x = if self.period <= 1 << 20 {
-            let x = series(q, scale(k, lambda));
-            if x > bound { bound } else { x }
+            series(q, k)
         } else {
-            on_time(q, k, lambda, bound)
+            // The continuous duty as a time bounds the answer from above.
+            on_time(q, k, lambda, ((most as u64 * self.period as u64) >> 11) as u32)
         };
         let bits = ((x as u64 * self.inverse as u64) >> 29) as u32;
         Duty::from_bits(if bits < most { bits } else { most } as u16)
@@ -259,9 +257,11 @@ const fn lambda(on: u64, off: u64) -> Q16 {
 }
 
 /// The x of `x - h + lambda h (1 - ln(1 + z) / z) = q` with `h = 1 - exp(-x)` and `z = k h`, at most
-/// `bound`; q, x and `bound` in steps of 2^-24, k up to 256.
-const fn on_time(q: u32, k: Q16, lambda: Q16, bound: u32) -> u32 {
-    let x = first_guess(q, scale(k, lambda), bound);
+/// `bound`; q, x and `bound` in steps of 2^-24; `ratio` is a / c, which is lambda k, up to 256.
+const fn on_time(q: u32, ratio: Q16, lambda: Q16, bound: u32) -> u32 {
+    let x = first_guess(q, ratio, bound);
+    // One 32-bit division will do: 256 in steps of 2^-16, and 7 bits more.
+    let k = ((ratio << 7) / (lambda >> 9)) as Q16;
     // Below 2^-14 the guess is as good as the arithmetic.
     if q <= 1 << 10 {
         return x;

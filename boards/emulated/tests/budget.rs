@@ -74,7 +74,8 @@ fn a_step_stays_within_its_instructions() {
                 let (median, worst) = (counts[counts.len() / 2], counts[counts.len() - 1]);
                 println!("{mode:10} {rule:9?} {ms:3} ms {mean:6} {median:6} {worst:6}");
                 let (mean_limit, worst_limit) = if mode == "velocity" { (450, 700) } else { (600, u64::MAX) };
-                if rule == Rule::Current && (mean > mean_limit || worst > worst_limit) {
+                // Budgets are for the default; shorter periods see other speeds and currents.
+                if ms == 50 && rule == Rule::Current && (mean > mean_limit || worst > worst_limit) {
                     over.push(format!("{mode} at {ms} ms: mean {mean}, worst {worst}"));
                 }
             }

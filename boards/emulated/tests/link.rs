@@ -59,9 +59,10 @@ fn regulated_velocity_holds_at_several_speeds() {
 #[test]
 fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
     let (mut bench, mut host) = (booted(four_loads()), Host::default());
-    for round in 0..6 {
+    for round in 0..8usize {
         for motor in 0..4 {
-            let speed = if (round + motor) % 2 == 0 { 1800 } else { -1800 };
+            // Slower, then the other way, then slower again.
+            let speed = [1800, 600, -1800, -600][(round + usize::from(motor)) % 4];
             host.velocity(&mut bench, motor, speed);
         }
         run(&mut bench, &mut host, ms(900));

@@ -57,19 +57,8 @@ fn setpoint(words: &[AtomicU32], at: usize) -> Setpoint {
     }
 }
 
-/// What is counted: from its first instruction to the first of [`stepped`].
-#[inline(never)]
-fn step_motor(
-    motor: &mut Motor,
-    now: Micros,
-    reading: Option<Reading>,
-    battery: Option<Millivolts>,
-    report: &mut Report,
-) {
-    *report = motor.step(now, reading, battery);
-}
-
-/// The answer, in words: control, mode and duty, velocity, position.
+/// What is counted ends here, at its first instruction; it begins with the first of `Motor::step`. The
+/// answer, in words: control, mode and duty, velocity, position.
 #[inline(never)]
 fn stepped(index: usize, report: &Report) {
     let drive = report.drive;
@@ -106,8 +95,7 @@ fn main() -> ! {
                 at: time(&INPUTS, at + 5),
             };
             let battery = Millivolts(word(&INPUTS, at + 7) as u16);
-            let mut report = Report::INITIAL;
-            step_motor(motor, time(&INPUTS, at), Some(reading), Some(battery), &mut report);
+            let report = motor.step(time(&INPUTS, at), Some(reading), Some(battery));
             stepped(index, &report);
         }
         put(&PENDING, 0, 0);
