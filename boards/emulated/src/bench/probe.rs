@@ -18,7 +18,7 @@ impl Bench {
     }
 
     /// The pulse that the emulator's own TIM1 puts on a pin: high time and period in ns. `None` with
-    /// [`Pwm::Registers`], or while the pin has a level.
+    /// [`Registers`](crate::chip::Pwm::Registers), or while the pin has a level.
     pub fn emulated_pulse(&mut self, motor: usize) -> Option<(u64, u64)> {
         self.at_stop(move |_, session, _| {
             let channel = Channel::new(u8::try_from(motor + 1).ok()?)?;
