@@ -13,6 +13,20 @@ use object::{Object, ObjectSymbol};
 /// If it does not build.
 #[must_use]
 pub fn build(package: &str) -> PathBuf {
+    build_into("target", package, &[])
+}
+
+/// The hub's firmware with another control period, in milliseconds.
+///
+/// # Panics
+/// If it does not build.
+#[must_use]
+pub fn hub_with_period(ms: u32) -> PathBuf {
+    // In a folder of its own, so that neither build makes the other stale.
+    build_into(&format!("target/period-{ms}-ms"), "nucleo-f429zi", &[("CONTROL_PERIOD_MS", &ms.to_string())])
+}
+
+fn build_into(target: &str, package: &str, variables: &[(&str, &str)]) -> PathBuf {
     const TARGET: &str = "thumbv7em-none-eabihf";
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -20,13 +34,15 @@ pub fn build(package: &str) -> PathBuf {
     command
         .current_dir(&root)
         .args(["build", "--quiet", "--package", package, "--target", TARGET, "--profile", "firmware"])
+        .args(["--target-dir", target])
+        .envs(variables.iter().copied())
         // What `cargo test` sets for this crate must not reach the other build, or it would never be fresh.
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env_remove("CARGO_TARGET_DIR");
     let status = command.status().expect("cargo runs");
     assert!(status.success(), "{package} does not build for {TARGET}");
-    root.join("target").join(TARGET).join("firmware").join(package)
+    root.join(target).join(TARGET).join("firmware").join(package)
 }
 
 /// The hub's firmware, built if it is not fresh. `MOTOR_HUB_ELF` names another image to run instead.

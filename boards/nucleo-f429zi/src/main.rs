@@ -44,6 +44,21 @@ const DIVIDER_BOTTOM_OHMS: u32 = 10_000;
 /// keFw of an AndyMark NeveRest 60, 3.98683 mV s/count, in 6q20.
 const NEVEREST_60: i32 = 4_180_495;
 
+/// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.
+const PERIOD: Period = {
+    let ms = match option_env!("CONTROL_PERIOD_MS") {
+        None => 50,
+        Some(text) => match u32::from_str_radix(text, 10) {
+            Ok(ms) => ms,
+            Err(_) => panic!("CONTROL_PERIOD_MS must be a whole number of milliseconds"),
+        },
+    };
+    match Period::from_millis(ms) {
+        Ok(period) => period,
+        Err(_) => panic!("CONTROL_PERIOD_MS must be 1 to 100"),
+    }
+};
+
 /// Every task runs in the one executor in thread mode, so no channel needs to mask interrupts.
 type Wires = Links<ThreadModeRawMutex, MOTORS>;
 
@@ -75,12 +90,11 @@ async fn main(spawner: Spawner) {
     info!("motor-hub {=str} on nucleo-f429zi", env!("CARGO_PKG_VERSION"));
     // Before anything else that could hang, and before a bridge can be anything but open.
     let watchdog = IndependentWatchdog::start(p.IWDG);
-    let period = Period::DEFAULT;
     info!(
         "{=u32} Hz, {} motors every {=u32} ms",
         rcc::frequency::<embassy_stm32::peripherals::TIM1>().0,
         MOTORS,
-        period.as_millis()
+        PERIOD.as_millis()
     );
     status::log_reset_cause();
 
@@ -109,10 +123,10 @@ async fn main(spawner: Spawner) {
     let scale = unwrap!(Scale::new(DIVIDER_TOP_OHMS, DIVIDER_BOTTOM_OHMS, adc::vrefint_calibration()));
     let settings = Settings::new(unwrap!(EmfConstant::from_bits(NEVEREST_60)));
 
-    spawner.spawn(unwrap!(output(bridges, period)));
+    spawner.spawn(unwrap!(output(bridges)));
     spawner.spawn(unwrap!(capture(encoders)));
     spawner.spawn(unwrap!(supply(adc, Supply::new(scale, Limits::default()))));
-    spawner.spawn(unwrap!(control(settings, period)));
+    spawner.spawn(unwrap!(control(settings)));
     spawner.spawn(unwrap!(health(watchdog)));
     spawner.spawn(unwrap!(report()));
     let (tx, rx) = unwrap!(serial(p.USART3, p.PD8, p.PD9));
@@ -133,13 +147,13 @@ async fn supply(adc: BatteryAdc, supply: Supply) -> ! {
 
 /// Makes the hub itself: as an argument of two nested futures it would take twice the RAM.
 #[embassy_executor::task]
-async fn control(settings: Settings, period: Period) -> ! {
-    tasks::control::run(&mut Hub::new([settings; MOTORS], period), &LINKS, &HEALTH).await
+async fn control(settings: Settings) -> ! {
+    tasks::control::run(&mut Hub::new([settings; MOTORS], PERIOD), &LINKS, &HEALTH).await
 }
 
 #[embassy_executor::task]
-async fn output(bridges: Vnh5019, period: Period) -> ! {
-    tasks::output::run(bridges, period, &LINKS, &HEALTH).await
+async fn output(bridges: Vnh5019) -> ! {
+    tasks::output::run(bridges, PERIOD, &LINKS, &HEALTH).await
 }
 
 #[embassy_executor::task]
