@@ -7,7 +7,7 @@ use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::supply::{Limits, Sample, Scale, Supply};
-use motor_hub::tasks::{self, Health, Links};
+use motor_hub::tasks::{self, Health, Links, Task};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Period};
 use std::cell::{Cell, RefCell};
 use std::future::Future;
@@ -385,4 +385,26 @@ fn the_bridges_coast_before_the_first_drive() {
     let mut board = parts.board();
     board.run_ms(49);
     assert_eq!(*parts.world.applied.borrow(), [(0, [Drive::COAST; N])]);
+}
+
+#[test]
+fn a_board_with_a_link_expects_it_to_check_in_too() {
+    let fed = |expecting: bool, link: bool| {
+        let mut parts = Parts::new(50);
+        if expecting {
+            parts.health = Health::new().expecting(Task::Link);
+        }
+        let mut board = parts.board();
+        for _ in 0..10 {
+            if link {
+                parts.health.check_in(Task::Link);
+            }
+            board.run_ms(100);
+        }
+        let fed = parts.world.fed.borrow().len();
+        fed
+    };
+    assert_eq!(fed(true, false), 0);
+    assert!(fed(true, true) >= 9);
+    assert!(fed(false, true) >= 9, "whoever is not expected does not count");
 }

@@ -16,28 +16,46 @@ pub enum Task {
     Control = 4,
     /// [`super::output`].
     Output = 8,
+    /// [`super::link`], on a board that has one.
+    Link = 16,
 }
 
-const ALL: u8 = Task::Capture as u8 | Task::Supply as u8 | Task::Control as u8 | Task::Output as u8;
+/// Those that every board has.
+const ALWAYS: u8 = Task::Capture as u8 | Task::Supply as u8 | Task::Control as u8 | Task::Output as u8;
 
 /// Who has checked in since the watchdog was last fed.
-#[derive(Debug, Default)]
-pub struct Health(AtomicU8);
+#[derive(Debug)]
+pub struct Health {
+    checked_in: AtomicU8,
+    expected: u8,
+}
+
+impl Default for Health {
+    fn default() -> Self {
+        Self::new()
+    }
+}
 
 impl Health {
-    /// Nobody has.
+    /// Nobody has; the tasks that every board has are expected.
     pub const fn new() -> Self {
-        Self(AtomicU8::new(0))
+        Self { checked_in: AtomicU8::new(0), expected: ALWAYS }
+    }
+
+    /// Another task is expected besides.
+    #[must_use]
+    pub const fn expecting(self, task: Task) -> Self {
+        Self { checked_in: self.checked_in, expected: self.expected | task as u8 }
     }
 
     /// A task says that it has done its work.
     pub fn check_in(&self, task: Task) {
-        self.0.fetch_or(task as u8, Ordering::Relaxed);
+        self.checked_in.fetch_or(task as u8 & self.expected, Ordering::Relaxed);
     }
 
     /// True if all have checked in; the round then starts anew.
     fn take_if_all(&self) -> bool {
-        self.0.compare_exchange(ALL, 0, Ordering::Relaxed, Ordering::Relaxed).is_ok()
+        self.checked_in.compare_exchange(self.expected, 0, Ordering::Relaxed, Ordering::Relaxed).is_ok()
     }
 }
 

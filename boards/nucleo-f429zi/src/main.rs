@@ -30,7 +30,7 @@ use motor_hub::hub::Hub;
 use motor_hub::link::{Address, Link};
 use motor_hub::motor::Settings;
 use motor_hub::supply::{Limits, Scale, Supply};
-use motor_hub::tasks::{self, Health, Links};
+use motor_hub::tasks::{self, Health, Links, Task};
 use motor_hub::units::{EmfConstant, Period};
 use watchdog::IndependentWatchdog;
 
@@ -63,7 +63,7 @@ const PERIOD: Period = {
 type Wires = Links<ThreadModeRawMutex, MOTORS>;
 
 static LINKS: Wires = Wires::new();
-static HEALTH: Health = Health::new();
+static HEALTH: Health = Health::new().expecting(Task::Link);
 
 /// 168 MHz from the 8 MHz that the ST-LINK puts on OSC_IN; timers on APB2 run at 168 MHz too.
 fn clocks() -> embassy_stm32::Config {
@@ -170,7 +170,12 @@ async fn report() -> ! {
 #[embassy_executor::task]
 async fn link(rx: BufferedUartRx<'static>, tx: BufferedUartTx<'static>, mut lamp: Lamp, settings: Settings) {
     let mut link = Link::new(Address::DEFAULT, [settings; MOTORS]);
-    tasks::link::run(rx, tx, &mut link, &LINKS, |colour| lamp.show(colour)).await;
+    // The lamp is shown at least every 100 ms, whatever the line does.
+    let show = |colour| {
+        lamp.show(colour);
+        HEALTH.check_in(Task::Link);
+    };
+    tasks::link::run(rx, tx, &mut link, &LINKS, show).await;
 }
 
 #[embassy_executor::task]
