@@ -93,6 +93,8 @@ pub struct Band {
 pub enum Style {
     /// Straight from sample to sample.
     Line,
+    /// As `Line`, dashed: for what should be, beside what is.
+    Dashed,
     /// Each value holds until the next sample.
     Step,
     /// As `Step`, dashed: for what was asked, beside what came.
@@ -187,11 +189,13 @@ impl Panel {
         }
         let corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
         canvas.polyline(&corners, FRAME);
-        for series in &self.series {
-            for run in series.runs(x, &y) {
-                canvas.polyline(&run, series.stroke());
+        canvas.clipped((left, top), (right - left, self.height), |canvas| {
+            for series in &self.series {
+                for run in series.runs(x, &y) {
+                    canvas.polyline(&run, series.stroke());
+                }
             }
-        }
+        });
         for point in &self.points {
             let at = (x.pixel(point.at.0), y.pixel(point.at.1));
             canvas.disc(at, 5.0, point.colour);
@@ -226,7 +230,8 @@ impl Panel {
 
 impl Series {
     fn stroke(&self) -> Stroke<'_> {
-        let dash = if self.style == Style::DashedStep { "6 4" } else { "" };
+        let dashed = matches!(self.style, Style::Dashed | Style::DashedStep);
+        let dash = if dashed { "6 4" } else { "" };
         Stroke { colour: self.colour, width: 1.8, dash }
     }
 
@@ -242,7 +247,7 @@ impl Series {
             .map(|run| {
                 let pixels = run.iter().map(|&(at, value)| (x.pixel(at), y.pixel(value)));
                 let thin = thinned(pixels);
-                if self.style == Style::Line { thin } else { stepped(&thin) }
+                if matches!(self.style, Style::Step | Style::DashedStep) { stepped(&thin) } else { thin }
             })
             .collect()
     }

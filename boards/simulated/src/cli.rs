@@ -4,6 +4,7 @@
 //! written before everything that can be checked has been.
 
 mod ask;
+mod paper;
 mod run;
 
 use crate::eval;
@@ -51,6 +52,8 @@ enum Command {
     Points(ask::PointsOptions),
     /// What the firmware does with a control value at an operating point
     Map(ask::MapOptions),
+    /// Every number that the paper prints beside ours, and where its text is wrong
+    Paper(paper::Options),
     /// The scripting interface: computes cases of a JSON document
     #[command(long_about = eval::HELP)]
     Eval(eval::Options),
@@ -63,6 +66,7 @@ pub fn main() -> ExitCode {
         Command::Run(options) => options.execute(),
         Command::Points(options) => options.execute(),
         Command::Map(options) => options.execute(),
+        Command::Paper(options) => options.execute(),
         Command::Eval(options) => options.execute(),
     };
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)

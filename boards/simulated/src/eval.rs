@@ -5,7 +5,7 @@
 
 mod case;
 mod firmware;
-mod paper;
+pub(crate) mod paper;
 mod physics;
 
 use crate::cli::{Failure, print_json};

@@ -6,6 +6,7 @@ use crate::trace::{Sample, Trace};
 use motor_hub::braking::Regime;
 use motor_hub::motor::Setpoint;
 use serde::Serialize;
+use std::ops::Range;
 
 /// A velocity has settled when it stays this close, as a share of the larger of old and new speed.
 const BAND: f64 = 0.02;
@@ -42,7 +43,17 @@ pub struct Response {
     pub overshoot_percent: Option<f64>,
     /// Root mean square of the error in the second half of the time to the next change.
     pub residual_rms: f64,
+    /// Root mean square of the error all the time to the next change.
+    pub rms_error: f64,
+    /// Integral of the error's size over that time, in the unit times seconds.
+    pub absolute_error_s: f64,
+    /// From lowest to highest value in the last second before the next change: a limit cycle, if the
+    /// motor had settled.
+    pub swing: f64,
 }
+
+/// How long before the next change a limit cycle is looked for, in seconds.
+const LAST_S: f64 = 1.0;
 
 /// Changes of the mean motor current from one control period to the next, over the periods in which
 /// the motor slows down. Torque and so deceleration follow the current.
@@ -111,10 +122,16 @@ impl Goal {
 impl Measures {
     /// Measures one motor's part in a run of `duration_s` seconds.
     pub fn new(motor: &Motor, duration_s: f64, trace: &Trace, index: usize) -> Self {
-        let ticks: Vec<(f64, &Sample)> = trace.motor(index).collect();
+        Self::between(motor, 0.0..duration_s, trace, index)
+    }
+
+    /// As [`Measures::new`], with a part of the time as if it were all.
+    pub fn between(motor: &Motor, span_s: Range<f64>, trace: &Trace, index: usize) -> Self {
+        let all: Vec<(f64, &Sample)> = trace.motor(index).collect();
+        let ticks: Vec<_> = all.iter().copied().filter(|(at, _)| span_s.contains(at)).collect();
         Self {
-            responses: responses(motor, duration_s, &ticks),
-            deceleration_jerk: jerk(motor, &ticks),
+            responses: responses(motor, &span_s, &ticks),
+            deceleration_jerk: jerk(motor, &span_s, &all),
             regimes: shares(&ticks),
             energy_from_battery_j: ticks.iter().map(|(_, s)| s.flow.energy_from_battery.0).sum(),
             energy_to_battery_j: ticks.iter().map(|(_, s)| s.flow.energy_to_battery.0).sum(),
@@ -122,13 +139,13 @@ impl Measures {
     }
 }
 
-fn responses(motor: &Motor, duration_s: f64, ticks: &[(f64, &Sample)]) -> Vec<Response> {
+fn responses(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Vec<Response> {
     let mut changes: Vec<f64> = motor.setpoints.iter().map(|s| s.at_s).collect();
     changes.extend(motor.torques.iter().skip(1).map(|t| t.at_s));
     changes.sort_by(f64::total_cmp);
     changes.dedup();
-    changes.retain(|&at_s| at_s < duration_s);
-    let ends = changes.iter().skip(1).copied().chain([duration_s]);
+    changes.retain(|at_s| span_s.contains(at_s));
+    let ends = changes.iter().skip(1).copied().chain([span_s.end]);
     let phases = changes.iter().copied().zip(ends);
     phases.filter_map(|(from, to)| response(motor, from, to, ticks)).collect()
 }
@@ -166,11 +183,12 @@ fn response(motor: &Motor, from_s: f64, to_s: f64, ticks: &[(f64, &Sample)]) -> 
         .iter()
         .map(|(_, value)| beyond(*value))
         .fold(0.0, |most, value| if value > most { value } else { most });
-    let late: Vec<f64> = within
-        .iter()
-        .filter(|(at, _)| *at >= f64::midpoint(from_s, to_s))
-        .map(|(_, value)| value - new)
-        .collect();
+    let errors_since = |since_s: f64| -> Vec<f64> {
+        within.iter().filter(|(at, _)| *at >= since_s).map(|(_, value)| value - new).collect()
+    };
+    let errors = errors_since(from_s);
+    let tick_s = (to_s - from_s) / errors.len().max(1) as f64;
+    let last = errors_since(to_s - LAST_S);
     Some(Response {
         at_s: from_s,
         change: if stepped {
@@ -181,13 +199,18 @@ fn response(motor: &Motor, from_s: f64, to_s: f64, ticks: &[(f64, &Sample)]) -> 
         unit: goal.unit(),
         settling_s: settled_at.map(|at| at - from_s),
         overshoot_percent: (scale > 0.0).then(|| 100.0 * farthest / scale + 0.0),
-        residual_rms: rms(&late),
+        residual_rms: rms(&errors_since(f64::midpoint(from_s, to_s))),
+        rms_error: rms(&errors),
+        absolute_error_s: tick_s * errors.iter().map(|error| error.abs()).sum::<f64>(),
+        swing: last.iter().copied().reduce(f64::max).unwrap_or(0.0)
+            - last.iter().copied().reduce(f64::min).unwrap_or(0.0),
     })
 }
 
-fn jerk(motor: &Motor, ticks: &[(f64, &Sample)]) -> Jerk {
+fn jerk(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Jerk {
     let triples = ticks.iter().zip(ticks.iter().skip(1)).zip(ticks.iter().skip(2));
     let changes: Vec<f64> = triples
+        .filter(|((_, now), _)| span_s.contains(&now.0))
         .filter(|((_, now), next)| next.1.speed_cps.abs() < now.1.speed_cps.abs())
         .map(|((before, now), _)| now.1.flow.mean_current().0 - before.1.flow.mean_current().0)
         .collect();

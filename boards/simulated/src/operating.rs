@@ -1,6 +1,7 @@
 //! One motor at one speed on one battery: what the firmware's core makes of it, for people.
 
-use crate::chart::{Figure, Panel, Point, Series, Style, colour};
+use crate::chart::{Figure, Point, colour};
+use crate::points_chart::{self, Look};
 use crate::scenario::emf_constant;
 use crate::scheme;
 use crate::world::electrical;
@@ -134,61 +135,20 @@ impl OperatingReport {
 
     /// The points and the lines between them, as far as control values reach.
     pub fn figure(&self) -> Figure {
-        let [s, t, z, g] = self.points;
-        // Modes change places for counter-clockwise motion, colours do not: they show the regime.
-        let [forward, reverse] = if self.at.counter_clockwise() { ["6/2", "9/8"] } else { ["9/8", "6/2"] };
-        let line = |name: String, colour, from: PointReport, to: PointReport| Series {
-            name,
-            colour,
-            style: Style::Line,
-            data: within_reach((from.control, from.y), (to.control, to.y)),
+        let points = self.points.map(|p| Point { at: (p.control, p.y), name: p.name.into(), colour: colour::INK });
+        let look = Look {
+            counter_clockwise: self.at.counter_clockwise(),
+            jump: self.asked == Scheme::ForwardReverse,
+            height: 480.0,
         };
-        let between = if self.asked == Scheme::ForwardReverse {
-            line("a jump".into(), colour::GREY, t, z)
-        } else {
-            line("braking (5/0)".into(), "#1f5fbf", t, z)
-        };
-        let mut series = vec![
-            line(format!("reverse ({reverse})"), "#c62828", s, t),
-            between,
-            line(format!("forward ({forward})"), "#2e8b3d", z, g),
-        ];
-        series.retain(|line| !line.data.is_empty());
-        let largest = series.iter().flat_map(|s| &s.data).map(|p| p.1.abs()).fold(0.0, f64::max);
-        let reachable = self.points.iter().filter(|p| p.control.abs() <= REACH);
         Figure {
             title: "Where a control value falls".into(),
             subtitle: self.heading(),
-            x_label: "control, counts".into(),
-            x_range: Some((-1.08 * REACH, 1.08 * REACH)),
-            panels: vec![Panel {
-                y_label: self.ordinate().into(),
-                height: 480.0,
-                y_range: Some((-1.15 * largest, 1.15 * largest)),
-                series,
-                points: reachable
-                    .map(|p| Point { at: (p.control, p.y), name: p.name.into(), colour: colour::INK })
-                    .collect(),
-                ..Panel::default()
-            }],
+            x_label: points_chart::X_LABEL.into(),
+            x_range: Some(points_chart::X_RANGE),
+            panels: vec![points_chart::panel(self.ordinate().into(), points, look)],
         }
     }
-}
-
-const REACH: f64 = 32767.0;
-
-/// The part of a line from `a` to `b` that lies within the control range, ascending.
-fn within_reach(a: (f64, f64), b: (f64, f64)) -> Vec<(f64, f64)> {
-    let (a, b) = if a.0 <= b.0 { (a, b) } else { (b, a) };
-    let (low, high) = (a.0.max(-REACH), b.0.min(REACH));
-    if low > high {
-        return Vec::new();
-    }
-    if a.0 == b.0 {
-        return vec![a, b];
-    }
-    let y = |x: f64| a.1 + (b.1 - a.1) * (x - a.0) / (b.0 - a.0);
-    vec![(low, y(low)), (high, y(high))]
 }
 
 /// "forward", "braking" or "reverse".

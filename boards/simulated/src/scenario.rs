@@ -8,7 +8,7 @@ mod substitute;
 
 use crate::world::electrical;
 use motor_hub::braking::{DutyRule, LinearCurrent, Scheme};
-use motor_hub::model::{battery::Battery, catalogue, load::Load};
+use motor_hub::model::{battery::Battery, catalogue, load::Load, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Setpoint, Settings, ZeroPower};
 use motor_hub::units::{EmfConstant, Period, RangeError};
@@ -34,8 +34,11 @@ pub struct Scenario {
     pub period: Period,
     /// What the noise of the measurements follows from.
     pub seed: u64,
-    /// The supply.
+    /// The supply as it is at the start.
     pub battery: Battery,
+    /// Its voltage without load later on, times ascending: in straight lines from one to the next, the
+    /// last one holds.
+    pub emf_over_time: Vec<Timed<f64>>,
     /// One to [`MOTORS`] motors.
     pub motors: Vec<Motor>,
 }
@@ -49,6 +52,8 @@ pub struct Motor {
     pub constants: catalogue::Motor,
     /// What it turns; torque is in `torques`.
     pub load: Load,
+    /// How right the hub is about the constants.
+    pub told: Told,
     /// How control values are given their meaning.
     pub scheme: Scheme,
     /// How duties are found.
@@ -63,6 +68,20 @@ pub struct Motor {
     pub setpoints: Vec<Timed<Setpoint>>,
     /// External torque on the output shaft in newton metres, times ascending, from 0 s on.
     pub torques: Vec<Timed<f64>>,
+}
+
+/// What the hub is told of a motor's constants, as a factor of what they are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Told {
+    /// Of the winding resistance.
+    pub resistance: f64,
+    /// Of the back-EMF constant.
+    pub emf: f64,
+}
+
+impl Told {
+    /// The constants as they are.
+    pub const TRUTH: Self = Self { resistance: 1.0, emf: 1.0 };
 }
 
 /// How the duty is found within a regime.
@@ -115,6 +134,19 @@ impl Scenario {
         Self::parse(file, text)
     }
 
+    /// Voltage of the battery without load at a time in seconds.
+    pub fn emf_at(&self, at_s: f64) -> si::Volts {
+        let (mut from, mut emf) = (0.0, self.battery.emf.0);
+        for &Timed { at_s: to, value } in &self.emf_over_time {
+            if at_s < to {
+                let way = (at_s - from) / (to - from);
+                return si::Volts(emf + way * (value - emf));
+            }
+            (from, emf) = (to, value);
+        }
+        si::Volts(emf)
+    }
+
     /// The same run without a braking regime: forward and reverse driving only.
     #[must_use]
     pub fn without_braking(&self) -> Self {
@@ -132,12 +164,16 @@ impl Motor {
     /// # Errors
     /// If one of the motor's constants does not fit the firmware's range.
     pub fn settings(&self) -> Result<Settings, RangeError> {
-        let defaults = Settings::for_scheme(emf_constant(&self.constants)?, self.scheme);
+        let Told { resistance, emf } = self.told;
+        let told = catalogue::Motor {
+            r: si::Ohms(self.constants.r.0 * resistance),
+            ke: si::EmfConstant(self.constants.ke.0 * emf),
+            ..self.constants
+        };
+        let defaults = Settings::for_scheme(emf_constant(&told)?, self.scheme);
         Ok(Settings {
             duty: match self.duty {
-                DutyChoice::LinearCurrent => {
-                    DutyRule::LinearCurrent(LinearCurrent::new(electrical(&self.constants))?)
-                }
+                DutyChoice::LinearCurrent => DutyRule::LinearCurrent(LinearCurrent::new(electrical(&told))?),
                 DutyChoice::LinearDuty => DutyRule::LinearDuty,
             },
             zero_power: self.zero_power,
@@ -191,5 +227,14 @@ mod tests {
         assert_eq!(latest(&timed, 0.9), None);
         assert_eq!(latest(&timed, 1.0), Some(7));
         assert_eq!(latest(&timed, 5.0), Some(8));
+    }
+
+    #[test]
+    fn a_battery_runs_down_in_straight_lines() {
+        let mut scenario = Scenario::default_one().expect("it is valid");
+        assert_eq!(scenario.emf_at(7.0), scenario.battery.emf);
+        scenario.battery.emf = si::Volts(13.0);
+        scenario.emf_over_time = vec![Timed { at_s: 2.0, value: 13.0 }, Timed { at_s: 4.0, value: 8.0 }];
+        assert_eq!([0.0, 2.0, 3.0, 4.0, 9.0].map(|at| scenario.emf_at(at).0), [13.0, 13.0, 10.5, 8.0, 8.0]);
     }
 }

@@ -71,6 +71,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         if let Some(snapshot) = snapshots.try_changed() {
             trace.ticks.push(observe(&board, &snapshot, &torques));
         }
+        board.set_emf(scenario.emf_at(now_s));
         let flows = board.run(Seconds(STEP_S), &torques);
         for (sample, flow) in
             trace.ticks.iter_mut().last().map(|t| &mut t.motors).into_iter().flatten().zip(&flows)

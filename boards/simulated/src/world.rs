@@ -89,6 +89,11 @@ impl Board {
         Scale::new(DIVIDER_OHMS.0, DIVIDER_OHMS.1, VREFINT_CALIBRATION)
     }
 
+    /// Changes the battery's voltage without load.
+    pub fn set_emf(&self, emf: Volts) {
+        self.0.borrow_mut().rig.battery.emf = emf;
+    }
+
     /// Lets time pass under external torques in newton metres, one for each motor.
     pub fn run(&self, time: Seconds, torques: &[f64]) -> Vec<Flow> {
         let mut world = self.0.borrow_mut();

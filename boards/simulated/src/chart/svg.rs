@@ -30,6 +30,7 @@ pub(super) struct Stroke<'a> {
 /// An SVG document under construction.
 pub(super) struct Canvas {
     body: String,
+    clips: usize,
 }
 
 impl Canvas {
@@ -42,13 +43,30 @@ impl Canvas {
              <rect width=\"{width}\" height=\"{height}\" fill=\"#ffffff\"/>\n",
             escaped(title)
         );
-        Self { body }
+        Self { body, clips: 0 }
     }
 
     /// Ends the document.
     pub(super) fn finish(mut self) -> String {
         self.body.push_str("</svg>\n");
         self.body
+    }
+
+    /// Shows of what `draw` draws only the part inside a rectangle from `(x, y)`, top left.
+    pub(super) fn clipped(
+        &mut self,
+        (x, y): (f64, f64),
+        (width, height): (f64, f64),
+        draw: impl FnOnce(&mut Self),
+    ) {
+        self.clips += 1;
+        let name = self.clips;
+        self.element(format_args!(
+            "<clipPath id=\"clip{name}\"><rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" \
+             height=\"{height:.1}\"/></clipPath>\n<g clip-path=\"url(#clip{name})\">"
+        ));
+        draw(self);
+        self.element(format_args!("</g>"));
     }
 
     /// A filled rectangle from `(x, y)`, top left.

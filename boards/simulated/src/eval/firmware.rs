@@ -2,11 +2,20 @@
 
 use super::case::{Case, table};
 use crate::scheme::{BlendChoice, SchemeName};
-use motor_hub::braking::{self, Abscissa, OperatingPoint, Place, Points, Regime, Scheme};
-use motor_hub::bridge::{CurrentSign, Mode, Pattern};
+use motor_hub::braking::{
+    self, Abscissa, Electrical, LinearCurrent, OperatingPoint, Place, Points, Regime, Scheme,
+};
+use motor_hub::bridge::{CurrentSign, Drive, Mode, Pattern};
+use motor_hub::model::catalogue::Motor;
+use motor_hub::model::si::Hertz;
+use motor_hub::model::switching::{Bridge, Conditions};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
+
+/// Only the product of speed and constant counts. With 1/64 mV s/count the speed reaches to the ends of
+/// its range for the largest back EMF, so no constant resolves it finer.
+const FINEST: f64 = 64.0;
 
 /// Conditions of the printed bridge table, in millivolts: battery and diode drop, and a back EMF below
 /// and one above the battery voltage.
@@ -18,6 +27,9 @@ const OVERRUN_MV: i32 = 20_000;
 const Q20: f64 = (1 << 20) as f64;
 const LARGEST_CONTROL: i64 = Control::MAX.get() as i64;
 const LARGEST_CPS: i64 = 8_388_607;
+
+/// The controls of a table of counter-clockwise motion that names none.
+const CONTROLS_CCW: [f64; 6] = [-32767.0, -20011.0, -12345.0, -777.0, 7777.0, 32767.0];
 
 /// The controls of a table that names none.
 const CONTROLS: [f64; 12] =
@@ -129,14 +141,13 @@ pub(super) fn regime_duty(case: &Case) -> Result<Value, String> {
     if !(1.0..=f64::from(u16::MAX)).contains(&battery) {
         return Err("input Vbat must be 0.001 to 65.535 V".into());
     }
-    // Only the product of speed and constant counts. With 1/64 mV s/count the speed reaches to the ends
-    // of its range for the largest back EMF, so no constant resolves it finer.
-    const FINEST: f64 = 64.0;
     let emf_mv = 1e3 * case.positive("Ke")? * case.number("Omega")?;
     let speed = CountsPerSecond::saturating_from_bits((emf_mv * FINEST * 256.0).round() as i64);
     let at = operating_point(constant(Q20 / FINEST)?.emf(speed), battery as u16)?;
 
-    let controls = case.column("control")?.unwrap_or(CONTROLS.to_vec());
+    let controls = case
+        .column("control")?
+        .unwrap_or_else(|| if emf_mv < 0.0 { CONTROLS_CCW.to_vec() } else { CONTROLS.to_vec() });
     let row = |value: f64| {
         let placed = control(value)?;
         let placement = braking::place(scheme, at, placed);
@@ -144,6 +155,32 @@ pub(super) fn regime_duty(case: &Case) -> Result<Value, String> {
         Ok(json!([placed.get(), name(placement.regime), mode.name(), placement.drive.duty.to_f64()]))
     };
     table(&["control", "regime", "mode", "duty"], controls.into_iter().map(row))
+}
+
+/// The drive by which the firmware, in Scheme A, makes a mean current in amperes: the control value is
+/// the nearest to the equivalent voltage, so the current is met to 1/32767 of Vbat/R.
+pub(super) fn current_drive(
+    motor: &Motor,
+    bridge: Bridge,
+    frequency: Hertz,
+    at: Conditions,
+    wanted: f64,
+) -> Result<Drive, String> {
+    // Casts from float saturate, and the ends are out of range.
+    let winding = LinearCurrent::new(Electrical {
+        resistance_mohm: (1e3 * motor.r.0).round() as u16,
+        inductance_uh: Some((1e6 * motor.l.0).round() as u16),
+        diode_mv: (1e3 * bridge.vd.0).round() as u16,
+        switch_mohm: (1e3 * bridge.ron.0).round() as u16,
+        pwm_hz: frequency.0.round() as u32,
+    });
+    let winding = winding.map_err(|e| e.to_string())?;
+    let speed = CountsPerSecond::saturating_from_bits((1e3 * at.emf.0 * FINEST * 256.0).round() as i64);
+    let battery_mv = (1e3 * at.battery.0).round() as u16;
+    let point = operating_point(constant(Q20 / FINEST)?.emf(speed), battery_mv)?;
+    let voltage = at.emf.0 + wanted * (motor.r.0 + 2.0 * bridge.ron.0);
+    let control = Control::saturating((voltage / at.battery.0 * LARGEST_CONTROL as f64).round() as i64);
+    Ok(braking::place_current(&winding, Scheme::A, point, control).drive)
 }
 
 fn full_range(case: &Case) -> Result<(), String> {

@@ -16,7 +16,32 @@ pub(super) fn printed(case: &Case) -> Result<Value, String> {
     Ok(json!({ "printed": printed, "computed": computed }))
 }
 
-fn value(name: &str, motor: &Motor) -> Result<(&'static str, f64), String> {
+/// Where each printed number stands, and its name.
+pub(crate) const PRINTED: [(&str, &str); 20] = [
+    ("2.2.2", "vapp0 per Omega, post-gearbox"),
+    ("2.2.2", "vg per Omega, post-gearbox"),
+    ("2.2.2", "vapp0 at Omega=2 post"),
+    ("2.2.2", "dv to vg at Omega=2 post"),
+    ("2.2.3", "vapp0 at Omega=1 post"),
+    ("2.2.3", "mean-zero-current drop, Omega=1 post, 50 ms"),
+    ("2.3", "max velocity 12 V post"),
+    ("revision, 2.2.2", "vapp0 per Omega, pre-gearbox"),
+    ("revision, 2.2.2", "vg per Omega, pre-gearbox"),
+    ("revision, 2.2.3", "vapp0 at Omega=1 pre"),
+    ("revision, 2.2.3", "mean-zero-current drop, Omega=1 pre, 50 ms"),
+    ("revision, 2.3", "max velocity 12 V pre"),
+    ("revision", "keFw"),
+    ("revision, 1.3", "brake duty of the example points at -10000"),
+    ("modelling paper", "steady current 12 V"),
+    ("modelling paper", "slow pole"),
+    ("modelling paper", "fast pole"),
+    ("time constants", "slow time constant, 5 kg flywheel"),
+    ("time constants", "fast time constant, 5 kg flywheel"),
+    ("time constants", "L->0 time constant"),
+];
+
+/// A printed number: as printed, and as computed for the motor of the paper's examples.
+pub(crate) fn value(name: &str, motor: &Motor) -> Result<(&'static str, f64), String> {
     let flywheel = |kg| GearedMotor::new(motor, &Load::flywheel(Kilograms(kg), Metres(0.1)));
     let geared = flywheel(10.0);
     // Speeds "post" are those of the output shaft, "pre" those of the motor shaft.

@@ -1,6 +1,7 @@
 //! Formulas of motor, load and bridge, answered by the model in double precision.
 
 use super::case::{Case, table};
+use super::firmware::current_drive;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::paper::{OpenLoop, Scheme};
@@ -165,10 +166,20 @@ pub(super) fn duty_for_current(case: &Case) -> Result<Value, String> {
     let row = |wanted: f64| {
         let exact = circuit.duty_for_current(Amps(wanted), frequency, at);
         let formula = circuit.duty_for_current_formula(Amps(wanted), frequency, at);
-        Ok(json!([wanted, exact.mode.name(), exact.duty, formula.mode.name(), formula.duty]))
+        let firmware = current_drive(&motor, circuit.bridge, frequency, at, wanted)?;
+        Ok(json!([
+            wanted,
+            exact.mode.name(),
+            exact.duty,
+            formula.mode.name(),
+            formula.duty,
+            firmware.mode.name(),
+            firmware.duty.to_f64(),
+        ]))
     };
     let targets = case.column("I_target")?.unwrap_or_else(|| CURRENT_SHARES.map(target).to_vec());
-    let columns = ["I_target", "mode", "duty_exact", "mode_approx", "duty_approx_README"];
+    let columns =
+        ["I_target", "mode", "duty_exact", "mode_approx", "duty_approx_README", "mode_fw", "duty_fw"];
     table(&columns, targets.into_iter().map(row))
 }
 

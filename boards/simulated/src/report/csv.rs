@@ -9,7 +9,7 @@ use std::fmt::Write;
 
 const HEADINGS: &str = "time_s,motor,label,battery_v,battery_measured_v,setpoint,setpoint_value,\
 position_counts,speed_cps,speed_estimate_cps,control,regime,mode,duty,mean_current_a,\
-energy_from_battery_j,energy_to_battery_j,external_torque_nm,at_target,fault\n";
+energy_from_battery_j,energy_to_battery_j,external_torque_nm,at_target,stalled,fault,encoder_fault\n";
 
 /// The whole trace. Means and energies are those from the row's tick to the next.
 pub(super) fn of(scenario: &Scenario, trace: &Trace) -> String {
@@ -37,13 +37,17 @@ fn row(out: &mut String, sample: &Sample) {
     let fault = match report.faults {
         Faults { battery_unknown: true, .. } => "battery unknown",
         Faults { encoder_stale: true, .. } => "encoder stale",
-        Faults { encoder: Some(EncoderFault::Stuck), .. } => "encoder stuck",
-        Faults { encoder: Some(EncoderFault::Reversed), .. } => "encoder reversed",
-        Faults { encoder: None, .. } => "",
+        Faults { .. } => "",
+    };
+    // Latched, so it may stand beside one of the others.
+    let encoder_fault = match report.faults.encoder {
+        Some(EncoderFault::Stuck) => "stuck",
+        Some(EncoderFault::Reversed) => "reversed",
+        None => "",
     };
     let _ = writeln!(
         out,
-        "{kind},{value},{},{:.3},{:.3},{},{},{},{:.5},{:.5},{:.6},{:.6},{},{},{fault}",
+        "{kind},{value},{},{:.3},{:.3},{},{},{},{:.5},{:.5},{:.6},{:.6},{},{},{},{fault},{encoder_fault}",
         sample.counts,
         sample.speed_cps,
         report.velocity.to_f64(),
@@ -56,6 +60,7 @@ fn row(out: &mut String, sample: &Sample) {
         sample.flow.energy_to_battery.0,
         sample.torque_nm,
         report.at_target,
+        report.stalled,
     );
 }
 

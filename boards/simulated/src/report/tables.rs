@@ -12,9 +12,9 @@ const DEFINITIONS: &str = "\
 Settling: until the speed stays within 2 % of the larger of old and new speed, or the position within
 its tolerance, for at least the last tenth of the time to the next change. Overshoot: beyond the
 set-point, in % of the step; after a change of torque the largest deviation, in % of the set-point.
-Residual: rms error in the second half of the time to the next change. Deceleration jerk: change of the
-mean motor current from one control period to the next while the motor slows down (N m: at the output
-shaft). Energies are those of the motor's own bridge.";
+Residual: rms error in the second half of the time to the next change. Swing: from the lowest to the
+highest value in the last second of it. Deceleration jerk: change of the mean motor current from one
+control period to the next while the motor slows down (N m: at the output shaft). Energies are those of the motor's own bridge.";
 
 pub(super) fn all(comparison: &Comparison) -> String {
     let scenario = &comparison.scenario;
@@ -52,14 +52,15 @@ fn rows(measures: &[Measures; 2]) -> Vec<(String, [String; 2])> {
         let percent = |p: Option<f64>| p.map_or("-".into(), |p| format!("{p:.1} %"));
         let cells = [a, b].map(|r| {
             format!(
-                "{}\n{}\n{:.1} {}",
+                "{}\n{}\n{:.1} {unit}\n{:.1} {unit}",
                 settling(r.settling_s),
                 percent(r.overshoot_percent),
                 r.residual_rms,
-                r.unit
+                r.swing,
+                unit = r.unit
             )
         });
-        let name = format!("{} s: {}\n  settling\n  overshoot\n  residual", a.at_s, a.change);
+        let name = format!("{} s: {}\n  settling\n  overshoot\n  residual\n  swing", a.at_s, a.change);
         rows.push((name, cells.map(|cell| format!("\n{cell}"))));
     }
     let mut add = |name: &str, cell: &dyn Fn(&Measures) -> String| {

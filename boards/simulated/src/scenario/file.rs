@@ -1,6 +1,6 @@
 //! The scenario file as it is written, and the checks that make a [`Scenario`] of it.
 
-use super::{DutyChoice, LONGEST_S, MOTORS, Motor, Scenario, Timed};
+use super::{DutyChoice, LONGEST_S, MOTORS, Motor, Scenario, Timed, Told};
 use crate::catalogue::find_motor;
 use crate::scheme::{BlendChoice, SchemeName};
 use motor_hub::model::{battery::Battery, load::Load, si};
@@ -55,6 +55,15 @@ struct File {
 struct BatteryTable {
     emf_v: Spanned<f64>,
     resistance_ohm: Spanned<f64>,
+    #[serde(default)]
+    emf_over_time: Vec<Spanned<EmfTable>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EmfTable {
+    at_s: Spanned<f64>,
+    emf_v: Spanned<f64>,
 }
 
 #[derive(Deserialize)]
@@ -66,6 +75,8 @@ struct MotorTable {
     inertia: Inertia,
     #[serde(default)]
     load: LoadTable,
+    #[serde(default)]
+    told: ToldTable,
     scheme: Option<SchemeName>,
     blend: Option<Spanned<BlendChoice>>,
     #[serde(default)]
@@ -104,6 +115,13 @@ struct LoadTable {
     inertia_kg_m2: Option<Spanned<f64>>,
     drag_nms_per_rad: Option<Spanned<f64>>,
     torque_nm: Option<Spanned<f64>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ToldTable {
+    resistance: Option<Spanned<f64>>,
+    emf: Option<Spanned<f64>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -173,9 +191,15 @@ pub(super) fn read(text: &str) -> Checked<Scenario> {
         period,
         seed: file.seed.unwrap_or(1).into(),
         battery: Battery {
-            emf: si::Volts(within(&file.battery.emf_v, "emf_v", 1.0..=60.0)?),
+            emf: si::Volts(within(&file.battery.emf_v, "emf_v", EMF)?),
             resistance: si::Ohms(within(&file.battery.resistance_ohm, "resistance_ohm", 0.0..=1.0)?),
         },
+        emf_over_time: timeline(
+            &file.battery.emf_over_time,
+            duration_s,
+            |t| &t.at_s,
+            |t, _| within(&t.emf_v, "emf_v", EMF),
+        )?,
         motors,
     })
 }
@@ -208,6 +232,7 @@ impl MotorTable {
                 Inertia::Paper => constants,
             },
             load,
+            told: self.told.check()?,
             scheme,
             duty: self.duty,
             zero_power: match self.zero_power {
@@ -235,6 +260,16 @@ impl MotorTable {
 }
 
 const TORQUE: RangeInclusive<f64> = -1000.0..=1000.0;
+const EMF: RangeInclusive<f64> = 1.0..=60.0;
+
+impl ToldTable {
+    fn check(&self) -> Checked<Told> {
+        let factor = |value: &Option<Spanned<f64>>, key: &str| {
+            value.as_ref().map_or(Ok(1.0), |value| within(value, key, 0.1..=10.0))
+        };
+        Ok(Told { resistance: factor(&self.resistance, "resistance")?, emf: factor(&self.emf, "emf")? })
+    }
+}
 
 impl GainTable {
     fn check(&self) -> Checked<Pidf> {
