@@ -4,6 +4,7 @@
 //! written before everything that can be checked has been.
 
 mod ask;
+mod figures;
 mod paper;
 mod run;
 
@@ -54,6 +55,8 @@ enum Command {
     Map(ask::MapOptions),
     /// Every number that the paper prints beside ours, and where its text is wrong
     Paper(paper::Options),
+    /// The paper's figures, and what becomes of a control value, as SVG and PNG
+    Figures(figures::Options),
     /// The scripting interface: computes cases of a JSON document
     #[command(long_about = eval::HELP)]
     Eval(eval::Options),
@@ -67,6 +70,7 @@ pub fn main() -> ExitCode {
         Command::Points(options) => options.execute(),
         Command::Map(options) => options.execute(),
         Command::Paper(options) => options.execute(),
+        Command::Figures(options) => options.execute(),
         Command::Eval(options) => options.execute(),
     };
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)

@@ -7,19 +7,15 @@
 //! ```
 //!
 //! [`cli`] is the command line `motor-hub`; `points`, `map` and `eval` ask the firmware's core
-//! directly, without a run. [`compare`] makes many runs of a few tasks to tell schemes apart;
-//! [`paper`] and [`figures`] set this hub beside the paper that it is built on.
+//! directly, without a run.
 #![forbid(unsafe_code)]
 
 pub mod catalogue;
 pub mod chart;
 pub mod cli;
-pub mod compare;
 pub mod eval;
-pub mod figures;
 pub mod measures;
 pub mod operating;
-pub mod paper;
 pub mod points_chart;
 pub mod report;
 pub mod scenario;
