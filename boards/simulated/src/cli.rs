@@ -4,6 +4,7 @@
 //! written before everything that can be checked has been.
 
 mod ask;
+mod compare;
 mod figures;
 mod paper;
 mod run;
@@ -49,6 +50,9 @@ struct Cli {
 enum Command {
     /// Runs a scenario with and without braking regime: tables, charts, CSV
     Run(run::Options),
+    /// The same tasks under every scheme, with linear duty and with linear current
+    #[command(long_about = compare::HELP)]
+    Compare(compare::Options),
     /// The points S, T, Z, G at an operating point, computed by the firmware's core
     Points(ask::PointsOptions),
     /// What the firmware does with a control value at an operating point
@@ -67,6 +71,7 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.command.unwrap_or(Command::Run(cli.run)) {
         Command::Run(options) => options.execute(),
+        Command::Compare(options) => options.execute(),
         Command::Points(options) => options.execute(),
         Command::Map(options) => options.execute(),
         Command::Paper(options) => options.execute(),

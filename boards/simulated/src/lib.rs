@@ -7,12 +7,13 @@
 //! ```
 //!
 //! [`cli`] is the command line `motor-hub`; `points`, `map` and `eval` ask the firmware's core
-//! directly, without a run.
+//! directly, without a run; [`compare`] makes many runs of a few tasks to tell schemes apart.
 #![forbid(unsafe_code)]
 
 pub mod catalogue;
 pub mod chart;
 pub mod cli;
+pub mod compare;
 pub mod eval;
 pub mod measures;
 pub mod operating;

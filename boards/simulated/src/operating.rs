@@ -135,7 +135,8 @@ impl OperatingReport {
 
     /// The points and the lines between them, as far as control values reach.
     pub fn figure(&self) -> Figure {
-        let points = self.points.map(|p| Point { at: (p.control, p.y), name: p.name.into(), colour: colour::INK });
+        let points =
+            self.points.map(|p| Point { at: (p.control, p.y), name: p.name.into(), colour: colour::INK });
         let look = Look {
             counter_clockwise: self.at.counter_clockwise(),
             jump: self.asked == Scheme::ForwardReverse,

@@ -50,7 +50,7 @@ fn all(motor: &Motor) -> Result<Vec<(String, Figure)>, String> {
         ("3-drop-to-mean-zero-current".to_owned(), drop_figure(motor, true)),
     ];
     for (number, (name, scheme, unit)) in [a, b, c, quarter].into_iter().enumerate() {
-        let file = format!("{}-scheme-{}", 4 + number, &name[..1].to_lowercase());
+        let file = format!("{}-scheme-{}", 4 + number, name[..1].to_lowercase());
         figures.push((file, scheme_figure(motor, &format!("Scheme {name}"), |_| scheme, unit)));
     }
     let automatic = |u| paper::Scheme::D { blend: paper::blend_keeping_t_in_range(u) };

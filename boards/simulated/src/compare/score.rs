@@ -1,0 +1,114 @@
+//! Which variant wins where, from the numbers alone.
+
+use super::tuning::Gains;
+use super::{Round, Row, Variant};
+use serde::Serialize;
+
+/// A column of the table: what is better, and which differences are none.
+struct Column {
+    name: &'static str,
+    /// Smaller is better; `None` if the task has no such number or the variant no such success.
+    value: fn(&Row) -> Option<f64>,
+    /// Differences up to this count as a tie.
+    tie: f64,
+}
+
+/// A control period settles nothing, nor do half a percent, a count per second or a hundredth of an
+/// ampere or a joule.
+const COLUMNS: [Column; 6] = [
+    Column { name: "settling", value: |r| r.settling_s, tie: 0.026 },
+    Column { name: "overshoot", value: |r| r.overshoot_percent, tie: 0.5 },
+    Column { name: "rms error", value: |r| Some(r.rms_error), tie: 1.0 },
+    Column { name: "peak jerk", value: |r| Some(r.peak_jerk_a), tie: 0.01 },
+    Column { name: "limit cycle", value: |r| Some(r.limit_cycle), tie: 1.0 },
+    Column { name: "returned", value: |r| Some(-r.energy_returned_j), tie: 0.01 },
+];
+
+/// An integral of |error| of this many counts is as good as none.
+const NEGLIGIBLE: f64 = 1.0;
+
+/// The best at one task in one column.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Winner {
+    /// The task's key.
+    pub task: &'static str,
+    /// The column.
+    pub column: &'static str,
+    /// The best, and whoever is as good; empty if none succeeded.
+    pub variants: Vec<String>,
+}
+
+/// How a variant did in all tasks.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Score {
+    /// The variant.
+    pub variant: String,
+    /// Its coefficients.
+    pub gains: Gains,
+    /// Geometric mean, over the tasks, of its integral of |error| to the least of all.
+    pub error_ratio: f64,
+    /// The worst of these ratios.
+    pub worst_ratio: f64,
+    /// Mean of its peak jerk over the tasks, in amperes.
+    pub mean_jerk_a: f64,
+    /// In how many cells of task and column it is best of its round, alone or with others.
+    pub wins: usize,
+}
+
+/// The winners, by task and column.
+pub fn winners(round: &Round) -> Vec<Winner> {
+    let mut winners = Vec::new();
+    for result in &round.tasks {
+        for column in &COLUMNS {
+            let values = || result.rows.iter().filter(|row| !row.fault).filter_map(column.value);
+            let best = values().fold(f64::INFINITY, f64::min);
+            let tied = |row: &&Row| !row.fault && (column.value)(row).is_some_and(|v| v <= best + column.tie);
+            winners.push(Winner {
+                task: result.task.key,
+                column: column.name,
+                variants: result.rows.iter().filter(tied).map(|row| row.variant.clone()).collect(),
+            });
+        }
+    }
+    winners
+}
+
+/// Every variant's score with every choice of coefficients, the least error first. The least of a task is
+/// that of all rounds given.
+pub fn scores(rounds: &[Round]) -> Vec<Score> {
+    let mut scores: Vec<Score> = Vec::new();
+    for round in rounds {
+        let winners = winners(round);
+        for (index, variant) in Variant::ALL.into_iter().enumerate() {
+            let rows: Vec<&Row> = round.tasks.iter().filter_map(|result| result.rows.get(index)).collect();
+            let Some(gains) = rows.first().map(|row| row.gains) else { continue };
+            let variant = variant.name();
+            if scores.iter().any(|score| score.variant == variant && score.gains == gains) {
+                continue;
+            }
+            let ratios: Vec<f64> =
+                rows.iter().enumerate().map(|(task, row)| error(row) / least(rounds, task)).collect();
+            let many = ratios.len().max(1) as f64;
+            scores.push(Score {
+                gains,
+                error_ratio: (ratios.iter().map(|ratio| ratio.ln()).sum::<f64>() / many).exp(),
+                worst_ratio: ratios.iter().copied().fold(1.0, f64::max),
+                mean_jerk_a: rows.iter().map(|row| row.peak_jerk_a).sum::<f64>() / many,
+                wins: winners.iter().filter(|winner| winner.variants.contains(&variant)).count(),
+                variant,
+            });
+        }
+    }
+    scores.sort_by(|a, b| a.error_ratio.total_cmp(&b.error_ratio));
+    scores
+}
+
+fn error(row: &Row) -> f64 {
+    row.absolute_error + NEGLIGIBLE
+}
+
+/// The least error at a task in any round.
+fn least(rounds: &[Round], task: usize) -> f64 {
+    let rows = rounds.iter().filter_map(|round| round.tasks.get(task)).flat_map(|result| &result.rows);
+    rows.map(error).fold(f64::INFINITY, f64::min)
+}
