@@ -44,7 +44,7 @@ pub fn all() -> Result<Vec<Task>, String> {
         task("step", "80 to 30 % of the free speed", EVENT_S, step())?,
         task(
             "overhauling",
-            "half speed, then +0.8 N m drive the motor",
+            "Half speed, then +0.8 N m drive the motor",
             EVENT_S,
             plan(&[(0.0, free(0.5))], &[(EVENT_S, 0.8)]),
         )?,
@@ -54,22 +54,22 @@ pub fn all() -> Result<Vec<Task>, String> {
             EVENT_S,
             plan(&[(0.0, free(0.6)), (EVENT_S, free(-0.6))], &[]),
         )?,
-        task("crawl", "from rest to 30 counts/s", 0.0, plan(&[(0.0, 30.0)], &[]))?,
-        task("hold", "standstill, then +0.4 N m", EVENT_S, plan(&[(0.0, 0.0)], &[(EVENT_S, 0.4)]))?,
+        task("crawl", "From rest to 30 counts/s", 0.0, plan(&[(0.0, 30.0)], &[]))?,
+        task("hold", "Standstill, then +0.4 N m", EVENT_S, plan(&[(0.0, 0.0)], &[(EVENT_S, 0.4)]))?,
         task("sag", "25 to 45 % while the battery (0.6 ohm) falls from 13 to 8 V", EVENT_S, sagging())?,
     ];
     for (key, what, inertia) in
-        [("light", "the step without flywheel", 0.0), ("heavy", "the step with a flywheel of 40 kg", 0.2)]
+        [("light", "The step without flywheel", 0.0), ("heavy", "The step with a flywheel of 40 kg", 0.2)]
     {
         let mut scenario = step()?;
         scenario.motors.iter_mut().for_each(|motor| motor.load = Load::inertia(KgM2(inertia)));
         tasks.push(task(key, what, EVENT_S, Ok(scenario))?);
     }
     for (key, what, resistance, emf) in [
-        ("r-70", "the step, hub told 0.7 R", 0.7, 1.0),
-        ("r-130", "the step, hub told 1.3 R", 1.3, 1.0),
-        ("ke-90", "the step, hub told 0.9 Ke", 1.0, 0.9),
-        ("ke-110", "the step, hub told 1.1 Ke", 1.0, 1.1),
+        ("r-70", "The step, hub told 0.7 R", 0.7, 1.0),
+        ("r-130", "The step, hub told 1.3 R", 1.3, 1.0),
+        ("ke-90", "The step, hub told 0.9 Ke", 1.0, 0.9),
+        ("ke-110", "The step, hub told 1.1 Ke", 1.0, 1.1),
     ] {
         let mut scenario = step()?;
         scenario.motors.iter_mut().for_each(|motor| motor.told = Told { resistance, emf });
