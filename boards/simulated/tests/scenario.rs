@@ -70,7 +70,7 @@ fn numbers_out_of_range_name_the_range() {
     refused("speed_limit_cps = 500", "speed_limit_cps = 0", "15:81", "1 to 1000000");
     refused("torque_nm = 0.1", "torque_nm = nan", "17:38", "torque_nm");
     refused("load = {", "told = { emf = 0.0 }\nload = {", "11:16", "0.1 to 10");
-    refused("0.1 }\n", "0.1, emf_over_time = [{ at_s = 1, emf_v = 0.5 }] }\n", "4:85", "1 to 60");
+    refused("0.1 }\n", "0.1, emf_over_time = [{ at_s = 1, emf_v = 0.5 }] }\n", "4:86", "1 to 60");
     refused("blend = 0.25", "blend = 1.5", "10:9", "0 (scheme B) to 1 (scheme C)");
 }
 
