@@ -29,7 +29,8 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
     Figure {
         title: result.task.what.clone(),
         subtitle: format!(
-            "AM 60 A with a 10 kg flywheel, control period 50 ms, {}",
+            "AM 60 A, {}, control period 50 ms, {}; where lines coincide, the last one of the legend shows",
+            load(result),
             round.tuning.key_in_words()
         ),
         x_label: "time, s".into(),
@@ -55,6 +56,11 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
             ),
         ],
     }
+}
+
+fn load(result: &TaskResult) -> String {
+    let inertia = result.task.scenario.motors.first().map_or(0.0, |motor| motor.load.inertia_after.0);
+    if inertia > 0.0 { format!("load {inertia} kg m\u{b2}") } else { "no load".to_owned() }
 }
 
 /// The variants with this duty, and the one without a braking regime for comparison.

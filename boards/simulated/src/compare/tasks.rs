@@ -56,7 +56,12 @@ pub fn all() -> Result<Vec<Task>, String> {
         )?,
         task("crawl", "From rest to 30 counts/s", 0.0, plan(&[(0.0, 30.0)], &[]))?,
         task("hold", "Standstill, then +0.4 N m", EVENT_S, plan(&[(0.0, 0.0)], &[(EVENT_S, 0.4)]))?,
-        task("sag", "25 to 45 % while the battery (0.6 ohm) falls from 13 to 8 V", EVENT_S, sagging())?,
+        task(
+            "sag",
+            "25 to 45 % of the free speed, the battery (0.6 ohm) falling from 13 to 8 V",
+            EVENT_S,
+            sagging(),
+        )?,
     ];
     for (key, what, inertia) in
         [("light", "The step without flywheel", 0.0), ("heavy", "The step with a flywheel of 40 kg", 0.2)]

@@ -11,9 +11,8 @@ Overshoot: beyond the set-point in % of the step; after a change of torque the l
 the set-point. Rms error: of the speed, counts/s. Peak jerk: largest change of the mean motor current from
 one control period to the next while the motor slows down, A. Limit cycle: peak to peak of the speed in
 the last second, counts/s. Returned: energy into the battery, J. |error|: its integral, counts. Little jerk
-is no merit by itself: who brakes least has least. Fault: the load went on to
-accelerate the motor against more than half of the control range, so the hub took the encoder for reversed
-and let go. Below, capitals are linear current, small letters linear duty; * is everybody.
+is no merit by itself: who brakes least has least. Fault: the load went on to accelerate the motor against
+more than half of the control range, so the hub took the encoder for reversed and let go.
 ";
 
 /// One round: its table, who wins where, and the scores.
@@ -42,7 +41,7 @@ pub(super) fn round(round: &Round) -> String {
         round.tasks.iter().map(|result| format!("  {:12} {}\n", result.task.key, result.task.what)).collect();
     format!(
         "An AM 60 A (measured rotor inertia) with a 10 kg flywheel (0.05 kg m2), 50 ms, 12 V behind 0.05 ohm;\n\
-         {};\nD = F = 0, f = 32767 keFw / 12000 counts per count/s\n{tasks}{table}\n{DEFINITIONS}{}\n\n",
+         {};\nD = F = 0, f = 32767 keFw / 12000 counts per count/s\n{tasks}{table}\n{DEFINITIONS}\nCapitals are linear current, small letters linear duty; * is everybody, - nobody.\n{}\n\n",
         round.tuning.how,
         who_wins(round),
     )

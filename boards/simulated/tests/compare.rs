@@ -1,0 +1,79 @@
+//! `motor-hub compare`: that the tasks tell the variants apart, and how.
+#![expect(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::indexing_slicing,
+    reason = "a failed access is a failed test"
+)]
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::LazyLock;
+
+fn motor_hub(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_motor-hub")).args(arguments).output().unwrap()
+}
+
+fn folder(test: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
+    let _ = std::fs::remove_dir_all(&folder);
+    folder
+}
+
+/// The quick comparison, made once.
+static QUICK: LazyLock<Value> = LazyLock::new(|| {
+    let output = motor_hub(&["compare", "--quick", "--json", "--out", folder("compare").to_str().unwrap()]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("standard output is one JSON document")
+});
+
+/// A number of one variant at one task, with the same coefficients for all; null is infinity.
+fn number(task: &str, variant: &str, key: &str) -> f64 {
+    let find = |list: &Value, key: &str, name: &str| {
+        list.as_array().unwrap().iter().find(|entry| entry[key] == name).expect(name).clone()
+    };
+    let task = find(&QUICK["rounds"][0]["tasks"], "key", task);
+    find(&task["rows"], "variant", variant)[key].as_f64().unwrap_or(f64::INFINITY)
+}
+
+#[test]
+fn linear_current_settles_several_times_sooner_than_linear_duty() {
+    let [linear, duty] = ["A, linear current", "A, linear duty"].map(|v| number("step", v, "settling_s"));
+    assert!(linear <= 0.4, "{linear} s");
+    assert!((1.5..3.0).contains(&duty), "{duty} s");
+    let [linear, duty] = ["A, linear current", "A, linear duty"].map(|v| number("step", v, "absolute_error"));
+    assert!(linear < 0.6 * duty, "{linear} against {duty} counts");
+}
+
+#[test]
+fn an_overhauling_load_is_held_still_with_a_braking_regime_only() {
+    let [none, a, b] = ["none", "A, linear current", "B, linear current"]
+        .map(|variant| number("overhauling", variant, "limit_cycle"));
+    assert!(none > 200.0, "forward and reverse alone swing by {none} counts/s");
+    assert!(a < 20.0 && b < 20.0, "{a} and {b} counts/s");
+    let returned = number("overhauling", "A, linear current", "energy_returned_j");
+    assert!(returned > 5.0, "{returned} J");
+}
+
+#[test]
+fn the_document_ranks_every_variant_and_names_its_charts() {
+    let scores = QUICK["scores"].as_array().unwrap();
+    assert_eq!(scores.len(), 9);
+    let ratio = |score: &Value| score["error_ratio"].as_f64().unwrap();
+    assert!(scores.windows(2).all(|pair| ratio(&pair[0]) <= ratio(&pair[1])));
+    assert!(scores.iter().all(|score| ratio(score) >= 1.0));
+    assert_eq!(scores[0]["variant"], "A, linear current");
+    let winners = QUICK["rounds"][0]["winners"].as_array().unwrap();
+    assert_eq!(winners.len(), 3 * 6);
+    let files = QUICK["files"].as_array().unwrap();
+    assert_eq!(files.len(), 3 * 2);
+    assert!(files.iter().all(|file| Path::new(file.as_str().unwrap()).is_file()));
+}
+
+#[test]
+fn wrong_options_are_refused_without_output() {
+    let output = motor_hub(&["compare", "--fast"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(output.stdout.is_empty());
+}
