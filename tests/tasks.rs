@@ -401,8 +401,8 @@ fn a_board_with_a_link_expects_it_to_check_in_too() {
             }
             board.run_ms(100);
         }
-        let fed = parts.world.fed.borrow().len();
-        fed
+        drop(board);
+        parts.world.fed.into_inner().len()
     };
     assert_eq!(fed(true, false), 0);
     assert!(fed(true, true) >= 9);
