@@ -203,6 +203,8 @@ pub struct Motor {
     /// The velocity loop's set-point and output at the last tick; 0 if it was not in use.
     asked: CountsPerSecond,
     applied: Control,
+    /// The regime that it was given.
+    regime: Regime,
     /// The last control value had no effect.
     coasting: bool,
 }
@@ -225,6 +227,7 @@ impl Motor {
             moved: 0,
             asked: CountsPerSecond::ZERO,
             applied: Control::ZERO,
+            regime: Regime::Braking,
             coasting: true,
         }
     }
@@ -315,17 +318,27 @@ impl Motor {
             Setpoint::Velocity(target) => target,
             Setpoint::Position { target, speed_limit, .. } => self.approach(target, speed_limit),
         };
-        let control = match self.watch(at, velocity) {
-            Finding::Fault(fault) => {
-                self.encoder_fault = Some(fault);
-                return None;
+        let mut probe = None;
+        // What the encoder's answer to the last tick's control value says of the encoder.
+        if !self.guard.trusts(self.applied, self.regime, self.moved) {
+            match self.watch(velocity) {
+                Finding::Fault(fault) => {
+                    self.encoder_fault = Some(fault);
+                    return None;
+                }
+                Finding::Probe(control) => probe = Some(control),
+                Finding::Sound | Finding::Stalled => (),
             }
-            Finding::Probe(control) => control,
-            Finding::Sound | Finding::Stalled => self.regulate(target, velocity),
+        }
+        let control = match probe {
+            Some(control) => control,
+            None => self.regulate(target, velocity),
         };
         self.asked = target;
         self.applied = control;
-        Some((control, self.settings.duty.place(self.settings.scheme, at, control)))
+        let placement = self.settings.duty.place(self.settings.scheme, at, control);
+        self.regime = placement.regime;
+        Some((control, placement))
     }
 
     /// The velocity loop: the control value for a set-point.
@@ -346,11 +359,17 @@ impl Motor {
         Control::new(((output + (1 << 7)) >> 8) as i16)
     }
 
-    /// What the encoder's answer to the last tick's control value says of the encoder.
-    fn watch(&mut self, at: OperatingPoint, velocity: CountsPerSecond) -> Finding {
-        let finding = self.guard.step(
+    /// The encoder is not above suspicion.
+    fn watch(&mut self, velocity: CountsPerSecond) -> Finding {
+        let finding = self.guard.examine(
             self.period,
-            Evidence { control: self.applied, target: self.asked, moved: self.moved, velocity, at },
+            Evidence {
+                control: self.applied,
+                regime: self.regime,
+                target: self.asked,
+                moved: self.moved,
+                velocity,
+            },
         );
         self.stalled = finding == Finding::Stalled;
         finding

@@ -1,5 +1,6 @@
 //! An encoder that is unplugged or reversed is noticed; a motor that is merely held is not taken for it.
 
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, LinearCurrent, Scheme};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
 use motor_hub::model::catalogue::{self, Motor};
@@ -8,9 +9,15 @@ use motor_hub::model::plant::{self, Plant};
 use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Ohms, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
 use motor_hub::motion::{EncoderFault, Tracker};
-use motor_hub::motor::{Setpoint, Settings};
+use motor_hub::motor::{Report, Setpoint, Settings};
 use motor_hub::supply::Battery;
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
+
+/// Of an AM 60 A.
+const KE: EmfConstant = match EmfConstant::from_bits(4_180_495) {
+    Ok(constant) => constant,
+    Err(_) => panic!("in range"),
+};
 
 const BRIDGE: Bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
 
@@ -35,7 +42,11 @@ struct Axis {
 
 impl Axis {
     fn new() -> Self {
-        let load = Load { inertia_after: KgM2(0.05), ..Load::NONE };
+        Self::with(KgM2(0.05))
+    }
+
+    fn with(inertia: KgM2) -> Self {
+        let load = Load { inertia_after: inertia, ..Load::NONE };
         Self {
             plant: Plant::new(neverest_60(), load, BRIDGE, Hertz(20_000.0)),
             tracker: Tracker::default(),
@@ -73,7 +84,10 @@ struct Bench<const N: usize> {
 
 impl<const N: usize> Bench<N> {
     fn new(period_ms: u32) -> Self {
-        let settings = Settings::new(EmfConstant::from_bits(4_180_495).expect("in range"));
+        Self::with(period_ms, Settings::new(KE))
+    }
+
+    fn with(period_ms: u32, settings: Settings) -> Self {
         Self {
             hub: Hub::new([settings; N], Period::from_millis(period_ms).expect("period")),
             axes: std::array::from_fn(|_| Axis::new()),
@@ -126,6 +140,23 @@ fn velocity(cps: i32) -> Setpoint {
 
 fn position(target: i32) -> Setpoint {
     Setpoint::Position { target, tolerance: 10, speed_limit: CountsPerSecond::new(2_000) }
+}
+
+/// Every way to give control values a meaning.
+fn ways() -> impl Iterator<Item = Settings> {
+    let half = BlendFraction::from_bits(1 << 15).expect("in range");
+    let schemes = [
+        Scheme::ForwardReverse,
+        Scheme::A,
+        Scheme::B,
+        Scheme::C,
+        Scheme::D(Blend::Fixed(half)),
+        Scheme::D(Blend::Automatic),
+    ];
+    let rules = [DutyRule::LinearDuty, DutyRule::LinearCurrent(LinearCurrent::TYPICAL)];
+    schemes
+        .into_iter()
+        .flat_map(move |scheme| rules.map(|duty| Settings { duty, ..Settings::for_scheme(KE, scheme) }))
 }
 
 const PERIODS: [u32; 4] = [5, 10, 25, 50];
@@ -292,4 +323,71 @@ fn an_overhauling_load_within_the_motors_torque_is_no_reversed_encoder() {
     bench.run_ms(3_000);
     assert_eq!(bench.fault(0), None);
     assert!((bench.snapshot.motors[0].velocity.round() - 1_000).abs() < 25);
+}
+
+#[test]
+fn no_scheme_takes_a_load_that_drives_the_motor_for_a_reversed_encoder() {
+    for settings in ways() {
+        // Near half of the free speed C and D can set no more than half of the stall torque, 3.4 N m,
+        // against a load; one that overpowers the motor is told from a reversed encoder by nothing.
+        let gentle = matches!(settings.scheme, Scheme::C | Scheme::D(Blend::Automatic));
+        let torques: &[f64] = if gentle { &[0.4, 0.8, 1.2] } else { &[0.4, 0.8, 1.2, 1.6, 2.0] };
+        for (period, &torque) in [10, 50].into_iter().flat_map(|p| torques.iter().map(move |t| (p, t))) {
+            for cps in [100, 300, 600, 1_000, 1_360, 2_000, 0, -300, -1_000] {
+                // Slow, or near the free speed, where C and D can only brake, and that gently.
+                for before in [cps, 2_500] {
+                    let mut bench = Bench::<1>::with(period, settings);
+                    bench.set(0, velocity(before));
+                    bench.run_ms(1_500);
+                    bench.axes[0].torque = torque;
+                    bench.set(0, velocity(cps));
+                    bench.run_ms(3_000);
+                    let fault = bench.fault(0);
+                    assert_eq!(fault, None, "{settings:?}: {period} ms, {torque} N m, {before} to {cps}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn no_scheme_takes_a_heavy_load_that_turns_back_slowly_for_a_reversed_encoder() {
+    for settings in ways() {
+        for period in [1, 10, 50, 100] {
+            let mut bench = Bench::<1>::with(period, settings);
+            bench.axes[0] = Axis::with(KgM2(1.0));
+            // 100 kg of robot on wheels of 10 cm take seconds to turn back.
+            for cps in [2_500, -2_500, 1_000, -300, 0] {
+                bench.set(0, velocity(cps));
+                bench.run_ms(6_000);
+                assert_eq!(bench.fault(0), None, "{settings:?}: {period} ms, {cps} counts/s");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_scheme_finds_a_reversed_encoder() {
+    for settings in ways() {
+        for (period, inertia) in [10, 50].into_iter().flat_map(|p| [0.0, 0.002, 0.05, 0.5].map(|j| (p, j))) {
+            for cps in [100, 300, 1_000, 2_500, -300, -2_000] {
+                let mut bench = Bench::<1>::with(period, settings);
+                bench.axes[0] = Axis::with(KgM2(inertia));
+                bench.axes[0].reversed = true;
+                bench.set(0, velocity(cps));
+                // Clear is: at a tenth of the free speed the wrong way, with all that control can do.
+                let clear = |report: &Report| {
+                    report.velocity.round().abs() > 301 && report.control.get().abs() > 30_720
+                };
+                let start = bench.ms;
+                while !clear(&bench.snapshot.motors[0]) && bench.fault(0).is_none() {
+                    bench.run_ms(1);
+                    assert!(bench.ms - start < 4_000, "{settings:?}: {period} ms, {inertia}, {cps}");
+                }
+                let ms = bench.run_until_fault(0);
+                assert_eq!(bench.fault(0), Some(EncoderFault::Reversed));
+                assert!(ms <= 250, "{settings:?}: {period} ms, {inertia} kg m2, {cps}: after {ms} ms");
+            }
+        }
+    }
 }

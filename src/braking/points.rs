@@ -38,12 +38,6 @@ impl OperatingPoint {
         (self.emf.eighths().abs() << 1, (self.battery.0 as i32) << 4)
     }
 
-    /// True if the back EMF is above a tenth of the battery voltage.
-    pub const fn is_above_a_tenth(self) -> bool {
-        let (e, v) = self.sixteenths();
-        10 * e > v
-    }
-
     /// True if the back EMF is at least the battery voltage: the battery can push no current.
     pub const fn is_overrun(self) -> bool {
         let (e, v) = self.fine();
