@@ -8,6 +8,7 @@ mod compare;
 mod figures;
 mod paper;
 mod run;
+mod serve;
 
 use crate::eval;
 use clap::{Parser, Subcommand};
@@ -61,6 +62,9 @@ enum Command {
     Paper(paper::Options),
     /// The paper's figures, and what becomes of a control value, as SVG and PNG
     Figures(figures::Options),
+    /// A simulated hub in real time, for host software to talk to
+    #[command(long_about = serve::HELP)]
+    Serve(serve::Options),
     /// The scripting interface: computes cases of a JSON document
     #[command(long_about = eval::HELP)]
     Eval(eval::Options),
@@ -76,6 +80,7 @@ pub fn main() -> ExitCode {
         Command::Map(options) => options.execute(),
         Command::Paper(options) => options.execute(),
         Command::Figures(options) => options.execute(),
+        Command::Serve(options) => options.execute(),
         Command::Eval(options) => options.execute(),
     };
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)

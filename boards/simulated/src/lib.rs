@@ -21,6 +21,7 @@ pub mod points_chart;
 pub mod report;
 pub mod scenario;
 pub mod scheme;
+pub mod serve;
 pub mod sim;
 pub mod table;
 pub mod trace;

@@ -11,16 +11,21 @@ use embassy_futures::join::{join, join5};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver, Timer};
 use motor_hub::hub::{Action, Command, Hub, Snapshot};
+use motor_hub::model::plant::Flow;
 use motor_hub::model::si::Seconds;
 use motor_hub::motor::Settings;
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Links};
-use std::pin::pin;
+use std::pin::{Pin, pin};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Wake, Waker};
 
-const STEP_S: f64 = 1e-3;
+/// How far the clock and the world move at once, in seconds.
+pub(crate) const STEP_S: f64 = 1e-3;
+
+/// The hub's wires.
+pub(crate) type Wires = Links<NoopRawMutex, MOTORS>;
 
 /// Set by a waker: the tasks have something to do.
 struct Flag(AtomicBool);
@@ -31,6 +36,73 @@ impl Wake for Flag {
     }
 }
 
+/// Polls one future that never ends, when its waker says so.
+pub(crate) struct Executor {
+    flag: Arc<Flag>,
+    waker: Waker,
+}
+
+impl Executor {
+    pub(crate) fn new() -> Self {
+        let flag = Arc::new(Flag(AtomicBool::new(true)));
+        Self { waker: Waker::from(flag.clone()), flag }
+    }
+
+    /// Something happened that no waker tells of.
+    pub(crate) fn wake(&self) {
+        self.waker.wake_by_ref();
+    }
+
+    /// Until there is nothing left to do.
+    pub(crate) fn run<T>(&self, mut future: Pin<&mut impl Future<Output = T>>) {
+        while self.flag.0.swap(false, Ordering::Relaxed) {
+            // The tasks never end, so there is no result to look at.
+            let _ = future.as_mut().poll(&mut Context::from_waker(&self.waker));
+        }
+    }
+}
+
+/// The hub's tasks on the simulated board, but for the one that tells motors what to do.
+///
+/// # Errors
+/// If a motor's constants do not fit the firmware.
+pub(crate) fn tasks<'a>(
+    scenario: &Scenario,
+    board: &Board,
+    links: &'a Wires,
+    health: &'a Health,
+) -> Result<impl Future + use<'a>, String> {
+    let (settings, period, board) = (all_settings(&scenario.motors)?, scenario.period, board.clone());
+    let supply = Supply::new(Board::scale().map_err(|e| e.to_string())?, Limits::default());
+    Ok(async move {
+        let mut hub = Hub::new(settings, period);
+        join5(
+            tasks::capture::run(board.clone(), links, health),
+            tasks::supply::run(board.clone(), supply, links, health),
+            tasks::control::run(&mut hub, links, health),
+            tasks::output::run(board.clone(), period, links, health),
+            tasks::health::run(board.clone(), health),
+        )
+        .await
+    })
+}
+
+/// Lets [`STEP_S`] pass in the world and on the hub's clock, under these torques in newton metres.
+pub(crate) fn advance(scenario: &Scenario, board: &Board, now_s: f64, torques: &[f64]) -> Vec<Flow> {
+    board.set_emf(scenario.emf_at(now_s));
+    let flows = board.run(Seconds(STEP_S), torques);
+    MockDriver::get().advance(Duration::from_millis(1));
+    flows
+}
+
+/// External torques on the output shafts in newton metres.
+pub(crate) fn torques(scenario: &Scenario, now_s: f64) -> Vec<f64> {
+    scenario.motors.iter().map(|m| m.torque_at(now_s)).collect()
+}
+
+/// What is said when the watchdog bit.
+pub(crate) const STARVED: &str = "the hub did not feed its watchdog: a real board would have been reset";
+
 /// Runs a scenario; `progress` is told the virtual time in seconds now and then.
 ///
 /// The time driver is one for the whole process, so only one run at a time is possible in it.
@@ -38,59 +110,36 @@ impl Wake for Flag {
 /// # Errors
 /// If a motor's constants do not fit the firmware, or if the hub's watchdog was not fed.
 pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, String> {
-    let driver = MockDriver::get();
-    driver.reset();
-    let board = Board::new(scenario);
-    let links = Links::<NoopRawMutex, MOTORS>::new();
-    let health = Health::new();
+    MockDriver::get().reset();
+    let (board, links, health) = (Board::new(scenario), Wires::new(), Health::new());
     let mut snapshots = links.snapshot.receiver().ok_or("the hub has no receiver to spare")?;
-
-    let mut hub = Hub::new(all_settings(&scenario.motors)?, scenario.period);
-    let scale = Board::scale().map_err(|e| e.to_string())?;
-    let supply = Supply::new(scale, Limits::default());
-    let tasks = join5(
-        tasks::capture::run(board.clone(), &links, &health),
-        tasks::supply::run(board.clone(), supply, &links, &health),
-        tasks::control::run(&mut hub, &links, &health),
-        tasks::output::run(board.clone(), scenario.period, &links, &health),
-        tasks::health::run(board.clone(), &health),
-    );
+    let tasks = tasks(scenario, &board, &links, &health)?;
     let mut everything = pin!(join(tasks, operate(scenario, &links)));
 
-    let flag = Arc::new(Flag(AtomicBool::new(true)));
-    let waker = Waker::from(flag.clone());
-    let mut context = Context::from_waker(&waker);
+    let executor = Executor::new();
     let mut trace = Trace::default();
     for step in 0..(scenario.duration_s / STEP_S).round() as u64 {
         let now_s = step as f64 * STEP_S;
-        while flag.0.swap(false, Ordering::Relaxed) {
-            // The tasks never end, so there is no result to look at.
-            let _ = everything.as_mut().poll(&mut context);
-        }
-        let torques: Vec<f64> = scenario.motors.iter().map(|m| m.torque_at(now_s)).collect();
+        executor.run(everything.as_mut());
+        let torques = torques(scenario, now_s);
         if let Some(snapshot) = snapshots.try_changed() {
             trace.ticks.push(observe(&board, &snapshot, &torques));
         }
-        board.set_emf(scenario.emf_at(now_s));
-        let flows = board.run(Seconds(STEP_S), &torques);
+        let flows = advance(scenario, &board, now_s, &torques);
         for (sample, flow) in
             trace.ticks.iter_mut().last().map(|t| &mut t.motors).into_iter().flatten().zip(&flows)
         {
             sample.flow.append(flow);
         }
-        driver.advance(Duration::from_millis(1));
         if step % 256 == 0 {
             progress(now_s);
         }
     }
-    if board.starved() {
-        return Err("the hub did not feed its watchdog: a real board would have been reset".into());
-    }
-    Ok(trace)
+    if board.starved() { Err(STARVED.into()) } else { Ok(trace) }
 }
 
 /// Settings of every channel; those without a motor stay disabled, whatever their settings.
-fn all_settings(motors: &[Motor]) -> Result<[Settings; MOTORS], String> {
+pub(crate) fn all_settings(motors: &[Motor]) -> Result<[Settings; MOTORS], String> {
     let first = motors.first().ok_or("a scenario without a motor")?;
     let spare = Settings::new(emf_constant(&first.constants).map_err(|e| e.to_string())?);
     let mut settings = [spare; MOTORS];
@@ -101,7 +150,7 @@ fn all_settings(motors: &[Motor]) -> Result<[Settings; MOTORS], String> {
 }
 
 /// The host that tells the hub what to do, when the scenario says so.
-async fn operate(scenario: &Scenario, links: &Links<NoopRawMutex, MOTORS>) {
+async fn operate(scenario: &Scenario, links: &Wires) {
     let mut commands: Vec<(f64, Command)> = Vec::new();
     for (motor, plan) in scenario.motors.iter().enumerate() {
         let set = |value| Command { motor, action: Action::Set(value) };

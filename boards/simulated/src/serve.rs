@@ -1,0 +1,142 @@
+//! A hub that host software can talk to, in real time: behind a serial line on this machine (a
+//! pseudo-terminal) or a TCP port.
+//!
+//! Whatever runs the hub moves in steps of a millisecond, and the wall clock sets the pace. Bytes are
+//! looked for between two steps, so a reply leaves a millisecond after its request, which is less than
+//! a USB serial port takes.
+
+mod line;
+#[cfg(unix)]
+mod pty;
+
+pub use line::Line;
+
+use crate::scenario::{MOTORS, Scenario};
+use crate::sim::{self, Executor, STARVED, Wires};
+use crate::world::Board;
+use embassy_futures::join::join;
+use embassy_time::MockDriver;
+use embedded_io_async::{ErrorType, Read, Write};
+use motor_hub::hub::Snapshot;
+use motor_hub::link::{Address, Colour, Link};
+use motor_hub::tasks::{Health, Task, link};
+use std::cell::{Cell, RefCell};
+use std::convert::Infallible;
+use std::future::poll_fn;
+use std::pin::pin;
+use std::task::Poll;
+use std::time::{Duration, Instant};
+
+const STEP: Duration = Duration::from_millis(1);
+
+/// Further behind than this, the hub lets real time go: it would catch up in a burst otherwise.
+const LATE: Duration = Duration::from_millis(100);
+
+/// Calls `step` with its number, from 0, once a millisecond of real time, until it returns false. The
+/// result is the time that was lost because steps took longer.
+///
+/// # Errors
+/// Those of `step`.
+pub fn pace(mut step: impl FnMut(u64) -> Result<bool, String>) -> Result<Duration, String> {
+    let mut due = Instant::now();
+    let mut lost = Duration::ZERO;
+    for number in 0.. {
+        if !step(number)? {
+            break;
+        }
+        due += STEP;
+        let now = Instant::now();
+        if let Some(early) = due.checked_duration_since(now) {
+            std::thread::sleep(early);
+        } else if let Some(late) = now.checked_duration_since(due).filter(|&late| late > LATE) {
+            lost += late;
+            due = now;
+        }
+    }
+    Ok(lost)
+}
+
+/// What there is to see of a hub that is served.
+#[derive(Clone, Copy, Debug)]
+pub struct Scene {
+    /// Seconds since the start.
+    pub at_s: f64,
+    /// The status LED.
+    pub led: Colour,
+    /// As of the last control tick.
+    pub snapshot: Snapshot<MOTORS>,
+}
+
+/// Serves the hub of a scenario with its motors, loads and battery. Its set-points are left to the host.
+///
+/// `show` is told every millisecond what there is to see; false ends it. The result is the time that
+/// was lost because this machine was too slow.
+///
+/// # Errors
+/// If a motor's constants do not fit the firmware, or if the hub's watchdog was not fed.
+pub fn run(
+    scenario: &Scenario,
+    address: Address,
+    line: Line,
+    mut show: impl FnMut(Scene) -> bool,
+) -> Result<Duration, String> {
+    MockDriver::get().reset();
+    let (board, links) = (Board::new(scenario), Wires::new());
+    let health = Health::new().expecting(Task::Link);
+    let mut snapshots = links.snapshot.receiver().ok_or("the hub has no receiver to spare")?;
+    let settings = sim::all_settings(&scenario.motors)?;
+    let tasks = sim::tasks(scenario, &board, &links, &health)?;
+
+    let line = RefCell::new(line);
+    let led = Cell::new(Colour::default());
+    let serve = async {
+        let show = |colour| {
+            led.set(colour);
+            health.check_in(Task::Link);
+        };
+        link::run(End(&line), End(&line), &mut Link::new(address, settings), &links, show).await;
+    };
+    let mut everything = pin!(join(tasks, serve));
+
+    let executor = Executor::new();
+    let mut snapshot = Snapshot::INITIAL;
+    pace(|step| {
+        let at_s = step as f64 * sim::STEP_S;
+        // Bytes may have come, of which no waker tells.
+        executor.wake();
+        executor.run(everything.as_mut());
+        sim::advance(scenario, &board, at_s, &sim::torques(scenario, at_s));
+        if board.starved() {
+            return Err(STARVED.into());
+        }
+        snapshot = snapshots.try_changed().unwrap_or(snapshot);
+        Ok(show(Scene { at_s, led: led.get(), snapshot }))
+    })
+}
+
+/// The hub's end of the line, to be polled again within a millisecond whatever its waker says.
+struct End<'a>(&'a RefCell<Line>);
+
+impl ErrorType for End<'_> {
+    type Error = Infallible;
+}
+
+impl Read for End<'_> {
+    async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
+        poll_fn(|_| ready(self.0.borrow_mut().receive(bytes))).await
+    }
+}
+
+impl Write for End<'_> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        poll_fn(|_| ready(self.0.borrow_mut().send(bytes))).await
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+const fn ready(bytes: usize) -> Poll<Result<usize, Infallible>> {
+    if bytes == 0 { Poll::Pending } else { Poll::Ready(Ok(bytes)) }
+}
