@@ -20,7 +20,6 @@ use simulated::trace::{Sample, Tick, Trace};
 
 use crate::bench::{Bench, Setup};
 use crate::host::{Host, Mode};
-use crate::pins::Lines;
 use crate::pwm::Output;
 use crate::shafts::{Look, Mounting};
 
@@ -48,15 +47,7 @@ pub fn scenario() -> Result<Scenario, String> {
 /// # Panics
 /// If the firmware does not obey.
 pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, String> {
-    let motors = scenario.motors.iter().map(|motor| Mounting {
-        motor: motor.constants,
-        load: motor.load,
-        bridge: BRIDGE,
-        stops: None,
-    });
-    let mut setup = Setup::new(motors.collect());
-    setup.battery = scenario.battery;
-    let mut bench = Bench::new(setup);
+    let mut bench = Bench::new(setup(scenario));
     let mut host = Host::default();
     let mut orders = orders(scenario).into_iter().peekable();
     let period_s = f64::from(scenario.period.as_millis()) * 1e-3;
@@ -85,6 +76,19 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
     trace.ticks.pop();
     let gaps = bench.gaps();
     if gaps.is_empty() { Ok(trace) } else { Err(gaps.join("\n")) }
+}
+
+/// The scenario's motors, loads and battery.
+pub(crate) fn setup(scenario: &Scenario) -> Setup {
+    let motors = scenario.motors.iter().map(|motor| Mounting {
+        motor: motor.constants,
+        load: motor.load,
+        bridge: BRIDGE,
+        stops: None,
+    });
+    let mut setup = Setup::new(motors.collect());
+    setup.battery = scenario.battery;
+    setup
 }
 
 fn run_to(bench: &mut Bench, at_s: f64) {
@@ -136,13 +140,12 @@ fn carry_out(bench: &mut Bench, host: &mut Host, scenario: &Scenario, order: Ord
 }
 
 fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace) {
-    let ticks = bench.pwm_grid().map_or(1, |grid| grid.ticks);
     let mut motors = Vec::new();
     for (index, motor) in scenario.motors.iter().enumerate() {
-        let (look, lines) = (bench.look(index), bench.lines(index));
+        let (look, drive) = (bench.look(index), drive(bench, index));
         // The flow so far; the difference to the next tick is what a tick holds.
         motors.push(Sample {
-            report: report(motor, at_s, look, lines, ticks),
+            report: report(motor, at_s, look, drive),
             speed_cps: look.counts_per_second,
             counts: look.counts,
             torque_nm: motor.torque_at(at_s),
@@ -172,8 +175,10 @@ fn difference(after: &Flow, before: &Flow) -> Flow {
     flow
 }
 
-/// What can be told of the hub's decisions from outside: its bridge lines.
-fn report(motor: &Motor, at_s: f64, look: Look, lines: Lines, ticks: u32) -> Report {
+/// What a bridge does, told from its lines.
+pub(crate) fn drive(bench: &mut Bench, motor: usize) -> Drive {
+    let ticks = bench.pwm_grid().map_or(1, |grid| grid.ticks);
+    let lines = bench.lines(motor);
     let mode = match (lines.ina, lines.inb) {
         (true, _) => BridgeMode::Cw98,
         (_, true) => BridgeMode::Ccw62,
@@ -189,6 +194,12 @@ fn report(motor: &Motor, at_s: f64, look: Look, lines: Lines, ticks: u32) -> Rep
         }
         Output::Pulse(high) => Duty::ratio(high.into(), ticks.into()),
     };
+    Drive { mode, duty }
+}
+
+/// What can be told of the hub's decisions from outside.
+fn report(motor: &Motor, at_s: f64, look: Look, drive: Drive) -> Report {
+    let Drive { mode, duty } = drive;
     let regime = match mode {
         BridgeMode::Brake50 if duty == Duty::ZERO => None,
         BridgeMode::Brake50 => Some(Regime::Braking),
@@ -200,7 +211,7 @@ fn report(motor: &Motor, at_s: f64, look: Look, lines: Lines, ticks: u32) -> Rep
         position: look.counts as i32,
         velocity: CountsPerSecond::new(look.counts_per_second.round() as i32),
         regime,
-        drive: Drive { mode, duty },
+        drive,
         ..Report::INITIAL
     }
 }

@@ -26,6 +26,7 @@ mod pwm;
 pub mod recording;
 mod rtt;
 mod serial;
+pub mod serve;
 mod shafts;
 mod silence;
 mod wiring;

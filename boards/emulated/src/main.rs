@@ -1,34 +1,56 @@
-//! `emulate`: a scenario by the flashed image on the emulated chip, over the same on the simulated board.
+//! `emulate`: see `emulate --help`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use clap::{Parser, Subcommand};
 use emulated::emulate::{Overlay, scenario};
+use emulated::serve;
+use simulated::cli::{Failure, Serving};
 use simulated::report::{drawn, write_all};
 use simulated::scenario::Scenario;
 
-/// Usage: `emulate [SCENARIO.toml] [FOLDER]`.
-fn run() -> Result<(), String> {
-    let mut arguments = std::env::args().skip(1);
-    let scenario = match arguments.next() {
-        Some(file) => Scenario::load(&PathBuf::from(file))?,
-        None => scenario()?,
+/// The flashed image on an emulated chip, against the motor physics
+///
+/// Without a command: a scenario by the image, over the same on the simulated board.
+#[derive(Parser)]
+#[command(name = "emulate", version, args_conflicts_with_subcommands = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Scenario file (TOML) instead of the board's own
+    #[arg(value_name = "SCENARIO")]
+    scenario: Option<PathBuf>,
+    /// Folder for the chart
+    #[arg(value_name = "DIR", default_value = "target/emulated")]
+    folder: PathBuf,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// The image in real time behind the REV Hub Serial Protocol, for host software to talk to
+    Serve(Serving),
+}
+
+fn overlay(cli: Cli) -> Result<(), Failure> {
+    let scenario = match &cli.scenario {
+        Some(file) => Scenario::load(file),
+        None => scenario(),
     };
-    let folder = PathBuf::from(arguments.next().unwrap_or_else(|| "target/emulated".to_owned()));
-    let overlay = Overlay::new(scenario, &mut |_| ())?;
+    let overlay = Overlay::new(scenario.map_err(Failure::Input)?, &mut |_| ()).map_err(Failure::Work)?;
     print!("{}", overlay.tables());
-    for file in write_all(&folder, drawn(&[("overlay".to_owned(), overlay.figure())])?)? {
+    let drawn = drawn(&[("overlay".to_owned(), overlay.figure())]).map_err(Failure::Work)?;
+    for file in write_all(&cli.folder, drawn).map_err(Failure::Work)? {
         println!("{}", file.display());
     }
     Ok(())
 }
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(reason) => {
-            eprintln!("{reason}");
-            ExitCode::FAILURE
-        }
-    }
+    let cli = Cli::parse();
+    let done = match cli.command {
+        Some(Command::Serve(serving)) => serving.execute(scenario, serve::run),
+        None => overlay(cli),
+    };
+    done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
 }

@@ -137,6 +137,74 @@ fn a_saturated_line_does_not_move_the_control_ticks() {
     bench.assert_sound();
 }
 
+/// Every kind of answer: (type, payload).
+const COMMANDS: [(u16, &[u8]); 12] = [
+    (0x1000, &[]),
+    (0x7F04, &[]),
+    (0x7F03, &[0]),
+    (0x7F07, b"DEKA\0"),
+    (0x7F0D, &[]),
+    (0x1007, &[13, 0]),
+    (0x1008, &[0, 1, 0]),
+    (0x1011, &[1, 0xE8, 3]),
+    (0x1035, &[2, 1]),
+    (0x1025, &[0, 0x28, 0]),
+    (0x102E, &[9; 101]),
+    (0x1030, &[]),
+];
+
+#[test]
+fn every_command_is_answered_within_5_ms_while_four_motors_are_regulated() {
+    let (mut bench, mut host) = (booted(four_loads()), Host::default());
+    for motor in 0..4 {
+        host.velocity(&mut bench, motor, 1000);
+    }
+    let (mut slowest, mut unanswered) = (Duration::ZERO, Vec::new());
+    for round in 0..6000_u64 {
+        let (kind, payload) = COMMANDS[round as usize % COMMANDS.len()];
+        let packet = host.packet(kind, payload);
+        // At every phase of the control tick and of the log.
+        bench.run(Duration::from_micros(round * 7919 % 1500));
+        let at = bench.now();
+        bench.send(&packet);
+        let mut reply = None;
+        bench.run_while(Duration::from_micros(500), ms(20), |bench| {
+            reply = host.arrivals(bench).pop();
+            reply.is_some()
+        });
+        // Ten bits at 460 800 baud.
+        let last_byte = at + Duration::from_nanos(21_701) * packet.len() as u32;
+        match reply {
+            Some(reply) => slowest = slowest.max(reply.at - last_byte),
+            None => unanswered.push((round, at)),
+        }
+    }
+    println!("slowest of 6000 replies: its last byte {slowest:?} after the request's last");
+    assert_eq!(unanswered, []);
+    assert!(slowest <= ms(5), "{slowest:?}");
+    bench.assert_sound();
+}
+
+#[test]
+fn a_line_of_the_log_masks_interrupts_for_less_than_a_byte_of_the_line() {
+    let mut bench = Bench::new(Setup::new(four_loads()));
+    let (begins, ends) = (bench.address("_defmt_acquire"), bench.address("_defmt_release"));
+    bench.watch(vec![begins, ends]);
+    bench.run(ms(300));
+    // Faults have lines of their own.
+    bench.set_encoder(1, emulated::Encoder::Unplugged);
+    bench.press(true);
+    bench.run(ms(2500));
+    let hits = bench.take_hits();
+    let lines = hits.windows(2).filter(|pair| pair[0].0 == begins && pair[1].0 == ends);
+    let instructions: Vec<u64> = lines.map(|pair| pair[1].1 - pair[0].1).collect();
+    let longest = instructions.iter().max().expect("a log");
+    println!("longest of {} log lines: {longest} instructions", instructions.len());
+    // The receiver holds two bytes, 43 us; on flash with wait states the core is slower than here.
+    assert!(*longest < 168_000_000 / 46_080, "{longest}");
+    assert!(common::log(&mut bench).contains("encoder: Some(Stuck)"));
+}
+
 #[test]
 fn garbled_words_do_no_harm_and_the_line_recovers() {
     let (mut bench, mut host) = (booted(vec![am60(); 4]), Host::default());
@@ -167,22 +235,35 @@ fn garbled_words_do_no_harm_and_the_line_recovers() {
 #[test]
 fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
     let (mut bench, mut host) = (booted(vec![am60(); 4]), Host::default());
-    for motor in 0..4 {
-        host.velocity(&mut bench, motor, 1000);
-    }
-    let last = bench.now();
-    bench.run(ms(2400));
-    assert!((0..4).all(|motor| !bench.lines(motor).open()));
-    bench.run(ms(400));
-    let transitions = bench.transitions();
-    for motor in 0..4 {
-        let at = open_since(&transitions, motor, last).expect("open") - last;
-        if motor == 0 {
-            println!("time to safe: {:8.3} ms  host silent", at.as_secs_f64() * 1e3);
+    let (mut soonest, mut latest) = (Duration::MAX, Duration::ZERO);
+    // The last packet at every phase of the control tick.
+    for phase in (0..50).step_by(7) {
+        for motor in 0..4 {
+            host.velocity(&mut bench, motor, 1000);
         }
-        // And the next control tick.
-        assert!(at >= ms(2490) && at <= ms(2560), "bridge {motor}: {at:?}");
+        let tick = bench.now().as_millis() as u64 / 50 * 50;
+        bench.run_until(ms(tick + 100 + phase));
+        let packet = host.packet(0x7F04, &[]);
+        bench.send(&packet);
+        // Ten bits a byte at 460 800 baud.
+        let last = bench.now() + Duration::from_nanos(21_701) * packet.len() as u32;
+        bench.run(ms(2400));
+        assert!((0..4).all(|motor| !bench.lines(motor).open()));
+        bench.run(ms(300));
+        let transitions = bench.transitions();
+        for motor in 0..4 {
+            let at = open_since(&transitions, motor, last).expect("open") - last;
+            (soonest, latest) = (soonest.min(at), latest.max(at));
+        }
+        host.arrivals(&mut bench);
     }
+    println!(
+        "time to safe: {:8.3} to {:.3} ms  host silent",
+        1e3 * soonest.as_secs_f64(),
+        1e3 * latest.as_secs_f64()
+    );
+    // Until the next control tick, and until that has reached the pins.
+    assert!(soonest >= ms(2500) && latest <= ms(2551), "{soonest:?} to {latest:?}");
     bench.assert_sound();
 }
 

@@ -1,35 +1,13 @@
-//! What a person at the bench reads: a log line a second over RTT.
+//! What a person at the bench reads: log lines every second over RTT.
 
-use defmt::{Format, info, warn};
+use defmt::{info, warn};
 use embassy_stm32::pac;
 use embassy_time::{Duration, Ticker};
-use motor_hub::braking::Regime;
 use motor_hub::hub::Snapshot;
-use motor_hub::motor::{Faults, Report};
 
 use crate::{MOTORS, Wires};
 
 const INTERVAL: Duration = Duration::from_secs(1);
-
-/// A motor's part of the line.
-#[derive(Format)]
-struct Brief {
-    cps: i32,
-    control: i16,
-    regime: Option<Regime>,
-    faults: Faults,
-}
-
-impl Brief {
-    fn new(report: Report) -> Self {
-        Self {
-            cps: report.velocity.round(),
-            control: report.control.get(),
-            regime: report.regime,
-            faults: report.faults,
-        }
-    }
-}
 
 /// Runs for ever.
 pub(crate) async fn run(links: &'static Wires) -> ! {
@@ -43,14 +21,17 @@ pub(crate) async fn run(links: &'static Wires) -> ! {
     }
 }
 
+/// In several lines: interrupts wait while a line is written, and two bytes of a host's request,
+/// 43 us, are as long as they may.
 fn log(snapshot: &Snapshot<MOTORS>) {
-    info!(
-        "tick {=u32} missed {=u32} battery {}: {}",
-        snapshot.tick,
-        snapshot.missed,
-        snapshot.battery,
-        snapshot.motors.map(Brief::new)
-    );
+    info!("tick {=u32} missed {=u32} battery {}", snapshot.tick, snapshot.missed, snapshot.battery);
+    for (motor, report) in snapshot.motors.iter().enumerate() {
+        let (cps, control) = (report.velocity.round(), report.control.get());
+        info!("motor {=usize}: {=i32} counts/s, control {=i16}, {}", motor, cps, control, report.regime);
+        if report.faults.any() {
+            warn!("motor {=usize}: {}", motor, report.faults);
+        }
+    }
 }
 
 /// Says so if it was the watchdog that started the chip: the last run ended in a fault or a hang.

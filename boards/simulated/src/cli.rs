@@ -10,6 +10,8 @@ mod paper;
 mod run;
 mod serve;
 
+pub use serve::Serving;
+
 use crate::eval;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -24,7 +26,8 @@ pub enum Failure {
 }
 
 impl Failure {
-    fn report(self) -> ExitCode {
+    /// Says so, and gives the process's exit code.
+    pub fn report(self) -> ExitCode {
         let (text, code) = match self {
             Self::Input(text) => (text, 2),
             Self::Work(text) => (text, 1),

@@ -11,12 +11,13 @@ mod pty;
 
 pub use line::Line;
 
-use crate::scenario::{MOTORS, Scenario};
+use crate::scenario::Scenario;
 use crate::sim::{self, Executor, STARVED, Wires};
 use crate::world::Board;
 use embassy_futures::join::join;
 use embassy_time::MockDriver;
 use embedded_io_async::{ErrorType, Read, Write};
+use motor_hub::bridge::Drive;
 use motor_hub::hub::Snapshot;
 use motor_hub::link::{Address, Colour, Link};
 use motor_hub::tasks::{Health, Task, link};
@@ -56,20 +57,27 @@ pub fn pace(mut step: impl FnMut(u64) -> Result<bool, String>) -> Result<Duratio
     Ok(lost)
 }
 
-/// What there is to see of a hub that is served.
-#[derive(Clone, Copy, Debug)]
-pub struct Scene {
+/// A hub that is served, a millisecond later.
+pub struct Moment<'a> {
     /// Seconds since the start.
     pub at_s: f64,
-    /// The status LED.
-    pub led: Colour,
-    /// As of the last control tick.
-    pub snapshot: Snapshot<MOTORS>,
+    /// Motors can be enabled.
+    pub awake: bool,
+    /// One line on what the hub does.
+    pub describe: &'a mut dyn FnMut() -> String,
+}
+
+/// One line: the battery in volts, and of each motor the speed in counts/s and what the bridge does.
+pub fn line_on(battery_v: f64, motors: impl Iterator<Item = (f64, Drive)>) -> String {
+    let motors = motors.map(|(cps, Drive { mode, duty })| {
+        format!(" | {cps:.0} counts/s {} {:.0} %", mode.name(), 100.0 * duty.to_f64())
+    });
+    format!("{battery_v:.2} V{}", motors.collect::<String>())
 }
 
 /// Serves the hub of a scenario with its motors, loads and battery. Its set-points are left to the host.
 ///
-/// `show` is told every millisecond what there is to see; false ends it. The result is the time that
+/// `show` is called every millisecond; false ends it. The result is the time that
 /// was lost because this machine was too slow.
 ///
 /// # Errors
@@ -78,7 +86,7 @@ pub fn run(
     scenario: &Scenario,
     address: Address,
     line: Line,
-    mut show: impl FnMut(Scene) -> bool,
+    show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<Duration, String> {
     MockDriver::get().reset();
     let (board, links) = (Board::new(scenario), Wires::new());
@@ -110,7 +118,13 @@ pub fn run(
             return Err(STARVED.into());
         }
         snapshot = snapshots.try_changed().unwrap_or(snapshot);
-        Ok(show(Scene { at_s, led: led.get(), snapshot }))
+        let describe = &mut || {
+            let battery_v = snapshot.battery.map_or(0.0, |mv| f64::from(mv.0) * 1e-3);
+            let motors = snapshot.motors.iter().map(|motor| (motor.velocity.to_f64(), motor.drive));
+            let Colour { red, green, blue } = led.get();
+            format!("LED #{red:02x}{green:02x}{blue:02x}, {}", line_on(battery_v, motors))
+        };
+        Ok(show(Moment { at_s, awake: snapshot.battery.is_some(), describe }))
     })
 }
 

@@ -1,15 +1,17 @@
-//! `motor-hub serve`.
+//! `motor-hub serve`, and what it has in common with serving the emulated chip.
 
 use super::{Failure, print};
 use crate::scenario::Scenario;
-use crate::serve::{self, Line, Scene};
+use crate::serve::{self, Line, Moment};
 use indicatif::ProgressBar;
 use motor_hub::link::Address;
 use std::path::PathBuf;
+use std::process::Command;
+use std::time::Duration;
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
-The simulated hub in real time behind the REV Hub Serial Protocol, for host software to talk to
+A simulated hub in real time behind the REV Hub Serial Protocol, for host software to talk to
 
 The first line on standard output is what hosts open: the path of a serial port, or an address and port.
 The motors, their loads and the battery are those of a scenario; its set-points are left to the host.
@@ -22,21 +24,43 @@ const AWAKE_S: f64 = 0.5;
 #[derive(clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]
-    line: LineOptions,
-    /// Scenario file (TOML) instead of the default scenario
-    #[arg(long, value_name = "FILE")]
-    scenario: Option<PathBuf>,
+    serving: Serving,
     /// Address of the hub, 1 to 254
     #[arg(long, value_name = "N", default_value = "2", value_parser = address)]
     address: Address,
+    /// The flashed image on an emulated chip instead of the simulated board: the program `emulate`, which
+    /// `cargo build --release --package emulated` puts beside this one. Its address is 2
+    #[arg(long, conflicts_with = "address")]
+    emulated: bool,
+}
+
+impl Options {
+    pub(super) fn execute(self) -> Result<(), Failure> {
+        if self.emulated {
+            return self.serving.pass_on_to("emulate");
+        }
+        self.serving.execute(Scenario::default_one, |scenario, line, show| {
+            serve::run(scenario, self.address, line, show)
+        })
+    }
+}
+
+/// How a hub is served, whatever runs it.
+#[derive(clap::Args)]
+pub struct Serving {
+    #[command(flatten)]
+    place: Place,
+    /// Scenario file (TOML) instead of the default scenario
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
     /// Ends after so many seconds
     #[arg(long = "for", value_name = "S", allow_negative_numbers = true, value_parser = seconds)]
-    seconds: Option<f64>,
+    limit_s: Option<f64>,
 }
 
 #[derive(clap::Args)]
 #[group(required = true, multiple = false)]
-struct LineOptions {
+struct Place {
     /// On a pseudo-terminal, which hosts open as a serial port
     #[arg(long)]
     pty: bool,
@@ -45,30 +69,37 @@ struct LineOptions {
     tcp: Option<String>,
 }
 
-impl Options {
-    pub(super) fn execute(self) -> Result<(), Failure> {
-        let scenario = match &self.scenario {
-            Some(path) => Scenario::load(path),
-            None => Scenario::default_one(),
-        };
-        let scenario = scenario.map_err(Failure::Input)?;
-        let line = match &self.line.tcp {
+impl Serving {
+    /// Says where the hub is as soon as it is awake, and serves it. `run` gives back the time that was
+    /// lost because this machine was too slow.
+    ///
+    /// # Errors
+    /// If the scenario or the place is no good, or as `run` does.
+    pub fn execute(
+        self,
+        default: impl FnOnce() -> Result<Scenario, String>,
+        run: impl FnOnce(&Scenario, Line, &mut dyn FnMut(Moment<'_>) -> bool) -> Result<Duration, String>,
+    ) -> Result<(), Failure> {
+        let scenario =
+            self.scenario.as_deref().map_or_else(default, Scenario::load).map_err(Failure::Input)?;
+        let line = match &self.place.tcp {
             Some(address) => Line::tcp(address).map_err(Failure::Input)?,
             None => Line::pty().map_err(Failure::Work)?,
         };
         let mut place = Some(format!("{line}\n"));
         let mut said_so = Ok(());
-        let limit_s = self.seconds.unwrap_or(f64::INFINITY);
         let bar = ProgressBar::new_spinner();
-        let lost = serve::run(&scenario, self.address, line, |scene| {
-            if scene.snapshot.tick.is_multiple_of(5) {
-                bar.set_message(said(&scene));
-            }
+        let mut shown_s = 0.0;
+        let lost = run(&scenario, line, &mut |Moment { at_s, awake, describe }| {
             // Not before a motor can be enabled, unless the battery is at fault.
-            if scene.snapshot.battery.is_some() || scene.at_s > AWAKE_S {
+            if awake || at_s > AWAKE_S {
                 said_so = place.take().map_or(Ok(()), |place| print(&place));
             }
-            said_so.is_ok() && scene.at_s < limit_s
+            if at_s > shown_s && !bar.is_hidden() {
+                shown_s = at_s + 0.2;
+                bar.set_message(format!("{at_s:.0} s, {}", describe()));
+            }
+            said_so.is_ok() && self.limit_s.is_none_or(|limit_s| at_s < limit_s)
         });
         bar.finish_and_clear();
         let lost = lost.map_err(Failure::Work)?;
@@ -77,6 +108,38 @@ impl Options {
             eprintln!("this machine was too slow for real time: {:.1} s were lost", lost.as_secs_f64());
         }
         Ok(())
+    }
+
+    /// The same by another program of this workspace.
+    fn pass_on_to(&self, program: &str) -> Result<(), Failure> {
+        let path = std::env::current_exe()
+            .map_err(|e| Failure::Work(format!("where this program is: {e}")))?
+            .with_file_name(format!("{program}{}", std::env::consts::EXE_SUFFIX));
+        let mut command = Command::new(&path);
+        command.arg("serve");
+        match &self.place.tcp {
+            Some(address) => command.args(["--tcp", address]),
+            None => command.arg("--pty"),
+        };
+        if let Some(file) = &self.scenario {
+            command.arg("--scenario").arg(file);
+        }
+        if let Some(limit_s) = self.limit_s {
+            command.arg("--for").arg(limit_s.to_string());
+        }
+        let failed = |error| {
+            let build = "`cargo build --release --package emulated` builds it";
+            Failure::Work(format!("{}: {error}; {build}", path.display()))
+        };
+        // In the place of this process, so that whoever stops one stops both.
+        #[cfg(unix)]
+        let done = Err(failed(std::os::unix::process::CommandExt::exec(&mut command)));
+        #[cfg(not(unix))]
+        let done = match command.status().map_err(failed)?.code() {
+            Some(0) => Ok(()),
+            code => Err(Failure::Work(format!("{program} ended with {code:?}"))),
+        };
+        done
     }
 }
 
@@ -90,19 +153,4 @@ fn address(text: &str) -> Result<Address, String> {
         .ok()
         .and_then(Address::new)
         .ok_or_else(|| "an address is a whole number from 1 to 254".into())
-}
-
-/// One line for people.
-fn said(scene: &Scene) -> String {
-    let battery = scene.snapshot.battery.map_or(0.0, |mv| f64::from(mv.0) * 1e-3);
-    let motors = scene.snapshot.motors.iter().map(|motor| {
-        let (mode, duty) = (motor.drive.mode.name(), 100.0 * motor.drive.duty.to_f64());
-        format!(" | {} counts/s {mode} {duty:.0} %", motor.velocity.round())
-    });
-    let [red, green, blue] = [scene.led.red, scene.led.green, scene.led.blue];
-    format!(
-        "{:.0} s, LED #{red:02x}{green:02x}{blue:02x}, {battery:.2} V{}",
-        scene.at_s,
-        motors.collect::<String>()
-    )
 }

@@ -1,0 +1,67 @@
+//! The image in real time, its serial line on this machine.
+
+use std::time::Duration;
+
+use simulated::scenario::Scenario;
+use simulated::serve::{Line, Moment, line_on, pace};
+
+use crate::bench::Bench;
+use crate::emulate::{drive, setup};
+
+const STEP: Duration = Duration::from_millis(1);
+
+/// The chip needs so long until a motor can be enabled.
+const BOOT: Duration = Duration::from_millis(200);
+
+/// Silence of several bytes: a reply is at its end.
+const PAUSE: Duration = Duration::from_micros(100);
+
+/// More than the longest reply.
+const LONGEST: usize = 128;
+
+/// Serves the image with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves
+/// the simulated board.
+///
+/// # Errors
+/// If the emulator had a gap.
+pub fn run(
+    scenario: &Scenario,
+    mut line: Line,
+    show: &mut dyn FnMut(Moment<'_>) -> bool,
+) -> Result<Duration, String> {
+    let mut bench = Bench::new(setup(scenario));
+    let mut chunk = [0; 512];
+    let mut reply: Vec<u8> = Vec::new();
+    // The emulator is as fast as it is; what it does before hosts are told of it is not held against it.
+    bench.run(BOOT);
+    let lost = pace(|step| {
+        let at_s = step as f64 * STEP.as_secs_f64();
+        let length = line.receive(&mut chunk);
+        if let Some(bytes @ [_, ..]) = chunk.get(..length) {
+            bench.send(bytes);
+        }
+        for (index, motor) in scenario.motors.iter().enumerate() {
+            if motor.torque_at(at_s) != motor.torque_at(at_s - STEP.as_secs_f64()) || step == 0 {
+                bench.set_torque(index, motor.torque_at(at_s));
+            }
+        }
+        bench.run(STEP);
+        let heard = bench.receive();
+        reply.extend(heard.iter().map(|byte| byte.byte));
+        // A reply is one burst, for hosts that do not wait for its second byte.
+        let ended = heard.last().is_none_or(|last| bench.now() - last.at > PAUSE);
+        if !reply.is_empty() && (ended || reply.len() > LONGEST) {
+            let sent = line.send(&reply);
+            reply.drain(..sent);
+        }
+        let describe = &mut || {
+            let motors: Vec<_> = (0..bench.motors())
+                .map(|motor| (bench.look(motor).counts_per_second, drive(&mut bench, motor)))
+                .collect();
+            line_on(bench.battery().0, motors.into_iter())
+        };
+        Ok(show(Moment { at_s, awake: true, describe }))
+    })?;
+    let gaps = bench.gaps();
+    if gaps.is_empty() { Ok(lost) } else { Err(gaps.join("\n")) }
+}
