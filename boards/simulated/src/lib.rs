@@ -13,6 +13,7 @@
 pub mod catalogue;
 pub mod chart;
 pub mod cli;
+pub mod client;
 pub mod compare;
 pub mod eval;
 pub mod measures;

@@ -1,0 +1,155 @@
+//! A hub for the tests of the client: the firmware's own link state with a made-up snapshot.
+#![allow(dead_code, reason = "each test uses its own part")]
+
+use motor_hub::hub::Snapshot;
+use motor_hub::link::command::FIRST;
+use motor_hub::link::{Address, Decoder, Link, frame};
+use motor_hub::motor::Settings;
+use motor_hub::units::{EmfConstant, Micros, Millivolts};
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+
+pub(crate) const ADDRESS: u8 = 3;
+
+pub(crate) struct Hub {
+    pub(crate) link: Link<4>,
+    pub(crate) snapshot: Snapshot<4>,
+    /// Motors that have ever been enabled.
+    pub(crate) was_enabled: [bool; 4],
+    /// Bytes that go out before each reply.
+    pub(crate) before: fn(&[u8]) -> Vec<u8>,
+    /// Requests that it does not hear.
+    pub(crate) deaf_for: u32,
+    /// Type of the first motor function.
+    pub(crate) first: u16,
+    /// Another host asks for fail-safe before each bulk read.
+    pub(crate) fail_safe_at_bulk: bool,
+    decoder: Decoder,
+    since: Instant,
+}
+
+impl Hub {
+    /// Just after its reset, with 12.345 V.
+    pub(crate) fn new() -> Self {
+        let settings = Settings::new(EmfConstant::from_bits(4_180_495).unwrap());
+        Self {
+            link: Link::new(Address::new(ADDRESS).unwrap(), [settings; 4]),
+            snapshot: Snapshot { battery: Some(Millivolts(12_345)), ..Snapshot::INITIAL },
+            was_enabled: [false; 4],
+            before: |_| Vec::new(),
+            deaf_for: 0,
+            first: FIRST,
+            fail_safe_at_bulk: false,
+            decoder: Decoder::new(),
+            since: Instant::now(),
+        }
+    }
+
+    /// Bytes come, bytes go.
+    fn exchange(&mut self, mut bytes: &[u8]) -> Vec<u8> {
+        let now = Micros(self.since.elapsed().as_micros() as u64);
+        let mut out = Vec::new();
+        while let Some(mut packet) = self.decoder.next(&mut bytes, now) {
+            if self.deaf_for > 0 {
+                self.deaf_for -= 1;
+                continue;
+            }
+            let is_bulk = packet.id == self.first;
+            if packet.id < 0x7F00 {
+                packet.id = packet.id.checked_sub(self.first - FIRST).expect("a function of this hub");
+            }
+            if is_bulk && self.fail_safe_at_bulk {
+                let mut other = packet.clone();
+                other.id = 0x7F05;
+                self.link.receive(&other, now, &self.snapshot);
+            }
+            let Some(mut reply) = self.link.receive(&packet, now, &self.snapshot) else { continue };
+            if packet.id == 0x7F07 {
+                reply.payload[1] = (self.first >> 8) as u8;
+            } else if reply.id & 0x8000 != 0 && reply.id < 0xFF00 {
+                reply.id += self.first - FIRST;
+            }
+            let now_enabled = self.link.enabled();
+            self.was_enabled.iter_mut().zip(now_enabled).for_each(|(was, is)| *was |= is);
+            let frame = frame::encode(&reply);
+            out.extend((self.before)(&frame));
+            out.extend(&frame);
+        }
+        out
+    }
+}
+
+/// A line with the hub at its other end, in one process.
+pub(crate) struct Memory {
+    hub: Hub,
+    replies: VecDeque<u8>,
+}
+
+impl Memory {
+    pub(crate) fn new(hub: Hub) -> Self {
+        Self { hub, replies: VecDeque::new() }
+    }
+}
+
+impl Read for Memory {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        if self.replies.is_empty() {
+            std::thread::sleep(Duration::from_micros(200));
+            return Err(ErrorKind::WouldBlock.into());
+        }
+        self.replies.read(buffer)
+    }
+}
+
+impl Write for Memory {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.replies.extend(self.hub.exchange(bytes));
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A hub that listens for one host after the other until the test ends.
+pub(crate) struct Server {
+    pub(crate) address: String,
+    hub: Arc<Mutex<Hub>>,
+}
+
+impl Server {
+    pub(crate) fn start(hub: Hub) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        let hub = Arc::new(Mutex::new(hub));
+        let shared = Arc::clone(&hub);
+        std::thread::spawn(move || {
+            for stream in listener.incoming() {
+                // A host that goes away, however it does.
+                let _ = serve(stream.unwrap(), &shared);
+            }
+        });
+        Self { address, hub }
+    }
+
+    pub(crate) fn hub(&self) -> MutexGuard<'_, Hub> {
+        self.hub.lock().unwrap()
+    }
+}
+
+fn serve(mut stream: TcpStream, hub: &Mutex<Hub>) -> std::io::Result<()> {
+    stream.set_nodelay(true)?;
+    let mut bytes = [0; 256];
+    loop {
+        let count = stream.read(&mut bytes)?;
+        if count == 0 {
+            return Ok(());
+        }
+        let replies = hub.lock().unwrap().exchange(&bytes[..count]);
+        stream.write_all(&replies)?;
+    }
+}
