@@ -4,6 +4,7 @@
 //! written before everything that can be checked has been.
 
 mod ask;
+mod client;
 mod compare;
 mod figures;
 mod paper;
@@ -68,6 +69,9 @@ enum Command {
     /// A simulated hub in real time, for host software to talk to
     #[command(long_about = serve::HELP)]
     Serve(serve::Options),
+    /// Commands for a hub on a serial port or TCP connection
+    #[command(long_about = client::HELP)]
+    Client(client::Options),
     /// The scripting interface: computes cases of a JSON document
     #[command(long_about = eval::HELP)]
     Eval(eval::Options),
@@ -84,6 +88,7 @@ pub fn main() -> ExitCode {
         Command::Paper(options) => options.execute(),
         Command::Figures(options) => options.execute(),
         Command::Serve(options) => options.execute(),
+        Command::Client(options) => options.execute(),
         Command::Eval(options) => options.execute(),
     };
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
