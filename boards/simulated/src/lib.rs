@@ -7,7 +7,8 @@
 //! ```
 //!
 //! [`cli`] is the command line `motor-hub`; `points`, `map` and `eval` ask the firmware's core
-//! directly, without a run; [`compare`] makes many runs of a few tasks to tell schemes apart.
+//! directly, without a run; [`compare`] makes many runs of a few tasks to tell schemes apart. [`client`]
+//! is the host's end of the link to any hub, real or simulated.
 #![forbid(unsafe_code)]
 
 pub mod catalogue;

@@ -146,19 +146,29 @@ fn stray_bytes_before_a_reply_do_no_harm() {
 }
 
 #[test]
-fn a_lost_request_is_sent_again_unchanged_and_a_silent_hub_is_given_up() {
+fn a_lost_packet_is_sent_again_unchanged_and_a_silent_hub_is_given_up() {
+    let address = Address::new(ADDRESS).unwrap();
+    let session = |hub| Session::new(Memory::new(hub), address, Duration::from_millis(60));
     let mut hub = Hub::new();
-    hub.deaf_for = 2;
-    let memory = Memory::new(hub);
-    let mut session = Session::new(memory, Address::new(ADDRESS).unwrap(), Duration::from_millis(60));
-    session.fail_safe().unwrap();
+    (hub.deaf_for, hub.lost_replies) = (1, 1);
+    session(hub).fail_safe().unwrap();
 
     let mut hub = Hub::new();
     hub.deaf_for = 3;
-    let memory = Memory::new(hub);
-    let mut session = Session::new(memory, Address::new(ADDRESS).unwrap(), Duration::from_millis(60));
+    let mut session = session(hub);
     assert!(matches!(session.fail_safe(), Err(Error::Silent { address: ADDRESS })));
     session.fail_safe().unwrap();
+}
+
+#[test]
+fn a_new_address_holds_even_if_its_answer_is_lost() {
+    let mut hub = Hub::new();
+    hub.lost_replies = 1;
+    let memory = Memory::new(hub);
+    let mut session = Session::new(memory, Address::new(ADDRESS).unwrap(), Duration::from_millis(60));
+    session.set_address(Address::new(77).unwrap()).unwrap();
+    assert_eq!(session.address(), 77);
+    assert_eq!(session.battery().unwrap(), Millivolts(12_345));
 }
 
 #[test]

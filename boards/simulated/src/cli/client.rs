@@ -30,16 +30,16 @@ Exit codes: 0 done; 1 no answer, a refusal, or a target that was not reached; 2 
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// Serial port of the hub, or a pseudo-terminal (460800 baud, 8N1)
-    #[arg(long, value_name = "PATH", global = true)]
+    #[arg(long, value_name = "PATH", global = true, help_heading = "Hub")]
     port: Option<String>,
     /// Hub behind a TCP connection, in the place of --port
-    #[arg(long, value_name = "HOST:PORT", global = true)]
+    #[arg(long, value_name = "HOST:PORT", global = true, help_heading = "Hub")]
     tcp: Option<String>,
     /// Address of the hub, 1 to 254; otherwise it is found by discovery
-    #[arg(long, value_name = "N", global = true, value_parser = address)]
+    #[arg(long, value_name = "N", global = true, help_heading = "Hub", value_parser = address)]
     address: Option<Address>,
     /// How long an answer is waited for, with the request sent up to three times, in milliseconds
-    #[arg(long, value_name = "MS", global = true, default_value_t = 1000)]
+    #[arg(long, value_name = "MS", global = true, help_heading = "Hub", default_value_t = 1000)]
     #[arg(value_parser = clap::value_parser!(u64).range(10..=60_000))]
     timeout: u64,
     #[command(subcommand)]

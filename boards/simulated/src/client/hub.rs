@@ -31,9 +31,18 @@ impl<L: Read + Write> Session<L> {
 
     /// Gives the hub another address, at which this session goes on.
     pub fn set_address(&mut self, address: Address) -> Result<(), Error> {
-        self.write("take another address", 0x7F06, &[address.get()])?;
+        let before = self.address;
+        let done = self.write("take another address", 0x7F06, &[address.get()]);
         self.address = address.get();
-        Ok(())
+        match done {
+            // The answer may be lost, or come from the new address: then the hub is there by now.
+            Err(Error::Silent { .. }) if self.status(false).is_ok() => Ok(()),
+            Err(error) => {
+                self.address = before;
+                Err(error)
+            }
+            Ok(_) => Ok(()),
+        }
     }
 
     /// The colour last set for the status LED.

@@ -23,6 +23,8 @@ pub(crate) struct Hub {
     pub(crate) before: fn(&[u8]) -> Vec<u8>,
     /// Requests that it does not hear.
     pub(crate) deaf_for: u32,
+    /// Replies that are lost on the line.
+    pub(crate) lost_replies: u32,
     /// Type of the first motor function.
     pub(crate) first: u16,
     /// Another host asks for fail-safe before each bulk read.
@@ -41,6 +43,7 @@ impl Hub {
             was_enabled: [false; 4],
             before: |_| Vec::new(),
             deaf_for: 0,
+            lost_replies: 0,
             first: FIRST,
             fail_safe_at_bulk: false,
             decoder: Decoder::new(),
@@ -74,6 +77,10 @@ impl Hub {
             }
             let now_enabled = self.link.enabled();
             self.was_enabled.iter_mut().zip(now_enabled).for_each(|(was, is)| *was |= is);
+            if self.lost_replies > 0 {
+                self.lost_replies -= 1;
+                continue;
+            }
             let frame = frame::encode(&reply);
             out.extend((self.before)(&frame));
             out.extend(&frame);

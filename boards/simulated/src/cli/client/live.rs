@@ -44,8 +44,8 @@ impl Reading {
             let at_target = if at_target { "yes" } else { "no" };
             table.add_row([motor.to_string(), position.to_string(), velocity.to_string(), at_target.into()]);
         }
-        let seconds = self.at.as_secs_f64();
-        format!("{seconds:.1} s, battery {:.2} V, {}\n{table}\n", self.battery_v(), self.says())
+        let (seconds, volts) = (self.at.as_secs_f64(), self.battery_v());
+        format!("{seconds:.1} s, battery {volts:.2} V\n{}\n{table}\n", self.says())
     }
 
     /// Status and alerts in words.
@@ -102,7 +102,8 @@ impl Live {
         // Up to its first line, and clear to the end of the screen.
         let back = if self.height == 0 { String::new() } else { format!("\x1b[{}A\x1b[J", self.height) };
         self.height = text.lines().count();
-        print(&(back + text))
+        // Meanwhile long lines are cut off: wrapped ones would not be counted.
+        print(&format!("{back}\x1b[?7l{text}\x1b[?7h"))
     }
 }
 
