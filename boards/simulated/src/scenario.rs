@@ -147,6 +147,13 @@ impl Scenario {
         si::Volts(emf)
     }
 
+    /// The same motors and loads with nothing that pulls on them.
+    #[must_use]
+    pub fn undisturbed(mut self) -> Self {
+        self.motors.iter_mut().for_each(|motor| motor.torques.clear());
+        self
+    }
+
     /// The same run without a braking regime: forward and reverse driving only.
     #[must_use]
     pub fn without_braking(&self) -> Self {

@@ -14,7 +14,8 @@ pub(super) const HELP: &str = "\
 A simulated hub in real time behind the REV Hub Serial Protocol, for host software to talk to
 
 The first line on standard output is what hosts open: the path of a serial port, or an address and port.
-The motors, their loads and the battery are those of a scenario; its set-points are left to the host.
+The motors, their loads and the battery are those of a scenario; its set-points are left to the host. Nothing
+pulls on the default scenario's motors; the torques of a scenario that is named act from the start.
 It runs until it is stopped (Ctrl-C).";
 
 /// A hub is up after so many seconds, whatever its battery does.
