@@ -4,6 +4,7 @@ mod link_support;
 
 use link_support::{HUB, Host, N, Said, frame_to};
 use motor_hub::link::command::{COUNT, FIRST};
+use motor_hub::link::setup;
 
 /// A command: type, sizes of its fields, a good payload, and bad ones with what they are refused for.
 struct Form {
@@ -33,6 +34,7 @@ const NO_MOTOR: &[(&[u8], u8)] = &[(&[4], 0), (&[255], 0)];
 const NO_LOOP: &[(&[u8], u8)] = &[(&[4, 1], 0), (&[0, 0], 1), (&[0, 3], 1)];
 
 const F: u16 = FIRST;
+const OWN: u16 = setup::FIRST;
 
 /// Motor 0 is in position mode with a target when these are tried.
 const FORMS: &[Form] = &[
@@ -119,6 +121,23 @@ const FORMS: &[Form] = &[
     ),
     read(F + 53, &[1, 1], &[0, 1], 17, NO_LOOP),
     read(F + 57, &[], &[], 9, &[]),
+    read(0x7F07, &[10], b"MOTOR_HUB\0", 4, &[]),
+    write(
+        OWN,
+        &[1, 4, 2, 2, 1, 2, 1],
+        &[3, 1, 0, 0, 0, 1, 0, 0, 0, 5, 255, 255, 1],
+        &[
+            (&[4, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1], 0),
+            (&[0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1], 1),
+            (&[0, 0, 0, 0, 2, 1, 0, 0, 0, 1, 0, 0, 1], 1),
+            (&[0, 255, 255, 255, 255, 1, 0, 0, 0, 1, 0, 0, 1], 1),
+            // Current cannot be linear in an unknown resistance.
+            (&[0, 1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 1], 2),
+            (&[0, 1, 0, 0, 0, 1, 0, 0, 0, 6, 0, 0, 1], 4),
+            (&[0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 2], 6),
+        ],
+    ),
+    read(OWN + 1, &[1], &[3], 12, NO_MOTOR),
 ];
 
 /// A hub whose motors 0 can answer everything.
@@ -139,6 +158,7 @@ fn everything(host: &mut Host) -> Vec<Said> {
             all.push(host.call(function, &[index]));
         }
         all.extend([1, 2].map(|of| host.call(53, &[index, of])));
+        all.push(host.ask(OWN + 1, &[index]));
     }
     all
 }
@@ -233,7 +253,10 @@ fn quantities_that_are_not_measured_are_refused() {
 
 #[test]
 fn what_is_no_command_is_refused_as_unknown() {
-    for id in [0, 0x0FFF, F + COUNT, 0x2000, 0x7F00, 0x7F01, 0x7F02, 0x7F08, 0x7F09, 0x7F10, 0x8000, 0xFFFF] {
+    let own = [OWN - 1, OWN + setup::COUNT];
+    for id in
+        [0, 0x0FFF, F + COUNT, own[0], own[1], 0x7F00, 0x7F01, 0x7F02, 0x7F08, 0x7F09, 0x7F10, 0x8000, 0xFFFF]
+    {
         assert_eq!(host().ask(id, &[0; 20]), Said::Nack(255), "{id:#06x}");
     }
 }

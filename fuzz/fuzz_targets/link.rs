@@ -17,7 +17,7 @@ fn event(script: &mut &[u8]) -> Option<Event> {
     let (bytes, rest) = rest.split_at_checked(amount.into()).unwrap_or((rest, &[]));
     let frame = |destination| {
         let (&[number, family, low], payload) = bytes.split_first_chunk()?;
-        let family = if family & 1 == 0 { 0x10 } else { 0x7F };
+        let family = [0x10, 0x7F, 0x10, 0x4D][usize::from(family & 3)];
         Some(frame_to(destination, number, u16::from_be_bytes([family, low & 0x3F]), payload))
     };
     let piece = usize::from(kind >> 3) + 1;

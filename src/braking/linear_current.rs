@@ -62,6 +62,7 @@ type Q16 = u32;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LinearCurrent {
+    electrical: Electrical,
     /// 1/16 mV.
     diode: i32,
     /// `Ron / R2`: 0 to 1/2.
@@ -104,6 +105,7 @@ impl LinearCurrent {
         let r2 = r + 2 * ron;
         let period = period(r2, inductance, pwm_hz as u64);
         Ok(Self {
+            electrical,
             diode: (diode_mv as i32) << 4,
             switch_share: ((ron << 16) / r2) as Q16,
             drive_lambda: lambda(r2, r + ron),
@@ -112,6 +114,11 @@ impl LinearCurrent {
             inverse: if period == 0 { 0 } else { ((1 << 40) / period as u64) as u32 },
             growth: growth(period),
         })
+    }
+
+    /// What it was made for.
+    pub const fn electrical(&self) -> Electrical {
+        self.electrical
     }
 
     /// The duty of 9/8 for the current `w >= 0` at the back EMF `e`, which is negative for a motor that

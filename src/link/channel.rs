@@ -6,6 +6,7 @@
 use super::command::{Algorithm, Loop, Mode, ToMotor};
 use super::fields::Nack;
 use super::reply::Answer;
+use super::setup::Setup;
 use crate::hub::Action;
 use crate::motion::Pidf;
 use crate::motor::{Report, Setpoint, Settings, ZeroPower};
@@ -110,25 +111,34 @@ impl Channel {
                 }
                 self.pending.configure = true;
             }
+            ToMotor::SetUp(setup) => {
+                self.settings = setup.settings(&self.settings);
+                self.pending.configure = true;
+            }
+            ToMotor::Setup => return Ok(Answer::data(&[&Setup::of(&self.settings).bytes()])),
             ToMotor::Mode => {
                 let float = self.settings.zero_power == ZeroPower::Float;
-                return Ok(Answer::data([self.mode as u8, u8::from(float)]));
+                return Ok(Answer::data(&[&[self.mode as u8, u8::from(float)]]));
             }
-            ToMotor::Enable => return Ok(Answer::data([u8::from(self.enabled)])),
-            ToMotor::CurrentAlert => return Ok(Answer::data(self.current_alert.to_le_bytes())),
-            ToMotor::Power => return Ok(Answer::data(self.power.unwrap_or_default().get().to_le_bytes())),
-            ToMotor::Velocity => return Ok(Answer::data(self.velocity.unwrap_or_default().to_le_bytes())),
+            ToMotor::Enable => return Ok(Answer::data(&[&[u8::from(self.enabled)]])),
+            ToMotor::CurrentAlert => return Ok(Answer::data(&[&self.current_alert.to_le_bytes()])),
+            ToMotor::Power => {
+                return Ok(Answer::data(&[&self.power.unwrap_or_default().get().to_le_bytes()]));
+            }
+            ToMotor::Velocity => {
+                return Ok(Answer::data(&[&self.velocity.unwrap_or_default().to_le_bytes()]));
+            }
             ToMotor::Position => {
                 let (counts, tolerance) = self.position.map_or((0, 0), |t| (t.counts, t.tolerance));
-                return Ok(Answer::data(counts.to_le_bytes().into_iter().chain(tolerance.to_le_bytes())));
+                return Ok(Answer::data(&[&counts.to_le_bytes(), &tolerance.to_le_bytes()]));
             }
             ToMotor::AtTarget if self.mode != Mode::Position => return Err(Nack::WrongMode),
-            ToMotor::AtTarget => return Ok(Answer::data([u8::from(self.at_target(report))])),
-            ToMotor::Encoder => return Ok(Answer::data(self.counts(report).to_le_bytes())),
+            ToMotor::AtTarget => return Ok(Answer::data(&[&[u8::from(self.at_target(report))]])),
+            ToMotor::Encoder => return Ok(Answer::data(&[&self.counts(report).to_le_bytes()])),
             ToMotor::Pidf(of) => {
                 let (Pidf { p, i, d, f }, algorithm) = self.pidf(of);
-                let coefficients = [p, i, d, f].into_iter().flat_map(|c| c.to_bits().to_le_bytes());
-                return Ok(Answer::data(coefficients.chain([algorithm as u8])));
+                let coefficients = [p, i, d, f].map(|c| c.to_bits().to_le_bytes());
+                return Ok(Answer::data(&[coefficients.as_flattened(), &[algorithm as u8]]));
             }
             ToMotor::Pid(of) => {
                 let (Pidf { p, i, d, f }, _) = self.pidf(of);
@@ -136,7 +146,7 @@ impl Channel {
                     // An answer without F would not be the truth; hosts then ask for all four.
                     return Err(Nack::Parameter(2));
                 }
-                return Ok(Answer::data([p, i, d].into_iter().flat_map(|c| c.to_bits().to_le_bytes())));
+                return Ok(Answer::data(&[[p, i, d].map(|c| c.to_bits().to_le_bytes()).as_flattened()]));
             }
         }
         Ok(Answer::Ack)

@@ -4,6 +4,7 @@ use super::fields::{Fields, Nack};
 use super::frame::Packet;
 use super::led::{Colour, Pattern};
 use super::pins::{self, Pins};
+use super::setup::{self, Setup};
 use crate::motion::Pidf;
 use crate::motor::ZeroPower;
 use crate::units::{Coefficient, Control};
@@ -141,6 +142,8 @@ pub enum ToMotor {
     Pidf(Loop),
     /// P, I and D only.
     Pid(Loop),
+    SetUp(Setup),
+    Setup,
 }
 
 /// A request with all its parameters in range.
@@ -154,8 +157,11 @@ pub enum Request {
     KeepAlive,
     FailSafe,
     SetAddress(Address),
-    /// By its name; only this hub's own gets here.
-    QueryInterface,
+    /// The types of an interface that was asked for by its name: the first, and how many.
+    QueryInterface {
+        first: u16,
+        count: u16,
+    },
     SetLedColour(Colour),
     LedColour,
     SetLedPattern(Pattern),
@@ -188,6 +194,12 @@ impl Request {
         let mut fields = Fields::new(&packet.payload);
         match packet.id {
             FIRST.. if packet.id - FIRST < COUNT => Self::function(packet.id - FIRST, &mut fields, motors),
+            setup::FIRST.. if packet.id - setup::FIRST < setup::COUNT => {
+                let motor = fields.index(motors)?;
+                let read = packet.id != setup::FIRST;
+                let request = if read { ToMotor::Setup } else { ToMotor::SetUp(Setup::read(&mut fields)?) };
+                Ok(Self::Motor(motor, request))
+            }
             _ => Self::standard(packet.id, &mut fields),
         }
     }
@@ -198,7 +210,15 @@ impl Request {
             0x7F04 => Self::KeepAlive,
             0x7F05 => Self::FailSafe,
             0x7F06 => Self::SetAddress(fields.u8_as(Address::new)?),
-            0x7F07 if fields.zero_terminated()? == INTERFACE => Self::QueryInterface,
+            0x7F07 => {
+                let name = fields.zero_terminated()?;
+                let (first, count) = match name {
+                    INTERFACE => (FIRST, COUNT),
+                    setup::INTERFACE => (setup::FIRST, setup::COUNT),
+                    _ => return Err(Nack::Unknown),
+                };
+                Self::QueryInterface { first, count }
+            }
             0x7F0A => Self::SetLedColour(Colour::read(fields)?),
             0x7F0B => Self::LedColour,
             0x7F0C => Self::SetLedPattern(Pattern::read(fields)?),

@@ -98,7 +98,12 @@ impl<'a> Fields<'a> {
 
     /// `least` to 65 535.
     pub fn u16_from(&mut self, least: u16) -> Result<u16, Nack> {
-        self.checked(|bytes| Some(u16::from_le_bytes(bytes)).filter(|value| *value >= least))
+        self.u16_as(|value| Some(value).filter(|value| *value >= least))
+    }
+
+    /// 16 bits that stand for something.
+    pub fn u16_as<T>(&mut self, make: impl FnOnce(u16) -> Option<T>) -> Result<T, Nack> {
+        self.checked(|bytes| make(u16::from_le_bytes(bytes)))
     }
 
     /// -32768 to 32767.

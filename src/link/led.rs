@@ -76,10 +76,8 @@ impl Pattern {
     }
 
     /// As the host sends it, padded with zeros.
-    pub fn bytes(&self) -> impl Iterator<Item = u8> {
-        self.0
-            .into_iter()
-            .flat_map(|Step { duration, colour: Colour { red, green, blue } }| [duration, blue, green, red])
+    pub fn bytes(&self) -> [[u8; 4]; STEPS] {
+        self.0.map(|Step { duration, colour: Colour { red, green, blue } }| [duration, blue, green, red])
     }
 
     /// What is shown so long after the start; `None` if the pattern is empty.

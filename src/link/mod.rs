@@ -17,6 +17,7 @@
 //! | [`command`] | packet to typed request, every parameter checked |
 //! | [`reply`] | layouts of answers |
 //! | [`channel`] | what the hub remembers of one motor, and what that makes the motor do |
+//! | [`setup`] | an interface of this hub's own: which motor, which scheme |
 //! | [`pins`] | digital pins, PWM and servo outputs, which this hub only remembers |
 //! | [`led`] | the status LED |
 //! | [`alive`] | keep-alive timer, status word, attention |
@@ -32,6 +33,7 @@ pub mod frame;
 pub mod led;
 pub mod pins;
 pub mod reply;
+pub mod setup;
 pub mod state;
 
 pub use command::{Address, Request};

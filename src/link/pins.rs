@@ -120,14 +120,15 @@ impl Memory {
             Pins::SetOutputs(levels) => self.levels = levels,
             Pins::SetDirection { pin, output } => set_bit(&mut self.outputs, pin, output),
             Pins::Direction { pin } => {
-                return Ok(Answer::data([u8::from(self.outputs & 1u8.wrapping_shl(pin as u32) != 0)]));
+                return Ok(Answer::data(&[&[u8::from(self.outputs & 1u8.wrapping_shl(pin as u32) != 0)]]));
             }
-            Pins::Input { .. } | Pins::Inputs => return Ok(Answer::data([0])),
+            Pins::Input { .. } | Pins::Inputs => return Ok(Answer::data(&[&[0]])),
             Pins::Set { kind, channel, item, value } => *self.pulses(kind, channel)?.item(item) = value,
             Pins::Get { kind, channel, item } => {
                 let value = *self.pulses(kind, channel)?.item(item);
-                let bytes = value.to_le_bytes().into_iter();
-                return Ok(Answer::data(bytes.take(if item == Item::Enable { 1 } else { 2 })));
+                let [low, high] = value.to_le_bytes();
+                let enable = item == Item::Enable;
+                return Ok(if enable { Answer::data(&[&[low]]) } else { Answer::data(&[&[low, high]]) });
             }
         }
         Ok(Answer::Ack)

@@ -43,11 +43,12 @@ pub enum Answer {
 }
 
 impl Answer {
-    /// Data from bytes; beyond [`LONGEST`] they are cut off, which no layout needs.
-    pub fn data(bytes: impl IntoIterator<Item = u8>) -> Self {
+    /// Data, field by field; what goes beyond [`LONGEST`] is left out, which no layout needs.
+    #[inline(never)]
+    pub fn data(fields: &[&[u8]]) -> Self {
         let mut data = Data::new();
-        for byte in bytes.into_iter().take(LONGEST) {
-            let _ = data.push(byte);
+        for field in fields {
+            let _ = data.extend_from_slice(field);
         }
         Self::Data(data)
     }
@@ -97,14 +98,13 @@ pub struct Bulk {
 impl Bulk {
     /// 35 bytes.
     pub fn answer(&self) -> Answer {
-        let words = self.velocities.into_iter().chain(self.analog).flat_map(i16::to_le_bytes);
-        Answer::data(
-            [self.digital]
-                .into_iter()
-                .chain(self.encoders.into_iter().flat_map(i32::to_le_bytes))
-                .chain([self.motor_status])
-                .chain(words)
-                .chain([u8::from(self.attention)]),
-        )
+        Answer::data(&[
+            &[self.digital],
+            self.encoders.map(i32::to_le_bytes).as_flattened(),
+            &[self.motor_status],
+            self.velocities.map(i16::to_le_bytes).as_flattened(),
+            self.analog.map(i16::to_le_bytes).as_flattened(),
+            &[u8::from(self.attention)],
+        ])
     }
 }

@@ -2,7 +2,7 @@
 
 use super::alive::Alive;
 use super::channel::Channel;
-use super::command::{Address, COUNT, DISCOVERY, FIRST, Request, ToMotor};
+use super::command::{Address, DISCOVERY, Request, ToMotor};
 use super::fields::Nack;
 use super::frame::Packet;
 use super::led::{Colour, Led};
@@ -136,35 +136,34 @@ impl<const N: usize> Link<N> {
             Request::Motor(motor, request) => return self.motor(motor, request, snapshot),
             Request::Pins(request) => return self.pins.receive(request),
             Request::Status { clear } => {
-                let answer = Answer::data([self.alive.status(), motor_alerts(&snapshot.motors)]);
+                let answer = Answer::data(&[&[self.alive.status(), motor_alerts(&snapshot.motors)]]);
                 if clear {
                     self.alive.clear();
                 }
                 return Ok(answer);
             }
-            Request::QueryInterface => {
-                return Ok(Answer::data([FIRST, COUNT].into_iter().flat_map(u16::to_le_bytes)));
+            Request::QueryInterface { first, count } => {
+                return Ok(Answer::data(&[&first.to_le_bytes(), &count.to_le_bytes()]));
             }
             Request::LedColour => {
                 let Colour { red, green, blue } = self.led.colour();
-                return Ok(Answer::data([red, green, blue]));
+                return Ok(Answer::data(&[&[red, green, blue]]));
             }
-            Request::LedPattern => return Ok(Answer::data(self.led.pattern().bytes())),
+            Request::LedPattern => return Ok(Answer::data(&[self.led.pattern().bytes().as_flattened()])),
             // There is no hub between this one and the host.
-            Request::Discovery => return Ok(Answer::data([1])),
+            Request::Discovery => return Ok(Answer::data(&[&[1]])),
             Request::Bulk => return Ok(self.bulk(snapshot).answer()),
             Request::Battery => {
                 // Unknown reads 0, which no battery does that a hub runs from.
                 let Millivolts(mv) = snapshot.battery.unwrap_or_default();
-                return Ok(Answer::data(i16::try_from(mv).unwrap_or(i16::MAX).to_le_bytes()));
+                return Ok(Answer::data(&[&i16::try_from(mv).unwrap_or(i16::MAX).to_le_bytes()]));
             }
-            Request::PhoneCharge => return Ok(Answer::data([u8::from(self.phone_charge)])),
-            Request::FtdiReset => return Ok(Answer::data([u8::from(self.ftdi_reset)])),
+            Request::PhoneCharge => return Ok(Answer::data(&[&[u8::from(self.phone_charge)]])),
+            Request::FtdiReset => return Ok(Answer::data(&[&[u8::from(self.ftdi_reset)]])),
             Request::VersionText => {
-                let text = VERSION_TEXT.iter().copied();
-                return Ok(Answer::data([VERSION_TEXT.len() as u8].into_iter().chain(text)));
+                return Ok(Answer::data(&[&[VERSION_TEXT.len() as u8], VERSION_TEXT]));
             }
-            Request::Version => return Ok(Answer::data(VERSION)),
+            Request::Version => return Ok(Answer::data(&[&VERSION])),
         }
         Ok(Answer::Ack)
     }

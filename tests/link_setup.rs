@@ -1,0 +1,108 @@
+//! A host says which motor is on a channel and what its control values mean.
+
+mod link_support;
+
+use link_support::{Host, Said, settings};
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Electrical, LinearCurrent, Scheme};
+use motor_hub::hub::{Action, Command};
+use motor_hub::link::setup::FIRST;
+use motor_hub::motor::{Settings, ZeroPower};
+use motor_hub::units::EmfConstant;
+
+/// An AM 40 C: 3.12 mV s/count.
+const KE: i32 = 3_271_557;
+
+/// Code, blend, and what they are called here.
+fn schemes() -> [(u8, u16, Scheme); 8] {
+    let blend = |bits| Scheme::D(Blend::Fixed(BlendFraction::from_bits(bits).expect("in range")));
+    [
+        (0, 0, Scheme::ForwardReverse),
+        (1, 0, Scheme::A),
+        (2, 0, Scheme::B),
+        (3, 0, Scheme::C),
+        (4, 0, Scheme::D(Blend::Automatic)),
+        (5, 0, blend(0)),
+        (5, 0x8000, blend(0x8000)),
+        (5, 0xFFFF, blend(0xFFFF)),
+    ]
+}
+
+fn fields(ke: i32, mohm: u16, uh: u16, code: u8, blend: u16, rule: u8) -> Vec<u8> {
+    let winding = [mohm, uh].map(u16::to_le_bytes);
+    [&ke.to_le_bytes(), winding.as_flattened(), &[code], &blend.to_le_bytes(), &[rule]].concat()
+}
+
+fn set_up(host: &mut Host, motor: u8, fields: &[u8]) {
+    assert_eq!(host.ask(FIRST, &[&[motor], fields].concat()), Said::Ack(0));
+}
+
+#[test]
+fn the_interface_is_found_by_its_name() {
+    let mut host = Host::settled();
+    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 2, 0]));
+}
+
+#[test]
+fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
+    for (code, blend, scheme) in schemes() {
+        for (rule, uh) in [(0, 700), (1, 700), (1, 0)] {
+            let mut host = Host::settled();
+            // What zero means is not part of it.
+            host.do_all(&[(8, &[2, 1, 1])]);
+            host.told();
+            let fields = fields(KE, 4_200, uh, code, blend, rule);
+            set_up(&mut host, 2, &fields);
+
+            let winding =
+                Electrical { resistance_mohm: 4_200, inductance_uh: Some(uh), ..Electrical::TYPICAL };
+            let duty = match rule {
+                0 => DutyRule::LinearDuty,
+                _ => DutyRule::LinearCurrent(LinearCurrent::new(winding).expect("in range")),
+            };
+            let emf = EmfConstant::from_bits(KE).expect("in range");
+            let settings =
+                Settings { duty, zero_power: ZeroPower::Float, ..Settings::for_scheme(emf, scheme) };
+            assert_eq!(host.told(), [Command { motor: 2, action: Action::Configure(settings) }]);
+
+            let read_back = if rule == 0 { [&fields[..4], &[0; 4], &fields[8..]].concat() } else { fields };
+            assert_eq!(host.ask(FIRST + 1, &[2]), Said::Data(read_back));
+        }
+    }
+}
+
+#[test]
+fn the_motor_that_the_hub_starts_with_reads_back() {
+    let mut host = Host::settled();
+    let typical = Electrical::TYPICAL;
+    let uh = typical.inductance_uh.expect("known");
+    let started = fields(settings().emf.to_bits(), typical.resistance_mohm, uh, 1, 0, 1);
+    assert_eq!(
+        [0, 3].map(|motor| host.ask(FIRST + 1, &[motor])),
+        [0, 3].map(|_| Said::Data(started.clone()))
+    );
+}
+
+#[test]
+fn every_motor_within_the_ranges_can_be_set_up() {
+    let mut host = Host::settled();
+    for (ke, mohm, uh) in
+        [(1, 1, 1), ((1 << 25) - 1, u16::MAX, u16::MAX), (1, u16::MAX, 1), (1 << 24, 1, u16::MAX)]
+    {
+        for (code, blend, _) in schemes() {
+            let fields = fields(ke, mohm, uh, code, blend, 1);
+            set_up(&mut host, 0, &fields);
+            assert_eq!(host.ask(FIRST + 1, &[0]), Said::Data(fields));
+        }
+    }
+}
+
+#[test]
+fn setting_up_enables_nothing_and_stops_nothing() {
+    let mut host = Host::settled();
+    let fields = fields(KE, 4_200, 0, 1, 0, 1);
+    set_up(&mut host, 0, &fields);
+    assert_eq!(host.call(11, &[0]), Said::Data(vec![0]));
+    host.do_all(&[(15, &[0, 0, 64]), (10, &[0, 1])]);
+    set_up(&mut host, 0, &fields);
+    assert_eq!(host.call(11, &[0]), Said::Data(vec![1]));
+}
