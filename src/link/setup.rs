@@ -35,11 +35,16 @@ pub const COUNT: u16 = 2;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Setup {
-    emf: EmfConstant,
-    resistance_mohm: u16,
-    inductance_uh: u16,
-    scheme: Scheme,
-    linear_current: bool,
+    /// Its back EMF per encoder speed.
+    pub emf: EmfConstant,
+    /// Its winding's resistance in milliohms, above 0 for linear current.
+    pub resistance_mohm: u16,
+    /// Its winding's inductance in microhenries; 0 if unknown.
+    pub inductance_uh: u16,
+    /// Where S, T, Z and G lie.
+    pub scheme: Scheme,
+    /// Duties such that current is linear, not duties that are linear themselves.
+    pub linear_current: bool,
 }
 
 impl Setup {

@@ -69,6 +69,30 @@ fn the_program_sets_and_shows_coefficients() {
 }
 
 #[test]
+fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
+    let server = Server::start(Hub::new());
+    let read = ["setup", "1", "--json"];
+    let before = json(&client(&server, &read));
+    assert_eq!((&before["scheme"], &before["duty"]), (&"scheme A".into(), &"linear current".into()));
+    let blend = ["--scheme", "D", "--blend", "0.5"];
+    let after = json(&client(&server, &[&read[..], &["--type", "AM 40 C"], &blend].concat()));
+    assert_eq!(after["scheme"], "scheme D, blend 0.500");
+    assert_ne!(after["emf_mv_s_per_count"], before["emf_mv_s_per_count"]);
+    assert_eq!(json(&client(&server, &read)), after);
+    // Another scheme leaves the motor.
+    let duty = json(&client(&server, &["setup", "1", "--duty", "linear-duty", "--scheme", "B", "--json"]));
+    assert_eq!((&duty["duty"], &duty["scheme"]), (&"linear duty".into(), &"scheme B".into()));
+    assert_eq!(duty["emf_mv_s_per_count"], after["emf_mv_s_per_count"]);
+    let back = client(&server, &["setup", "1", "--duty", "linear-current"]);
+    assert_eq!(back.status.code(), Some(2));
+    assert!(err(&back).contains("--type"), "{}", err(&back));
+    let unknown = client(&server, &["setup", "1", "--type", "AM 41"]);
+    assert!(err(&unknown).contains("AM 40 C"), "{}", err(&unknown));
+    let table = out(&client(&server, &["setup", "0"]));
+    assert!(table.contains("3.300 ohm") && table.contains("scheme A"), "{table}");
+}
+
+#[test]
 fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
     let server = Server::start(Hub::new());
     let begin = Instant::now();

@@ -3,6 +3,7 @@
 mod coefficients;
 mod drive;
 mod live;
+mod setup;
 mod status;
 mod watch;
 
@@ -70,6 +71,10 @@ enum Command {
     Stop,
     /// Reads a loop's coefficients, or sets those that are given and keeps the others
     Coefficients(coefficients::Options),
+    /// Shows or says which motor is connected and how it is controlled, on hubs of this project
+    ///
+    /// Setting anything gives the motor the coefficients that go with it. Nothing of it outlasts a reset.
+    Setup(setup::Options),
     /// Makes a motor's present position 0
     ResetEncoder {
         #[arg(value_parser = channel)]
@@ -150,6 +155,7 @@ impl Command {
             Self::Velocity(options) => return options.execute(&mut session),
             Self::Position(options) => return options.execute(&mut session),
             Self::Coefficients(options) => return options.execute(&mut session),
+            Self::Setup(options) => return options.execute(&mut session),
             Self::Watch(options) => return options.execute(&mut session),
             Self::Stop => {
                 session.fail_safe()?;

@@ -4,7 +4,7 @@ use super::state::{Bulk, Status};
 use super::{Error, Session};
 use motor_hub::link::command::INTERFACE;
 use motor_hub::link::fields::Fields;
-use motor_hub::link::{Address, Colour, Nack};
+use motor_hub::link::{Address, Colour, Nack, setup};
 use motor_hub::units::Millivolts;
 use std::io::{Read, Write};
 
@@ -102,15 +102,29 @@ impl<L: Read + Write> Session<L> {
         let (first, count) = match self.interface {
             Some(interface) => interface,
             None => {
-                let what = "number its motor functions";
-                let data = self.read(what, 0x7F07, &[INTERFACE, &[0]].concat())?;
-                let interface = parse(what, &data, |fields| Ok((fields.u16()?, fields.u16()?)))?;
+                let interface = self.query("number its motor functions", INTERFACE)?;
                 *self.interface.insert(interface)
             }
         };
-        let id = first.checked_add(function).filter(|_| function < count);
-        id.ok_or_else(|| Error::TooOld { what: what.to_owned() })
+        number(what, first, count, function)
     }
+
+    /// The type of a function of this hub's own interface.
+    pub(super) fn own(&mut self, what: &str, function: u16) -> Result<u16, Error> {
+        let (first, count) = self.query(what, setup::INTERFACE)?;
+        number(what, first, count, function)
+    }
+
+    /// First type and number of functions of an interface.
+    fn query(&mut self, what: &str, name: &[u8]) -> Result<(u16, u16), Error> {
+        let data = self.read(what, 0x7F07, &[name, &[0]].concat())?;
+        parse(what, &data, |fields| Ok((fields.u16()?, fields.u16()?)))
+    }
+}
+
+fn number(what: &str, first: u16, count: u16, function: u16) -> Result<u16, Error> {
+    let id = first.checked_add(function).filter(|_| function < count);
+    id.ok_or_else(|| Error::TooOld { what: what.to_owned() })
 }
 
 /// The layout of an answer; what follows it is ignored.

@@ -4,6 +4,7 @@ use super::hub::parse;
 use super::{Error, Session};
 use motor_hub::link::command::{Loop, Mode};
 use motor_hub::link::fields::Fields;
+use motor_hub::link::setup::Setup;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::ZeroPower;
 use motor_hub::units::Coefficient;
@@ -95,6 +96,21 @@ impl<L: Read + Write> Session<L> {
         let what = format!("set the target position of motor {motor}");
         let payload = [&[motor][..], &counts.to_le_bytes(), &tolerance.to_le_bytes()].concat();
         self.set(&what, 19, &payload)
+    }
+
+    /// Which motor it is, and how it is controlled; this hub's own firmware tells.
+    pub fn setup(&mut self, motor: u8) -> Result<Setup, Error> {
+        let what = format!("tell the set-up of motor {motor}");
+        let id = self.own(&what, 1)?;
+        let data = self.read(&what, id, &[motor])?;
+        parse(&what, &data, Setup::read)
+    }
+
+    /// Says which motor it is, and how to control it. Its coefficients become those that go with it.
+    pub fn set_up(&mut self, motor: u8, setup: Setup) -> Result<(), Error> {
+        let what = format!("set up motor {motor}");
+        let id = self.own(&what, 0)?;
+        self.write(&what, id, &[&[motor][..], &setup.bytes()].concat()).map(drop)
     }
 
     /// A loop's coefficients.

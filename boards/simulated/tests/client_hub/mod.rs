@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test uses its own part")]
 
 use motor_hub::hub::Snapshot;
-use motor_hub::link::command::FIRST;
+use motor_hub::link::command::{FIRST, INTERFACE};
 use motor_hub::link::{Address, Decoder, Link, frame};
 use motor_hub::motor::Settings;
 use motor_hub::units::{EmfConstant, Micros, Millivolts};
@@ -70,7 +70,7 @@ impl Hub {
                 self.link.receive(&other, now, &self.snapshot);
             }
             let Some(mut reply) = self.link.receive(&packet, now, &self.snapshot) else { continue };
-            if packet.id == 0x7F07 {
+            if packet.id == 0x7F07 && packet.payload.starts_with(INTERFACE) {
                 reply.payload[1] = (self.first >> 8) as u8;
             } else if reply.id & 0x8000 != 0 && reply.id < 0xFF00 {
                 reply.id += self.first - FIRST;

@@ -1,0 +1,97 @@
+//! `motor-hub client setup`.
+
+use super::{Trouble, channel};
+use crate::catalogue::find_motor;
+use crate::cli::{Failure, print, print_json};
+use crate::client::Session;
+use crate::client::line::Line;
+use crate::scenario::{DutyChoice, emf_constant};
+use crate::scheme::{BlendChoice, SchemeName, describe};
+use crate::table;
+use crate::world::electrical;
+use motor_hub::link::setup::Setup;
+use serde_json::json;
+
+/// Of which motor, and what to change.
+#[derive(clap::Args)]
+pub(super) struct Options {
+    /// Motor 0 to 3
+    #[arg(value_parser = channel)]
+    motor: u8,
+    /// What is connected: a motor of the catalogue
+    #[arg(long = "type", value_name = "NAME")]
+    name: Option<String>,
+    /// Scheme
+    #[arg(long, ignore_case = true)]
+    scheme: Option<SchemeName>,
+    /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
+    #[arg(long, value_name = "0..1|auto", requires = "scheme")]
+    blend: Option<BlendChoice>,
+    /// How duties are found
+    #[arg(long)]
+    duty: Option<DutyChoice>,
+    /// JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+impl Options {
+    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let changes = self.name.is_some() || self.scheme.is_some() || self.duty.is_some();
+        let mut setup = session.setup(self.motor)?;
+        if changes {
+            session.set_up(self.motor, self.change(setup).map_err(Failure::Input)?)?;
+            setup = session.setup(self.motor)?;
+        }
+        self.show(setup)
+    }
+
+    fn change(&self, mut setup: Setup) -> Result<Setup, String> {
+        if let Some(name) = &self.name {
+            let motor = find_motor(name)?;
+            let winding = electrical(&motor);
+            setup.emf = emf_constant(&motor).map_err(|e| e.to_string())?;
+            setup.resistance_mohm = winding.resistance_mohm;
+            setup.inductance_uh = winding.inductance_uh.unwrap_or(0);
+        }
+        if let Some(name) = self.scheme {
+            setup.scheme = name.with_blend(self.blend)?;
+        }
+        if let Some(duty) = self.duty {
+            setup.linear_current = duty == DutyChoice::LinearCurrent;
+        }
+        if setup.linear_current && setup.resistance_mohm == 0 {
+            return Err("linear current needs the motor's resistance: name the motor by --type".into());
+        }
+        Ok(setup)
+    }
+
+    fn show(&self, setup: Setup) -> Result<(), Trouble> {
+        let Setup { emf, resistance_mohm, inductance_uh, scheme, linear_current } = setup;
+        let emf = f64::from(emf.to_bits()) / f64::from(1 << 20);
+        let duty = if linear_current { "linear current" } else { "linear duty" };
+        if self.json {
+            let document = json!({
+                "motor": self.motor,
+                "emf_mv_s_per_count": emf,
+                "resistance_ohm": f64::from(resistance_mohm) / 1e3,
+                "inductance_mh": f64::from(inductance_uh) / 1e3,
+                "scheme": describe(scheme),
+                "duty": duty,
+            });
+            return Ok(print_json(&document)?);
+        }
+        let known = |value: u16, unit: &str| match value {
+            0 => "unknown".to_owned(),
+            value => format!("{:.3} {unit}", f64::from(value) / 1e3),
+        };
+        let mut table = table::new(&["motor", &self.motor.to_string()], 2);
+        table
+            .add_row(["back EMF", &format!("{emf:.4} mV s/count")])
+            .add_row(["resistance", &known(resistance_mohm, "ohm")])
+            .add_row(["inductance", &known(inductance_uh, "mH")])
+            .add_row(["scheme", &describe(scheme)])
+            .add_row(["duty", duty]);
+        Ok(print(&format!("{table}\n"))?)
+    }
+}
