@@ -1,8 +1,8 @@
 //! A scenario of the simulated board, run by the flashed image on the emulated chip: the host's line says
 //! what the scenario says, and what happens is remembered as the simulated board remembers it.
 //!
-//! The image has its own settings for all motors (an AM 60 A, Scheme A); a scenario for it has such
-//! motors, and its set-points lie between two control ticks.
+//! Over that line the host first sets the motors up: constants, scheme, duty rule, coefficients. Set-points
+//! should lie between two control ticks, so that the line has time to carry them: see [`on_a_line`].
 
 mod overlay;
 
@@ -10,16 +10,18 @@ use std::time::Duration;
 
 use motor_hub::braking::Regime;
 use motor_hub::bridge::{Drive, Mode as BridgeMode};
+use motor_hub::link::setup::{self, Setup};
 use motor_hub::model::plant::Flow;
 use motor_hub::model::si::{Ohms, Volts};
 use motor_hub::model::switching::Bridge;
+use motor_hub::motion::Pidf;
 use motor_hub::motor::{Report, Setpoint, ZeroPower};
-use motor_hub::units::{CountsPerSecond, Duty};
+use motor_hub::units::{CountsPerSecond, Duty, Period};
 use simulated::scenario::{Motor, Scenario};
 use simulated::trace::{Sample, Tick, Trace};
 
-use crate::bench::{Bench, Setup};
-use crate::host::{Host, Mode};
+use crate::bench::{self, Bench};
+use crate::host::{Host, Mode, Reply};
 use crate::pwm::Output;
 use crate::shafts::{Look, Mounting};
 
@@ -31,12 +33,23 @@ const BRIDGE: Bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
 /// How often the host says that it is there.
 const KEEP_ALIVE_S: f64 = 1.0;
 
-/// The scenario that this board carries.
-///
-/// # Errors
-/// If it is not valid.
-pub fn scenario() -> Result<Scenario, String> {
-    Scenario::parse("scenarios/hub.toml", include_str!("../scenarios/hub.toml"))
+/// The chip is up then, and its host has set up the motors.
+const READY_S: f64 = 0.5;
+
+/// The same with set-points that a line can carry: none before the hub is ready, and each half a control
+/// period late, so that it is there before the next tick.
+#[must_use]
+pub fn on_a_line(mut scenario: Scenario) -> Scenario {
+    let half_s = 0.5e-3 * f64::from(scenario.period.as_millis());
+    for motor in &mut scenario.motors {
+        // Of those that the hub is not ready for, the last one holds.
+        let early = motor.setpoints.iter().filter(|timed| timed.at_s <= READY_S).count();
+        motor.setpoints.drain(..early.saturating_sub(1));
+        for timed in &mut motor.setpoints {
+            timed.at_s = timed.at_s.max(READY_S) + half_s;
+        }
+    }
+    scenario
 }
 
 /// Runs a scenario on the emulated chip; `progress` is told the virtual time in seconds.
@@ -47,7 +60,11 @@ pub fn scenario() -> Result<Scenario, String> {
 /// # Panics
 /// If the firmware does not obey.
 pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, String> {
-    let mut bench = Bench::new(setup(scenario));
+    if scenario.period != Period::DEFAULT {
+        let (asked, image) = (scenario.period.as_millis(), Period::DEFAULT.as_millis());
+        return Err(format!("control_period_ms = {asked}, but the image's is {image}"));
+    }
+    let mut bench = Bench::new(stand(scenario));
     let mut host = Host::default();
     let mut orders = orders(scenario).into_iter().peekable();
     let period_s = f64::from(scenario.period.as_millis()) * 1e-3;
@@ -58,7 +75,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         let at_s = tick as f64 * period_s;
         while let Some((order_s, order)) = orders.next_if(|&(order_s, _)| order_s < at_s) {
             run_to(&mut bench, order_s);
-            carry_out(&mut bench, &mut host, scenario, order);
+            carry_out(&mut bench, &mut host, scenario, order)?;
         }
         if at_s - heard_s > KEEP_ALIVE_S {
             heard_s = at_s;
@@ -68,6 +85,8 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         // What the tick decides is on the pins within a millisecond.
         run_to(&mut bench, at_s + 1e-3);
         observe(&mut bench, scenario, at_s, &mut trace);
+        // A battery that runs down does so slowly.
+        bench.set_battery(scenario.emf_at(at_s).0);
         progress(at_s);
     }
     run_to(&mut bench, (ticks + 1) as f64 * period_s + 1e-3);
@@ -79,24 +98,38 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
 }
 
 /// The scenario's motors, loads and battery.
-pub(crate) fn setup(scenario: &Scenario) -> Setup {
+pub(crate) fn stand(scenario: &Scenario) -> bench::Setup {
     let motors = scenario.motors.iter().map(|motor| Mounting {
         motor: motor.constants,
         load: motor.load,
         bridge: BRIDGE,
         stops: None,
     });
-    let mut setup = Setup::new(motors.collect());
-    setup.battery = scenario.battery;
-    setup
+    let mut stand = bench::Setup::new(motors.collect());
+    stand.battery = scenario.battery;
+    stand
 }
 
 fn run_to(bench: &mut Bench, at_s: f64) {
     bench.run_until(Duration::from_secs_f64(at_s));
 }
 
+/// Says which motor is on a channel and how it is controlled.
+fn set_up(bench: &mut Bench, host: &mut Host, channel: u8, motor: &Motor) -> Result<(), String> {
+    let settings = motor.settings().map_err(|error| error.to_string())?;
+    let setup = Setup::of(&settings).bytes();
+    let obeyed = |reply| matches!(reply, Reply::Ack { .. }).then_some(()).ok_or("the hub refuses a set-up");
+    obeyed(host.ask(bench, setup::FIRST, &[&[channel][..], &setup].concat()))?;
+    for (of, Pidf { p, i, d, f }) in [(1, settings.velocity), (2, settings.position)] {
+        let coefficients = [p, i, d, f].map(|coefficient| coefficient.to_bits().to_le_bytes());
+        host.order(bench, 51, &[&[channel, of][..], coefficients.as_flattened(), &[1]].concat());
+    }
+    Ok(())
+}
+
 #[derive(Clone, Copy)]
 enum Order {
+    SetUp(usize),
     Setpoint(usize, Setpoint),
     Torque(usize, f64),
 }
@@ -105,6 +138,7 @@ enum Order {
 fn orders(scenario: &Scenario) -> Vec<(f64, Order)> {
     let mut orders = Vec::new();
     for (index, motor) in scenario.motors.iter().enumerate() {
+        orders.push((0.6 * READY_S, Order::SetUp(index)));
         orders.extend(motor.torques.iter().map(|t| (t.at_s, Order::Torque(index, t.value))));
         orders.extend(motor.setpoints.iter().map(|t| (t.at_s, Order::Setpoint(index, t.value))));
     }
@@ -112,8 +146,9 @@ fn orders(scenario: &Scenario) -> Vec<(f64, Order)> {
     orders
 }
 
-fn carry_out(bench: &mut Bench, host: &mut Host, scenario: &Scenario, order: Order) {
+fn carry_out(bench: &mut Bench, host: &mut Host, scenario: &Scenario, order: Order) -> Result<(), String> {
     match order {
+        Order::SetUp(index) => return set_up(bench, host, index as u8, &scenario.motors[index]),
         Order::Torque(motor, torque) => bench.set_torque(motor, torque),
         Order::Setpoint(motor, setpoint) => {
             let floats = scenario.motors[motor].zero_power == ZeroPower::Float;
@@ -137,6 +172,7 @@ fn carry_out(bench: &mut Bench, host: &mut Host, scenario: &Scenario, order: Ord
             }
         }
     }
+    Ok(())
 }
 
 fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace) {

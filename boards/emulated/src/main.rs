@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use emulated::emulate::{Overlay, scenario};
+use emulated::emulate::{Overlay, on_a_line};
 use emulated::serve;
 use simulated::cli::{Failure, Serving};
 use simulated::report::{drawn, write_all};
@@ -18,7 +18,7 @@ use simulated::scenario::Scenario;
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
-    /// Scenario file (TOML) instead of the board's own
+    /// Scenario file (TOML) instead of the default scenario; set-points come half a control period late
     #[arg(value_name = "SCENARIO")]
     scenario: Option<PathBuf>,
     /// Folder for the chart
@@ -35,9 +35,10 @@ enum Command {
 fn overlay(cli: Cli) -> Result<(), Failure> {
     let scenario = match &cli.scenario {
         Some(file) => Scenario::load(file),
-        None => scenario(),
+        None => Scenario::default_one(),
     };
-    let overlay = Overlay::new(scenario.map_err(Failure::Input)?, &mut |_| ()).map_err(Failure::Work)?;
+    let scenario = on_a_line(scenario.map_err(Failure::Input)?);
+    let overlay = Overlay::new(scenario, &mut |_| ()).map_err(Failure::Work)?;
     print!("{}", overlay.tables());
     let drawn = drawn(&[("overlay".to_owned(), overlay.figure())]).map_err(Failure::Work)?;
     for file in write_all(&cli.folder, drawn).map_err(Failure::Work)? {
@@ -49,7 +50,7 @@ fn overlay(cli: Cli) -> Result<(), Failure> {
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.command {
-        Some(Command::Serve(serving)) => serving.execute(scenario, serve::run),
+        Some(Command::Serve(serving)) => serving.execute(serve::scenario, serve::run),
         None => overlay(cli),
     };
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)

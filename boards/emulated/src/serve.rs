@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
+use simulated::catalogue::find_motor;
 use simulated::scenario::Scenario;
 use simulated::serve::{Line, Moment, line_on, pace};
 
 use crate::bench::Bench;
-use crate::emulate::{drive, setup};
+use crate::emulate::{drive, stand};
 
 const STEP: Duration = Duration::from_millis(1);
 
@@ -19,6 +20,17 @@ const PAUSE: Duration = Duration::from_micros(100);
 /// More than the longest reply.
 const LONGEST: usize = 128;
 
+/// The default scenario with the motors that the image is set up for.
+///
+/// # Errors
+/// None, as a test makes sure.
+pub fn scenario() -> Result<Scenario, String> {
+    let mut scenario = Scenario::default_one()?;
+    let motor = find_motor("AM 60 A")?.with_measured_rotor_inertia();
+    scenario.motors.iter_mut().for_each(|plan| *plan = plan.with_constants(motor));
+    Ok(scenario)
+}
+
 /// Serves the image with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves
 /// the simulated board.
 ///
@@ -29,7 +41,7 @@ pub fn run(
     mut line: Line,
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<Duration, String> {
-    let mut bench = Bench::new(setup(scenario));
+    let mut bench = Bench::new(stand(scenario));
     let mut chunk = [0; 512];
     let mut reply: Vec<u8> = Vec::new();
     // The emulator is as fast as it is; what it does before hosts are told of it is not held against it.
