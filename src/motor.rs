@@ -53,7 +53,8 @@ impl Settings {
     ///
     /// With `f` control counts per count/s, which is full control at the speed whose back EMF is 12 V:
     /// in Scheme A, where a control value is a voltage, P is 1.5 f. Where it is a current, the back EMF
-    /// does not damp the motor, and P makes up for it by another f. I is 7.5 f per second, P's gain in
+    /// does not damp the motor, and P makes up for it by another f; in C and D, whose range is less current,
+    /// it is 4 f, the best of those that `motor-hub compare` tries. I is 7.5 f per second, P's gain in A in
     /// 0.2 s, about the mechanical time constant of a loaded gear motor. Nothing is fed forward: what
     /// a set-point needs depends on the load, and the integral has it soon.
     pub const fn for_scheme(emf: EmfConstant, scheme: Scheme) -> Self {
@@ -61,7 +62,8 @@ impl Settings {
         let f = (emf.to_bits() as i64 * Control::MAX.get() as i64 / (12_000 << 4)) as i32;
         let p = match scheme {
             Scheme::ForwardReverse | Scheme::A => 3 * f / 2,
-            Scheme::B | Scheme::C | Scheme::D(_) => 5 * f / 2,
+            Scheme::B => 5 * f / 2,
+            Scheme::C | Scheme::D(_) => 4 * f,
         };
         Self {
             emf,
