@@ -4,7 +4,7 @@
 mod common;
 
 use common::{four_loads, ms};
-use emulated::host::Host;
+use emulated::host::{Host, Reply};
 use emulated::{Bench, Encoder, Setup};
 
 const PAINT: u32 = 0xA5C3_5A3C;
@@ -18,10 +18,13 @@ fn the_stack_stays_below_a_twentieth_of_what_is_free() {
     let words = usize::try_from((RAM.end - bottom) / 4).expect("fits");
     bench.write_words(bottom, vec![PAINT; words]);
 
-    // Regulated motors on a busy line, a fault, a bus error with its log line, and a watchdog reset.
+    // Motors set up and regulated on a busy line, a fault, a bus error with its log line, and a watchdog reset.
     let mut host = Host::default();
     bench.run(ms(300));
     for motor in 0..4 {
+        // An AM 60 A, Scheme B, linear current.
+        let setup = [motor, 0x5F, 0xCA, 0x3F, 0, 0xE4, 0x0C, 0xB6, 2, 2, 0, 0, 1];
+        assert_eq!(host.ask(&mut bench, 0x4D00, &setup), Reply::Ack { attention: true });
         host.velocity(&mut bench, motor, 1500);
     }
     for _ in 0..100 {
