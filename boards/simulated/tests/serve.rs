@@ -1,5 +1,4 @@
-//! A host talks to the served hub over a serial port and over TCP: every rule of the protocol that hosts
-//! rely on, checked from outside, in real time.
+//! A host talks to the served hub over a serial port and over TCP.
 #![expect(
     clippy::unwrap_used,
     clippy::indexing_slicing,
@@ -7,334 +6,27 @@
     reason = "a failed access is a failed test"
 )]
 
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+mod conformance;
 
-const HUB: u8 = 3;
-const DEKA: u16 = 0x1000;
+use conformance::{Ack, HUB, Hub, KEEP_ALIVE, conforms, drive, packet};
+use std::process::Command;
 
-const KEEP_ALIVE: u16 = 0x7F04;
-const STATUS: u16 = 0x7F03;
-const SET_ENABLE: u16 = DEKA + 10;
-const GET_ENABLE: u16 = DEKA + 11;
-const SET_POWER: u16 = DEKA + 15;
-const ENCODER: u16 = DEKA + 22;
-
-/// A hub in a process of its own, and what it said where it is.
-struct Hub {
-    process: Child,
-    place: String,
-}
-
-impl Hub {
-    fn start(line: &[&str]) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_motor-hub"))
-            .args(["serve", "--address", "3"])
-            .args(line)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut place = String::new();
-        BufReader::new(process.stdout.take().unwrap()).read_line(&mut place).unwrap();
-        Self { process, place: place.trim().to_owned() }
-    }
-
-    fn serial(&self) -> Host<Box<dyn serialport::SerialPort>> {
-        Host::new(serialport::new(&self.place, 460_800).timeout(PATIENCE).open().unwrap())
-    }
-
-    fn tcp(&self) -> Host<TcpStream> {
-        let stream = TcpStream::connect(&self.place).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        stream.set_nodelay(true).unwrap();
-        Host::new(stream)
-    }
-}
-
-impl Drop for Hub {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-/// Silence for so long is none of the hub's doing but its answer.
-const PATIENCE: Duration = Duration::from_millis(150);
-
-#[derive(Debug, PartialEq, Eq)]
-enum Reply {
-    Ack(bool),
-    Nack(u8),
-    Data(Vec<u8>),
-}
-
-use Reply::{Ack, Data, Nack};
-
-struct Host<L> {
-    line: L,
-    number: u8,
-}
-
-fn packet(to: u8, number: u8, kind: u16, payload: &[u8]) -> Vec<u8> {
-    let length = (11 + payload.len() as u16).to_le_bytes();
-    let kind = kind.to_le_bytes();
-    let mut bytes = vec![0x44, 0x4B, length[0], length[1], to, 0, number, 0, kind[0], kind[1]];
-    bytes.extend(payload);
-    bytes.push(bytes.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)));
-    bytes
-}
-
-impl<L: Read + Write> Host<L> {
-    fn new(line: L) -> Self {
-        Self { line, number: 0 }
-    }
-
-    /// Everything that comes until the line falls silent.
-    fn hear(&mut self) -> Vec<u8> {
-        let (mut heard, mut chunk) = (Vec::new(), [0; 512]);
-        while let Ok(length @ 1..) = self.line.read(&mut chunk) {
-            heard.extend(&chunk[..length]);
-        }
-        heard
-    }
-
-    fn say(&mut self, bytes: &[u8]) {
-        self.line.write_all(bytes).unwrap();
-        self.line.flush().unwrap();
-    }
-
-    /// One packet, checked in all but what it says.
-    fn reply(&mut self) -> Option<(u16, Reply, u8)> {
-        let mut bytes = vec![0; 11];
-        self.line.read_exact(&mut bytes).ok()?;
-        assert_eq!(bytes[..2], [0x44, 0x4B], "{bytes:02x?}");
-        let length = usize::from(u16::from_le_bytes([bytes[2], bytes[3]]));
-        let mut rest = vec![0; length - 11];
-        self.line.read_exact(&mut rest).unwrap();
-        bytes.extend(rest);
-        let (sum, body) = bytes.split_last().unwrap();
-        assert_eq!(body.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)), *sum, "{bytes:02x?}");
-        assert_eq!(bytes[4], 0, "to the host: {bytes:02x?}");
-        let (kind, payload) = (u16::from_le_bytes([bytes[8], bytes[9]]), &body[10..]);
-        let reply = match (kind, payload) {
-            (0x7F01, &[attention]) => Ack(attention != 0),
-            (0x7F02, &[reason]) => Nack(reason),
-            (0x7F01 | 0x7F02, _) => panic!("{bytes:02x?}"),
-            _ => Data(payload.to_vec()),
-        };
-        assert_eq!((bytes[5], bytes[7]), (HUB, self.number), "source and reference: {bytes:02x?}");
-        Some((kind & 0x7FFF, reply, bytes[6]))
-    }
-
-    fn ask(&mut self, kind: u16, payload: &[u8]) -> Reply {
-        self.number = self.number.wrapping_add(1);
-        let number = self.number;
-        self.ask_as(number, kind, payload)
-    }
-
-    fn ask_as(&mut self, number: u8, kind: u16, payload: &[u8]) -> Reply {
-        self.number = number;
-        self.say(&packet(HUB, number, kind, payload));
-        let (answered, reply, _) =
-            self.reply().unwrap_or_else(|| panic!("no reply to {kind:04x} {payload:02x?}"));
-        assert!(!matches!(reply, Data(_)) || answered == kind, "{kind:04x} {reply:?}");
-        reply
-    }
-
-    /// A command that is obeyed.
-    fn order(&mut self, kind: u16, payload: &[u8]) -> bool {
-        match self.ask(kind, payload) {
-            Ack(attention) => attention,
-            other => panic!("{kind:04x} {payload:02x?}: {other:?}"),
-        }
-    }
-
-    fn data(&mut self, kind: u16, payload: &[u8]) -> Vec<u8> {
-        match self.ask(kind, payload) {
-            Data(data) => data,
-            other => panic!("{kind:04x} {payload:02x?}: {other:?}"),
-        }
-    }
-
-    /// Nothing is answered, whatever is said.
-    fn is_ignored(&mut self, bytes: &[u8]) {
-        self.say(bytes);
-        let heard = self.hear();
-        assert!(heard.is_empty(), "{bytes:02x?} was answered {heard:02x?}");
-    }
-
-    fn enabled(&mut self) -> bool {
-        self.data(GET_ENABLE, &[0]) == [1]
-    }
-
-    fn counts(&mut self, motor: u8) -> i32 {
-        i32::from_le_bytes(self.data(ENCODER, &[motor]).try_into().unwrap())
-    }
-}
-
-/// Everything but silence: what a host may say in any order and at any speed.
-fn packets_are_found_and_answered(host: &mut Host<impl Read + Write>) {
-    assert!(host.hear().is_empty(), "the hub sends nothing on its own");
-    // Attention, until the reset has been read and cleared; a status word cannot be half cleared.
-    assert!(host.order(KEEP_ALIVE, &[]));
-    assert_eq!(host.ask(STATUS, &[2]), Nack(0));
-    assert_eq!(host.data(STATUS, &[1]), [2, 0]);
-    assert_eq!(host.data(STATUS, &[0]), [0, 0]);
-    assert!(!host.order(KEEP_ALIVE, &[]));
-
-    // Any message number, and the same for different commands.
-    for number in [0, 0, 7, 7, 255] {
-        assert_eq!(host.ask_as(number, KEEP_ALIVE, &[]), Ack(false));
-        assert!(matches!(host.ask_as(number, ENCODER, &[1]), Data(_)));
-    }
-    // Broken packets, and those for others.
-    let good = packet(HUB, 9, KEEP_ALIVE, &[]);
-    let (mut bad_sum, mut too_short, mut too_long) = (good.clone(), good.clone(), good.clone());
-    bad_sum[10] ^= 1;
-    too_short[2] = 10;
-    too_long[3] = 0xFF;
-    for bad in
-        [&bad_sum, &too_short, &too_long, &packet(7, 9, KEEP_ALIVE, &[]), &packet(255, 9, KEEP_ALIVE, &[])]
-    {
-        host.is_ignored(bad);
-    }
-    // A good one after each kind of garbage: noise, a doubled start byte, within the bytes that a wrong
-    // length swallowed, and after a torn one and a pause.
-    let mut swallowed = good[..10].to_vec();
-    swallowed[2] = 60;
-    for (garbage, pause) in [
-        (&[0x44, 0x00, 0x4B, 0xFF][..], 0),
-        (&[0x44], 0),
-        (&[0x44, 0x44], 0),
-        (&bad_sum, 0),
-        (&swallowed, 700),
-        (&good[..7], 700),
-    ] {
-        host.say(garbage);
-        sleep(Duration::from_millis(pause));
-        host.number = 9;
-        host.say(&good);
-        let answered = host.reply().map(|(_, reply, _)| reply);
-        assert_eq!(answered, Some(Ack(false)), "after {garbage:02x?}");
-    }
-    // In pieces, and several at once.
-    for byte in &good {
-        host.say(&[*byte]);
-        sleep(Duration::from_millis(2));
-    }
-    assert_eq!(host.reply().map(|reply| reply.1), Some(Ack(false)));
-    host.say(&good.repeat(20));
-    let numbers: Vec<u8> = (0..20).map(|_| host.reply().unwrap().2).collect();
-    assert!(numbers.windows(2).all(|pair| pair[0] != pair[1]));
-}
-
-fn every_command_is_answered_and_bad_ones_change_nothing(host: &mut Host<impl Read + Write>) {
-    assert!(matches!(host.ask(0x7F07, b"SERVO_HUB\0"), Nack(_)));
-    let interface = host.data(0x7F07, b"DEKA\0");
-    assert_eq!(interface[..2], DEKA.to_le_bytes());
-    let known = u16::from_le_bytes([interface[2], interface[3]]);
-    assert!(known >= 54);
-    for function in 0..known {
-        let _ = host.ask(DEKA + function, &[0; 34]);
-    }
-    assert!(matches!(host.ask(DEKA + known, &[]), Nack(255)));
-
-    // Mode, zero behaviour; the third field; channels of the converter.
-    for (kind, payload, field) in [
-        (8, &[4, 0, 0][..], 0),
-        (8, &[0, 10, 0], 1),
-        (8, &[0, 0, 2], 2),
-        (10, &[0, 2], 1),
-        (51, &[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1], 1),
-        (7, &[15, 0], 0),
-        (7, &[0, 2], 1),
-    ] {
-        assert_eq!(host.ask(DEKA + kind, payload), Nack(field), "{kind} {payload:02x?}");
-    }
-    assert_eq!(host.data(DEKA + 9, &[0]), [0, 0]);
-    assert!(!matches!(host.ask(SET_POWER, &[0, 1]), Ack(_)), "cut short");
-    assert_eq!(host.data(DEKA + 16, &[0]), [0, 0]);
-    // More than is asked for does not matter.
-    let coefficients = [1_i32 << 16, -2, 3].map(i32::to_le_bytes).concat();
-    host.order(DEKA + 23, &[&[1, 1], &coefficients[..], &[9; 5]].concat());
-    let read = host.data(DEKA + 53, &[1, 1]);
-    assert_eq!((&read[..12], read[16]), (&coefficients[..], 0), "legacy");
-    assert_ne!(host.data(DEKA + 53, &[1, 2])[..12], coefficients, "of its own mode");
-    assert_ne!(host.data(DEKA + 53, &[2, 1])[..12], coefficients, "of its own motor");
-    assert_eq!(host.ask(DEKA + 21, &[0]), Nack(51), "at target without a position");
-}
-
-/// Motor 0 at half power.
-fn drive(host: &mut Host<impl Read + Write>) {
-    host.order(DEKA + 8, &[0, 0, 1]);
-    host.order(SET_POWER, &[0, 0xFF, 0x3F]);
-    host.order(SET_ENABLE, &[0, 1]);
-}
-
-fn silence_and_fail_safe_stop_the_motors(host: &mut Host<impl Read + Write>) {
-    assert!(!host.enabled());
-    // Not every mode has a set-point yet, and none enables.
-    host.order(DEKA + 8, &[3, 2, 0]);
-    assert_eq!(host.ask(SET_ENABLE, &[3, 1]), Nack(50));
-    host.order(SET_POWER, &[0, 0xFF, 0x3F]);
-    host.order(DEKA + 17, &[0, 100, 0]);
-    host.order(DEKA + 19, &[0, 100, 0, 0, 0, 5, 0]);
-    assert!(!host.enabled());
-
-    drive(host);
-    let (from, began) = (host.counts(0), Instant::now());
-    sleep(Duration::from_millis(2_100));
-    assert!(host.enabled(), "2.1 s of silence are harmless");
-    let (moved, took) = (host.counts(0) - from, began.elapsed().as_secs_f64());
-    assert!(moved > 500, "positive power counts up: {moved} in {took} s");
-
-    // Damaged packets, noise and packets for others are silence.
-    let mut damaged = packet(HUB, 1, KEEP_ALIVE, &[]);
-    damaged[10] ^= 0x80;
-    for _ in 0..3 {
-        sleep(Duration::from_millis(900));
-        host.say(&damaged);
-        host.say(&packet(7, 1, KEEP_ALIVE, &[]));
-    }
-    assert!(host.order(KEEP_ALIVE, &[]), "attention");
-    assert!(!host.enabled());
-    assert_eq!(host.data(STATUS, &[1])[0] & 1, 1, "keep-alive timeout");
-    host.order(SET_POWER, &[0, 0xFF, 0x3F]);
-    assert!(!host.enabled(), "only enabling enables");
-    host.order(SET_ENABLE, &[0, 1]);
-    assert!(host.enabled(), "nothing is locked");
-
-    host.order(0x7F05, &[]);
-    assert!(!host.enabled());
-    assert_eq!(host.data(STATUS, &[1])[0], 4, "fail-safe");
-}
-
-fn conforms(host: &mut Host<impl Read + Write>) {
-    // The hub is found without its address.
-    host.say(&packet(255, 0, 0x7F0F, &[]));
-    assert_eq!(host.reply().map(|(kind, reply, _)| (kind, reply)), Some((0x7F0F, Data(vec![1]))));
-    packets_are_found_and_answered(host);
-    every_command_is_answered_and_bad_ones_change_nothing(host);
-    silence_and_fail_safe_stop_the_motors(host);
-}
+const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 
 #[test]
 fn the_hub_conforms_over_tcp() {
-    conforms(&mut Hub::start(&["--tcp", "127.0.0.1:0"]).tcp());
+    conforms(&mut Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]).tcp());
 }
 
 #[cfg(unix)]
 #[test]
 fn the_hub_conforms_over_a_serial_port() {
-    conforms(&mut Hub::start(&["--pty"]).serial());
+    conforms(&mut Hub::start(PROGRAM, &["--pty"]).serial());
 }
 
 #[test]
 fn hosts_come_and_go_while_time_goes_on() {
-    let hub = Hub::start(&["--tcp", "127.0.0.1:0"]);
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
     drive(&mut hub.tcp());
     // The first host has hung up; its motor turns on until the hub has missed it for 2.5 s.
     let mut second = hub.tcp();
@@ -352,10 +44,19 @@ fn hosts_come_and_go_while_time_goes_on() {
 #[cfg(unix)]
 #[test]
 fn a_serial_port_may_be_opened_again_and_again() {
-    let hub = Hub::start(&["--pty"]);
+    let hub = Hub::start(PROGRAM, &["--pty"]);
     for _ in 0..3 {
         assert!(!hub.serial().enabled());
     }
+}
+
+#[test]
+fn the_hub_is_where_it_is_put() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--address", "77"]);
+    hub.tcp().is_ignored(&packet(HUB, 1, KEEP_ALIVE, &[]));
+    let mut host = hub.tcp();
+    host.say(&packet(77, 1, KEEP_ALIVE, &[]));
+    assert_eq!(host.hear().get(5), Some(&77));
 }
 
 #[test]
@@ -369,8 +70,7 @@ fn wrong_options_are_refused() {
         (&["--pty", "--for", "0"], 2, "more than 0"),
         (&["--pty", "--scenario", "/no/such/file"], 2, "/no/such/file"),
     ] {
-        let output =
-            Command::new(env!("CARGO_BIN_EXE_motor-hub")).arg("serve").args(arguments).output().unwrap();
+        let output = Command::new(PROGRAM).arg("serve").args(arguments).output().unwrap();
         assert_eq!(output.status.code(), Some(code), "{arguments:?}");
         assert!(output.stdout.is_empty(), "{arguments:?}");
         let error = String::from_utf8(output.stderr).unwrap();
