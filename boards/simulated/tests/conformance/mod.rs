@@ -227,7 +227,7 @@ fn packets_are_found_and_answered(host: &mut Host<impl Read + Write>) {
     // In pieces, and several at once.
     for byte in &good {
         host.say(&[*byte]);
-        sleep(Duration::from_millis(2));
+        sleep(Duration::from_millis(1));
     }
     assert_eq!(host.reply().map(|reply| reply.1), Some(Ack(false)));
     host.say(&good.repeat(20));
