@@ -1,6 +1,7 @@
 //! How people name a scheme: `none`, `A` to `D`, and for D a blend. Scenario files and the command
 //! line share these words.
 
+use crate::scenario::DutyChoice;
 use motor_hub::braking::{Blend, BlendFraction, Scheme};
 use serde::de::{Deserialize, Deserializer, Error, Visitor};
 use std::fmt;
@@ -92,6 +93,35 @@ impl<'de> Deserialize<'de> for BlendChoice {
             }
         }
         from.deserialize_any(NumberOrAuto)
+    }
+}
+
+/// Options of the command line that choose how motors are controlled.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct Choice {
+    /// Scheme
+    #[arg(long, ignore_case = true)]
+    scheme: Option<SchemeName>,
+    /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
+    #[arg(long, value_name = "0..1|auto", requires = "scheme")]
+    blend: Option<BlendChoice>,
+    /// How duties are found
+    #[arg(long)]
+    pub duty: Option<DutyChoice>,
+}
+
+impl Choice {
+    /// The scheme, if one is chosen.
+    ///
+    /// # Errors
+    /// A blend without scheme D.
+    pub fn scheme(&self) -> Result<Option<Scheme>, &'static str> {
+        self.scheme.map(|name| name.with_blend(self.blend)).transpose()
+    }
+
+    /// True if nothing is chosen.
+    pub const fn is_empty(&self) -> bool {
+        self.scheme.is_none() && self.duty.is_none()
     }
 }
 

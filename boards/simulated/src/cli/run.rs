@@ -3,8 +3,8 @@
 use super::{Failure, print, print_json};
 use crate::catalogue::find_motor;
 use crate::report::Comparison;
-use crate::scenario::{DutyChoice, LONGEST_S, MOTORS, Scenario};
-use crate::scheme::{BlendChoice, SchemeName};
+use crate::scenario::{LONGEST_S, MOTORS, Scenario};
+use crate::scheme::Choice;
 use crate::sim;
 use indicatif::ProgressBar;
 use motor_hub::units::Period;
@@ -23,15 +23,9 @@ pub(super) struct Options {
     /// speeds and loads in proportion; up to four. The run has as many motors as are named
     #[arg(long, value_name = "NAME", conflicts_with = "scenario")]
     motor: Vec<String>,
-    /// Scheme of all motors
-    #[arg(long, ignore_case = true)]
-    scheme: Option<SchemeName>,
-    /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
-    #[arg(long, value_name = "0..1|auto", requires = "scheme")]
-    blend: Option<BlendChoice>,
-    /// How all motors' duties are found
-    #[arg(long)]
-    duty: Option<DutyChoice>,
+    /// Of all motors
+    #[command(flatten)]
+    choice: Choice,
     /// Control period in milliseconds
     #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u32).range(1..=100))]
     period: Option<u32>,
@@ -73,11 +67,10 @@ impl Options {
         for (motor, name) in scenario.motors.iter_mut().zip(&self.motor) {
             *motor = motor.with_constants(find_motor(name)?.with_measured_rotor_inertia());
         }
-        if let Some(name) = self.scheme {
-            let scheme = name.with_blend(self.blend)?;
+        if let Some(scheme) = self.choice.scheme()? {
             scenario.motors.iter_mut().for_each(|motor| motor.scheme = scheme);
         }
-        if let Some(duty) = self.duty {
+        if let Some(duty) = self.choice.duty {
             scenario.motors.iter_mut().for_each(|motor| motor.duty = duty);
         }
         if let Some(ms) = self.period {

@@ -81,8 +81,12 @@ impl Serving {
         default: impl FnOnce() -> Result<Scenario, String>,
         run: impl FnOnce(&Scenario, Line, &mut dyn FnMut(Moment<'_>) -> bool) -> Result<Duration, String>,
     ) -> Result<(), Failure> {
-        let scenario =
-            self.scenario.as_deref().map_or_else(default, Scenario::load).map_err(Failure::Input)?;
+        let scenario = match &self.scenario {
+            Some(file) => Scenario::load(file),
+            // Its torques belong to its set-points.
+            None => default().map(Scenario::undisturbed),
+        };
+        let scenario = scenario.map_err(Failure::Input)?;
         let line = match &self.place.tcp {
             Some(address) => Line::tcp(address).map_err(Failure::Input)?,
             None => Line::pty().map_err(Failure::Work)?,

@@ -320,6 +320,8 @@ pub(crate) fn conforms(host: &mut Host<impl Read + Write>) {
     // The hub is found without its address.
     host.say(&packet(255, 0, 0x7F0F, &[]));
     assert_eq!(host.reply().map(|(kind, reply, _)| (kind, reply)), Some((0x7F0F, Data(vec![1]))));
+    // Nothing moves before it is told to.
+    assert_eq!([0, 1, 2, 3].map(|motor| host.counts(motor)), [0; 4]);
     packets_are_found_and_answered(host);
     every_command_is_answered_and_bad_ones_change_nothing(host);
     silence_and_fail_safe_stop_the_motors(host);

@@ -6,7 +6,7 @@ use crate::cli::{Failure, print, print_json};
 use crate::client::Session;
 use crate::client::line::Line;
 use crate::scenario::{DutyChoice, emf_constant};
-use crate::scheme::{BlendChoice, SchemeName, describe};
+use crate::scheme::{Choice, describe};
 use crate::table;
 use crate::world::electrical;
 use motor_hub::link::setup::Setup;
@@ -21,15 +21,8 @@ pub(super) struct Options {
     /// What is connected: a motor of the catalogue
     #[arg(long = "type", value_name = "NAME")]
     name: Option<String>,
-    /// Scheme
-    #[arg(long, ignore_case = true)]
-    scheme: Option<SchemeName>,
-    /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
-    #[arg(long, value_name = "0..1|auto", requires = "scheme")]
-    blend: Option<BlendChoice>,
-    /// How duties are found
-    #[arg(long)]
-    duty: Option<DutyChoice>,
+    #[command(flatten)]
+    choice: Choice,
     /// JSON instead of a table
     #[arg(long)]
     json: bool,
@@ -37,7 +30,7 @@ pub(super) struct Options {
 
 impl Options {
     pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
-        let changes = self.name.is_some() || self.scheme.is_some() || self.duty.is_some();
+        let changes = self.name.is_some() || !self.choice.is_empty();
         let mut setup = session.setup(self.motor)?;
         if changes {
             session.set_up(self.motor, self.change(setup).map_err(Failure::Input)?)?;
@@ -54,10 +47,10 @@ impl Options {
             setup.resistance_mohm = winding.resistance_mohm;
             setup.inductance_uh = winding.inductance_uh.unwrap_or(0);
         }
-        if let Some(name) = self.scheme {
-            setup.scheme = name.with_blend(self.blend)?;
+        if let Some(scheme) = self.choice.scheme()? {
+            setup.scheme = scheme;
         }
-        if let Some(duty) = self.duty {
+        if let Some(duty) = self.choice.duty {
             setup.linear_current = duty == DutyChoice::LinearCurrent;
         }
         if setup.linear_current && setup.resistance_mohm == 0 {
