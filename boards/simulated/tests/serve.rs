@@ -50,6 +50,26 @@ fn a_serial_port_may_be_opened_again_and_again() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn a_host_that_leaves_the_port_as_it_is_gets_bytes_not_lines() {
+    use std::io::{Read, Write};
+    let hub = Hub::start(PROGRAM, &["--pty"]);
+    let mut port = std::fs::File::options().read(true).write(true).open(&hub.place).unwrap();
+    port.write_all(&packet(HUB, 3, KEEP_ALIVE, &[])).unwrap();
+    let (heard, answer) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let mut bytes = [0; 64];
+        let length = port.read(&mut bytes).unwrap();
+        let _ = heard.send(bytes[..length].to_vec());
+    });
+    let answer = answer.recv_timeout(std::time::Duration::from_secs(2)).unwrap();
+    // With attention; the hub's own number is not looked at.
+    let [start @ .., sum] = answer.as_slice() else { panic!("{answer:02x?}") };
+    assert_eq!(start[..6], [0x44, 0x4B, 12, 0, 0, HUB]);
+    assert_eq!(*sum, start.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)));
+}
+
 #[test]
 fn the_hub_is_where_it_is_put() {
     let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--address", "77"]);

@@ -23,7 +23,7 @@ const ENCODER: u16 = DEKA + 22;
 /// A hub in a process of its own, and what it said where it is.
 pub(crate) struct Hub {
     process: Child,
-    place: String,
+    pub(crate) place: String,
 }
 
 impl Hub {
