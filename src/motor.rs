@@ -329,6 +329,11 @@ impl Motor {
                     return None;
                 }
                 Finding::Probe(control) => probe = Some(control),
+                Finding::Insist => {
+                    let end = if self.applied < Control::ZERO { Control::MIN } else { Control::MAX };
+                    (self.asked, self.applied) = (target, end);
+                    return Some((end, braking::full_reverse(at)));
+                }
                 Finding::Sound | Finding::Stalled => (),
             }
         }
@@ -371,6 +376,7 @@ impl Motor {
                 target: self.asked,
                 moved: self.moved,
                 velocity,
+                gentle: matches!(self.settings.scheme, Scheme::C | Scheme::D(_)),
             },
         );
         self.stalled = finding == Finding::Stalled;

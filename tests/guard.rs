@@ -1,6 +1,6 @@
 //! An encoder that is unplugged or reversed is noticed; a motor that is merely held is not taken for it.
 
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, LinearCurrent, Scheme};
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, LinearCurrent, Regime, Scheme};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
 use motor_hub::model::catalogue::{self, Motor};
@@ -8,10 +8,11 @@ use motor_hub::model::load::Load;
 use motor_hub::model::plant::{self, Plant};
 use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Ohms, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
-use motor_hub::motion::{EncoderFault, Tracker};
+use motor_hub::motion::guard::{Evidence, Finding};
+use motor_hub::motion::{EncoderFault, Guard, Tracker};
 use motor_hub::motor::{Report, Setpoint, Settings};
 use motor_hub::supply::Battery;
-use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
+use motor_hub::units::{Control, CountsPerSecond, Duty, EmfConstant, Micros, Millivolts, Period};
 
 /// Of an AM 60 A.
 const KE: EmfConstant = match EmfConstant::from_bits(4_180_495) {
@@ -328,11 +329,10 @@ fn an_overhauling_load_within_the_motors_torque_is_no_reversed_encoder() {
 #[test]
 fn no_scheme_takes_a_load_that_drives_the_motor_for_a_reversed_encoder() {
     for settings in ways() {
-        // Near half of the free speed C and D can set no more than half of the stall torque, 3.4 N m,
-        // against a load; one that overpowers the motor is told from a reversed encoder by nothing.
-        let gentle = matches!(settings.scheme, Scheme::C | Scheme::D(Blend::Automatic));
-        let torques: &[f64] = if gentle { &[0.4, 0.8, 1.2] } else { &[0.4, 0.8, 1.2, 1.6, 2.0] };
-        for (period, &torque) in [10, 50].into_iter().flat_map(|p| torques.iter().map(move |t| (p, t))) {
+        // Up to 0.6 of the stall torque, which is more than Schemes C and D can set against a load by
+        // themselves.
+        let torques = [0.4, 0.8, 1.2, 1.6, 2.0];
+        for (period, torque) in [10, 50].into_iter().flat_map(|p| torques.map(|t| (p, t))) {
             for cps in [100, 300, 600, 1_000, 1_360, 2_000, 0, -300, -1_000] {
                 // Slow, or near the free speed, where C and D can only brake, and that gently.
                 for before in [cps, 2_500] {
@@ -347,6 +347,54 @@ fn no_scheme_takes_a_load_that_drives_the_motor_for_a_reversed_encoder() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
+    let judge = |moved: i32| {
+        let mut guard = Guard::default();
+        let period = Period::from_millis(50).expect("period");
+        (0..40).any(|_| {
+            let evidence = Evidence {
+                control: Control::MAX,
+                regime: Regime::Reverse,
+                target: CountsPerSecond::new(1_000),
+                moved: -moved,
+                velocity: CountsPerSecond::new(-20 * moved),
+                gentle: false,
+            };
+            matches!(guard.examine(period, evidence), Finding::Fault(_))
+        })
+    };
+    // 140 and 160 counts/s.
+    assert_eq!([1, 7, 8, 100].map(judge), [false, false, true, true]);
+}
+
+#[test]
+fn a_gentle_scheme_that_is_overpowered_is_helped_by_full_reverse_before_the_encoder_is_doubted() {
+    let settings = Settings { duty: DutyRule::LinearDuty, ..Settings::for_scheme(KE, Scheme::C) };
+    let mut bench = Bench::<1>::with(10, settings);
+    bench.set(0, velocity(600));
+    bench.run_ms(1_500);
+    bench.axes[0].torque = 2.0;
+    let full = |drive| drive == Drive { mode: Mode::Ccw62, duty: Duty::ONE };
+    let mut helped_ms = 0;
+    for _ in 0..3_000 {
+        bench.run_ms(1);
+        helped_ms += u32::from(full(bench.drives[0]));
+    }
+    assert_eq!(bench.fault(0), None);
+    assert!(helped_ms > 0);
+    // And so it is back at its speed, which the scheme can then hold.
+    let cps = bench.snapshot.motors[0].velocity.round();
+    assert!((cps - 600).abs() < 60, "{cps} counts/s");
+    // A load that it can hold by itself needs no help.
+    bench.axes[0].torque = 0.8;
+    bench.run_ms(1_000);
+    for _ in 0..2_000 {
+        bench.run_ms(1);
+        assert!(!full(bench.drives[0]));
     }
 }
 

@@ -64,6 +64,11 @@ const fn clockwise(at: OperatingPoint, control: Control) -> Control {
     if at.counter_clockwise() { control.reversed() } else { control }
 }
 
+/// S of the bridge itself: driven against the motion with all it has, whatever the scheme.
+pub const fn full_reverse(at: OperatingPoint) -> Placement {
+    Placement::new(Regime::Reverse, Duty::ONE, at.counter_clockwise())
+}
+
 /// Regime, mode and duty of a control value at an operating point; the duty is linear between the
 /// points (paper, section 1.3).
 pub const fn place(scheme: Scheme, at: OperatingPoint, control: Control) -> Placement {

@@ -3,9 +3,10 @@
 //!
 //! * **Reversed:** for 150 ms the control value is at the end of its range and the bridge in reverse, and
 //!   still the motor turns the wrong way, or twice as fast as asked, at 160 counts/s or more, and does
-//!   not slow down. A load that does this to a well-wired motor overpowers all that its scheme can set
-//!   against it. The control value alone would not tell: in Schemes C and D its end may mean gentle
-//!   braking, in spite of which a load may well drive a healthy motor on.
+//!   not slow down. A load that does this to a well-wired motor overpowers it by more than its stall
+//!   torque. In Schemes C and D the end of the range may be less than full reverse, and a load may
+//!   overpower that: there, after 100 ms, the bridge is put in full reverse for another 100 ms, which
+//!   slows down a well-wired motor, and drives on one whose encoder is reversed.
 //! * **Stuck:** at half of the control range or more, with a speed asked for at which at least six
 //!   counts were due, no count comes for 150 ms. That is an unplugged encoder, or a motor held by a
 //!   hard stop. Without a current sensor the two look alike, so the motor is driven the other way for
@@ -21,7 +22,7 @@
 use crate::braking::Regime;
 use crate::units::{Control, CountsPerSecond, Period};
 
-/// How long the evidence must last.
+/// How long no count must come.
 const SUSPICIOUS_MS: u32 = 150;
 /// How long the motor is driven the other way.
 const PROBE_MS: u32 = 50;
@@ -30,9 +31,13 @@ const PROBE_MS: u32 = 50;
 const EFFORT: i16 = 1 << 14;
 /// The end of the control range, but for what the loop's rounding leaves.
 const ALL: u16 = 15 << 11;
-/// Whether the motor slows down is told from the time before this and after it.
+/// Whether the motor slows down is told from two times that follow each other: this, and one of the next.
 const EARLY_MS: u32 = 50;
-/// Counts until then, at least, if that is to be told: 160 counts/s.
+/// Enough to be sure.
+const LATE_MS: u32 = 100;
+/// Enough to look closer.
+const HINT_MS: u32 = 50;
+/// Counts in the first, at least, if that is to be told: 160 counts/s.
 const ENOUGH: u32 = 8;
 /// Speed bits of 40 counts/s, at which six counts are due in the time of suspicion.
 const DUE: u32 = 40 << 8;
@@ -62,6 +67,8 @@ pub struct Evidence {
     pub moved: i32,
     /// Speed that was measured.
     pub velocity: CountsPerSecond,
+    /// The end of the control range may be less than full reverse.
+    pub gentle: bool,
 }
 
 /// What to do about it.
@@ -73,6 +80,8 @@ pub enum Finding {
     Stalled,
     /// Use this control value instead of the loop's.
     Probe(Control),
+    /// Put the bridge in full reverse, whatever the scheme says.
+    Insist,
     /// Stop using the encoder.
     Fault(EncoderFault),
 }
@@ -93,34 +102,48 @@ enum State {
     },
 }
 
-/// A motor that turns the wrong way.
+/// A motor that turns the wrong way: its counts early, and later.
 #[derive(Clone, Copy, Debug, Default)]
 struct Astray {
-    /// For how long; 0 if it does not, and then there are no counts.
-    for_ms: u32,
-    /// Counts up to [`EARLY_MS`], and later.
+    /// 0 if it does not; the rest then means nothing.
+    early_ms: u32,
     early: u32,
+    late_ms: u32,
     late: u32,
+    /// Later is while the bridge is in full reverse.
+    insisting: bool,
 }
 
 impl Astray {
-    /// Another tick of it. True if it has lasted and does not slow down.
-    fn step(&mut self, ms: u32, counts: u32) -> bool {
-        if self.for_ms == 0 {
-            (self.early, self.late) = (0, 0);
+    /// Another tick of it. `gentle` is whether the end of the control range may be less than full reverse.
+    fn step(&mut self, ms: u32, counts: u32, gentle: bool) -> Finding {
+        if self.early_ms == 0 {
+            *self = Self::default();
         }
-        let part = if self.for_ms < EARLY_MS { &mut self.early } else { &mut self.late };
-        *part = part.saturating_add(counts);
-        self.for_ms += ms;
-        if self.for_ms < SUSPICIOUS_MS {
-            return false;
+        if !self.insisting && self.early_ms < EARLY_MS {
+            self.early_ms += ms;
+            self.early = self.early.saturating_add(counts);
+            return Finding::Sound;
         }
-        let early_ms = EARLY_MS.next_multiple_of(ms.max(1));
-        let late_ms = self.for_ms.saturating_sub(early_ms);
-        self.for_ms = 0;
+        self.late_ms += ms;
+        self.late = self.late.saturating_add(counts);
+        let hint = gentle && !self.insisting;
+        if self.late_ms < if hint { HINT_MS } else { LATE_MS } {
+            return if self.insisting { Finding::Insist } else { Finding::Sound };
+        }
         // Counts a millisecond, later and before.
-        let late = u64::from(self.late) * u64::from(early_ms);
-        self.early >= ENOUGH && late >= u64::from(self.early) * u64::from(late_ms)
+        let late = u64::from(self.late) * u64::from(self.early_ms);
+        if self.early < ENOUGH || late < u64::from(self.early) * u64::from(self.late_ms) {
+            self.early_ms = 0;
+            Finding::Sound
+        } else if hint {
+            let early = self.early.saturating_add(self.late);
+            *self =
+                Self { early_ms: self.early_ms + self.late_ms, early, insisting: true, ..Self::default() };
+            Finding::Insist
+        } else {
+            Finding::Fault(EncoderFault::Reversed)
+        }
     }
 }
 
@@ -141,7 +164,7 @@ impl Guard {
         let obeys = moved != 0 && regime != Regime::Reverse;
         let trusts = self.state == State::Watching && (!effort || obeys);
         if trusts {
-            (self.stuck_ms, self.astray.for_ms) = (0, 0);
+            (self.stuck_ms, self.astray.early_ms) = (0, 0);
         }
         trusts
     }
@@ -150,7 +173,7 @@ impl Guard {
     #[cold]
     #[inline(never)]
     pub fn examine(&mut self, period: Period, evidence: Evidence) -> Finding {
-        let Evidence { control, regime, target, moved, velocity } = evidence;
+        let Evidence { control, regime, target, moved, velocity, gentle } = evidence;
         let (ms, counts) = (period.as_millis(), moved.unsigned_abs());
 
         if let State::Probing { against, for_ms, counts: before } = self.state {
@@ -173,9 +196,12 @@ impl Guard {
         self.stuck_ms = if stuck { self.stuck_ms.saturating_add(ms) } else { 0 };
 
         if regime != Regime::Reverse || effort < ALL || !astray(velocity, target) {
-            self.astray.for_ms = 0;
-        } else if self.astray.step(ms, counts) {
-            return Finding::Fault(EncoderFault::Reversed);
+            self.astray.early_ms = 0;
+        } else {
+            let finding = self.astray.step(ms, counts, gentle);
+            if finding != Finding::Sound {
+                return finding;
+            }
         }
         if let State::Stalled { positive, beyond } = self.state {
             let beyond = beyond.saturating_add(along(moved, positive));

@@ -11,8 +11,8 @@ Overshoot: beyond the set-point in % of the step; after a change of torque the l
 the set-point. Rms error: of the speed, counts/s. Peak jerk: largest change of the mean motor current from
 one control period to the next while the motor slows down, A. Limit cycle: peak to peak of the speed in
 the last second, counts/s. Returned: energy into the battery, J. |error|: its integral, counts. Little jerk
-is no merit by itself: who brakes least has least. Fault: the load drove the motor on against all that the
-scheme could set against it, so the hub took the encoder for reversed and let go.
+is no merit by itself: who brakes least has least. Fault: the load drove the motor on against full reverse of
+the bridge, so the hub took the encoder for reversed and let go.
 ";
 
 /// One round: its table, who wins where, and the scores.
