@@ -15,7 +15,7 @@
 //!   is sent the other way. If it does not, the encoder is at fault, or the motor is jammed both ways,
 //!   which is as good a reason to coast.
 //!
-//! Either is decided 200 ms after the case is clear (at control periods that divide 50 ms). Open-loop
+//! Either is decided within 250 ms of a clear case (at control periods that divide 50 ms). Open-loop
 //! power needs no encoder and is not watched; neither is a motor that holds its position, from which
 //! no count is due.
 
