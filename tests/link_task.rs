@@ -14,10 +14,10 @@ use motor_hub::tasks::{self, COMMANDS, Links};
 use motor_hub::units::Millivolts;
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
-use std::future::{Future, pending};
+use std::future::{Future, poll_fn};
 use std::pin::{Pin, pin};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::task::{Context, Waker};
+use std::task::{Context, Poll, Waker};
 
 /// The mock driver's clock is one for the process.
 static CLOCK: Mutex<()> = Mutex::new(());
@@ -37,9 +37,8 @@ impl ErrorType for &Line {
 
 impl Write for &Line {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        if self.jammed.get() {
-            pending::<()>().await;
-        }
+        // Polled again and again, whatever the waker says.
+        poll_fn(|_| if self.jammed.get() { Poll::Pending } else { Poll::Ready(()) }).await;
         self.writes.borrow_mut().push(bytes.to_vec());
         Ok(bytes.len())
     }
@@ -221,6 +220,28 @@ fn a_host_that_takes_no_replies_loses_its_motors_too() {
     run_ms(&mut task, 2500);
     assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));
     assert_eq!(world.shown.get(), Colour::BLUE);
+}
+
+#[test]
+fn a_request_that_comes_while_a_reply_waits_is_not_late() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    world.line.jammed.set(true);
+    let request = frame_to(HUB, 7, 0x7F04, &[]);
+    let (begin, end) = request.split_at(4);
+    world.send(&[&request, begin].concat());
+    run_ms(&mut task, 1000);
+    world.line.jammed.set(false);
+    run_ms(&mut task, 40);
+    world.send(end);
+    run_ms(&mut task, 1);
+    assert_eq!(world.replies().len(), 2);
+    // But it is late after 50 ms more.
+    world.send(begin);
+    run_ms(&mut task, 51);
+    world.send(end);
+    run_ms(&mut task, 1);
+    assert_eq!(world.replies().len(), 0);
 }
 
 #[test]

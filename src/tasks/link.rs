@@ -52,7 +52,7 @@ pub async fn run<M: RawMutex, const N: usize>(
             Either3::Second(()) => 0,
         };
         let mut input = chunk.get(..length).unwrap_or_default();
-        let came = now();
+        let mut came = now();
         while let Some(packet) = decoder.next(&mut input, came) {
             let Some(reply) = link.receive(&packet, now(), &snapshot(links)) else { continue };
             settle(link, links, &mut show);
@@ -63,6 +63,8 @@ pub async fn run<M: RawMutex, const N: usize>(
                 let _ = tx.flush().await;
             };
             select(write, attend(link, links, &mut show)).await;
+            // What is left had to wait for that, and whatever belongs to it still does.
+            came = now();
         }
         settle(link, links, &mut show);
         // A host that never pauses must not keep other tasks from running.

@@ -5,14 +5,15 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use emulated::emulate::{Overlay, on_a_line};
-use emulated::serve;
+use emulated::{elf, serve};
 use simulated::cli::{Failure, Serving};
 use simulated::report::{drawn, write_all};
 use simulated::scenario::Scenario;
 
 /// The flashed image on an emulated chip, against the motor physics
 ///
-/// Without a command: a scenario by the image, over the same on the simulated board.
+/// Without a command: a scenario by the image, over the same on the simulated board. The image is built
+/// first if it is not fresh; MOTOR_HUB_ELF names another one.
 #[derive(Parser)]
 #[command(name = "emulate", version, args_conflicts_with_subcommands = true)]
 struct Cli {
@@ -49,9 +50,9 @@ fn overlay(cli: Cli) -> Result<(), Failure> {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let done = match cli.command {
+    let done = elf::check_named().map_err(Failure::Input).and_then(|()| match cli.command {
         Some(Command::Serve(serving)) => serving.execute(serve::scenario, serve::run),
         None => overlay(cli),
-    };
+    });
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
 }

@@ -29,7 +29,9 @@ pub enum Error {
     #[error("{0}")]
     Line(#[from] std::io::Error),
     /// Nobody answered a discovery.
-    #[error("no hub answers a discovery; check its power, its baud rate (460800) and the port")]
+    #[error(
+        "no hub answers a discovery; check its power, its baud rate (460800), the port, and that no other host talks to it"
+    )]
     NoHub,
     /// Hubs answered a discovery, but not one of them as parent.
     #[error("{found} hubs answer as parent, which must be one; name one by --address ({addresses})")]
@@ -40,7 +42,9 @@ pub enum Error {
         addresses: String,
     },
     /// The hub did not answer, however often it was asked.
-    #[error("hub {address} does not answer; check its address, its power and its baud rate (460800)")]
+    #[error(
+        "hub {address} does not answer; check its address, its power, its baud rate (460800), and that no other host talks to it"
+    )]
     Silent {
         /// The hub's.
         address: u8,

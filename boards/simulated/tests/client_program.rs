@@ -192,6 +192,8 @@ fn without_a_hub_the_program_fails_within_the_timeout() {
         assert!(err(&output).contains(says) && err(&output).contains(&server.address), "{}", err(&output));
         assert!(begin.elapsed() < Duration::from_secs(2), "{arguments:?}");
     }
+    let file = program(&["--port", "/dev/null", "status"]);
+    assert!(err(&file).contains("/dev/null: is not a serial port"), "{}", err(&file));
     let nobody = program(&["--port", "/no/such/port", "status"]);
     assert_eq!(nobody.status.code(), Some(1));
     assert!(err(&nobody).contains("/no/such/port"), "{}", err(&nobody));
@@ -201,7 +203,7 @@ fn without_a_hub_the_program_fails_within_the_timeout() {
 fn wrong_options_are_refused_before_anything_is_sent() {
     for (arguments, says) in [
         (&["status"][..], "--port PATH or --tcp HOST:PORT"),
-        (&["--port", "a", "--tcp", "b", "status"], "exclude"),
+        (&["--port", "a", "--tcp", "b:1", "status"], "exclude"),
         (&["--address", "0", "status"], "1 to 254"),
         (&["--address", "255", "status"], "1 to 254"),
         (&["--timeout", "0", "status"], "10..=60000"),
@@ -210,7 +212,11 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["power", "4", "0"], "0 to 3"),
         (&["power", "0,", "0"], "0 to 3"),
         (&["velocity", "0", "32768"], "32768"),
+        (&["velocity", "0", "1.5"], "whole number"),
         (&["velocity", "0", "1", "--for", "0"], "more than 0"),
+        (&["velocity", "0", "1", "--for", "-1"], "more than 0"),
+        (&["position", "0", "1", "--speed", "-500"], "1..=32767"),
+        (&["--tcp", "127.0.0.1", "status"], "127.0.0.1:7070"),
         (&["position", "0", "2147483648"], "2147483648"),
         (&["position", "0", "1", "--speed", "0"], "1..=32767"),
         (&["coefficients", "0", "velocity", "--p", "32768"], "-32768 to 32767"),

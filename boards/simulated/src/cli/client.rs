@@ -34,7 +34,7 @@ pub(super) struct Options {
     #[arg(long, value_name = "PATH", global = true, help_heading = "Hub")]
     port: Option<String>,
     /// Hub behind a TCP connection, in the place of --port
-    #[arg(long, value_name = "HOST:PORT", global = true, help_heading = "Hub")]
+    #[arg(long, value_name = "HOST:PORT", global = true, help_heading = "Hub", value_parser = host_and_port)]
     tcp: Option<String>,
     /// Address of the hub, 1 to 254; otherwise it is found by discovery
     #[arg(long, value_name = "N", global = true, help_heading = "Hub", value_parser = address)]
@@ -187,6 +187,11 @@ fn ports() -> Result<String, String> {
     let lines = ports.iter().map(|port| format!("  {} {}", port.path, port.description));
     let lines: String = lines.map(|line| line.trim_end().to_owned() + "\n").collect();
     Ok(format!("Serial ports found:\n{lines}"))
+}
+
+fn host_and_port(text: &str) -> Result<String, String> {
+    let parts = text.rsplit_once(':').filter(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
+    parts.map(|_| text.to_owned()).ok_or_else(|| "give HOST:PORT, such as 127.0.0.1:7070".to_owned())
 }
 
 fn address(text: &str) -> Result<Address, String> {

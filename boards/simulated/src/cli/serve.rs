@@ -30,7 +30,8 @@ pub(super) struct Options {
     #[arg(long, value_name = "N", default_value = "2", value_parser = address)]
     address: Address,
     /// The flashed image on an emulated chip instead of the simulated board: the program `emulate`, which
-    /// `cargo build --release --package emulated` puts beside this one. Its address is 2
+    /// `cargo build --release --package emulated` puts beside this one, and which builds the image if it is not
+    /// fresh. Its address is 2
     #[arg(long, conflicts_with = "address")]
     emulated: bool,
 }

@@ -26,7 +26,16 @@ impl Line {
     /// # Errors
     /// No such port, or somebody else has it.
     pub fn serial(path: &str) -> io::Result<Self> {
-        let port = serialport::new(path, BAUD_RATE).timeout(POLL).open()?;
+        let port = serialport::new(path, BAUD_RATE).timeout(POLL).open().map_err(|error| {
+            // What the system says of it is not what it means.
+            let told = error.to_string();
+            let means = match &*told {
+                "Not a typewriter" => "is not a serial port",
+                _ if told.contains("exclusive lock") => "another program has it open",
+                _ => return error.into(),
+            };
+            io::Error::other(means)
+        })?;
         Ok(Self::Serial(port))
     }
 

@@ -19,8 +19,10 @@ const INTERVAL: Duration = Duration::from_millis(100);
 /// Readings a line, where output is no terminal.
 const LINE: u32 = 10;
 
-/// In a row, so that a motor that rushes through its target is not taken for one that is there.
+/// In a row, and no faster than this, so that a motor that rushes through its target is not taken for one
+/// that is there: two counts in the hub's control period.
 const READINGS_AT_TARGET: u32 = 2;
+const STANDING_CPS: u16 = 40;
 
 /// Motors, and for how long.
 #[derive(clap::Args)]
@@ -29,7 +31,7 @@ struct Common {
     #[arg(value_name = "MOTOR", value_parser = motors)]
     motors: Motors,
     /// Ends after so many seconds
-    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long = "for", value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
     length: Option<Duration>,
     /// At zero the motors float; otherwise they brake
     #[arg(long)]
@@ -62,13 +64,17 @@ fn power(text: &str) -> Result<i16, String> {
     share.map(|share| (share * f64::from(i16::MAX)).round() as i16).ok_or("a power is -1 to 1".to_owned())
 }
 
+fn counts_per_second(text: &str) -> Result<i16, String> {
+    text.parse().map_err(|_| "a velocity is a whole number from -32768 to 32767".to_owned())
+}
+
 /// Options of `velocity`.
 #[derive(clap::Args)]
 pub(super) struct VelocityOptions {
     #[command(flatten)]
     common: Common,
     /// Counts per second, -32768 to 32767
-    #[arg(value_name = "CPS", allow_negative_numbers = true)]
+    #[arg(value_name = "CPS", allow_negative_numbers = true, value_parser = counts_per_second)]
     cps: i16,
 }
 
@@ -84,7 +90,7 @@ pub(super) struct PositionOptions {
     #[arg(long, value_name = "COUNTS", default_value_t = 5)]
     tolerance: u16,
     /// Speed limit on the way, in counts per second
-    #[arg(long, value_name = "CPS", default_value_t = 1000)]
+    #[arg(long, value_name = "CPS", default_value_t = 1000, allow_negative_numbers = true)]
     #[arg(value_parser = clap::value_parser!(i16).range(1..))]
     speed: i16,
 }
@@ -112,8 +118,9 @@ impl PositionOptions {
             session.set_position(motor, counts, tolerance)
         };
         let arrived = |reading: &Reading| {
-            let at_target = reading.bulk.at_target;
-            let all = common.motors.0.iter().all(|motor| at_target.get(usize::from(*motor)) == Some(&true));
+            let all = reading
+                .motors(&common.motors.0)
+                .all(|(_, _, velocity, at_target)| at_target && velocity.unsigned_abs() <= STANDING_CPS);
             in_a_row = if all { in_a_row + 1 } else { 0 };
             in_a_row >= READINGS_AT_TARGET
         };
@@ -167,11 +174,16 @@ impl Common {
         let Motors(motors) = &self.motors;
         let mut live = Live::new();
         let mut readings = 0u32;
-        repeat(session, INTERVAL, self.length, |session, reading| {
+        let mut unsaid = None;
+        let done = repeat(session, INTERVAL, self.length, |session, reading| {
+            let line = reading.line(motors);
+            unsaid = None;
             if live.terminal {
                 live.redraw(&reading.table(motors))?;
             } else if readings.is_multiple_of(LINE) {
-                print(&reading.line(motors))?;
+                print(&line)?;
+            } else {
+                unsaid = Some(line);
             }
             readings = readings.wrapping_add(1);
             for motor in motors {
@@ -183,6 +195,9 @@ impl Common {
                 }
             }
             Ok(arrived(reading))
-        })
+        });
+        // The last reading is what it came to.
+        unsaid.map_or(Ok(()), |line| print(&line))?;
+        done
     }
 }

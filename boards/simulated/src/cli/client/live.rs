@@ -27,7 +27,7 @@ impl Reading {
     }
 
     /// Of these motors: motor, position, velocity, at target.
-    fn motors(&self, motors: &[u8]) -> impl Iterator<Item = (u8, i32, i16, bool)> {
+    pub(super) fn motors(&self, motors: &[u8]) -> impl Iterator<Item = (u8, i32, i16, bool)> {
         let Bulk { encoders, velocities, at_target, .. } = self.bulk;
         let all = (0..).zip(encoders).zip(velocities).zip(at_target);
         all.filter(|(((motor, _), _), _)| motors.contains(motor)).map(|(((m, p), v), t)| (m, p, v, t))

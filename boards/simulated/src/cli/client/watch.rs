@@ -15,7 +15,7 @@ pub(super) struct Options {
     #[arg(value_parser = clap::value_parser!(u64).range(10..=2000))]
     interval: u64,
     /// Ends after so many seconds
-    #[arg(long = "for", value_name = "S", value_parser = seconds)]
+    #[arg(long = "for", value_name = "S", allow_negative_numbers = true, value_parser = seconds)]
     length: Option<Duration>,
     /// One JSON document per line, as it is where standard output is no terminal
     #[arg(long)]
