@@ -163,6 +163,44 @@ pub fn find(name: &str) -> Option<&'static CatalogueEntry> {
     catalogue().iter().find(|entry| key(entry.name) == wanted)
 }
 
+/// Why a name gives no motor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum UnknownMotor {
+    /// The catalogue has no such row.
+    NotListed(String),
+    /// It has, but nobody has measured its constants.
+    NeverCharacterised(String),
+}
+
+impl core::fmt::Display for UnknownMotor {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::NotListed(name) => write!(f, "no motor {name:?}")?,
+            Self::NeverCharacterised(name) => write!(f, "motor {name:?} was never characterised")?,
+        }
+        let known: Vec<_> = motors().map(|motor| motor.name).collect();
+        write!(f, "; known are {}", known.join(", "))
+    }
+}
+
+impl core::error::Error for UnknownMotor {}
+
+/// The constants of the motor of this name, found as by [`find`].
+///
+/// ```
+/// use motor_hub::model::catalogue::characterised;
+///
+/// assert_eq!(characterised("am60a")?.gear_ratio, 60.0);
+/// # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
+/// ```
+///
+/// # Errors
+/// What is wrong with the name; shown, it says which names there are.
+pub fn characterised(name: &str) -> Result<Motor, UnknownMotor> {
+    let entry = find(name).ok_or_else(|| UnknownMotor::NotListed(name.to_owned()))?;
+    entry.motor.ok_or_else(|| UnknownMotor::NeverCharacterised(name.to_owned()))
+}
+
 #[cfg(test)]
 #[expect(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {

@@ -45,16 +45,38 @@ fn build_into(target: &str, package: &str, variables: &[(&str, &str)]) -> PathBu
     root.join(target).join(TARGET).join("firmware").join(package)
 }
 
+/// What is wrong with the image that `MOTOR_HUB_ELF` names.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// It cannot be read.
+    #[error("MOTOR_HUB_ELF={place}: {error}")]
+    Unreadable {
+        /// Its path.
+        place: String,
+        /// Why not.
+        error: std::io::Error,
+    },
+    /// It is something else.
+    #[error("MOTOR_HUB_ELF={place} is not the ELF file of a firmware")]
+    NoFirmware {
+        /// Its path.
+        place: String,
+    },
+}
+
 /// Whether the image that `MOTOR_HUB_ELF` names, if it names one, can be run.
 ///
 /// # Errors
 /// If there is no such file, or if it is no ELF file.
-pub fn check_named() -> Result<(), String> {
+pub fn check_named() -> Result<(), ImageError> {
     let Some(name) = std::env::var_os("MOTOR_HUB_ELF") else { return Ok(()) };
-    let place = Path::new(&name).display();
-    let image = std::fs::read(&name).map_err(|error| format!("MOTOR_HUB_ELF={place}: {error}"))?;
+    let place = Path::new(&name).display().to_string();
+    let image = match std::fs::read(&name) {
+        Ok(image) => image,
+        Err(error) => return Err(ImageError::Unreadable { place, error }),
+    };
     let sound = object::File::parse(&*image).is_ok() && defmt_decoder::Table::parse(&image).is_ok();
-    if sound { Ok(()) } else { Err(format!("MOTOR_HUB_ELF={place} is not the ELF file of a firmware")) }
+    if sound { Ok(()) } else { Err(ImageError::NoFirmware { place }) }
 }
 
 /// The hub's firmware, built if it is not fresh. `MOTOR_HUB_ELF` names another image to run instead.

@@ -18,12 +18,12 @@
 mod bench;
 mod chip;
 pub mod elf;
-pub mod emulate;
 pub mod host;
 mod lab;
 mod pins;
 mod pwm;
 pub mod recording;
+pub mod replay;
 mod rtt;
 mod serial;
 pub mod serve;

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use simulated::catalogue::find_motor;
-use simulated::scenario::Scenario;
+use motor_hub::model::catalogue::characterised;
+use simulated::scenario::{Scenario, ScenarioError};
 use simulated::serve::{Line, Moment, line_on, pace};
 
 use crate::bench::Bench;
-use crate::emulate::{drive, stand};
 use crate::host::Host;
+use crate::replay::{ReplayError, drive, stand};
 
 const STEP: Duration = Duration::from_millis(1);
 
@@ -28,10 +28,12 @@ const LONGEST: usize = 128;
 ///
 /// # Errors
 /// None, as a test makes sure.
-pub fn scenario() -> Result<Scenario, String> {
+pub fn scenario() -> Result<Scenario, ScenarioError> {
     let mut scenario = Scenario::default_one()?;
-    let motor = find_motor("AM 60 A")?.with_measured_rotor_inertia();
-    scenario.motors.iter_mut().for_each(|plan| *plan = plan.with_constants(motor));
+    if let Ok(motor) = characterised("AM 60 A") {
+        let motor = motor.with_measured_rotor_inertia();
+        scenario.motors.iter_mut().for_each(|plan| *plan = plan.with_constants(motor));
+    }
     Ok(scenario)
 }
 
@@ -44,7 +46,7 @@ pub fn run(
     scenario: &Scenario,
     mut line: Line,
     show: &mut dyn FnMut(Moment<'_>) -> bool,
-) -> Result<Duration, String> {
+) -> Result<Duration, ReplayError> {
     let mut bench = Bench::new(stand(scenario));
     let mut chunk = [0; 512];
     let mut reply: Vec<u8> = Vec::new();
@@ -82,5 +84,5 @@ pub fn run(
         Ok(show(Moment { at_s, awake: true, describe }))
     })?;
     let gaps = bench.gaps();
-    if gaps.is_empty() { Ok(lost) } else { Err(gaps.join("\n")) }
+    if gaps.is_empty() { Ok(lost) } else { Err(ReplayError::Gaps(gaps)) }
 }

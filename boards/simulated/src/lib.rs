@@ -2,29 +2,25 @@
 //!
 //! ```text
 //!     scenario --> sim: tasks of motor-hub <--> world: plants, battery --> trace
-//!                                                                            |
-//!     tables, charts, CSV, JSON <-- report <-- measures <--------------------+
+//!                   |
+//!     serve: the same in real time, with hosts on its line
 //! ```
 //!
-//! [`cli`] is the command line `motor-hub`; `points`, `map` and `eval` ask the firmware's core
-//! directly, without a run; [`compare`] makes many runs of a few tasks to tell schemes apart. [`client`]
-//! is the host's end of the link to any hub, real or simulated.
+//! | room | what is decided there |
+//! |---|---|
+//! | [`hardware`] | what this board is made of, and what the firmware is told of it |
+//! | [`world`] | the board's traits over plants on a battery |
+//! | [`scheme`] | how people name schemes, blends and duty rules |
+//! | [`scenario`] | which motors with which loads are told what, and when |
+//! | [`sim`] | a scenario's run in virtual time |
+//! | [`trace`] | what is remembered of it |
+//! | [`serve`] | a hub in real time, for host software |
 #![forbid(unsafe_code)]
 
-pub mod catalogue;
-pub mod chart;
-pub mod cli;
-pub mod client;
-pub mod compare;
-pub mod eval;
-pub mod measures;
-pub mod operating;
-pub mod points_chart;
-pub mod report;
+pub mod hardware;
 pub mod scenario;
 pub mod scheme;
 pub mod serve;
 pub mod sim;
-pub mod table;
 pub mod trace;
 pub mod world;

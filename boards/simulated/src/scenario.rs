@@ -6,16 +6,41 @@
 mod file;
 mod substitute;
 
-use crate::world::electrical;
+use crate::hardware::{electrical, emf_constant};
+use crate::scheme::DutyChoice;
 use motor_hub::braking::{DutyRule, LinearCurrent, Scheme};
 use motor_hub::model::{battery::Battery, catalogue, load::Load, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Setpoint, Settings, ZeroPower};
-use motor_hub::units::{EmfConstant, Period, RangeError};
+use motor_hub::units::{Period, RangeError};
 use std::path::Path;
 
-/// How many motors the hub drives.
-pub const MOTORS: usize = 4;
+pub use file::Mistake;
+
+/// Why there is no scenario.
+#[derive(Debug, thiserror::Error)]
+pub enum ScenarioError {
+    /// The file cannot be read.
+    #[error("{file}: {source}")]
+    Unreadable {
+        /// Its path.
+        file: String,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// What stands in it cannot be run.
+    #[error("{file}:{line}:{column}: {mistake}")]
+    Wrong {
+        /// Its path.
+        file: String,
+        /// Where, counted from 1.
+        line: usize,
+        /// Where in the line, in characters, counted from 1.
+        column: usize,
+        /// What.
+        mistake: Mistake,
+    },
+}
 
 /// The longest run, in seconds: a trace must fit in memory.
 pub const LONGEST_S: f64 = 300.0;
@@ -39,7 +64,7 @@ pub struct Scenario {
     /// Its voltage without load later on, times ascending: in straight lines from one to the next, the
     /// last one holds.
     pub emf_over_time: Vec<Timed<f64>>,
-    /// One to [`MOTORS`] motors.
+    /// One to [`MOTORS`](crate::hardware::MOTORS) motors.
     pub motors: Vec<Motor>,
 }
 
@@ -84,19 +109,6 @@ impl Told {
     pub const TRUTH: Self = Self { resistance: 1.0, emf: 1.0 };
 }
 
-/// How the duty is found within a regime.
-#[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize, clap::ValueEnum,
-)]
-#[serde(rename_all = "kebab-case")]
-pub enum DutyChoice {
-    /// Such that the mean current is linear between the points, for the motor's own winding
-    #[default]
-    LinearCurrent,
-    /// Linear between the points, as in the paper
-    LinearDuty,
-}
-
 /// Something that holds from a time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timed<T> {
@@ -110,8 +122,8 @@ impl Scenario {
     /// Reads a scenario; `file` is what errors call it.
     ///
     /// # Errors
-    /// One line: `file:line:column: what is wrong; what is allowed`.
-    pub fn parse(file: &str, text: &str) -> Result<Self, String> {
+    /// [`ScenarioError::Wrong`]; shown, it is one line.
+    pub fn parse(file: &str, text: &str) -> Result<Self, ScenarioError> {
         file::read(text).map_err(|fault| fault.in_file(file, text))
     }
 
@@ -119,9 +131,12 @@ impl Scenario {
     ///
     /// # Errors
     /// As [`Scenario::parse`], or why the file cannot be read.
-    pub fn load(path: &Path) -> Result<Self, String> {
+    pub fn load(path: &Path) -> Result<Self, ScenarioError> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|e| format!("{file}: {e}"))?;
+        let text = match std::fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(source) => return Err(ScenarioError::Unreadable { file, source }),
+        };
         Self::parse(&file, &text)
     }
 
@@ -129,7 +144,7 @@ impl Scenario {
     ///
     /// # Errors
     /// None, as a test makes sure.
-    pub fn default_one() -> Result<Self, String> {
+    pub fn default_one() -> Result<Self, ScenarioError> {
         let (file, text) = DEFAULT;
         Self::parse(file, text)
     }
@@ -201,14 +216,6 @@ impl Motor {
     }
 }
 
-/// The firmware's back-EMF constant of a motor.
-///
-/// # Errors
-/// [`RangeError::EmfConstant`] if it does not fit in 6q20.
-pub fn emf_constant(motor: &catalogue::Motor) -> Result<EmfConstant, RangeError> {
-    EmfConstant::from_bits((motor.ke_fw() * f64::from(1 << 20)).round() as i32)
-}
-
 /// The last value that has begun by `at_s`.
 fn latest<T: Copy>(timed: &[Timed<T>], at_s: f64) -> Option<T> {
     timed.iter().take_while(|t| t.at_s <= at_s).last().map(|t| t.value)
@@ -224,7 +231,7 @@ mod tests {
         assert!(Scenario::default_one().is_ok());
         for entry in std::fs::read_dir("scenarios").expect("the folder exists") {
             let path = entry.expect("it can be listed").path();
-            assert_eq!(Scenario::load(&path).err(), None);
+            assert!(Scenario::load(&path).is_ok(), "{:?}", Scenario::load(&path).err());
         }
     }
 

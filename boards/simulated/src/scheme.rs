@@ -1,29 +1,24 @@
-//! How people name a scheme: `none`, `A` to `D`, and for D a blend. Scenario files and the command
-//! line share these words.
+//! How people name a scheme: `none`, `A` to `D`, and for D a blend; and a duty rule. Scenario files and the
+//! command line share these words.
 
-use crate::scenario::DutyChoice;
 use motor_hub::braking::{Blend, BlendFraction, Scheme};
 use serde::de::{Deserialize, Deserializer, Error, Visitor};
 use std::fmt;
 use std::str::FromStr;
 
 /// A scheme's name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 pub enum SchemeName {
-    /// No braking regime: forward and reverse driving only
+    /// No braking regime: forward and reverse driving only.
     #[serde(rename = "none")]
     None,
-    /// Control is an equivalent voltage
-    #[value(name = "A", alias = "a")]
+    /// Control is an equivalent voltage.
     A,
-    /// Control is a current
-    #[value(name = "B", alias = "b")]
+    /// Control is a current.
     B,
-    /// As B, but braking is as steep as driving
-    #[value(name = "C", alias = "c")]
+    /// As B, but braking is as steep as driving.
     C,
-    /// Between B and C: see --blend
-    #[value(name = "D", alias = "d")]
+    /// Between B and C, as a [`BlendChoice`] says.
     D,
 }
 
@@ -31,15 +26,24 @@ pub enum SchemeName {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlendChoice(Blend);
 
-const ALLOWED: &str = "a blend is a number from 0 (scheme B) to 1 (scheme C), or \"auto\"";
+/// What is wrong with a blend.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum BlendError {
+    /// It is no number from 0 to 1, nor "auto".
+    #[error("a blend is a number from 0 (scheme B) to 1 (scheme C), or \"auto\"")]
+    OutOfRange,
+    /// It goes with another scheme.
+    #[error("a blend goes with scheme D only")]
+    NotD,
+}
 
 impl SchemeName {
     /// The scheme that the firmware is set to. Scheme D without a blend blends automatically.
-    pub fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, &'static str> {
+    pub fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, BlendError> {
         match (self, blend) {
             (Self::D, None) => Ok(Scheme::D(Blend::Automatic)),
             (Self::D, Some(BlendChoice(blend))) => Ok(Scheme::D(blend)),
-            (_, Some(_)) => Err("a blend goes with scheme D only"),
+            (_, Some(_)) => Err(BlendError::NotD),
             (Self::None, None) => Ok(Scheme::ForwardReverse),
             (Self::A, None) => Ok(Scheme::A),
             (Self::B, None) => Ok(Scheme::B),
@@ -50,22 +54,22 @@ impl SchemeName {
 
 impl BlendChoice {
     /// A blend that is the same at all speeds: 0 to 1, in steps of 2^-16.
-    pub fn fixed(blend: f64) -> Result<Self, &'static str> {
+    pub fn fixed(blend: f64) -> Result<Self, BlendError> {
         if !(0.0..=1.0).contains(&blend) {
-            return Err(ALLOWED);
+            return Err(BlendError::OutOfRange);
         }
         let bits = (blend * f64::from(BlendFraction::ONE.to_bits())).round() as u32;
-        BlendFraction::from_bits(bits).map(|b| Self(Blend::Fixed(b))).map_err(|_| ALLOWED)
+        BlendFraction::from_bits(bits).map(|b| Self(Blend::Fixed(b))).map_err(|_| BlendError::OutOfRange)
     }
 }
 
 impl FromStr for BlendChoice {
-    type Err = &'static str;
+    type Err = BlendError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         match text {
             "auto" => Ok(Self(Blend::Automatic)),
-            _ => text.parse().map_err(|_| ALLOWED).and_then(Self::fixed),
+            _ => text.parse().map_err(|_| BlendError::OutOfRange).and_then(Self::fixed),
         }
     }
 }
@@ -96,33 +100,15 @@ impl<'de> Deserialize<'de> for BlendChoice {
     }
 }
 
-/// Options of the command line that choose how motors are controlled.
-#[derive(Clone, Copy, Debug, clap::Args)]
-pub struct Choice {
-    /// Scheme
-    #[arg(long, ignore_case = true)]
-    scheme: Option<SchemeName>,
-    /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
-    #[arg(long, value_name = "0..1|auto", requires = "scheme")]
-    blend: Option<BlendChoice>,
-    /// How duties are found
-    #[arg(long)]
-    pub duty: Option<DutyChoice>,
-}
-
-impl Choice {
-    /// The scheme, if one is chosen.
-    ///
-    /// # Errors
-    /// A blend without scheme D.
-    pub fn scheme(&self) -> Result<Option<Scheme>, &'static str> {
-        self.scheme.map(|name| name.with_blend(self.blend)).transpose()
-    }
-
-    /// True if nothing is chosen.
-    pub const fn is_empty(&self) -> bool {
-        self.scheme.is_none() && self.duty.is_none()
-    }
+/// How the duty is found within a regime.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DutyChoice {
+    /// Such that the mean current is linear between the points, for the motor's own winding.
+    #[default]
+    LinearCurrent,
+    /// Linear between the points, as in the paper.
+    LinearDuty,
 }
 
 /// A scheme in words, for headings.
@@ -157,7 +143,7 @@ mod tests {
     #[test]
     fn a_blend_lies_between_zero_and_one() {
         for wrong in ["-0.1", "1.01", "nan", "half", ""] {
-            assert_eq!(wrong.parse::<BlendChoice>(), Err(ALLOWED), "{wrong:?}");
+            assert_eq!(wrong.parse::<BlendChoice>(), Err(BlendError::OutOfRange), "{wrong:?}");
         }
     }
 }

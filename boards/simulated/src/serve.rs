@@ -9,11 +9,10 @@ mod line;
 #[cfg(unix)]
 mod pty;
 
-pub use line::Line;
+pub use line::{Line, LineError};
 
 use crate::scenario::Scenario;
-use crate::sim::{self, Executor, STARVED, Wires};
-use crate::world::Board;
+use crate::sim::{self, Executor, RunError, Wires};
 use embassy_futures::join::join;
 use embassy_time::MockDriver;
 use embedded_io_async::{ErrorType, Read, Write};
@@ -38,7 +37,7 @@ const LATE: Duration = Duration::from_millis(100);
 ///
 /// # Errors
 /// Those of `step`.
-pub fn pace(mut step: impl FnMut(u64) -> Result<bool, String>) -> Result<Duration, String> {
+pub fn pace<E>(mut step: impl FnMut(u64) -> Result<bool, E>) -> Result<Duration, E> {
     let mut due = Instant::now();
     let mut lost = Duration::ZERO;
     for number in 0.. {
@@ -87,11 +86,11 @@ pub fn run(
     address: Address,
     line: Line,
     show: &mut dyn FnMut(Moment<'_>) -> bool,
-) -> Result<Duration, String> {
+) -> Result<Duration, RunError> {
     MockDriver::get().reset();
-    let (board, links) = (Board::new(scenario), Wires::new());
+    let (board, links) = (sim::board(scenario), Wires::new());
     let health = Health::new().expecting(Task::Link);
-    let mut snapshots = links.snapshot.receiver().ok_or("the hub has no receiver to spare")?;
+    let mut snapshots = links.snapshot.receiver().ok_or(RunError::Unobserved)?;
     let settings = sim::all_settings(&scenario.motors)?;
     let tasks = sim::tasks(scenario, &board, &links, &health)?;
 
@@ -115,7 +114,7 @@ pub fn run(
         executor.run(everything.as_mut());
         sim::advance(scenario, &board, at_s, &sim::torques(scenario, at_s));
         if board.starved() {
-            return Err(STARVED.into());
+            return Err(RunError::Starved);
         }
         snapshot = snapshots.try_changed().unwrap_or(snapshot);
         let describe = &mut || {

@@ -4,7 +4,8 @@
 //! driver and the plants advance together, a millisecond at a time: the interval at which the
 //! encoders are sampled, so nothing the hub could notice falls between.
 
-use crate::scenario::{MOTORS, Motor, Scenario, emf_constant};
+use crate::hardware::MOTORS;
+use crate::scenario::{Motor, Scenario};
 use crate::trace::{Sample, Tick, Trace};
 use crate::world::Board;
 use embassy_futures::join::{join, join5};
@@ -16,10 +17,36 @@ use motor_hub::model::si::Seconds;
 use motor_hub::motor::Settings;
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Links};
+use motor_hub::units::RangeError;
 use std::pin::{Pin, pin};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Wake, Waker};
+
+/// Why a run did not come to its end.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RunError {
+    /// A motor's constants do not fit the firmware.
+    #[error("{label}: {error}")]
+    Motor {
+        /// The motor's.
+        label: String,
+        /// Which, and what is allowed.
+        error: RangeError,
+    },
+    /// The board's own constants do not fit the firmware.
+    #[error("the board: {0}")]
+    Board(RangeError),
+    /// There is nothing to run.
+    #[error("a scenario without a motor")]
+    NoMotors,
+    /// The watchdog bit.
+    #[error("the hub did not feed its watchdog: a real board would have been reset")]
+    Starved,
+    /// Nobody can look at the hub: all its observers' places are taken.
+    #[error("the hub has no receiver to spare")]
+    Unobserved,
+}
 
 /// How far the clock and the world move at once, in seconds.
 pub(crate) const STEP_S: f64 = 1e-3;
@@ -71,9 +98,9 @@ pub(crate) fn tasks<'a>(
     board: &Board,
     links: &'a Wires,
     health: &'a Health,
-) -> Result<impl Future + use<'a>, String> {
+) -> Result<impl Future + use<'a>, RunError> {
     let (settings, period, board) = (all_settings(&scenario.motors)?, scenario.period, board.clone());
-    let supply = Supply::new(Board::scale().map_err(|e| e.to_string())?, Limits::default());
+    let supply = Supply::new(Board::scale().map_err(RunError::Board)?, Limits::default());
     Ok(async move {
         let mut hub = Hub::new(settings, period);
         join5(
@@ -100,19 +127,16 @@ pub(crate) fn torques(scenario: &Scenario, now_s: f64) -> Vec<f64> {
     scenario.motors.iter().map(|m| m.torque_at(now_s)).collect()
 }
 
-/// What is said when the watchdog bit.
-pub(crate) const STARVED: &str = "the hub did not feed its watchdog: a real board would have been reset";
-
 /// Runs a scenario; `progress` is told the virtual time in seconds now and then.
 ///
 /// The time driver is one for the whole process, so only one run at a time is possible in it.
 ///
 /// # Errors
 /// If a motor's constants do not fit the firmware, or if the hub's watchdog was not fed.
-pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, String> {
+pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, RunError> {
     MockDriver::get().reset();
-    let (board, links, health) = (Board::new(scenario), Wires::new(), Health::new());
-    let mut snapshots = links.snapshot.receiver().ok_or("the hub has no receiver to spare")?;
+    let (board, links, health) = (board(scenario), Wires::new(), Health::new());
+    let mut snapshots = links.snapshot.receiver().ok_or(RunError::Unobserved)?;
     let tasks = tasks(scenario, &board, &links, &health)?;
     let mut everything = pin!(join(tasks, operate(scenario, &links)));
 
@@ -135,18 +159,27 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
             progress(now_s);
         }
     }
-    if board.starved() { Err(STARVED.into()) } else { Ok(trace) }
+    if board.starved() { Err(RunError::Starved) } else { Ok(trace) }
 }
 
 /// Settings of every channel; those without a motor stay disabled, whatever their settings.
-pub(crate) fn all_settings(motors: &[Motor]) -> Result<[Settings; MOTORS], String> {
-    let first = motors.first().ok_or("a scenario without a motor")?;
-    let spare = Settings::new(emf_constant(&first.constants).map_err(|e| e.to_string())?);
-    let mut settings = [spare; MOTORS];
+pub(crate) fn all_settings(motors: &[Motor]) -> Result<[Settings; MOTORS], RunError> {
+    let spare = motors.first().ok_or(RunError::NoMotors)?;
+    let mut settings = [settings_of(spare)?; MOTORS];
     for (slot, motor) in settings.iter_mut().zip(motors) {
-        *slot = motor.settings().map_err(|e| format!("{}: {e}", motor.label))?;
+        *slot = settings_of(motor)?;
     }
     Ok(settings)
+}
+
+fn settings_of(motor: &Motor) -> Result<Settings, RunError> {
+    motor.settings().map_err(|error| RunError::Motor { label: motor.label.clone(), error })
+}
+
+/// The board with a scenario's motors, loads and battery, at rest.
+pub(crate) fn board(scenario: &Scenario) -> Board {
+    let motors = scenario.motors.iter().map(|motor| (motor.constants, motor.load));
+    Board::new(scenario.battery, motors, scenario.seed)
 }
 
 /// The host that tells the hub what to do, when the scenario says so.

@@ -1,8 +1,9 @@
 //! The scenario file as it is written, and the checks that make a [`Scenario`] of it.
 
-use super::{DutyChoice, LONGEST_S, MOTORS, Motor, Scenario, Timed, Told};
-use crate::catalogue::find_motor;
-use crate::scheme::{BlendChoice, SchemeName};
+use super::{LONGEST_S, Motor, Scenario, Timed, Told};
+use crate::hardware::MOTORS;
+use crate::scheme::{BlendChoice, BlendError, DutyChoice, SchemeName};
+use motor_hub::model::catalogue::{UnknownMotor, characterised};
 use motor_hub::model::{battery::Battery, load::Load, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Setpoint, ZeroPower};
@@ -16,28 +17,105 @@ const FASTEST_CPS: i64 = 1_000_000;
 /// What a Q16.16 coefficient can hold.
 const LARGEST_COEFFICIENT: f64 = 32_767.0;
 
+/// What is wrong with a scenario.
+#[derive(Debug, thiserror::Error)]
+pub enum Mistake {
+    /// Broken TOML, an unknown key or a value of another type, in the parser's words.
+    #[error("{0}")]
+    Toml(String),
+    /// No such motor.
+    #[error(transparent)]
+    Motor(UnknownMotor),
+    /// A blend out of range, or with another scheme than D.
+    #[error(transparent)]
+    Blend(BlendError),
+    /// A blend without `scheme = "D"`.
+    #[error("a blend goes with scheme = \"D\" only")]
+    BlendAlone,
+    /// A number beyond its range.
+    #[error("{key} = {value} is out of range; allowed is {low} to {high}")]
+    OutOfRange {
+        /// What the file calls it.
+        key: &'static str,
+        /// As it stands there.
+        value: f64,
+        /// The least that is allowed.
+        low: f64,
+        /// The most that is allowed.
+        high: f64,
+    },
+    /// More motors than channels, or none.
+    #[error("{0} motors; the hub drives 1 to {MOTORS}")]
+    Motors(usize),
+    /// Two motors of one label.
+    #[error("label {0:?} is taken; every motor needs its own")]
+    LabelTaken(String),
+    /// A motor that is told nothing.
+    #[error("no set-points; a motor needs at least one")]
+    NoSetpoints,
+    /// None, or several, of the four kinds of set-point.
+    #[error("a set-point says exactly one of power, velocity_cps, position_counts and disable")]
+    SetpointKind,
+    /// A position without its two companions.
+    #[error("position_counts needs tolerance_counts and speed_limit_cps beside it")]
+    PositionAlone,
+    /// The companions of a position without one.
+    #[error("tolerance_counts and speed_limit_cps go with position_counts only")]
+    PositionMissing,
+    /// `disable = false`.
+    #[error("disable can only be true; leave it out otherwise")]
+    DisableFalse,
+    /// Something happens before the run, or after it.
+    #[error("at_s = {at_s} is outside the run; it lasts from 0 to {duration_s} s")]
+    OutsideRun {
+        /// When it is to happen.
+        at_s: f64,
+        /// How long the run is.
+        duration_s: f64,
+    },
+    /// Something happens before what stands above it.
+    #[error("at_s = {at_s} is not after {last_s}; times must ascend")]
+    NotAfter {
+        /// When it is to happen.
+        at_s: f64,
+        /// When the one before happens.
+        last_s: f64,
+    },
+    /// An empty name, a very long one, or one with control characters.
+    #[error("{0} must be 1 to 80 printable characters")]
+    Name(&'static str),
+}
+
 /// What is wrong, and where in the text.
 #[derive(Debug)]
 pub(super) struct Fault {
     span: Range<usize>,
-    what: String,
+    mistake: Mistake,
 }
 
 impl Fault {
-    /// One line for people: `file:line:column: what`.
-    pub(super) fn in_file(&self, file: &str, text: &str) -> String {
+    /// With line and column, counted from 1.
+    pub(super) fn in_file(self, file: &str, text: &str) -> super::ScenarioError {
         let before = text.get(..self.span.start).unwrap_or(text);
-        let line = before.matches('\n').count() + 1;
-        let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
-        format!("{file}:{line}:{column}: {}", self.what.trim_end().replace('\n', "; "))
+        super::ScenarioError::Wrong {
+            file: file.to_owned(),
+            line: before.matches('\n').count() + 1,
+            column: before.rsplit('\n').next().unwrap_or("").chars().count() + 1,
+            mistake: self.mistake,
+        }
     }
 }
 
-fn fault<T>(at: &Spanned<T>, what: impl Into<String>) -> Fault {
-    Fault { span: at.span(), what: what.into() }
+fn fault<T>(at: &Spanned<T>, mistake: Mistake) -> Fault {
+    Fault { span: at.span(), mistake }
 }
 
 type Checked<T> = Result<T, Fault>;
+
+/// The parser's message as one line.
+fn in_words(error: &toml::de::Error) -> Mistake {
+    Mistake::Toml(error.message().trim_end().replace('\n', "; "))
+}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -162,26 +240,24 @@ struct TorqueTable {
 /// Reads and checks a whole file.
 pub(super) fn read(text: &str) -> Checked<Scenario> {
     let file: File = toml::from_str(text)
-        .map_err(|error| Fault { span: error.span().unwrap_or(0..0), what: error.message().to_owned() })?;
+        .map_err(|error| Fault { span: error.span().unwrap_or(0..0), mistake: in_words(&error) })?;
     let duration_s = within(&file.duration_s, "duration_s", 0.001..=LONGEST_S)?;
     let count = file.motors.get_ref().len();
     if !(1..=MOTORS).contains(&count) {
-        let what = format!("{count} motors; the hub drives 1 to {MOTORS}");
-        return Err(fault(&file.motors, what));
+        return Err(fault(&file.motors, Mistake::Motors(count)));
     }
     let mut motors: Vec<Motor> = Vec::with_capacity(count);
     for table in file.motors.get_ref() {
         let motor = table.get_ref().check(table, duration_s)?;
         if motors.iter().any(|m| m.label == motor.label) {
-            let what = format!("label {:?} is taken; every motor needs its own", motor.label);
-            return Err(fault(&table.get_ref().label, what));
+            return Err(fault(&table.get_ref().label, Mistake::LabelTaken(motor.label)));
         }
         motors.push(motor);
     }
     let period = match &file.control_period_ms {
         Some(ms) => {
             let checked = within(ms, "control_period_ms", 1..=100)?;
-            Period::from_millis(checked as u32).map_err(|e| fault(ms, e.to_string()))?
+            Period::from_millis(checked as u32).unwrap_or_default()
         }
         None => Period::DEFAULT,
     };
@@ -206,17 +282,18 @@ pub(super) fn read(text: &str) -> Checked<Scenario> {
 
 impl MotorTable {
     fn check(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Motor> {
-        let constants = find_motor(self.motor.get_ref()).map_err(|what| fault(&self.motor, what))?;
+        let constants = characterised(self.motor.get_ref())
+            .map_err(|unknown| fault(&self.motor, Mistake::Motor(unknown)))?;
         let Some(scheme) = self.scheme.or(self.blend.is_none().then_some(SchemeName::A)) else {
-            return Err(fault(whole, "a blend goes with scheme = \"D\" only"));
+            return Err(fault(whole, Mistake::BlendAlone));
         };
         let blend = self.blend.as_ref().map(|b| *b.get_ref());
-        let scheme = scheme.with_blend(blend).map_err(|what| match &self.blend {
-            Some(at) => fault(at, what),
-            None => fault(whole, what),
+        let scheme = scheme.with_blend(blend).map_err(|error| match &self.blend {
+            Some(at) => fault(at, Mistake::Blend(error)),
+            None => fault(whole, Mistake::Blend(error)),
         })?;
         if self.setpoints.is_empty() {
-            return Err(fault(whole, "no set-points; a motor needs at least one"));
+            return Err(fault(whole, Mistake::NoSetpoints));
         }
         let any = 0.0..=1000.0;
         let load = Load {
@@ -264,7 +341,7 @@ const EMF: RangeInclusive<f64> = 1.0..=60.0;
 
 impl ToldTable {
     fn check(&self) -> Checked<Told> {
-        let factor = |value: &Option<Spanned<f64>>, key: &str| {
+        let factor = |value: &Option<Spanned<f64>>, key: &'static str| {
             value.as_ref().map_or(Ok(1.0), |value| within(value, key, 0.1..=10.0))
         };
         Ok(Told { resistance: factor(&self.resistance, "resistance")?, emf: factor(&self.emf, "emf")? })
@@ -273,12 +350,12 @@ impl ToldTable {
 
 impl GainTable {
     fn check(&self) -> Checked<Pidf> {
-        let fixed = |value: &Spanned<f64>, key: &str| {
+        let fixed = |value: &Spanned<f64>, key: &'static str| {
             let number = within(value, key, 0.0..=LARGEST_COEFFICIENT)?;
             let bits = (number * f64::from(1 << 16)).round() as i32;
             Ok(Coefficient::from_bits(bits))
         };
-        let optional = |value: &Option<Spanned<f64>>, key: &str| {
+        let optional = |value: &Option<Spanned<f64>>, key: &'static str| {
             value.as_ref().map_or(Ok(Coefficient::ZERO), |value| fixed(value, key))
         };
         Ok(Pidf {
@@ -299,14 +376,12 @@ impl SetPointTable {
             self.disable.is_some(),
         ];
         if kinds.into_iter().filter(|&given| given).count() != 1 {
-            let what = "a set-point says exactly one of power, velocity_cps, position_counts and disable";
-            return Err(fault(whole, what));
+            return Err(fault(whole, Mistake::SetpointKind));
         }
         let (tolerance, limit) = (&self.tolerance_counts, &self.speed_limit_cps);
         if let Some(counts) = self.position_counts {
             let (Some(tolerance), Some(limit)) = (tolerance, limit) else {
-                let what = "position_counts needs tolerance_counts and speed_limit_cps beside it";
-                return Err(fault(whole, what));
+                return Err(fault(whole, Mistake::PositionAlone));
             };
             return Ok(Setpoint::Position {
                 target: counts,
@@ -315,8 +390,7 @@ impl SetPointTable {
             });
         }
         if tolerance.is_some() || limit.is_some() {
-            let what = "tolerance_counts and speed_limit_cps go with position_counts only";
-            return Err(fault(whole, what));
+            return Err(fault(whole, Mistake::PositionMissing));
         }
         if let Some(cps) = &self.velocity_cps {
             return speed(cps, "velocity_cps", -FASTEST_CPS).map(Setpoint::Velocity);
@@ -326,13 +400,13 @@ impl SetPointTable {
             return Ok(Setpoint::ConstantPower(Control::new(counts.round() as i16)));
         }
         match &self.disable {
-            Some(no) if !no.get_ref() => Err(fault(no, "disable can only be true; leave it out otherwise")),
+            Some(no) if !no.get_ref() => Err(fault(no, Mistake::DisableFalse)),
             _ => Ok(Setpoint::Disabled),
         }
     }
 }
 
-fn speed(value: &Spanned<i64>, key: &str, lowest: i64) -> Checked<CountsPerSecond> {
+fn speed(value: &Spanned<i64>, key: &'static str, lowest: i64) -> Checked<CountsPerSecond> {
     within(value, key, lowest..=FASTEST_CPS).map(|cps| CountsPerSecond::new(cps as i32))
 }
 
@@ -349,42 +423,53 @@ fn timeline<F, T>(
         let at_s = *time.get_ref();
         // Written so that a value that is not a number fails too.
         if !(0.0..=duration_s).contains(&at_s) {
-            let what = format!("at_s = {at_s} is outside the run; it lasts from 0 to {duration_s} s");
-            return Err(fault(time, what));
+            return Err(fault(time, Mistake::OutsideRun { at_s, duration_s }));
         }
         if let Some(last) = timed.last().filter(|last| last.at_s >= at_s) {
-            let what = format!("at_s = {at_s} is not after {}; times must ascend", last.at_s);
-            return Err(fault(time, what));
+            return Err(fault(time, Mistake::NotAfter { at_s, last_s: last.at_s }));
         }
         timed.push(Timed { at_s, value: check(entry.get_ref(), entry)? });
     }
     Ok(timed)
 }
 
-fn named(text: &Spanned<String>, key: &str) -> Checked<String> {
+fn named(text: &Spanned<String>, key: &'static str) -> Checked<String> {
     let name = text.get_ref().trim();
     let printable = !name.is_empty() && name.len() <= 80 && !name.chars().any(char::is_control);
-    if printable {
-        Ok(name.to_owned())
-    } else {
-        Err(fault(text, format!("{key} must be 1 to 80 printable characters")))
-    }
+    if printable { Ok(name.to_owned()) } else { Err(fault(text, Mistake::Name(key))) }
 }
 
 /// Not a number is in no range.
-fn within<T>(value: &Spanned<T>, key: &str, range: RangeInclusive<T>) -> Checked<T>
+fn within<T>(value: &Spanned<T>, key: &'static str, range: RangeInclusive<T>) -> Checked<T>
 where
-    T: Copy + PartialOrd + std::fmt::Display,
+    T: Copy + PartialOrd + AsFloat,
 {
     let number = *value.get_ref();
     if range.contains(&number) {
         return Ok(number);
     }
-    let (low, high) = (range.start(), range.end());
-    Err(fault(value, format!("{key} = {number} is out of range; allowed is {low} to {high}")))
+    let [value_as, low, high] = [number, *range.start(), *range.end()].map(AsFloat::as_float);
+    Err(fault(value, Mistake::OutOfRange { key, value: value_as, low, high }))
+}
+
+/// A number of the file, for messages.
+trait AsFloat {
+    fn as_float(self) -> f64;
+}
+
+impl AsFloat for f64 {
+    fn as_float(self) -> f64 {
+        self
+    }
+}
+
+impl AsFloat for i64 {
+    fn as_float(self) -> f64 {
+        self as f64
+    }
 }
 
 /// As [`within`], 0 when absent.
-fn optional(value: &Option<Spanned<f64>>, key: &str, range: RangeInclusive<f64>) -> Checked<f64> {
+fn optional(value: &Option<Spanned<f64>>, key: &'static str, range: RangeInclusive<f64>) -> Checked<f64> {
     value.as_ref().map_or(Ok(0.0), |value| within(value, key, range))
 }

@@ -7,6 +7,25 @@ use std::net::{TcpListener, TcpStream};
 #[cfg(unix)]
 use super::pty::Pty;
 
+/// Why a line cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum LineError {
+    /// The system has no pseudo-terminal to give.
+    #[error("no pseudo-terminal: {0}")]
+    NoPty(std::io::Error),
+    /// Systems other than Unix have none at all.
+    #[error("this system has no pseudo-terminals; serve with --tcp instead")]
+    NoPtys,
+    /// The address cannot be listened to.
+    #[error("{address} cannot be listened to: {error}; give HOST:PORT, such as 127.0.0.1:7070")]
+    Tcp {
+        /// As it was given.
+        address: String,
+        /// Why not.
+        error: std::io::Error,
+    },
+}
+
 /// A line on which nothing waits.
 #[derive(Debug)]
 pub struct Line(Kind);
@@ -25,24 +44,23 @@ impl Line {
     /// # Errors
     /// If the system has none to give.
     #[cfg(unix)]
-    pub fn pty() -> Result<Self, String> {
-        Pty::open().map(|pty| Self(Kind::Pty(pty))).map_err(|e| format!("no pseudo-terminal: {e}"))
+    pub fn pty() -> Result<Self, LineError> {
+        Pty::open().map(|pty| Self(Kind::Pty(pty))).map_err(|errno| LineError::NoPty(errno.into()))
     }
 
     /// # Errors
     /// This system has no pseudo-terminals.
     #[cfg(not(unix))]
-    pub fn pty() -> Result<Self, String> {
-        Err("this system has no pseudo-terminals; serve with --tcp instead".into())
+    pub fn pty() -> Result<Self, LineError> {
+        Err(LineError::NoPtys)
     }
 
     /// A TCP port; port 0 is any that is free.
     ///
     /// # Errors
     /// If it cannot be listened to.
-    pub fn tcp(address: &str) -> Result<Self, String> {
-        let fails =
-            |e| format!("{address} cannot be listened to: {e}; give HOST:PORT, such as 127.0.0.1:7070");
+    pub fn tcp(address: &str) -> Result<Self, LineError> {
+        let fails = |error| LineError::Tcp { address: address.to_owned(), error };
         let listener = TcpListener::bind(address).map_err(fails)?;
         listener.set_nonblocking(true).map_err(fails)?;
         Ok(Self(Kind::Tcp(listener, None)))

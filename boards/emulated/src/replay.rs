@@ -1,0 +1,278 @@
+//! A scenario of the simulated board, run by the flashed image on the emulated chip: the host's line says
+//! what the scenario says, and what happens is remembered as the simulated board remembers it.
+//!
+//! Over that line the host first sets the motors up: constants, scheme, duty rule, coefficients. Set-points
+//! should lie between two control ticks, so that the line has time to carry them: see [`on_a_line`].
+
+use std::time::Duration;
+
+use motor_hub::braking::Regime;
+use motor_hub::bridge::{Drive, Mode as BridgeMode};
+use motor_hub::link::setup::{self, Setup};
+use motor_hub::model::plant::Flow;
+use motor_hub::motion::Pidf;
+use motor_hub::motor::{Report, Setpoint, ZeroPower};
+use motor_hub::units::{CountsPerSecond, Duty, Period, RangeError};
+use simulated::hardware::BRIDGE;
+use simulated::scenario::{Motor, Scenario};
+use simulated::trace::{Sample, Tick, Trace};
+
+use crate::bench::{self, Bench};
+use crate::host::{Host, Mode, Reply};
+use crate::pwm::Output;
+use crate::shafts::{Look, Mounting};
+
+/// Why a scenario could not be replayed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ReplayError {
+    /// The image has a control period of its own.
+    #[error("control_period_ms = {asked}, but the image's is {image}")]
+    Period {
+        /// The scenario's, in milliseconds.
+        asked: u32,
+        /// The image's, in milliseconds.
+        image: u32,
+    },
+    /// A motor's constants do not fit the firmware.
+    #[error("{label}: {error}")]
+    Motor {
+        /// The motor's.
+        label: String,
+        /// Which, and what is allowed.
+        error: RangeError,
+    },
+    /// The hub does not take a motor's set-up.
+    #[error("the hub refuses a set-up")]
+    SetupRefused,
+    /// The emulator did less than the chip would.
+    #[error("{}", .0.join("\n"))]
+    Gaps(Vec<String>),
+}
+
+/// How often the host says that it is there.
+const KEEP_ALIVE_S: f64 = 1.0;
+
+/// The chip is up then, and its host has set up the motors.
+const READY_S: f64 = 0.5;
+
+/// The same with set-points that a line can carry: none before the hub is ready, and each half a control
+/// period late, so that it is there before the next tick.
+#[must_use]
+pub fn on_a_line(mut scenario: Scenario) -> Scenario {
+    let half_s = 0.5e-3 * f64::from(scenario.period.as_millis());
+    for motor in &mut scenario.motors {
+        // Of those that the hub is not ready for, the last one holds.
+        let early = motor.setpoints.iter().filter(|timed| timed.at_s <= READY_S).count();
+        motor.setpoints.drain(..early.saturating_sub(1));
+        for timed in &mut motor.setpoints {
+            timed.at_s = timed.at_s.max(READY_S) + half_s;
+        }
+    }
+    scenario
+}
+
+/// Runs a scenario on the emulated chip; `progress` is told the virtual time in seconds.
+///
+/// # Errors
+/// If the emulator had a gap.
+///
+/// # Panics
+/// If the firmware does not obey.
+pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, ReplayError> {
+    if scenario.period != Period::DEFAULT {
+        let (asked, image) = (scenario.period.as_millis(), Period::DEFAULT.as_millis());
+        return Err(ReplayError::Period { asked, image });
+    }
+    let mut bench = Bench::new(stand(scenario));
+    let mut host = Host::default();
+    let mut orders = orders(scenario).into_iter().peekable();
+    let period_s = f64::from(scenario.period.as_millis()) * 1e-3;
+    let mut trace = Trace::default();
+    let mut heard_s = 0.0;
+    let ticks = (scenario.duration_s / period_s).floor() as usize;
+    for tick in 1..=ticks {
+        let at_s = tick as f64 * period_s;
+        while let Some((order_s, order)) = orders.next_if(|&(order_s, _)| order_s < at_s) {
+            run_to(&mut bench, order_s);
+            carry_out(&mut bench, &mut host, scenario, order)?;
+        }
+        if at_s - heard_s > KEEP_ALIVE_S {
+            heard_s = at_s;
+            run_to(&mut bench, at_s - 0.4 * period_s);
+            host.keep_alive(&mut bench);
+        }
+        // What the tick decides is on the pins within a millisecond.
+        run_to(&mut bench, at_s + 1e-3);
+        observe(&mut bench, scenario, at_s, &mut trace);
+        // A battery that runs down does so slowly.
+        bench.set_battery(scenario.emf_at(at_s).0);
+        progress(at_s);
+    }
+    run_to(&mut bench, (ticks + 1) as f64 * period_s + 1e-3);
+    observe(&mut bench, scenario, scenario.duration_s, &mut trace);
+    // Seen only for what flowed since the tick before.
+    trace.ticks.pop();
+    let gaps = bench.gaps();
+    if gaps.is_empty() { Ok(trace) } else { Err(ReplayError::Gaps(gaps)) }
+}
+
+/// The scenario's motors, loads and battery.
+pub(crate) fn stand(scenario: &Scenario) -> bench::Setup {
+    let motors = scenario.motors.iter().map(|motor| Mounting {
+        motor: motor.constants,
+        load: motor.load,
+        bridge: BRIDGE,
+        stops: None,
+    });
+    let mut stand = bench::Setup::new(motors.collect());
+    stand.battery = scenario.battery;
+    stand
+}
+
+fn run_to(bench: &mut Bench, at_s: f64) {
+    bench.run_until(Duration::from_secs_f64(at_s));
+}
+
+/// Says which motor is on a channel and how it is controlled.
+fn set_up(bench: &mut Bench, host: &mut Host, channel: u8, motor: &Motor) -> Result<(), ReplayError> {
+    let settings =
+        motor.settings().map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
+    let setup = Setup::of(&settings).bytes();
+    let obeyed = |reply| matches!(reply, Reply::Ack { .. }).then_some(()).ok_or(ReplayError::SetupRefused);
+    obeyed(host.ask(bench, setup::FIRST, &[&[channel][..], &setup].concat()))?;
+    for (of, Pidf { p, i, d, f }) in [(1, settings.velocity), (2, settings.position)] {
+        let coefficients = [p, i, d, f].map(|coefficient| coefficient.to_bits().to_le_bytes());
+        host.order(bench, 51, &[&[channel, of][..], coefficients.as_flattened(), &[1]].concat());
+    }
+    Ok(())
+}
+
+#[derive(Clone, Copy)]
+enum Order {
+    SetUp(usize),
+    Setpoint(usize, Setpoint),
+    Torque(usize, f64),
+}
+
+/// Everything that the scenario wants, by time.
+fn orders(scenario: &Scenario) -> Vec<(f64, Order)> {
+    let mut orders = Vec::new();
+    for (index, motor) in scenario.motors.iter().enumerate() {
+        orders.push((0.6 * READY_S, Order::SetUp(index)));
+        orders.extend(motor.torques.iter().map(|t| (t.at_s, Order::Torque(index, t.value))));
+        orders.extend(motor.setpoints.iter().map(|t| (t.at_s, Order::Setpoint(index, t.value))));
+    }
+    orders.sort_by(|a, b| a.0.total_cmp(&b.0));
+    orders
+}
+
+fn carry_out(
+    bench: &mut Bench,
+    host: &mut Host,
+    scenario: &Scenario,
+    order: Order,
+) -> Result<(), ReplayError> {
+    match order {
+        Order::SetUp(index) => return set_up(bench, host, index as u8, &scenario.motors[index]),
+        Order::Torque(motor, torque) => bench.set_torque(motor, torque),
+        Order::Setpoint(motor, setpoint) => {
+            let floats = scenario.motors[motor].zero_power == ZeroPower::Float;
+            let motor = motor as u8;
+            let whole = |speed: CountsPerSecond| speed.round() as i16;
+            match setpoint {
+                Setpoint::Disabled => host.enable(bench, motor, false),
+                Setpoint::ConstantPower(power) => host.power(bench, motor, power.get()),
+                Setpoint::Velocity(target) => host.velocity(bench, motor, whole(target)),
+                Setpoint::Position { target, tolerance, speed_limit } => {
+                    host.position(bench, motor, target, tolerance, whole(speed_limit));
+                }
+            }
+            if floats {
+                let mode = match setpoint {
+                    Setpoint::Velocity(_) => Mode::Velocity,
+                    Setpoint::Position { .. } => Mode::Position,
+                    Setpoint::Disabled | Setpoint::ConstantPower(_) => Mode::ConstantPower,
+                };
+                host.order(bench, 8, &[motor, mode as u8, 1]);
+            }
+        }
+    }
+    Ok(())
+}
+
+fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace) {
+    let mut motors = Vec::new();
+    for (index, motor) in scenario.motors.iter().enumerate() {
+        let (look, drive) = (bench.look(index), drive(bench, index));
+        // The flow so far; the difference to the next tick is what a tick holds.
+        motors.push(Sample {
+            report: report(motor, at_s, look, drive),
+            speed_cps: look.counts_per_second,
+            counts: look.counts,
+            torque_nm: motor.torque_at(at_s),
+            flow: look.flow,
+        });
+    }
+    if let Some(last) = trace.ticks.last_mut() {
+        for (sample, now) in last.motors.iter_mut().zip(&motors) {
+            sample.flow = difference(&now.flow, &sample.flow);
+        }
+    }
+    let (battery_v, _) = bench.battery();
+    trace.ticks.push(Tick { at_s, battery_v, measured_v: None, motors });
+}
+
+/// What flowed from `before` to `after`.
+fn difference(after: &Flow, before: &Flow) -> Flow {
+    let mut flow = *after;
+    flow.time.0 -= before.time.0;
+    flow.charge.0 -= before.charge.0;
+    flow.energy_from_battery.0 -= before.energy_from_battery.0;
+    flow.energy_to_battery.0 -= before.energy_to_battery.0;
+    flow.charge_from_battery.0 -= before.charge_from_battery.0;
+    flow.charge_to_battery.0 -= before.charge_to_battery.0;
+    flow.heat.0 -= before.heat.0;
+    flow.shaft_work.0 -= before.shaft_work.0;
+    flow
+}
+
+/// What a bridge does, told from its lines.
+pub(crate) fn drive(bench: &mut Bench, motor: usize) -> Drive {
+    let ticks = bench.pwm_grid().map_or(1, |grid| grid.ticks);
+    let lines = bench.lines(motor);
+    let mode = match (lines.ina, lines.inb) {
+        (true, _) => BridgeMode::Cw98,
+        (_, true) => BridgeMode::Ccw62,
+        _ => BridgeMode::Brake50,
+    };
+    let duty = match lines.pwm {
+        Output::Level(high) => {
+            if high {
+                Duty::ONE
+            } else {
+                Duty::ZERO
+            }
+        }
+        Output::Pulse(high) => Duty::ratio(high.into(), ticks.into()),
+    };
+    Drive { mode, duty }
+}
+
+/// What can be told of the hub's decisions from outside.
+fn report(motor: &Motor, at_s: f64, look: Look, drive: Drive) -> Report {
+    let Drive { mode, duty } = drive;
+    let regime = match mode {
+        BridgeMode::Brake50 if duty == Duty::ZERO => None,
+        BridgeMode::Brake50 => Some(Regime::Braking),
+        mode if (mode == BridgeMode::Cw98) == (look.counts_per_second >= 0.0) => Some(Regime::Forward),
+        _ => Some(Regime::Reverse),
+    };
+    Report {
+        setpoint: motor.setpoint_at(at_s),
+        position: look.counts as i32,
+        velocity: CountsPerSecond::new(look.counts_per_second.round() as i32),
+        regime,
+        drive,
+        ..Report::INITIAL
+    }
+}

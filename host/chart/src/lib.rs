@@ -1,0 +1,338 @@
+//! Charts: stacked panels over one horizontal axis, as SVG text and PNG bytes.
+//!
+//! A [`Figure`] only says what is shown; where everything goes follows from the number of panels.
+//! Each panel has its legend in a column of its own on the right, so that no label covers data. Nothing
+//! here knows of motors.
+//!
+//! ```
+//! use chart::{Figure, Panel, Series, Style, colour};
+//!
+//! let line = Series { name: "y".into(), colour: colour::BLUE, style: Style::Line, data: vec![(0.0, 1.0), (1.0, 2.0)] };
+//! let panel = Panel { y_label: "y, V".into(), height: 100.0, series: vec![line], ..Panel::default() };
+//! let figure = Figure { title: "A line".into(), panels: vec![panel], ..Figure::default() };
+//! assert!(figure.svg().starts_with("<svg"));
+//! ```
+#![forbid(unsafe_code)]
+
+mod png;
+mod scale;
+mod svg;
+
+use scale::Scale;
+use svg::{Anchor, Canvas, Stroke};
+
+pub use png::{DrawError, from_svg as png};
+
+/// Colours for lines, told apart by colour-blind readers too (Okabe and Ito's set), dark ones first.
+pub mod colour {
+    /// Near black.
+    pub const INK: &str = "#222222";
+    /// Blue.
+    pub const BLUE: &str = "#0072b2";
+    /// Vermilion.
+    pub const RED: &str = "#d55e00";
+    /// Bluish green.
+    pub const GREEN: &str = "#009e73";
+    /// Reddish purple.
+    pub const PURPLE: &str = "#aa4499";
+    /// Grey.
+    pub const GREY: &str = "#888888";
+}
+
+const WIDTH: f64 = 1200.0;
+const LEFT: f64 = 84.0;
+/// Width of the legend's column, with the gap before it.
+const LEGEND: f64 = 232.0;
+const TITLE: f64 = 58.0;
+/// Above each panel, for its label.
+const HEADING: f64 = 28.0;
+/// Below the last panel, for the horizontal axis.
+const FOOT: f64 = 56.0;
+/// About as many marks as the horizontal axis has room for.
+const X_MARKS: usize = 10;
+const GRID: Stroke = Stroke { colour: "#d4d4d4", width: 1.0, dash: "" };
+const FRAME: Stroke = Stroke { colour: "#707070", width: 1.0, dash: "" };
+const TEXT: &str = "#1a1a1a";
+
+/// One picture.
+#[derive(Clone, Debug, Default)]
+pub struct Figure {
+    /// What is seen.
+    pub title: String,
+    /// In which conditions.
+    pub subtitle: String,
+    /// Quantity and unit of the horizontal axis.
+    pub x_label: String,
+    /// Ends of the horizontal axis; the data's own when absent.
+    pub x_range: Option<(f64, f64)>,
+    /// From top to bottom.
+    pub panels: Vec<Panel>,
+}
+
+/// One pair of axes.
+#[derive(Clone, Debug, Default)]
+pub struct Panel {
+    /// Quantity and unit of the vertical axis.
+    pub y_label: String,
+    /// Height of the plotting area in pixels.
+    pub height: f64,
+    /// Ends of the vertical axis; round numbers around the data when absent.
+    pub y_range: Option<(f64, f64)>,
+    /// Coloured stretches behind the lines.
+    pub bands: Vec<Band>,
+    /// Lines.
+    pub series: Vec<Series>,
+    /// Single labelled points.
+    pub points: Vec<Point>,
+}
+
+/// A coloured stretch of the horizontal axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Band {
+    /// Where it begins, on the horizontal axis.
+    pub from: f64,
+    /// Where it ends.
+    pub to: f64,
+    /// Fill colour, light.
+    pub colour: &'static str,
+    /// Its name in the legend.
+    pub name: &'static str,
+}
+
+/// How the samples of a series are joined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// Straight from sample to sample.
+    Line,
+    /// As `Line`, dashed: for what should be, beside what is.
+    Dashed,
+    /// Each value holds until the next sample.
+    Step,
+    /// As `Step`, dashed: for what was asked, beside what came.
+    DashedStep,
+}
+
+/// One line; a gap is made by a value that is not a number.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// Its name in the legend.
+    pub name: String,
+    /// Any SVG colour.
+    pub colour: &'static str,
+    /// How samples are joined.
+    pub style: Style,
+    /// Pairs of x and y, x ascending.
+    pub data: Vec<(f64, f64)>,
+}
+
+/// A point with its name beside it.
+#[derive(Clone, Debug)]
+pub struct Point {
+    /// Where it is.
+    pub at: (f64, f64),
+    /// Its name.
+    pub name: String,
+    /// Any SVG colour.
+    pub colour: &'static str,
+}
+
+impl Figure {
+    /// The figure as an SVG document.
+    pub fn svg(&self) -> String {
+        let height = TITLE + FOOT + self.panels.iter().map(|p| HEADING + p.height).sum::<f64>();
+        let right = WIDTH - LEGEND;
+        let mut canvas = Canvas::new(WIDTH, height, &self.title);
+        canvas.text((LEFT, 30.0), Anchor::Start, 21.0, TEXT, &self.title);
+        canvas.text((LEFT, 50.0), Anchor::Start, 13.5, "#505050", &self.subtitle);
+
+        let data = || self.panels.iter().flat_map(Panel::coordinates);
+        let x = match self.x_range {
+            Some(range) => Scale::exact(range, (LEFT, right), X_MARKS),
+            None => Scale::rounded(extent(data().map(|p| p.0)), (LEFT, right), X_MARKS),
+        };
+        let mut top = TITLE;
+        let mut named_bands = Vec::new();
+        for panel in &self.panels {
+            top += HEADING;
+            panel.draw(&mut canvas, &x, (LEFT, right), top);
+            panel.legend(&mut canvas, (right + 18.0, top), &mut named_bands);
+            top += panel.height;
+        }
+        for tick in x.ticks() {
+            let at = (x.pixel(tick.value), top + 19.0);
+            canvas.text(at, Anchor::Middle, 13.0, TEXT, &tick.label);
+        }
+        let middle = ((LEFT + right) / 2.0, top + 42.0);
+        canvas.text(middle, Anchor::Middle, 14.0, TEXT, &self.x_label);
+        canvas.finish()
+    }
+}
+
+impl Panel {
+    fn coordinates(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let lines = self.series.iter().flat_map(|s| s.data.iter().copied());
+        lines.chain(self.points.iter().map(|p| p.at))
+    }
+
+    fn draw(&self, canvas: &mut Canvas, x: &Scale, (left, right): (f64, f64), top: f64) {
+        let bottom = top + self.height;
+        let marks = (self.height / 32.0).clamp(2.0, 8.0) as usize;
+        let y = match self.y_range {
+            Some(range) => Scale::exact(range, (bottom, top), marks),
+            None => Scale::rounded(extent(self.coordinates().map(|p| p.1)), (bottom, top), marks),
+        };
+
+        canvas.text((left, top - 8.0), Anchor::Start, 14.0, TEXT, &self.y_label);
+        for band in &self.bands {
+            let from = x.pixel(band.from).clamp(left, right);
+            let to = x.pixel(band.to).clamp(left, right);
+            canvas.rect((from, top), (to - from, self.height), band.colour);
+        }
+        for tick in x.ticks() {
+            let at = x.pixel(tick.value);
+            canvas.polyline(&[(at, top), (at, bottom)], GRID);
+        }
+        for tick in y.ticks() {
+            let at = y.pixel(tick.value);
+            let zero = tick.value == 0.0;
+            canvas.polyline(&[(left, at), (right, at)], if zero { FRAME } else { GRID });
+            canvas.text((left - 8.0, at + 4.5), Anchor::End, 13.0, TEXT, &tick.label);
+        }
+        let corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
+        canvas.polyline(&corners, FRAME);
+        canvas.clipped((left, top), (right - left, self.height), |canvas| {
+            for series in &self.series {
+                for run in series.runs(x, &y) {
+                    canvas.polyline(&run, series.stroke());
+                }
+            }
+        });
+        for point in &self.points {
+            let at = (x.pixel(point.at.0), y.pixel(point.at.1));
+            canvas.disc(at, 5.0, point.colour);
+            // Off a rising line: below it to the right, or above it to the left at the right edge.
+            let ((dx, dy), anchor) =
+                if at.0 > right - 160.0 { ((-9.0, -9.0), Anchor::End) } else { ((9.0, 20.0), Anchor::Start) };
+            canvas.text((at.0 + dx, at.1 + dy), anchor, 16.0, TEXT, &point.name);
+        }
+    }
+
+    /// Names the lines and, unless an upper panel did, the bands.
+    fn legend(&self, canvas: &mut Canvas, (left, top): (f64, f64), named: &mut Vec<&str>) {
+        let mut row = top + 10.0;
+        let mut entry = |canvas: &mut Canvas, name: &str| {
+            canvas.text((left + 32.0, row + 4.5), Anchor::Start, 13.0, TEXT, name);
+            row += 19.0;
+            row - 19.0
+        };
+        for series in &self.series {
+            let at = entry(canvas, &series.name);
+            canvas.polyline(&[(left, at), (left + 24.0, at)], series.stroke());
+        }
+        for band in &self.bands {
+            if !named.contains(&band.name) {
+                named.push(band.name);
+                let at = entry(canvas, band.name);
+                canvas.rect((left, at - 6.0), (24.0, 12.0), band.colour);
+            }
+        }
+    }
+}
+
+impl Series {
+    fn stroke(&self) -> Stroke<'_> {
+        let dashed = matches!(self.style, Style::Dashed | Style::DashedStep);
+        let dash = if dashed { "6 4" } else { "" };
+        Stroke { colour: self.colour, width: 1.8, dash }
+    }
+
+    /// The line in pixels, cut at the gaps and no finer than the page can show.
+    fn runs(&self, x: &Scale, y: &Scale) -> Vec<Vec<(f64, f64)>> {
+        let shown = |&(at, value): &(f64, f64)| {
+            let (low, high) = x.range();
+            value.is_finite() && (low..=high).contains(&at)
+        };
+        self.data
+            .split(|sample| !shown(sample))
+            .filter(|run| !run.is_empty())
+            .map(|run| {
+                let pixels = run.iter().map(|&(at, value)| (x.pixel(at), y.pixel(value)));
+                let thin = thinned(pixels);
+                if matches!(self.style, Style::Step | Style::DashedStep) { stepped(&thin) } else { thin }
+            })
+            .collect()
+    }
+}
+
+/// Keeps first, lowest, highest and last of the points that share half a pixel.
+fn thinned(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    let column = |p: &(f64, f64)| (p.0 * 2.0).floor();
+    let points: Vec<_> = points.collect();
+    points.chunk_by(|a, b| column(a) == column(b)).flat_map(outline).collect()
+}
+
+/// First, lowest, highest and last of `points`, each once and in their order.
+fn outline(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let by_height = |a: &(usize, &(f64, f64)), b: &(usize, &(f64, f64))| a.1.1.total_cmp(&b.1.1);
+    let low = points.iter().enumerate().min_by(by_height).map(|p| p.0);
+    let high = points.iter().enumerate().max_by(by_height).map(|p| p.0);
+    let last = points.len().saturating_sub(1);
+    let kept = |n: usize| n == 0 || n == last || Some(n) == low || Some(n) == high;
+    points.iter().enumerate().filter(|(n, _)| kept(*n)).map(|(_, p)| *p).collect()
+}
+
+/// Adds the corners of a line that holds each value until the next sample.
+fn stepped(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let next = points.iter().skip(1);
+    let corners = points.iter().zip(next).flat_map(|(a, b)| [*a, (b.0, a.1)]);
+    corners.chain(points.last().copied()).collect()
+}
+
+/// Lowest and highest of the finite values.
+fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values
+        .filter(|v| v.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thinning_keeps_peaks_and_both_ends() {
+        let points = (0..=1000).map(|n| (n as f64 / 100.0, if n == 333 { 9.0 } else { 0.0 }));
+        let thin = thinned(points);
+        assert!(thin.len() < 100, "{} points are left", thin.len());
+        assert!(thin.contains(&(3.33, 9.0)));
+        assert_eq!((thin[0].0, thin[thin.len() - 1].0), (0.0, 10.0));
+    }
+
+    #[test]
+    fn a_gap_cuts_a_line() {
+        let x = Scale::exact((0.0, 4.0), (0.0, 400.0), 4);
+        let series = Series {
+            name: String::new(),
+            colour: colour::INK,
+            style: Style::Line,
+            data: vec![(0.0, 1.0), (1.0, 1.0), (2.0, f64::NAN), (3.0, 1.0), (4.0, 1.0)],
+        };
+        assert_eq!(series.runs(&x, &x).len(), 2);
+    }
+
+    #[test]
+    fn a_step_holds_its_value() {
+        assert_eq!(stepped(&[(0.0, 1.0), (2.0, 3.0)]), [(0.0, 1.0), (2.0, 1.0), (2.0, 3.0)]);
+    }
+
+    #[test]
+    fn a_figure_becomes_a_png() {
+        let figure = Figure {
+            title: "Speed & control".into(),
+            panels: vec![Panel { height: 100.0, ..Panel::default() }],
+            ..Figure::default()
+        };
+        let bytes = png(&figure.svg()).expect("a figure can be drawn");
+        assert!(bytes.starts_with(b"\x89PNG"));
+    }
+}

@@ -1,0 +1,80 @@
+//! Options that choose how motors are controlled: scheme, blend, duty rule.
+
+use motor_hub::braking::Scheme;
+use simulated::scheme::{BlendChoice, BlendError, DutyChoice, SchemeName};
+
+/// A scheme's name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum SchemeOption {
+    /// No braking regime: forward and reverse driving only
+    None,
+    /// Control is an equivalent voltage
+    #[value(name = "A", alias = "a")]
+    A,
+    /// Control is a current
+    #[value(name = "B", alias = "b")]
+    B,
+    /// As B, but braking is as steep as driving
+    #[value(name = "C", alias = "c")]
+    C,
+    /// Between B and C: see --blend
+    #[value(name = "D", alias = "d")]
+    D,
+}
+
+impl SchemeOption {
+    /// The scheme that the firmware is set to.
+    pub(crate) fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, BlendError> {
+        let name = match self {
+            Self::None => SchemeName::None,
+            Self::A => SchemeName::A,
+            Self::B => SchemeName::B,
+            Self::C => SchemeName::C,
+            Self::D => SchemeName::D,
+        };
+        name.with_blend(blend)
+    }
+}
+
+/// How the duty is found within a regime.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum DutyOption {
+    /// Such that the mean current is linear between the points, for the motor's own winding
+    LinearCurrent,
+    /// Linear between the points, as in the paper
+    LinearDuty,
+}
+
+/// What is chosen.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct Choice {
+    /// Scheme
+    #[arg(long, ignore_case = true)]
+    scheme: Option<SchemeOption>,
+    /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
+    #[arg(long, value_name = "0..1|auto", requires = "scheme")]
+    blend: Option<BlendChoice>,
+    /// How duties are found
+    #[arg(long)]
+    duty: Option<DutyOption>,
+}
+
+impl Choice {
+    /// The scheme, if one is chosen.
+    pub(crate) fn scheme(&self) -> Result<Option<Scheme>, BlendError> {
+        self.scheme.map(|name| name.with_blend(self.blend)).transpose()
+    }
+
+    /// The duty rule, if one is chosen.
+    pub(crate) fn duty(&self) -> Option<DutyChoice> {
+        self.duty.map(|duty| match duty {
+            DutyOption::LinearCurrent => DutyChoice::LinearCurrent,
+            DutyOption::LinearDuty => DutyChoice::LinearDuty,
+        })
+    }
+
+    /// True if nothing is chosen.
+    pub(crate) const fn is_empty(&self) -> bool {
+        self.scheme.is_none() && self.duty.is_none()
+    }
+}

@@ -1,0 +1,212 @@
+//! `motor-hub client`: a command line for a real or simulated hub.
+
+mod coefficients;
+mod drive;
+mod live;
+mod setup;
+mod status;
+mod watch;
+
+use crate::output::{Failure, print};
+use motor_hub::link::{Address, CHANNELS, Colour};
+use motor_hub_client::line::{self, Line};
+use motor_hub_client::{self as hub_client, Session};
+use std::time::Duration;
+use studies::table;
+
+/// What `--help` says.
+pub(crate) const HELP: &str = "\
+Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
+
+Reads and sets what the protocol knows of motors: power, velocity, position, coefficients, encoders,
+status, LED. Without --address the hub is found by discovery, which takes 0.25 s.
+
+Power, velocity and position disable their motors when they are over. Ctrl-C just ends the program: the
+hub then hears nothing, and after its keep-alive timeout of 2.5 s it lets all motors coast. `stop` does so
+at once.
+
+Exit codes: 0 done; 1 no answer, a refusal, or a target that was not reached; 2 wrong options.";
+
+/// Where the hub is, and what is asked of it.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Serial port of the hub, or a pseudo-terminal (460800 baud, 8N1)
+    #[arg(long, value_name = "PATH", global = true, help_heading = "Hub")]
+    port: Option<String>,
+    /// Hub behind a TCP connection, in the place of --port
+    #[arg(long, value_name = "HOST:PORT", global = true, help_heading = "Hub", value_parser = host_and_port)]
+    tcp: Option<String>,
+    /// Address of the hub, 1 to 254; otherwise it is found by discovery
+    #[arg(long, value_name = "N", global = true, help_heading = "Hub", value_parser = address)]
+    address: Option<Address>,
+    /// How long an answer is waited for, with the request sent up to three times, in milliseconds
+    #[arg(long, value_name = "MS", global = true, help_heading = "Hub", default_value_t = 1000)]
+    #[arg(value_parser = clap::value_parser!(u64).range(10..=60_000))]
+    timeout: u64,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    /// The serial ports of this machine
+    Ports,
+    /// All hubs on the line
+    Discover,
+    /// Status, version, battery, LED, and what every motor is set to and does
+    Status(status::Options),
+    /// Runs motors with constant power, disabled at the end
+    ///
+    /// After Ctrl-C they run on until the hub's keep-alive timeout, 2.5 s, makes them coast.
+    Power(drive::PowerOptions),
+    /// Runs motors with regulated velocity, disabled at the end
+    ///
+    /// After Ctrl-C they run on until the hub's keep-alive timeout, 2.5 s, makes them coast.
+    Velocity(drive::VelocityOptions),
+    /// Moves motors to a position and disables them there
+    ///
+    /// After Ctrl-C they run on until the hub's keep-alive timeout, 2.5 s, makes them coast.
+    Position(drive::PositionOptions),
+    /// Fail-safe: all motors off at once
+    Stop,
+    /// Reads a loop's coefficients, or sets those that are given and keeps the others
+    Coefficients(coefficients::Options),
+    /// Shows or says which motor is connected and how it is controlled, on hubs of this project
+    ///
+    /// Setting anything gives the motor the coefficients that go with it. Nothing of it outlasts a reset.
+    Setup(setup::Options),
+    /// Makes a motor's present position 0
+    ResetEncoder {
+        #[arg(value_parser = channel)]
+        motor: u8,
+    },
+    /// Sets the colour of the status LED, each 0 to 255
+    Led { red: u8, green: u8, blue: u8 },
+    /// Gives the hub another address, 1 to 254
+    SetAddress {
+        #[arg(value_name = "N", value_parser = address)]
+        new: Address,
+    },
+    /// Positions, velocities, battery and status as they change; keeps the hub's motors alive
+    Watch(watch::Options),
+}
+
+/// Why a command did not do what it was asked; what the hub is to blame for is told with its port.
+enum Trouble {
+    Hub(hub_client::Error),
+    Other(Failure),
+}
+
+impl From<hub_client::Error> for Trouble {
+    fn from(error: hub_client::Error) -> Self {
+        Self::Hub(error)
+    }
+}
+
+impl From<Failure> for Trouble {
+    fn from(failure: Failure) -> Self {
+        Self::Other(failure)
+    }
+}
+
+impl Options {
+    pub(crate) fn execute(self) -> Result<(), Failure> {
+        if matches!(self.command, Command::Ports) {
+            return print(&ports().map_err(Failure::Work)?);
+        }
+        let timeout = Duration::from_millis(self.timeout);
+        let (name, line) = match (&self.port, &self.tcp) {
+            (Some(path), None) => (path, Line::serial(path)),
+            (None, Some(address)) => (address, Line::tcp(address, timeout)),
+            (Some(_), Some(_)) => return Err(Failure::Input("--port and --tcp exclude each other".into())),
+            (None, None) => {
+                let found = ports().unwrap_or_default();
+                let text = format!("where is the hub? Give --port PATH or --tcp HOST:PORT.\n{found}");
+                return Err(Failure::Input(text.trim_end().to_owned()));
+            }
+        };
+        let line = line.map_err(|e| Failure::Work(format!("{name}: {e}")))?;
+        self.command.execute(line, self.address, timeout).map_err(|trouble| match trouble {
+            Trouble::Hub(error) => Failure::Work(format!("{name}: {error}")),
+            Trouble::Other(failure) => failure,
+        })
+    }
+}
+
+impl Command {
+    fn execute(self, line: Line, address: Option<Address>, timeout: Duration) -> Result<(), Trouble> {
+        if matches!(self, Self::Discover) {
+            let mut table = table::new(&["address", "hub"], 0);
+            for hub in Session::new(line, Address::DEFAULT, timeout).discover()? {
+                let kind = if hub.parent { "parent" } else { "child" };
+                table.add_row([hub.address.to_string(), kind.to_owned()]);
+            }
+            return Ok(print(&format!("{table}\n"))?);
+        }
+        let mut session = match address {
+            Some(address) => Session::new(line, address, timeout),
+            None => Session::with_parent(line, timeout)?,
+        };
+        let done = match self {
+            // Both need no session and are done above.
+            Self::Ports | Self::Discover => return Ok(()),
+            Self::Status(options) => return options.execute(&mut session),
+            Self::Power(options) => return options.execute(&mut session),
+            Self::Velocity(options) => return options.execute(&mut session),
+            Self::Position(options) => return options.execute(&mut session),
+            Self::Coefficients(options) => return options.execute(&mut session),
+            Self::Setup(options) => return options.execute(&mut session),
+            Self::Watch(options) => return options.execute(&mut session),
+            Self::Stop => {
+                session.fail_safe()?;
+                "all motors are off".to_owned()
+            }
+            Self::ResetEncoder { motor } => {
+                session.reset_encoder(motor)?;
+                format!("motor {motor} is at 0 counts")
+            }
+            Self::Led { red, green, blue } => {
+                session.set_led(Colour { red, green, blue })?;
+                format!("the LED is {red} {green} {blue}")
+            }
+            Self::SetAddress { new } => {
+                session.set_address(new)?;
+                format!("the hub's address is {}", new.get())
+            }
+        };
+        Ok(print(&format!("{done}\n"))?)
+    }
+}
+
+/// The serial ports of this machine, for a reader.
+fn ports() -> Result<String, String> {
+    let ports = line::ports().map_err(|e| format!("the serial ports of this machine: {e}"))?;
+    if ports.is_empty() {
+        return Ok("No serial ports found\n".to_owned());
+    }
+    let lines = ports.iter().map(|port| format!("  {} {}", port.path, port.description));
+    let lines: String = lines.map(|line| line.trim_end().to_owned() + "\n").collect();
+    Ok(format!("Serial ports found:\n{lines}"))
+}
+
+fn host_and_port(text: &str) -> Result<String, String> {
+    let parts = text.rsplit_once(':').filter(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
+    parts.map(|_| text.to_owned()).ok_or_else(|| "give HOST:PORT, such as 127.0.0.1:7070".to_owned())
+}
+
+fn address(text: &str) -> Result<Address, String> {
+    let address = text.parse().ok().and_then(Address::new);
+    address.ok_or_else(|| "an address is 1 to 254".to_owned())
+}
+
+fn channel(text: &str) -> Result<u8, String> {
+    let channel = text.parse().ok().filter(|channel| usize::from(*channel) < CHANNELS);
+    channel.ok_or_else(|| format!("a motor is 0 to {}", CHANNELS - 1))
+}
+
+/// At most a day.
+fn seconds(text: &str) -> Result<Duration, String> {
+    let length = text.parse().ok().filter(|s| (0.0..=86_400.0).contains(s) && *s > 0.0);
+    let length = length.and_then(|s| Duration::try_from_secs_f64(s).ok());
+    length.ok_or_else(|| "a time is more than 0 and at most 86400 seconds".to_owned())
+}

@@ -1,0 +1,83 @@
+//! `motor-hub client coefficients`.
+
+use super::{Trouble, channel};
+use crate::output::{print, print_json};
+use motor_hub::link::command::Loop;
+use motor_hub::motion::Pidf;
+use motor_hub::units::Coefficient;
+use motor_hub_client::Session;
+use motor_hub_client::line::Line;
+use serde_json::json;
+use studies::table;
+
+/// Of which loop, and those to set.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Motor 0 to 3
+    #[arg(value_parser = channel)]
+    motor: u8,
+    /// Loop that they belong to
+    #[arg(value_name = "LOOP")]
+    of: LoopName,
+    /// Proportional
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    p: Option<Coefficient>,
+    /// Integral
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    i: Option<Coefficient>,
+    /// Derivative
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    d: Option<Coefficient>,
+    /// Feed-forward
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    f: Option<Coefficient>,
+    /// JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+enum LoopName {
+    Velocity,
+    Position,
+}
+
+/// Steps of a coefficient, 2^-16.
+const STEPS: f64 = 65_536.0;
+
+fn coefficient(text: &str) -> Result<Coefficient, String> {
+    let bits = text.parse().ok().map(|value: f64| (value * STEPS).round());
+    let bits = bits.filter(|bits| (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(bits));
+    let bits = bits.map(|bits| Coefficient::from_bits(bits as i32));
+    bits.ok_or_else(|| "a coefficient is -32768 to 32767.9999, in steps of 1/65536".to_owned())
+}
+
+fn decimal(coefficient: Coefficient) -> f64 {
+    f64::from(coefficient.to_bits()) / STEPS
+}
+
+impl Options {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let of = match self.of {
+            LoopName::Velocity => Loop::Velocity,
+            LoopName::Position => Loop::Position,
+        };
+        let mut pidf = session.coefficients(self.motor, of)?;
+        if [self.p, self.i, self.d, self.f].iter().any(Option::is_some) {
+            let Pidf { p, i, d, f } = pidf;
+            let (p, i) = (self.p.unwrap_or(p), self.i.unwrap_or(i));
+            let (d, f) = (self.d.unwrap_or(d), self.f.unwrap_or(f));
+            session.set_coefficients(self.motor, of, Pidf { p, i, d, f })?;
+            pidf = session.coefficients(self.motor, of)?;
+        }
+        let [p, i, d, f] = [pidf.p, pidf.i, pidf.d, pidf.f].map(decimal);
+        if self.json {
+            let document = json!({ "motor": self.motor, "loop": self.of, "p": p, "i": i, "d": d, "f": f });
+            return Ok(print_json(&document)?);
+        }
+        let mut table = table::new(&["P", "I", "D", "F"], 0);
+        table.add_row([p, i, d, f].map(|value| format!("{value:.6}")));
+        Ok(print(&format!("{table}\n"))?)
+    }
+}

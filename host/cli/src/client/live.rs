@@ -1,0 +1,135 @@
+//! What a hub does just now, shown again and again: a table in one place of a terminal, lines elsewhere.
+
+use super::Trouble;
+use crate::output::{Failure, print};
+use motor_hub::units::Millivolts;
+use motor_hub_client::line::Line;
+use motor_hub_client::state::{Bulk, Status};
+use motor_hub_client::{Error, Session};
+use serde_json::{Value, json};
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+use studies::table;
+
+/// What a hub does at one instant. To take it keeps the hub's motors alive.
+pub(crate) struct Reading {
+    at: Duration,
+    pub(crate) bulk: Bulk,
+    battery: Millivolts,
+    pub(crate) status: Status,
+}
+
+impl Reading {
+    pub(crate) fn take(session: &mut Session<Line>, since: Instant) -> Result<Self, Error> {
+        let bulk = session.bulk()?;
+        let (battery, status) = (session.battery()?, session.status(false)?);
+        Ok(Self { at: since.elapsed(), bulk, battery, status })
+    }
+
+    /// Of these motors: motor, position, velocity, at target.
+    pub(crate) fn motors(&self, motors: &[u8]) -> impl Iterator<Item = (u8, i32, i16, bool)> {
+        let Bulk { encoders, velocities, at_target, .. } = self.bulk;
+        let all = (0..).zip(encoders).zip(velocities).zip(at_target);
+        all.filter(|(((motor, _), _), _)| motors.contains(motor)).map(|(((m, p), v), t)| (m, p, v, t))
+    }
+
+    fn battery_v(&self) -> f64 {
+        f64::from(self.battery.0) / 1000.0
+    }
+
+    /// Lines of text for a terminal.
+    pub(crate) fn table(&self, motors: &[u8]) -> String {
+        let mut table = table::new(&["motor", "position, counts", "velocity, counts/s", "at target"], 0);
+        for (motor, position, velocity, at_target) in self.motors(motors) {
+            let at_target = if at_target { "yes" } else { "no" };
+            table.add_row([motor.to_string(), position.to_string(), velocity.to_string(), at_target.into()]);
+        }
+        let (seconds, volts) = (self.at.as_secs_f64(), self.battery_v());
+        format!("{seconds:.1} s, battery {volts:.2} V\n{}\n{table}\n", self.says())
+    }
+
+    /// Status and alerts in words.
+    fn says(&self) -> String {
+        let words = self.status.words().into_iter().map(str::to_owned);
+        let words: Vec<String> = words.chain(self.status.alert_words()).collect();
+        let attention = if self.bulk.attention == Some(true) { "attention: " } else { "status: " };
+        attention.to_owned() + &if words.is_empty() { "all well".to_owned() } else { words.join(", ") }
+    }
+
+    /// One line of text.
+    pub(crate) fn line(&self, motors: &[u8]) -> String {
+        let motors = self.motors(motors).map(|(motor, position, velocity, at_target)| {
+            let at_target = if at_target { ", at target" } else { "" };
+            format!("; motor {motor}: {position} counts, {velocity} counts/s{at_target}")
+        });
+        let motors: String = motors.collect();
+        format!("{:.1} s, {:.2} V{motors}\n", self.at.as_secs_f64(), self.battery_v())
+    }
+
+    /// For programs: seconds, volts, counts, counts per second.
+    pub(crate) fn json(&self, motors: &[u8]) -> Value {
+        let motors: Vec<Value> = self
+            .motors(motors)
+            .map(|(motor, position, velocity, at_target)| {
+                json!({ "motor": motor, "position": position, "velocity": velocity, "at_target": at_target })
+            })
+            .collect();
+        json!({
+            "time_s": self.at.as_secs_f64(),
+            "battery_v": self.battery_v(),
+            "attention": self.bulk.attention,
+            "status": self.status.words(),
+            "motor_alerts": self.status.alert_words(),
+            "motors": motors,
+        })
+    }
+}
+
+/// A place on standard output.
+pub(crate) struct Live {
+    pub(crate) terminal: bool,
+    /// Lines of the text that stands there.
+    height: usize,
+}
+
+impl Live {
+    pub(crate) fn new() -> Self {
+        Self { terminal: std::io::stdout().is_terminal(), height: 0 }
+    }
+
+    /// Replaces what stands there.
+    pub(crate) fn redraw(&mut self, text: &str) -> Result<(), Failure> {
+        // Up to its first line, and clear to the end of the screen.
+        let back = if self.height == 0 { String::new() } else { format!("\x1b[{}A\x1b[J", self.height) };
+        self.height = text.lines().count();
+        // Meanwhile long lines are cut off: wrapped ones would not be counted.
+        print(&format!("{back}\x1b[?7l{text}\x1b[?7h"))
+    }
+}
+
+/// Takes a reading at once and then every `interval`, until `each` says true, which ends in `Ok(true)`,
+/// or `length` is over: `Ok(false)`.
+pub(crate) fn repeat(
+    session: &mut Session<Line>,
+    interval: Duration,
+    length: Option<Duration>,
+    mut each: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, Trouble>,
+) -> Result<bool, Trouble> {
+    let since = Instant::now();
+    let mut next = since;
+    loop {
+        let reading = Reading::take(session, since)?;
+        if each(session, &reading)? {
+            return Ok(true);
+        }
+        let now = Instant::now();
+        // A reading that took too long does not make the next ones hurry.
+        next = now.max(next + interval);
+        let end = length.map(|length| since + length);
+        let until = end.map_or(next, |end| end.min(next));
+        std::thread::sleep(until.saturating_duration_since(now));
+        if end.is_some_and(|end| end <= Instant::now()) {
+            return Ok(false);
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! `motor-hub client setup`.
+
+use super::{Trouble, channel};
+use crate::choice::Choice;
+use crate::output::{Failure, print, print_json};
+use motor_hub::link::setup::Setup;
+use motor_hub::model::catalogue::characterised;
+use motor_hub_client::Session;
+use motor_hub_client::line::Line;
+use serde_json::json;
+use simulated::hardware::{electrical, emf_constant};
+use simulated::scheme::{DutyChoice, describe};
+use studies::table;
+
+/// Of which motor, and what to change.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Motor 0 to 3
+    #[arg(value_parser = channel)]
+    motor: u8,
+    /// What is connected: a motor of the catalogue
+    #[arg(long = "type", value_name = "NAME")]
+    name: Option<String>,
+    #[command(flatten)]
+    choice: Choice,
+    /// JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+impl Options {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let changes = self.name.is_some() || !self.choice.is_empty();
+        let mut setup = session.setup(self.motor)?;
+        if changes {
+            session.set_up(self.motor, self.change(setup)?)?;
+            setup = session.setup(self.motor)?;
+        }
+        self.show(setup)
+    }
+
+    fn change(&self, mut setup: Setup) -> Result<Setup, Failure> {
+        if let Some(name) = &self.name {
+            let motor = characterised(name).map_err(Failure::input)?;
+            let winding = electrical(&motor);
+            setup.emf = emf_constant(&motor).map_err(Failure::input)?;
+            setup.resistance_mohm = winding.resistance_mohm;
+            setup.inductance_uh = winding.inductance_uh.unwrap_or(0);
+        }
+        if let Some(scheme) = self.choice.scheme().map_err(Failure::input)? {
+            setup.scheme = scheme;
+        }
+        if let Some(duty) = self.choice.duty() {
+            setup.linear_current = duty == DutyChoice::LinearCurrent;
+        }
+        if setup.linear_current && setup.resistance_mohm == 0 {
+            let why = "linear current needs the motor's resistance: name the motor by --type";
+            return Err(Failure::input(why));
+        }
+        Ok(setup)
+    }
+
+    fn show(&self, setup: Setup) -> Result<(), Trouble> {
+        let Setup { emf, resistance_mohm, inductance_uh, scheme, linear_current } = setup;
+        let emf = f64::from(emf.to_bits()) / f64::from(1 << 20);
+        let duty = if linear_current { "linear current" } else { "linear duty" };
+        if self.json {
+            let document = json!({
+                "motor": self.motor,
+                "emf_mv_s_per_count": emf,
+                "resistance_ohm": f64::from(resistance_mohm) / 1e3,
+                "inductance_mh": f64::from(inductance_uh) / 1e3,
+                "scheme": describe(scheme),
+                "duty": duty,
+            });
+            return Ok(print_json(&document)?);
+        }
+        let known = |value: u16, unit: &str| match value {
+            0 => "unknown".to_owned(),
+            value => format!("{:.3} {unit}", f64::from(value) / 1e3),
+        };
+        let mut table = table::new(&["motor", &self.motor.to_string()], 2);
+        table
+            .add_row(["back EMF", &format!("{emf:.4} mV s/count")])
+            .add_row(["resistance", &known(resistance_mohm, "ohm")])
+            .add_row(["inductance", &known(inductance_uh, "mH")])
+            .add_row(["scheme", &describe(scheme)])
+            .add_row(["duty", duty]);
+        Ok(print(&format!("{table}\n"))?)
+    }
+}

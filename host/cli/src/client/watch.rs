@@ -1,0 +1,39 @@
+//! `motor-hub client watch`.
+
+use super::live::{Live, repeat};
+use super::{Trouble, drive, seconds};
+use crate::output::print;
+use motor_hub_client::Session;
+use motor_hub_client::line::Line;
+use std::time::Duration;
+
+/// How often, how long, and in which form.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Time between readings in milliseconds
+    #[arg(long, value_name = "MS", default_value_t = 100)]
+    #[arg(value_parser = clap::value_parser!(u64).range(10..=2000))]
+    interval: u64,
+    /// Ends after so many seconds
+    #[arg(long = "for", value_name = "S", allow_negative_numbers = true, value_parser = seconds)]
+    length: Option<Duration>,
+    /// One JSON document per line, as it is where standard output is no terminal
+    #[arg(long)]
+    json: bool,
+}
+
+impl Options {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let mut live = Live::new();
+        let interval = Duration::from_millis(self.interval);
+        repeat(session, interval, self.length, |_, reading| {
+            if live.terminal && !self.json {
+                live.redraw(&reading.table(&drive::ALL))?;
+            } else {
+                print(&format!("{}\n", reading.json(&drive::ALL)))?;
+            }
+            Ok(false)
+        })
+        .map(drop)
+    }
+}

@@ -1,0 +1,48 @@
+//! `motor-hub emulate`.
+
+use crate::output::{Failure, drawn, print, write_all};
+use emulated::{elf, replay};
+use indicatif::ProgressBar;
+use simulated::scenario::Scenario;
+use simulated::sim;
+use std::path::PathBuf;
+use studies::overlay::Overlay;
+
+/// The long help of the command.
+pub(crate) const HELP: &str = "\
+The flashed image on an emulated chip, over the same core on the simulated board
+
+A scenario twice: by the image of nucleo-f429zi, unmodified, on an emulated STM32F427 whose pins drive the
+motors, and by the same core on the simulated board. The image is built first if it is not fresh;
+MOTOR_HUB_ELF names another one. Set-points come half a control period late, as the line needs time.";
+
+/// Options of `emulate`.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Scenario file (TOML) instead of the default scenario
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Folder for the chart
+    #[arg(long, value_name = "DIR", default_value = "target/motor-hub/emulate")]
+    out: PathBuf,
+}
+
+impl Options {
+    pub(crate) fn execute(self) -> Result<(), Failure> {
+        elf::check_named().map_err(Failure::input)?;
+        let scenario = match &self.scenario {
+            Some(file) => Scenario::load(file),
+            None => Scenario::default_one(),
+        };
+        let scenario = replay::on_a_line(scenario.map_err(Failure::input)?);
+        let bar = ProgressBar::new((2000.0 * scenario.duration_s) as u64).with_message("virtual ms");
+        let at = |s: f64| bar.set_position((1000.0 * s) as u64);
+        let emulated = replay::run(&scenario, &mut |s| at(s)).map_err(Failure::work)?;
+        let simulated = sim::run(&scenario, &mut |s| at(scenario.duration_s + s)).map_err(Failure::work)?;
+        bar.finish_and_clear();
+        let overlay = Overlay::new(scenario, emulated, simulated);
+        print(&overlay.tables())?;
+        let files = write_all(&self.out, drawn(&[("overlay".to_owned(), overlay.figure())])?)?;
+        print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())
+    }
+}

@@ -1,0 +1,76 @@
+//! `motor-hub eval`.
+
+use crate::output::{Failure, print_json};
+use serde_json::Value;
+use std::io::Read;
+use studies::eval::{Answers, answers};
+
+/// The long help of the command.
+pub(crate) const HELP: &str = "\
+The scripting interface: computes cases of a JSON document
+
+The document is an object with `cases`, a list of objects with `id`, `formula` and `inputs`, and
+`motors`, an object of motor constants by name: R, L, N, eta, Ke, Kt, B, J (SI units, before the
+gearbox). Standard output gets {\"results\": [{\"id\", \"outputs\"}]} in the order of the cases. A case
+with an unknown formula or bad inputs gets {\"id\", \"error\"} instead of outputs; all others are
+still answered, and the exit code is 1.
+
+Answered by the fixed-point core that the firmware runs:
+  bridge_state   state
+  scheme_fw      cps, mvBattery, keFw, keFw_q20, R, blend, countsPerRev [, cMax = 32767]
+  example_duty   S, T, Z, G, control
+  regime_duty    scheme, Omega, Vbat, Ke [, blend, cMax = 32767] -> a row for each control
+  keFw           Ke, countsPerRev
+
+Answered by the model in double precision:
+  scheme_points      scheme, Omega, Vbat, Ke, R, cMax [, blend]
+  plant              motor, Jafter, Bafter
+  step_response      motor, Jafter, Bafter, vapp0, dv, tau_app0, dtau -> a row for each t_s
+  pid_period         motor, Jafter, Bafter, P, Omega_motor
+  mean_current       motor, Jafter, Bafter, P, i0, Omega0 -> a row for each v
+  bridge_pwm         motor, mode, f_Hz, Omega, Vbat, Vd, Ron -> a row for each duty
+  duty_for_current   motor, f_Hz, Omega, Vbat, Vd, Ron -> a row for each I_target
+  steady_speed_pwm   R, L, Ke, Kt, B, mode, f_Hz, Vbat, Vd, Ron -> a row for each duty
+  reverse0           motor, Vbat, Vd, Omega, cMax
+  paper_printed      name
+
+The values for which a table has rows are a list in the case's inputs under the name of the first
+column; else the first column of the case's own outputs.rows, if it has any; else a default.
+A null among the outputs stands for infinity.
+
+Example:
+  echo '{\"cases\": [{\"id\": 1, \"formula\": \"keFw\", \"inputs\": {\"Ke\": 0.0178, \"countsPerRev\": 28}}]}' \\
+    | motor-hub eval -";
+
+/// Options of `eval`.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// JSON document, or - for standard input
+    #[arg(value_name = "FILE|-")]
+    file: String,
+}
+
+impl Options {
+    /// Reads, computes, prints.
+    pub(crate) fn execute(self) -> Result<(), Failure> {
+        let wrong = |why: &dyn std::fmt::Display| Failure::Input(format!("{}: {why}", self.file));
+        let text = self.read().map_err(|e| wrong(&e))?;
+        let document: Value = serde_json::from_str(&text)
+            .map_err(|e| Failure::Input(format!("{}:{}:{}: {e}", self.file, e.line(), e.column())))?;
+        let Answers { document, cases, failed } = answers(&document).map_err(|e| wrong(&e))?;
+        print_json(&document)?;
+        match failed {
+            0 => Ok(()),
+            n => Err(Failure::Work(format!("{n} of {cases} cases could not be answered"))),
+        }
+    }
+
+    fn read(&self) -> std::io::Result<String> {
+        if self.file != "-" {
+            return std::fs::read_to_string(&self.file);
+        }
+        let mut text = String::new();
+        std::io::stdin().read_to_string(&mut text)?;
+        Ok(text)
+    }
+}

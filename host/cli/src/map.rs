@@ -1,0 +1,36 @@
+//! `motor-hub map`.
+
+use crate::operating::OperatingOptions;
+use crate::output::{Failure, print, print_json};
+use motor_hub::units::Control;
+use studies::points::PlacedDrive;
+use studies::table;
+
+/// Options of `map`.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    #[command(flatten)]
+    at: OperatingOptions,
+    /// Control value
+    #[arg(long, value_name = "C", allow_negative_numbers = true)]
+    #[arg(value_parser = clap::value_parser!(i16).range(-32767..))]
+    control: i16,
+}
+
+impl Options {
+    pub(crate) fn execute(self) -> Result<(), Failure> {
+        let report = self.at.report()?;
+        let placed = report.place(Control::new(self.control));
+        if self.at.json {
+            return print_json(&placed);
+        }
+        let mut table = table::new(&["rule", "regime", "mode", "duty"], 1);
+        for (rule, PlacedDrive { regime, mode, duty }) in [
+            ("duty linear, as in the paper", &placed.linear_duty),
+            ("current linear", &placed.linear_current),
+        ] {
+            table.add_row([rule.to_owned(), (*regime).into(), (*mode).into(), format!("{duty:.5}")]);
+        }
+        print(&format!("{}, control {}\n{table}\n", report.heading(), placed.control))
+    }
+}

@@ -1,0 +1,40 @@
+//! The operating point that `points` and `map` ask about.
+
+use crate::choice::SchemeOption;
+use crate::output::Failure;
+use motor_hub::model::catalogue::characterised;
+use simulated::scheme::BlendChoice;
+use studies::points::OperatingReport;
+
+/// A motor at a speed on a battery, and how control values are given their meaning.
+#[derive(clap::Args)]
+pub(crate) struct OperatingOptions {
+    /// Scheme of the motor
+    #[arg(long, ignore_case = true)]
+    scheme: SchemeOption,
+    /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
+    #[arg(long, value_name = "0..1|auto")]
+    blend: Option<BlendChoice>,
+    /// Motor of the catalogue
+    #[arg(long, value_name = "NAME")]
+    motor: String,
+    /// Speed of the encoder in counts per second, positive for CW
+    #[arg(long, value_name = "V", allow_negative_numbers = true)]
+    #[arg(value_parser = clap::value_parser!(i32).range(-1_000_000..=1_000_000))]
+    speed_cps: i32,
+    /// Battery voltage in millivolts
+    #[arg(long, value_name = "MV", value_parser = clap::value_parser!(u16).range(1..))]
+    battery_mv: u16,
+    /// JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+impl OperatingOptions {
+    /// What the core makes of it.
+    pub(crate) fn report(&self) -> Result<OperatingReport, Failure> {
+        let scheme = self.scheme.with_blend(self.blend).map_err(Failure::input)?;
+        let motor = characterised(&self.motor).map_err(Failure::input)?;
+        OperatingReport::new(motor, scheme, self.speed_cps, self.battery_mv).map_err(Failure::input)
+    }
+}

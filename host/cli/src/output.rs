@@ -1,0 +1,79 @@
+//! What goes out: standard output, files, and the words in which a command says why it failed.
+
+use chart::DrawError;
+use serde::Serialize;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use studies::NamedFigure;
+
+/// Why a command did not do what it was asked.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The options or the input are wrong.
+    Input(String),
+    /// Something went wrong while it was at work.
+    Work(String),
+}
+
+impl Failure {
+    /// Whose fault it is that options or input are wrong.
+    pub(crate) fn input(why: impl ToString) -> Self {
+        Self::Input(why.to_string())
+    }
+
+    /// Why the work could not be done.
+    pub(crate) fn work(why: impl ToString) -> Self {
+        Self::Work(why.to_string())
+    }
+
+    /// Says so, and gives the process's exit code.
+    pub(crate) fn report(self) -> ExitCode {
+        let (text, code) = match self {
+            Self::Input(text) => (text, 2),
+            Self::Work(text) => (text, 1),
+        };
+        eprintln!("error: {text}");
+        ExitCode::from(code)
+    }
+}
+
+/// Prints a JSON document on standard output.
+pub(crate) fn print_json(document: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(document).map_err(Failure::work)?;
+    print(&format!("{text}\n"))
+}
+
+/// Prints to standard output; a reader that has gone away is a failure, not a panic.
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    let done = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    done.map_err(|e| Failure::Work(format!("standard output: {e}")))
+}
+
+/// Files that do not exist yet: their names and what will stand in them.
+pub(crate) type Files = Vec<(String, Vec<u8>)>;
+
+/// Charts as files: each as SVG and as PNG.
+pub(crate) fn drawn(figures: &[NamedFigure]) -> Result<Files, Failure> {
+    let draw = |(name, figure): &NamedFigure| -> Result<[(String, Vec<u8>); 2], DrawError> {
+        let svg = figure.svg();
+        Ok([(format!("{name}.png"), chart::png(&svg)?), (format!("{name}.svg"), svg.into_bytes())])
+    };
+    let pairs: Result<Vec<_>, _> = figures.iter().map(draw).collect();
+    Ok(pairs.map_err(Failure::work)?.into_iter().flatten().collect())
+}
+
+/// Writes files to a folder that it makes if need be; returns their paths.
+pub(crate) fn write_all(folder: &Path, files: Files) -> Result<Vec<PathBuf>, Failure> {
+    let failed = |path: &Path, e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));
+    std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
+    let mut written = Vec::with_capacity(files.len());
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        std::fs::write(&path, bytes).map_err(|e| failed(&path, e))?;
+        written.push(path);
+    }
+    written.sort();
+    Ok(written)
+}

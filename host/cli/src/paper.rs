@@ -1,0 +1,19 @@
+//! `motor-hub paper`.
+
+use crate::output::{Failure, print, print_json};
+use studies::paper::Document;
+
+/// Options of `paper`.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// JSON instead of tables
+    #[arg(long)]
+    json: bool,
+}
+
+impl Options {
+    pub(crate) fn execute(self) -> Result<(), Failure> {
+        let document = Document::new().map_err(Failure::work)?;
+        if self.json { print_json(&document) } else { print(&document.text()) }
+    }
+}

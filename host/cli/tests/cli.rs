@@ -1,0 +1,172 @@
+//! The command line: exit codes, outputs, and what a run shows.
+#![expect(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::indexing_slicing,
+    reason = "a failed access is a failed test"
+)]
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn motor_hub(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_motor-hub")).args(arguments).output().unwrap()
+}
+
+/// A folder of its own for each test, empty.
+fn folder(test: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
+    let _ = std::fs::remove_dir_all(&folder);
+    folder
+}
+
+fn json(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("standard output is one JSON document")
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).unwrap()
+}
+
+#[test]
+fn wrong_options_are_refused_without_output() {
+    let out = folder("refused");
+    let scenario = out.with_extension("toml");
+    std::fs::write(&scenario, "name = 1\n").unwrap();
+    let scenario = scenario.to_str().unwrap();
+    for (arguments, says) in [
+        (&["--period", "0"][..], "1..=100"),
+        (&["--period", "101"], "1..=100"),
+        (&["--time", "0"], "more than 0"),
+        (&["--time", "nan"], "more than 0"),
+        (&["--scheme", "E"], "none, A, B, C, D"),
+        (&["--scheme", "B", "--blend", "0.5"], "scheme D only"),
+        (&["--scheme", "D", "--blend", "2"], "0 (scheme B) to 1 (scheme C)"),
+        (&["--motor", "AM 61 A"], "AM 60 A, AM 60 B"),
+        (&["--motor", "x", "--motor", "x", "--motor", "x", "--motor", "x", "--motor", "x"], "5 times"),
+        (&["--scenario", "/no/such/file"], "/no/such/file"),
+        (&["--scenario", scenario], "refused.toml:1:8:"),
+        (&["--wrong"], "--wrong"),
+    ] {
+        let output = motor_hub(&[&["run", "--out", out.to_str().unwrap()], arguments].concat());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+        assert!(text(&output.stderr).contains(says), "{arguments:?}: {}", text(&output.stderr));
+        assert!(!out.exists(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_run_writes_what_it_names_and_the_seed_decides_everything() {
+    let folders = ["first", "second", "third"].map(folder);
+    let seeds = ["5", "5", "6"];
+    let documents: Vec<Value> = folders
+        .iter()
+        .zip(seeds)
+        .map(|(out, seed)| {
+            let out = out.to_str().unwrap();
+            json(&motor_hub(&["run", "--time", "1", "--seed", seed, "--json", "--out", out]))
+        })
+        .collect();
+    assert_eq!(documents[0]["motors"].as_array().unwrap().len(), 4);
+    for (document, folder) in documents.iter().zip(&folders) {
+        let files = document["files"].as_array().unwrap();
+        assert_eq!(files.len(), std::fs::read_dir(folder).unwrap().count());
+        assert!(files.iter().all(|file| Path::new(file.as_str().unwrap()).is_file()));
+    }
+    let read = |folder: &Path| std::fs::read_to_string(folder.join("trace.csv")).unwrap();
+    let [first, second, third] = folders.each_ref().map(|folder| read(folder));
+    assert_eq!(documents[0]["motors"], documents[1]["motors"]);
+    assert!(first == second, "the same seed gives the same trace");
+    assert!(first != third, "another seed gives another trace");
+}
+
+#[test]
+fn proportional_braking_slows_down_more_gently_than_none() {
+    let out = folder("gentle");
+    let document = json(&motor_hub(&["--json", "--out", out.to_str().unwrap()]));
+    let motors = document["motors"].as_array().unwrap();
+    let both = |motor: &str, path: &str| {
+        let motor = motors.iter().find(|m| m["label"] == motor).unwrap();
+        let number = |run: &str| motor[run].pointer(path).and_then(Value::as_f64).unwrap();
+        (number("as_set"), number("without_braking_regime"))
+    };
+    for motor in ["flywheel", "winch", "arm"] {
+        let (with, without) = both(motor, "/deceleration_jerk/rms_a");
+        assert!(with < without, "{motor}: {with} A is not gentler than {without} A");
+        let (braking, none) = both(motor, "/regimes/braking");
+        assert!(braking > 2.0 && none == 0.0, "{motor}: {braking} % and {none} % braking");
+    }
+    // A load that drives the motor is held, where forward and reverse alone oscillate.
+    let (with, without) = both("winch", "/responses/1/residual_rms");
+    assert!(with < 30.0 && without > 3.0 * with, "{with} against {without} counts/s");
+    let (with, without) = both("winch", "/energy_to_battery_j");
+    assert!(with > 5.0 && without < 0.1, "{with} J against {without} J");
+}
+
+#[test]
+fn any_motor_of_the_catalogue_can_take_the_place_of_the_first() {
+    let out = folder("motor");
+    let arguments = ["--motor", "matrix b", "--scheme", "D", "--time", "2", "--out", out.to_str().unwrap()];
+    let output = motor_hub(&arguments);
+    assert!(output.status.success());
+    let tables = text(&output.stdout);
+    assert!(
+        tables.contains("flywheel: Matrix B") && tables.contains("scheme D, automatic blend"),
+        "{tables}"
+    );
+    assert!(!tables.contains("winch"));
+    assert!(tables.contains(out.to_str().unwrap()));
+}
+
+const AT: [&str; 6] = ["--motor", "AM 60 A", "--speed-cps", "1360", "--battery-mv", "12000"];
+
+#[test]
+fn points_are_those_of_the_firmware() {
+    let out = folder("points");
+    let plot = ["points", "--scheme", "A", "--json", "--plot", out.to_str().unwrap()];
+    let document = json(&motor_hub(&[&plot[..], &AT].concat()));
+    let points = document["points"].as_array().unwrap();
+    let named: Vec<_> =
+        points.iter().map(|p| (p["name"].as_str().unwrap(), p["control"].as_f64().unwrap())).collect();
+    assert_eq!(named.iter().map(|p| p.0).collect::<String>(), "STZG");
+    assert!((named[2].1 - 14_805.468).abs() < 0.01, "{named:?}");
+    assert!(out.join("points.png").is_file() && out.join("points.svg").is_file());
+
+    let output = motor_hub(&[&["points", "--scheme", "B"][..], &AT].concat());
+    assert!(text(&output.stdout).contains("-10197.72"), "{}", text(&output.stdout));
+}
+
+#[test]
+fn a_control_value_is_mapped_as_the_firmware_maps_it() {
+    for (control, regime, mode, duty) in [
+        ("16384", "forward", "9/8", 0.5),
+        ("-5099", "braking", "5/0", 0.5),
+        ("-32767", "reverse", "6/2", 1.0),
+    ] {
+        let map = ["map", "--scheme", "B", "--json", "--control", control];
+        let document = json(&motor_hub(&[&map[..], &AT].concat()));
+        assert_eq!((&document["regime"], &document["mode"]), (&regime.into(), &mode.into()));
+        assert!((document["duty"].as_f64().unwrap() - duty).abs() < 1e-4, "{document}");
+    }
+    let wrong = motor_hub(&[&["map", "--scheme", "B", "--control", "-32768"][..], &AT].concat());
+    assert_eq!(wrong.status.code(), Some(2));
+}
+
+#[test]
+fn every_row_of_the_trace_has_all_its_columns() {
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("trace");
+    let arguments = ["run", "--time", "1", "--out", out.to_str().unwrap()];
+    let status = Command::new(env!("CARGO_BIN_EXE_motor-hub")).args(arguments).output().unwrap().status;
+    assert!(status.success());
+    let text = std::fs::read_to_string(out.join("trace.csv")).unwrap();
+    let mut lines = text.lines();
+    let headings: Vec<&str> = lines.next().unwrap().split(',').collect();
+    for name in ["stalled", "fault", "encoder_fault"] {
+        assert!(headings.contains(&name), "{headings:?}");
+    }
+    assert!(lines.clone().count() > 40);
+    assert!(lines.all(|line| line.split(',').count() == headings.len()));
+}

@@ -1,0 +1,236 @@
+//! `motor-hub client` against the hub's own side of the protocol, over TCP.
+#![expect(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::indexing_slicing,
+    reason = "a failed access is a failed test"
+)]
+
+#[path = "../../client/tests/client_hub/mod.rs"]
+mod client_hub;
+
+use client_hub::{Hub, Server};
+use motor_hub::units::Millivolts;
+use serde_json::Value;
+use std::process::{Command, Output};
+use std::time::{Duration, Instant};
+
+fn client(server: &Server, arguments: &[&str]) -> Output {
+    program(&[&["--tcp", &server.address, "--address", "3"], arguments].concat())
+}
+
+fn program(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_motor-hub")).arg("client").args(arguments).output().unwrap()
+}
+
+fn out(output: &Output) -> String {
+    assert!(output.status.success(), "{}", err(output));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn err(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_str(&out(output)).expect("standard output is one JSON document")
+}
+
+#[test]
+fn the_program_finds_a_hub_and_shows_its_status() {
+    let server = Server::start(Hub::new());
+    let found = out(&program(&["discover", "--tcp", &server.address]));
+    assert!(found.contains("parent") && found.contains('3'), "{found}");
+
+    let status = json(&program(&["--tcp", &server.address, "status", "--json", "--clear"]));
+    assert_eq!(status["address"], 3);
+    assert_eq!(status["status"], serde_json::json!(["device reset"]));
+    assert_eq!(status["battery_v"], 12.345);
+    assert_eq!(status["version"], "HW: 20, Maj: 1, Min: 8, Eng: 2");
+    assert_eq!(status["motors"].as_array().unwrap().len(), 4);
+    assert_eq!(status["motors"][3]["mode"], "power");
+
+    let text = out(&client(&server, &["status"]));
+    for says in ["all well", "12.345 V", "brake", "target velocity", "Maj: 1"] {
+        assert!(text.contains(says), "{says}: {text}");
+    }
+}
+
+#[test]
+fn the_program_sets_and_shows_coefficients() {
+    let server = Server::start(Hub::new());
+    let read = ["coefficients", "2", "velocity", "--json"];
+    let before = json(&client(&server, &read));
+    let after = json(&client(&server, &[&read[..], &["--i", "-0.5", "--f", "12.25"]].concat()));
+    assert_eq!((&after["i"], &after["f"]), (&(-0.5).into(), &12.25.into()));
+    assert_eq!((&after["p"], &after["d"]), (&before["p"], &before["d"]));
+    assert_eq!(json(&client(&server, &read)), after);
+    let table = out(&client(&server, &["coefficients", "2", "velocity"]));
+    assert!(table.contains("-0.500000") && table.contains("12.250000"), "{table}");
+}
+
+#[test]
+fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
+    let server = Server::start(Hub::new());
+    let read = ["setup", "1", "--json"];
+    let before = json(&client(&server, &read));
+    assert_eq!((&before["scheme"], &before["duty"]), (&"scheme A".into(), &"linear current".into()));
+    let blend = ["--scheme", "D", "--blend", "0.5"];
+    let after = json(&client(&server, &[&read[..], &["--type", "AM 40 C"], &blend].concat()));
+    assert_eq!(after["scheme"], "scheme D, blend 0.500");
+    assert_ne!(after["emf_mv_s_per_count"], before["emf_mv_s_per_count"]);
+    assert_eq!(json(&client(&server, &read)), after);
+    // Another scheme leaves the motor.
+    let duty = json(&client(&server, &["setup", "1", "--duty", "linear-duty", "--scheme", "B", "--json"]));
+    assert_eq!((&duty["duty"], &duty["scheme"]), (&"linear duty".into(), &"scheme B".into()));
+    assert_eq!(duty["emf_mv_s_per_count"], after["emf_mv_s_per_count"]);
+    let back = client(&server, &["setup", "1", "--duty", "linear-current"]);
+    assert_eq!(back.status.code(), Some(2));
+    assert!(err(&back).contains("--type"), "{}", err(&back));
+    let unknown = client(&server, &["setup", "1", "--type", "AM 41"]);
+    assert!(err(&unknown).contains("AM 40 C"), "{}", err(&unknown));
+    let table = out(&client(&server, &["setup", "0"]));
+    assert!(table.contains("3.300 ohm") && table.contains("scheme A"), "{table}");
+}
+
+#[test]
+fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
+    let server = Server::start(Hub::new());
+    let begin = Instant::now();
+    let shown = out(&client(&server, &["velocity", "0,2", "-300", "--for", "0.3", "--float"]));
+    assert!(begin.elapsed() >= Duration::from_millis(300));
+    assert!(shown.contains("motor 0") && shown.contains("motor 2"), "{shown}");
+    let hub = server.hub();
+    assert_eq!(hub.was_enabled, [true, false, true, false]);
+    assert_eq!(hub.link.enabled(), [false; 4]);
+    drop(hub);
+    let status = json(&client(&server, &["status", "--json"]));
+    let motor = &status["motors"][2];
+    assert_eq!((&motor["mode"], &motor["zero_behaviour"]), (&"velocity".into(), &"float".into()));
+    assert_eq!((&motor["target_velocity"], &motor["enabled"]), (&(-300).into(), &false.into()));
+}
+
+#[test]
+fn a_position_ends_at_its_target_or_fails_in_time() {
+    let mut hub = Hub::new();
+    hub.snapshot.motors.iter_mut().for_each(|motor| motor.position = 1000);
+    let server = Server::start(hub);
+    assert!(out(&client(&server, &["position", "all", "1004"])).ends_with("at target\n"));
+    assert_eq!(server.hub().was_enabled, [true; 4]);
+    assert_eq!(server.hub().link.enabled(), [false; 4]);
+
+    let late = client(&server, &["position", "1", "-2000", "--tolerance", "0", "--for", "0.2"]);
+    assert_eq!(late.status.code(), Some(1));
+    assert!(err(&late).contains("not at the target after 0.2 s"), "{}", err(&late));
+    assert_eq!(server.hub().link.enabled(), [false; 4]);
+}
+
+#[test]
+fn a_motor_that_the_hub_lets_go_ends_the_command() {
+    let mut hub = Hub::new();
+    hub.fail_safe_at_bulk = true;
+    let server = Server::start(hub);
+    let output = client(&server, &["power", "1", "0.5"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        err(&output).contains("let motor 1 go") && err(&output).contains("fail-safe"),
+        "{}",
+        err(&output)
+    );
+}
+
+#[test]
+fn the_program_says_why_the_hub_refuses() {
+    let mut hub = Hub::new();
+    hub.snapshot.battery = Some(Millivolts(6_000));
+    let server = Server::start(hub);
+    let output = client(&server, &["power", "0", "0.5", "--for", "5"]);
+    assert_eq!(output.status.code(), Some(1));
+    let says = err(&output);
+    assert!(says.contains("enable motor 0: battery too low (NACK 52)"), "{says}");
+    assert!(says.contains(&server.address), "{says}");
+}
+
+#[test]
+fn single_commands_do_what_they_say() {
+    let mut hub = Hub::new();
+    hub.snapshot.motors[1].position = 55;
+    let server = Server::start(hub);
+    out(&client(&server, &["reset-encoder", "1"]));
+    out(&client(&server, &["led", "9", "8", "7"]));
+    out(&client(&server, &["stop"]));
+    let status = json(&client(&server, &["status", "--json"]));
+    assert_eq!(status["motors"][1]["position"], 0);
+    assert_eq!(status["led"], serde_json::json!({ "red": 9, "green": 8, "blue": 7 }));
+    assert_eq!(status["status"], serde_json::json!(["device reset", "fail-safe"]));
+    out(&client(&server, &["set-address", "200"]));
+    assert_eq!(server.hub().link.address().get(), 200);
+}
+
+#[test]
+fn watching_gives_a_document_per_interval() {
+    let server = Server::start(Hub::new());
+    let shown = out(&client(&server, &["watch", "--interval", "50", "--for", "0.2"]));
+    let lines: Vec<Value> = shown.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert!((2..=4).contains(&lines.len()), "{shown}");
+    assert_eq!(lines[0]["battery_v"], 12.345);
+    assert_eq!(lines[0]["motors"].as_array().unwrap().len(), 4);
+}
+
+#[test]
+fn without_a_hub_the_program_fails_within_the_timeout() {
+    let mut hub = Hub::new();
+    hub.deaf_for = u32::MAX;
+    let server = Server::start(hub);
+    for (arguments, says) in [
+        (&["status"][..], "no hub answers"),
+        (&["--address", "3", "status"], "hub 3 does not answer"),
+        (&["discover"], "no hub answers"),
+    ] {
+        let begin = Instant::now();
+        let output = program(&[&["--tcp", &server.address, "--timeout", "150"], arguments].concat());
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        assert!(err(&output).contains(says) && err(&output).contains(&server.address), "{}", err(&output));
+        assert!(begin.elapsed() < Duration::from_secs(2), "{arguments:?}");
+    }
+    let file = program(&["--port", "/dev/null", "status"]);
+    assert!(err(&file).contains("/dev/null: is not a serial port"), "{}", err(&file));
+    let nobody = program(&["--port", "/no/such/port", "status"]);
+    assert_eq!(nobody.status.code(), Some(1));
+    assert!(err(&nobody).contains("/no/such/port"), "{}", err(&nobody));
+}
+
+#[test]
+fn wrong_options_are_refused_before_anything_is_sent() {
+    for (arguments, says) in [
+        (&["status"][..], "--port PATH or --tcp HOST:PORT"),
+        (&["--port", "a", "--tcp", "b:1", "status"], "exclude"),
+        (&["--address", "0", "status"], "1 to 254"),
+        (&["--address", "255", "status"], "1 to 254"),
+        (&["--timeout", "0", "status"], "10..=60000"),
+        (&["power", "0", "1.01"], "-1 to 1"),
+        (&["power", "0", "nan"], "-1 to 1"),
+        (&["power", "4", "0"], "0 to 3"),
+        (&["power", "0,", "0"], "0 to 3"),
+        (&["velocity", "0", "32768"], "32768"),
+        (&["velocity", "0", "1.5"], "whole number"),
+        (&["velocity", "0", "1", "--for", "0"], "more than 0"),
+        (&["velocity", "0", "1", "--for", "-1"], "more than 0"),
+        (&["position", "0", "1", "--speed", "-500"], "1..=32767"),
+        (&["--tcp", "127.0.0.1", "status"], "127.0.0.1:7070"),
+        (&["position", "0", "2147483648"], "2147483648"),
+        (&["position", "0", "1", "--speed", "0"], "1..=32767"),
+        (&["coefficients", "0", "velocity", "--p", "32768"], "-32768 to 32767"),
+        (&["coefficients", "0", "velocity", "--p", "inf"], "-32768 to 32767"),
+        (&["coefficients", "0", "current"], "velocity, position"),
+        (&["led", "1", "2", "256"], "256"),
+        (&["set-address", "255"], "1 to 254"),
+        (&["watch", "--interval", "3000"], "10..=2000"),
+    ] {
+        let output = program(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+        assert!(err(&output).contains(says), "{arguments:?}: {}", err(&output));
+    }
+    assert!(out(&program(&["ports"])).contains("erial ports"));
+}

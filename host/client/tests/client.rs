@@ -1,0 +1,198 @@
+//! The client's session against the hub's own side of the protocol, in memory.
+#![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
+
+mod client_hub;
+
+use client_hub::{ADDRESS, Hub, Memory};
+use motor_hub::link::command::{Loop, Mode};
+use motor_hub::link::{Address, Colour};
+use motor_hub::motion::Pidf;
+use motor_hub::motor::ZeroPower;
+use motor_hub::units::{Coefficient, Millivolts};
+use motor_hub_client::session::Found;
+use motor_hub_client::wire::{Refusal, request};
+use motor_hub_client::{Error, Session};
+use std::time::Duration;
+
+/// Far more than a hub in memory needs.
+const TIMEOUT: Duration = Duration::from_secs(3);
+
+fn session(memory: Memory) -> Session<Memory> {
+    Session::new(memory, Address::new(ADDRESS).unwrap(), TIMEOUT)
+}
+
+/// A frame with some bytes replaced, and a good checksum.
+fn with(frame: &[u8], bytes: &[(usize, u8)]) -> Vec<u8> {
+    let mut frame = frame.to_vec();
+    bytes.iter().for_each(|(at, byte)| frame[*at] = *byte);
+    let sum = frame.pop().map(|_| frame.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)));
+    frame.extend(sum);
+    frame
+}
+
+#[test]
+fn requests_are_the_bytes_of_the_protocol() {
+    let bytes = |hex: &str| -> Vec<u8> {
+        hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
+    };
+    for (frame, expected) in [
+        (request(255, 1, 0x7F0F, &[]), "44 4b 0b 00 ff 00 01 00 0f 7f 28"),
+        (request(3, 2, 0x7F07, b"DEKA\0"), "44 4b 10 00 03 00 02 00 07 7f 44 45 4b 41 00 3f"),
+        (request(3, 8, 0x1011, &[0, 0xD4, 0xFE]), "44 4b 0e 00 03 00 08 00 11 10 00 d4 fe 9b"),
+        (
+            request(3, 9, 0x1013, &[0, 0x18, 0xFC, 0xFF, 0xFF, 25, 0]),
+            "44 4b 12 00 03 00 09 00 13 10 00 18 fc ff ff 19 00 fb",
+        ),
+    ] {
+        assert_eq!(frame, bytes(expected));
+    }
+}
+
+#[test]
+fn discovery_finds_the_parent_among_all_hubs() {
+    let mut hub = Hub::new();
+    // From address 9, as a child.
+    hub.before = |reply| with(reply, &[(5, 9), (10, 0)]);
+    let mut session = Session::with_parent(Memory::new(hub), TIMEOUT).unwrap();
+    assert_eq!(session.address(), ADDRESS);
+    let (child, parent) = (Found { address: 9, parent: false }, Found { address: ADDRESS, parent: true });
+    assert_eq!(session.discover().unwrap(), [child, parent]);
+}
+
+#[test]
+fn every_setting_can_be_read_back() {
+    let mut session = session(Memory::new(Hub::new()));
+    session.set_mode(2, Mode::Position, ZeroPower::Float).unwrap();
+    session.set_power(2, -32_767).unwrap();
+    session.set_velocity(2, -300).unwrap();
+    session.set_position(2, -100_000, 25).unwrap();
+    session.enable(2, true).unwrap();
+    let channel = session.channel(2).unwrap();
+    assert_eq!((channel.mode, channel.zero_behaviour, channel.enabled), (2, 1, true));
+    assert_eq!((channel.power, channel.velocity), (-32_767, -300));
+    assert_eq!((channel.position, channel.tolerance), (-100_000, 25));
+    let colour = Colour { red: 1, green: 2, blue: 255 };
+    session.set_led(colour).unwrap();
+    assert_eq!(session.led().unwrap(), colour);
+    assert_eq!(session.battery().unwrap(), Millivolts(12_345));
+    session.fail_safe().unwrap();
+    assert!(!session.enabled(2).unwrap());
+    session.set_address(Address::new(77).unwrap()).unwrap();
+    assert_eq!(session.status(true).unwrap().words(), ["device reset", "fail-safe"]);
+    assert_eq!(session.status(true).unwrap().status, 0);
+}
+
+#[test]
+fn coefficients_keep_every_bit_and_their_sign() {
+    let mut session = session(Memory::new(Hub::new()));
+    let [p, i, d, f] = [i32::MIN, -1, 82_575, i32::MAX].map(Coefficient::from_bits);
+    let pidf = Pidf { p, i, d, f };
+    let before = session.coefficients(1, Loop::Velocity).unwrap();
+    session.set_coefficients(1, Loop::Position, pidf).unwrap();
+    assert_eq!(session.coefficients(1, Loop::Position).unwrap(), pidf);
+    assert_eq!(session.coefficients(1, Loop::Velocity).unwrap(), before);
+}
+
+#[test]
+fn bulk_input_tells_motors_apart_and_may_lack_its_last_byte() {
+    let mut hub = Hub::new();
+    for (report, position) in hub.snapshot.motors.iter_mut().zip([354, -7, 0, i32::MIN]) {
+        report.position = position;
+        report.velocity = motor_hub::units::CountsPerSecond::new(-position.clamp(-300, 300));
+    }
+    let mut session = session(Memory::new(hub));
+    session.set_mode(1, Mode::Position, ZeroPower::Brake).unwrap();
+    session.set_position(1, -10, 3).unwrap();
+    let bulk = session.bulk().unwrap();
+    assert_eq!(bulk.encoders, [354, -7, 0, i32::MIN]);
+    assert_eq!(bulk.velocities, [-300, 7, 0, 300]);
+    assert_eq!(bulk.at_target, [false, true, false, false]);
+    assert_eq!(bulk.attention, Some(true));
+
+    let mut older = [0; 34];
+    older[17] = 0x80;
+    let mut fields = motor_hub::link::fields::Fields::new(&older);
+    let bulk = motor_hub_client::state::Bulk::read(&mut fields).unwrap();
+    assert_eq!((bulk.at_target[3], bulk.attention), (true, None));
+}
+
+#[test]
+fn a_reply_to_another_request_or_from_another_hub_is_not_taken() {
+    for other in
+        [|reply: &[u8]| with(reply, &[(5, 9), (10, 0)]), |reply: &[u8]| with(reply, &[(7, 99), (10, 0)])]
+    {
+        let mut hub = Hub::new();
+        hub.before = other;
+        let mut session = session(Memory::new(hub));
+        assert_eq!(session.battery().unwrap(), Millivolts(12_345));
+    }
+}
+
+#[test]
+fn stray_bytes_before_a_reply_do_no_harm() {
+    for stray in [
+        |_: &[u8]| vec![0x44],
+        |_: &[u8]| vec![0, 0xFF, 0x44, 0x4B, 0x20, 0],
+        |reply: &[u8]| {
+            // The beginning of a reply that never ends.
+            reply[..8].to_vec()
+        },
+    ] {
+        let mut hub = Hub::new();
+        hub.before = stray;
+        let mut session = session(Memory::new(hub));
+        assert_eq!(session.battery().unwrap(), Millivolts(12_345));
+    }
+}
+
+#[test]
+fn a_lost_packet_is_sent_again_unchanged_and_a_silent_hub_is_given_up() {
+    let address = Address::new(ADDRESS).unwrap();
+    let session = |hub| Session::new(Memory::new(hub), address, Duration::from_millis(60));
+    let mut hub = Hub::new();
+    (hub.deaf_for, hub.lost_replies) = (1, 1);
+    session(hub).fail_safe().unwrap();
+
+    let mut hub = Hub::new();
+    hub.deaf_for = 3;
+    let mut session = session(hub);
+    assert!(matches!(session.fail_safe(), Err(Error::Silent { address: ADDRESS })));
+    session.fail_safe().unwrap();
+}
+
+#[test]
+fn a_new_address_holds_even_if_its_answer_is_lost() {
+    let mut hub = Hub::new();
+    hub.lost_replies = 1;
+    let memory = Memory::new(hub);
+    let mut session = Session::new(memory, Address::new(ADDRESS).unwrap(), Duration::from_millis(60));
+    session.set_address(Address::new(77).unwrap()).unwrap();
+    assert_eq!(session.address(), 77);
+    assert_eq!(session.battery().unwrap(), Millivolts(12_345));
+}
+
+#[test]
+fn a_refusal_names_its_reason() {
+    let mut session = session(Memory::new(Hub::new()));
+    let refusal = |done: Result<(), Error>| match done {
+        Err(Error::Refused { reason: Refusal(code), .. }) => code,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(refusal(session.enable(0, true)), 50);
+    assert_eq!(refusal(session.reset_encoder(4)), 0);
+    let text = session.enable(0, true).unwrap_err().to_string();
+    assert_eq!(text, "the hub refuses to enable motor 0: no target set for this mode (NACK 50)");
+    assert_eq!(Refusal(3).to_string(), "parameter 3 (counted from 0) is out of range (NACK 3)");
+    for code in 0..=255 {
+        assert!(Refusal(code).to_string().ends_with(&format!("(NACK {code})")));
+    }
+}
+
+#[test]
+fn functions_are_numbered_from_where_the_hub_says() {
+    let mut hub = Hub::new();
+    hub.first = 0x1800;
+    let mut session = session(Memory::new(hub));
+    session.set_velocity(0, 5).unwrap();
+    assert_eq!(session.channel(0).unwrap().velocity, 5);
+}

@@ -1,0 +1,109 @@
+//! The runs as charts: one for each task and round.
+
+use super::{Round, Row, TaskResult, Variant};
+use crate::NamedFigure;
+use chart::{Figure, Panel, Series, Style, colour};
+use motor_hub::braking::Scheme;
+use motor_hub::motor::Setpoint;
+use simulated::scheme::DutyChoice;
+use simulated::trace::Sample;
+
+/// Every chart with the name of its file.
+pub(super) fn all(rounds: &[Round]) -> Vec<NamedFigure> {
+    let of_round = |round: &'_ Round| -> Vec<_> {
+        let name = |result: &TaskResult| format!("{}-{}", result.task.key, round.tuning.key);
+        round.tasks.iter().map(|result| (name(result), figure(round, result))).collect()
+    };
+    rounds.iter().flat_map(of_round).collect()
+}
+
+fn figure(round: &Round, result: &TaskResult) -> Figure {
+    let speed = |s: &Sample| s.speed_cps;
+    let current = |s: &Sample| s.flow.mean_current().0;
+    let panel = |y_label: &str, height, goal: bool, duty, value: fn(&Sample) -> f64, style| Panel {
+        y_label: y_label.to_owned(),
+        height,
+        series: lines(result, goal, duty, value, style),
+        ..Panel::default()
+    };
+    let (duty, linear) = (DutyChoice::LinearDuty, DutyChoice::LinearCurrent);
+    Figure {
+        title: result.task.what.clone(),
+        subtitle: format!(
+            "AM 60 A, {}, control period 50 ms, {}; where lines coincide, the last one of the legend shows",
+            load(result),
+            round.tuning.key_in_words()
+        ),
+        x_label: "time, s".into(),
+        x_range: Some(((result.task.event_s - 0.25).max(0.0), result.task.scenario.duration_s)),
+        panels: vec![
+            panel("speed, counts/s: linear duty", 200.0, true, duty, speed, Style::Line),
+            panel("speed, counts/s: linear current", 200.0, true, linear, speed, Style::Line),
+            panel(
+                "motor current, A, mean of a control period: linear duty",
+                150.0,
+                false,
+                duty,
+                current,
+                Style::Step,
+            ),
+            panel(
+                "motor current, A, mean of a control period: linear current",
+                150.0,
+                false,
+                linear,
+                current,
+                Style::Step,
+            ),
+        ],
+    }
+}
+
+fn load(result: &TaskResult) -> String {
+    let inertia = result.task.scenario.motors.first().map_or(0.0, |motor| motor.load.inertia_after.0);
+    if inertia > 0.0 { format!("load {inertia} kg m\u{b2}") } else { "no load".to_owned() }
+}
+
+/// The variants with this duty, and the one without a braking regime for comparison.
+fn lines(
+    result: &TaskResult,
+    goal: bool,
+    duty: DutyChoice,
+    value: fn(&Sample) -> f64,
+    style: Style,
+) -> Vec<Series> {
+    let from_s = (result.task.event_s - 0.3).max(0.0);
+    let data = |row: &Row, value: fn(&Sample) -> f64| -> Vec<(f64, f64)> {
+        row.trace.motor(0).filter(|(at, _)| *at >= from_s).map(|(at, sample)| (at, value(sample))).collect()
+    };
+    let goal = result.rows.first().filter(|_| goal).map(|row| Series {
+        name: "set-point".into(),
+        colour: colour::INK,
+        style: Style::DashedStep,
+        data: data(row, set_point),
+    });
+    let shown = Variant::ALL
+        .into_iter()
+        .zip(&result.rows)
+        .filter(|(variant, _)| variant.duty == duty || variant.scheme == Scheme::ForwardReverse);
+    let lines = shown.map(|(variant, row)| Series {
+        name: row.variant.clone(),
+        colour: match variant.scheme {
+            Scheme::ForwardReverse => colour::GREY,
+            Scheme::A => colour::BLUE,
+            Scheme::B => colour::RED,
+            Scheme::C => colour::GREEN,
+            Scheme::D(_) => colour::PURPLE,
+        },
+        style,
+        data: data(row, value),
+    });
+    goal.into_iter().chain(lines).collect()
+}
+
+fn set_point(sample: &Sample) -> f64 {
+    match sample.report.setpoint {
+        Setpoint::Velocity(cps) => cps.to_f64(),
+        _ => f64::NAN,
+    }
+}

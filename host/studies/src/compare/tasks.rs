@@ -1,0 +1,122 @@
+//! The tasks: an AM 60 A with its measured rotor inertia turns a 10 kg flywheel of 10 cm radius.
+
+use motor_hub::braking::Scheme;
+use motor_hub::model::battery::Battery;
+use motor_hub::model::catalogue::{UnknownMotor, characterised};
+use motor_hub::model::load::Load;
+use motor_hub::model::si::{KgM2, Kilograms, Metres, Ohms, Volts};
+use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::units::{CountsPerSecond, Period};
+use serde::Serialize;
+use simulated::scenario::{Motor, Scenario, Timed, Told};
+use simulated::scheme::DutyChoice;
+
+/// Free speed of the motor at 12 V, in counts/s.
+const FREE_CPS: f64 = 2720.0;
+/// Every task's length in seconds.
+const LENGTH_S: f64 = 7.0;
+const EVENT_S: f64 = 3.0;
+
+/// Something to do, and the moment from which on it is judged.
+#[derive(Clone, Debug, Serialize)]
+pub struct Task {
+    /// A name for files.
+    pub key: &'static str,
+    /// What happens, in words.
+    pub what: String,
+    /// When it happens, in seconds.
+    pub event_s: f64,
+    /// The scenario, whatever its scheme.
+    #[serde(skip)]
+    pub scenario: Scenario,
+}
+
+/// All of them; the first is the one that coefficients are chosen on.
+///
+/// # Errors
+/// If the catalogue lacks the motor.
+pub fn all() -> Result<Vec<Task>, UnknownMotor> {
+    let free = |share: f64| share * FREE_CPS;
+    let step = || plan(&[(0.0, free(0.8)), (EVENT_S, free(0.3))], &[]);
+    let task = |key, what: &str, event_s, scenario: Result<Scenario, UnknownMotor>| {
+        Ok::<_, UnknownMotor>(Task { key, what: what.to_owned(), event_s, scenario: scenario? })
+    };
+    let mut tasks = vec![
+        task("step", "80 to 30 % of the free speed", EVENT_S, step())?,
+        task(
+            "overhauling",
+            "Half speed, then +0.8 N m drive the motor",
+            EVENT_S,
+            plan(&[(0.0, free(0.5))], &[(EVENT_S, 0.8)]),
+        )?,
+        task(
+            "reversal",
+            "60 to -60 % of the free speed",
+            EVENT_S,
+            plan(&[(0.0, free(0.6)), (EVENT_S, free(-0.6))], &[]),
+        )?,
+        task("crawl", "From rest to 30 counts/s", 0.0, plan(&[(0.0, 30.0)], &[]))?,
+        task("hold", "Standstill, then +0.4 N m", EVENT_S, plan(&[(0.0, 0.0)], &[(EVENT_S, 0.4)]))?,
+        task(
+            "sag",
+            "25 to 45 % of the free speed, the battery (0.6 ohm) falling from 13 to 8 V",
+            EVENT_S,
+            sagging(),
+        )?,
+    ];
+    for (key, what, inertia) in
+        [("light", "The step without flywheel", 0.0), ("heavy", "The step with a flywheel of 40 kg", 0.2)]
+    {
+        let mut scenario = step()?;
+        scenario.motors.iter_mut().for_each(|motor| motor.load = Load::inertia(KgM2(inertia)));
+        tasks.push(task(key, what, EVENT_S, Ok(scenario))?);
+    }
+    for (key, what, resistance, emf) in [
+        ("r-70", "The step, hub told 0.7 R", 0.7, 1.0),
+        ("r-130", "The step, hub told 1.3 R", 1.3, 1.0),
+        ("ke-90", "The step, hub told 0.9 Ke", 1.0, 0.9),
+        ("ke-110", "The step, hub told 1.1 Ke", 1.0, 1.1),
+    ] {
+        let mut scenario = step()?;
+        scenario.motors.iter_mut().for_each(|motor| motor.told = Told { resistance, emf });
+        tasks.push(task(key, what, EVENT_S, Ok(scenario))?);
+    }
+    Ok(tasks)
+}
+
+/// Set-points in counts/s and torques in newton metres, each with the time in seconds when it begins.
+fn plan(speeds: &[(f64, f64)], torques: &[(f64, f64)]) -> Result<Scenario, UnknownMotor> {
+    let speed = |&(at_s, cps): &(f64, f64)| {
+        let value = Setpoint::Velocity(CountsPerSecond::new(cps.round() as i32));
+        Timed { at_s, value }
+    };
+    let torque = |&(at_s, value): &(f64, f64)| Timed { at_s, value };
+    Ok(Scenario {
+        name: "comparison".into(),
+        duration_s: LENGTH_S,
+        period: Period::DEFAULT,
+        seed: 1,
+        battery: Battery { emf: Volts(12.0), resistance: Ohms(0.05) },
+        emf_over_time: Vec::new(),
+        motors: vec![Motor {
+            label: "motor".into(),
+            constants: characterised("AM 60 A")?.with_measured_rotor_inertia(),
+            load: Load::flywheel(Kilograms(10.0), Metres(0.1)),
+            told: Told::TRUTH,
+            scheme: Scheme::A,
+            duty: DutyChoice::LinearCurrent,
+            zero_power: ZeroPower::Brake,
+            velocity: None,
+            position: None,
+            setpoints: speeds.iter().map(speed).collect(),
+            torques: [(0.0, 0.0)].iter().chain(torques).map(torque).collect(),
+        }],
+    })
+}
+
+fn sagging() -> Result<Scenario, UnknownMotor> {
+    let mut scenario = plan(&[(0.0, 0.25 * FREE_CPS), (EVENT_S, 0.45 * FREE_CPS)], &[])?;
+    scenario.battery = Battery { emf: Volts(13.0), resistance: Ohms(0.6) };
+    scenario.emf_over_time = vec![Timed { at_s: 1.0, value: 13.0 }, Timed { at_s: 6.0, value: 8.0 }];
+    Ok(scenario)
+}

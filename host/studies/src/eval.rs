@@ -1,0 +1,85 @@
+//! The scripting interface: cases in as JSON, results out as JSON.
+//!
+//! What the firmware decides is answered by the fixed-point core that the firmware runs
+//! (`firmware`), what physics decides by the model (`physics`).
+
+mod case;
+mod error;
+mod firmware;
+mod physics;
+
+use crate::paper::printed::PRINTED;
+use case::Case;
+use motor_hub::model::catalogue::characterised;
+use serde_json::{Value, json};
+
+pub use error::CaseError;
+
+/// What became of a document.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answers {
+    /// `{"results": [...]}`, in the order of the cases.
+    pub document: Value,
+    /// How many cases there were.
+    pub cases: usize,
+    /// How many of them could not be answered.
+    pub failed: usize,
+}
+
+/// The document has no list of cases.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the document needs `cases`, a list of objects")]
+pub struct NoCases;
+
+/// Answers every case of a document.
+///
+/// # Errors
+/// [`NoCases`]; what is wrong with a case is said in its place among the answers.
+pub fn answers(document: &Value) -> Result<Answers, NoCases> {
+    let cases = document.get("cases").and_then(Value::as_array).ok_or(NoCases)?;
+    let none = Value::Null;
+    let motors = document.get("motors").unwrap_or(&none);
+    let mut failed = 0;
+    let results = cases.iter().map(|case| {
+        let id = case.get("id").unwrap_or(&none);
+        match answer(&Case::new(case, motors)) {
+            Ok(outputs) => json!({ "id": id, "outputs": outputs }),
+            Err(error) => {
+                failed += 1;
+                json!({ "id": id, "error": error.to_string() })
+            }
+        }
+    });
+    let results: Vec<Value> = results.collect();
+    Ok(Answers { document: json!({ "results": results }), cases: cases.len(), failed })
+}
+
+fn answer(case: &Case) -> Result<Value, CaseError> {
+    match case.formula()? {
+        "bridge_state" => firmware::bridge_state(case),
+        "keFw" => firmware::emf_constant(case),
+        "scheme_fw" => firmware::points(case),
+        "example_duty" => firmware::example_duty(case),
+        "regime_duty" => firmware::regime_duty(case),
+        "scheme_points" => physics::scheme_points(case),
+        "plant" => physics::plant(case),
+        "step_response" => physics::step_response(case),
+        "pid_period" => physics::pid_period(case),
+        "mean_current" => physics::mean_current(case),
+        "bridge_pwm" => physics::bridge_pwm(case),
+        "duty_for_current" => physics::duty_for_current(case),
+        "steady_speed_pwm" => physics::steady_speed(case),
+        "reverse0" => physics::reverse0(case),
+        "paper_printed" => printed(case),
+        other => Err(CaseError::UnknownFormula(other.to_owned())),
+    }
+}
+
+/// A number that the paper prints, by its name: as printed, and as computed here.
+fn printed(case: &Case) -> Result<Value, CaseError> {
+    let name = case.text("name")?;
+    let number = PRINTED.iter().find(|number| number.name == name);
+    let number = number.ok_or_else(|| CaseError::UnknownNumber(name.to_owned()))?;
+    let motor = characterised("AM 60 A")?;
+    Ok(json!({ "printed": number.printed, "computed": (number.ours)(&motor) }))
+}

@@ -1,0 +1,136 @@
+//! One case of the document, and the ways to take inputs from it.
+
+use super::error::CaseError;
+use motor_hub::bridge::Mode;
+use motor_hub::model::catalogue::Motor;
+use motor_hub::model::si::{Drag, EmfConstant, Henries, KgM2, Ohms, TorqueConstant};
+use serde_json::{Value, json};
+
+/// A case with the document's motors.
+pub(super) struct Case<'a> {
+    case: &'a Value,
+    motors: &'a Value,
+}
+
+impl<'a> Case<'a> {
+    pub(super) fn new(case: &'a Value, motors: &'a Value) -> Self {
+        Self { case, motors }
+    }
+
+    pub(super) fn formula(&self) -> Result<&'a str, CaseError> {
+        self.case.get("formula").and_then(Value::as_str).ok_or(CaseError::NoFormula)
+    }
+
+    fn input(&self, key: &str) -> Result<&'a Value, CaseError> {
+        let inputs = self.case.get("inputs").ok_or(CaseError::NoInputs)?;
+        inputs.get(key).ok_or_else(|| CaseError::Missing(key.to_owned()))
+    }
+
+    /// A number; JSON has only finite ones.
+    pub(super) fn number(&self, key: &str) -> Result<f64, CaseError> {
+        self.input(key)?.as_f64().ok_or_else(|| kind(key, "a number"))
+    }
+
+    /// A number above 0.
+    pub(super) fn positive(&self, key: &str) -> Result<f64, CaseError> {
+        above_zero(self.number(key)?, key)
+    }
+
+    /// A number of at least 0.
+    pub(super) fn not_negative(&self, key: &str) -> Result<f64, CaseError> {
+        match self.number(key)? {
+            value if value >= 0.0 => Ok(value),
+            value => Err(CaseError::Negative { key: key.to_owned(), value }),
+        }
+    }
+
+    /// A whole number from `low` to `high`.
+    pub(super) fn whole(&self, key: &str, low: i64, high: i64) -> Result<i64, CaseError> {
+        let value = self.number(key)?;
+        if value.fract() == 0.0 && (low as f64..=high as f64).contains(&value) {
+            Ok(value as i64)
+        } else {
+            Err(CaseError::NotWhole { key: key.to_owned(), value, low, high })
+        }
+    }
+
+    pub(super) fn text(&self, key: &str) -> Result<&'a str, CaseError> {
+        self.input(key)?.as_str().ok_or_else(|| kind(key, "a text"))
+    }
+
+    /// True if there is such an input.
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.input(key).is_ok()
+    }
+
+    /// A bridge's mode.
+    pub(super) fn mode(&self) -> Result<Mode, CaseError> {
+        let name = self.text("mode")?;
+        let known = [Mode::Cw98, Mode::Ccw62, Mode::Brake50];
+        known.into_iter().find(|mode| mode.name() == name).ok_or_else(|| CaseError::Word {
+            key: "mode",
+            given: name.to_owned(),
+            allowed: "9/8, 6/2 or 5/0",
+        })
+    }
+
+    /// Constants from the document's motors, or from the inputs themselves if they name no motor.
+    pub(super) fn motor(&self) -> Result<Motor, CaseError> {
+        let constants = if self.has("motor") {
+            let key = self.text("motor")?;
+            self.motors.get(key).ok_or_else(|| CaseError::NoMotor(key.to_owned()))?
+        } else {
+            self.case.get("inputs").unwrap_or(&Value::Null)
+        };
+        let number = |key: &str| {
+            let value = constants.get(key).and_then(Value::as_f64);
+            value.ok_or_else(|| CaseError::MotorConstant(key.to_owned()))
+        };
+        let positive = |key: &str| number(key).and_then(|value| above_zero(value, key));
+        // A bare motor needs no gearbox and, if nothing changes with time, no inertia.
+        let or_one = |key: &str| if constants.get(key).is_some() { positive(key) } else { Ok(1.0) };
+        let inertia = KgM2(or_one("J")?);
+        Ok(Motor {
+            name: "",
+            r: Ohms(positive("R")?),
+            l: Henries(positive("L")?),
+            gear_ratio: or_one("N")?,
+            eta: or_one("eta")?,
+            ke: EmfConstant(positive("Ke")?),
+            kt: TorqueConstant(positive("Kt")?),
+            b: Drag(number("B")?),
+            j: inertia,
+            j_rotor_measured: inertia,
+            counts_per_rev_motor: 1.0,
+        })
+    }
+
+    /// The values of a table's first column: given, or those of the case's own outputs, or none.
+    pub(super) fn column(&self, key: &str) -> Result<Option<Vec<f64>>, CaseError> {
+        let numbers = |values: Option<Vec<f64>>| values.ok_or_else(|| CaseError::NotNumbers(key.to_owned()));
+        if let Ok(given) = self.input(key) {
+            let list = given.as_array().map(|list| list.iter().map(Value::as_f64).collect());
+            return numbers(list.flatten()).map(Some);
+        }
+        let rows = self.case.get("outputs").and_then(|outputs| outputs.get("rows")).and_then(Value::as_array);
+        let first = |row: &Value| row.get(0).and_then(Value::as_f64);
+        rows.map(|rows| numbers(rows.iter().map(first).collect())).transpose()
+    }
+}
+
+/// A table with a row for each value of its first column.
+pub(super) fn table(
+    columns: &[&str],
+    rows: impl Iterator<Item = Result<Value, CaseError>>,
+) -> Result<Value, CaseError> {
+    let rows: Vec<Value> = rows.collect::<Result<_, _>>()?;
+    Ok(json!({ "columns": columns, "rows": rows }))
+}
+
+fn above_zero(value: f64, key: &str) -> Result<f64, CaseError> {
+    if value > 0.0 { Ok(value) } else { Err(CaseError::NotPositive { key: key.to_owned(), value }) }
+}
+
+fn kind(key: &str, kind: &'static str) -> CaseError {
+    CaseError::Kind { key: key.to_owned(), kind }
+}

@@ -1,0 +1,220 @@
+//! Formulas that the firmware computes, answered by the code that it runs.
+
+use super::case::{Case, table};
+use super::error::CaseError;
+use motor_hub::braking::{
+    self, Abscissa, Electrical, LinearCurrent, OperatingPoint, Place, Points, Regime, Scheme,
+};
+use motor_hub::bridge::{CurrentSign, Drive, Mode, Pattern};
+use motor_hub::model::catalogue::Motor;
+use motor_hub::model::si::Hertz;
+use motor_hub::model::switching::{Bridge, Conditions};
+use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
+use serde_json::{Value, json};
+use simulated::scheme::{BlendChoice, SchemeName};
+use std::f64::consts::TAU;
+
+/// Only the product of speed and constant counts. With 1/64 mV s/count the speed reaches to the ends of
+/// its range for the largest back EMF, so no constant resolves it finer.
+const FINEST: f64 = 64.0;
+
+/// Conditions of the printed bridge table, in millivolts: battery and diode drop, and a back EMF below
+/// and one above the battery voltage.
+const BATTERY_MV: i32 = 12_000;
+const DIODE_MV: i32 = 700;
+const EMF_MV: i32 = 5_000;
+const OVERRUN_MV: i32 = 20_000;
+
+const Q20: f64 = (1 << 20) as f64;
+const LARGEST_CONTROL: i64 = Control::MAX.get() as i64;
+const LARGEST_CPS: i64 = 8_388_607;
+
+/// The controls of a table of counter-clockwise motion that names none.
+const CONTROLS_CCW: [f64; 6] = [-32767.0, -20011.0, -12345.0, -777.0, 7777.0, 32767.0];
+
+/// The controls of a table that names none.
+const CONTROLS: [f64; 12] =
+    [-32767.0, -30000.0, -20011.0, -12345.0, -5000.0, -777.0, 0.0, 1234.0, 7777.0, 16384.0, 29000.0, 32767.0];
+
+/// What one of the sixteen switch patterns does.
+pub(super) fn bridge_state(case: &Case) -> Result<Value, CaseError> {
+    let number = case.whole("state", 0, 15)? as u8;
+    let pattern = Pattern::new(number).ok_or_else(|| CaseError::Missing("state".to_owned()))?;
+    let action = |emf_mv| pattern.action(emf_mv, BATTERY_MV, DIODE_MV).name();
+    let mut outputs = json!({
+        "bits": pattern.switches().map(u8::from),
+        "short": pattern.is_short_circuit(),
+        "cw": action(EMF_MV),
+        "ccw": action(-EMF_MV),
+    });
+    let signs = [("v_i_pos", CurrentSign::Positive), ("v_i_neg", CurrentSign::Negative)];
+    if let (false, Some(object)) = (pattern.is_short_circuit(), outputs.as_object_mut()) {
+        object.insert("cw_overrun".into(), action(OVERRUN_MV).into());
+        object.insert("ccw_overrun".into(), action(-OVERRUN_MV).into());
+        for (key, sign) in signs {
+            let terminal = pattern.terminal(sign).map(|terminal| {
+                json!({
+                    "Vb_coef": f64::from(terminal.battery),
+                    "Vd_coef": f64::from(terminal.diode),
+                    "Ron_count": terminal.switches,
+                })
+            });
+            object.insert(key.into(), terminal.into());
+        }
+    }
+    Ok(outputs)
+}
+
+/// The back-EMF constant in firmware units.
+pub(super) fn emf_constant(case: &Case) -> Result<Value, CaseError> {
+    let exact = 1000.0 * TAU * case.positive("Ke")? / case.positive("countsPerRev")?;
+    let q20 = constant(exact * Q20)?.to_bits();
+    Ok(json!({
+        "keFw": exact,
+        "q20": q20,
+        "max_cps_before_int32_overflow_of_cps_times_q20": i32::MAX / q20,
+    }))
+}
+
+/// The schemes' abscissas from encoder speed and battery voltage. Quantities in physical units, which
+/// the firmware has no use for, are computed here in double precision.
+pub(super) fn points(case: &Case) -> Result<Value, CaseError> {
+    full_range(case)?;
+    let cps = case.whole("cps", 0, LARGEST_CPS)?;
+    let battery = case.whole("mvBattery", 1, i64::from(u16::MAX))?;
+    let emf = constant(case.number("keFw_q20")?)?.emf(CountsPerSecond::new(cps as i32));
+    let at = operating_point(emf, battery as u16)?;
+    let formula = |scheme| Points::from_formula(scheme, at);
+    let d = formula(SchemeName::D.with_blend(Some(BlendChoice::fixed(case.number("blend")?)?))?);
+    let x = |points: Option<Points>, which: fn(&Points) -> Abscissa| {
+        points.as_ref().map(which).map(Abscissa::to_f64)
+    };
+    let a_z = x(formula(Scheme::A), |p| p.z);
+    let b_t = x(formula(Scheme::B), |p| p.t);
+    let c_t = x(formula(Scheme::C), |p| p.t);
+    let (emf_mv, battery_mv) = (cps as f64 * case.positive("keFw")?, battery as f64);
+    let r = case.positive("R")?;
+    let amps = |mv: f64| mv * 1e-3 / r;
+    Ok(json!({
+        "emf_mV": emf_mv,
+        "A_xZ": a_z,
+        "B_xT": b_t,
+        "C_xT": c_t,
+        "D_xT": x(d, |p| p.t),
+        "D_xS": x(d, |p| p.s),
+        "A_xZ_q20": a_z,
+        "B_xT_q20": b_t,
+        "C_xT_q20": c_t,
+        "yG_A": amps(battery_mv - emf_mv),
+        "yS_A": amps(-battery_mv - emf_mv),
+        "yT_A": amps(-emf_mv),
+        "overrun": at.is_overrun(),
+        "Omega_rad_s": cps as f64 * TAU / case.positive("countsPerRev")?,
+    }))
+}
+
+/// Where a control value falls among points that are given.
+pub(super) fn example_duty(case: &Case) -> Result<Value, CaseError> {
+    let abscissa = |key| case.whole(key, -(1 << 40), 1 << 40).map(|counts| Abscissa::from_bits(counts << 8));
+    let points = Points { s: abscissa("S")?, t: abscissa("T")?, z: abscissa("Z")?, g: abscissa("G")? };
+    if !(points.s < points.t && points.t <= points.z && points.z < points.g) {
+        return Err(CaseError::Points);
+    }
+    let Place { regime, fraction } = points.place(control(case.number("control")?)?);
+    Ok(json!({ "regime": name(regime), "duty": fraction.to_f64() }))
+}
+
+/// Regime, mode and duty of control values at an operating point.
+pub(super) fn regime_duty(case: &Case) -> Result<Value, CaseError> {
+    full_range(case)?;
+    let scheme = match case.text("scheme")? {
+        "none" => SchemeName::None,
+        "A" => SchemeName::A,
+        "B" => SchemeName::B,
+        "C" => SchemeName::C,
+        "D" => SchemeName::D,
+        other => {
+            let (given, allowed) = (other.to_owned(), "none, A, B, C or D");
+            return Err(CaseError::Word { key: "scheme", given, allowed });
+        }
+    };
+    let blend = if case.has("blend") { Some(BlendChoice::fixed(case.number("blend")?)?) } else { None };
+    let scheme = scheme.with_blend(blend)?;
+
+    let battery = (case.positive("Vbat")? * 1e3).round();
+    if !(1.0..=f64::from(u16::MAX)).contains(&battery) {
+        return Err(CaseError::Battery);
+    }
+    let emf_mv = 1e3 * case.positive("Ke")? * case.number("Omega")?;
+    let speed = CountsPerSecond::saturating_from_bits((emf_mv * FINEST * 256.0).round() as i64);
+    let at = operating_point(constant(Q20 / FINEST)?.emf(speed), battery as u16)?;
+
+    let controls = case
+        .column("control")?
+        .unwrap_or_else(|| if emf_mv < 0.0 { CONTROLS_CCW.to_vec() } else { CONTROLS.to_vec() });
+    let row = |value: f64| {
+        let placed = control(value)?;
+        let placement = braking::place(scheme, at, placed);
+        let mode: Mode = placement.drive.mode;
+        Ok(json!([placed.get(), name(placement.regime), mode.name(), placement.drive.duty.to_f64()]))
+    };
+    table(&["control", "regime", "mode", "duty"], controls.into_iter().map(row))
+}
+
+/// The drive by which the firmware, in Scheme A, makes a mean current in amperes: the control value is
+/// the nearest to the equivalent voltage, so the current is met to 1/32767 of Vbat/R.
+pub(super) fn current_drive(
+    motor: &Motor,
+    bridge: Bridge,
+    frequency: Hertz,
+    at: Conditions,
+    wanted: f64,
+) -> Result<Drive, CaseError> {
+    // Casts from float saturate, and the ends are out of range.
+    let winding = LinearCurrent::new(Electrical {
+        resistance_mohm: (1e3 * motor.r.0).round() as u16,
+        inductance_uh: Some((1e6 * motor.l.0).round() as u16),
+        diode_mv: (1e3 * bridge.vd.0).round() as u16,
+        switch_mohm: (1e3 * bridge.ron.0).round() as u16,
+        pwm_hz: frequency.0.round() as u32,
+    })?;
+    let speed = CountsPerSecond::saturating_from_bits((1e3 * at.emf.0 * FINEST * 256.0).round() as i64);
+    let battery_mv = (1e3 * at.battery.0).round() as u16;
+    let point = operating_point(constant(Q20 / FINEST)?.emf(speed), battery_mv)?;
+    let voltage = at.emf.0 + wanted * (motor.r.0 + 2.0 * bridge.ron.0);
+    let control = Control::saturating((voltage / at.battery.0 * LARGEST_CONTROL as f64).round() as i64);
+    Ok(braking::place_current(&winding, Scheme::A, point, control).drive)
+}
+
+fn full_range(case: &Case) -> Result<(), CaseError> {
+    if case.has("cMax") {
+        case.whole("cMax", LARGEST_CONTROL, LARGEST_CONTROL)?;
+    }
+    Ok(())
+}
+
+fn constant(bits: f64) -> Result<EmfConstant, CaseError> {
+    // A cast from float saturates, and the ends of the integers are out of range here.
+    Ok(EmfConstant::from_bits(bits.round() as i32)?)
+}
+
+fn operating_point(emf: motor_hub::units::Emf, battery_mv: u16) -> Result<OperatingPoint, CaseError> {
+    OperatingPoint::new(emf, Millivolts(battery_mv)).ok_or(CaseError::NoBattery)
+}
+
+fn control(value: f64) -> Result<Control, CaseError> {
+    if value.fract() == 0.0 && value.abs() <= LARGEST_CONTROL as f64 {
+        Ok(Control::new(value as i16))
+    } else {
+        Err(CaseError::Control(value))
+    }
+}
+
+/// The document's word for a regime.
+fn name(regime: Regime) -> &'static str {
+    match regime {
+        Regime::Forward => "forward",
+        Regime::Braking => "brake",
+        Regime::Reverse => "reverse",
+    }
+}

@@ -1,0 +1,301 @@
+//! The paper's figures, and ours of what its duty and ours make of a control value.
+
+use crate::{NamedFigure, StudyError};
+use chart::{Figure, Panel, Point, Series, Style, colour};
+use motor_hub::braking::{DutyRule, Electrical, LinearCurrent, OperatingPoint, Scheme};
+use motor_hub::model::catalogue::{Motor, characterised};
+use motor_hub::model::load::Load;
+use motor_hub::model::paper::{self, Points};
+use motor_hub::model::response::{Applied, GearedMotor};
+use motor_hub::model::si::{Hertz, Kilograms, Metres, RadPerSec, Seconds, Volts};
+use motor_hub::model::switching::{Circuit, Conditions, Pwm};
+use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts, RangeError};
+use simulated::hardware::{BRIDGE, electrical};
+
+const CONTROL_MAX: f64 = 32_767.0;
+const BATTERY: f64 = 12.0;
+const FORWARD: &str = "#2e8b3d";
+const BRAKING: &str = "#1f5fbf";
+const REVERSE: &str = "#c62828";
+
+/// All of them, for the motor of the paper's examples.
+///
+/// # Errors
+/// If the catalogue lacks it.
+pub fn all() -> Result<Vec<NamedFigure>, StudyError> {
+    let motor = &characterised("AM 60 A")?;
+    let a = ("A", paper::Scheme::A, "equivalent DC voltage, V");
+    let b = ("B", paper::Scheme::B, "current, A");
+    let c = ("C", paper::Scheme::C, "current, A");
+    let quarter = ("D, blend 1/4", paper::Scheme::D { blend: 0.25 }, "current, A");
+    let mut figures = vec![
+        ("1-structure".to_owned(), structure()),
+        ("2-drop-to-back-emf".to_owned(), drop_figure(motor, false)),
+        ("3-drop-to-mean-zero-current".to_owned(), drop_figure(motor, true)),
+    ];
+    for (number, (name, scheme, unit)) in [a, b, c, quarter].into_iter().enumerate() {
+        let file = format!("{}-scheme-{}", 4 + number, name[..1].to_lowercase());
+        figures.push((file, scheme_figure(motor, &format!("Scheme {name}"), |_| scheme, unit)));
+    }
+    let automatic = |u| paper::Scheme::D { blend: paper::blend_keeping_t_in_range(u) };
+    figures.push((
+        "8-scheme-d-automatic".to_owned(),
+        scheme_figure(motor, "Scheme D, automatic blend", automatic, "current, A"),
+    ));
+    figures.push(("9-points-over-speed".to_owned(), over_speed(motor)));
+    for (number, u) in [0.1, 0.5, 0.9].into_iter().enumerate() {
+        figures.push((format!("{}-current-at-{:.0}-percent", 10 + number, 100.0 * u), currents(motor, u)?));
+    }
+    figures.push(("13-deviation-by-frequency".to_owned(), by_frequency(motor)?));
+    Ok(figures)
+}
+
+fn line(name: &str, colour: &'static str, data: Vec<(f64, f64)>) -> Series {
+    Series { name: name.to_owned(), colour, style: Style::Line, data }
+}
+
+/// Three lines and four points. What lies beyond the control range is left out.
+fn points_panel(points: &Points, y_label: String, height: f64) -> Panel {
+    let corners = [points.s, points.t, points.z, points.g];
+    let names = ["S", "T", "Z", "G"];
+    let lines = [("reverse (6/2)", REVERSE), ("braking (5/0)", BRAKING), ("forward (9/8)", FORWARD)];
+    let pairs = corners.iter().zip(corners.iter().skip(1)).zip(lines);
+    let series = pairs.filter_map(|((from, to), (name, colour))| {
+        let inside = clipped((from.x, from.y), (to.x, to.y));
+        (!inside.is_empty()).then(|| line(name, colour, inside))
+    });
+    // Room for the names.
+    let reach = 1.3 * corners.iter().map(|p| p.y.abs()).fold(0.0, f64::max);
+    let reachable = corners.iter().zip(names).filter(|(p, _)| p.x.abs() <= CONTROL_MAX);
+    Panel {
+        y_label,
+        height,
+        y_range: Some((-reach, reach)),
+        series: series.collect(),
+        points: reachable
+            .map(|(p, name)| Point { at: (p.x, p.y), name: name.to_owned(), colour: colour::INK })
+            .collect(),
+        ..Panel::default()
+    }
+}
+
+fn clipped(from: (f64, f64), to: (f64, f64)) -> Vec<(f64, f64)> {
+    let (low, high) = (from.0.max(-CONTROL_MAX), to.0.min(CONTROL_MAX));
+    if low > high {
+        return Vec::new();
+    }
+    let y = |x: f64| {
+        if to.0 == from.0 { from.1 } else { from.1 + (to.1 - from.1) * (x - from.0) / (to.0 - from.0) }
+    };
+    vec![(low, y(low)), (high, y(high))]
+}
+
+fn structure() -> Figure {
+    let at = |x: f64, y: f64| paper::Point { x, y };
+    let points = Points {
+        s: at(-32_767.0, -100.0),
+        t: at(-16_384.0, -70.0),
+        z: at(8_192.0, 30.0),
+        g: at(32_767.0, 92.0),
+        u: 0.0,
+        valid: true,
+    };
+    Figure {
+        title: "Relative structure of the points".to_owned(),
+        subtitle: "paper, section 1.3".to_owned(),
+        x_label: "control, counts".to_owned(),
+        x_range: Some((-36_000.0, 36_000.0)),
+        panels: vec![points_panel(&points, "y".to_owned(), 420.0)],
+    }
+}
+
+/// Current after the applied voltage drops from what keeps 1 rad/s at the output.
+fn drop_figure(motor: &Motor, mean_zero: bool) -> Figure {
+    let geared = GearedMotor::new(motor, &Load::flywheel(Kilograms(10.0), Metres(0.1)));
+    let drop = geared.voltage_drop(RadPerSec(motor.gear_ratio), Seconds(0.05));
+    let to = if mean_zero { drop.mean_zero_voltage } else { drop.emf };
+    let start = geared.steady(Applied::voltage(drop.before));
+    let data: Vec<(f64, f64)> = (0..=2000)
+        .map(|n| 0.025 * f64::from(n))
+        .map(|ms| (ms, geared.after(start, Applied::voltage(to), Seconds(1e-3 * ms)).current.0))
+        .collect();
+    let panel = |y_label: &str, y_range| Panel {
+        y_label: y_label.to_owned(),
+        height: 300.0,
+        y_range,
+        series: vec![line("current", colour::BLUE, data.clone())],
+        ..Panel::default()
+    };
+    let mut panels = vec![panel("motor current, A", None)];
+    if !mean_zero {
+        panels.push(panel("motor current, A: the same, enlarged", Some((0.0, 0.005))));
+    }
+    let goal = if mean_zero { "the voltage of zero mean current" } else { "the back EMF" };
+    Figure {
+        title: format!("Current after the voltage drops to {goal}"),
+        subtitle: format!(
+            "AM 60 A, 10 kg flywheel, from 1 rad/s at the output: {:.4} V to {:.4} V",
+            drop.before.0, to.0
+        ),
+        x_label: "time, ms".to_owned(),
+        x_range: Some((0.0, 50.0)),
+        panels,
+    }
+}
+
+/// Back EMF of the example motor at a share of its free speed, and that as a share of the battery.
+fn emf_at(motor: &Motor, share: f64) -> f64 {
+    let free = GearedMotor::new(motor, &Load::NONE).steady(Applied::voltage(Volts(BATTERY)));
+    share * motor.ke.0 * free.speed.0
+}
+
+fn model_points(motor: &Motor, scheme: paper::Scheme, emf: f64) -> Points {
+    let at = Conditions { battery: Volts(BATTERY), emf: Volts(emf) };
+    scheme.points(CONTROL_MAX, motor.r, at)
+}
+
+fn scheme_figure(motor: &Motor, title: &str, scheme: impl Fn(f64) -> paper::Scheme, unit: &str) -> Figure {
+    let panel = |share: f64| {
+        let emf = emf_at(motor, share);
+        let points = model_points(motor, scheme(emf / BATTERY), emf);
+        points_panel(&points, format!("{unit}, at {:.0} % of free speed", 100.0 * share), 240.0)
+    };
+    Figure {
+        title: title.to_owned(),
+        subtitle: "AM 60 A on 12 V at 10, 50 and 90 % of its free speed".to_owned(),
+        x_label: "control, counts".to_owned(),
+        x_range: Some((-36_000.0, 36_000.0)),
+        panels: [0.1, 0.5, 0.9].into_iter().map(panel).collect(),
+    }
+}
+
+fn over_speed(motor: &Motor) -> Figure {
+    let curve = |scheme: &dyn Fn(f64) -> paper::Scheme, of: fn(&Points) -> f64| -> Vec<(f64, f64)> {
+        let shares = (0..=220).map(|n| 0.005 * f64::from(n));
+        shares
+            .map(|share| {
+                let emf = emf_at(motor, share);
+                let points = model_points(motor, scheme(emf / BATTERY), emf);
+                let x = of(&points);
+                (100.0 * share, if points.valid && x.abs() <= 40_000.0 { x } else { f64::NAN })
+            })
+            .collect()
+    };
+    let t = |points: &Points| points.t.x;
+    let blended = |u| paper::Scheme::D { blend: paper::blend_keeping_t_in_range(u) };
+    Figure {
+        title: "Where braking begins and ends, over speed".to_owned(),
+        subtitle: "AM 60 A on 12 V; the control range ends at +-32767".to_owned(),
+        x_label: "speed, % of free speed".to_owned(),
+        x_range: Some((0.0, 110.0)),
+        panels: vec![Panel {
+            y_label: "control, counts".to_owned(),
+            height: 460.0,
+            y_range: Some((-40_000.0, 40_000.0)),
+            series: vec![
+                line("Z of scheme A", FORWARD, curve(&|_| paper::Scheme::A, |points| points.z.x)),
+                line("T of scheme B", BRAKING, curve(&|_| paper::Scheme::B, t)),
+                line("T of scheme C", REVERSE, curve(&|_| paper::Scheme::C, t)),
+                line("T of D, blend 1/4", colour::PURPLE, curve(&|_| paper::Scheme::D { blend: 0.25 }, t)),
+                line("T of D, automatic", colour::INK, curve(&blended, t)),
+            ],
+            ..Panel::default()
+        }],
+    }
+}
+
+/// Mean current of the event-exact bridge for every 64th control value, by a duty rule; and the line
+/// asked for; in amperes.
+fn measured(motor: &Motor, scheme: Scheme, rule: &DutyRule, emf: f64, hertz: f64) -> Option<Vec<(f64, f64)>> {
+    let constant = EmfConstant::from_bits(1 << 20).ok()?;
+    let speed = CountsPerSecond::saturating_from_bits((emf * 256e3).round() as i64);
+    let point = OperatingPoint::new(constant.emf(speed), Millivolts((1e3 * BATTERY) as u16))?;
+    let circuit = Circuit::new(motor, BRIDGE);
+    let at = Conditions { battery: Volts(BATTERY), emf: Volts(emf) };
+    let current = |control: i16| {
+        let drive = rule.place(scheme, point, Control::new(control)).drive;
+        let pwm = Pwm::new(drive.mode, drive.duty.to_f64(), Hertz(hertz));
+        (f64::from(control), circuit.steady(pwm, at).mean.0)
+    };
+    Some((-511..=511).map(|n| current(64 * n)).collect())
+}
+
+/// The current that Scheme A or B asks for.
+fn asked(motor: &Motor, scheme: Scheme, emf: f64, control: f64) -> f64 {
+    let c = control / CONTROL_MAX;
+    let volts = match scheme {
+        Scheme::A => c * BATTERY - emf,
+        _ => c * if c > 0.0 { BATTERY - emf } else { BATTERY + emf },
+    };
+    volts / (motor.r.0 + 2.0 * BRIDGE.ron.0)
+}
+
+fn rules(motor: &Motor, hertz: f64) -> Result<[(&'static str, &'static str, DutyRule); 2], RangeError> {
+    let told = Electrical { pwm_hz: hertz as u32, ..electrical(motor) };
+    let winding = LinearCurrent::new(told)?;
+    Ok([
+        ("linear duty", colour::RED, DutyRule::LinearDuty),
+        ("linear current", colour::BLUE, DutyRule::LinearCurrent(winding)),
+    ])
+}
+
+fn worst(motor: &Motor, scheme: Scheme, emf: f64, data: &[(f64, f64)]) -> f64 {
+    let error = |&(control, current): &(f64, f64)| (current - asked(motor, scheme, emf, control)).abs();
+    100.0 * data.iter().map(error).fold(0.0, f64::max) / (BATTERY / motor.r.0)
+}
+
+fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
+    const HERTZ: f64 = 20_000.0;
+    let emf = emf_at(motor, share);
+    let mut panels = Vec::new();
+    for (name, scheme) in [("A", Scheme::A), ("B", Scheme::B)] {
+        let straight = (-511..=511).map(|n| 64.0 * f64::from(n)).map(|c| (c, asked(motor, scheme, emf, c)));
+        let mut series = vec![line("asked for", colour::GREY, straight.collect())];
+        for (rule_name, colour, rule) in rules(motor, HERTZ)? {
+            let data = measured(motor, scheme, &rule, emf, HERTZ).ok_or(StudyError::NoBattery)?;
+            let worst = worst(motor, scheme, emf, &data);
+            series.push(line(&format!("{rule_name}: {worst:.1} % off"), colour, data));
+        }
+        let y_label = format!("mean motor current, A: scheme {name}");
+        panels.push(Panel { y_label, height: 320.0, series, ..Panel::default() });
+    }
+    Ok(Figure {
+        title: format!("What a control value becomes at {:.0} % of free speed", 100.0 * share),
+        subtitle: "AM 60 A on 12 V, 20 kHz, Vd 0.7 V, Ron 50 mohm; worst deviation in % of Vbat/R".to_owned(),
+        x_label: "control, counts".to_owned(),
+        x_range: Some((-33_000.0, 33_000.0)),
+        panels,
+    })
+}
+
+fn by_frequency(motor: &Motor) -> Result<Figure, StudyError> {
+    let emf = emf_at(motor, 0.5);
+    let mut panels = Vec::new();
+    for hertz in [1_000.0, 8_000.0, 20_000.0] {
+        let mut series = Vec::new();
+        for (name, colour, rule) in rules(motor, hertz)? {
+            let data = measured(motor, Scheme::B, &rule, emf, hertz).ok_or(StudyError::NoBattery)?;
+            let worst = worst(motor, Scheme::B, emf, &data);
+            let off = |(control, current): (f64, f64)| {
+                let error = current - asked(motor, Scheme::B, emf, control);
+                (control, 100.0 * error / (BATTERY / motor.r.0))
+            };
+            let name = format!("{name}: {worst:.1} %");
+            series.push(line(&name, colour, data.into_iter().map(off).collect()));
+        }
+        panels.push(Panel {
+            y_label: format!("deviation from the line, % of Vbat/R, at {:.0} kHz", hertz / 1e3),
+            height: 220.0,
+            y_range: Some((-30.0, 30.0)),
+            series,
+            ..Panel::default()
+        });
+    }
+    Ok(Figure {
+        title: "Deviation from the line asked for, by PWM frequency".to_owned(),
+        subtitle: "AM 60 A on 12 V at 50 % of free speed, scheme B, event-exact bridge".to_owned(),
+        x_label: "control, counts".to_owned(),
+        x_range: Some((-33_000.0, 33_000.0)),
+        panels,
+    })
+}

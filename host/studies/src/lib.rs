@@ -1,0 +1,63 @@
+//! What runs of the hub and questions to its core tell: measures, comparisons, the paper's numbers and
+//! figures, answers to cases. Every study returns a document (text for people, JSON for programs, figures);
+//! none prints or writes anything.
+//!
+//! | room | what it tells |
+//! |---|---|
+//! | [`measures`] | a run in numbers: settling, overshoot, jerk, energy |
+//! | [`report`] | a scenario with and without a braking regime |
+//! | [`compare`] | the same tasks under every scheme and duty rule |
+//! | [`overlay`] | the flashed image beside the same core on the simulated board |
+//! | [`points`] | S, T, Z, G at an operating point, and what becomes of a control value |
+//! | [`paper`] | every number that the paper prints beside ours, and where its text is wrong |
+//! | [`figures`] | the paper's figures and ours |
+//! | [`eval`] | cases of a JSON document, answered by core and model |
+//!
+//! ```
+//! use motor_hub::braking::Scheme;
+//! use motor_hub::model::catalogue::characterised;
+//! use studies::points::OperatingReport;
+//!
+//! let report = OperatingReport::new(characterised("AM 60 A")?, Scheme::B, 1000, 12_000)?;
+//! assert!(report.heading().starts_with("AM 60 A at 1000 counts/s on 12.000 V, scheme B"));
+//! # Ok::<(), studies::StudyError>(())
+//! ```
+#![forbid(unsafe_code)]
+
+pub mod compare;
+pub mod eval;
+pub mod figures;
+pub mod measures;
+pub mod overlay;
+pub mod paper;
+pub mod points;
+pub mod report;
+pub mod table;
+
+use chart::Figure;
+use motor_hub::model::catalogue::UnknownMotor;
+use motor_hub::units::RangeError;
+use simulated::sim::RunError;
+
+/// Why a study could not be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum StudyError {
+    /// The catalogue lacks a motor.
+    #[error(transparent)]
+    Motor(#[from] UnknownMotor),
+    /// A quantity does not fit the firmware.
+    #[error(transparent)]
+    Range(#[from] RangeError),
+    /// A run came to no end.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// Without a supply nothing can be said of a bridge.
+    #[error("the battery voltage is 0")]
+    NoBattery,
+    /// A task of a comparison has no motor, or nothing happens in it.
+    #[error("a task without an event")]
+    NoEvent,
+}
+
+/// A figure and the name of its files.
+pub type NamedFigure = (String, Figure);

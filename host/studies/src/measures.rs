@@ -1,0 +1,240 @@
+//! What a run was like, in numbers: how fast set-points were reached, how gently the motor slowed
+//! down, which regimes it was in, what the battery gave and got.
+
+use motor_hub::braking::Regime;
+use motor_hub::motor::Setpoint;
+use serde::Serialize;
+use simulated::scenario::Motor;
+use simulated::trace::{Sample, Trace};
+use std::ops::Range;
+
+/// A velocity has settled when it stays this close, as a share of the larger of old and new speed.
+const BAND: f64 = 0.02;
+
+/// Everything measured of one motor in one run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Measures {
+    /// Answers to changes of a regulated set-point or of the external torque.
+    pub responses: Vec<Response>,
+    /// How abruptly it slowed down.
+    pub deceleration_jerk: Jerk,
+    /// Shares of the control ticks, in percent.
+    pub regimes: RegimeShares,
+    /// Energy taken from the battery by this motor's bridge, in joules.
+    pub energy_from_battery_j: f64,
+    /// Energy that its bridge returned, in joules.
+    pub energy_to_battery_j: f64,
+}
+
+/// The answer to one change, up to the next one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Response {
+    /// When the change came, in seconds.
+    pub at_s: f64,
+    /// What changed, in words.
+    pub change: String,
+    /// "counts/s" or "counts".
+    pub unit: &'static str,
+    /// Seconds until the motor stays within 2 % of the larger of old and new speed, or within the
+    /// position's tolerance, for at least the last tenth of the time; null if it never did.
+    pub settling_s: Option<f64>,
+    /// How far it went beyond, in percent of the step; after a change of torque how far it was
+    /// pushed away, in percent of the set-point. Null for a hold at zero.
+    pub overshoot_percent: Option<f64>,
+    /// Root mean square of the error in the second half of the time to the next change.
+    pub residual_rms: f64,
+    /// Root mean square of the error all the time to the next change.
+    pub rms_error: f64,
+    /// Integral of the error's size over that time, in the unit times seconds.
+    pub absolute_error_s: f64,
+    /// From lowest to highest value in the last second before the next change: a limit cycle, if the
+    /// motor had settled.
+    pub swing: f64,
+}
+
+/// How long before the next change a limit cycle is looked for, in seconds.
+const LAST_S: f64 = 1.0;
+
+/// Changes of the mean motor current from one control period to the next, over the periods in which
+/// the motor slows down. Torque and so deceleration follow the current.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Jerk {
+    /// The largest, in amperes per control period.
+    pub worst_a: f64,
+    /// The same as torque on the output shaft, in newton metres per control period.
+    pub worst_nm: f64,
+    /// Root mean square, in amperes per control period.
+    pub rms_a: f64,
+}
+
+/// Where the control ticks fell, in percent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct RegimeShares {
+    /// Driven with the motion.
+    pub forward: f64,
+    /// Proportional braking.
+    pub braking: f64,
+    /// Driven against the motion.
+    pub reverse: f64,
+    /// Open bridge: disabled, floating or at fault.
+    pub coast: f64,
+}
+
+/// What a regulated motor should do, as a number in its unit.
+#[derive(Clone, Copy, PartialEq)]
+enum Goal {
+    Velocity(f64),
+    Position { counts: f64, tolerance: f64 },
+}
+
+impl Goal {
+    fn of(setpoint: Setpoint) -> Option<Self> {
+        match setpoint {
+            Setpoint::Disabled | Setpoint::ConstantPower(_) => None,
+            Setpoint::Velocity(cps) => Some(Self::Velocity(cps.to_f64())),
+            Setpoint::Position { target, tolerance, .. } => {
+                Some(Self::Position { counts: target.into(), tolerance: tolerance.into() })
+            }
+        }
+    }
+
+    fn target(self) -> f64 {
+        match self {
+            Self::Velocity(target) | Self::Position { counts: target, .. } => target,
+        }
+    }
+
+    fn unit(self) -> &'static str {
+        match self {
+            Self::Velocity(_) => "counts/s",
+            Self::Position { .. } => "counts",
+        }
+    }
+
+    fn value(self, sample: &Sample) -> f64 {
+        match self {
+            Self::Velocity(_) => sample.speed_cps,
+            Self::Position { .. } => sample.counts as f64,
+        }
+    }
+}
+
+impl Measures {
+    /// Measures one motor's part in a run of `duration_s` seconds.
+    pub fn new(motor: &Motor, duration_s: f64, trace: &Trace, index: usize) -> Self {
+        Self::between(motor, 0.0..duration_s, trace, index)
+    }
+
+    /// As [`Measures::new`], with a part of the time as if it were all.
+    pub fn between(motor: &Motor, span_s: Range<f64>, trace: &Trace, index: usize) -> Self {
+        let all: Vec<(f64, &Sample)> = trace.motor(index).collect();
+        let ticks: Vec<_> = all.iter().copied().filter(|(at, _)| span_s.contains(at)).collect();
+        Self {
+            responses: responses(motor, &span_s, &ticks),
+            deceleration_jerk: jerk(motor, &span_s, &all),
+            regimes: shares(&ticks),
+            energy_from_battery_j: ticks.iter().map(|(_, s)| s.flow.energy_from_battery.0).sum(),
+            energy_to_battery_j: ticks.iter().map(|(_, s)| s.flow.energy_to_battery.0).sum(),
+        }
+    }
+}
+
+fn responses(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Vec<Response> {
+    let mut changes: Vec<f64> = motor.setpoints.iter().map(|s| s.at_s).collect();
+    changes.extend(motor.torques.iter().skip(1).map(|t| t.at_s));
+    changes.sort_by(f64::total_cmp);
+    changes.dedup();
+    changes.retain(|at_s| span_s.contains(at_s));
+    let ends = changes.iter().skip(1).copied().chain([span_s.end]);
+    let phases = changes.iter().copied().zip(ends);
+    phases.filter_map(|(from, to)| response(motor, from, to, ticks)).collect()
+}
+
+fn response(motor: &Motor, from_s: f64, to_s: f64, ticks: &[(f64, &Sample)]) -> Option<Response> {
+    let goal = Goal::of(motor.setpoint_at(from_s))?;
+    let within: Vec<(f64, f64)> = ticks
+        .iter()
+        .filter(|(at, _)| (from_s..to_s).contains(at))
+        .map(|(at, sample)| (*at, goal.value(sample)))
+        .collect();
+    let before = motor.setpoints.iter().rev().find(|s| s.at_s < from_s).and_then(|s| Goal::of(s.value));
+    let old = match before {
+        // A change of run mode begins wherever the motor is.
+        Some(before) if before.unit() == goal.unit() => before.target(),
+        _ => within.first()?.1,
+    };
+    let new = goal.target();
+    let stepped = motor.setpoints.iter().any(|s| s.at_s == from_s);
+    let largest = old.abs().max(new.abs());
+    let band = match goal {
+        Goal::Velocity(_) => BAND * largest,
+        Goal::Position { tolerance, .. } => tolerance,
+    };
+
+    let last_outside = within.iter().rposition(|(_, value)| (value - new).abs() > band);
+    let settled_at = match last_outside {
+        None => Some(from_s),
+        Some(index) => within.get(index + 1).map(|(at, _)| *at),
+    };
+    let beyond =
+        |value: f64| if stepped { (value - new) * (new - old).signum() } else { (value - new).abs() };
+    let scale = if stepped { (new - old).abs() } else { new.abs() };
+    let farthest = within
+        .iter()
+        .map(|(_, value)| beyond(*value))
+        .fold(0.0, |most, value| if value > most { value } else { most });
+    let errors_since = |since_s: f64| -> Vec<f64> {
+        within.iter().filter(|(at, _)| *at >= since_s).map(|(_, value)| value - new).collect()
+    };
+    let errors = errors_since(from_s);
+    let tick_s = (to_s - from_s) / errors.len().max(1) as f64;
+    let last = errors_since(to_s - LAST_S);
+    Some(Response {
+        at_s: from_s,
+        change: if stepped {
+            format!("{:.0} to {new:.0} {}", old + 0.0, goal.unit())
+        } else {
+            format!("torque to {} N m", motor.torque_at(from_s))
+        },
+        unit: goal.unit(),
+        settling_s: settled_at.map(|at| at - from_s),
+        overshoot_percent: (scale > 0.0).then(|| 100.0 * farthest / scale + 0.0),
+        residual_rms: rms(&errors_since(f64::midpoint(from_s, to_s))),
+        rms_error: rms(&errors),
+        absolute_error_s: tick_s * errors.iter().map(|error| error.abs()).sum::<f64>(),
+        swing: last.iter().copied().reduce(f64::max).unwrap_or(0.0)
+            - last.iter().copied().reduce(f64::min).unwrap_or(0.0),
+    })
+}
+
+fn jerk(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Jerk {
+    let triples = ticks.iter().zip(ticks.iter().skip(1)).zip(ticks.iter().skip(2));
+    let changes: Vec<f64> = triples
+        .filter(|((_, now), _)| span_s.contains(&now.0))
+        .filter(|((_, now), next)| next.1.speed_cps.abs() < now.1.speed_cps.abs())
+        .map(|((before, now), _)| now.1.flow.mean_current().0 - before.1.flow.mean_current().0)
+        .collect();
+    let worst_a = changes.iter().map(|change| change.abs()).fold(0.0, f64::max);
+    let constants = &motor.constants;
+    let torque_per_amp = constants.kt.0 * constants.gear_ratio * constants.eta;
+    Jerk { worst_a, worst_nm: worst_a * torque_per_amp, rms_a: rms(&changes) }
+}
+
+fn shares(ticks: &[(f64, &Sample)]) -> RegimeShares {
+    let share = |regime: Option<Regime>| {
+        let count = ticks.iter().filter(|(_, sample)| sample.report.regime == regime).count();
+        100.0 * count as f64 / ticks.len().max(1) as f64
+    };
+    RegimeShares {
+        forward: share(Some(Regime::Forward)),
+        braking: share(Some(Regime::Braking)),
+        reverse: share(Some(Regime::Reverse)),
+        coast: share(None),
+    }
+}
+
+/// Root mean square; 0 of nothing.
+fn rms(values: &[f64]) -> f64 {
+    let sum: f64 = values.iter().map(|value| value * value).sum();
+    (sum / values.len().max(1) as f64).sqrt()
+}

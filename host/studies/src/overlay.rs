@@ -1,0 +1,150 @@
+//! The same scenario twice: by the flashed image on the emulated chip, and by the same core on the
+//! simulated board. Tables, a chart with both, and how far they are apart.
+
+use crate::measures::{Measures, Response};
+use crate::table;
+use chart::{Figure, Panel, Series, Style, colour};
+use simulated::scenario::Scenario;
+use simulated::trace::{Sample, Trace};
+
+/// Two traces of a scenario.
+pub struct Overlay {
+    scenario: Scenario,
+    emulated: Trace,
+    simulated: Trace,
+}
+
+/// How far the two are apart, of one motor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Apart {
+    /// How far the chip's speed was outside what the simulation's was within one control period of it,
+    /// at most, counts/s: a tick's difference in time is allowed for.
+    pub worst_cps: f64,
+    /// Root mean square of the difference at the same tick, counts/s.
+    pub rms_cps: f64,
+    /// The largest difference in position, counts.
+    pub worst_counts: i64,
+}
+
+impl Overlay {
+    /// Compares the traces of a scenario's two runs.
+    #[must_use]
+    pub const fn new(scenario: Scenario, emulated: Trace, simulated: Trace) -> Self {
+        Self { scenario, emulated, simulated }
+    }
+
+    /// How far the two are apart, by motor.
+    #[must_use]
+    pub fn apart(&self) -> Vec<Apart> {
+        (0..self.scenario.motors.len()).map(|motor| self.apart_of(motor)).collect()
+    }
+
+    fn apart_of(&self, motor: usize) -> Apart {
+        let simulated: Vec<(f64, &Sample)> = self.simulated.motor(motor).collect();
+        let period_s = f64::from(self.scenario.period.as_millis()) * 1e-3;
+        let mut apart = Apart { worst_cps: 0.0, rms_cps: 0.0, worst_counts: 0 };
+        let mut squares = Vec::new();
+        for (at_s, emulated) in self.emulated.motor(motor) {
+            let near = |within: f64| simulated.iter().filter(move |(other, _)| (other - at_s).abs() < within);
+            for (_, other) in near(0.1 * period_s) {
+                squares.push((emulated.speed_cps - other.speed_cps).powi(2));
+                apart.worst_counts = apart.worst_counts.max((emulated.counts - other.counts).abs());
+            }
+            let speeds = || near(1.1 * period_s).map(|(_, other)| other.speed_cps);
+            let (least, most) = (speeds().fold(f64::MAX, f64::min), speeds().fold(f64::MIN, f64::max));
+            let outside = (least - emulated.speed_cps).max(emulated.speed_cps - most);
+            apart.worst_cps = apart.worst_cps.max(outside);
+        }
+        apart.rms_cps = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+        apart
+    }
+
+    /// The measures of both, side by side, for people.
+    #[must_use]
+    pub fn tables(&self) -> String {
+        let mut out = format!("{}: {} s\n", self.scenario.name, self.scenario.duration_s);
+        for (index, (motor, apart)) in self.scenario.motors.iter().zip(self.apart()).enumerate() {
+            let [emulated, simulated] = [&self.emulated, &self.simulated]
+                .map(|trace| Measures::new(motor, self.scenario.duration_s, trace, index));
+            let title = format!("{}: {}", motor.label, motor.constants.name);
+            let mut table = table::new(&[&title, "emulated chip", "simulated board"], 1);
+            for (e, s) in emulated.responses.iter().zip(&simulated.responses) {
+                let name = format!("{} s: {}\n  settling\n  overshoot\n  residual", e.at_s, e.change);
+                table.add_row([name, cell(e), cell(s)]);
+            }
+            let [e, s] = [&emulated, &simulated].map(|measures| {
+                let (jerk, share) = (measures.deceleration_jerk, measures.regimes);
+                format!(
+                    "{:.2} A\n{:.0} / {:.0} / {:.0} / {:.0} %\n{:.2} J\n{:.2} J",
+                    jerk.worst_a,
+                    share.forward,
+                    share.braking,
+                    share.reverse,
+                    share.coast,
+                    measures.energy_from_battery_j,
+                    measures.energy_to_battery_j
+                )
+            });
+            let names = "deceleration jerk, worst\nforward / braking / reverse / coast\nenergy from the battery\n  back into it";
+            table.add_row([names.to_owned(), e, s]);
+            out += &format!(
+                "{table}\nApart by at most {:.1} counts/s (rms {:.1}) and {} counts\n\n",
+                apart.worst_cps, apart.rms_cps, apart.worst_counts
+            );
+        }
+        out
+    }
+
+    /// Speed, duty and current of every motor, both runs over each other.
+    #[must_use]
+    pub fn figure(&self) -> Figure {
+        let mut panels = Vec::new();
+        for (index, motor) in self.scenario.motors.iter().enumerate() {
+            let both = |style, value: fn(&Sample) -> f64| {
+                vec![
+                    line("simulated board", colour::RED, style, &self.simulated, index, value),
+                    line("emulated chip", colour::BLUE, style, &self.emulated, index, value),
+                ]
+            };
+            panels.push(Panel {
+                y_label: format!("{}: speed, counts/s", motor.label),
+                height: 110.0,
+                series: both(Style::Line, |sample| sample.speed_cps),
+                ..Panel::default()
+            });
+            panels.push(Panel {
+                y_label: "duty, %".into(),
+                height: 50.0,
+                y_range: Some((0.0, 104.0)),
+                series: both(Style::Step, |sample| 100.0 * sample.report.drive.duty.to_f64()),
+                ..Panel::default()
+            });
+        }
+        Figure {
+            title: self.scenario.name.clone(),
+            subtitle: "the flashed image on the emulated STM32F427, and the same core on the simulated board"
+                .into(),
+            x_label: "time, s".into(),
+            x_range: Some((0.0, self.scenario.duration_s)),
+            panels,
+        }
+    }
+}
+
+fn cell(response: &Response) -> String {
+    let settling = response.settling_s.map_or("never".into(), |s| format!("{s:.2} s"));
+    let overshoot = response.overshoot_percent.map_or("-".into(), |p| format!("{p:.1} %"));
+    format!("\n{settling}\n{overshoot}\n{:.1} {}", response.residual_rms, response.unit)
+}
+
+fn line(
+    name: &str,
+    colour: &'static str,
+    style: Style,
+    trace: &Trace,
+    index: usize,
+    value: fn(&Sample) -> f64,
+) -> Series {
+    let data = trace.motor(index).map(|(at_s, sample)| (at_s, value(sample))).collect();
+    Series { name: name.into(), colour, style, data }
+}

@@ -1,0 +1,102 @@
+//! Numbers that the paper and its revision print, computed anew for the motor of their examples.
+
+use motor_hub::braking::{Abscissa, Points};
+use motor_hub::model::catalogue::Motor;
+use motor_hub::model::load::Load;
+use motor_hub::model::response::{Applied, GearedMotor, Motion, Poles};
+use motor_hub::model::si::{Kilograms, Metres, NewtonMetres, RadPerSec, Seconds, Volts};
+use motor_hub::units::Control;
+
+/// One of them.
+pub(crate) struct Number {
+    /// Where it stands.
+    pub(crate) section: &'static str,
+    /// What it is.
+    pub(crate) name: &'static str,
+    /// As printed.
+    pub(crate) printed: &'static str,
+    /// As computed here, for the motor of the paper's examples. Speeds "post" are those of the output shaft,
+    /// "pre" those of the motor shaft.
+    pub(crate) ours: fn(&Motor) -> f64,
+}
+
+const fn number(
+    section: &'static str,
+    name: &'static str,
+    printed: &'static str,
+    ours: fn(&Motor) -> f64,
+) -> Number {
+    Number { section, name, printed, ours }
+}
+
+/// All of them.
+pub(crate) const PRINTED: [Number; 20] = [
+    number("2.2.2", "vapp0 per Omega, post-gearbox", "314339/266500", |m| voltage(m, post(m, 1.0))),
+    number("2.2.2", "vg per Omega, post-gearbox", "533/500", |m| emf(m, post(m, 1.0))),
+    number("2.2.2", "vapp0 at Omega=2 post", "314339/133250", |m| voltage(m, post(m, 2.0))),
+    number("2.2.2", "dv to vg at Omega=2 post", "-121/533", |m| {
+        emf(m, post(m, 2.0)) - voltage(m, post(m, 2.0))
+    }),
+    number("2.2.3", "vapp0 at Omega=1 post", "1.17951", |m| voltage(m, post(m, 1.0))),
+    number("2.2.3", "mean-zero-current drop, Omega=1 post, 50 ms", "-0.132111", |m| drop(m, post(m, 1.0))),
+    number("2.3", "max velocity 12 V post", "10.1737", |m| free(m).speed.0 / m.gear_ratio),
+    number("revision, 2.2.2", "vapp0 per Omega, pre-gearbox", "314339/15990000", |m| voltage(m, PRE)),
+    number("revision, 2.2.2", "vg per Omega, pre-gearbox", "533/30000", |m| emf(m, PRE)),
+    number("revision, 2.2.3", "vapp0 at Omega=1 pre", "0.0196585", |m| voltage(m, PRE)),
+    number("revision, 2.2.3", "mean-zero-current drop, Omega=1 pre, 50 ms", "-0.00220185", |m| drop(m, PRE)),
+    number("revision, 2.3", "max velocity 12 V pre", "610.424", |m| free(m).speed.0),
+    number("revision", "keFw", "3.98683", Motor::ke_fw),
+    number("revision, 1.3", "brake duty of the example points at -10000", "0.740234", |_| example_duty()),
+    number("modelling paper", "steady current 12 V", "0.349941", |m| free(m).current.0),
+    number("modelling paper", "slow pole", "-6.86584", |m| -poles(m, 10.0).0),
+    number("modelling paper", "fast pole", "-4748.84", |m| -poles(m, 10.0).1),
+    number("time constants", "slow time constant, 5 kg flywheel", "0.072744", |m| 1.0 / poles(m, 5.0).0),
+    number("time constants", "fast time constant, 5 kg flywheel", "0.000210854", |m| 1.0 / poles(m, 5.0).1),
+    number("time constants", "L->0 time constant", "0.0729347", |m| with_flywheel(m, 5.0).tau_m().0),
+];
+
+/// 1 rad/s of the motor shaft.
+const PRE: RadPerSec = RadPerSec(1.0);
+
+/// A speed of the output shaft in rad/s, as one of the motor shaft.
+fn post(motor: &Motor, omega: f64) -> RadPerSec {
+    RadPerSec(omega * motor.gear_ratio)
+}
+
+/// The paper's flywheel of so many kilograms, 10 cm of radius.
+fn with_flywheel(motor: &Motor, kg: f64) -> GearedMotor {
+    GearedMotor::new(motor, &Load::flywheel(Kilograms(kg), Metres(0.1)))
+}
+
+fn voltage(motor: &Motor, speed: RadPerSec) -> f64 {
+    with_flywheel(motor, 10.0).steady_voltage(speed, NewtonMetres(0.0)).0
+}
+
+fn emf(motor: &Motor, speed: RadPerSec) -> f64 {
+    with_flywheel(motor, 10.0).emf(speed).0
+}
+
+/// The change of voltage that makes the mean current over 50 ms zero.
+fn drop(motor: &Motor, speed: RadPerSec) -> f64 {
+    with_flywheel(motor, 10.0).voltage_drop(speed, Seconds(0.05)).mean_zero_change.0
+}
+
+/// Running free on 12 V.
+fn free(motor: &Motor) -> Motion {
+    with_flywheel(motor, 10.0).steady(Applied::voltage(Volts(12.0)))
+}
+
+/// Slow and fast pole; no numbers if the motor oscillates, which the paper's does not.
+fn poles(motor: &Motor, flywheel_kg: f64) -> (f64, f64) {
+    match with_flywheel(motor, flywheel_kg).poles() {
+        Poles::Real { slow, fast } => (slow, fast),
+        Poles::Complex { .. } => (f64::NAN, f64::NAN),
+    }
+}
+
+/// The paper's example points (section 1.3), on the firmware's core.
+fn example_duty() -> f64 {
+    let at = |counts: i64| Abscissa::from_bits(counts << 8);
+    let points = Points { s: at(-32767), t: at(-16384), z: at(8192), g: at(32767) };
+    points.place(Control::new(-10_000)).fraction.to_f64()
+}

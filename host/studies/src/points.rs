@@ -1,0 +1,163 @@
+//! One motor at one speed on one battery: what the firmware's core makes of it, for people.
+
+mod chart;
+
+use crate::StudyError;
+use ::chart::{Figure, Point, colour};
+use motor_hub::braking::{self, DutyRule, LinearCurrent, OperatingPoint, Placement, Points, Regime, Scheme};
+use motor_hub::model::catalogue::Motor;
+use motor_hub::units::{Control, CountsPerSecond, Millivolts};
+use serde::Serialize;
+use simulated::hardware::{electrical, emf_constant};
+use simulated::scheme;
+
+/// An operating point with its S, T, Z and G.
+#[derive(Debug, Serialize)]
+pub struct OperatingReport {
+    motor: &'static str,
+    scheme: String,
+    speed_cps: i32,
+    battery_mv: u16,
+    /// Back EMF as the core computes it, in millivolts.
+    emf_mv: f64,
+    /// "V" for Scheme A, "A" for the others.
+    y_unit: &'static str,
+    /// In the order S, T, Z, G.
+    pub points: [PointReport; 4],
+    #[serde(skip)]
+    asked: Scheme,
+    #[serde(skip)]
+    at: OperatingPoint,
+    #[serde(skip)]
+    winding: LinearCurrent,
+}
+
+/// One of the points.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PointReport {
+    /// "S", "T", "Z" or "G".
+    pub name: &'static str,
+    /// Abscissa in counts; may lie outside the control range.
+    pub control: f64,
+    /// Ordinate in the scheme's unit.
+    pub y: f64,
+}
+
+/// A control value's place, with the duty that the paper gives it.
+#[derive(Debug, PartialEq, Serialize)]
+pub struct Placed {
+    /// Counts.
+    pub control: i16,
+    /// Regime, mode and duty linear between the points.
+    #[serde(flatten)]
+    pub linear_duty: PlacedDrive,
+    /// Regime, mode and duty that make the mean current linear, on this board's bridge.
+    pub linear_current: PlacedDrive,
+}
+
+/// What the bridge is told, and why.
+#[derive(Debug, PartialEq, Serialize)]
+pub struct PlacedDrive {
+    /// Its regime, relative to the motion.
+    pub regime: &'static str,
+    /// The bridge's mode.
+    pub mode: &'static str,
+    /// Duty of the mode's first state, 0 to 1.
+    pub duty: f64,
+}
+
+impl PlacedDrive {
+    fn new(Placement { regime, drive }: Placement) -> Self {
+        Self { regime: regime_name(regime), mode: drive.mode.name(), duty: drive.duty.to_f64() }
+    }
+}
+
+impl OperatingReport {
+    /// Computes the points; speed in counts per second, battery in millivolts.
+    ///
+    /// For counter-clockwise motion they are the mirror image: control values and ordinates negated.
+    ///
+    /// # Errors
+    /// If the firmware cannot represent the motor or the battery.
+    pub fn new(motor: Motor, scheme: Scheme, speed_cps: i32, battery_mv: u16) -> Result<Self, StudyError> {
+        let emf = emf_constant(&motor)?.emf(CountsPerSecond::new(speed_cps));
+        let at = OperatingPoint::new(emf, Millivolts(battery_mv)).ok_or(StudyError::NoBattery)?;
+        let side = if at.counter_clockwise() { -1.0 } else { 1.0 };
+        let Points { s, t, z, g } = Points::new(scheme, at);
+        let (v, e) = (f64::from(battery_mv) * 1e-3, emf.to_f64().abs() * 1e-3);
+        let volts = scheme == Scheme::A;
+        // Equivalent voltages; as currents they follow from what the back EMF leaves of them.
+        let y = |volt: f64| side * if volts { volt } else { (volt - e) / motor.r.0 } + 0.0;
+        let point = |name, x: braking::Abscissa, volt| PointReport {
+            name,
+            control: side * x.to_f64() + 0.0,
+            y: y(volt),
+        };
+        Ok(Self {
+            motor: motor.name,
+            scheme: scheme::describe(scheme),
+            speed_cps,
+            battery_mv,
+            emf_mv: emf.to_f64(),
+            y_unit: if volts { "V" } else { "A" },
+            points: [point("S", s, -v), point("T", t, 0.0), point("Z", z, e), point("G", g, v)],
+            asked: scheme,
+            at,
+            winding: LinearCurrent::new(electrical(&motor))?,
+        })
+    }
+
+    /// Where a control value lies.
+    pub fn place(&self, control: Control) -> Placed {
+        let rule = DutyRule::LinearCurrent(self.winding);
+        Placed {
+            control: control.get(),
+            linear_duty: PlacedDrive::new(DutyRule::LinearDuty.place(self.asked, self.at, control)),
+            linear_current: PlacedDrive::new(rule.place(self.asked, self.at, control)),
+        }
+    }
+
+    /// What the ordinate is.
+    pub fn ordinate(&self) -> &'static str {
+        if self.y_unit == "V" { "equivalent voltage, V" } else { "current, A" }
+    }
+
+    /// One line on the operating point.
+    pub fn heading(&self) -> String {
+        format!(
+            "{} at {} counts/s on {:.3} V, {}: back EMF {:.3} V",
+            self.motor,
+            self.speed_cps,
+            f64::from(self.battery_mv) * 1e-3,
+            self.scheme,
+            self.emf_mv * 1e-3
+        )
+    }
+
+    /// The points and the lines between them, as far as control values reach.
+    pub fn figure(&self) -> Figure {
+        let points =
+            self.points.map(|p| Point { at: (p.control, p.y), name: p.name.into(), colour: colour::INK });
+        let look = chart::Look {
+            counter_clockwise: self.at.counter_clockwise(),
+            jump: self.asked == Scheme::ForwardReverse,
+            height: 480.0,
+        };
+        Figure {
+            title: "Where a control value falls".into(),
+            subtitle: self.heading(),
+            x_label: chart::X_LABEL.into(),
+            x_range: Some(chart::X_RANGE),
+            panels: vec![chart::panel(self.ordinate().into(), points, look)],
+        }
+    }
+}
+
+/// "forward", "braking" or "reverse".
+pub fn regime_name(regime: Regime) -> &'static str {
+    match regime {
+        Regime::Forward => "forward",
+        Regime::Braking => "braking",
+        Regime::Reverse => "reverse",
+    }
+}

@@ -1,0 +1,67 @@
+//! The points S, T, Z and G and the lines between them, in the paper's colours, as one panel.
+
+use ::chart::{Panel, Point, Series, Style, colour};
+
+/// Largest control value.
+pub(super) const REACH: f64 = 32767.0;
+/// Horizontal axis: the control range and a little more.
+pub(super) const X_RANGE: (f64, f64) = (-1.08 * REACH, 1.08 * REACH);
+/// What is on it.
+pub(super) const X_LABEL: &str = "control, counts";
+
+/// What there is to choose.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Look {
+    /// The motor turns counter-clockwise: modes change places, colours, which show the regime, do not.
+    pub(super) counter_clockwise: bool,
+    /// There is no braking regime between T and Z.
+    pub(super) jump: bool,
+    /// Of the panel, in pixels.
+    pub(super) height: f64,
+}
+
+/// Lines from S over T and Z to G as far as control values reach; `points` in that order.
+pub(super) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
+    let [s, t, z, g] = &points;
+    let [forward, reverse] = if look.counter_clockwise { ["6/2", "9/8"] } else { ["9/8", "6/2"] };
+    let line = |name: String, colour, from: &Point, to: &Point| Series {
+        name,
+        colour,
+        style: Style::Line,
+        data: within_reach(from.at, to.at),
+    };
+    let between = if look.jump {
+        line("a jump".into(), colour::GREY, t, z)
+    } else {
+        line("braking (5/0)".into(), "#1f5fbf", t, z)
+    };
+    let mut series = vec![
+        line(format!("reverse ({reverse})"), "#c62828", s, t),
+        between,
+        line(format!("forward ({forward})"), "#2e8b3d", z, g),
+    ];
+    series.retain(|line| !line.data.is_empty());
+    let largest = series.iter().flat_map(|s| &s.data).map(|p| p.1.abs()).fold(0.0, f64::max);
+    Panel {
+        y_label,
+        height: look.height,
+        y_range: Some((-1.15 * largest, 1.15 * largest)),
+        series,
+        points: points.into_iter().filter(|p| p.at.0.abs() <= REACH).collect(),
+        ..Panel::default()
+    }
+}
+
+/// The part of a line from `a` to `b` that lies within the control range, ascending.
+fn within_reach(a: (f64, f64), b: (f64, f64)) -> Vec<(f64, f64)> {
+    let (a, b) = if a.0 <= b.0 { (a, b) } else { (b, a) };
+    let (low, high) = (a.0.max(-REACH), b.0.min(REACH));
+    if low > high {
+        return Vec::new();
+    }
+    if a.0 == b.0 {
+        return vec![a, b];
+    }
+    let y = |x: f64| a.1 + (b.1 - a.1) * (x - a.0) / (b.0 - a.0);
+    vec![(low, y(low)), (high, y(high))]
+}

@@ -1,0 +1,69 @@
+//! A trace as comma-separated values: one row for each motor and control tick.
+
+use crate::points::regime_name;
+use motor_hub::motion::EncoderFault;
+use motor_hub::motor::{Faults, Setpoint};
+use simulated::scenario::Scenario;
+use simulated::trace::{Sample, Trace};
+use std::fmt::Write;
+
+const HEADINGS: &str = "time_s,motor,label,battery_v,battery_measured_v,setpoint,setpoint_value,\
+position_counts,speed_cps,speed_estimate_cps,control,regime,mode,duty,mean_current_a,\
+energy_from_battery_j,energy_to_battery_j,external_torque_nm,at_target,stalled,fault,encoder_fault\n";
+
+/// The whole trace. Means and energies are those from the row's tick to the next.
+pub(super) fn of(scenario: &Scenario, trace: &Trace) -> String {
+    let mut out = HEADINGS.to_owned();
+    for tick in &trace.ticks {
+        for (index, (sample, motor)) in tick.motors.iter().zip(&scenario.motors).enumerate() {
+            let measured = tick.measured_v.map(|v| format!("{v:.3}")).unwrap_or_default();
+            let label = quoted(&motor.label);
+            // Writing to a String cannot fail.
+            let _ = write!(out, "{:.3},{},{label},{:.4},{measured},", tick.at_s, index + 1, tick.battery_v);
+            row(&mut out, sample);
+        }
+    }
+    out
+}
+
+fn row(out: &mut String, sample: &Sample) {
+    let report = &sample.report;
+    let (kind, value) = match report.setpoint {
+        Setpoint::Disabled => ("disabled", String::new()),
+        Setpoint::ConstantPower(power) => ("power", power.get().to_string()),
+        Setpoint::Velocity(cps) => ("velocity", cps.to_f64().to_string()),
+        Setpoint::Position { target, .. } => ("position", target.to_string()),
+    };
+    let fault = match report.faults {
+        Faults { battery_unknown: true, .. } => "battery unknown",
+        Faults { encoder_stale: true, .. } => "encoder stale",
+        Faults { .. } => "",
+    };
+    // Latched, so it may stand beside one of the others.
+    let encoder_fault = match report.faults.encoder {
+        Some(EncoderFault::Stuck) => "stuck",
+        Some(EncoderFault::Reversed) => "reversed",
+        None => "",
+    };
+    let _ = writeln!(
+        out,
+        "{kind},{value},{},{:.3},{:.3},{},{},{},{:.5},{:.5},{:.6},{:.6},{},{},{},{fault},{encoder_fault}",
+        sample.counts,
+        sample.speed_cps,
+        report.velocity.to_f64(),
+        report.control.get(),
+        report.regime.map_or("coast", regime_name),
+        report.drive.mode.name(),
+        report.drive.duty.to_f64(),
+        sample.flow.mean_current().0,
+        sample.flow.energy_from_battery.0,
+        sample.flow.energy_to_battery.0,
+        sample.torque_nm,
+        report.at_target,
+        report.stalled,
+    );
+}
+
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+}

@@ -1,0 +1,232 @@
+//! The charts of a run: one for each motor, and one of all motors with and without braking regime.
+
+use super::{Comparison, WITHOUT};
+use crate::NamedFigure;
+use chart::{Band, Figure, Panel, Series, Style, colour};
+use motor_hub::braking::Regime;
+use motor_hub::motor::Setpoint;
+use simulated::scenario::{Motor, Scenario};
+use simulated::scheme;
+use simulated::trace::{Sample, Tick, Trace};
+
+/// Every chart with the name of its file.
+pub(super) fn all(comparison: &Comparison) -> Vec<NamedFigure> {
+    let motors = comparison.scenario.motors.iter().enumerate();
+    let single = motors.map(|(index, motor)| {
+        let figure = of_motor(&comparison.scenario, &comparison.as_set, index, motor);
+        (format!("motor-{}-{}", index + 1, file_name(&motor.label)), figure)
+    });
+    single.chain([("comparison".to_owned(), compared(comparison))]).collect()
+}
+
+fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> Figure {
+    let lines = Lines { trace, index };
+    let bands = regimes(scenario, trace, index);
+    let mut panels = Vec::new();
+    if has_position(motor) {
+        panels.push(Panel {
+            y_label: "position, counts".into(),
+            height: 150.0,
+            bands: bands.clone(),
+            series: vec![
+                lines.line("set-point", colour::RED, Style::DashedStep, position_goal),
+                lines.line("position", colour::INK, Style::Line, |s| s.counts as f64),
+            ],
+            ..Panel::default()
+        });
+    }
+    panels.push(Panel {
+        y_label: "speed, counts/s".into(),
+        height: 170.0,
+        bands: bands.clone(),
+        series: speed_lines(motor, &lines),
+        ..Panel::default()
+    });
+    panels.push(Panel {
+        y_label: "control, counts".into(),
+        height: 130.0,
+        y_range: Some((-36_000.0, 36_000.0)),
+        bands: bands.clone(),
+        series: vec![lines.line("control", colour::BLUE, Style::Step, |s| s.report.control.get().into())],
+        ..Panel::default()
+    });
+    panels.push(Panel {
+        y_label: "duty, %".into(),
+        height: 80.0,
+        y_range: Some((0.0, 104.0)),
+        bands: bands.clone(),
+        series: vec![lines.line("duty", colour::INK, Style::Step, |s| 100.0 * s.report.drive.duty.to_f64())],
+        ..Panel::default()
+    });
+    panels.push(Panel {
+        y_label: "motor current, A, mean of a control period".into(),
+        height: 110.0,
+        bands,
+        series: vec![lines.line("current", colour::BLUE, Style::Step, |s| s.flow.mean_current().0)],
+        ..Panel::default()
+    });
+    if motor.torques.iter().any(|t| t.value != 0.0) {
+        panels.push(Panel {
+            y_label: "external torque on the output shaft, N m".into(),
+            height: 60.0,
+            series: vec![lines.line("torque", colour::INK, Style::Step, |s| s.torque_nm)],
+            ..Panel::default()
+        });
+    }
+    panels.push(battery(trace));
+    Figure {
+        title: format!("{}: {}", motor.label, motor.constants.name),
+        subtitle: format!(
+            "{}; {}, control period {} ms, load {} kg m\u{b2}",
+            scenario.name,
+            scheme::describe(motor.scheme),
+            scenario.period.as_millis(),
+            significant(motor.load.inertia_after.0),
+        ),
+        x_label: "time, s".into(),
+        x_range: Some((0.0, scenario.duration_s)),
+        panels,
+    }
+}
+
+fn speed_lines(motor: &Motor, lines: &Lines) -> Vec<Series> {
+    let speed = lines.line("speed", colour::INK, Style::Line, |s| s.speed_cps);
+    if has_velocity(motor) {
+        vec![lines.line("set-point", colour::RED, Style::DashedStep, velocity_goal), speed]
+    } else {
+        vec![speed]
+    }
+}
+
+fn has_velocity(motor: &Motor) -> bool {
+    motor.setpoints.iter().any(|s| matches!(s.value, Setpoint::Velocity(_)))
+}
+
+fn has_position(motor: &Motor) -> bool {
+    motor.setpoints.iter().any(|s| matches!(s.value, Setpoint::Position { .. }))
+}
+
+fn compared(comparison: &Comparison) -> Figure {
+    let mut panels = Vec::new();
+    for (index, motor) in comparison.scenario.motors.iter().enumerate() {
+        let without = Lines { trace: &comparison.without, index };
+        let as_set = Lines { trace: &comparison.as_set, index };
+        let name = scheme::describe(motor.scheme);
+        let both = |value: fn(&Sample) -> f64, style| {
+            vec![
+                without.line(WITHOUT, colour::RED, style, value),
+                as_set.line(&name, colour::BLUE, style, value),
+            ]
+        };
+        let goal =
+            |value: fn(&Sample) -> f64| as_set.line("set-point", colour::INK, Style::DashedStep, value);
+        let (what, goals, motion) = if has_position(motor) {
+            ("position, counts", vec![goal(position_goal)], both(|s| s.counts as f64, Style::Line))
+        } else if has_velocity(motor) {
+            ("speed, counts/s", vec![goal(velocity_goal)], both(|s| s.speed_cps, Style::Line))
+        } else {
+            ("speed, counts/s", Vec::new(), both(|s| s.speed_cps, Style::Line))
+        };
+        panels.push(Panel {
+            y_label: format!("{}: {what}", motor.label),
+            height: 130.0,
+            series: goals.into_iter().chain(motion).collect(),
+            ..Panel::default()
+        });
+        panels.push(Panel {
+            y_label: format!("{}: motor current, A, mean of a control period", motor.label),
+            height: 100.0,
+            series: both(|s| s.flow.mean_current().0, Style::Step),
+            ..Panel::default()
+        });
+    }
+    Figure {
+        title: "With and without proportional braking".into(),
+        subtitle: format!(
+            "{}; the same scenario twice, control period {} ms",
+            comparison.scenario.name,
+            comparison.scenario.period.as_millis()
+        ),
+        x_label: "time, s".into(),
+        x_range: Some((0.0, comparison.scenario.duration_s)),
+        panels,
+    }
+}
+
+fn battery(trace: &Trace) -> Panel {
+    let line = |name: &str, colour, value: &dyn Fn(&Tick) -> f64| Series {
+        name: name.into(),
+        colour,
+        style: Style::Line,
+        data: trace.ticks.iter().map(|tick| (tick.at_s, value(tick))).collect(),
+    };
+    Panel {
+        y_label: "battery, V".into(),
+        height: 80.0,
+        series: vec![
+            line("at its terminals", colour::GREY, &|t| t.battery_v),
+            line("as measured", colour::GREEN, &|t| t.measured_v.unwrap_or(f64::NAN)),
+        ],
+        ..Panel::default()
+    }
+}
+
+/// Lines of one motor in one run.
+struct Lines<'a> {
+    trace: &'a Trace,
+    index: usize,
+}
+
+impl Lines<'_> {
+    fn line(&self, name: &str, colour: &'static str, style: Style, value: impl Fn(&Sample) -> f64) -> Series {
+        let data = self.trace.motor(self.index).map(|(at_s, sample)| (at_s, value(sample))).collect();
+        Series { name: name.into(), colour, style, data }
+    }
+}
+
+fn velocity_goal(sample: &Sample) -> f64 {
+    match sample.report.setpoint {
+        Setpoint::Velocity(cps) => cps.to_f64(),
+        _ => f64::NAN,
+    }
+}
+
+fn position_goal(sample: &Sample) -> f64 {
+    match sample.report.setpoint {
+        Setpoint::Position { target, .. } => target.into(),
+        _ => f64::NAN,
+    }
+}
+
+/// The regimes in the paper's colours, lightened; nothing where the motor coasts.
+fn regimes(scenario: &Scenario, trace: &Trace, index: usize) -> Vec<Band> {
+    let regime = |tick: &Tick| tick.motors.get(index).and_then(|sample| sample.report.regime);
+    let mut bands: Vec<Band> = Vec::new();
+    for run in trace.ticks.chunk_by(|a, b| regime(a) == regime(b)) {
+        let Some(first) = run.first() else { continue };
+        // Each regime lasts until the tick that ends it.
+        if let Some(last) = bands.last_mut().filter(|last| last.to > first.at_s) {
+            last.to = first.at_s;
+        }
+        let (colour, name) = match regime(first) {
+            Some(Regime::Forward) => ("#e2f2de", "forward"),
+            Some(Regime::Braking) => ("#d6e6f8", "braking"),
+            Some(Regime::Reverse) => ("#f8dbd7", "reverse"),
+            None => ("#ffffff", "coast"),
+        };
+        bands.push(Band { from: first.at_s, to: scenario.duration_s, colour, name });
+    }
+    bands.retain(|band| band.name != "coast");
+    bands
+}
+
+/// Four significant digits without trailing zeros.
+fn significant(value: f64) -> String {
+    let rounded: f64 = format!("{value:.3e}").parse().unwrap_or(value);
+    rounded.to_string()
+}
+
+/// Letters and digits of a label, the rest as hyphens.
+fn file_name(label: &str) -> String {
+    label.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect()
+}

@@ -1,0 +1,82 @@
+//! Both runs of each motor as a table for people.
+
+use super::{Comparison, WITHOUT};
+use crate::measures::Measures;
+use crate::table;
+use comfy_table::{ColumnConstraint, Width};
+use simulated::scheme;
+
+/// Characters of a column, so that the tables line up.
+const NARROWEST: u16 = 28;
+
+const DEFINITIONS: &str = "\
+Settling: until the speed stays within 2 % of the larger of old and new speed, or the position within
+its tolerance, for at least the last tenth of the time to the next change. Overshoot: beyond the
+set-point, in % of the step; after a change of torque the largest deviation, in % of the set-point.
+Residual: rms error in the second half of the time to the next change. Swing: from the lowest to the
+highest value in the last second of it. Deceleration jerk: change of the mean motor current from one
+control period to the next while the motor slows down (N m: at the output shaft). Energies are those of the motor's own bridge.";
+
+pub(super) fn all(comparison: &Comparison) -> String {
+    let scenario = &comparison.scenario;
+    let mut out = format!(
+        "{}: {} s, control period {} ms, seed {}\n\n",
+        scenario.name,
+        scenario.duration_s,
+        scenario.period.as_millis(),
+        scenario.seed
+    );
+    for (motor, measures) in scenario.motors.iter().zip(&comparison.measures) {
+        let title = format!("{}: {}", motor.label, motor.constants.name);
+        let mut table = table::new(&[&title, &scheme::describe(motor.scheme), WITHOUT], 1);
+        for column in table.column_iter_mut() {
+            column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(NARROWEST)));
+        }
+        for (name, values) in rows(measures) {
+            let [as_set, without] = values;
+            table.add_row([name, as_set, without]);
+        }
+        out.push_str(&table.to_string());
+        out.push('\n');
+    }
+    out.push_str(DEFINITIONS);
+    out.push('\n');
+    out
+}
+
+/// What each row is called, and its cells.
+fn rows(measures: &[Measures; 2]) -> Vec<(String, [String; 2])> {
+    let [as_set, without] = measures;
+    let mut rows = Vec::new();
+    for (a, b) in as_set.responses.iter().zip(&without.responses) {
+        let settling = |s: Option<f64>| s.map_or("never".into(), |s| format!("{s:.2} s"));
+        let percent = |p: Option<f64>| p.map_or("-".into(), |p| format!("{p:.1} %"));
+        let cells = [a, b].map(|r| {
+            format!(
+                "{}\n{}\n{:.1} {unit}\n{:.1} {unit}",
+                settling(r.settling_s),
+                percent(r.overshoot_percent),
+                r.residual_rms,
+                r.swing,
+                unit = r.unit
+            )
+        });
+        let name = format!("{} s: {}\n  settling\n  overshoot\n  residual\n  swing", a.at_s, a.change);
+        rows.push((name, cells.map(|cell| format!("\n{cell}"))));
+    }
+    let mut add = |name: &str, cell: &dyn Fn(&Measures) -> String| {
+        rows.push((name.to_owned(), [cell(as_set), cell(without)]));
+    };
+    add("deceleration jerk, worst\n  rms", &|m| {
+        let jerk = m.deceleration_jerk;
+        format!("{:.2} A = {:.2} N m\n{:.2} A", jerk.worst_a, jerk.worst_nm, jerk.rms_a)
+    });
+    add("forward / braking / reverse / coast", &|m| {
+        let r = m.regimes;
+        format!("{:.0} / {:.0} / {:.0} / {:.0} %", r.forward, r.braking, r.reverse, r.coast)
+    });
+    add("energy from the battery\n  back into it", &|m| {
+        format!("{:.2} J\n{:.2} J", m.energy_from_battery_j, m.energy_to_battery_j)
+    });
+    rows
+}
