@@ -24,6 +24,7 @@
 //! motion is driving with the motion at the speed `-e`.
 
 use super::explog::{self, Decay, log_defect, mul, ratio_q20};
+use super::points::{OperatingPoint, Place, Regime};
 use crate::units::{Duty, RangeError};
 
 /// What the duty stage must know of a motor and its bridge.
@@ -76,7 +77,7 @@ pub struct LinearCurrent {
     period: u32,
     /// Its inverse, steps of 2^-20.
     inverse: u32,
-    /// `(exp(period) - 1) / period`, steps of 2^-15: see [`Self::duty`].
+    /// `(exp(period) - 1) / period`, steps of 2^-15: see [`Self::invert`].
     growth: u32,
 }
 
@@ -123,7 +124,7 @@ impl LinearCurrent {
 
     /// The duty of 9/8 for the current `w >= 0` at the back EMF `e`, which is negative for a motor that
     /// turns CCW. `w`, `e` and `v` in 1/16 mV, each below 2^22.
-    pub(super) const fn driving(&self, w: i32, e: i32, v: i32) -> Wanted {
+    const fn driving(&self, w: i32, e: i32, v: i32) -> Wanted {
         let through_switch = share(w, self.switch_share);
         Wanted {
             w,
@@ -138,7 +139,7 @@ impl LinearCurrent {
     }
 
     /// The duty of 5/0 for the braking current `w >= 0` at the back EMF `e >= 0`, all as above.
-    pub(super) const fn braking(&self, w: i32, e: i32, v: i32) -> Wanted {
+    const fn braking(&self, w: i32, e: i32, v: i32) -> Wanted {
         let through_switches = 2 * share(w, self.switch_share);
         let both_diodes = v + 2 * self.diode;
         Wanted {
@@ -153,9 +154,18 @@ impl LinearCurrent {
         }
     }
 
-    /// The duty for a current.
-    #[inline(always)]
-    pub(super) const fn duty(&self, wanted: Wanted) -> Duty {
+    /// The duty for the current that a fraction of a regime stands for: full driving is `V - e` with the
+    /// motion and `V + e` against it, full braking is `e`.
+    pub(super) const fn duty(&self, Place { regime, fraction }: Place, at: OperatingPoint) -> Duty {
+        let (e, v) = at.sixteenths();
+        self.invert(match regime {
+            Regime::Forward => self.driving(fraction.of(v - e) as i32, e as i32, v as i32),
+            Regime::Braking => self.braking(fraction.of(e) as i32, e as i32, v as i32),
+            Regime::Reverse => self.driving((e + fraction.of(v)) as i32, -(e as i32), v as i32),
+        })
+    }
+
+    const fn invert(&self, wanted: Wanted) -> Duty {
         let Wanted { w, a, c, lambda, continuous } = wanted;
         if w <= 0 {
             return Duty::ZERO;
@@ -195,7 +205,7 @@ const fn share(w: i32, share: Q16) -> i32 {
 
 /// A current `w` that rises towards `a` and falls towards `-c`.
 #[derive(Clone, Copy)]
-pub(super) struct Wanted {
+struct Wanted {
     w: i32,
     a: i32,
     c: i32,
