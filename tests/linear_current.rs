@@ -69,14 +69,18 @@ impl Point {
         let c = turn * f64::from(control) / 32_767.0;
         let (v, e) = (self.battery, self.emf.abs());
         let u = e / v;
-        let scaled_pull = |blend: f64| (v + e) / (1.0 + blend * ((1.0 + u) / (1.0 - u) - 1.0));
+        // C's stretch of S and T, and how much of it leaves a share a of full braking within reach.
+        let rho = (1.0 + u) / (1.0 - u);
+        let leaving = |a: f64| if a > 0.0 { rho.min((1.0 + u) / (u * a)) } else { rho };
+        let near_overrun = leaving(10.0 * u - 9.0);
+        let scaled_pull = |blend: f64, stretch: f64| (v + e) / (1.0 + blend * (stretch - 1.0));
         let volts = match scheme {
             Scheme::A => c * v - e,
             _ if c > 0.0 => c * (v - e),
             Scheme::B => c * (v + e),
-            Scheme::C => c * scaled_pull(1.0),
-            Scheme::D(Blend::Fixed(_)) => c * scaled_pull(0.25),
-            Scheme::D(Blend::Automatic) => c * scaled_pull(((1.0 - u) / (2.0 * u * u)).min(1.0)),
+            Scheme::C => c * scaled_pull(1.0, near_overrun),
+            Scheme::D(Blend::Fixed(_)) => c * scaled_pull(0.25, near_overrun),
+            Scheme::D(Blend::Automatic) => c * scaled_pull(1.0, leaving(1.0)),
             Scheme::ForwardReverse => unreachable!("asks for no current"),
         };
         turn * volts / (motor.r.0 + 2.0 * BRIDGE.ron.0)

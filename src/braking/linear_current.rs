@@ -6,24 +6,24 @@
 //! both, in all three regimes, so that current is continuous and linear from S to G: it is the
 //! drop across the diodes at T (the paper's to-do `controlReverse0`) that vanishes with the rest.
 //!
-//! Everything is seen from a motor that turns CW; voltages are in 1/16 mV, times are in winding time
+//! Everything is seen from a motor that turns CW; voltages are in 1/16 mV, times in winding time
 //! constants. With `R2 = R + 2 Ron`, all of the resistance between the battery's terminals, the target
 //! current `I` is given as the voltage `w = R2 I`, so the equivalent DC voltage of a control value is
 //! `e + w` (paper, sections 2.1 and 3.2). For a current of that size through a drive state (9/8, 6/2):
 //!
 //! ```text
 //! continuous:     D = (e + Vd + I (R + Ron)) / (V + Vd - I Ron)
-//! discontinuous:  D T / tau = x  with  x - h + lambda h (1 - ln(1 + z) / z) = w T / (a tau),
-//!                 h = 1 - exp(-x), z = k h, k = a / (lambda c)
-//!                 a = V - e, c = e + Vd, tau = L / R2, lambda = R2 / (R + Ron)
+//! discontinuous:  D T / tau = x  with  m (x - h) + h (1 - ln(1 + z) / z) = m q,  q = w T / (a tau),
+//!                 h = 1 - exp(-x), z = m h a / c, a = V - e, c = e + Vd, tau = L / R2, m = (R + Ron) / R2
 //! ```
 //!
 //! (on time: the current rises towards `a / R2`; off time: it falls towards `-c / (R + Ron)` and stays
 //! at 0) and for braking (5/0) `D = (V + 2 Vd - e + I R) / (V + 2 Vd - 2 I Ron)` with `a = e`,
-//! `c = V + 2 Vd - e`, `lambda = R2 / R`. The duty is the smaller of the two. Driving against the
-//! motion is driving with the motion at the speed `-e`.
+//! `c = V + 2 Vd - e`, `m = R / R2`. The duty is the smaller of the two. Driving against the motion is
+//! driving with the motion at the speed `-e`.
 
-use super::explog::{self, Decay, log_defect, mul, ratio_q20};
+use super::explog::{Decay, ONE, Q28, div, log_defect, mul};
+use super::points::{OperatingPoint, Place, Regime};
 use crate::units::{Duty, RangeError};
 
 /// What the duty stage must know of a motor and its bridge.
@@ -55,29 +55,21 @@ impl Electrical {
     };
 }
 
-/// A ratio in steps of 2^-16.
-type Q16 = u32;
-
 /// [`Electrical`] prepared for use at every tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LinearCurrent {
     electrical: Electrical,
     /// 1/16 mV.
-    diode: i32,
+    diode: i64,
     /// `Ron / R2`: 0 to 1/2.
-    switch_share: Q16,
-    /// `R2 / (R + Ron)`: 1 to 2.
-    drive_lambda: Q16,
-    /// `R2 / R`: 1 to 2.
-    brake_lambda: Q16,
-    /// PWM period over time constant `L / R2`, steps of 2^-20, up to 255; 0 if the inductance is
-    /// unknown.
-    period: u32,
-    /// Its inverse, steps of 2^-20.
-    inverse: u32,
-    /// `(exp(period) - 1) / period`, steps of 2^-15: see [`Self::duty`].
-    growth: u32,
+    switch_share: Q28,
+    /// m of the drive states, `(R + Ron) / R2`: 1/2 to 1.
+    drive_share: Q28,
+    /// m of braking, `R / R2`. Below 1/2, which no usable bridge has, it is 1/2.
+    brake_share: Q28,
+    /// `None` for a current that hardly changes within a period.
+    period: Option<Period>,
 }
 
 impl LinearCurrent {
@@ -97,22 +89,19 @@ impl LinearCurrent {
         {
             return Err(RangeError::Electrical);
         }
-        let (r, ron) = (resistance_mohm as u64, switch_mohm as u64);
-        let inductance = match inductance_uh {
-            Some(uh) => uh as u64,
-            None => 0,
-        };
+        let (r, ron) = (resistance_mohm as i64, switch_mohm as i64);
         let r2 = r + 2 * ron;
-        let period = period(r2, inductance, pwm_hz as u64);
+        let brake_share = div(r, r2);
         Ok(Self {
             electrical,
-            diode: (diode_mv as i32) << 4,
-            switch_share: ((ron << 16) / r2) as Q16,
-            drive_lambda: lambda(r2, r + ron),
-            brake_lambda: lambda(r2, r),
-            period,
-            inverse: if period == 0 { 0 } else { ((1 << 40) / period as u64) as u32 },
-            growth: growth(period),
+            diode: (diode_mv as i64) << 4,
+            switch_share: div(ron, r2),
+            drive_share: div(r + ron, r2),
+            brake_share: if brake_share < ONE / 2 { ONE / 2 } else { brake_share },
+            period: match inductance_uh {
+                None | Some(0) => None,
+                Some(uh) => Period::new(r2, uh as i64, pwm_hz as i64),
+            },
         })
     }
 
@@ -121,240 +110,128 @@ impl LinearCurrent {
         self.electrical
     }
 
-    /// The duty of 9/8 for the current `w >= 0` at the back EMF `e`, which is negative for a motor that
-    /// turns CCW. `w`, `e` and `v` in 1/16 mV, each below 2^22.
-    pub(super) const fn driving(&self, w: i32, e: i32, v: i32) -> Wanted {
-        let through_switch = share(w, self.switch_share);
-        Wanted {
-            w,
-            a: v - e,
-            c: e + self.diode,
-            lambda: self.drive_lambda,
-            continuous: Fraction {
-                part: e + self.diode + w - through_switch,
-                whole: v + self.diode - through_switch,
-            },
+    /// The duty for the current that a fraction of a regime stands for: full driving is `V - e` with the
+    /// motion and `V + e` against it, full braking is `e`.
+    pub(super) const fn duty(&self, Place { regime, fraction }: Place, at: OperatingPoint) -> Duty {
+        let (e, v) = at.sixteenths();
+        match regime {
+            Regime::Forward => self.driving(fraction.of(v - e), e, v),
+            Regime::Braking => self.braking(fraction.of(e), e, v),
+            Regime::Reverse => self.driving(e + fraction.of(v), -e, v),
         }
     }
 
-    /// The duty of 5/0 for the braking current `w >= 0` at the back EMF `e >= 0`, all as above.
-    pub(super) const fn braking(&self, w: i32, e: i32, v: i32) -> Wanted {
-        let through_switches = 2 * share(w, self.switch_share);
-        let both_diodes = v + 2 * self.diode;
-        Wanted {
-            w,
-            a: e,
-            c: both_diodes - e,
-            lambda: self.brake_lambda,
-            continuous: Fraction {
-                part: both_diodes - e + w - through_switches,
-                whole: both_diodes - through_switches,
-            },
-        }
+    /// The duty of 9/8 at the back EMF `e`, which is negative for a motor that turns CCW.
+    const fn driving(&self, w: i64, e: i64, v: i64) -> Duty {
+        let switch = mul(w, self.switch_share);
+        let continuous = share(e + self.diode + w - switch, v + self.diode - switch);
+        self.smaller(continuous, Pulse { w, a: v - e, c: e + self.diode, m: self.drive_share })
     }
 
-    /// The duty for a current.
-    #[inline(always)]
-    pub(super) const fn duty(&self, wanted: Wanted) -> Duty {
-        let Wanted { w, a, c, lambda, continuous } = wanted;
-        if w <= 0 {
-            return Duty::ZERO;
-        }
-        let most = continuous.duty_bits();
-        // Without a voltage that stops the current, or hardly any, it is continuous.
-        if self.period == 0 || most == 0 || a <= 0 || c <= a >> 8 {
-            return Duty::from_bits(most as u16);
-        }
-        // A current beyond a / R2 cannot be reached and does not stop. Nor does one that is still
-        // rising at exp(x) = (k + exp(T/tau)) / (k + 1), which is below the x compared with here.
-        let certain = self.growth as u64 * c as u64;
-        if w >= a || most as u64 * (a + c) as u64 >= certain {
-            return Duty::from_bits(most as u16);
-        }
-        let (a, c) = (a as u32, c as u32);
-        let k = {
-            let (high, rest) = ((a << 9) / c, (a << 9) % c);
-            (high << 7) + (rest << 7) / c
+    /// The duty of 5/0 at the back EMF `e`, at least 0.
+    const fn braking(&self, w: i64, e: i64, v: i64) -> Duty {
+        let switches = 2 * mul(w, self.switch_share);
+        let open = v + 2 * self.diode;
+        let continuous = share(open - e + w - switches, open - switches);
+        self.smaller(continuous, Pulse { w, a: e, c: open - e, m: self.brake_share })
+    }
+
+    /// The duty of a continuous current, or of a pulse if that is less.
+    const fn smaller(&self, continuous: Q28, pulse: Pulse) -> Duty {
+        let duty = match self.period {
+            _ if pulse.w <= 0 => 0,
+            Some(period) if pulse.may_end(continuous, period) => {
+                let duty = pulse.duty(period.length, mul(continuous, period.length));
+                if duty < continuous { duty } else { continuous }
+            }
+            _ => continuous,
         };
-        let q = ((ratio_q20(w as u32, a) as u64 * self.period as u64) >> 16) as u32;
-        let x = if self.period <= 1 << 20 {
-            series(q, k)
-        } else {
-            // The continuous duty as a time bounds the answer from above.
-            on_time(q, k, lambda, ((most as u64 * self.period as u64) >> 11) as u32)
-        };
-        let bits = ((x as u64 * self.inverse as u64) >> 29) as u32;
-        Duty::from_bits(if bits < most { bits } else { most } as u16)
+        Duty::from_bits(((duty + (1 << 12)) >> 13) as u16)
     }
 }
 
-/// `w` times a share in steps of 2^-16, rounded; both at least 0, `w` below 2^23.
-const fn share(w: i32, share: Q16) -> i32 {
-    ((w as i64 * share as i64 + (1 << 15)) >> 16) as i32
-}
-
-/// A current `w` that rises towards `a` and falls towards `-c`.
+/// A current with the mean `w` that rises from 0 towards `a` and falls towards `-c`, and the share `m` of
+/// the resistance that is left when it falls.
 #[derive(Clone, Copy)]
-pub(super) struct Wanted {
-    w: i32,
-    a: i32,
-    c: i32,
-    lambda: Q16,
-    /// The duty if the current is continuous.
-    continuous: Fraction,
+struct Pulse {
+    w: i64,
+    a: i64,
+    c: i64,
+    m: Q28,
 }
 
-#[derive(Clone, Copy)]
-struct Fraction {
-    part: i32,
-    whole: i32,
-}
+impl Pulse {
+    /// False if it is certain to last into the next period: nothing stops it, its mean cannot be reached,
+    /// or the duty is beyond that of a pulse of one period, whose on time
+    /// `ln(1 + (exp(T / tau) - 1) c / (a + c))` is less than what is compared with here.
+    const fn may_end(self, continuous: Q28, period: Period) -> bool {
+        self.c > 0 && self.w < self.a && continuous * (self.a + self.c) < period.growth * self.c
+    }
 
-impl Fraction {
-    /// In steps of 2^-15, clamped to 0 and 1.
-    const fn duty_bits(self) -> u32 {
-        if self.part <= 0 {
-            return 0;
+    /// The x of `m (x - h) + h (1 - ln(1 + z) / z) = m q`, at most `most`, as a share of the period.
+    ///
+    /// The left side is convex, at most `m x^2/2 (a + c) / c` and at most x; it is at least m (x - 1). So
+    /// the root lies within the bounds below, and from the lower one two steps of Newton's method leave
+    /// less than 2e-4 of a duty.
+    const fn duty(self, period: Q28, most: Q28) -> Q28 {
+        let Self { w, a, c, m } = self;
+        let q = w * period / a;
+        let root = 1 + (((2 * q * c / (a + c)) << 24).isqrt() << 2);
+        let lower = if root > mul(m, q) { root } else { mul(m, q) };
+        let upper = if q + ONE < most { q + ONE } else { most };
+
+        let mut x = if lower < upper { lower } else { upper };
+        let mut steps = 0;
+        while steps < 2 {
+            let Decay { gone, lag } = Decay::new(x);
+            let z = mul(m, gone) * a / c;
+            let value = mul(m, lag) + mul(gone, log_defect(z));
+            let slope = mul(m, gone) + mul(ONE - gone, ONE - div(ONE, ONE + z));
+            x += div(mul(m, q) - value, slope);
+            x = if x < lower { lower } else { x };
+            x = if x > upper { upper } else { x };
+            steps += 1;
         }
-        if self.part >= self.whole {
-            return 1 << 15;
-        }
-        let (part, whole) = (self.part as u32, self.whole as u32);
-        // Keep 16 bits of the denominator, so that one 32-bit division does.
-        let shift = 16u32.saturating_sub(whole.leading_zeros());
-        (((part >> shift) << 15) + (whole >> (shift + 1))) / (whole >> shift)
+        div(x, period)
     }
 }
 
-/// PWM period in time constants, from milliohms, microhenries and hertz; steps of 2^-20.
-///
-/// Beyond 255 it is 255: the current then follows the switches at once. Below 2^-12, or without an
-/// inductance, it is 0: the current then hardly changes within a period.
-const fn period(r2: u64, inductance: u64, frequency: u64) -> u32 {
-    if inductance == 0 {
-        return 0;
-    }
-    // mohm / (uH Hz) is 1000 time constants. Below 2^17 * 1000 * 2^20 = 2^47.
-    let period = ((r2 * 1000) << 20) / (inductance * frequency);
-    if period > 255 << 20 {
-        255 << 20
-    } else if period <= 1 << 8 {
+/// `part / whole`, clamped to 0 and 1.
+const fn share(part: i64, whole: i64) -> Q28 {
+    if part <= 0 {
         0
+    } else if part >= whole {
+        ONE
     } else {
-        period as u32
+        div(part, whole)
     }
 }
 
-/// `(exp(period) - 1) / period` in steps of 2^-15, saturating; from the period in steps of 2^-20.
-const fn growth(period: u32) -> u32 {
-    // The series has run out when its terms vanish; beyond 10 time constants it saturates.
-    let (mut term, mut sum, mut n) = (1u64 << 15, 1u64 << 15, 1);
-    while term > 0 && sum < u32::MAX as u64 {
-        n += 1;
-        term = ((term * period as u64) >> 20) / n;
-        sum += term;
+/// A PWM period.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+struct Period {
+    /// In time constants, 2^-10 to 127.
+    length: Q28,
+    /// `(exp(length) - 1) / length`, at most 2^12.
+    growth: Q28,
+}
+
+impl Period {
+    /// From milliohms, microhenries and hertz.
+    ///
+    /// Beyond 127 it is 127: the current then follows the switches at once. Below 2^-10 there is none:
+    /// the current then hardly changes within a period.
+    const fn new(r2: i64, inductance: i64, frequency: i64) -> Option<Self> {
+        // mohm / (uH Hz) is 1000 time constants. The numerator is below 2^27.
+        let length = div(r2 * 1000, inductance * frequency);
+        if length <= ONE >> 10 {
+            return None;
+        }
+        let length = if length < 127 * ONE { length } else { 127 * ONE };
+        let gone = Decay::new(length).gone;
+        let fading = mul(length, ONE - gone);
+        let growth = if fading > gone >> 12 { div(gone, fading) } else { ONE << 12 };
+        Some(Self { length, growth })
     }
-    if sum > u32::MAX as u64 { u32::MAX } else { sum as u32 }
-}
-
-/// Ratio of the resistances in on and off time; beyond 2, which no usable bridge has, it is 2.
-const fn lambda(on: u64, off: u64) -> Q16 {
-    let ratio = (on << 16) / off;
-    if ratio > 2 << 16 { 2 << 16 } else { ratio as Q16 }
-}
-
-/// The x of `x - h + lambda h (1 - ln(1 + z) / z) = q` with `h = 1 - exp(-x)` and `z = k h`, at most
-/// `bound`; q, x and `bound` in steps of 2^-24; `ratio` is a / c, which is lambda k, up to 256.
-const fn on_time(q: u32, ratio: Q16, lambda: Q16, bound: u32) -> u32 {
-    let x = first_guess(q, ratio, bound);
-    // One 32-bit division will do: 256 in steps of 2^-16, and 7 bits more.
-    let k = ((ratio << 7) / (lambda >> 9)) as Q16;
-    // Below 2^-14 the guess is as good as the arithmetic.
-    if q <= 1 << 10 {
-        return x;
-    }
-    // One step of Newton's method leaves less than 0.0003 of duty; more do not show beside what the
-    // formula for the continuous current leaves (0.002 at 1 kHz).
-    let decay = Decay::new(x);
-    let z = scale(decay.gone, k);
-    let z = if z > explog::MAX { explog::MAX } else { z };
-    let value = decay.lag + scale(mul(decay.gone, log_defect(z)), lambda);
-    // For lambda = 1, which is near enough: 1 - exp(-x) / (1 + z), in steps of 2^-16.
-    let slope = (1u32 << 16).saturating_sub((decay.rest << 7) / ((explog::ONE + z) >> 9));
-    let next = x as i64 - quotient(value as i64 - q as i64, if slope == 0 { 1 } else { slope });
-    if next < 1 {
-        1
-    } else if next > bound as i64 {
-        bound
-    } else {
-        next as u32
-    }
-}
-
-/// The same for a period of at most one time constant, for which a series does (to 0.3 %):
-/// `x = s (1 + n/2 + n^2/16 - n^3/87 + s^2/48)`, the last two terms fitted; n is below 1 then.
-const fn series(q: u32, k: Q16) -> u32 {
-    let Small { s, square, n } = Small::new(q, k);
-    let n = if n > explog::ONE as u64 { explog::ONE } else { n as u32 };
-    let bend = mul(n, explog::ONE / 2 + mul(n, explog::ONE / 16 - n / 87));
-    // s is below 2 too.
-    s + mul(s, bend + square as u32 / 48)
-}
-
-/// Where to begin when the series does not do; it also holds that `x <= q + 1`.
-const fn first_guess(q: u32, k: Q16, bound: u32) -> u32 {
-    let Small { s, n, .. } = Small::new(q, k);
-    // Where n is large, the other bounds hold.
-    let n = if n > 1 << 32 { 1 << 32 } else { n };
-    let guess = s as u64 + ((s as u64 * n) >> 25);
-    let most = if q < bound.saturating_sub(explog::ONE) { q + explog::ONE } else { bound };
-    if guess > most as u64 { most } else { guess as u32 }
-}
-
-/// The quantities that are small with x: `s^2 = 2 q / (1 + k)`, where `k = a / c`, and
-/// `n = (1 + 2k) s / 3`; steps of 2^-24.
-struct Small {
-    s: u32,
-    square: u64,
-    n: u64,
-}
-
-impl Small {
-    const fn new(q: u32, k: Q16) -> Self {
-        let inverse = u32::MAX / ((1 << 16) + k);
-        let square = (2 * q as u64 * inverse as u64) >> 16;
-        let s = sqrt(square);
-        // A third.
-        let n = (s as u64 * (((1 << 16) + 2 * k) / 3) as u64) >> 16;
-        Self { s, square, n }
-    }
-}
-
-/// Square root of a number below 2^9 in steps of 2^-24, to 15 bits.
-const fn sqrt(square: u64) -> u32 {
-    if square == 0 {
-        return 0;
-    }
-    // An even shift that fills 32 bits.
-    let shift = (32 - (64 - square.leading_zeros() as i32)) & !1;
-    let root = if shift >= 0 { (square as u32) << shift } else { (square >> -shift) as u32 }.isqrt();
-    // sqrt(n 2^-24) = sqrt(n 2^shift) 2^(-shift/2) 2^-12; the root has 16 bits.
-    (root << 13) >> (1 + shift / 2)
-}
-
-/// `x` times a ratio, saturating.
-const fn scale(x: u32, k: Q16) -> u32 {
-    let product = (x as u64 * k as u64) >> 16;
-    if product > u32::MAX as u64 { u32::MAX } else { product as u32 }
-}
-
-/// `difference` over a slope in steps of 2^-16.
-const fn quotient(difference: i64, slope: u32) -> i64 {
-    let size = difference.unsigned_abs();
-    let size = if size > u32::MAX as u64 { u32::MAX } else { size as u32 };
-    // As many bits as fit before one 32-bit division, up to the 16 that the slope wants.
-    let zeros = size.leading_zeros();
-    let shift = if zeros > 16 { 16 } else { zeros };
-    let size = (((size << shift) / slope) as i64) << (16 - shift);
-    if difference < 0 { -size } else { size }
 }

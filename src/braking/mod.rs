@@ -11,10 +11,10 @@ pub mod points;
 pub mod scheme;
 
 pub use linear_current::{Electrical, LinearCurrent};
-pub use points::{Abscissa, OperatingPoint, Place, Points, Regime};
+pub use points::{Abscissa, Fraction, OperatingPoint, Place, Points, Regime};
 pub use scheme::{Blend, BlendFraction, Scheme};
 
-use crate::bridge::{Drive, Mode};
+use crate::bridge::Drive;
 use crate::units::{Control, Duty};
 
 /// A control value turned into a drive.
@@ -27,15 +27,8 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// Counter-clockwise motion is the mirror image: 9/8 and 6/2 change places.
-    const fn new(regime: Regime, duty: Duty, counter_clockwise: bool) -> Self {
-        let mode = match regime {
-            Regime::Forward => Mode::Cw98,
-            Regime::Braking => Mode::Brake50,
-            Regime::Reverse => Mode::Ccw62,
-        };
-        let mode = if counter_clockwise { mode.mirrored() } else { mode };
-        Self { regime, drive: Drive { mode, duty } }
+    const fn new(regime: Regime, duty: Duty, at: OperatingPoint) -> Self {
+        Self { regime, drive: Drive { mode: regime.mode(at.counter_clockwise()), duty } }
     }
 }
 
@@ -66,37 +59,29 @@ const fn clockwise(at: OperatingPoint, control: Control) -> Control {
 
 /// S of the bridge itself: driven against the motion with all it has, whatever the scheme.
 pub const fn full_reverse(at: OperatingPoint) -> Placement {
-    Placement::new(Regime::Reverse, Duty::ONE, at.counter_clockwise())
+    Placement::new(Regime::Reverse, Duty::ONE, at)
 }
 
 /// Regime, mode and duty of a control value at an operating point; the duty is linear between the
 /// points (paper, section 1.3).
 pub const fn place(scheme: Scheme, at: OperatingPoint, control: Control) -> Placement {
     let Place { regime, fraction } = Points::new(scheme, at).place(clockwise(at, control));
-    Placement::new(regime, fraction, at.counter_clockwise())
+    Placement::new(regime, fraction.to_duty(), at)
 }
 
-/// Regime, mode and duty such that the motor's mean current is the one on the scheme's straight lines
-/// from S over T and Z to G.
-///
-/// With [`Scheme::ForwardReverse`], which says nothing of current, the same as [`place`].
-#[inline(always)]
+/// Regime, mode and duty of a control value at an operating point; the motor's mean current is linear
+/// between the points.
 pub const fn place_current(
     winding: &LinearCurrent,
     scheme: Scheme,
     at: OperatingPoint,
     control: Control,
 ) -> Placement {
-    let (e, v) = at.sixteenths();
-    let Some(w) = scheme.current(e, v, clockwise(at, control)) else {
-        return place(scheme, at, control);
+    let place = Points::new(scheme, at).place(clockwise(at, control));
+    // A battery that cannot push asks for no current.
+    let place = match place.regime {
+        Regime::Forward if at.is_overrun() => Place { regime: Regime::Braking, fraction: Fraction::ZERO },
+        _ => place,
     };
-    let (regime, wanted) = if w > 0 {
-        (Regime::Forward, winding.driving(w, e, v))
-    } else if w >= -e {
-        (Regime::Braking, winding.braking(-w, e, v))
-    } else {
-        (Regime::Reverse, winding.driving(-w, -e, v))
-    };
-    Placement::new(regime, winding.duty(wanted), at.counter_clockwise())
+    Placement::new(place.regime, winding.duty(place, at), at)
 }

@@ -6,8 +6,9 @@
 //! to the same integers, however close |emf| comes to the battery voltage.
 
 use crate::braking::scheme::{Blend, BlendFraction, Scheme};
+use crate::bridge::Mode;
 use crate::units::{Control, Duty, Emf, Millivolts};
-use fixed::types::I56F8;
+use fixed::types::{I56F8, U2F30};
 
 /// The speed and the supply for which points are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,8 +35,8 @@ impl OperatingPoint {
     }
 
     /// |emf| and battery voltage in 1/16 mV: at most 2^21 and below 2^20.
-    pub(super) const fn sixteenths(self) -> (i32, i32) {
-        (self.emf.eighths().abs() << 1, (self.battery.0 as i32) << 4)
+    pub(super) const fn sixteenths(self) -> (i64, i64) {
+        ((self.emf.eighths().abs() as i64) << 1, (self.battery.0 as i64) << 4)
     }
 
     /// True if the back EMF is at least the battery voltage: the battery can push no current.
@@ -86,13 +87,62 @@ pub enum Regime {
     Forward,
 }
 
+impl Regime {
+    /// Its switching mode. Counter-clockwise motion is the mirror image: 9/8 and 6/2 change places.
+    pub const fn mode(self, counter_clockwise: bool) -> Mode {
+        let clockwise = match self {
+            Self::Forward => Mode::Cw98,
+            Self::Braking => Mode::Brake50,
+            Self::Reverse => Mode::Ccw62,
+        };
+        if counter_clockwise { clockwise.mirrored() } else { clockwise }
+    }
+}
+
 /// A control value's place among the points: its regime, and how far into it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
     /// The regime that the control value falls into.
     pub regime: Regime,
     /// 0 at the end of least torque (Z for forward and braking, T for reverse), 1 at the other end.
-    pub fraction: Duty,
+    pub fraction: Fraction,
+}
+
+/// How far into its regime a control value lies: 0 to 1 in steps of 2^-30, rounded down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Fraction(U2F30);
+
+impl Fraction {
+    /// The end of least torque.
+    pub const ZERO: Self = Self(U2F30::ZERO);
+    /// The end of most torque.
+    pub const ONE: Self = Self(U2F30::ONE);
+
+    /// `part / whole`; 0 if `part <= 0` or `whole <= 0`, 1 if `part >= whole`.
+    const fn ratio(part: i64, whole: i64) -> Self {
+        if part <= 0 || whole <= 0 {
+            Self::ZERO
+        } else if part >= whole {
+            Self::ONE
+        } else {
+            Self(U2F30::from_bits((((part as i128) << 30) / whole as i128) as u32))
+        }
+    }
+
+    /// The duty nearest to it.
+    pub const fn to_duty(self) -> Duty {
+        Duty::from_bits(((self.0.to_bits() + (1 << 14)) >> 15) as u16)
+    }
+
+    /// This share of a voltage below 2^32, to the nearest of its steps.
+    pub(super) const fn of(self, voltage: i64) -> i64 {
+        (self.0.to_bits() as i64 * voltage + (1 << 29)) >> 30
+    }
+
+    /// For reports.
+    pub fn to_f64(self) -> f64 {
+        f64::from(self.0)
+    }
 }
 
 /// The abscissas of the four points for clockwise motion.
@@ -109,51 +159,90 @@ pub struct Points {
 }
 
 impl Points {
-    /// The points that the firmware uses.
+    /// The points that the firmware uses: the paper's, but that Schemes C and D keep braking within
+    /// reach near and in overrun.
     ///
-    /// Points beyond the control range stay there: with Scheme A in overrun every positive control
-    /// value is braking. Schemes C and D say nothing in overrun (their T runs to minus infinity and
-    /// comes back from plus infinity); there the blend is 0, which is Scheme B, and all of the
-    /// braking is within reach.
+    /// By the paper's formula their T runs to minus infinity as |emf| approaches the battery voltage: no
+    /// control value brakes any more just where only braking helps, and a motor in overrun that cannot
+    /// be braked runs away. So Scheme C lets T go no further than `-controlMax / a`, where a, the share
+    /// of full dynamic braking at the end of the control range, is 0 up to |emf| = 0.9 battery, rises
+    /// in proportion from there and is 1 from |emf| = battery on; S keeps its ratio to T. D with a fixed
+    /// blend lies between B and that at all speeds. Automatic D has a = 1 at all speeds, which below
+    /// overrun is the paper's blend of `min(1, (1 - u) / (2 u^2))`, u = |emf| / battery. So the points are
+    /// continuous in the speed, and those of the paper up to u = 0.9, for automatic D up to u = 1.
+    ///
+    /// Other points beyond the control range stay there: with Scheme A in overrun every positive control
+    /// value is braking.
     pub const fn new(scheme: Scheme, at: OperatingPoint) -> Self {
-        let scheme = match scheme {
-            Scheme::C | Scheme::D(_) if at.is_overrun() => Scheme::B,
-            other => other,
-        };
-        match Self::from_formula(scheme, at) {
-            Some(points) => points,
-            // Only |emf| = battery has no value, and that is overrun.
-            None => Self::on_line(Abscissa::ZERO, Abscissa::ZERO),
+        match scheme {
+            Scheme::ForwardReverse => Self::on_line(Abscissa::ZERO, Abscissa::ZERO),
+            Scheme::A => Self::scheme_a(at),
+            Scheme::B => Self::scheme_b(at),
+            Scheme::C => Self::scheme_c_down_to(near_overrun(at), at),
+            Scheme::D(Blend::Fixed(weight)) => {
+                blended(Self::scheme_b(at), Self::scheme_c_down_to(near_overrun(at), at), weight)
+            }
+            Scheme::D(Blend::Automatic) => Self::scheme_c_down_to(Abscissa::CONTROL_MIN, at),
         }
     }
 
-    /// The scheme's own formula, even where it means nothing (Schemes C and D in overrun).
+    /// The paper's formula of the scheme, even where it means nothing (Schemes C and D in overrun).
     ///
     /// `None` where it is infinite: Schemes C and D with |emf| equal to the battery voltage.
     pub const fn from_formula(scheme: Scheme, at: OperatingPoint) -> Option<Self> {
-        let (e, v) = at.fine();
-        Some(match scheme {
-            Scheme::ForwardReverse => Self::on_line(Abscissa::ZERO, Abscissa::ZERO),
-            Scheme::A => Self::on_line(Abscissa::ZERO, scaled(e, v)),
-            Scheme::B => Self::on_line(scaled(-e, v + e), Abscissa::ZERO),
-            Scheme::C if e == v => return None,
-            Scheme::C => Self {
-                s: Abscissa::from_bits(Abscissa::CONTROL_MAX.to_bits() - scaled(2 * v, v - e).to_bits()),
-                ..Self::on_line(scaled(e, e - v), Abscissa::ZERO)
+        match scheme {
+            Scheme::C => Self::scheme_c(at),
+            Scheme::D(Blend::Fixed(weight)) => match Self::scheme_c(at) {
+                Some(c) => Some(blended(Self::scheme_b(at), c, weight)),
+                None => None,
             },
-            Scheme::D(blend) => {
-                let weight = match blend {
-                    Blend::Fixed(fraction) => fraction,
-                    Blend::Automatic => keeping_full_braking(e, v),
-                };
-                let (Some(b), Some(c)) =
-                    (Self::from_formula(Scheme::B, at), Self::from_formula(Scheme::C, at))
-                else {
-                    return None;
-                };
-                Self { s: blended(b.s, c.s, weight), t: blended(b.t, c.t, weight), ..b }
+            // The blend is 0 in overrun.
+            Scheme::D(Blend::Automatic) if at.is_overrun() => match Self::scheme_c(at) {
+                Some(_) => Some(Self::scheme_b(at)),
+                None => None,
+            },
+            Scheme::ForwardReverse | Scheme::A | Scheme::B | Scheme::D(Blend::Automatic) => {
+                Some(Self::new(scheme, at))
             }
+        }
+    }
+
+    /// Z at u.
+    const fn scheme_a(at: OperatingPoint) -> Self {
+        let (e, v) = at.fine();
+        Self::on_line(Abscissa::ZERO, scaled(e, v))
+    }
+
+    /// T at `-e / (V + e)`.
+    const fn scheme_b(at: OperatingPoint) -> Self {
+        let (e, v) = at.fine();
+        Self::on_line(scaled(-e, v + e), Abscissa::ZERO)
+    }
+
+    /// S and T of Scheme B times `(V + e) / (V - e)`, by the paper's formula.
+    const fn scheme_c(at: OperatingPoint) -> Option<Self> {
+        let (e, v) = at.fine();
+        if e == v {
+            return None;
+        }
+        Some(Self {
+            s: Abscissa::from_bits(Abscissa::CONTROL_MAX.to_bits() - scaled(2 * v, v - e).to_bits()),
+            ..Self::on_line(scaled(e, e - v), Abscissa::ZERO)
         })
+    }
+
+    /// Scheme C with T at `lowest` where the formula has it further down, or means nothing.
+    const fn scheme_c_down_to(lowest: Abscissa, at: OperatingPoint) -> Self {
+        match Self::scheme_c(at) {
+            Some(points) if !at.is_overrun() && points.t.to_bits() >= lowest.to_bits() => points,
+            _ => {
+                // S is T (V + e) / e. Here e is at least V/2, and T above -11 controlMax, so that the
+                // product is below 2^63.
+                let (e, v) = at.fine();
+                let s = Abscissa::from_bits(lowest.to_bits() + div_round(lowest.to_bits() * v, e));
+                Self { s, ..Self::on_line(lowest, Abscissa::ZERO) }
+            }
+        }
     }
 
     /// S and G at the ends of the control range.
@@ -170,11 +259,11 @@ impl Points {
         let (s, t) = (self.s.to_bits(), self.t.to_bits());
         let (z, g) = (self.z.to_bits(), self.g.to_bits());
         if c > z {
-            Place { regime: Regime::Forward, fraction: Duty::ratio(c - z, g - z) }
+            Place { regime: Regime::Forward, fraction: Fraction::ratio(c - z, g - z) }
         } else if c >= t {
-            Place { regime: Regime::Braking, fraction: Duty::ratio(z - c, z - t) }
+            Place { regime: Regime::Braking, fraction: Fraction::ratio(z - c, z - t) }
         } else {
-            Place { regime: Regime::Reverse, fraction: Duty::ratio(t - c, t - s) }
+            Place { regime: Regime::Reverse, fraction: Fraction::ratio(t - c, t - s) }
         }
     }
 }
@@ -196,23 +285,27 @@ const fn scaled(numerator: i64, denominator: i64) -> Abscissa {
     })
 }
 
-/// `b + weight * (c - b)`: weight 0 is Scheme B, 1 is Scheme C.
-const fn blended(b: Abscissa, c: Abscissa, weight: BlendFraction) -> Abscissa {
-    let step = (c.to_bits() - b.to_bits()) * weight.to_bits() as i64;
-    Abscissa::from_bits(b.to_bits() + div_round(step, BlendFraction::ONE.to_bits() as i64))
+/// How far down T may lie by Scheme C: `-controlMax / a` with a = 10 u - 9, from 0 to 1.
+const fn near_overrun(at: OperatingPoint) -> Abscissa {
+    let (e, v) = at.fine();
+    let part = 10 * e - 9 * v;
+    if part <= 0 {
+        Abscissa::from_bits(-FAR)
+    } else if part >= v {
+        Abscissa::CONTROL_MIN
+    } else {
+        scaled(-v, part)
+    }
 }
 
-/// The largest blend that keeps full dynamic braking inside the control range:
-/// `min(1, (1 - u) / (2 u^2))` with `u = |emf| / battery`.
-const fn keeping_full_braking(e: i64, v: i64) -> BlendFraction {
-    // 1/16 mV is fine enough for a weight in 1/65536, and lets squares fit in 64 bits. Rounded so
-    // that the weight errs low: the braking must not fall out of the range.
-    let (e, v) = ((e + 0xFFFF) >> 16, v >> 16);
-    if e >= v {
-        return BlendFraction::ZERO;
-    }
-    let (part, whole) = (v * (v - e), 2 * e * e);
-    if part >= whole { BlendFraction::ONE } else { BlendFraction::saturating((part << 16) / whole) }
+/// `b + weight * (c - b)`: weight 0 is Scheme B, 1 is Scheme C.
+const fn blended(b: Points, c: Points, weight: BlendFraction) -> Points {
+    Points { s: between(b.s, c.s, weight), t: between(b.t, c.t, weight), ..b }
+}
+
+const fn between(b: Abscissa, c: Abscissa, weight: BlendFraction) -> Abscissa {
+    let step = (c.to_bits() - b.to_bits()) * weight.to_bits() as i64;
+    Abscissa::from_bits(b.to_bits() + div_round(step, BlendFraction::ONE.to_bits() as i64))
 }
 
 /// Nearest integer, halves away from zero. The denominator is not 0.

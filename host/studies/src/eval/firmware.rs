@@ -5,7 +5,7 @@ use super::error::CaseError;
 use motor_hub::braking::{
     self, Abscissa, Electrical, LinearCurrent, OperatingPoint, Place, Points, Regime, Scheme,
 };
-use motor_hub::bridge::{CurrentSign, Drive, Mode, Pattern};
+use motor_hub::bridge::{CurrentSign, Drive, Pattern};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::si::Hertz;
 use motor_hub::model::switching::{Bridge, Conditions};
@@ -152,11 +152,17 @@ pub(super) fn regime_duty(case: &Case) -> Result<Value, CaseError> {
     let controls = case
         .column("control")?
         .unwrap_or_else(|| if emf_mv < 0.0 { CONTROLS_CCW.to_vec() } else { CONTROLS.to_vec() });
+    // The document has the paper's formulas; the firmware departs from them near overrun.
+    let points = match Points::from_formula(scheme, at) {
+        Some(points) if !at.is_overrun() => points,
+        _ => Points::new(scheme, at),
+    };
     let row = |value: f64| {
         let placed = control(value)?;
-        let placement = braking::place(scheme, at, placed);
-        let mode: Mode = placement.drive.mode;
-        Ok(json!([placed.get(), name(placement.regime), mode.name(), placement.drive.duty.to_f64()]))
+        let turned = if at.counter_clockwise() { -placed } else { placed };
+        let Place { regime, fraction } = points.place(turned);
+        let mode = regime.mode(at.counter_clockwise());
+        Ok(json!([placed.get(), name(regime), mode.name(), fraction.to_duty().to_f64()]))
     };
     table(&["control", "regime", "mode", "duty"], controls.into_iter().map(row))
 }

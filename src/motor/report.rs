@@ -1,0 +1,66 @@
+//! What became of it: one tick of a motor, as a host would want to see it.
+
+use super::Setpoint;
+use crate::braking::Regime;
+use crate::bridge::Drive;
+use crate::motion::EncoderFault;
+use crate::units::{Control, CountsPerSecond};
+
+/// What keeps a motor from doing what it is asked; each makes it coast.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Faults {
+    /// No battery voltage is known: never measured, implausible, or too old.
+    pub battery_unknown: bool,
+    /// No encoder reading for 20 ms. Constant power runs on without one.
+    pub encoder_stale: bool,
+    /// The encoder of a regulated motor does not count, or counts the wrong way. Latched until the
+    /// motor is disabled; constant power runs on.
+    pub encoder: Option<EncoderFault>,
+}
+
+impl Faults {
+    /// True if there is one.
+    pub const fn any(self) -> bool {
+        self.battery_unknown || self.encoder_stale || self.encoder.is_some()
+    }
+}
+
+/// What a host would want to see of a motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Report {
+    /// What it is asked to do.
+    pub setpoint: Setpoint,
+    /// Counts.
+    pub position: i32,
+    /// Estimated.
+    pub velocity: CountsPerSecond,
+    /// The control value; 0 while coasting.
+    pub control: Control,
+    /// Its regime; `None` while the bridge is open because the motor is disabled, floating or at fault.
+    pub regime: Option<Regime>,
+    /// What the bridge is told.
+    pub drive: Drive,
+    /// In regulated position and within the tolerance.
+    pub at_target: bool,
+    /// Regulated, under effort, and held against a stop.
+    pub stalled: bool,
+    /// What keeps it from obeying.
+    pub faults: Faults,
+}
+
+impl Report {
+    /// A disabled motor of which nothing is known.
+    pub const INITIAL: Self = Self {
+        setpoint: Setpoint::Disabled,
+        position: 0,
+        velocity: CountsPerSecond::ZERO,
+        control: Control::ZERO,
+        regime: None,
+        drive: Drive::COAST,
+        at_target: false,
+        stalled: false,
+        faults: Faults { battery_unknown: false, encoder_stale: false, encoder: None },
+    };
+}

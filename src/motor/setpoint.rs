@@ -1,0 +1,54 @@
+//! What a motor is asked to do.
+
+use crate::units::{Control, CountsPerSecond};
+
+/// What a motor is asked to do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Setpoint {
+    /// Nothing: the bridge is open.
+    #[default]
+    Disabled,
+    /// Open loop: 9/8 or 6/2 at this share of the control range, whatever the speed.
+    ConstantPower(Control),
+    /// Regulated velocity.
+    Velocity(CountsPerSecond),
+    /// Regulated position: a position loop above the velocity loop.
+    Position {
+        /// Where to go, in counts.
+        target: i32,
+        /// At target is reported within this many counts.
+        tolerance: u16,
+        /// Magnitude of the speed on the way; the sign does not matter.
+        speed_limit: CountsPerSecond,
+    },
+}
+
+impl Setpoint {
+    /// The run mode, which decides which loops are active.
+    pub(super) const fn regulation(self) -> Regulation {
+        match self {
+            Self::Disabled | Self::ConstantPower(_) => Regulation::None,
+            Self::Velocity(_) => Regulation::Velocity,
+            Self::Position { .. } => Regulation::Position,
+        }
+    }
+
+    /// True if this is a target, and `position` within the tolerance of it.
+    pub(super) const fn reached(self, position: i32) -> bool {
+        match self {
+            Self::Position { target, tolerance, .. } => {
+                target.wrapping_sub(position).unsigned_abs() <= tolerance as u32
+            }
+            _ => false,
+        }
+    }
+}
+
+/// The loops that are active.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Regulation {
+    None,
+    Velocity,
+    Position,
+}
