@@ -353,8 +353,7 @@ fn no_scheme_takes_a_load_that_drives_the_motor_for_a_reversed_encoder() {
 #[test]
 fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
     let judge = |moved: i32| {
-        let mut guard = Guard::default();
-        let period = Period::from_millis(50).expect("period");
+        let mut guard = Guard::new(Period::from_millis(50).expect("period"));
         (0..40).any(|_| {
             let evidence = Evidence {
                 control: Control::MAX,
@@ -364,7 +363,7 @@ fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
                 velocity: CountsPerSecond::new(-20 * moved),
                 gentle: false,
             };
-            matches!(guard.examine(period, evidence), Finding::Fault(_))
+            matches!(guard.step(evidence), Finding::Fault(_))
         })
     };
     // 140 and 160 counts/s.

@@ -1,7 +1,7 @@
 //! Velocity from counts, and the PID loop.
 
-use motor_hub::motion::pid::PidInput;
-use motor_hub::motion::{Pid, Pidf, Reading, Tick, Tracker, VelocityEstimator};
+use motor_hub::motion::pid::{PidInput, Value};
+use motor_hub::motion::{Pid, Pidf, Reading, Tracker, VelocityEstimator};
 use motor_hub::units::{Coefficient, Micros, Period};
 
 const PERIOD: Period = Period::DEFAULT;
@@ -144,71 +144,77 @@ fn q16(value: f64) -> Coefficient {
     Coefficient::from_bits((value * 65_536.0).round() as i32)
 }
 
-const LIMIT: i32 = 32_767 << 8;
+const LIMIT: Value = Value::const_from_int(32_767);
+
+fn value(whole: i32) -> Value {
+    Value::from_num(whole)
+}
 
 fn input(error: i32, measured: i32) -> PidInput {
-    PidInput { error: error << 8, measured: measured << 8, feed_forward: 0, limit: LIMIT, hold: false }
+    PidInput {
+        error: value(error),
+        measured: value(measured),
+        feed_forward: Value::ZERO,
+        limit: LIMIT,
+        hold: false,
+    }
 }
 
 #[test]
 fn each_coefficient_has_its_stated_unit() {
-    let tick = Tick::new(PERIOD);
     let only_p = Pidf { p: q16(2.5), ..Pidf::default() };
-    assert_eq!(Pid::default().step(&only_p, tick, input(100, 0)), 250 << 8);
+    assert_eq!(Pid::default().step(&only_p, PERIOD, input(100, 0)), value(250));
 
     let only_f = Pidf { f: q16(3.0), ..Pidf::default() };
-    let fed = PidInput { feed_forward: 400 << 8, ..input(0, 0) };
-    assert_eq!(Pid::default().step(&only_f, tick, fed), 1200 << 8);
+    let fed = PidInput { feed_forward: value(400), ..input(0, 0) };
+    assert_eq!(Pid::default().step(&only_f, PERIOD, fed), value(1200));
 
     // One second of an error of 100 at 4 per second.
     let only_i = Pidf { i: q16(4.0), ..Pidf::default() };
     let mut pid = Pid::default();
-    let output = (0..20).map(|_| pid.step(&only_i, tick, input(100, 0))).last().expect("steps");
-    assert!((output - (400 << 8)).abs() <= 8, "{output}");
+    let output = (0..20).map(|_| pid.step(&only_i, PERIOD, input(100, 0))).last().expect("steps");
+    assert!((output - value(400)).abs() <= Value::from_bits(8), "{output}");
 
     // Acceleration of 1000 counts/s^2 against 0.5 s.
     let only_d = Pidf { d: q16(0.5), ..Pidf::default() };
     let mut pid = Pid::default();
-    assert_eq!(pid.step(&only_d, tick, input(0, 0)), 0, "no kick at the start");
-    assert_eq!(pid.step(&only_d, tick, input(0, 50)), -500 << 8);
-    assert_eq!(pid.step(&only_d, tick, input(9999, 50)), 0, "no kick from a new set-point");
+    assert_eq!(pid.step(&only_d, PERIOD, input(0, 0)), Value::ZERO, "no kick at the start");
+    assert_eq!(pid.step(&only_d, PERIOD, input(0, 50)), value(-500));
+    assert_eq!(pid.step(&only_d, PERIOD, input(9999, 50)), Value::ZERO, "no kick from a new set-point");
 }
 
 #[test]
 fn the_integrator_does_not_wind_up_while_the_output_saturates() {
     let gains = Pidf { p: q16(10.0), i: q16(20.0), ..Pidf::default() };
-    let tick = Tick::new(PERIOD);
     let mut wound = Pid::default();
     for _ in 0..1000 {
-        assert_eq!(wound.step(&gains, tick, input(20_000, 0)), LIMIT);
+        assert_eq!(wound.step(&gains, PERIOD, input(20_000, 0)), LIMIT);
     }
     // The error changes sign: the output follows within a tick.
-    assert!(wound.step(&gains, tick, input(-1_000, 0)) < 0);
+    assert!(wound.step(&gains, PERIOD, input(-1_000, 0)) < Value::ZERO);
 }
 
 #[test]
 fn a_saturated_output_may_still_unwind() {
     let gains = Pidf { p: q16(0.0), i: q16(20.0), f: q16(10.0), ..Pidf::default() };
-    let tick = Tick::new(PERIOD);
     let mut pid = Pid::default();
-    let saturated = |error| PidInput { feed_forward: 4_000 << 8, ..input(error, 0) };
+    let saturated = |error| PidInput { feed_forward: value(4_000), ..input(error, 0) };
     for _ in 0..10 {
-        assert_eq!(pid.step(&gains, tick, saturated(-500)), LIMIT);
+        assert_eq!(pid.step(&gains, PERIOD, saturated(-500)), LIMIT);
     }
-    let output = (0..10).map(|_| pid.step(&gains, tick, saturated(-500))).last().expect("steps");
+    let output = (0..10).map(|_| pid.step(&gains, PERIOD, saturated(-500))).last().expect("steps");
     assert!(output < LIMIT, "the integrator went on while it brought the output back");
 }
 
 #[test]
 fn the_integrator_holds_while_the_output_has_no_effect() {
     let gains = Pidf { i: q16(20.0), ..Pidf::default() };
-    let tick = Tick::new(PERIOD);
     let mut pid = Pid::default();
-    let before = pid.step(&gains, tick, input(100, 0));
+    let before = pid.step(&gains, PERIOD, input(100, 0));
     for _ in 0..100 {
-        pid.step(&gains, tick, PidInput { hold: true, ..input(1000, 0) });
+        pid.step(&gains, PERIOD, PidInput { hold: true, ..input(1000, 0) });
     }
-    let after = pid.step(&gains, tick, input(100, 0));
+    let after = pid.step(&gains, PERIOD, input(100, 0));
     assert_eq!(after, before * 2);
 }
 
@@ -217,12 +223,12 @@ fn no_input_or_coefficient_overflows() {
     for (period, bits) in [(1, i32::MAX), (100, i32::MAX), (1, i32::MIN), (100, i32::MIN)] {
         let most = Coefficient::from_bits(bits);
         let gains = Pidf { p: most, i: most, d: most, f: most };
-        let tick = Tick::new(Period::from_millis(period).expect("period"));
-        let ends = [i32::MIN, -i32::MAX, -1, 0, 1, i32::MAX];
+        let period = Period::from_millis(period).expect("period");
+        let ends = [i32::MIN, -i32::MAX, -1, 0, 1, i32::MAX].map(Value::from_bits);
         let mut pid = Pid::default();
         for error in ends {
             for measured in ends {
-                for limit in [0, 256, LIMIT, i32::MAX] {
+                for limit in [Value::ZERO, value(1), LIMIT, Value::MAX] {
                     let input = PidInput {
                         error,
                         measured,
@@ -230,7 +236,7 @@ fn no_input_or_coefficient_overflows() {
                         limit,
                         hold: false,
                     };
-                    assert!(pid.step(&gains, tick, input).abs() <= limit);
+                    assert!(pid.step(&gains, period, input).abs() <= limit);
                 }
             }
         }

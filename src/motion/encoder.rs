@@ -2,17 +2,13 @@
 
 use crate::units::Micros;
 
-/// Half an hour in microseconds: as good as for ever, and times within it fit 32 bits.
-pub const LONGEST_REST: u64 = 1_800_000_000;
-
 /// What is known of an encoder at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reading {
     /// Counts since boot or reset, wrapping at 32 bits. Positive is CW.
     pub position: i32,
-    /// When the count last changed, as seen by the sampling: late by at most one sampling interval. No
-    /// further back than [`LONGEST_REST`].
+    /// When the count last changed, as seen by the sampling: late by at most one sampling interval.
     pub edge_at: Micros,
     /// When the counter was sampled.
     pub at: Micros,
@@ -37,13 +33,7 @@ impl Tracker {
                 let moved = count.wrapping_sub(last_count).cast_signed();
                 Reading {
                     position: last.position.wrapping_add(i32::from(moved)),
-                    edge_at: if moved != 0 {
-                        now
-                    } else if now.since(last.edge_at) > LONGEST_REST {
-                        Micros(now.0 - LONGEST_REST)
-                    } else {
-                        last.edge_at
-                    },
+                    edge_at: if moved != 0 { now } else { last.edge_at },
                     at: now,
                 }
             }

@@ -21,28 +21,30 @@
 
 use crate::braking::Regime;
 use crate::units::{Control, CountsPerSecond, Period};
+use core::cmp::Ordering;
 
-/// How long no count must come.
-const SUSPICIOUS_MS: u32 = 150;
-/// How long the motor is driven the other way.
-const PROBE_MS: u32 = 50;
-/// Half of the control range: enough to move anything that the motor should be able to move. At
-/// standstill, half of the stall torque in every scheme.
-const EFFORT: i16 = 1 << 14;
-/// The end of the control range, but for what the loop's rounding leaves.
-const ALL: u16 = 15 << 11;
-/// Whether the motor slows down is told from two times that follow each other: this, and one of the next.
-const EARLY_MS: u32 = 50;
-/// Enough to be sure.
-const LATE_MS: u32 = 100;
-/// Enough to look closer.
-const HINT_MS: u32 = 50;
-/// Counts in the first, at least, if that is to be told: 160 counts/s.
-const ENOUGH: u32 = 8;
-/// Speed bits of 40 counts/s, at which six counts are due in the time of suspicion.
-const DUE: u32 = 40 << 8;
+/// How long no count must come under effort before the motor is probed.
+const STUCK_MS: i64 = 150;
+/// How long a probe drives the motor the other way.
+const PROBE_MS: i64 = 50;
 /// Counts that a probe must see. One may be the trembling of a shaft on an edge.
-const ALIVE: u32 = 2;
+const PROBE_COUNTS: i64 = 2;
+/// Effort at which counts must come, and of a probe: half of the control range, enough to move anything
+/// that the motor should be able to move. At standstill, half of the stall torque in every scheme.
+const HALF_EFFORT: i16 = 16_384;
+/// Effort of a motor that is given all: the end of the control range, but for what the loop's rounding
+/// leaves.
+const FULL_EFFORT: i16 = 30_720;
+/// Speed asked for at which six counts are due in [`STUCK_MS`]: 40 counts/s.
+const COUNTING_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
+/// Whether a runaway slows down is told from two times that follow each other: this,
+const RUNAWAY_EARLY_MS: i64 = 50;
+/// and this, enough to be sure,
+const RUNAWAY_LATE_MS: i64 = 100;
+/// or this, enough to insist on full reverse.
+const RUNAWAY_HINT_MS: i64 = 50;
+/// Counts in the first, at least, if that is to be told: 160 counts/s.
+const RUNAWAY_COUNTS: i64 = 8;
 
 /// What is wrong with an encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,6 +73,29 @@ pub struct Evidence {
     pub gentle: bool,
 }
 
+impl Evidence {
+    fn effort(&self) -> i16 {
+        self.control.get().abs()
+    }
+
+    fn counts(&self) -> i64 {
+        i64::from(self.moved).abs()
+    }
+
+    /// No counts, though there is effort and some were due.
+    fn lacks_counts(&self) -> bool {
+        let speed = i64::from(self.target.to_bits()).abs();
+        self.counts() == 0 && self.effort() >= HALF_EFFORT && speed >= i64::from(COUNTING_SPEED.to_bits())
+    }
+
+    /// The motor turns the wrong way, or at least twice as fast as asked, against all that control can do.
+    fn runs_away(&self) -> bool {
+        let (velocity, target) = (i64::from(self.velocity.to_bits()), i64::from(self.target.to_bits()));
+        let astray = if velocity < 0 { 2 * target >= velocity } else { 2 * target <= velocity };
+        astray && self.regime == Regime::Reverse && self.effort() >= FULL_EFFORT
+    }
+}
+
 /// What to do about it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finding {
@@ -80,67 +105,97 @@ pub enum Finding {
     Stalled,
     /// Use this control value instead of the loop's.
     Probe(Control),
-    /// Put the bridge in full reverse, whatever the scheme says.
-    Insist,
+    /// Put the bridge in full reverse, whatever the scheme says to this control value, the end of its range.
+    Insist(Control),
     /// Stop using the encoder.
     Fault(EncoderFault),
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum State {
+/// What is known of a motor that does not turn.
+#[derive(Clone, Copy, Debug, Default)]
+enum Phase {
+    /// It turns, as far as is known.
     #[default]
     Watching,
-    Probing {
-        against: Control,
-        for_ms: u32,
-        counts: u32,
-    },
-    /// How far beyond the stop the motor is, in the direction in which it was held.
-    Stalled {
-        positive: bool,
-        beyond: i32,
-    },
+    /// It is driven the other way.
+    Probing { control: Control, ms: i64, counts: i64 },
+    /// It is held.
+    Stalled(Stall),
 }
 
-/// A motor that turns the wrong way: its counts early, and later.
+/// A stop that holds the motor.
+#[derive(Clone, Copy, Debug)]
+struct Stall {
+    /// The direction in which it is held.
+    clockwise: bool,
+    /// Counts that it is beyond the stop in that direction.
+    beyond: i64,
+}
+
+impl Stall {
+    fn turn(&mut self, moved: i32) {
+        let moved = i64::from(moved);
+        self.beyond += if self.clockwise { moved } else { -moved };
+    }
+
+    /// It has passed the place, or is sent the other way.
+    fn is_over(&self, target: CountsPerSecond) -> bool {
+        let sent_back = match target.cmp(&CountsPerSecond::ZERO) {
+            Ordering::Less => self.clockwise,
+            Ordering::Equal => false,
+            Ordering::Greater => !self.clockwise,
+        };
+        self.beyond >= PROBE_COUNTS || sent_back
+    }
+}
+
+/// Counts in a time.
 #[derive(Clone, Copy, Debug, Default)]
-struct Astray {
-    /// 0 if it does not; the rest then means nothing.
-    early_ms: u32,
-    early: u32,
-    late_ms: u32,
-    late: u32,
-    /// Later is while the bridge is in full reverse.
+struct Span {
+    ms: i64,
+    counts: i64,
+}
+
+impl Span {
+    fn plus(self, other: Self) -> Self {
+        Self { ms: self.ms + other.ms, counts: self.counts + other.counts }
+    }
+
+    /// Fewer counts a millisecond.
+    fn is_slower_than(self, other: Self) -> bool {
+        self.counts * other.ms < other.counts * self.ms
+    }
+}
+
+/// A motor that turns the wrong way against full effort: does it slow down?
+#[derive(Clone, Copy, Debug, Default)]
+struct Runaway {
+    early: Span,
+    /// While the bridge is in full reverse, if that is insisted on.
+    late: Span,
     insisting: bool,
 }
 
-impl Astray {
-    /// Another tick of it. `gentle` is whether the end of the control range may be less than full reverse.
-    fn step(&mut self, ms: u32, counts: u32, gentle: bool) -> Finding {
-        if self.early_ms == 0 {
-            *self = Self::default();
-        }
-        if !self.insisting && self.early_ms < EARLY_MS {
-            self.early_ms += ms;
-            self.early = self.early.saturating_add(counts);
+impl Runaway {
+    /// Another tick of it.
+    fn step(&mut self, tick: Span, evidence: &Evidence) -> Finding {
+        let control = evidence.control;
+        let insist = Finding::Insist(if control < Control::ZERO { Control::MIN } else { Control::MAX });
+        if self.early.ms < RUNAWAY_EARLY_MS {
+            self.early = self.early.plus(tick);
             return Finding::Sound;
         }
-        self.late_ms += ms;
-        self.late = self.late.saturating_add(counts);
-        let hint = gentle && !self.insisting;
-        if self.late_ms < if hint { HINT_MS } else { LATE_MS } {
-            return if self.insisting { Finding::Insist } else { Finding::Sound };
+        self.late = self.late.plus(tick);
+        let in_doubt = evidence.gentle && !self.insisting;
+        if self.late.ms < if in_doubt { RUNAWAY_HINT_MS } else { RUNAWAY_LATE_MS } {
+            return if self.insisting { insist } else { Finding::Sound };
         }
-        // Counts a millisecond, later and before.
-        let late = u64::from(self.late) * u64::from(self.early_ms);
-        if self.early < ENOUGH || late < u64::from(self.early) * u64::from(self.late_ms) {
-            self.early_ms = 0;
+        if self.early.counts < RUNAWAY_COUNTS || self.late.is_slower_than(self.early) {
+            *self = Self::default();
             Finding::Sound
-        } else if hint {
-            let early = self.early.saturating_add(self.late);
-            *self =
-                Self { early_ms: self.early_ms + self.late_ms, early, insisting: true, ..Self::default() };
-            Finding::Insist
+        } else if in_doubt {
+            *self = Self { early: self.early.plus(self.late), late: Span::default(), insisting: true };
+            insist
         } else {
             Finding::Fault(EncoderFault::Reversed)
         }
@@ -148,88 +203,71 @@ impl Astray {
 }
 
 /// Watches one regulated motor.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Guard {
-    state: State,
-    stuck_ms: u32,
-    astray: Astray,
+    period: Period,
+    phase: Phase,
+    /// How long no count came that was due.
+    stuck_ms: i64,
+    runaway: Runaway,
 }
 
 impl Guard {
-    /// First of two questions in a tick: is nothing suspected, and no reason to begin? True nearly always,
-    /// and cheap: no effort, or counts that come while the bridge does not work against the motion.
-    #[inline(always)]
-    pub fn trusts(&mut self, control: Control, regime: Regime, moved: i32) -> bool {
-        let effort = control.get().unsigned_abs() >= EFFORT.unsigned_abs();
-        let obeys = moved != 0 && regime != Regime::Reverse;
-        let trusts = self.state == State::Watching && (!effort || obeys);
-        if trusts {
-            (self.stuck_ms, self.astray.early_ms) = (0, 0);
-        }
-        trusts
+    /// For a motor that is stepped every `period`. Nothing is suspected.
+    pub fn new(period: Period) -> Self {
+        Self { period, phase: Phase::Watching, stuck_ms: 0, runaway: Runaway::default() }
     }
 
-    /// Second question, unless the answer was yes. Kept apart, so that it costs nothing then.
-    #[cold]
-    #[inline(never)]
-    pub fn examine(&mut self, period: Period, evidence: Evidence) -> Finding {
-        let Evidence { control, regime, target, moved, velocity, gentle } = evidence;
-        let (ms, counts) = (period.as_millis(), moved.unsigned_abs());
-
-        if let State::Probing { against, for_ms, counts: before } = self.state {
-            let counts = before.saturating_add(counts);
-            let for_ms = for_ms + ms;
-            if counts >= ALIVE {
-                let positive = against.get() < 0;
-                self.state = State::Stalled { positive, beyond: along(moved, positive) };
-                return Finding::Stalled;
-            }
-            if for_ms >= PROBE_MS {
-                return Finding::Fault(EncoderFault::Stuck);
-            }
-            self.state = State::Probing { against, for_ms, counts };
-            return Finding::Probe(against);
+    /// What a tick says of the encoder, together with those before it.
+    pub fn step(&mut self, evidence: Evidence) -> Finding {
+        let tick = Span { ms: self.period.as_millis().into(), counts: evidence.counts() };
+        if let Phase::Probing { control, ms, counts } = self.phase {
+            return self.probe(control, Span { ms, counts }.plus(tick), evidence.moved);
         }
+        self.stuck_ms = if evidence.lacks_counts() { self.stuck_ms + tick.ms } else { 0 };
 
-        let effort = control.get().unsigned_abs();
-        let stuck = effort >= EFFORT.unsigned_abs() && counts == 0 && target.to_bits().unsigned_abs() >= DUE;
-        self.stuck_ms = if stuck { self.stuck_ms.saturating_add(ms) } else { 0 };
-
-        if regime != Regime::Reverse || effort < ALL || !astray(velocity, target) {
-            self.astray.early_ms = 0;
-        } else {
-            let finding = self.astray.step(ms, counts, gentle);
+        if evidence.runs_away() {
+            let finding = self.runaway.step(tick, &evidence);
             if finding != Finding::Sound {
                 return finding;
             }
+        } else {
+            self.runaway = Runaway::default();
         }
-        if let State::Stalled { positive, beyond } = self.state {
-            let beyond = beyond.saturating_add(along(moved, positive));
-            let sent_back = target.to_bits() != 0 && (target.to_bits() > 0) != positive;
-            if beyond < ALIVE as i32 && !sent_back {
-                self.state = State::Stalled { positive, beyond };
+        if let Phase::Stalled(mut stall) = self.phase {
+            stall.turn(evidence.moved);
+            if !stall.is_over(evidence.target) {
+                self.phase = Phase::Stalled(stall);
                 return Finding::Stalled;
             }
-            self.state = State::Watching;
+            self.phase = Phase::Watching;
             self.stuck_ms = 0;
         }
-        if self.stuck_ms >= SUSPICIOUS_MS {
+        if self.stuck_ms >= STUCK_MS {
             self.stuck_ms = 0;
-            let against = Control::new(if control.get() < 0 { EFFORT } else { -EFFORT });
-            self.state = State::Probing { against, for_ms: 0, counts: 0 };
-            return Finding::Probe(against);
+            let against = if evidence.control < Control::ZERO { HALF_EFFORT } else { -HALF_EFFORT };
+            return self.probe(Control::new(against), Span::default(), 0);
         }
         Finding::Sound
     }
-}
 
-/// True if the motor turns the wrong way, or at least twice as fast as asked.
-const fn astray(velocity: CountsPerSecond, target: CountsPerSecond) -> bool {
-    let (half, target) = (velocity.to_bits() / 2, target.to_bits());
-    if half < 0 { target >= half } else { target <= half }
-}
+    /// Goes on with a probe that has seen so much, `moved` of it in the last tick.
+    fn probe(&mut self, control: Control, seen: Span, moved: i32) -> Finding {
+        if seen.counts >= PROBE_COUNTS {
+            let mut stall = Stall { clockwise: control < Control::ZERO, beyond: 0 };
+            stall.turn(moved);
+            self.phase = Phase::Stalled(stall);
+            return Finding::Stalled;
+        }
+        if seen.ms >= PROBE_MS {
+            return Finding::Fault(EncoderFault::Stuck);
+        }
+        self.phase = Phase::Probing { control, ms: seen.ms, counts: seen.counts };
+        Finding::Probe(control)
+    }
 
-/// Counts in the direction of a stall.
-const fn along(moved: i32, positive: bool) -> i32 {
-    if positive { moved } else { moved.saturating_neg() }
+    /// Suspects nothing any more, as when the motor is no longer regulated.
+    pub fn reset(&mut self) {
+        *self = Self::new(self.period);
+    }
 }

@@ -8,5 +8,5 @@ pub mod velocity;
 
 pub use encoder::{Reading, Tracker};
 pub use guard::{EncoderFault, Guard};
-pub use pid::{Pid, Pidf, Tick};
+pub use pid::{Pid, Pidf};
 pub use velocity::VelocityEstimator;

@@ -1,6 +1,13 @@
 //! PID with feed-forward, in fixed point, with an integrator that does not wind up.
 
 use crate::units::{Coefficient, Period};
+use fixed::types::{I16F16, I24F8, I40F24};
+
+/// What goes into a loop and comes out of it, in its own unit: +-8 388 607, in steps of 1/256.
+pub type Value = I24F8;
+
+/// A coefficient times a value, exact, and sums of such: +-2^39.
+type Term = I40F24;
 
 /// Coefficients of one loop.
 ///
@@ -20,36 +27,18 @@ pub struct Pidf {
     pub f: Coefficient,
 }
 
-/// A control period as the factors that the loops need.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Tick {
-    /// Seconds in steps of 2^-20: 1049 to 104 858.
-    seconds: i32,
-    /// Ticks per second: 10 to 1000, in steps of 2^-8.
-    per_second: i32,
-}
-
-impl Tick {
-    /// The factors of `period`.
-    pub const fn new(period: Period) -> Self {
-        let ms = period.as_millis() as i32;
-        Self { seconds: ((ms << 20) + 500) / 1000, per_second: (1000 << 8) / ms }
-    }
-}
-
-/// What a loop is given each tick, in steps of 1/256 of its unit. Beyond +-2^30 steps (4 million), error
-/// and feed-forward count as that.
+/// What a loop is given each tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PidInput {
     /// Set-point minus measurement.
-    pub error: i32,
+    pub error: Value,
     /// Measurement; it may wrap, as positions do, so half of the range is the most that it may change
     /// in a tick.
-    pub measured: i32,
+    pub measured: Value,
     /// What F multiplies.
-    pub feed_forward: i32,
-    /// The output's largest magnitude, in steps of 1/256, above 0.
-    pub limit: i32,
+    pub feed_forward: Value,
+    /// The output's largest magnitude; the sign does not matter.
+    pub limit: Value,
     /// True if the last output had no effect, because the bridge was coasting: the integrator holds.
     pub hold: bool,
 }
@@ -57,75 +46,52 @@ pub struct PidInput {
 /// State of one loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pid {
-    /// In steps of 1/256 of the output's unit.
-    integral: i32,
-    last_measured: Option<i32>,
+    /// In the output's unit.
+    integral: Term,
+    last_measured: Option<Value>,
 }
 
 impl Pid {
-    /// One tick. The output is in steps of 1/256 of its unit, within `input.limit`.
+    /// One tick. The output is rounded down, and within `input.limit`.
     ///
     /// Anti-windup: the integrator moves only if the output does not saturate, or if it moves the
     /// output back into its range, and never beyond the range by itself.
-    #[inline(always)]
-    pub fn step(&mut self, gains: &Pidf, tick: Tick, input: PidInput) -> i32 {
-        let limit = input.limit;
-        let error = within::<30>(input.error);
-        // In Q24: three products below 2^61.
-        let mut sum = product(gains.p, error);
-        if gains.f != Coefficient::ZERO {
-            sum += product(gains.f, within::<30>(input.feed_forward));
-        }
-        if gains.d != Coefficient::ZERO {
-            if let Some(last) = self.last_measured {
-                // Per second; what does not fit is far beyond any limit.
-                let change = input.measured.wrapping_sub(last);
-                let rate = narrow((i64::from(change) * i64::from(tick.per_second)) >> 8);
-                sum -= product(gains.d, within::<30>(rate));
-            }
-            self.last_measured = Some(input.measured);
-        }
-        let increment = if gains.i == Coefficient::ZERO {
-            0
-        } else {
-            // The error (here up to 262 144 units) times the time, in steps of 2^-16.
-            let area = ((i64::from(within::<26>(error)) * i64::from(tick.seconds)) >> 12) as i32;
-            narrow((product(gains.i, area) + (1 << 23)) >> 24)
+    pub fn step(&mut self, gains: &Pidf, period: Period, input: PidInput) -> Value {
+        // At least 1 anyway, which spares the division a panic.
+        let ms = i64::from(period.as_millis()).max(1);
+        let limit = Term::from(input.limit).abs();
+        let rate = match self.last_measured.replace(input.measured) {
+            Some(last) => per_second(input.measured.wrapping_sub(last), ms),
+            None => Value::ZERO,
         };
-        let wanted = narrow(sum >> 16).saturating_add(self.integral).saturating_add(increment);
+
+        let proportional = product(gains.p, input.error);
+        let increment = product(gains.i, input.error).saturating_mul_int(ms) / 1000;
+        let integral = self.integral.saturating_add(increment);
+        let derivative = product(gains.d, rate);
+        let feed_forward = product(gains.f, input.feed_forward);
+
+        let wanted =
+            proportional.saturating_add(integral).saturating_sub(derivative).saturating_add(feed_forward);
         let output = wanted.clamp(-limit, limit);
-        let deeper = output != wanted && (wanted ^ increment) >= 0;
-        if !input.hold && !deeper {
-            self.integral = self.integral.saturating_add(increment).clamp(-limit, limit);
+        let winds_up = output != wanted && wanted.is_negative() == increment.is_negative();
+        if !input.hold && !winds_up {
+            self.integral = integral.clamp(-limit, limit);
         }
-        output
+        Value::saturating_from_num(output)
     }
 
     /// Forgets the past, as when a loop is switched on.
     pub const fn reset(&mut self) {
-        *self = Self { integral: 0, last_measured: None };
+        *self = Self { integral: Term::ZERO, last_measured: None };
     }
 }
 
-/// Clamped to `BITS` bits and a sign: one instruction.
-fn within<const BITS: u32>(value: i32) -> i32 {
-    value.clamp(-1 << BITS, !(-1 << BITS))
+/// `change` in `ms` as a rate; what does not fit is far beyond any limit.
+fn per_second(change: Value, ms: i64) -> Value {
+    Value::saturating_from_num(Term::from(change) * 1000 / ms)
 }
 
-/// Clamped to 32 bits.
-fn narrow(value: i64) -> i32 {
-    // Written so that what fits, which is nearly always, costs one comparison.
-    let low = value as i32;
-    if i64::from(low) == value {
-        low
-    } else if value < 0 {
-        -i32::MAX
-    } else {
-        i32::MAX
-    }
-}
-
-/// Coefficient (Q16) times a value.
-fn product(coefficient: Coefficient, value: i32) -> i64 {
-    i64::from(coefficient.to_bits()) * i64::from(value)
+fn product(coefficient: Coefficient, value: Value) -> Term {
+    I16F16::from_bits(coefficient.to_bits()).wide_mul(value)
 }

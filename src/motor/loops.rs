@@ -1,23 +1,20 @@
 //! From a set-point to a control value: the velocity loop, and the position loop above it.
 
-use crate::motion::pid::PidInput;
-use crate::motion::{Pid, Pidf, Tick};
+use crate::motion::pid::{PidInput, Value};
+use crate::motion::{Pid, Pidf};
 use crate::units::{Control, CountsPerSecond, Period};
-
-/// Counts that still fit 32 bits in steps of 1/256.
-const FAR: i32 = (1 << 23) - 1;
 
 /// Both loops of one motor.
 #[derive(Clone, Debug)]
 pub(super) struct Loops {
-    tick: Tick,
+    period: Period,
     velocity: Pid,
     position: Pid,
 }
 
 impl Loops {
     pub(super) fn new(period: Period) -> Self {
-        Self { tick: Tick::new(period), velocity: Pid::default(), position: Pid::default() }
+        Self { period, velocity: Pid::default(), position: Pid::default() }
     }
 
     /// Starts both afresh.
@@ -31,9 +28,7 @@ impl Loops {
         self.velocity.reset();
     }
 
-    /// The control value for a velocity.
-    ///
-    /// `hold` is whether the last one had no effect, because the bridge was open.
+    /// The control value for a velocity. `hold`: the last one had no effect.
     pub(super) fn velocity(
         &mut self,
         gains: &Pidf,
@@ -41,23 +36,19 @@ impl Loops {
         measured: CountsPerSecond,
         hold: bool,
     ) -> Control {
-        let (target, measured) = (target.to_bits(), measured.to_bits());
-        let output = self.velocity.step(
-            gains,
-            self.tick,
-            PidInput {
-                error: target.saturating_sub(measured),
-                measured,
-                feed_forward: target,
-                limit: i32::from(Control::MAX.get()) << 8,
-                hold,
-            },
-        );
-        // Within the limit, which is the control range.
-        Control::new(((output + (1 << 7)) >> 8) as i16)
+        let [target, measured] = [target, measured].map(|speed| Value::from_bits(speed.to_bits()));
+        let input = PidInput {
+            error: target.saturating_sub(measured),
+            measured,
+            feed_forward: target,
+            limit: Value::from_num(Control::MAX.get()),
+            hold,
+        };
+        let output = self.velocity.step(gains, self.period, input);
+        Control::saturating(output.round().to_num())
     }
 
-    /// The velocity at which to go to a position now.
+    /// The velocity at which to go to a position now. `hold`: the last one had no effect.
     pub(super) fn position(
         &mut self,
         gains: &Pidf,
@@ -66,19 +57,14 @@ impl Loops {
         speed_limit: CountsPerSecond,
         hold: bool,
     ) -> CountsPerSecond {
-        // From 8 million counts on it is far enough.
-        let distance = target.wrapping_sub(position).clamp(-FAR, FAR);
-        let bits = self.position.step(
-            gains,
-            self.tick,
-            PidInput {
-                error: distance << 8,
-                measured: position.wrapping_shl(8),
-                feed_forward: 0,
-                limit: speed_limit.to_bits().saturating_abs(),
-                hold,
-            },
-        );
-        CountsPerSecond::from_bits(bits)
+        let input = PidInput {
+            // The short way round; 8 million counts are as good as more.
+            error: Value::saturating_from_num(target.wrapping_sub(position)),
+            measured: Value::wrapping_from_num(position),
+            feed_forward: Value::ZERO,
+            limit: Value::from_bits(speed_limit.to_bits()),
+            hold,
+        };
+        CountsPerSecond::from_bits(self.position.step(gains, self.period, input).to_bits())
     }
 }

@@ -76,7 +76,6 @@ impl Motor {
     }
 
     /// One control tick.
-    #[inline(never)]
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
         let moved = reading
             .filter(|reading| now.since(reading.at) <= STALE_MICROS)
@@ -160,10 +159,7 @@ impl Motor {
         let place = |control| (control, self.settings.duty.place(self.settings.scheme, at, control));
         let (control, placement) = match self.watch.step(moved, velocity, gentle) {
             Finding::Fault(_) => return None,
-            Finding::Insist => {
-                let backwards = self.watch.last_control() < Control::ZERO;
-                (if backwards { Control::MIN } else { Control::MAX }, braking::full_reverse(at))
-            }
+            Finding::Insist(control) => (control, braking::full_reverse(at)),
             Finding::Probe(control) => place(control),
             Finding::Sound | Finding::Stalled => {
                 place(self.loops.velocity(&self.settings.velocity, target, velocity, self.coasting))

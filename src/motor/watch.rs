@@ -14,31 +14,27 @@ pub(super) struct Order {
     pub(super) regime: Regime,
 }
 
+/// The watch on one motor.
 #[derive(Clone, Debug)]
 pub(super) struct Watch {
-    period: Period,
     guard: Guard,
     /// At the last tick; `None` if the motor was not regulated or coasted.
     ordered: Option<Order>,
+    stalled: bool,
     /// Latched.
     fault: Option<EncoderFault>,
-    stalled: bool,
 }
 
 impl Watch {
     pub(super) fn new(period: Period) -> Self {
-        Self { period, guard: Guard::default(), ordered: None, fault: None, stalled: false }
+        Self { guard: Guard::new(period), ordered: None, stalled: false, fault: None }
     }
 
     /// What the encoder's answer to the last tick's order says of the encoder. `gentle` is whether the
     /// end of the control range may be less than full reverse.
     pub(super) fn step(&mut self, moved: i32, velocity: CountsPerSecond, gentle: bool) -> Finding {
         let Some(Order { target, control, regime }) = self.ordered else { return Finding::Sound };
-        if self.guard.trusts(control, regime, moved) {
-            return Finding::Sound;
-        }
-        let finding =
-            self.guard.examine(self.period, Evidence { control, regime, target, moved, velocity, gentle });
+        let finding = self.guard.step(Evidence { control, regime, target, moved, velocity, gentle });
         self.stalled = finding == Finding::Stalled;
         if let Finding::Fault(fault) = finding {
             self.fault = Some(fault);
@@ -53,20 +49,14 @@ impl Watch {
 
     /// Nothing is expected of the encoder until the next order.
     pub(super) fn pause(&mut self) {
-        *self = Self { fault: self.fault, ..Self::new(self.period) };
+        self.guard.reset();
+        self.ordered = None;
+        self.stalled = false;
     }
 
     /// Ends a latched fault.
     pub(super) const fn clear(&mut self) {
         self.fault = None;
-    }
-
-    /// The control value at the last tick.
-    pub(super) const fn last_control(&self) -> Control {
-        match self.ordered {
-            Some(order) => order.control,
-            None => Control::ZERO,
-        }
     }
 
     pub(super) const fn fault(&self) -> Option<EncoderFault> {

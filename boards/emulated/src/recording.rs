@@ -205,7 +205,7 @@ impl OnChip {
             std::env::var_os("MOTOR_HUB_BUDGET_ELF").map_or_else(|| elf::build("budget"), PathBuf::from);
         let bench = Bench::with_image(Setup::new(Vec::new()), &image);
         let [settings, inputs, outputs, pending, begin, end] =
-            ["SETTINGS", "INPUTS", "OUTPUTS", "PENDING", "Motor>::step", "::stepped"]
+            ["SETTINGS", "INPUTS", "OUTPUTS", "PENDING", "::step_motor", "::stepped"]
                 .map(|name| bench.address(name));
         let mut chip = Self { bench, image, settings, inputs, outputs, pending, begin, end };
         // Past the start-up code, which clears the memory.

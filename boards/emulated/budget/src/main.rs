@@ -57,8 +57,13 @@ fn setpoint(words: &[AtomicU32], at: usize) -> Setpoint {
     }
 }
 
-/// What is counted ends here, at its first instruction; it begins with the first of `Motor::step`. The
-/// answer, in words: control, mode and duty, velocity, position.
+/// What is counted begins here, at its first instruction.
+#[inline(never)]
+fn step_motor(motor: &mut Motor, now: Micros, reading: Reading, battery: Millivolts) -> Report {
+    motor.step(now, Some(reading), Some(battery))
+}
+
+/// What is counted ends here, at its first instruction. The answer, in words: control, mode and duty, velocity, position.
 #[inline(never)]
 fn stepped(index: usize, report: &Report) {
     let drive = report.drive;
@@ -95,7 +100,7 @@ fn main() -> ! {
                 at: time(&INPUTS, at + 5),
             };
             let battery = Millivolts(word(&INPUTS, at + 7) as u16);
-            let report = motor.step(time(&INPUTS, at), Some(reading), Some(battery));
+            let report = step_motor(motor, time(&INPUTS, at), reading, battery);
             stepped(index, &report);
         }
         put(&PENDING, 0, 0);
