@@ -40,7 +40,7 @@ impl Tracker {
                     edge_at: if moved != 0 {
                         now
                     } else if now.since(last.edge_at) > LONGEST_REST {
-                        Micros(now.0 - LONGEST_REST)
+                        Micros::new(now.get() - LONGEST_REST)
                     } else {
                         last.edge_at
                     },

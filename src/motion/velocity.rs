@@ -32,7 +32,7 @@ struct Sample {
 impl Sample {
     const fn new(reading: Reading) -> Self {
         const fn wrapped(time: Micros) -> u32 {
-            time.0 as u32
+            time.get() as u32
         }
         Self { position: reading.position, edge_at: wrapped(reading.edge_at), at: wrapped(reading.at) }
     }

@@ -196,7 +196,7 @@ fn constant(bits: f64) -> Result<EmfConstant, String> {
 }
 
 fn operating_point(emf: motor_hub::units::Emf, battery_mv: u16) -> Result<OperatingPoint, String> {
-    OperatingPoint::new(emf, Millivolts(battery_mv)).ok_or("the battery voltage must be above 0".into())
+    OperatingPoint::new(emf, Millivolts::new(battery_mv)).ok_or("the battery voltage must be above 0".into())
 }
 
 fn control(value: f64) -> Result<Control, String> {
