@@ -1,7 +1,7 @@
 //! What a board implements: four small traits over its peripherals.
 //!
 //! A board is its pins and peripherals behind these traits, plus the spawning of the tasks of
-//! [`crate::tasks`]. embedded-hal 1.0 has no trait for a quadrature counter, for an ADC or for a
+//! `crate::tasks`. embedded-hal 1.0 has no trait for a quadrature counter, for an ADC or for a
 //! bridge with three lines, so these are our own.
 
 use crate::bridge::Drive;

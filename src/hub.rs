@@ -56,7 +56,7 @@ pub struct Snapshot<const N: usize> {
 impl<const N: usize> Snapshot<N> {
     /// Before the first tick.
     pub const INITIAL: Self =
-        Self { tick: 0, at: Micros(0), missed: 0, battery: None, motors: [Report::INITIAL; N] };
+        Self { tick: 0, at: Micros::new(0), missed: 0, battery: None, motors: [Report::INITIAL; N] };
 
     /// What the bridges are told.
     pub fn drives(&self) -> [Drive; N] {

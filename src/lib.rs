@@ -22,7 +22,7 @@
 //! | [`motor`], [`hub`] | one motor, N motors: `step(inputs) -> outputs` |
 //! | [`link`] | the host's protocol: frames, commands, keep-alive, LED |
 //! | [`board`] | the traits that a board implements |
-//! | [`tasks`] | async shells round the above |
+//! | `tasks` (feature `tasks`, on by default) | async shells round the above |
 //! | `model` (feature `model`) | physics in `f64`, for simulators and tests; knows nothing of the control |
 //!
 //! The core is `no_std`, without floats, allocation, panics or `unsafe`; it has no clock and touches
@@ -41,5 +41,6 @@ pub mod model;
 pub mod motion;
 pub mod motor;
 pub mod supply;
+#[cfg(feature = "tasks")]
 pub mod tasks;
 pub mod units;

@@ -77,7 +77,7 @@ pub struct Limits {
 impl Default for Limits {
     /// 5 to 18 V: a 12 V battery, from sagging to on its charger.
     fn default() -> Self {
-        Self { min: Millivolts(5_000), max: Millivolts(18_000) }
+        Self { min: Millivolts::new(5_000), max: Millivolts::new(18_000) }
     }
 }
 
@@ -118,7 +118,7 @@ impl Supply {
     ///
     /// The filter is of first order with a time constant of four samples.
     pub fn step(&mut self, sample: Sample, now: Micros) -> Option<Battery> {
-        let range = i64::from(self.limits.min.0)..=i64::from(self.limits.max.0);
+        let range = i64::from(self.limits.min.get())..=i64::from(self.limits.max.get());
         let mv = self.scale.battery_mv(sample).filter(|mv| range.contains(mv));
         self.filtered = mv.map(|mv| match self.filtered {
             None => mv << 8,
@@ -126,7 +126,7 @@ impl Supply {
         });
         let filtered = self.filtered?;
         // Within the limits like everything it is made of, hence within 16 bits.
-        let voltage = Millivolts(u16::try_from((filtered + 128) >> 8).unwrap_or(u16::MAX));
+        let voltage = Millivolts::new(u16::try_from((filtered + 128) >> 8).unwrap_or(u16::MAX));
         Some(Battery { voltage, at: now })
     }
 }

@@ -26,7 +26,8 @@ fn schemes() -> [Scheme; 8] {
 /// Back EMF of `cps` for a NeveRest 60 on `battery_mv`.
 fn at(cps: i32, battery_mv: u16) -> OperatingPoint {
     let neverest_60 = EmfConstant::from_bits(4_180_495).expect("in range");
-    OperatingPoint::new(neverest_60.emf(CountsPerSecond::new(cps)), Millivolts(battery_mv)).expect("battery")
+    OperatingPoint::new(neverest_60.emf(CountsPerSecond::new(cps)), Millivolts::new(battery_mv))
+        .expect("battery")
 }
 
 /// Speeds from standstill to 40 times the free speed, clockwise.
@@ -254,13 +255,13 @@ fn the_automatic_blend_keeps_full_dynamic_braking_in_the_control_range() {
 fn schemes_c_and_d_have_no_formula_where_the_emf_equals_the_battery() {
     // 1 mV s/count at 12 000 counts/s.
     let emf = EmfConstant::from_bits(1 << 20).expect("in range").emf(CountsPerSecond::new(12_000));
-    let at = OperatingPoint::new(emf, Millivolts(12_000)).expect("battery");
+    let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("battery");
     for scheme in [Scheme::C, fraction(1 << 14), Scheme::D(Blend::Automatic)] {
         assert_eq!(Points::from_formula(scheme, at), None);
         // So near below that it hardly differs.
         let below =
             EmfConstant::from_bits((1 << 20) - 1).expect("in range").emf(CountsPerSecond::new(12_000));
-        let below = OperatingPoint::new(below, Millivolts(12_000)).expect("battery");
+        let below = OperatingPoint::new(below, Millivolts::new(12_000)).expect("battery");
         let (here, there) = (Points::new(scheme, at), Points::new(scheme, below));
         assert!((here.t.to_f64() - there.t.to_f64()).abs() < 1.0, "{here:?} {there:?}");
         assert!((here.s.to_f64() - there.s.to_f64()).abs() < 1.0, "{here:?} {there:?}");
@@ -272,7 +273,7 @@ fn points_hold_at_both_ends_of_emf_and_battery() {
     for cps in [0, 1, i32::MAX] {
         for battery in [1, u16::MAX] {
             let constant = EmfConstant::from_bits((1 << 25) - 1).expect("largest");
-            let at = OperatingPoint::new(constant.emf(CountsPerSecond::new(cps)), Millivolts(battery));
+            let at = OperatingPoint::new(constant.emf(CountsPerSecond::new(cps)), Millivolts::new(battery));
             let at = at.expect("battery");
             for scheme in schemes() {
                 let points = Points::new(scheme, at);
@@ -283,5 +284,5 @@ fn points_hold_at_both_ends_of_emf_and_battery() {
             }
         }
     }
-    assert_eq!(OperatingPoint::new(Default::default(), Millivolts(0)), None);
+    assert_eq!(OperatingPoint::new(Default::default(), Millivolts::new(0)), None);
 }

@@ -105,7 +105,7 @@ impl<const N: usize> Bench<N> {
     fn run_ms(&mut self, ms: u64) {
         for _ in 0..ms {
             self.ms += 1;
-            let now = Micros(self.ms * 1000);
+            let now = Micros::new(self.ms * 1000);
             let mut readings = self.axes.each_mut().map(|axis| axis.tracker.step(0, now));
             for ((axis, drive), reading) in self.axes.iter_mut().zip(self.drives).zip(&mut readings) {
                 axis.run_ms(drive);
@@ -113,7 +113,7 @@ impl<const N: usize> Bench<N> {
                 *reading = axis.tracker.step(count as u16, now);
             }
             if self.ms.is_multiple_of(u64::from(self.hub.period().as_millis())) {
-                let battery = Some(Battery { voltage: Millivolts(12_000), at: now });
+                let battery = Some(Battery { voltage: Millivolts::new(12_000), at: now });
                 self.snapshot = self.hub.step(Inputs { now, readings: Some(readings), battery });
                 self.drives = self.snapshot.drives();
             }

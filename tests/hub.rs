@@ -42,14 +42,15 @@ impl<const N: usize> Bench<N> {
 
     fn step(&mut self) -> Snapshot<N> {
         self.now += TICK;
-        let at = Micros(self.now - self.encoder_age);
+        let at = Micros::new(self.now - self.encoder_age);
         let readings = self.cps.map(|cps| Reading {
             position: (cps * self.now as i64 / 1_000_000) as i32,
             edge_at: at,
             at,
         });
-        let battery = self.battery_mv.map(|mv| Battery { voltage: Millivolts(mv), at: Micros(self.now) });
-        self.hub.step(Inputs { now: Micros(self.now), readings: Some(readings), battery })
+        let battery =
+            self.battery_mv.map(|mv| Battery { voltage: Millivolts::new(mv), at: Micros::new(self.now) });
+        self.hub.step(Inputs { now: Micros::new(self.now), readings: Some(readings), battery })
     }
 
     /// Long enough for a speed to be known, too short for the encoder, which turns whatever the
@@ -80,7 +81,7 @@ fn a_new_hub_coasts() {
     let snapshot = Bench::<4>::new().settle();
     assert_eq!(snapshot.drives(), [Drive::COAST; 4]);
     assert!(snapshot.motors.iter().all(|m| m.regime.is_none() && !m.faults.any()));
-    assert_eq!((snapshot.tick, snapshot.at), (21, Micros(21 * TICK)));
+    assert_eq!((snapshot.tick, snapshot.at), (21, Micros::new(21 * TICK)));
     assert_eq!(Snapshot::<4>::INITIAL.drives(), [Drive::COAST; 4]);
 }
 
@@ -169,9 +170,9 @@ fn a_target_across_the_end_of_the_position_range_is_approached_the_short_way() {
     let mut hub = Hub::new([settings()], Period::DEFAULT);
     let setpoint = position(i32::MIN + 10, 0, 500);
     hub.apply(Command { motor: 0, action: Action::Set(setpoint) }).expect("motor");
-    let at = Micros(TICK);
+    let at = Micros::new(TICK);
     let reading = Reading { position: i32::MAX - 10, edge_at: at, at };
-    let battery = Some(Battery { voltage: Millivolts(12_000), at });
+    let battery = Some(Battery { voltage: Millivolts::new(12_000), at });
     let snapshot = hub.step(Inputs { now: at, readings: Some([reading]), battery });
     assert!(snapshot.motors[0].control > Control::ZERO);
 }
@@ -200,8 +201,8 @@ fn an_old_battery_voltage_is_none() {
     let mut hub = Hub::new([settings()], Period::DEFAULT);
     let setpoint = Setpoint::ConstantPower(Control::MAX);
     hub.apply(Command { motor: 0, action: Action::Set(setpoint) }).expect("motor");
-    let battery = Some(Battery { voltage: Millivolts(12_000), at: Micros(0) });
-    let mut drive_at = |now| hub.step(Inputs { now: Micros(now), readings: None, battery }).drives()[0];
+    let battery = Some(Battery { voltage: Millivolts::new(12_000), at: Micros::new(0) });
+    let mut drive_at = |now| hub.step(Inputs { now: Micros::new(now), readings: None, battery }).drives()[0];
     assert_eq!(drive_at(100_000).duty, Duty::ONE);
     assert_eq!(drive_at(150_000), Drive::COAST);
 }
@@ -315,12 +316,12 @@ proptest! {
                 let now = (n as u64 + 10) * TICK;
                 let (other, edge_age, age, setpoint) = *neighbour;
                 hub.apply(Command { motor: 1, action: Action::Set(setpoint) }).expect("motor");
-                let battery = Some(Battery { voltage: Millivolts(12_000), at: Micros(now) });
+                let battery = Some(Battery { voltage: Millivolts::new(12_000), at: Micros::new(now) });
                 let readings = Some([
-                    Reading { position: position.into(), edge_at: Micros(now), at: Micros(now) },
-                    Reading { position: other, edge_at: Micros(now - edge_age), at: Micros(now - age) },
+                    Reading { position: position.into(), edge_at: Micros::new(now), at: Micros::new(now) },
+                    Reading { position: other, edge_at: Micros::new(now - edge_age), at: Micros::new(now - age) },
                 ]);
-                hub.step(Inputs { now: Micros(now), readings, battery }).motors[0]
+                hub.step(Inputs { now: Micros::new(now), readings, battery }).motors[0]
             }).collect::<Vec<_>>()
         };
         let quiet = vec![(0, 0, 0, Setpoint::Disabled); 12];

@@ -52,7 +52,7 @@ impl Point {
         let constant = EmfConstant::from_bits(1 << 20).expect("in range");
         let speed = CountsPerSecond::saturating_from_bits((emf_volts * 256e3).round() as i64);
         let emf: Emf = constant.emf(speed);
-        let at = OperatingPoint::new(emf, Millivolts((battery * 1e3) as u16)).expect("battery");
+        let at = OperatingPoint::new(emf, Millivolts::new((battery * 1e3) as u16)).expect("battery");
         Self { at, emf: emf.to_f64() / 1e3, battery }
     }
 
@@ -340,7 +340,7 @@ fn ends(winding: &LinearCurrent) {
     for cps in [i32::MIN, -400, -1, 0, 1, 12, 399, i32::MAX] {
         for battery in [1, 12_000, u16::MAX] {
             let emf = largest.emf(CountsPerSecond::new(cps));
-            let at = OperatingPoint::new(emf, Millivolts(battery)).expect("battery");
+            let at = OperatingPoint::new(emf, Millivolts::new(battery)).expect("battery");
             for scheme in schemes().into_iter().chain([Scheme::ForwardReverse]) {
                 for control in [i16::MIN, -20_000, -1, 0, 1, 20_000, i16::MAX] {
                     let _ = place_current(winding, scheme, at, Control::new(control));

@@ -16,7 +16,7 @@ fn keep_alive(number: u8) -> Vec<u8> {
 
 /// Message numbers of the packets found.
 fn found(decoder: &mut Decoder, mut bytes: &[u8], at: u64) -> Vec<u8> {
-    std::iter::from_fn(|| decoder.next(&mut bytes, Micros(at))).map(|packet| packet.number).collect()
+    std::iter::from_fn(|| decoder.next(&mut bytes, Micros::new(at))).map(|packet| packet.number).collect()
 }
 
 #[test]
@@ -93,7 +93,7 @@ fn a_packet_swallowed_by_an_unfinished_one_is_found_when_that_is_given_up() {
     bytes.extend(keep_alive(1));
     let mut decoder = Decoder::new();
     assert_eq!(found(&mut decoder, &bytes, 0), NONE);
-    assert_eq!(decoder.deadline(), Some(Micros(PATIENCE_MICROS)));
+    assert_eq!(decoder.deadline(), Some(Micros::new(PATIENCE_MICROS)));
     assert_eq!(found(&mut decoder, &[], PATIENCE_MICROS - 1), NONE);
     assert_eq!(found(&mut decoder, &[], PATIENCE_MICROS), [1]);
     assert_eq!(decoder.deadline(), None);

@@ -151,7 +151,7 @@ fn a_motor_is_not_enabled_on_a_low_or_unknown_battery() {
     {
         let mut host = Host::settled();
         host.do_all(&[(15, &[0, 1, 0])]);
-        host.snapshot.battery = battery.map(Millivolts);
+        host.snapshot.battery = battery.map(Millivolts::new);
         assert_eq!(host.call(10, &[0, 1]), said, "{battery:?}");
         assert_eq!(host.link.enabled()[0], said == Said::Ack(0));
     }
@@ -161,7 +161,7 @@ fn a_motor_is_not_enabled_on_a_low_or_unknown_battery() {
 fn the_battery_reads_0_when_unknown_and_saturates() {
     let mut host = Host::settled();
     for (battery, mv) in [(None, 0i16), (Some(32_768), 32_767)] {
-        host.snapshot.battery = battery.map(Millivolts);
+        host.snapshot.battery = battery.map(Millivolts::new);
         assert_eq!(host.call(7, &[13, 0]), Said::Data(mv.to_le_bytes().to_vec()));
     }
 }
@@ -169,12 +169,12 @@ fn the_battery_reads_0_when_unknown_and_saturates() {
 #[test]
 fn a_battery_becoming_low_calls_attention_once_and_stays_in_the_status() {
     let mut host = driving();
-    host.snapshot.battery = Some(Millivolts(6_900));
+    host.snapshot.battery = Some(Millivolts::new(6_900));
     assert_eq!(keep_alive(&mut host), Said::Ack(1));
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![1 << 4, 0]));
     assert_eq!(keep_alive(&mut host), Said::Ack(0));
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![1 << 4, 0]));
-    host.snapshot.battery = Some(Millivolts(7_100));
+    host.snapshot.battery = Some(Millivolts::new(7_100));
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![0, 0]));
     assert!(host.link.enabled()[0], "a running motor goes on");
 }
@@ -204,10 +204,10 @@ fn attention_is_called_until_the_status_is_read_and_cleared() {
 fn a_silence_of_2500_ms_disables_all_motors_once() {
     let mut host = driving();
     host.wait_ms(TIMEOUT_MS);
-    host.now.0 -= 1;
+    host.now = Micros::new(host.now.get() - 1);
     host.link.tick(host.now, &host.snapshot);
     assert!(host.link.enabled()[0] && host.told().is_empty());
-    host.now.0 += 1;
+    host.now = Micros::new(host.now.get() + 1);
     host.link.tick(host.now, &host.snapshot);
     assert_eq!(host.told(), [0, 1, 2, 3].map(|motor| set(motor, Setpoint::Disabled)));
     host.wait_ms(10 * TIMEOUT_MS);
@@ -255,7 +255,7 @@ fn any_packet_to_the_hub_keeps_motors_running_and_nothing_else_does() {
 fn the_timer_stands_until_the_first_packet() {
     let mut link = Link::new(Address::DEFAULT, [settings(); N]);
     assert_eq!(link.deadline(), None);
-    link.tick(Micros(1 << 40), &Snapshot::INITIAL);
+    link.tick(Micros::new(1 << 40), &Snapshot::INITIAL);
     assert_eq!(link.pending(), None);
 }
 
@@ -284,7 +284,7 @@ fn the_led_tells_of_the_host_and_the_battery() {
         colour
     });
     assert_eq!(seen, [Colour::BLUE, Colour::OFF].repeat(3)[..], "lost");
-    host.snapshot.battery = Some(Millivolts(6_500));
+    host.snapshot.battery = Some(Millivolts::new(6_500));
     keep_alive(&mut host);
     seen = [0; 6].map(|_| {
         let colour = host.link.led(host.now);
@@ -340,9 +340,9 @@ fn a_hub_with_fewer_motors_refuses_the_others() {
     let mut link = Link::new(Address::DEFAULT, [settings(); 2]);
     let packet = |motor| link_support::decode(&frame_to(2, 1, 0x1009, &[motor]));
     let ids = [0, 1, 2, 3]
-        .map(|motor| link.receive(&packet(motor), Micros(0), &Snapshot::INITIAL).map(|reply| reply.id));
+        .map(|motor| link.receive(&packet(motor), Micros::new(0), &Snapshot::INITIAL).map(|reply| reply.id));
     assert_eq!(ids, [0x9009, 0x9009, 0x7F02, 0x7F02].map(Some));
     let bulk =
-        link.receive(&link_support::decode(&frame_to(2, 1, 0x1000, &[])), Micros(0), &Snapshot::INITIAL);
+        link.receive(&link_support::decode(&frame_to(2, 1, 0x1000, &[])), Micros::new(0), &Snapshot::INITIAL);
     assert_eq!(bulk.map(|reply| reply.payload.len()), Some(35));
 }

@@ -81,7 +81,10 @@ impl World {
         let clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
         MockDriver::get().reset();
         let links = Links::new();
-        links.snapshot.sender().send(Snapshot { battery: Some(Millivolts(12_000)), ..Snapshot::INITIAL });
+        links
+            .snapshot
+            .sender()
+            .send(Snapshot { battery: Some(Millivolts::new(12_000)), ..Snapshot::INITIAL });
         Self { to_hub: Pipe::new(), line: Line::default(), links, shown: Cell::default(), _clock: clock }
     }
 

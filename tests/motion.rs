@@ -29,11 +29,11 @@ impl Bench {
     fn run(&mut self, ticks: u64, position: impl Fn(f64) -> f64) -> Vec<f64> {
         let mut estimates = Vec::new();
         for _ in 0..ticks {
-            let mut reading = Reading { position: 0, edge_at: Micros(0), at: Micros(0) };
+            let mut reading = Reading { position: 0, edge_at: Micros::new(0), at: Micros::new(0) };
             for _ in 0..self.period_ms {
                 self.ms += 1;
                 let count = position(self.ms as f64 / 1000.0).floor() as i64 as u16;
-                reading = self.tracker.step(count, Micros(self.ms * 1000));
+                reading = self.tracker.step(count, Micros::new(self.ms * 1000));
             }
             estimates.push(self.estimator.step(reading).to_f64());
         }
@@ -45,11 +45,11 @@ impl Bench {
 fn positions_unwrap_in_both_directions() {
     let mut tracker = Tracker::default();
     let mut position = 0i32;
-    tracker.step(0, Micros(0));
+    tracker.step(0, Micros::new(0));
     for (n, step) in [30_000, 30_000, -32_768, 7, -30_000, -30_000, 32_767, 32_767, 1].into_iter().enumerate()
     {
         position += step;
-        let reading = tracker.step(position as u16, Micros(n as u64 + 1));
+        let reading = tracker.step(position as u16, Micros::new(n as u64 + 1));
         assert_eq!(reading.position, position);
     }
 }
@@ -57,9 +57,18 @@ fn positions_unwrap_in_both_directions() {
 #[test]
 fn an_edge_is_stamped_when_it_is_seen_and_kept_while_nothing_moves() {
     let mut tracker = Tracker::default();
-    assert_eq!(tracker.step(65_535, Micros(5)), Reading { position: 0, edge_at: Micros(5), at: Micros(5) });
-    assert_eq!(tracker.step(0, Micros(6)), Reading { position: 1, edge_at: Micros(6), at: Micros(6) });
-    assert_eq!(tracker.step(0, Micros(9)), Reading { position: 1, edge_at: Micros(6), at: Micros(9) });
+    assert_eq!(
+        tracker.step(65_535, Micros::new(5)),
+        Reading { position: 0, edge_at: Micros::new(5), at: Micros::new(5) }
+    );
+    assert_eq!(
+        tracker.step(0, Micros::new(6)),
+        Reading { position: 1, edge_at: Micros::new(6), at: Micros::new(6) }
+    );
+    assert_eq!(
+        tracker.step(0, Micros::new(9)),
+        Reading { position: 1, edge_at: Micros::new(6), at: Micros::new(9) }
+    );
 }
 
 #[test]

@@ -24,7 +24,7 @@ fn sample(battery_mv: f64, rail_mv: f64) -> Sample {
 }
 
 fn first(sample: Sample) -> Option<Battery> {
-    supply().step(sample, Micros(7))
+    supply().step(sample, Micros::new(7))
 }
 
 #[test]
@@ -32,9 +32,9 @@ fn every_plausible_voltage_is_read_within_one_and_a_half_steps_of_the_converter(
     let step_mv = 3300.0 / 4095.0 * 5.7;
     for mv in (5_010..17_990).step_by(7) {
         let battery = first(sample(f64::from(mv), 3300.0)).expect("plausible");
-        let error = f64::from(battery.voltage.0) - f64::from(mv);
+        let error = f64::from(battery.voltage.get()) - f64::from(mv);
         assert!(error.abs() <= 1.5 * step_mv + 1.0, "{mv} mV: off by {error}");
-        assert_eq!(battery.at, Micros(7));
+        assert_eq!(battery.at, Micros::new(7));
     }
 }
 
@@ -42,7 +42,7 @@ fn every_plausible_voltage_is_read_within_one_and_a_half_steps_of_the_converter(
 fn a_sagging_rail_is_not_taken_for_a_rising_battery() {
     for rail in [2_800.0, 3_000.0, 3_300.0, 3_500.0] {
         let battery = first(sample(12_000.0, rail)).expect("plausible");
-        assert!((f64::from(battery.voltage.0) - 12_000.0).abs() < 20.0, "{rail}: {battery:?}");
+        assert!((f64::from(battery.voltage.get()) - 12_000.0).abs() < 20.0, "{rail}: {battery:?}");
     }
 }
 
@@ -65,9 +65,10 @@ fn absurd_scales_do_not_overflow() {
     for calibration in [0, 1, u16::MAX] {
         for (top, bottom) in [(u32::MAX, 1), (1, u32::MAX), (u32::MAX, u32::MAX)] {
             let scale = Scale::new(top, bottom, calibration).expect("above 0");
-            let mut supply = Supply::new(scale, Limits { min: Millivolts(0), max: Millivolts(u16::MAX) });
+            let mut supply =
+                Supply::new(scale, Limits { min: Millivolts::new(0), max: Millivolts::new(u16::MAX) });
             for reading in [0, 1, 4095, u16::MAX] {
-                let _ = supply.step(Sample { battery: reading, vrefint: reading }, Micros(0));
+                let _ = supply.step(Sample { battery: reading, vrefint: reading }, Micros::new(0));
             }
         }
     }
@@ -76,10 +77,10 @@ fn absurd_scales_do_not_overflow() {
 #[test]
 fn noise_is_filtered_with_a_time_constant_of_four_samples() {
     let mut supply = supply();
-    supply.step(sample(12_000.0, 3300.0), Micros(0));
+    supply.step(sample(12_000.0, 3300.0), Micros::new(0));
     let voltages: Vec<f64> = (0..20)
-        .filter_map(|n| supply.step(sample(10_000.0, 3300.0), Micros(n)))
-        .map(|battery| f64::from(battery.voltage.0))
+        .filter_map(|n| supply.step(sample(10_000.0, 3300.0), Micros::new(n)))
+        .map(|battery| f64::from(battery.voltage.get()))
         .collect();
     assert!((voltages[0] - 11_500.0).abs() < 10.0, "a quarter of the way: {voltages:?}");
     assert!((voltages[3] - 10_632.0).abs() < 15.0, "{voltages:?}");
@@ -89,15 +90,15 @@ fn noise_is_filtered_with_a_time_constant_of_four_samples() {
 #[test]
 fn after_an_implausible_reading_the_filter_starts_afresh() {
     let mut supply = supply();
-    supply.step(sample(16_000.0, 3300.0), Micros(0));
-    assert_eq!(supply.step(sample(0.0, 3300.0), Micros(1)), None);
-    let battery = supply.step(sample(8_000.0, 3300.0), Micros(2)).expect("plausible");
-    assert!((f64::from(battery.voltage.0) - 8_000.0).abs() < 10.0, "{battery:?}");
+    supply.step(sample(16_000.0, 3300.0), Micros::new(0));
+    assert_eq!(supply.step(sample(0.0, 3300.0), Micros::new(1)), None);
+    let battery = supply.step(sample(8_000.0, 3300.0), Micros::new(2)).expect("plausible");
+    assert!((f64::from(battery.voltage.get()) - 8_000.0).abs() < 10.0, "{battery:?}");
 }
 
 #[test]
 fn a_voltage_goes_stale() {
-    let battery = Battery { voltage: Millivolts(12_000), at: Micros(1_000_000) };
-    assert_eq!(battery.fresh(Micros(1_100_000)), Some(Millivolts(12_000)));
-    assert_eq!(battery.fresh(Micros(1_100_001)), None);
+    let battery = Battery { voltage: Millivolts::new(12_000), at: Micros::new(1_000_000) };
+    assert_eq!(battery.fresh(Micros::new(1_100_000)), Some(Millivolts::new(12_000)));
+    assert_eq!(battery.fresh(Micros::new(1_100_001)), None);
 }

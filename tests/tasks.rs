@@ -178,7 +178,7 @@ fn ticks_come_exactly_one_period_apart() {
             board.run_ms(u64::from(period_ms));
             let snapshot = parts.snapshot();
             assert_eq!(u64::from(snapshot.tick), tick);
-            assert_eq!(snapshot.at, Micros(tick * u64::from(period_ms) * 1000));
+            assert_eq!(snapshot.at, Micros::new(tick * u64::from(period_ms) * 1000));
             assert_eq!(snapshot.missed, 0);
         }
     }
@@ -193,10 +193,10 @@ fn a_tick_that_came_too_late_is_left_out_and_counted_not_caught_up() {
     MockDriver::get().advance(Duration::from_millis(270));
     board.poll();
     let late = parts.snapshot();
-    assert_eq!((late.tick, late.at), (3, Micros(370_000)));
+    assert_eq!((late.tick, late.at), (3, Micros::new(370_000)));
     board.run_ms(30);
     let next = parts.snapshot();
-    assert_eq!((next.tick, next.at, next.missed), (4, Micros(400_000), 4), "back on the grid");
+    assert_eq!((next.tick, next.at, next.missed), (4, Micros::new(400_000), 4), "back on the grid");
 }
 
 #[test]
@@ -318,7 +318,7 @@ fn the_battery_is_unknown_until_the_first_good_reading() {
     assert_eq!(parts.world.last_drives(), [Drive::COAST; N]);
     parts.world.sample.set(Some(GOOD));
     board.run_ms(70);
-    let battery = parts.snapshot().battery.expect("measured").0;
+    let battery = parts.snapshot().battery.expect("measured").get();
     assert!((11_950..12_050).contains(&battery), "{battery}");
 }
 

@@ -1,7 +1,9 @@
 //! Ranges of the fixed-point quantities, driven to both ends.
 
+use motor_hub::model::catalogue;
 use motor_hub::units::{
-    Coefficient, Control, CountsPerSecond, Duty, EmfConstant, Micros, Period, RangeError,
+    Coefficient, Control, CountsPerSecond, Duty, EmfConstant, Inductance, Micros, Millivolts, Period,
+    RangeError, Resistance, constant,
 };
 
 #[test]
@@ -85,5 +87,103 @@ fn speeds_round_and_saturate() {
     assert_eq!(CountsPerSecond::new(i32::MIN).round(), -8_388_608);
     assert_eq!(CountsPerSecond::saturating_from_bits(383).round(), 1);
     assert_eq!(CountsPerSecond::saturating_from_bits(384).round(), 2);
-    assert_eq!(Micros(3).since(Micros(5)), 0);
+    assert_eq!(Micros::new(3).since(Micros::new(5)), 0);
+}
+
+#[test]
+fn voltages_windings_and_inductances_reach_both_ends_of_their_range_and_no_further() {
+    for mv in [0, 1, 12_000, u16::MAX] {
+        assert_eq!(Millivolts::new(mv).get(), mv);
+        assert_eq!(Millivolts::from_volts(f64::from(mv) / 1e3), Ok(Millivolts::new(mv)));
+    }
+    assert_eq!(Millivolts::from_volts(-0.000_4), Ok(Millivolts::new(0)), "to the nearest");
+    assert_eq!(Millivolts::from_volts(65.535_4), Ok(Millivolts::new(u16::MAX)), "to the nearest");
+    for volts in [-0.000_5, 65.535_5, f64::NAN, f64::INFINITY, f64::MAX, f64::MIN] {
+        assert_eq!(Millivolts::from_volts(volts), Err(RangeError::Voltage), "{volts}");
+    }
+
+    for whole in 1..=u16::MAX {
+        let thousandths = f64::from(whole) / 1e3;
+        assert_eq!(Resistance::from_milliohms(whole).map(Resistance::as_milliohms), Ok(whole));
+        assert_eq!(Resistance::from_ohms(thousandths).map(Resistance::as_milliohms), Ok(whole));
+        assert_eq!(Inductance::from_microhenries(whole).map(Inductance::as_microhenries), Ok(whole));
+        assert_eq!(Inductance::from_millihenries(thousandths).map(Inductance::as_microhenries), Ok(whole));
+    }
+    assert_eq!(Resistance::from_milliohms(0), Err(RangeError::Resistance));
+    assert_eq!(Inductance::from_microhenries(0), Err(RangeError::Inductance));
+    for thousandths in [-3.3, 0.0, 0.000_4, 65.535_5, f64::NAN, f64::INFINITY, f64::MAX] {
+        assert_eq!(Resistance::from_ohms(thousandths), Err(RangeError::Resistance), "{thousandths}");
+        assert_eq!(Inductance::from_millihenries(thousandths), Err(RangeError::Inductance), "{thousandths}");
+    }
+}
+
+#[test]
+fn ke_of_every_motor_in_the_catalogue_is_its_ke_fw_to_the_nearest_step() {
+    let motors: Vec<_> = catalogue::motors().collect();
+    assert_eq!(motors.len(), 17);
+    for motor in motors {
+        let constant = EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor).expect(motor.name);
+        let error = f64::from(constant.to_bits()) - motor.ke_fw() * f64::from(1 << 20);
+        assert!(error.abs() <= 0.5 + 1e-6, "{}: off by {error} steps", motor.name);
+    }
+}
+
+#[test]
+fn ke_of_a_neverest_60_is_known_to_the_bit_while_it_is_compiled() {
+    const NEVEREST_60: EmfConstant = constant!(EmfConstant::from_ke(533.0 / 30_000.0, 28.0));
+    assert_eq!(NEVEREST_60.to_bits(), 4_180_495);
+}
+
+#[test]
+fn ke_out_of_range_is_refused() {
+    // keFw = Ke at this many counts a revolution, in mV s/count.
+    let counts = 2e3 * std::f64::consts::PI;
+    let step = f64::from(1 << 20).recip();
+    let bits = |ke| EmfConstant::from_ke(ke, counts).map(EmfConstant::to_bits);
+    assert_eq!(bits(step), Ok(1));
+    assert_eq!(bits(0.6 * step), Ok(1));
+    assert_eq!(bits(32.0 - step), Ok((1 << 25) - 1));
+    for ke in [0.4 * step, 0.0, -1.0, -4096.0, 32.0, 4096.0, 8192.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(bits(ke), Err(RangeError::EmfConstant), "{ke}");
+    }
+    for (ke, counts) in [(1.0, 0.0), (0.0, 0.0), (1.0, -28.0), (-1.0, -28.0), (1.0, f64::NAN)] {
+        assert_eq!(EmfConstant::from_ke(ke, counts), Err(RangeError::EmfConstant), "{ke} {counts}");
+    }
+}
+
+#[test]
+fn speeds_come_from_rpm_and_radians_per_second() {
+    let speed = |bits| Ok(CountsPerSecond::from_bits(bits));
+    for (rpm, counts, bits) in [
+        (0.0, 28.0, 0),
+        (60.0, 1680.0, 1680 << 8),
+        (-60.0, 1680.0, -(1680 << 8)),
+        (60.0 / 256.0, 1.0, 1),
+        (-0.6 * 60.0 / 256.0, 1.0, -1),
+        (60.0 * 8_388_607.0, 1.0, 8_388_607 << 8),
+        (-60.0 * 8_388_607.0, 1.0, -(8_388_607 << 8)),
+    ] {
+        assert_eq!(CountsPerSecond::from_rpm(rpm, counts), speed(bits), "{rpm}");
+        let radians_per_second = rpm / 60.0 * std::f64::consts::TAU;
+        assert_eq!(CountsPerSecond::from_radians_per_second(radians_per_second, counts), speed(bits));
+    }
+    for (rpm, counts) in [
+        (60.0 * 8_388_608.0, 1.0),
+        (-60.0 * 8_388_608.0, 1.0),
+        (f64::NAN, 1.0),
+        (f64::INFINITY, 1.0),
+        (f64::MAX, f64::MAX),
+        (60.0, 0.0),
+        (60.0, -1.0),
+        (0.0, f64::INFINITY),
+    ] {
+        assert_eq!(CountsPerSecond::from_rpm(rpm, counts), Err(RangeError::Speed), "{rpm} {counts}");
+        assert_eq!(CountsPerSecond::from_radians_per_second(rpm, counts), Err(RangeError::Speed));
+    }
+}
+
+#[test]
+fn times_reach_to_the_end_of_the_clock() {
+    assert_eq!(Micros::new(u64::MAX).since(Micros::new(0)), u64::MAX);
+    assert_eq!(Micros::new(u64::MAX).get(), u64::MAX);
 }

@@ -21,7 +21,7 @@ pub struct OperatingPoint {
 impl OperatingPoint {
     /// `None` if the battery voltage is 0: nothing can be said about a bridge without supply.
     pub const fn new(emf: Emf, battery: Millivolts) -> Option<Self> {
-        if battery.0 == 0 { None } else { Some(Self { emf, battery }) }
+        if battery.get() == 0 { None } else { Some(Self { emf, battery }) }
     }
 
     /// True if the motor turns counter-clockwise, so that control and modes are mirrored.
@@ -31,12 +31,12 @@ impl OperatingPoint {
 
     /// |emf| and battery voltage in steps of 2^-20 mV: below 2^37 and below 2^36.
     const fn fine(self) -> (i64, i64) {
-        (self.emf.to_bits().abs(), (self.battery.0 as i64) << 20)
+        (self.emf.to_bits().abs(), (self.battery.get() as i64) << 20)
     }
 
     /// |emf| and battery voltage in 1/16 mV: at most 2^21 and below 2^20.
     pub(super) const fn sixteenths(self) -> (i64, i64) {
-        ((self.emf.eighths().abs() as i64) << 1, (self.battery.0 as i64) << 4)
+        ((self.emf.eighths().abs() as i64) << 1, (self.battery.get() as i64) << 4)
     }
 
     /// True if the back EMF is at least the battery voltage: the battery can push no current.

@@ -58,7 +58,7 @@ impl Alive {
     /// When the timer runs out, if it runs.
     pub const fn deadline(&self) -> Option<Micros> {
         match self.host {
-            Host::Heard(at) => Some(Micros(at.0.saturating_add(TIMEOUT_MICROS))),
+            Host::Heard(at) => Some(Micros::new(at.get().saturating_add(TIMEOUT_MICROS))),
             Host::Awaited | Host::Lost(_) => None,
         }
     }

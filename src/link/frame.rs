@@ -67,7 +67,7 @@ enum Candidate {
 impl Decoder {
     /// Has seen nothing.
     pub const fn new() -> Self {
-        Self { bytes: Deque::new(), first_at: Micros(0), last_at: Micros(0) }
+        Self { bytes: Deque::new(), first_at: Micros::new(0), last_at: Micros::new(0) }
     }
 
     /// Takes bytes off the front of `input`, all of which have come by `now`, until a packet is
@@ -94,7 +94,7 @@ impl Decoder {
 
     /// When the unfinished frame at hand, if any, is given up.
     pub fn deadline(&self) -> Option<Micros> {
-        (!self.bytes.is_empty()).then_some(Micros(self.first_at.0.saturating_add(PATIENCE_MICROS)))
+        (!self.bytes.is_empty()).then_some(Micros::new(self.first_at.get().saturating_add(PATIENCE_MICROS)))
     }
 
     fn push(&mut self, byte: u8, now: Micros) {

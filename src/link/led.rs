@@ -118,7 +118,7 @@ impl Sign {
             Self::Waiting => Colour::BLUE,
             Self::Talking => Colour::GREEN,
             Self::Lost(since) => blink(since, Colour::BLUE),
-            Self::BatteryLow => blink(Micros(0), Colour::ORANGE),
+            Self::BatteryLow => blink(Micros::new(0), Colour::ORANGE),
         }
     }
 }

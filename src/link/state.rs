@@ -14,7 +14,7 @@ use crate::units::{Micros, Millivolts};
 
 /// Below this the battery is low: motors cannot be enabled, and the status word and the LED say so.
 /// Motors that run go on.
-pub const LOW_BATTERY: Millivolts = Millivolts(7_000);
+pub const LOW_BATTERY: Millivolts = Millivolts::new(7_000);
 
 /// What the version commands say. Hosts read from it what a hub understands: from 1.8.2 on, PIDF.
 const VERSION_TEXT: &[u8] = b"HW: 20, Maj: 1, Min: 8, Eng: 2";
@@ -155,7 +155,7 @@ impl<const N: usize> Link<N> {
             Request::Bulk => return Ok(self.bulk(snapshot).answer()),
             Request::Battery => {
                 // Unknown reads 0, which no battery does that a hub runs from.
-                let Millivolts(mv) = snapshot.battery.unwrap_or_default();
+                let mv = snapshot.battery.unwrap_or_default().get();
                 return Ok(Answer::data(&[&i16::try_from(mv).unwrap_or(i16::MAX).to_le_bytes()]));
             }
             Request::PhoneCharge => return Ok(Answer::data(&[&[u8::from(self.phone_charge)]])),

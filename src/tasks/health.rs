@@ -1,7 +1,8 @@
 //! The watchdog is fed only while every task has checked in.
 
 use crate::board::Watchdog;
-use core::sync::atomic::{AtomicU8, Ordering};
+use core::cell::Cell;
+use embassy_sync::blocking_mutex::CriticalSectionMutex;
 use embassy_time::{Duration, Ticker};
 
 /// A task that must check in.
@@ -26,7 +27,8 @@ const ALWAYS: u8 = Task::Capture as u8 | Task::Supply as u8 | Task::Control as u
 /// Who has checked in since the watchdog was last fed.
 #[derive(Debug)]
 pub struct Health {
-    checked_in: AtomicU8,
+    /// In a critical section, not an atomic: some cores can load and store but not read, modify and write.
+    checked_in: CriticalSectionMutex<Cell<u8>>,
     expected: u8,
 }
 
@@ -39,23 +41,29 @@ impl Default for Health {
 impl Health {
     /// Nobody has; the tasks that every board has are expected.
     pub const fn new() -> Self {
-        Self { checked_in: AtomicU8::new(0), expected: ALWAYS }
+        Self { checked_in: CriticalSectionMutex::new(Cell::new(0)), expected: ALWAYS }
     }
 
     /// Another task is expected besides.
     #[must_use]
     pub const fn expecting(self, task: Task) -> Self {
-        Self { checked_in: self.checked_in, expected: self.expected | task as u8 }
+        Self { expected: self.expected | task as u8, ..self }
     }
 
     /// A task says that it has done its work.
     pub fn check_in(&self, task: Task) {
-        self.checked_in.fetch_or(task as u8 & self.expected, Ordering::Relaxed);
+        self.checked_in.lock(|tasks| tasks.set(tasks.get() | task as u8 & self.expected));
     }
 
     /// True if all have checked in; the round then starts anew.
     fn take_if_all(&self) -> bool {
-        self.checked_in.compare_exchange(self.expected, 0, Ordering::Relaxed, Ordering::Relaxed).is_ok()
+        self.checked_in.lock(|tasks| {
+            let all = tasks.get() == self.expected;
+            if all {
+                tasks.set(0);
+            }
+            all
+        })
     }
 }
 

@@ -129,6 +129,6 @@ async fn until(deadline: Option<Micros>) {
 
 /// The first tick of the time driver that is not before `at`.
 fn instant(at: Micros) -> Instant {
-    let ticks = u128::from(at.0) * u128::from(TICK_HZ);
+    let ticks = u128::from(at.get()) * u128::from(TICK_HZ);
     Instant::from_ticks(u64::try_from(ticks.div_ceil(1_000_000)).unwrap_or(u64::MAX))
 }

@@ -78,5 +78,5 @@ impl<M: RawMutex, const N: usize> Default for Links<M, N> {
 
 /// The core's time is microseconds since boot, whatever the time driver's tick is.
 fn micros(instant: Instant) -> Micros {
-    Micros(instant.as_micros())
+    Micros::new(instant.as_micros())
 }

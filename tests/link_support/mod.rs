@@ -49,10 +49,10 @@ pub(crate) struct Host {
 impl Host {
     /// At a hub just after its reset, whose battery has 12.345 V.
     pub(crate) fn new() -> Self {
-        let snapshot = Snapshot { battery: Some(Millivolts(12_345)), ..Snapshot::INITIAL };
+        let snapshot = Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL };
         let address = Address::new(HUB).expect("an address");
         let link = Link::new(address, [settings(); N]);
-        Self { link, decoder: Decoder::new(), now: Micros(1_000_000), snapshot, number: 0 }
+        Self { link, decoder: Decoder::new(), now: Micros::new(1_000_000), snapshot, number: 0 }
     }
 
     /// At a hub that has nothing to call attention to.
@@ -111,13 +111,13 @@ impl Host {
     }
 
     pub(crate) fn wait_ms(&mut self, ms: u64) {
-        self.now.0 += ms * 1000;
+        self.now = Micros::new(self.now.get() + ms * 1000);
     }
 }
 
 /// The one packet in a frame.
 pub(crate) fn decode(mut frame: &[u8]) -> Packet {
-    let packet = Decoder::new().next(&mut frame, Micros(0)).expect("a whole frame");
+    let packet = Decoder::new().next(&mut frame, Micros::new(0)).expect("a whole frame");
     assert!(frame.is_empty());
     packet
 }

@@ -119,7 +119,7 @@ impl Recording {
         let mut tracker = Tracker::default();
         let (mut last, mut drive) = (Setpoint::Disabled, Drive::COAST);
         let mut recording = Self { rule, period, emf, inputs: Vec::new(), answers: Vec::new() };
-        let mut reading = tracker.step(0, Micros(0));
+        let mut reading = tracker.step(0, Micros::new(0));
         for tick in 0..ticks {
             let volts = 13.0 - 2.0 * tick as f64 / ticks as f64;
             for ms in 1..=u64::from(period.as_millis()) {
@@ -128,15 +128,15 @@ impl Recording {
                     ..Command::pwm(drive.mode, drive.duty.to_f64())
                 };
                 plant.run(Seconds(1e-3), command, Volts(volts));
-                let now = Micros(tick as u64 * period.as_micros() + ms * 1000);
+                let now = Micros::new(tick as u64 * period.as_micros() + ms * 1000);
                 reading = tracker.step(plant.counts() as u16, now);
             }
             // A tick comes a little after a sample.
-            let now = Micros(reading.at.0 + 37);
+            let now = Micros::new(reading.at.get() + 37);
             let input = Input {
                 now,
                 reading,
-                battery: Millivolts((volts * 1000.0) as u16),
+                battery: Millivolts::new((volts * 1000.0) as u16),
                 setpoint: setpoint(tick),
             };
             if input.setpoint != last {
@@ -163,7 +163,7 @@ impl Input {
                 [3, target.cast_unsigned(), u32::from(tolerance), speed(speed_limit)]
             }
         };
-        let halves = |time: Micros| [time.0 as u32, (time.0 >> 32) as u32];
+        let halves = |time: Micros| [time.get() as u32, (time.get() >> 32) as u32];
         let [now, edge, at] = [self.now, self.reading.edge_at, self.reading.at].map(halves);
         [
             now[0],
@@ -173,7 +173,7 @@ impl Input {
             edge[1],
             at[0],
             at[1],
-            u32::from(self.battery.0),
+            u32::from(self.battery.get()),
             kind,
             target,
             tolerance,

@@ -118,7 +118,7 @@ pub fn run(
         }
         snapshot = snapshots.try_changed().unwrap_or(snapshot);
         let describe = &mut || {
-            let battery_v = snapshot.battery.map_or(0.0, |mv| f64::from(mv.0) * 1e-3);
+            let battery_v = snapshot.battery.map_or(0.0, |mv| f64::from(mv.get()) * 1e-3);
             let motors = snapshot.motors.iter().map(|motor| (motor.velocity.to_f64(), motor.drive));
             let Colour { red, green, blue } = led.get();
             format!("LED #{red:02x}{green:02x}{blue:02x}, {}", line_on(battery_v, motors))

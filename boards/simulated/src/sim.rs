@@ -200,9 +200,9 @@ fn observe(board: &Board, snapshot: &Snapshot<MOTORS>, torques: &[f64]) -> Tick 
     let view = board.view();
     let motors = view.motors.into_iter().zip(&snapshot.motors).zip(torques);
     Tick {
-        at_s: snapshot.at.0 as f64 * 1e-6,
+        at_s: snapshot.at.get() as f64 * 1e-6,
         battery_v: view.battery_v,
-        measured_v: snapshot.battery.map(|mv| f64::from(mv.0) * 1e-3),
+        measured_v: snapshot.battery.map(|mv| f64::from(mv.get()) * 1e-3),
         motors: motors
             .map(|(((speed_cps, counts), report), &torque_nm)| Sample {
                 report: *report,

@@ -142,7 +142,7 @@ fn a_motor_that_the_hub_lets_go_ends_the_command() {
 #[test]
 fn the_program_says_why_the_hub_refuses() {
     let mut hub = Hub::new();
-    hub.snapshot.battery = Some(Millivolts(6_000));
+    hub.snapshot.battery = Some(Millivolts::new(6_000));
     let server = Server::start(hub);
     let output = client(&server, &["power", "0", "0.5", "--for", "5"]);
     assert_eq!(output.status.code(), Some(1));

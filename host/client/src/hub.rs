@@ -69,7 +69,7 @@ impl<L: Read + Write> Session<L> {
         let what = "tell its battery voltage";
         let data = self.get(what, 7, &[BATTERY, CONVERTED])?;
         let mv = parse(what, &data, Fields::i16)?;
-        Ok(Millivolts(u16::try_from(mv).unwrap_or_default()))
+        Ok(Millivolts::new(u16::try_from(mv).unwrap_or_default()))
     }
 
     /// Hardware and firmware, in the hub's own words.

@@ -179,7 +179,7 @@ impl<L: Read + Write> Session<L> {
                 return Ok(None);
             }
             let count = self.receive(&mut bytes)?;
-            let now = Micros(u64::try_from(self.since.elapsed().as_micros()).unwrap_or(u64::MAX));
+            let now = Micros::new(u64::try_from(self.since.elapsed().as_micros()).unwrap_or(u64::MAX));
             let mut input = bytes.get(..count).unwrap_or_default();
             while let Some(packet) = self.decoder.next(&mut input, now) {
                 self.arrived.push_back(packet);

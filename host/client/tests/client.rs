@@ -74,7 +74,7 @@ fn every_setting_can_be_read_back() {
     let colour = Colour { red: 1, green: 2, blue: 255 };
     session.set_led(colour).unwrap();
     assert_eq!(session.led().unwrap(), colour);
-    assert_eq!(session.battery().unwrap(), Millivolts(12_345));
+    assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
     session.fail_safe().unwrap();
     assert!(!session.enabled(2).unwrap());
     session.set_address(Address::new(77).unwrap()).unwrap();
@@ -124,7 +124,7 @@ fn a_reply_to_another_request_or_from_another_hub_is_not_taken() {
         let mut hub = Hub::new();
         hub.before = other;
         let mut session = session(Memory::new(hub));
-        assert_eq!(session.battery().unwrap(), Millivolts(12_345));
+        assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
     }
 }
 
@@ -141,7 +141,7 @@ fn stray_bytes_before_a_reply_do_no_harm() {
         let mut hub = Hub::new();
         hub.before = stray;
         let mut session = session(Memory::new(hub));
-        assert_eq!(session.battery().unwrap(), Millivolts(12_345));
+        assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
     }
 }
 
@@ -168,7 +168,7 @@ fn a_new_address_holds_even_if_its_answer_is_lost() {
     let mut session = Session::new(memory, Address::new(ADDRESS).unwrap(), Duration::from_millis(60));
     session.set_address(Address::new(77).unwrap()).unwrap();
     assert_eq!(session.address(), 77);
-    assert_eq!(session.battery().unwrap(), Millivolts(12_345));
+    assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
 }
 
 #[test]

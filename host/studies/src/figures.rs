@@ -209,7 +209,7 @@ fn over_speed(motor: &Motor) -> Figure {
 fn measured(motor: &Motor, scheme: Scheme, rule: &DutyRule, emf: f64, hertz: f64) -> Option<Vec<(f64, f64)>> {
     let constant = EmfConstant::from_bits(1 << 20).ok()?;
     let speed = CountsPerSecond::saturating_from_bits((emf * 256e3).round() as i64);
-    let point = OperatingPoint::new(constant.emf(speed), Millivolts((1e3 * BATTERY) as u16))?;
+    let point = OperatingPoint::new(constant.emf(speed), Millivolts::new((1e3 * BATTERY) as u16))?;
     let circuit = Circuit::new(motor, BRIDGE);
     let at = Conditions { battery: Volts(BATTERY), emf: Volts(emf) };
     let current = |control: i16| {

@@ -81,7 +81,7 @@ impl OperatingReport {
     /// If the firmware cannot represent the motor or the battery.
     pub fn new(motor: Motor, scheme: Scheme, speed_cps: i32, battery_mv: u16) -> Result<Self, StudyError> {
         let emf = emf_constant(&motor)?.emf(CountsPerSecond::new(speed_cps));
-        let at = OperatingPoint::new(emf, Millivolts(battery_mv)).ok_or(StudyError::NoBattery)?;
+        let at = OperatingPoint::new(emf, Millivolts::new(battery_mv)).ok_or(StudyError::NoBattery)?;
         let side = if at.counter_clockwise() { -1.0 } else { 1.0 };
         let Points { s, t, z, g } = Points::new(scheme, at);
         let (v, e) = (f64::from(battery_mv) * 1e-3, emf.to_f64().abs() * 1e-3);

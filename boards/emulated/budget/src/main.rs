@@ -75,7 +75,7 @@ fn stepped(index: usize, report: &Report) {
 }
 
 fn time(words: &[AtomicU32], at: usize) -> Micros {
-    Micros(u64::from(word(words, at + 1)) << 32 | u64::from(word(words, at)))
+    Micros::new(u64::from(word(words, at + 1)) << 32 | u64::from(word(words, at)))
 }
 
 #[entry]
@@ -99,7 +99,7 @@ fn main() -> ! {
                 edge_at: time(&INPUTS, at + 3),
                 at: time(&INPUTS, at + 5),
             };
-            let battery = Millivolts(word(&INPUTS, at + 7) as u16);
+            let battery = Millivolts::new(word(&INPUTS, at + 7) as u16);
             let report = step_motor(motor, time(&INPUTS, at), reading, battery);
             stepped(index, &report);
         }

@@ -34,7 +34,7 @@ impl Reading {
     }
 
     fn battery_v(&self) -> f64 {
-        f64::from(self.battery.0) / 1000.0
+        f64::from(self.battery.get()) / 1000.0
     }
 
     /// Lines of text for a terminal.

@@ -67,7 +67,7 @@ impl Everything {
     }
 
     fn battery_v(&self) -> f64 {
-        f64::from(self.battery.0) / 1000.0
+        f64::from(self.battery.get()) / 1000.0
     }
 
     fn text(&self) -> String {

@@ -39,7 +39,7 @@ impl Hub {
         let settings = Settings::new(EmfConstant::from_bits(4_180_495).unwrap());
         Self {
             link: Link::new(Address::new(ADDRESS).unwrap(), [settings; 4]),
-            snapshot: Snapshot { battery: Some(Millivolts(12_345)), ..Snapshot::INITIAL },
+            snapshot: Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL },
             was_enabled: [false; 4],
             before: |_| Vec::new(),
             deaf_for: 0,
@@ -53,7 +53,7 @@ impl Hub {
 
     /// Bytes come, bytes go.
     fn exchange(&mut self, mut bytes: &[u8]) -> Vec<u8> {
-        let now = Micros(self.since.elapsed().as_micros() as u64);
+        let now = Micros::new(self.since.elapsed().as_micros() as u64);
         let mut out = Vec::new();
         while let Some(mut packet) = self.decoder.next(&mut bytes, now) {
             if self.deaf_for > 0 {

@@ -1,0 +1,236 @@
+//! Voltages, and what a winding is made of.
+
+use super::{CountsPerSecond, RangeError, nearest};
+use core::num::NonZeroU16;
+use fixed::types::{I12F20, I44F20};
+
+/// The nearest whole number, if it is 1 to 65 535.
+const fn nearest_u16(value: f64) -> Option<NonZeroU16> {
+    match nearest(value) {
+        Some(whole) if 0 < whole && whole <= u16::MAX as i64 => NonZeroU16::new(whole as u16),
+        _ => None,
+    }
+}
+
+/// A battery voltage, 0 to 65 535 mV.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Millivolts(u16);
+
+impl Millivolts {
+    /// Whole millivolts.
+    pub const fn new(mv: u16) -> Self {
+        Self(mv)
+    }
+
+    /// From volts, rounded to the nearest millivolt.
+    ///
+    /// # Errors
+    /// [`RangeError::Voltage`] unless 0 to 65.535 V.
+    pub const fn from_volts(volts: f64) -> Result<Self, RangeError> {
+        match nearest(1e3 * volts) {
+            Some(mv) if 0 <= mv && mv <= u16::MAX as i64 => Ok(Self(mv as u16)),
+            _ => Err(RangeError::Voltage),
+        }
+    }
+
+    /// 0 to 65 535.
+    pub const fn get(self) -> u16 {
+        self.0
+    }
+}
+
+/// A winding's resistance, 1 to 65 535 milliohms.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Resistance(NonZeroU16);
+
+impl Resistance {
+    /// Whole milliohms.
+    ///
+    /// # Errors
+    /// [`RangeError::Resistance`] if 0.
+    pub const fn from_milliohms(mohm: u16) -> Result<Self, RangeError> {
+        match NonZeroU16::new(mohm) {
+            Some(mohm) => Ok(Self(mohm)),
+            None => Err(RangeError::Resistance),
+        }
+    }
+
+    /// From ohms, rounded to the nearest milliohm.
+    ///
+    /// # Errors
+    /// [`RangeError::Resistance`] unless that is 1 to 65 535 milliohms.
+    pub const fn from_ohms(ohms: f64) -> Result<Self, RangeError> {
+        match nearest_u16(1e3 * ohms) {
+            Some(mohm) => Ok(Self(mohm)),
+            None => Err(RangeError::Resistance),
+        }
+    }
+
+    /// 1 to 65 535.
+    pub const fn as_milliohms(self) -> u16 {
+        self.0.get()
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Resistance {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{} mohm", self.as_milliohms());
+    }
+}
+
+/// A winding's inductance, 1 to 65 535 microhenries. One that nobody has measured is an
+/// `Option<Inductance>` of `None`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Inductance(NonZeroU16);
+
+impl Inductance {
+    /// Whole microhenries.
+    ///
+    /// # Errors
+    /// [`RangeError::Inductance`] if 0.
+    pub const fn from_microhenries(uh: u16) -> Result<Self, RangeError> {
+        match NonZeroU16::new(uh) {
+            Some(uh) => Ok(Self(uh)),
+            None => Err(RangeError::Inductance),
+        }
+    }
+
+    /// From millihenries, rounded to the nearest microhenry.
+    ///
+    /// # Errors
+    /// [`RangeError::Inductance`] unless that is 1 to 65 535 microhenries.
+    pub const fn from_millihenries(mh: f64) -> Result<Self, RangeError> {
+        match nearest_u16(1e3 * mh) {
+            Some(uh) => Ok(Self(uh)),
+            None => Err(RangeError::Inductance),
+        }
+    }
+
+    /// 1 to 65 535.
+    pub const fn as_microhenries(self) -> u16 {
+        self.0.get()
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Inductance {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{} uH", self.as_microhenries());
+    }
+}
+
+/// Back-EMF constant keFw in millivolts per count per second, 6q20: above 0, below 32, in steps of
+/// 2^-20 (paper, revision of 31 August 2018; the largest known motor has 18.72).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EmfConstant(I12F20);
+
+impl EmfConstant {
+    /// From the motor's constant Ke in V s/rad and the encoder's counts per revolution of the same shaft,
+    /// rounded to the nearest step: keFw = 2000 pi Ke / counts.
+    ///
+    /// ```
+    /// # use motor_hub::units::{EmfConstant, constant};
+    /// // AndyMark NeveRest 60; the encoder sits on the motor's own shaft.
+    /// const NEVEREST_60: EmfConstant = constant!(EmfConstant::from_ke(0.017_766_667, 28.0));
+    /// assert_eq!(NEVEREST_60.to_bits(), 4_180_495); // 3.98683 mV s/count
+    /// ```
+    ///
+    /// # Errors
+    /// [`RangeError::EmfConstant`] if either is not above 0 or keFw is out of this type's range.
+    pub const fn from_ke(
+        volt_seconds_per_radian: f64,
+        counts_per_revolution: f64,
+    ) -> Result<Self, RangeError> {
+        let revolution = 2.0 * core::f64::consts::PI;
+        let ke_fw = 1e3 * revolution * volt_seconds_per_radian / counts_per_revolution;
+        match nearest(ke_fw * (1 << 20) as f64) {
+            Some(bits) if counts_per_revolution > 0.0 && 0 < bits && bits <= i32::MAX as i64 => {
+                Self::from_bits(bits as i32)
+            }
+            _ => Err(RangeError::EmfConstant),
+        }
+    }
+
+    /// From its 6q20 bits: 1 to 2^25 - 1.
+    ///
+    /// # Errors
+    /// [`RangeError::EmfConstant`] outside that range.
+    pub const fn from_bits(bits: i32) -> Result<Self, RangeError> {
+        if bits > 0 && bits < 1 << 25 {
+            Ok(Self(I12F20::from_bits(bits)))
+        } else {
+            Err(RangeError::EmfConstant)
+        }
+    }
+
+    /// 6q20 bits.
+    pub const fn to_bits(self) -> i32 {
+        self.0.to_bits()
+    }
+
+    /// The back EMF at `speed`.
+    ///
+    /// The product is formed in 64 bits: in 32 it overflows at 513 counts/s for a NeveRest 60.
+    pub const fn emf(self, speed: CountsPerSecond) -> Emf {
+        Emf(speed.to_bits() as i64 * self.to_bits() as i64)
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for EmfConstant {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{}/2^20 mV s/count", self.to_bits());
+    }
+}
+
+/// A back EMF. Positive when turning CW; beyond +-131 071 mV, far above any battery, the end of that
+/// range.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Emf(
+    /// The product of speed and constant, exact, in steps of 2^-28 mV: below 2^56. Whoever needs less
+    /// takes less.
+    i64,
+);
+
+impl Emf {
+    /// The largest magnitude, in millivolts.
+    const MAX_MV: i32 = 131_071;
+
+    /// Steps of 2^-20 mV, rounded.
+    pub const fn to_bits(self) -> i64 {
+        const MAX: i64 = (Emf::MAX_MV as i64) << 20;
+        let bits = (self.0 + (1 << 7)) >> 8;
+        if bits > MAX {
+            MAX
+        } else if bits < -MAX {
+            -MAX
+        } else {
+            bits
+        }
+    }
+
+    /// Steps of 1/8 mV, rounded: within 20 bits and a sign.
+    pub const fn eighths(self) -> i32 {
+        // 32 bits hold it: the product is below 2^56.
+        let bits = ((self.0 + (1 << 24)) >> 25) as i32;
+        if bits > (1 << 20) - 1 {
+            (1 << 20) - 1
+        } else if bits < -(1 << 20) {
+            -(1 << 20)
+        } else {
+            bits
+        }
+    }
+
+    /// True if it is that of CCW motion.
+    pub const fn is_negative(self) -> bool {
+        self.0 < 0
+    }
+
+    /// Millivolts, for reports.
+    pub fn to_f64(self) -> f64 {
+        I44F20::from_bits(self.to_bits()).to_num()
+    }
+}

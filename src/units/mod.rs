@@ -1,0 +1,131 @@
+//! Quantities of the control path: fixed-point newtypes with their range, resolution and checked
+//! conversions. Nothing here rounds or clamps without saying so.
+//!
+//! | quantity | range | resolution |
+//! |---|---|---|
+//! | [`Control`] | +-32 767 | 1 |
+//! | [`Duty`] | 0 to 1 | 2^-15 |
+//! | [`Coefficient`] of a PIDF | -32 768 to 32 768 | 2^-16 |
+//! | [`Millivolts`] | 0 to 65 535 mV | 1 mV |
+//! | [`Resistance`] | 1 to 65 535 mohm | 1 mohm |
+//! | [`Inductance`] | 1 to 65 535 uH | 1 uH |
+//! | [`EmfConstant`] | above 0, below 32 mV s/count | 2^-20 |
+//! | [`Emf`] | +-131 071 mV | 2^-20 mV |
+//! | [`CountsPerSecond`] | +-8 388 607 | 2^-8 |
+//! | [`Micros`] since boot | 64 bits | 1 us |
+//! | [`Period`] of control | 1 to 100 ms | 1 ms |
+//!
+//! Each hides its number. It is made by `new` (anything goes) or `from_...` (says of what, and checks), and
+//! read by `get`, `as_...` (whole units) or `to_...` (fixed-point bits, floats).
+//!
+//! Data sheets speak of ohms, rpm and V s/rad. Constructors from these take `f64`, once, at compile time or
+//! at set-up; the control path knows no floats. [`constant!`] checks a range while the program is compiled:
+//!
+//! ```
+//! use motor_hub::units::{EmfConstant, Resistance, constant};
+//!
+//! const WINDING: Resistance = constant!(Resistance::from_ohms(3.3));
+//! const NEVEREST_60: EmfConstant = constant!(EmfConstant::from_ke(0.017_766_667, 28.0));
+//! assert_eq!(WINDING.as_milliohms(), 3_300);
+//! assert_eq!(NEVEREST_60.to_bits(), 4_180_495); // 3.98683 mV s/count in 6q20
+//! ```
+//!
+//! What is out of range does not compile:
+//!
+//! ```compile_fail,E0080
+//! use motor_hub::units::{Resistance, constant};
+//!
+//! const WINDING: Resistance = constant!(Resistance::from_ohms(66.0));
+//! ```
+
+mod control;
+mod electrical;
+mod motion;
+mod time;
+
+pub use control::{Coefficient, Control, Duty};
+pub use electrical::{Emf, EmfConstant, Inductance, Millivolts, Resistance};
+pub use motion::CountsPerSecond;
+pub use time::{Micros, Period};
+
+#[doc(inline)]
+pub use crate::constant;
+
+/// The value of a checked constructor whose arguments are constants. If it is out of range the program
+/// does not compile; nothing is left to fail when it runs.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! constant {
+    ($constructor:expr) => {
+        const {
+            match $constructor {
+                Ok(value) => value,
+                Err(_) => panic!("out of range"),
+            }
+        }
+    };
+}
+
+/// Rounded to the nearest whole number, halves away from 0; `None` from 2^62 on and of what is no number.
+const fn nearest(value: f64) -> Option<i64> {
+    const LIMIT: f64 = (1_u64 << 62) as f64;
+    if !(-LIMIT < value && value < LIMIT) {
+        return None;
+    }
+    let whole = value as i64;
+    let rest = value - whole as f64;
+    if rest >= 0.5 {
+        Some(whole + 1)
+    } else if rest <= -0.5 {
+        Some(whole - 1)
+    } else {
+        Some(whole)
+    }
+}
+
+/// What is wrong with a number that a user gave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum RangeError {
+    /// The back-EMF constant must lie above 0 and below 32 mV s/count.
+    EmfConstant,
+    /// A voltage must lie in 0 to 65.535 V.
+    Voltage,
+    /// A resistance must lie in 0.001 to 65.535 ohm.
+    Resistance,
+    /// An inductance must lie in 0.001 to 65.535 mH.
+    Inductance,
+    /// A speed must lie within +-8 388 607 counts/s, and a revolution must have counts.
+    Speed,
+    /// A blend must lie in 0 to 1.
+    Blend,
+    /// The control period must be 1 to 100 ms.
+    Period,
+    /// A divider needs both resistances above 0.
+    Divider,
+    /// A winding or a bridge is out of the ranges stated with it.
+    Electrical,
+    /// There is no motor with this index.
+    Motor,
+}
+
+impl core::fmt::Display for RangeError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::EmfConstant => "back-EMF constant must be above 0 and below 32 mV s/count",
+            Self::Voltage => "voltage must be 0 to 65.535 V",
+            Self::Resistance => "resistance must be 0.001 to 65.535 ohm",
+            Self::Inductance => "inductance must be 0.001 to 65.535 mH",
+            Self::Speed => "speed must be within 8388607 counts/s, counts per revolution above 0",
+            Self::Blend => "blend must be 0 to 1",
+            Self::Period => "control period must be 1 to 100 ms",
+            Self::Divider => "both resistances of the battery divider must be above 0",
+            Self::Electrical => {
+                "resistance must be 1 to 65535 mohm, diode drop up to 2000 mV, switch up to 4095 mohm, PWM 100 to 200000 Hz"
+            }
+            Self::Motor => "no motor with this index",
+        })
+    }
+}
+
+impl core::error::Error for RangeError {}

@@ -1,0 +1,95 @@
+//! Speed, as encoders count it.
+
+use super::{RangeError, nearest};
+use fixed::types::I24F8;
+
+/// Encoder speed in counts per second: +-8 388 607, in steps of 1/256. Positive is CW.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct CountsPerSecond(I24F8);
+
+impl CountsPerSecond {
+    /// Standstill.
+    pub const ZERO: Self = Self(I24F8::ZERO);
+
+    /// Whole counts per second; beyond +-8 388 607 the end of the range.
+    pub const fn new(cps: i32) -> Self {
+        Self::saturating_from_bits((cps as i64) << 8)
+    }
+
+    /// From revolutions per minute of a shaft that makes so many encoder counts a revolution, rounded to
+    /// the nearest step. For a geared motor both are of the same shaft, either one.
+    ///
+    /// ```
+    /// # use motor_hub::units::{CountsPerSecond, constant};
+    /// // The output shaft of a NeveRest 60: 1680 counts a revolution.
+    /// const BRISK: CountsPerSecond = constant!(CountsPerSecond::from_rpm(60.0, 1680.0));
+    /// assert_eq!(BRISK, CountsPerSecond::new(1680));
+    /// ```
+    ///
+    /// # Errors
+    /// [`RangeError::Speed`] beyond the range of this type, or if `counts_per_revolution` is not above 0.
+    pub const fn from_rpm(rpm: f64, counts_per_revolution: f64) -> Result<Self, RangeError> {
+        Self::from_f64(rpm / 60.0, counts_per_revolution)
+    }
+
+    /// From the angular speed, in rad/s, of a shaft that makes so many encoder counts a revolution,
+    /// rounded to the nearest step.
+    ///
+    /// # Errors
+    /// [`RangeError::Speed`] beyond the range of this type, or if `counts_per_revolution` is not above 0.
+    pub const fn from_radians_per_second(
+        radians_per_second: f64,
+        counts_per_revolution: f64,
+    ) -> Result<Self, RangeError> {
+        Self::from_f64(radians_per_second / core::f64::consts::TAU, counts_per_revolution)
+    }
+
+    const fn from_f64(revolutions_per_second: f64, counts_per_revolution: f64) -> Result<Self, RangeError> {
+        let bits = nearest(revolutions_per_second * counts_per_revolution * 256.0);
+        match bits {
+            Some(bits) if counts_per_revolution > 0.0 && bits.unsigned_abs() <= i32::MAX as u64 => {
+                Ok(Self(I24F8::from_bits(bits as i32)))
+            }
+            _ => Err(RangeError::Speed),
+        }
+    }
+
+    /// From steps of 1/256 count per second.
+    pub const fn from_bits(bits: i32) -> Self {
+        Self(I24F8::from_bits(bits))
+    }
+
+    /// From steps of 1/256 count per second; beyond 32 bits the end of the range.
+    pub const fn saturating_from_bits(bits: i64) -> Self {
+        const MAX: i64 = i32::MAX as i64;
+        Self::from_bits(if bits > MAX {
+            i32::MAX
+        } else if bits < -MAX {
+            -i32::MAX
+        } else {
+            bits as i32
+        })
+    }
+
+    /// Steps of 1/256 count per second.
+    pub const fn to_bits(self) -> i32 {
+        self.0.to_bits()
+    }
+
+    /// Rounded to whole counts per second.
+    pub fn round(self) -> i32 {
+        self.0.saturating_add(I24F8::from_bits(1 << 7)).to_num()
+    }
+
+    /// Counts per second, for plots and models.
+    pub fn to_f64(self) -> f64 {
+        f64::from(self.0)
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for CountsPerSecond {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{} cps", self.round());
+    }
+}
