@@ -20,7 +20,8 @@
 //! | [`motion`] | set-point to control value: velocity, PID, position |
 //! | [`supply`] | ADC readings to battery voltage |
 //! | [`motor`], [`hub`] | one motor, N motors: `step(inputs) -> outputs` |
-//! | [`link`] | the host's protocol: frames, commands, keep-alive, LED |
+//! | [`protocol`] | the host's protocol as bytes, both ends of it: frames, requests, answers |
+//! | [`responder`] | the hub's end of it: what is remembered and decided; keep-alive, LED |
 //! | [`board`] | the traits that a board implements |
 //! | `tasks` (feature `tasks`, on by default) | async shells round the above |
 //! | `model` (feature `model`) | physics in `f64`, for simulators and tests; knows nothing of the control |
@@ -35,11 +36,12 @@ pub mod board;
 pub mod braking;
 pub mod bridge;
 pub mod hub;
-pub mod link;
 #[cfg(feature = "model")]
 pub mod model;
 pub mod motion;
 pub mod motor;
+pub mod protocol;
+pub mod responder;
 pub mod supply;
 #[cfg(feature = "tasks")]
 pub mod tasks;

@@ -7,7 +7,7 @@ use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::supply::{Limits, Sample, Scale, Supply};
-use motor_hub::tasks::{self, Health, Links, Task};
+use motor_hub::tasks::{self, Health, Task, Wires};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Period};
 use std::cell::{Cell, RefCell};
 use std::future::Future;
@@ -98,7 +98,7 @@ fn never<'a>(future: impl Future<Output = impl Sized> + 'a) -> Option<TaskFuture
 
 struct Parts {
     world: World,
-    links: Links<NoopRawMutex, N>,
+    wires: Wires<NoopRawMutex, N>,
     health: Health,
     period: Period,
     _clock: MutexGuard<'static, ()>,
@@ -111,31 +111,31 @@ impl Parts {
         let world = World::default();
         world.sample.set(Some(GOOD));
         let period = Period::from_millis(period_ms).expect("period");
-        Self { world, links: Links::new(), health: Health::new(), period, _clock: clock }
+        Self { world, wires: Wires::new(), health: Health::new(), period, _clock: clock }
     }
 
     fn board(&self) -> Board<'_> {
-        let Self { world, links, health, period, .. } = self;
+        let Self { world, wires, health, period, .. } = self;
         let scale = Scale::new(47_000, 10_000, CALIBRATION).expect("divider");
         let supply = Supply::new(scale, Limits::default());
         let settings = Settings::new(EmfConstant::from_bits(4_180_495).expect("in range"));
         let mut hub = Hub::new([settings; N], *period);
         Board {
-            capture: never(tasks::capture::run(world, links, health)),
-            supply: never(tasks::supply::run(world, supply, links, health)),
-            control: never(async move { tasks::control::run(&mut hub, links, health).await }),
-            output: never(tasks::output::run(world, *period, links, health)),
+            capture: never(tasks::capture::run(world, wires, health)),
+            supply: never(tasks::supply::run(world, supply, wires, health)),
+            control: never(async move { tasks::control::run(&mut hub, wires, health).await }),
+            output: never(tasks::output::run(world, *period, wires, health)),
             health: never(tasks::health::run(world, health)),
             woken: Arc::default(),
         }
     }
 
     fn send(&self, motor: usize, setpoint: Setpoint) {
-        self.links.commands.try_send(Command { motor, action: Action::Set(setpoint) }).expect("room");
+        self.wires.commands.try_send(Command { motor, action: Action::Set(setpoint) }).expect("room");
     }
 
     fn snapshot(&self) -> Snapshot<N> {
-        self.links.snapshot.try_get().expect("a tick has been")
+        self.wires.snapshot.try_get().expect("a tick has been")
     }
 }
 
@@ -222,11 +222,11 @@ fn commands_queue_in_order_and_the_sender_is_told_when_there_is_no_room() {
         parts.send(n % N, Setpoint::ConstantPower(Control::new(n as i16)));
     }
     let extra = Command { motor: 0, action: Action::Set(HALF) };
-    assert!(parts.links.commands.try_send(extra).is_err());
+    assert!(parts.wires.commands.try_send(extra).is_err());
     board.run_ms(50);
     let powers = parts.snapshot().motors.map(|m| m.control.get());
     assert_eq!(powers, [12, 13, 14, 15], "the last of each, none lost");
-    assert!(parts.links.commands.try_send(extra).is_ok());
+    assert!(parts.wires.commands.try_send(extra).is_ok());
 }
 
 #[test]
@@ -369,7 +369,7 @@ fn every_observer_sees_every_tick_it_waits_for() {
     let parts = Parts::new(50);
     let mut board = parts.board();
     let mut observers: Vec<_> =
-        (0..tasks::OBSERVERS).map(|_| parts.links.snapshot.receiver().expect("free")).collect();
+        (0..tasks::OBSERVERS).map(|_| parts.wires.snapshot.receiver().expect("free")).collect();
     for tick in 1..=5 {
         board.run_ms(50);
         for observer in &mut observers {
@@ -392,12 +392,12 @@ fn a_board_with_a_link_expects_it_to_check_in_too() {
     let fed = |expecting: bool, link: bool| {
         let mut parts = Parts::new(50);
         if expecting {
-            parts.health = Health::new().expecting(Task::Link);
+            parts.health = Health::new().expecting(Task::Responder);
         }
         let mut board = parts.board();
         for _ in 0..10 {
             if link {
-                parts.health.check_in(Task::Link);
+                parts.health.check_in(Task::Responder);
             }
             board.run_ms(100);
         }

@@ -1,6 +1,6 @@
 //! Encoder capture: samples all counters every millisecond and passes on positions and edge times.
 
-use super::{Health, Links, Task, micros};
+use super::{Health, Task, Wires, micros};
 use crate::board::Encoders;
 use crate::motion::Tracker;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -12,7 +12,7 @@ pub const INTERVAL: Duration = Duration::from_millis(1);
 /// Runs for ever.
 pub async fn run<M: RawMutex, const N: usize>(
     mut encoders: impl Encoders<N>,
-    links: &Links<M, N>,
+    wires: &Wires<M, N>,
     health: &Health,
 ) -> ! {
     let mut trackers = [Tracker::default(); N];
@@ -24,7 +24,7 @@ pub async fn run<M: RawMutex, const N: usize>(
             // As many counts as trackers, by type.
             tracker.step(counts.next().unwrap_or_default(), now)
         });
-        links.readings.signal(readings);
+        wires.readings.signal(readings);
         health.check_in(Task::Capture);
         ticker.next().await;
     }

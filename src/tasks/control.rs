@@ -1,6 +1,6 @@
 //! The control ticker: every period, commands in, one step of the hub, drives and snapshot out.
 
-use super::{Health, Links, Task, micros};
+use super::{Health, Task, Wires, micros};
 use crate::hub::{Hub, Inputs};
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
@@ -9,24 +9,24 @@ use embassy_time::{Duration, Instant, Timer};
 ///
 /// Ticks stay on a grid of whole periods from the start. A tick that ends after the next one was due
 /// makes that one be left out and counted, rather than followed by a burst.
-pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, links: &Links<M, N>, health: &Health) -> ! {
+pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>, health: &Health) -> ! {
     let period = Duration::from_micros(hub.period().as_micros());
-    let snapshots = links.snapshot.sender();
+    let snapshots = wires.snapshot.sender();
     let mut battery = None;
     let mut due = Instant::now() + period;
     loop {
         Timer::at(due).await;
         let now = Instant::now();
-        while let Ok(command) = links.commands.try_receive() {
+        while let Ok(command) = wires.commands.try_receive() {
             if hub.apply(command).is_err() {
                 // Whoever sent it used an index beyond N; there is no motor to do anything to.
                 continue;
             }
         }
-        battery = links.battery.try_take().or(battery);
-        let readings = links.readings.try_take();
+        battery = wires.battery.try_take().or(battery);
+        let readings = wires.readings.try_take();
         let snapshot = hub.step(Inputs { now: micros(now), readings, battery });
-        links.drives.signal(snapshot.drives());
+        wires.drives.signal(snapshot.drives());
         snapshots.send(snapshot);
         health.check_in(Task::Control);
 

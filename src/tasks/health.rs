@@ -17,8 +17,8 @@ pub enum Task {
     Control = 4,
     /// [`super::output`].
     Output = 8,
-    /// [`super::link`], on a board that has one.
-    Link = 16,
+    /// [`super::responder`], on a board that has one.
+    Responder = 16,
 }
 
 /// Those that every board has.

@@ -20,8 +20,8 @@
 pub mod capture;
 pub mod control;
 pub mod health;
-pub mod link;
 pub mod output;
+pub mod responder;
 pub mod supply;
 
 pub use health::{Health, Task};
@@ -44,7 +44,7 @@ pub const COMMANDS: usize = 16;
 pub const OBSERVERS: usize = 4;
 
 /// The channels between the tasks of a hub with N motors: one static in a board.
-pub struct Links<M: RawMutex, const N: usize> {
+pub struct Wires<M: RawMutex, const N: usize> {
     /// From capture to control.
     pub readings: Signal<M, [Reading; N]>,
     /// From supply to control.
@@ -57,7 +57,7 @@ pub struct Links<M: RawMutex, const N: usize> {
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
 }
 
-impl<M: RawMutex, const N: usize> Links<M, N> {
+impl<M: RawMutex, const N: usize> Wires<M, N> {
     /// Empty channels.
     pub const fn new() -> Self {
         Self {
@@ -70,7 +70,7 @@ impl<M: RawMutex, const N: usize> Links<M, N> {
     }
 }
 
-impl<M: RawMutex, const N: usize> Default for Links<M, N> {
+impl<M: RawMutex, const N: usize> Default for Wires<M, N> {
     fn default() -> Self {
         Self::new()
     }

@@ -1,6 +1,6 @@
 //! Bridge output: drives go to the bridges as they come; when they stop coming, all bridges coast.
 
-use super::{Health, Links, Task};
+use super::{Health, Task, Wires};
 use crate::board::Bridges;
 use crate::bridge::Drive;
 use crate::units::Period;
@@ -17,13 +17,13 @@ pub const PATIENCE: u64 = 3;
 pub async fn run<M: RawMutex, const N: usize>(
     mut bridges: impl Bridges<N>,
     period: Period,
-    links: &Links<M, N>,
+    wires: &Wires<M, N>,
     health: &Health,
 ) -> ! {
     let patience = Duration::from_micros(PATIENCE * period.as_micros());
     bridges.apply(&[Drive::COAST; N]);
     loop {
-        match with_timeout(patience, links.drives.wait()).await {
+        match with_timeout(patience, wires.drives.wait()).await {
             Ok(drives) => {
                 bridges.apply(&drives);
                 health.check_in(Task::Output);

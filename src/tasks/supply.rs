@@ -1,6 +1,6 @@
 //! Battery sampling: a conversion every 10 ms, filtered and passed on while it is plausible.
 
-use super::{Health, Links, Task, micros};
+use super::{Health, Task, Wires, micros};
 use crate::board::SupplyAdc;
 use crate::supply::Supply;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -14,7 +14,7 @@ pub const INTERVAL: Duration = Duration::from_millis(10);
 pub async fn run<M: RawMutex, const N: usize>(
     mut adc: impl SupplyAdc,
     mut supply: Supply,
-    links: &Links<M, N>,
+    wires: &Wires<M, N>,
     health: &Health,
 ) -> ! {
     let mut ticker = Ticker::every(INTERVAL);
@@ -22,7 +22,7 @@ pub async fn run<M: RawMutex, const N: usize>(
         if let Some(sample) = adc.sample().await
             && let Some(battery) = supply.step(sample, micros(Instant::now()))
         {
-            links.battery.signal(battery);
+            wires.battery.signal(battery);
         }
         health.check_in(Task::Supply);
         ticker.next().await;

@@ -1,10 +1,10 @@
 //! Every command in its good, out-of-range, short and long forms.
 
-mod link_support;
+mod hub_support;
 
-use link_support::{HUB, Host, N, Said, frame_to};
-use motor_hub::link::command::{COUNT, FIRST};
-use motor_hub::link::setup;
+use hub_support::{HUB, N, Said, TestHost, frame_to};
+use motor_hub::protocol::requests::{COUNT, FIRST};
+use motor_hub::protocol::setup;
 
 /// A command: type, sizes of its fields, a good payload, and bad ones with what they are refused for.
 struct Form {
@@ -141,15 +141,15 @@ const FORMS: &[Form] = &[
 ];
 
 /// A hub whose motors 0 can answer everything.
-fn host() -> Host {
-    let mut host = Host::settled();
+fn host() -> TestHost {
+    let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 5, 0]), (8, &[1, 1, 0])]);
     host.told();
     host
 }
 
 /// All that can be read back.
-fn everything(host: &mut Host) -> Vec<Said> {
+fn everything(host: &mut TestHost) -> Vec<Said> {
     let mut all: Vec<_> = [0x7F0B, 0x7F0D, F, F + 45, F + 50].map(|id| host.ask(id, &[])).into();
     all.push(host.ask(0x7F03, &[0]));
     for index in 0..8 {
@@ -263,7 +263,7 @@ fn what_is_no_command_is_refused_as_unknown() {
 
 #[test]
 fn what_is_set_reads_back_by_motor() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     for motor in 0..N as u8 {
         host.do_all(&[
             (8, &[motor, motor % 3, motor % 2]),
@@ -288,7 +288,7 @@ fn what_is_set_reads_back_by_motor() {
 
 #[test]
 fn coefficients_are_kept_by_motor_and_by_mode() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     let payload = |motor: u8, of: u8| {
         let coefficients = [1, 2, 3, 4].map(|n| [n, motor, of, 0x7F]).concat();
         [vec![motor, of], coefficients, vec![of % 2]].concat()
@@ -303,7 +303,7 @@ fn coefficients_are_kept_by_motor_and_by_mode() {
 
 #[test]
 fn coefficients_without_feed_forward_read_back_as_legacy() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     let pid = [1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0];
     let with_f = [&[0, 1][..], &[0; 12], &[4, 0, 0, 0], &[1]].concat();
     assert_eq!(host.call(51, &with_f), Said::Ack(0));
@@ -317,14 +317,14 @@ fn coefficients_without_feed_forward_read_back_as_legacy() {
 
 #[test]
 fn the_lowest_power_is_the_negative_of_the_highest() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     host.do_all(&[(15, &[0, 0, 0x80])]);
     assert_eq!(host.call(16, &[0]), Said::Data(vec![1, 0x80]));
 }
 
 #[test]
 fn outputs_that_the_hub_does_not_have_read_back_as_they_were_set() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     host.do_all(&[(3, &[5, 1]), (25, &[1, 1, 2]), (27, &[1, 3, 4]), (29, &[1, 1])]);
     host.do_all(&[(31, &[5, 5, 6]), (33, &[5, 7, 8]), (35, &[5, 1])]);
     let read = [(4, 5), (4, 4), (26, 1), (28, 1), (30, 1), (32, 5), (34, 5), (36, 5), (36, 4)];
@@ -338,7 +338,7 @@ fn outputs_that_the_hub_does_not_have_read_back_as_they_were_set() {
 
 #[test]
 fn the_version_is_in_the_form_that_hosts_parse() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     let Said::Data(text) = host.call(48, &[]) else { panic!() };
     assert_eq!(text[1..], *b"HW: 20, Maj: 1, Min: 8, Eng: 2");
     assert_eq!(usize::from(text[0]), text.len() - 1);
@@ -347,18 +347,18 @@ fn the_version_is_in_the_form_that_hosts_parse() {
 
 #[test]
 fn a_new_address_holds_from_the_next_packet_on() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     let reply = host.send(&frame_to(HUB, 9, 0x7F06, &[77]));
     assert_eq!(reply[0][5], HUB, "acknowledged from the old address");
     assert!(host.send(&frame_to(HUB, 10, 0x7F04, &[])).is_empty());
     assert_eq!(host.send(&frame_to(77, 10, 0x7F04, &[]))[0][5], 77);
     assert_eq!(host.send(&frame_to(255, 11, 0x7F0F, &[]))[0][5], 77, "discovery");
-    assert_eq!(host.link.address().get(), 77);
+    assert_eq!(host.responder.address().get(), 77);
 }
 
 #[test]
 fn packets_for_others_and_broadcasts_that_are_no_discovery_are_ignored() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     let others = (0..=255).filter(|address| *address != HUB);
     for address in others {
         assert!(host.send(&frame_to(address, 1, 0x7F05, &[])).is_empty());
@@ -370,7 +370,7 @@ fn packets_for_others_and_broadcasts_that_are_no_discovery_are_ignored() {
 
 #[test]
 fn the_same_number_twice_is_two_commands() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     for power in [1, 2] {
         host.number = 255;
         assert_eq!(host.call(15, &[0, power, 0]), Said::Ack(0));

@@ -1,10 +1,11 @@
 //! Packets are found in whatever comes over the line.
 
-mod link_support;
+mod hub_support;
 
-use link_support::{Host, bytes_of, decode, frame_to};
-use motor_hub::link::frame::{KEPT, LONGEST, PATIENCE_MICROS};
-use motor_hub::link::{Decoder, Packet};
+use hub_support::{TestHost, bytes_of, decode, frame_to};
+use motor_hub::protocol::fields::KEPT;
+use motor_hub::protocol::frame::{LONGEST, PATIENCE_MICROS};
+use motor_hub::protocol::{Decoder, Packet};
 use motor_hub::units::Micros;
 
 const KEEP_ALIVE: u16 = 0x7F04;
@@ -49,7 +50,7 @@ fn every_single_damaged_byte_makes_a_packet_unheard() {
         for bit in 0..8 {
             let mut bad = good.clone();
             bad[index] ^= 1 << bit;
-            let mut host = Host::new();
+            let mut host = TestHost::new();
             assert!(host.send(&bad).is_empty(), "byte {index} bit {bit}");
             // A longer length may still wait for the rest.
             host.wait_ms(51);

@@ -1,12 +1,12 @@
 //! A host says which motor is on a channel and what its control values mean.
 
-mod link_support;
+mod hub_support;
 
-use link_support::{Host, Said, settings};
+use hub_support::{Said, TestHost, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Electrical, LinearCurrent, Scheme};
 use motor_hub::hub::{Action, Command};
-use motor_hub::link::setup::FIRST;
 use motor_hub::motor::{Settings, ZeroPower};
+use motor_hub::protocol::setup::FIRST;
 use motor_hub::units::EmfConstant;
 
 /// An AM 40 C: 3.12 mV s/count.
@@ -32,13 +32,13 @@ fn fields(ke: i32, mohm: u16, uh: u16, code: u8, blend: u16, rule: u8) -> Vec<u8
     [&ke.to_le_bytes(), winding.as_flattened(), &[code], &blend.to_le_bytes(), &[rule]].concat()
 }
 
-fn set_up(host: &mut Host, motor: u8, fields: &[u8]) {
+fn set_up(host: &mut TestHost, motor: u8, fields: &[u8]) {
     assert_eq!(host.ask(FIRST, &[&[motor], fields].concat()), Said::Ack(0));
 }
 
 #[test]
 fn the_interface_is_found_by_its_name() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 2, 0]));
 }
 
@@ -46,7 +46,7 @@ fn the_interface_is_found_by_its_name() {
 fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
     for (code, blend, scheme) in schemes() {
         for (rule, uh) in [(0, 700), (1, 700), (1, 0)] {
-            let mut host = Host::settled();
+            let mut host = TestHost::settled();
             // What zero means is not part of it.
             host.do_all(&[(8, &[2, 1, 1])]);
             host.told();
@@ -72,7 +72,7 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
 
 #[test]
 fn the_motor_that_the_hub_starts_with_reads_back() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     let typical = Electrical::TYPICAL;
     let uh = typical.inductance_uh.expect("known");
     let started = fields(settings().emf.to_bits(), typical.resistance_mohm, uh, 1, 0, 1);
@@ -84,7 +84,7 @@ fn the_motor_that_the_hub_starts_with_reads_back() {
 
 #[test]
 fn every_motor_within_the_ranges_can_be_set_up() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     for (ke, mohm, uh) in
         [(1, 1, 1), ((1 << 25) - 1, u16::MAX, u16::MAX), (1, u16::MAX, 1), (1 << 24, 1, u16::MAX)]
     {
@@ -98,7 +98,7 @@ fn every_motor_within_the_ranges_can_be_set_up() {
 
 #[test]
 fn setting_up_enables_nothing_and_stops_nothing() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     let fields = fields(KE, 4_200, 0, 1, 0, 1);
     set_up(&mut host, 0, &fields);
     assert_eq!(host.call(11, &[0]), Said::Data(vec![0]));

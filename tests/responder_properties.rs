@@ -1,8 +1,8 @@
 //! Whatever comes over the line.
 
-mod link_support;
+mod hub_support;
 
-use link_support::{Event, HUB, frame_to, survive};
+use hub_support::{Event, HUB, frame_to, survive};
 use proptest::collection::vec;
 use proptest::prelude::*;
 

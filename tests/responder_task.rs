@@ -1,16 +1,17 @@
-//! The link task between in-memory pipes, under virtual time.
+//! The responder task between in-memory pipes, under virtual time.
 
-mod link_support;
+mod hub_support;
 
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::pipe::Pipe;
 use embassy_time::{Duration, Instant, MockDriver};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use link_support::{HUB, N, bytes_of, decode, frame_to, settings};
+use hub_support::{HUB, N, bytes_of, decode, frame_to, settings};
 use motor_hub::hub::{Action, Command, Snapshot};
-use motor_hub::link::{Address, Colour, Link};
 use motor_hub::motor::Setpoint;
-use motor_hub::tasks::{self, COMMANDS, Links};
+use motor_hub::protocol::{Address, Colour};
+use motor_hub::responder::Responder;
+use motor_hub::tasks::{self, COMMANDS, Wires};
 use motor_hub::units::Millivolts;
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
@@ -71,7 +72,7 @@ impl Read for Rough<'_> {
 struct World {
     to_hub: Pipe<NoopRawMutex, 1024>,
     line: Line,
-    links: Links<NoopRawMutex, N>,
+    wires: Wires<NoopRawMutex, N>,
     shown: Cell<Colour>,
     _clock: MutexGuard<'static, ()>,
 }
@@ -80,17 +81,15 @@ impl World {
     fn new() -> Self {
         let clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
         MockDriver::get().reset();
-        let links = Links::new();
-        links
-            .snapshot
-            .sender()
-            .send(Snapshot { battery: Some(Millivolts::new(12_000)), ..Snapshot::INITIAL });
-        Self { to_hub: Pipe::new(), line: Line::default(), links, shown: Cell::default(), _clock: clock }
+        let wires = Wires::new();
+        wires.snapshot.sender().send(Snapshot { battery: Some(Millivolts::new(12_000)), ..Snapshot::INITIAL });
+        Self { to_hub: Pipe::new(), line: Line::default(), wires, shown: Cell::default(), _clock: clock }
     }
 
     async fn task(&self) {
-        let mut link = Link::new(Address::new(HUB).expect("an address"), [settings(); N]);
-        tasks::link::run(&self.to_hub, &self.line, &mut link, &self.links, |c| self.shown.set(c)).await;
+        let mut responder = Responder::new(Address::new(HUB).expect("an address"), [settings(); N]);
+        tasks::responder::run(&self.to_hub, &self.line, &mut responder, &self.wires, |c| self.shown.set(c))
+            .await;
     }
 
     fn send(&self, mut bytes: &[u8]) {
@@ -112,7 +111,7 @@ impl World {
     }
 
     fn told(&self) -> Vec<Command> {
-        std::iter::from_fn(|| self.links.commands.try_receive().ok()).collect()
+        std::iter::from_fn(|| self.wires.commands.try_receive().ok()).collect()
     }
 }
 
@@ -251,7 +250,7 @@ fn a_request_that_comes_while_a_reply_waits_is_not_late() {
 fn commands_wait_for_room_and_are_answered_at_once_all_the_same() {
     let world = World::new();
     let mut task = pin!(world.task());
-    while world.links.commands.try_send(disabled(0)).is_ok() {}
+    while world.wires.commands.try_send(disabled(0)).is_ok() {}
     for power in 0..30 {
         world.call(15, &[1, power, 0]);
         world.call(10, &[1, 1]);
@@ -307,8 +306,8 @@ fn line_errors_are_survived_and_the_end_of_the_line_ends_the_task() {
     let world = World::new();
     world.send(&frame_to(HUB, 1, 0x7F04, &[]));
     let rough = Rough { errors: 5, pipe: &world.to_hub };
-    let mut link = Link::new(Address::new(HUB).expect("an address"), [settings(); N]);
-    let mut task = pin!(tasks::link::run(rough, &world.line, &mut link, &world.links, |_| ()));
+    let mut responder = Responder::new(Address::new(HUB).expect("an address"), [settings(); N]);
+    let mut task = pin!(tasks::responder::run(rough, &world.line, &mut responder, &world.wires, |_| ()));
     run_ms(&mut task, 4);
     MockDriver::get().advance(Duration::from_millis(1));
     assert!(poll(&mut task));
@@ -318,17 +317,17 @@ fn line_errors_are_survived_and_the_end_of_the_line_ends_the_task() {
 #[test]
 fn between_connections_the_timer_runs_on() {
     let world = World::new();
-    let mut link = Link::new(Address::new(HUB).expect("an address"), [settings(); N]);
+    let mut responder = Responder::new(Address::new(HUB).expect("an address"), [settings(); N]);
     world.call(15, &[0, 0, 64]);
     world.call(10, &[0, 1]);
     let connection = Rough { errors: 0, pipe: &world.to_hub };
     {
-        let session = tasks::link::run(connection, &world.line, &mut link, &world.links, |_| ());
+        let session = tasks::responder::run(connection, &world.line, &mut responder, &world.wires, |_| ());
         assert!(poll(&mut pin!(session)));
     }
     assert_eq!(world.told().len(), 1);
     let mut task = pin!(async {
-        tasks::link::attend(&mut link, &world.links, |_| ()).await;
+        tasks::responder::attend(&mut responder, &world.wires, |_| ()).await;
     });
     run_ms(&mut task, 2500);
     assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));

@@ -1,10 +1,10 @@
-//! The host link: bytes to packets, packets to commands and replies, and the clock for the keep-alive
+//! The hub's end of the host's protocol: bytes to packets, packets to commands and replies, and the clock for the keep-alive
 //! timer and the status LED.
 
-use super::{Links, micros};
+use super::{Wires, micros};
 use crate::hub::Snapshot;
-use crate::link::frame::{self, Decoder};
-use crate::link::{Colour, Link};
+use crate::protocol::{Colour, Decoder, frame};
+use crate::responder::Responder;
 use crate::units::Micros;
 use core::future::pending;
 use embassy_futures::select::{Either, Either3, select, select3};
@@ -23,7 +23,7 @@ const CHUNK: usize = 64;
 const RECOVERY: Duration = Duration::from_millis(1);
 
 /// Talks to hosts until `rx` ends (reads nothing), which a serial line never does. Where connections
-/// come and go, [`attend`] to the link between them: the keep-alive timer runs on.
+/// come and go, [`attend`] to the responder between them: the keep-alive timer runs on.
 ///
 /// Every reply is one `write_all`. A packet that is cut short or damaged by a line error goes
 /// unanswered, as does one whose reply cannot be written; hosts ask again. While a host does not take
@@ -34,19 +34,19 @@ const RECOVERY: Duration = Duration::from_millis(1);
 pub async fn run<M: RawMutex, const N: usize>(
     mut rx: impl Read,
     mut tx: impl Write,
-    link: &mut Link<N>,
-    links: &Links<M, N>,
+    responder: &mut Responder<N>,
+    wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) {
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
     loop {
-        let work = attend(link, links, &mut show);
+        let work = attend(responder, wires, &mut show);
         let length = match select3(rx.read(&mut chunk), until(decoder.deadline()), work).await {
             Either3::First(Ok(0)) => return,
             Either3::First(Ok(length)) => length,
             Either3::First(Err(_)) => {
-                select(Timer::after(RECOVERY), attend(link, links, &mut show)).await;
+                select(Timer::after(RECOVERY), attend(responder, wires, &mut show)).await;
                 0
             }
             Either3::Second(()) => 0,
@@ -54,19 +54,19 @@ pub async fn run<M: RawMutex, const N: usize>(
         let mut input = chunk.get(..length).unwrap_or_default();
         let mut came = now();
         while let Some(packet) = decoder.next(&mut input, came) {
-            let Some(reply) = link.receive(&packet, now(), &snapshot(links)) else { continue };
-            settle(link, links, &mut show);
+            let Some(reply) = responder.receive(&packet, now(), &snapshot(wires)) else { continue };
+            settle(responder, wires, &mut show);
             let frame = frame::encode(&reply);
             let write = async {
                 // Without a reply the host asks again.
                 let _ = tx.write_all(&frame).await;
                 let _ = tx.flush().await;
             };
-            select(write, attend(link, links, &mut show)).await;
+            select(write, attend(responder, wires, &mut show)).await;
             // What is left had to wait for that, and whatever belongs to it still does.
             came = now();
         }
-        settle(link, links, &mut show);
+        settle(responder, wires, &mut show);
         // A host that never pauses must not keep other tasks from running.
         yield_now().await;
     }
@@ -75,18 +75,18 @@ pub async fn run<M: RawMutex, const N: usize>(
 /// All that does not depend on bytes: motors are told what they have not been told yet, the keep-alive
 /// timer runs, and the LED shows it. Runs for ever; dropping it loses nothing.
 pub async fn attend<M: RawMutex, const N: usize>(
-    link: &mut Link<N>,
-    links: &Links<M, N>,
+    responder: &mut Responder<N>,
+    wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) -> ! {
     loop {
-        settle(link, links, &mut show);
+        settle(responder, wires, &mut show);
         let refresh = Instant::now() + REFRESH;
-        let due = link.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
-        match link.pending() {
+        let due = responder.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
+        match responder.pending() {
             Some(command) => {
-                if let Either::First(()) = select(links.commands.send(command), Timer::at(due)).await {
-                    link.told();
+                if let Either::First(()) = select(wires.commands.send(command), Timer::at(due)).await {
+                    responder.told();
                 }
             }
             None => Timer::at(due).await,
@@ -96,24 +96,24 @@ pub async fn attend<M: RawMutex, const N: usize>(
 
 /// What can be done without waiting.
 fn settle<M: RawMutex, const N: usize>(
-    link: &mut Link<N>,
-    links: &Links<M, N>,
+    responder: &mut Responder<N>,
+    wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) {
     let now = now();
-    link.tick(now, &snapshot(links));
-    while let Some(command) = link.pending() {
-        if links.commands.try_send(command).is_err() {
+    responder.tick(now, &snapshot(wires));
+    while let Some(command) = responder.pending() {
+        if wires.commands.try_send(command).is_err() {
             break;
         }
-        link.told();
+        responder.told();
     }
-    show(link.led(now));
+    show(responder.led(now));
 }
 
 /// The latest, or none yet.
-fn snapshot<M: RawMutex, const N: usize>(links: &Links<M, N>) -> Snapshot<N> {
-    links.snapshot.try_get().unwrap_or(Snapshot::INITIAL)
+fn snapshot<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> Snapshot<N> {
+    wires.snapshot.try_get().unwrap_or(Snapshot::INITIAL)
 }
 
 fn now() -> Micros {

@@ -1,10 +1,11 @@
-//! A host that talks to the pure hub: for the tests of the link.
+//! A host that talks to the pure hub: for the tests of the responder.
 #![allow(dead_code, reason = "each test uses its own part")]
 
 use motor_hub::hub::{Action, Command, Snapshot};
-use motor_hub::link::command::FIRST;
-use motor_hub::link::{Address, Decoder, Link, Packet, frame};
 use motor_hub::motor::{Setpoint, Settings};
+use motor_hub::protocol::requests::FIRST;
+use motor_hub::protocol::{Address, Decoder, Packet, frame};
+use motor_hub::responder::Responder;
 use motor_hub::units::{EmfConstant, Micros, Millivolts};
 
 pub(crate) const N: usize = 4;
@@ -38,21 +39,21 @@ pub(crate) enum Said {
     Data(Vec<u8>),
 }
 
-pub(crate) struct Host {
-    pub(crate) link: Link<N>,
+pub(crate) struct TestHost {
+    pub(crate) responder: Responder<N>,
     pub(crate) decoder: Decoder,
     pub(crate) now: Micros,
     pub(crate) snapshot: Snapshot<N>,
     pub(crate) number: u8,
 }
 
-impl Host {
+impl TestHost {
     /// At a hub just after its reset, whose battery has 12.345 V.
     pub(crate) fn new() -> Self {
         let snapshot = Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL };
         let address = Address::new(HUB).expect("an address");
-        let link = Link::new(address, [settings(); N]);
-        Self { link, decoder: Decoder::new(), now: Micros::new(1_000_000), snapshot, number: 0 }
+        let responder = Responder::new(address, [settings(); N]);
+        Self { responder, decoder: Decoder::new(), now: Micros::new(1_000_000), snapshot, number: 0 }
     }
 
     /// At a hub that has nothing to call attention to.
@@ -66,7 +67,7 @@ impl Host {
     pub(crate) fn send(&mut self, mut bytes: &[u8]) -> Vec<Vec<u8>> {
         let mut replies = Vec::new();
         while let Some(packet) = self.decoder.next(&mut bytes, self.now) {
-            let reply = self.link.receive(&packet, self.now, &self.snapshot);
+            let reply = self.responder.receive(&packet, self.now, &self.snapshot);
             replies.extend(reply.map(|reply| frame::encode(&reply).to_vec()));
         }
         replies
@@ -103,8 +104,8 @@ impl Host {
     /// What the motors have been told since the last time.
     pub(crate) fn told(&mut self) -> Vec<Command> {
         std::iter::from_fn(|| {
-            let command = self.link.pending();
-            self.link.told();
+            let command = self.responder.pending();
+            self.responder.told();
             command
         })
         .collect()
@@ -151,7 +152,7 @@ pub(crate) enum Event {
 /// Lets it all happen to a fresh hub and checks what must hold for whatever comes: no motor runs unless
 /// a frame enabled it, and in the end a keep-alive is answered.
 pub(crate) fn survive(events: &[Event]) {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     let mut stream = Vec::new();
     let mut told = Vec::new();
     for event in events {
@@ -165,7 +166,7 @@ pub(crate) fn survive(events: &[Event]) {
             Event::Pause(ms) => {
                 host.wait_ms(u64::from(*ms));
                 host.send(&[]);
-                host.link.tick(host.now, &host.snapshot);
+                host.responder.tick(host.now, &host.snapshot);
             }
         }
         told.extend(host.told());
@@ -173,15 +174,15 @@ pub(crate) fn survive(events: &[Event]) {
     if !frames_in(&stream).any(|(_, frame)| enables(frame)) {
         let runs = |c: &Command| matches!(c.action, Action::Set(setpoint) if setpoint != Setpoint::Disabled);
         assert!(!told.iter().any(runs), "{told:?}");
-        assert_eq!(host.link.enabled(), [false; N]);
+        assert_eq!(host.responder.enabled(), [false; N]);
     }
 
-    let keep_alive = |host: &Host| frame_to(host.link.address().get(), 99, 0x7F04, &[]);
+    let keep_alive = |host: &TestHost| frame_to(host.responder.address().get(), 99, 0x7F04, &[]);
     let answers = |replies: Vec<Vec<u8>>| replies.last().map(|reply| reply[7..10].to_vec());
     let answered = Some(vec![99, 0x01, 0x7F]);
     // At once, unless the end of the stream and the beginning of the packet make another frame, or a
     // frame that is found on the way changes the address.
-    let address = host.link.address();
+    let address = host.responder.address();
     let packet = keep_alive(&host);
     let end = stream.len();
     stream.extend(&packet);
@@ -189,7 +190,7 @@ pub(crate) fn survive(events: &[Event]) {
     let mut replies = host.send(&packet);
     host.wait_ms(50);
     replies.extend(host.send(&[]));
-    if !hidden && host.link.address() == address {
+    if !hidden && host.responder.address() == address {
         assert_eq!(answers(replies), answered);
     }
     // After a silence, whatever was before.

@@ -1,21 +1,14 @@
 //! Whether the host is still there, and the status word that tells it what it has missed.
 
+use super::led::Sign;
+use crate::protocol::answers::Status;
 use crate::units::Micros;
 
 /// A host that has said nothing for so long is gone.
 pub const TIMEOUT_MICROS: u64 = 2_500_000;
 
-/// Status bit 0: the keep-alive timer ran out.
-pub const KEEP_ALIVE_TIMEOUT: u8 = 1;
-/// Status bit 1: the hub has been reset.
-pub const RESET: u8 = 1 << 1;
-/// Status bit 2: a host asked for fail-safe.
-pub const FAIL_SAFE: u8 = 1 << 2;
-/// Status bit 4: the battery is low.
-pub const BATTERY_LOW: u8 = 1 << 4;
-
 #[derive(Clone, Copy, Debug, Default)]
-enum Host {
+enum Contact {
     /// Nothing has been heard since boot: the timer stands.
     #[default]
     Awaited,
@@ -28,7 +21,7 @@ enum Host {
 /// Keep-alive timer and status word.
 #[derive(Clone, Copy, Debug)]
 pub struct Alive {
-    host: Host,
+    contact: Contact,
     /// Events since the host last cleared them.
     events: u8,
     battery_low: bool,
@@ -37,49 +30,49 @@ pub struct Alive {
 impl Alive {
     /// After a reset.
     pub const fn new() -> Self {
-        Self { host: Host::Awaited, events: RESET, battery_low: false }
+        Self { contact: Contact::Awaited, events: Status::RESET, battery_low: false }
     }
 
     /// A valid packet came.
     pub const fn heard(&mut self, now: Micros) {
-        self.host = Host::Heard(now);
+        self.contact = Contact::Heard(now);
     }
 
     /// True if the timer has just run out: once for each silence.
     pub fn ran_out(&mut self, now: Micros) -> bool {
         let ran_out = self.deadline().is_some_and(|deadline| deadline <= now);
         if ran_out {
-            self.host = Host::Lost(now);
-            self.events |= KEEP_ALIVE_TIMEOUT;
+            self.contact = Contact::Lost(now);
+            self.events |= Status::KEEP_ALIVE_TIMEOUT;
         }
         ran_out
     }
 
     /// When the timer runs out, if it runs.
     pub const fn deadline(&self) -> Option<Micros> {
-        match self.host {
-            Host::Heard(at) => Some(Micros::new(at.get().saturating_add(TIMEOUT_MICROS))),
-            Host::Awaited | Host::Lost(_) => None,
+        match self.contact {
+            Contact::Heard(at) => Some(Micros::new(at.get().saturating_add(TIMEOUT_MICROS))),
+            Contact::Awaited | Contact::Lost(_) => None,
         }
     }
 
     /// A host asked for fail-safe.
     pub const fn fail_safe(&mut self) {
-        self.events |= FAIL_SAFE;
+        self.events |= Status::FAIL_SAFE;
     }
 
     /// The battery is low, or not. Becoming low is an event; being low is a state that no host can
     /// clear.
     pub const fn battery(&mut self, low: bool) {
         if low && !self.battery_low {
-            self.events |= BATTERY_LOW;
+            self.events |= Status::BATTERY_LOW;
         }
         self.battery_low = low;
     }
 
     /// The status word.
     pub const fn status(&self) -> u8 {
-        self.events | if self.battery_low { BATTERY_LOW } else { 0 }
+        self.events | if self.battery_low { Status::BATTERY_LOW } else { 0 }
     }
 
     /// The host knows.
@@ -93,13 +86,12 @@ impl Alive {
     }
 
     /// What the status LED is to say.
-    pub const fn sign(&self) -> super::led::Sign {
-        use super::led::Sign;
-        match self.host {
-            Host::Lost(since) => Sign::Lost(since),
+    pub const fn sign(&self) -> Sign {
+        match self.contact {
+            Contact::Lost(since) => Sign::Lost(since),
             _ if self.battery_low => Sign::BatteryLow,
-            Host::Heard(_) => Sign::Talking,
-            Host::Awaited => Sign::Waiting,
+            Contact::Heard(_) => Sign::Talking,
+            Contact::Awaited => Sign::Waiting,
         }
     }
 }

@@ -1,16 +1,16 @@
 //! Packets as they go over the line, byte for byte: a session with a hub at address 3.
 
-mod link_support;
+mod hub_support;
 
-use link_support::{Host, bytes_of, decode};
+use hub_support::{TestHost, bytes_of, decode};
 use motor_hub::hub::{Action, Command};
-use motor_hub::link::frame::encode;
-use motor_hub::link::reply::{Bulk, Reply};
 use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::protocol::answers::{Bulk, Reply};
+use motor_hub::protocol::frame::encode;
 use motor_hub::units::{Control, CountsPerSecond};
 
 /// The replies of a fresh hub to these requests.
-fn session(host: &mut Host, requests: &[&str]) -> Vec<Vec<u8>> {
+fn session(host: &mut TestHost, requests: &[&str]) -> Vec<Vec<u8>> {
     requests.iter().flat_map(|request| host.send(&bytes_of(request))).collect()
 }
 
@@ -23,7 +23,7 @@ fn a_host_finds_the_hub_and_its_interface_and_reads_status_and_battery() {
         ("44 4b 0c 00 03 00 03 00 03 7f 01 24", "44 4b 0d 00 00 03 04 03 03 ff 02 00 aa"),
         ("44 4b 0d 00 03 00 04 00 07 10 0d 00 c7", "44 4b 0d 00 00 03 05 04 07 90 39 30 a8"),
     ];
-    let mut host = Host::new();
+    let mut host = TestHost::new();
     for (request, reply) in exchanges {
         assert_eq!(session(&mut host, &[request]), [bytes_of(reply)], "{request}");
     }
@@ -31,7 +31,7 @@ fn a_host_finds_the_hub_and_its_interface_and_reads_status_and_battery() {
 
 #[test]
 fn a_host_runs_a_motor_at_half_power() {
-    let mut host = Host::new();
+    let mut host = TestHost::new();
     let replies = session(
         &mut host,
         &[
@@ -42,7 +42,7 @@ fn a_host_runs_a_motor_at_half_power() {
     );
     assert_eq!(replies.len(), 3);
     assert!(replies.iter().all(|reply| decode(reply).id == 0x7F01));
-    let settings = motor_hub::motor::Settings { zero_power: ZeroPower::Float, ..link_support::settings() };
+    let settings = motor_hub::motor::Settings { zero_power: ZeroPower::Float, ..hub_support::settings() };
     assert_eq!(
         host.told(),
         [
@@ -54,7 +54,7 @@ fn a_host_runs_a_motor_at_half_power() {
 
 #[test]
 fn a_host_sets_velocity_and_position_targets() {
-    let mut host = Host::new();
+    let mut host = TestHost::new();
     let replies = session(
         &mut host,
         &[
@@ -72,7 +72,7 @@ fn a_host_sets_velocity_and_position_targets() {
 
 #[test]
 fn a_host_reads_an_encoder_and_is_refused_a_fifth_motor() {
-    let mut host = Host::new();
+    let mut host = TestHost::new();
     host.snapshot.motors[1].position = -7;
     let keep_alive = "44 4b 0b 00 03 00 01 00 04 7f 21";
     session(&mut host, &[keep_alive; 5]);
@@ -86,7 +86,7 @@ fn a_host_reads_an_encoder_and_is_refused_a_fifth_motor() {
 
 #[test]
 fn a_host_sets_pidf_coefficients() {
-    let mut host = Host::new();
+    let mut host = TestHost::new();
     let request = "44 4b 1e 00 03 00 1b 00 33 10 01 01 8f 42 01 00 42 20 00 00 00 00 00 00 9a 99 0c 00 01 84";
     assert_eq!(decode(&session(&mut host, &[request])[0]).id, 0x7F01);
     let told = host.told();
@@ -96,7 +96,7 @@ fn a_host_sets_pidf_coefficients() {
         [velocity.p, velocity.i, velocity.d, velocity.f].map(|c| c.to_bits()),
         [82_575, 8258, 0, 825_754]
     );
-    assert_eq!(settings.position, link_support::settings().position);
+    assert_eq!(settings.position, hub_support::settings().position);
 }
 
 #[test]
@@ -105,12 +105,13 @@ fn a_bulk_answer_has_its_fields_in_place() {
     let bulk = Bulk {
         digital: 1,
         encoders: [354, -7, 0, 0],
-        motor_status: 1 << 5,
+        over_current: [false; 4],
+        at_target: [false, true, false, false],
         velocities: [1400, -300, 0, 0],
         analog: [100, 200, 300, 400],
-        attention: false,
+        attention: Some(false),
     };
-    let frame = encode(&Reply::to(&request, 3, 8, false, Ok(bulk.answer())));
+    let frame = encode(&Reply::data(&bulk).packet(&request, 3, 8));
     let expected = "44 4b 2e 00 00 03 08 0c 00 90 01 62 01 00 00 f9 ff ff ff 00 00 00 00 00 00 00 \
                     00 20 78 05 d4 fe 00 00 00 00 64 00 c8 00 2c 01 90 01 00 17";
     assert_eq!(frame.to_vec(), bytes_of(expected));
@@ -118,7 +119,7 @@ fn a_bulk_answer_has_its_fields_in_place() {
 
 #[test]
 fn a_host_asks_for_fail_safe() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     host.do_all(&[(15, &[2, 0, 64]), (10, &[2, 1])]);
     host.told();
     let replies = session(&mut host, &["44 4b 0b 00 03 00 0d 00 05 7f 2e"]);

@@ -1,9 +1,22 @@
-//! Frames: bytes in, packets out, synchronised again after any garbage; and replies as bytes.
+//! Frames: bytes in, packets out, synchronised again after any garbage; and packets as bytes.
 //!
 //! A frame is `44 4B`, length of the whole (16 bits, little-endian), destination, source, message
 //! number, reference, type (16 bits), payload, and the sum of all bytes before it modulo 256.
+//!
+//! ```
+//! use motor_hub::protocol::frame::{Decoder, Packet, encode};
+//! use motor_hub::units::Micros;
+//!
+//! let keep_alive = Packet { destination: 3, number: 1, id: 0x7F04, ..Packet::default() };
+//! let frame = encode(&keep_alive);
+//! assert_eq!(*frame, [0x44, 0x4B, 11, 0, 3, 0, 1, 0, 0x04, 0x7F, 0x21]);
+//!
+//! // Stray bytes before it do no harm.
+//! let bytes = [&[0x44, 0x44, 0x00], &*frame].concat();
+//! assert_eq!(Decoder::new().next(&mut &*bytes, Micros(0)), Some(keep_alive));
+//! ```
 
-use super::reply::Reply;
+use super::fields::{KEPT, Payload};
 use crate::units::Micros;
 use heapless::{Deque, Vec};
 
@@ -15,10 +28,6 @@ pub const OVERHEAD: usize = 11;
 
 /// The longest frame taken: hosts are known to send at most 512 bytes of payload.
 pub const LONGEST: usize = 600;
-
-/// Payload bytes that are kept. The longest request that this hub looks into has 101; what a host
-/// sends beyond its command's payload is to be ignored.
-pub const KEPT: usize = 112;
 
 /// A frame that is not complete this long after its first byte is given up.
 pub const PATIENCE_MICROS: u64 = 50_000;
@@ -37,7 +46,7 @@ pub struct Packet {
     /// What it is.
     pub id: u16,
     /// The first [`KEPT`] bytes of the payload.
-    pub payload: Vec<u8, KEPT>,
+    pub payload: Payload,
 }
 
 /// Finds packets in a stream of bytes.
@@ -169,33 +178,30 @@ impl Default for Decoder {
     }
 }
 
-/// The longest reply as a frame.
-pub const LONGEST_REPLY: usize = OVERHEAD + super::reply::LONGEST;
+/// A packet as it goes over the line.
+pub type Frame = Vec<u8, { OVERHEAD + KEPT }>;
 
-/// A reply as it goes over the line.
-pub type Frame = Vec<u8, LONGEST_REPLY>;
-
-/// The frame of `reply`.
-pub fn encode(reply: &Reply) -> Frame {
-    let [id_low, id_high] = reply.id.to_le_bytes();
-    // At most LONGEST_REPLY, hence one byte would do.
-    let [length_low, length_high] = ((OVERHEAD + reply.payload.len()) as u16).to_le_bytes();
+/// The frame of `packet`.
+pub fn encode(packet: &Packet) -> Frame {
+    let [id_low, id_high] = packet.id.to_le_bytes();
+    // At most OVERHEAD + KEPT, hence one byte would do.
+    let [length_low, length_high] = ((OVERHEAD + packet.payload.len()) as u16).to_le_bytes();
     let [start, second] = START;
     let head = [
         start,
         second,
         length_low,
         length_high,
-        reply.destination,
-        reply.source,
-        reply.number,
-        reply.reference,
+        packet.destination,
+        packet.source,
+        packet.number,
+        packet.reference,
         id_low,
         id_high,
     ];
     let mut frame = Frame::new();
     let mut sum = 0u8;
-    for &byte in head.iter().chain(&reply.payload) {
+    for &byte in head.iter().chain(&packet.payload) {
         sum = sum.wrapping_add(byte);
         // There is room, by the types.
         let _ = frame.push(byte);

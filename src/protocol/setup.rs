@@ -1,12 +1,12 @@
 //! What the protocol has no words for: which motor a channel drives, and what its control values mean.
 //!
 //! An interface of this hub's own beside the one that hosts know; a host that does not ask for it by its
-//! name, [`INTERFACE`], never meets it. Nothing of it outlasts a reset.
+//! name, `MOTOR_HUB`, never meets it. Nothing of it outlasts a reset.
 //!
-//! | type | payload | answer |
+//! | function | payload | answer |
 //! |---|---|---|
-//! | [`FIRST`] set up a motor | motor, then the fields of a [`Setup`] | ACK |
-//! | [`FIRST`] + 1 read it back | motor | the fields |
+//! | 0 set up a motor | motor, then the fields of a [`Setup`] | ACK |
+//! | 1 read it back | motor | the fields |
 //!
 //! | field | |
 //! |---|---|
@@ -17,19 +17,27 @@
 //! | u16 | blend of the last, in steps of 2^-16 |
 //! | u8 | duty: 0 linear, as in the paper; 1 such that current is linear |
 
-use super::fields::{Fields, Nack};
+use super::fields::{ByteIn, Field, Fields, Payload};
+use super::nack::Nack;
+use super::table::requests;
 use crate::braking::{Blend, BlendFraction, DutyRule, Electrical, LinearCurrent, Scheme};
 use crate::motor::Settings;
 use crate::units::EmfConstant;
-
-/// The name to ask for.
-pub const INTERFACE: &[u8] = b"MOTOR_HUB";
 
 /// The type of the interface's function 0.
 pub const FIRST: u16 = 0x4D00;
 
 /// Functions of the interface.
 pub const COUNT: u16 = 2;
+
+requests! {
+    /// A request to one motor, whose number goes before the fields.
+    pub enum ToSetup {
+        0 SetUp { setup: Setup },
+        /// Answered by a [`Setup`].
+        1 Setup,
+    }
+}
 
 /// A motor, and how it is controlled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,17 +55,13 @@ pub struct Setup {
     pub linear_current: bool,
 }
 
-impl Setup {
-    /// Reads its fields, of which the first is the payload's second.
-    ///
-    /// # Errors
-    /// The first that is missing or out of range.
-    pub fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        let emf = fields.i32_as(|bits| EmfConstant::from_bits(bits).ok())?;
-        let (resistance_mohm, inductance_uh) = (fields.u16()?, fields.u16()?);
-        let code = fields.u8_in(0..=5)?;
-        let blend = fields.u16_as(|bits| BlendFraction::from_bits(bits.into()).ok())?;
-        let scheme = match code {
+impl Field for Setup {
+    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+        let emf = fields.checked(|bits| EmfConstant::from_bits(bits).ok())?;
+        let (resistance_mohm, inductance_uh) = (u16::read(fields)?, u16::read(fields)?);
+        let code = ByteIn::<0, 5>::read(fields)?;
+        let blend = fields.checked(|bits: u16| BlendFraction::from_bits(bits.into()).ok())?;
+        let scheme = match code.get() {
             0 => Scheme::ForwardReverse,
             1 => Scheme::A,
             2 => Scheme::B,
@@ -65,13 +69,33 @@ impl Setup {
             4 => Scheme::D(Blend::Automatic),
             _ => Scheme::D(Blend::Fixed(blend)),
         };
-        let linear_current = fields.flag()?;
+        let linear_current = bool::read(fields)?;
         if linear_current && resistance_mohm == 0 {
-            return Err(Nack::Parameter(2));
+            return Err(Nack::parameter(2));
         }
         Ok(Self { emf, resistance_mohm, inductance_uh, scheme, linear_current })
     }
 
+    fn write(&self, payload: &mut Payload) {
+        let (code, blend) = match self.scheme {
+            Scheme::ForwardReverse => (0u8, 0),
+            Scheme::A => (1, 0),
+            Scheme::B => (2, 0),
+            Scheme::C => (3, 0),
+            Scheme::D(Blend::Automatic) => (4, 0),
+            // 1, which is Scheme C, is as near as 16 bits come.
+            Scheme::D(Blend::Fixed(blend)) => (5, u16::try_from(blend.to_bits()).unwrap_or(u16::MAX)),
+        };
+        self.emf.to_bits().write(payload);
+        self.resistance_mohm.write(payload);
+        self.inductance_uh.write(payload);
+        code.write(payload);
+        blend.write(payload);
+        self.linear_current.write(payload);
+    }
+}
+
+impl Setup {
     /// As these settings have it; the winding reads 0 with linear duty.
     pub fn of(settings: &Settings) -> Self {
         let electrical = electrical(settings);
@@ -84,27 +108,9 @@ impl Setup {
         }
     }
 
-    /// Its fields.
-    pub const fn bytes(self) -> [u8; 12] {
-        let (code, blend) = match self.scheme {
-            Scheme::ForwardReverse => (0, 0),
-            Scheme::A => (1, 0),
-            Scheme::B => (2, 0),
-            Scheme::C => (3, 0),
-            Scheme::D(Blend::Automatic) => (4, 0),
-            Scheme::D(Blend::Fixed(blend)) => (5, blend.to_bits()),
-        };
-        let [e0, e1, e2, e3] = self.emf.to_bits().to_le_bytes();
-        let [r0, r1] = self.resistance_mohm.to_le_bytes();
-        let [l0, l1] = self.inductance_uh.to_le_bytes();
-        // 1, which is Scheme C, is as near as 16 bits come.
-        let [b0, b1] = if blend > u16::MAX as u32 { [u8::MAX; 2] } else { (blend as u16).to_le_bytes() };
-        [e0, e1, e2, e3, r0, r1, l0, l1, code, b0, b1, self.linear_current as u8]
-    }
-
     /// Settings for it, with the coefficients that go with it; what zero means is kept, and what is known
     /// of the bridge.
-    pub(super) fn settings(self, present: &Settings) -> Settings {
+    pub(crate) fn settings(self, present: &Settings) -> Settings {
         let Self { emf, resistance_mohm, inductance_uh, scheme, linear_current } = self;
         let bridge = electrical(present).unwrap_or(Electrical::TYPICAL);
         let winding = Electrical { resistance_mohm, inductance_uh: Some(inductance_uh), ..bridge };

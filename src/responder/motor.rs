@@ -3,14 +3,14 @@
 //! The host's counts are the motor's less an offset, which is what *reset encoder* sets. Targets are
 //! kept as the host gave them, so after a reset they are where the host's new counts say.
 
-use super::command::{Algorithm, Loop, Mode, ToMotor};
-use super::fields::Nack;
-use super::reply::Answer;
-use super::setup::Setup;
+use super::Answer;
 use crate::hub::Action;
 use crate::motion::Pidf;
-use crate::motor::{Report, Setpoint, Settings, ZeroPower};
-use crate::units::{Control, CountsPerSecond};
+use crate::motor::{Report, Setpoint, Settings};
+use crate::protocol::Nack;
+use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
+use crate::protocol::setup::{Setup, ToSetup};
+use crate::units::{Coefficient, Control, CountsPerSecond};
 
 /// The speed limit on the way to a position, in counts per second, while no target velocity has ever
 /// been set: the largest that one could set.
@@ -18,11 +18,11 @@ pub const SPEED_LIMIT: i16 = i16::MAX;
 
 /// One motor channel.
 #[derive(Clone, Debug)]
-pub struct Channel {
+pub struct MotorChannel {
     settings: Settings,
     velocity_algorithm: Algorithm,
     position_algorithm: Algorithm,
-    mode: Mode,
+    mode: RunMode,
     enabled: bool,
     /// Targets; `None` if never set.
     power: Option<Control>,
@@ -35,12 +35,6 @@ pub struct Channel {
     pending: Pending,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Target {
-    counts: i32,
-    tolerance: u16,
-}
-
 /// What the motor has not been told yet, in the order in which it is told. The state is what is told,
 /// not its history: a target that was replaced in time is never told. Disabling always is, because
 /// it ends faults.
@@ -51,14 +45,14 @@ struct Pending {
     set: bool,
 }
 
-impl Channel {
+impl MotorChannel {
     /// A disabled motor in open loop without targets. `settings` are those that the motor starts with.
     pub const fn new(settings: Settings) -> Self {
         Self {
             settings,
             velocity_algorithm: Algorithm::Pidf,
             position_algorithm: Algorithm::Pidf,
-            mode: Mode::Power,
+            mode: RunMode::Power,
             enabled: false,
             power: None,
             velocity: None,
@@ -75,96 +69,95 @@ impl Channel {
     /// Why the request is refused; nothing has changed then.
     pub fn receive(&mut self, request: ToMotor, report: &Report, battery_good: bool) -> Result<Answer, Nack> {
         match request {
-            ToMotor::SetMode(mode, zero_power) => {
+            ToMotor::SetMode { mode, zero_power } => {
                 self.mode = mode;
                 self.settings.zero_power = zero_power;
                 self.pending.configure = true;
                 self.retarget();
             }
-            ToMotor::SetEnable(false) => self.disable(),
-            ToMotor::SetEnable(true) => self.enable(battery_good)?,
-            ToMotor::SetCurrentAlert(milliamperes) => self.current_alert = milliamperes,
+            ToMotor::SetEnable { on: false } => self.disable(),
+            ToMotor::SetEnable { on: true } => self.enable(battery_good)?,
+            ToMotor::SetCurrentAlert { milliamperes } => self.current_alert = milliamperes,
             ToMotor::ResetEncoder => {
                 self.offset = report.position;
                 self.retarget();
             }
-            ToMotor::SetPower(power) => {
+            ToMotor::SetPower { power } => {
                 self.power = Some(power);
                 self.retarget();
             }
-            ToMotor::SetVelocity(velocity) => {
-                self.velocity = Some(velocity);
+            ToMotor::SetVelocity { cps } => {
+                self.velocity = Some(cps);
                 self.retarget();
             }
-            ToMotor::SetPosition { target, tolerance } => {
-                self.position = Some(Target { counts: target, tolerance });
+            ToMotor::SetPosition { target } => {
+                self.position = Some(target);
                 self.retarget();
             }
-            ToMotor::SetPidf(of, pidf, algorithm) => {
-                match of {
-                    Loop::Velocity => {
-                        (self.settings.velocity, self.velocity_algorithm) = (pidf, algorithm);
-                    }
-                    Loop::Position => {
-                        (self.settings.position, self.position_algorithm) = (pidf, algorithm);
-                    }
-                }
-                self.pending.configure = true;
+            ToMotor::SetPid { of, p, i, d } => {
+                let pidf = Pidf { p, i, d, f: Coefficient::ZERO };
+                self.set_pidf(of, Coefficients { pidf, algorithm: Algorithm::Legacy });
             }
-            ToMotor::SetUp(setup) => {
-                self.settings = setup.settings(&self.settings);
-                self.pending.configure = true;
-            }
-            ToMotor::Setup => return Ok(Answer::data(&[&Setup::of(&self.settings).bytes()])),
+            ToMotor::SetPidf { of, coefficients } => self.set_pidf(of, coefficients),
             ToMotor::Mode => {
-                let float = self.settings.zero_power == ZeroPower::Float;
-                return Ok(Answer::data(&[&[self.mode as u8, u8::from(float)]]));
+                let (mode, zero_power) = (self.mode, self.settings.zero_power);
+                return Ok(Answer::data(&ChannelMode { mode, zero_power }));
             }
-            ToMotor::Enable => return Ok(Answer::data(&[&[u8::from(self.enabled)]])),
-            ToMotor::CurrentAlert => return Ok(Answer::data(&[&self.current_alert.to_le_bytes()])),
-            ToMotor::Power => {
-                return Ok(Answer::data(&[&self.power.unwrap_or_default().get().to_le_bytes()]));
-            }
-            ToMotor::Velocity => {
-                return Ok(Answer::data(&[&self.velocity.unwrap_or_default().to_le_bytes()]));
-            }
-            ToMotor::Position => {
-                let (counts, tolerance) = self.position.map_or((0, 0), |t| (t.counts, t.tolerance));
-                return Ok(Answer::data(&[&counts.to_le_bytes(), &tolerance.to_le_bytes()]));
-            }
-            ToMotor::AtTarget if self.mode != Mode::Position => return Err(Nack::WrongMode),
-            ToMotor::AtTarget => return Ok(Answer::data(&[&[u8::from(self.at_target(report))]])),
-            ToMotor::Encoder => return Ok(Answer::data(&[&self.counts(report).to_le_bytes()])),
-            ToMotor::Pidf(of) => {
-                let (Pidf { p, i, d, f }, algorithm) = self.pidf(of);
-                let coefficients = [p, i, d, f].map(|c| c.to_bits().to_le_bytes());
-                return Ok(Answer::data(&[coefficients.as_flattened(), &[algorithm as u8]]));
-            }
-            ToMotor::Pid(of) => {
-                let (Pidf { p, i, d, f }, _) = self.pidf(of);
-                if f.to_bits() != 0 {
+            ToMotor::Enable => return Ok(Answer::data(&self.enabled)),
+            ToMotor::CurrentAlert => return Ok(Answer::data(&self.current_alert)),
+            ToMotor::Power => return Ok(Answer::data(&self.power.unwrap_or_default())),
+            ToMotor::Velocity => return Ok(Answer::data(&self.velocity.unwrap_or_default())),
+            ToMotor::Position => return Ok(Answer::data(&self.position.unwrap_or_default())),
+            ToMotor::AtTarget if self.mode != RunMode::Position => return Err(Nack::WRONG_MODE),
+            ToMotor::AtTarget => return Ok(Answer::data(&self.at_target(report))),
+            ToMotor::Encoder => return Ok(Answer::data(&self.counts(report))),
+            ToMotor::Pidf { of } => return Ok(Answer::data(&self.pidf(of))),
+            ToMotor::Pid { of } => {
+                let Pidf { p, i, d, f } = self.pidf(of).pidf;
+                if f != Coefficient::ZERO {
                     // An answer without F would not be the truth; hosts then ask for all four.
-                    return Err(Nack::Parameter(2));
+                    return Err(Nack::parameter(2));
                 }
-                return Ok(Answer::data(&[[p, i, d].map(|c| c.to_bits().to_le_bytes()).as_flattened()]));
+                return Ok(Answer::data(&[p, i, d]));
             }
         }
         Ok(Answer::Ack)
     }
 
-    const fn pidf(&self, of: Loop) -> (Pidf, Algorithm) {
+    /// Does what a request says, which cannot be refused.
+    pub fn receive_setup(&mut self, request: ToSetup) -> Answer {
+        match request {
+            ToSetup::SetUp { setup } => {
+                self.settings = setup.settings(&self.settings);
+                self.pending.configure = true;
+                Answer::Ack
+            }
+            ToSetup::Setup => Answer::data(&Setup::of(&self.settings)),
+        }
+    }
+
+    const fn set_pidf(&mut self, of: Loop, Coefficients { pidf, algorithm }: Coefficients) {
         match of {
+            Loop::Velocity => (self.settings.velocity, self.velocity_algorithm) = (pidf, algorithm),
+            Loop::Position => (self.settings.position, self.position_algorithm) = (pidf, algorithm),
+        }
+        self.pending.configure = true;
+    }
+
+    const fn pidf(&self, of: Loop) -> Coefficients {
+        let (pidf, algorithm) = match of {
             Loop::Velocity => (self.settings.velocity, self.velocity_algorithm),
             Loop::Position => (self.settings.position, self.position_algorithm),
-        }
+        };
+        Coefficients { pidf, algorithm }
     }
 
     fn enable(&mut self, battery_good: bool) -> Result<(), Nack> {
         if self.target().is_none() {
-            return Err(Nack::NotConfigured);
+            return Err(Nack::NOT_CONFIGURED);
         }
         if !battery_good {
-            return Err(Nack::BatteryLow);
+            return Err(Nack::BATTERY_LOW);
         }
         self.enabled = true;
         self.retarget();
@@ -186,9 +179,11 @@ impl Channel {
     /// The set-point of the present mode; `None` if its target was never set.
     fn target(&self) -> Option<Setpoint> {
         match self.mode {
-            Mode::Power => self.power.map(Setpoint::ConstantPower),
-            Mode::Velocity => self.velocity.map(|cps| Setpoint::Velocity(CountsPerSecond::new(cps.into()))),
-            Mode::Position => self.position.map(|Target { counts, tolerance }| {
+            RunMode::Power => self.power.map(Setpoint::ConstantPower),
+            RunMode::Velocity => {
+                self.velocity.map(|cps| Setpoint::Velocity(CountsPerSecond::new(cps.into())))
+            }
+            RunMode::Position => self.position.map(|Target { counts, tolerance }| {
                 let speed_limit = i32::from(self.velocity.unwrap_or(SPEED_LIMIT)).abs();
                 Setpoint::Position {
                     target: counts.wrapping_add(self.offset),
@@ -242,7 +237,7 @@ impl Channel {
     /// In position mode and within the tolerance of the target, as far as the motor's last report
     /// tells. A report may be of the time before the target, so its own word is not used.
     pub fn at_target(&self, report: &Report) -> bool {
-        self.mode == Mode::Position
+        self.mode == RunMode::Position
             && self.position.is_some_and(|Target { counts, tolerance }| {
                 counts.wrapping_sub(self.counts(report)).unsigned_abs() <= u32::from(tolerance)
             })

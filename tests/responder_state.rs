@@ -1,12 +1,13 @@
 //! Motors, keep-alive, fail-safe, attention and the LED, as a host lives through them.
 
-mod link_support;
+mod hub_support;
 
-use link_support::{Host, N, Said, frame_to, settings};
+use hub_support::{N, Said, TestHost, frame_to, settings};
 use motor_hub::hub::{Action, Command, Snapshot};
-use motor_hub::link::alive::TIMEOUT_MICROS;
-use motor_hub::link::{Address, Colour, Link};
 use motor_hub::motor::Setpoint;
+use motor_hub::protocol::{Address, Colour};
+use motor_hub::responder::Responder;
+use motor_hub::responder::alive::TIMEOUT_MICROS;
 use motor_hub::units::{Control, CountsPerSecond, Micros, Millivolts};
 
 const TIMEOUT_MS: u64 = TIMEOUT_MICROS / 1000;
@@ -16,18 +17,18 @@ fn set(motor: usize, setpoint: Setpoint) -> Command {
 }
 
 /// With motor 0 running.
-fn driving() -> Host {
-    let mut host = Host::settled();
+fn driving() -> TestHost {
+    let mut host = TestHost::settled();
     host.do_all(&[(15, &[0, 0, 64]), (10, &[0, 1])]);
     assert_eq!(host.told(), [set(0, Setpoint::ConstantPower(Control::new(16_384)))]);
     host
 }
 
-fn keep_alive(host: &mut Host) -> Said {
+fn keep_alive(host: &mut TestHost) -> Said {
     host.ask(0x7F04, &[])
 }
 
-fn enabled(host: &mut Host) -> [Said; N] {
+fn enabled(host: &mut TestHost) -> [Said; N] {
     [0, 1, 2, 3].map(|motor| host.call(11, &[motor]))
 }
 
@@ -37,7 +38,7 @@ fn no() -> Said {
 
 #[test]
 fn a_motor_is_not_enabled_before_it_has_a_target_for_its_mode() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     let targets: [(u16, &[u8]); 3] = [(15, &[0, 1, 0]), (17, &[0, 1, 0]), (19, &[0, 1, 0, 0, 0, 0, 0])];
     for (mode, (function, payload)) in targets.into_iter().enumerate() {
         host.do_all(&[(8, &[0, mode as u8, 0])]);
@@ -52,7 +53,7 @@ fn a_motor_is_not_enabled_before_it_has_a_target_for_its_mode() {
 
 #[test]
 fn targets_may_be_set_in_any_mode_and_take_effect_in_their_own() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     host.do_all(&[(19, &[1, 100, 0, 0, 0, 7, 0]), (17, &[1, 0xD4, 0xFE]), (15, &[1, 5, 0]), (10, &[1, 1])]);
     assert_eq!(host.told(), [set(1, Setpoint::ConstantPower(Control::new(5)))]);
     let velocity = Setpoint::Velocity(CountsPerSecond::new(-300));
@@ -74,7 +75,7 @@ fn an_enabled_motor_in_a_mode_without_target_floats_until_it_has_one() {
 
 #[test]
 fn a_position_without_a_velocity_is_gone_to_at_the_highest_one() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 0, 0]), (10, &[0, 1])]);
     let speed_limit = CountsPerSecond::new(32_767);
     assert_eq!(
@@ -88,7 +89,7 @@ fn a_position_without_a_velocity_is_gone_to_at_the_highest_one() {
 
 #[test]
 fn commands_that_came_faster_than_the_motors_are_told_are_told_by_their_outcome() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     for power in 0..100 {
         host.do_all(&[(15, &[2, power, 0]), (10, &[2, 1])]);
     }
@@ -106,7 +107,7 @@ fn letting_go_is_told_first_and_even_if_the_motor_is_enabled_again_at_once() {
 
 #[test]
 fn a_reset_encoder_reads_0_and_targets_are_in_its_counts() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     host.snapshot.motors[0].position = i32::MAX;
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 10, 0, 0, 0, 3, 0]), (10, &[0, 1]), (14, &[0])]);
     assert_eq!(host.call(22, &[0]), Said::Data(vec![0; 4]));
@@ -125,7 +126,7 @@ fn a_reset_encoder_reads_0_and_targets_are_in_its_counts() {
 
 #[test]
 fn at_target_is_about_the_target_just_set_not_about_an_older_report() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0]), (10, &[0, 1])]);
     host.snapshot.motors[0].at_target = true;
     assert_eq!(host.call(21, &[0]), Said::Data(vec![1]));
@@ -135,7 +136,7 @@ fn at_target_is_about_the_target_just_set_not_about_an_older_report() {
 
 #[test]
 fn bulk_velocities_saturate() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     for (motor, cps) in [40_000, -40_000, 32_767, -5].into_iter().enumerate() {
         host.snapshot.motors[motor].velocity = CountsPerSecond::new(cps);
     }
@@ -149,17 +150,17 @@ fn a_motor_is_not_enabled_on_a_low_or_unknown_battery() {
     for (battery, said) in
         [(Some(7_000), Said::Ack(0)), (Some(6_999), Said::Nack(52)), (None, Said::Nack(52))]
     {
-        let mut host = Host::settled();
+        let mut host = TestHost::settled();
         host.do_all(&[(15, &[0, 1, 0])]);
         host.snapshot.battery = battery.map(Millivolts::new);
         assert_eq!(host.call(10, &[0, 1]), said, "{battery:?}");
-        assert_eq!(host.link.enabled()[0], said == Said::Ack(0));
+        assert_eq!(host.responder.enabled()[0], said == Said::Ack(0));
     }
 }
 
 #[test]
 fn the_battery_reads_0_when_unknown_and_saturates() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     for (battery, mv) in [(None, 0i16), (Some(32_768), 32_767)] {
         host.snapshot.battery = battery.map(Millivolts::new);
         assert_eq!(host.call(7, &[13, 0]), Said::Data(mv.to_le_bytes().to_vec()));
@@ -176,19 +177,19 @@ fn a_battery_becoming_low_calls_attention_once_and_stays_in_the_status() {
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![1 << 4, 0]));
     host.snapshot.battery = Some(Millivolts::new(7_100));
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![0, 0]));
-    assert!(host.link.enabled()[0], "a running motor goes on");
+    assert!(host.responder.enabled()[0], "a running motor goes on");
 }
 
 #[test]
 fn an_encoder_that_is_not_to_be_trusted_is_a_motor_alert() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     host.snapshot.motors[2].faults.encoder_stale = true;
     assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![0, 1 << 2]));
 }
 
 #[test]
 fn attention_is_called_until_the_status_is_read_and_cleared() {
-    let mut host = Host::new();
+    let mut host = TestHost::new();
     assert_eq!(keep_alive(&mut host), Said::Ack(1), "after a reset");
     assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![2, 0]));
     assert_eq!(keep_alive(&mut host), Said::Ack(1));
@@ -205,13 +206,13 @@ fn a_silence_of_2500_ms_disables_all_motors_once() {
     let mut host = driving();
     host.wait_ms(TIMEOUT_MS);
     host.now = Micros::new(host.now.get() - 1);
-    host.link.tick(host.now, &host.snapshot);
-    assert!(host.link.enabled()[0] && host.told().is_empty());
+    host.responder.tick(host.now, &host.snapshot);
+    assert!(host.responder.enabled()[0] && host.told().is_empty());
     host.now = Micros::new(host.now.get() + 1);
-    host.link.tick(host.now, &host.snapshot);
+    host.responder.tick(host.now, &host.snapshot);
     assert_eq!(host.told(), [0, 1, 2, 3].map(|motor| set(motor, Setpoint::Disabled)));
     host.wait_ms(10 * TIMEOUT_MS);
-    host.link.tick(host.now, &host.snapshot);
+    host.responder.tick(host.now, &host.snapshot);
     assert!(host.told().is_empty());
     assert_eq!(enabled(&mut host), [no(), no(), no(), no()]);
     assert_eq!(keep_alive(&mut host), Said::Ack(1));
@@ -233,7 +234,7 @@ fn a_packet_that_comes_too_late_does_not_hide_the_silence() {
 
 #[test]
 fn any_packet_to_the_hub_keeps_motors_running_and_nothing_else_does() {
-    let hub = link_support::HUB;
+    let hub = hub_support::HUB;
     let mut damaged = frame_to(hub, 1, 0x7F04, &[]);
     damaged[6] ^= 1;
     let feeding =
@@ -245,25 +246,25 @@ fn any_packet_to_the_hub_keeps_motors_running_and_nothing_else_does() {
         for _ in 0..4 {
             host.wait_ms(2100);
             host.send(frame);
-            host.link.tick(host.now, &host.snapshot);
+            host.responder.tick(host.now, &host.snapshot);
         }
-        assert_eq!(host.link.enabled()[0], runs, "{frame:x?}");
+        assert_eq!(host.responder.enabled()[0], runs, "{frame:x?}");
     }
 }
 
 #[test]
 fn the_timer_stands_until_the_first_packet() {
-    let mut link = Link::new(Address::DEFAULT, [settings(); N]);
-    assert_eq!(link.deadline(), None);
-    link.tick(Micros::new(1 << 40), &Snapshot::INITIAL);
-    assert_eq!(link.pending(), None);
+    let mut responder = Responder::new(Address::DEFAULT, [settings(); N]);
+    assert_eq!(responder.deadline(), None);
+    responder.tick(Micros::new(1 << 40), &Snapshot::INITIAL);
+    assert_eq!(responder.pending(), None);
 }
 
 #[test]
 fn fail_safe_keeps_modes_targets_and_coefficients() {
     let mut host = driving();
     host.do_all(&[(8, &[0, 1, 1]), (17, &[0, 9, 0]), (19, &[0, 1, 2, 3, 4, 5, 6])]);
-    let keep = |host: &mut Host| [9, 16, 18, 20].map(|function| host.call(function, &[0]));
+    let keep = |host: &mut TestHost| [9, 16, 18, 20].map(|function| host.call(function, &[0]));
     let before = keep(&mut host);
     assert_eq!(host.ask(0x7F05, &[]), Said::Ack(1));
     assert_eq!(keep(&mut host), before);
@@ -272,14 +273,14 @@ fn fail_safe_keeps_modes_targets_and_coefficients() {
 
 #[test]
 fn the_led_tells_of_the_host_and_the_battery() {
-    let mut host = Host::new();
-    assert_eq!(host.link.led(host.now), Colour::BLUE, "waiting");
+    let mut host = TestHost::new();
+    assert_eq!(host.responder.led(host.now), Colour::BLUE, "waiting");
     keep_alive(&mut host);
-    assert_eq!(host.link.led(host.now), Colour::GREEN, "talking");
+    assert_eq!(host.responder.led(host.now), Colour::GREEN, "talking");
     host.wait_ms(TIMEOUT_MS);
-    host.link.tick(host.now, &host.snapshot);
+    host.responder.tick(host.now, &host.snapshot);
     let mut seen = [0; 6].map(|_| {
-        let colour = host.link.led(host.now);
+        let colour = host.responder.led(host.now);
         host.wait_ms(500);
         colour
     });
@@ -287,7 +288,7 @@ fn the_led_tells_of_the_host_and_the_battery() {
     host.snapshot.battery = Some(Millivolts::new(6_500));
     keep_alive(&mut host);
     seen = [0; 6].map(|_| {
-        let colour = host.link.led(host.now);
+        let colour = host.responder.led(host.now);
         host.wait_ms(500);
         colour
     });
@@ -297,15 +298,15 @@ fn the_led_tells_of_the_host_and_the_battery() {
 
 #[test]
 fn a_host_may_show_its_own_colour_and_pattern_while_it_is_there() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     host.ask(0x7F0A, &[1, 2, 3]);
     let colour = Colour { red: 1, green: 2, blue: 3 };
-    assert_eq!(host.link.led(host.now), colour);
+    assert_eq!(host.responder.led(host.now), colour);
     // 0.2 s of one, 0.1 s of another, then the end.
     host.ask(0x7F0C, &[2, 30, 20, 10, 1, 33, 22, 11, 0, 9, 9, 9, 5, 5, 5, 5]);
     let (one, other) = (Colour { red: 10, green: 20, blue: 30 }, Colour { red: 11, green: 22, blue: 33 });
     for expected in [one, one, other, one, one, other, one] {
-        assert_eq!(host.link.led(host.now), expected);
+        assert_eq!(host.responder.led(host.now), expected);
         host.wait_ms(100);
     }
     let mut pattern = vec![2, 30, 20, 10, 1, 33, 22, 11];
@@ -313,15 +314,15 @@ fn a_host_may_show_its_own_colour_and_pattern_while_it_is_there() {
     assert_eq!(host.ask(0x7F0D, &[]), Said::Data(pattern));
     assert_eq!(host.ask(0x7F0B, &[]), Said::Data(vec![1, 2, 3]));
     host.wait_ms(TIMEOUT_MS);
-    host.link.tick(host.now, &host.snapshot);
-    assert_eq!(host.link.led(host.now), Colour::BLUE, "the lost host has no say");
+    host.responder.tick(host.now, &host.snapshot);
+    assert_eq!(host.responder.led(host.now), Colour::BLUE, "the lost host has no say");
     host.ask(0x7F0C, &[0]);
-    assert_eq!(host.link.led(host.now), Colour::GREEN, "an empty pattern gives the LED back");
+    assert_eq!(host.responder.led(host.now), Colour::GREEN, "an empty pattern gives the LED back");
 }
 
 #[test]
 fn a_pattern_of_16_steps_is_kept_whole() {
-    let mut host = Host::settled();
+    let mut host = TestHost::settled();
     let pattern: Vec<u8> = (1..=64).collect();
     assert_eq!(host.ask(0x7F0C, &pattern), Said::Ack(0));
     assert_eq!(host.ask(0x7F0D, &[]), Said::Data(pattern));
@@ -329,20 +330,20 @@ fn a_pattern_of_16_steps_is_kept_whole() {
 
 #[test]
 fn replies_are_numbered_from_1_to_255() {
-    let mut host = Host::new();
+    let mut host = TestHost::new();
     let numbers: Vec<u8> =
-        (0..=255).map(|_| host.send(&frame_to(link_support::HUB, 0, 0x7F04, &[]))[0][6]).collect();
+        (0..=255).map(|_| host.send(&frame_to(hub_support::HUB, 0, 0x7F04, &[]))[0][6]).collect();
     assert_eq!(numbers, (1..=255).chain([1]).collect::<Vec<u8>>());
 }
 
 #[test]
 fn a_hub_with_fewer_motors_refuses_the_others() {
-    let mut link = Link::new(Address::DEFAULT, [settings(); 2]);
-    let packet = |motor| link_support::decode(&frame_to(2, 1, 0x1009, &[motor]));
+    let mut responder = Responder::new(Address::DEFAULT, [settings(); 2]);
+    let packet = |motor| hub_support::decode(&frame_to(2, 1, 0x1009, &[motor]));
     let ids = [0, 1, 2, 3]
-        .map(|motor| link.receive(&packet(motor), Micros::new(0), &Snapshot::INITIAL).map(|reply| reply.id));
+        .map(|motor| responder.receive(&packet(motor), Micros::new(0), &Snapshot::INITIAL).map(|reply| reply.id));
     assert_eq!(ids, [0x9009, 0x9009, 0x7F02, 0x7F02].map(Some));
     let bulk =
-        link.receive(&link_support::decode(&frame_to(2, 1, 0x1000, &[])), Micros::new(0), &Snapshot::INITIAL);
+        responder.receive(&hub_support::decode(&frame_to(2, 1, 0x1000, &[])), Micros::new(0), &Snapshot::INITIAL);
     assert_eq!(bulk.map(|reply| reply.payload.len()), Some(35));
 }

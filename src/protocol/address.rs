@@ -1,0 +1,46 @@
+//! Who a packet is for.
+
+use super::fields::{Field, Fields, Payload};
+use super::nack::Nack;
+
+/// Address of the host.
+pub const HOST: u8 = 0;
+
+/// Destination of a packet for every hub.
+pub const BROADCAST: u8 = 255;
+
+/// A hub's address, 1 to 254.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Address(u8);
+
+impl Address {
+    /// What a hub has until it is given another: 2. Hosts find it by discovery.
+    pub const DEFAULT: Self = Self(2);
+
+    /// `None` for 0, which is the host, and 255, which is every hub.
+    pub const fn new(address: u8) -> Option<Self> {
+        if address == HOST || address == BROADCAST { None } else { Some(Self(address)) }
+    }
+
+    /// 1 to 254.
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+impl Default for Address {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+impl Field for Address {
+    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+        fields.checked(Self::new)
+    }
+
+    fn write(&self, payload: &mut Payload) {
+        self.0.write(payload);
+    }
+}

@@ -1,0 +1,67 @@
+//! Why a request is refused.
+//!
+//! ```
+//! use motor_hub::protocol::Nack;
+//!
+//! assert_eq!(Nack::BATTERY_LOW.to_string(), "battery too low (NACK 52)");
+//! assert_eq!(Nack::parameter(1), Nack(1));
+//! ```
+
+use core::fmt;
+
+/// The reason of a refusal as the protocol numbers it; nothing was changed. Hubs of other makes use
+/// more of the numbers than this one, which has names for its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Nack(pub u8);
+
+impl Nack {
+    /// Motor without a target for its mode.
+    pub const NOT_CONFIGURED: Self = Self(50);
+    /// Not in the motor's present mode.
+    pub const WRONG_MODE: Self = Self(51);
+    /// The battery is too low to run a motor, or its voltage is not known.
+    pub const BATTERY_LOW: Self = Self(52);
+    /// A known command for something that the hub does not have.
+    pub const UNSUPPORTED: Self = Self(253);
+    /// Not a command.
+    pub const UNKNOWN: Self = Self(255);
+
+    /// The payload's parameter with this number is out of range or missing. 10 and above mean other
+    /// things, so the tenth and those after it are all called 9.
+    pub const fn parameter(index: u8) -> Self {
+        Self(if index > 9 { 9 } else { index })
+    }
+}
+
+impl fmt::Display for Nack {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(code) = *self;
+        match code {
+            0..=9 => write!(f, "parameter {code} (counted from 0) is out of range"),
+            10..=17 => write!(f, "digital pin {} is not an output", code - 10),
+            18 => f.write_str("no digital pin is an output"),
+            20..=27 => write!(f, "digital pin {} is not an input", code - 20),
+            28 => f.write_str("no digital pin is an input"),
+            30 => f.write_str("servo not configured"),
+            31 => f.write_str("battery too low for servos"),
+            40 => f.write_str("I2C busy"),
+            41 => f.write_str("I2C transfer in progress"),
+            42 => f.write_str("no I2C result pending"),
+            43 => f.write_str("I2C query does not match the last transfer"),
+            44 => f.write_str("I2C data line stuck"),
+            45 => f.write_str("I2C clock line stuck"),
+            46 => f.write_str("I2C timeout"),
+            50 => f.write_str("no target set for this mode"),
+            51 => f.write_str("not in the motor's present mode"),
+            52 => f.write_str("battery too low"),
+            253 => f.write_str("this hub does not have it"),
+            254 => f.write_str("known command, not routed"),
+            255 => f.write_str("unknown command"),
+            _ => f.write_str("a reason that the protocol does not know"),
+        }?;
+        write!(f, " (NACK {code})")
+    }
+}
+
+impl core::error::Error for Nack {}

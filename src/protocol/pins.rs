@@ -1,0 +1,39 @@
+//! Requests to digital pins, PWM and servo outputs, which a motor hub may lack: host software sets them
+//! up whatever it finds.
+
+use super::fields::{ByteIn, WordFrom};
+use super::table::requests;
+
+/// A digital pin.
+pub type Pin = ByteIn<0, 7>;
+
+/// A PWM output.
+pub type PwmOutput = ByteIn<0, 3>;
+
+/// A servo output.
+pub type ServoOutput = ByteIn<0, 5>;
+
+requests! {
+    /// A request to a pin or output. Periods and widths are in microseconds, levels of all pins a bit
+    /// each; what is asked for is answered as it is set.
+    pub enum ToPin {
+        1 SetOutput { pin: Pin, high: bool },
+        2 SetOutputs { levels: u8 },
+        3 SetDirection { pin: Pin, output: bool },
+        4 Direction { pin: Pin },
+        5 Input { pin: Pin },
+        6 Inputs,
+        25 SetPwmPeriod { pwm: PwmOutput, period: u16 },
+        26 PwmPeriod { pwm: PwmOutput },
+        27 SetPwmWidth { pwm: PwmOutput, width: u16 },
+        28 PwmWidth { pwm: PwmOutput },
+        29 SetPwmEnable { pwm: PwmOutput, on: bool },
+        30 PwmEnable { pwm: PwmOutput },
+        31 SetServoPeriod { servo: ServoOutput, period: WordFrom<2> },
+        32 ServoPeriod { servo: ServoOutput },
+        33 SetServoWidth { servo: ServoOutput, width: WordFrom<1> },
+        34 ServoWidth { servo: ServoOutput },
+        35 SetServoEnable { servo: ServoOutput, on: bool },
+        36 ServoEnable { servo: ServoOutput },
+    }
+}

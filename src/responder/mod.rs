@@ -1,0 +1,293 @@
+//! The hub's end of the host's protocol: what it remembers and what it decides, so that host software
+//! written for a REV Expansion Hub runs motors of this hub. Where the published facts leave a behaviour
+//! open, the choice made is documented here.
+//!
+//! ```text
+//!              Packet +-----------+ Packet
+//! protocol ---------> | Responder | ---------> protocol
+//! control --Snapshot->|           | --hub::Command--> control
+//!                     +-----------+ --Colour--> status LED
+//! ```
+//!
+//! | room | what is decided there |
+//! |---|---|
+//! | [`Responder`] | all of these together: the hub as the host sees it |
+//! | [`motor`] | what the hub remembers of one motor, and what that makes the motor do |
+//! | [`alive`] | keep-alive timer, status word, attention |
+//! | [`led`] | the status LED |
+//! | [`pins`] | digital pins, PWM and servo outputs, which this hub only remembers |
+//!
+//! A refused command changes nothing. No packet enables a motor but a valid *set enable*. Pure: no clock,
+//! no await, no hardware. `tasks::responder` is the shell.
+//!
+//! ```
+//! use motor_hub::hub::Snapshot;
+//! use motor_hub::motor::Settings;
+//! use motor_hub::protocol::requests::{DISCOVERY, Request, Standard};
+//! use motor_hub::protocol::{Address, BROADCAST};
+//! use motor_hub::responder::Responder;
+//! use motor_hub::units::{EmfConstant, Micros};
+//!
+//! // A hub with two motors at address 2, of which nothing is known yet.
+//! let settings = Settings::new(EmfConstant::from_bits(4_180_495).unwrap());
+//! let mut responder = Responder::new(Address::DEFAULT, [settings; 2]);
+//! let snapshot = Snapshot::INITIAL;
+//!
+//! // A host looks for hubs and is told that this is one, directly on its line.
+//! let discovery = Request::from(Standard::Discovery).packet(BROADCAST, 1, DISCOVERY);
+//! let reply = responder.receive(&discovery, Micros(0), &snapshot).unwrap();
+//! assert_eq!((reply.source, reply.payload.as_slice()), (2, &[1][..]));
+//! ```
+
+pub mod alive;
+pub mod led;
+pub mod motor;
+pub mod pins;
+
+use crate::hub::{Command, Snapshot};
+use crate::motor::{Report, Settings};
+use crate::protocol::answers::{Bulk, Status, Version};
+use crate::protocol::fields::{Field, Payload, Text};
+use crate::protocol::motor::ToMotor;
+use crate::protocol::requests::{BATTERY, DISCOVERY, Request, Standard, ToHub};
+use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
+use crate::units::{Micros, Millivolts};
+use alive::Alive;
+use led::Led;
+use motor::MotorChannel;
+use pins::PinMemory;
+
+/// Below this the battery is low: motors cannot be enabled, and the status word and the LED say so.
+/// Motors that run go on.
+pub const LOW_BATTERY: Millivolts = Millivolts::new(7_000);
+
+/// What the version commands say.
+const VERSION_TEXT: &[u8] = b"HW: 20, Maj: 1, Min: 8, Eng: 2";
+/// The same, with the type of hub whose interface this one offers.
+const VERSION: Version = Version {
+    engineering: 2,
+    minor: 8,
+    major: 1,
+    hardware_minor: 0,
+    hardware_major: 2,
+    hardware: 0x0031_1153,
+};
+
+/// A request is to a motor that the hub does not have.
+const NO_MOTOR: Nack = Nack::parameter(0);
+
+/// What a request that is not refused is answered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// Done.
+    Ack,
+    /// What was asked for.
+    Data(Payload),
+}
+
+impl Answer {
+    fn data(of: &impl Field) -> Self {
+        let mut payload = Payload::new();
+        of.write(&mut payload);
+        Self::Data(payload)
+    }
+}
+
+/// Everything that the hub keeps for the host.
+#[derive(Clone, Debug)]
+pub struct Responder<const N: usize> {
+    address: Address,
+    /// Of the last reply.
+    number: u8,
+    alive: Alive,
+    channels: [MotorChannel; N],
+    pins: PinMemory,
+    led: Led,
+    phone_charge: bool,
+    ftdi_reset: bool,
+}
+
+impl<const N: usize> Responder<N> {
+    /// After a reset. `settings` are those that the motors start with: the coefficients that a host
+    /// reads before it has set any.
+    pub fn new(address: Address, settings: [Settings; N]) -> Self {
+        Self {
+            address,
+            number: 0,
+            alive: Alive::new(),
+            channels: settings.map(MotorChannel::new),
+            pins: PinMemory::default(),
+            led: Led::default(),
+            phone_charge: false,
+            ftdi_reset: false,
+        }
+    }
+
+    /// The address in force; whoever wants to keep it over a reset stores it.
+    pub const fn address(&self) -> Address {
+        self.address
+    }
+
+    /// By motor: is it enabled?
+    pub fn enabled(&self) -> [bool; N] {
+        self.channels.each_ref().map(MotorChannel::enabled)
+    }
+
+    /// What the status LED shows.
+    pub fn led(&self, now: Micros) -> Colour {
+        self.led.at(now, self.alive.sign())
+    }
+
+    /// When [`tick`](Self::tick) has something to do, at the latest.
+    pub const fn deadline(&self) -> Option<Micros> {
+        self.alive.deadline()
+    }
+
+    /// Time passes. If the host has fallen silent, this is where fail-safe sets in.
+    pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
+        self.alive.battery(snapshot.battery.is_some_and(|battery| battery < LOW_BATTERY));
+        if self.alive.ran_out(now) {
+            self.disable();
+        }
+    }
+
+    /// A packet came. `None` means that there is nothing to say to it: it is for another hub, or for
+    /// all hubs and no discovery. Whatever is answered, even a refusal, shows that the host is there.
+    pub fn receive(&mut self, packet: &Packet, now: Micros, snapshot: &Snapshot<N>) -> Option<Packet> {
+        self.tick(now, snapshot);
+        let address = self.address.get();
+        let discovery = packet.destination == BROADCAST && packet.id == DISCOVERY;
+        if packet.destination != address && !discovery {
+            return None;
+        }
+        self.alive.heard(now);
+        let answer =
+            Request::read(packet, N.min(CHANNELS)).and_then(|request| self.answer(request, now, snapshot));
+        let reply = match answer {
+            Ok(Answer::Ack) => Reply::Ack { attention: self.alive.attention() },
+            Ok(Answer::Data(payload)) => Reply::Data(payload),
+            Err(nack) => Reply::Nack(nack),
+        };
+        self.number = self.number.checked_add(1).unwrap_or(1);
+        // From the address that was asked, even if it has just been changed.
+        Some(reply.packet(packet, address, self.number))
+    }
+
+    /// The next thing that the motors are to be told; [`told`](Self::told) when they have been. Those
+    /// that let go come first.
+    pub fn pending(&self) -> Option<Command> {
+        let motor = self.next_channel()?;
+        let action = self.channels.get(motor)?.pending()?;
+        Some(Command { motor, action })
+    }
+
+    /// The motors have been told what [`pending`](Self::pending) says.
+    pub fn told(&mut self) {
+        if let Some(channel) = self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
+            channel.told();
+        }
+    }
+
+    fn next_channel(&self) -> Option<usize> {
+        let urgent = self.channels.iter().position(MotorChannel::urgent);
+        urgent.or_else(|| self.channels.iter().position(|channel| channel.pending().is_some()))
+    }
+
+    fn disable(&mut self) {
+        self.channels.iter_mut().for_each(MotorChannel::disable);
+        self.pins.disable();
+    }
+
+    fn answer(&mut self, request: Request, now: Micros, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
+        match request {
+            Request::Standard(request) => Ok(self.standard(request, now, snapshot)),
+            Request::Hub(request) => self.hub(request, snapshot),
+            Request::Pin(request) => self.pins.receive(&request),
+            Request::Motor(motor, request) => self.motor(motor, request, snapshot),
+            Request::Setup(motor, request) => {
+                Ok(self.channels.get_mut(usize::from(motor)).ok_or(NO_MOTOR)?.receive_setup(request))
+            }
+        }
+    }
+
+    fn standard(&mut self, request: Standard, now: Micros, snapshot: &Snapshot<N>) -> Answer {
+        match request {
+            // There is nothing to be verbose about.
+            Standard::KeepAlive | Standard::DebugLevel { .. } => (),
+            Standard::FailSafe => {
+                self.disable();
+                self.alive.fail_safe();
+            }
+            Standard::SetAddress { address } => self.address = address,
+            Standard::SetLedColour { colour } => self.led.set_colour(colour),
+            Standard::SetLedPattern { pattern } => self.led.set_pattern(pattern, now),
+            Standard::Status { clear } => {
+                let motor_alerts = motor_alerts(&snapshot.motors);
+                let answer = Answer::data(&Status { status: self.alive.status(), motor_alerts });
+                if clear {
+                    self.alive.clear();
+                }
+                return answer;
+            }
+            Standard::QueryInterface { interface } => return Answer::data(&interface.functions()),
+            Standard::LedColour => return Answer::data(&self.led.colour()),
+            Standard::LedPattern => return Answer::data(self.led.pattern()),
+            // There is no hub between this one and the host.
+            Standard::Discovery => return Answer::data(&true),
+        }
+        Answer::Ack
+    }
+
+    fn hub(&mut self, request: ToHub, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
+        match request {
+            ToHub::SetPhoneCharge { on } => self.phone_charge = on,
+            ToHub::SetFtdiReset { on } => self.ftdi_reset = on,
+            // Taken and forgotten.
+            ToHub::LogHint { .. } => (),
+            ToHub::Bulk => return Ok(Answer::data(&self.bulk(snapshot))),
+            ToHub::Adc { channel: BATTERY, raw: false } => {
+                // Unknown reads 0, which no battery does that a hub runs from.
+                let mv = snapshot.battery.unwrap_or_default().get();
+                return Ok(Answer::data(&i16::try_from(mv).unwrap_or(i16::MAX)));
+            }
+            // A zero would be a lie about what is not measured.
+            ToHub::Adc { .. } => return Err(Nack::UNSUPPORTED),
+            ToHub::PhoneCharge => return Ok(Answer::data(&self.phone_charge)),
+            ToHub::FtdiReset => return Ok(Answer::data(&self.ftdi_reset)),
+            ToHub::VersionText => return Ok(Answer::data(&Text::new(VERSION_TEXT).unwrap_or_default())),
+            ToHub::Version => return Ok(Answer::data(&VERSION)),
+        }
+        Ok(Answer::Ack)
+    }
+
+    fn motor(&mut self, motor: u8, request: ToMotor, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
+        let motor = usize::from(motor);
+        let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
+        let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
+        let battery_good = snapshot.battery.is_some_and(|battery| battery >= LOW_BATTERY);
+        channel.receive(request, report, battery_good)
+    }
+
+    /// Without current sensors, and without inputs beside the encoders.
+    fn bulk(&self, snapshot: &Snapshot<N>) -> Bulk {
+        let mut bulk = Bulk { attention: Some(self.alive.attention()), ..Bulk::default() };
+        let motors = self.channels.iter().zip(&snapshot.motors);
+        let answers = bulk.encoders.iter_mut().zip(&mut bulk.velocities).zip(&mut bulk.at_target);
+        for ((channel, report), ((encoder, velocity), at_target)) in motors.zip(answers) {
+            *encoder = channel.counts(report);
+            let cps = report.velocity.round();
+            *velocity = cps.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+            *at_target = channel.at_target(report);
+        }
+        bulk
+    }
+}
+
+/// Bits 0 to 3: the encoder of motor 0 to 3 is not to be trusted.
+fn motor_alerts(motors: &[Report]) -> u8 {
+    let bits = motors.iter().take(CHANNELS).enumerate();
+    bits.fold(0, |alerts, (index, motor)| {
+        let lost = motor.faults.encoder_stale || motor.faults.encoder.is_some();
+        alerts | u8::from(lost) << index
+    })
+}
