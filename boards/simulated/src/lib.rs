@@ -7,14 +7,13 @@
 //! ```
 //!
 //! [`cli`] is the command line `motor-hub`; `points`, `map` and `eval` ask the firmware's core
-//! directly, without a run; [`compare`] makes many runs of a few tasks to tell schemes apart. [`client`]
-//! is the host's end of the link to any hub, real or simulated.
+//! directly, without a run; [`compare`] makes many runs of a few tasks to tell schemes apart. `client` talks to any hub,
+//! real or simulated, through motor-hub-client.
 #![forbid(unsafe_code)]
 
 pub mod catalogue;
 pub mod chart;
 pub mod cli;
-pub mod client;
 pub mod compare;
 pub mod eval;
 pub mod measures;

@@ -8,10 +8,10 @@ mod status;
 mod watch;
 
 use super::{Failure, print};
-use crate::client::line::{self, Line};
-use crate::client::{self, Session};
 use crate::table;
-use motor_hub::link::{Address, CHANNELS, Colour};
+use motor_hub::protocol::{Address, CHANNELS, Colour};
+use motor_hub_client::line::{self, Line};
+use motor_hub_client::{Error, Session};
 use std::time::Duration;
 
 /// What `--help` says.
@@ -93,12 +93,12 @@ enum Command {
 
 /// Why a command did not do what it was asked; what the hub is to blame for is told with its port.
 enum Trouble {
-    Hub(client::Error),
+    Hub(Error),
     Other(Failure),
 }
 
-impl From<client::Error> for Trouble {
-    fn from(error: client::Error) -> Self {
+impl From<Error> for Trouble {
+    fn from(error: Error) -> Self {
         Self::Hub(error)
     }
 }

@@ -4,7 +4,7 @@ use super::{Failure, print};
 use crate::scenario::Scenario;
 use crate::serve::{self, Line, Moment};
 use indicatif::ProgressBar;
-use motor_hub::link::Address;
+use motor_hub::protocol::Address;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;

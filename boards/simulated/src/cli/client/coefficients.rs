@@ -2,12 +2,12 @@
 
 use super::{Trouble, channel};
 use crate::cli::{print, print_json};
-use crate::client::Session;
-use crate::client::line::Line;
 use crate::table;
-use motor_hub::link::command::Loop;
 use motor_hub::motion::Pidf;
+use motor_hub::protocol::motor::Loop;
 use motor_hub::units::Coefficient;
+use motor_hub_client::Session;
+use motor_hub_client::line::Line;
 use serde_json::json;
 
 /// Of which loop, and those to set.

@@ -3,13 +3,13 @@
 use super::{Trouble, channel};
 use crate::catalogue::find_motor;
 use crate::cli::{Failure, print, print_json};
-use crate::client::Session;
-use crate::client::line::Line;
 use crate::scenario::{DutyChoice, emf_constant};
 use crate::scheme::{Choice, describe};
 use crate::table;
 use crate::world::electrical;
-use motor_hub::link::setup::Setup;
+use motor_hub::protocol::setup::Setup;
+use motor_hub_client::Session;
+use motor_hub_client::line::Line;
 use serde_json::json;
 
 /// Of which motor, and what to change.

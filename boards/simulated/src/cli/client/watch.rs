@@ -3,8 +3,8 @@
 use super::live::{Live, repeat};
 use super::{Trouble, drive, seconds};
 use crate::cli::print;
-use crate::client::Session;
-use crate::client::line::Line;
+use motor_hub_client::Session;
+use motor_hub_client::line::Line;
 use std::time::Duration;
 
 /// How often, how long, and in which form.

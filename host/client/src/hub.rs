@@ -1,0 +1,74 @@
+//! Commands to the hub as a whole.
+
+use crate::{Error, Session};
+use motor_hub::protocol::answers::{Bulk, Status};
+use motor_hub::protocol::fields::Text;
+use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
+use motor_hub::protocol::{Address, Colour};
+use motor_hub::units::Millivolts;
+use std::io::{Read, Write};
+
+impl<L: Read + Write> Session<L> {
+    /// Module status; `clear` makes the hub forget what it says.
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn status(&mut self, clear: bool) -> Result<Status, Error> {
+        self.ask(Standard::Status { clear })
+    }
+
+    /// Says that the host is there, which any other command says too.
+    pub fn keep_alive(&mut self) -> Result<(), Error> {
+        self.order(Standard::KeepAlive)
+    }
+
+    /// All motors off; modes, targets and encoders are kept.
+    pub fn fail_safe(&mut self) -> Result<(), Error> {
+        self.order(Standard::FailSafe)
+    }
+
+    /// Gives the hub another address, at which this session goes on.
+    pub fn set_address(&mut self, address: Address) -> Result<(), Error> {
+        let before = self.address;
+        let done = self.order(Standard::SetAddress { address });
+        self.address = address.get();
+        match done {
+            // The answer may be lost, or come from the new address: then the hub is there by now.
+            Err(Error::Silent { .. }) if self.status(false).is_ok() => Ok(()),
+            Err(error) => {
+                self.address = before;
+                Err(error)
+            }
+            Ok(()) => Ok(()),
+        }
+    }
+
+    /// The colour last set for the status LED.
+    pub fn led(&mut self) -> Result<Colour, Error> {
+        self.ask(Standard::LedColour)
+    }
+
+    /// Sets the colour of the status LED.
+    pub fn set_led(&mut self, colour: Colour) -> Result<(), Error> {
+        self.order(Standard::SetLedColour { colour })
+    }
+
+    /// Everything that changes while motors run.
+    pub fn bulk(&mut self) -> Result<Bulk, Error> {
+        self.ask(ToHub::Bulk)
+    }
+
+    /// Battery voltage; 0 if the hub does not know it.
+    pub fn battery(&mut self) -> Result<Millivolts, Error> {
+        let mv: i16 = self.ask(ToHub::Adc { channel: BATTERY, raw: false })?;
+        Ok(Millivolts(u16::try_from(mv).unwrap_or_default()))
+    }
+
+    /// Hardware and firmware, in the hub's own words.
+    pub fn version(&mut self) -> Result<String, Error> {
+        let text: Text = self.ask(ToHub::VersionText)?;
+        // What a hub says may end in zeros, and goes to a terminal.
+        let text = String::from_utf8_lossy(text.bytes());
+        Ok(text.chars().filter(|c| !c.is_control()).collect())
+    }
+}

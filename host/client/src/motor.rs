@@ -1,0 +1,101 @@
+//! Commands to one motor, 0 to 3.
+
+use crate::{Error, Session};
+use motor_hub::motion::Pidf;
+use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
+use motor_hub::protocol::setup::{Setup, ToSetup};
+use motor_hub::units::Control;
+use std::io::{Read, Write};
+
+/// What a hub keeps of a motor for its host, as the host set it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MotorState {
+    /// What regulates it.
+    pub mode: RunMode,
+    /// What zero means to it.
+    pub zero_power: ZeroPower,
+    /// It may run.
+    pub enabled: bool,
+    /// Target of constant power.
+    pub power: Control,
+    /// Target of regulated velocity, in counts per second.
+    pub velocity: i16,
+    /// Target of regulated position.
+    pub position: Target,
+}
+
+impl<L: Read + Write> Session<L> {
+    /// Everything that is kept of a motor.
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn motor(&mut self, motor: u8) -> Result<MotorState, Error> {
+        let ChannelMode { mode, zero_power } = self.ask(ToMotor::Mode.to(motor))?;
+        Ok(MotorState {
+            mode,
+            zero_power,
+            enabled: self.enabled(motor)?,
+            power: self.ask(ToMotor::Power.to(motor))?,
+            velocity: self.ask(ToMotor::Velocity.to(motor))?,
+            position: self.ask(ToMotor::Position.to(motor))?,
+        })
+    }
+
+    /// How the motor is regulated, and what zero means to it.
+    pub fn set_mode(&mut self, motor: u8, mode: RunMode, zero_power: ZeroPower) -> Result<(), Error> {
+        self.order(ToMotor::SetMode { mode, zero_power }.to(motor))
+    }
+
+    /// Lets the motor run, or float.
+    pub fn enable(&mut self, motor: u8, on: bool) -> Result<(), Error> {
+        self.order(ToMotor::SetEnable { on }.to(motor))
+    }
+
+    /// False if the motor floats.
+    pub fn enabled(&mut self, motor: u8) -> Result<bool, Error> {
+        self.ask(ToMotor::Enable.to(motor))
+    }
+
+    /// Here is 0.
+    pub fn reset_encoder(&mut self, motor: u8) -> Result<(), Error> {
+        self.order(ToMotor::ResetEncoder.to(motor))
+    }
+
+    /// Target of constant power: share of full duty.
+    pub fn set_power(&mut self, motor: u8, power: Control) -> Result<(), Error> {
+        self.order(ToMotor::SetPower { power }.to(motor))
+    }
+
+    /// Target of regulated velocity, and the speed limit of regulated position, in counts per second.
+    pub fn set_velocity(&mut self, motor: u8, cps: i16) -> Result<(), Error> {
+        self.order(ToMotor::SetVelocity { cps }.to(motor))
+    }
+
+    /// Target of regulated position: counts, reached within `tolerance` counts.
+    pub fn set_position(&mut self, motor: u8, counts: i32, tolerance: u16) -> Result<(), Error> {
+        self.order(ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor))
+    }
+
+    /// Which motor it is, and how it is controlled; this project's own firmware tells.
+    pub fn setup(&mut self, motor: u8) -> Result<Setup, Error> {
+        self.ask(ToSetup::Setup.to(motor))
+    }
+
+    /// Says which motor it is, and how to control it. Its coefficients become those that go with it.
+    pub fn set_up(&mut self, motor: u8, setup: Setup) -> Result<(), Error> {
+        self.order(ToSetup::SetUp { setup }.to(motor))
+    }
+
+    /// A loop's coefficients.
+    pub fn coefficients(&mut self, motor: u8, of: Loop) -> Result<Pidf, Error> {
+        let Coefficients { pidf, .. } = self.ask(ToMotor::Pidf { of }.to(motor))?;
+        Ok(pidf)
+    }
+
+    /// Sets a loop's coefficients.
+    pub fn set_coefficients(&mut self, motor: u8, of: Loop, pidf: Pidf) -> Result<(), Error> {
+        let coefficients = Coefficients { pidf, algorithm: Algorithm::Pidf };
+        self.order(ToMotor::SetPidf { of, coefficients }.to(motor))
+    }
+}
