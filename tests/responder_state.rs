@@ -340,10 +340,14 @@ fn replies_are_numbered_from_1_to_255() {
 fn a_hub_with_fewer_motors_refuses_the_others() {
     let mut responder = Responder::new(Address::DEFAULT, [settings(); 2]);
     let packet = |motor| hub_support::decode(&frame_to(2, 1, 0x1009, &[motor]));
-    let ids = [0, 1, 2, 3]
-        .map(|motor| responder.receive(&packet(motor), Micros::new(0), &Snapshot::INITIAL).map(|reply| reply.id));
+    let ids = [0, 1, 2, 3].map(|motor| {
+        responder.receive(&packet(motor), Micros::new(0), &Snapshot::INITIAL).map(|reply| reply.id)
+    });
     assert_eq!(ids, [0x9009, 0x9009, 0x7F02, 0x7F02].map(Some));
-    let bulk =
-        responder.receive(&hub_support::decode(&frame_to(2, 1, 0x1000, &[])), Micros::new(0), &Snapshot::INITIAL);
+    let bulk = responder.receive(
+        &hub_support::decode(&frame_to(2, 1, 0x1000, &[])),
+        Micros::new(0),
+        &Snapshot::INITIAL,
+    );
     assert_eq!(bulk.map(|reply| reply.payload.len()), Some(35));
 }

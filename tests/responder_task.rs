@@ -82,7 +82,10 @@ impl World {
         let clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
         MockDriver::get().reset();
         let wires = Wires::new();
-        wires.snapshot.sender().send(Snapshot { battery: Some(Millivolts::new(12_000)), ..Snapshot::INITIAL });
+        wires
+            .snapshot
+            .sender()
+            .send(Snapshot { battery: Some(Millivolts::new(12_000)), ..Snapshot::INITIAL });
         Self { to_hub: Pipe::new(), line: Line::default(), wires, shown: Cell::default(), _clock: clock }
     }
 

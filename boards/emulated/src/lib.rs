@@ -18,7 +18,6 @@
 mod bench;
 mod chip;
 pub mod elf;
-pub mod host;
 mod lab;
 mod pins;
 mod pwm;
@@ -29,6 +28,7 @@ mod serial;
 pub mod serve;
 mod shafts;
 mod silence;
+pub mod talk;
 mod wiring;
 
 pub use bench::{Bench, Reset, SerialByte, Setup};

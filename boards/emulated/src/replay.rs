@@ -7,20 +7,20 @@
 use std::time::Duration;
 
 use motor_hub::braking::Regime;
-use motor_hub::bridge::{Drive, Mode as BridgeMode};
-use motor_hub::link::setup::{self, Setup};
+use motor_hub::bridge::{Drive, Mode};
 use motor_hub::model::plant::Flow;
-use motor_hub::motion::Pidf;
 use motor_hub::motor::{Report, Setpoint, ZeroPower};
+use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, RunMode, ToMotor};
+use motor_hub::protocol::setup::{Setup, ToSetup};
 use motor_hub::units::{CountsPerSecond, Duty, Period, RangeError};
 use simulated::hardware::BRIDGE;
 use simulated::scenario::{Motor, Scenario};
 use simulated::trace::{Sample, Tick, Trace};
 
 use crate::bench::{self, Bench};
-use crate::host::{Host, Mode, Reply};
 use crate::pwm::Output;
 use crate::shafts::{Look, Mounting};
+use crate::talk::Talk;
 
 /// Why a scenario could not be replayed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -84,7 +84,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         return Err(ReplayError::Period { asked, image });
     }
     let mut bench = Bench::new(stand(scenario));
-    let mut host = Host::default();
+    let mut talk = Talk::default();
     let mut orders = orders(scenario).into_iter().peekable();
     let period_s = f64::from(scenario.period.as_millis()) * 1e-3;
     let mut trace = Trace::default();
@@ -94,12 +94,12 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         let at_s = tick as f64 * period_s;
         while let Some((order_s, order)) = orders.next_if(|&(order_s, _)| order_s < at_s) {
             run_to(&mut bench, order_s);
-            carry_out(&mut bench, &mut host, scenario, order)?;
+            carry_out(&mut bench, &mut talk, scenario, order)?;
         }
         if at_s - heard_s > KEEP_ALIVE_S {
             heard_s = at_s;
             run_to(&mut bench, at_s - 0.4 * period_s);
-            host.keep_alive(&mut bench);
+            talk.keep_alive(&mut bench);
         }
         // What the tick decides is on the pins within a millisecond.
         run_to(&mut bench, at_s + 1e-3);
@@ -134,15 +134,13 @@ fn run_to(bench: &mut Bench, at_s: f64) {
 }
 
 /// Says which motor is on a channel and how it is controlled.
-fn set_up(bench: &mut Bench, host: &mut Host, channel: u8, motor: &Motor) -> Result<(), ReplayError> {
+fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, motor: &Motor) -> Result<(), ReplayError> {
     let settings =
         motor.settings().map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
-    let setup = Setup::of(&settings).bytes();
-    let obeyed = |reply| matches!(reply, Reply::Ack { .. }).then_some(()).ok_or(ReplayError::SetupRefused);
-    obeyed(host.ask(bench, setup::FIRST, &[&[channel][..], &setup].concat()))?;
-    for (of, Pidf { p, i, d, f }) in [(1, settings.velocity), (2, settings.position)] {
-        let coefficients = [p, i, d, f].map(|coefficient| coefficient.to_bits().to_le_bytes());
-        host.order(bench, 51, &[&[channel, of][..], coefficients.as_flattened(), &[1]].concat());
+    talk.order(bench, ToSetup::SetUp { setup: Setup::of(&settings) }.to(channel));
+    for (of, pidf) in [(Loop::Velocity, settings.velocity), (Loop::Position, settings.position)] {
+        let coefficients = Coefficients { pidf, algorithm: Algorithm::Pidf };
+        talk.order(bench, ToMotor::SetPidf { of, coefficients }.to(channel));
     }
     Ok(())
 }
@@ -168,32 +166,33 @@ fn orders(scenario: &Scenario) -> Vec<(f64, Order)> {
 
 fn carry_out(
     bench: &mut Bench,
-    host: &mut Host,
+    talk: &mut Talk,
     scenario: &Scenario,
     order: Order,
 ) -> Result<(), ReplayError> {
     match order {
-        Order::SetUp(index) => return set_up(bench, host, index as u8, &scenario.motors[index]),
+        Order::SetUp(index) => return set_up(bench, talk, index as u8, &scenario.motors[index]),
         Order::Torque(motor, torque) => bench.set_torque(motor, torque),
         Order::Setpoint(motor, setpoint) => {
             let floats = scenario.motors[motor].zero_power == ZeroPower::Float;
             let motor = motor as u8;
             let whole = |speed: CountsPerSecond| speed.round() as i16;
             match setpoint {
-                Setpoint::Disabled => host.enable(bench, motor, false),
-                Setpoint::ConstantPower(power) => host.power(bench, motor, power.get()),
-                Setpoint::Velocity(target) => host.velocity(bench, motor, whole(target)),
+                Setpoint::Disabled => talk.enable(bench, motor, false),
+                Setpoint::ConstantPower(power) => talk.power(bench, motor, power.get()),
+                Setpoint::Velocity(target) => talk.velocity(bench, motor, whole(target)),
                 Setpoint::Position { target, tolerance, speed_limit } => {
-                    host.position(bench, motor, target, tolerance, whole(speed_limit));
+                    talk.position(bench, motor, target, tolerance, whole(speed_limit));
                 }
             }
             if floats {
                 let mode = match setpoint {
-                    Setpoint::Velocity(_) => Mode::Velocity,
-                    Setpoint::Position { .. } => Mode::Position,
-                    Setpoint::Disabled | Setpoint::ConstantPower(_) => Mode::ConstantPower,
+                    Setpoint::Velocity(_) => RunMode::Velocity,
+                    Setpoint::Position { .. } => RunMode::Position,
+                    Setpoint::Disabled | Setpoint::ConstantPower(_) => RunMode::Power,
                 };
-                host.order(bench, 8, &[motor, mode as u8, 1]);
+                let zero_power = ZeroPower::Float;
+                talk.order(bench, ToMotor::SetMode { mode, zero_power }.to(motor));
             }
         }
     }
@@ -241,9 +240,9 @@ pub(crate) fn drive(bench: &mut Bench, motor: usize) -> Drive {
     let ticks = bench.pwm_grid().map_or(1, |grid| grid.ticks);
     let lines = bench.lines(motor);
     let mode = match (lines.ina, lines.inb) {
-        (true, _) => BridgeMode::Cw98,
-        (_, true) => BridgeMode::Ccw62,
-        _ => BridgeMode::Brake50,
+        (true, _) => Mode::Cw98,
+        (_, true) => Mode::Ccw62,
+        _ => Mode::Brake50,
     };
     let duty = match lines.pwm {
         Output::Level(high) => {
@@ -262,9 +261,9 @@ pub(crate) fn drive(bench: &mut Bench, motor: usize) -> Drive {
 fn report(motor: &Motor, at_s: f64, look: Look, drive: Drive) -> Report {
     let Drive { mode, duty } = drive;
     let regime = match mode {
-        BridgeMode::Brake50 if duty == Duty::ZERO => None,
-        BridgeMode::Brake50 => Some(Regime::Braking),
-        mode if (mode == BridgeMode::Cw98) == (look.counts_per_second >= 0.0) => Some(Regime::Forward),
+        Mode::Brake50 if duty == Duty::ZERO => None,
+        Mode::Brake50 => Some(Regime::Braking),
+        mode if (mode == Mode::Cw98) == (look.counts_per_second >= 0.0) => Some(Regime::Forward),
         _ => Some(Regime::Reverse),
     };
     Report {

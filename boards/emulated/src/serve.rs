@@ -3,12 +3,14 @@
 use std::time::Duration;
 
 use motor_hub::model::catalogue::characterised;
+use motor_hub::protocol::Address;
+use motor_hub::protocol::requests::Standard;
 use simulated::scenario::{Scenario, ScenarioError};
 use simulated::serve::{Line, Moment, line_on, pace};
 
 use crate::bench::Bench;
-use crate::host::Host;
 use crate::replay::{ReplayError, drive, stand};
+use crate::talk::Talk;
 
 const STEP: Duration = Duration::from_millis(1);
 
@@ -16,7 +18,7 @@ const STEP: Duration = Duration::from_millis(1);
 const BOOT: Duration = Duration::from_millis(200);
 
 /// An address that the image does not have.
-const OTHER: u8 = 254;
+const OTHER: Address = Address::new(254).expect("in range");
 
 /// Silence of several bytes: a reply is at its end.
 const PAUSE: Duration = Duration::from_micros(100);
@@ -53,7 +55,7 @@ pub fn run(
     bench.run(BOOT);
     // What the emulator executes for the first time takes it a while: a packet for another hub, before
     // anybody waits for an answer.
-    bench.send(&Host::new(OTHER).packet(0x7F04, &[]));
+    bench.send(&Talk::new(OTHER).packet(Standard::KeepAlive.number(), &[]));
     bench.run(BOOT);
     let lost = pace(|step| {
         let at_s = step as f64 * STEP.as_secs_f64();

@@ -5,48 +5,52 @@ mod common;
 use std::time::Duration;
 
 use common::{am60, booted, four_loads, ms, open_since};
-use emulated::host::{Bulk, Host, Mode, Reply};
+use emulated::talk::Talk;
 use emulated::{Bench, Setup};
+use motor_hub::protocol::Nack;
+use motor_hub::protocol::answers::{Bulk, Reply};
+use motor_hub::protocol::motor::RunMode;
+use motor_hub::protocol::requests::{BATTERY, ToHub};
 
 /// Runs with a sign of life every second.
-fn run(bench: &mut Bench, host: &mut Host, time: Duration) {
+fn run(bench: &mut Bench, talk: &mut Talk, time: Duration) {
     let end = bench.now() + time;
     while bench.now() < end {
-        host.keep_alive(bench);
+        talk.keep_alive(bench);
         bench.run_until(end.min(bench.now() + ms(1000)));
     }
 }
 
 #[test]
 fn all_three_run_modes_at_once_with_different_loads() {
-    let (mut bench, mut host) = (booted(four_loads()), Host::default());
-    host.power(&mut bench, 0, 16_384);
-    host.velocity(&mut bench, 1, 1500);
-    host.velocity(&mut bench, 2, -700);
-    host.position(&mut bench, 3, 2500, 10, 1500);
-    run(&mut bench, &mut host, ms(4000));
+    let (mut bench, mut talk) = (booted(four_loads()), Talk::default());
+    talk.power(&mut bench, 0, 16_384);
+    talk.velocity(&mut bench, 1, 1500);
+    talk.velocity(&mut bench, 2, -700);
+    talk.position(&mut bench, 3, 2500, 10, 1500);
+    run(&mut bench, &mut talk, ms(4000));
     let speeds: Vec<f64> = (0..4).map(|motor| bench.look(motor).counts_per_second).collect();
     // Half of the battery, less the bridge's losses.
     assert!((1200.0..1500.0).contains(&speeds[0]), "{speeds:?}");
     assert!((speeds[1] - 1500.0).abs() < 40.0, "{speeds:?}");
     assert!((speeds[2] + 700.0).abs() < 30.0, "{speeds:?}");
     assert!((bench.look(3).counts - 2500).abs() <= 10, "{:?}", bench.look(3));
-    let bulk = host.bulk(&mut bench);
+    let bulk = talk.bulk(&mut bench);
     assert_eq!(bulk.at_target, [false, false, false, true]);
     bench.assert_sound();
 }
 
 #[test]
 fn regulated_velocity_holds_at_several_speeds() {
-    let (mut bench, mut host) = (booted(vec![am60(); 4]), Host::default());
+    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
     for speeds in [[100, 300, 600, 1000], [1400, 1800, 2200, -2200], [-100, -400, -900, 0]] {
         for (motor, speed) in (0..).zip(speeds) {
-            host.velocity(&mut bench, motor, speed);
+            talk.velocity(&mut bench, motor, speed);
         }
-        run(&mut bench, &mut host, ms(1500));
+        run(&mut bench, &mut talk, ms(1500));
         // The mean over half a second: the estimate chatters by one sampling interval in its window.
         let before: Vec<i64> = (0..4).map(|motor| bench.look(motor).counts).collect();
-        run(&mut bench, &mut host, ms(500));
+        run(&mut bench, &mut talk, ms(500));
         for (motor, speed) in speeds.into_iter().enumerate() {
             let mean = (bench.look(motor).counts - before[motor]) as f64 / 0.5;
             let wanted = f64::from(speed);
@@ -58,14 +62,14 @@ fn regulated_velocity_holds_at_several_speeds() {
 
 #[test]
 fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
-    let (mut bench, mut host) = (booted(four_loads()), Host::default());
+    let (mut bench, mut talk) = (booted(four_loads()), Talk::default());
     for round in 0..8usize {
         for motor in 0..4 {
             // Slower, then the other way, then slower again.
             let speed = [1800, 600, -1800, -600][(round + usize::from(motor)) % 4];
-            host.velocity(&mut bench, motor, speed);
+            talk.velocity(&mut bench, motor, speed);
         }
-        run(&mut bench, &mut host, ms(900));
+        run(&mut bench, &mut talk, ms(900));
     }
     let transitions = bench.transitions();
     for motor in 0..4 {
@@ -82,12 +86,12 @@ fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
 
 #[test]
 fn the_host_reads_what_the_physics_does() {
-    let (mut bench, mut host) = (booted(four_loads()), Host::default());
+    let (mut bench, mut talk) = (booted(four_loads()), Talk::default());
     for (motor, speed) in (0..).zip([500, 1000, -1500, 2000]) {
-        host.velocity(&mut bench, motor, speed);
+        talk.velocity(&mut bench, motor, speed);
     }
-    run(&mut bench, &mut host, ms(2000));
-    let Bulk { encoders, velocities, .. } = host.bulk(&mut bench);
+    run(&mut bench, &mut talk, ms(2000));
+    let Bulk { encoders, velocities, .. } = talk.bulk(&mut bench);
     for motor in 0..4 {
         let look = bench.look(motor);
         // A count is at most one tick and the reply's time old.
@@ -96,8 +100,8 @@ fn the_host_reads_what_the_physics_does() {
         let error = (look.counts_per_second - f64::from(velocities[motor])).abs();
         assert!(error <= 0.03 * look.counts_per_second.abs() + 5.0, "{look:?}, {velocities:?}");
     }
-    let battery = host.question(&mut bench, 7, &[13, 0]);
-    let millivolts = f64::from(i16::from_le_bytes([battery[0], battery[1]]));
+    let millivolts: i16 = talk.question(&mut bench, ToHub::Adc { channel: BATTERY, raw: false });
+    let millivolts = f64::from(millivolts);
     assert!((millivolts - 1000.0 * bench.battery().0).abs() < 30.0, "{millivolts} mV");
     bench.assert_sound();
 }
@@ -113,18 +117,18 @@ fn tick_offsets(bench: &mut Bench, from: Duration) -> Vec<u128> {
 
 #[test]
 fn a_saturated_line_does_not_move_the_control_ticks() {
-    let (mut bench, mut host) = (booted(vec![am60(); 4]), Host::default());
+    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
     for motor in 0..4 {
-        host.velocity(&mut bench, motor, 1000);
+        talk.velocity(&mut bench, motor, 1000);
     }
     let from = bench.now() + ms(300);
     let mut answers = 0;
     for _ in 0..300 {
         // Bulk reads back to back: 11 bytes in, 46 out.
-        let requests: Vec<u8> = (0..10).flat_map(|_| host.packet(0x1000, &[])).collect();
+        let requests: Vec<u8> = (0..10).flat_map(|_| talk.packet(0x1000, &[])).collect();
         bench.send(&requests);
         bench.run(ms(10));
-        answers += host.arrivals(&mut bench).len();
+        answers += talk.arrivals(&mut bench).len();
     }
     let offsets = tick_offsets(&mut bench, from);
     let (least, most) = (offsets.iter().min().expect("ticks"), offsets.iter().max().expect("ticks"));
@@ -155,21 +159,21 @@ const COMMANDS: [(u16, &[u8]); 12] = [
 
 #[test]
 fn every_command_is_answered_within_5_ms_while_four_motors_are_regulated() {
-    let (mut bench, mut host) = (booted(four_loads()), Host::default());
+    let (mut bench, mut talk) = (booted(four_loads()), Talk::default());
     for motor in 0..4 {
-        host.velocity(&mut bench, motor, 1000);
+        talk.velocity(&mut bench, motor, 1000);
     }
     let (mut slowest, mut unanswered) = (Duration::ZERO, Vec::new());
     for round in 0..6000_u64 {
         let (kind, payload) = COMMANDS[round as usize % COMMANDS.len()];
-        let packet = host.packet(kind, payload);
+        let packet = talk.packet(kind, payload);
         // At every phase of the control tick and of the log.
         bench.run(Duration::from_micros(round * 7919 % 1500));
         let at = bench.now();
         bench.send(&packet);
         let mut reply = None;
         bench.run_while(Duration::from_micros(500), ms(20), |bench| {
-            reply = host.arrivals(bench).pop();
+            reply = talk.arrivals(bench).pop();
             reply.is_some()
         });
         // Ten bits at 460 800 baud.
@@ -207,24 +211,24 @@ fn a_line_of_the_log_masks_interrupts_for_less_than_a_byte_of_the_line() {
 
 #[test]
 fn garbled_words_do_no_harm_and_the_line_recovers() {
-    let (mut bench, mut host) = (booted(vec![am60(); 4]), Host::default());
+    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
     for motor in 0..4 {
-        host.velocity(&mut bench, motor, 1000);
+        talk.velocity(&mut bench, motor, 1000);
     }
     bench.garble_serial(20_000, 7);
     let mut answers = 0;
     for _ in 0..150 {
-        let packet = host.packet(0x1000, &[]);
+        let packet = talk.packet(0x1000, &[]);
         bench.send(&packet);
         bench.run(ms(10));
-        answers += host.arrivals(&mut bench).len();
+        answers += talk.arrivals(&mut bench).len();
     }
     println!("{answers} of 150 requests answered with 2 % of the words garbled");
     // More answers than requests would be old bytes read again, such as an old "enable".
     assert!((75..150).contains(&answers), "{answers}");
     bench.garble_serial(0, 7);
     bench.run(ms(60));
-    host.keep_alive(&mut bench);
+    talk.keep_alive(&mut bench);
     for motor in 0..4 {
         let speed = bench.look(motor).counts_per_second;
         assert!((speed - 1000.0).abs() < 30.0, "motor {motor} turns at {speed} counts/s");
@@ -234,16 +238,16 @@ fn garbled_words_do_no_harm_and_the_line_recovers() {
 
 #[test]
 fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
-    let (mut bench, mut host) = (booted(vec![am60(); 4]), Host::default());
+    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
     let (mut soonest, mut latest) = (Duration::MAX, Duration::ZERO);
     // The last packet at every phase of the control tick.
     for phase in (0..50).step_by(7) {
         for motor in 0..4 {
-            host.velocity(&mut bench, motor, 1000);
+            talk.velocity(&mut bench, motor, 1000);
         }
         let tick = bench.now().as_millis() as u64 / 50 * 50;
         bench.run_until(ms(tick + 100 + phase));
-        let packet = host.packet(0x7F04, &[]);
+        let packet = talk.packet(0x7F04, &[]);
         bench.send(&packet);
         // Ten bits a byte at 460 800 baud.
         let last = bench.now() + Duration::from_nanos(21_701) * packet.len() as u32;
@@ -255,7 +259,7 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
             let at = open_since(&transitions, motor, last).expect("open") - last;
             (soonest, latest) = (soonest.min(at), latest.max(at));
         }
-        host.arrivals(&mut bench);
+        talk.arrivals(&mut bench);
     }
     println!(
         "time to safe: {:8.3} to {:.3} ms  host silent",
@@ -269,23 +273,23 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
 
 #[test]
 fn a_refused_command_changes_nothing() {
-    let (mut bench, mut host) = (booted(vec![am60()]), Host::default());
-    assert_eq!(host.ask(&mut bench, 0x1008, &[4, 0, 0]), Reply::Nack(0));
-    assert_eq!(host.ask(&mut bench, 0x1008, &[0, 10, 0]), Reply::Nack(1));
+    let (mut bench, mut talk) = (booted(vec![am60()]), Talk::default());
+    assert_eq!(talk.ask(&mut bench, 0x1008, &[4, 0, 0]), Reply::Nack(Nack(0)));
+    assert_eq!(talk.ask(&mut bench, 0x1008, &[0, 10, 0]), Reply::Nack(Nack(1)));
     // Enabled before a target was set.
-    host.set_mode(&mut bench, 0, Mode::Velocity);
-    assert_eq!(host.ask(&mut bench, 0x100A, &[0, 1]), Reply::Nack(50));
+    talk.set_mode(&mut bench, 0, RunMode::Velocity);
+    assert_eq!(talk.ask(&mut bench, 0x100A, &[0, 1]), Reply::Nack(Nack(50)));
     bench.run(ms(200));
     assert_eq!(bench.transitions(), []);
 }
 
 #[test]
 fn constant_power_needs_no_encoder() {
-    let (mut bench, mut host) = (Bench::new(Setup::new(vec![am60(); 2])), Host::default());
+    let (mut bench, mut talk) = (Bench::new(Setup::new(vec![am60(); 2])), Talk::default());
     bench.run(ms(300));
     bench.set_encoder(0, emulated::Encoder::Unplugged);
-    host.power(&mut bench, 0, 20_000);
-    run(&mut bench, &mut host, ms(2000));
+    talk.power(&mut bench, 0, 20_000);
+    run(&mut bench, &mut talk, ms(2000));
     assert!(bench.look(0).counts_per_second > 1200.0);
     bench.assert_sound();
 }

@@ -7,28 +7,28 @@ mod common;
 use std::time::{Duration, Instant};
 
 use common::{am60, ms};
-use emulated::host::Host;
+use emulated::talk::Talk;
 use emulated::{Bench, Pwm, Setup};
 
 /// Virtual seconds a second.
 fn rate(pwm: Pwm) -> f64 {
     let mut bench = Bench::new(Setup { pwm, ..Setup::new(vec![am60(); 4]) });
-    let mut host = Host::default();
+    let mut talk = Talk::default();
     bench.run(ms(300));
     for motor in 0..4 {
         // Nearly all of it, so that TIM1 has something to do.
-        host.power(&mut bench, motor, 32_000);
+        talk.power(&mut bench, motor, 32_000);
     }
     // Until the emulator has translated the firmware.
     for _ in 0..2 {
         bench.run(ms(1000));
-        host.keep_alive(&mut bench);
+        talk.keep_alive(&mut bench);
     }
     let edges: i64 = (0..4).map(|motor| bench.look(motor).counts).sum();
     let start = Instant::now();
     for _ in 0..5 {
         bench.run(Duration::from_secs(1));
-        host.keep_alive(&mut bench);
+        talk.keep_alive(&mut bench);
     }
     let rate = 5.0 / start.elapsed().as_secs_f64();
     let edges = (0..4).map(|motor| bench.look(motor).counts).sum::<i64>() - edges;

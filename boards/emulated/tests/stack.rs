@@ -4,8 +4,9 @@
 mod common;
 
 use common::{four_loads, ms};
-use emulated::host::{Host, Reply};
+use emulated::talk::Talk;
 use emulated::{Bench, Encoder, Setup};
+use motor_hub::protocol::Reply;
 
 const PAINT: u32 = 0xA5C3_5A3C;
 const RAM: std::ops::Range<u64> = 0x2000_0000..0x2003_0000;
@@ -19,16 +20,16 @@ fn the_stack_stays_below_a_twentieth_of_what_is_free() {
     bench.write_words(bottom, vec![PAINT; words]);
 
     // Motors set up and regulated on a busy line, a fault, a bus error with its log line, and a watchdog reset.
-    let mut host = Host::default();
+    let mut talk = Talk::default();
     bench.run(ms(300));
     for motor in 0..4 {
         // An AM 60 A, Scheme B, linear current.
         let setup = [motor, 0x5F, 0xCA, 0x3F, 0, 0xE4, 0x0C, 0xB6, 2, 2, 0, 0, 1];
-        assert_eq!(host.ask(&mut bench, 0x4D00, &setup), Reply::Ack { attention: true });
-        host.velocity(&mut bench, motor, 1500);
+        assert_eq!(talk.ask(&mut bench, 0x4D00, &setup), Reply::Ack { attention: true });
+        talk.velocity(&mut bench, motor, 1500);
     }
     for _ in 0..100 {
-        host.keep_alive(&mut bench);
+        talk.keep_alive(&mut bench);
         bench.run(ms(10));
     }
     bench.set_encoder(0, Encoder::Unplugged);

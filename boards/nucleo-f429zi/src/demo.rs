@@ -20,7 +20,7 @@ const SPEED_CPS: i32 = 1000;
 const HOLD: Duration = Duration::from_secs(1);
 
 /// Runs for ever. B1 pulls PC13 high.
-pub(crate) async fn run(button: Input<'static>, links: &'static Wires) -> ! {
+pub(crate) async fn run(button: Input<'static>, wires: &'static Wires) -> ! {
     let mut ticker = Ticker::every(POLL);
     let mut current = Setpoint::Disabled;
     let mut released_at = None;
@@ -38,7 +38,7 @@ pub(crate) async fn run(button: Input<'static>, links: &'static Wires) -> ! {
         if wanted != current {
             current = wanted;
             for motor in 0..MOTORS {
-                links.commands.send(Command { motor, action: Action::Set(wanted) }).await;
+                wires.commands.send(Command { motor, action: Action::Set(wanted) }).await;
             }
         }
     }

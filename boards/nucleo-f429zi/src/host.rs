@@ -1,5 +1,5 @@
-//! The host link's two ends on this board: USART3, which the ST-LINK shows to the computer as a serial
-//! port, and the three lamps that show the state of the link.
+//! The line to the host and the status LED on this board: USART3, which the ST-LINK shows to the computer as a serial
+//! port, and the three lamps that show the state of the conversation.
 //!
 //! Bytes are received by interrupt, not by a circular DMA stream: after a line error embassy restarts
 //! the stream at the start of its buffer while reading goes on where it was, and old packets are
@@ -11,15 +11,12 @@ use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError,
 };
 use embassy_stm32::{Peri, bind_interrupts};
-use motor_hub::link::Colour;
+use motor_hub::protocol::{BAUD, Colour};
 use static_cell::StaticCell;
 
 bind_interrupts!(struct Irqs {
     USART3 => BufferedInterruptHandler<USART3>;
 });
-
-/// The protocol's speed.
-const BAUD: u32 = 460_800;
 
 /// Several of the longest requests that hosts send (112 bytes).
 const RECEIVED: usize = 512;

@@ -27,10 +27,11 @@ use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use encoders::QuadratureCounters;
 use host::{Lamp, serial};
 use motor_hub::hub::Hub;
-use motor_hub::link::{Address, Link};
 use motor_hub::motor::Settings;
+use motor_hub::protocol::Address;
+use motor_hub::responder::Responder;
 use motor_hub::supply::{Limits, Scale, Supply};
-use motor_hub::tasks::{self, Health, Links, Task};
+use motor_hub::tasks::{self, Health, Task};
 use motor_hub::units::{EmfConstant, Period};
 use watchdog::IndependentWatchdog;
 
@@ -60,10 +61,10 @@ const PERIOD: Period = {
 };
 
 /// Every task runs in the one executor in thread mode, so no channel needs to mask interrupts.
-type Wires = Links<ThreadModeRawMutex, MOTORS>;
+type Wires = tasks::Wires<ThreadModeRawMutex, MOTORS>;
 
-static LINKS: Wires = Wires::new();
-static HEALTH: Health = Health::new().expecting(Task::Link);
+static WIRES: Wires = Wires::new();
+static HEALTH: Health = Health::new().expecting(Task::Responder);
 
 /// 168 MHz from the 8 MHz that the ST-LINK puts on OSC_IN; timers on APB2 run at 168 MHz too.
 fn clocks() -> embassy_stm32::Config {
@@ -131,29 +132,29 @@ async fn main(spawner: Spawner) {
     spawner.spawn(unwrap!(report()));
     let (tx, rx) = unwrap!(serial(p.USART3, p.PD8, p.PD9));
     let lamp = Lamp { red: low(p.PB14.into()), green: low(p.PB0.into()), blue: low(p.PB7.into()) };
-    spawner.spawn(unwrap!(link(rx, tx, lamp, settings)));
+    spawner.spawn(unwrap!(responder(rx, tx, lamp, settings)));
     spawner.spawn(unwrap!(button(Input::new(p.PC13, Pull::None))));
 }
 
 #[embassy_executor::task]
 async fn capture(encoders: QuadratureCounters) -> ! {
-    tasks::capture::run(encoders, &LINKS, &HEALTH).await
+    tasks::capture::run(encoders, &WIRES, &HEALTH).await
 }
 
 #[embassy_executor::task]
 async fn supply(adc: BatteryAdc, supply: Supply) -> ! {
-    tasks::supply::run(adc, supply, &LINKS, &HEALTH).await
+    tasks::supply::run(adc, supply, &WIRES, &HEALTH).await
 }
 
 /// Makes the hub itself: as an argument of two nested futures it would take twice the RAM.
 #[embassy_executor::task]
 async fn control(settings: Settings) -> ! {
-    tasks::control::run(&mut Hub::new([settings; MOTORS], PERIOD), &LINKS, &HEALTH).await
+    tasks::control::run(&mut Hub::new([settings; MOTORS], PERIOD), &WIRES, &HEALTH).await
 }
 
 #[embassy_executor::task]
 async fn output(bridges: Vnh5019) -> ! {
-    tasks::output::run(bridges, PERIOD, &LINKS, &HEALTH).await
+    tasks::output::run(bridges, PERIOD, &WIRES, &HEALTH).await
 }
 
 #[embassy_executor::task]
@@ -163,22 +164,27 @@ async fn health(watchdog: IndependentWatchdog) -> ! {
 
 #[embassy_executor::task]
 async fn report() -> ! {
-    status::run(&LINKS).await
+    status::run(&WIRES).await
 }
 
 /// Ends only if the serial line does, which it never does.
 #[embassy_executor::task]
-async fn link(rx: BufferedUartRx<'static>, tx: BufferedUartTx<'static>, mut lamp: Lamp, settings: Settings) {
-    let mut link = Link::new(Address::DEFAULT, [settings; MOTORS]);
+async fn responder(
+    rx: BufferedUartRx<'static>,
+    tx: BufferedUartTx<'static>,
+    mut lamp: Lamp,
+    settings: Settings,
+) {
+    let mut responder = Responder::new(Address::DEFAULT, [settings; MOTORS]);
     // The lamp is shown at least every 100 ms, whatever the line does.
     let show = |colour| {
         lamp.show(colour);
-        HEALTH.check_in(Task::Link);
+        HEALTH.check_in(Task::Responder);
     };
-    tasks::link::run(rx, tx, &mut link, &LINKS, show).await;
+    tasks::responder::run(rx, tx, &mut responder, &WIRES, show).await;
 }
 
 #[embassy_executor::task]
 async fn button(button: Input<'static>) -> ! {
-    demo::run(button, &LINKS).await
+    demo::run(button, &WIRES).await
 }

@@ -10,11 +10,11 @@ use crate::{MOTORS, Wires};
 const INTERVAL: Duration = Duration::from_secs(1);
 
 /// Runs for ever.
-pub(crate) async fn run(links: &'static Wires) -> ! {
+pub(crate) async fn run(wires: &'static Wires) -> ! {
     let mut ticker = Ticker::every(INTERVAL);
     loop {
         ticker.next().await;
-        match links.snapshot.try_get() {
+        match wires.snapshot.try_get() {
             Some(snapshot) => log(&snapshot),
             None => warn!("no control tick yet"),
         }

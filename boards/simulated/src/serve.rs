@@ -18,8 +18,9 @@ use embassy_time::MockDriver;
 use embedded_io_async::{ErrorType, Read, Write};
 use motor_hub::bridge::Drive;
 use motor_hub::hub::Snapshot;
-use motor_hub::link::{Address, Colour, Link};
-use motor_hub::tasks::{Health, Task, link};
+use motor_hub::protocol::{Address, Colour};
+use motor_hub::responder::Responder;
+use motor_hub::tasks::{Health, Task, responder};
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
 use std::future::poll_fn;
@@ -88,20 +89,21 @@ pub fn run(
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<Duration, RunError> {
     MockDriver::get().reset();
-    let (board, links) = (sim::board(scenario), Wires::new());
-    let health = Health::new().expecting(Task::Link);
-    let mut snapshots = links.snapshot.receiver().ok_or(RunError::Unobserved)?;
+    let (board, wires) = (sim::board(scenario), Wires::new());
+    let health = Health::new().expecting(Task::Responder);
+    let mut snapshots = wires.snapshot.receiver().ok_or(RunError::Unobserved)?;
     let settings = sim::all_settings(&scenario.motors)?;
-    let tasks = sim::tasks(scenario, &board, &links, &health)?;
+    let tasks = sim::tasks(scenario, &board, &wires, &health)?;
 
     let line = RefCell::new(line);
     let led = Cell::new(Colour::default());
     let serve = async {
         let show = |colour| {
             led.set(colour);
-            health.check_in(Task::Link);
+            health.check_in(Task::Responder);
         };
-        link::run(End(&line), End(&line), &mut Link::new(address, settings), &links, show).await;
+        let mut hub = Responder::new(address, settings);
+        responder::run(End(&line), End(&line), &mut hub, &wires, show).await;
     };
     let mut everything = pin!(join(tasks, serve));
 

@@ -16,7 +16,7 @@ use motor_hub::model::plant::Flow;
 use motor_hub::model::si::Seconds;
 use motor_hub::motor::Settings;
 use motor_hub::supply::{Limits, Supply};
-use motor_hub::tasks::{self, Health, Links};
+use motor_hub::tasks::{self, Health};
 use motor_hub::units::RangeError;
 use std::pin::{Pin, pin};
 use std::sync::Arc;
@@ -52,7 +52,7 @@ pub enum RunError {
 pub(crate) const STEP_S: f64 = 1e-3;
 
 /// The hub's wires.
-pub(crate) type Wires = Links<NoopRawMutex, MOTORS>;
+pub(crate) type Wires = tasks::Wires<NoopRawMutex, MOTORS>;
 
 /// Set by a waker: the tasks have something to do.
 struct Flag(AtomicBool);
@@ -96,7 +96,7 @@ impl Executor {
 pub(crate) fn tasks<'a>(
     scenario: &Scenario,
     board: &Board,
-    links: &'a Wires,
+    wires: &'a Wires,
     health: &'a Health,
 ) -> Result<impl Future + use<'a>, RunError> {
     let (settings, period, board) = (all_settings(&scenario.motors)?, scenario.period, board.clone());
@@ -104,10 +104,10 @@ pub(crate) fn tasks<'a>(
     Ok(async move {
         let mut hub = Hub::new(settings, period);
         join5(
-            tasks::capture::run(board.clone(), links, health),
-            tasks::supply::run(board.clone(), supply, links, health),
-            tasks::control::run(&mut hub, links, health),
-            tasks::output::run(board.clone(), period, links, health),
+            tasks::capture::run(board.clone(), wires, health),
+            tasks::supply::run(board.clone(), supply, wires, health),
+            tasks::control::run(&mut hub, wires, health),
+            tasks::output::run(board.clone(), period, wires, health),
             tasks::health::run(board.clone(), health),
         )
         .await
@@ -135,10 +135,10 @@ pub(crate) fn torques(scenario: &Scenario, now_s: f64) -> Vec<f64> {
 /// If a motor's constants do not fit the firmware, or if the hub's watchdog was not fed.
 pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, RunError> {
     MockDriver::get().reset();
-    let (board, links, health) = (board(scenario), Wires::new(), Health::new());
-    let mut snapshots = links.snapshot.receiver().ok_or(RunError::Unobserved)?;
-    let tasks = tasks(scenario, &board, &links, &health)?;
-    let mut everything = pin!(join(tasks, operate(scenario, &links)));
+    let (board, wires, health) = (board(scenario), Wires::new(), Health::new());
+    let mut snapshots = wires.snapshot.receiver().ok_or(RunError::Unobserved)?;
+    let tasks = tasks(scenario, &board, &wires, &health)?;
+    let mut everything = pin!(join(tasks, operate(scenario, &wires)));
 
     let executor = Executor::new();
     let mut trace = Trace::default();
@@ -183,7 +183,7 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
 }
 
 /// The host that tells the hub what to do, when the scenario says so.
-async fn operate(scenario: &Scenario, links: &Wires) {
+async fn operate(scenario: &Scenario, wires: &Wires) {
     let mut commands: Vec<(f64, Command)> = Vec::new();
     for (motor, plan) in scenario.motors.iter().enumerate() {
         let set = |value| Command { motor, action: Action::Set(value) };
@@ -192,7 +192,7 @@ async fn operate(scenario: &Scenario, links: &Wires) {
     commands.sort_by(|a, b| a.0.total_cmp(&b.0));
     for (at_s, command) in commands {
         Timer::at(Instant::from_micros((at_s * 1e6).round() as u64)).await;
-        links.commands.send(command).await;
+        wires.commands.send(command).await;
     }
 }
 

@@ -8,9 +8,9 @@ mod status;
 mod watch;
 
 use crate::output::{Failure, print};
-use motor_hub::link::{Address, CHANNELS, Colour};
+use motor_hub::protocol::{Address, CHANNELS, Colour};
 use motor_hub_client::line::{self, Line};
-use motor_hub_client::{self as hub_client, Session};
+use motor_hub_client::{Error, Session};
 use std::time::Duration;
 use studies::table;
 
@@ -93,12 +93,12 @@ enum Command {
 
 /// Why a command did not do what it was asked; what the hub is to blame for is told with its port.
 enum Trouble {
-    Hub(hub_client::Error),
+    Hub(Error),
     Other(Failure),
 }
 
-impl From<hub_client::Error> for Trouble {
-    fn from(error: hub_client::Error) -> Self {
+impl From<Error> for Trouble {
+    fn from(error: Error) -> Self {
         Self::Hub(error)
     }
 }

@@ -3,7 +3,7 @@
 use crate::output::{Failure, print};
 use emulated::elf;
 use indicatif::ProgressBar;
-use motor_hub::link::Address;
+use motor_hub::protocol::Address;
 use simulated::scenario::{Scenario, ScenarioError};
 use simulated::serve::{self, Line, Moment};
 use std::path::PathBuf;

@@ -6,10 +6,10 @@
     reason = "a failed access is a failed test"
 )]
 
-#[path = "../../client/tests/client_hub/mod.rs"]
-mod client_hub;
+#[path = "../../client/tests/hub_support/mod.rs"]
+mod hub_support;
 
-use client_hub::{Hub, Server};
+use hub_support::{Hub, Server};
 use motor_hub::units::Millivolts;
 use serde_json::Value;
 use std::process::{Command, Output};
@@ -102,7 +102,7 @@ fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
     assert!(shown.contains("motor 0") && shown.contains("motor 2"), "{shown}");
     let hub = server.hub();
     assert_eq!(hub.was_enabled, [true, false, true, false]);
-    assert_eq!(hub.link.enabled(), [false; 4]);
+    assert_eq!(hub.responder.enabled(), [false; 4]);
     drop(hub);
     let status = json(&client(&server, &["status", "--json"]));
     let motor = &status["motors"][2];
@@ -117,12 +117,12 @@ fn a_position_ends_at_its_target_or_fails_in_time() {
     let server = Server::start(hub);
     assert!(out(&client(&server, &["position", "all", "1004"])).ends_with("at target\n"));
     assert_eq!(server.hub().was_enabled, [true; 4]);
-    assert_eq!(server.hub().link.enabled(), [false; 4]);
+    assert_eq!(server.hub().responder.enabled(), [false; 4]);
 
     let late = client(&server, &["position", "1", "-2000", "--tolerance", "0", "--for", "0.2"]);
     assert_eq!(late.status.code(), Some(1));
     assert!(err(&late).contains("not at the target after 0.2 s"), "{}", err(&late));
-    assert_eq!(server.hub().link.enabled(), [false; 4]);
+    assert_eq!(server.hub().responder.enabled(), [false; 4]);
 }
 
 #[test]
@@ -164,7 +164,7 @@ fn single_commands_do_what_they_say() {
     assert_eq!(status["led"], serde_json::json!({ "red": 9, "green": 8, "blue": 7 }));
     assert_eq!(status["status"], serde_json::json!(["device reset", "fail-safe"]));
     out(&client(&server, &["set-address", "200"]));
-    assert_eq!(server.hub().link.address().get(), 200);
+    assert_eq!(server.hub().responder.address().get(), 200);
 }
 
 #[test]

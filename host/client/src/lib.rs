@@ -1,72 +1,91 @@
-//! The host's end of the REV Hub Serial Protocol: a session with one real or simulated hub.
+//! The host's end of the REV Hub Serial Protocol: a [`Session`] with one hub, real or simulated, over a
+//! serial port, a TCP connection or any line of bytes.
 //!
 //! ```text
-//! cli::client --> [hub] --request--> [session] --bytes--> line
-//!             <--answer--        <--Packet--
+//! motors, hub --Request--> [Session] --bytes--> line
+//!             <--answer--            <--bytes--
 //! ```
 //!
 //! | room | what is decided there |
 //! |---|---|
 //! | [`mod@line`] | serial port or TCP connection, as bytes with timeouts |
-//! | [`wire`] | requests as bytes; which packet answers them, and what a refusal means |
 //! | [`session`] | one request at a time: waiting, trying again, discovery |
-//! | [`hub`], [`motor`] | the protocol's commands with their types |
-//! | [`state`] | what a hub says of itself: bulk input, module status |
+//! | [`hub`], [`motor`] | the protocol's commands, as methods of [`Session`] |
+//! | [`error`] | what can go wrong |
+//!
+//! What the bytes are, [`motor_hub::protocol`] says, which a hub reads by the same definitions. A hub lets
+//! its motors go when it has heard nothing for 2.5 s: a host that keeps them running goes on asking.
+//!
+//! # Features
+//! `serial` (on by default): serial ports.
+//!
+//! # Example
+//! A line of one's own, with a hub of this project at its other end:
+//!
+//! ```
+//! use motor_hub::hub::Snapshot;
+//! use motor_hub::motor::Settings;
+//! use motor_hub::protocol::{Address, Decoder, frame};
+//! use motor_hub::responder::Responder;
+//! use motor_hub::units::{EmfConstant, Micros, Millivolts};
+//! use motor_hub_client::Session;
+//! use std::collections::VecDeque;
+//! use std::io::{self, Read, Write};
+//! use std::time::Duration;
+//!
+//! struct Memory {
+//!     hub: Responder<4>,
+//!     replies: VecDeque<u8>,
+//! }
+//!
+//! impl Write for Memory {
+//!     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+//!         let snapshot = Snapshot { battery: Some(Millivolts(12_345)), ..Snapshot::INITIAL };
+//!         let packet = Decoder::new().next(&mut &*bytes, Micros(0)).expect("a whole request");
+//!         let reply = self.hub.receive(&packet, Micros(0), &snapshot).expect("an answer");
+//!         self.replies.extend(&frame::encode(&reply));
+//!         Ok(bytes.len())
+//!     }
+//!
+//!     fn flush(&mut self) -> io::Result<()> {
+//!         Ok(())
+//!     }
+//! }
+//!
+//! impl Read for Memory {
+//!     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+//!         if self.replies.is_empty() { Err(io::ErrorKind::WouldBlock.into()) } else { self.replies.read(bytes) }
+//!     }
+//! }
+//!
+//! let settings = Settings::new(EmfConstant::from_bits(4_180_495)?);
+//! let hub = Responder::new(Address::DEFAULT, [settings; 4]);
+//! let line = Memory { hub, replies: VecDeque::new() };
+//! let mut session = Session::new(line, Address::DEFAULT, Duration::from_secs(1));
+//! assert_eq!(session.battery()?, Millivolts(12_345));
+//!
+//! // A motor without a target is not enabled.
+//! let refused = session.enable(0, true).unwrap_err().to_string();
+//! assert_eq!(refused, "the hub refuses to enable motor 0: no target set for this mode (NACK 50)");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![forbid(unsafe_code)]
 
+/// The README, whose example is compiled.
+#[cfg(all(doctest, feature = "serial"))]
+#[doc = include_str!("../README.md")]
+pub struct Readme;
+
+pub mod error;
 pub mod hub;
 pub mod line;
 pub mod motor;
 pub mod session;
-pub mod state;
-pub mod wire;
+mod words;
 
+pub use error::{Error, OpenError};
+pub use line::Line;
 pub use session::Session;
 
-/// Why a request has no answer.
-#[derive(Debug, thiserror::Error)]
-pub enum Error {
-    /// The line itself is broken.
-    #[error("{0}")]
-    Line(#[from] std::io::Error),
-    /// Nobody answered a discovery.
-    #[error(
-        "no hub answers a discovery; check its power, its baud rate (460800), the port, and that no other host talks to it"
-    )]
-    NoHub,
-    /// Hubs answered a discovery, but not one of them as parent.
-    #[error("{found} hubs answer as parent, which must be one; name one by --address ({addresses})")]
-    Parents {
-        /// Hubs that say they are parents.
-        found: usize,
-        /// All that answered.
-        addresses: String,
-    },
-    /// The hub did not answer, however often it was asked.
-    #[error(
-        "hub {address} does not answer; check its address, its power, its baud rate (460800), and that no other host talks to it"
-    )]
-    Silent {
-        /// The hub's.
-        address: u8,
-    },
-    /// NACK.
-    #[error("the hub refuses to {what}: {reason}")]
-    Refused {
-        /// What it was asked to do.
-        what: String,
-        /// Why not.
-        reason: wire::Refusal,
-    },
-    /// An answer of another kind or length than the protocol has for the request.
-    #[error("the hub was asked to {what} and gives an answer that the protocol does not know")]
-    Unexpected {
-        /// What it was asked to do.
-        what: String,
-    },
-    /// The hub's firmware has fewer functions.
-    #[error("the hub's firmware is too old to {what}")]
-    TooOld {
-        /// What it was to be asked to do.
-        what: String,
-    },
-}
+/// Whose types the commands take and give.
+pub use motor_hub;

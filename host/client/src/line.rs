@@ -1,12 +1,13 @@
 //! The line to a hub: a serial port or a TCP connection, as bytes with timeouts.
 
+use crate::error::OpenError;
+#[cfg(feature = "serial")]
+use motor_hub::protocol::BAUD;
+#[cfg(feature = "serial")]
 use serialport::{SerialPort, SerialPortInfo, SerialPortType};
 use std::io::{self, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
-
-/// Bits per second; 8 data bits, no parity, 1 stop bit, no flow control.
-pub const BAUD_RATE: u32 = 460_800;
 
 /// The longest that a read waits for a byte; what is longer is for the session to decide.
 pub const POLL: Duration = Duration::from_millis(5);
@@ -15,6 +16,7 @@ pub const POLL: Duration = Duration::from_millis(5);
 #[derive(Debug)]
 pub enum Line {
     /// A serial port or pseudo-terminal.
+    #[cfg(feature = "serial")]
     Serial(Box<dyn SerialPort>),
     /// A TCP connection.
     Tcp(TcpStream),
@@ -25,16 +27,16 @@ impl Line {
     ///
     /// # Errors
     /// No such port, or somebody else has it.
-    pub fn serial(path: &str) -> io::Result<Self> {
-        let port = serialport::new(path, BAUD_RATE).timeout(POLL).open().map_err(|error| {
+    #[cfg(feature = "serial")]
+    pub fn serial(path: &str) -> Result<Self, OpenError> {
+        let port = serialport::new(path, BAUD).timeout(POLL).open().map_err(|error| {
             // What the system says of it is not what it means.
             let told = error.to_string();
-            let means = match &*told {
-                "Not a typewriter" => "is not a serial port",
-                _ if told.contains("exclusive lock") => "another program has it open",
-                _ => return error.into(),
-            };
-            io::Error::other(means)
+            match &*told {
+                "Not a typewriter" => OpenError::NotASerialPort,
+                _ if told.contains("exclusive lock") => OpenError::InUse,
+                _ => OpenError::System(error.into()),
+            }
         })?;
         Ok(Self::Serial(port))
     }
@@ -43,8 +45,8 @@ impl Line {
     ///
     /// # Errors
     /// No such host, or nobody listens there.
-    pub fn tcp(address: &str, timeout: Duration) -> io::Result<Self> {
-        let mut failure = io::Error::new(io::ErrorKind::NotFound, "no such host");
+    pub fn tcp(address: &str, timeout: Duration) -> Result<Self, OpenError> {
+        let mut failure = OpenError::NoSuchHost;
         for address in address.to_socket_addrs()? {
             match TcpStream::connect_timeout(&address, timeout) {
                 Ok(stream) => {
@@ -54,7 +56,7 @@ impl Line {
                     stream.set_nodelay(true)?;
                     return Ok(Self::Tcp(stream));
                 }
-                Err(e) => failure = e,
+                Err(error) => failure = error.into(),
             }
         }
         Err(failure)
@@ -64,6 +66,7 @@ impl Line {
 impl Read for Line {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self {
+            #[cfg(feature = "serial")]
             Self::Serial(port) => port.read(buffer),
             Self::Tcp(stream) => stream.read(buffer),
         }
@@ -73,6 +76,7 @@ impl Read for Line {
 impl Write for Line {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match self {
+            #[cfg(feature = "serial")]
             Self::Serial(port) => port.write(bytes),
             Self::Tcp(stream) => stream.write(bytes),
         }
@@ -80,6 +84,7 @@ impl Write for Line {
 
     fn flush(&mut self) -> io::Result<()> {
         match self {
+            #[cfg(feature = "serial")]
             Self::Serial(port) => port.flush(),
             Self::Tcp(stream) => stream.flush(),
         }
@@ -87,6 +92,7 @@ impl Write for Line {
 }
 
 /// A serial port of this machine.
+#[cfg(feature = "serial")]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Port {
     /// What to open it by.
@@ -99,12 +105,14 @@ pub struct Port {
 ///
 /// # Errors
 /// The system does not tell.
+#[cfg(feature = "serial")]
 pub fn ports() -> io::Result<Vec<Port>> {
     let mut ports: Vec<Port> = serialport::available_ports()?.into_iter().map(Port::from).collect();
     ports.sort_by(|a, b| a.path.cmp(&b.path));
     Ok(ports)
 }
 
+#[cfg(feature = "serial")]
 impl From<SerialPortInfo> for Port {
     fn from(info: SerialPortInfo) -> Self {
         let description = match info.port_type {

@@ -1,9 +1,11 @@
 //! One request at a time over a line: waiting for its answer, trying again, finding hubs.
 
-use super::Error;
-use super::wire::{self, Answer, RESPONSE};
-use motor_hub::link::command::DISCOVERY;
-use motor_hub::link::{Address, BROADCAST, Decoder, HOST, Packet};
+use crate::Error;
+use crate::error::Addresses;
+use motor_hub::protocol::answers::Functions;
+use motor_hub::protocol::fields::{Field, Fields};
+use motor_hub::protocol::requests::{DISCOVERY, Interface, Standard};
+use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Packet, Reply, Request, frame};
 use motor_hub::units::Micros;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -28,7 +30,7 @@ pub struct Found {
     pub parent: bool,
 }
 
-/// A host's talk with one hub. Reads of the line must not block for long: see [`super::line::POLL`].
+/// A host's talk with one hub. Reads of the line must not block for long: see [`crate::line::POLL`].
 #[derive(Debug)]
 pub struct Session<L> {
     line: L,
@@ -39,9 +41,10 @@ pub struct Session<L> {
     timeout: Duration,
     /// Of the last request.
     number: u8,
-    pub(super) address: u8,
-    /// First type and number of functions of the motor interface, once asked.
-    pub(super) interface: Option<(u16, u16)>,
+    pub(crate) address: u8,
+    /// Types of the motor interface and of the hub's own, once asked.
+    motors: Option<Functions>,
+    setup: Option<Functions>,
 }
 
 impl<L: Read + Write> Session<L> {
@@ -56,7 +59,8 @@ impl<L: Read + Write> Session<L> {
             timeout,
             number: 0,
             address: address.get(),
-            interface: None,
+            motors: None,
+            setup: None,
         }
     }
 
@@ -69,8 +73,8 @@ impl<L: Read + Write> Session<L> {
         let found = session.discover()?;
         let parents: Vec<u8> = found.iter().filter(|hub| hub.parent).map(|hub| hub.address).collect();
         let [parent] = parents.as_slice() else {
-            let addresses: Vec<String> = found.iter().map(|hub| hub.address.to_string()).collect();
-            return Err(Error::Parents { found: parents.len(), addresses: addresses.join(", ") });
+            let addresses = Addresses(found.iter().map(|hub| hub.address).collect());
+            return Err(Error::Parents { found: parents.len(), addresses });
         };
         session.address = *parent;
         Ok(session)
@@ -88,72 +92,97 @@ impl<L: Read + Write> Session<L> {
     pub fn discover(&mut self) -> Result<Vec<Found>, Error> {
         let end = Instant::now() + self.timeout;
         self.count();
-        self.transmit(BROADCAST, DISCOVERY, &[])?;
+        self.transmit(&Request::from(Standard::Discovery), BROADCAST, DISCOVERY)?;
         let mut found: Vec<Found> = Vec::new();
         let mut wait_until = end;
-        let response = DISCOVERY | RESPONSE;
-        while let Some(packet) = self.next(wait_until, |packet| packet.id == response)? {
+        let parent = |packet: &Packet| match Reply::read(packet, DISCOVERY) {
+            Some(Reply::Data(payload)) => Some(bool::read(&mut Fields::new(&payload)) == Ok(true)),
+            _ => None,
+        };
+        while let Some((packet, parent)) = self.next(wait_until, parent)? {
             if found.is_empty() {
                 wait_until = end.min(Instant::now() + CHAIN);
             }
             if found.iter().all(|hub| hub.address != packet.source) {
-                found.push(Found { address: packet.source, parent: packet.payload.first() == Some(&1) });
+                found.push(Found { address: packet.source, parent });
             }
         }
         if found.is_empty() { Err(Error::NoHub) } else { Ok(found) }
     }
 
-    /// Sends a request of type `id` until it is answered. `what` completes "the hub was asked to".
+    /// Asks until there is an answer, and reads it as what the request's line in
+    /// [`requests`](motor_hub::protocol::requests) says that it is.
     ///
     /// # Errors
-    /// The line is broken, or the hub silent, or it refuses.
-    pub fn ask(&mut self, what: &str, id: u16, payload: &[u8]) -> Result<Answer, Error> {
-        let address = self.address;
+    /// The line is broken, or the hub silent, or it refuses, or it answers something else.
+    pub fn ask<A: Field>(&mut self, request: impl Into<Request>) -> Result<A, Error> {
+        let request = request.into();
+        if let Reply::Data(payload) = self.exchange(&request)?
+            && let Ok(answer) = A::read(&mut Fields::new(&payload))
+        {
+            return Ok(answer);
+        }
+        Err(Error::Unexpected { request: Box::new(request) })
+    }
+
+    /// Asks for something that is acknowledged.
+    ///
+    /// # Errors
+    /// As [`ask`](Self::ask).
+    pub fn order(&mut self, request: impl Into<Request>) -> Result<(), Error> {
+        let request = request.into();
+        match self.exchange(&request)? {
+            Reply::Ack { .. } => Ok(()),
+            _ => Err(Error::Unexpected { request: Box::new(request) }),
+        }
+    }
+
+    /// Sends a request until it is answered; a refusal is an error.
+    fn exchange(&mut self, request: &Request) -> Result<Reply, Error> {
+        let (id, address) = (self.id(request)?, self.address);
         // Retransmitted unchanged, so a late answer to the first try counts.
         self.count();
         for _ in 0..TRIES {
             let end = Instant::now() + self.timeout / TRIES;
-            self.transmit(address, id, payload)?;
-            let is_answer = |packet: &Packet| packet.source == address && Answer::read(packet, id).is_some();
-            if let Some(answer) = self.next(end, is_answer)?.and_then(|packet| Answer::read(&packet, id)) {
-                return match answer {
-                    Answer::Nack(reason) => Err(Error::Refused { what: what.to_owned(), reason }),
-                    answer => Ok(answer),
-                };
+            self.transmit(request, address, id)?;
+            let answer = |packet: &Packet| Reply::read(packet, id).filter(|_| packet.source == address);
+            match self.next(end, answer)? {
+                Some((_, Reply::Nack(reason))) => {
+                    return Err(Error::Refused { request: Box::new(request.clone()), reason });
+                }
+                Some((_, reply)) => return Ok(reply),
+                None => (),
             }
         }
         Err(Error::Silent { address })
     }
 
-    /// A request that is answered with data.
-    ///
-    /// # Errors
-    /// As [`ask`](Self::ask), or it is acknowledged instead.
-    pub fn read(&mut self, what: &str, id: u16, payload: &[u8]) -> Result<Vec<u8>, Error> {
-        match self.ask(what, id, payload)? {
-            Answer::Data(data) => Ok(data),
-            _ => Err(Error::Unexpected { what: what.to_owned() }),
+    /// The type of a request: hubs are free to number their functions.
+    fn id(&mut self, request: &Request) -> Result<u16, Error> {
+        let Some(interface) = request.interface() else { return Ok(request.id()) };
+        let known = match interface {
+            Interface::Motors => self.motors,
+            Interface::Setup => self.setup,
+        };
+        let functions = match known {
+            Some(functions) => functions,
+            None => self.ask(Standard::QueryInterface { interface })?,
+        };
+        match interface {
+            Interface::Motors => self.motors = Some(functions),
+            Interface::Setup => self.setup = Some(functions),
         }
-    }
-
-    /// A request that is acknowledged. True if the module status has something to say.
-    ///
-    /// # Errors
-    /// As [`ask`](Self::ask), or it is answered with data instead.
-    pub fn write(&mut self, what: &str, id: u16, payload: &[u8]) -> Result<bool, Error> {
-        match self.ask(what, id, payload)? {
-            Answer::Ack { attention } => Ok(attention),
-            _ => Err(Error::Unexpected { what: what.to_owned() }),
-        }
+        functions.id(request.number()).ok_or_else(|| Error::TooOld { request: Box::new(request.clone()) })
     }
 
     fn count(&mut self) {
         self.number = self.number.checked_add(1).unwrap_or(1);
     }
 
-    fn transmit(&mut self, destination: u8, id: u16, payload: &[u8]) -> Result<(), Error> {
+    fn transmit(&mut self, request: &Request, destination: u8, id: u16) -> Result<(), Error> {
         self.drop_stale_input()?;
-        Ok(self.line.write_all(&wire::request(destination, self.number, id, payload))?)
+        let frame = frame::encode(&request.packet(destination, self.number, id));
+        Ok(self.line.write_all(&frame)?)
     }
 
     fn drop_stale_input(&mut self) -> Result<(), Error> {
@@ -165,14 +194,19 @@ impl<L: Read + Write> Session<L> {
         Ok(())
     }
 
-    /// The next packet to this host that refers to the last request and is `wanted`; `None` if there is
-    /// none until `end`.
-    fn next(&mut self, end: Instant, wanted: impl Fn(&Packet) -> bool) -> Result<Option<Packet>, Error> {
+    /// The next packet to this host that refers to the last request and that `read` makes something of;
+    /// `None` if there is none until `end`.
+    fn next<T>(
+        &mut self,
+        end: Instant,
+        read: impl Fn(&Packet) -> Option<T>,
+    ) -> Result<Option<(Packet, T)>, Error> {
         let mut bytes = [0; 256];
         loop {
             while let Some(packet) = self.arrived.pop_front() {
-                if packet.destination == HOST && packet.reference == self.number && wanted(&packet) {
-                    return Ok(Some(packet));
+                let ours = packet.destination == HOST && packet.reference == self.number;
+                if let Some(read) = read(&packet).filter(|_| ours) {
+                    return Ok(Some((packet, read)));
                 }
             }
             if Instant::now() >= end {
@@ -190,7 +224,7 @@ impl<L: Read + Write> Session<L> {
     /// Bytes that are there, or come soon.
     fn receive(&mut self, bytes: &mut [u8]) -> Result<usize, Error> {
         match self.line.read(bytes) {
-            Ok(0) => Err(std::io::Error::new(ErrorKind::UnexpectedEof, "the hub has hung up").into()),
+            Ok(0) => Err(Error::HungUp),
             Ok(count) => Ok(count),
             Err(e)
                 if matches!(

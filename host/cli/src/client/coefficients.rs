@@ -2,8 +2,8 @@
 
 use super::{Trouble, channel};
 use crate::output::{print, print_json};
-use motor_hub::link::command::Loop;
 use motor_hub::motion::Pidf;
+use motor_hub::protocol::motor::Loop;
 use motor_hub::units::Coefficient;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;

@@ -3,15 +3,16 @@
 use super::live::{Live, Reading, repeat};
 use super::{Trouble, channel, seconds};
 use crate::output::{Failure, print};
-use motor_hub::link::command::Mode;
 use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::motor::RunMode;
+use motor_hub::units::Control;
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
 /// The motors that the protocol knows.
-pub(crate) const ALL: [u8; motor_hub::link::CHANNELS] = [0, 1, 2, 3];
+pub(crate) const ALL: [u8; motor_hub::protocol::CHANNELS] = [0, 1, 2, 3];
 
 /// Ten readings a second, which are far more than the hub's keep-alive needs.
 const INTERVAL: Duration = Duration::from_millis(100);
@@ -56,12 +57,13 @@ pub(crate) struct PowerOptions {
     common: Common,
     /// Share of full power, -1 to 1; positive counts up
     #[arg(value_name = "VALUE", allow_negative_numbers = true, value_parser = power)]
-    value: i16,
+    value: Control,
 }
 
-fn power(text: &str) -> Result<i16, String> {
+fn power(text: &str) -> Result<Control, String> {
     let share = text.parse().ok().filter(|share: &f64| (-1.0..=1.0).contains(share));
-    share.map(|share| (share * f64::from(i16::MAX)).round() as i16).ok_or("a power is -1 to 1".to_owned())
+    let power = share.map(|share| Control::new((share * f64::from(Control::MAX.get())).round() as i16));
+    power.ok_or("a power is -1 to 1".to_owned())
 }
 
 fn counts_per_second(text: &str) -> Result<i16, String> {
@@ -98,14 +100,14 @@ pub(crate) struct PositionOptions {
 impl PowerOptions {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let set = |session: &mut Session<Line>, motor| session.set_power(motor, self.value);
-        self.common.run(session, Mode::Power, set, |_| false).map(drop)
+        self.common.run(session, RunMode::Power, set, |_| false).map(drop)
     }
 }
 
 impl VelocityOptions {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let set = |session: &mut Session<Line>, motor| session.set_velocity(motor, self.cps);
-        self.common.run(session, Mode::Velocity, set, |_| false).map(drop)
+        self.common.run(session, RunMode::Velocity, set, |_| false).map(drop)
     }
 }
 
@@ -124,7 +126,7 @@ impl PositionOptions {
             in_a_row = if all { in_a_row + 1 } else { 0 };
             in_a_row >= READINGS_AT_TARGET
         };
-        if common.run(session, Mode::Position, set, arrived)? {
+        if common.run(session, RunMode::Position, set, arrived)? {
             return Ok(print("at target\n")?);
         }
         let seconds = common.length.unwrap_or_default().as_secs_f64();
@@ -138,7 +140,7 @@ impl Common {
     fn run(
         &self,
         session: &mut Session<Line>,
-        mode: Mode,
+        mode: RunMode,
         set: impl Fn(&mut Session<Line>, u8) -> Result<(), Error>,
         arrived: impl FnMut(&Reading) -> bool,
     ) -> Result<bool, Trouble> {

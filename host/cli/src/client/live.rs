@@ -2,9 +2,9 @@
 
 use super::Trouble;
 use crate::output::{Failure, print};
+use motor_hub::protocol::answers::{Bulk, MotorAlert, Status};
 use motor_hub::units::Millivolts;
 use motor_hub_client::line::Line;
-use motor_hub_client::state::{Bulk, Status};
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use std::io::IsTerminal;
@@ -51,7 +51,7 @@ impl Reading {
     /// Status and alerts in words.
     fn says(&self) -> String {
         let words = self.status.words().into_iter().map(str::to_owned);
-        let words: Vec<String> = words.chain(self.status.alert_words()).collect();
+        let words: Vec<String> = words.chain(alert_words(self.status)).collect();
         let attention = if self.bulk.attention == Some(true) { "attention: " } else { "status: " };
         attention.to_owned() + &if words.is_empty() { "all well".to_owned() } else { words.join(", ") }
     }
@@ -78,11 +78,16 @@ impl Reading {
             "time_s": self.at.as_secs_f64(),
             "battery_v": self.battery_v(),
             "attention": self.bulk.attention,
-            "status": self.status.words(),
-            "motor_alerts": self.status.alert_words(),
+            "status": &*self.status.words(),
+            "motor_alerts": alert_words(self.status),
             "motors": motors,
         })
     }
+}
+
+/// The motor alerts in words.
+pub(super) fn alert_words(status: Status) -> Vec<String> {
+    status.alerts().iter().map(MotorAlert::to_string).collect()
 }
 
 /// A place on standard output.

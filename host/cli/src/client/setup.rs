@@ -3,8 +3,8 @@
 use super::{Trouble, channel};
 use crate::choice::Choice;
 use crate::output::{Failure, print, print_json};
-use motor_hub::link::setup::Setup;
 use motor_hub::model::catalogue::characterised;
+use motor_hub::protocol::setup::Setup;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::json;

@@ -1,13 +1,15 @@
 //! `motor-hub client status`.
 
 use super::Trouble;
+use super::live::alert_words;
 use crate::output::{print, print_json};
-use motor_hub::link::{CHANNELS, Colour};
+use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::answers::{Bulk, Status};
+use motor_hub::protocol::motor::RunMode;
+use motor_hub::protocol::{CHANNELS, Colour, Nack};
 use motor_hub::units::{Control, Millivolts};
 use motor_hub_client::line::Line;
-use motor_hub_client::motor::Channel;
-use motor_hub_client::state::{Bulk, Status};
-use motor_hub_client::wire::Refusal;
+use motor_hub_client::motor::MotorState;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use studies::table;
@@ -23,6 +25,9 @@ pub(crate) struct Options {
     clear: bool,
 }
 
+/// What a hub with fewer motors says: the first parameter is out of range.
+const NO_SUCH_MOTOR: Nack = Nack::parameter(0);
+
 /// All that a hub tells.
 struct Everything {
     address: u8,
@@ -30,7 +35,7 @@ struct Everything {
     version: String,
     battery: Millivolts,
     led: Colour,
-    channels: Vec<Channel>,
+    motors: Vec<MotorState>,
     bulk: Bulk,
 }
 
@@ -45,24 +50,24 @@ impl Options {
 impl Everything {
     fn read(session: &mut Session<Line>, clear: bool) -> Result<Self, Error> {
         let (version, battery, led) = (session.version()?, session.battery()?, session.led()?);
-        let mut channels = Vec::new();
+        let mut motors = Vec::new();
         for motor in (0..).take(CHANNELS) {
-            match session.channel(motor) {
+            match session.motor(motor) {
                 // A hub with fewer motors.
-                Err(Error::Refused { reason: Refusal::NO_SUCH_CHANNEL, .. }) => break,
-                channel => channels.push(channel?),
+                Err(Error::Refused { reason: NO_SUCH_MOTOR, .. }) => break,
+                state => motors.push(state?),
             }
         }
         let bulk = session.bulk()?;
         // Last, so that it is cleared only by a command that goes on to show it.
         let status = session.status(clear)?;
-        Ok(Self { address: session.address(), status, version, battery, led, channels, bulk })
+        Ok(Self { address: session.address(), status, version, battery, led, motors, bulk })
     }
 
     /// Of each motor: number, channel, encoder, velocity, at target.
-    fn motors(&self) -> impl Iterator<Item = (usize, &Channel, i32, i16, bool)> {
+    fn motors(&self) -> impl Iterator<Item = (usize, &MotorState, i32, i16, bool)> {
         let Bulk { encoders, velocities, at_target, .. } = self.bulk;
-        let motors = self.channels.iter().enumerate().zip(encoders).zip(velocities).zip(at_target);
+        let motors = self.motors.iter().enumerate().zip(encoders).zip(velocities).zip(at_target);
         motors.map(|((((index, channel), encoder), velocity), at)| (index, channel, encoder, velocity, at))
     }
 
@@ -75,7 +80,7 @@ impl Everything {
         let Colour { red, green, blue } = self.led;
         let mut head = table::new(&["hub", &self.address.to_string()], 2);
         head.add_row(["status", &or(self.status.words().join(", "), "all well")])
-            .add_row(["motor alerts", &or(self.status.alert_words().join(", "), "none")])
+            .add_row(["motor alerts", &or(alert_words(self.status).join(", "), "none")])
             .add_row(["version", &self.version])
             .add_row(["battery", &format!("{:.3} V", self.battery_v())])
             .add_row(["LED", &format!("red {red}, green {green}, blue {blue}")]);
@@ -83,12 +88,12 @@ impl Everything {
         for (index, channel, encoder, velocity, at_target) in self.motors() {
             motors.add_row([
                 index.to_string(),
-                mode(channel.mode),
-                zero_behaviour(channel.zero_behaviour),
+                mode(channel.mode).to_owned(),
+                zero_behaviour(channel.zero_power).to_owned(),
                 yes(channel.enabled),
                 format!("{:.4}", share(channel.power)),
                 channel.velocity.to_string(),
-                format!("{} ±{}", channel.position, channel.tolerance),
+                format!("{} ±{}", channel.position.counts, channel.position.tolerance),
                 encoder.to_string(),
                 velocity.to_string(),
                 yes(at_target),
@@ -104,12 +109,12 @@ impl Everything {
                 json!({
                     "motor": index,
                     "mode": mode(channel.mode),
-                    "zero_behaviour": zero_behaviour(channel.zero_behaviour),
+                    "zero_behaviour": zero_behaviour(channel.zero_power),
                     "enabled": channel.enabled,
                     "power": share(channel.power),
                     "target_velocity": channel.velocity,
-                    "target_position": channel.position,
-                    "tolerance": channel.tolerance,
+                    "target_position": channel.position.counts,
+                    "tolerance": channel.position.tolerance,
                     "position": encoder,
                     "velocity": velocity,
                     "at_target": at_target,
@@ -119,8 +124,8 @@ impl Everything {
         let Colour { red, green, blue } = self.led;
         json!({
             "address": self.address,
-            "status": self.status.words(),
-            "motor_alerts": self.status.alert_words(),
+            "status": &*self.status.words(),
+            "motor_alerts": alert_words(self.status),
             "attention": self.bulk.attention,
             "version": self.version,
             "battery_v": self.battery_v(),
@@ -143,20 +148,18 @@ const MOTOR_HEADINGS: [&str; 10] = [
     "at target",
 ];
 
-fn mode(mode: u8) -> String {
+const fn mode(mode: RunMode) -> &'static str {
     match mode {
-        0 => "power".to_owned(),
-        1 => "velocity".to_owned(),
-        2 => "position".to_owned(),
-        unknown => format!("mode {unknown}"),
+        RunMode::Power => "power",
+        RunMode::Velocity => "velocity",
+        RunMode::Position => "position",
     }
 }
 
-fn zero_behaviour(behaviour: u8) -> String {
-    match behaviour {
-        0 => "brake".to_owned(),
-        1 => "float".to_owned(),
-        unknown => format!("behaviour {unknown}"),
+const fn zero_behaviour(zero_power: ZeroPower) -> &'static str {
+    match zero_power {
+        ZeroPower::Brake => "brake",
+        ZeroPower::Float => "float",
     }
 }
 
@@ -165,6 +168,6 @@ fn yes(yes: bool) -> String {
 }
 
 /// -1 to 1.
-fn share(power: i16) -> f64 {
-    f64::from(power) / f64::from(Control::MAX.get())
+fn share(power: Control) -> f64 {
+    f64::from(power.get()) / f64::from(Control::MAX.get())
 }

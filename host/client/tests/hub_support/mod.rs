@@ -1,10 +1,11 @@
-//! A hub for the tests of the client: the firmware's own link state with a made-up snapshot.
+//! A hub for the tests of the client: the firmware's own responder with a made-up snapshot.
 #![allow(dead_code, reason = "each test uses its own part")]
 
 use motor_hub::hub::Snapshot;
-use motor_hub::link::command::{FIRST, INTERFACE};
-use motor_hub::link::{Address, Decoder, Link, frame};
 use motor_hub::motor::Settings;
+use motor_hub::protocol::requests::{FIRST, Interface};
+use motor_hub::protocol::{Address, Decoder, frame};
+use motor_hub::responder::Responder;
 use motor_hub::units::{EmfConstant, Micros, Millivolts};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -15,7 +16,7 @@ use std::time::{Duration, Instant};
 pub(crate) const ADDRESS: u8 = 3;
 
 pub(crate) struct Hub {
-    pub(crate) link: Link<4>,
+    pub(crate) responder: Responder<4>,
     pub(crate) snapshot: Snapshot<4>,
     /// Motors that have ever been enabled.
     pub(crate) was_enabled: [bool; 4],
@@ -38,7 +39,7 @@ impl Hub {
     pub(crate) fn new() -> Self {
         let settings = Settings::new(EmfConstant::from_bits(4_180_495).unwrap());
         Self {
-            link: Link::new(Address::new(ADDRESS).unwrap(), [settings; 4]),
+            responder: Responder::new(Address::new(ADDRESS).unwrap(), [settings; 4]),
             snapshot: Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL },
             was_enabled: [false; 4],
             before: |_| Vec::new(),
@@ -67,15 +68,15 @@ impl Hub {
             if is_bulk && self.fail_safe_at_bulk {
                 let mut other = packet.clone();
                 other.id = 0x7F05;
-                self.link.receive(&other, now, &self.snapshot);
+                self.responder.receive(&other, now, &self.snapshot);
             }
-            let Some(mut reply) = self.link.receive(&packet, now, &self.snapshot) else { continue };
-            if packet.id == 0x7F07 && packet.payload.starts_with(INTERFACE) {
+            let Some(mut reply) = self.responder.receive(&packet, now, &self.snapshot) else { continue };
+            if packet.id == 0x7F07 && packet.payload.starts_with(Interface::Motors.name()) {
                 reply.payload[1] = (self.first >> 8) as u8;
             } else if reply.id & 0x8000 != 0 && reply.id < 0xFF00 {
                 reply.id += self.first - FIRST;
             }
-            let now_enabled = self.link.enabled();
+            let now_enabled = self.responder.enabled();
             self.was_enabled.iter_mut().zip(now_enabled).for_each(|(was, is)| *was |= is);
             if self.lost_replies > 0 {
                 self.lost_replies -= 1;

@@ -1,16 +1,18 @@
 //! The client's session against the hub's own side of the protocol, in memory.
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
-mod client_hub;
+mod hub_support;
 
-use client_hub::{ADDRESS, Hub, Memory};
-use motor_hub::link::command::{Loop, Mode};
-use motor_hub::link::{Address, Colour};
+use hub_support::{ADDRESS, Hub, Memory};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::ZeroPower;
-use motor_hub::units::{Coefficient, Millivolts};
+use motor_hub::protocol::answers::Bulk;
+use motor_hub::protocol::fields::{Field, Fields};
+use motor_hub::protocol::motor::{Loop, RunMode, Target, ToMotor};
+use motor_hub::protocol::requests::{Interface, Request, Standard};
+use motor_hub::protocol::{Address, Colour, Nack, frame};
+use motor_hub::units::{Coefficient, Control, Millivolts};
 use motor_hub_client::session::Found;
-use motor_hub_client::wire::{Refusal, request};
 use motor_hub_client::{Error, Session};
 use std::time::Duration;
 
@@ -35,12 +37,22 @@ fn requests_are_the_bytes_of_the_protocol() {
     let bytes = |hex: &str| -> Vec<u8> {
         hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
     };
+    fn request(destination: u8, number: u8, request: impl Into<Request>) -> Vec<u8> {
+        let request = request.into();
+        frame::encode(&request.packet(destination, number, request.id())).to_vec()
+    }
     for (frame, expected) in [
-        (request(255, 1, 0x7F0F, &[]), "44 4b 0b 00 ff 00 01 00 0f 7f 28"),
-        (request(3, 2, 0x7F07, b"DEKA\0"), "44 4b 10 00 03 00 02 00 07 7f 44 45 4b 41 00 3f"),
-        (request(3, 8, 0x1011, &[0, 0xD4, 0xFE]), "44 4b 0e 00 03 00 08 00 11 10 00 d4 fe 9b"),
+        (request(255, 1, Standard::Discovery), "44 4b 0b 00 ff 00 01 00 0f 7f 28"),
         (
-            request(3, 9, 0x1013, &[0, 0x18, 0xFC, 0xFF, 0xFF, 25, 0]),
+            request(3, 2, Standard::QueryInterface { interface: Interface::Motors }),
+            "44 4b 10 00 03 00 02 00 07 7f 44 45 4b 41 00 3f",
+        ),
+        (
+            request(3, 8, ToMotor::SetVelocity { cps: -300 }.to(0)),
+            "44 4b 0e 00 03 00 08 00 11 10 00 d4 fe 9b",
+        ),
+        (
+            request(3, 9, ToMotor::SetPosition { target: Target { counts: -1000, tolerance: 25 } }.to(0)),
             "44 4b 12 00 03 00 09 00 13 10 00 18 fc ff ff 19 00 fb",
         ),
     ] {
@@ -62,15 +74,15 @@ fn discovery_finds_the_parent_among_all_hubs() {
 #[test]
 fn every_setting_can_be_read_back() {
     let mut session = session(Memory::new(Hub::new()));
-    session.set_mode(2, Mode::Position, ZeroPower::Float).unwrap();
-    session.set_power(2, -32_767).unwrap();
+    session.set_mode(2, RunMode::Position, ZeroPower::Float).unwrap();
+    session.set_power(2, Control::MIN).unwrap();
     session.set_velocity(2, -300).unwrap();
     session.set_position(2, -100_000, 25).unwrap();
     session.enable(2, true).unwrap();
-    let channel = session.channel(2).unwrap();
-    assert_eq!((channel.mode, channel.zero_behaviour, channel.enabled), (2, 1, true));
-    assert_eq!((channel.power, channel.velocity), (-32_767, -300));
-    assert_eq!((channel.position, channel.tolerance), (-100_000, 25));
+    let motor = session.motor(2).unwrap();
+    assert_eq!((motor.mode, motor.zero_power, motor.enabled), (RunMode::Position, ZeroPower::Float, true));
+    assert_eq!((motor.power.get(), motor.velocity), (-32_767, -300));
+    assert_eq!(motor.position, Target { counts: -100_000, tolerance: 25 });
     let colour = Colour { red: 1, green: 2, blue: 255 };
     session.set_led(colour).unwrap();
     assert_eq!(session.led().unwrap(), colour);
@@ -101,7 +113,7 @@ fn bulk_input_tells_motors_apart_and_may_lack_its_last_byte() {
         report.velocity = motor_hub::units::CountsPerSecond::new(-position.clamp(-300, 300));
     }
     let mut session = session(Memory::new(hub));
-    session.set_mode(1, Mode::Position, ZeroPower::Brake).unwrap();
+    session.set_mode(1, RunMode::Position, ZeroPower::Brake).unwrap();
     session.set_position(1, -10, 3).unwrap();
     let bulk = session.bulk().unwrap();
     assert_eq!(bulk.encoders, [354, -7, 0, i32::MIN]);
@@ -111,8 +123,7 @@ fn bulk_input_tells_motors_apart_and_may_lack_its_last_byte() {
 
     let mut older = [0; 34];
     older[17] = 0x80;
-    let mut fields = motor_hub::link::fields::Fields::new(&older);
-    let bulk = motor_hub_client::state::Bulk::read(&mut fields).unwrap();
+    let bulk = Bulk::read(&mut Fields::new(&older)).unwrap();
     assert_eq!((bulk.at_target[3], bulk.attention), (true, None));
 }
 
@@ -175,16 +186,16 @@ fn a_new_address_holds_even_if_its_answer_is_lost() {
 fn a_refusal_names_its_reason() {
     let mut session = session(Memory::new(Hub::new()));
     let refusal = |done: Result<(), Error>| match done {
-        Err(Error::Refused { reason: Refusal(code), .. }) => code,
+        Err(Error::Refused { reason: Nack(code), .. }) => code,
         other => panic!("{other:?}"),
     };
     assert_eq!(refusal(session.enable(0, true)), 50);
     assert_eq!(refusal(session.reset_encoder(4)), 0);
     let text = session.enable(0, true).unwrap_err().to_string();
     assert_eq!(text, "the hub refuses to enable motor 0: no target set for this mode (NACK 50)");
-    assert_eq!(Refusal(3).to_string(), "parameter 3 (counted from 0) is out of range (NACK 3)");
+    assert_eq!(Nack(3).to_string(), "parameter 3 (counted from 0) is out of range (NACK 3)");
     for code in 0..=255 {
-        assert!(Refusal(code).to_string().ends_with(&format!("(NACK {code})")));
+        assert!(Nack(code).to_string().ends_with(&format!("(NACK {code})")));
     }
 }
 
@@ -194,5 +205,5 @@ fn functions_are_numbered_from_where_the_hub_says() {
     hub.first = 0x1800;
     let mut session = session(Memory::new(hub));
     session.set_velocity(0, 5).unwrap();
-    assert_eq!(session.channel(0).unwrap().velocity, 5);
+    assert_eq!(session.motor(0).unwrap().velocity, 5);
 }

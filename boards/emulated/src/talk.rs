@@ -1,0 +1,159 @@
+//! Talk over the serial line: requests to the firmware, packet by packet, with the instants of what comes
+//! back.
+
+use std::time::Duration;
+
+use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::answers::{Bulk, Reply};
+use motor_hub::protocol::fields::{Field, Fields};
+use motor_hub::protocol::frame::{self, Decoder, OVERHEAD, Packet};
+use motor_hub::protocol::motor::{RunMode, Target, ToMotor};
+use motor_hub::protocol::requests::{Request, Standard, ToHub};
+use motor_hub::protocol::{Address, HOST};
+use motor_hub::units::{Control, Micros};
+
+use crate::bench::Bench;
+
+/// A packet that arrived.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Arrival {
+    /// When its last stop bit ended.
+    pub at: Duration,
+    /// What it says.
+    pub packet: Packet,
+}
+
+/// The host's end of the line.
+#[derive(Debug)]
+pub struct Talk {
+    address: Address,
+    message: u8,
+    decoder: Decoder,
+    /// Since the last packet.
+    bytes: usize,
+}
+
+impl Default for Talk {
+    fn default() -> Self {
+        Self::new(Address::DEFAULT)
+    }
+}
+
+impl Talk {
+    /// With the hub at this address.
+    #[must_use]
+    pub const fn new(address: Address) -> Self {
+        Self { address, message: 0, decoder: Decoder::new(), bytes: 0 }
+    }
+
+    /// The bytes of the next packet, whatever it says.
+    ///
+    /// # Panics
+    /// If no packet holds the payload.
+    pub fn packet(&mut self, id: u16, payload: &[u8]) -> Vec<u8> {
+        self.message = self.message.checked_add(1).unwrap_or(1);
+        let payload = payload.try_into().expect("a short payload");
+        let (destination, number) = (self.address.get(), self.message);
+        frame::encode(&Packet { destination, source: HOST, number, reference: 0, id, payload }).to_vec()
+    }
+
+    /// Every whole packet that has come so far.
+    ///
+    /// # Panics
+    /// If the hub has sent anything else.
+    pub fn arrivals(&mut self, bench: &mut Bench) -> Vec<Arrival> {
+        let mut arrivals = Vec::new();
+        for received in bench.receive() {
+            self.bytes += 1;
+            let now = Micros::new(u64::try_from(received.at.as_micros()).expect("fits"));
+            if let Some(packet) = self.decoder.next(&mut &[received.byte][..], now) {
+                let length = OVERHEAD + packet.payload.len();
+                assert_eq!(self.bytes, length, "the hub sent bytes that are no packet, before {packet:02x?}");
+                self.bytes = 0;
+                arrivals.push(Arrival { at: received.at, packet });
+            }
+        }
+        arrivals
+    }
+
+    /// Asks and waits for the answer.
+    ///
+    /// # Panics
+    /// If none comes within 100 ms.
+    pub fn ask(&mut self, bench: &mut Bench, id: u16, payload: &[u8]) -> Reply {
+        let bytes = self.packet(id, payload);
+        bench.send(&bytes);
+        let reference = self.message;
+        let mut reply = None;
+        bench.run_while(Duration::from_micros(200), Duration::from_millis(100), |bench| {
+            let mut arrivals = self.arrivals(bench).into_iter();
+            reply = arrivals.find(|arrival| arrival.packet.reference == reference);
+            reply.is_some()
+        });
+        let reply = reply.unwrap_or_else(|| panic!("no answer to {bytes:02x?}"));
+        Reply::read(&reply.packet, id).unwrap_or_else(|| panic!("{reply:02x?} to {bytes:02x?}"))
+    }
+
+    /// A request that must be obeyed.
+    ///
+    /// # Panics
+    /// If it is not.
+    pub fn order(&mut self, bench: &mut Bench, request: impl Into<Request>) {
+        let request = request.into();
+        let reply = self.ask(bench, request.id(), &request.payload());
+        assert!(matches!(reply, Reply::Ack { .. }), "{request:?}: {reply:?}");
+    }
+
+    /// A request that must be answered.
+    ///
+    /// # Panics
+    /// If it is not.
+    pub fn question<A: Field>(&mut self, bench: &mut Bench, request: impl Into<Request>) -> A {
+        let request = request.into();
+        let reply = self.ask(bench, request.id(), &request.payload());
+        let Reply::Data(payload) = reply else { panic!("{request:?}: {reply:?}") };
+        A::read(&mut Fields::new(&payload)).unwrap_or_else(|_| panic!("{request:?}: {payload:02x?}"))
+    }
+
+    /// Tells the hub that somebody is there.
+    pub fn keep_alive(&mut self, bench: &mut Bench) {
+        self.order(bench, Standard::KeepAlive);
+    }
+
+    /// Mode, and brake at zero.
+    pub fn set_mode(&mut self, bench: &mut Bench, motor: u8, mode: RunMode) {
+        self.order(bench, ToMotor::SetMode { mode, zero_power: ZeroPower::Brake }.to(motor));
+    }
+
+    /// Enables or disables a motor.
+    pub fn enable(&mut self, bench: &mut Bench, motor: u8, on: bool) {
+        self.order(bench, ToMotor::SetEnable { on }.to(motor));
+    }
+
+    /// A set-point of regulated velocity, counts/s, with mode and enable.
+    pub fn velocity(&mut self, bench: &mut Bench, motor: u8, cps: i16) {
+        self.set_mode(bench, motor, RunMode::Velocity);
+        self.order(bench, ToMotor::SetVelocity { cps }.to(motor));
+        self.enable(bench, motor, true);
+    }
+
+    /// A set-point of constant power, with mode and enable.
+    pub fn power(&mut self, bench: &mut Bench, motor: u8, power: i16) {
+        self.set_mode(bench, motor, RunMode::Power);
+        self.order(bench, ToMotor::SetPower { power: Control::new(power) }.to(motor));
+        self.enable(bench, motor, true);
+    }
+
+    /// A set-point of regulated position with its speed limit, with mode and enable.
+    pub fn position(&mut self, bench: &mut Bench, motor: u8, counts: i32, tolerance: u16, limit: i16) {
+        self.order(bench, ToMotor::SetVelocity { cps: limit }.to(motor));
+        self.order(bench, ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor));
+        self.set_mode(bench, motor, RunMode::Position);
+        self.enable(bench, motor, true);
+    }
+
+    /// Everything that the hub measures at once.
+    pub fn bulk(&mut self, bench: &mut Bench) -> Bulk {
+        self.question(bench, ToHub::Bulk)
+    }
+}
