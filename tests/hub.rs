@@ -259,6 +259,69 @@ fn a_change_of_run_mode_starts_its_loops_afresh_and_a_new_target_does_not() {
 }
 
 #[test]
+fn the_farthest_target_is_approached_the_right_way_at_the_speed_limit() {
+    // With the velocity loop's F alone the control value asked for is that of the speed to go at.
+    let only_f = Pidf { f: Coefficient::from_bits(10 << 16), ..Pidf::default() };
+    let control = |setpoint| {
+        let mut bench = Bench::<1>::new();
+        bench.configure(0, Settings { velocity: only_f, ..settings() });
+        bench.set(0, setpoint);
+        bench.step().motors[0].control
+    };
+    let limit = control(velocity(700));
+    assert!(limit > Control::ZERO);
+    // From 2^23 on a distance in steps of 1/256 count no longer fits 32 bits.
+    for distance in (8..31).flat_map(|bits| [(1 << bits) - 1, 1 << bits, (1 << bits) + 1, 3 << (bits - 1)]) {
+        assert_eq!(control(position(distance, 0, 700)), limit, "{distance}");
+        assert_eq!(control(position(-distance, 0, 700)), -limit, "{distance}");
+    }
+    assert_eq!(control(position(i32::MAX, 0, 700)), limit);
+    assert_eq!(control(position(-i32::MAX, 0, 700)), -limit);
+}
+
+#[test]
+fn a_change_of_run_mode_starts_the_position_loop_afresh() {
+    // Nothing but the position loop's I asks for a speed, and the control value is that of the speed.
+    let settings = Settings {
+        velocity: Pidf { f: Coefficient::from_bits(10 << 16), ..Pidf::default() },
+        position: Pidf { i: Coefficient::from_bits(1 << 16), ..Pidf::default() },
+        ..settings()
+    };
+    let target = position(1_000, 0, 2_000);
+    let mut bench = Bench::<1>::new();
+    bench.configure(0, settings);
+    bench.set(0, target);
+    let fresh = bench.step().motors[0].control;
+    assert!(fresh > Control::ZERO);
+    for between in [velocity(0), Setpoint::ConstantPower(Control::ZERO), Setpoint::Disabled] {
+        bench.set(0, target);
+        bench.two_steps();
+        assert!(bench.step().motors[0].control > fresh, "wound up");
+        bench.set(0, between);
+        // Before a tick has come.
+        bench.set(0, target);
+        assert_eq!(bench.step().motors[0].control, fresh, "{between:?}");
+    }
+}
+
+#[test]
+fn a_motor_that_floated_at_zero_starts_its_velocity_loop_afresh() {
+    let mut bench = Bench::<1>::new();
+    let only_i = Pidf { i: Coefficient::from_bits(10 << 16), ..Pidf::default() };
+    bench.configure(0, Settings { zero_power: ZeroPower::Float, velocity: only_i, ..settings() });
+    bench.set(0, velocity(1_000));
+    let fresh = bench.step().motors[0].control;
+    assert!(fresh > Control::ZERO);
+    bench.two_steps();
+    assert!(bench.step().motors[0].control > fresh, "wound up");
+    // The run mode stays.
+    bench.set(0, velocity(0));
+    assert_eq!(bench.step().drives(), [Drive::COAST]);
+    bench.set(0, velocity(1_000));
+    assert_eq!(bench.step().motors[0].control, fresh);
+}
+
+#[test]
 fn settings_change_as_a_whole_at_the_next_step_while_running() {
     let mut bench = Bench::<2>::new();
     bench.cps = [1505, 1505];
