@@ -31,8 +31,8 @@ pub enum Action {
 pub struct Inputs<const N: usize> {
     /// The time of the tick.
     pub now: Micros,
-    /// The newest encoder readings; `None` if none came since the last tick.
-    pub readings: Option<[Reading; N]>,
+    /// The newest reading of each encoder; `None` if it failed, or if none came since the last tick.
+    pub readings: [Option<Reading>; N],
     /// The newest battery reading, however old.
     pub battery: Option<Battery>,
 }
@@ -106,11 +106,10 @@ impl<const N: usize> Hub<N> {
     pub fn step(&mut self, inputs: Inputs<N>) -> Snapshot<N> {
         let battery = inputs.battery.and_then(|battery| battery.fresh(inputs.now));
         self.tick = self.tick.wrapping_add(1);
-        let mut reports = [Report::INITIAL; N];
-        for (index, (motor, report)) in self.motors.iter_mut().zip(&mut reports).enumerate() {
-            let reading = inputs.readings.and_then(|readings| readings.get(index).copied());
+        let mut motors = [Report::INITIAL; N];
+        for ((motor, reading), report) in self.motors.iter_mut().zip(inputs.readings).zip(&mut motors) {
             *report = motor.step(inputs.now, reading, battery);
         }
-        Snapshot { tick: self.tick, at: inputs.now, missed: self.missed, battery, motors: reports }
+        Snapshot { tick: self.tick, at: inputs.now, missed: self.missed, battery, motors }
     }
 }
