@@ -1,4 +1,25 @@
 //! N motors on one battery: one step for all of them, and one snapshot of everything.
+//!
+//! ```
+//! use motor_hub::bridge::{Drive, Mode};
+//! use motor_hub::hub::{Action, Command, Hub, Inputs};
+//! use motor_hub::motor::{Setpoint, Settings};
+//! use motor_hub::supply::Battery;
+//! use motor_hub::units::{Control, EmfConstant, Micros, Millivolts, Period};
+//!
+//! let settings = Settings::new(EmfConstant::from_bits(4_180_495)?);
+//! let mut hub = Hub::new([settings; 2], Period::DEFAULT);
+//! hub.apply(Command { motor: 1, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) })?;
+//!
+//! let now = Micros(50_000);
+//! let battery = Some(Battery { voltage: Millivolts(12_000), at: now });
+//! let snapshot = hub.step(Inputs { now, readings: [None; 2], battery });
+//! assert_eq!(snapshot.motors[0].drive, Drive::COAST);
+//! assert_eq!(snapshot.motors[1].drive.mode, Mode::Cw98);
+//! // Open loop needs no encoder, but a missing one is reported.
+//! assert!(snapshot.motors[1].faults.encoder_stale);
+//! # Ok::<(), motor_hub::units::RangeError>(())
+//! ```
 
 use crate::bridge::Drive;
 use crate::motion::Reading;
