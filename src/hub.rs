@@ -1,4 +1,25 @@
 //! N motors on one battery: one step for all of them, and one snapshot of everything.
+//!
+//! ```
+//! use motor_hub::bridge::{Drive, Mode};
+//! use motor_hub::hub::{Action, Command, Hub, Inputs};
+//! use motor_hub::motor::{Setpoint, Settings};
+//! use motor_hub::supply::Battery;
+//! use motor_hub::units::{Control, EmfConstant, Micros, Millivolts, Period};
+//!
+//! let settings = Settings::new(EmfConstant::from_bits(4_180_495)?);
+//! let mut hub = Hub::new([settings; 2], Period::DEFAULT);
+//! hub.apply(Command { motor: 1, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) })?;
+//!
+//! let now = Micros::new(50_000);
+//! let battery = Some(Battery { voltage: Millivolts::new(12_000), at: now });
+//! let snapshot = hub.step(Inputs { now, readings: [None; 2], battery });
+//! assert_eq!(snapshot.motors[0].drive, Drive::COAST);
+//! assert_eq!(snapshot.motors[1].drive.mode, Mode::Cw98);
+//! // Open loop needs no encoder, but a missing one is reported.
+//! assert!(snapshot.motors[1].faults.encoder_stale);
+//! # Ok::<(), motor_hub::units::RangeError>(())
+//! ```
 
 use crate::bridge::Drive;
 use crate::motion::Reading;
@@ -31,8 +52,8 @@ pub enum Action {
 pub struct Inputs<const N: usize> {
     /// The time of the tick.
     pub now: Micros,
-    /// The newest encoder readings; `None` if none came since the last tick.
-    pub readings: Option<[Reading; N]>,
+    /// The newest reading of each encoder; `None` if it failed, or if none came since the last tick.
+    pub readings: [Option<Reading>; N],
     /// The newest battery reading, however old.
     pub battery: Option<Battery>,
 }
@@ -106,11 +127,10 @@ impl<const N: usize> Hub<N> {
     pub fn step(&mut self, inputs: Inputs<N>) -> Snapshot<N> {
         let battery = inputs.battery.and_then(|battery| battery.fresh(inputs.now));
         self.tick = self.tick.wrapping_add(1);
-        let mut reports = [Report::INITIAL; N];
-        for (index, (motor, report)) in self.motors.iter_mut().zip(&mut reports).enumerate() {
-            let reading = inputs.readings.and_then(|readings| readings.get(index).copied());
+        let mut motors = [Report::INITIAL; N];
+        for ((motor, reading), report) in self.motors.iter_mut().zip(inputs.readings).zip(&mut motors) {
             *report = motor.step(inputs.now, reading, battery);
         }
-        Snapshot { tick: self.tick, at: inputs.now, missed: self.missed, battery, motors: reports }
+        Snapshot { tick: self.tick, at: inputs.now, missed: self.missed, battery, motors }
     }
 }

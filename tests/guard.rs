@@ -9,8 +9,8 @@ use motor_hub::model::plant::{self, Plant};
 use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Ohms, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
 use motor_hub::motion::guard::{Evidence, Finding};
-use motor_hub::motion::{EncoderFault, Guard, Tracker};
-use motor_hub::motor::{Report, Setpoint, Settings};
+use motor_hub::motion::{EncoderFault, Guard, Reading, Tracker};
+use motor_hub::motor::{Motor as Controlled, Report, Setpoint, Settings};
 use motor_hub::supply::Battery;
 use motor_hub::units::{Control, CountsPerSecond, Duty, EmfConstant, Micros, Millivolts, Period};
 
@@ -114,7 +114,7 @@ impl<const N: usize> Bench<N> {
             }
             if self.ms.is_multiple_of(u64::from(self.hub.period().as_millis())) {
                 let battery = Some(Battery { voltage: Millivolts::new(12_000), at: now });
-                self.snapshot = self.hub.step(Inputs { now, readings: Some(readings), battery });
+                self.snapshot = self.hub.step(Inputs { now, readings: readings.map(Some), battery });
                 self.drives = self.snapshot.drives();
             }
         }
@@ -313,6 +313,43 @@ fn open_loop_power_needs_no_encoder() {
 }
 
 #[test]
+fn open_loop_power_ends_every_suspicion() {
+    // Ticks until a motor that does not count is driven the other way.
+    let ticks_to_probe = |bench: &mut Bench<1>| {
+        bench.set(0, velocity(2_000));
+        for tick in 1..100 {
+            bench.run_ms(10);
+            if bench.snapshot.motors[0].control < Control::ZERO {
+                return tick;
+            }
+        }
+        panic!("no probe");
+    };
+    let unplugged = || {
+        let mut bench = Bench::<1>::new(10);
+        bench.axes[0].plugged = false;
+        bench
+    };
+    let ticks = ticks_to_probe(&mut unplugged());
+    let mut bench = unplugged();
+    bench.set(0, velocity(2_000));
+    bench.run_ms(10 * (ticks - 1));
+    assert!(bench.snapshot.motors[0].control > Control::ZERO);
+    bench.set(0, Setpoint::ConstantPower(Control::MAX));
+    bench.run_ms(10);
+    assert_eq!(ticks_to_probe(&mut bench), ticks, "nothing is held against it");
+
+    let mut bench = Bench::<1>::new(10);
+    bench.axes[0].stops = (-200.0, 200.0);
+    bench.set(0, velocity(1_500));
+    bench.run_ms(5_000);
+    assert!(bench.snapshot.motors[0].stalled);
+    bench.set(0, Setpoint::ConstantPower(Control::MAX));
+    bench.run_ms(10);
+    assert!(!bench.snapshot.motors[0].stalled);
+}
+
+#[test]
 fn an_overhauling_load_within_the_motors_torque_is_no_reversed_encoder() {
     let mut bench = Bench::<1>::new(50);
     bench.set(0, velocity(1_000));
@@ -394,6 +431,71 @@ fn a_gentle_scheme_that_is_overpowered_is_helped_by_full_reverse_before_the_enco
     for _ in 0..2_000 {
         bench.run_ms(1);
         assert!(!full(bench.drives[0]));
+    }
+}
+
+/// A motor in a gentle scheme that turns at 600 counts/s one way, whatever the bridge does, and is asked
+/// for as much the other way: until full reverse begins.
+struct Backwards {
+    motor: Controlled,
+    direction: i32,
+    ticks: i32,
+}
+
+impl Backwards {
+    const MS: u32 = 10;
+
+    fn insisted_on(direction: i32) -> Self {
+        let settings = Settings { duty: DutyRule::LinearDuty, ..Settings::for_scheme(KE, Scheme::C) };
+        let mut motor = Controlled::new(settings, Period::from_millis(Self::MS).expect("period"));
+        motor.set(velocity(-600 * direction));
+        let mut axis = Self { motor, direction, ticks: 0 };
+        while !axis.full_reverse() {
+            assert!(axis.ticks < 30, "no full reverse");
+        }
+        axis
+    }
+
+    fn step(&mut self) -> Report {
+        self.ticks += 1;
+        let at = Micros::new(u64::from(Self::MS * self.ticks.unsigned_abs()) * 1000);
+        let reading = Reading { position: 6 * self.direction * self.ticks, edge_at: at, at };
+        self.motor.step(at, Some(reading), Some(Millivolts::new(12_000)))
+    }
+
+    /// Another tick; true if it is one of full reverse.
+    fn full_reverse(&mut self) -> bool {
+        let report = self.step();
+        let (mode, end) =
+            if self.direction > 0 { (Mode::Ccw62, Control::MIN) } else { (Mode::Cw98, Control::MAX) };
+        let full = report.drive == Drive { mode, duty: Duty::ONE };
+        assert!(!full || (report.control, report.regime) == (end, Some(Regime::Reverse)));
+        full
+    }
+}
+
+#[test]
+fn full_reverse_is_insisted_on_for_100_ms_and_then_the_encoder_is_reversed() {
+    for direction in [1, -1] {
+        let mut axis = Backwards::insisted_on(direction);
+        for ms in (20..=100).step_by(10) {
+            assert!(axis.full_reverse(), "{ms} ms");
+        }
+        assert_eq!(axis.step().faults.encoder, Some(EncoderFault::Reversed));
+    }
+}
+
+#[test]
+fn full_reverse_ends_when_the_motor_is_asked_to_go_the_way_it_turns() {
+    for direction in [1, -1] {
+        let mut axis = Backwards::insisted_on(direction);
+        axis.motor.set(velocity(600 * direction));
+        // This tick still judges by what was asked for until now.
+        assert!(axis.full_reverse());
+        for _ in 0..40 {
+            assert!(!axis.full_reverse());
+            assert_eq!(axis.step().faults.encoder, None);
+        }
     }
 }
 

@@ -24,12 +24,20 @@ struct Bench<const N: usize> {
     cps: [i64; N],
     battery_mv: Option<u16>,
     encoder_age: u64,
+    encoder_failed: [bool; N],
 }
 
 impl<const N: usize> Bench<N> {
     fn new() -> Self {
         let hub = Hub::new([settings(); N], Period::DEFAULT);
-        Self { hub, now: 0, cps: [0; N], battery_mv: Some(12_000), encoder_age: 0 }
+        Self {
+            hub,
+            now: 0,
+            cps: [0; N],
+            battery_mv: Some(12_000),
+            encoder_age: 0,
+            encoder_failed: [false; N],
+        }
     }
 
     fn set(&mut self, motor: usize, setpoint: Setpoint) {
@@ -43,14 +51,13 @@ impl<const N: usize> Bench<N> {
     fn step(&mut self) -> Snapshot<N> {
         self.now += TICK;
         let at = Micros::new(self.now - self.encoder_age);
-        let readings = self.cps.map(|cps| Reading {
-            position: (cps * self.now as i64 / 1_000_000) as i32,
-            edge_at: at,
-            at,
+        let readings = std::array::from_fn(|motor| {
+            let position = (self.cps[motor] * self.now as i64 / 1_000_000) as i32;
+            (!self.encoder_failed[motor]).then_some(Reading { position, edge_at: at, at })
         });
         let battery =
             self.battery_mv.map(|mv| Battery { voltage: Millivolts::new(mv), at: Micros::new(self.now) });
-        self.hub.step(Inputs { now: Micros::new(self.now), readings: Some(readings), battery })
+        self.hub.step(Inputs { now: Micros::new(self.now), readings, battery })
     }
 
     /// Long enough for a speed to be known, too short for the encoder, which turns whatever the
@@ -173,7 +180,7 @@ fn a_target_across_the_end_of_the_position_range_is_approached_the_short_way() {
     let at = Micros::new(TICK);
     let reading = Reading { position: i32::MAX - 10, edge_at: at, at };
     let battery = Some(Battery { voltage: Millivolts::new(12_000), at });
-    let snapshot = hub.step(Inputs { now: at, readings: Some([reading]), battery });
+    let snapshot = hub.step(Inputs { now: at, readings: [Some(reading)], battery });
     assert!(snapshot.motors[0].control > Control::ZERO);
 }
 
@@ -202,7 +209,8 @@ fn an_old_battery_voltage_is_none() {
     let setpoint = Setpoint::ConstantPower(Control::MAX);
     hub.apply(Command { motor: 0, action: Action::Set(setpoint) }).expect("motor");
     let battery = Some(Battery { voltage: Millivolts::new(12_000), at: Micros::new(0) });
-    let mut drive_at = |now| hub.step(Inputs { now: Micros::new(now), readings: None, battery }).drives()[0];
+    let mut drive_at =
+        |now| hub.step(Inputs { now: Micros::new(now), readings: [None], battery }).drives()[0];
     assert_eq!(drive_at(100_000).duty, Duty::ONE);
     assert_eq!(drive_at(150_000), Drive::COAST);
 }
@@ -220,6 +228,23 @@ fn a_stale_encoder_stops_regulation_but_not_constant_power() {
     assert_eq!(snapshot.drives()[0].duty, Duty::ONE);
     assert_eq!(snapshot.drives()[1..], [Drive::COAST; 2]);
     assert!(snapshot.motors.iter().all(|m| m.faults.encoder_stale));
+}
+
+#[test]
+fn an_encoder_that_fails_stops_the_regulation_of_its_own_motor_alone() {
+    let mut bench = Bench::<4>::new();
+    for motor in 0..3 {
+        bench.set(motor, velocity(1000));
+    }
+    bench.set(3, Setpoint::ConstantPower(Control::MAX));
+    assert!(bench.step().motors.iter().all(|m| m.regime.is_some() && !m.faults.any()));
+    bench.encoder_failed = [false, true, false, true];
+    let snapshot = bench.step();
+    assert_eq!(snapshot.motors.map(|m| m.faults.encoder_stale), bench.encoder_failed);
+    assert_eq!(snapshot.motors.map(|m| m.regime.is_some()), [true, false, true, true]);
+    assert_eq!(snapshot.drives()[1], Drive::COAST);
+    bench.encoder_failed = [false; 4];
+    assert!(bench.step().motors.iter().all(|m| m.regime.is_some() && !m.faults.any()), "and it recovers");
 }
 
 #[test]
@@ -257,6 +282,69 @@ fn a_change_of_run_mode_starts_its_loops_afresh_and_a_new_target_does_not() {
     bench.set(0, Setpoint::Disabled);
     bench.set(0, velocity(300));
     assert!(bench.step().motors[0].control <= fresh);
+}
+
+#[test]
+fn the_farthest_target_is_approached_the_right_way_at_the_speed_limit() {
+    // With the velocity loop's F alone the control value asked for is that of the speed to go at.
+    let only_f = Pidf { f: Coefficient::from_bits(10 << 16), ..Pidf::default() };
+    let control = |setpoint| {
+        let mut bench = Bench::<1>::new();
+        bench.configure(0, Settings { velocity: only_f, ..settings() });
+        bench.set(0, setpoint);
+        bench.step().motors[0].control
+    };
+    let limit = control(velocity(700));
+    assert!(limit > Control::ZERO);
+    // From 2^23 on a distance in steps of 1/256 count no longer fits 32 bits.
+    for distance in (8..31).flat_map(|bits| [(1 << bits) - 1, 1 << bits, (1 << bits) + 1, 3 << (bits - 1)]) {
+        assert_eq!(control(position(distance, 0, 700)), limit, "{distance}");
+        assert_eq!(control(position(-distance, 0, 700)), -limit, "{distance}");
+    }
+    assert_eq!(control(position(i32::MAX, 0, 700)), limit);
+    assert_eq!(control(position(-i32::MAX, 0, 700)), -limit);
+}
+
+#[test]
+fn a_change_of_run_mode_starts_the_position_loop_afresh() {
+    // Nothing but the position loop's I asks for a speed, and the control value is that of the speed.
+    let settings = Settings {
+        velocity: Pidf { f: Coefficient::from_bits(10 << 16), ..Pidf::default() },
+        position: Pidf { i: Coefficient::from_bits(1 << 16), ..Pidf::default() },
+        ..settings()
+    };
+    let target = position(1_000, 0, 2_000);
+    let mut bench = Bench::<1>::new();
+    bench.configure(0, settings);
+    bench.set(0, target);
+    let fresh = bench.step().motors[0].control;
+    assert!(fresh > Control::ZERO);
+    for between in [velocity(0), Setpoint::ConstantPower(Control::ZERO), Setpoint::Disabled] {
+        bench.set(0, target);
+        bench.two_steps();
+        assert!(bench.step().motors[0].control > fresh, "wound up");
+        bench.set(0, between);
+        // Before a tick has come.
+        bench.set(0, target);
+        assert_eq!(bench.step().motors[0].control, fresh, "{between:?}");
+    }
+}
+
+#[test]
+fn a_motor_that_floated_at_zero_starts_its_velocity_loop_afresh() {
+    let mut bench = Bench::<1>::new();
+    let only_i = Pidf { i: Coefficient::from_bits(10 << 16), ..Pidf::default() };
+    bench.configure(0, Settings { zero_power: ZeroPower::Float, velocity: only_i, ..settings() });
+    bench.set(0, velocity(1_000));
+    let fresh = bench.step().motors[0].control;
+    assert!(fresh > Control::ZERO);
+    bench.two_steps();
+    assert!(bench.step().motors[0].control > fresh, "wound up");
+    // The run mode stays.
+    bench.set(0, velocity(0));
+    assert_eq!(bench.step().drives(), [Drive::COAST]);
+    bench.set(0, velocity(1_000));
+    assert_eq!(bench.step().motors[0].control, fresh);
 }
 
 #[test]
@@ -298,8 +386,8 @@ fn any_setpoint() -> impl Strategy<Value = Setpoint> {
     ]
 }
 
-/// Whatever a neighbour's encoder does: position, age of its edge, age of the sample.
-type Neighbour = (i32, u64, u64, Setpoint);
+/// Whatever a neighbour's encoder does: position if it has not failed, age of its edge, age of the sample.
+type Neighbour = (Option<i32>, u64, u64, Setpoint);
 
 proptest! {
     #[test]
@@ -307,7 +395,7 @@ proptest! {
         own in any_setpoint(),
         own_positions in prop::collection::vec(any::<i16>(), 12),
         neighbours in prop::collection::vec(
-            (any::<i32>(), 0u64..100_000, 0u64..100_000, any_setpoint()), 12),
+            (any::<Option<i32>>(), 0u64..100_000, 0u64..100_000, any_setpoint()), 12),
     ) {
         let run = |neighbours: &[Neighbour]| {
             let mut hub = Hub::new([settings(); 2], Period::DEFAULT);
@@ -317,14 +405,18 @@ proptest! {
                 let (other, edge_age, age, setpoint) = *neighbour;
                 hub.apply(Command { motor: 1, action: Action::Set(setpoint) }).expect("motor");
                 let battery = Some(Battery { voltage: Millivolts::new(12_000), at: Micros::new(now) });
-                let readings = Some([
-                    Reading { position: position.into(), edge_at: Micros::new(now), at: Micros::new(now) },
-                    Reading { position: other, edge_at: Micros::new(now - edge_age), at: Micros::new(now - age) },
-                ]);
+                let readings = [
+                    Some(Reading { position: position.into(), edge_at: Micros::new(now), at: Micros::new(now) }),
+                    other.map(|position| Reading {
+                        position,
+                        edge_at: Micros::new(now - edge_age),
+                        at: Micros::new(now - age),
+                    }),
+                ];
                 hub.step(Inputs { now: Micros::new(now), readings, battery }).motors[0]
             }).collect::<Vec<_>>()
         };
-        let quiet = vec![(0, 0, 0, Setpoint::Disabled); 12];
+        let quiet = vec![(Some(0), 0, 0, Setpoint::Disabled); 12];
         prop_assert_eq!(run(&neighbours), run(&quiet));
     }
 }

@@ -1,4 +1,15 @@
 //! Encoder counts: 16-bit hardware counters unwrapped to positions, and the time of the last count.
+//!
+//! ```
+//! use motor_hub::motion::Tracker;
+//! use motor_hub::units::Micros;
+//!
+//! let mut tracker = Tracker::default();
+//! assert_eq!(tracker.step(65_534, Micros::new(0)).position, 0);
+//! assert_eq!(tracker.step(3, Micros::new(1_000)).position, 5);
+//! let resting = tracker.step(3, Micros::new(2_000));
+//! assert_eq!((resting.position, resting.edge_at), (5, Micros::new(1_000)));
+//! ```
 
 use crate::units::Micros;
 

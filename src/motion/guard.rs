@@ -18,6 +18,26 @@
 //! Either is decided within 250 ms of a clear case (at control periods that divide 50 ms). Open-loop
 //! power needs no encoder and is not watched; neither is a motor that holds its position, from which
 //! no count is due.
+//!
+//! ```
+//! use motor_hub::braking::Regime;
+//! use motor_hub::motion::guard::{EncoderFault, Evidence, Finding, Guard};
+//! use motor_hub::units::{Control, CountsPerSecond, Period};
+//!
+//! let mut guard = Guard::new(Period::DEFAULT);
+//! let no_counts = Evidence {
+//!     control: Control::MAX,
+//!     regime: Regime::Forward,
+//!     target: CountsPerSecond::new(1_000),
+//!     moved: 0,
+//!     velocity: CountsPerSecond::ZERO,
+//!     gentle: false,
+//! };
+//! assert_eq!([(); 2].map(|()| guard.step(no_counts)), [Finding::Sound; 2]);
+//! // 150 ms.
+//! assert!(matches!(guard.step(no_counts), Finding::Probe(_)));
+//! assert_eq!(guard.step(no_counts), Finding::Fault(EncoderFault::Stuck));
+//! ```
 
 use crate::braking::Regime;
 use crate::units::{Control, CountsPerSecond, Period};

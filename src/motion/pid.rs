@@ -1,4 +1,23 @@
 //! PID with feed-forward, in fixed point, with an integrator that does not wind up.
+//!
+//! ```
+//! use motor_hub::motion::pid::{Pid, PidInput, Pidf, Value};
+//! use motor_hub::units::{Coefficient, Period};
+//!
+//! // 2 control counts per count/s, and 10 per count: in Q16.16.
+//! let [p, i] = [2, 10].map(|whole| Coefficient::from_bits(whole << 16));
+//! let gains = Pidf { p, i, ..Pidf::default() };
+//! let input = PidInput {
+//!     error: Value::from_num(100),
+//!     measured: Value::from_num(900),
+//!     feed_forward: Value::from_num(1_000),
+//!     limit: Value::from_num(32_767),
+//!     hold: false,
+//! };
+//! let mut velocity_loop = Pid::default();
+//! assert_eq!(velocity_loop.step(&gains, Period::DEFAULT, input), 2 * 100 + 10 * 100 / 20);
+//! assert_eq!(velocity_loop.step(&gains, Period::DEFAULT, input), 2 * 100 + 2 * 10 * 100 / 20);
+//! ```
 
 use crate::units::{Coefficient, Period};
 use fixed::types::{I16F16, I24F8, I40F24};

@@ -10,6 +10,20 @@
 //!
 //! **Error at constant speed:** one sampling interval of the counter (1 ms) in the window: 2 % at
 //! 50 ms, and none once every sample sees a count.
+//!
+//! ```
+//! use motor_hub::motion::{Tracker, VelocityEstimator};
+//! use motor_hub::units::{Micros, Period};
+//!
+//! let mut encoder = Tracker::default();
+//! let mut velocity = VelocityEstimator::new(Period::DEFAULT);
+//! velocity.step(encoder.step(0, Micros::new(0)));
+//! // A count after 40 ms, and none in the 10 ms since: 25 counts/s.
+//! encoder.step(1, Micros::new(40_000));
+//! assert_eq!(velocity.step(encoder.step(1, Micros::new(50_000))).round(), 25);
+//! // And none in the 50 ms after that: 1 count in 60 ms is the most that it can be.
+//! assert_eq!(velocity.step(encoder.step(1, Micros::new(100_000))).round(), 17);
+//! ```
 
 use super::encoder::Reading;
 use crate::units::{CountsPerSecond, Micros, Period};
@@ -21,9 +35,9 @@ const WINDOW_MS: u32 = 20;
 /// Velocity of one motor.
 #[derive(Clone, Debug)]
 pub struct VelocityEstimator {
-    /// Those of the window that ends at the next reading, the oldest first.
+    /// Readings of the window that ends at the next one, the oldest first.
     history: Deque<Reading, { WINDOW_MS as usize }>,
-    /// The window.
+    /// As many readings.
     ticks: usize,
     estimate: CountsPerSecond,
 }
@@ -42,7 +56,7 @@ impl VelocityEstimator {
         if self.history.len() >= self.ticks {
             self.history.pop_front();
         }
-        // There is room: no window has more readings than there are.
+        // There is room: at one reading a millisecond or less, a window has no more.
         self.history.push_back(new).ok();
 
         let moved = i64::from(new.position.wrapping_sub(old.position));

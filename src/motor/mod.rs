@@ -1,4 +1,28 @@
 //! One motor: its settings, its set-point, its state, and one step of control.
+//!
+//! ```
+//! use motor_hub::braking::Regime;
+//! use motor_hub::motion::Reading;
+//! use motor_hub::motor::{Motor, Setpoint, Settings};
+//! use motor_hub::units::{CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
+//!
+//! // A NeveRest 60: 3.99 mV s/count, in steps of 2^-20.
+//! let settings = Settings::new(EmfConstant::from_bits(4_180_495)?);
+//! let mut motor = Motor::new(settings, Period::DEFAULT);
+//! motor.set(Setpoint::Velocity(CountsPerSecond::new(1_000)));
+//!
+//! let mut step = |ms: u64, position| {
+//!     let at = Micros::new(1_000 * ms);
+//!     motor.step(at, Some(Reading { position, edge_at: at, at }), Some(Millivolts::new(12_000)))
+//! };
+//! let standing = step(50, 0);
+//! assert_eq!(standing.regime, Some(Regime::Forward));
+//! // 15 counts in 50 ms are 300 counts/s: less is missing.
+//! let turning = step(100, 15);
+//! assert_eq!(turning.velocity.round(), 300);
+//! assert!(turning.control < standing.control);
+//! # Ok::<(), motor_hub::units::RangeError>(())
+//! ```
 
 mod loops;
 mod report;

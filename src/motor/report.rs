@@ -12,7 +12,7 @@ use crate::units::{Control, CountsPerSecond};
 pub struct Faults {
     /// No battery voltage is known: never measured, implausible, or too old.
     pub battery_unknown: bool,
-    /// No encoder reading for 20 ms. Constant power runs on without one.
+    /// No encoder reading, or none newer than 20 ms. Constant power runs on without one.
     pub encoder_stale: bool,
     /// The encoder of a regulated motor does not count, or counts the wrong way. Latched until the
     /// motor is disabled; constant power runs on.

@@ -13,7 +13,7 @@
 //!
 //! // Stray bytes before it do no harm.
 //! let bytes = [&[0x44, 0x44, 0x00], &*frame].concat();
-//! assert_eq!(Decoder::new().next(&mut &*bytes, Micros(0)), Some(keep_alive));
+//! assert_eq!(Decoder::new().next(&mut &*bytes, Micros::new(0)), Some(keep_alive));
 //! ```
 
 use super::fields::{KEPT, Payload};

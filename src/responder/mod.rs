@@ -35,7 +35,7 @@
 //!
 //! // A host looks for hubs and is told that this is one, directly on its line.
 //! let discovery = Request::from(Standard::Discovery).packet(BROADCAST, 1, DISCOVERY);
-//! let reply = responder.receive(&discovery, Micros(0), &snapshot).unwrap();
+//! let reply = responder.receive(&discovery, Micros::new(0), &snapshot).unwrap();
 //! assert_eq!((reply.source, reply.payload.as_slice()), (2, &[1][..]));
 //! ```
 
