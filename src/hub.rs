@@ -31,8 +31,8 @@ pub enum Action {
 pub struct Inputs<const N: usize> {
     /// The time of the tick.
     pub now: Micros,
-    /// The newest encoder readings; `None` if none came since the last tick.
-    pub readings: Option<[Reading; N]>,
+    /// The newest encoder readings by motor, however old; `None` if none came.
+    pub readings: [Option<Reading>; N],
     /// The newest battery reading, however old.
     pub battery: Option<Battery>,
 }
@@ -107,8 +107,7 @@ impl<const N: usize> Hub<N> {
         let battery = inputs.battery.and_then(|battery| battery.fresh(inputs.now));
         self.tick = self.tick.wrapping_add(1);
         let mut reports = [Report::INITIAL; N];
-        for (index, (motor, report)) in self.motors.iter_mut().zip(&mut reports).enumerate() {
-            let reading = inputs.readings.and_then(|readings| readings.get(index).copied());
+        for ((motor, report), reading) in self.motors.iter_mut().zip(&mut reports).zip(inputs.readings) {
             *report = motor.step(inputs.now, reading, battery);
         }
         Snapshot { tick: self.tick, at: inputs.now, missed: self.missed, battery, motors: reports }

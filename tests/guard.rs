@@ -114,7 +114,7 @@ impl<const N: usize> Bench<N> {
             }
             if self.ms.is_multiple_of(u64::from(self.hub.period().as_millis())) {
                 let battery = Some(Battery { voltage: Millivolts::new(12_000), at: now });
-                self.snapshot = self.hub.step(Inputs { now, readings: Some(readings), battery });
+                self.snapshot = self.hub.step(Inputs { now, readings: readings.map(Some), battery });
                 self.drives = self.snapshot.drives();
             }
         }

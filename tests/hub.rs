@@ -50,7 +50,7 @@ impl<const N: usize> Bench<N> {
         });
         let battery =
             self.battery_mv.map(|mv| Battery { voltage: Millivolts::new(mv), at: Micros::new(self.now) });
-        self.hub.step(Inputs { now: Micros::new(self.now), readings: Some(readings), battery })
+        self.hub.step(Inputs { now: Micros::new(self.now), readings: readings.map(Some), battery })
     }
 
     /// Long enough for a speed to be known, too short for the encoder, which turns whatever the
@@ -173,7 +173,7 @@ fn a_target_across_the_end_of_the_position_range_is_approached_the_short_way() {
     let at = Micros::new(TICK);
     let reading = Reading { position: i32::MAX - 10, edge_at: at, at };
     let battery = Some(Battery { voltage: Millivolts::new(12_000), at });
-    let snapshot = hub.step(Inputs { now: at, readings: Some([reading]), battery });
+    let snapshot = hub.step(Inputs { now: at, readings: [Some(reading)], battery });
     assert!(snapshot.motors[0].control > Control::ZERO);
 }
 
@@ -202,7 +202,8 @@ fn an_old_battery_voltage_is_none() {
     let setpoint = Setpoint::ConstantPower(Control::MAX);
     hub.apply(Command { motor: 0, action: Action::Set(setpoint) }).expect("motor");
     let battery = Some(Battery { voltage: Millivolts::new(12_000), at: Micros::new(0) });
-    let mut drive_at = |now| hub.step(Inputs { now: Micros::new(now), readings: None, battery }).drives()[0];
+    let mut drive_at =
+        |now| hub.step(Inputs { now: Micros::new(now), readings: [None], battery }).drives()[0];
     assert_eq!(drive_at(100_000).duty, Duty::ONE);
     assert_eq!(drive_at(150_000), Drive::COAST);
 }
@@ -317,10 +318,10 @@ proptest! {
                 let (other, edge_age, age, setpoint) = *neighbour;
                 hub.apply(Command { motor: 1, action: Action::Set(setpoint) }).expect("motor");
                 let battery = Some(Battery { voltage: Millivolts::new(12_000), at: Micros::new(now) });
-                let readings = Some([
+                let readings = [
                     Reading { position: position.into(), edge_at: Micros::new(now), at: Micros::new(now) },
                     Reading { position: other, edge_at: Micros::new(now - edge_age), at: Micros::new(now - age) },
-                ]);
+                ].map(Some);
                 hub.step(Inputs { now: Micros::new(now), readings, battery }).motors[0]
             }).collect::<Vec<_>>()
         };

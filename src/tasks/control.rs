@@ -24,7 +24,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, links: &Links<M,
             }
         }
         battery = links.battery.try_take().or(battery);
-        let readings = links.readings.try_take();
+        let readings = links.readings.try_take().unwrap_or([None; N]);
         let snapshot = hub.step(Inputs { now: micros(now), readings, battery });
         links.drives.signal(snapshot.drives());
         snapshots.send(snapshot);

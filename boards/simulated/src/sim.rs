@@ -73,7 +73,7 @@ pub(crate) fn tasks<'a>(
     health: &'a Health,
 ) -> Result<impl Future + use<'a>, String> {
     let (settings, period, board) = (all_settings(&scenario.motors)?, scenario.period, board.clone());
-    let supply = Supply::new(Board::scale().map_err(|e| e.to_string())?, Limits::default());
+    let supply = Supply::new(Limits::default());
     Ok(async move {
         let mut hub = Hub::new(settings, period);
         join5(
