@@ -5,20 +5,25 @@
 //! bridge with three lines, so these are our own.
 
 use crate::bridge::Drive;
-use crate::supply::Sample;
+use crate::units::Millivolts;
 
 /// The quadrature counters of N motors.
 pub trait Encoders<const N: usize> {
-    /// All counters, wrapping at 16 bits, counting up when the motor turns CW. Must not block.
-    fn counts(&mut self) -> [u16; N];
+    /// All counters, wrapping at 16 bits, counting up when the motor turns CW; `None` for one that cannot
+    /// be read now. Must not block.
+    ///
+    /// A motor whose counter is silent for 20 ms is without an encoder; no other motor is. A counter that
+    /// answers again is taken to have counted on meanwhile, by less than 32 768.
+    fn counts(&mut self) -> [Option<u16>; N];
 }
 
 /// The converter that measures the battery.
 #[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]
 pub trait SupplyAdc {
-    /// One conversion of battery and reference, or `None` if the converter does not answer. Must
-    /// end by itself in a few milliseconds.
-    async fn sample(&mut self) -> Option<Sample>;
+    /// The battery's voltage as measured now, scaled but not judged: [`crate::supply::VrefintScale`] may be
+    /// of use. `None` if the converter does not answer or its reference makes no sense. Must end by itself
+    /// in a few milliseconds.
+    async fn sample(&mut self) -> Option<Millivolts>;
 }
 
 /// N H bridges.

@@ -52,7 +52,7 @@ pub enum Action {
 pub struct Inputs<const N: usize> {
     /// The time of the tick.
     pub now: Micros,
-    /// The newest reading of each encoder; `None` if it failed, or if none came since the last tick.
+    /// The newest reading of each encoder, however old; `None` if none came.
     pub readings: [Option<Reading>; N],
     /// The newest battery reading, however old.
     pub battery: Option<Battery>,

@@ -1,67 +1,94 @@
-//! Battery voltage: from ADC readings and the chip's own reference to filtered millivolts.
+//! Battery voltage: what a board's converter measured, as filtered millivolts while it is plausible.
 //!
-//! The internal reference VREFINT is read beside the battery. Its factory calibration tells what the
-//! ADC's supply really is, so that a sagging 3.3 V rail does not pass for a rising battery.
+//! Boards whose chip reads its own reference beside the battery have [`VrefintScale`] for the first step;
+//! others bring millivolts of their own.
+//!
+//! ```
+//! use motor_hub::supply::{Limits, Supply};
+//! use motor_hub::units::{Micros, Millivolts};
+//!
+//! let mut supply = Supply::new(Limits::default());
+//! let battery = supply.step(Some(Millivolts::new(12_000)), Micros::new(10_000)).expect("plausible");
+//! assert_eq!(battery.voltage, Millivolts::new(12_000));
+//! assert_eq!(supply.step(Some(Millivolts::new(3_000)), Micros::new(20_000)), None);
+//! ```
 
 use crate::units::{Micros, Millivolts, RangeError};
-
-/// Largest reading of a 12-bit converter.
-const FULL_SCALE: i64 = 4095;
-
-/// The rail at which VREFINT is calibrated in the factory (STM32F4 data sheets).
-const CALIBRATION_RAIL_MV: i64 = 3300;
-
-/// The rails that an STM32F4 can run from; a VREFINT reading that says otherwise is a bad reading.
-const RAIL_MV: core::ops::RangeInclusive<i64> = 1700..=3700;
 
 /// A battery reading older than this is none: ten sampling intervals.
 pub const STALE_MICROS: u64 = 100_000;
 
-/// One pair of conversions, right-aligned, 12 bits.
+/// The rails that an STM32 can run from; a VREFINT reading that says otherwise is a bad reading.
+const RAIL_MV: core::ops::RangeInclusive<i64> = 1700..=3700;
+
+/// One pair of conversions, right-aligned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Sample {
+pub struct VrefintSample {
     /// The divided battery voltage.
     pub battery: u16,
     /// The internal reference.
     pub vrefint: u16,
 }
 
-/// How the battery reaches the converter, and what the chip's reference is worth.
+/// What the factory found out about a chip's internal reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Scale {
-    vrefint_calibration: u16,
+pub struct VrefintCalibration {
+    /// The reference as the converter read it.
+    pub reading: u16,
+    /// The converter's supply at that time: 3.3 V in an STM32F4, 3.0 V in a G4 (data sheets).
+    pub rail: Millivolts,
+    /// The converter's resolution in bits, then and now: 1 to 16.
+    pub bits: u8,
+}
+
+/// From readings to the battery's voltage, with a chip's internal reference VREFINT read beside the
+/// battery. Its calibration tells what the converter's supply really is, so that a sagging rail does not
+/// pass for a rising battery.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VrefintScale {
+    calibration: VrefintCalibration,
     /// Battery over pin voltage, in steps of 2^-10.
     ratio: i64,
 }
 
-impl Scale {
-    /// A divider of `top_ohms` to the battery and `bottom_ohms` to ground, and the chip's VREFINT
-    /// reading at 3.3 V (F42x: the half-word at 0x1FFF_7A2A).
+impl VrefintScale {
+    /// A divider of `top_ohms` to the battery and `bottom_ohms` to ground.
     ///
     /// # Errors
-    /// [`RangeError::Divider`] if a resistance is 0.
-    pub const fn new(top_ohms: u32, bottom_ohms: u32, vrefint_calibration: u16) -> Result<Self, RangeError> {
+    /// [`RangeError::Divider`] if a resistance is 0, [`RangeError::Resolution`] of a converter without 1 to
+    /// 16 bits.
+    pub const fn new(
+        top_ohms: u32,
+        bottom_ohms: u32,
+        calibration: VrefintCalibration,
+    ) -> Result<Self, RangeError> {
         if top_ohms == 0 || bottom_ohms == 0 {
             return Err(RangeError::Divider);
         }
+        if calibration.bits == 0 || calibration.bits > 16 {
+            return Err(RangeError::Resolution);
+        }
         let ratio = ((top_ohms as i64 + bottom_ohms as i64) << 10) / bottom_ohms as i64;
-        Ok(Self { vrefint_calibration, ratio })
+        Ok(Self { calibration, ratio })
     }
 
-    /// `None` if the reference reads as no rail that the chip could run from.
-    fn battery_mv(self, sample: Sample) -> Option<i64> {
-        let reference = i64::from(sample.vrefint.min(FULL_SCALE as u16));
+    /// The battery's voltage; `None` if the reference reads as no rail that the chip could run from, or
+    /// beyond 65.535 V.
+    pub fn battery(self, sample: VrefintSample) -> Option<Millivolts> {
+        let full_scale = (1_i64 << self.calibration.bits) - 1;
+        let reference = i64::from(sample.vrefint).min(full_scale);
         if reference == 0 {
             return None;
         }
-        let at_calibration = CALIBRATION_RAIL_MV * i64::from(self.vrefint_calibration);
+        let at_calibration = i64::from(self.calibration.rail.get()) * i64::from(self.calibration.reading);
         if !RAIL_MV.contains(&(at_calibration / reference)) {
             return None;
         }
-        // 12 + 12 + 12 + at most 42 bits would not do for absurd dividers; saturating says "too high".
-        let pin = i64::from(sample.battery.min(FULL_SCALE as u16)) * at_calibration;
-        Some((pin.saturating_mul(self.ratio) / (FULL_SCALE * reference)) >> 10)
+        // 16 + 16 + 16 + at most 42 bits would not do for absurd dividers; saturating says "too high".
+        let pin = i64::from(sample.battery).min(full_scale) * at_calibration;
+        let mv = (pin.saturating_mul(self.ratio) / (full_scale * reference)) >> 10;
+        u16::try_from(mv).ok().map(Millivolts::new)
     }
 }
 
@@ -98,10 +125,9 @@ impl Battery {
     }
 }
 
-/// Converts and filters.
+/// Judges and filters.
 #[derive(Clone, Debug)]
 pub struct Supply {
-    scale: Scale,
     limits: Limits,
     /// Filter state in steps of 2^-8 mV; `None` before the first good reading and after a bad one.
     filtered: Option<i64>,
@@ -109,20 +135,19 @@ pub struct Supply {
 
 impl Supply {
     /// Knows no voltage yet.
-    pub const fn new(scale: Scale, limits: Limits) -> Self {
-        Self { scale, limits, filtered: None }
+    pub const fn new(limits: Limits) -> Self {
+        Self { limits, filtered: None }
     }
 
-    /// Takes a sample; `None` if it is implausible. The sample after an implausible one starts the
-    /// filter afresh.
+    /// Takes a measured voltage; `None` if there is none or it is implausible. The one after that starts
+    /// the filter afresh.
     ///
     /// The filter is of first order with a time constant of four samples.
-    pub fn step(&mut self, sample: Sample, now: Micros) -> Option<Battery> {
-        let range = i64::from(self.limits.min.get())..=i64::from(self.limits.max.get());
-        let mv = self.scale.battery_mv(sample).filter(|mv| range.contains(mv));
-        self.filtered = mv.map(|mv| match self.filtered {
-            None => mv << 8,
-            Some(old) => old + ((mv << 8) - old) / 4,
+    pub fn step(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
+        let plausible = self.limits.min..=self.limits.max;
+        self.filtered = voltage.filter(|voltage| plausible.contains(voltage)).map(|voltage| {
+            let new = i64::from(voltage.get()) << 8;
+            self.filtered.map_or(new, |old| old + (new - old) / 4)
         });
         let filtered = self.filtered?;
         // Within the limits like everything it is made of, hence within 16 bits.

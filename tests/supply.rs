@@ -1,16 +1,33 @@
 //! Battery voltage from ADC readings.
 
-use motor_hub::supply::{Battery, Limits, Sample, Scale, Supply};
+use motor_hub::supply::{Battery, Limits, Supply, VrefintCalibration, VrefintSample as Sample, VrefintScale};
 use motor_hub::units::{Micros, Millivolts, RangeError};
 
 const CALIBRATION: u16 = 1500;
 
-fn scale() -> Scale {
-    Scale::new(47_000, 10_000, CALIBRATION).expect("divider")
+/// An STM32F4's.
+fn calibration(reading: u16) -> VrefintCalibration {
+    VrefintCalibration { reading, rail: Millivolts::new(3_300), bits: 12 }
 }
 
-fn supply() -> Supply {
-    Supply::new(scale(), Limits::default())
+fn scale() -> VrefintScale {
+    VrefintScale::new(47_000, 10_000, calibration(CALIBRATION)).expect("divider")
+}
+
+/// A converter and the filter behind it.
+struct Measured {
+    scale: VrefintScale,
+    supply: Supply,
+}
+
+impl Measured {
+    fn step(&mut self, sample: Sample, now: Micros) -> Option<Battery> {
+        self.supply.step(self.scale.battery(sample), now)
+    }
+}
+
+fn supply() -> Measured {
+    Measured { scale: scale(), supply: Supply::new(Limits::default()) }
 }
 
 /// What the converter reads at this battery voltage when its own supply is `rail_mv`.
@@ -60,13 +77,19 @@ fn implausible_readings_give_no_voltage() {
 
 #[test]
 fn absurd_scales_do_not_overflow() {
-    assert_eq!(Scale::new(0, 1, 1), Err(RangeError::Divider));
-    assert_eq!(Scale::new(1, 0, 1), Err(RangeError::Divider));
-    for calibration in [0, 1, u16::MAX] {
+    assert_eq!(VrefintScale::new(0, 1, calibration(1)), Err(RangeError::Divider));
+    assert_eq!(VrefintScale::new(1, 0, calibration(1)), Err(RangeError::Divider));
+    for bits in [0, 17, u8::MAX] {
+        let calibration = VrefintCalibration { bits, ..calibration(1) };
+        assert_eq!(VrefintScale::new(1, 1, calibration), Err(RangeError::Resolution), "{bits}");
+    }
+    let absurd = [(0, 0, 1), (1, 3_300, 12), (u16::MAX, 3_300, 12), (u16::MAX, u16::MAX, 16)];
+    for (reading, rail, bits) in absurd {
+        let calibration = VrefintCalibration { reading, rail: Millivolts::new(rail), bits };
         for (top, bottom) in [(u32::MAX, 1), (1, u32::MAX), (u32::MAX, u32::MAX)] {
-            let scale = Scale::new(top, bottom, calibration).expect("above 0");
-            let mut supply =
-                Supply::new(scale, Limits { min: Millivolts::new(0), max: Millivolts::new(u16::MAX) });
+            let scale = VrefintScale::new(top, bottom, calibration).expect("above 0");
+            let all = Limits { min: Millivolts::new(0), max: Millivolts::new(u16::MAX) };
+            let mut supply = Measured { scale, supply: Supply::new(all) };
             for reading in [0, 1, 4095, u16::MAX] {
                 let _ = supply.step(Sample { battery: reading, vrefint: reading }, Micros::new(0));
             }
@@ -101,4 +124,28 @@ fn a_voltage_goes_stale() {
     let battery = Battery { voltage: Millivolts::new(12_000), at: Micros::new(1_000_000) };
     assert_eq!(battery.fresh(Micros::new(1_100_000)), Some(Millivolts::new(12_000)));
     assert_eq!(battery.fresh(Micros::new(1_100_001)), None);
+}
+
+#[test]
+fn a_reference_calibrated_at_another_rail_and_resolution_gives_the_same_voltage() {
+    for (bits, rail) in [(12, 3_000), (12, 3_300), (16, 3_300), (14, 1_800)] {
+        let full_scale = f64::from((1_u32 << bits) - 1);
+        let rail = Millivolts::new(rail);
+        // 1.21 V, and 12 V behind the divider, on a rail of 3.27 V.
+        let reading = (1_210.0 / f64::from(rail.get()) * full_scale).round() as u16;
+        let convert = |mv: f64| (mv / 3_270.0 * full_scale).round() as u16;
+        let sample = Sample { battery: convert(12_000.0 / 5.7), vrefint: convert(1_210.0) };
+        let scale = VrefintScale::new(47_000, 10_000, VrefintCalibration { reading, rail, bits });
+        let voltage = scale.expect("sound").battery(sample).expect("a rail").get();
+        assert!((11_985..=12_015).contains(&voltage), "{bits} bits at {rail:?}: {voltage}");
+    }
+}
+
+#[test]
+fn after_no_reading_the_filter_starts_afresh() {
+    let mut supply = Supply::new(Limits::default());
+    supply.step(Some(Millivolts::new(16_000)), Micros::new(0));
+    assert_eq!(supply.step(None, Micros::new(1)), None);
+    let battery = supply.step(Some(Millivolts::new(8_000)), Micros::new(2)).expect("plausible");
+    assert_eq!(battery.voltage, Millivolts::new(8_000));
 }

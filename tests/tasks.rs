@@ -6,9 +6,9 @@ use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
-use motor_hub::supply::{Limits, Sample, Scale, Supply};
+use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Task, Wires};
-use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Period};
+use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
 use std::cell::{Cell, RefCell};
 use std::future::Future;
 use std::pin::Pin;
@@ -17,9 +17,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Wake, Waker};
 
 const N: usize = 4;
-const CALIBRATION: u16 = 1500;
-/// 12 V behind 47 k / 10 k.
-const GOOD: Sample = Sample { battery: 2612, vrefint: 1500 };
+const GOOD: Millivolts = Millivolts::new(12_000);
 
 /// The mock driver's clock is one for the process.
 static CLOCK: Mutex<()> = Mutex::new(());
@@ -27,7 +25,9 @@ static CLOCK: Mutex<()> = Mutex::new(());
 #[derive(Default)]
 struct World {
     counts: [Cell<u16>; N],
-    sample: Cell<Option<Sample>>,
+    /// Counters that do not answer.
+    dead: [Cell<bool>; N],
+    sample: Cell<Option<Millivolts>>,
     /// The converter takes this long.
     conversion_ms: Cell<u64>,
     applied: RefCell<Vec<(u64, [Drive; N])>>,
@@ -39,13 +39,13 @@ fn now_ms() -> u64 {
 }
 
 impl Encoders<N> for &World {
-    fn counts(&mut self) -> [u16; N] {
-        self.counts.each_ref().map(Cell::get)
+    fn counts(&mut self) -> [Option<u16>; N] {
+        std::array::from_fn(|motor| (!self.dead[motor].get()).then(|| self.counts[motor].get()))
     }
 }
 
 impl SupplyAdc for &World {
-    async fn sample(&mut self) -> Option<Sample> {
+    async fn sample(&mut self) -> Option<Millivolts> {
         Timer::after(Duration::from_millis(self.conversion_ms.get())).await;
         self.sample.get()
     }
@@ -116,8 +116,7 @@ impl Parts {
 
     fn board(&self) -> Board<'_> {
         let Self { world, wires, health, period, .. } = self;
-        let scale = Scale::new(47_000, 10_000, CALIBRATION).expect("divider");
-        let supply = Supply::new(scale, Limits::default());
+        let supply = Supply::new(Limits::default());
         let settings = Settings::new(EmfConstant::from_bits(4_180_495).expect("in range"));
         let mut hub = Hub::new([settings; N], *period);
         Board {
@@ -310,7 +309,7 @@ fn a_dead_converter_makes_the_voltage_stale_and_all_motors_coast() {
 #[test]
 fn the_battery_is_unknown_until_the_first_good_reading() {
     let parts = Parts::new(50);
-    parts.world.sample.set(Some(Sample { battery: 0, ..GOOD }));
+    parts.world.sample.set(Some(Millivolts::new(0)));
     let mut board = parts.board();
     parts.send(0, HALF);
     board.run_ms(300);
@@ -346,6 +345,48 @@ fn when_capture_stops_regulated_motors_coast_and_constant_power_goes_on() {
     let motors = parts.snapshot().motors;
     assert!(motors[0].regime.is_some() && motors[0].faults.encoder_stale);
     assert_eq!(motors[1].drive, Drive::COAST);
+}
+
+#[test]
+fn when_one_encoder_fails_its_motor_coasts_if_regulated_and_no_other_until_it_recovers() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    parts.send(0, HALF);
+    for motor in 1..N {
+        parts.send(motor, Setpoint::Velocity(CountsPerSecond::new(1000)));
+    }
+    // All shafts turn at 1000 counts/s, whoever looks.
+    let turn = |board: &mut Board<'_>, ms| {
+        for _ in 0..ms {
+            parts.world.counts.each_ref().into_iter().for_each(|count| count.set(count.get() + 1));
+            board.run_ms(1);
+        }
+    };
+    let coasting = || parts.snapshot().motors.map(|m| m.drive == Drive::COAST);
+    let stale = || parts.snapshot().motors.map(|m| m.faults.encoder_stale);
+    turn(&mut board, 210);
+    assert_eq!(coasting(), [false; N]);
+
+    // One is silent for 40 ms before the tick, one for 20 ms.
+    let [constant_power, _, regulated, _] = &parts.world.dead;
+    constant_power.set(true);
+    turn(&mut board, 20);
+    regulated.set(true);
+    turn(&mut board, 20);
+    assert_eq!(stale(), [true, false, false, false], "silent for 20 ms is not yet too old");
+    assert_eq!(coasting(), [false; N], "constant power needs no encoder");
+
+    turn(&mut board, 50);
+    assert_eq!(stale(), [true, false, true, false]);
+    assert_eq!(coasting(), [false, false, true, false]);
+
+    constant_power.set(false);
+    regulated.set(false);
+    turn(&mut board, 50);
+    assert_eq!(stale(), [false; N]);
+    assert_eq!(coasting(), [false; N]);
+    let positions = parts.snapshot().motors.map(|m| m.position);
+    assert_eq!(positions, [positions[1]; N], "it counted on while nobody could read it");
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! Encoder capture: samples all counters every millisecond and passes on positions and edge times.
+//! Encoder capture: samples all counters every millisecond and passes on positions and edge times. Of a
+//! counter that does not answer the last reading is passed on, which soon is too old.
 
 use super::{Health, Task, Wires, micros};
 use crate::board::Encoders;
@@ -16,14 +17,15 @@ pub async fn run<M: RawMutex, const N: usize>(
     health: &Health,
 ) -> ! {
     let mut trackers = [Tracker::default(); N];
+    let mut readings = [None; N];
     let mut ticker = Ticker::every(INTERVAL);
     loop {
         let now = micros(Instant::now());
-        let mut counts = encoders.counts().into_iter();
-        let readings = trackers.each_mut().map(|tracker| {
-            // As many counts as trackers, by type.
-            tracker.step(counts.next().unwrap_or_default(), now)
-        });
+        for ((reading, tracker), count) in readings.iter_mut().zip(&mut trackers).zip(encoders.counts()) {
+            if let Some(count) = count {
+                *reading = Some(tracker.step(count, now));
+            }
+        }
         wires.readings.signal(readings);
         health.check_in(Task::Capture);
         ticker.next().await;

@@ -24,7 +24,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             }
         }
         battery = wires.battery.try_take().or(battery);
-        let readings = wires.readings.try_take().map_or([None; N], |readings| readings.map(Some));
+        let readings = wires.readings.try_take().unwrap_or([None; N]);
         let snapshot = hub.step(Inputs { now: micros(now), readings, battery });
         wires.drives.signal(snapshot.drives());
         snapshots.send(snapshot);

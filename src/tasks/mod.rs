@@ -46,7 +46,7 @@ pub const OBSERVERS: usize = 4;
 /// The channels between the tasks of a hub with N motors: one static in a board.
 pub struct Wires<M: RawMutex, const N: usize> {
     /// From capture to control.
-    pub readings: Signal<M, [Reading; N]>,
+    pub readings: Signal<M, [Option<Reading>; N]>,
     /// From supply to control.
     pub battery: Signal<M, Battery>,
     /// From anyone to control.

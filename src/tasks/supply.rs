@@ -19,9 +19,8 @@ pub async fn run<M: RawMutex, const N: usize>(
 ) -> ! {
     let mut ticker = Ticker::every(INTERVAL);
     loop {
-        if let Some(sample) = adc.sample().await
-            && let Some(battery) = supply.step(sample, micros(Instant::now()))
-        {
+        let voltage = adc.sample().await;
+        if let Some(battery) = supply.step(voltage, micros(Instant::now())) {
             wires.battery.signal(battery);
         }
         health.check_in(Task::Supply);

@@ -12,7 +12,8 @@ use embassy_stm32::pac;
 use embassy_stm32::peripherals::{ADC1, PA3};
 use embassy_time::Timer;
 use motor_hub::board::SupplyAdc;
-use motor_hub::supply::Sample;
+use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
+use motor_hub::units::{Millivolts, RangeError};
 
 /// ADC1_IN3 is PA3 (STM32F429 data sheet, pin definitions).
 const BATTERY_CHANNEL: u8 = 3;
@@ -24,13 +25,22 @@ const WAIT_MICROS: u64 = 100;
 
 /// ADC1 with its battery pin.
 pub(crate) struct BatteryAdc {
+    scale: VrefintScale,
     _adc: Adc<'static, ADC1>,
     _pin: Flex<'static>,
 }
 
 impl BatteryAdc {
-    /// Ready to convert.
-    pub(crate) fn new(adc: Peri<'static, ADC1>, pin: Peri<'static, PA3>) -> Self {
+    /// Ready to convert, behind a divider of these resistances to the battery and to ground.
+    ///
+    /// # Errors
+    /// [`RangeError::Divider`] if a resistance is 0.
+    pub(crate) fn new(
+        adc: Peri<'static, ADC1>,
+        pin: Peri<'static, PA3>,
+        (top_ohms, bottom_ohms): (u32, u32),
+    ) -> Result<Self, RangeError> {
+        let scale = VrefintScale::new(top_ohms, bottom_ohms, vrefint_calibration())?;
         let mut pin = Flex::new(pin);
         pin.set_as_analog();
         let adc = Adc::new(adc);
@@ -47,31 +57,35 @@ impl BatteryAdc {
             w.set_jsq(3, VREFINT_CHANNEL);
         });
         pac::ADC1.cr1().modify(|w| w.set_scan(true));
-        Self { _adc: adc, _pin: pin }
+        Ok(Self { scale, _adc: adc, _pin: pin })
     }
 }
 
 impl SupplyAdc for BatteryAdc {
-    async fn sample(&mut self) -> Option<Sample> {
+    async fn sample(&mut self) -> Option<Millivolts> {
         pac::ADC1.sr().modify(|w| {
             w.set_jeoc(false);
             w.set_jstrt(false);
         });
         pac::ADC1.cr2().modify(|w| w.set_jswstart(true));
         Timer::after_micros(WAIT_MICROS).await;
-        pac::ADC1.sr().read().jeoc().then(|| Sample {
+        if !pac::ADC1.sr().read().jeoc() {
+            return None;
+        }
+        self.scale.battery(VrefintSample {
             battery: pac::ADC1.jdr(0).read().jdata(),
             vrefint: pac::ADC1.jdr(1).read().jdata(),
         })
     }
 }
 
-/// This chip's VREFINT reading at 3.3 V and 30 degrees, taken in the factory (STM32F429 data sheet,
-/// internal reference voltage calibration values).
+/// This chip's VREFINT reading at 3.3 V and 30 degrees with 12 bits, taken in the factory (STM32F429 data
+/// sheet, internal reference voltage calibration values).
 #[expect(unsafe_code, reason = "the peripheral access crate has no name for this word")]
-pub(crate) fn vrefint_calibration() -> u16 {
+fn vrefint_calibration() -> VrefintCalibration {
     const VREFIN_CAL: *const u16 = 0x1FFF_7A2A as *const u16;
     // SAFETY: an aligned half-word of the chip's read-only system memory, always readable, and any bits
     // are a u16.
-    unsafe { VREFIN_CAL.read_volatile() }
+    let reading = unsafe { VREFIN_CAL.read_volatile() };
+    VrefintCalibration { reading, rail: Millivolts::new(3_300), bits: 12 }
 }

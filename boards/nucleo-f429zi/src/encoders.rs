@@ -41,7 +41,7 @@ impl QuadratureCounters {
 }
 
 impl Encoders<MOTORS> for QuadratureCounters {
-    fn counts(&mut self) -> [u16; MOTORS] {
-        [self.motor_0.count(), self.motor_1.count(), self.motor_2.count(), self.motor_3.count()]
+    fn counts(&mut self) -> [Option<u16>; MOTORS] {
+        [self.motor_0.count(), self.motor_1.count(), self.motor_2.count(), self.motor_3.count()].map(Some)
     }
 }

@@ -30,20 +30,19 @@ use motor_hub::hub::Hub;
 use motor_hub::motor::Settings;
 use motor_hub::protocol::Address;
 use motor_hub::responder::Responder;
-use motor_hub::supply::{Limits, Scale, Supply};
+use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Task};
-use motor_hub::units::{EmfConstant, Period};
+use motor_hub::units::{EmfConstant, Period, constant};
 use watchdog::IndependentWatchdog;
 
 /// Motors on this board.
 const MOTORS: usize = 4;
 
 /// Divider from the battery to PA3: 18 V, the highest plausible battery, makes 3.16 V.
-const DIVIDER_TOP_OHMS: u32 = 47_000;
-const DIVIDER_BOTTOM_OHMS: u32 = 10_000;
+const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
 
-/// keFw of an AndyMark NeveRest 60, 3.98683 mV s/count, in 6q20.
-const NEVEREST_60: i32 = 4_180_495;
+/// Of an AndyMark NeveRest 60, whose encoder makes 28 counts a turn of the motor: 3.98683 mV s/count.
+const NEVEREST_60: EmfConstant = constant!(EmfConstant::from_ke(533.0 / 30_000.0, 28.0));
 
 /// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.
 const PERIOD: Period = {
@@ -120,13 +119,12 @@ async fn main(spawner: Spawner) {
         (p.TIM4, p.PD12, p.PD13),
         (p.TIM8, p.PC6, p.PC7),
     );
-    let adc = BatteryAdc::new(p.ADC1, p.PA3);
-    let scale = unwrap!(Scale::new(DIVIDER_TOP_OHMS, DIVIDER_BOTTOM_OHMS, adc::vrefint_calibration()));
-    let settings = Settings::new(unwrap!(EmfConstant::from_bits(NEVEREST_60)));
+    let adc = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, DIVIDER_OHMS));
+    let settings = Settings::new(NEVEREST_60);
 
     spawner.spawn(unwrap!(output(bridges)));
     spawner.spawn(unwrap!(capture(encoders)));
-    spawner.spawn(unwrap!(supply(adc, Supply::new(scale, Limits::default()))));
+    spawner.spawn(unwrap!(supply(adc, Supply::new(Limits::default()))));
     spawner.spawn(unwrap!(control(settings)));
     spawner.spawn(unwrap!(health(watchdog)));
     spawner.spawn(unwrap!(report()));

@@ -34,9 +34,6 @@ pub enum RunError {
         /// Which, and what is allowed.
         error: RangeError,
     },
-    /// The board's own constants do not fit the firmware.
-    #[error("the board: {0}")]
-    Board(RangeError),
     /// There is nothing to run.
     #[error("a scenario without a motor")]
     NoMotors,
@@ -100,7 +97,7 @@ pub(crate) fn tasks<'a>(
     health: &'a Health,
 ) -> Result<impl Future + use<'a>, RunError> {
     let (settings, period, board) = (all_settings(&scenario.motors)?, scenario.period, board.clone());
-    let supply = Supply::new(Board::scale().map_err(RunError::Board)?, Limits::default());
+    let supply = Supply::new(Limits::default());
     Ok(async move {
         let mut hub = Hub::new(settings, period);
         join5(

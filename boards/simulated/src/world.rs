@@ -10,8 +10,8 @@ use motor_hub::model::load::Load;
 use motor_hub::model::plant::{Command, Flow, Plant};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{NewtonMetres, Seconds, Volts};
-use motor_hub::supply::{Sample, Scale};
-use motor_hub::units::RangeError;
+use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
+use motor_hub::units::{Millivolts, constant};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -20,8 +20,11 @@ const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
 /// The chip's supply, off its nominal 3.3 V as real ones are.
 const RAIL_V: f64 = 3.27;
 const VREFINT_V: f64 = 1.21;
-/// What the factory measured of VREFINT at 3.3 V.
-const VREFINT_CALIBRATION: u16 = 1501;
+/// What the factory measured of VREFINT.
+const CALIBRATION: VrefintCalibration =
+    VrefintCalibration { reading: 1501, rail: Millivolts::new(3_300), bits: 12 };
+/// How this board reads its converter.
+const SCALE: VrefintScale = constant!(VrefintScale::new(DIVIDER_OHMS.0, DIVIDER_OHMS.1, CALIBRATION));
 const FULL_SCALE: f64 = 4095.0;
 /// Standard deviation of a conversion, in counts.
 const NOISE: f64 = 1.5;
@@ -62,14 +65,6 @@ impl Board {
             unfed_s: 0.0,
             starved: false,
         })))
-    }
-
-    /// How the firmware is to read this board's converter.
-    ///
-    /// # Errors
-    /// None: the divider is sound.
-    pub fn scale() -> Result<Scale, RangeError> {
-        Scale::new(DIVIDER_OHMS.0, DIVIDER_OHMS.1, VREFINT_CALIBRATION)
     }
 
     /// Changes the battery's voltage without load.
@@ -120,22 +115,23 @@ impl World {
 }
 
 impl Encoders<MOTORS> for Board {
-    fn counts(&mut self) -> [u16; MOTORS] {
-        let mut counts = [0; MOTORS];
+    fn counts(&mut self) -> [Option<u16>; MOTORS] {
+        let mut counts = [None; MOTORS];
         for (count, plant) in counts.iter_mut().zip(&self.0.borrow().rig.plants) {
             // A counter of 16 bits wraps.
-            *count = plant.counts() as u16;
+            *count = Some(plant.counts() as u16);
         }
         counts
     }
 }
 
 impl SupplyAdc for Board {
-    async fn sample(&mut self) -> Option<Sample> {
+    async fn sample(&mut self) -> Option<Millivolts> {
         let mut world = self.0.borrow_mut();
         let (top, bottom) = (f64::from(DIVIDER_OHMS.0), f64::from(DIVIDER_OHMS.1));
         let pin = world.rig.voltage().0 * bottom / (top + bottom);
-        Some(Sample { battery: world.convert(pin), vrefint: world.convert(VREFINT_V) })
+        let sample = VrefintSample { battery: world.convert(pin), vrefint: world.convert(VREFINT_V) };
+        SCALE.battery(sample)
     }
 }
 
