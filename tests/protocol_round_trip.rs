@@ -1,0 +1,351 @@
+//! What one end writes, the other reads: every request and every answer.
+
+use motor_hub::braking::{Blend, BlendFraction, Scheme};
+use motor_hub::motion::Pidf;
+use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
+use motor_hub::protocol::fields::{ByteIn, Field, Fields, Payload, Text, WordFrom};
+use motor_hub::protocol::led::{LedPattern, STEPS, Step};
+use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
+use motor_hub::protocol::pins::ToPin;
+use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
+use motor_hub::protocol::setup::{Setup, ToSetup};
+use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
+use motor_hub::units::{Coefficient, Control, EmfConstant, Micros};
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::strategy::{Union, ValueTree};
+use proptest::test_runner::TestRunner;
+use std::collections::BTreeSet;
+use std::fmt::Debug;
+
+/// A request, and the sizes of its fields as the protocol's facts have them.
+type Case = (Request, Vec<usize>);
+
+fn byte_in<const A: u8, const B: u8>() -> impl Strategy<Value = ByteIn<A, B>> + Clone {
+    (A..=B).prop_map(|byte| ByteIn::new(byte).expect("in range"))
+}
+
+fn word_from<const A: u16>() -> impl Strategy<Value = WordFrom<A>> {
+    (A..).prop_map(|word| WordFrom::new(word).expect("in range"))
+}
+
+fn address() -> impl Strategy<Value = Address> {
+    (1u8..=254).prop_map(|address| Address::new(address).expect("in range"))
+}
+
+fn text() -> impl Strategy<Value = Text> {
+    vec(any::<u8>(), 0..=100).prop_map(|bytes| Text::new(&bytes).expect("short"))
+}
+
+fn colour() -> impl Strategy<Value = Colour> {
+    any::<[u8; 3]>().prop_map(|[red, green, blue]| Colour { red, green, blue })
+}
+
+fn pattern() -> impl Strategy<Value = LedPattern> {
+    let step = (any::<u8>(), colour()).prop_map(|(duration, colour)| Step { duration, colour });
+    vec(step, 0..=STEPS).prop_map(|steps| LedPattern::new(&steps))
+}
+
+fn run_mode() -> impl Strategy<Value = RunMode> {
+    prop_oneof![Just(RunMode::Power), Just(RunMode::Velocity), Just(RunMode::Position)]
+}
+
+fn zero_power() -> impl Strategy<Value = ZeroPower> {
+    prop_oneof![Just(ZeroPower::Brake), Just(ZeroPower::Float)]
+}
+
+fn of() -> impl Strategy<Value = Loop> {
+    prop_oneof![Just(Loop::Velocity), Just(Loop::Position)]
+}
+
+fn control() -> impl Strategy<Value = Control> {
+    any::<i16>().prop_map(Control::new)
+}
+
+fn coefficient() -> impl Strategy<Value = Coefficient> {
+    any::<i32>().prop_map(Coefficient::from_bits)
+}
+
+fn coefficients() -> impl Strategy<Value = Coefficients> {
+    let four = [coefficient(), coefficient(), coefficient(), coefficient()];
+    let algorithm = prop_oneof![Just(Algorithm::Legacy), Just(Algorithm::Pidf)];
+    (four, algorithm)
+        .prop_map(|([p, i, d, f], algorithm)| Coefficients { pidf: Pidf { p, i, d, f }, algorithm })
+}
+
+fn target() -> impl Strategy<Value = Target> {
+    any::<(i32, u16)>().prop_map(|(counts, tolerance)| Target { counts, tolerance })
+}
+
+fn setup() -> impl Strategy<Value = Setup> {
+    let fixed = |bits: u16| Scheme::D(Blend::Fixed(BlendFraction::from_bits(bits.into()).expect("in range")));
+    let scheme = prop_oneof![
+        Just(Scheme::ForwardReverse),
+        Just(Scheme::A),
+        Just(Scheme::B),
+        Just(Scheme::C),
+        Just(Scheme::D(Blend::Automatic)),
+        any::<u16>().prop_map(fixed),
+    ];
+    (1i32..1 << 25, any::<(u16, u16)>(), scheme, any::<bool>()).prop_map(
+        |(emf, (mohm, uh), scheme, linear)| {
+            Setup {
+                emf: EmfConstant::from_bits(emf).expect("in range"),
+                // Current cannot be linear in an unknown resistance.
+                resistance_mohm: if linear { mohm.max(1) } else { mohm },
+                inductance_uh: uh,
+                scheme,
+                linear_current: linear,
+            }
+        },
+    )
+}
+
+fn plain<R: Into<Request> + Clone + Debug + 'static>(request: R) -> BoxedStrategy<Case> {
+    Just((request.into(), Vec::new())).boxed()
+}
+
+fn with<T: Debug, R: Into<Request> + 'static>(
+    sizes: &'static [usize],
+    fields: impl Strategy<Value = T> + 'static,
+    make: impl Fn(T) -> R + 'static,
+) -> BoxedStrategy<Case> {
+    fields.prop_map(move |fields| (make(fields).into(), sizes.to_vec())).boxed()
+}
+
+fn standard() -> Vec<BoxedStrategy<Case>> {
+    let interface = prop_oneof![Just(Interface::Motors), Just(Interface::Setup)];
+    vec![
+        with(&[1], any::<bool>(), |clear| Standard::Status { clear }),
+        plain(Standard::KeepAlive),
+        plain(Standard::FailSafe),
+        with(&[1], address(), |address| Standard::SetAddress { address }),
+        interface
+            .prop_map(|interface| {
+                (Standard::QueryInterface { interface }.into(), vec![interface.name().len() + 1])
+            })
+            .boxed(),
+        with(&[1, 1, 1], colour(), |colour| Standard::SetLedColour { colour }),
+        plain(Standard::LedColour),
+        // Where it may end beyond its first byte is its own affair.
+        with(&[1], pattern(), |pattern| Standard::SetLedPattern { pattern }),
+        plain(Standard::LedPattern),
+        with(&[1, 1], (byte_in(), byte_in()), |(group, verbosity)| Standard::DebugLevel { group, verbosity }),
+        plain(Standard::Discovery),
+    ]
+}
+
+fn to_hub() -> Vec<BoxedStrategy<Case>> {
+    vec![
+        plain(ToHub::Bulk),
+        with(&[1, 1], (byte_in(), any::<bool>()), |(channel, raw)| ToHub::Adc { channel, raw }),
+        with(&[1], any::<bool>(), |on| ToHub::SetPhoneCharge { on }),
+        plain(ToHub::PhoneCharge),
+        text()
+            .prop_map(|text| {
+                let sizes = vec![1, text.bytes().len()];
+                (ToHub::LogHint { text }.into(), sizes)
+            })
+            .boxed(),
+        plain(ToHub::VersionText),
+        with(&[1], any::<bool>(), |on| ToHub::SetFtdiReset { on }),
+        plain(ToHub::FtdiReset),
+        plain(ToHub::Version),
+    ]
+}
+
+fn to_pin() -> Vec<BoxedStrategy<Case>> {
+    let (flag, word) = (any::<bool>(), any::<u16>());
+    vec![
+        with(&[1, 1], (byte_in(), flag), |(pin, high)| ToPin::SetOutput { pin, high }),
+        with(&[1], any::<u8>(), |levels| ToPin::SetOutputs { levels }),
+        with(&[1, 1], (byte_in(), flag), |(pin, output)| ToPin::SetDirection { pin, output }),
+        with(&[1], byte_in(), |pin| ToPin::Direction { pin }),
+        with(&[1], byte_in(), |pin| ToPin::Input { pin }),
+        plain(ToPin::Inputs),
+        with(&[1, 2], (byte_in(), word), |(pwm, period)| ToPin::SetPwmPeriod { pwm, period }),
+        with(&[1], byte_in(), |pwm| ToPin::PwmPeriod { pwm }),
+        with(&[1, 2], (byte_in(), word), |(pwm, width)| ToPin::SetPwmWidth { pwm, width }),
+        with(&[1], byte_in(), |pwm| ToPin::PwmWidth { pwm }),
+        with(&[1, 1], (byte_in(), flag), |(pwm, on)| ToPin::SetPwmEnable { pwm, on }),
+        with(&[1], byte_in(), |pwm| ToPin::PwmEnable { pwm }),
+        with(&[1, 2], (byte_in(), word_from()), |(servo, period)| ToPin::SetServoPeriod { servo, period }),
+        with(&[1], byte_in(), |servo| ToPin::ServoPeriod { servo }),
+        with(&[1, 2], (byte_in(), word_from()), |(servo, width)| ToPin::SetServoWidth { servo, width }),
+        with(&[1], byte_in(), |servo| ToPin::ServoWidth { servo }),
+        with(&[1, 1], (byte_in(), flag), |(servo, on)| ToPin::SetServoEnable { servo, on }),
+        with(&[1], byte_in(), |servo| ToPin::ServoEnable { servo }),
+    ]
+}
+
+fn motor() -> std::ops::Range<u8> {
+    0..CHANNELS as u8
+}
+
+/// Without fields but the motor.
+fn of_motor(request: ToMotor) -> BoxedStrategy<Case> {
+    with(&[1], motor(), move |motor| request.clone().to(motor))
+}
+
+fn to_motor() -> Vec<BoxedStrategy<Case>> {
+    let pid = (of(), [coefficient(), coefficient(), coefficient()]);
+    vec![
+        with(&[1, 1, 1], (motor(), run_mode(), zero_power()), |(motor, mode, zero_power)| {
+            ToMotor::SetMode { mode, zero_power }.to(motor)
+        }),
+        of_motor(ToMotor::Mode),
+        with(&[1, 1], (motor(), any::<bool>()), |(motor, on)| ToMotor::SetEnable { on }.to(motor)),
+        of_motor(ToMotor::Enable),
+        with(&[1, 2], (motor(), any::<u16>()), |(motor, milliamperes)| {
+            ToMotor::SetCurrentAlert { milliamperes }.to(motor)
+        }),
+        of_motor(ToMotor::CurrentAlert),
+        of_motor(ToMotor::ResetEncoder),
+        with(&[1, 2], (motor(), control()), |(motor, power)| ToMotor::SetPower { power }.to(motor)),
+        of_motor(ToMotor::Power),
+        with(&[1, 2], (motor(), any::<i16>()), |(motor, cps)| ToMotor::SetVelocity { cps }.to(motor)),
+        of_motor(ToMotor::Velocity),
+        with(&[1, 4, 2], (motor(), target()), |(motor, target)| ToMotor::SetPosition { target }.to(motor)),
+        of_motor(ToMotor::Position),
+        of_motor(ToMotor::AtTarget),
+        of_motor(ToMotor::Encoder),
+        with(&[1, 1, 4, 4, 4], (motor(), pid), |(motor, (of, [p, i, d]))| {
+            ToMotor::SetPid { of, p, i, d }.to(motor)
+        }),
+        with(&[1, 1], (motor(), of()), |(motor, of)| ToMotor::Pid { of }.to(motor)),
+        with(&[1, 1, 4, 4, 4, 4, 1], (motor(), of(), coefficients()), |(motor, of, coefficients)| {
+            ToMotor::SetPidf { of, coefficients }.to(motor)
+        }),
+        with(&[1, 1], (motor(), of()), |(motor, of)| ToMotor::Pidf { of }.to(motor)),
+    ]
+}
+
+fn to_setup() -> Vec<BoxedStrategy<Case>> {
+    vec![
+        with(&[1, 4, 2, 2, 1, 2, 1], (motor(), setup()), |(motor, setup)| ToSetup::SetUp { setup }.to(motor)),
+        with(&[1], motor(), |motor| ToSetup::Setup.to(motor)),
+    ]
+}
+
+fn any_request() -> impl Strategy<Value = Case> {
+    Union::new([standard(), to_hub(), to_pin(), to_motor(), to_setup()].concat())
+}
+
+#[test]
+fn no_request_is_left_out_of_these_tests() {
+    let mut runner = TestRunner::deterministic();
+    for (strategies, numbers) in [
+        (standard(), Standard::NUMBERS),
+        (to_hub(), ToHub::NUMBERS),
+        (to_pin(), ToPin::NUMBERS),
+        (to_motor(), ToMotor::NUMBERS),
+        (to_setup(), ToSetup::NUMBERS),
+    ] {
+        let tried = strategies.iter().map(|s| s.new_tree(&mut runner).unwrap().current().0.number());
+        assert_eq!(tried.collect::<BTreeSet<_>>(), numbers.iter().copied().collect());
+    }
+}
+
+/// What the other end finds.
+fn over_the_line(packet: &Packet) -> Packet {
+    Decoder::new().next(&mut &*frame::encode(packet), Micros(0)).expect("a whole frame")
+}
+
+/// What is read of what was written, if nothing is left.
+fn read_back<T: Field>(answer: &T) -> Result<T, Nack> {
+    let asked = Packet { id: 0x1000, number: 9, ..Packet::default() };
+    let packet = over_the_line(&Reply::data(answer).packet(&asked, 2, 1));
+    let Some(Reply::Data(payload)) = Reply::read(&packet, asked.id) else { panic!("{packet:?}") };
+    let mut again = Payload::new();
+    let read = T::read(&mut Fields::new(&payload))?;
+    read.write(&mut again);
+    assert_eq!(again, payload);
+    Ok(read)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 4000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_request_is_read_as_it_was_written((request, _) in any_request(), to in address(), number: u8) {
+        let packet = request.packet(to.get(), number, request.id());
+        let heard = over_the_line(&packet);
+        prop_assert_eq!(&heard, &packet);
+        prop_assert_eq!(Request::read(&heard, CHANNELS), Ok(request));
+    }
+
+    #[test]
+    fn a_request_cut_short_is_refused_for_its_first_missing_field((request, sizes) in any_request()) {
+        let mut packet = request.packet(2, 1, request.id());
+        let ends: Vec<usize> = sizes.iter().scan(0, |end, size| { *end += size; Some(*end) }).collect();
+        for length in (0..ends.last().copied().unwrap_or(0)).rev() {
+            packet.payload.truncate(length);
+            let missing = ends.iter().take_while(|end| **end <= length).count();
+            prop_assert_eq!(Request::read(&packet, CHANNELS), Err(Nack(missing as u8)), "{} bytes", length);
+        }
+    }
+
+    #[test]
+    fn a_motor_that_a_hub_lacks_is_out_of_range((request, _) in any_request(), motors in 0..CHANNELS) {
+        let packet = request.packet(2, 1, request.id());
+        let read = Request::read(&packet, motors);
+        match request {
+            Request::Motor(motor, _) | Request::Setup(motor, _) if usize::from(motor) >= motors => {
+                prop_assert_eq!(read, Err(Nack::parameter(0)));
+            }
+            request => prop_assert_eq!(read, Ok(request)),
+        }
+    }
+
+    #[test]
+    fn an_answer_is_read_as_it_was_written(
+        bytes: [u8; 5], words: (u16, u16), half: i16, word: i32, flag: bool, hardware: u32,
+        encoders: [i32; CHANNELS], velocities: [i16; CHANNELS], analog: [i16; CHANNELS],
+        over_current: [bool; CHANNELS], at_target: [bool; CHANNELS], attention: Option<bool>,
+    ) {
+        let [digital, status, motor_alerts, engineering, minor] = bytes;
+        let bulk = Bulk { digital, encoders, over_current, at_target, velocities, analog, attention };
+        prop_assert_eq!(read_back(&bulk), Ok(bulk));
+        let status = Status { status, motor_alerts };
+        prop_assert_eq!(read_back(&status), Ok(status));
+        let [major, hardware_minor, hardware_major] = [digital, minor, engineering];
+        let version = Version { engineering, minor, major, hardware_minor, hardware_major, hardware };
+        prop_assert_eq!(read_back(&version), Ok(version));
+        let functions = Functions { first: words.0, count: words.1 };
+        prop_assert_eq!(read_back(&functions), Ok(functions));
+        prop_assert_eq!(read_back(&half), Ok(half));
+        prop_assert_eq!(read_back(&word), Ok(word));
+        prop_assert_eq!(read_back(&words.0), Ok(words.0));
+        prop_assert_eq!(read_back(&flag), Ok(flag));
+    }
+
+    #[test]
+    fn an_answer_about_a_motor_or_the_led_is_read_as_it_was_written(
+        mode in run_mode(), zero_power in zero_power(), control in control(), target in target(),
+        coefficients in coefficients(), setup in setup(), colour in colour(), pattern in pattern(),
+        text in text(),
+    ) {
+        let mode = ChannelMode { mode, zero_power };
+        prop_assert_eq!(read_back(&mode), Ok(mode));
+        prop_assert_eq!(read_back(&control), Ok(control));
+        prop_assert_eq!(read_back(&target), Ok(target));
+        prop_assert_eq!(read_back(&coefficients), Ok(coefficients));
+        let Pidf { p, i, d, .. } = coefficients.pidf;
+        prop_assert_eq!(read_back(&[p, i, d]), Ok([p, i, d]));
+        prop_assert_eq!(read_back(&setup), Ok(setup));
+        prop_assert_eq!(read_back(&colour), Ok(colour));
+        prop_assert_eq!(read_back(&pattern), Ok(pattern));
+        prop_assert_eq!(read_back(&text), Ok(text.clone()));
+    }
+
+    #[test]
+    fn an_acknowledgement_and_a_refusal_are_read_as_they_were_written(attention: bool, code: u8, id in 0u16..0x7F00) {
+        let asked = Packet { source: 0, id, number: 7, ..Packet::default() };
+        for reply in [Reply::Ack { attention }, Reply::Nack(Nack(code))] {
+            let packet = over_the_line(&reply.clone().packet(&asked, 2, 1));
+            prop_assert_eq!((packet.destination, packet.source, packet.reference), (0, 2, 7));
+            prop_assert_eq!(Reply::read(&packet, id), Some(reply));
+        }
+    }
+}
