@@ -11,14 +11,14 @@
 //! | field | |
 //! |---|---|
 //! | i32 | back-EMF constant, mV s/count in steps of 2^-20, above 0 and below 32 |
-//! | u16 | winding resistance, milliohms, from 1; with linear duty, which has no use for it, 0 will do |
+//! | u16 | winding resistance, milliohms, from 1; 0, with linear duty only, leaves the winding as it is known |
 //! | u16 | winding inductance, microhenries, 0 if unknown |
 //! | u8 | scheme: 0 forward and reverse only, 1 A, 2 B, 3 C, 4 D with automatic blend, 5 D |
 //! | u16 | blend of the last, in steps of 2^-16 |
 //! | u8 | duty: 0 linear, as in the paper; 1 such that current is linear |
 
 use super::fields::{Fields, Nack};
-use crate::braking::{Blend, BlendFraction, DutyRule, Electrical, LinearCurrent, Scheme};
+use crate::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use crate::motor::Settings;
 use crate::units::EmfConstant;
 
@@ -37,7 +37,7 @@ pub const COUNT: u16 = 2;
 pub struct Setup {
     /// Its back EMF per encoder speed.
     pub emf: EmfConstant,
-    /// Its winding's resistance in milliohms, above 0 for linear current.
+    /// Its winding's resistance in milliohms; 0, with linear duty only, for a winding as it is known.
     pub resistance_mohm: u16,
     /// Its winding's inductance in microhenries; 0 if unknown.
     pub inductance_uh: u16,
@@ -72,15 +72,15 @@ impl Setup {
         Ok(Self { emf, resistance_mohm, inductance_uh, scheme, linear_current })
     }
 
-    /// As these settings have it; the winding reads 0 with linear duty.
+    /// As these settings have it.
     pub fn of(settings: &Settings) -> Self {
-        let electrical = electrical(settings);
+        let Settings { winding, scheme, duty, .. } = settings;
         Self {
-            emf: settings.emf,
-            resistance_mohm: electrical.map_or(0, |e| e.resistance_mohm),
-            inductance_uh: electrical.and_then(|e| e.inductance_uh).unwrap_or(0),
-            scheme: settings.scheme,
-            linear_current: electrical.is_some(),
+            emf: winding.emf(),
+            resistance_mohm: winding.resistance_mohm(),
+            inductance_uh: winding.inductance_uh().unwrap_or(0),
+            scheme: *scheme,
+            linear_current: *duty == DutyRule::LinearCurrent,
         }
     }
 
@@ -106,21 +106,11 @@ impl Setup {
     /// of the bridge.
     pub(super) fn settings(self, present: &Settings) -> Settings {
         let Self { emf, resistance_mohm, inductance_uh, scheme, linear_current } = self;
-        let bridge = electrical(present).unwrap_or(Electrical::TYPICAL);
-        let winding = Electrical { resistance_mohm, inductance_uh: Some(inductance_uh), ..bridge };
-        let duty = match LinearCurrent::new(winding) {
-            Ok(winding) if linear_current => DutyRule::LinearCurrent(winding),
-            // Out of range it cannot be: each part has been in use, or was checked.
-            _ => DutyRule::LinearDuty,
-        };
-        Settings { duty, zero_power: present.zero_power, ..Settings::for_scheme(emf, scheme) }
-    }
-}
-
-/// What the duty stage knows, if it must know anything.
-const fn electrical(settings: &Settings) -> Option<Electrical> {
-    match &settings.duty {
-        DutyRule::LinearDuty => None,
-        DutyRule::LinearCurrent(winding) => Some(winding.electrical()),
+        // The only fault of a winding is to have no resistance.
+        let winding = Winding::new(emf, resistance_mohm, Some(inductance_uh))
+            .unwrap_or_else(|_| present.winding.with_emf(emf));
+        let duty = if linear_current { DutyRule::LinearCurrent } else { DutyRule::LinearDuty };
+        let Settings { bridge, zero_power, .. } = *present;
+        Settings { bridge, duty, zero_power, ..Settings::for_scheme(winding, scheme) }
     }
 }

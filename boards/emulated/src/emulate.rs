@@ -9,10 +9,9 @@ mod overlay;
 use std::time::Duration;
 
 use motor_hub::braking::Regime;
-use motor_hub::bridge::{Drive, Mode as BridgeMode};
+use motor_hub::bridge::{BridgeConstants, Drive, Mode as BridgeMode};
 use motor_hub::link::setup::{self, Setup};
 use motor_hub::model::plant::Flow;
-use motor_hub::model::si::{Ohms, Volts};
 use motor_hub::model::switching::Bridge;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Report, Setpoint, ZeroPower};
@@ -28,7 +27,7 @@ use crate::shafts::{Look, Mounting};
 pub use overlay::Overlay;
 
 /// As the simulated board has it.
-const BRIDGE: Bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
+const BRIDGE: Bridge = Bridge::new(BridgeConstants::VNH5019);
 
 /// How often the host says that it is there.
 const KEEP_ALIVE_S: f64 = 1.0;

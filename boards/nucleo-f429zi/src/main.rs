@@ -26,12 +26,13 @@ use embassy_stm32::{Peri, rcc};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use encoders::QuadratureCounters;
 use host::{Lamp, serial};
+use motor_hub::braking::Winding;
 use motor_hub::hub::Hub;
 use motor_hub::link::{Address, Link};
 use motor_hub::motor::Settings;
 use motor_hub::supply::{Limits, Scale, Supply};
 use motor_hub::tasks::{self, Health, Links, Task};
-use motor_hub::units::{EmfConstant, Period};
+use motor_hub::units::Period;
 use watchdog::IndependentWatchdog;
 
 /// Motors on this board.
@@ -40,9 +41,6 @@ const MOTORS: usize = 4;
 /// Divider from the battery to PA3: 18 V, the highest plausible battery, makes 3.16 V.
 const DIVIDER_TOP_OHMS: u32 = 47_000;
 const DIVIDER_BOTTOM_OHMS: u32 = 10_000;
-
-/// keFw of an AndyMark NeveRest 60, 3.98683 mV s/count, in 6q20.
-const NEVEREST_60: i32 = 4_180_495;
 
 /// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.
 const PERIOD: Period = {
@@ -121,7 +119,7 @@ async fn main(spawner: Spawner) {
     );
     let adc = BatteryAdc::new(p.ADC1, p.PA3);
     let scale = unwrap!(Scale::new(DIVIDER_TOP_OHMS, DIVIDER_BOTTOM_OHMS, adc::vrefint_calibration()));
-    let settings = Settings::new(unwrap!(EmfConstant::from_bits(NEVEREST_60)));
+    let settings = Settings::new(Winding::NEVEREST_60);
 
     spawner.spawn(unwrap!(output(bridges)));
     spawner.spawn(unwrap!(capture(encoders)));

@@ -2,10 +2,10 @@
 
 use crate::chart::{Figure, Point, colour};
 use crate::points_chart::{self, Look};
-use crate::scenario::emf_constant;
+use crate::scenario::winding;
 use crate::scheme;
-use crate::world::electrical;
-use motor_hub::braking::{self, DutyRule, LinearCurrent, OperatingPoint, Placement, Points, Regime, Scheme};
+use crate::world::BRIDGE;
+use motor_hub::braking::{self, LinearCurrent, OperatingPoint, Placement, Points, Regime, Scheme};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::units::{Control, CountsPerSecond, Millivolts};
 use serde::Serialize;
@@ -28,7 +28,7 @@ pub struct OperatingReport {
     #[serde(skip)]
     at: OperatingPoint,
     #[serde(skip)]
-    winding: LinearCurrent,
+    current: LinearCurrent,
 }
 
 /// One of the points.
@@ -79,7 +79,8 @@ impl OperatingReport {
     /// # Errors
     /// If the firmware cannot represent the motor or the battery.
     pub fn new(motor: Motor, scheme: Scheme, speed_cps: i32, battery_mv: u16) -> Result<Self, String> {
-        let emf = emf_constant(&motor).map_err(|e| e.to_string())?.emf(CountsPerSecond::new(speed_cps));
+        let winding = winding(&motor).map_err(|e| e.to_string())?;
+        let emf = winding.emf().emf(CountsPerSecond::new(speed_cps));
         let at = OperatingPoint::new(emf, Millivolts(battery_mv)).ok_or("the battery voltage is 0")?;
         let side = if at.counter_clockwise() { -1.0 } else { 1.0 };
         let Points { s, t, z, g } = Points::new(scheme, at);
@@ -102,17 +103,17 @@ impl OperatingReport {
             points: [point("S", s, -v), point("T", t, 0.0), point("Z", z, e), point("G", g, v)],
             asked: scheme,
             at,
-            winding: LinearCurrent::new(electrical(&motor)).map_err(|e| e.to_string())?,
+            current: LinearCurrent::new(&winding, &BRIDGE),
         })
     }
 
     /// Where a control value lies.
     pub fn place(&self, control: Control) -> Placed {
-        let rule = DutyRule::LinearCurrent(self.winding);
+        let linear_current = braking::place_current(&self.current, self.asked, self.at, control);
         Placed {
             control: control.get(),
-            linear_duty: PlacedDrive::new(DutyRule::LinearDuty.place(self.asked, self.at, control)),
-            linear_current: PlacedDrive::new(rule.place(self.asked, self.at, control)),
+            linear_duty: PlacedDrive::new(braking::place(self.asked, self.at, control)),
+            linear_current: PlacedDrive::new(linear_current),
         }
     }
 

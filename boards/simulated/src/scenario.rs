@@ -6,8 +6,8 @@
 mod file;
 mod substitute;
 
-use crate::world::electrical;
-use motor_hub::braking::{DutyRule, LinearCurrent, Scheme};
+use crate::world::BRIDGE;
+use motor_hub::braking::{DutyRule, Scheme, Winding};
 use motor_hub::model::{battery::Battery, catalogue, load::Load, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Setpoint, Settings, ZeroPower};
@@ -177,10 +177,11 @@ impl Motor {
             ke: si::EmfConstant(self.constants.ke.0 * emf),
             ..self.constants
         };
-        let defaults = Settings::for_scheme(emf_constant(&told)?, self.scheme);
+        let defaults = Settings::for_scheme(winding(&told)?, self.scheme);
         Ok(Settings {
+            bridge: BRIDGE,
             duty: match self.duty {
-                DutyChoice::LinearCurrent => DutyRule::LinearCurrent(LinearCurrent::new(electrical(&told))?),
+                DutyChoice::LinearCurrent => DutyRule::LinearCurrent,
                 DutyChoice::LinearDuty => DutyRule::LinearDuty,
             },
             zero_power: self.zero_power,
@@ -207,6 +208,17 @@ impl Motor {
 /// [`RangeError::EmfConstant`] if it does not fit in 6q20.
 pub fn emf_constant(motor: &catalogue::Motor) -> Result<EmfConstant, RangeError> {
     EmfConstant::from_bits((motor.ke_fw() * f64::from(1 << 20)).round() as i32)
+}
+
+/// What the firmware is told of a motor.
+///
+/// # Errors
+/// If one of its constants does not fit the firmware's range.
+pub fn winding(motor: &catalogue::Motor) -> Result<Winding, RangeError> {
+    // Casts from float saturate.
+    let (resistance_mohm, inductance_uh) =
+        ((1e3 * motor.r.0).round() as u16, (1e6 * motor.l.0).round() as u16);
+    Winding::new(emf_constant(motor)?, resistance_mohm, Some(inductance_uh))
 }
 
 /// The last value that has begun by `at_s`.

@@ -4,7 +4,7 @@
 //! driver and the plants advance together, a millisecond at a time: the interval at which the
 //! encoders are sampled, so nothing the hub could notice falls between.
 
-use crate::scenario::{MOTORS, Motor, Scenario, emf_constant};
+use crate::scenario::{MOTORS, Motor, Scenario, winding};
 use crate::trace::{Sample, Tick, Trace};
 use crate::world::Board;
 use embassy_futures::join::{join, join5};
@@ -141,7 +141,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
 /// Settings of every channel; those without a motor stay disabled, whatever their settings.
 pub(crate) fn all_settings(motors: &[Motor]) -> Result<[Settings; MOTORS], String> {
     let first = motors.first().ok_or("a scenario without a motor")?;
-    let spare = Settings::new(emf_constant(&first.constants).map_err(|e| e.to_string())?);
+    let spare = Settings::new(winding(&first.constants).map_err(|e| e.to_string())?);
     let mut settings = [spare; MOTORS];
     for (slot, motor) in settings.iter_mut().zip(motors) {
         *slot = motor.settings().map_err(|e| format!("{}: {e}", motor.label))?;

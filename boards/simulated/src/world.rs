@@ -3,22 +3,17 @@
 
 use crate::scenario::{MOTORS, Scenario};
 use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
-use motor_hub::braking::Electrical;
-use motor_hub::bridge::Drive;
-use motor_hub::model::catalogue::Motor;
+use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::model::plant::{Command, Flow, Plant};
 use motor_hub::model::rig::Rig;
-use motor_hub::model::si::{Hertz, NewtonMetres, Ohms, Seconds, Volts};
-use motor_hub::model::switching::Bridge;
+use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::supply::{Sample, Scale};
 use motor_hub::units::RangeError;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-/// PWM of the bridges, as on the real board.
-const PWM: Hertz = Hertz(20_000.0);
-/// A bridge of the VNH5019 kind: drop of a catch diode, resistance of a closed switch.
-const BRIDGE: Bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
+/// This board's bridges.
+pub const BRIDGE: BridgeConstants = BridgeConstants::VNH5019;
 
 /// The battery's divider: 47 k over 10 k brings 18 V within the converter's range.
 const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
@@ -30,18 +25,6 @@ const VREFINT_CALIBRATION: u16 = 1501;
 const FULL_SCALE: f64 = 4095.0;
 /// Standard deviation of a conversion, in counts.
 const NOISE: f64 = 1.5;
-
-/// What the firmware is told of a motor's winding and of this board's bridges.
-pub fn electrical(motor: &Motor) -> Electrical {
-    // Casts from float saturate.
-    Electrical {
-        resistance_mohm: (1e3 * motor.r.0).round() as u16,
-        inductance_uh: Some((1e6 * motor.l.0).round() as u16),
-        diode_mv: (1e3 * BRIDGE.vd.0) as u16,
-        switch_mohm: (1e3 * BRIDGE.ron.0) as u16,
-        pwm_hz: PWM.0 as u32,
-    }
-}
 
 /// A watchdog that is not fed for this long resets the chip.
 const WATCHDOG_S: f64 = 0.5;
@@ -71,7 +54,8 @@ pub struct View {
 impl Board {
     /// The world of a scenario, at rest.
     pub fn new(scenario: &Scenario) -> Self {
-        let plants = scenario.motors.iter().map(|m| Plant::new(m.constants, m.load, BRIDGE, PWM));
+        let pwm = Hertz(f64::from(BRIDGE.pwm_hz()));
+        let plants = scenario.motors.iter().map(|m| Plant::new(m.constants, m.load, BRIDGE.into(), pwm));
         Self(Rc::new(RefCell::new(World {
             rig: Rig::new(scenario.battery, plants.collect()),
             drives: [Drive::COAST; MOTORS],

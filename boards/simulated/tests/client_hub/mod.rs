@@ -1,11 +1,12 @@
 //! A hub for the tests of the client: the firmware's own link state with a made-up snapshot.
 #![allow(dead_code, reason = "each test uses its own part")]
 
+use motor_hub::braking::Winding;
 use motor_hub::hub::Snapshot;
 use motor_hub::link::command::{FIRST, INTERFACE};
 use motor_hub::link::{Address, Decoder, Link, frame};
 use motor_hub::motor::Settings;
-use motor_hub::units::{EmfConstant, Micros, Millivolts};
+use motor_hub::units::{Micros, Millivolts};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -36,7 +37,7 @@ pub(crate) struct Hub {
 impl Hub {
     /// Just after its reset, with 12.345 V.
     pub(crate) fn new() -> Self {
-        let settings = Settings::new(EmfConstant::from_bits(4_180_495).unwrap());
+        let settings = Settings::new(Winding::NEVEREST_60);
         Self {
             link: Link::new(Address::new(ADDRESS).unwrap(), [settings; 4]),
             snapshot: Snapshot { battery: Some(Millivolts(12_345)), ..Snapshot::INITIAL },

@@ -5,10 +5,9 @@ use crate::catalogue::find_motor;
 use crate::cli::{Failure, print, print_json};
 use crate::client::Session;
 use crate::client::line::Line;
-use crate::scenario::{DutyChoice, emf_constant};
+use crate::scenario::{DutyChoice, winding};
 use crate::scheme::{Choice, describe};
 use crate::table;
-use crate::world::electrical;
 use motor_hub::link::setup::Setup;
 use serde_json::json;
 
@@ -42,10 +41,10 @@ impl Options {
     fn change(&self, mut setup: Setup) -> Result<Setup, String> {
         if let Some(name) = &self.name {
             let motor = find_motor(name)?;
-            let winding = electrical(&motor);
-            setup.emf = emf_constant(&motor).map_err(|e| e.to_string())?;
-            setup.resistance_mohm = winding.resistance_mohm;
-            setup.inductance_uh = winding.inductance_uh.unwrap_or(0);
+            let winding = winding(&motor).map_err(|e| e.to_string())?;
+            setup.emf = winding.emf();
+            setup.resistance_mohm = winding.resistance_mohm();
+            setup.inductance_uh = winding.inductance_uh().unwrap_or(0);
         }
         if let Some(scheme) = self.choice.scheme()? {
             setup.scheme = scheme;
