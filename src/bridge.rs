@@ -6,7 +6,7 @@
 //! right. Diode Dn lies antiparallel to Sn. Nothing here is a table from the paper: what a pattern
 //! does follows from where its current can flow, and the tests compare that with the printed table.
 
-use crate::units::Duty;
+use crate::units::{Duty, RangeError};
 
 /// Which switches are closed: any of the sixteen patterns, the short circuits included.
 ///
@@ -293,4 +293,48 @@ impl Drive {
     pub const COAST: Self = Self { mode: Mode::Brake50, duty: Duty::ZERO };
     /// Full dynamic braking: state 5 all the time.
     pub const BRAKE: Self = Self { mode: Mode::Brake50, duty: Duty::ONE };
+}
+
+/// What the switches and diodes of a bridge cost, and how fast it switches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BridgeConstants {
+    diode_mv: u16,
+    switch_mohm: u16,
+    pwm_hz: u32,
+}
+
+impl BridgeConstants {
+    /// A bridge of the VNH5019 kind: 0.7 V, 50 mohm, 20 kHz.
+    pub const VNH5019: Self = match Self::new(700, 50, 20_000) {
+        Ok(bridge) => bridge,
+        Err(_) => panic!("in range"),
+    };
+
+    /// Drop of one catch diode in millivolts, up to 2000; on-resistance of one closed switch in milliohms,
+    /// up to 4095; PWM frequency in hertz, 100 to 200 000.
+    ///
+    /// # Errors
+    /// [`RangeError::Electrical`] outside these ranges.
+    pub const fn new(diode_mv: u16, switch_mohm: u16, pwm_hz: u32) -> Result<Self, RangeError> {
+        if diode_mv > 2_000 || switch_mohm > 4_095 || pwm_hz < 100 || pwm_hz > 200_000 {
+            return Err(RangeError::Electrical);
+        }
+        Ok(Self { diode_mv, switch_mohm, pwm_hz })
+    }
+
+    /// Drop of one conducting catch diode in millivolts, 0 to 2000.
+    pub const fn diode_mv(&self) -> u16 {
+        self.diode_mv
+    }
+
+    /// On-resistance of one closed switch in milliohms, 0 to 4095.
+    pub const fn switch_mohm(&self) -> u16 {
+        self.switch_mohm
+    }
+
+    /// PWM frequency in hertz, 100 to 200 000.
+    pub const fn pwm_hz(&self) -> u32 {
+        self.pwm_hz
+    }
 }

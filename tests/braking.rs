@@ -1,7 +1,7 @@
 //! Placement of every control value among the points, for many speeds and battery voltages.
 
 use motor_hub::braking::{
-    Abscissa, Blend, BlendFraction, OperatingPoint, Place, Placement, Points, Regime, Scheme, place,
+    Abscissa, Blend, BlendFraction, OperatingPoint, Place, Placement, Points, Regime, Scheme, Winding, place,
 };
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
@@ -25,7 +25,7 @@ fn schemes() -> [Scheme; 8] {
 
 /// Back EMF of `cps` for a NeveRest 60 on `battery_mv`.
 fn at(cps: i32, battery_mv: u16) -> OperatingPoint {
-    let neverest_60 = EmfConstant::from_bits(4_180_495).expect("in range");
+    let neverest_60 = Winding::NEVEREST_60.emf;
     OperatingPoint::new(neverest_60.emf(CountsPerSecond::new(cps)), Millivolts::new(battery_mv))
         .expect("battery")
 }
@@ -214,7 +214,7 @@ fn torque_does_not_jump_as_the_speed_passes_the_free_speed() {
     // 0.05 at u = 0.91): 1.8 % from one count/s to the next. To that comes the rounding of an abscissa.
     let steepest = |scheme| if matches!(scheme, Scheme::D(Blend::Fixed(_))) { 55.0 } else { 12.0 };
     for battery in [6_500, 9_500, 12_000, 14_500] {
-        let full = f64::from(battery) / (4_180_495.0 / f64::from(1 << 20));
+        let full = f64::from(battery) / (f64::from(Winding::NEVEREST_60.emf.to_bits()) / f64::from(1 << 20));
         for scheme in schemes().into_iter().chain([fraction(1), fraction(1 << 10), fraction(3_120)]) {
             for control in (-32_767..=32_767).step_by(1_057).map(Control::new) {
                 let mut last = None;

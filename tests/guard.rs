@@ -1,26 +1,20 @@
 //! An encoder that is unplugged or reversed is noticed; a motor that is merely held is not taken for it.
 
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, LinearCurrent, Regime, Scheme};
-use motor_hub::bridge::{Drive, Mode};
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Regime, Scheme, Winding};
+use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
 use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::{self, Plant};
-use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Ohms, Seconds, Volts};
+use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
 use motor_hub::motion::guard::{Evidence, Finding};
 use motor_hub::motion::{EncoderFault, Guard, Reading, Tracker};
 use motor_hub::motor::{Motor as Controlled, Report, Setpoint, Settings};
 use motor_hub::supply::Battery;
-use motor_hub::units::{Control, CountsPerSecond, Duty, EmfConstant, Micros, Millivolts, Period};
+use motor_hub::units::{Control, CountsPerSecond, Duty, Micros, Millivolts, Period};
 
-/// Of an AM 60 A.
-const KE: EmfConstant = match EmfConstant::from_bits(4_180_495) {
-    Ok(constant) => constant,
-    Err(_) => panic!("in range"),
-};
-
-const BRIDGE: Bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
+const BRIDGE: Bridge = Bridge::new(BridgeConstants::VNH5019);
 
 fn neverest_60() -> Motor {
     let entry = catalogue::find("AM 60 A").expect("known");
@@ -85,7 +79,7 @@ struct Bench<const N: usize> {
 
 impl<const N: usize> Bench<N> {
     fn new(period_ms: u32) -> Self {
-        Self::with(period_ms, Settings::new(KE))
+        Self::with(period_ms, Settings::new(Winding::NEVEREST_60))
     }
 
     fn with(period_ms: u32, settings: Settings) -> Self {
@@ -154,10 +148,10 @@ fn ways() -> impl Iterator<Item = Settings> {
         Scheme::D(Blend::Fixed(half)),
         Scheme::D(Blend::Automatic),
     ];
-    let rules = [DutyRule::LinearDuty, DutyRule::LinearCurrent(LinearCurrent::TYPICAL)];
-    schemes
-        .into_iter()
-        .flat_map(move |scheme| rules.map(|duty| Settings { duty, ..Settings::for_scheme(KE, scheme) }))
+    let rules = [DutyRule::LinearDuty, DutyRule::LinearCurrent];
+    schemes.into_iter().flat_map(move |scheme| {
+        rules.map(|duty| Settings { duty, ..Settings::for_scheme(Winding::NEVEREST_60, scheme) })
+    })
 }
 
 const PERIODS: [u32; 4] = [5, 10, 25, 50];
@@ -409,7 +403,8 @@ fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
 
 #[test]
 fn a_gentle_scheme_that_is_overpowered_is_helped_by_full_reverse_before_the_encoder_is_doubted() {
-    let settings = Settings { duty: DutyRule::LinearDuty, ..Settings::for_scheme(KE, Scheme::C) };
+    let settings =
+        Settings { duty: DutyRule::LinearDuty, ..Settings::for_scheme(Winding::NEVEREST_60, Scheme::C) };
     let mut bench = Bench::<1>::with(10, settings);
     bench.set(0, velocity(600));
     bench.run_ms(1_500);
@@ -446,7 +441,7 @@ impl Backwards {
     const MS: u32 = 10;
 
     fn insisted_on(direction: i32) -> Self {
-        let settings = Settings { duty: DutyRule::LinearDuty, ..Settings::for_scheme(KE, Scheme::C) };
+        let settings = Settings { duty: DutyRule::LinearDuty, ..Settings::for_scheme(Winding::NEVEREST_60, Scheme::C) };
         let mut motor = Controlled::new(settings, Period::from_millis(Self::MS).expect("period"));
         motor.set(velocity(-600 * direction));
         let mut axis = Self { motor, direction, ticks: 0 };

@@ -1,20 +1,18 @@
 //! One motor and several: run modes, zero power, faults, settings.
 
-use motor_hub::braking::{Regime, Scheme};
+use motor_hub::braking::{Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
 use motor_hub::motion::{Pidf, Reading};
 use motor_hub::motor::{Setpoint, Settings, ZeroPower};
 use motor_hub::supply::Battery;
-use motor_hub::units::{
-    Coefficient, Control, CountsPerSecond, Duty, EmfConstant, Micros, Millivolts, Period, RangeError,
-};
+use motor_hub::units::{Coefficient, Control, CountsPerSecond, Duty, Micros, Millivolts, Period, RangeError};
 use proptest::prelude::*;
 
 const TICK: u64 = 50_000;
 
 fn settings() -> Settings {
-    Settings::new(EmfConstant::from_bits(4_180_495).expect("in range"))
+    Settings::new(Winding::NEVEREST_60)
 }
 
 /// A hub whose encoders turn at constant speeds and whose battery holds a voltage.

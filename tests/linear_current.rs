@@ -1,16 +1,18 @@
 //! The duty stage against the event-exact switching bridge.
 
 use motor_hub::braking::{
-    Blend, BlendFraction, Electrical, LinearCurrent, OperatingPoint, Placement, Points, Regime, Scheme,
-    place, place_current,
+    Blend, BlendFraction, LinearCurrent, OperatingPoint, Placement, Points, Regime, Scheme, Winding, place,
+    place_current,
 };
-use motor_hub::bridge::Mode;
+use motor_hub::bridge::{BridgeConstants, Mode};
 use motor_hub::model::catalogue::{self, Motor};
-use motor_hub::model::si::{Hertz, Ohms, Volts};
+use motor_hub::model::si::{Hertz, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
-use motor_hub::units::{Control, CountsPerSecond, Emf, EmfConstant, Millivolts, RangeError};
+use motor_hub::units::{
+    Control, CountsPerSecond, Emf, EmfConstant, Inductance, Millivolts, RangeError, Resistance,
+};
 
-const BRIDGE: Bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
+const BRIDGE: Bridge = Bridge::new(BridgeConstants::VNH5019);
 const FREQUENCIES: [f64; 4] = [1_000.0, 8_000.0, 15_600.0, 20_000.0];
 const BATTERIES: [f64; 4] = [6.5, 9.0, 12.0, 14.5];
 
@@ -24,19 +26,51 @@ fn schemes() -> [Scheme; 5] {
     ]
 }
 
+/// What the hub is told of a motor and its bridge.
+#[derive(Clone, Copy, Debug)]
+struct Electrical {
+    resistance_mohm: u16,
+    inductance_uh: Option<u16>,
+    diode_mv: u16,
+    switch_mohm: u16,
+    pwm_hz: u32,
+}
+
+impl Electrical {
+    const TYPICAL: Self = {
+        let (winding, bridge) = (Winding::NEVEREST_60, BridgeConstants::VNH5019);
+        Self {
+            resistance_mohm: winding.resistance.as_milliohms(),
+            inductance_uh: match winding.inductance {
+                Some(inductance) => Some(inductance.as_microhenries()),
+                None => None,
+            },
+            diode_mv: bridge.diode_mv(),
+            switch_mohm: bridge.switch_mohm(),
+            pwm_hz: bridge.pwm_hz(),
+        }
+    };
+}
+
 /// What a user would enter for a motor.
 fn electrical(motor: &Motor, frequency: f64) -> Electrical {
     Electrical {
         resistance_mohm: (motor.r.0 * 1e3).round() as u16,
         inductance_uh: Some((motor.l.0 * 1e6).round() as u16),
-        diode_mv: 700,
-        switch_mohm: 50,
         pwm_hz: frequency as u32,
+        ..Electrical::TYPICAL
     }
 }
 
 fn winding(electrical: Electrical) -> LinearCurrent {
-    LinearCurrent::new(electrical).expect("in range")
+    let Electrical { resistance_mohm, inductance_uh, diode_mv, switch_mohm, pwm_hz } = electrical;
+    let winding = Winding {
+        emf: Winding::NEVEREST_60.emf,
+        resistance: Resistance::from_milliohms(resistance_mohm).expect("in range"),
+        inductance: inductance_uh.and_then(|uh| Inductance::from_microhenries(uh).ok()),
+    };
+    let bridge = BridgeConstants::new(diode_mv, switch_mohm, pwm_hz);
+    LinearCurrent::new(&winding, &bridge.expect("in range"))
 }
 
 /// An operating point at this back EMF, to 1/256 mV.
@@ -351,14 +385,26 @@ fn ends(winding: &LinearCurrent) {
 }
 
 #[test]
-fn electrical_settings_out_of_range_are_refused() {
-    for wrong in [
-        Electrical { resistance_mohm: 0, ..Electrical::TYPICAL },
-        Electrical { diode_mv: 2_001, ..Electrical::TYPICAL },
-        Electrical { switch_mohm: 4_096, ..Electrical::TYPICAL },
-        Electrical { pwm_hz: 99, ..Electrical::TYPICAL },
-        Electrical { pwm_hz: 200_001, ..Electrical::TYPICAL },
-    ] {
-        assert_eq!(LinearCurrent::new(wrong), Err(RangeError::Electrical), "{wrong:?}");
+fn windings_and_bridges_out_of_range_are_refused() {
+    assert_eq!(Resistance::from_milliohms(0), Err(RangeError::Resistance));
+    for (diode_mv, switch_mohm, pwm_hz) in
+        [(2_001, 50, 20_000), (700, 4_096, 20_000), (700, 50, 99), (700, 50, 200_001)]
+    {
+        let refused = BridgeConstants::new(diode_mv, switch_mohm, pwm_hz);
+        assert_eq!(refused, Err(RangeError::Electrical), "{diode_mv} {switch_mohm} {pwm_hz}");
     }
+    for (diode_mv, switch_mohm, pwm_hz) in [(0, 0, 100), (2_000, 4_095, 200_000)] {
+        let bridge = BridgeConstants::new(diode_mv, switch_mohm, pwm_hz).expect("in range");
+        let told = (bridge.diode_mv(), bridge.switch_mohm(), bridge.pwm_hz());
+        assert_eq!(told, (diode_mv, switch_mohm, pwm_hz));
+    }
+}
+
+#[test]
+fn the_neverest_60_is_the_one_of_the_catalogue() {
+    let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
+    let winding = Winding::NEVEREST_60;
+    assert!((f64::from(winding.emf.to_bits()) - motor.ke_fw() * f64::from(1 << 20)).abs() <= 0.5);
+    assert_eq!(f64::from(winding.resistance.as_milliohms()), (1e3 * motor.r.0).round());
+    assert_eq!(winding.inductance.map(|l| f64::from(l.as_microhenries())), Some((1e6 * motor.l.0).round()));
 }

@@ -4,7 +4,7 @@
 #![cfg(feature = "model")]
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
-use motor_hub::bridge::{Mode, State};
+use motor_hub::bridge::{BridgeConstants, Mode, State};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{Motor, find, motors};
 use motor_hub::model::load::{Load, Shaft};
@@ -18,7 +18,7 @@ use motor_hub::model::si::{
 };
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Integrals, Pwm};
 
-const BRIDGE: Bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
+const BRIDGE: Bridge = Bridge::new(BridgeConstants::VNH5019);
 const BATTERY: f64 = 12.0;
 const MODES: [Mode; 3] = [Mode::Cw98, Mode::Ccw62, Mode::Brake50];
 

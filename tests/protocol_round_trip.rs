@@ -249,7 +249,7 @@ fn no_request_is_left_out_of_these_tests() {
 
 /// What the other end finds.
 fn over_the_line(packet: &Packet) -> Packet {
-    Decoder::new().next(&mut &*frame::encode(packet), Micros(0)).expect("a whole frame")
+    Decoder::new().next(&mut &*frame::encode(packet), Micros::new(0)).expect("a whole frame")
 }
 
 /// What is read of what was written, if nothing is left.

@@ -2,11 +2,14 @@
 
 mod hub_support;
 
-use hub_support::{Said, TestHost, settings};
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Electrical, LinearCurrent, Scheme};
+use hub_support::{HUB, N, Said, TestHost, settings};
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::bridge::BridgeConstants;
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Settings, ZeroPower};
+use motor_hub::protocol::Address;
 use motor_hub::protocol::setup::FIRST;
+use motor_hub::responder::Responder;
 use motor_hub::units::EmfConstant;
 
 /// An AM 40 C: 3.12 mV s/count.
@@ -53,19 +56,14 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
             let fields = fields(KE, 4_200, uh, code, blend, rule);
             set_up(&mut host, 2, &fields);
 
-            let winding =
-                Electrical { resistance_mohm: 4_200, inductance_uh: Some(uh), ..Electrical::TYPICAL };
-            let duty = match rule {
-                0 => DutyRule::LinearDuty,
-                _ => DutyRule::LinearCurrent(LinearCurrent::new(winding).expect("in range")),
-            };
+            let duty = if rule == 0 { DutyRule::LinearDuty } else { DutyRule::LinearCurrent };
             let emf = EmfConstant::from_bits(KE).expect("in range");
+            let winding = Winding::new(emf, 4_200, Some(uh)).expect("in range");
             let settings =
-                Settings { duty, zero_power: ZeroPower::Float, ..Settings::for_scheme(emf, scheme) };
+                Settings { duty, zero_power: ZeroPower::Float, ..Settings::for_scheme(winding, scheme) };
             assert_eq!(host.told(), [Command { motor: 2, action: Action::Configure(settings) }]);
 
-            let read_back = if rule == 0 { [&fields[..4], &[0; 4], &fields[8..]].concat() } else { fields };
-            assert_eq!(host.ask(FIRST + 1, &[2]), Said::Data(read_back));
+            assert_eq!(host.ask(FIRST + 1, &[2]), Said::Data(fields));
         }
     }
 }
@@ -73,13 +71,44 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
 #[test]
 fn the_motor_that_the_hub_starts_with_reads_back() {
     let mut host = TestHost::settled();
-    let typical = Electrical::TYPICAL;
-    let uh = typical.inductance_uh.expect("known");
-    let started = fields(settings().emf.to_bits(), typical.resistance_mohm, uh, 1, 0, 1);
+    let winding = settings().winding;
+    let uh = winding.inductance.expect("known").as_microhenries();
+    let started = fields(winding.emf.to_bits(), winding.resistance.as_milliohms(), uh, 1, 0, 1);
     assert_eq!(
         [0, 3].map(|motor| host.ask(FIRST + 1, &[motor])),
         [0, 3].map(|_| Said::Data(started.clone()))
     );
+}
+
+#[test]
+fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
+    let bridge = BridgeConstants::new(900, 80, 10_000).expect("in range");
+    let started = Settings { bridge, ..settings() };
+    let mut host = TestHost {
+        responder: Responder::new(Address::new(HUB).expect("an address"), [started; N]),
+        ..TestHost::new()
+    };
+    assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![2, 0]));
+
+    // With a resistance of 0 the winding stays as it is, but for its back EMF.
+    let (ke, mohm) = (KE, started.winding.resistance.as_milliohms());
+    let uh = started.winding.inductance.expect("known").as_microhenries();
+    set_up(&mut host, 0, &fields(ke, 0, 0, 2, 0, 0));
+    assert_eq!(host.ask(FIRST + 1, &[0]), Said::Data(fields(ke, mohm, uh, 2, 0, 0)));
+    set_up(&mut host, 0, &fields(ke, mohm, uh, 1, 0, 1));
+
+    let emf = EmfConstant::from_bits(ke).expect("in range");
+    let told: Vec<Settings> = host
+        .told()
+        .into_iter()
+        .map(|command| match command.action {
+            Action::Configure(settings) => settings,
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    let again = Settings { bridge, ..Settings::new(Winding { emf, ..started.winding }) };
+    assert_eq!(told.last(), Some(&again));
+    assert!(told.iter().all(|settings| settings.bridge == bridge), "{told:?}");
 }
 
 #[test]

@@ -3,12 +3,13 @@
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver, Timer};
 use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
+use motor_hub::braking::Winding;
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Task, Wires};
-use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
+use motor_hub::units::{Control, CountsPerSecond, Micros, Millivolts, Period};
 use std::cell::{Cell, RefCell};
 use std::future::Future;
 use std::pin::Pin;
@@ -117,7 +118,7 @@ impl Parts {
     fn board(&self) -> Board<'_> {
         let Self { world, wires, health, period, .. } = self;
         let supply = Supply::new(Limits::default());
-        let settings = Settings::new(EmfConstant::from_bits(4_180_495).expect("in range"));
+        let settings = Settings::new(Winding::NEVEREST_60);
         let mut hub = Hub::new([settings; N], *period);
         Board {
             capture: never(tasks::capture::run(world, wires, health)),

@@ -1,5 +1,6 @@
 //! Ranges of the fixed-point quantities, driven to both ends.
 
+use motor_hub::braking::Winding;
 use motor_hub::model::catalogue;
 use motor_hub::units::{
     Coefficient, Control, CountsPerSecond, Duty, EmfConstant, Inductance, Micros, Millivolts, Period,
@@ -56,9 +57,12 @@ fn emf_saturates_far_above_any_battery_and_is_exact_below() {
     assert_eq!(largest.emf(backwards).to_bits(), -(131_071 << 20));
 
     // 513 counts/s of a NeveRest 60 no longer fit 32 bits.
-    let neverest_60 = EmfConstant::from_bits(4_180_495).expect("in range");
-    assert_eq!(neverest_60.emf(CountsPerSecond::new(514)).to_bits(), 514 * 4_180_495);
-    assert_eq!(neverest_60.emf(CountsPerSecond::new(-2720)).to_bits(), -2720 * 4_180_495);
+    let neverest_60 = Winding::NEVEREST_60.emf;
+    assert_eq!(neverest_60.emf(CountsPerSecond::new(514)).to_bits(), 514 * i64::from(neverest_60.to_bits()));
+    assert_eq!(
+        neverest_60.emf(CountsPerSecond::new(-2720)).to_bits(),
+        -2720 * i64::from(neverest_60.to_bits())
+    );
 }
 
 #[test]

@@ -24,42 +24,14 @@
 
 use super::explog::{Decay, ONE, Q28, div, log_defect, mul};
 use super::points::{OperatingPoint, Place, Regime};
-use crate::units::{Duty, RangeError};
+use super::winding::Winding;
+use crate::bridge::BridgeConstants;
+use crate::units::Duty;
 
-/// What the duty stage must know of a motor and its bridge.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Electrical {
-    /// Winding resistance in milliohms, 1 to 65 535. A factor of two either way costs little.
-    pub resistance_mohm: u16,
-    /// Winding inductance in microhenries. `None`, or 0, if unknown: the current is then taken for
-    /// continuous, the limit of a high PWM frequency.
-    pub inductance_uh: Option<u16>,
-    /// Drop of one catch diode in millivolts, up to 2000.
-    pub diode_mv: u16,
-    /// On-resistance of one closed switch in milliohms, up to 4095.
-    pub switch_mohm: u16,
-    /// PWM frequency in hertz, 100 to 200 000.
-    pub pwm_hz: u32,
-}
-
-impl Electrical {
-    /// The bridge of the reference calculations (0.7 V, 50 mohm) at 20 kHz with a NeveRest 60: a fair
-    /// guess for any 12 V gear motor of a robot.
-    pub const TYPICAL: Self = Self {
-        resistance_mohm: 3300,
-        inductance_uh: Some(694),
-        diode_mv: 700,
-        switch_mohm: 50,
-        pwm_hz: 20_000,
-    };
-}
-
-/// [`Electrical`] prepared for use at every tick.
+/// A winding behind a bridge, prepared for use at every tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LinearCurrent {
-    electrical: Electrical,
     /// 1/16 mV.
     diode: i64,
     /// `Ron / R2`: 0 to 1/2.
@@ -73,46 +45,26 @@ pub struct LinearCurrent {
 }
 
 impl LinearCurrent {
-    /// [`Electrical::TYPICAL`], prepared.
-    pub const TYPICAL: Self = match Self::new(Electrical::TYPICAL) {
-        Ok(winding) => winding,
-        Err(_) => panic!("in range"),
-    };
-
     /// Prepares the constants.
-    ///
-    /// # Errors
-    /// [`RangeError::Electrical`] if a quantity is out of the range stated with it.
-    pub const fn new(electrical: Electrical) -> Result<Self, RangeError> {
-        let Electrical { resistance_mohm, inductance_uh, diode_mv, switch_mohm, pwm_hz } = electrical;
-        if resistance_mohm == 0 || diode_mv > 2_000 || switch_mohm > 4_095 || pwm_hz < 100 || pwm_hz > 200_000
-        {
-            return Err(RangeError::Electrical);
-        }
-        let (r, ron) = (resistance_mohm as i64, switch_mohm as i64);
+    pub const fn new(winding: &Winding, bridge: &BridgeConstants) -> Self {
+        let (r, ron) = (winding.resistance.as_milliohms() as i64, bridge.switch_mohm() as i64);
         let r2 = r + 2 * ron;
         let brake_share = div(r, r2);
-        Ok(Self {
-            electrical,
-            diode: (diode_mv as i64) << 4,
+        Self {
+            diode: (bridge.diode_mv() as i64) << 4,
             switch_share: div(ron, r2),
             drive_share: div(r + ron, r2),
             brake_share: if brake_share < ONE / 2 { ONE / 2 } else { brake_share },
-            period: match inductance_uh {
-                None | Some(0) => None,
-                Some(uh) => Period::new(r2, uh as i64, pwm_hz as i64),
+            period: match winding.inductance {
+                None => None,
+                Some(l) => Period::new(r2, l.as_microhenries() as i64, bridge.pwm_hz() as i64),
             },
-        })
-    }
-
-    /// What it was made for.
-    pub const fn electrical(&self) -> Electrical {
-        self.electrical
+        }
     }
 
     /// The duty for the current that a fraction of a regime stands for: full driving is `V - e` with the
     /// motion and `V + e` against it, full braking is `e`.
-    pub(super) const fn duty(&self, Place { regime, fraction }: Place, at: OperatingPoint) -> Duty {
+    pub(super) fn duty(&self, Place { regime, fraction }: Place, at: OperatingPoint) -> Duty {
         let (e, v) = at.sixteenths();
         match regime {
             Regime::Forward => self.driving(fraction.of(v - e), e, v),
@@ -122,14 +74,14 @@ impl LinearCurrent {
     }
 
     /// The duty of 9/8 at the back EMF `e`, which is negative for a motor that turns CCW.
-    const fn driving(&self, w: i64, e: i64, v: i64) -> Duty {
+    fn driving(&self, w: i64, e: i64, v: i64) -> Duty {
         let switch = mul(w, self.switch_share);
         let continuous = share(e + self.diode + w - switch, v + self.diode - switch);
         self.smaller(continuous, Pulse { w, a: v - e, c: e + self.diode, m: self.drive_share })
     }
 
     /// The duty of 5/0 at the back EMF `e`, at least 0.
-    const fn braking(&self, w: i64, e: i64, v: i64) -> Duty {
+    fn braking(&self, w: i64, e: i64, v: i64) -> Duty {
         let switches = 2 * mul(w, self.switch_share);
         let open = v + 2 * self.diode;
         let continuous = share(open - e + w - switches, open - switches);
@@ -137,12 +89,11 @@ impl LinearCurrent {
     }
 
     /// The duty of a continuous current, or of a pulse if that is less.
-    const fn smaller(&self, continuous: Q28, pulse: Pulse) -> Duty {
+    fn smaller(&self, continuous: Q28, pulse: Pulse) -> Duty {
         let duty = match self.period {
             _ if pulse.w <= 0 => 0,
             Some(period) if pulse.may_end(continuous, period) => {
-                let duty = pulse.duty(period.length, mul(continuous, period.length));
-                if duty < continuous { duty } else { continuous }
+                pulse.duty(period.length, mul(continuous, period.length)).min(continuous)
             }
             _ => continuous,
         };
@@ -164,7 +115,7 @@ impl Pulse {
     /// False if it is certain to last into the next period: nothing stops it, its mean cannot be reached,
     /// or the duty is beyond that of a pulse of one period, whose on time
     /// `ln(1 + (exp(T / tau) - 1) c / (a + c))` is less than what is compared with here.
-    const fn may_end(self, continuous: Q28, period: Period) -> bool {
+    fn may_end(self, continuous: Q28, period: Period) -> bool {
         self.c > 0 && self.w < self.a && continuous * (self.a + self.c) < period.growth * self.c
     }
 
@@ -173,31 +124,27 @@ impl Pulse {
     /// The left side is convex, at most `m x^2/2 (a + c) / c` and at most x; it is at least m (x - 1). So
     /// the root lies within the bounds below, and from the lower one two steps of Newton's method leave
     /// less than 2e-4 of a duty.
-    const fn duty(self, period: Q28, most: Q28) -> Q28 {
+    fn duty(self, period: Q28, most: Q28) -> Q28 {
         let Self { w, a, c, m } = self;
         let q = w * period / a;
         let root = 1 + (((2 * q * c / (a + c)) << 24).isqrt() << 2);
-        let lower = if root > mul(m, q) { root } else { mul(m, q) };
-        let upper = if q + ONE < most { q + ONE } else { most };
+        let lower = root.max(mul(m, q));
+        let upper = most.min(q + ONE);
 
-        let mut x = if lower < upper { lower } else { upper };
-        let mut steps = 0;
-        while steps < 2 {
+        let mut x = lower.min(upper);
+        for _ in 0..2 {
             let Decay { gone, lag } = Decay::new(x);
             let z = mul(m, gone) * a / c;
             let value = mul(m, lag) + mul(gone, log_defect(z));
             let slope = mul(m, gone) + mul(ONE - gone, ONE - div(ONE, ONE + z));
-            x += div(mul(m, q) - value, slope);
-            x = if x < lower { lower } else { x };
-            x = if x > upper { upper } else { x };
-            steps += 1;
+            x = (x + div(mul(m, q) - value, slope)).max(lower).min(upper);
         }
         div(x, period)
     }
 }
 
 /// `part / whole`, clamped to 0 and 1.
-const fn share(part: i64, whole: i64) -> Q28 {
+fn share(part: i64, whole: i64) -> Q28 {
     if part <= 0 {
         0
     } else if part >= whole {

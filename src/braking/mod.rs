@@ -9,12 +9,14 @@ mod explog;
 pub mod linear_current;
 pub mod points;
 pub mod scheme;
+mod winding;
 
-pub use linear_current::{Electrical, LinearCurrent};
+pub use linear_current::LinearCurrent;
 pub use points::{Abscissa, Fraction, OperatingPoint, Place, Points, Regime};
 pub use scheme::{Blend, BlendFraction, Scheme};
+pub use winding::Winding;
 
-use crate::bridge::Drive;
+use crate::bridge::{BridgeConstants, Drive};
 use crate::units::{Control, Duty};
 
 /// A control value turned into a drive.
@@ -39,15 +41,29 @@ pub enum DutyRule {
     /// Linear between the points, as in the paper.
     LinearDuty,
     /// Such that the mean current is linear between the points.
-    LinearCurrent(LinearCurrent),
+    LinearCurrent,
 }
 
-impl DutyRule {
+/// A motor's scheme and duty rule, with what they need prepared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Placer {
+    scheme: Scheme,
+    rule: DutyRule,
+    current: LinearCurrent,
+}
+
+impl Placer {
+    /// Prepares the constants of the winding and its bridge.
+    pub const fn new(winding: &Winding, bridge: &BridgeConstants, scheme: Scheme, rule: DutyRule) -> Self {
+        Self { scheme, rule, current: LinearCurrent::new(winding, bridge) }
+    }
+
     /// Regime, mode and duty of a control value at an operating point.
-    pub const fn place(&self, scheme: Scheme, at: OperatingPoint, control: Control) -> Placement {
-        match self {
-            Self::LinearDuty => place(scheme, at, control),
-            Self::LinearCurrent(winding) => place_current(winding, scheme, at, control),
+    pub fn place(&self, at: OperatingPoint, control: Control) -> Placement {
+        match self.rule {
+            DutyRule::LinearDuty => place(self.scheme, at, control),
+            DutyRule::LinearCurrent => place_current(&self.current, self.scheme, at, control),
         }
     }
 }
@@ -71,8 +87,8 @@ pub const fn place(scheme: Scheme, at: OperatingPoint, control: Control) -> Plac
 
 /// Regime, mode and duty of a control value at an operating point; the motor's mean current is linear
 /// between the points.
-pub const fn place_current(
-    winding: &LinearCurrent,
+pub fn place_current(
+    current: &LinearCurrent,
     scheme: Scheme,
     at: OperatingPoint,
     control: Control,
@@ -83,5 +99,5 @@ pub const fn place_current(
         Regime::Forward if at.is_overrun() => Place { regime: Regime::Braking, fraction: Fraction::ZERO },
         _ => place,
     };
-    Placement::new(place.regime, winding.duty(place, at), at)
+    Placement::new(place.regime, current.duty(place, at), at)
 }

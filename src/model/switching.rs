@@ -8,7 +8,7 @@
 
 use super::catalogue::Motor;
 use super::si::{Amps, Henries, Hertz, Ohms, Seconds, Volts};
-use crate::bridge::{CurrentSign, Mode, State};
+use crate::bridge::{BridgeConstants, CurrentSign, Mode, State};
 
 /// What the switches and diodes cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +22,18 @@ pub struct Bridge {
 impl Bridge {
     /// No losses.
     pub const IDEAL: Self = Self { vd: Volts(0.0), ron: Ohms(0.0) };
+
+    /// The bridge that the firmware is told of.
+    #[must_use]
+    pub const fn new(constants: BridgeConstants) -> Self {
+        Self { vd: Volts(constants.diode_mv() as f64 / 1e3), ron: Ohms(constants.switch_mohm() as f64 / 1e3) }
+    }
+}
+
+impl From<BridgeConstants> for Bridge {
+    fn from(constants: BridgeConstants) -> Self {
+        Self::new(constants)
+    }
 }
 
 /// The battery's voltage and the motor's back EMF, both constant for the while.

@@ -34,7 +34,7 @@ pub use report::{Faults, Report};
 pub use setpoint::Setpoint;
 pub use settings::{Settings, ZeroPower};
 
-use crate::braking::{self, OperatingPoint, Placement, Regime, Scheme};
+use crate::braking::{self, OperatingPoint, Placement, Placer, Regime, Scheme};
 use crate::bridge::Drive;
 use crate::motion::guard::Finding;
 use crate::motion::{Reading, VelocityEstimator};
@@ -50,6 +50,8 @@ pub const STALE_MICROS: u64 = 20_000;
 #[derive(Clone, Debug)]
 pub struct Motor {
     settings: Settings,
+    /// As the settings have it.
+    placer: Placer,
     setpoint: Setpoint,
     position: i32,
     velocity: VelocityEstimator,
@@ -67,6 +69,7 @@ impl Motor {
     pub fn new(settings: Settings, period: Period) -> Self {
         Self {
             settings,
+            placer: settings.placer(),
             setpoint: Setpoint::Disabled,
             position: 0,
             velocity: VelocityEstimator::new(period),
@@ -80,6 +83,7 @@ impl Motor {
     /// the motor runs.
     pub const fn configure(&mut self, settings: Settings) {
         self.settings = settings;
+        self.placer = settings.placer();
     }
 
     /// Takes effect at the next step. A change of run mode starts its loops afresh; disabling the
@@ -106,7 +110,7 @@ impl Motor {
             .map(|reading| self.follow(reading));
         let velocity = self.velocity.get();
         let output = battery
-            .and_then(|battery| OperatingPoint::new(self.settings.emf.emf(velocity), battery))
+            .and_then(|battery| OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery))
             .and_then(|at| self.output(at, moved));
 
         self.coasting = output.is_none();
@@ -180,7 +184,7 @@ impl Motor {
     fn regulate(&mut self, at: OperatingPoint, target: CountsPerSecond, moved: i32) -> Option<Output> {
         let velocity = self.velocity.get();
         let gentle = matches!(self.settings.scheme, Scheme::C | Scheme::D(_));
-        let place = |control| (control, self.settings.duty.place(self.settings.scheme, at, control));
+        let place = |control| (control, self.placer.place(at, control));
         let (control, placement) = match self.watch.step(moved, velocity, gentle) {
             Finding::Fault(_) => return None,
             Finding::Insist(control) => (control, braking::full_reverse(at)),

@@ -11,7 +11,7 @@
 //! | field | |
 //! |---|---|
 //! | i32 | back-EMF constant, mV s/count in steps of 2^-20, above 0 and below 32 |
-//! | u16 | winding resistance, milliohms, from 1; with linear duty, which has no use for it, 0 will do |
+//! | u16 | winding resistance, milliohms, from 1; 0, with linear duty only, leaves the winding as it is known |
 //! | u16 | winding inductance, microhenries, 0 if unknown |
 //! | u8 | scheme: 0 forward and reverse only, 1 A, 2 B, 3 C, 4 D with automatic blend, 5 D |
 //! | u16 | blend of the last, in steps of 2^-16 |
@@ -20,9 +20,9 @@
 use super::fields::{ByteIn, Field, Fields, Payload};
 use super::nack::Nack;
 use super::table::requests;
-use crate::braking::{Blend, BlendFraction, DutyRule, Electrical, LinearCurrent, Scheme};
+use crate::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use crate::motor::Settings;
-use crate::units::EmfConstant;
+use crate::units::{EmfConstant, Inductance, Resistance};
 
 /// The type of the interface's function 0.
 pub const FIRST: u16 = 0x4D00;
@@ -45,7 +45,7 @@ requests! {
 pub struct Setup {
     /// Its back EMF per encoder speed.
     pub emf: EmfConstant,
-    /// Its winding's resistance in milliohms, above 0 for linear current.
+    /// Its winding's resistance in milliohms; 0, with linear duty only, for a winding as it is known.
     pub resistance_mohm: u16,
     /// Its winding's inductance in microhenries; 0 if unknown.
     pub inductance_uh: u16,
@@ -96,15 +96,15 @@ impl Field for Setup {
 }
 
 impl Setup {
-    /// As these settings have it; the winding reads 0 with linear duty.
+    /// As these settings have it.
     pub fn of(settings: &Settings) -> Self {
-        let electrical = electrical(settings);
+        let Settings { winding, scheme, duty, .. } = settings;
         Self {
-            emf: settings.emf,
-            resistance_mohm: electrical.map_or(0, |e| e.resistance_mohm),
-            inductance_uh: electrical.and_then(|e| e.inductance_uh).unwrap_or(0),
-            scheme: settings.scheme,
-            linear_current: electrical.is_some(),
+            emf: winding.emf,
+            resistance_mohm: winding.resistance.as_milliohms(),
+            inductance_uh: winding.inductance.map_or(0, Inductance::as_microhenries),
+            scheme: *scheme,
+            linear_current: *duty == DutyRule::LinearCurrent,
         }
     }
 
@@ -112,21 +112,16 @@ impl Setup {
     /// of the bridge.
     pub(crate) fn settings(self, present: &Settings) -> Settings {
         let Self { emf, resistance_mohm, inductance_uh, scheme, linear_current } = self;
-        let bridge = electrical(present).unwrap_or(Electrical::TYPICAL);
-        let winding = Electrical { resistance_mohm, inductance_uh: Some(inductance_uh), ..bridge };
-        let duty = match LinearCurrent::new(winding) {
-            Ok(winding) if linear_current => DutyRule::LinearCurrent(winding),
-            // Out of range it cannot be: each part has been in use, or was checked.
-            _ => DutyRule::LinearDuty,
+        let winding = match Resistance::from_milliohms(resistance_mohm) {
+            Ok(resistance) => {
+                let inductance = Inductance::from_microhenries(inductance_uh).ok();
+                Winding { emf, resistance, inductance }
+            }
+            // A host that has no use for the resistance leaves the winding as it is.
+            Err(_) => Winding { emf, ..present.winding },
         };
-        Settings { duty, zero_power: present.zero_power, ..Settings::for_scheme(emf, scheme) }
-    }
-}
-
-/// What the duty stage knows, if it must know anything.
-const fn electrical(settings: &Settings) -> Option<Electrical> {
-    match &settings.duty {
-        DutyRule::LinearDuty => None,
-        DutyRule::LinearCurrent(winding) => Some(winding.electrical()),
+        let duty = if linear_current { DutyRule::LinearCurrent } else { DutyRule::LinearDuty };
+        let Settings { bridge, zero_power, .. } = *present;
+        Settings { bridge, duty, zero_power, ..Settings::for_scheme(winding, scheme) }
     }
 }

@@ -1,19 +1,20 @@
 //! A host that talks to the pure hub: for the tests of the responder.
 #![allow(dead_code, reason = "each test uses its own part")]
 
+use motor_hub::braking::Winding;
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::protocol::requests::FIRST;
 use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
-use motor_hub::units::{EmfConstant, Micros, Millivolts};
+use motor_hub::units::{Micros, Millivolts};
 
 pub(crate) const N: usize = 4;
 pub(crate) const HUB: u8 = 3;
 
 /// A NeveRest 60.
 pub(crate) fn settings() -> Settings {
-    Settings::new(EmfConstant::from_bits(4_180_495).expect("in range"))
+    Settings::new(Winding::NEVEREST_60)
 }
 
 pub(crate) fn bytes_of(hex: &str) -> Vec<u8> {

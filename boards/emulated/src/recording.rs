@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use motor_hub::braking::{DutyRule, LinearCurrent};
+use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::bridge::Drive;
 use motor_hub::model::plant::{Command, Plant};
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
@@ -92,9 +92,9 @@ pub struct Recording {
 fn settings(emf: EmfConstant, rule: Rule) -> Settings {
     let duty = match rule {
         Rule::Duty => DutyRule::LinearDuty,
-        Rule::Current => DutyRule::LinearCurrent(LinearCurrent::TYPICAL),
+        Rule::Current => DutyRule::LinearCurrent,
     };
-    Settings { duty, ..Settings::new(emf) }
+    Settings { duty, ..Settings::new(Winding { emf, ..Winding::NEVEREST_60 }) }
 }
 
 impl Recording {

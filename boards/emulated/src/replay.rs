@@ -121,7 +121,7 @@ pub(crate) fn stand(scenario: &Scenario) -> bench::Setup {
     let motors = scenario.motors.iter().map(|motor| Mounting {
         motor: motor.constants,
         load: motor.load,
-        bridge: BRIDGE,
+        bridge: BRIDGE.into(),
         stops: None,
     });
     let mut stand = bench::Setup::new(motors.collect());

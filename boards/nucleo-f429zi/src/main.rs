@@ -26,13 +26,14 @@ use embassy_stm32::{Peri, rcc};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use encoders::QuadratureCounters;
 use host::{Lamp, serial};
+use motor_hub::braking::Winding;
 use motor_hub::hub::Hub;
 use motor_hub::motor::Settings;
 use motor_hub::protocol::Address;
 use motor_hub::responder::Responder;
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Task};
-use motor_hub::units::{EmfConstant, Period, constant};
+use motor_hub::units::Period;
 use watchdog::IndependentWatchdog;
 
 /// Motors on this board.
@@ -40,9 +41,6 @@ const MOTORS: usize = 4;
 
 /// Divider from the battery to PA3: 18 V, the highest plausible battery, makes 3.16 V.
 const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
-
-/// Of an AndyMark NeveRest 60, whose encoder makes 28 counts a turn of the motor: 3.98683 mV s/count.
-const NEVEREST_60: EmfConstant = constant!(EmfConstant::from_ke(533.0 / 30_000.0, 28.0));
 
 /// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.
 const PERIOD: Period = {
@@ -120,7 +118,7 @@ async fn main(spawner: Spawner) {
         (p.TIM8, p.PC6, p.PC7),
     );
     let adc = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, DIVIDER_OHMS));
-    let settings = Settings::new(NEVEREST_60);
+    let settings = Settings::new(Winding::NEVEREST_60);
 
     spawner.spawn(unwrap!(output(bridges)));
     spawner.spawn(unwrap!(capture(encoders)));

@@ -6,9 +6,9 @@
 mod file;
 mod substitute;
 
-use crate::hardware::{electrical, emf_constant};
+use crate::hardware::{BRIDGE, winding};
 use crate::scheme::DutyChoice;
-use motor_hub::braking::{DutyRule, LinearCurrent, Scheme};
+use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::{battery::Battery, catalogue, load::Load, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Setpoint, Settings, ZeroPower};
@@ -192,10 +192,11 @@ impl Motor {
             ke: si::EmfConstant(self.constants.ke.0 * emf),
             ..self.constants
         };
-        let defaults = Settings::for_scheme(emf_constant(&told)?, self.scheme);
+        let defaults = Settings::for_scheme(winding(&told)?, self.scheme);
         Ok(Settings {
+            bridge: BRIDGE,
             duty: match self.duty {
-                DutyChoice::LinearCurrent => DutyRule::LinearCurrent(LinearCurrent::new(electrical(&told))?),
+                DutyChoice::LinearCurrent => DutyRule::LinearCurrent,
                 DutyChoice::LinearDuty => DutyRule::LinearDuty,
             },
             zero_power: self.zero_power,

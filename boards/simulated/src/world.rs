@@ -1,7 +1,7 @@
 //! The physical world behind the board's traits: plants on a battery, and what a chip would measure
 //! and switch of them.
 
-use crate::hardware::{BRIDGE, MOTORS, PWM};
+use crate::hardware::{BRIDGE, MOTORS};
 use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
 use motor_hub::bridge::Drive;
 use motor_hub::model::battery::Battery;
@@ -9,7 +9,7 @@ use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::{Command, Flow, Plant};
 use motor_hub::model::rig::Rig;
-use motor_hub::model::si::{NewtonMetres, Seconds, Volts};
+use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
 use motor_hub::units::{Millivolts, constant};
 use std::cell::RefCell;
@@ -57,7 +57,8 @@ pub struct View {
 impl Board {
     /// Motors with their loads on a battery, at rest; `seed` is what the noise of the measurements follows from.
     pub fn new(battery: Battery, motors: impl Iterator<Item = (Motor, Load)>, seed: u64) -> Self {
-        let plants = motors.map(|(motor, load)| Plant::new(motor, load, BRIDGE, PWM));
+        let pwm = Hertz(f64::from(BRIDGE.pwm_hz()));
+        let plants = motors.map(|(motor, load)| Plant::new(motor, load, BRIDGE.into(), pwm));
         Self(Rc::new(RefCell::new(World {
             rig: Rig::new(battery, plants.collect()),
             drives: [Drive::COAST; MOTORS],

@@ -25,8 +25,8 @@ setpoints = [{ at_s = 0.0, velocity_cps = 1000 }]
 fn the_battery_follows_its_course_and_the_hub_believes_what_it_is_told() {
     let scenario = Scenario::parse("s.toml", SCENARIO).unwrap();
     let [right, wrong] = [0, 1].map(|n| scenario.motors.get(n).unwrap().settings().unwrap());
-    assert!((2 * wrong.emf.to_bits() - right.emf.to_bits()).abs() <= 1);
-    assert_ne!(wrong.duty, right.duty);
+    assert!((2 * wrong.winding.emf.to_bits() - right.winding.emf.to_bits()).abs() <= 1);
+    assert_ne!(wrong.winding.resistance.as_milliohms(), right.winding.resistance.as_milliohms());
 
     let trace = sim::run(&scenario, &mut |_| ()).unwrap();
     let voltage = |at_s: f64| trace.ticks.iter().find(|tick| tick.at_s >= at_s).unwrap().battery_v;

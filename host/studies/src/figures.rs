@@ -2,21 +2,27 @@
 
 use crate::{NamedFigure, StudyError};
 use chart::{Figure, Panel, Point, Series, Style, colour};
-use motor_hub::braking::{DutyRule, Electrical, LinearCurrent, OperatingPoint, Scheme};
+use motor_hub::braking::{DutyRule, OperatingPoint, Placer, Scheme};
+use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::load::Load;
 use motor_hub::model::paper::{self, Points};
 use motor_hub::model::response::{Applied, GearedMotor};
 use motor_hub::model::si::{Hertz, Kilograms, Metres, RadPerSec, Seconds, Volts};
-use motor_hub::model::switching::{Circuit, Conditions, Pwm};
-use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts, RangeError};
-use simulated::hardware::{BRIDGE, electrical};
+use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
+use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
+use simulated::hardware::{self, winding};
 
 const CONTROL_MAX: f64 = 32_767.0;
 const BATTERY: f64 = 12.0;
 const FORWARD: &str = "#2e8b3d";
 const BRAKING: &str = "#1f5fbf";
 const REVERSE: &str = "#c62828";
+const BRIDGE: Bridge = Bridge::new(hardware::BRIDGE);
+const RULES: [(&str, &str, DutyRule); 2] = [
+    ("linear duty", colour::RED, DutyRule::LinearDuty),
+    ("linear current", colour::BLUE, DutyRule::LinearCurrent),
+];
 
 /// All of them, for the motor of the paper's examples.
 ///
@@ -206,18 +212,29 @@ fn over_speed(motor: &Motor) -> Figure {
 
 /// Mean current of the event-exact bridge for every 64th control value, by a duty rule; and the line
 /// asked for; in amperes.
-fn measured(motor: &Motor, scheme: Scheme, rule: &DutyRule, emf: f64, hertz: f64) -> Option<Vec<(f64, f64)>> {
-    let constant = EmfConstant::from_bits(1 << 20).ok()?;
+fn measured(
+    motor: &Motor,
+    scheme: Scheme,
+    rule: DutyRule,
+    emf: f64,
+    hertz: f64,
+) -> Result<Vec<(f64, f64)>, StudyError> {
+    let bridge =
+        BridgeConstants::new(hardware::BRIDGE.diode_mv(), hardware::BRIDGE.switch_mohm(), hertz as u32);
+    let winding = winding(motor)?;
+    let placer = Placer::new(&winding, &bridge?, scheme, rule);
+    let constant = EmfConstant::from_bits(1 << 20)?;
     let speed = CountsPerSecond::saturating_from_bits((emf * 256e3).round() as i64);
-    let point = OperatingPoint::new(constant.emf(speed), Millivolts::new((1e3 * BATTERY) as u16))?;
+    let point = OperatingPoint::new(constant.emf(speed), Millivolts::new((1e3 * BATTERY) as u16))
+        .ok_or(StudyError::NoBattery)?;
     let circuit = Circuit::new(motor, BRIDGE);
     let at = Conditions { battery: Volts(BATTERY), emf: Volts(emf) };
     let current = |control: i16| {
-        let drive = rule.place(scheme, point, Control::new(control)).drive;
+        let drive = placer.place(point, Control::new(control)).drive;
         let pwm = Pwm::new(drive.mode, drive.duty.to_f64(), Hertz(hertz));
         (f64::from(control), circuit.steady(pwm, at).mean.0)
     };
-    Some((-511..=511).map(|n| current(64 * n)).collect())
+    Ok((-511..=511).map(|n| current(64 * n)).collect())
 }
 
 /// The current that Scheme A or B asks for.
@@ -228,15 +245,6 @@ fn asked(motor: &Motor, scheme: Scheme, emf: f64, control: f64) -> f64 {
         _ => c * if c > 0.0 { BATTERY - emf } else { BATTERY + emf },
     };
     volts / (motor.r.0 + 2.0 * BRIDGE.ron.0)
-}
-
-fn rules(motor: &Motor, hertz: f64) -> Result<[(&'static str, &'static str, DutyRule); 2], RangeError> {
-    let told = Electrical { pwm_hz: hertz as u32, ..electrical(motor) };
-    let winding = LinearCurrent::new(told)?;
-    Ok([
-        ("linear duty", colour::RED, DutyRule::LinearDuty),
-        ("linear current", colour::BLUE, DutyRule::LinearCurrent(winding)),
-    ])
 }
 
 fn worst(motor: &Motor, scheme: Scheme, emf: f64, data: &[(f64, f64)]) -> f64 {
@@ -251,8 +259,8 @@ fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
     for (name, scheme) in [("A", Scheme::A), ("B", Scheme::B)] {
         let straight = (-511..=511).map(|n| 64.0 * f64::from(n)).map(|c| (c, asked(motor, scheme, emf, c)));
         let mut series = vec![line("asked for", colour::GREY, straight.collect())];
-        for (rule_name, colour, rule) in rules(motor, HERTZ)? {
-            let data = measured(motor, scheme, &rule, emf, HERTZ).ok_or(StudyError::NoBattery)?;
+        for (rule_name, colour, rule) in RULES {
+            let data = measured(motor, scheme, rule, emf, HERTZ)?;
             let worst = worst(motor, scheme, emf, &data);
             series.push(line(&format!("{rule_name}: {worst:.1} % off"), colour, data));
         }
@@ -273,8 +281,8 @@ fn by_frequency(motor: &Motor) -> Result<Figure, StudyError> {
     let mut panels = Vec::new();
     for hertz in [1_000.0, 8_000.0, 20_000.0] {
         let mut series = Vec::new();
-        for (name, colour, rule) in rules(motor, hertz)? {
-            let data = measured(motor, Scheme::B, &rule, emf, hertz).ok_or(StudyError::NoBattery)?;
+        for (name, colour, rule) in RULES {
+            let data = measured(motor, Scheme::B, rule, emf, hertz)?;
             let worst = worst(motor, Scheme::B, emf, &data);
             let off = |(control, current): (f64, f64)| {
                 let error = current - asked(motor, Scheme::B, emf, control);

@@ -4,11 +4,11 @@ mod chart;
 
 use crate::StudyError;
 use ::chart::{Figure, Point, colour};
-use motor_hub::braking::{self, DutyRule, LinearCurrent, OperatingPoint, Placement, Points, Regime, Scheme};
+use motor_hub::braking::{self, LinearCurrent, OperatingPoint, Placement, Points, Regime, Scheme};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::units::{Control, CountsPerSecond, Millivolts};
 use serde::Serialize;
-use simulated::hardware::{electrical, emf_constant};
+use simulated::hardware::{BRIDGE, winding};
 use simulated::scheme;
 
 /// An operating point with its S, T, Z and G.
@@ -29,7 +29,7 @@ pub struct OperatingReport {
     #[serde(skip)]
     at: OperatingPoint,
     #[serde(skip)]
-    winding: LinearCurrent,
+    current: LinearCurrent,
 }
 
 /// One of the points.
@@ -80,7 +80,8 @@ impl OperatingReport {
     /// # Errors
     /// If the firmware cannot represent the motor or the battery.
     pub fn new(motor: Motor, scheme: Scheme, speed_cps: i32, battery_mv: u16) -> Result<Self, StudyError> {
-        let emf = emf_constant(&motor)?.emf(CountsPerSecond::new(speed_cps));
+        let winding = winding(&motor)?;
+        let emf = winding.emf.emf(CountsPerSecond::new(speed_cps));
         let at = OperatingPoint::new(emf, Millivolts::new(battery_mv)).ok_or(StudyError::NoBattery)?;
         let side = if at.counter_clockwise() { -1.0 } else { 1.0 };
         let Points { s, t, z, g } = Points::new(scheme, at);
@@ -103,17 +104,17 @@ impl OperatingReport {
             points: [point("S", s, -v), point("T", t, 0.0), point("Z", z, e), point("G", g, v)],
             asked: scheme,
             at,
-            winding: LinearCurrent::new(electrical(&motor))?,
+            current: LinearCurrent::new(&winding, &BRIDGE),
         })
     }
 
     /// Where a control value lies.
     pub fn place(&self, control: Control) -> Placed {
-        let rule = DutyRule::LinearCurrent(self.winding);
+        let linear_current = braking::place_current(&self.current, self.asked, self.at, control);
         Placed {
             control: control.get(),
-            linear_duty: PlacedDrive::new(DutyRule::LinearDuty.place(self.asked, self.at, control)),
-            linear_current: PlacedDrive::new(rule.place(self.asked, self.at, control)),
+            linear_duty: PlacedDrive::new(braking::place(self.asked, self.at, control)),
+            linear_current: PlacedDrive::new(linear_current),
         }
     }
 

@@ -11,7 +11,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m as _;
 use cortex_m_rt::entry;
-use motor_hub::braking::{DutyRule, LinearCurrent};
+use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::motion::Reading;
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
@@ -114,10 +114,10 @@ fn new_motor() -> Motor {
     let emf = EmfConstant::from_bits(word(&SETTINGS, 0).cast_signed())
         .unwrap_or_else(|_| panic!("the host gives a back-EMF constant"));
     let period = Period::from_millis(word(&SETTINGS, 1)).unwrap_or_default();
-    let mut settings = Settings::new(emf);
+    let mut settings = Settings::new(Winding { emf, ..Winding::NEVEREST_60 });
     settings.duty = match word(&SETTINGS, 2) {
         0 => DutyRule::LinearDuty,
-        _ => DutyRule::LinearCurrent(LinearCurrent::TYPICAL),
+        _ => DutyRule::LinearCurrent,
     };
     Motor::new(settings, period)
 }

@@ -5,10 +5,11 @@ use crate::choice::Choice;
 use crate::output::{Failure, print, print_json};
 use motor_hub::model::catalogue::characterised;
 use motor_hub::protocol::setup::Setup;
+use motor_hub::units::Inductance;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::json;
-use simulated::hardware::{electrical, emf_constant};
+use simulated::hardware::winding;
 use simulated::scheme::{DutyChoice, describe};
 use studies::table;
 
@@ -42,10 +43,10 @@ impl Options {
     fn change(&self, mut setup: Setup) -> Result<Setup, Failure> {
         if let Some(name) = &self.name {
             let motor = characterised(name).map_err(Failure::input)?;
-            let winding = electrical(&motor);
-            setup.emf = emf_constant(&motor).map_err(Failure::input)?;
-            setup.resistance_mohm = winding.resistance_mohm;
-            setup.inductance_uh = winding.inductance_uh.unwrap_or(0);
+            let winding = winding(&motor).map_err(Failure::input)?;
+            setup.emf = winding.emf;
+            setup.resistance_mohm = winding.resistance.as_milliohms();
+            setup.inductance_uh = winding.inductance.map_or(0, Inductance::as_microhenries);
         }
         if let Some(scheme) = self.choice.scheme().map_err(Failure::input)? {
             setup.scheme = scheme;

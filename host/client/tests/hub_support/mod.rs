@@ -1,12 +1,13 @@
 //! A hub for the tests of the client: the firmware's own responder with a made-up snapshot.
 #![allow(dead_code, reason = "each test uses its own part")]
 
+use motor_hub::braking::Winding;
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::Settings;
 use motor_hub::protocol::requests::{FIRST, Interface};
 use motor_hub::protocol::{Address, Decoder, frame};
 use motor_hub::responder::Responder;
-use motor_hub::units::{EmfConstant, Micros, Millivolts};
+use motor_hub::units::{Micros, Millivolts};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -37,7 +38,7 @@ pub(crate) struct Hub {
 impl Hub {
     /// Just after its reset, with 12.345 V.
     pub(crate) fn new() -> Self {
-        let settings = Settings::new(EmfConstant::from_bits(4_180_495).unwrap());
+        let settings = Settings::new(Winding::NEVEREST_60);
         Self {
             responder: Responder::new(Address::new(ADDRESS).unwrap(), [settings; 4]),
             snapshot: Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL },

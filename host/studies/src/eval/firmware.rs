@@ -3,13 +3,13 @@
 use super::case::{Case, table};
 use super::error::CaseError;
 use motor_hub::braking::{
-    self, Abscissa, Electrical, LinearCurrent, OperatingPoint, Place, Points, Regime, Scheme,
+    self, Abscissa, LinearCurrent, OperatingPoint, Place, Points, Regime, Scheme, Winding,
 };
-use motor_hub::bridge::{CurrentSign, Drive, Pattern};
+use motor_hub::bridge::{BridgeConstants, CurrentSign, Drive, Pattern};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::si::Hertz;
 use motor_hub::model::switching::{Bridge, Conditions};
-use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
+use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Inductance, Millivolts, Resistance};
 use serde_json::{Value, json};
 use simulated::scheme::{BlendChoice, SchemeName};
 use std::f64::consts::TAU;
@@ -177,19 +177,23 @@ pub(super) fn current_drive(
     wanted: f64,
 ) -> Result<Drive, CaseError> {
     // Casts from float saturate, and the ends are out of range.
-    let winding = LinearCurrent::new(Electrical {
-        resistance_mohm: (1e3 * motor.r.0).round() as u16,
-        inductance_uh: Some((1e6 * motor.l.0).round() as u16),
-        diode_mv: (1e3 * bridge.vd.0).round() as u16,
-        switch_mohm: (1e3 * bridge.ron.0).round() as u16,
-        pwm_hz: frequency.0.round() as u32,
-    })?;
+    let winding = Winding {
+        emf: constant(Q20 / FINEST)?,
+        resistance: Resistance::from_ohms(motor.r.0)?,
+        inductance: Some(Inductance::from_millihenries(1e3 * motor.l.0)?),
+    };
+    let bridge_constants = BridgeConstants::new(
+        (1e3 * bridge.vd.0).round() as u16,
+        (1e3 * bridge.ron.0).round() as u16,
+        frequency.0.round() as u32,
+    )?;
+    let current = LinearCurrent::new(&winding, &bridge_constants);
     let speed = CountsPerSecond::saturating_from_bits((1e3 * at.emf.0 * FINEST * 256.0).round() as i64);
     let battery_mv = (1e3 * at.battery.0).round() as u16;
-    let point = operating_point(constant(Q20 / FINEST)?.emf(speed), battery_mv)?;
+    let point = operating_point(winding.emf.emf(speed), battery_mv)?;
     let voltage = at.emf.0 + wanted * (motor.r.0 + 2.0 * bridge.ron.0);
     let control = Control::saturating((voltage / at.battery.0 * LARGEST_CONTROL as f64).round() as i64);
-    Ok(braking::place_current(&winding, Scheme::A, point, control).drive)
+    Ok(braking::place_current(&current, Scheme::A, point, control).drive)
 }
 
 fn full_range(case: &Case) -> Result<(), CaseError> {
