@@ -15,7 +15,7 @@
 //! | room | what is decided there |
 //! |---|---|
 //! | [`units`] | ranges and resolutions of every quantity |
-//! | [`bridge`] | what switch patterns do; the drives that a bridge may be given |
+//! | [`bridge`] | the states, modes and drives that a bridge may be given; its constants |
 //! | [`braking`] | control value to drive: points S T Z G, schemes, regimes, duty |
 //! | [`motion`] | set-point to control value: velocity, PID, position |
 //! | [`supply`] | ADC readings to battery voltage |

@@ -3,7 +3,8 @@
 #![cfg(feature = "model")]
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
-use motor_hub::bridge::{CurrentSign, Mode, State};
+use motor_hub::bridge::{Mode, State};
+use motor_hub::model::bridge_states::CurrentSign;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::paper::{OpenLoop, Point, Scheme};

@@ -187,7 +187,7 @@ fn every_state_applies_what_its_switches_and_diodes_connect() {
                 close((end - current) / time, want, 2e-5 * BATTERY / circuit.l.0, (state, emf, current));
             }
             let starts = circuit.starts(state, at(emf)).map_or(0.0, |sign| {
-                if sign == motor_hub::bridge::CurrentSign::Positive { 1.0 } else { -1.0 }
+                if sign == motor_hub::model::bridge_states::CurrentSign::Positive { 1.0 } else { -1.0 }
             });
             assert_eq!(starts, expected, "{state:?} at {emf}");
         }

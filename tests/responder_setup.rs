@@ -3,14 +3,14 @@
 mod hub_support;
 
 use hub_support::{HUB, N, Said, TestHost, settings};
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Settings, ZeroPower};
 use motor_hub::protocol::Address;
 use motor_hub::protocol::setup::FIRST;
 use motor_hub::responder::Responder;
-use motor_hub::units::EmfConstant;
+use motor_hub::units::{EmfConstant, Inductance, Resistance};
 
 /// An AM 40 C: 3.12 mV s/count.
 const KE: i32 = 3_271_557;
@@ -58,7 +58,11 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
 
             let duty = if rule == 0 { DutyRule::LinearDuty } else { DutyRule::LinearCurrent };
             let emf = EmfConstant::from_bits(KE).expect("in range");
-            let winding = Winding::new(emf, 4_200, Some(uh)).expect("in range");
+            let winding = Winding {
+                emf,
+                resistance: Resistance::from_milliohms(4_200).expect("in range"),
+                inductance: Inductance::from_microhenries(uh).ok(),
+            };
             let settings =
                 Settings { duty, zero_power: ZeroPower::Float, ..Settings::for_scheme(winding, scheme) };
             assert_eq!(host.told(), [Command { motor: 2, action: Action::Configure(settings) }]);

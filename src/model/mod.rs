@@ -6,6 +6,7 @@
 //! name says `after`; battery current is positive when it leaves the battery.
 
 pub mod battery;
+pub mod bridge_states;
 pub mod catalogue;
 pub mod inverse;
 pub mod load;

@@ -1,9 +1,9 @@
 //! The current that repeats from one PWM period to the next at constant speed.
 
+use super::bridge_states::CurrentSign;
 use super::numeric::bracketed_zero;
 use super::si::{Amps, Seconds};
 use super::switching::{Circuit, Conditions, Integrals, Pwm};
-use crate::bridge::CurrentSign;
 
 /// Whether current flows through the whole period.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

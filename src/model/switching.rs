@@ -6,9 +6,10 @@
 //! the current reaches zero is a logarithm. At zero the terminal voltages decide whether current
 //! starts in either direction, or none does: discontinuous conduction.
 
+use super::bridge_states::CurrentSign;
 use super::catalogue::Motor;
 use super::si::{Amps, Henries, Hertz, Ohms, Seconds, Volts};
-use crate::bridge::{BridgeConstants, CurrentSign, Mode, State};
+use crate::bridge::{BridgeConstants, Mode, State};
 
 /// What the switches and diodes cost.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,8 @@ use super::error::CaseError;
 use motor_hub::braking::{
     self, Abscissa, LinearCurrent, OperatingPoint, Place, Points, Regime, Scheme, Winding,
 };
-use motor_hub::bridge::{BridgeConstants, CurrentSign, Drive, Pattern};
+use motor_hub::bridge::{BridgeConstants, Drive};
+use motor_hub::model::bridge_states::{CurrentSign, SwitchPattern};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::si::Hertz;
 use motor_hub::model::switching::{Bridge, Conditions};
@@ -39,18 +40,18 @@ const CONTROLS: [f64; 12] =
 /// What one of the sixteen switch patterns does.
 pub(super) fn bridge_state(case: &Case) -> Result<Value, CaseError> {
     let number = case.whole("state", 0, 15)? as u8;
-    let pattern = Pattern::new(number).ok_or_else(|| CaseError::Missing("state".to_owned()))?;
-    let action = |emf_mv| pattern.action(emf_mv, BATTERY_MV, DIODE_MV).name();
+    let pattern = SwitchPattern::new(number).ok_or_else(|| CaseError::Missing("state".to_owned()))?;
+    let effect = |emf_mv| pattern.effect(emf_mv, BATTERY_MV, DIODE_MV).name();
     let mut outputs = json!({
         "bits": pattern.switches().map(u8::from),
         "short": pattern.is_short_circuit(),
-        "cw": action(EMF_MV),
-        "ccw": action(-EMF_MV),
+        "cw": effect(EMF_MV),
+        "ccw": effect(-EMF_MV),
     });
     let signs = [("v_i_pos", CurrentSign::Positive), ("v_i_neg", CurrentSign::Negative)];
     if let (false, Some(object)) = (pattern.is_short_circuit(), outputs.as_object_mut()) {
-        object.insert("cw_overrun".into(), action(OVERRUN_MV).into());
-        object.insert("ccw_overrun".into(), action(-OVERRUN_MV).into());
+        object.insert("cw_overrun".into(), effect(OVERRUN_MV).into());
+        object.insert("ccw_overrun".into(), effect(-OVERRUN_MV).into());
         for (key, sign) in signs {
             let terminal = pattern.terminal(sign).map(|terminal| {
                 json!({
