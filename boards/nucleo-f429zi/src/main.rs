@@ -1,31 +1,23 @@
 //! A motor hub for four motors on a NUCLEO-F429ZI: the pins, the peripherals, and one line per task.
 //!
-//! All decisions are in `motor_hub`; this crate is what its traits mean on this board. Wiring, sizes
-//! and how to flash are in the README beside it.
+//! All decisions are in `motor_hub`, all drivers that other STM32 share in `motor_hub_stm32`. Wiring, sizes and
+//! how to flash are in the README beside it.
 #![no_std]
 #![no_main]
 
 mod adc;
-mod bridges;
-mod demo;
-mod encoders;
-mod faults;
-mod host;
-mod status;
-mod watchdog;
 
 use adc::BatteryAdc;
-use bridges::Vnh5019;
-use defmt::{info, unwrap};
+use defmt::{info, unwrap, warn};
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{AnyPin, Input, Level, Output, Pull, Speed};
+use embassy_stm32::peripherals::{IWDG, TIM1, TIM2, TIM3, TIM4, TIM8, USART3};
 use embassy_stm32::time::Hertz;
-use embassy_stm32::usart::{BufferedUartRx, BufferedUartTx};
-use embassy_stm32::{Peri, rcc};
+use embassy_stm32::timer::qei::Qei;
+use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx, BufferedUartTx};
+use embassy_stm32::{Peri, bind_interrupts, pac, rcc};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
-use encoders::QuadratureCounters;
-use host::{Lamp, serial};
 use motor_hub::braking::Winding;
 use motor_hub::hub::Hub;
 use motor_hub::motor::Settings;
@@ -34,7 +26,12 @@ use motor_hub::responder::Responder;
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Task};
 use motor_hub::units::Period;
-use watchdog::IndependentWatchdog;
+use motor_hub_stm32::encoders::{QuadratureCounters, counter};
+use motor_hub_stm32::lamp::Lamp;
+use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
+use motor_hub_stm32::watchdog::IndependentWatchdog;
+use motor_hub_stm32::{demo, serial, status};
+use static_cell::StaticCell;
 
 /// Motors on this board.
 const MOTORS: usize = 4;
@@ -63,6 +60,31 @@ type Wires = tasks::Wires<ThreadModeRawMutex, MOTORS>;
 static WIRES: Wires = Wires::new();
 static HEALTH: Health = Health::new().expecting(Task::Responder);
 
+type Encoders =
+    QuadratureCounters<(Qei<'static, TIM2>, Qei<'static, TIM3>, Qei<'static, TIM4>, Qei<'static, TIM8>)>;
+
+bind_interrupts!(struct Irqs {
+    USART3 => BufferedInterruptHandler<USART3>;
+});
+
+motor_hub_stm32::end_faults_with!(open_all_bridges);
+
+/// Opens all bridges for good, from any context: PWM low first, then all direction lines, PD0 to PD7.
+///
+/// PWM stays off until a reset, whatever is applied afterwards.
+fn open_all_bridges() {
+    pac::TIM1.bdtr().modify(|w| w.set_moe(false));
+    pac::GPIOD.bsrr().write(|w| (0..8).for_each(|pin| w.set_br(pin, true)));
+}
+
+/// Says so if it was the watchdog that started the chip: the last run ended in a fault or a hang.
+fn log_reset_cause() {
+    if pac::RCC.csr().read().wdgrstf() {
+        warn!("started by the watchdog");
+    }
+    pac::RCC.csr().modify(|w| w.set_rmvf(true));
+}
+
 /// 168 MHz from the 8 MHz that the ST-LINK puts on OSC_IN; timers on APB2 run at 168 MHz too.
 fn clocks() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
@@ -88,35 +110,24 @@ async fn main(spawner: Spawner) {
     info!("motor-hub {=str} on nucleo-f429zi", env!("CARGO_PKG_VERSION"));
     // Before anything else that could hang, and before a bridge can be anything but open.
     let watchdog = IndependentWatchdog::start(p.IWDG);
-    info!(
-        "{=u32} Hz, {} motors every {=u32} ms",
-        rcc::frequency::<embassy_stm32::peripherals::TIM1>().0,
-        MOTORS,
-        PERIOD.as_millis()
-    );
-    status::log_reset_cause();
+    info!("{=u32} Hz, {} motors every {=u32} ms", rcc::frequency::<TIM1>().0, MOTORS, PERIOD.as_millis());
+    log_reset_cause();
 
     let low = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low);
-    let bridges = Vnh5019::new(
-        p.TIM1,
-        (p.PE9, p.PE11, p.PE13, p.PE14),
-        [
-            low(p.PD0.into()),
-            low(p.PD1.into()),
-            low(p.PD2.into()),
-            low(p.PD3.into()),
-            low(p.PD4.into()),
-            low(p.PD5.into()),
-            low(p.PD6.into()),
-            low(p.PD7.into()),
-        ],
-    );
-    let encoders = QuadratureCounters::new(
-        (p.TIM2, p.PA15, p.PB3),
-        (p.TIM3, p.PB4, p.PB5),
-        (p.TIM4, p.PD12, p.PD13),
-        (p.TIM8, p.PC6, p.PC7),
-    );
+    let pwm = Pwm::new(p.TIM1);
+    let bridges = [
+        pwm.bridge(p.PE9, low(p.PD0.into()), low(p.PD1.into())),
+        pwm.bridge(p.PE11, low(p.PD2.into()), low(p.PD3.into())),
+        pwm.bridge(p.PE13, low(p.PD4.into()), low(p.PD5.into())),
+        pwm.bridge(p.PE14, low(p.PD6.into()), low(p.PD7.into())),
+    ];
+    let bridges = Vnh5019::new(pwm, bridges);
+    let encoders = QuadratureCounters((
+        counter(p.TIM2, p.PA15, p.PB3),
+        counter(p.TIM3, p.PB4, p.PB5),
+        counter(p.TIM4, p.PD12, p.PD13),
+        counter(p.TIM8, p.PC6, p.PC7),
+    ));
     let adc = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, DIVIDER_OHMS));
     let settings = Settings::new(Winding::NEVEREST_60);
 
@@ -126,14 +137,16 @@ async fn main(spawner: Spawner) {
     spawner.spawn(unwrap!(control(settings)));
     spawner.spawn(unwrap!(health(watchdog)));
     spawner.spawn(unwrap!(report()));
-    let (tx, rx) = unwrap!(serial(p.USART3, p.PD8, p.PD9));
+    static BUFFERS: StaticCell<serial::Buffers> = StaticCell::new();
+    let buffers = BUFFERS.init(serial::Buffers::new());
+    let (tx, rx) = unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, buffers));
     let lamp = Lamp { red: low(p.PB14.into()), green: low(p.PB0.into()), blue: low(p.PB7.into()) };
     spawner.spawn(unwrap!(responder(rx, tx, lamp, settings)));
     spawner.spawn(unwrap!(button(Input::new(p.PC13, Pull::None))));
 }
 
 #[embassy_executor::task]
-async fn capture(encoders: QuadratureCounters) -> ! {
+async fn capture(encoders: Encoders) -> ! {
     tasks::capture::run(encoders, &WIRES, &HEALTH).await
 }
 
@@ -149,12 +162,12 @@ async fn control(settings: Settings) -> ! {
 }
 
 #[embassy_executor::task]
-async fn output(bridges: Vnh5019) -> ! {
+async fn output(bridges: Vnh5019<TIM1, MOTORS>) -> ! {
     tasks::output::run(bridges, PERIOD, &WIRES, &HEALTH).await
 }
 
 #[embassy_executor::task]
-async fn health(watchdog: IndependentWatchdog) -> ! {
+async fn health(watchdog: IndependentWatchdog<IWDG>) -> ! {
     tasks::health::run(watchdog, &HEALTH).await
 }
 

@@ -1,16 +1,15 @@
 //! What a person at the bench reads: log lines every second over RTT.
 
 use defmt::{info, warn};
-use embassy_stm32::pac;
+use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Ticker};
 use motor_hub::hub::Snapshot;
-
-use crate::{MOTORS, Wires};
+use motor_hub::tasks::Wires;
 
 const INTERVAL: Duration = Duration::from_secs(1);
 
 /// Runs for ever.
-pub(crate) async fn run(wires: &'static Wires) -> ! {
+pub async fn run<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> ! {
     let mut ticker = Ticker::every(INTERVAL);
     loop {
         ticker.next().await;
@@ -23,7 +22,7 @@ pub(crate) async fn run(wires: &'static Wires) -> ! {
 
 /// In several lines: interrupts wait while a line is written, and two bytes of a host's request,
 /// 43 us, are as long as they may.
-fn log(snapshot: &Snapshot<MOTORS>) {
+fn log<const N: usize>(snapshot: &Snapshot<N>) {
     info!("tick {=u32} missed {=u32} battery {}", snapshot.tick, snapshot.missed, snapshot.battery);
     for (motor, report) in snapshot.motors.iter().enumerate() {
         let (cps, control) = (report.velocity.round(), report.control.get());
@@ -32,12 +31,4 @@ fn log(snapshot: &Snapshot<MOTORS>) {
             warn!("motor {=usize}: {}", motor, report.faults);
         }
     }
-}
-
-/// Says so if it was the watchdog that started the chip: the last run ended in a fault or a hang.
-pub(crate) fn log_reset_cause() {
-    if pac::RCC.csr().read().wdgrstf() {
-        warn!("started by the watchdog");
-    }
-    pac::RCC.csr().modify(|w| w.set_rmvf(true));
 }

@@ -1,14 +1,15 @@
-//! Something to try on the bench without a host: all motors turn while the blue button B1 is held.
+//! Something to try on the bench without a host: all motors turn while a button is held.
 //!
-//! Of button and host the last to speak is obeyed. Held: 1000 counts/s. Released: brought to standstill, and the bridges are opened a second later.
+//! Of button and host the last to speak is obeyed. Held: 1000 counts/s. Released: brought to standstill, and
+//! the bridges are opened a second later.
 
 use embassy_stm32::gpio::Input;
+use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Ticker};
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::Setpoint;
+use motor_hub::tasks::Wires;
 use motor_hub::units::CountsPerSecond;
-
-use crate::{MOTORS, Wires};
 
 /// Polled: slower than the button bounces.
 const POLL: Duration = Duration::from_millis(20);
@@ -19,8 +20,8 @@ const SPEED_CPS: i32 = 1000;
 /// From release until the bridges are opened.
 const HOLD: Duration = Duration::from_secs(1);
 
-/// Runs for ever. B1 pulls PC13 high.
-pub(crate) async fn run(button: Input<'static>, wires: &'static Wires) -> ! {
+/// Runs for ever. A button that is held pulls its pin high.
+pub async fn run<M: RawMutex, const N: usize>(button: Input<'static>, wires: &Wires<M, N>) -> ! {
     let mut ticker = Ticker::every(POLL);
     let mut current = Setpoint::Disabled;
     let mut released_at = None;
@@ -37,7 +38,7 @@ pub(crate) async fn run(button: Input<'static>, wires: &'static Wires) -> ! {
         };
         if wanted != current {
             current = wanted;
-            for motor in 0..MOTORS {
+            for motor in 0..N {
                 wires.commands.send(Command { motor, action: Action::Set(wanted) }).await;
             }
         }

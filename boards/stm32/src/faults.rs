@@ -1,0 +1,71 @@
+//! Where the firmware ends: panic, HardFault and interrupts that nobody handles open all bridges, say
+//! what happened, and wait for the watchdog to start the chip afresh.
+
+use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicBool, Ordering};
+use defmt::error;
+
+/// Makes these ends those of a board's program. `$open` is a `fn()` that opens all bridges for good from any
+/// context, touching nothing but registers.
+///
+/// The board's crate needs `cortex-m-rt`.
+#[macro_export]
+macro_rules! end_faults_with {
+    ($open:path) => {
+        #[panic_handler]
+        fn panic(info: &::core::panic::PanicInfo<'_>) -> ! {
+            $crate::faults::panicked($open, info)
+        }
+
+        #[::cortex_m_rt::exception]
+        #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
+        unsafe fn HardFault(frame: &::cortex_m_rt::ExceptionFrame) -> ! {
+            $crate::faults::hard_fault($open, frame.pc(), frame.lr())
+        }
+
+        #[::cortex_m_rt::exception]
+        #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
+        unsafe fn DefaultHandler(irqn: i16) -> ! {
+            $crate::faults::unhandled($open, irqn)
+        }
+    };
+}
+
+/// Opens the bridges, and only then reports.
+fn stop(open: fn(), report: impl FnOnce()) -> ! {
+    open();
+    cortex_m::interrupt::disable();
+    // A fault inside the logger must not lead back into the logger. Nothing can come between these two:
+    // interrupts are masked. (Plain load and store do on every core.)
+    static REPORTED: AtomicBool = AtomicBool::new(false);
+    if !REPORTED.load(Ordering::Relaxed) {
+        REPORTED.store(true, Ordering::Relaxed);
+        report();
+    }
+    loop {
+        cortex_m::asm::nop();
+    }
+}
+
+/// The end of a panic.
+pub fn panicked(open: fn(), info: &PanicInfo<'_>) -> ! {
+    stop(open, || {
+        // Not the formatted message: core's formatting costs more flash than it is worth here.
+        let message = info.message();
+        let message = message.as_str().unwrap_or("panic");
+        match info.location() {
+            Some(at) => error!("{=str} at {=str}:{=u32}; bridges off", message, at.file(), at.line()),
+            None => error!("{=str}; bridges off", message),
+        }
+    })
+}
+
+/// The end of a HardFault.
+pub fn hard_fault(open: fn(), pc: u32, lr: u32) -> ! {
+    stop(open, || error!("HardFault at {=u32:#010x} from {=u32:#010x}; bridges off", pc, lr))
+}
+
+/// The end of an interrupt that nobody handles.
+pub fn unhandled(open: fn(), irqn: i16) -> ! {
+    stop(open, || error!("interrupt {=i16} without a handler; bridges off", irqn))
+}

@@ -1,0 +1,54 @@
+//! The host link's line: a USART with a buffer each way.
+//!
+//! Bytes are received by interrupt, not by a circular DMA stream: after a line error embassy restarts
+//! the stream at the start of its buffer while reading goes on where it was, and old packets are
+//! executed again. At 460 800 baud that is at most one short interrupt every 22 us.
+
+use embassy_stm32::Peri;
+use embassy_stm32::interrupt::typelevel::Binding;
+use embassy_stm32::usart::{
+    BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError, Instance,
+    RxPin, TxPin,
+};
+use motor_hub::protocol::BAUD;
+
+/// Several of the longest requests that hosts send (112 bytes).
+const RECEIVED: usize = 512;
+
+/// The longest reply fits, so that it leaves in one burst.
+const SENT: usize = 128;
+
+/// Room for what has not been read or sent yet: a static in a board.
+pub struct Buffers {
+    received: [u8; RECEIVED],
+    sent: [u8; SENT],
+}
+
+impl Buffers {
+    /// Empty.
+    pub const fn new() -> Self {
+        Self { received: [0; RECEIVED], sent: [0; SENT] }
+    }
+}
+
+impl Default for Buffers {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// 460 800 baud, 8 data bits, no parity, one stop bit.
+///
+/// # Errors
+/// If the clocks cannot make that speed.
+pub fn open<T: Instance>(
+    usart: Peri<'static, T>,
+    tx: Peri<'static, impl TxPin<T>>,
+    rx: Peri<'static, impl RxPin<T>>,
+    irqs: impl Binding<T::Interrupt, BufferedInterruptHandler<T>> + 'static,
+    buffers: &'static mut Buffers,
+) -> Result<(BufferedUartTx<'static>, BufferedUartRx<'static>), ConfigError> {
+    let mut config = Config::default();
+    config.baudrate = BAUD;
+    Ok(BufferedUart::new(usart, rx, tx, &mut buffers.sent, &mut buffers.received, irqs, config)?.split())
+}

@@ -1,0 +1,157 @@
+//! ST VNH5019A-E bridges: a PWM line each from one advanced timer, and two direction lines each.
+//!
+//! # What the bridge does
+//!
+//! VNH5019A-E data sheet (Doc ID 15701), truth table in normal operating conditions, with both
+//! DIAG/EN pins pulled high, PWM high:
+//!
+//! | INA | INB | OUTA | OUTB | operating mode |
+//! |---|---|---|---|---|
+//! | 1 | 1 | H | H | brake to VCC |
+//! | 1 | 0 | H | L | clockwise |
+//! | 0 | 1 | L | H | counter-clockwise |
+//! | 0 | 0 | L | L | brake to GND |
+//!
+//! "In all cases" a low PWM pin turns off both low-side switches. Half-bridge A is the paper's left
+//! leg, so INA/INB with PWM high/low are these states, and the modes of `motor_hub::bridge`:
+//!
+//! | INA/INB | PWM high | PWM low | mode |
+//! |---|---|---|---|
+//! | 1/0 | 9 | 8 | 9/8 |
+//! | 0/1 | 6 | 2 | 6/2 |
+//! | 0/0 | 5 | 0 | 5/0 |
+//! | 1/1 | 10 | 10 | never |
+//!
+//! The DIAG/EN pins are not connected to the microcontroller here: they must be pulled up (most
+//! carriers do), and a bridge that has shut itself down stays off until its lines change.
+//!
+//! # From one drive to another
+//!
+//! A new duty in the same mode goes through the compare register's preload and takes effect at the
+//! end of the PWM period, without a glitch. A change of mode cannot wait for that, or the old
+//! duty would run on in the new direction. It goes so:
+//!
+//! 1. The PWM output is forced low (OCxM = "force inactive level", RM0090 17.3.8: at once, whatever
+//!    counter and compare say). Old mode, low: state 8, 2 or 0. The read that switches the preload off
+//!    cannot finish before that write has reached the timer, so the next step, on another bus, cannot
+//!    overtake it.
+//! 2. INA/INB to 0/0: state 0, coasting. No mode has both high, so one line falls at most.
+//! 3. INA/INB to the new mode: state 8, 2 or 0. At most one line rises, so no skew between two lines can
+//!    show 1/1.
+//! 4. The new duty straight into the compare register.
+//! 5. "Frozen" (still low), then PWM mode 1 with preload: from here on the new mode at the new duty.
+//!    The detour is for a duty of 1, where the comparison never changes: RM0090 17.4.7 promises that
+//!    the output follows it then only on coming from "frozen".
+//!
+//! So the bridge sees nothing but commanded states on the way; were a step's effect late at the bridge
+//! by a whole step, it would see 5 for 0 or the old mode a moment longer, which may be commanded too.
+//! Four bridges take a few microseconds.
+
+use core::marker::PhantomData;
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::{Output, OutputType, Pull, Speed};
+use embassy_stm32::pac::timer::vals::Ossi;
+use embassy_stm32::timer::low_level::{CountingMode, OutputCompareMode, Timer};
+use embassy_stm32::timer::simple_pwm::{PwmPin, PwmPinConfig};
+use embassy_stm32::timer::{AdvancedInstance4Channel, Channel, TimerChannel, TimerPin};
+use motor_hub::board::Bridges;
+use motor_hub::bridge::{BridgeConstants, Drive, Mode};
+
+/// The highest that the VNH5019A-E is specified for.
+pub const PWM_HZ: u32 = BridgeConstants::VNH5019.pwm_hz();
+
+/// The timer that makes the PWM of all bridges, running.
+pub struct Pwm<T: AdvancedInstance4Channel> {
+    timer: Timer<'static, T>,
+    period_ticks: u16,
+}
+
+impl<T: AdvancedInstance4Channel> Pwm<T> {
+    /// Runs, and drives no pin yet.
+    pub fn new(timer: Peri<'static, T>) -> Self {
+        let timer = Timer::new(timer);
+        timer.set_counting_mode(CountingMode::EdgeAlignedUp);
+        // At 168 MHz 8400 ticks: 13 bits of duty.
+        let period_ticks = u16::try_from(timer.get_clock_frequency().0 / PWM_HZ).unwrap_or(u16::MAX);
+        timer.set_max_compare_value((period_ticks - 1).into());
+        timer.set_autoreload_preload(true);
+        // With MOE off, as after a fault, the timer goes on driving its pins: to their idle level, low.
+        timer.set_ossi(Ossi::IDLE_LEVEL);
+        timer.set_moe(true);
+        timer.start();
+        Self { timer, period_ticks }
+    }
+
+    /// An open bridge: the PWM pin is driven low before this returns, and INA and INB are low already.
+    pub fn bridge<C: TimerChannel>(
+        &self,
+        pwm: Peri<'static, impl TimerPin<T, C>>,
+        ina: Output<'static>,
+        inb: Output<'static>,
+    ) -> Bridge<T> {
+        let channel = C::CHANNEL;
+        // Low until told otherwise: the compare register is 0 out of reset.
+        self.timer.set_output_compare_preload(channel, true);
+        self.timer.set_output_compare_mode(channel, OutputCompareMode::PwmMode1);
+        self.timer.enable_channel(channel, true);
+        let config = PwmPinConfig { output_type: OutputType::PushPull, speed: Speed::Low, pull: Pull::Down };
+        // Kept for good: a pin falls back to an analogue input when it is dropped.
+        core::mem::forget(PwmPin::<T, C>::new_with_config(pwm, config));
+        Bridge { channel, ina, inb, mode: Drive::COAST.mode, _timer: PhantomData }
+    }
+}
+
+/// One bridge on a channel of timer `T`, and the mode that it is in.
+pub struct Bridge<T> {
+    channel: Channel,
+    ina: Output<'static>,
+    inb: Output<'static>,
+    mode: Mode,
+    _timer: PhantomData<T>,
+}
+
+impl<T: AdvancedInstance4Channel> Bridge<T> {
+    fn apply(&mut self, pwm: &Pwm<T>, drive: Drive) {
+        let (timer, channel) = (&pwm.timer, self.channel);
+        let compare = drive.duty.of_period(pwm.period_ticks).into();
+        if drive.mode == self.mode {
+            timer.set_compare_value(channel, compare);
+            return;
+        }
+        timer.set_output_compare_mode(channel, OutputCompareMode::ForceInactive);
+        timer.set_output_compare_preload(channel, false);
+        self.ina.set_low();
+        self.inb.set_low();
+        match drive.mode {
+            Mode::Cw98 => self.ina.set_high(),
+            Mode::Ccw62 => self.inb.set_high(),
+            Mode::Brake50 => {}
+        }
+        timer.set_compare_value(channel, compare);
+        timer.set_output_compare_preload(channel, true);
+        timer.set_output_compare_mode(channel, OutputCompareMode::Frozen);
+        timer.set_output_compare_mode(channel, OutputCompareMode::PwmMode1);
+        self.mode = drive.mode;
+    }
+}
+
+/// N bridges, by motor.
+pub struct Vnh5019<T: AdvancedInstance4Channel, const N: usize> {
+    pwm: Pwm<T>,
+    bridges: [Bridge<T>; N],
+}
+
+impl<T: AdvancedInstance4Channel, const N: usize> Vnh5019<T, N> {
+    /// All bridges, open.
+    pub fn new(pwm: Pwm<T>, bridges: [Bridge<T>; N]) -> Self {
+        Self { pwm, bridges }
+    }
+}
+
+impl<T: AdvancedInstance4Channel, const N: usize> Bridges<N> for Vnh5019<T, N> {
+    fn apply(&mut self, drives: &[Drive; N]) {
+        for (bridge, drive) in self.bridges.iter_mut().zip(drives) {
+            bridge.apply(&self.pwm, *drive);
+        }
+    }
+}

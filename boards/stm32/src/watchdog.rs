@@ -1,0 +1,29 @@
+//! The independent watchdog: resets the chip, which opens the bridges, unless it is fed.
+
+use embassy_stm32::Peri;
+use embassy_stm32::wdg::{self, Instance};
+use motor_hub::board::Watchdog;
+
+/// Five of the longest control periods (100 ms), in which every task must check in once.
+///
+/// Counted by the LSI oscillator, in an STM32F4 nominally 32 kHz but 17 to 47 kHz (data sheet): 0.34
+/// to 0.94 s.
+const TIMEOUT_MICROS: u32 = 500_000;
+
+/// The watchdog, running.
+pub struct IndependentWatchdog<T: Instance + 'static>(wdg::IndependentWatchdog<'static, T>);
+
+impl<T: Instance + 'static> IndependentWatchdog<T> {
+    /// Starts it; only a reset stops it.
+    pub fn start(iwdg: Peri<'static, T>) -> Self {
+        let mut watchdog = wdg::IndependentWatchdog::new(iwdg, TIMEOUT_MICROS);
+        watchdog.unleash();
+        Self(watchdog)
+    }
+}
+
+impl<T: Instance + 'static> Watchdog for IndependentWatchdog<T> {
+    fn feed(&mut self) {
+        self.0.pet();
+    }
+}
