@@ -4,6 +4,21 @@
 //! ([`points`]) as the motor's [`scheme`] says; where the control value lies among them decides
 //! regime, mode and duty. The duty is either linear within its regime, as in the paper ([`place`]),
 //! or such that the motor's mean current is linear ([`place_current`]).
+//!
+//! ```
+//! use motor_hub::braking::{DutyRule, OperatingPoint, Placer, Regime, Scheme, Winding};
+//! use motor_hub::bridge::{BridgeConstants, Mode};
+//! use motor_hub::units::{Control, CountsPerSecond, Millivolts};
+//!
+//! // A NeveRest 60 at half of its speed on 12 V is asked, in Scheme A, for a third of that voltage: less
+//! // than its back EMF of 6 V, so it is braked in proportion.
+//! let winding = Winding::NEVEREST_60;
+//! let placer = Placer::new(&winding, &BridgeConstants::VNH5019, Scheme::A, DutyRule::LinearCurrent);
+//! let emf = winding.emf().emf(CountsPerSecond::new(1505));
+//! let at = OperatingPoint::new(emf, Millivolts(12_000)).expect("there is a battery");
+//! let placement = placer.place(at, Control::new(10_922));
+//! assert_eq!((placement.regime, placement.drive.mode), (Regime::Braking, Mode::Brake50));
+//! ```
 
 mod explog;
 pub mod linear_current;

@@ -3,7 +3,8 @@
 //!
 //! All formulas assume clockwise motion; [`super::place`] mirrors the rest. Everything is integer
 //! arithmetic on exact ratios, so an abscissa is off by at most 1/512 count from the formula applied
-//! to the same integers, however close |emf| comes to the battery voltage.
+//! to the same integers, one that is made of others by 1/100 count, however close |emf| comes to the
+//! battery voltage.
 
 use crate::braking::scheme::{Blend, BlendFraction, Scheme};
 use crate::bridge::Mode;
