@@ -29,7 +29,7 @@
 //! // A host asks the hub at address 2 for 300 counts/s backwards of motor 1.
 //! let request = ToMotor::SetVelocity { cps: -300 }.to(1);
 //! let bytes = frame::encode(&request.packet(Address::DEFAULT.get(), 7, request.id()));
-//! assert_eq!(*bytes, [0x44, 0x4B, 14, 0, 2, 0, 7, 0, 0x11, 0x10, 1, 0xD4, 0xFE, 0xA0]);
+//! assert_eq!(*bytes, [0x44, 0x4B, 14, 0, 2, 0, 7, 0, 0x11, 0x10, 1, 0xD4, 0xFE, 0x9A]);
 //!
 //! // The hub reads what was written.
 //! let packet = Decoder::new().next(&mut &*bytes, Micros(0)).unwrap();
