@@ -441,7 +441,8 @@ impl Backwards {
     const MS: u32 = 10;
 
     fn insisted_on(direction: i32) -> Self {
-        let settings = Settings { duty: DutyRule::LinearDuty, ..Settings::for_scheme(Winding::NEVEREST_60, Scheme::C) };
+        let settings =
+            Settings { duty: DutyRule::LinearDuty, ..Settings::for_scheme(Winding::NEVEREST_60, Scheme::C) };
         let mut motor = Controlled::new(settings, Period::from_millis(Self::MS).expect("period"));
         motor.set(velocity(-600 * direction));
         let mut axis = Self { motor, direction, ticks: 0 };

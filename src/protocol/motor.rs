@@ -1,5 +1,14 @@
 //! Requests to one motor, and what they are answered. Before the fields of each goes the motor's number,
 //! 0 to 3.
+//!
+//! ```
+//! use motor_hub::protocol::motor::{Target, ToMotor};
+//!
+//! // To -1000 counts, within 25.
+//! let request = ToMotor::SetPosition { target: Target { counts: -1000, tolerance: 25 } }.to(0);
+//! assert_eq!(request.id(), 0x1013);
+//! assert_eq!(*request.payload(), [0, 0x18, 0xFC, 0xFF, 0xFF, 25, 0]);
+//! ```
 
 use super::fields::{Field, Fields, Payload, codes};
 use super::nack::Nack;

@@ -16,6 +16,24 @@
 //! | u8 | scheme: 0 forward and reverse only, 1 A, 2 B, 3 C, 4 D with automatic blend, 5 D |
 //! | u16 | blend of the last, in steps of 2^-16 |
 //! | u8 | duty: 0 linear, as in the paper; 1 such that current is linear |
+//!
+//! ```
+//! use motor_hub::braking::Scheme;
+//! use motor_hub::protocol::setup::{Setup, ToSetup};
+//! use motor_hub::units::EmfConstant;
+//!
+//! // An AM 60 A, Scheme B, linear current, on channel 2.
+//! let setup = Setup {
+//!     emf: EmfConstant::from_bits(4_180_575).unwrap(),
+//!     resistance_mohm: 3_300,
+//!     inductance_uh: 694,
+//!     scheme: Scheme::B,
+//!     linear_current: true,
+//! };
+//! let request = ToSetup::SetUp { setup }.to(2);
+//! assert_eq!(request.id(), 0x4D00);
+//! assert_eq!(*request.payload(), [2, 0x5F, 0xCA, 0x3F, 0, 0xE4, 0x0C, 0xB6, 2, 2, 0, 0, 1]);
+//! ```
 
 use super::fields::{ByteIn, Field, Fields, Payload};
 use super::nack::Nack;

@@ -1,4 +1,15 @@
 //! Whether the host is still there, and the status word that tells it what it has missed.
+//!
+//! ```
+//! use motor_hub::responder::alive::{Alive, TIMEOUT_MICROS};
+//! use motor_hub::units::Micros;
+//!
+//! let mut alive = Alive::new();
+//! alive.heard(Micros(0));
+//! assert!(!alive.ran_out(Micros(TIMEOUT_MICROS - 1)));
+//! assert!(alive.ran_out(Micros(TIMEOUT_MICROS)));
+//! assert!(alive.attention());
+//! ```
 
 use super::led::Sign;
 use crate::protocol::answers::Status;
