@@ -1,1 +1,111 @@
-fn main() {}
+//! The project's own tasks: `cargo xtask` lists them. A task is a few calls of cargo and of the program
+//! motor-hub; whatever can be tested without them is tested in the packages.
+#![forbid(unsafe_code)]
+
+mod board;
+mod check;
+mod figures;
+mod flash;
+mod fuzz;
+mod numbers;
+mod size;
+mod tool;
+
+use std::process::ExitCode;
+use tool::{Failed, cargo, run};
+
+/// A task: its name, its arguments, what it does, and how.
+struct Task {
+    name: &'static str,
+    arguments: &'static str,
+    does: &'static str,
+    start: fn(&[String]) -> Result<(), Failed>,
+}
+
+const TASKS: [Task; 8] = [
+    Task {
+        name: "check",
+        arguments: "",
+        does: "format, lints of host, chips and core, documentation",
+        start: check::task,
+    },
+    Task { name: "test", arguments: "", does: "everything that can be tested without hardware", start: test },
+    Task {
+        name: "figures",
+        arguments: "[--check]",
+        does: "draws docs/pictures anew, or only says which are stale",
+        start: figures::task,
+    },
+    Task {
+        name: "numbers",
+        arguments: "",
+        does: "what the documents quote: accuracy, instructions, paper, comparison",
+        start: numbers::task,
+    },
+    Task {
+        name: "size",
+        arguments: "[BOARD]",
+        does: "builds an image; its flash and static RAM against their limits",
+        start: size::task,
+    },
+    Task {
+        name: "flash",
+        arguments: "[BOARD]",
+        does: "builds an image, flashes it and shows its log",
+        start: flash::task,
+    },
+    Task {
+        name: "fuzz",
+        arguments: "",
+        does: "any bytes into the host link for a minute; needs a C++ compiler",
+        start: fuzz::task,
+    },
+    Task {
+        name: "ci",
+        arguments: "",
+        does: "all of these but flash, and the README's two commands: .ci/run",
+        start: ci,
+    },
+];
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let Some((name, rest)) = arguments.split_first() else {
+        print!("{}", list());
+        return ExitCode::SUCCESS;
+    };
+    let Some(task) = TASKS.iter().find(|task| task.name == name) else {
+        eprintln!("error: there is no task {name}\n\n{}", list().trim_end());
+        return ExitCode::from(2);
+    };
+    match (task.start)(rest) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failed(why)) => {
+            eprintln!("error: {why}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn list() -> String {
+    let row = |task: &Task| {
+        let call = format!("{} {}", task.name, task.arguments);
+        format!("  {call:20}{}\n", task.does)
+    };
+    let boards: Vec<&str> = board::ALL.iter().map(|board| board.name).collect();
+    let tasks: String = TASKS.iter().map(row).collect();
+    format!(
+        "cargo xtask TASK, where TASK is\n\n{tasks}\nBOARD is {}, the first if none is named.\n",
+        boards.join(", ")
+    )
+}
+
+fn test(arguments: &[String]) -> Result<(), Failed> {
+    tool::none(arguments)?;
+    cargo(&["test"])
+}
+
+fn ci(arguments: &[String]) -> Result<(), Failed> {
+    tool::none(arguments)?;
+    run(&mut tool::command(".ci/run"))
+}

@@ -1,0 +1,245 @@
+//! Who may import whom. The rules stand in CONTRIBUTING.md, in two tables that are read here: a plain look at
+//! the text of sources and manifests, comments left out.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Each room or package with those that it may import.
+type Rules = BTreeMap<String, BTreeSet<String>>;
+
+const ROOMS: &str = "| room of the library | may import of it |";
+const PACKAGES: &str = "| package | may depend on, of these |";
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(path: impl AsRef<Path>) -> String {
+    let path = root().join(path);
+    fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// The table of CONTRIBUTING.md under a heading: what stands between back-ticks, by its first column.
+fn table(heading: &str) -> Rules {
+    let text = read("CONTRIBUTING.md");
+    let mut lines = text.lines().skip_while(|line| *line != heading);
+    assert!(lines.next().is_some(), "CONTRIBUTING.md has no table {heading}");
+    let rows = lines.skip(1).map_while(|line| line.strip_prefix('|')?.split_once('|'));
+    let words = |cell: &str| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>();
+    rows.flat_map(|(names, allowed)| {
+        let allowed: BTreeSet<String> = words(allowed).into_iter().collect();
+        words(names).into_iter().map(move |name| (name, allowed.clone())).collect::<Vec<_>>()
+    })
+    .collect()
+}
+
+/// All Rust sources of a module (`src/hub` is src/hub.rs, or all of the folder src/hub) or folder.
+fn sources(module: &str) -> Vec<PathBuf> {
+    let file = root().join(format!("{module}.rs"));
+    let mut found: Vec<PathBuf> = file.exists().then_some(file).into_iter().collect();
+    let mut folders = vec![root().join(module)];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                found.push(path);
+            }
+        }
+    }
+    found
+}
+
+/// The lines of a source with their numbers, without comments.
+fn code(path: &Path) -> Vec<(usize, String)> {
+    let lines = read(path);
+    let lines = lines.lines().map(|line| line.split("//").next().unwrap_or_default().to_owned());
+    (1..).zip(lines).collect()
+}
+
+/// Every line of `modules` in which `wrong` finds something, with what it finds.
+fn findings(modules: &[String], wrong: impl Fn(&str, &str, &Path) -> Option<String>) -> Vec<String> {
+    let mut found = Vec::new();
+    for module in modules {
+        for path in sources(module) {
+            let shown = path.strip_prefix(root()).unwrap_or(&path);
+            for (number, line) in code(&path) {
+                if let Some(what) = wrong(module, &line, shown) {
+                    found.push(format!("{}:{number}: {what}: {}", shown.display(), line.trim()));
+                }
+            }
+        }
+    }
+    found
+}
+
+fn assert_none(found: &[String]) {
+    assert!(found.is_empty(), "against the rules of CONTRIBUTING.md:\n{}", found.join("\n"));
+}
+
+/// The first name of every path in `line` that begins with `prefix`, such as `crate::`; of `crate::{a, b::c}`
+/// too.
+fn first_names<'a>(line: &'a str, prefix: &str) -> Vec<&'a str> {
+    let name =
+        |text: &'a str| text.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default();
+    let starts = line.match_indices(prefix).map(|(at, found)| &line[at + found.len()..]);
+    starts
+        .flat_map(|rest| match rest.strip_prefix('{') {
+            Some(group) => group.split(',').map(|part| name(part.trim_start())).collect(),
+            None => vec![name(rest)],
+        })
+        .collect()
+}
+
+#[test]
+fn every_module_and_package_has_a_rule_and_every_rule_is_of_one() {
+    let rooms: BTreeSet<String> = table(ROOMS).into_keys().collect();
+    let modules: BTreeSet<String> = code(Path::new("src/lib.rs"))
+        .iter()
+        .filter_map(|(_, line)| line.trim().strip_prefix("pub mod ")?.strip_suffix(';').map(str::to_owned))
+        .map(|name| format!("src/{name}"))
+        .collect();
+    assert_eq!(rooms, modules, "left: rules of CONTRIBUTING.md, right: modules of src/lib.rs");
+
+    let packages: BTreeSet<String> = table(PACKAGES).into_keys().collect();
+    let manifest = read("Cargo.toml");
+    let members =
+        manifest.split_once("members = [").and_then(|(_, rest)| rest.split_once(']')).expect("members").0;
+    let members = members.split('"').skip(1).step_by(2).map(|path| if path == "." { "src" } else { path });
+    let members: BTreeSet<String> = members.map(str::to_owned).collect();
+    assert_eq!(packages, members, "left: rules of CONTRIBUTING.md, right: members of Cargo.toml");
+}
+
+#[test]
+fn rooms_of_the_library_import_only_what_they_may() {
+    let rules = table(ROOMS);
+    let name = |module: &str| module.trim_start_matches("src/").to_owned();
+    let rooms: Vec<String> = rules.keys().cloned().collect();
+    let all: BTreeSet<String> = rooms.iter().map(|room| name(room)).collect();
+    assert_none(&findings(&rooms, |room, line, path| {
+        let mut names = first_names(line, "crate::");
+        // In the root of a room `super` is the crate.
+        if path == Path::new(&format!("{room}.rs")) || path == Path::new(&format!("{room}/mod.rs")) {
+            names.extend(first_names(line, "super::"));
+        }
+        let allowed = |other: &str| other == name(room) || rules[room].contains(other);
+        let wrong = names.into_iter().find(|other| all.contains(*other) && !allowed(other))?;
+        Some(format!("{room} may not import {wrong}"))
+    }));
+}
+
+#[test]
+fn only_the_tasks_know_of_embassy() {
+    let rooms: Vec<String> = table(ROOMS).into_keys().filter(|room| room != "src/tasks").collect();
+    assert_none(&findings(&rooms, |room, line, _| {
+        let external = ["embassy_", "embedded_io"].into_iter().find(|name| line.contains(name))?;
+        Some(format!("{room} may not use {external}.."))
+    }));
+}
+
+#[test]
+fn only_programs_print() {
+    // What people read on a terminal is for host/cli and xtask to say.
+    let libraries =
+        ["src", "boards/simulated/src", "boards/emulated/src", "host/client/src", "host/chart/src"];
+    let libraries: Vec<String> =
+        libraries.into_iter().chain(["host/studies/src"]).map(str::to_owned).collect();
+    assert_none(&findings(&libraries, |_, line, _| {
+        let prints = ["println!(", "print!(", "dbg!("].into_iter().find(|print| line.contains(print))?;
+        Some(format!("a library does not use {prints}..)"))
+    }));
+}
+
+/// A line of a manifest that names a dependency.
+struct Dependency {
+    line: usize,
+    name: String,
+    /// Everything after the name.
+    how: String,
+    /// For tests only.
+    dev: bool,
+}
+
+fn dependencies(package: &str) -> Vec<Dependency> {
+    let path = root().join(if package == "src" { "" } else { package }).join("Cargo.toml");
+    // That every package is there is another test's to say.
+    let text = fs::read_to_string(path).unwrap_or_default();
+    let (mut found, mut section) = (Vec::new(), String::new());
+    for (line, text) in (1..).zip(text.lines().map(str::trim)) {
+        if let Some(header) = text.strip_prefix('[') {
+            section = header.trim_end_matches(']').to_owned();
+        } else if section.ends_with("dependencies") && !section.starts_with("workspace") {
+            let end = text.find(['.', ' ', '=']).unwrap_or_default();
+            let (name, how) = text.split_at(end);
+            if !name.is_empty() && !name.starts_with('#') {
+                found.push(Dependency {
+                    line,
+                    name: name.into(),
+                    how: how.into(),
+                    dev: section.contains("dev-"),
+                });
+            }
+        }
+    }
+    found
+}
+
+/// The packages of the table by their names, which are those of their folders but for two.
+fn by_name(packages: &Rules) -> BTreeMap<String, String> {
+    let name = |path: &str| match path {
+        "src" => "motor-hub".to_owned(),
+        "host/client" => "motor-hub-client".to_owned(),
+        _ => path.rsplit('/').next().unwrap_or(path).to_owned(),
+    };
+    packages.keys().map(|path| (name(path), path.clone())).collect()
+}
+
+/// src, boards, host, from the inside out; tools stand outside.
+fn wing(package: &str) -> usize {
+    ["src", "boards", "host"].iter().position(|wing| package.starts_with(wing)).unwrap_or(3)
+}
+
+#[test]
+fn packages_depend_only_on_what_they_may_and_no_wing_on_one_outside_it() {
+    let rules = table(PACKAGES);
+    let names = by_name(&rules);
+    for (package, allowed) in &rules {
+        for Dependency { line, name, dev, .. } in dependencies(package) {
+            let Some(other) = names.get(&name) else { continue };
+            let place = format!("{package}/Cargo.toml:{line}");
+            assert!(wing(other) <= wing(package), "{place}: {package} is further inside than {other}");
+            assert!(dev || allowed.contains(other), "{place}: {package} may not depend on {other}");
+        }
+    }
+}
+
+#[test]
+fn crates_of_others_stay_in_the_rooms_that_are_for_them() {
+    for package in table(PACKAGES).keys() {
+        for Dependency { line, name, dev, .. } in dependencies(package) {
+            let place = format!("{package}/Cargo.toml:{line}");
+            assert!(package != "xtask", "{place}: xtask needs nothing, so that it is built at once");
+            assert!(package == "host/cli" || name != "clap", "{place}: options are for host/cli to read");
+            let embassy = name.starts_with("embassy-") && !dev;
+            assert!(!embassy || wing(package) < 2, "{place}: the host's wing knows nothing of embassy");
+        }
+    }
+}
+
+#[test]
+fn the_client_builds_without_the_tasks() {
+    let client = dependencies("host/client");
+    let core =
+        client.iter().find(|d| d.name == "motor-hub" && !d.dev).expect("the client is built on motor-hub");
+    let of_workspace = read("Cargo.toml");
+    let of_workspace = of_workspace.lines().find(|line| line.starts_with("motor-hub = ")).unwrap_or_default();
+    let inherited = core.how.contains("workspace = true") || core.how.contains(".workspace");
+    let how = format!("{} {}", core.how, if inherited { of_workspace } else { "" });
+    assert!(
+        how.contains("default-features = false") && !how.contains("\"tasks\""),
+        "host/client/Cargo.toml:{}: motor-hub without its feature tasks, please: {how}",
+        core.line
+    );
+}

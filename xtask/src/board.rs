@@ -1,0 +1,55 @@
+//! The boards that an image is made for.
+
+use crate::tool::{Failed, cargo, root};
+use std::path::PathBuf;
+
+/// A board and what its image may take.
+pub(crate) struct Board {
+    /// Its package.
+    pub(crate) name: &'static str,
+    /// What rustc calls its core.
+    pub(crate) target: &'static str,
+    /// What probe-rs calls its chip.
+    pub(crate) chip: &'static str,
+    /// Limit of text and data, in bytes.
+    pub(crate) flash: u32,
+    /// Limit of data and bss, in bytes.
+    pub(crate) ram: u32,
+}
+
+/// All of them; the first is meant when none is named.
+pub(crate) const ALL: [Board; 1] = [Board {
+    name: "nucleo-f429zi",
+    target: "thumbv7em-none-eabihf",
+    chip: "STM32F429ZITx",
+    flash: 128 * 1024,
+    ram: 48 * 1024,
+}];
+
+/// Programs for a chip that are not an image: they count instructions on the emulated core.
+pub(crate) const BENCHES: [(&str, &str); 1] = [("budget", "thumbv7em-none-eabihf")];
+
+/// What boards share, which builds only with one of them.
+pub(crate) const DRIVERS: &str = "motor-hub-stm32";
+
+/// The board that the arguments name.
+pub(crate) fn named(arguments: &[String]) -> Result<&'static Board, Failed> {
+    match arguments {
+        [] => Ok(&ALL[0]),
+        [name] => ALL
+            .iter()
+            .find(|board| board.name == name)
+            .ok_or_else(|| Failed(format!("there is no board {name}; cargo xtask lists them"))),
+        _ => Err(Failed("one board at a time".to_owned())),
+    }
+}
+
+impl Board {
+    /// Builds the image as it is flashed; returns the ELF file.
+    pub(crate) fn build(&self) -> Result<PathBuf, Failed> {
+        cargo(&["build", "--package", self.name, "--target", self.target, "--profile", "firmware"])?;
+        let target =
+            std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+        Ok(target.join(self.target).join("firmware").join(self.name))
+    }
+}

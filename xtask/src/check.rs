@@ -1,0 +1,40 @@
+//! `cargo xtask check`: all that can be said of the sources without running them.
+
+use crate::board::{ALL, BENCHES, DRIVERS};
+use crate::tool::{Failed, cargo, cargo_command, none, run};
+
+/// Cores without atomic read-modify-write, for which the library alone is checked.
+const SMALL_CORES: [&str; 2] = ["thumbv6m-none-eabi", "riscv32imc-unknown-none-elf"];
+
+const DENY: [&str; 3] = ["--", "-D", "warnings"];
+
+pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
+    none(arguments)?;
+    let chips = || ALL.iter().map(|board| (board.name, board.target)).chain(BENCHES);
+    // Two chips, or a chip and the host, do not build in one cargo command.
+    let not_host = chips().map(|(name, _)| name).chain([DRIVERS]);
+    let host: Vec<&str> =
+        ["--workspace"].into_iter().chain(not_host.flat_map(|name| ["--exclude", name])).collect();
+
+    cargo(&["fmt", "--all", "--check"])?;
+    cargo(&[&["clippy"], &host[..], &["--all-targets"], &DENY].concat())?;
+    let library = ["clippy", "--package", "motor-hub", "--lib"];
+    cargo(&[&library[..], &DENY].concat())?;
+    cargo(&[&library[..], &["--no-default-features"], &DENY].concat())?;
+    for core in SMALL_CORES {
+        cargo(&[&library[..], &["--target", core], &DENY].concat())?;
+    }
+    for board in &ALL {
+        cargo(&[&["clippy", "--package", DRIVERS], &for_chip(board.name, board.target)[..], &DENY].concat())?;
+    }
+    for (package, target) in BENCHES {
+        cargo(&[&["clippy"], &for_chip(package, target)[..], &DENY].concat())?;
+    }
+    let documents = [&["doc", "--no-deps", "--document-private-items"], &host[..]].concat();
+    run(cargo_command(&documents).env("RUSTDOCFLAGS", "-D warnings"))
+}
+
+/// A package as it is flashed.
+const fn for_chip<'a>(package: &'a str, target: &'a str) -> [&'a str; 6] {
+    ["--package", package, "--target", target, "--profile", "firmware"]
+}

@@ -1,0 +1,50 @@
+//! `cargo xtask figures`: the pictures of the documents, drawn by the program that they tell of.
+
+use crate::tool::{Failed, motor_hub, root};
+use std::fs;
+
+/// The folder of the pictures that documents show.
+const SHOWN: &str = "docs/pictures";
+
+/// Where they are drawn first.
+const DRAWN: &str = "target/figures";
+
+/// What is started, and which of the files that it writes is shown under which name.
+const PICTURES: [(&[&str], &str, &str); 4] = [
+    (&["run", "--scenario", "boards/simulated/scenarios/winch.toml"], "comparison.svg", "winch.svg"),
+    (&["run"], "comparison.png", "comparison.png"),
+    (&["figures"], "11-current-at-50-percent.png", "current.png"),
+    (&["emulate"], "overlay.png", "overlay.png"),
+];
+
+pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
+    let check = match arguments {
+        [] => false,
+        [argument] if argument == "--check" => true,
+        _ => return Err(Failed("figures takes --check or nothing".to_owned())),
+    };
+    let mut stale = Vec::new();
+    for (call, file, shown) in PICTURES {
+        let folder = format!("{DRAWN}/{}", shown.replace('.', "-"));
+        motor_hub(&[call, &["--out", &folder]].concat())?;
+        let drawn = root().join(folder).join(file);
+        let drawn = fs::read(&drawn).map_err(|error| Failed::at(&drawn, error))?;
+        let place = root().join(SHOWN).join(shown);
+        // One that is not there is stale too.
+        if fs::read(&place).ok().as_ref() == Some(&drawn) {
+            continue;
+        }
+        stale.push(format!("{SHOWN}/{shown}"));
+        if !check {
+            fs::write(&place, drawn).map_err(|error| Failed::at(&place, error))?;
+        }
+    }
+    match (check, stale.is_empty()) {
+        (_, true) => println!("all {} pictures in {SHOWN} are fresh", PICTURES.len()),
+        (false, false) => println!("drawn anew: {}", stale.join(", ")),
+        (true, false) => {
+            return Err(Failed(format!("stale: {}; `cargo xtask figures` draws them", stale.join(", "))));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,24 @@
+//! `cargo xtask fuzz`: a minute of any bytes into the host link.
+
+use crate::tool::{Failed, cargo, cargo_command, command, none, output, root, run};
+use std::fs;
+
+/// Where inputs are kept that found something new.
+const CORPUS: &str = "target/fuzz/corpus";
+
+pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
+    none(arguments)?;
+    if output(command("c++").arg("--version")).is_err() {
+        println!("fuzz: left out, the fuzzer needs a C++ compiler");
+        return Ok(());
+    }
+    if output(command("cargo-fuzz").arg("--version")).is_err() {
+        cargo(&["install", "--locked", "--quiet", "cargo-fuzz"])?;
+    }
+    let corpus = root().join(CORPUS);
+    fs::create_dir_all(&corpus).map_err(|error| Failed::at(&corpus, error))?;
+    let fuzz = ["fuzz", "run", "--target-dir", "target/fuzz", "responder", CORPUS, "--"];
+    let minute = ["-max_total_time=60", "-max_len=4096", "-print_final_stats=1", "-verbosity=0"];
+    // The pinned toolchain with nightly's options: a nightly that is at hand may be older than the pin.
+    run(cargo_command(&[&fuzz[..], &minute].concat()).env("RUSTC_BOOTSTRAP", "1"))
+}

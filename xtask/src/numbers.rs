@@ -1,0 +1,16 @@
+//! `cargo xtask numbers`: prints the numbers that the documents quote, and fails where one is not what the
+//! tests allow.
+
+use crate::tool::{Failed, cargo, cargo_command, motor_hub, none, output};
+
+pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
+    none(arguments)?;
+    cargo(&["test", "--package", "motor-hub", "--test", "linear_current", "--", "--nocapture"])?;
+    cargo(&["test", "--package", "emulated", "--test", "budget", "--", "--nocapture"])?;
+    for command in ["paper", "figures", "compare"] {
+        motor_hub(&[command])?;
+    }
+    // Its answers are tested elsewhere; here it must take the published cases.
+    let eval = ["run", "--release", "--quiet", "--", "eval", "tests/data/golden.json"];
+    output(&mut cargo_command(&eval)).map(|_| println!("eval takes tests/data/golden.json"))
+}

@@ -1,0 +1,39 @@
+//! `cargo xtask size`: flash and static RAM of an image against their limits.
+
+use crate::board;
+use crate::tool::{Failed, command, output};
+use std::path::Path;
+
+pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
+    let board = board::named(arguments)?;
+    let image = board.build()?;
+    let table = output(command(llvm_size()?).arg(image))?;
+    let [text, data, bss] = sections(&table).ok_or_else(|| Failed(format!("llvm-size says\n{table}")))?;
+    let rows = [
+        ("flash (text + data)", text + data, board.flash),
+        ("static RAM (data + bss)", data + bss, board.ram),
+    ];
+    for (what, size, limit) in rows {
+        println!("{what:24}{size:>8} of {limit:>7} bytes");
+    }
+    if rows.iter().all(|(_, size, limit)| size <= limit) {
+        Ok(())
+    } else {
+        Err(Failed("the image is too large".to_owned()))
+    }
+}
+
+/// That of the toolchain (component llvm-tools).
+fn llvm_size() -> Result<std::path::PathBuf, Failed> {
+    let sysroot = output(command("rustc").args(["--print", "sysroot"]))?;
+    let about = output(command("rustc").arg("-vV"))?;
+    let host = about.lines().find_map(|line| line.strip_prefix("host: "));
+    let host = host.ok_or_else(|| Failed("rustc does not name its host".to_owned()))?;
+    Ok(Path::new(sysroot.trim()).join("lib/rustlib").join(host).join("bin/llvm-size"))
+}
+
+/// text, data and bss: the first three numbers of the last line.
+fn sections(table: &str) -> Option<[u32; 3]> {
+    let mut numbers = table.lines().last()?.split_whitespace().map_while(|word| word.parse().ok());
+    Some([numbers.next()?, numbers.next()?, numbers.next()?])
+}

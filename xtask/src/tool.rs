@@ -1,0 +1,74 @@
+//! Other programs, started at the root of the workspace.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Why a task did not succeed, in words.
+pub(crate) struct Failed(pub(crate) String);
+
+impl Failed {
+    /// A file or folder could not be used.
+    pub(crate) fn at(path: &Path, error: std::io::Error) -> Self {
+        Self(format!("{}: {error}", path.display()))
+    }
+}
+
+/// The root of the workspace.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// A program, to be started at the root.
+pub(crate) fn command(program: impl AsRef<OsStr>) -> Command {
+    let mut command = Command::new(program);
+    command.current_dir(root());
+    command
+}
+
+/// Runs a command to its end, which must be a good one; says first what it is.
+pub(crate) fn run(command: &mut Command) -> Result<(), Failed> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let arguments = command.get_args().map(|argument| format!(" {}", argument.to_string_lossy()));
+    // The path that cargo gives of itself is of no interest to a reader.
+    let shown = Path::new(&name).file_name().unwrap_or_default().to_string_lossy();
+    let shown = format!("{shown}{}", arguments.collect::<String>());
+    println!("> {shown}");
+    let status = command.status().map_err(|error| Failed(format!("{name}: {error}")))?;
+    if status.success() { Ok(()) } else { Err(Failed(format!("{shown}: {status}"))) }
+}
+
+/// What a command prints.
+pub(crate) fn output(command: &mut Command) -> Result<String, Failed> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let output = command.output().map_err(|error| Failed(format!("{name}: {error}")))?;
+    if !output.status.success() {
+        return Err(Failed(format!("{name}: {}", String::from_utf8_lossy(&output.stderr).trim_end())));
+    }
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// The cargo that runs this.
+pub(crate) fn cargo_command(arguments: &[&str]) -> Command {
+    let mut cargo = command(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.args(arguments);
+    cargo
+}
+
+/// Runs cargo.
+pub(crate) fn cargo(arguments: &[&str]) -> Result<(), Failed> {
+    run(&mut cargo_command(arguments))
+}
+
+/// Runs the program motor-hub, which is built if it is not fresh.
+pub(crate) fn motor_hub(arguments: &[&str]) -> Result<(), Failed> {
+    cargo(&[&["run", "--release", "--quiet", "--"], arguments].concat())
+}
+
+/// For tasks without arguments.
+pub(crate) fn none(arguments: &[String]) -> Result<(), Failed> {
+    match arguments.first() {
+        None => Ok(()),
+        Some(argument) => Err(Failed(format!("{argument} means nothing to this task"))),
+    }
+}
