@@ -1,13 +1,14 @@
 //! N motors on one battery: one step for all of them, and one snapshot of everything.
 //!
 //! ```
+//! use motor_hub::braking::Winding;
 //! use motor_hub::bridge::{Drive, Mode};
 //! use motor_hub::hub::{Action, Command, Hub, Inputs};
 //! use motor_hub::motor::{Setpoint, Settings};
 //! use motor_hub::supply::Battery;
-//! use motor_hub::units::{Control, EmfConstant, Micros, Millivolts, Period};
+//! use motor_hub::units::{Control, Micros, Millivolts, Period};
 //!
-//! let settings = Settings::new(EmfConstant::from_bits(4_180_495)?);
+//! let settings = Settings::new(Winding::NEVEREST_60);
 //! let mut hub = Hub::new([settings; 2], Period::DEFAULT);
 //! hub.apply(Command { motor: 1, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) })?;
 //!

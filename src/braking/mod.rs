@@ -14,8 +14,8 @@
 //! // than its back EMF of 6 V, so it is braked in proportion.
 //! let winding = Winding::NEVEREST_60;
 //! let placer = Placer::new(&winding, &BridgeConstants::VNH5019, Scheme::A, DutyRule::LinearCurrent);
-//! let emf = winding.emf().emf(CountsPerSecond::new(1505));
-//! let at = OperatingPoint::new(emf, Millivolts(12_000)).expect("there is a battery");
+//! let emf = winding.emf.emf(CountsPerSecond::new(1505));
+//! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
 //! let placement = placer.place(at, Control::new(10_922));
 //! assert_eq!((placement.regime, placement.drive.mode), (Regime::Braking, Mode::Brake50));
 //! ```

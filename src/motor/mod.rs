@@ -1,13 +1,12 @@
 //! One motor: its settings, its set-point, its state, and one step of control.
 //!
 //! ```
-//! use motor_hub::braking::Regime;
+//! use motor_hub::braking::{Regime, Winding};
 //! use motor_hub::motion::Reading;
 //! use motor_hub::motor::{Motor, Setpoint, Settings};
-//! use motor_hub::units::{CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
+//! use motor_hub::units::{CountsPerSecond, Micros, Millivolts, Period};
 //!
-//! // A NeveRest 60: 3.99 mV s/count, in steps of 2^-20.
-//! let settings = Settings::new(EmfConstant::from_bits(4_180_495)?);
+//! let settings = Settings::new(Winding::NEVEREST_60);
 //! let mut motor = Motor::new(settings, Period::DEFAULT);
 //! motor.set(Setpoint::Velocity(CountsPerSecond::new(1_000)));
 //!
@@ -21,7 +20,6 @@
 //! let turning = step(100, 15);
 //! assert_eq!(turning.velocity.round(), 300);
 //! assert!(turning.control < standing.control);
-//! # Ok::<(), motor_hub::units::RangeError>(())
 //! ```
 
 mod loops;

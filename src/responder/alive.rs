@@ -5,9 +5,9 @@
 //! use motor_hub::units::Micros;
 //!
 //! let mut alive = Alive::new();
-//! alive.heard(Micros(0));
-//! assert!(!alive.ran_out(Micros(TIMEOUT_MICROS - 1)));
-//! assert!(alive.ran_out(Micros(TIMEOUT_MICROS)));
+//! alive.heard(Micros::new(0));
+//! assert!(!alive.ran_out(Micros::new(TIMEOUT_MICROS - 1)));
+//! assert!(alive.ran_out(Micros::new(TIMEOUT_MICROS)));
 //! assert!(alive.attention());
 //! ```
 

@@ -26,10 +26,11 @@
 //! use motor_hub::protocol::requests::{DISCOVERY, Request, Standard};
 //! use motor_hub::protocol::{Address, BROADCAST};
 //! use motor_hub::responder::Responder;
-//! use motor_hub::units::{EmfConstant, Micros};
+//! use motor_hub::braking::Winding;
+//! use motor_hub::units::Micros;
 //!
 //! // A hub with two motors at address 2, of which nothing is known yet.
-//! let settings = Settings::new(EmfConstant::from_bits(4_180_495).unwrap());
+//! let settings = Settings::new(Winding::NEVEREST_60);
 //! let mut responder = Responder::new(Address::DEFAULT, [settings; 2]);
 //! let snapshot = Snapshot::INITIAL;
 //!
