@@ -58,7 +58,7 @@
 //!     }
 //! }
 //!
-//! let settings = Settings::new(EmfConstant::from_bits(4_180_495)?);
+//! let settings = Settings::new(Winding::NEVEREST_60);
 //! let hub = Responder::new(Address::DEFAULT, [settings; 4]);
 //! let line = Memory { hub, replies: VecDeque::new() };
 //! let mut session = Session::new(line, Address::DEFAULT, Duration::from_secs(1));
