@@ -163,9 +163,7 @@ struct Dependency {
 }
 
 fn dependencies(package: &str) -> Vec<Dependency> {
-    let path = root().join(if package == "src" { "" } else { package }).join("Cargo.toml");
-    // That every package is there is another test's to say.
-    let text = fs::read_to_string(path).unwrap_or_default();
+    let text = manifest(package);
     let (mut found, mut section) = (Vec::new(), String::new());
     for (line, text) in (1..).zip(text.lines().map(str::trim)) {
         if let Some(header) = text.strip_prefix('[') {
@@ -186,14 +184,23 @@ fn dependencies(package: &str) -> Vec<Dependency> {
     found
 }
 
-/// The packages of the table by their names, which are those of their folders but for two.
+fn manifest_path(package: &str) -> String {
+    if package == "src" { "Cargo.toml".to_owned() } else { format!("{package}/Cargo.toml") }
+}
+
+fn manifest(package: &str) -> String {
+    // That every package is there is another test's to say.
+    fs::read_to_string(root().join(manifest_path(package))).unwrap_or_default()
+}
+
+/// The packages of the table by their names.
 fn by_name(packages: &Rules) -> BTreeMap<String, String> {
-    let name = |path: &str| match path {
-        "src" => "motor-hub".to_owned(),
-        "host/client" => "motor-hub-client".to_owned(),
-        _ => path.rsplit('/').next().unwrap_or(path).to_owned(),
+    let name = |path: &String| {
+        let manifest = manifest(path);
+        let line = manifest.lines().find_map(|line| line.strip_prefix("name = "))?;
+        Some((line.trim_matches('"').to_owned(), path.clone()))
     };
-    packages.keys().map(|path| (name(path), path.clone())).collect()
+    packages.keys().filter_map(name).collect()
 }
 
 /// src, boards, host, from the inside out; tools stand outside.
@@ -208,7 +215,7 @@ fn packages_depend_only_on_what_they_may_and_no_wing_on_one_outside_it() {
     for (package, allowed) in &rules {
         for Dependency { line, name, dev, .. } in dependencies(package) {
             let Some(other) = names.get(&name) else { continue };
-            let place = format!("{package}/Cargo.toml:{line}");
+            let place = format!("{}:{line}", manifest_path(package));
             assert!(wing(other) <= wing(package), "{place}: {package} is further inside than {other}");
             assert!(dev || allowed.contains(other), "{place}: {package} may not depend on {other}");
         }
@@ -219,7 +226,7 @@ fn packages_depend_only_on_what_they_may_and_no_wing_on_one_outside_it() {
 fn crates_of_others_stay_in_the_rooms_that_are_for_them() {
     for package in table(PACKAGES).keys() {
         for Dependency { line, name, dev, .. } in dependencies(package) {
-            let place = format!("{package}/Cargo.toml:{line}");
+            let place = format!("{}:{line}", manifest_path(package));
             assert!(package != "xtask", "{place}: xtask needs nothing, so that it is built at once");
             assert!(package == "host/cli" || name != "clap", "{place}: options are for host/cli to read");
             let embassy = name.starts_with("embassy-") && !dev;

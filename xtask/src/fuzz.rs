@@ -17,8 +17,13 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     }
     let corpus = root().join(CORPUS);
     fs::create_dir_all(&corpus).map_err(|error| Failed::at(&corpus, error))?;
-    let fuzz = ["fuzz", "run", "--target-dir", "target/fuzz", "responder", CORPUS, "--"];
-    let minute = ["-max_total_time=60", "-max_len=4096", "-print_final_stats=1", "-verbosity=0"];
-    // The pinned toolchain with nightly's options: a nightly that is at hand may be older than the pin.
-    run(cargo_command(&[&fuzz[..], &minute].concat()).env("RUSTC_BOOTSTRAP", "1"))
+    let folder = root().join("fuzz/fuzz_targets");
+    for target in fs::read_dir(&folder).map_err(|error| Failed::at(&folder, error))?.flatten() {
+        let name = target.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let fuzz = ["fuzz", "run", "--target-dir", "target/fuzz", &name, CORPUS, "--"];
+        let minute = ["-max_total_time=60", "-max_len=4096", "-print_final_stats=1", "-verbosity=0"];
+        // The pinned toolchain with nightly's options: a nightly that is at hand may be older than the pin.
+        run(cargo_command(&[&fuzz[..], &minute].concat()).env("RUSTC_BOOTSTRAP", "1"))?;
+    }
+    Ok(())
 }

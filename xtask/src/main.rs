@@ -22,7 +22,7 @@ struct Task {
     start: fn(&[String]) -> Result<(), Failed>,
 }
 
-const TASKS: [Task; 8] = [
+const TASKS: [Task; 9] = [
     Task {
         name: "check",
         arguments: "",
@@ -53,6 +53,12 @@ const TASKS: [Task; 8] = [
         arguments: "[BOARD]",
         does: "builds an image, flashes it and shows its log",
         start: flash::task,
+    },
+    Task {
+        name: "package",
+        arguments: "",
+        does: "the two published packages, built as whoever downloads them would",
+        start: package,
     },
     Task {
         name: "fuzz",
@@ -103,6 +109,12 @@ fn list() -> String {
 fn test(arguments: &[String]) -> Result<(), Failed> {
     tool::none(arguments)?;
     cargo(&["test"])
+}
+
+fn package(arguments: &[String]) -> Result<(), Failed> {
+    tool::none(arguments)?;
+    // One command, because the client is built with the library that is packed beside it.
+    cargo(&["package", "--package", "motor-hub", "--package", "motor-hub-client"])
 }
 
 fn ci(arguments: &[String]) -> Result<(), Failed> {
