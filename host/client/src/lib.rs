@@ -23,11 +23,12 @@
 //! A line of one's own, with a hub of this project at its other end:
 //!
 //! ```
+//! use motor_hub::braking::Winding;
 //! use motor_hub::hub::Snapshot;
 //! use motor_hub::motor::Settings;
 //! use motor_hub::protocol::{Address, Decoder, frame};
 //! use motor_hub::responder::Responder;
-//! use motor_hub::units::{EmfConstant, Micros, Millivolts};
+//! use motor_hub::units::{Micros, Millivolts};
 //! use motor_hub_client::Session;
 //! use std::collections::VecDeque;
 //! use std::io::{self, Read, Write};
@@ -40,9 +41,9 @@
 //!
 //! impl Write for Memory {
 //!     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-//!         let snapshot = Snapshot { battery: Some(Millivolts(12_345)), ..Snapshot::INITIAL };
-//!         let packet = Decoder::new().next(&mut &*bytes, Micros(0)).expect("a whole request");
-//!         let reply = self.hub.receive(&packet, Micros(0), &snapshot).expect("an answer");
+//!         let snapshot = Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL };
+//!         let packet = Decoder::new().next(&mut &*bytes, Micros::new(0)).expect("a whole request");
+//!         let reply = self.hub.receive(&packet, Micros::new(0), &snapshot).expect("an answer");
 //!         self.replies.extend(&frame::encode(&reply));
 //!         Ok(bytes.len())
 //!     }
@@ -62,7 +63,7 @@
 //! let hub = Responder::new(Address::DEFAULT, [settings; 4]);
 //! let line = Memory { hub, replies: VecDeque::new() };
 //! let mut session = Session::new(line, Address::DEFAULT, Duration::from_secs(1));
-//! assert_eq!(session.battery()?, Millivolts(12_345));
+//! assert_eq!(session.battery()?, Millivolts::new(12_345));
 //!
 //! // A motor without a target is not enabled.
 //! let refused = session.enable(0, true).unwrap_err().to_string();
