@@ -67,7 +67,7 @@ fn what_the_chip_measures_is_what_the_physics_does() {
         let real = bench.look(motor).counts_per_second;
         assert!((speed - real).abs() < 0.04 * real, "motor {motor}: {speed} read, {real} real");
     }
-    let millivolts = read("Millivolts::new(");
+    let millivolts = read("Millivolts(");
     let (volts, _) = bench.battery();
     // The converter resolves 4.6 mV of battery; the filter lags by 40 ms.
     assert!((millivolts - 1000.0 * volts).abs() < 30.0, "{millivolts:?} mV read, {volts} V real");
