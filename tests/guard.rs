@@ -344,20 +344,6 @@ fn open_loop_power_ends_every_suspicion() {
 }
 
 #[test]
-fn an_overhauling_load_within_the_motors_torque_is_no_reversed_encoder() {
-    let mut bench = Bench::<1>::new(50);
-    bench.set(0, velocity(1_000));
-    bench.run_ms(2_000);
-    // Three quarters of the stall torque against it, then gone.
-    bench.axes[0].torque = -2.6;
-    bench.run_ms(3_000);
-    bench.axes[0].torque = 0.0;
-    bench.run_ms(3_000);
-    assert_eq!(bench.fault(0), None);
-    assert!((bench.snapshot.motors[0].velocity.round() - 1_000).abs() < 25);
-}
-
-#[test]
 fn no_scheme_takes_a_load_that_drives_the_motor_for_a_reversed_encoder() {
     for settings in ways() {
         // Up to 0.6 of the stall torque, which is more than Schemes C and D can set against a load by

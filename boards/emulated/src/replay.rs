@@ -9,7 +9,8 @@ use std::time::Duration;
 use motor_hub::braking::Regime;
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::model::plant::Flow;
-use motor_hub::motor::{Report, Setpoint, ZeroPower};
+use motor_hub::motion::EncoderFault;
+use motor_hub::motor::{Faults, Report, Setpoint, ZeroPower};
 use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, RunMode, ToMotor};
 use motor_hub::protocol::setup::{Setup, ToSetup};
 use motor_hub::units::{CountsPerSecond, Duty, Period, RangeError};
@@ -19,6 +20,7 @@ use simulated::trace::{Sample, Tick, Trace};
 
 use crate::bench::{self, Bench};
 use crate::pwm::Output;
+use crate::rtt::LogLine;
 use crate::shafts::{Look, Mounting};
 use crate::talk::Talk;
 
@@ -51,6 +53,9 @@ pub enum ReplayError {
 
 /// How often the host says that it is there.
 const KEEP_ALIVE_S: f64 = 1.0;
+
+/// How often the log tells of the motors, faults included.
+const LOG_S: f64 = 1.0;
 
 /// The chip is up then, and its host has set up the motors.
 const READY_S: f64 = 0.5;
@@ -91,7 +96,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
     let mut heard_s = 0.0;
     let ticks = (scenario.duration_s / period_s).floor() as usize;
     for tick in 1..=ticks {
-        let at_s = tick as f64 * period_s;
+        let at_s = tick as f64 * f64::from(scenario.period.as_millis()) / 1e3;
         while let Some((order_s, order)) = orders.next_if(|&(order_s, _)| order_s < at_s) {
             run_to(&mut bench, order_s);
             carry_out(&mut bench, &mut talk, scenario, order)?;
@@ -112,6 +117,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
     observe(&mut bench, scenario, scenario.duration_s, &mut trace);
     // Seen only for what flowed since the tick before.
     trace.ticks.pop();
+    note_faults(&bench.log(), &mut trace);
     let gaps = bench.gaps();
     if gaps.is_empty() { Ok(trace) } else { Err(ReplayError::Gaps(gaps)) }
 }
@@ -219,6 +225,29 @@ fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace)
     }
     let (battery_v, _) = bench.battery();
     trace.ticks.push(Tick { at_s, battery_v, measured_v: None, motors });
+}
+
+/// Faults as the log tells them, once a second: each holds from the line that names it to the next second's.
+fn note_faults(log: &[LogLine], trace: &mut Trace) {
+    for line in log {
+        let named = line.text.strip_prefix("motor ").and_then(|text| text.split_once(": Faults "));
+        let Some((Ok(motor), faults)) = named.map(|(motor, faults)| (motor.parse::<usize>(), faults)) else {
+            continue;
+        };
+        let from_s = line.at.as_secs_f64();
+        let held = trace.ticks.iter_mut().filter(|tick| (from_s..from_s + LOG_S).contains(&tick.at_s));
+        for sample in held.filter_map(|tick| tick.motors.get_mut(motor)) {
+            sample.report.faults = Faults {
+                battery_unknown: faults.contains("battery_unknown: true"),
+                encoder_stale: faults.contains("encoder_stale: true"),
+                encoder: match faults {
+                    text if text.contains("Stuck") => Some(EncoderFault::Stuck),
+                    text if text.contains("Reversed") => Some(EncoderFault::Reversed),
+                    _ => None,
+                },
+            };
+        }
+    }
 }
 
 /// What flowed from `before` to `after`.

@@ -1,13 +1,16 @@
 //! Scenarios: which motors with which loads are told what, and when.
 //!
-//! A scenario is a TOML file. [`Scenario::parse`] reads it and refuses what is unknown, out of range
-//! or contradictory, with file, line and column; a `Scenario` that exists can be run.
+//! A scenario is a TOML file; `docs/scenarios.md` lists its keys. [`Scenario::parse`] reads it and refuses
+//! what is unknown, out of range or contradictory, with file, line and column; a `Scenario` that exists can
+//! be run. With expectations it is a test.
 
+pub mod expectation;
 mod file;
 mod substitute;
 
 use crate::hardware::{BRIDGE, winding};
 use crate::scheme::DutyChoice;
+use expectation::Expectation;
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::{battery::Battery, catalogue, load::Load, si};
 use motor_hub::motion::Pidf;
@@ -66,6 +69,10 @@ pub struct Scenario {
     pub emf_over_time: Vec<Timed<f64>>,
     /// One to [`MOTORS`](crate::hardware::MOTORS) motors.
     pub motors: Vec<Motor>,
+    /// As a test it is run on the emulated chip too.
+    pub emulated: bool,
+    /// What makes it a test.
+    pub expectations: Vec<Expectation>,
 }
 
 /// One motor of a scenario.

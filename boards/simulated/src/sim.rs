@@ -197,7 +197,8 @@ fn observe(board: &Board, snapshot: &Snapshot<MOTORS>, torques: &[f64]) -> Tick 
     let view = board.view();
     let motors = view.motors.into_iter().zip(&snapshot.motors).zip(torques);
     Tick {
-        at_s: snapshot.at.get() as f64 * 1e-6,
+        // A division, so that 7.95 s is the number that a scenario file writes so.
+        at_s: snapshot.at.get() as f64 / 1e6,
         battery_v: view.battery_v,
         measured_v: snapshot.battery.map(|mv| f64::from(mv.get()) * 1e-3),
         motors: motors

@@ -2,6 +2,7 @@
 #![expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
 
 use simulated::scenario::Scenario;
+use simulated::scenario::expectation::{Bounds, Expectation, Quantity, Subject, Wish};
 
 const SOUND: &str = r#"name = "test"
 duration_s = 2.0
@@ -20,6 +21,11 @@ setpoints = [
     { at_s = 1.0, position_counts = 10, tolerance_counts = 5, speed_limit_cps = 500 },
 ]
 torques = [{ at_s = 0.5, torque_nm = 0.1 }]
+
+[[expect]]
+motor = "one"
+from_s = 0.5
+speed_between_cps = [-100, 1100]
 "#;
 
 #[test]
@@ -99,6 +105,66 @@ fn times_ascend_within_the_run() {
 }
 
 #[test]
+fn an_expectation_is_of_somebody_at_some_time() {
+    refused("motor = \"one\"", "motor = \"two\"", "20:9", "no motor is labelled \"two\"; there are one");
+    refused("motor = \"one\"", "motors = \"one\"", "20:1", "`motor`");
+    refused("from_s = 0.5", "from_s = 2.5", "21:10", "0 to 2");
+    refused("from_s = 0.5", "to_s = nan", "21:8", "0 to 2");
+    refused("from_s = 0.5", "from_s = 0.5\nto_s = 0.5", "19:1", "from_s must be less than to_s");
+    refused("from_s = 0.5", "bus_between_v = [0, 13]", "21:17", "leave motor out");
+}
+
+#[test]
+fn an_expectation_says_something_that_a_run_can_miss() {
+    let says = "speed_between_cps = [-100, 1100]";
+    refused(says, "", "19:1", "at least one thing");
+    refused(says, "never = []", "19:1", "at least one thing");
+    refused(says, "speed_between_cps = [100, -100]", "22:21", "low above high");
+    refused(says, "speed_between_cps = [0, nan]", "22:21", "-1000000 to 1000000");
+    refused(says, "speed_between_cps = [0]", "22:21", "");
+    refused(says, "settles_within_s = -1.0", "22:20", "0 to 300");
+    refused(says, "overshoot_below_percent = inf", "22:27", "0 to 1000");
+    refused(says, "current_step_below_a = -1.0", "22:24", "0 to 1000");
+    refused(says, "never = [\"coasts\"]", "22:10", "`coast`");
+    refused(says, "fault = \"broken\"", "22:9", "`none`, `stuck`, `reversed`");
+    refused("duration_s = 2.0", "duration_s = 2.0\nemulated = 1", "3:12", "");
+}
+
+#[test]
+fn an_expectation_of_no_motor_in_particular_is_of_each() {
+    let second =
+        "\n[[motors]]\nlabel = \"two\"\nmotor = \"AM 20 A\"\nsetpoints = [{ at_s = 0, power = 0.5 }]\n";
+    let text = SOUND.replace("motor = \"one\"\n", "bus_between_v = [9, 13]\n") + second;
+    let scenario = Scenario::parse("s.toml", &text).expect("it is valid");
+    let bounds = |low, high| Bounds { low, high };
+    let expectation = |subject, quantity, bounds| Expectation {
+        subject,
+        window_s: 0.5..2.0,
+        wish: Wish::Quantity(quantity, bounds),
+    };
+    assert_eq!(
+        scenario.expectations,
+        [
+            expectation(Subject::Motor(0), Quantity::Speed, bounds(-100.0, 1100.0)),
+            expectation(Subject::Motor(1), Quantity::Speed, bounds(-100.0, 1100.0)),
+            expectation(Subject::Battery, Quantity::Bus, bounds(9.0, 13.0)),
+        ]
+    );
+}
+
+#[test]
+fn the_hub_is_told_what_the_scenario_says_of_a_motor() {
+    let told = |factors: &str| {
+        let text = SOUND.replace("scheme = \"D\"", &format!("told = {factors}\nscheme = \"D\""));
+        let scenario = Scenario::parse("s.toml", &text).expect("it is valid");
+        scenario.motors.first().expect("a motor").settings().expect("in range")
+    };
+    let [right, wrong] = ["{}", "{ resistance = 1.3, emf = 0.5 }"].map(told);
+    assert!((2 * wrong.winding.emf.to_bits() - right.winding.emf.to_bits()).abs() <= 1);
+    assert_ne!(wrong.winding.resistance, right.winding.resistance);
+}
+
+#[test]
 fn the_hub_drives_one_to_four_differently_named_motors() {
     let motor = "[[motors]]\nlabel = \"n\"\nmotor = \"AM 20 A\"\nsetpoints = [{ at_s = 0, power = 0.5 }]\n";
     let with = |count: usize| {
@@ -113,7 +179,7 @@ fn the_hub_drives_one_to_four_differently_named_motors() {
         twice
             .expect_err("the same label twice")
             .to_string()
-            .starts_with("s.toml:19:9: label \"one\" is taken")
+            .starts_with("s.toml:24:9: label \"one\" is taken")
     );
     refused("label = \"one\"", "label = \" \"", "7:9", "1 to 80 printable");
 }

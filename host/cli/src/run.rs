@@ -49,10 +49,16 @@ impl Options {
         files.extend(drawn(&comparison.figures())?);
         let files = write_all(&self.out, files)?;
         if self.json {
-            return print_json(&comparison.json(&files));
+            print_json(&comparison.json(&files))?;
+        } else {
+            print(&comparison.tables())?;
+            print(&format!("\nCharts (SVG, PNG) and traces (CSV) are in {}\n", self.out.display()))?;
         }
-        print(&comparison.tables())?;
-        print(&format!("\nCharts (SVG, PNG) and traces (CSV) are in {}\n", self.out.display()))
+        let verdicts = comparison.verdicts();
+        match verdicts.iter().filter(|verdict| !verdict.met()).count() {
+            0 => Ok(()),
+            unmet => Err(Failure::Work(format!("{unmet} of {} expectations are not met", verdicts.len()))),
+        }
     }
 
     /// The scenario with all options applied.

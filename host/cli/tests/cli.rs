@@ -104,6 +104,38 @@ fn proportional_braking_slows_down_more_gently_than_none() {
     assert!(with < 30.0 && without > 3.0 * with, "{with} against {without} counts/s");
     let (with, without) = both("winch", "/energy_to_battery_j");
     assert!(with > 5.0 && without < 0.1, "{with} J against {without} J");
+    assert_eq!(document["expectations"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn a_run_says_what_was_expected_of_it_and_fails_if_it_came_otherwise() {
+    let out = folder("expected");
+    let scenario = out.with_extension("toml");
+    let sound = "name = \"s\"\nduration_s = 0.5\nbattery = { emf_v = 12.0, resistance_ohm = 0.05 }\n\
+        [[motors]]\nlabel = \"one\"\nmotor = \"AM 20 A\"\nsetpoints = [{ at_s = 0, power = 0.5 }]\n\
+        [[expect]]\nspeed_between_cps = [-10, 9000]\n";
+    for (more, code, cell) in [("", 0, "met"), ("never = [\"forward\"]\n", 1, "NOT MET")] {
+        std::fs::write(&scenario, format!("{sound}{more}")).unwrap();
+        let run = ["run", "--scenario", scenario.to_str().unwrap(), "--out", out.to_str().unwrap()];
+        let output = motor_hub(&run);
+        assert_eq!(output.status.code(), Some(code), "{}", text(&output.stdout));
+        assert!(
+            text(&output.stdout).contains(cell) && text(&output.stdout).contains("-10 to 9000"),
+            "{}",
+            text(&output.stdout)
+        );
+        let said = if code == 1 { "1 of 2 expectations are not met" } else { "" };
+        assert!(text(&output.stderr).contains(said));
+
+        let output = motor_hub(&[&run[..], &["--json"]].concat());
+        assert_eq!(output.status.code(), Some(code));
+        let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let verdicts = document["expectations"].as_array().unwrap();
+        assert_eq!(verdicts[0]["expected"], "speed_between_cps");
+        assert_eq!(verdicts[0]["wanted"], serde_json::json!([-10.0, 9000.0]));
+        assert!(verdicts[0]["measured"][1].as_f64().unwrap() > 100.0);
+        assert_eq!(verdicts.iter().all(|verdict| verdict["met"] == true), code == 0);
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! | room | what it tells |
 //! |---|---|
 //! | [`measures`] | a run in numbers: settling, overshoot, jerk, energy |
+//! | [`expectations`] | whether a run is as its scenario expects |
 //! | [`report`] | a scenario with and without a braking regime |
 //! | [`compare`] | the same tasks under every scheme and duty rule |
 //! | [`overlay`] | the flashed image beside the same core on the simulated board |
@@ -26,6 +27,7 @@
 
 pub mod compare;
 pub mod eval;
+pub mod expectations;
 pub mod figures;
 pub mod measures;
 pub mod overlay;

@@ -5,6 +5,7 @@ mod figures;
 mod tables;
 
 use crate::NamedFigure;
+use crate::expectations::{Verdict, judge};
 use crate::measures::Measures;
 use serde::Serialize;
 use serde_json::json;
@@ -23,6 +24,8 @@ pub struct Comparison {
     without: Trace,
     /// By motor: as set, and without a braking regime.
     measures: Vec<[Measures; 2]>,
+    /// On the run as set.
+    verdicts: Vec<Verdict>,
 }
 
 /// One motor in the JSON report.
@@ -43,7 +46,13 @@ impl Comparison {
             [&as_set, &without].map(|trace| Measures::new(motor, scenario.duration_s, trace, index))
         });
         let measures = measures.collect();
-        Self { scenario, as_set, without, measures }
+        let verdicts = judge(&scenario, &as_set);
+        Self { scenario, as_set, without, measures, verdicts }
+    }
+
+    /// What was expected of the run as set, and whether it came so.
+    pub fn verdicts(&self) -> &[Verdict] {
+        &self.verdicts
     }
 
     /// The tables for people.
@@ -70,6 +79,7 @@ impl Comparison {
             "control_period_ms": self.scenario.period.as_millis(),
             "seed": self.scenario.seed,
             "motors": motors,
+            "expectations": self.verdicts.iter().map(Verdict::json).collect::<Vec<_>>(),
             "files": files,
         })
     }

@@ -1,8 +1,11 @@
 //! The scenario file as it is written, and the checks that make a [`Scenario`] of it.
 
+mod expect;
+
 use super::{LONGEST_S, Motor, Scenario, Timed, Told};
 use crate::hardware::MOTORS;
 use crate::scheme::{BlendChoice, BlendError, DutyChoice, SchemeName};
+use expect::ExpectTable;
 use motor_hub::model::catalogue::{UnknownMotor, characterised};
 use motor_hub::model::{battery::Battery, load::Load, si};
 use motor_hub::motion::Pidf;
@@ -84,6 +87,26 @@ pub enum Mistake {
     /// An empty name, a very long one, or one with control characters.
     #[error("{0} must be 1 to 80 printable characters")]
     Name(&'static str),
+    /// An expectation that any run meets.
+    #[error("an expectation says at least one thing of a motor or of the battery")]
+    ExpectsNothing,
+    /// A window that ends before it begins, or there and then.
+    #[error("from_s must be less than to_s; without them a window is the whole run")]
+    EmptyWindow,
+    /// An expectation of a motor that is not there.
+    #[error("no motor is labelled {label:?}; there are {}", .known.join(", "))]
+    NoSuchLabel {
+        /// What the file says.
+        label: String,
+        /// What could be said.
+        known: Vec<String>,
+    },
+    /// The battery is no motor's own.
+    #[error("bus_between_v is of the battery; leave motor out")]
+    BusOfMotor,
+    /// The lower bound is above the upper one.
+    #[error("{0} = [low, high] with low above high")]
+    LowAboveHigh(&'static str),
 }
 
 /// What is wrong, and where in the text.
@@ -124,8 +147,12 @@ struct File {
     duration_s: Spanned<f64>,
     control_period_ms: Option<Spanned<i64>>,
     seed: Option<u32>,
+    #[serde(default)]
+    emulated: bool,
     battery: BatteryTable,
     motors: Spanned<Vec<Spanned<MotorTable>>>,
+    #[serde(default)]
+    expect: Vec<Spanned<ExpectTable>>,
 }
 
 #[derive(Deserialize)]
@@ -261,6 +288,10 @@ pub(super) fn read(text: &str) -> Checked<Scenario> {
         }
         None => Period::DEFAULT,
     };
+    let mut expectations = Vec::new();
+    for table in &file.expect {
+        expectations.extend(table.get_ref().check(table, &motors, duration_s)?);
+    }
     Ok(Scenario {
         name: named(&file.name, "name")?,
         duration_s,
@@ -277,6 +308,8 @@ pub(super) fn read(text: &str) -> Checked<Scenario> {
             |t, _| within(&t.emf_v, "emf_v", EMF),
         )?,
         motors,
+        emulated: file.emulated,
+        expectations,
     })
 }
 
@@ -442,29 +475,29 @@ fn named(text: &Spanned<String>, key: &'static str) -> Checked<String> {
 /// Not a number is in no range.
 fn within<T>(value: &Spanned<T>, key: &'static str, range: RangeInclusive<T>) -> Checked<T>
 where
-    T: Copy + PartialOrd + AsFloat,
+    T: Copy + PartialOrd + ToFloat,
 {
     let number = *value.get_ref();
     if range.contains(&number) {
         return Ok(number);
     }
-    let [value_as, low, high] = [number, *range.start(), *range.end()].map(AsFloat::as_float);
+    let [value_as, low, high] = [number, *range.start(), *range.end()].map(ToFloat::to_float);
     Err(fault(value, Mistake::OutOfRange { key, value: value_as, low, high }))
 }
 
 /// A number of the file, for messages.
-trait AsFloat {
-    fn as_float(self) -> f64;
+trait ToFloat {
+    fn to_float(self) -> f64;
 }
 
-impl AsFloat for f64 {
-    fn as_float(self) -> f64 {
+impl ToFloat for f64 {
+    fn to_float(self) -> f64 {
         self
     }
 }
 
-impl AsFloat for i64 {
-    fn as_float(self) -> f64 {
+impl ToFloat for i64 {
+    fn to_float(self) -> f64 {
         self as f64
     }
 }

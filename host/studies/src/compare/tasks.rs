@@ -111,6 +111,8 @@ fn plan(speeds: &[(f64, f64)], torques: &[(f64, f64)]) -> Result<Scenario, Unkno
             setpoints: speeds.iter().map(speed).collect(),
             torques: [(0.0, 0.0)].iter().chain(torques).map(torque).collect(),
         }],
+        emulated: false,
+        expectations: Vec::new(),
     })
 }
 

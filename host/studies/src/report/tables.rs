@@ -1,6 +1,7 @@
 //! Both runs of each motor as a table for people.
 
 use super::{Comparison, WITHOUT};
+use crate::expectations::{Verdict, Wanted};
 use crate::measures::Measures;
 use crate::table;
 use comfy_table::{ColumnConstraint, Width};
@@ -41,7 +42,30 @@ pub(super) fn all(comparison: &Comparison) -> String {
     }
     out.push_str(DEFINITIONS);
     out.push('\n');
+    if !comparison.verdicts.is_empty() {
+        out.push('\n');
+        out.push_str(&expectations(&comparison.verdicts));
+        out.push('\n');
+    }
     out
+}
+
+/// What was expected of the run as set.
+fn expectations(verdicts: &[Verdict]) -> String {
+    let mut table = table::new(&["expected of", "in s", "wanted", "measured", ""], 2);
+    for verdict in verdicts {
+        let Verdict { subject, window_s, wish, measured } = verdict;
+        let window = format!("{} to {}", window_s.start, window_s.end);
+        let met = if verdict.met() { "met" } else { "NOT MET" };
+        table.add_row([
+            subject.clone(),
+            window,
+            Wanted(*wish).to_string(),
+            measured.to_string(),
+            met.to_owned(),
+        ]);
+    }
+    table.to_string()
 }
 
 /// What each row is called, and its cells.

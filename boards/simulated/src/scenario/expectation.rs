@@ -1,0 +1,98 @@
+//! What a scenario's run is expected to be like. Whether it is, is measured and judged elsewhere.
+
+use motor_hub::motion::EncoderFault;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// One thing that is expected of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expectation {
+    /// Of what.
+    pub subject: Subject,
+    /// When, in seconds.
+    pub window_s: Range<f64>,
+    /// What.
+    pub wish: Wish,
+}
+
+/// What an expectation is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Subject {
+    /// A motor, by its index.
+    Motor(usize),
+    /// The battery.
+    Battery,
+}
+
+/// What is expected.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wish {
+    /// A quantity lies within bounds, all the time if it changes.
+    Quantity(Quantity, Bounds),
+    /// The motor is in this regime at one control tick or more.
+    Ever(RegimeName),
+    /// The motor is in this regime at no control tick.
+    Never(RegimeName),
+    /// Nothing but this fault comes, and it does come; or none at all.
+    Fault(Option<EncoderFault>),
+}
+
+/// Lowest and highest value that is allowed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Bounds {
+    /// At least.
+    pub low: f64,
+    /// At most.
+    pub high: f64,
+}
+
+/// What can be measured of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Seconds until a change of set-point or torque has settled: the longest.
+    SettlingTime,
+    /// Overshoot after such a change in percent: the largest.
+    Overshoot,
+    /// True speed in counts per second.
+    Speed,
+    /// True position in encoder counts.
+    Position,
+    /// From the lowest to the highest true speed, in counts per second.
+    Swing,
+    /// Change of the mean motor current between control periods while slowing down, in amperes: the largest.
+    CurrentStep,
+    /// Energy that the motor's bridge returned to the battery, in joules.
+    EnergyReturned,
+    /// Voltage at the battery's terminals in volts.
+    Bus,
+}
+
+impl Quantity {
+    /// What scenario files call an expectation of it.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::SettlingTime => "settles_within_s",
+            Self::Overshoot => "overshoot_below_percent",
+            Self::Speed => "speed_between_cps",
+            Self::Position => "position_between_counts",
+            Self::Swing => "swing_between_cps",
+            Self::CurrentStep => "current_step_below_a",
+            Self::EnergyReturned => "energy_returned_between_j",
+            Self::Bus => "bus_between_v",
+        }
+    }
+}
+
+/// A regime, or none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RegimeName {
+    /// Driven with the motion.
+    Forward,
+    /// Proportional braking.
+    Braking,
+    /// Driven against the motion.
+    Reverse,
+    /// Open bridge: disabled, floating or at fault.
+    Coast,
+}

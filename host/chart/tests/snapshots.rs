@@ -1,0 +1,118 @@
+//! What small figures look like, element by element. Together they use everything that a figure can have.
+
+mod snapshot;
+
+use chart::{Band, Figure, Panel, Point, Series, Style, colour};
+
+fn series(name: &str, colour: &'static str, style: Style, data: &[(f64, f64)]) -> Series {
+    Series { name: name.into(), colour, style, data: data.to_vec() }
+}
+
+fn panel(y_label: &str, series: Vec<Series>) -> Panel {
+    Panel { y_label: y_label.into(), height: 120.0, series, ..Panel::default() }
+}
+
+/// Four lines that differ in their style alone, one of them with a gap.
+fn styles() -> Figure {
+    let data = [(0.0, 1.0), (1.0, 3.0), (2.0, 2.0), (3.0, 4.0)];
+    let raised = |by: f64| data.map(|(x, y)| (x, y + by));
+    let gap = [(0.0, 10.0), (1.0, 12.0), (1.5, f64::NAN), (2.0, 11.0), (3.0, 13.0)];
+    Figure {
+        title: "Styles".into(),
+        subtitle: "a line with a gap, dashed, steps, dashed steps".into(),
+        x_label: "x, s".into(),
+        x_range: None,
+        panels: vec![panel(
+            "y, V",
+            vec![
+                series("line", colour::INK, Style::Line, &gap),
+                series("dashed", colour::BLUE, Style::Dashed, &raised(6.0)),
+                series("step", colour::RED, Style::Step, &raised(3.0)),
+                series("dashed step", colour::GREEN, Style::DashedStep, &raised(0.0)),
+            ],
+        )],
+    }
+}
+
+/// Bands that two panels share, each named once; one sticks out of the axis.
+fn bands() -> Figure {
+    let bands = vec![
+        Band { from: -1.0, to: 0.5, colour: "#e2f2de", name: "forward" },
+        Band { from: 0.5, to: 1.0, colour: "#d6e6f8", name: "braking" },
+        Band { from: 1.0, to: 1.5, colour: "#e2f2de", name: "forward" },
+    ];
+    let line = || vec![series("speed", colour::PURPLE, Style::Line, &[(0.0, -2.5), (2.0, 7.5)])];
+    let upper = Panel { bands: bands.clone(), ..panel("upper", line()) };
+    let lower = Panel { bands, height: 64.0, y_range: Some((-3.0, 9.0)), ..panel("lower", line()) };
+    Figure {
+        title: "Bands".into(),
+        x_range: Some((0.0, 2.0)),
+        panels: vec![upper, lower],
+        ..Figure::default()
+    }
+}
+
+/// Named points, on either side of their mark; a line that leaves the axes is cut.
+fn points() -> Figure {
+    let point = |x: f64, y: f64, name: &str| Point { at: (x, y), name: name.into(), colour: colour::INK };
+    Figure {
+        title: "Points".into(),
+        x_label: "control, counts".into(),
+        x_range: Some((-100.0, 100.0)),
+        panels: vec![Panel {
+            y_range: Some((-1.0, 1.0)),
+            points: vec![point(-80.0, -0.5, "S"), point(0.0, 0.0, "T"), point(95.0, 0.5, "G")],
+            ..panel(
+                "y",
+                vec![series(
+                    "line",
+                    colour::GREY,
+                    Style::Line,
+                    &[(-200.0, -4.0), (-90.0, -1.8), (90.0, 1.8)],
+                )],
+            )
+        }],
+        ..Figure::default()
+    }
+}
+
+/// Nothing to show, a single value, very small and very large numbers; words that must be escaped.
+fn edges() -> Figure {
+    let line = |data: &[(f64, f64)]| vec![series("<a> & \"b\"", colour::BLUE, Style::Line, data)];
+    Figure {
+        title: "1 < 2 & 3 > 2".into(),
+        subtitle: "</text>".into(),
+        x_label: "a & b".into(),
+        x_range: None,
+        panels: vec![
+            panel("nothing", Vec::new()),
+            panel("one value", line(&[(4.0, 7.0)])),
+            panel("small", line(&[(0.0, -2e-4), (10.0, 7e-4)])),
+            panel("large", line(&[(0.0, -3e6), (10.0, 12e6)])),
+        ],
+    }
+}
+
+/// More samples than the page can show: a peak stays.
+fn dense() -> Figure {
+    let wave = |n: i32| (f64::from(n), if n == 4321 { 5.0 } else { f64::from(n % 7 - 3) });
+    let data: Vec<_> = (0..10_000).map(wave).collect();
+    Figure {
+        title: "Dense".into(),
+        x_range: Some((4000.0, 4500.0)),
+        panels: vec![panel("y", vec![series("wave", colour::INK, Style::Line, &data)])],
+        ..Figure::default()
+    }
+}
+
+#[test]
+fn figures_look_as_they_did() {
+    let figures = [
+        ("styles", styles()),
+        ("bands", bands()),
+        ("points", points()),
+        ("edges", edges()),
+        ("dense", dense()),
+    ];
+    snapshot::assert_all(&figures.map(|(name, figure)| (format!("{name}.svg"), figure.svg())));
+}

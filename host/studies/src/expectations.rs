@@ -1,0 +1,293 @@
+//! Whether a run is as its scenario expects: each expectation beside what was measured.
+//!
+//! What there is nothing of cannot be as expected: no change of set-point to settle, no control tick in the
+//! window.
+//!
+//! ```
+//! use simulated::{scenario::Scenario, sim};
+//! use studies::expectations::judge;
+//!
+//! let scenario = Scenario::parse("turns.toml", r#"
+//! name = "it turns"
+//! duration_s = 1.0
+//! battery = { emf_v = 12.0, resistance_ohm = 0.1 }
+//! [[motors]]
+//! label = "fan"
+//! motor = "AM 20 A"
+//! setpoints = [{ at_s = 0.0, power = 0.5 }]
+//! [[expect]]
+//! from_s = 0.9
+//! speed_between_cps = [100, 3000]
+//! "#)?;
+//! let trace = sim::run(&scenario, &mut |_| ())?;
+//! for verdict in judge(&scenario, &trace) {
+//!     assert!(verdict.met(), "{verdict}");
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use crate::measures::{Measures, Response};
+use motor_hub::braking::Regime;
+use motor_hub::motion::EncoderFault;
+use motor_hub::motor::Faults;
+use serde::Serialize;
+use serde_json::json;
+use simulated::scenario::Scenario;
+use simulated::scenario::expectation::{Bounds, Expectation, Quantity, RegimeName, Subject, Wish};
+use simulated::trace::{Sample, Trace};
+use std::fmt;
+use std::ops::Range;
+
+/// An expectation and what came of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verdict {
+    /// The motor's label, or "battery".
+    pub subject: String,
+    /// When, in seconds.
+    pub window_s: Range<f64>,
+    /// What was wanted.
+    pub wish: Wish,
+    /// What was.
+    pub measured: Measured,
+}
+
+/// What was measured for a wish.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Measured {
+    /// There is nothing to measure.
+    Nothing,
+    /// One number, in the quantity's unit; infinite if it never settled.
+    Number(f64),
+    /// Lowest and highest value, in the quantity's unit.
+    Between(f64, f64),
+    /// Every regime that came.
+    Regimes(Vec<RegimeName>),
+    /// Every fault that came.
+    Faults(Vec<FaultName>),
+}
+
+/// A motor's fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultName {
+    /// No battery voltage is known.
+    BatteryUnknown,
+    /// No encoder reading.
+    EncoderStale,
+    /// The encoder does not count.
+    Stuck,
+    /// The encoder counts the wrong way.
+    Reversed,
+}
+
+impl From<EncoderFault> for FaultName {
+    fn from(fault: EncoderFault) -> Self {
+        match fault {
+            EncoderFault::Stuck => Self::Stuck,
+            EncoderFault::Reversed => Self::Reversed,
+        }
+    }
+}
+
+/// Holds every expectation of a scenario against a run of it, in the order of the file.
+#[must_use]
+pub fn judge(scenario: &Scenario, trace: &Trace) -> Vec<Verdict> {
+    let verdict = |expectation: &Expectation| {
+        let Expectation { subject, window_s, wish } = expectation;
+        let label = match subject {
+            Subject::Motor(index) => scenario.motors.get(*index).map(|motor| motor.label.clone()),
+            Subject::Battery => Some("battery".to_owned()),
+        };
+        Verdict {
+            subject: label.unwrap_or_default(),
+            window_s: window_s.clone(),
+            wish: *wish,
+            measured: measure(scenario, trace, expectation).unwrap_or(Measured::Nothing),
+        }
+    };
+    scenario.expectations.iter().map(verdict).collect()
+}
+
+/// `None` if there is nothing to measure.
+fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Option<Measured> {
+    let window_s = &expectation.window_s;
+    let Subject::Motor(index) = expectation.subject else {
+        let ticks = trace.ticks.iter().filter(|tick| window_s.contains(&tick.at_s));
+        return extent(ticks.map(|tick| tick.battery_v)).map(|(low, high)| Measured::Between(low, high));
+    };
+    let motor = scenario.motors.get(index)?;
+    let samples: Vec<&Sample> =
+        trace.motor(index).filter(|(at, _)| window_s.contains(at)).map(|(_, sample)| sample).collect();
+    if samples.is_empty() {
+        return None;
+    }
+    let measures = Measures::between(motor, window_s.clone(), trace, index);
+    let worst = |of: &dyn Fn(&Response) -> Option<f64>| {
+        measures.responses.iter().filter_map(of).reduce(f64::max).map(Measured::Number)
+    };
+    let speeds = || extent(samples.iter().map(|sample| sample.speed_cps));
+    Some(match expectation.wish {
+        Wish::Quantity(quantity, _) => match quantity {
+            Quantity::SettlingTime => worst(&|response| Some(response.settling_s.unwrap_or(f64::INFINITY)))?,
+            Quantity::Overshoot => worst(&|response| response.overshoot_percent)?,
+            Quantity::Speed => speeds().map(|(low, high)| Measured::Between(low, high))?,
+            Quantity::Position => extent(samples.iter().map(|sample| sample.counts as f64))
+                .map(|(low, high)| Measured::Between(low, high))?,
+            Quantity::Swing => speeds().map(|(low, high)| Measured::Number(high - low))?,
+            Quantity::CurrentStep => {
+                // Without slowing down there is none.
+                Some(measures.deceleration_jerk.worst_a).filter(|&step| step > 0.0).map(Measured::Number)?
+            }
+            Quantity::EnergyReturned => Measured::Number(measures.energy_to_battery_j),
+            // Of a motor there is none.
+            Quantity::Bus => return None,
+        },
+        Wish::Ever(_) | Wish::Never(_) => {
+            Measured::Regimes(each_once(samples.iter().map(|sample| regime(sample))))
+        }
+        Wish::Fault(_) => {
+            Measured::Faults(each_once(samples.iter().flat_map(|sample| faults(sample.report.faults))))
+        }
+    })
+}
+
+fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    values.map(|value| (value, value)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+}
+
+/// In the order of their first coming.
+fn each_once<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
+    let mut seen = Vec::new();
+    for value in values {
+        if !seen.contains(&value) {
+            seen.push(value);
+        }
+    }
+    seen
+}
+
+fn regime(sample: &Sample) -> RegimeName {
+    match sample.report.regime {
+        Some(Regime::Forward) => RegimeName::Forward,
+        Some(Regime::Braking) => RegimeName::Braking,
+        Some(Regime::Reverse) => RegimeName::Reverse,
+        None => RegimeName::Coast,
+    }
+}
+
+fn faults(faults: Faults) -> impl Iterator<Item = FaultName> {
+    let battery = faults.battery_unknown.then_some(FaultName::BatteryUnknown);
+    let stale = faults.encoder_stale.then_some(FaultName::EncoderStale);
+    [battery, stale, faults.encoder.map(FaultName::from)].into_iter().flatten()
+}
+
+impl Verdict {
+    /// True if what was measured is what was wanted.
+    #[must_use]
+    pub fn met(&self) -> bool {
+        match (self.wish, &self.measured) {
+            (Wish::Quantity(_, Bounds { low, high }), &Measured::Number(value)) => {
+                low <= value && value <= high
+            }
+            (Wish::Quantity(_, Bounds { low, high }), &Measured::Between(least, most)) => {
+                low <= least && most <= high
+            }
+            (Wish::Ever(regime), Measured::Regimes(seen)) => seen.contains(&regime),
+            (Wish::Never(regime), Measured::Regimes(seen)) => !seen.contains(&regime),
+            (Wish::Fault(wanted), Measured::Faults(seen)) => {
+                seen.iter().copied().eq(wanted.map(FaultName::from))
+            }
+            _ => false,
+        }
+    }
+
+    /// For programs. Quantities are in the unit that their name in scenario files ends with.
+    #[must_use]
+    pub fn json(&self) -> serde_json::Value {
+        let (expected, wanted) = match self.wish {
+            Wish::Quantity(quantity, Bounds { low, high }) => (quantity.key(), json!([low, high])),
+            Wish::Ever(regime) => ("ever", json!(regime)),
+            Wish::Never(regime) => ("never", json!(regime)),
+            Wish::Fault(fault) => ("fault", json!(fault.map(FaultName::from))),
+        };
+        json!({
+            "of": self.subject,
+            "from_s": self.window_s.start,
+            "to_s": self.window_s.end,
+            "expected": expected,
+            "wanted": wanted,
+            "measured": self.measured,
+            "met": self.met(),
+        })
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { subject, window_s, wish, measured } = self;
+        let Range { start, end } = window_s;
+        write!(f, "{subject}, {start} to {end} s: wanted {}, measured {measured}", Wanted(*wish))
+    }
+}
+
+/// A wish in words.
+pub struct Wanted(pub Wish);
+
+impl fmt::Display for Wanted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Wish::Quantity(quantity, Bounds { low, high }) => match quantity {
+                Quantity::SettlingTime => write!(f, "settles within {high} s"),
+                Quantity::Overshoot => write!(f, "overshoot at most {high} %"),
+                Quantity::Speed => write!(f, "speed {low} to {high} counts/s"),
+                Quantity::Position => write!(f, "position {low} to {high} counts"),
+                Quantity::Swing => write!(f, "swing {low} to {high} counts/s"),
+                Quantity::CurrentStep => write!(f, "steps of the braking current at most {high} A"),
+                Quantity::EnergyReturned => write!(f, "energy returned {low} to {high} J"),
+                Quantity::Bus => write!(f, "bus {low} to {high} V"),
+            },
+            Wish::Ever(regime) => write!(f, "{} at times", Name(&regime)),
+            Wish::Never(regime) => write!(f, "never {}", Name(&regime)),
+            Wish::Fault(None) => f.write_str("no fault"),
+            Wish::Fault(Some(fault)) => write!(f, "fault: {}", Name(&FaultName::from(fault))),
+        }
+    }
+}
+
+impl fmt::Display for Measured {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nothing => f.write_str("nothing"),
+            Self::Number(value) if value.is_infinite() => f.write_str("never"),
+            Self::Number(value) => write!(f, "{value:.2}"),
+            Self::Between(low, high) => write!(f, "{low:.2} to {high:.2}"),
+            Self::Regimes(names) => list(f, names),
+            Self::Faults(names) => list(f, names),
+        }
+    }
+}
+
+fn list<T: fmt::Debug>(f: &mut fmt::Formatter<'_>, names: &[T]) -> fmt::Result {
+    if names.is_empty() {
+        return f.write_str("none");
+    }
+    for (n, name) in names.iter().enumerate() {
+        write!(f, "{}{}", if n == 0 { "" } else { ", " }, Name(name))?;
+    }
+    Ok(())
+}
+
+/// A variant's name in lower case, its words apart.
+struct Name<'a, T>(&'a T);
+
+impl<T: fmt::Debug> fmt::Display for Name<'_, T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = format!("{:?}", self.0);
+        for (n, letter) in name.char_indices() {
+            let gap = if n > 0 && letter.is_ascii_uppercase() { " " } else { "" };
+            write!(f, "{gap}{}", letter.to_ascii_lowercase())?;
+        }
+        Ok(())
+    }
+}

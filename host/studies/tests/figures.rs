@@ -1,0 +1,94 @@
+//! What is drawn in every figure of the paper and of the points: its words, axes, lines and points.
+//!
+//! A figure of curves is some 70 kB of SVG, which nobody would read in a review and which changes in a
+//! thousand places with the last bit of a duty. How lines become SVG is tested with the charts themselves;
+//! so of each line here stand its look, length, ends, extremes and mean, to five digits.
+
+#[path = "../../chart/tests/snapshot/mod.rs"]
+mod snapshot;
+
+use chart::{Figure, Panel, Series};
+use motor_hub::braking::Scheme;
+use motor_hub::model::catalogue::characterised;
+use std::fmt::Write;
+use studies::points::OperatingReport;
+use studies::{NamedFigure, figures};
+
+#[test]
+fn figures_show_what_they_did() {
+    let mut drawn: Vec<NamedFigure> = figures::all().expect("the catalogue has the paper's motor");
+    assert_eq!(drawn.len(), 13);
+    let motor = characterised("AM 60 A").expect("it is known");
+    for (name, scheme, cps) in [("points-a", Scheme::A, 1360), ("points-b-backwards", Scheme::B, -1360)] {
+        let report = OperatingReport::new(motor, scheme, cps, 12_000).expect("in range");
+        drawn.push((name.to_owned(), report.figure()));
+    }
+    let digests = drawn.iter().map(|(name, figure)| (format!("{name}.txt"), digest(figure)));
+    snapshot::assert_all(&digests.collect::<Vec<_>>());
+}
+
+fn digest(figure: &Figure) -> String {
+    let Figure { title, subtitle, x_label, x_range, panels } = figure;
+    let mut out = format!("{title}\n{subtitle}\nx: {x_label}, {}\n", range(*x_range));
+    for panel in panels {
+        of_panel(&mut out, panel);
+    }
+    out
+}
+
+fn of_panel(out: &mut String, Panel { y_label, height, y_range, bands, series, points }: &Panel) {
+    // Writing to a String cannot fail.
+    let _ = writeln!(out, "\npanel: {y_label}, {}, {height} pixels", range(*y_range));
+    for band in bands {
+        let _ = writeln!(
+            out,
+            "  band {}: {} to {}, {}",
+            band.name,
+            digits(band.from),
+            digits(band.to),
+            band.colour
+        );
+    }
+    for line in series {
+        of_series(out, line);
+    }
+    for point in points {
+        let _ = writeln!(out, "  point {}: {}, {}", point.name, at(point.at), point.colour);
+    }
+}
+
+fn of_series(out: &mut String, Series { name, colour, style, data }: &Series) {
+    let known: Vec<(f64, f64)> = data.iter().copied().filter(|(_, y)| y.is_finite()).collect();
+    let _ = writeln!(
+        out,
+        "  {style:?} {name}, {colour}: {} samples, {} gaps",
+        data.len(),
+        data.len() - known.len()
+    );
+    let end = |sample: Option<&(f64, f64)>| sample.map_or("none".to_owned(), |&sample| at(sample));
+    let by_height = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
+    let mean = known.iter().map(|(_, y)| y).sum::<f64>() / known.len().max(1) as f64;
+    for (what, value) in [
+        ("first", end(known.first())),
+        ("last", end(known.last())),
+        ("lowest", end(known.iter().min_by(by_height))),
+        ("highest", end(known.iter().max_by(by_height))),
+        ("mean", digits(mean)),
+    ] {
+        let _ = writeln!(out, "    {what}: {value}");
+    }
+}
+
+fn range(range: Option<(f64, f64)>) -> String {
+    range.map_or("as the data".to_owned(), |(low, high)| format!("{} to {}", digits(low), digits(high)))
+}
+
+fn at((x, y): (f64, f64)) -> String {
+    format!("({}, {})", digits(x), digits(y))
+}
+
+/// Five significant digits; next to nothing is 0.
+fn digits(value: f64) -> String {
+    let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
+    if value.abs() < 1e-9 { "0".to_owned() } else { rounded.to_string() }
+}

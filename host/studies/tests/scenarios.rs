@@ -1,0 +1,101 @@
+//! Every scenario in `tests/scenarios`, run on the simulated board, is as it expects.
+
+mod scenario_files;
+
+use simulated::scenario::Scenario;
+use simulated::sim;
+use std::sync::{Mutex, PoisonError};
+use studies::expectations::{Verdict, judge};
+
+/// The mock driver's clock is one for the process.
+static CLOCK: Mutex<()> = Mutex::new(());
+
+fn verdicts(scenario: &Scenario) -> Vec<Verdict> {
+    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
+    judge(scenario, &sim::run(scenario, &mut |_| ()).expect("the simulation runs"))
+}
+
+#[test]
+fn every_scenario_is_as_it_expects() {
+    let mut unmet = Vec::new();
+    for (file, scenario) in scenario_files::all() {
+        assert!(!scenario.expectations.is_empty(), "{file} expects nothing");
+        unmet.extend(scenario_files::unmet(&file, &verdicts(&scenario)));
+    }
+    assert!(unmet.is_empty(), "not as expected:\n{}", unmet.join("\n"));
+}
+
+/// A motor that reaches two speeds and is then pushed, with one expectation.
+fn with(expectation: &str) -> Verdict {
+    let text = format!(
+        r#"
+name = "a motor turns"
+duration_s = 3.0
+battery = {{ emf_v = 12.0, resistance_ohm = 0.05 }}
+[[motors]]
+label = "one"
+motor = "AM 60 A"
+load = {{ inertia_kg_m2 = 0.01 }}
+setpoints = [{{ at_s = 0.2, velocity_cps = 2000 }}, {{ at_s = 1.5, velocity_cps = 500 }}]
+torques = [{{ at_s = 2.2, torque_nm = 0.2 }}]
+[[expect]]
+{expectation}
+"#
+    );
+    let scenario = Scenario::parse("one.toml", &text).expect("it is valid");
+    verdicts(&scenario).pop().expect("one expectation")
+}
+
+#[test]
+fn every_expectation_can_hold_and_can_fail() {
+    for (holds, fails) in [
+        ("to_s = 1.5\nsettles_within_s = 1.3", "settles_within_s = 0.01"),
+        ("overshoot_below_percent = 50", "overshoot_below_percent = 0"),
+        ("speed_between_cps = [-100, 2500]", "speed_between_cps = [-100, 1500]"),
+        ("speed_between_cps = [-100, 2500]", "speed_between_cps = [500, 2500]"),
+        ("from_s = 2.9\nspeed_between_cps = [480, 520]", "to_s = 1.0\nspeed_between_cps = [480, 520]"),
+        ("position_between_counts = [0, 5000]", "position_between_counts = [0, 1000]"),
+        ("from_s = 2.9\nswing_between_cps = [0, 100]", "swing_between_cps = [0, 100]"),
+        ("swing_between_cps = [1500, 2500]", "swing_between_cps = [3000, 4000]"),
+        ("current_step_below_a = 100", "current_step_below_a = 0.01"),
+        ("energy_returned_between_j = [0.1, 20]", "energy_returned_between_j = [20, 30]"),
+        ("bus_between_v = [9, 13]", "bus_between_v = [9, 11.9]"),
+        ("ever = [\"braking\"]", "to_s = 0.9\never = [\"reverse\"]"),
+        ("to_s = 0.2\nnever = [\"forward\"]", "never = [\"forward\"]"),
+        ("from_s = 0.3\nnever = [\"coast\"]", "never = [\"coast\"]"),
+        ("fault = \"none\"", "fault = \"reversed\""),
+    ] {
+        let verdict = with(holds);
+        assert!(verdict.met(), "{holds}: {verdict}");
+        let verdict = with(fails);
+        assert!(!verdict.met(), "{fails}: {verdict}");
+        assert_eq!(scenario_files::unmet("one.toml", &[verdict]).len(), 1);
+    }
+}
+
+#[test]
+fn what_there_is_nothing_of_is_not_as_expected() {
+    // No change begins in the window; no control tick falls into it; nothing slows down.
+    for nothing in [
+        "from_s = 2.3\nsettles_within_s = 10",
+        "from_s = 2.3\novershoot_below_percent = 100",
+        "from_s = 1.01\nto_s = 1.02\nspeed_between_cps = [-9999, 9999]",
+        "from_s = 1.01\nto_s = 1.02\nnever = [\"reverse\"]",
+        "from_s = 1.01\nto_s = 1.02\nfault = \"none\"",
+        "from_s = 1.01\nto_s = 1.02\nbus_between_v = [0, 20]",
+        "to_s = 0.2\ncurrent_step_below_a = 100",
+    ] {
+        let verdict = with(nothing);
+        assert!(!verdict.met() && verdict.to_string().ends_with("measured nothing"), "{nothing}: {verdict}");
+    }
+}
+
+#[test]
+fn a_verdict_says_who_when_what_was_wanted_and_what_was() {
+    let text = with("to_s = 0.5\nspeed_between_cps = [500, 600]").to_string();
+    assert!(
+        text.starts_with("one, 0 to 0.5 s: wanted speed 500 to 600 counts/s, measured 0.00 to "),
+        "{text}"
+    );
+    assert_eq!(with("fault = \"stuck\"").to_string(), "one, 0 to 3 s: wanted fault: stuck, measured none");
+}

@@ -1,0 +1,21 @@
+//! The scenarios in `tests/scenarios` that say `emulated = true`, run by the flashed image on the emulated
+//! chip, are as they expect.
+
+mod scenario_files;
+
+use emulated::replay;
+use studies::expectations::judge;
+
+#[test]
+fn every_scenario_for_the_chip_is_as_it_expects() {
+    let mut unmet = Vec::new();
+    let mut run = 0;
+    for (file, scenario) in scenario_files::all().into_iter().filter(|(_, scenario)| scenario.emulated) {
+        let scenario = replay::on_a_line(scenario);
+        let trace = replay::run(&scenario, &mut |_| ()).unwrap_or_else(|error| panic!("{file}: {error}"));
+        unmet.extend(scenario_files::unmet(&file, &judge(&scenario, &trace)));
+        run += 1;
+    }
+    assert!(unmet.is_empty(), "not as expected:\n{}", unmet.join("\n"));
+    assert!(run > 0, "no scenario is for the chip");
+}
