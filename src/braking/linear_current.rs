@@ -22,7 +22,7 @@
 //! `c = V + 2 Vd - e`, `m = R / R2`. The duty is the smaller of the two. Driving against the motion is
 //! driving with the motion at the speed `-e`.
 
-use super::explog::{Decay, ONE, Q28, div, log_defect, mul};
+use super::explog::{Decay, Logarithm, ONE, Q28, div, mul, scale};
 use super::points::{OperatingPoint, Place, Regime};
 use super::winding::Winding;
 use crate::bridge::BridgeConstants;
@@ -93,7 +93,7 @@ impl LinearCurrent {
         let duty = match self.period {
             _ if pulse.w <= 0 => 0,
             Some(period) if pulse.may_end(continuous, period) => {
-                pulse.duty(period.length, mul(continuous, period.length)).min(continuous)
+                pulse.duty(period, mul(continuous, period.length)).min(continuous)
             }
             _ => continuous,
         };
@@ -121,25 +121,27 @@ impl Pulse {
 
     /// The x of `m (x - h) + h (1 - ln(1 + z) / z) = m q`, at most `most`, as a share of the period.
     ///
-    /// The left side is convex, at most `m x^2/2 (a + c) / c` and at most x; it is at least m (x - 1). So
-    /// the root lies within the bounds below, and from the lower one two steps of Newton's method leave
-    /// less than 2e-4 of a duty.
-    fn duty(self, period: Q28, most: Q28) -> Q28 {
+    /// With `k = a / c` the left side begins as `m x^2/2 (1 + k) (1 - (1 + 2k) x/3)`, so x as
+    /// `s + (1 + 2k) s^2/6` with `s^2 = 2 q / (1 + k)`; and it is at least m (x - 1). From the smaller of the
+    /// two a single step of Newton's method leaves less than 3e-4 of a duty.
+    fn duty(self, period: Period, most: Q28) -> Q28 {
         let Self { w, a, c, m } = self;
-        let q = w * period / a;
-        let root = 1 + (((2 * q * c / (a + c)) << 24).isqrt() << 2);
-        let lower = root.max(mul(m, q));
+        let q = scale(w, period.length, a);
+        // q / (1 + k)
+        let part = scale(q, c, a + c);
+        let root = 1 + (((2 * part) << 24).isqrt() << 2);
+        let series = root + mul(2 * q - part, ONE / 3);
         let upper = most.min(q + ONE);
+        let guess = series.min(upper);
 
-        let mut x = lower.min(upper);
-        for _ in 0..2 {
-            let Decay { gone, lag } = Decay::new(x);
-            let z = mul(m, gone) * a / c;
-            let value = mul(m, lag) + mul(gone, log_defect(z));
-            let slope = mul(m, gone) + mul(ONE - gone, ONE - div(ONE, ONE + z));
-            x = (x + div(mul(m, q) - value, slope)).max(lower).min(upper);
-        }
-        div(x, period)
+        let Decay { gone, lag } = Decay::new(guess);
+        let Logarithm { defect, inverse } = Logarithm::new(scale(mul(m, gone), a, c));
+        let value = mul(m, lag) + mul(gone, defect);
+        let slope = mul(m, gone) + mul(ONE - gone, ONE - inverse);
+        let missing = mul(m, q) - value;
+        let step = div(missing.abs(), slope.max(1));
+        let x = if missing < 0 { guess - step } else { guess + step };
+        mul(x.max(1).min(upper), period.inverse)
     }
 }
 
@@ -160,6 +162,8 @@ fn share(part: i64, whole: i64) -> Q28 {
 struct Period {
     /// In time constants, 2^-10 to 127.
     length: Q28,
+    /// Periods in a time constant.
+    inverse: Q28,
     /// `(exp(length) - 1) / length`, at most 2^12.
     growth: Q28,
 }
@@ -179,6 +183,6 @@ impl Period {
         let gone = Decay::new(length).gone;
         let fading = mul(length, ONE - gone);
         let growth = if fading > gone >> 12 { div(gone, fading) } else { ONE << 12 };
-        Some(Self { length, growth })
+        Some(Self { length, inverse: div(ONE, length), growth })
     }
 }

@@ -14,36 +14,36 @@ use fixed::types::{I56F8, U2F30};
 /// The speed and the supply for which points are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OperatingPoint {
-    emf: Emf,
-    /// Above 0.
-    battery: Millivolts,
+    /// |emf| in steps of 2^-20 mV: below 2^37.
+    e: i64,
+    /// Battery voltage in steps of 2^-20 mV: above 0, below 2^36.
+    v: i64,
+    counter_clockwise: bool,
 }
 
 impl OperatingPoint {
     /// `None` if the battery voltage is 0: nothing can be said about a bridge without supply.
     pub const fn new(emf: Emf, battery: Millivolts) -> Option<Self> {
-        if battery.get() == 0 { None } else { Some(Self { emf, battery }) }
+        if battery.get() == 0 {
+            return None;
+        }
+        let (emf, v) = (emf.to_bits(), (battery.get() as i64) << 20);
+        Some(Self { e: emf.abs(), v, counter_clockwise: emf < 0 })
     }
 
     /// True if the motor turns counter-clockwise, so that control and modes are mirrored.
     pub const fn counter_clockwise(self) -> bool {
-        self.emf.is_negative()
+        self.counter_clockwise
     }
 
-    /// |emf| and battery voltage in steps of 2^-20 mV: below 2^37 and below 2^36.
-    const fn fine(self) -> (i64, i64) {
-        (self.emf.to_bits().abs(), (self.battery.get() as i64) << 20)
-    }
-
-    /// |emf| and battery voltage in 1/16 mV: at most 2^21 and below 2^20.
+    /// |emf| and battery voltage in 1/16 mV, which is as fine as a current needs them: below 2^21 and 2^20.
     pub(super) const fn sixteenths(self) -> (i64, i64) {
-        ((self.emf.eighths().abs() as i64) << 1, (self.battery.get() as i64) << 4)
+        (self.e >> 16, self.v >> 16)
     }
 
     /// True if the back EMF is at least the battery voltage: the battery can push no current.
     pub const fn is_overrun(self) -> bool {
-        let (e, v) = self.fine();
-        e >= v
+        self.e >= self.v
     }
 }
 
@@ -126,7 +126,10 @@ impl Fraction {
         } else if part >= whole {
             Self::ONE
         } else {
-            Self(U2F30::from_bits((((part as i128) << 30) / whole as i128) as u32))
+            // 33 bits of both are enough, and leave room for 30 more.
+            let (part, whole) = (part.unsigned_abs(), whole.unsigned_abs());
+            let surplus = 31u32.saturating_sub(whole.leading_zeros());
+            Self(U2F30::from_bits((((part >> surplus) << 30) / (whole >> surplus)) as u32))
         }
     }
 
@@ -210,19 +213,19 @@ impl Points {
 
     /// Z at u.
     const fn scheme_a(at: OperatingPoint) -> Self {
-        let (e, v) = at.fine();
+        let OperatingPoint { e, v, .. } = at;
         Self::on_line(Abscissa::ZERO, scaled(e, v))
     }
 
     /// T at `-e / (V + e)`.
     const fn scheme_b(at: OperatingPoint) -> Self {
-        let (e, v) = at.fine();
+        let OperatingPoint { e, v, .. } = at;
         Self::on_line(scaled(-e, v + e), Abscissa::ZERO)
     }
 
     /// S and T of Scheme B times `(V + e) / (V - e)`, by the paper's formula.
     const fn scheme_c(at: OperatingPoint) -> Option<Self> {
-        let (e, v) = at.fine();
+        let OperatingPoint { e, v, .. } = at;
         if e == v {
             return None;
         }
@@ -239,7 +242,7 @@ impl Points {
             _ => {
                 // S is T (V + e) / e. Here e is at least V/2, and T above -11 controlMax, so that the
                 // product is below 2^63.
-                let (e, v) = at.fine();
+                let OperatingPoint { e, v, .. } = at;
                 let s = Abscissa::from_bits(lowest.to_bits() + div_round(lowest.to_bits() * v, e));
                 Self { s, ..Self::on_line(lowest, Abscissa::ZERO) }
             }
@@ -288,7 +291,7 @@ const fn scaled(numerator: i64, denominator: i64) -> Abscissa {
 
 /// How far down T may lie by Scheme C: `-controlMax / a` with a = 10 u - 9, from 0 to 1.
 const fn near_overrun(at: OperatingPoint) -> Abscissa {
-    let (e, v) = at.fine();
+    let OperatingPoint { e, v, .. } = at;
     let part = 10 * e - 9 * v;
     if part <= 0 {
         Abscissa::from_bits(-FAR)
@@ -311,7 +314,8 @@ const fn between(b: Abscissa, c: Abscissa, weight: BlendFraction) -> Abscissa {
 
 /// Nearest integer, halves away from zero. The denominator is not 0.
 const fn div_round(numerator: i64, denominator: i64) -> i64 {
-    let half = denominator.abs() / 2;
-    let n = if numerator < 0 { numerator - half } else { numerator + half };
-    n / denominator
+    // Of the sizes, because an unsigned division is the shorter one.
+    let (n, d) = (numerator.unsigned_abs(), denominator.unsigned_abs());
+    let size = ((n + d / 2) / d) as i64;
+    if (numerator < 0) == (denominator < 0) { size } else { -size }
 }

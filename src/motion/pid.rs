@@ -76,16 +76,16 @@ impl Pid {
     /// Anti-windup: the integrator moves only if the output does not saturate, or if it moves the
     /// output back into its range, and never beyond the range by itself.
     pub fn step(&mut self, gains: &Pidf, period: Period, input: PidInput) -> Value {
-        // At least 1 anyway, which spares the division a panic.
-        let ms = i64::from(period.as_millis()).max(1);
         let limit = Term::from(input.limit).abs();
         let rate = match self.last_measured.replace(input.measured) {
-            Some(last) => per_second(input.measured.wrapping_sub(last), ms),
-            None => Value::ZERO,
+            Some(last) if gains.d != Coefficient::ZERO => {
+                per_second(input.measured.wrapping_sub(last), period)
+            }
+            _ => Value::ZERO,
         };
 
         let proportional = product(gains.p, input.error);
-        let increment = product(gains.i, input.error).saturating_mul_int(ms) / 1000;
+        let increment = product(gains.i, input.error).saturating_mul_int(period.as_millis().into()) / 1000;
         let integral = self.integral.saturating_add(increment);
         let derivative = product(gains.d, rate);
         let feed_forward = product(gains.f, input.feed_forward);
@@ -106,8 +106,10 @@ impl Pid {
     }
 }
 
-/// `change` in `ms` as a rate; what does not fit is far beyond any limit.
-fn per_second(change: Value, ms: i64) -> Value {
+/// `change` in a period as a rate; what does not fit is far beyond any limit.
+fn per_second(change: Value, period: Period) -> Value {
+    // At least 1 anyway, which spares the division a panic.
+    let ms = i64::from(period.as_millis()).max(1);
     Value::saturating_from_num(Term::from(change) * 1000 / ms)
 }
 

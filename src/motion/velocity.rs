@@ -74,7 +74,7 @@ impl VelocityEstimator {
         let estimate = if moved == 0 { self.estimate.to_bits().into() } else { rate(moved, moving) };
         // Since the last edge less than one count has passed, which tells something only if that takes
         // longer than the counts before it.
-        let slowing = moved == 0 || resting > moving / moved.abs();
+        let slowing = moved == 0 || resting.saturating_mul(moved.abs()) > moving;
         let most = if slowing { rate(moved.abs() + 1, micros(from, new.at)) } else { i64::MAX };
         self.estimate = CountsPerSecond::saturating_from_bits(estimate.clamp(-most, most));
         self.estimate
@@ -94,5 +94,6 @@ const fn micros(from: Micros, to: Micros) -> i64 {
 
 /// `counts` (up to 2^31) in `micros`, in steps of 1/256 count/s, rounded towards 0.
 fn rate(counts: i64, micros: i64) -> i64 {
-    (counts << 8) * 1_000_000 / micros.max(1)
+    let size = (counts.unsigned_abs() << 8) * 1_000_000 / micros.unsigned_abs().max(1);
+    size.cast_signed() * counts.signum()
 }

@@ -174,7 +174,17 @@ impl EmfConstant {
     ///
     /// The product is formed in 64 bits: in 32 it overflows at 513 counts/s for a NeveRest 60.
     pub const fn emf(self, speed: CountsPerSecond) -> Emf {
-        Emf(speed.to_bits() as i64 * self.to_bits() as i64)
+        // Steps of 2^-28 mV, below 2^56.
+        let product = speed.to_bits() as i64 * self.to_bits() as i64;
+        let bits = (product + (1 << 7)) >> 8;
+        let bits = if bits > Emf::MAX {
+            Emf::MAX
+        } else if bits < -Emf::MAX {
+            -Emf::MAX
+        } else {
+            bits
+        };
+        Emf(I44F20::from_bits(bits))
     }
 }
 
@@ -185,52 +195,22 @@ impl defmt::Format for EmfConstant {
     }
 }
 
-/// A back EMF. Positive when turning CW; beyond +-131 071 mV, far above any battery, the end of that
-/// range.
+/// A back EMF in steps of 2^-20 mV. Positive when turning CW; beyond +-131 071 mV, far above any battery,
+/// the end of that range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Emf(
-    /// The product of speed and constant, exact, in steps of 2^-28 mV: below 2^56. Whoever needs less
-    /// takes less.
-    i64,
-);
+pub struct Emf(I44F20);
 
 impl Emf {
-    /// The largest magnitude, in millivolts.
-    const MAX_MV: i32 = 131_071;
+    /// The largest magnitude, steps of 2^-20 mV.
+    const MAX: i64 = 131_071 << 20;
 
-    /// Steps of 2^-20 mV, rounded.
+    /// Steps of 2^-20 mV.
     pub const fn to_bits(self) -> i64 {
-        const MAX: i64 = (Emf::MAX_MV as i64) << 20;
-        let bits = (self.0 + (1 << 7)) >> 8;
-        if bits > MAX {
-            MAX
-        } else if bits < -MAX {
-            -MAX
-        } else {
-            bits
-        }
-    }
-
-    /// Steps of 1/8 mV, rounded: within 20 bits and a sign.
-    pub const fn eighths(self) -> i32 {
-        // 32 bits hold it: the product is below 2^56.
-        let bits = ((self.0 + (1 << 24)) >> 25) as i32;
-        if bits > (1 << 20) - 1 {
-            (1 << 20) - 1
-        } else if bits < -(1 << 20) {
-            -(1 << 20)
-        } else {
-            bits
-        }
-    }
-
-    /// True if it is that of CCW motion.
-    pub const fn is_negative(self) -> bool {
-        self.0 < 0
+        self.0.to_bits()
     }
 
     /// Millivolts, for reports.
     pub fn to_f64(self) -> f64 {
-        I44F20::from_bits(self.to_bits()).to_num()
+        self.0.to_num()
     }
 }

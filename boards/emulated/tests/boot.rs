@@ -65,7 +65,7 @@ fn ticks_come_every_fifty_milliseconds() {
 
 #[test]
 fn the_whole_hub_needs_little_of_the_core() {
-    for (period_ms, most) in [(50, 2.0), (1, 5.0)] {
+    for (period_ms, most) in [(50, 2.0), (1, 10.0)] {
         let image =
             if period_ms == 50 { elf::build("nucleo-f429zi") } else { elf::hub_with_period(period_ms) };
         let mut bench = Bench::with_image(Setup::new(four_loads()), &image);
