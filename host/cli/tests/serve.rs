@@ -97,8 +97,3 @@ fn wrong_options_are_refused() {
         assert!(error.contains(says), "{arguments:?}: {error}");
     }
 }
-
-#[test]
-fn the_image_conforms_over_its_serial_line() {
-    conforms(&mut Hub::start(PROGRAM, &["--emulated", "--tcp", "127.0.0.1:0"]).tcp());
-}

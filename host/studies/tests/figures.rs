@@ -1,4 +1,4 @@
-//! What is drawn in every figure of the paper and of the points: its words, axes, lines and points.
+//! What is drawn in every figure that the program draws: its words, axes, lines and points.
 //!
 //! A figure of curves is some 70 kB of SVG, which nobody would read in a review and which changes in a
 //! thousand places with the last bit of a duty. How lines become SVG is tested with the charts themselves;
@@ -10,9 +10,12 @@ mod snapshot;
 use chart::{Figure, Panel, Series};
 use motor_hub::braking::Scheme;
 use motor_hub::model::catalogue::characterised;
+use simulated::scenario::Scenario;
+use simulated::sim;
 use std::fmt::Write;
+use studies::overlay::Overlay;
 use studies::points::OperatingReport;
-use studies::{NamedFigure, figures};
+use studies::{NamedFigure, compare, figures, report};
 
 #[test]
 fn figures_show_what_they_did() {
@@ -23,8 +26,23 @@ fn figures_show_what_they_did() {
         let report = OperatingReport::new(motor, scheme, cps, 12_000).expect("in range");
         drawn.push((name.to_owned(), report.figure()));
     }
+    drawn.extend(of_runs());
     let digests = drawn.iter().map(|(name, figure)| (format!("{name}.txt"), digest(figure)));
     snapshot::assert_all(&digests.collect::<Vec<_>>());
+}
+
+/// Of the default scenario, of the comparison, and of two runs over each other. One after the other: the mock
+/// clock is one for the whole process.
+fn of_runs() -> Vec<NamedFigure> {
+    let scenario = Scenario::default_one().expect("it is valid");
+    let run = |scenario: &Scenario| sim::run(scenario, &mut |_| ()).expect("it runs");
+    let (as_set, without) = (run(&scenario), run(&scenario.without_braking()));
+    let overlay = Overlay::new(scenario.clone(), without.clone(), as_set.clone());
+    let mut figures = report::Comparison::new(scenario, as_set, without).figures();
+    figures.push(("overlay".to_owned(), overlay.figure()));
+    let compared = compare::Comparison::new(true, &mut |_, _| ()).expect("it runs");
+    figures.extend(compared.figures());
+    figures
 }
 
 fn digest(figure: &Figure) -> String {
