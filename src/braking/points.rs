@@ -5,6 +5,18 @@
 //! arithmetic on exact ratios, so an abscissa is off by at most 1/512 step from the formula applied
 //! to the same integers, one that is made of others by 1/100 step, however close |emf| comes to the
 //! battery voltage.
+//!
+//! ```
+//! use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
+//! use motor_hub::units::{Control, CountsPerSecond, Millivolts};
+//!
+//! // A NeveRest 60 at half of its speed on 12 V, Scheme A: Z is half of the range above T.
+//! let emf = Winding::NEVEREST_60.emf.emf(CountsPerSecond::new(1505));
+//! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
+//! let points = Points::new(Scheme::A, at);
+//! assert_eq!((points.t.to_f64(), points.z.to_f64().round()), (0.0, 16_384.0));
+//! assert_eq!(points.place(Control::new(8_000)).regime, Regime::Braking);
+//! ```
 
 use crate::braking::scheme::{Blend, BlendFraction, Scheme};
 use crate::bridge::Mode;
