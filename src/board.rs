@@ -3,6 +3,20 @@
 //! A board is its pins and peripherals behind these traits, plus the spawning of the tasks of
 //! `crate::tasks`. embedded-hal 1.0 has no trait for a quadrature counter, for an ADC or for a
 //! bridge with three lines, so these are our own.
+//!
+//! ```
+//! use motor_hub::board::Encoders;
+//!
+//! /// Counters in memory, the second of them out of order.
+//! struct Counters([u16; 1]);
+//!
+//! impl Encoders<2> for Counters {
+//!     fn counts(&mut self) -> [Option<u16>; 2] {
+//!         [Some(self.0[0]), None]
+//!     }
+//! }
+//! assert_eq!(Counters([65_535]).counts(), [Some(65_535), None]);
+//! ```
 
 use crate::bridge::Drive;
 use crate::units::Millivolts;

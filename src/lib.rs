@@ -10,6 +10,21 @@
 //!         +------------------------ encoders, battery <------------------------+
 //! ```
 //!
+//! ```
+//! use motor_hub::braking::Winding;
+//! use motor_hub::bridge::{Drive, Mode};
+//! use motor_hub::motor::{Motor, Setpoint, Settings};
+//! use motor_hub::units::{Control, Micros, Millivolts, Period};
+//!
+//! // One motor, all the way from a set-point to what its bridge is told.
+//! let mut motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);
+//! motor.set(Setpoint::ConstantPower(Control::MAX));
+//! let report = motor.step(Micros::new(50_000), None, Some(Millivolts::new(12_000)));
+//! assert_eq!(report.drive.mode, Mode::Cw98);
+//! // Without a battery it coasts.
+//! assert_eq!(motor.step(Micros::new(100_000), None, None).drive, Drive::COAST);
+//! ```
+//!
 //! A value enters at a task, goes through the core once, and leaves at a task.
 //!
 //! | room | what is decided there |
@@ -26,8 +41,14 @@
 //! | `tasks` (feature `tasks`, on by default) | async shells round the above |
 //! | `model` (feature `model`) | physics in `f64`, for simulators and tests; knows nothing of the control |
 //!
-//! The core is `no_std`, without floats, allocation, panics or `unsafe`; it has no clock and touches
-//! no hardware. Signs: positive control, counts and speed are one direction, called CW.
+//! The core is `no_std`, without allocation, panics or `unsafe`, and without floats in the control path
+//! (constants may be made from physical ones in `f64`); it has no clock and touches no hardware. Signs:
+//! positive control, counts and speed are one direction, called CW.
+//!
+//! # Features
+//! * `tasks` (on by default): the async tasks, on embassy. Without it the core has two small dependencies.
+//! * `model`: physics in `f64`, for simulators and tests; needs std.
+//! * `defmt`: `defmt::Format` for the types of the control path, for firmware.
 #![cfg_attr(not(feature = "model"), no_std)]
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)]

@@ -54,9 +54,25 @@ fn sources(module: &str) -> Vec<PathBuf> {
 
 /// The lines of a source with their numbers, without comments.
 fn code(path: &Path) -> Vec<(usize, String)> {
-    let lines = read(path);
-    let lines = lines.lines().map(|line| line.split("//").next().unwrap_or_default().to_owned());
-    (1..).zip(lines).collect()
+    without_comments(&read(path))
+}
+
+/// An import that goes over several lines is one, with the number of its first.
+fn without_comments(text: &str) -> Vec<(usize, String)> {
+    let unfinished = |line: &str| {
+        let import = line.trim_start();
+        let import = import.starts_with("use ") || import.starts_with("pub") && import.contains(" use ");
+        import && !line.contains(';')
+    };
+    let mut lines: Vec<(usize, String)> = Vec::new();
+    for (number, line) in (1..).zip(text.lines()) {
+        let line = line.split("//").next().unwrap_or_default();
+        match lines.last_mut() {
+            Some((_, import)) if unfinished(import) => import.push_str(line.trim()),
+            _ => lines.push((number, line.to_owned())),
+        }
+    }
+    lines
 }
 
 /// Every line of `modules` in which `wrong` finds something, with what it finds.
@@ -87,10 +103,25 @@ fn first_names<'a>(line: &'a str, prefix: &str) -> Vec<&'a str> {
     let starts = line.match_indices(prefix).map(|(at, found)| &line[at + found.len()..]);
     starts
         .flat_map(|rest| match rest.strip_prefix('{') {
-            Some(group) => group.split(',').map(|part| name(part.trim_start())).collect(),
+            Some(group) => {
+                let mut depth = 0;
+                let parts = group.split(move |c| {
+                    depth += i32::from(c == '{') - i32::from(c == '}');
+                    c == ',' && depth == 0
+                });
+                parts.map(|part| name(part.trim_start())).collect()
+            }
             None => vec![name(rest)],
         })
         .collect()
+}
+
+#[test]
+fn an_import_is_seen_however_it_is_laid_out() {
+    let text = "fn a() {}\npub use crate::{\n    hub::{Hub, motor}, // both\n    board,\n};\nfn b() {}\n";
+    let lines = without_comments(text);
+    let names: Vec<_> = lines.iter().map(|(number, line)| (*number, first_names(line, "crate::"))).collect();
+    assert_eq!(names, [(1, vec![]), (2, vec!["hub", "board", ""]), (6, vec![])]);
 }
 
 #[test]

@@ -21,6 +21,21 @@
 //! at 0) and for braking (5/0) `D = (V + 2 Vd - e + I R) / (V + 2 Vd - 2 I Ron)` with `a = e`,
 //! `c = V + 2 Vd - e`, `m = R / R2`. The duty is the smaller of the two. Driving against the motion is
 //! driving with the motion at the speed `-e`.
+//!
+//! ```
+//! use motor_hub::braking::{LinearCurrent, OperatingPoint, Scheme, Winding, place, place_current};
+//! use motor_hub::bridge::BridgeConstants;
+//! use motor_hub::units::{Control, CountsPerSecond, Millivolts};
+//!
+//! // A little current at half of the free speed flows in pulses, and takes more duty than its share.
+//! let winding = Winding::NEVEREST_60;
+//! let current = LinearCurrent::new(&winding, &BridgeConstants::VNH5019);
+//! let emf = winding.emf.emf(CountsPerSecond::new(1505));
+//! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
+//! let control = Control::new(1_000);
+//! let linear = place_current(&current, Scheme::B, at, control).drive;
+//! assert!(linear.duty > place(Scheme::B, at, control).drive.duty);
+//! ```
 
 use super::explog::{Decay, Logarithm, ONE, Q28, div, mul, scale};
 use super::points::{OperatingPoint, Place, Regime};

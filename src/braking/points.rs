@@ -2,9 +2,21 @@
 //! forward driving begin and end at one speed and battery voltage.
 //!
 //! All formulas assume clockwise motion; [`super::place`] mirrors the rest. Everything is integer
-//! arithmetic on exact ratios, so an abscissa is off by at most 1/512 count from the formula applied
-//! to the same integers, one that is made of others by 1/100 count, however close |emf| comes to the
+//! arithmetic on exact ratios, so an abscissa is off by at most 1/512 step from the formula applied
+//! to the same integers, one that is made of others by 1/100 step, however close |emf| comes to the
 //! battery voltage.
+//!
+//! ```
+//! use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
+//! use motor_hub::units::{Control, CountsPerSecond, Millivolts};
+//!
+//! // A NeveRest 60 at half of its speed on 12 V, Scheme A: Z is half of the range above T.
+//! let emf = Winding::NEVEREST_60.emf.emf(CountsPerSecond::new(1505));
+//! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
+//! let points = Points::new(Scheme::A, at);
+//! assert_eq!((points.t.to_f64(), points.z.to_f64().round()), (0.0, 16_384.0));
+//! assert_eq!(points.place(Control::new(8_000)).regime, Regime::Braking);
+//! ```
 
 use crate::braking::scheme::{Blend, BlendFraction, Scheme};
 use crate::bridge::Mode;
@@ -47,7 +59,7 @@ impl OperatingPoint {
     }
 }
 
-/// A control value that may lie outside the control range, in counts with 8 fractional bits.
+/// A control value that may lie outside the control range, in steps with 8 fractional bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Abscissa(I56F8);
 
@@ -56,7 +68,7 @@ impl Abscissa {
     const CONTROL_MAX: Self = Self::from_bits((Control::MAX.get() as i64) << 8);
     const CONTROL_MIN: Self = Self::from_bits((Control::MIN.get() as i64) << 8);
 
-    /// From 1/256 counts.
+    /// From 1/256 steps.
     pub const fn from_bits(bits: i64) -> Self {
         Self(I56F8::from_bits(bits))
     }
@@ -70,7 +82,7 @@ impl Abscissa {
         self.0.to_bits()
     }
 
-    /// Counts, for reports.
+    /// Steps, for reports.
     pub fn to_f64(self) -> f64 {
         self.0.to_num()
     }
@@ -275,17 +287,17 @@ impl Points {
 /// Beyond this the ends of the control range say all there is to say; it keeps a blend in 64 bits.
 const FAR: i64 = 1 << 45;
 
-/// `controlMax * numerator / denominator`, rounded to 1/256 count.
+/// `controlMax * numerator / denominator`, rounded to 1/256 step.
 ///
 /// |numerator| below 2^38, so the product stays below 2^61.
 const fn scaled(numerator: i64, denominator: i64) -> Abscissa {
-    let counts = div_round(Abscissa::CONTROL_MAX.to_bits() * numerator, denominator);
-    Abscissa::from_bits(if counts > FAR {
+    let steps = div_round(Abscissa::CONTROL_MAX.to_bits() * numerator, denominator);
+    Abscissa::from_bits(if steps > FAR {
         FAR
-    } else if counts < -FAR {
+    } else if steps < -FAR {
         -FAR
     } else {
-        counts
+        steps
     })
 }
 

@@ -1,4 +1,14 @@
 //! The schemes by which the four points are laid on the control range, chosen per motor.
+//!
+//! ```
+//! use motor_hub::braking::{Blend, BlendFraction, Scheme};
+//!
+//! let half_way = BlendFraction::from_bits(1 << 15)?;
+//! let scheme = Scheme::D(Blend::Fixed(half_way));
+//! assert_ne!(scheme, Scheme::D(Blend::Automatic));
+//! assert!(BlendFraction::from_bits((1 << 16) + 1).is_err());
+//! # Ok::<(), motor_hub::units::RangeError>(())
+//! ```
 
 use crate::units::RangeError;
 

@@ -1,4 +1,13 @@
 //! A battery as a voltage behind a resistance; it takes current back.
+//!
+//! ```
+//! use motor_hub::model::battery::Battery;
+//! use motor_hub::model::si::{Amps, Ohms, Volts};
+//!
+//! let battery = Battery { emf: Volts(12.5), resistance: Ohms(0.1) };
+//! assert_eq!(battery.voltage(Amps(5.0)), Volts(12.0));
+//! assert_eq!(battery.voltage(Amps(-5.0)), Volts(13.0));
+//! ```
 
 use super::si::{Amps, Ohms, Volts};
 

@@ -3,6 +3,15 @@
 //! Constants come from the author's repository `rgatkinson/RobotPhysics`; the header of the data
 //! file says which column stands where. They are measurements with known weaknesses: read
 //! [`CatalogueEntry::caveats`] before trusting a row.
+//!
+//! ```
+//! use motor_hub::model::catalogue::{catalogue, find};
+//!
+//! let entry = find("AM 60 A").expect("in the catalogue");
+//! let motor = entry.motor.expect("characterised");
+//! assert_eq!((motor.gear_ratio, motor.counts_per_rev_motor), (60.0, 28.0));
+//! assert_eq!(catalogue().len(), 18);
+//! ```
 
 use std::sync::LazyLock;
 

@@ -1,4 +1,19 @@
 //! The mode and duty that make a wanted mean current: the bridge, inverted.
+//!
+//! ```
+//! use motor_hub::bridge::Mode;
+//! use motor_hub::model::catalogue::characterised;
+//! use motor_hub::model::si::{Amps, Hertz, Volts};
+//! use motor_hub::model::switching::{Bridge, Circuit, Conditions};
+//!
+//! // Half an ampere against the rotation is a share of what full dynamic braking would be.
+//! let circuit = Circuit::new(&characterised("AM 60 A")?, Bridge::IDEAL);
+//! let at = Conditions { battery: Volts(12.0), emf: Volts(6.0) };
+//! let choice = circuit.duty_for_current(Amps(-0.5), Hertz(20_000.0), at);
+//! assert_eq!(choice.mode, Mode::Brake50);
+//! assert!(0.0 < choice.duty && choice.duty < 1.0);
+//! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
+//! ```
 
 use super::numeric::bracketed_zero;
 use super::si::{Amps, Hertz};

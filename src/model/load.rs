@@ -1,4 +1,17 @@
 //! What the output shaft turns, and what the motor feels of it through the gearbox.
+//!
+//! ```
+//! use motor_hub::model::catalogue::characterised;
+//! use motor_hub::model::load::{Load, Shaft};
+//! use motor_hub::model::si::{Kilograms, Metres};
+//!
+//! // Behind a gearbox of 60 to 1 a flywheel is small.
+//! let motor = characterised("AM 60 A")?.with_measured_rotor_inertia();
+//! let load = Load::flywheel(Kilograms(0.5), Metres(0.06));
+//! let shaft = Shaft::new(&motor, &load);
+//! assert!(shaft.inertia.0 - motor.j.0 < load.inertia_after.0 / 2_000.0);
+//! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
+//! ```
 
 use super::catalogue::Motor;
 use super::si::{Drag, KgM2, Kilograms, Metres, NewtonMetres};

@@ -5,6 +5,18 @@
 //! T (full dynamic braking), Z (no current), G (full forward). Abscissas are control values,
 //! ordinates volts in Scheme A and amperes in the others. All formulas are for clockwise rotation;
 //! for the other direction take the size of the back EMF and negate both coordinates.
+//!
+//! ```
+//! use motor_hub::model::paper::Scheme;
+//! use motor_hub::model::si::{Ohms, Volts};
+//! use motor_hub::model::switching::Conditions;
+//!
+//! // Scheme B at half of the free speed: full dynamic braking a third of the way to full reverse.
+//! let at = Conditions { battery: Volts(12.0), emf: Volts(6.0) };
+//! let points = Scheme::B.points(1.0, Ohms(3.0), at);
+//! assert!((points.t.x + 1.0 / 3.0).abs() < 1e-12);
+//! assert!((points.t.y + 2.0).abs() < 1e-12);
+//! ```
 
 use super::catalogue::Motor;
 use super::load::{Load, Shaft};

@@ -1,4 +1,20 @@
 //! The current that repeats from one PWM period to the next at constant speed.
+//!
+//! ```
+//! use motor_hub::bridge::Mode;
+//! use motor_hub::model::catalogue::characterised;
+//! use motor_hub::model::periodic::Conduction;
+//! use motor_hub::model::si::{Hertz, Volts};
+//! use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
+//!
+//! let circuit = Circuit::new(&characterised("AM 60 A")?, Bridge::IDEAL);
+//! let at = Conditions { battery: Volts(12.0), emf: Volts(6.0) };
+//! let steady = circuit.steady(Pwm::new(Mode::Cw98, 0.75, Hertz(20_000.0)), at);
+//! assert_eq!(steady.conduction, Conduction::Continuous);
+//! // 0.75 of 12 V, less the back EMF, over the winding's resistance.
+//! assert!((steady.mean.0 - 3.0 / circuit.r.0).abs() < 1e-3);
+//! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
+//! ```
 
 use super::bridge_states::CurrentSign;
 use super::numeric::bracketed_zero;

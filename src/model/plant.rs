@@ -8,6 +8,22 @@
 //! window; windows shorter than the period are taken so that `w h` stays below 0.15 and the mean
 //! current of a few periods within 0.1 % of `Vbat/R`. Ripple of the speed within a window does not
 //! feed back into the current.
+//!
+//! ```
+//! use motor_hub::bridge::Mode;
+//! use motor_hub::model::catalogue::characterised;
+//! use motor_hub::model::load::Load;
+//! use motor_hub::model::plant::{Command, Plant};
+//! use motor_hub::model::si::{Hertz, Seconds, Volts};
+//! use motor_hub::model::switching::Bridge;
+//!
+//! // Driven clockwise at half of the duty for a tenth of a second.
+//! let motor = characterised("AM 60 A")?.with_measured_rotor_inertia();
+//! let mut plant = Plant::new(motor, Load::NONE, Bridge::IDEAL, Hertz(20_000.0));
+//! let flow = plant.run(Seconds(0.1), Command::pwm(Mode::Cw98, 0.5), Volts(12.0));
+//! assert!(plant.counts() > 0 && flow.mean_current().0 > 0.0);
+//! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
+//! ```
 
 use super::catalogue::Motor;
 use super::load::{Load, Shaft};

@@ -10,6 +10,20 @@
 //! `exp(-sigma t) (C + S (A + sigma))`, `C = cosh(g t)`, `S = sinh(g t)/g`, `g = sqrt(gamma2)`.
 //! The exponentials are combined so that nothing overflows at any time, and each form has its limit
 //! at `g = 0`, so that equal poles need no case of their own.
+//!
+//! ```
+//! use motor_hub::model::catalogue::characterised;
+//! use motor_hub::model::load::Load;
+//! use motor_hub::model::response::{Applied, GearedMotor, Motion};
+//! use motor_hub::model::si::{Seconds, Volts};
+//!
+//! // From rest at 12 V; after a minute it runs as fast as it ever will.
+//! let motor = GearedMotor::new(&characterised("AM 60 A")?, &Load::NONE);
+//! let applied = Applied::voltage(Volts(12.0));
+//! let after = motor.after(Motion::default(), applied, Seconds(60.0));
+//! assert!((after.speed.0 / motor.steady(applied).speed.0 - 1.0).abs() < 1e-9);
+//! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
+//! ```
 
 use super::catalogue::Motor;
 use super::load::{Load, Shaft};

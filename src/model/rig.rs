@@ -1,4 +1,24 @@
 //! Several plants on one battery.
+//!
+//! ```
+//! use motor_hub::bridge::Mode;
+//! use motor_hub::model::battery::Battery;
+//! use motor_hub::model::catalogue::characterised;
+//! use motor_hub::model::load::Load;
+//! use motor_hub::model::plant::{Command, Plant};
+//! use motor_hub::model::rig::Rig;
+//! use motor_hub::model::si::{Hertz, Ohms, Seconds, Volts};
+//! use motor_hub::model::switching::Bridge;
+//!
+//! // Two motors that start together pull the battery's voltage down.
+//! let motor = characterised("AM 60 A")?.with_measured_rotor_inertia();
+//! let plant = Plant::new(motor, Load::NONE, Bridge::IDEAL, Hertz(20_000.0));
+//! let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.1) };
+//! let mut rig = Rig::new(battery, vec![plant.clone(), plant]);
+//! let flow = rig.run(Seconds(0.01), &[Command::pwm(Mode::Cw98, 1.0); 2]);
+//! assert!(flow.current.0 > 1.0 && rig.voltage().0 < 12.0);
+//! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
+//! ```
 
 use super::battery::Battery;
 use super::plant::{Command, Flow, Plant};

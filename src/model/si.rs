@@ -1,6 +1,13 @@
 //! SI quantities as types, so that an ohm is not passed for a volt.
 //!
 //! Thin wrappers: the inner number is public, and formulas work on it.
+//!
+//! ```
+//! use motor_hub::model::si::{Amps, Ohms, Volts};
+//!
+//! let (current, resistance) = (Amps(2.0), Ohms(3.0));
+//! assert_eq!(Volts(current.0 * resistance.0).to_string(), "6 V");
+//! ```
 
 macro_rules! quantities {
     ($($(#[$doc:meta])+ $name:ident, $unit:literal;)+) => {$(

@@ -5,6 +5,22 @@
 //! `L i' + (R + n Ron) i + e = b Vbat + d Vd` has an exponential as its solution, and the time when
 //! the current reaches zero is a logarithm. At zero the terminal voltages decide whether current
 //! starts in either direction, or none does: discontinuous conduction.
+//!
+//! ```
+//! use motor_hub::bridge::Mode;
+//! use motor_hub::model::catalogue::characterised;
+//! use motor_hub::model::si::{Amps, Hertz, Volts};
+//! use motor_hub::model::switching::{Bridge, Circuit, Conditions, Integrals, Pwm};
+//!
+//! // One period from rest at a tenth of the duty: a pulse, which has died away by its end.
+//! let circuit = Circuit::new(&characterised("AM 60 A")?, Bridge::IDEAL);
+//! let at = Conditions { battery: Volts(12.0), emf: Volts(6.0) };
+//! let mut sums = Integrals::default();
+//! let end = circuit.period(Pwm::new(Mode::Cw98, 0.1, Hertz(20_000.0)), Amps(0.0), at, &mut sums);
+//! assert_eq!(end, Amps(0.0));
+//! assert!(sums.current > 0.0 && sums.idle > 0.0);
+//! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
+//! ```
 
 use super::bridge_states::CurrentSign;
 use super::catalogue::Motor;

@@ -4,7 +4,7 @@
 //! use motor_hub::motion::pid::{Pid, PidInput, Pidf, Value};
 //! use motor_hub::units::{Coefficient, Period};
 //!
-//! // 2 control counts per count/s, and 10 per count: in Q16.16.
+//! // 2 control steps per count/s, and 10 per count: in Q16.16.
 //! let [p, i] = [2, 10].map(|whole| Coefficient::from_bits(whole << 16));
 //! let gains = Pidf { p, i, ..Pidf::default() };
 //! let input = PidInput {
@@ -30,7 +30,7 @@ type Term = I40F24;
 
 /// Coefficients of one loop.
 ///
-/// Velocity loop: control counts per count/s (P), per count (I: the integral of a speed error),
+/// Velocity loop: control steps per count/s (P), per count (I: the integral of a speed error),
 /// per count/s^2 (D), per count/s of set-point (F). Position loop: counts/s per count (P), per
 /// count s (I), per count/s (D); F is not used, its set-point has no rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -45,7 +45,7 @@ impl Settings {
     /// Settings that run a gear motor with this winding on a bridge of the VNH5019 kind: linear current,
     /// brake at zero, and coefficients in proportion to the motor's speed range.
     ///
-    /// With `f` control counts per count/s, which is full control at the speed whose back EMF is 12 V:
+    /// With `f` control steps per count/s, which is full control at the speed whose back EMF is 12 V:
     /// in Scheme A, where a control value is a voltage, P is 1.5 f. Where it is a current, the back EMF
     /// does not damp the motor, and P makes up for it by another f; in C and D, whose range is less current,
     /// it is 4 f, the best of those that `motor-hub compare` tries. I is 7.5 f per second, P's gain in A in

@@ -1,4 +1,11 @@
 //! Who a packet is for.
+//!
+//! ```
+//! use motor_hub::protocol::{Address, BROADCAST, HOST};
+//!
+//! assert_eq!(Address::new(7).map(Address::get), Some(7));
+//! assert_eq!([HOST, BROADCAST].map(Address::new), [None; 2]);
+//! ```
 
 use super::fields::{Field, Fields, Payload};
 use super::nack::Nack;

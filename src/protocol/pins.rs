@@ -1,5 +1,15 @@
 //! Requests to digital pins, PWM and servo outputs, which a motor hub may lack: host software sets them
 //! up whatever it finds.
+//!
+//! ```
+//! use motor_hub::protocol::Request;
+//! use motor_hub::protocol::pins::{Pin, ToPin};
+//!
+//! let pin = Pin::new(7).expect("0 to 7");
+//! let request = Request::from(ToPin::SetOutput { pin, high: true });
+//! assert_eq!(request.number(), 1);
+//! assert_eq!(*request.payload(), [7, 1]);
+//! ```
 
 use super::fields::{ByteIn, WordFrom};
 use super::table::requests;

@@ -1,5 +1,18 @@
 //! The status LED: the hub's own signs, in the colours that users of Expansion Hubs know, and the
 //! colour or pattern that a host sets instead.
+//!
+//! ```
+//! use motor_hub::protocol::Colour;
+//! use motor_hub::responder::led::{Led, Sign};
+//! use motor_hub::units::Micros;
+//!
+//! let mut led = Led::default();
+//! assert_eq!(led.at(Micros::new(0), Sign::Talking), Colour::GREEN);
+//! led.set_colour(Colour::ORANGE);
+//! assert_eq!(led.at(Micros::new(0), Sign::Talking), Colour::ORANGE);
+//! // A host that has been lost has no say.
+//! assert_eq!(led.at(Micros::new(0), Sign::Lost(Micros::new(0))), Colour::BLUE);
+//! ```
 
 use crate::protocol::Colour;
 use crate::protocol::led::LedPattern;

@@ -2,6 +2,19 @@
 //!
 //! The host's counts are the motor's less an offset, which is what *reset encoder* sets. Targets are
 //! kept as the host gave them, so after a reset they are where the host's new counts say.
+//!
+//! ```
+//! use motor_hub::braking::Winding;
+//! use motor_hub::motor::{Report, Settings};
+//! use motor_hub::protocol::motor::ToMotor;
+//! use motor_hub::responder::motor::MotorChannel;
+//!
+//! let mut channel = MotorChannel::new(Settings::new(Winding::NEVEREST_60));
+//! let report = Report { position: 40, ..Report::INITIAL };
+//! channel.receive(ToMotor::ResetEncoder, &report, true)?;
+//! assert_eq!(channel.counts(&Report { position: 45, ..report }), 5);
+//! # Ok::<(), motor_hub::protocol::Nack>(())
+//! ```
 
 use super::Answer;
 use crate::hub::Action;

@@ -1,5 +1,16 @@
 //! Digital pins, PWM and servo outputs. A motor hub has none, but host software sets them up when it
 //! opens a hub: what is set is remembered and read back, and moves nothing. Inputs read 0.
+//!
+//! ```
+//! use motor_hub::protocol::pins::{ServoOutput, ToPin};
+//! use motor_hub::responder::Answer;
+//! use motor_hub::responder::pins::PinMemory;
+//!
+//! let mut pins = PinMemory::default();
+//! let servo = ServoOutput::new(5).expect("0 to 5");
+//! assert_eq!(pins.receive(&ToPin::SetServoEnable { servo, on: true }), Ok(Answer::Ack));
+//! assert!(matches!(pins.receive(&ToPin::ServoEnable { servo }), Ok(Answer::Data(on)) if *on == [1]));
+//! ```
 
 use super::Answer;
 use crate::protocol::Nack;

@@ -16,6 +16,20 @@
 //!
 //! All of them are generic over the number of motors and over the board's traits, so an embassy
 //! task, which cannot be generic, is one line in a board.
+//!
+//! ```
+//! use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+//! use motor_hub::hub::{Action, Command};
+//! use motor_hub::motor::Setpoint;
+//! use motor_hub::tasks::Wires;
+//! use motor_hub::units::Control;
+//!
+//! // What anyone says waits for the next tick. All of the tasks, run: examples/two_motors.rs.
+//! let wires = Wires::<NoopRawMutex, 2>::new();
+//! let command = Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
+//! wires.commands.try_send(command).expect("room for 16");
+//! assert_eq!(wires.commands.try_receive(), Ok(command));
+//! ```
 
 pub mod capture;
 pub mod control;

@@ -1,4 +1,4 @@
-//! The state of the host link on three LEDs.
+//! The status LED of the hub, as three LEDs.
 
 use embassy_stm32::gpio::{Level, Output};
 use motor_hub::protocol::Colour;

@@ -7,7 +7,7 @@
 //! | [`vnh5019`] | N bridges on one advanced timer |
 //! | [`encoders`] | quadrature counters, a timer each |
 //! | [`serial`] | the host link: a buffered USART |
-//! | [`lamp`] | the link's status on three LEDs |
+//! | [`lamp`] | the host's status LEDs: red, green, blue |
 //! | [`watchdog`] | the independent watchdog |
 //! | [`faults`] | panic and faults: bridges open first |
 //! | [`demo`] | motors that turn while a button is held |

@@ -57,7 +57,7 @@ fn points() -> Figure {
     let point = |x: f64, y: f64, name: &str| Point { at: (x, y), name: name.into(), colour: colour::INK };
     Figure {
         title: "Points".into(),
-        x_label: "control, counts".into(),
+        x_label: "control, steps".into(),
         x_range: Some((-100.0, 100.0)),
         panels: vec![Panel {
             y_range: Some((-1.0, 1.0)),

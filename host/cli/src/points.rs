@@ -25,7 +25,7 @@ impl Options {
         if self.at.json {
             return print_json(&report);
         }
-        let mut table = table::new(&["point", "control, counts", report.ordinate()], 0);
+        let mut table = table::new(&["point", "control, steps", report.ordinate()], 0);
         for point in &report.points {
             let (x, y) = (format!("{:.2}", point.control), format!("{:.4}", point.y));
             table.add_row([point.name.to_owned(), x, y]);

@@ -1,4 +1,11 @@
 //! What can go wrong.
+//!
+//! ```
+//! use motor_hub_client::Error;
+//!
+//! let error = Error::Silent { address: 2 };
+//! assert!(error.to_string().starts_with("hub 2 does not answer; check its address"));
+//! ```
 
 use crate::words::words;
 use motor_hub::protocol::{BAUD, Nack, Request};

@@ -1,4 +1,18 @@
 //! The line to a hub: a serial port or a TCP connection, as bytes with timeouts.
+//!
+//! ```
+//! use motor_hub_client::Line;
+//! use std::net::TcpListener;
+//! use std::time::Duration;
+//!
+//! let listener = TcpListener::bind("127.0.0.1:0")?;
+//! let address = listener.local_addr()?.to_string();
+//! assert!(Line::tcp(&address, Duration::from_secs(1)).is_ok());
+//! // Nobody listens there any more.
+//! drop(listener);
+//! assert!(Line::tcp(&address, Duration::from_secs(1)).is_err());
+//! # Ok::<(), std::io::Error>(())
+//! ```
 
 use crate::error::OpenError;
 #[cfg(feature = "serial")]

@@ -1,4 +1,15 @@
 //! One request at a time over a line: waiting for its answer, trying again, finding hubs.
+//!
+//! ```
+//! use motor_hub_client::motor_hub::protocol::Address;
+//! use motor_hub_client::{Error, Session};
+//! use std::io::Cursor;
+//! use std::time::Duration;
+//!
+//! // Any bytes to read and write are a line; these end at once.
+//! let mut session = Session::new(Cursor::new(Vec::new()), Address::DEFAULT, Duration::from_millis(100));
+//! assert!(matches!(session.discover(), Err(Error::HungUp)));
+//! ```
 
 use crate::Error;
 use crate::error::Addresses;

@@ -109,7 +109,7 @@ fn structure() -> Figure {
     Figure {
         title: "Relative structure of the points".to_owned(),
         subtitle: "paper, section 1.3".to_owned(),
-        x_label: "control, counts".to_owned(),
+        x_label: "control, steps".to_owned(),
         x_range: Some((-36_000.0, 36_000.0)),
         panels: vec![points_panel(&points, "y".to_owned(), 420.0)],
     }
@@ -169,7 +169,7 @@ fn scheme_figure(motor: &Motor, title: &str, scheme: impl Fn(f64) -> paper::Sche
     Figure {
         title: title.to_owned(),
         subtitle: "AM 60 A on 12 V at 10, 50 and 90 % of its free speed".to_owned(),
-        x_label: "control, counts".to_owned(),
+        x_label: "control, steps".to_owned(),
         x_range: Some((-36_000.0, 36_000.0)),
         panels: [0.1, 0.5, 0.9].into_iter().map(panel).collect(),
     }
@@ -195,7 +195,7 @@ fn over_speed(motor: &Motor) -> Figure {
         x_label: "speed, % of free speed".to_owned(),
         x_range: Some((0.0, 110.0)),
         panels: vec![Panel {
-            y_label: "control, counts".to_owned(),
+            y_label: "control, steps".to_owned(),
             height: 460.0,
             y_range: Some((-40_000.0, 40_000.0)),
             series: vec![
@@ -270,7 +270,7 @@ fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
     Ok(Figure {
         title: format!("What a control value becomes at {:.0} % of free speed", 100.0 * share),
         subtitle: "AM 60 A on 12 V, 20 kHz, Vd 0.7 V, Ron 50 mohm; worst deviation in % of Vbat/R".to_owned(),
-        x_label: "control, counts".to_owned(),
+        x_label: "control, steps".to_owned(),
         x_range: Some((-33_000.0, 33_000.0)),
         panels,
     })
@@ -302,7 +302,7 @@ fn by_frequency(motor: &Motor) -> Result<Figure, StudyError> {
     Ok(Figure {
         title: "Deviation from the line asked for, by PWM frequency".to_owned(),
         subtitle: "AM 60 A on 12 V at 50 % of free speed, scheme B, event-exact bridge".to_owned(),
-        x_label: "control, counts".to_owned(),
+        x_label: "control, steps".to_owned(),
         x_range: Some((-33_000.0, 33_000.0)),
         panels,
     })

@@ -37,7 +37,7 @@ pub struct OperatingReport {
 pub struct PointReport {
     /// "S", "T", "Z" or "G".
     pub name: &'static str,
-    /// Abscissa in counts; may lie outside the control range.
+    /// Abscissa in steps; may lie outside the control range.
     pub control: f64,
     /// Ordinate in the scheme's unit.
     pub y: f64,
@@ -46,7 +46,7 @@ pub struct PointReport {
 /// A control value's place, with the duty that the paper gives it.
 #[derive(Debug, PartialEq, Serialize)]
 pub struct Placed {
-    /// Counts.
+    /// Steps.
     pub control: i16,
     /// Regime, mode and duty linear between the points.
     #[serde(flatten)]

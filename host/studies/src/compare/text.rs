@@ -41,7 +41,7 @@ pub(super) fn round(round: &Round) -> String {
         round.tasks.iter().map(|result| format!("  {:12} {}\n", result.task.key, result.task.what)).collect();
     format!(
         "An AM 60 A (measured rotor inertia) with a 10 kg flywheel (0.05 kg m2), 50 ms, 12 V behind 0.05 ohm;\n\
-         {};\nD = F = 0, f = 32767 keFw / 12000 counts per count/s\n{tasks}{table}\n{DEFINITIONS}\nCapitals are linear current, small letters linear duty; * is everybody, - nobody.\n{}\n\n",
+         {};\nD = F = 0, f = 32767 keFw / 12000 steps per count/s\n{tasks}{table}\n{DEFINITIONS}\nCapitals are linear current, small letters linear duty; * is everybody, - nobody.\n{}\n\n",
         round.tuning.how,
         who_wins(round),
     )

@@ -7,7 +7,7 @@ use motor_hub::motion::Pidf;
 use motor_hub::units::{Coefficient, Control};
 use serde::Serialize;
 
-/// P and I as multiples of `f = 32767 keFw / 12000`, control counts per count/s: full control at the
+/// P and I as multiples of `f = 32767 keFw / 12000`, control steps per count/s: full control at the
 /// speed whose back EMF is 12 V. D and F are 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Gains {

@@ -116,7 +116,7 @@ pub(super) fn points(case: &Case) -> Result<Value, CaseError> {
 
 /// Where a control value falls among points that are given.
 pub(super) fn example_duty(case: &Case) -> Result<Value, CaseError> {
-    let abscissa = |key| case.whole(key, -(1 << 40), 1 << 40).map(|counts| Abscissa::from_bits(counts << 8));
+    let abscissa = |key| case.whole(key, -(1 << 40), 1 << 40).map(|steps| Abscissa::from_bits(steps << 8));
     let points = Points { s: abscissa("S")?, t: abscissa("T")?, z: abscissa("Z")?, g: abscissa("G")? };
     if !(points.s < points.t && points.t <= points.z && points.z < points.g) {
         return Err(CaseError::Points);

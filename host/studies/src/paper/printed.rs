@@ -96,7 +96,7 @@ fn poles(motor: &Motor, flywheel_kg: f64) -> (f64, f64) {
 
 /// The paper's example points (section 1.3), on the firmware's core.
 fn example_duty() -> f64 {
-    let at = |counts: i64| Abscissa::from_bits(counts << 8);
+    let at = |steps: i64| Abscissa::from_bits(steps << 8);
     let points = Points { s: at(-32767), t: at(-16384), z: at(8192), g: at(32767) };
     points.place(Control::new(-10_000)).fraction.to_f64()
 }

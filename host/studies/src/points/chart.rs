@@ -7,7 +7,7 @@ pub(super) const REACH: f64 = 32767.0;
 /// Horizontal axis: the control range and a little more.
 pub(super) const X_RANGE: (f64, f64) = (-1.08 * REACH, 1.08 * REACH);
 /// What is on it.
-pub(super) const X_LABEL: &str = "control, counts";
+pub(super) const X_LABEL: &str = "control, steps";
 
 /// What there is to choose.
 #[derive(Clone, Copy, Debug)]

@@ -43,7 +43,7 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
         ..Panel::default()
     });
     panels.push(Panel {
-        y_label: "control, counts".into(),
+        y_label: "control, steps".into(),
         height: 130.0,
         y_range: Some((-36_000.0, 36_000.0)),
         bands: bands.clone(),
