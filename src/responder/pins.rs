@@ -1,7 +1,7 @@
 //! Digital pins, PWM and servo outputs. A motor hub has none, but host software sets them up when it
 //! opens a hub: what is set is remembered and read back, and moves nothing. Inputs read 0.
 
-use super::Answer;
+use super::answer::Answer;
 use crate::protocol::Nack;
 use crate::protocol::pins::{Pin, PwmOutput, ServoOutput, ToPin};
 
