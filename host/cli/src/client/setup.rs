@@ -1,8 +1,9 @@
 //! `motor-hub client setup`.
 
-use super::{Trouble, channel};
+use super::Trouble;
 use crate::choice::Choice;
 use crate::output::{Failure, print, print_json};
+use crate::parse::channel;
 use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::protocol::setup::Setup;
