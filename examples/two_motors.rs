@@ -8,12 +8,12 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, MockDriver};
 use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
 use motor_hub::braking::Winding;
-use motor_hub::bridge::Drive;
+use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::hub::{Action, Command, Hub};
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::{self, Plant};
-use motor_hub::model::si::{Hertz, Kilograms, Metres, Ohms, Seconds, Volts};
+use motor_hub::model::si::{Hertz, Kilograms, Metres, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::supply::{Limits, Supply};
@@ -61,9 +61,10 @@ impl Watchdog for &Board {
 impl Board {
     fn new() -> Self {
         let motor = characterised("AM 60 A").expect("in the catalogue");
-        let bridge = Bridge { vd: Volts(0.7), ron: Ohms(0.05) };
+        let constants = BridgeConstants::VNH5019;
         let load = Load::flywheel(Kilograms(10.0), Metres(0.1));
-        let plant = Plant::new(motor, load, bridge, Hertz(20_000.0));
+        let pwm = Hertz(constants.pwm_hz().into());
+        let plant = Plant::new(motor, load, Bridge::new(constants), pwm);
         Self { plants: RefCell::new([plant.clone(), plant]), drives: Cell::new([Drive::COAST; 2]) }
     }
 

@@ -1,6 +1,6 @@
 //! What one end writes, the other reads: every request and every answer.
 
-use motor_hub::braking::{Blend, BlendFraction, Scheme};
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
@@ -11,7 +11,7 @@ use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
 use motor_hub::protocol::setup::{Setup, ToSetup};
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
-use motor_hub::units::{Coefficient, Control, EmfConstant, Micros};
+use motor_hub::units::{Coefficient, Control, EmfConstant, Inductance, Micros, Resistance};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::strategy::{Union, ValueTree};
@@ -93,10 +93,10 @@ fn setup() -> impl Strategy<Value = Setup> {
             Setup {
                 emf: EmfConstant::from_bits(emf).expect("in range"),
                 // Current cannot be linear in an unknown resistance.
-                resistance_mohm: if linear { mohm.max(1) } else { mohm },
-                inductance_uh: uh,
+                resistance: Resistance::from_milliohms(if linear { mohm.max(1) } else { mohm }).ok(),
+                inductance: Inductance::from_microhenries(uh).ok(),
                 scheme,
-                linear_current: linear,
+                duty: if linear { DutyRule::LinearCurrent } else { DutyRule::LinearDuty },
             }
         },
     )

@@ -50,12 +50,13 @@ impl Placement {
 }
 
 /// How the duty is found within a regime.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DutyRule {
     /// Linear between the points, as in the paper.
     LinearDuty,
     /// Such that the mean current is linear between the points.
+    #[default]
     LinearCurrent,
 }
 

@@ -18,17 +18,17 @@
 //! | u8 | duty: 0 linear, as in the paper; 1 such that current is linear |
 //!
 //! ```
-//! use motor_hub::braking::Scheme;
+//! use motor_hub::braking::{DutyRule, Scheme};
 //! use motor_hub::protocol::setup::{Setup, ToSetup};
-//! use motor_hub::units::EmfConstant;
+//! use motor_hub::units::{EmfConstant, Inductance, Resistance};
 //!
 //! // An AM 60 A, Scheme B, linear current, on channel 2.
 //! let setup = Setup {
 //!     emf: EmfConstant::from_bits(4_180_575).unwrap(),
-//!     resistance_mohm: 3_300,
-//!     inductance_uh: 694,
+//!     resistance: Resistance::from_milliohms(3_300).ok(),
+//!     inductance: Inductance::from_microhenries(694).ok(),
 //!     scheme: Scheme::B,
-//!     linear_current: true,
+//!     duty: DutyRule::LinearCurrent,
 //! };
 //! let request = ToSetup::SetUp { setup }.to(2);
 //! assert_eq!(request.id(), 0x4D00);
@@ -38,8 +38,7 @@
 use super::fields::{ByteIn, Field, Fields, Payload};
 use super::nack::Nack;
 use super::table::requests;
-use crate::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
-use crate::motor::Settings;
+use crate::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use crate::units::{EmfConstant, Inductance, Resistance};
 
 /// The type of the interface's function 0.
@@ -63,20 +62,21 @@ requests! {
 pub struct Setup {
     /// Its back EMF per encoder speed.
     pub emf: EmfConstant,
-    /// Its winding's resistance in milliohms; 0, with linear duty only, for a winding as it is known.
-    pub resistance_mohm: u16,
-    /// Its winding's inductance in microhenries; 0 if unknown.
-    pub inductance_uh: u16,
+    /// Its winding's resistance; `None`, with linear duty only, for a winding as it is known.
+    pub resistance: Option<Resistance>,
+    /// Its winding's inductance, if known.
+    pub inductance: Option<Inductance>,
     /// Where S, T, Z and G lie.
     pub scheme: Scheme,
-    /// Duties such that current is linear, not duties that are linear themselves.
-    pub linear_current: bool,
+    /// How the duty is found within a regime.
+    pub duty: DutyRule,
 }
 
 impl Field for Setup {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let emf = fields.checked(|bits| EmfConstant::from_bits(bits).ok())?;
-        let (resistance_mohm, inductance_uh) = (u16::read(fields)?, u16::read(fields)?);
+        let resistance = Resistance::from_milliohms(u16::read(fields)?).ok();
+        let inductance = Inductance::from_microhenries(u16::read(fields)?).ok();
         let code = ByteIn::<0, 5>::read(fields)?;
         let blend = fields.checked(|bits: u16| BlendFraction::from_bits(bits.into()).ok())?;
         let scheme = match code.get() {
@@ -87,11 +87,11 @@ impl Field for Setup {
             4 => Scheme::D(Blend::Automatic),
             _ => Scheme::D(Blend::Fixed(blend)),
         };
-        let linear_current = bool::read(fields)?;
-        if linear_current && resistance_mohm == 0 {
+        let duty = if bool::read(fields)? { DutyRule::LinearCurrent } else { DutyRule::LinearDuty };
+        if duty == DutyRule::LinearCurrent && resistance.is_none() {
             return Err(Nack::parameter(2));
         }
-        Ok(Self { emf, resistance_mohm, inductance_uh, scheme, linear_current })
+        Ok(Self { emf, resistance, inductance, scheme, duty })
     }
 
     fn write(&self, payload: &mut Payload) {
@@ -105,41 +105,10 @@ impl Field for Setup {
             Scheme::D(Blend::Fixed(blend)) => (5, u16::try_from(blend.to_bits()).unwrap_or(u16::MAX)),
         };
         self.emf.to_bits().write(payload);
-        self.resistance_mohm.write(payload);
-        self.inductance_uh.write(payload);
+        self.resistance.map_or(0, Resistance::as_milliohms).write(payload);
+        self.inductance.map_or(0, Inductance::as_microhenries).write(payload);
         code.write(payload);
         blend.write(payload);
-        self.linear_current.write(payload);
-    }
-}
-
-impl Setup {
-    /// As these settings have it.
-    pub fn of(settings: &Settings) -> Self {
-        let Settings { winding, scheme, duty, .. } = settings;
-        Self {
-            emf: winding.emf,
-            resistance_mohm: winding.resistance.as_milliohms(),
-            inductance_uh: winding.inductance.map_or(0, Inductance::as_microhenries),
-            scheme: *scheme,
-            linear_current: *duty == DutyRule::LinearCurrent,
-        }
-    }
-
-    /// Settings for it, with the coefficients that go with it; what zero means is kept, and what is known
-    /// of the bridge.
-    pub(crate) fn settings(self, present: &Settings) -> Settings {
-        let Self { emf, resistance_mohm, inductance_uh, scheme, linear_current } = self;
-        let winding = match Resistance::from_milliohms(resistance_mohm) {
-            Ok(resistance) => {
-                let inductance = Inductance::from_microhenries(inductance_uh).ok();
-                Winding { emf, resistance, inductance }
-            }
-            // A host that has no use for the resistance leaves the winding as it is.
-            Err(_) => Winding { emf, ..present.winding },
-        };
-        let duty = if linear_current { DutyRule::LinearCurrent } else { DutyRule::LinearDuty };
-        let Settings { bridge, zero_power, .. } = *present;
-        Settings { bridge, duty, zero_power, ..Settings::for_scheme(winding, scheme) }
+        (self.duty == DutyRule::LinearCurrent).write(payload);
     }
 }

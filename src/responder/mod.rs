@@ -41,14 +41,18 @@
 //! ```
 
 pub mod alive;
+mod answer;
 pub mod led;
 pub mod motor;
 pub mod pins;
+pub mod setup;
+
+pub use answer::Answer;
 
 use crate::hub::{Command, Snapshot};
 use crate::motor::{Report, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
-use crate::protocol::fields::{Field, Payload, Text};
+use crate::protocol::fields::Text;
 use crate::protocol::motor::ToMotor;
 use crate::protocol::requests::{BATTERY, DISCOVERY, Request, Standard, ToHub};
 use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
@@ -76,23 +80,6 @@ const VERSION: Version = Version {
 
 /// A request is to a motor that the hub does not have.
 const NO_MOTOR: Nack = Nack::parameter(0);
-
-/// What a request that is not refused is answered.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Answer {
-    /// Done.
-    Ack,
-    /// What was asked for.
-    Data(Payload),
-}
-
-impl Answer {
-    fn data(of: &impl Field) -> Self {
-        let mut payload = Payload::new();
-        of.write(&mut payload);
-        Self::Data(payload)
-    }
-}
 
 /// Everything that the hub keeps for the host.
 #[derive(Clone, Debug)]

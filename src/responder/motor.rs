@@ -16,13 +16,14 @@
 //! # Ok::<(), motor_hub::protocol::Nack>(())
 //! ```
 
-use super::Answer;
+use super::answer::Answer;
+use super::setup;
 use crate::hub::Action;
 use crate::motion::Pidf;
 use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::Nack;
 use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
-use crate::protocol::setup::{Setup, ToSetup};
+use crate::protocol::setup::ToSetup;
 use crate::units::{Coefficient, Control, CountsPerSecond};
 
 /// The speed limit on the way to a position, in counts per second, while no target velocity has ever
@@ -140,12 +141,12 @@ impl MotorChannel {
     /// Does what a request says, which cannot be refused.
     pub fn receive_setup(&mut self, request: ToSetup) -> Answer {
         match request {
-            ToSetup::SetUp { setup } => {
-                self.settings = setup.settings(&self.settings);
+            ToSetup::SetUp { setup: wanted } => {
+                self.settings = setup::settings(wanted, &self.settings);
                 self.pending.configure = true;
                 Answer::Ack
             }
-            ToSetup::Setup => Answer::data(&Setup::of(&self.settings)),
+            ToSetup::Setup => Answer::data(&setup::of(&self.settings)),
         }
     }
 

@@ -12,7 +12,7 @@
 //! assert!(matches!(pins.receive(&ToPin::ServoEnable { servo }), Ok(Answer::Data(on)) if *on == [1]));
 //! ```
 
-use super::Answer;
+use super::answer::Answer;
 use crate::protocol::Nack;
 use crate::protocol::pins::{Pin, PwmOutput, ServoOutput, ToPin};
 

@@ -20,15 +20,6 @@ use crate::bench::{Bench, Setup};
 use crate::elf;
 use crate::shafts::Mounting;
 
-/// Control values go to the bridge as the linear duty of the paper, or as linear current.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rule {
-    /// [`DutyRule::LinearDuty`].
-    Duty,
-    /// [`DutyRule::LinearCurrent`] of a typical winding.
-    Current,
-}
-
 /// What one tick is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Input {
@@ -80,7 +71,7 @@ impl Answer {
 /// A closed loop, tick by tick.
 #[derive(Clone, Debug)]
 pub struct Recording {
-    rule: Rule,
+    rule: DutyRule,
     period: Period,
     emf: EmfConstant,
     /// What went in.
@@ -89,11 +80,7 @@ pub struct Recording {
     pub answers: Vec<Answer>,
 }
 
-fn settings(emf: EmfConstant, rule: Rule) -> Settings {
-    let duty = match rule {
-        Rule::Duty => DutyRule::LinearDuty,
-        Rule::Current => DutyRule::LinearCurrent,
-    };
+fn settings(emf: EmfConstant, duty: DutyRule) -> Settings {
     Settings { duty, ..Settings::new(Winding { emf, ..Winding::NEVEREST_60 }) }
 }
 
@@ -106,16 +93,18 @@ impl Recording {
     #[must_use]
     pub fn new(
         mounting: &Mounting,
-        rule: Rule,
+        rule: DutyRule,
         period: Period,
         ticks: usize,
         setpoint: impl Fn(usize) -> Setpoint,
         torque: impl Fn(usize) -> f64,
     ) -> Self {
-        let bits = (mounting.motor.ke_fw() * f64::from(1 << 20)).round() as i32;
-        let emf = EmfConstant::from_bits(bits).expect("a motor's back-EMF constant");
-        let mut plant = Plant::new(mounting.motor, mounting.load, mounting.bridge, Hertz(20_000.0));
-        let mut motor = Motor::new(settings(emf, rule), period);
+        let emf = EmfConstant::from_ke(mounting.motor.ke.0, mounting.motor.counts_per_rev_motor)
+            .expect("a motor's back-EMF constant");
+        let settings = settings(emf, rule);
+        let pwm = Hertz(settings.bridge.pwm_hz().into());
+        let mut plant = Plant::new(mounting.motor, mounting.load, mounting.bridge, pwm);
+        let mut motor = Motor::new(settings, period);
         let mut tracker = Tracker::default();
         let (mut last, mut drive) = (Setpoint::Disabled, Drive::COAST);
         let mut recording = Self { rule, period, emf, inputs: Vec::new(), answers: Vec::new() };
@@ -210,7 +199,7 @@ impl OnChip {
         let mut chip = Self { bench, image, settings, inputs, outputs, pending, begin, end };
         // Past the start-up code, which clears the memory.
         chip.bench.run(Duration::from_millis(1));
-        let rule = u32::from(recording.rule == Rule::Current);
+        let rule = u32::from(recording.rule == DutyRule::LinearCurrent);
         let words = vec![recording.emf.to_bits().cast_unsigned(), recording.period.as_millis(), rule];
         chip.bench.write_words(chip.settings, words);
         chip

@@ -12,7 +12,8 @@ use motor_hub::model::plant::Flow;
 use motor_hub::motion::EncoderFault;
 use motor_hub::motor::{Faults, Report, Setpoint, ZeroPower};
 use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, RunMode, ToMotor};
-use motor_hub::protocol::setup::{Setup, ToSetup};
+use motor_hub::protocol::setup::ToSetup;
+use motor_hub::responder::setup;
 use motor_hub::units::{CountsPerSecond, Duty, Period, RangeError};
 use simulated::hardware::BRIDGE;
 use simulated::scenario::{Motor, Scenario};
@@ -143,7 +144,7 @@ fn run_to(bench: &mut Bench, at_s: f64) {
 fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, motor: &Motor) -> Result<(), ReplayError> {
     let settings =
         motor.settings().map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
-    talk.order(bench, ToSetup::SetUp { setup: Setup::of(&settings) }.to(channel));
+    talk.order(bench, ToSetup::SetUp { setup: setup::of(&settings) }.to(channel));
     for (of, pidf) in [(Loop::Velocity, settings.velocity), (Loop::Position, settings.position)] {
         let coefficients = Coefficients { pidf, algorithm: Algorithm::Pidf };
         talk.order(bench, ToMotor::SetPidf { of, coefficients }.to(channel));

@@ -7,6 +7,7 @@
 
 use std::collections::VecDeque;
 
+use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
@@ -25,7 +26,7 @@ pub(crate) const CELL: u64 = 1_000_000;
 const STEP: u64 = 100_000;
 
 /// PWM frequency until the chip's timer runs.
-const IDLE_PWM: Hertz = Hertz(20_000.0);
+const IDLE_PWM: Hertz = Hertz(BridgeConstants::VNH5019.pwm_hz() as f64);
 
 /// A motor behind its bridge.
 #[derive(Clone, Debug)]

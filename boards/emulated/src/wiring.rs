@@ -45,5 +45,5 @@ pub(crate) const HOST_LINK: usize = 2;
 
 /// ADC1_IN3 is PA3.
 pub(crate) const BATTERY_CHANNEL: u8 = 3;
-/// 47 kohm to the battery, 10 kohm to ground.
+/// 47 kohm to the battery, 10 kohm to ground: the board as it is soldered, not as its firmware has it.
 pub(crate) const DIVIDER: f64 = 10.0 / 57.0;

@@ -5,7 +5,8 @@ mod common;
 
 use std::collections::BTreeMap;
 
-use emulated::recording::{OnChip, Recording, Rule, expected};
+use emulated::recording::{OnChip, Recording, expected};
+use motor_hub::braking::DutyRule;
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 
@@ -32,7 +33,7 @@ fn torque(tick: usize) -> f64 {
 
 const MODES: [&str; 2] = ["velocity", "position"];
 
-fn record(mode: &str, rule: Rule, ms: u32, ticks: usize) -> Recording {
+fn record(mode: &str, rule: DutyRule, ms: u32, ticks: usize) -> Recording {
     let period = Period::from_millis(ms).expect("a period");
     let per_second = 1000 / ms as usize;
     match mode {
@@ -44,7 +45,7 @@ fn record(mode: &str, rule: Rule, ms: u32, ticks: usize) -> Recording {
 #[test]
 fn control_to_drive_is_the_same_to_the_last_bit_as_on_the_host() {
     for ms in [50, 1] {
-        for rule in [Rule::Current, Rule::Duty] {
+        for rule in [DutyRule::LinearCurrent, DutyRule::LinearDuty] {
             for mode in MODES {
                 let recording = record(mode, rule, ms, 8000);
                 let mut chip = OnChip::new(&recording);
@@ -65,16 +66,16 @@ const CORE: u64 = 168_000_000;
 #[test]
 fn four_motors_steps_stay_within_the_budget_of_the_whole_hub() {
     println!("instructions of one motor's control step");
-    println!("{:10} {:9} {:>6} {:>6} {:>6} {:>6}", "mode", "rule", "period", "mean", "median", "worst");
+    println!("{:10} {:13} {:>6} {:>6} {:>6} {:>6}", "mode", "rule", "period", "mean", "median", "worst");
     for (ms, percent) in [(50, 2), (10, 2), (1, 10)] {
-        for rule in [Rule::Current, Rule::Duty] {
+        for rule in [DutyRule::LinearCurrent, DutyRule::LinearDuty] {
             for mode in MODES {
                 let recording = record(mode, rule, ms, 2000);
                 let mut counts = OnChip::new(&recording).count(&recording.inputs);
                 counts.sort_unstable();
                 let mean = counts.iter().sum::<u64>() / counts.len() as u64;
                 let (median, worst) = (counts[counts.len() / 2], counts[counts.len() - 1]);
-                println!("{mode:10} {rule:9?} {ms:3} ms {mean:6} {median:6} {worst:6}");
+                println!("{mode:10} {rule:13?} {ms:3} ms {mean:6} {median:6} {worst:6}");
                 let per_second = 4 * mean * 1000 / u64::from(ms);
                 assert!(per_second <= percent * CORE / 100, "{mode} at {ms} ms, {rule:?}: {mean}");
             }
@@ -86,7 +87,7 @@ fn four_motors_steps_stay_within_the_budget_of_the_whole_hub() {
 #[test]
 #[ignore = "a report, not a test"]
 fn profile() {
-    let rules = [Rule::Current, Rule::Duty];
+    let rules = [DutyRule::LinearCurrent, DutyRule::LinearDuty];
     for (rule, mode) in rules.into_iter().flat_map(|rule| MODES.map(|mode| (rule, mode))) {
         let recording = record(mode, rule, 50, 1200);
         let steps = recording.inputs.len() as f64;

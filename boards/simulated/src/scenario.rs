@@ -9,7 +9,6 @@ mod file;
 mod substitute;
 
 use crate::hardware::{BRIDGE, winding};
-use crate::scheme::DutyChoice;
 use expectation::Expectation;
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::{battery::Battery, catalogue, load::Load, si};
@@ -89,7 +88,7 @@ pub struct Motor {
     /// How control values are given their meaning.
     pub scheme: Scheme,
     /// How duties are found.
-    pub duty: DutyChoice,
+    pub duty: DutyRule,
     /// What zero power does.
     pub zero_power: ZeroPower,
     /// Coefficients of the velocity loop, if they are not left to the board.
@@ -202,10 +201,7 @@ impl Motor {
         let defaults = Settings::for_scheme(winding(&told)?, self.scheme);
         Ok(Settings {
             bridge: BRIDGE,
-            duty: match self.duty {
-                DutyChoice::LinearCurrent => DutyRule::LinearCurrent,
-                DutyChoice::LinearDuty => DutyRule::LinearDuty,
-            },
+            duty: self.duty,
             zero_power: self.zero_power,
             velocity: self.velocity.unwrap_or(defaults.velocity),
             position: self.position.unwrap_or(defaults.position),

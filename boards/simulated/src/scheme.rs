@@ -1,7 +1,7 @@
 //! How people name a scheme: `none`, `A` to `D`, and for D a blend; and a duty rule. Scenario files and the
 //! command line share these words.
 
-use motor_hub::braking::{Blend, BlendFraction, Scheme};
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use serde::de::{Deserialize, Deserializer, Error, Visitor};
 use std::fmt;
 use std::str::FromStr;
@@ -100,14 +100,13 @@ impl<'de> Deserialize<'de> for BlendChoice {
     }
 }
 
-/// How the duty is found within a regime.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum DutyChoice {
-    /// Such that the mean current is linear between the points, for the motor's own winding.
-    #[default]
+/// How files name a [`DutyRule`]: `#[serde(with = "DutyWord")]`.
+#[derive(serde::Deserialize, serde::Serialize)]
+#[serde(remote = "DutyRule", rename_all = "kebab-case")]
+pub enum DutyWord {
+    /// `linear-current`.
     LinearCurrent,
-    /// Linear between the points, as in the paper.
+    /// `linear-duty`.
     LinearDuty,
 }
 

@@ -1,7 +1,7 @@
 //! Options that choose how motors are controlled: scheme, blend, duty rule.
 
-use motor_hub::braking::Scheme;
-use simulated::scheme::{BlendChoice, BlendError, DutyChoice, SchemeName};
+use motor_hub::braking::{DutyRule, Scheme};
+use simulated::scheme::{BlendChoice, BlendError, SchemeName};
 
 /// A scheme's name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -66,10 +66,10 @@ impl Choice {
     }
 
     /// The duty rule, if one is chosen.
-    pub(crate) fn duty(&self) -> Option<DutyChoice> {
+    pub(crate) fn duty(&self) -> Option<DutyRule> {
         self.duty.map(|duty| match duty {
-            DutyOption::LinearCurrent => DutyChoice::LinearCurrent,
-            DutyOption::LinearDuty => DutyChoice::LinearDuty,
+            DutyOption::LinearCurrent => DutyRule::LinearCurrent,
+            DutyOption::LinearDuty => DutyRule::LinearDuty,
         })
     }
 

@@ -8,7 +8,8 @@ mod status;
 mod watch;
 
 use crate::output::{Failure, print};
-use motor_hub::protocol::{Address, CHANNELS, Colour};
+use crate::parse::{address, channel};
+use motor_hub::protocol::{Address, Colour};
 use motor_hub_client::line::{self, Line};
 use motor_hub_client::{Error, Session};
 use std::time::Duration;
@@ -112,7 +113,7 @@ impl From<Failure> for Trouble {
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         if matches!(self.command, Command::Ports) {
-            return print(&ports().map_err(Failure::Work)?);
+            return print(&ports()?);
         }
         let timeout = Duration::from_millis(self.timeout);
         let (name, line) = match (&self.port, &self.tcp) {
@@ -127,6 +128,9 @@ impl Options {
         };
         let line = line.map_err(|e| Failure::Work(format!("{name}: {e}")))?;
         self.command.execute(line, self.address, timeout).map_err(|trouble| match trouble {
+            Trouble::Hub(error @ Error::Parents { .. }) => {
+                Failure::Work(format!("{name}: {error}; name one by --address"))
+            }
             Trouble::Hub(error) => Failure::Work(format!("{name}: {error}")),
             Trouble::Other(failure) => failure,
         })
@@ -179,8 +183,8 @@ impl Command {
 }
 
 /// The serial ports of this machine, for a reader.
-fn ports() -> Result<String, String> {
-    let ports = line::ports().map_err(|e| format!("the serial ports of this machine: {e}"))?;
+fn ports() -> Result<String, Failure> {
+    let ports = line::ports().map_err(|e| Failure::Work(format!("the serial ports of this machine: {e}")))?;
     if ports.is_empty() {
         return Ok("No serial ports found\n".to_owned());
     }
@@ -192,21 +196,4 @@ fn ports() -> Result<String, String> {
 fn host_and_port(text: &str) -> Result<String, String> {
     let parts = text.rsplit_once(':').filter(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
     parts.map(|_| text.to_owned()).ok_or_else(|| "give HOST:PORT, such as 127.0.0.1:7070".to_owned())
-}
-
-fn address(text: &str) -> Result<Address, String> {
-    let address = text.parse().ok().and_then(Address::new);
-    address.ok_or_else(|| "an address is 1 to 254".to_owned())
-}
-
-fn channel(text: &str) -> Result<u8, String> {
-    let channel = text.parse().ok().filter(|channel| usize::from(*channel) < CHANNELS);
-    channel.ok_or_else(|| format!("a motor is 0 to {}", CHANNELS - 1))
-}
-
-/// At most a day.
-fn seconds(text: &str) -> Result<Duration, String> {
-    let length = text.parse().ok().filter(|s| (0.0..=86_400.0).contains(s) && *s > 0.0);
-    let length = length.and_then(|s| Duration::try_from_secs_f64(s).ok());
-    length.ok_or_else(|| "a time is more than 0 and at most 86400 seconds".to_owned())
 }

@@ -61,7 +61,9 @@ impl Options {
         print_json(&document)?;
         match failed {
             0 => Ok(()),
-            n => Err(Failure::Work(format!("{n} of {cases} cases could not be answered"))),
+            n => Err(Failure::Work(format!(
+                "{n} of {cases} cases could not be answered; --help lists the formulas and their inputs"
+            ))),
         }
     }
 

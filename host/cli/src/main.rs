@@ -16,6 +16,7 @@ mod map;
 mod operating;
 mod output;
 mod paper;
+mod parse;
 mod points;
 mod run;
 mod serve;

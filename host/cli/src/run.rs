@@ -2,11 +2,12 @@
 
 use crate::choice::Choice;
 use crate::output::{Failure, drawn, print, print_json, write_all};
+use crate::parse::run_seconds;
 use indicatif::ProgressBar;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::units::Period;
 use simulated::hardware::MOTORS;
-use simulated::scenario::{LONGEST_S, Scenario};
+use simulated::scenario::Scenario;
 use simulated::sim::{self, RunError};
 use std::path::PathBuf;
 use studies::report::Comparison;
@@ -18,7 +19,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
     /// Length of the run in seconds
-    #[arg(long, value_name = "S", value_parser = seconds)]
+    #[arg(long, value_name = "S", value_parser = run_seconds)]
     time: Option<f64>,
     /// Motor of the catalogue in the place of the default scenario's first, second, ... motor, with
     /// speeds and loads in proportion; up to four. The run has as many motors as are named
@@ -104,10 +105,4 @@ fn simulate(scenario: Scenario) -> Result<Comparison, RunError> {
     let without = sim::run(&scenario.without_braking(), &mut |s| at(scenario.duration_s + s))?;
     bar.finish_and_clear();
     Ok(Comparison::new(scenario, as_set, without))
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    let allowed = || format!("a length is more than 0 and at most {LONGEST_S} seconds");
-    let length: f64 = text.parse().map_err(|_| allowed())?;
-    if (0.001..=LONGEST_S).contains(&length) { Ok(length) } else { Err(allowed()) }
 }

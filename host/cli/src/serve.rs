@@ -1,11 +1,12 @@
 //! `motor-hub serve`: the simulated board, or the flashed image on the emulated chip.
 
 use crate::output::{Failure, print};
+use crate::parse::{address, seconds};
 use emulated::elf;
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
 use simulated::scenario::{Scenario, ScenarioError};
-use simulated::serve::{self, Line, Moment};
+use simulated::serve::{self, Line, LineError, Moment};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -87,7 +88,7 @@ impl Serving {
         let scenario = scenario.map_err(Failure::input)?;
         let line = match &self.place.tcp {
             Some(address) => Line::tcp(address).map_err(Failure::input)?,
-            None => Line::pty().map_err(Failure::work)?,
+            None => Line::pty().map_err(no_pty)?,
         };
         let mut place = Some(format!("{line}\n"));
         let mut said_so = Ok(());
@@ -114,14 +115,9 @@ impl Serving {
     }
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
-    let length = text.parse().ok().filter(|length: &f64| length.is_finite() && *length > 0.0);
-    length.ok_or_else(|| "a length is more than 0 seconds".into())
-}
-
-fn address(text: &str) -> Result<Address, String> {
-    text.parse()
-        .ok()
-        .and_then(Address::new)
-        .ok_or_else(|| "an address is a whole number from 1 to 254".into())
+fn no_pty(error: LineError) -> Failure {
+    match error {
+        LineError::NoPtys => Failure::Work(format!("{error}; serve with --tcp instead")),
+        error => Failure::work(error),
+    }
 }

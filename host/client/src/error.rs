@@ -27,7 +27,7 @@ pub enum Error {
     )]
     NoHub,
     /// Hubs answered a discovery, but not one of them as parent.
-    #[error("{found} hubs answer as parent, which must be one; name one by --address ({addresses})")]
+    #[error("{found} hubs answer as parent, which must be one (those that answer: {addresses})")]
     Parents {
         /// Hubs that say they are parents.
         found: usize,

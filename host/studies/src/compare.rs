@@ -12,10 +12,9 @@ pub mod tuning;
 
 use crate::measures::Measures;
 use crate::{NamedFigure, StudyError};
-use motor_hub::braking::{Blend, Scheme};
+use motor_hub::braking::{Blend, DutyRule, Scheme};
 use serde::Serialize;
 use serde_json::json;
-use simulated::scheme::DutyChoice;
 use simulated::sim;
 use simulated::trace::Trace;
 use std::path::PathBuf;
@@ -28,26 +27,26 @@ pub struct Variant {
     /// Where the points lie.
     pub scheme: Scheme,
     /// How duties are found between them.
-    pub duty: DutyChoice,
+    pub duty: DutyRule,
 }
 
 impl Variant {
     /// Everything there is to compare: no braking regime, then A to D with either duty.
     pub const ALL: [Self; 9] = {
-        const fn of(scheme: Scheme, duty: DutyChoice) -> Variant {
+        const fn of(scheme: Scheme, duty: DutyRule) -> Variant {
             Variant { scheme, duty }
         }
         const D: Scheme = Scheme::D(Blend::Automatic);
         [
-            of(Scheme::ForwardReverse, DutyChoice::LinearDuty),
-            of(Scheme::A, DutyChoice::LinearDuty),
-            of(Scheme::B, DutyChoice::LinearDuty),
-            of(Scheme::C, DutyChoice::LinearDuty),
-            of(D, DutyChoice::LinearDuty),
-            of(Scheme::A, DutyChoice::LinearCurrent),
-            of(Scheme::B, DutyChoice::LinearCurrent),
-            of(Scheme::C, DutyChoice::LinearCurrent),
-            of(D, DutyChoice::LinearCurrent),
+            of(Scheme::ForwardReverse, DutyRule::LinearDuty),
+            of(Scheme::A, DutyRule::LinearDuty),
+            of(Scheme::B, DutyRule::LinearDuty),
+            of(Scheme::C, DutyRule::LinearDuty),
+            of(D, DutyRule::LinearDuty),
+            of(Scheme::A, DutyRule::LinearCurrent),
+            of(Scheme::B, DutyRule::LinearCurrent),
+            of(Scheme::C, DutyRule::LinearCurrent),
+            of(D, DutyRule::LinearCurrent),
         ]
     };
 
@@ -55,8 +54,8 @@ impl Variant {
     pub fn name(self) -> String {
         match (self.scheme, self.duty) {
             (Scheme::ForwardReverse, _) => "none".to_owned(),
-            (scheme, DutyChoice::LinearDuty) => format!("{}, linear duty", letter(scheme)),
-            (scheme, DutyChoice::LinearCurrent) => format!("{}, linear current", letter(scheme)),
+            (scheme, DutyRule::LinearDuty) => format!("{}, linear duty", letter(scheme)),
+            (scheme, DutyRule::LinearCurrent) => format!("{}, linear current", letter(scheme)),
         }
     }
 }

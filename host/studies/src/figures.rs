@@ -253,14 +253,14 @@ fn worst(motor: &Motor, scheme: Scheme, emf: f64, data: &[(f64, f64)]) -> f64 {
 }
 
 fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
-    const HERTZ: f64 = 20_000.0;
+    let hertz = f64::from(hardware::BRIDGE.pwm_hz());
     let emf = emf_at(motor, share);
     let mut panels = Vec::new();
     for (name, scheme) in [("A", Scheme::A), ("B", Scheme::B)] {
         let straight = (-511..=511).map(|n| 64.0 * f64::from(n)).map(|c| (c, asked(motor, scheme, emf, c)));
         let mut series = vec![line("asked for", colour::GREY, straight.collect())];
         for (rule_name, colour, rule) in RULES {
-            let data = measured(motor, scheme, rule, emf, HERTZ)?;
+            let data = measured(motor, scheme, rule, emf, hertz)?;
             let worst = worst(motor, scheme, emf, &data);
             series.push(line(&format!("{rule_name}: {worst:.1} % off"), colour, data));
         }
@@ -269,7 +269,12 @@ fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
     }
     Ok(Figure {
         title: format!("What a control value becomes at {:.0} % of free speed", 100.0 * share),
-        subtitle: "AM 60 A on 12 V, 20 kHz, Vd 0.7 V, Ron 50 mohm; worst deviation in % of Vbat/R".to_owned(),
+        subtitle: format!(
+            "AM 60 A on {BATTERY} V, {} kHz, Vd {} V, Ron {} mohm; worst deviation in % of Vbat/R",
+            hertz / 1e3,
+            BRIDGE.vd.0,
+            hardware::BRIDGE.switch_mohm(),
+        ),
         x_label: "control, steps".to_owned(),
         x_range: Some((-33_000.0, 33_000.0)),
         panels,

@@ -7,10 +7,11 @@ mod tables;
 use crate::NamedFigure;
 use crate::expectations::{Verdict, judge};
 use crate::measures::Measures;
+use motor_hub::braking::DutyRule;
 use serde::Serialize;
 use serde_json::json;
 use simulated::scenario::Scenario;
-use simulated::scheme::{self, DutyChoice};
+use simulated::scheme::{self, DutyWord};
 use simulated::trace::Trace;
 use std::path::PathBuf;
 
@@ -34,7 +35,8 @@ struct MotorReport<'a> {
     label: &'a str,
     motor: &'a str,
     scheme: String,
-    duty: DutyChoice,
+    #[serde(with = "DutyWord")]
+    duty: DutyRule,
     as_set: &'a Measures,
     without_braking_regime: &'a Measures,
 }

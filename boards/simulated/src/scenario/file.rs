@@ -4,8 +4,9 @@ mod expect;
 
 use super::{LONGEST_S, Motor, Scenario, Timed, Told};
 use crate::hardware::MOTORS;
-use crate::scheme::{BlendChoice, BlendError, DutyChoice, SchemeName};
+use crate::scheme::{BlendChoice, BlendError, DutyWord, SchemeName};
 use expect::ExpectTable;
+use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue::{UnknownMotor, characterised};
 use motor_hub::model::{battery::Battery, load::Load, si};
 use motor_hub::motion::Pidf;
@@ -184,8 +185,8 @@ struct MotorTable {
     told: ToldTable,
     scheme: Option<SchemeName>,
     blend: Option<Spanned<BlendChoice>>,
-    #[serde(default)]
-    duty: DutyChoice,
+    #[serde(default, with = "DutyWord")]
+    duty: DutyRule,
     #[serde(default)]
     zero_power: ZeroPowerWord,
     #[serde(default)]

@@ -14,7 +14,7 @@ pub enum LineError {
     #[error("no pseudo-terminal: {0}")]
     NoPty(std::io::Error),
     /// Systems other than Unix have none at all.
-    #[error("this system has no pseudo-terminals; serve with --tcp instead")]
+    #[error("this system has no pseudo-terminals")]
     NoPtys,
     /// The address cannot be listened to.
     #[error("{address} cannot be listened to: {error}; give HOST:PORT, such as 127.0.0.1:7070")]

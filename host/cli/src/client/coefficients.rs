@@ -1,7 +1,8 @@
 //! `motor-hub client coefficients`.
 
-use super::{Trouble, channel};
+use super::Trouble;
 use crate::output::{print, print_json};
+use crate::parse::channel;
 use motor_hub::motion::Pidf;
 use motor_hub::protocol::motor::Loop;
 use motor_hub::units::Coefficient;

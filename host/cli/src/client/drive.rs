@@ -1,8 +1,9 @@
 //! `motor-hub client power`, `velocity` and `position`: motors that run while the command does.
 
+use super::Trouble;
 use super::live::{Live, Reading, repeat};
-use super::{Trouble, channel, seconds};
 use crate::output::{Failure, print};
+use crate::parse::{channel, within_a_day};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::Control;
@@ -32,7 +33,7 @@ struct Common {
     #[arg(value_name = "MOTOR", value_parser = motors)]
     motors: Motors,
     /// Ends after so many seconds
-    #[arg(long = "for", value_name = "SECONDS", allow_negative_numbers = true, value_parser = seconds)]
+    #[arg(long = "for", value_name = "SECONDS", allow_negative_numbers = true, value_parser = within_a_day)]
     length: Option<Duration>,
     /// At zero the motors float; otherwise they brake
     #[arg(long)]

@@ -1,16 +1,17 @@
 //! `motor-hub client setup`.
 
-use super::{Trouble, channel};
+use super::Trouble;
 use crate::choice::Choice;
 use crate::output::{Failure, print, print_json};
+use crate::parse::channel;
+use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::protocol::setup::Setup;
-use motor_hub::units::Inductance;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::json;
 use simulated::hardware::winding;
-use simulated::scheme::{DutyChoice, describe};
+use simulated::scheme::describe;
 use studies::table;
 
 /// Of which motor, and what to change.
@@ -45,16 +46,16 @@ impl Options {
             let motor = characterised(name).map_err(Failure::input)?;
             let winding = winding(&motor).map_err(Failure::input)?;
             setup.emf = winding.emf;
-            setup.resistance_mohm = winding.resistance.as_milliohms();
-            setup.inductance_uh = winding.inductance.map_or(0, Inductance::as_microhenries);
+            setup.resistance = Some(winding.resistance);
+            setup.inductance = winding.inductance;
         }
         if let Some(scheme) = self.choice.scheme().map_err(Failure::input)? {
             setup.scheme = scheme;
         }
         if let Some(duty) = self.choice.duty() {
-            setup.linear_current = duty == DutyChoice::LinearCurrent;
+            setup.duty = duty;
         }
-        if setup.linear_current && setup.resistance_mohm == 0 {
+        if setup.duty == DutyRule::LinearCurrent && setup.resistance.is_none() {
             let why = "linear current needs the motor's resistance: name the motor by --type";
             return Err(Failure::input(why));
         }
@@ -62,29 +63,33 @@ impl Options {
     }
 
     fn show(&self, setup: Setup) -> Result<(), Trouble> {
-        let Setup { emf, resistance_mohm, inductance_uh, scheme, linear_current } = setup;
+        let Setup { emf, resistance, inductance, scheme, duty } = setup;
         let emf = f64::from(emf.to_bits()) / f64::from(1 << 20);
-        let duty = if linear_current { "linear current" } else { "linear duty" };
+        let ohms = resistance.map(|resistance| f64::from(resistance.as_milliohms()) / 1e3);
+        let millihenries = inductance.map(|inductance| f64::from(inductance.as_microhenries()) / 1e3);
+        let duty = match duty {
+            DutyRule::LinearCurrent => "linear current",
+            DutyRule::LinearDuty => "linear duty",
+        };
         if self.json {
             let document = json!({
                 "motor": self.motor,
                 "emf_mv_s_per_count": emf,
-                "resistance_ohm": f64::from(resistance_mohm) / 1e3,
-                "inductance_mh": f64::from(inductance_uh) / 1e3,
+                "resistance_ohm": ohms.unwrap_or(0.0),
+                "inductance_mh": millihenries.unwrap_or(0.0),
                 "scheme": describe(scheme),
                 "duty": duty,
             });
             return Ok(print_json(&document)?);
         }
-        let known = |value: u16, unit: &str| match value {
-            0 => "unknown".to_owned(),
-            value => format!("{:.3} {unit}", f64::from(value) / 1e3),
+        let known = |value: Option<f64>, unit: &str| {
+            value.map_or_else(|| "unknown".to_owned(), |value| format!("{value:.3} {unit}"))
         };
         let mut table = table::new(&["motor", &self.motor.to_string()], 2);
         table
             .add_row(["back EMF", &format!("{emf:.4} mV s/count")])
-            .add_row(["resistance", &known(resistance_mohm, "ohm")])
-            .add_row(["inductance", &known(inductance_uh, "mH")])
+            .add_row(["resistance", &known(ohms, "ohm")])
+            .add_row(["inductance", &known(millihenries, "mH")])
             .add_row(["scheme", &describe(scheme)])
             .add_row(["duty", duty]);
         Ok(print(&format!("{table}\n"))?)

@@ -1,8 +1,9 @@
 //! `motor-hub client watch`.
 
 use super::live::{Live, repeat};
-use super::{Trouble, drive, seconds};
+use super::{Trouble, drive};
 use crate::output::print;
+use crate::parse::within_a_day;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use std::time::Duration;
@@ -15,7 +16,7 @@ pub(crate) struct Options {
     #[arg(value_parser = clap::value_parser!(u64).range(10..=2000))]
     interval: u64,
     /// Ends after so many seconds
-    #[arg(long = "for", value_name = "S", allow_negative_numbers = true, value_parser = seconds)]
+    #[arg(long = "for", value_name = "S", allow_negative_numbers = true, value_parser = within_a_day)]
     length: Option<Duration>,
     /// One JSON document per line, as it is where standard output is no terminal
     #[arg(long)]

@@ -3,9 +3,8 @@
 use super::{Round, Row, TaskResult, Variant};
 use crate::NamedFigure;
 use chart::{Figure, Panel, Series, Style, colour};
-use motor_hub::braking::Scheme;
+use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::motor::Setpoint;
-use simulated::scheme::DutyChoice;
 use simulated::trace::Sample;
 
 /// Every chart with the name of its file.
@@ -26,7 +25,7 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
         series: lines(result, goal, duty, value, style),
         ..Panel::default()
     };
-    let (duty, linear) = (DutyChoice::LinearDuty, DutyChoice::LinearCurrent);
+    let (duty, linear) = (DutyRule::LinearDuty, DutyRule::LinearCurrent);
     Figure {
         title: result.task.what.clone(),
         subtitle: format!(
@@ -68,7 +67,7 @@ fn load(result: &TaskResult) -> String {
 fn lines(
     result: &TaskResult,
     goal: bool,
-    duty: DutyChoice,
+    duty: DutyRule,
     value: fn(&Sample) -> f64,
     style: Style,
 ) -> Vec<Series> {

@@ -1,6 +1,6 @@
 //! The tasks: an AM 60 A with its measured rotor inertia turns a 10 kg flywheel of 10 cm radius.
 
-use motor_hub::braking::Scheme;
+use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{UnknownMotor, characterised};
 use motor_hub::model::load::Load;
@@ -9,7 +9,6 @@ use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::units::{CountsPerSecond, Period};
 use serde::Serialize;
 use simulated::scenario::{Motor, Scenario, Timed, Told};
-use simulated::scheme::DutyChoice;
 
 /// Free speed of the motor at 12 V, in counts/s.
 const FREE_CPS: f64 = 2720.0;
@@ -104,7 +103,7 @@ fn plan(speeds: &[(f64, f64)], torques: &[(f64, f64)]) -> Result<Scenario, Unkno
             load: Load::flywheel(Kilograms(10.0), Metres(0.1)),
             told: Told::TRUTH,
             scheme: Scheme::A,
-            duty: DutyChoice::LinearCurrent,
+            duty: DutyRule::LinearCurrent,
             zero_power: ZeroPower::Brake,
             velocity: None,
             position: None,

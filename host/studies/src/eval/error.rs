@@ -11,7 +11,7 @@ pub enum CaseError {
     #[error("no formula is named")]
     NoFormula,
     /// There is no such formula.
-    #[error("unknown formula {0:?}; `motor-hub eval --help` lists those there are")]
+    #[error("unknown formula {0:?}")]
     UnknownFormula(String),
     /// No `inputs`.
     #[error("there are no inputs")]
