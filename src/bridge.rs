@@ -146,10 +146,10 @@ impl BridgeConstants {
     /// up to 4095; PWM frequency in hertz, 100 to 200 000.
     ///
     /// # Errors
-    /// [`RangeError::Electrical`] outside these ranges.
+    /// [`RangeError::Bridge`] outside these ranges.
     pub const fn new(diode_mv: u16, switch_mohm: u16, pwm_hz: u32) -> Result<Self, RangeError> {
         if diode_mv > 2_000 || switch_mohm > 4_095 || pwm_hz < 100 || pwm_hz > 200_000 {
-            return Err(RangeError::Electrical);
+            return Err(RangeError::Bridge);
         }
         Ok(Self { diode_mv, switch_mohm, pwm_hz })
     }

@@ -16,7 +16,7 @@
 use crate::units::{Micros, Millivolts, RangeError};
 
 /// A battery reading older than this is none: ten sampling intervals.
-pub const STALE_MICROS: u64 = 100_000;
+pub const BATTERY_STALE_MICROS: u64 = 100_000;
 
 /// The rails that an STM32 can run from; a VREFINT reading that says otherwise is a bad reading.
 const RAIL_MV: core::ops::RangeInclusive<i64> = 1700..=3700;
@@ -119,9 +119,9 @@ pub struct Battery {
 }
 
 impl Battery {
-    /// The voltage, unless it is older than [`STALE_MICROS`].
+    /// The voltage, unless it is older than [`BATTERY_STALE_MICROS`].
     pub const fn fresh(self, now: Micros) -> Option<Millivolts> {
-        if now.since(self.at) <= STALE_MICROS { Some(self.voltage) } else { None }
+        if now.since(self.at) <= BATTERY_STALE_MICROS { Some(self.voltage) } else { None }
     }
 }
 

@@ -391,7 +391,7 @@ fn windings_and_bridges_out_of_range_are_refused() {
         [(2_001, 50, 20_000), (700, 4_096, 20_000), (700, 50, 99), (700, 50, 200_001)]
     {
         let refused = BridgeConstants::new(diode_mv, switch_mohm, pwm_hz);
-        assert_eq!(refused, Err(RangeError::Electrical), "{diode_mv} {switch_mohm} {pwm_hz}");
+        assert_eq!(refused, Err(RangeError::Bridge), "{diode_mv} {switch_mohm} {pwm_hz}");
     }
     for (diode_mv, switch_mohm, pwm_hz) in [(0, 0, 100), (2_000, 4_095, 200_000)] {
         let bridge = BridgeConstants::new(diode_mv, switch_mohm, pwm_hz).expect("in range");

@@ -3,7 +3,7 @@
 mod hub_support;
 
 use hub_support::{TestHost, bytes_of, decode, frame_to};
-use motor_hub::protocol::fields::KEPT;
+use motor_hub::protocol::fields::PAYLOAD_KEPT;
 use motor_hub::protocol::frame::{LONGEST, PATIENCE_MICROS};
 use motor_hub::protocol::{Decoder, Packet};
 use motor_hub::units::Micros;
@@ -135,7 +135,7 @@ fn a_full_buffer_of_beginnings_is_worked_off() {
 fn the_longest_payloads_of_hosts_are_taken_and_their_end_is_forgotten() {
     let payload: Vec<u8> = (0..512).map(|byte| byte as u8).collect();
     let Packet { payload: kept, number, .. } = decode(&frame_to(3, 8, 0x1000, &payload));
-    assert_eq!((number, kept.as_slice()), (8, &payload[..KEPT]));
+    assert_eq!((number, kept.as_slice()), (8, &payload[..PAYLOAD_KEPT]));
     let longest = frame_to(3, 9, 0x1000, &vec![0x44; LONGEST - 11]);
     assert_eq!(found(&mut Decoder::new(), &longest, 0), [9]);
 }

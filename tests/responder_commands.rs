@@ -3,7 +3,7 @@
 mod hub_support;
 
 use hub_support::{HUB, N, Said, TestHost, frame_to};
-use motor_hub::protocol::requests::{COUNT, FIRST};
+use motor_hub::protocol::requests::{FIRST_FUNCTION, FUNCTION_COUNT};
 use motor_hub::protocol::setup;
 
 /// A command: type, sizes of its fields, a good payload, and bad ones with what they are refused for.
@@ -33,8 +33,8 @@ const fn read(
 const NO_MOTOR: &[(&[u8], u8)] = &[(&[4], 0), (&[255], 0)];
 const NO_LOOP: &[(&[u8], u8)] = &[(&[4, 1], 0), (&[0, 0], 1), (&[0, 3], 1)];
 
-const F: u16 = FIRST;
-const OWN: u16 = setup::FIRST;
+const F: u16 = FIRST_FUNCTION;
+const OWN: u16 = setup::FIRST_FUNCTION;
 
 /// Motor 0 is in position mode with a target when these are tried.
 const FORMS: &[Form] = &[
@@ -228,7 +228,7 @@ fn values_out_of_range_are_refused_with_their_field_and_change_nothing() {
 
 #[test]
 fn every_function_that_is_announced_is_answered() {
-    for function in 0..COUNT {
+    for function in 0..FUNCTION_COUNT {
         for payload in [&[][..], &[0; 40], &[1; 40], &[255; 40]] {
             // `ask` insists on one reply.
             host().call(function, payload);
@@ -253,10 +253,22 @@ fn quantities_that_are_not_measured_are_refused() {
 
 #[test]
 fn what_is_no_command_is_refused_as_unknown() {
-    let own = [OWN - 1, OWN + setup::COUNT];
-    for id in
-        [0, 0x0FFF, F + COUNT, own[0], own[1], 0x7F00, 0x7F01, 0x7F02, 0x7F08, 0x7F09, 0x7F10, 0x8000, 0xFFFF]
-    {
+    let own = [OWN - 1, OWN + setup::FUNCTION_COUNT];
+    for id in [
+        0,
+        0x0FFF,
+        F + FUNCTION_COUNT,
+        own[0],
+        own[1],
+        0x7F00,
+        0x7F01,
+        0x7F02,
+        0x7F08,
+        0x7F09,
+        0x7F10,
+        0x8000,
+        0xFFFF,
+    ] {
         assert_eq!(host().ask(id, &[0; 20]), Said::Nack(255), "{id:#06x}");
     }
 }

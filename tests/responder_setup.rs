@@ -8,7 +8,7 @@ use motor_hub::bridge::BridgeConstants;
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Settings, ZeroPower};
 use motor_hub::protocol::Address;
-use motor_hub::protocol::setup::FIRST;
+use motor_hub::protocol::setup::FIRST_FUNCTION;
 use motor_hub::responder::Responder;
 use motor_hub::units::{EmfConstant, Inductance, Resistance};
 
@@ -36,7 +36,7 @@ fn fields(ke: i32, mohm: u16, uh: u16, code: u8, blend: u16, rule: u8) -> Vec<u8
 }
 
 fn set_up(host: &mut TestHost, motor: u8, fields: &[u8]) {
-    assert_eq!(host.ask(FIRST, &[&[motor], fields].concat()), Said::Ack(0));
+    assert_eq!(host.ask(FIRST_FUNCTION, &[&[motor], fields].concat()), Said::Ack(0));
 }
 
 #[test]
@@ -67,7 +67,7 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
                 Settings { duty, zero_power: ZeroPower::Float, ..Settings::for_scheme(winding, scheme) };
             assert_eq!(host.told(), [Command { motor: 2, action: Action::Configure(settings) }]);
 
-            assert_eq!(host.ask(FIRST + 1, &[2]), Said::Data(fields));
+            assert_eq!(host.ask(FIRST_FUNCTION + 1, &[2]), Said::Data(fields));
         }
     }
 }
@@ -79,7 +79,7 @@ fn the_motor_that_the_hub_starts_with_reads_back() {
     let uh = winding.inductance.expect("known").as_microhenries();
     let started = fields(winding.emf.to_bits(), winding.resistance.as_milliohms(), uh, 1, 0, 1);
     assert_eq!(
-        [0, 3].map(|motor| host.ask(FIRST + 1, &[motor])),
+        [0, 3].map(|motor| host.ask(FIRST_FUNCTION + 1, &[motor])),
         [0, 3].map(|_| Said::Data(started.clone()))
     );
 }
@@ -98,7 +98,7 @@ fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
     let (ke, mohm) = (KE, started.winding.resistance.as_milliohms());
     let uh = started.winding.inductance.expect("known").as_microhenries();
     set_up(&mut host, 0, &fields(ke, 0, 0, 2, 0, 0));
-    assert_eq!(host.ask(FIRST + 1, &[0]), Said::Data(fields(ke, mohm, uh, 2, 0, 0)));
+    assert_eq!(host.ask(FIRST_FUNCTION + 1, &[0]), Said::Data(fields(ke, mohm, uh, 2, 0, 0)));
     set_up(&mut host, 0, &fields(ke, mohm, uh, 1, 0, 1));
 
     let emf = EmfConstant::from_bits(ke).expect("in range");
@@ -124,7 +124,7 @@ fn every_motor_within_the_ranges_can_be_set_up() {
         for (code, blend, _) in schemes() {
             let fields = fields(ke, mohm, uh, code, blend, 1);
             set_up(&mut host, 0, &fields);
-            assert_eq!(host.ask(FIRST + 1, &[0]), Said::Data(fields));
+            assert_eq!(host.ask(FIRST_FUNCTION + 1, &[0]), Said::Data(fields));
         }
     }
 }

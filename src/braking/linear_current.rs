@@ -56,7 +56,7 @@ pub struct LinearCurrent {
     /// m of braking, `R / R2`. Below 1/2, which no usable bridge has, it is 1/2.
     brake_share: Q28,
     /// `None` for a current that hardly changes within a period.
-    period: Option<Period>,
+    period: Option<PwmPeriod>,
 }
 
 impl LinearCurrent {
@@ -72,7 +72,7 @@ impl LinearCurrent {
             brake_share: if brake_share < ONE / 2 { ONE / 2 } else { brake_share },
             period: match winding.inductance {
                 None => None,
-                Some(l) => Period::new(r2, l.as_microhenries() as i64, bridge.pwm_hz() as i64),
+                Some(l) => PwmPeriod::new(r2, l.as_microhenries() as i64, bridge.pwm_hz() as i64),
             },
         }
     }
@@ -130,7 +130,7 @@ impl Pulse {
     /// False if it is certain to last into the next period: nothing stops it, its mean cannot be reached,
     /// or the duty is beyond that of a pulse of one period, whose on time
     /// `ln(1 + (exp(T / tau) - 1) c / (a + c))` is less than what is compared with here.
-    fn may_end(self, continuous: Q28, period: Period) -> bool {
+    fn may_end(self, continuous: Q28, period: PwmPeriod) -> bool {
         self.c > 0 && self.w < self.a && continuous * (self.a + self.c) < period.growth * self.c
     }
 
@@ -139,7 +139,7 @@ impl Pulse {
     /// With `k = a / c` the left side begins as `m x^2/2 (1 + k) (1 - (1 + 2k) x/3)`, so x as
     /// `s + (1 + 2k) s^2/6` with `s^2 = 2 q / (1 + k)`; and it is at least m (x - 1). From the smaller of the
     /// two a single step of Newton's method leaves less than 3e-4 of a duty.
-    fn duty(self, period: Period, most: Q28) -> Q28 {
+    fn duty(self, period: PwmPeriod, most: Q28) -> Q28 {
         let Self { w, a, c, m } = self;
         let q = scale(w, period.length, a);
         // q / (1 + k)
@@ -174,7 +174,7 @@ fn share(part: i64, whole: i64) -> Q28 {
 /// A PWM period.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-struct Period {
+struct PwmPeriod {
     /// In time constants, 2^-10 to 127.
     length: Q28,
     /// Periods in a time constant.
@@ -183,7 +183,7 @@ struct Period {
     growth: Q28,
 }
 
-impl Period {
+impl PwmPeriod {
     /// From milliohms, microhenries and hertz.
     ///
     /// Beyond 127 it is 127: the current then follows the switches at once. Below 2^-10 there is none:

@@ -42,7 +42,7 @@ use setpoint::Regulation;
 use watch::{Order, Watch};
 
 /// A reading older than this is none: the counters are sampled every millisecond.
-pub const STALE_MICROS: u64 = 20_000;
+pub const ENCODER_STALE_MICROS: u64 = 20_000;
 
 /// Settings, set-point and state of one motor.
 #[derive(Clone, Debug)]
@@ -104,7 +104,7 @@ impl Motor {
     /// One control tick.
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
         let moved = reading
-            .filter(|reading| now.since(reading.at) <= STALE_MICROS)
+            .filter(|reading| now.since(reading.at) <= ENCODER_STALE_MICROS)
             .map(|reading| self.follow(reading));
         let velocity = self.velocity.get();
         let output = battery

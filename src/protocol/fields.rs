@@ -24,10 +24,10 @@ use heapless::Vec;
 
 /// Payload bytes that are kept of a packet. The longest request has 101, the longest answer 64; what
 /// comes beyond a request's fields is to be ignored.
-pub const KEPT: usize = 112;
+pub const PAYLOAD_KEPT: usize = 112;
 
 /// What a packet says.
-pub type Payload = Vec<u8, KEPT>;
+pub type Payload = Vec<u8, PAYLOAD_KEPT>;
 
 /// A value that stands in payloads.
 pub trait Field: Sized {
@@ -37,7 +37,7 @@ pub trait Field: Sized {
     /// The number of the first that is missing or out of range.
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack>;
 
-    /// Appends it. What would go beyond [`KEPT`] is left out, which no layout needs.
+    /// Appends it. What would go beyond [`PAYLOAD_KEPT`] is left out, which no layout needs.
     fn write(&self, payload: &mut Payload);
 }
 

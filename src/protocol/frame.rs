@@ -16,7 +16,7 @@
 //! assert_eq!(Decoder::new().next(&mut &*bytes, Micros::new(0)), Some(keep_alive));
 //! ```
 
-use super::fields::{KEPT, Payload};
+use super::fields::{PAYLOAD_KEPT, Payload};
 use crate::units::Micros;
 use heapless::{Deque, Vec};
 
@@ -45,7 +45,7 @@ pub struct Packet {
     pub reference: u8,
     /// What it is.
     pub id: u16,
-    /// The first [`KEPT`] bytes of the payload.
+    /// The first [`PAYLOAD_KEPT`] bytes of the payload.
     pub payload: Payload,
 }
 
@@ -179,12 +179,12 @@ impl Default for Decoder {
 }
 
 /// A packet as it goes over the line.
-pub type Frame = Vec<u8, { OVERHEAD + KEPT }>;
+pub type Frame = Vec<u8, { OVERHEAD + PAYLOAD_KEPT }>;
 
 /// The frame of `packet`.
 pub fn encode(packet: &Packet) -> Frame {
     let [id_low, id_high] = packet.id.to_le_bytes();
-    // At most OVERHEAD + KEPT, hence one byte would do.
+    // At most OVERHEAD + PAYLOAD_KEPT, hence one byte would do.
     let [length_low, length_high] = ((OVERHEAD + packet.payload.len()) as u16).to_le_bytes();
     let [start, second] = START;
     let head = [

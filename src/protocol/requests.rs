@@ -27,10 +27,10 @@ use super::setup::{self, ToSetup};
 use super::table::requests;
 
 /// The type of the motor interface's function 0, on hubs of this project.
-pub const FIRST: u16 = 0x1000;
+pub const FIRST_FUNCTION: u16 = 0x1000;
 
 /// Functions of the motor interface: all that hosts know of.
-pub const COUNT: u16 = 58;
+pub const FUNCTION_COUNT: u16 = 58;
 
 /// Type of a discovery, the only request that is answered when it is sent to every hub.
 pub const DISCOVERY: u16 = 0x7F0F;
@@ -57,8 +57,8 @@ impl Interface {
     /// Its types, on hubs of this project.
     pub const fn functions(self) -> Functions {
         match self {
-            Self::Motors => Functions { first: FIRST, count: COUNT },
-            Self::Setup => Functions { first: setup::FIRST, count: setup::COUNT },
+            Self::Motors => Functions { first: FIRST_FUNCTION, count: FUNCTION_COUNT },
+            Self::Setup => Functions { first: setup::FIRST_FUNCTION, count: setup::FUNCTION_COUNT },
         }
     }
 }

@@ -42,10 +42,10 @@ use crate::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use crate::units::{EmfConstant, Inductance, Resistance};
 
 /// The type of the interface's function 0.
-pub const FIRST: u16 = 0x4D00;
+pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const COUNT: u16 = 2;
+pub const FUNCTION_COUNT: u16 = 2;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.

@@ -8,7 +8,7 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Ticker};
 
 /// The sampling interval.
-pub const INTERVAL: Duration = Duration::from_millis(1);
+pub const CAPTURE_INTERVAL: Duration = Duration::from_millis(1);
 
 /// Runs for ever.
 pub async fn run<M: RawMutex, const N: usize>(
@@ -18,7 +18,7 @@ pub async fn run<M: RawMutex, const N: usize>(
 ) -> ! {
     let mut trackers = [Tracker::default(); N];
     let mut readings = [None; N];
-    let mut ticker = Ticker::every(INTERVAL);
+    let mut ticker = Ticker::every(CAPTURE_INTERVAL);
     loop {
         let now = micros(Instant::now());
         for ((reading, tracker), count) in readings.iter_mut().zip(&mut trackers).zip(encoders.counts()) {

@@ -18,10 +18,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         Timer::at(due).await;
         let now = Instant::now();
         while let Ok(command) = wires.commands.try_receive() {
-            if hub.apply(command).is_err() {
-                // Whoever sent it used an index beyond N; there is no motor to do anything to.
-                continue;
-            }
+            // Refused if whoever sent it used an index beyond N; there is no motor to do anything to.
+            let _ = hub.apply(command);
         }
         battery = wires.battery.try_take().or(battery);
         let readings = wires.readings.try_take().unwrap_or([None; N]);

@@ -68,12 +68,12 @@ impl Health {
 }
 
 /// How often the check-ins are looked at.
-pub const INTERVAL: Duration = Duration::from_millis(10);
+pub const HEALTH_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Runs for ever. A task is overdue when the watchdog's own time-out has passed, so that must exceed
 /// the longest control period (100 ms) by a good margin.
 pub async fn run(mut watchdog: impl Watchdog, health: &Health) -> ! {
-    let mut ticker = Ticker::every(INTERVAL);
+    let mut ticker = Ticker::every(HEALTH_INTERVAL);
     loop {
         ticker.next().await;
         if health.take_if_all() {

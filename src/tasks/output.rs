@@ -8,7 +8,7 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, with_timeout};
 
 /// Control periods without a drive after which the bridges coast.
-pub const PATIENCE: u64 = 3;
+pub const PATIENCE_PERIODS: u64 = 3;
 
 /// Runs for ever.
 ///
@@ -20,7 +20,7 @@ pub async fn run<M: RawMutex, const N: usize>(
     wires: &Wires<M, N>,
     health: &Health,
 ) -> ! {
-    let patience = Duration::from_micros(PATIENCE * period.as_micros());
+    let patience = Duration::from_micros(PATIENCE_PERIODS * period.as_micros());
     bridges.apply(&[Drive::COAST; N]);
     loop {
         match with_timeout(patience, wires.drives.wait()).await {

@@ -7,7 +7,7 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Ticker};
 
 /// The sampling interval.
-pub const INTERVAL: Duration = Duration::from_millis(10);
+pub const SUPPLY_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Runs for ever. A dead converter or an implausible voltage sends nothing, and control then finds
 /// the last voltage too old.
@@ -17,7 +17,7 @@ pub async fn run<M: RawMutex, const N: usize>(
     wires: &Wires<M, N>,
     health: &Health,
 ) -> ! {
-    let mut ticker = Ticker::every(INTERVAL);
+    let mut ticker = Ticker::every(SUPPLY_INTERVAL);
     loop {
         let voltage = adc.sample().await;
         if let Some(battery) = supply.step(voltage, micros(Instant::now())) {

@@ -105,8 +105,8 @@ pub enum RangeError {
     Divider,
     /// A converter must have 1 to 16 bits.
     Resolution,
-    /// A winding or a bridge is out of the ranges stated with it.
-    Electrical,
+    /// A bridge is out of the ranges stated with it.
+    Bridge,
     /// There is no motor with this index.
     Motor,
 }
@@ -123,9 +123,7 @@ impl core::fmt::Display for RangeError {
             Self::Period => "control period must be 1 to 100 ms",
             Self::Divider => "both resistances of the battery divider must be above 0",
             Self::Resolution => "a converter must have 1 to 16 bits",
-            Self::Electrical => {
-                "resistance must be 1 to 65535 mohm, diode drop up to 2000 mV, switch up to 4095 mohm, PWM 100 to 200000 Hz"
-            }
+            Self::Bridge => "diode drop must be up to 2000 mV, switch up to 4095 mohm, PWM 100 to 200000 Hz",
             Self::Motor => "no motor with this index",
         })
     }

@@ -22,11 +22,6 @@ impl Micros {
     pub const fn since(self, earlier: Self) -> u64 {
         self.0.saturating_sub(earlier.0)
     }
-
-    /// The same for times that are certain to be less than 71 minutes apart, in 32 bits.
-    pub const fn wrapping_since(self, earlier: Self) -> u32 {
-        (self.0 as u32).wrapping_sub(earlier.0 as u32)
-    }
 }
 
 /// The control period: 1 to 100 ms, 50 by default as in the paper.

@@ -4,7 +4,7 @@
 use motor_hub::braking::Winding;
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
-use motor_hub::protocol::requests::FIRST;
+use motor_hub::protocol::requests::FIRST_FUNCTION;
 use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
 use motor_hub::units::{Micros, Millivolts};
@@ -92,7 +92,7 @@ impl TestHost {
 
     /// A function of the motor interface.
     pub(crate) fn call(&mut self, function: u16, payload: &[u8]) -> Said {
-        self.ask(FIRST + function, payload)
+        self.ask(FIRST_FUNCTION + function, payload)
     }
 
     pub(crate) fn do_all(&mut self, calls: &[(u16, &[u8])]) {

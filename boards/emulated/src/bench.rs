@@ -68,6 +68,17 @@ pub struct Reset {
     pub cause: String,
 }
 
+/// Why the emulator's thread ended before it was told to.
+#[derive(Debug, thiserror::Error)]
+enum Stopped {
+    #[error(transparent)]
+    Chip(#[from] rigless::soc::Error),
+    #[error("no debugger can be listened to: {0}")]
+    Debugger(#[from] std::io::Error),
+    #[error(transparent)]
+    Emulator(#[from] rigless::emulator::Error),
+}
+
 /// An image, running.
 ///
 /// # Panics
@@ -75,7 +86,7 @@ pub struct Reset {
 pub struct Bench {
     orders: Sender<Order>,
     reached: Receiver<()>,
-    thread: Option<JoinHandle<Result<(), String>>>,
+    thread: Option<JoinHandle<Result<(), Stopped>>>,
     table: Option<Table>,
     symbols: Vec<elf::Symbol>,
     motors: usize,
@@ -326,18 +337,15 @@ fn run(
     log_ring: Option<u64>,
     orders: Receiver<Order>,
     reached: SyncSender<()>,
-) -> Result<(), String> {
-    let mut board = Nucleo::new(setup.pwm).map_err(|error| error.to_string())?;
+) -> Result<(), Stopped> {
+    let mut board = Nucleo::new(setup.pwm)?;
     board.chip.part.usart[wiring::HOST_LINK].attach(Terminal::default());
     let lab = Lab::new(setup.battery, setup.motors, log_ring, orders, reached);
-    let session = Session::new(Box::new(board), 0, VirtualNanos(0)).map_err(|error| error.to_string())?;
-    let listener = setup
-        .gdb
-        .map(|port| std::net::TcpListener::bind(("127.0.0.1", port)))
-        .transpose()
-        .map_err(|error| error.to_string())?;
+    let session = Session::new(Box::new(board), 0, VirtualNanos(0))?;
+    let listener = setup.gdb.map(|port| std::net::TcpListener::bind(("127.0.0.1", port))).transpose()?;
     let mut start = Start::new(images);
     start.debugger = listener.as_ref();
     start.wait_for_debugger = listener.is_some();
-    rigless::emulator::run(session, &start, lab).map(|_| ()).map_err(|error| error.to_string())
+    rigless::emulator::run(session, &start, lab)?;
+    Ok(())
 }

@@ -10,7 +10,7 @@ use simulated::hardware::MOTORS;
 use simulated::scenario::Scenario;
 use simulated::sim::{self, RunError};
 use std::path::PathBuf;
-use studies::report::Comparison;
+use studies::report::RunReport;
 
 /// What is run, and where its output goes.
 #[derive(clap::Args)]
@@ -98,11 +98,11 @@ impl Options {
 }
 
 /// Runs the scenario twice, with a progress bar if standard error is a terminal.
-fn simulate(scenario: Scenario) -> Result<Comparison, RunError> {
+fn simulate(scenario: Scenario) -> Result<RunReport, RunError> {
     let bar = ProgressBar::new((2000.0 * scenario.duration_s) as u64).with_message("virtual ms");
     let at = |s: f64| bar.set_position((1000.0 * s) as u64);
     let as_set = sim::run(&scenario, &mut |s| at(s))?;
     let without = sim::run(&scenario.without_braking(), &mut |s| at(scenario.duration_s + s))?;
     bar.finish_and_clear();
-    Ok(Comparison::new(scenario, as_set, without))
+    Ok(RunReport::new(scenario, as_set, without))
 }

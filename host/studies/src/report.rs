@@ -19,7 +19,7 @@ use std::path::PathBuf;
 const WITHOUT: &str = "no braking regime";
 
 /// Both runs of a scenario.
-pub struct Comparison {
+pub struct RunReport {
     scenario: Scenario,
     as_set: Trace,
     without: Trace,
@@ -41,7 +41,7 @@ struct MotorReport<'a> {
     without_braking_regime: &'a Measures,
 }
 
-impl Comparison {
+impl RunReport {
     /// Compares the trace of a scenario with that of [`Scenario::without_braking`].
     pub fn new(scenario: Scenario, as_set: Trace, without: Trace) -> Self {
         let measures = scenario.motors.iter().enumerate().map(|(index, motor)| {

@@ -4,7 +4,7 @@
 use motor_hub::braking::Winding;
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::Settings;
-use motor_hub::protocol::requests::{FIRST, Interface};
+use motor_hub::protocol::requests::{FIRST_FUNCTION, Interface};
 use motor_hub::protocol::{Address, Decoder, frame};
 use motor_hub::responder::Responder;
 use motor_hub::units::{Micros, Millivolts};
@@ -46,7 +46,7 @@ impl Hub {
             before: |_| Vec::new(),
             deaf_for: 0,
             lost_replies: 0,
-            first: FIRST,
+            first: FIRST_FUNCTION,
             fail_safe_at_bulk: false,
             decoder: Decoder::new(),
             since: Instant::now(),
@@ -64,7 +64,8 @@ impl Hub {
             }
             let is_bulk = packet.id == self.first;
             if packet.id < 0x7F00 {
-                packet.id = packet.id.checked_sub(self.first - FIRST).expect("a function of this hub");
+                packet.id =
+                    packet.id.checked_sub(self.first - FIRST_FUNCTION).expect("a function of this hub");
             }
             if is_bulk && self.fail_safe_at_bulk {
                 let mut other = packet.clone();
@@ -75,7 +76,7 @@ impl Hub {
             if packet.id == 0x7F07 && packet.payload.starts_with(Interface::Motors.name()) {
                 reply.payload[1] = (self.first >> 8) as u8;
             } else if reply.id & 0x8000 != 0 && reply.id < 0xFF00 {
-                reply.id += self.first - FIRST;
+                reply.id += self.first - FIRST_FUNCTION;
             }
             let now_enabled = self.responder.enabled();
             self.was_enabled.iter_mut().zip(now_enabled).for_each(|(was, is)| *was |= is);

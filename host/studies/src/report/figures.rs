@@ -1,6 +1,6 @@
 //! The charts of a run: one for each motor, and one of all motors with and without braking regime.
 
-use super::{Comparison, WITHOUT};
+use super::{RunReport, WITHOUT};
 use crate::NamedFigure;
 use chart::{Band, Figure, Panel, Series, Style, colour};
 use motor_hub::braking::Regime;
@@ -10,7 +10,7 @@ use simulated::scheme;
 use simulated::trace::{Sample, Tick, Trace};
 
 /// Every chart with the name of its file.
-pub(super) fn all(comparison: &Comparison) -> Vec<NamedFigure> {
+pub(super) fn all(comparison: &RunReport) -> Vec<NamedFigure> {
     let motors = comparison.scenario.motors.iter().enumerate();
     let single = motors.map(|(index, motor)| {
         let figure = of_motor(&comparison.scenario, &comparison.as_set, index, motor);
@@ -106,7 +106,7 @@ fn has_position(motor: &Motor) -> bool {
     motor.setpoints.iter().any(|s| matches!(s.value, Setpoint::Position { .. }))
 }
 
-fn compared(comparison: &Comparison) -> Figure {
+fn compared(comparison: &RunReport) -> Figure {
     let mut panels = Vec::new();
     for (index, motor) in comparison.scenario.motors.iter().enumerate() {
         let without = Lines { trace: &comparison.without, index };

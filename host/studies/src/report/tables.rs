@@ -1,6 +1,6 @@
 //! Both runs of each motor as a table for people.
 
-use super::{Comparison, WITHOUT};
+use super::{RunReport, WITHOUT};
 use crate::expectations::{Verdict, Wanted};
 use crate::measures::Measures;
 use crate::table;
@@ -18,7 +18,7 @@ Residual: rms error in the second half of the time to the next change. Swing: fr
 highest value in the last second of it. Deceleration jerk: change of the mean motor current from one
 control period to the next while the motor slows down (N m: at the output shaft). Energies are those of the motor's own bridge.";
 
-pub(super) fn all(comparison: &Comparison) -> String {
+pub(super) fn all(comparison: &RunReport) -> String {
     let scenario = &comparison.scenario;
     let mut out = format!(
         "{}: {} s, control period {} ms, seed {}\n\n",
