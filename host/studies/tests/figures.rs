@@ -38,7 +38,7 @@ fn of_runs() -> Vec<NamedFigure> {
     let run = |scenario: &Scenario| sim::run(scenario, &mut |_| ()).expect("it runs");
     let (as_set, without) = (run(&scenario), run(&scenario.without_braking()));
     let overlay = Overlay::new(scenario.clone(), without.clone(), as_set.clone());
-    let mut figures = report::Comparison::new(scenario, as_set, without).figures();
+    let mut figures = report::RunReport::new(scenario, as_set, without).figures();
     figures.push(("overlay".to_owned(), overlay.figure()));
     let compared = compare::Comparison::new(true, &mut |_, _| ()).expect("it runs");
     figures.extend(compared.figures());
