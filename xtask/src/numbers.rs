@@ -5,8 +5,8 @@ use crate::tool::{Failed, cargo, cargo_command, motor_hub, none, output};
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     none(arguments)?;
-    cargo(&["test", "--package", "motor-hub", "--test", "linear_current", "--", "--nocapture"])?;
-    cargo(&["test", "--package", "emulated", "--test", "budget", "--", "--nocapture"])?;
+    // Without naming their packages, which would build everything once more with fewer features.
+    cargo(&["test", "--test", "linear_current", "--test", "budget", "--test", "boot", "--", "--nocapture"])?;
     for command in ["paper", "figures", "compare"] {
         motor_hub(&[command])?;
     }
