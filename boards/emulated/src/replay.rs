@@ -11,6 +11,7 @@ use motor_hub::bridge::{Drive, Mode};
 use motor_hub::model::plant::Flow;
 use motor_hub::motion::EncoderFault;
 use motor_hub::motor::{Faults, Report, Setpoint, ZeroPower};
+use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, RunMode, ToMotor};
 use motor_hub::protocol::setup::ToSetup;
 use motor_hub::responder::setup;
@@ -144,7 +145,11 @@ fn run_to(bench: &mut Bench, at_s: f64) {
 fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, motor: &Motor) -> Result<(), ReplayError> {
     let settings =
         motor.settings().map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
-    talk.order(bench, ToSetup::SetUp { setup: setup::of(&settings) }.to(channel));
+    // An image that is named by hand may not know this hub's own interface.
+    let request = ToSetup::SetUp { setup: setup::of(&settings) }.to(channel);
+    if !matches!(talk.ask(bench, request.id(), &request.payload()), Reply::Ack { .. }) {
+        return Err(ReplayError::SetupRefused);
+    }
     for (of, pidf) in [(Loop::Velocity, settings.velocity), (Loop::Position, settings.position)] {
         let coefficients = Coefficients { pidf, algorithm: Algorithm::Pidf };
         talk.order(bench, ToMotor::SetPidf { of, coefficients }.to(channel));
