@@ -20,7 +20,7 @@
 
 use crate::braking::scheme::{Blend, BlendFraction, Scheme};
 use crate::bridge::Mode;
-use crate::units::{Control, Duty, Emf, Millivolts};
+use crate::units::{Control, Duty, Emf, Millivolts, Voltage};
 use fixed::types::{I56F8, U2F30};
 
 /// The speed and the supply for which points are computed.
@@ -48,9 +48,11 @@ impl OperatingPoint {
         self.counter_clockwise
     }
 
-    /// |emf| and battery voltage in 1/16 mV, which is as fine as a current needs them: below 2^21 and 2^20.
-    pub(super) const fn sixteenths(self) -> (i64, i64) {
-        (self.e >> 16, self.v >> 16)
+    /// |emf| and battery voltage in volts, below 132 and 66, as fine as a current needs them.
+    pub(super) const fn volts(self) -> (f32, f32) {
+        const VOLT: f32 = 16_000.0;
+        // Of the numbers in 1/16 mV no more than 21 bits are left, and a single has 24.
+        ((self.e >> 16) as f32 / VOLT, (self.v >> 16) as f32 / VOLT)
     }
 
     /// True if the back EMF is at least the battery voltage: the battery can push no current.
@@ -121,6 +123,33 @@ pub struct Place {
     pub fraction: Fraction,
 }
 
+impl Place {
+    /// The voltage behind the current that it stands for, in the regime's direction: full driving is `V - e`
+    /// with the motion and `V + e` against it, full braking is `e`.
+    pub(super) const fn current(self, at: OperatingPoint) -> f32 {
+        let (e, v) = at.volts();
+        let fraction = self.fraction.to_f32();
+        match self.regime {
+            Regime::Forward => fraction * (v - e),
+            Regime::Braking => fraction * e,
+            Regime::Reverse => e + fraction * v,
+        }
+    }
+
+    /// The place of a voltage across a motor that turns CW, what [`current`](Self::current) is the inverse of.
+    const fn of_voltage(voltage: Voltage, at: OperatingPoint) -> Self {
+        let OperatingPoint { e, v, .. } = at;
+        let u = (voltage.to_bits() as i64) << 16;
+        if u > e {
+            Self { regime: Regime::Forward, fraction: Fraction::ratio(u - e, v - e) }
+        } else if u >= 0 {
+            Self { regime: Regime::Braking, fraction: Fraction::ratio(e - u, e) }
+        } else {
+            Self { regime: Regime::Reverse, fraction: Fraction::ratio(-u, v) }
+        }
+    }
+}
+
 /// How far into its regime a control value lies: 0 to 1 in steps of 2^-30, rounded down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Fraction(U2F30);
@@ -150,9 +179,9 @@ impl Fraction {
         Duty::from_bits(((self.0.to_bits() + (1 << 14)) >> 15) as u16)
     }
 
-    /// This share of a voltage below 2^32, to the nearest of its steps.
-    pub(super) const fn of(self, voltage: i64) -> i64 {
-        (self.0.to_bits() as i64 * voltage + (1 << 29)) >> 30
+    /// To the nearest single, which is as fine as 2^-24.
+    const fn to_f32(self) -> f32 {
+        self.0.to_bits() as f32 / (1 << 30) as f32
     }
 
     /// For reports.
@@ -282,6 +311,24 @@ impl Points {
             Place { regime: Regime::Reverse, fraction: Fraction::ratio(t - c, t - s) }
         }
     }
+}
+
+/// The control value that stands for a voltage across a motor that turns CW: at Scheme A's points, its
+/// share of the battery's.
+///
+/// What the scheme cannot give becomes the nearest that it can: the end of the control range, or, where
+/// there is no braking regime, no current.
+pub(super) const fn control(points: &Points, voltage: Voltage, at: OperatingPoint) -> Control {
+    let Place { regime, fraction } = Place::of_voltage(voltage, at);
+    let (from, to) = match regime {
+        Regime::Forward => (points.z, points.g),
+        Regime::Braking => (points.z, points.t),
+        Regime::Reverse => (points.t, points.s),
+    };
+    // At most 2^45 apart, so 18 bits of the fraction are all that 64 bits have room for, and all that 16
+    // bits of control need.
+    let way = (to.to_bits() - from.to_bits()) * (fraction.0.to_bits() >> 12) as i64;
+    Control::saturating((from.to_bits() + (way >> 18) + (1 << 7)) >> 8)
 }
 
 /// Beyond this the ends of the control range say all there is to say; it keeps a blend in 64 bits.

@@ -79,7 +79,7 @@ impl Motor {
 
     /// Takes effect at the next step, as a whole. State is kept, so coefficients may be tuned while
     /// the motor runs.
-    pub const fn configure(&mut self, settings: Settings) {
+    pub fn configure(&mut self, settings: Settings) {
         self.settings = settings;
         self.placer = settings.placer();
     }

@@ -81,7 +81,7 @@ impl Settings {
     }
 
     /// What turns control values into drives by them.
-    pub(super) const fn placer(&self) -> Placer {
+    pub(super) fn placer(&self) -> Placer {
         Placer::new(&self.winding, &self.bridge, self.scheme, self.duty)
     }
 }

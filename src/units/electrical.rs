@@ -214,3 +214,50 @@ impl Emf {
         self.0.to_num()
     }
 }
+
+/// The steady voltage across a motor that stands for what a bridge does to it on average: back EMF plus mean
+/// current times resistance (paper, section 2.1). Signed, positive is CW; in steps of 1/16 mV, up to +-134 217 V.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Voltage(i32);
+
+impl Voltage {
+    /// Steps of 1/16 mV; beyond 32 bits the end of the range.
+    pub const fn saturating(bits: i64) -> Self {
+        Self(if bits > i32::MAX as i64 {
+            i32::MAX
+        } else if bits < -(i32::MAX as i64) {
+            -i32::MAX
+        } else {
+            bits as i32
+        })
+    }
+
+    /// From volts, rounded towards 0; beyond the range its end, and 0 from what is no number.
+    pub const fn from_volts(volts: f32) -> Self {
+        Self::saturating((volts * 16_000.0) as i64)
+    }
+
+    /// Steps of 1/16 mV.
+    pub const fn to_bits(self) -> i32 {
+        self.0
+    }
+
+    /// The same the other way.
+    #[must_use]
+    pub const fn reversed(self) -> Self {
+        // In range: the range is symmetric.
+        Self(-self.0)
+    }
+
+    /// In volts.
+    pub const fn to_volts(self) -> f32 {
+        self.0 as f32 / 16_000.0
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Voltage {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{} mV", self.0 / 16);
+    }
+}
