@@ -209,6 +209,11 @@ impl Emf {
         self.0.to_bits()
     }
 
+    /// Volts, to the nearest single.
+    pub const fn to_volts(self) -> f32 {
+        (self.to_bits() >> 16) as i32 as f32 / 16_000.0
+    }
+
     /// Millivolts, for reports.
     pub fn to_f64(self) -> f64 {
         self.0.to_num()
@@ -259,5 +264,30 @@ impl Voltage {
 impl defmt::Format for Voltage {
     fn format(&self, f: defmt::Formatter<'_>) {
         defmt::write!(f, "{} mV", self.0 / 16);
+    }
+}
+
+/// A current in milliamperes: +-2 147 483 A.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Milliamperes(i32);
+
+impl Milliamperes {
+    /// None.
+    pub const ZERO: Self = Self(0);
+
+    /// Whole milliamperes.
+    pub const fn new(milliamperes: i32) -> Self {
+        Self(milliamperes)
+    }
+
+    /// From amperes, rounded towards 0; beyond the range its end, and 0 from what is no number.
+    pub const fn from_amperes(amperes: f32) -> Self {
+        Self((1000.0 * amperes) as i32)
+    }
+
+    /// Milliamperes.
+    pub const fn get(self) -> i32 {
+        self.0
     }
 }

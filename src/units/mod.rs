@@ -7,6 +7,7 @@
 //! | [`Duty`] | 0 to 1 | 2^-15 |
 //! | [`Coefficient`] of a PIDF | -32 768 to 32 768 | 2^-16 |
 //! | [`Millivolts`] | 0 to 65 535 mV | 1 mV |
+//! | [`Milliamperes`] | +-2^31 mA | 1 mA |
 //! | [`Resistance`] | 1 to 65 535 mohm | 1 mohm |
 //! | [`Inductance`] | 1 to 65 535 uH | 1 uH |
 //! | [`EmfConstant`] | above 0, below 32 mV s/count | 2^-20 |
@@ -50,7 +51,7 @@ mod time;
 
 pub use control::{Coefficient, Control, Duty};
 pub use dynamics::{Acceleration, AccelerationPerVolt, DecayRate};
-pub use electrical::{Emf, EmfConstant, Inductance, Millivolts, Resistance, Voltage};
+pub use electrical::{Emf, EmfConstant, Inductance, Milliamperes, Millivolts, Resistance, Voltage};
 pub use motion::CountsPerSecond;
 pub use time::{Micros, Period};
 

@@ -2,7 +2,7 @@
 
 mod expect;
 
-use super::{LONGEST_S, Motor, Scenario, Timed, Told};
+use super::{LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
 use crate::hardware::MOTORS;
 use crate::scheme::{BlendChoice, BlendError, DutyWord, SchemeName};
 use expect::ExpectTable;
@@ -182,7 +182,7 @@ struct MotorTable {
     #[serde(default)]
     load: LoadTable,
     #[serde(default)]
-    told: ToldTable,
+    told: ToldChoice,
     scheme: Option<SchemeName>,
     blend: Option<Spanned<BlendChoice>>,
     #[serde(default, with = "DutyWord")]
@@ -223,11 +223,52 @@ struct LoadTable {
     torque_nm: Option<Spanned<f64>>,
 }
 
+/// What a hub may know: factors, or the word "nothing".
+enum ToldChoice {
+    Nothing,
+    Factors(ToldTable),
+}
+
+impl Default for ToldChoice {
+    fn default() -> Self {
+        Self::Factors(ToldTable::default())
+    }
+}
+
+impl<'de> Deserialize<'de> for ToldChoice {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> serde::de::Visitor<'de> for Either {
+            type Value = ToldChoice;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("\"nothing\" or a table of factors")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, word: &str) -> Result<ToldChoice, E> {
+                if word == "nothing" {
+                    Ok(ToldChoice::Nothing)
+                } else {
+                    Err(E::invalid_value(serde::de::Unexpected::Str(word), &self))
+                }
+            }
+
+            fn visit_map<A: serde::de::MapAccess<'de>>(self, map: A) -> Result<ToldChoice, A::Error> {
+                ToldTable::deserialize(serde::de::value::MapAccessDeserializer::new(map))
+                    .map(ToldChoice::Factors)
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ToldTable {
     resistance: Option<Spanned<f64>>,
     emf: Option<Spanned<f64>>,
+    inertia: Option<Spanned<f64>>,
+    friction: Option<Spanned<f64>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -373,12 +414,28 @@ impl MotorTable {
 const TORQUE: RangeInclusive<f64> = -1000.0..=1000.0;
 const EMF: RangeInclusive<f64> = 1.0..=60.0;
 
+impl ToldChoice {
+    fn check(&self) -> Checked<Told> {
+        match self {
+            Self::Nothing => Ok(Told { motion: None, ..Told::TRUTH }),
+            Self::Factors(factors) => factors.check(),
+        }
+    }
+}
+
 impl ToldTable {
     fn check(&self) -> Checked<Told> {
         let factor = |value: &Option<Spanned<f64>>, key: &'static str| {
             value.as_ref().map_or(Ok(1.0), |value| within(value, key, 0.1..=10.0))
         };
-        Ok(Told { resistance: factor(&self.resistance, "resistance")?, emf: factor(&self.emf, "emf")? })
+        Ok(Told {
+            resistance: factor(&self.resistance, "resistance")?,
+            emf: factor(&self.emf, "emf")?,
+            motion: Some(ToldMotion {
+                inertia: factor(&self.inertia, "inertia")?,
+                friction: factor(&self.friction, "friction")?,
+            }),
+        })
     }
 }
 
