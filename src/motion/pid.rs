@@ -116,10 +116,12 @@ impl Pid {
     }
 
     /// Starts such that the output would be this if nothing were wrong with the measurement. Of the past
-    /// nothing else is left.
+    /// nothing else is left. A loop that does not integrate has no way to unlearn it, and starts at nothing.
     pub fn preset(&mut self, gains: &Pidf, output: Value, measured: Value) {
         self.reset();
-        self.integral = Term::from(output).saturating_sub(product(gains.f, measured));
+        if gains.i != Coefficient::ZERO {
+            self.integral = Term::from(output).saturating_sub(product(gains.f, measured));
+        }
     }
 }
 

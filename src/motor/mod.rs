@@ -196,7 +196,7 @@ impl Motor {
         let gentle = matches!(self.settings.scheme, Scheme::C | Scheme::D(_));
         let stage = Stage::new(&self.placer, at, battery);
         let place = |control| (control, self.placer.place(at, control));
-        let mut speed = self.watch.speed();
+        let mut speed = self.regulator.wanted(demand);
         let (control, placement) = match self.watch.step(moved, velocity, gentle) {
             Finding::Fault(_) => return None,
             Finding::Insist(control) => (control, braking::full_reverse(at)),

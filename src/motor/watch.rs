@@ -47,11 +47,6 @@ impl Watch {
         self.ordered = Some(order);
     }
 
-    /// The speed of the last order.
-    pub(super) fn speed(&self) -> CountsPerSecond {
-        self.ordered.map_or(CountsPerSecond::ZERO, |order| order.target)
-    }
-
     /// Nothing is expected of the encoder until the next order.
     pub(super) fn pause(&mut self) {
         self.guard.reset();

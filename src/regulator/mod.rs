@@ -262,11 +262,27 @@ impl Regulator {
         }
     }
 
+    /// The speed that a demand comes to, far from its end.
+    pub fn wanted(&self, demand: Demand) -> CountsPerSecond {
+        match demand {
+            Demand::Velocity(target) => target,
+            Demand::Position { target, speed_limit } => {
+                let limit = speed_limit.to_f32().abs();
+                let distance = target.wrapping_sub(self.position());
+                speed(limit * distance.signum() as f32)
+            }
+        }
+    }
+
+    fn position(&self) -> i32 {
+        self.last.map_or(0, |last| last.position)
+    }
+
     /// The control value for this tick. `moved` is the counts since the last one.
     pub fn step(&mut self, demand: Demand, moved: i32, stage: &Stage<'_>) -> Request {
         let demand = self.anchored(demand);
         let kind = self.kind();
-        let position = self.last.map_or(0, |last| last.position);
+        let position = self.position();
         let velocity = self.velocity();
         let request = match (&mut self.known, kind) {
             (Some(Known { plant, law, observer, state }), Kind::Model) => match demand {
@@ -299,10 +315,9 @@ impl Regulator {
             self.anchor = None;
             return demand;
         }
-        let position = self.last.map_or(0, |last| last.position);
         let counts = self.velocity().to_f32().abs() * self.period.as_millis().max(20) as f32 / 1000.0;
         if self.anchor.is_none() && counts < 1.0 {
-            self.anchor = Some(position);
+            self.anchor = Some(self.position());
         }
         match self.anchor {
             Some(target) => Demand::Position { target, speed_limit: CountsPerSecond::MAX },

@@ -157,7 +157,7 @@ fn the_hub_is_told_what_the_scenario_says_of_a_motor() {
     let told = |factors: &str| {
         let text = SOUND.replace("scheme = \"D\"", &format!("told = {factors}\nscheme = \"D\""));
         let scenario = Scenario::parse("s.toml", &text).expect("it is valid");
-        scenario.motors.first().expect("a motor").settings().expect("in range")
+        scenario.motors.first().expect("a motor").settings(scenario.period).expect("in range")
     };
     let [right, wrong] = ["{}", "{ resistance = 1.3, emf = 0.5 }"].map(told);
     assert!((2 * wrong.winding.emf.to_bits() - right.winding.emf.to_bits()).abs() <= 1);
