@@ -5,7 +5,7 @@ use crate::braking::{Blend, BlendFraction, Scheme};
 use crate::motion::pid::{PidInput, Value};
 use crate::motion::{Pid, Pidf};
 use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Period};
-use libm::sqrtf;
+use libm::{roundf, sqrtf};
 
 /// The mechanical time constant of a motor of which nothing is known, in seconds: about that of a loaded gear
 /// motor.
@@ -166,7 +166,7 @@ impl Loops {
             limit: Value::saturating_from_num(f32::from(Control::MAX.get()) / scale),
         };
         let output = self.velocity.step(gains, self.period, input);
-        Control::saturating((scale * output.to_num::<f32>()).round_ties_even() as i64)
+        Control::saturating(roundf(scale * output.to_num::<f32>()) as i64)
     }
 
     /// The velocity at which to go to a position now: no more than can be braked from.
