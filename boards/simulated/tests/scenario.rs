@@ -169,7 +169,7 @@ fn the_hub_is_told_what_the_scenario_says_of_a_motor() {
     let told = |factors: &str| {
         let text = SOUND.replace("scheme = \"D\"", &format!("told = {factors}\nscheme = \"D\""));
         let scenario = Scenario::parse("s.toml", &text).expect("it is valid");
-        scenario.motors.first().expect("a motor").settings().expect("in range")
+        scenario.motors.first().expect("a motor").settings(scenario.period).expect("in range")
     };
     let [right, wrong] = ["{}", "{ resistance = 1.3, emf = 0.5 }"].map(told);
     assert!((2 * wrong.winding.emf.to_bits() - right.winding.emf.to_bits()).abs() <= 1);
@@ -194,6 +194,21 @@ fn the_hub_drives_one_to_four_differently_named_motors() {
             .starts_with("s.toml:24:9: label \"one\" is taken")
     );
     refused("label = \"one\"", "label = \" \"", "7:9", "1 to 80 printable");
+}
+
+#[test]
+fn the_hub_is_told_the_friction_of_a_motor() {
+    let friction = |keys: &str| {
+        let text = SOUND.replacen("load = {", &format!("{keys}\nload = {{"), 1);
+        let scenario = Scenario::parse("s.toml", &text).expect("it is valid");
+        let settings = scenario.motors.first().map(|motor| motor.settings(scenario.period));
+        let dynamics = settings.expect("a motor").expect("in range").dynamics;
+        dynamics.expect("it is told how the motor moves").friction.get()
+    };
+    assert_eq!(friction(""), 0);
+    // The voltage that balances it at rest: 5 % of 12 V, less what two switches take.
+    let told = friction("friction = { coulomb_percent = 5.0 }");
+    assert!((600..650).contains(&told), "{told} mV");
 }
 
 #[test]

@@ -29,9 +29,8 @@ impl Reach {
 
 impl Motor {
     /// The same task for another motor: speeds and positions in the ratio of the free speeds, torques
-    /// in that of the stall torques, friction and cogging too, loads so that they take as long to be set
-    /// in motion.
-    /// Coefficients are left to the board.
+    /// in that of the stall torques (friction and cogging too), loads so that they take as long to be
+    /// set in motion. Coefficients are left to the board.
     #[must_use]
     pub fn with_constants(&self, constants: catalogue::Motor) -> Self {
         let (old, new) = (Reach::of(&self.constants), Reach::of(&constants));
