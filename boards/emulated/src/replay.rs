@@ -275,6 +275,7 @@ fn difference(after: &Flow, before: &Flow) -> Flow {
     flow.charge_to_battery.0 -= before.charge_to_battery.0;
     flow.heat.0 -= before.heat.0;
     flow.shaft_work.0 -= before.shaft_work.0;
+    flow.friction_heat.0 -= before.friction_heat.0;
     flow
 }
 

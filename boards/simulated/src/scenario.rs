@@ -237,7 +237,7 @@ impl Motor {
             counts_per_turn: self.constants.counts_per_rev_motor,
             inertia: shaft.inertia.0 * told.inertia,
             drag: shaft.drag.0,
-            friction: 0.0 * told.friction,
+            friction: self.constants.friction.coulomb.0 * told.friction,
         };
         Dynamics::from_mechanics(winding, &BRIDGE, &mechanics)
     }

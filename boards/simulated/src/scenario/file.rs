@@ -1,11 +1,13 @@
 //! The scenario file as it is written, and the checks that make a [`Scenario`] of it.
 
 mod expect;
+mod friction;
 
 use super::{LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
 use crate::hardware::MOTORS;
 use crate::scheme::{BlendChoice, BlendError, DutyWord, SchemeName};
 use expect::ExpectTable;
+use friction::{CoggingTable, FrictionTable};
 use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue::{UnknownMotor, characterised};
 use motor_hub::model::{battery::Battery, load::Load, si};
@@ -179,6 +181,8 @@ struct MotorTable {
     motor: Spanned<String>,
     #[serde(default)]
     inertia: Inertia,
+    friction: Option<FrictionTable>,
+    cogging: Option<CoggingTable>,
     #[serde(default)]
     load: LoadTable,
     #[serde(default)]
@@ -357,8 +361,14 @@ pub(super) fn read(text: &str) -> Checked<Scenario> {
 
 impl MotorTable {
     fn check(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Motor> {
-        let constants = characterised(self.motor.get_ref())
+        let mut constants = characterised(self.motor.get_ref())
             .map_err(|unknown| fault(&self.motor, Mistake::Motor(unknown)))?;
+        if let Some(table) = &self.friction {
+            constants.friction = table.check(&constants)?;
+        }
+        if let Some(table) = &self.cogging {
+            constants.cogging = table.check(&constants)?;
+        }
         let Some(scheme) = self.scheme.or(self.blend.is_none().then_some(SchemeName::A)) else {
             return Err(fault(whole, Mistake::BlendAlone));
         };
