@@ -32,6 +32,7 @@ pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};
 use crate::units::{Control, Duty, Voltage};
+use libm::roundf;
 
 /// A control value turned into a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,12 +84,17 @@ impl Placer {
     }
 
     /// The control value that asks for a voltage, or for the nearest to it that the scheme can give.
-    pub const fn control(&self, at: OperatingPoint, voltage: Voltage) -> Control {
+    pub fn control(&self, at: OperatingPoint, voltage: Voltage) -> Control {
+        let voltage = voltage.to_volts();
+        if self.scheme == Scheme::A {
+            // The same as by the points, for less.
+            return Control::saturating(
+                (roundf(voltage / at.volts().1 * f32::from(Control::MAX.get())) as i32).into(),
+            );
+        }
         let points = Points::new(self.scheme, at);
-        clockwise(
-            at,
-            points::control(&points, if at.counter_clockwise() { voltage.reversed() } else { voltage }, at),
-        )
+        let voltage = if at.counter_clockwise() { -voltage } else { voltage };
+        clockwise(at, points::control(&points, voltage, at))
     }
 
     /// The voltage across the motor that stands for the mean current of a drive; `None` if the bridge is open.

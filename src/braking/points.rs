@@ -20,8 +20,9 @@
 
 use crate::braking::scheme::{Blend, BlendFraction, Scheme};
 use crate::bridge::Mode;
-use crate::units::{Control, Duty, Emf, Millivolts, Voltage};
+use crate::units::{Control, Duty, Emf, Millivolts};
 use fixed::types::{I56F8, U2F30};
+use libm::roundf;
 
 /// The speed and the supply for which points are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,7 +53,7 @@ impl OperatingPoint {
     pub(super) const fn volts(self) -> (f32, f32) {
         const VOLT: f32 = 16_000.0;
         // Of the numbers in 1/16 mV no more than 21 bits are left, and a single has 24.
-        ((self.e >> 16) as f32 / VOLT, (self.v >> 16) as f32 / VOLT)
+        ((self.e >> 16) as i32 as f32 / VOLT, (self.v >> 16) as i32 as f32 / VOLT)
     }
 
     /// True if the back EMF is at least the battery voltage: the battery can push no current.
@@ -82,6 +83,12 @@ impl Abscissa {
 
     const fn to_bits(self) -> i64 {
         self.0.to_bits()
+    }
+
+    /// Steps, as fine as a single; far beyond the control range only the direction is right.
+    fn to_f32(self) -> f32 {
+        const FAR: i64 = 1 << 30;
+        self.to_bits().clamp(-FAR, FAR) as i32 as f32 / 256.0
     }
 
     /// Steps, for reports.
@@ -133,19 +140,6 @@ impl Place {
             Regime::Forward => fraction * (v - e),
             Regime::Braking => fraction * e,
             Regime::Reverse => e + fraction * v,
-        }
-    }
-
-    /// The place of a voltage across a motor that turns CW, what [`current`](Self::current) is the inverse of.
-    const fn of_voltage(voltage: Voltage, at: OperatingPoint) -> Self {
-        let OperatingPoint { e, v, .. } = at;
-        let u = (voltage.to_bits() as i64) << 16;
-        if u > e {
-            Self { regime: Regime::Forward, fraction: Fraction::ratio(u - e, v - e) }
-        } else if u >= 0 {
-            Self { regime: Regime::Braking, fraction: Fraction::ratio(e - u, e) }
-        } else {
-            Self { regime: Regime::Reverse, fraction: Fraction::ratio(-u, v) }
         }
     }
 }
@@ -317,18 +311,18 @@ impl Points {
 /// share of the battery's.
 ///
 /// What the scheme cannot give becomes the nearest that it can: the end of the control range, or, where
-/// there is no braking regime, no current.
-pub(super) const fn control(points: &Points, voltage: Voltage, at: OperatingPoint) -> Control {
-    let Place { regime, fraction } = Place::of_voltage(voltage, at);
-    let (from, to) = match regime {
-        Regime::Forward => (points.z, points.g),
-        Regime::Braking => (points.z, points.t),
-        Regime::Reverse => (points.t, points.s),
+/// there is no braking regime, no current. To a step or so of control, which is as fine as a single.
+pub(super) fn control(points: &Points, voltage: f32, at: OperatingPoint) -> Control {
+    let (e, v) = at.volts();
+    let (from, to, fraction) = if voltage > e {
+        (points.z, points.g, (voltage - e) / (v - e))
+    } else if voltage >= 0.0 {
+        (points.z, points.t, if e > 0.0 { (e - voltage) / e } else { 0.0 })
+    } else {
+        (points.t, points.s, -voltage / v)
     };
-    // At most 2^45 apart, so 18 bits of the fraction are all that 64 bits have room for, and all that 16
-    // bits of control need.
-    let way = (to.to_bits() - from.to_bits()) * (fraction.0.to_bits() >> 12) as i64;
-    Control::saturating((from.to_bits() + (way >> 18) + (1 << 7)) >> 8)
+    let (from, to) = (from.to_f32(), to.to_f32());
+    Control::saturating((roundf(from + fraction * (to - from)) as i32).into())
 }
 
 /// Beyond this the ends of the control range say all there is to say; it keeps a blend in 64 bits.

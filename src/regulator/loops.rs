@@ -166,7 +166,7 @@ impl Loops {
             limit: Value::saturating_from_num(f32::from(Control::MAX.get()) / scale),
         };
         let output = self.velocity.step(gains, self.period, input);
-        Control::saturating(roundf(scale * output.to_num::<f32>()) as i64)
+        Control::saturating((roundf(scale * output.to_num::<f32>()) as i32).into())
     }
 
     /// The velocity at which to go to a position now: no more than can be braked from.

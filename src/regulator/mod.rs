@@ -44,7 +44,7 @@ use model::{Law, State};
 use observer::{Observer, Plant};
 
 /// An encoder that was silent for longer than this is started with afresh.
-const SILENCE_SAMPLES: u64 = 20;
+const SILENCE_SAMPLES: u32 = 20;
 /// So long a motor that should move does not before it counts as held.
 const HELD_MS: u32 = 100;
 /// Speed asked for at which counts are due in that time.
@@ -222,7 +222,9 @@ impl Regulator {
         };
         let moved = reading.position.wrapping_sub(last.position);
         if let Some(known) = &mut self.known {
-            let samples = reading.at.since(last.at) / 1000;
+            // In 32 bits, whose division is the shorter one.
+            let micros = u32::try_from(reading.at.since(last.at)).unwrap_or(u32::MAX);
+            let samples = micros / 1000;
             if samples > SILENCE_SAMPLES {
                 let speed = known.observer.speed();
                 known.observer = Observer::new(speed);
@@ -340,7 +342,7 @@ impl Regulator {
 
 /// A speed in the unit of everybody else.
 fn speed(counts_per_second: f32) -> CountsPerSecond {
-    CountsPerSecond::saturating_from_bits((256.0 * counts_per_second) as i64)
+    CountsPerSecond::from_bits((256.0 * counts_per_second) as i32)
 }
 
 /// The value, or the nearest within this of 0. (Unlike `clamp` without a way to panic.)

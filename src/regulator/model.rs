@@ -6,7 +6,7 @@
 
 use super::observer::{Observer, Plant};
 use super::{Request, Stage, within};
-use crate::units::{Acceleration, CountsPerSecond, Period, Voltage};
+use crate::units::{Acceleration, Period, Voltage};
 use libm::{expf, expm1f, sqrtf};
 
 /// Of the friction that turns round with the motion, so much is taken for granted.
@@ -146,10 +146,7 @@ impl Law {
         self.turn_friction(state, observer, next);
         let wanted = plant.kappa * w + (next - w) * self.per_speed - observer.load(plant) / plant.b;
         let voltage = Voltage::from_volts(within(wanted, stage.battery));
-        Request {
-            control: stage.placer.control(stage.at, voltage),
-            speed: CountsPerSecond::saturating_from_bits((256.0 * speed) as i64),
-        }
+        Request { control: stage.placer.control(stage.at, voltage), speed: super::speed(speed) }
     }
 
     /// Friction acts against the motion: what was observed of it has the wrong sign once the motion turns.

@@ -226,20 +226,11 @@ impl Emf {
 pub struct Voltage(i32);
 
 impl Voltage {
-    /// Steps of 1/16 mV; beyond 32 bits the end of the range.
-    pub const fn saturating(bits: i64) -> Self {
-        Self(if bits > i32::MAX as i64 {
-            i32::MAX
-        } else if bits < -(i32::MAX as i64) {
-            -i32::MAX
-        } else {
-            bits as i32
-        })
-    }
-
     /// From volts, rounded towards 0; beyond the range its end, and 0 from what is no number.
     pub const fn from_volts(volts: f32) -> Self {
-        Self::saturating((volts * 16_000.0) as i64)
+        let bits = (volts * 16_000.0) as i32;
+        // So that the range is symmetric.
+        Self(if bits == i32::MIN { -i32::MAX } else { bits })
     }
 
     /// Steps of 1/16 mV.
