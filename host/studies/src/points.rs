@@ -6,6 +6,7 @@ use crate::StudyError;
 use ::chart::{Figure, Point, colour};
 use motor_hub::braking::{self, LinearCurrent, OperatingPoint, Placement, Points, Regime, Scheme};
 use motor_hub::model::catalogue::Motor;
+use motor_hub::regulator::Kind;
 use motor_hub::units::{Control, CountsPerSecond, Millivolts};
 use serde::Serialize;
 use simulated::hardware::{BRIDGE, winding};
@@ -151,6 +152,14 @@ impl OperatingReport {
             x_range: Some(chart::X_RANGE),
             panels: vec![chart::panel(self.ordinate().into(), points, look)],
         }
+    }
+}
+
+/// "model" or "PID".
+pub const fn regulator_name(regulator: Kind) -> &'static str {
+    match regulator {
+        Kind::Model => "model",
+        Kind::Pid => "PID",
     }
 }
 

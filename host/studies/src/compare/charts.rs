@@ -5,6 +5,7 @@ use crate::NamedFigure;
 use chart::{Figure, Panel, Series, Style, colour};
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::motor::Setpoint;
+use motor_hub::regulator::Kind;
 use simulated::trace::Sample;
 
 /// Every chart with the name of its file.
@@ -19,13 +20,18 @@ pub(super) fn all(rounds: &[Round]) -> Vec<NamedFigure> {
 fn figure(round: &Round, result: &TaskResult) -> Figure {
     let speed = |s: &Sample| s.speed_cps;
     let current = |s: &Sample| s.flow.mean_current().0;
-    let panel = |y_label: &str, height, goal: bool, duty, value: fn(&Sample) -> f64, style| Panel {
-        y_label: y_label.to_owned(),
-        height,
-        series: lines(result, goal, duty, value, style),
-        ..Panel::default()
-    };
-    let (duty, linear) = (DutyRule::LinearDuty, DutyRule::LinearCurrent);
+    let panels = WAYS.into_iter().flat_map(|(name, shown)| {
+        let panel = |y_label: &str, height, goal: bool, value: fn(&Sample) -> f64, style| Panel {
+            y_label: format!("{y_label}: {name}"),
+            height,
+            series: lines(result, goal, shown, value, style),
+            ..Panel::default()
+        };
+        [
+            panel("speed, counts/s", 200.0, true, speed, Style::Line),
+            panel("motor current, A, mean of a control period", 130.0, false, current, Style::Step),
+        ]
+    });
     Figure {
         title: result.task.what.clone(),
         subtitle: format!(
@@ -35,27 +41,22 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
         ),
         x_label: "time, s".into(),
         x_range: Some(((result.task.event_s - 0.25).max(0.0), result.task.scenario.duration_s)),
-        panels: vec![
-            panel("speed, counts/s: linear duty", 200.0, true, duty, speed, Style::Line),
-            panel("speed, counts/s: linear current", 200.0, true, linear, speed, Style::Line),
-            panel(
-                "motor current, A, mean of a control period: linear duty",
-                150.0,
-                false,
-                duty,
-                current,
-                Style::Step,
-            ),
-            panel(
-                "motor current, A, mean of a control period: linear current",
-                150.0,
-                false,
-                linear,
-                current,
-                Style::Step,
-            ),
-        ],
+        panels: panels.collect(),
     }
+}
+
+/// What a group of variants has in common, and which they are.
+type Way = (&'static str, fn(&Variant) -> bool);
+
+const WAYS: [Way; 3] = [
+    ("PID, linear duty", |variant| by_pid(variant, DutyRule::LinearDuty)),
+    ("PID, linear current", |variant| by_pid(variant, DutyRule::LinearCurrent)),
+    ("by the motor's model", |variant| variant.regulator == Kind::Model),
+];
+
+/// With this duty; without a braking regime for comparison.
+fn by_pid(variant: &Variant, duty: DutyRule) -> bool {
+    variant.regulator == Kind::Pid && (variant.duty == duty || variant.scheme == Scheme::ForwardReverse)
 }
 
 fn load(result: &TaskResult) -> String {
@@ -63,11 +64,11 @@ fn load(result: &TaskResult) -> String {
     if inertia > 0.0 { format!("load {inertia} kg m\u{b2}") } else { "no load".to_owned() }
 }
 
-/// The variants with this duty, and the one without a braking regime for comparison.
+/// The variants that are wanted.
 fn lines(
     result: &TaskResult,
     goal: bool,
-    duty: DutyRule,
+    wanted: fn(&Variant) -> bool,
     value: fn(&Sample) -> f64,
     style: Style,
 ) -> Vec<Series> {
@@ -81,10 +82,7 @@ fn lines(
         style: Style::DashedStep,
         data: data(row, set_point),
     });
-    let shown = Variant::ALL
-        .into_iter()
-        .zip(&result.rows)
-        .filter(|(variant, _)| variant.duty == duty || variant.scheme == Scheme::ForwardReverse);
+    let shown = Variant::ALL.into_iter().zip(&result.rows).filter(|(variant, _)| wanted(variant));
     let lines = shown.map(|(variant, row)| Series {
         name: row.variant.clone(),
         colour: match variant.scheme {

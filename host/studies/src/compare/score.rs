@@ -43,8 +43,8 @@ pub struct Winner {
 pub struct Score {
     /// The variant.
     pub variant: String,
-    /// Its coefficients.
-    pub gains: Gains,
+    /// Its coefficients; null for a model.
+    pub gains: Option<Gains>,
     /// Geometric mean, over the tasks, of its integral of |error| to the least of all.
     pub error_ratio: f64,
     /// The worst of these ratios.

@@ -12,7 +12,8 @@ the set-point. Rms error: of the speed, counts/s. Peak jerk: largest change of t
 one control period to the next while the motor slows down, A. Limit cycle: peak to peak of the speed in
 the last second, counts/s. Returned: energy into the battery, J. |error|: its integral, counts. Little jerk
 is no merit by itself: who brakes least has least. Fault: the load drove the motor on against full reverse of
-the bridge, so the hub took the encoder for reversed and let go.
+the bridge, so the hub took the encoder for reversed and let go. Model: regulated by the motor's model, with linear
+current; it has no coefficients, and is told the motor and its load as they are.
 ";
 
 /// One round: its table, who wins where, and the scores.
@@ -41,14 +42,14 @@ pub(super) fn round(round: &Round) -> String {
         round.tasks.iter().map(|result| format!("  {:12} {}\n", result.task.key, result.task.what)).collect();
     format!(
         "An AM 60 A (measured rotor inertia) with a 10 kg flywheel (0.05 kg m2), 50 ms, 12 V behind 0.05 ohm;\n\
-         {};\nD = F = 0, f = 32767 keFw / 12000 steps per count/s\n{tasks}{table}\n{DEFINITIONS}\nCapitals are linear current, small letters linear duty; * is everybody, - nobody.\n{}\n\n",
+         {};\nD = F = 0, f = 32767 keFw / 12000 steps per count/s\n{tasks}{table}\n{DEFINITIONS}\nCapitals are linear current, small letters linear duty, ' is by the motor's model; * is everybody, - nobody.\n{}\n\n",
         round.tuning.how,
         who_wins(round),
     )
 }
 
 fn cells(row: &Row) -> Vec<String> {
-    let Gains { p, i } = row.gains;
+    let [p, i] = words(row.gains);
     let settling = match row.settling_s {
         _ if row.fault => "fault".to_owned(),
         Some(s) => format!("{s:.2} s"),
@@ -56,8 +57,8 @@ fn cells(row: &Row) -> Vec<String> {
         None => "never".to_owned(),
     };
     vec![
-        p.to_string(),
-        i.to_string(),
+        p,
+        i,
         settling,
         row.overshoot_percent.map_or("-".to_owned(), |percent| format!("{percent:.1} %")),
         format!("{:.1}", row.rms_error),
@@ -66,6 +67,11 @@ fn cells(row: &Row) -> Vec<String> {
         format!("{:.2}", row.energy_returned_j),
         format!("{:.0}", row.absolute_error),
     ]
+}
+
+/// P and I as they stand in tables.
+fn words(gains: Option<Gains>) -> [String; 2] {
+    gains.map_or(["-".to_owned(), "-".to_owned()], |Gains { p, i }| [p.to_string(), i.to_string()])
 }
 
 fn who_wins(round: &Round) -> String {
@@ -84,7 +90,7 @@ fn who_wins(round: &Round) -> String {
     table.to_string()
 }
 
-/// A, B, C, D with linear duty as lower-case letters, with linear current as capitals.
+/// A, B, C, D with linear duty as lower-case letters, with linear current as capitals, by the model with a stroke.
 fn short(winner: &Winner, all: usize) -> String {
     match winner.variants.len() {
         0 => "-".to_owned(),
@@ -92,6 +98,7 @@ fn short(winner: &Winner, all: usize) -> String {
         _ => {
             let letter = |name: &String| match name.split_once(", ") {
                 Some((letter, "linear duty")) => letter.to_lowercase(),
+                Some((letter, "model")) => format!("{letter}'"),
                 Some((letter, _)) => letter.to_owned(),
                 None => name.clone(),
             };
@@ -107,10 +114,11 @@ pub(super) fn verdict(rounds: &[Round]) -> String {
         ["variant", "P/f", "I/f", "|error| to the least, mean", "worst", "peak jerk, mean", "cells won"];
     let mut table = table::new(&headings, 1);
     for score in &scores {
+        let [p, i] = words(score.gains);
         table.add_row([
             score.variant.clone(),
-            score.gains.p.to_string(),
-            score.gains.i.to_string(),
+            p,
+            i,
             format!("{:.2}", score.error_ratio),
             format!("{:.2}", score.worst_ratio),
             format!("{:.2} A", score.mean_jerk_a),
@@ -120,8 +128,10 @@ pub(super) fn verdict(rounds: &[Round]) -> String {
     let mut out = format!(
         "All of it, the least error first; the mean is geometric, over the tasks, to the least of all at each.\n{table}\n"
     );
-    let name =
-        |score: &Score| format!("{} with P = {} f, I = {} f", score.variant, score.gains.p, score.gains.i);
+    let name = |score: &Score| match score.gains {
+        Some(Gains { p, i }) => format!("{} with P = {p} f, I = {i} f", score.variant),
+        None => score.variant.clone(),
+    };
     if let Some(best) = scores.first() {
         let near = || scores.iter().filter(|score| score.error_ratio <= NEAR * best.error_ratio);
         let lowest = |value: fn(&Score) -> f64| near().min_by(|a, b| value(a).total_cmp(&value(b)));

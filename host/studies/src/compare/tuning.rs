@@ -4,6 +4,7 @@ use super::{Row, Task, Variant, run};
 use crate::StudyError;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::motion::Pidf;
+use motor_hub::regulator::Kind;
 use motor_hub::units::{Coefficient, Control};
 use serde::Serialize;
 
@@ -38,6 +39,15 @@ pub const GRID: [Gains; P.len() * I.len()] = {
 const OF_OVERSHOOT_S: f64 = 0.2;
 const OF_LIMIT_CYCLE_S: f64 = 1.0;
 
+/// Runs that it takes to find the best for each variant.
+pub(super) fn runs() -> usize {
+    GRID.len() * Variant::ALL.into_iter().filter(|variant| has_coefficients(*variant)).count()
+}
+
+fn has_coefficients(variant: Variant) -> bool {
+    variant.regulator == Kind::Pid
+}
+
 /// A way of choosing coefficients, and what it chose.
 #[derive(Clone, Debug, Serialize)]
 pub struct Tuning {
@@ -45,8 +55,8 @@ pub struct Tuning {
     pub how: String,
     /// A name for files.
     pub key: &'static str,
-    /// By variant.
-    pub gains: Vec<Gains>,
+    /// By variant; null for a model, which has none.
+    pub gains: Vec<Option<Gains>>,
 }
 
 impl Gains {
@@ -65,7 +75,7 @@ impl Tuning {
         Self {
             how: format!("the same coefficients for all: P = {} f, I = {} f", SAME.p, SAME.i),
             key: "same",
-            gains: vec![SAME; Variant::ALL.len()],
+            gains: Variant::ALL.map(|variant| has_coefficients(variant).then_some(SAME)).to_vec(),
         }
     }
 
@@ -85,15 +95,19 @@ impl Tuning {
     pub fn best(task: &Task, step: &mut dyn FnMut()) -> Result<Self, StudyError> {
         let mut gains = Vec::with_capacity(Variant::ALL.len());
         for variant in Variant::ALL {
+            if !has_coefficients(variant) {
+                gains.push(None);
+                continue;
+            }
             let mut best = (f64::INFINITY, SAME);
             for candidate in GRID {
-                let cost = cost(task, &run(task, variant, candidate)?);
+                let cost = cost(task, &run(task, variant, Some(candidate))?);
                 if cost < best.0 {
                     best = (cost, candidate);
                 }
                 step();
             }
-            gains.push(best.1);
+            gains.push(Some(best.1));
         }
         let list = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         let how = format!(

@@ -1,6 +1,6 @@
 //! A trace as comma-separated values: one row for each motor and control tick.
 
-use crate::points::regime_name;
+use crate::points::{regime_name, regulator_name};
 use motor_hub::motion::EncoderFault;
 use motor_hub::motor::{Faults, Setpoint};
 use simulated::scenario::Scenario;
@@ -9,7 +9,7 @@ use std::fmt::Write;
 
 const HEADINGS: &str = "time_s,motor,label,battery_v,battery_measured_v,setpoint,setpoint_value,\
 position_counts,speed_cps,speed_estimate_cps,control,regime,mode,duty,mean_current_a,\
-energy_from_battery_j,energy_to_battery_j,external_torque_nm,at_target,stalled,fault,encoder_fault\n";
+energy_from_battery_j,energy_to_battery_j,external_torque_nm,at_target,stalled,fault,encoder_fault,regulator,observed_load_a\n";
 
 /// The whole trace. Means and energies are those from the row's tick to the next.
 pub(super) fn of(scenario: &Scenario, trace: &Trace) -> String {
@@ -45,9 +45,10 @@ fn row(out: &mut String, sample: &Sample) {
         Some(EncoderFault::Reversed) => "reversed",
         None => "",
     };
+    let load = report.load.map(|load| format!("{:.3}", f64::from(load.get()) / 1e3)).unwrap_or_default();
     let _ = writeln!(
         out,
-        "{kind},{value},{},{:.3},{:.3},{},{},{},{:.5},{:.5},{:.6},{:.6},{},{},{},{fault},{encoder_fault}",
+        "{kind},{value},{},{:.3},{:.3},{},{},{},{:.5},{:.5},{:.6},{:.6},{},{},{},{fault},{encoder_fault},{},{load}",
         sample.counts,
         sample.speed_cps,
         report.velocity.to_f64(),
@@ -61,6 +62,7 @@ fn row(out: &mut String, sample: &Sample) {
         sample.torque_nm,
         report.at_target,
         report.stalled,
+        regulator_name(report.regulator),
     );
 }
 

@@ -2,6 +2,7 @@
 
 use super::{RunReport, WITHOUT};
 use crate::NamedFigure;
+use crate::points::regulator_name;
 use chart::{Band, Figure, Panel, Series, Style, colour};
 use motor_hub::braking::Regime;
 use motor_hub::motor::Setpoint;
@@ -62,7 +63,7 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
         y_label: "motor current, A, mean of a control period".into(),
         height: 110.0,
         bands,
-        series: vec![lines.line("current", colour::BLUE, Style::Step, |s| s.flow.mean_current().0)],
+        series: currents(&lines),
         ..Panel::default()
     });
     if motor.torques.iter().any(|t| t.value != 0.0) {
@@ -77,9 +78,10 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
     Figure {
         title: format!("{}: {}", motor.label, motor.constants.name),
         subtitle: format!(
-            "{}; {}, control period {} ms, load {} kg m\u{b2}",
+            "{}; {}, {}, control period {} ms, load {} kg m\u{b2}",
             scenario.name,
             scheme::describe(motor.scheme),
+            regulator(trace, index),
             scenario.period.as_millis(),
             significant(motor.load.inertia_after.0),
         ),
@@ -89,6 +91,16 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
     }
 }
 
+/// The current as it was, and, where the hub observes it, the current that the load takes.
+fn currents(lines: &Lines) -> Vec<Series> {
+    let current = lines.line("current", colour::BLUE, Style::Step, |s| s.flow.mean_current().0);
+    let load = |s: &Sample| s.report.load.map_or(f64::NAN, |load| f64::from(load.get()) / 1e3);
+    let observed = lines.trace.motor(lines.index).any(|(_, sample)| sample.report.load.is_some());
+    let load =
+        observed.then(|| lines.line("what the load takes, as observed", colour::RED, Style::Step, load));
+    [current].into_iter().chain(load).collect()
+}
+
 fn speed_lines(motor: &Motor, lines: &Lines) -> Vec<Series> {
     let speed = lines.line("speed", colour::INK, Style::Line, |s| s.speed_cps);
     if has_velocity(motor) {
@@ -96,6 +108,12 @@ fn speed_lines(motor: &Motor, lines: &Lines) -> Vec<Series> {
     } else {
         vec![speed]
     }
+}
+
+/// By what it was regulated, in words.
+fn regulator(trace: &Trace, index: usize) -> &'static str {
+    let last = trace.ticks.last().and_then(|tick| tick.motors.get(index));
+    last.map_or("", |sample| regulator_name(sample.report.regulator))
 }
 
 fn has_velocity(motor: &Motor) -> bool {

@@ -95,6 +95,7 @@ fn rows(measures: &[Measures; 2]) -> Vec<(String, [String; 2])> {
         let jerk = m.deceleration_jerk;
         format!("{:.2} A = {:.2} N m\n{:.2} A", jerk.worst_a, jerk.worst_nm, jerk.rms_a)
     });
+    add("regulated by", &|m| m.regulator.to_owned());
     add("forward / braking / reverse / coast", &|m| {
         let r = m.regimes;
         format!("{:.0} / {:.0} / {:.0} / {:.0} %", r.forward, r.braking, r.reverse, r.coast)
