@@ -1,8 +1,9 @@
 //! Where a motor is between its counts, how fast it turns and what pulls on it: a filter of three states,
 //! stepped with every sample of the encoder.
 //!
-//! Between counts the motor's own equation is integrated; a count says where the shaft was when it came, and
-//! so does a count that does not come. The gains grow with the time that such news took: they are those of a
+//! Between counts the motor's own equation is integrated. A sample with a count says between which two places the
+//! shaft is, and so does one without; only what lies outside is corrected, to the nearer end. (To correct towards
+//! the middle makes noise: at 1000 counts/s every sample sees one count, wherever in it the shaft is.) The gains grow with the time that such news took: they are those of a
 //! filter with three equal poles at `exp(-wo t)`, t after the last news, so a motor at 5 counts/s is followed
 //! as surely as one at 5000.
 //!
@@ -104,20 +105,18 @@ impl Observer {
     pub(super) fn step(&mut self, plant: &Plant, moved: i32) {
         self.predict(plant);
         self.x -= moved as f32;
-        // How long ago, at most a sample, the count came; half of that is as good as any.
-        let since = (self.w.abs() * SAMPLE).min(1.0) / 2.0;
-        let place = if moved > 0 {
-            since
-        } else if moved < 0 {
-            1.0 - since
-        } else if self.x < 0.0 {
-            0.0
-        } else if self.x > 1.0 {
-            1.0
-        } else {
-            return;
+        // A count came at some time since the last sample; how far the shaft went since then is not known.
+        let since = (self.w.abs() * SAMPLE).min(1.0);
+        let (least, most) = match moved.signum() {
+            1 => (0.0, since),
+            -1 => (1.0 - since, 1.0),
+            _ => (0.0, 1.0),
         };
-        self.correct(plant, place - self.x);
+        if self.x < least {
+            self.correct(plant, least - self.x);
+        } else if self.x > most {
+            self.correct(plant, most - self.x);
+        }
     }
 
     /// The shaft is so much further than it was thought to be.
