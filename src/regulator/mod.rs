@@ -215,27 +215,29 @@ impl Regulator {
         self.retarget();
     }
 
-    /// Takes a sample of the encoder; best every millisecond. Returns the counts since the last one.
-    pub fn sample(&mut self, reading: Reading) -> i32 {
-        let Some(last) = self.last.replace(reading) else {
-            return 0;
+    /// Takes a sample of the encoder; best every millisecond, give or take less than half of that. One that comes
+    /// sooner is as good as none.
+    pub fn sample(&mut self, reading: Reading) {
+        let Some(last) = self.last else {
+            self.last = Some(reading);
+            return;
         };
-        let moved = reading.position.wrapping_sub(last.position);
-        if let Some(known) = &mut self.known {
-            // In 32 bits, whose division is the shorter one.
-            let micros = u32::try_from(reading.at.since(last.at)).unwrap_or(u32::MAX);
-            let samples = micros / 1000;
-            if samples > SILENCE_SAMPLES {
-                let speed = known.observer.speed();
-                known.observer = Observer::new(speed);
-            } else if samples > 0 {
-                for _ in 1..samples {
-                    known.observer.predict(&known.plant);
-                }
-                known.observer.step(&known.plant, moved);
-            }
+        // In 32 bits, whose division is the shorter one.
+        let micros = u32::try_from(reading.at.since(last.at)).unwrap_or(u32::MAX);
+        let samples = micros.saturating_add(500) / 1000;
+        if samples == 0 {
+            return;
         }
-        moved
+        self.last = Some(reading);
+        let Some(Known { plant, observer, .. }) = &mut self.known else { return };
+        if samples > SILENCE_SAMPLES {
+            *observer = Observer::new(observer.speed());
+            return;
+        }
+        for _ in 1..samples {
+            observer.predict(plant);
+        }
+        observer.step(plant, reading.position.wrapping_sub(last.position));
     }
 
     /// A control tick has come, with this newest reading.

@@ -26,6 +26,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use crate::measures::regime_of;
 use crate::measures::{Measures, Response};
 use motor_hub::braking::Regime;
 use motor_hub::motion::EncoderFault;
@@ -168,7 +169,7 @@ fn each_once<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
 }
 
 fn regime(sample: &Sample) -> RegimeName {
-    match sample.report.regime {
+    match regime_of(&sample.report) {
         Some(Regime::Forward) => RegimeName::Forward,
         Some(Regime::Braking) => RegimeName::Braking,
         Some(Regime::Reverse) => RegimeName::Reverse,

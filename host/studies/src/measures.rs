@@ -225,10 +225,13 @@ fn jerk(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Jerk {
     Jerk { worst_a, worst_nm: worst_a * torque_per_amp, rms_a: rms(&changes) }
 }
 
+/// What a bridge did; `None` if it was open, as it also is when it brakes by nothing.
+pub(crate) fn regime_of(report: &Report) -> Option<Regime> {
+    report.regime.filter(|_| report.drive != Drive::COAST)
+}
+
 fn shares(ticks: &[(f64, &Sample)]) -> RegimeShares {
     let share = |regime: Option<Regime>| {
-        // Braking by nothing is an open bridge.
-        let regime_of = |report: &Report| report.regime.filter(|_| report.drive != Drive::COAST);
         let count = ticks.iter().filter(|(_, sample)| regime_of(&sample.report) == regime).count();
         100.0 * count as f64 / ticks.len().max(1) as f64
     };

@@ -1,0 +1,57 @@
+//! What is known of a motor's motion from samples that come as they come.
+
+use motor_hub::braking::Winding;
+use motor_hub::motion::{Reading, Tracker};
+use motor_hub::motor::{Motor, Report, Setpoint, Settings};
+use motor_hub::regulator::{Dynamics, Kind};
+use motor_hub::units::{AccelerationPerVolt, CountsPerSecond, DecayRate, Micros, Millivolts, Period};
+
+/// A NeveRest 60 with about its own inertia.
+fn known() -> Settings {
+    let dynamics = Dynamics {
+        gain: AccelerationPerVolt::from_f64(2_500.0).expect("in range"),
+        decay: DecayRate::from_f64(10.0).expect("in range"),
+        friction: Millivolts::new(0),
+    };
+    Settings { dynamics: Some(dynamics), ..Settings::new(Winding::NEVEREST_60) }
+}
+
+/// A motor that turns at this speed whatever it is told, for two seconds, its encoder read at times that are off
+/// by `jitter` microseconds; and left out now and then.
+fn turning(cps: f64, jitter: impl Fn(u64) -> i64, left_out: impl Fn(u64) -> bool) -> Report {
+    let mut motor = Motor::new(known(), Period::DEFAULT);
+    motor.set(Setpoint::Velocity(CountsPerSecond::new(cps as i32)));
+    let mut tracker = Tracker::default();
+    let mut report = Report::INITIAL;
+    let mut last: Option<Reading> = None;
+    for ms in 0..2_000 {
+        let at = (1_000_000 + 1_000 * ms).saturating_add_signed(jitter(ms));
+        if !left_out(ms) {
+            let count = (0.5 + cps * (at as f64 * 1e-6 - 1.0)).floor() as i64;
+            let reading = tracker.step(count as u16, Micros::new(at));
+            motor.sample(reading);
+            last = Some(reading);
+        }
+        if ms % 50 == 0 {
+            report = motor.step(Micros::new(at), last, Some(Millivolts::new(12_000)));
+        }
+    }
+    assert_eq!(report.regulator, Kind::Model);
+    report
+}
+
+#[test]
+fn samples_that_are_early_or_late_or_missing_tell_the_same_speed() {
+    let never = |_| false;
+    for cps in [60.0, -333.0, 1_000.0, 2_400.0] {
+        for (what, report) in [
+            ("on time", turning(cps, |_| 0, never)),
+            ("some microseconds off", turning(cps, |ms| (ms * 7 % 31) as i64 - 15, never)),
+            ("up to 0.2 ms off", turning(cps, |ms| (ms * 37 % 401) as i64 - 200, never)),
+            ("one of five missing", turning(cps, |_| 0, |ms| ms % 5 == 3)),
+        ] {
+            let found = report.velocity.to_f64();
+            assert!((found - cps).abs() < 4.0 + 0.005 * cps.abs(), "{what}: {found} for {cps}");
+        }
+    }
+}
