@@ -24,8 +24,8 @@ fn turning(cps: f64, jitter: impl Fn(u64) -> i64, left_out: impl Fn(u64) -> bool
     let mut tracker = Tracker::default();
     let mut report = Report::INITIAL;
     let mut last: Option<Reading> = None;
-    for ms in 0..2_000 {
-        let at = (1_000_000 + 1_000 * ms).saturating_add_signed(jitter(ms));
+    for ms in 0..2_000u64 {
+        let at = (1_000_000u64 + 1_000 * ms).saturating_add_signed(jitter(ms));
         if !left_out(ms) {
             let count = (0.5 + cps * (at as f64 * 1e-6 - 1.0)).floor() as i64;
             let reading = tracker.step(count as u16, Micros::new(at));
