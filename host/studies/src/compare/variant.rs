@@ -1,0 +1,52 @@
+//! What is compared.
+
+use motor_hub::braking::{Blend, DutyRule, Scheme};
+
+/// A way to turn control values into duties.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Variant {
+    /// Where the points lie.
+    pub(super) scheme: Scheme,
+    /// How duties are found between them.
+    pub(super) duty: DutyRule,
+}
+
+impl Variant {
+    /// Everything there is to compare: no braking regime, then A to D with either duty.
+    pub(super) const ALL: [Self; 9] = {
+        const fn of(scheme: Scheme, duty: DutyRule) -> Variant {
+            Variant { scheme, duty }
+        }
+        const D: Scheme = Scheme::D(Blend::Automatic);
+        [
+            of(Scheme::ForwardReverse, DutyRule::LinearDuty),
+            of(Scheme::A, DutyRule::LinearDuty),
+            of(Scheme::B, DutyRule::LinearDuty),
+            of(Scheme::C, DutyRule::LinearDuty),
+            of(D, DutyRule::LinearDuty),
+            of(Scheme::A, DutyRule::LinearCurrent),
+            of(Scheme::B, DutyRule::LinearCurrent),
+            of(Scheme::C, DutyRule::LinearCurrent),
+            of(D, DutyRule::LinearCurrent),
+        ]
+    };
+
+    /// Its name in tables and legends.
+    pub(super) fn name(self) -> String {
+        match (self.scheme, self.duty) {
+            (Scheme::ForwardReverse, _) => "none".to_owned(),
+            (scheme, DutyRule::LinearDuty) => format!("{}, linear duty", letter(scheme)),
+            (scheme, DutyRule::LinearCurrent) => format!("{}, linear current", letter(scheme)),
+        }
+    }
+}
+
+fn letter(scheme: Scheme) -> &'static str {
+    match scheme {
+        Scheme::ForwardReverse => "none",
+        Scheme::A => "A",
+        Scheme::B => "B",
+        Scheme::C => "C",
+        Scheme::D(_) => "D",
+    }
+}
