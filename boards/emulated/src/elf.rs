@@ -1,4 +1,14 @@
 //! The firmware image: where it is, how it is built, and its symbols.
+//!
+//! ```
+//! use emulated::elf::{Symbol, find};
+//!
+//! let symbols = ["hub::control_task::poll", "hub::supply_task::poll"]
+//!     .map(|name| Symbol { name: name.into(), address: 0x0800_0200, size: 4 });
+//! assert_eq!(find(&symbols, "control_task..::poll"), Some(0x0800_0200));
+//! // Two end so: it is not said which.
+//! assert_eq!(find(&symbols, "::poll"), None);
+//! ```
 
 use std::fs::File;
 use std::path::{Path, PathBuf};

@@ -3,6 +3,23 @@
 //!
 //! The recording closes the loop through the plant: speeds, loads and set-points that a motor meets.
 //! Replayed on the chip, every output must be the same to the last bit.
+//!
+//! ```
+//! use emulated::Mounting;
+//! use emulated::recording::Recording;
+//! use motor_hub::braking::DutyRule;
+//! use motor_hub::model::{catalogue::characterised, load::Load};
+//! use motor_hub::motor::Setpoint;
+//! use motor_hub::units::{Control, Period};
+//! use simulated::hardware::BRIDGE;
+//!
+//! let motor = characterised("AM 60 A")?;
+//! let alone = Mounting { motor, load: Load::NONE, bridge: BRIDGE.into(), stops: None };
+//! let full = |_| Setpoint::ConstantPower(Control::MAX);
+//! let recording = Recording::new(&alone, DutyRule::LinearCurrent, Period::DEFAULT, 10, full, |_| 0.0);
+//! assert_eq!(recording.answers.last().map(|answer| answer.control), Some(Control::MAX.get()));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -3,6 +3,14 @@
 //! A scenario is a TOML file; `docs/scenarios.md` lists its keys. [`Scenario::parse`] reads it and refuses
 //! what is unknown, out of range or contradictory, with file, line and column; a `Scenario` that exists can
 //! be run. With expectations it is a test.
+//!
+//! ```
+//! use simulated::scenario::Scenario;
+//!
+//! let wrong = "name = \"too long\"\nduration_s = 301\nmotors = []\nbattery = { emf_v = 12, resistance_ohm = 0.1 }";
+//! let refused = Scenario::parse("my.toml", wrong).unwrap_err().to_string();
+//! assert_eq!(refused, "my.toml:2:14: duration_s = 301 is out of range; allowed is 0.001 to 300");
+//! ```
 
 mod definition;
 pub mod expectation;

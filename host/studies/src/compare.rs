@@ -2,6 +2,15 @@
 //!
 //! One AM 60 A does a few tasks under each scheme with each duty rule, once with the same coefficients for all
 //! and once with the best of a small grid for each, chosen on the first task. Scores say which wins where.
+//!
+//! ```no_run
+//! use studies::compare::Comparison;
+//!
+//! // The first three tasks; all of them take some minutes.
+//! let comparison = Comparison::new(true, &mut |done, of| println!("{done} of {of}"))?;
+//! println!("{}", comparison.text());
+//! # Ok::<(), studies::StudyError>(())
+//! ```
 
 mod charts;
 mod gains;

@@ -1,4 +1,16 @@
 //! A scenario's run beside the same run without a braking regime: tables, JSON, charts and CSV.
+//!
+//! ```
+//! use simulated::{scenario::Scenario, sim};
+//! use studies::report::RunReport;
+//!
+//! let scenario = Scenario { duration_s: 0.5, ..Scenario::default_one()? };
+//! let as_set = sim::run(&scenario, &mut |_| ())?;
+//! let without = sim::run(&scenario.without_braking(), &mut |_| ())?;
+//! let report = RunReport::new(scenario, as_set, without);
+//! assert!(report.tables().contains("no braking regime"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod csv;
 mod figures;
