@@ -124,6 +124,16 @@ impl<const N: usize> Hub<N> {
         self.missed = self.missed.saturating_add(ticks);
     }
 
+    /// Takes a sample of all encoders between two ticks, best every millisecond: the more of them, the better
+    /// the motion of motors is known. `None` for an encoder of which nothing is known yet.
+    pub fn sample(&mut self, readings: &[Option<Reading>; N]) {
+        for (motor, reading) in self.motors.iter_mut().zip(readings) {
+            if let Some(reading) = reading {
+                motor.sample(*reading);
+            }
+        }
+    }
+
     /// One tick of all motors. Each sees only its own encoder; none sees another's fault.
     pub fn step(&mut self, inputs: Inputs<N>) -> Snapshot<N> {
         let battery = inputs.battery.and_then(|battery| battery.fresh(inputs.now));

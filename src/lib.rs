@@ -32,7 +32,8 @@
 //! | [`units`] | ranges and resolutions of every quantity |
 //! | [`bridge`] | the states, modes and drives that a bridge may be given; its constants |
 //! | [`braking`] | control value to drive: points S T Z G, schemes, regimes, duty |
-//! | [`motion`] | set-point to control value: velocity, PID, position |
+//! | [`motion`] | what encoders say: positions, speeds, and whether to believe them; PID |
+//! | [`regulator`] | from what a motor should do to a control value: by its model, or by PID |
 //! | [`supply`] | ADC readings to battery voltage |
 //! | [`motor`], [`hub`] | one motor, N motors: `step(inputs) -> outputs` |
 //! | [`protocol`] | the host's protocol as bytes, both ends of it: frames, requests, answers |
@@ -62,6 +63,7 @@ pub mod model;
 pub mod motion;
 pub mod motor;
 pub mod protocol;
+pub mod regulator;
 pub mod responder;
 pub mod supply;
 #[cfg(feature = "tasks")]

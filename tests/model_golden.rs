@@ -6,6 +6,7 @@
 use motor_hub::bridge::{Mode, State};
 use motor_hub::model::bridge_states::CurrentSign;
 use motor_hub::model::catalogue::Motor;
+use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::load::Load;
 use motor_hub::model::paper::{OpenLoop, Point, Scheme};
 use motor_hub::model::response::{Applied, GearedMotor, Motion, Poles};
@@ -53,6 +54,8 @@ fn motor(data: &Value, inputs: &Value) -> Motor {
         ke: EmfConstant(get("Ke")),
         kt: TorqueConstant(get("Kt")),
         b: Drag(get("B")),
+        friction: Friction::NONE,
+        cogging: Cogging::NONE,
         j: KgM2(get("J")),
         j_rotor_measured: KgM2(get("J")),
         counts_per_rev_motor: 28.0,

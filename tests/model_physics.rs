@@ -7,6 +7,7 @@
 use motor_hub::bridge::{BridgeConstants, Mode, State};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{Motor, find, motors};
+use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::paper::OpenLoop;
 use motor_hub::model::periodic::Conduction;
@@ -478,8 +479,11 @@ fn a_plant_out_of_current_coasts_down_by_its_drag_alone() {
 
 #[test]
 fn plant_stays_bounded_for_any_inertia() {
-    for j in [1e-12, 1e-10, 1e-8, 1e-6, 1e-4] {
-        let motor = Motor { j: KgM2(j), ..am60() };
+    let friction = Friction::with_coulomb(NewtonMetres(0.05 * am60().stall_torque(Volts(BATTERY)).0));
+    let cogging = Cogging { amplitude: friction.coulomb, per_turn: 10 };
+    let rough = Motor { friction, cogging, ..am60() };
+    for (motor, j) in [1e-12, 1e-10, 1e-8, 1e-6, 1e-4].into_iter().flat_map(|j| [(am60(), j), (rough, j)]) {
+        let motor = Motor { j: KgM2(j), ..motor };
         for mode in MODES {
             let mut plant = Plant::new(motor, Load::NONE, BRIDGE, Hertz(8e3));
             for _ in 0..10 {

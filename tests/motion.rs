@@ -160,13 +160,7 @@ fn value(whole: i32) -> Value {
 }
 
 fn input(error: i32, measured: i32) -> PidInput {
-    PidInput {
-        error: value(error),
-        measured: value(measured),
-        feed_forward: Value::ZERO,
-        limit: LIMIT,
-        hold: false,
-    }
+    PidInput { error: value(error), measured: value(measured), feed_forward: Value::ZERO, limit: LIMIT }
 }
 
 #[test]
@@ -188,7 +182,13 @@ fn each_coefficient_has_its_stated_unit() {
     let only_d = Pidf { d: q16(0.5), ..Pidf::default() };
     let mut pid = Pid::default();
     assert_eq!(pid.step(&only_d, PERIOD, input(0, 0)), Value::ZERO, "no kick at the start");
-    assert_eq!(pid.step(&only_d, PERIOD, input(0, 50)), value(-500));
+    // Its filter takes 20 ms of the 50.
+    let output = pid.step(&only_d, PERIOD, input(0, 50)).to_num::<f64>();
+    assert!((output + 500.0 * 50.0 / 70.0).abs() < 0.02, "{output}");
+    let output = (2..20).map(|n| pid.step(&only_d, PERIOD, input(0, 50 * n))).last().expect("steps");
+    assert!((output + value(500)).abs() < value(1), "{output}");
+    let mut pid = Pid::default();
+    pid.step(&only_d, PERIOD, input(0, 50));
     assert_eq!(pid.step(&only_d, PERIOD, input(9999, 50)), Value::ZERO, "no kick from a new set-point");
 }
 
@@ -216,15 +216,20 @@ fn a_saturated_output_may_still_unwind() {
 }
 
 #[test]
-fn the_integrator_holds_while_the_output_has_no_effect() {
-    let gains = Pidf { i: q16(20.0), ..Pidf::default() };
+fn a_preset_loop_goes_on_from_the_output_that_there_was() {
+    let gains = Pidf { p: q16(2.0), i: q16(20.0), f: q16(3.0), d: q16(1.0) };
     let mut pid = Pid::default();
-    let before = pid.step(&gains, PERIOD, input(100, 0));
-    for _ in 0..100 {
-        pid.step(&gains, PERIOD, PidInput { hold: true, ..input(1000, 0) });
+    for measured in 0..100 {
+        pid.step(&gains, PERIOD, input(1000, 10 * measured));
     }
-    let after = pid.step(&gains, PERIOD, input(100, 0));
-    assert_eq!(after, before * 2);
+    pid.preset(&gains, value(5_000), value(700));
+    // Nothing is wrong with the speed, and it is what is fed forward.
+    let there = PidInput { feed_forward: value(700), ..input(0, 700) };
+    assert_eq!(pid.step(&gains, PERIOD, there), value(5_000));
+    // Without integration there is nothing that could bring it back.
+    let gains = Pidf { i: Coefficient::ZERO, ..gains };
+    pid.preset(&gains, value(5_000), value(700));
+    assert_eq!(pid.step(&gains, PERIOD, there), value(2_100));
 }
 
 #[test]
@@ -238,13 +243,7 @@ fn no_input_or_coefficient_overflows() {
         for error in ends {
             for measured in ends {
                 for limit in [Value::ZERO, value(1), LIMIT, Value::MAX] {
-                    let input = PidInput {
-                        error,
-                        measured,
-                        feed_forward: error.saturating_neg(),
-                        limit,
-                        hold: false,
-                    };
+                    let input = PidInput { error, measured, feed_forward: error.saturating_neg(), limit };
                     assert!(pid.step(&gains, period, input).abs() <= limit);
                 }
             }

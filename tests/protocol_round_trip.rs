@@ -9,9 +9,13 @@ use motor_hub::protocol::led::{LedPattern, STEPS, Step};
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
-use motor_hub::protocol::setup::{Setup, ToSetup};
+use motor_hub::protocol::setup::{Motion, Setup, ToSetup};
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
-use motor_hub::units::{Coefficient, Control, EmfConstant, Inductance, Micros, Resistance};
+use motor_hub::regulator::Dynamics;
+use motor_hub::units::{
+    Acceleration, AccelerationPerVolt, Coefficient, Control, DecayRate, EmfConstant, Inductance, Micros,
+    Millivolts, Resistance,
+};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::strategy::{Union, ValueTree};
@@ -98,6 +102,19 @@ fn setup() -> impl Strategy<Value = Setup> {
                 scheme,
                 duty: if linear { DutyRule::LinearCurrent } else { DutyRule::LinearDuty },
             }
+        },
+    )
+}
+
+fn motion() -> impl Strategy<Value = Motion> {
+    (1u32.., any::<u32>(), any::<u16>(), any::<u32>(), any::<bool>()).prop_map(
+        |(gain, decay, friction, acceleration, known)| {
+            let dynamics = Dynamics {
+                gain: AccelerationPerVolt::from_bits(gain).expect("above 0"),
+                decay: DecayRate::from_bits(decay),
+                friction: Millivolts::new(friction),
+            };
+            Motion { dynamics: known.then_some(dynamics), acceleration: Acceleration::new(acceleration).ok() }
         },
     )
 }
@@ -225,6 +242,10 @@ fn to_setup() -> Vec<BoxedStrategy<Case>> {
     vec![
         with(&[1, 4, 2, 2, 1, 2, 1], (motor(), setup()), |(motor, setup)| ToSetup::SetUp { setup }.to(motor)),
         with(&[1], motor(), |motor| ToSetup::Setup.to(motor)),
+        with(&[1, 4, 4, 2, 4], (motor(), motion()), |(motor, motion)| {
+            ToSetup::SetMotion { motion }.to(motor)
+        }),
+        with(&[1], motor(), |motor| ToSetup::Motion.to(motor)),
     ]
 }
 
@@ -323,7 +344,7 @@ proptest! {
     #[test]
     fn an_answer_about_a_motor_or_the_led_is_read_as_it_was_written(
         mode in run_mode(), zero_power in zero_power(), control in control(), target in target(),
-        coefficients in coefficients(), setup in setup(), colour in colour(), pattern in pattern(),
+        coefficients in coefficients(), setup in setup(), motion in motion(), colour in colour(), pattern in pattern(),
         text in text(),
     ) {
         let mode = ChannelMode { mode, zero_power };
@@ -334,6 +355,7 @@ proptest! {
         let Pidf { p, i, d, .. } = coefficients.pidf;
         prop_assert_eq!(read_back(&[p, i, d]), Ok([p, i, d]));
         prop_assert_eq!(read_back(&setup), Ok(setup));
+        prop_assert_eq!(read_back(&motion), Ok(motion));
         prop_assert_eq!(read_back(&colour), Ok(colour));
         prop_assert_eq!(read_back(&pattern), Ok(pattern));
         prop_assert_eq!(read_back(&text), Ok(text.clone()));

@@ -7,7 +7,8 @@ use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Reply};
 use motor_hub::protocol::frame::encode;
-use motor_hub::units::{Control, CountsPerSecond};
+use motor_hub::regulator::Coefficients;
+use motor_hub::units::{Control, CountsPerSecond, Period};
 
 /// The replies of a fresh hub to these requests.
 fn session(host: &mut TestHost, requests: &[&str]) -> Vec<Vec<u8>> {
@@ -91,12 +92,16 @@ fn a_host_sets_pidf_coefficients() {
     assert_eq!(decode(&session(&mut host, &[request])[0]).id, 0x7F01);
     let told = host.told();
     let [Command { motor: 1, action: Action::Configure(settings) }] = told[..] else { panic!("{told:?}") };
-    let velocity = settings.velocity;
+    let coefficients = settings.coefficients.expect("a host's own");
+    let velocity = coefficients.velocity;
     assert_eq!(
         [velocity.p, velocity.i, velocity.d, velocity.f].map(|c| c.to_bits()),
         [82_575, 8258, 0, 825_754]
     );
-    assert_eq!(settings.position, hub_support::settings().position);
+    // What was not set is as the hub would have it.
+    let winding = hub_support::settings().winding;
+    let guessed = Coefficients::guessed(winding.emf, settings.scheme, Period::DEFAULT);
+    assert_eq!(coefficients.position, guessed.position);
 }
 
 #[test]

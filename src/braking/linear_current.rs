@@ -6,21 +6,31 @@
 //! both, in all three regimes, so that current is continuous and linear from S to G: it is the
 //! drop across the diodes at T (the paper's to-do `controlReverse0`) that vanishes with the rest.
 //!
-//! Everything is seen from a motor that turns CW; voltages are in 1/16 mV, times in winding time
+//! Everything is seen from a motor that turns CW; voltages are in volts, times in winding time
 //! constants. With `R2 = R + 2 Ron`, all of the resistance between the battery's terminals, the target
 //! current `I` is given as the voltage `w = R2 I`, so the equivalent DC voltage of a control value is
 //! `e + w` (paper, sections 2.1 and 3.2). For a current of that size through a drive state (9/8, 6/2):
 //!
 //! ```text
-//! continuous:     D = (e + Vd + I (R + Ron)) / (V + Vd - I Ron)
+//! continuous:     D = (c + m w) / (a + c - k w)
 //! discontinuous:  D T / tau = x  with  m (x - h) + h (1 - ln(1 + z) / z) = m q,  q = w T / (a tau),
-//!                 h = 1 - exp(-x), z = m h a / c, a = V - e, c = e + Vd, tau = L / R2, m = (R + Ron) / R2
+//!                 h = 1 - exp(-x), z = m h a / c, tau = L / R2
 //! ```
 //!
-//! (on time: the current rises towards `a / R2`; off time: it falls towards `-c / (R + Ron)` and stays
-//! at 0) and for braking (5/0) `D = (V + 2 Vd - e + I R) / (V + 2 Vd - 2 I Ron)` with `a = e`,
-//! `c = V + 2 Vd - e`, `m = R / R2`. The duty is the smaller of the two. Driving against the motion is
-//! driving with the motion at the speed `-e`.
+//! While the bridge is on the current rises towards `a / R2`, while it is off it falls towards
+//! `-c / (m R2)` and stays at 0; k is the share of R2 that is in the circuit only when the bridge is on,
+//! `m = 1 - k`:
+//!
+//! | | a | c | k |
+//! |---|---|---|---|
+//! | driving (9/8, 6/2) | `V - e` | `e + Vd` | `Ron / R2` |
+//! | braking (5/0) | `e` | `V + 2 Vd - e` | `2 Ron / R2` |
+//!
+//! The duty is the smaller of the two. Driving against the motion is driving with the motion at the speed
+//! `-e`. From a duty to its current the same equations give `w` at once, and the larger is right.
+//!
+//! All of it is in single precision: no formula takes a small difference of large numbers, and a duty has
+//! 15 bits.
 //!
 //! ```
 //! use motor_hub::braking::{LinearCurrent, OperatingPoint, Scheme, Winding, place, place_current};
@@ -37,167 +47,162 @@
 //! assert!(linear.duty > place(Scheme::B, at, control).drive.duty);
 //! ```
 
-use super::explog::{Decay, Logarithm, ONE, Q28, div, mul, scale};
 use super::points::{OperatingPoint, Place, Regime};
 use super::winding::Winding;
 use crate::bridge::BridgeConstants;
 use crate::units::Duty;
+use libm::{expm1f, log1pf, sqrtf};
 
 /// A winding behind a bridge, prepared for use at every tick.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LinearCurrent {
-    /// 1/16 mV.
-    diode: i64,
-    /// `Ron / R2`: 0 to 1/2.
-    switch_share: Q28,
-    /// m of the drive states, `(R + Ron) / R2`: 1/2 to 1.
-    drive_share: Q28,
-    /// m of braking, `R / R2`. Below 1/2, which no usable bridge has, it is 1/2.
-    brake_share: Q28,
+    /// Volts.
+    diode: f32,
+    /// `Ron / R2`: 0 to 1/4. More, which no usable bridge has, is 1/4.
+    switch_share: f32,
     /// `None` for a current that hardly changes within a period.
     period: Option<PwmPeriod>,
 }
 
 impl LinearCurrent {
     /// Prepares the constants.
-    pub const fn new(winding: &Winding, bridge: &BridgeConstants) -> Self {
-        let (r, ron) = (winding.resistance.as_milliohms() as i64, bridge.switch_mohm() as i64);
-        let r2 = r + 2 * ron;
-        let brake_share = div(r, r2);
+    pub fn new(winding: &Winding, bridge: &BridgeConstants) -> Self {
+        let ron = f32::from(bridge.switch_mohm());
+        let r2 = f32::from(winding.resistance.as_milliohms()) + 2.0 * ron;
         Self {
-            diode: (bridge.diode_mv() as i64) << 4,
-            switch_share: div(ron, r2),
-            drive_share: div(r + ron, r2),
-            brake_share: if brake_share < ONE / 2 { ONE / 2 } else { brake_share },
-            period: match winding.inductance {
-                None => None,
-                Some(l) => PwmPeriod::new(r2, l.as_microhenries() as i64, bridge.pwm_hz() as i64),
-            },
+            diode: f32::from(bridge.diode_mv()) / 1000.0,
+            switch_share: (ron / r2).min(0.25),
+            period: winding.inductance.and_then(|inductance| {
+                // mohm / (uH Hz) is 1000 time constants.
+                let frequency = bridge.pwm_hz() as f32;
+                PwmPeriod::new(1000.0 * r2 / (f32::from(inductance.as_microhenries()) * frequency))
+            }),
         }
     }
 
     /// The duty for the current that a fraction of a regime stands for: full driving is `V - e` with the
     /// motion and `V + e` against it, full braking is `e`.
-    pub(super) fn duty(&self, Place { regime, fraction }: Place, at: OperatingPoint) -> Duty {
-        let (e, v) = at.sixteenths();
+    pub(super) fn duty(&self, place: Place, at: OperatingPoint) -> Duty {
+        let w = place.current(at);
+        let duty = if w > 0.0 { self.stage(place.regime, at).duty(w, self.period) } else { 0.0 };
+        Duty::from_bits((32_768.0 * duty + 0.5) as u16)
+    }
+
+    /// The voltage behind the mean current of a duty, which [`duty`](Self::duty) inverts.
+    pub(super) fn current(&self, regime: Regime, duty: Duty, at: OperatingPoint) -> f32 {
+        self.stage(regime, at).current(duty.to_f32(), self.period)
+    }
+
+    const fn stage(&self, regime: Regime, at: OperatingPoint) -> Stage {
+        let (e, v) = at.volts();
         match regime {
-            Regime::Forward => self.driving(fraction.of(v - e), e, v),
-            Regime::Braking => self.braking(fraction.of(e), e, v),
-            Regime::Reverse => self.driving(e + fraction.of(v), -e, v),
+            Regime::Forward => Stage { a: v - e, c: e + self.diode, k: self.switch_share },
+            Regime::Braking => Stage { a: e, c: v + 2.0 * self.diode - e, k: 2.0 * self.switch_share },
+            Regime::Reverse => Stage { a: v + e, c: self.diode - e, k: self.switch_share },
+        }
+    }
+}
+
+/// A bridge that makes the current rise towards `a` while it is on and fall towards `-c` while it is off;
+/// `k` is the share of the resistance that is in the circuit only while it is on.
+#[derive(Clone, Copy)]
+struct Stage {
+    a: f32,
+    c: f32,
+    k: f32,
+}
+
+impl Stage {
+    /// The share of the resistance that is left when the current falls.
+    const fn m(self) -> f32 {
+        1.0 - self.k
+    }
+
+    /// The duty of a mean current, above 0.
+    fn duty(self, w: f32, period: Option<PwmPeriod>) -> f32 {
+        let Self { a, c, k } = self;
+        let (part, whole) = (c + self.m() * w, a + c - k * w);
+        let continuous = if part <= 0.0 {
+            0.0
+        } else if part >= whole {
+            1.0
+        } else {
+            part / whole
+        };
+        match period {
+            Some(period) if w < a && self.may_end(continuous, period) => {
+                let most = continuous * period.length;
+                continuous.min(self.on_time(w * period.length / a, most) / period.length)
+            }
+            _ => continuous,
         }
     }
 
-    /// The duty of 9/8 at the back EMF `e`, which is negative for a motor that turns CCW.
-    fn driving(&self, w: i64, e: i64, v: i64) -> Duty {
-        let switch = mul(w, self.switch_share);
-        let continuous = share(e + self.diode + w - switch, v + self.diode - switch);
-        self.smaller(continuous, Pulse { w, a: v - e, c: e + self.diode, m: self.drive_share })
-    }
-
-    /// The duty of 5/0 at the back EMF `e`, at least 0.
-    fn braking(&self, w: i64, e: i64, v: i64) -> Duty {
-        let switches = 2 * mul(w, self.switch_share);
-        let open = v + 2 * self.diode;
-        let continuous = share(open - e + w - switches, open - switches);
-        self.smaller(continuous, Pulse { w, a: e, c: open - e, m: self.brake_share })
-    }
-
-    /// The duty of a continuous current, or of a pulse if that is less.
-    fn smaller(&self, continuous: Q28, pulse: Pulse) -> Duty {
-        let duty = match self.period {
-            _ if pulse.w <= 0 => 0,
-            Some(period) if pulse.may_end(continuous, period) => {
-                pulse.duty(period, mul(continuous, period.length)).min(continuous)
+    /// The mean current of a duty. Where the motor pushes harder than the battery it is negative, as much as
+    /// the duty lets through.
+    fn current(self, duty: f32, period: Option<PwmPeriod>) -> f32 {
+        let Self { a, c, k } = self;
+        if a <= 0.0 {
+            return duty * a;
+        }
+        let continuous = ((duty * (a + c) - c) / (self.m() + duty * k)).max(0.0);
+        match period {
+            Some(period) if self.may_end(duty, period) => {
+                let (q, _) = self.pulse(duty * period.length);
+                continuous.max(q * a / period.length)
             }
             _ => continuous,
-        };
-        Duty::from_bits(((duty + (1 << 12)) >> 13) as u16)
-    }
-}
-
-/// A current with the mean `w` that rises from 0 towards `a` and falls towards `-c`, and the share `m` of
-/// the resistance that is left when it falls.
-#[derive(Clone, Copy)]
-struct Pulse {
-    w: i64,
-    a: i64,
-    c: i64,
-    m: Q28,
-}
-
-impl Pulse {
-    /// False if it is certain to last into the next period: nothing stops it, its mean cannot be reached,
-    /// or the duty is beyond that of a pulse of one period, whose on time
-    /// `ln(1 + (exp(T / tau) - 1) c / (a + c))` is less than what is compared with here.
-    fn may_end(self, continuous: Q28, period: PwmPeriod) -> bool {
-        self.c > 0 && self.w < self.a && continuous * (self.a + self.c) < period.growth * self.c
+        }
     }
 
-    /// The x of `m (x - h) + h (1 - ln(1 + z) / z) = m q`, at most `most`, as a share of the period.
+    /// False if the current is certain to last into the next period: nothing stops it, or the duty is beyond
+    /// that of a pulse of one period, whose on time `ln(1 + (exp(T / tau) - 1) c / (a + c))` is less than
+    /// what is compared with here.
+    fn may_end(self, duty: f32, period: PwmPeriod) -> bool {
+        self.c > 0.0 && duty * (self.a + self.c) < period.growth * self.c
+    }
+
+    /// The q of an on time x, and how fast it grows with x.
+    fn pulse(self, x: f32) -> (f32, f32) {
+        let Self { a, c, .. } = self;
+        let m = self.m();
+        let h = -expm1f(-x);
+        let z = m * h * a / c;
+        let defect = if z > 0.0 { 1.0 - log1pf(z) / z } else { 0.0 };
+        (x - h + h * defect / m, h + (1.0 - h) * z / (1.0 + z) / m)
+    }
+
+    /// The x of a q, at most `most`.
     ///
-    /// With `k = a / c` the left side begins as `m x^2/2 (1 + k) (1 - (1 + 2k) x/3)`, so x as
-    /// `s + (1 + 2k) s^2/6` with `s^2 = 2 q / (1 + k)`; and it is at least m (x - 1). From the smaller of the
-    /// two a single step of Newton's method leaves less than 3e-4 of a duty.
-    fn duty(self, period: PwmPeriod, most: Q28) -> Q28 {
-        let Self { w, a, c, m } = self;
-        let q = scale(w, period.length, a);
-        // q / (1 + k)
-        let part = scale(q, c, a + c);
-        let root = 1 + (((2 * part) << 24).isqrt() << 2);
-        let series = root + mul(2 * q - part, ONE / 3);
-        let upper = most.min(q + ONE);
+    /// With `k = a / c` q begins as `x^2/2 (1 + k) (1 - (1 + 2k) x/3)`, so x as `s + (1 + 2k) s^2/6` with
+    /// `s^2 = 2 q / (1 + k)`; and it is at least x - 1. From the smaller of the two a single step of
+    /// Newton's method leaves less than 3e-4 of a duty.
+    fn on_time(self, q: f32, most: f32) -> f32 {
+        let part = q * self.c / (self.a + self.c);
+        let series = sqrtf(2.0 * part) + (2.0 * q - part) / 3.0;
+        let upper = most.min(q + 1.0);
         let guess = series.min(upper);
-
-        let Decay { gone, lag } = Decay::new(guess);
-        let Logarithm { defect, inverse } = Logarithm::new(scale(mul(m, gone), a, c));
-        let value = mul(m, lag) + mul(gone, defect);
-        let slope = mul(m, gone) + mul(ONE - gone, ONE - inverse);
-        let missing = mul(m, q) - value;
-        let step = div(missing.abs(), slope.max(1));
-        let x = if missing < 0 { guess - step } else { guess + step };
-        mul(x.max(1).min(upper), period.inverse)
-    }
-}
-
-/// `part / whole`, clamped to 0 and 1.
-fn share(part: i64, whole: i64) -> Q28 {
-    if part <= 0 {
-        0
-    } else if part >= whole {
-        ONE
-    } else {
-        div(part, whole)
+        let (reached, slope) = self.pulse(guess);
+        (guess + (q - reached) / slope.max(f32::MIN_POSITIVE)).clamp(0.0, upper)
     }
 }
 
 /// A PWM period.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct PwmPeriod {
     /// In time constants, 2^-10 to 127.
-    length: Q28,
-    /// Periods in a time constant.
-    inverse: Q28,
+    length: f32,
     /// `(exp(length) - 1) / length`, at most 2^12.
-    growth: Q28,
+    growth: f32,
 }
 
 impl PwmPeriod {
-    /// From milliohms, microhenries and hertz.
-    ///
-    /// Beyond 127 it is 127: the current then follows the switches at once. Below 2^-10 there is none:
-    /// the current then hardly changes within a period.
-    const fn new(r2: i64, inductance: i64, frequency: i64) -> Option<Self> {
-        // mohm / (uH Hz) is 1000 time constants. The numerator is below 2^27.
-        let length = div(r2 * 1000, inductance * frequency);
-        if length <= ONE >> 10 {
-            return None;
-        }
-        let length = if length < 127 * ONE { length } else { 127 * ONE };
-        let gone = Decay::new(length).gone;
-        let fading = mul(length, ONE - gone);
-        let growth = if fading > gone >> 12 { div(gone, fading) } else { ONE << 12 };
-        Some(Self { length, inverse: div(ONE, length), growth })
+    /// Beyond 127 time constants it is 127: the current then follows the switches at once. Below 2^-10 there
+    /// is none: the current then hardly changes within a period.
+    fn new(length: f32) -> Option<Self> {
+        let length = length.min(127.0);
+        (length > 1.0 / 1024.0).then(|| Self { length, growth: (expm1f(length) / length).min(4096.0) })
     }
 }

@@ -20,7 +20,6 @@
 //! assert_eq!((placement.regime, placement.drive.mode), (Regime::Braking, Mode::Brake50));
 //! ```
 
-mod explog;
 pub mod linear_current;
 pub mod points;
 pub mod scheme;
@@ -32,7 +31,8 @@ pub use scheme::{Blend, BlendFraction, Scheme};
 pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};
-use crate::units::{Control, Duty};
+use crate::units::{Control, Duty, Voltage};
+use libm::roundf;
 
 /// A control value turned into a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,7 +61,7 @@ pub enum DutyRule {
 }
 
 /// A motor's scheme and duty rule, with what they need prepared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Placer {
     scheme: Scheme,
@@ -71,7 +71,7 @@ pub struct Placer {
 
 impl Placer {
     /// Prepares the constants of the winding and its bridge.
-    pub const fn new(winding: &Winding, bridge: &BridgeConstants, scheme: Scheme, rule: DutyRule) -> Self {
+    pub fn new(winding: &Winding, bridge: &BridgeConstants, scheme: Scheme, rule: DutyRule) -> Self {
         Self { scheme, rule, current: LinearCurrent::new(winding, bridge) }
     }
 
@@ -81,6 +81,33 @@ impl Placer {
             DutyRule::LinearDuty => place(self.scheme, at, control),
             DutyRule::LinearCurrent => place_current(&self.current, self.scheme, at, control),
         }
+    }
+
+    /// The control value that asks for a voltage, or for the nearest to it that the scheme can give.
+    pub fn control(&self, at: OperatingPoint, voltage: Voltage) -> Control {
+        let voltage = voltage.to_volts();
+        if self.scheme == Scheme::A {
+            // The same as by the points, for less.
+            return Control::saturating(
+                (roundf(voltage / at.volts().1 * f32::from(Control::MAX.get())) as i32).into(),
+            );
+        }
+        let points = Points::new(self.scheme, at);
+        let voltage = if at.counter_clockwise() { -voltage } else { voltage };
+        clockwise(at, points::control(&points, voltage, at))
+    }
+
+    /// The voltage across the motor that stands for the mean current of a drive; `None` if the bridge is open.
+    pub fn voltage(&self, at: OperatingPoint, placement: Placement) -> Option<Voltage> {
+        let Placement { regime, drive } = placement;
+        if drive == Drive::COAST {
+            return None;
+        }
+        let current = self.current.current(regime, drive.duty, at);
+        let (emf, _) = at.volts();
+        let voltage =
+            Voltage::from_volts(if regime == Regime::Forward { emf + current } else { emf - current });
+        Some(if at.counter_clockwise() { voltage.reversed() } else { voltage })
     }
 }
 

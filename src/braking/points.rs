@@ -22,6 +22,7 @@ use crate::braking::scheme::{Blend, BlendFraction, Scheme};
 use crate::bridge::Mode;
 use crate::units::{Control, Duty, Emf, Millivolts};
 use fixed::types::{I56F8, U2F30};
+use libm::roundf;
 
 /// The speed and the supply for which points are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,9 +49,11 @@ impl OperatingPoint {
         self.counter_clockwise
     }
 
-    /// |emf| and battery voltage in 1/16 mV, which is as fine as a current needs them: below 2^21 and 2^20.
-    pub(super) const fn sixteenths(self) -> (i64, i64) {
-        (self.e >> 16, self.v >> 16)
+    /// |emf| and battery voltage in volts, below 132 and 66, as fine as a current needs them.
+    pub(super) const fn volts(self) -> (f32, f32) {
+        const VOLT: f32 = 16_000.0;
+        // Of the numbers in 1/16 mV no more than 21 bits are left, and a single has 24.
+        ((self.e >> 16) as i32 as f32 / VOLT, (self.v >> 16) as i32 as f32 / VOLT)
     }
 
     /// True if the back EMF is at least the battery voltage: the battery can push no current.
@@ -80,6 +83,12 @@ impl Abscissa {
 
     const fn to_bits(self) -> i64 {
         self.0.to_bits()
+    }
+
+    /// Steps, as fine as a single; far beyond the control range only the direction is right.
+    fn to_f32(self) -> f32 {
+        const FAR: i64 = 1 << 30;
+        self.to_bits().clamp(-FAR, FAR) as i32 as f32 / 256.0
     }
 
     /// Steps, for reports.
@@ -121,6 +130,20 @@ pub struct Place {
     pub fraction: Fraction,
 }
 
+impl Place {
+    /// The voltage behind the current that it stands for, in the regime's direction: full driving is `V - e`
+    /// with the motion and `V + e` against it, full braking is `e`.
+    pub(super) const fn current(self, at: OperatingPoint) -> f32 {
+        let (e, v) = at.volts();
+        let fraction = self.fraction.to_f32();
+        match self.regime {
+            Regime::Forward => fraction * (v - e),
+            Regime::Braking => fraction * e,
+            Regime::Reverse => e + fraction * v,
+        }
+    }
+}
+
 /// How far into its regime a control value lies: 0 to 1 in steps of 2^-30, rounded down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Fraction(U2F30);
@@ -150,9 +173,9 @@ impl Fraction {
         Duty::from_bits(((self.0.to_bits() + (1 << 14)) >> 15) as u16)
     }
 
-    /// This share of a voltage below 2^32, to the nearest of its steps.
-    pub(super) const fn of(self, voltage: i64) -> i64 {
-        (self.0.to_bits() as i64 * voltage + (1 << 29)) >> 30
+    /// To the nearest single, which is as fine as 2^-24.
+    const fn to_f32(self) -> f32 {
+        self.0.to_bits() as f32 / (1 << 30) as f32
     }
 
     /// For reports.
@@ -282,6 +305,24 @@ impl Points {
             Place { regime: Regime::Reverse, fraction: Fraction::ratio(t - c, t - s) }
         }
     }
+}
+
+/// The control value that stands for a voltage across a motor that turns CW: at Scheme A's points, its
+/// share of the battery's.
+///
+/// What the scheme cannot give becomes the nearest that it can: the end of the control range, or, where
+/// there is no braking regime, no current. To a step or so of control, which is as fine as a single.
+pub(super) fn control(points: &Points, voltage: f32, at: OperatingPoint) -> Control {
+    let (e, v) = at.volts();
+    let (from, to, fraction) = if voltage > e {
+        (points.z, points.g, (voltage - e) / (v - e))
+    } else if voltage >= 0.0 {
+        (points.z, points.t, if e > 0.0 { (e - voltage) / e } else { 0.0 })
+    } else {
+        (points.t, points.s, -voltage / v)
+    };
+    let (from, to) = (from.to_f32(), to.to_f32());
+    Control::saturating((roundf(from + fraction * (to - from)) as i32).into())
 }
 
 /// Beyond this the ends of the control range say all there is to say; it keeps a blend in 64 bits.

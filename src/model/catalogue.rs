@@ -15,7 +15,8 @@
 
 use std::sync::LazyLock;
 
-use super::si::{Drag, EmfConstant, Henries, KgM2, Ohms, TorqueConstant};
+use super::friction::{Cogging, Friction};
+use super::si::{Drag, EmfConstant, Henries, KgM2, NewtonMetres, Ohms, TorqueConstant, Volts};
 
 /// Constants of a geared DC motor, all of the motor shaft, that is before the gearbox.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +37,10 @@ pub struct Motor {
     pub kt: TorqueConstant,
     /// Viscous drag.
     pub b: Drag,
+    /// Dry friction; none in the catalogue. Plants feel it, the closed forms leave it out.
+    pub friction: Friction,
+    /// Cogging; none in the catalogue. Plants feel it, the closed forms leave it out.
+    pub cogging: Cogging,
     /// Inertia as the paper computes it: the workbook's value divided by `eta * ratio²`.
     pub j: KgM2,
     /// Inertia as the measurement report describes it: measured on the bare armature.
@@ -52,6 +57,12 @@ impl Motor {
     #[must_use]
     pub const fn with_measured_rotor_inertia(self) -> Self {
         Self { j: self.j_rotor_measured, ..self }
+    }
+
+    /// Torque of the motor shaft held at rest at a voltage, `Kt V / R`.
+    #[must_use]
+    pub fn stall_torque(&self, voltage: Volts) -> NewtonMetres {
+        NewtonMetres(self.kt.0 * voltage.0 / self.r.0)
     }
 
     /// Back EMF per encoder speed, mV s/count: `2000 pi Ke / counts per turn` (paper,
@@ -128,6 +139,8 @@ fn motor(columns: &Columns<'_>, row: &[&'static str]) -> Option<Motor> {
         ke: EmfConstant(number("Ke_V_s_per_rad")?),
         kt: TorqueConstant(number("Kt_Nm_per_A")?),
         b: Drag(number("B_Nms_per_rad")?),
+        friction: Friction::NONE,
+        cogging: Cogging::NONE,
         j: KgM2(number("J_kg_m2")?),
         j_rotor_measured: KgM2(number("J_rotor_measured_kg_m2")?),
         counts_per_rev_motor: number("encoder_counts_per_rev_motor")?,

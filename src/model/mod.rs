@@ -25,8 +25,10 @@
 pub mod battery;
 pub mod bridge_states;
 pub mod catalogue;
+pub mod friction;
 pub mod inverse;
 pub mod load;
+mod mechanics;
 mod numeric;
 pub mod paper;
 pub mod periodic;

@@ -15,6 +15,11 @@ pub(super) fn phi2(x: f64) -> f64 {
     }
 }
 
+/// `ln(1 + x) / x` for `x` of at least 0; 1 at `x = 0`.
+pub(super) fn ln_1p_share(x: f64) -> f64 {
+    if x < 1e-8 { 1.0 - 0.5 * x } else { x.ln_1p() / x }
+}
+
 /// A zero of a continuous `f` between `a` and `b`, where it changes sign, to about 1e-16 of the
 /// interval: Chandrupatla's method (bisection unless inverse quadratic interpolation is safe).
 ///
@@ -69,6 +74,7 @@ mod tests {
             let above = x * (1.0 + 1e-9);
             assert!((phi1(below) - phi1(above)).abs() < 1e-10);
             assert!((phi2(below) - phi2(above)).abs() < 1e-10);
+            assert!((ln_1p_share(below) - ln_1p_share(above)).abs() < 1e-10);
         }
         assert!((phi2(0.02) - (0.02 + (-0.02_f64).exp_m1()) / 4e-4).abs() < 1e-12);
     }

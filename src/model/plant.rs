@@ -9,6 +9,12 @@
 //! current of a few periods within 0.1 % of `Vbat/R`. Ripple of the speed within a window does not
 //! feed back into the current.
 //!
+//! [Friction and cogging](super::friction) are exact for the mean torque of a window: a stop is an event
+//! within it, from which the shaft turns back or rests, with a speed of exactly 0; cogging sets free
+//! what it has stored. At rest the mean torque at standstill decides whether the shaft breaks away.
+//! Ripple within a window does not: at 20 kHz it would turn a shaft by some 1e-7 rad, which contacts
+//! are taken to give without slipping.
+//!
 //! ```
 //! use motor_hub::bridge::Mode;
 //! use motor_hub::model::catalogue::characterised;
@@ -26,8 +32,9 @@
 //! ```
 
 use super::catalogue::Motor;
+use super::friction::{Cogging, Friction};
 use super::load::{Load, Shaft};
-use super::numeric::{phi1, phi2};
+use super::mechanics::{Mechanics, Turned};
 use super::si::{Amps, Coulombs, Hertz, Joules, NewtonMetres, RadPerSec, Seconds, Volts};
 use super::switching::{Bridge, Circuit, Conditions, Integrals};
 use crate::bridge::{Mode, State};
@@ -79,6 +86,8 @@ pub struct Flow {
     pub heat: Joules,
     /// Energy that the motor turned into shaft work; negative while it brakes.
     pub shaft_work: Joules,
+    /// Heat of dry friction, at least 0; viscous drag is not in it.
+    pub friction_heat: Joules,
 }
 
 impl Flow {
@@ -104,6 +113,7 @@ impl Flow {
         self.charge_to_battery.0 += next.charge_to_battery.0;
         self.heat.0 += next.heat.0;
         self.shaft_work.0 += next.shaft_work.0;
+        self.friction_heat.0 += next.friction_heat.0;
     }
 }
 
@@ -117,6 +127,8 @@ pub struct Plant {
     period: f64,
     longest_window: f64,
     coefficients: Mechanics,
+    /// Whether there is friction or cogging.
+    rough: bool,
     /// Time since the present PWM period began.
     phase: f64,
     current: f64,
@@ -124,36 +136,6 @@ pub struct Plant {
     angle: f64,
     /// Mean current of the window before, the first guess for the next one.
     last_mean: f64,
-}
-
-/// The mechanical side's exact solution over one window of constant torque.
-#[derive(Clone, Copy, Debug)]
-struct Mechanics {
-    window: f64,
-    /// Share of the speed that is left after the window.
-    decay: f64,
-    /// Share of the speed that its mean over the window keeps.
-    mean: f64,
-    /// Final speed per torque.
-    gain: f64,
-    /// Mean speed per torque.
-    mean_gain: f64,
-    /// How much less current a volt of back EMF lets through in the window's mean, 1/ohm, at most.
-    admittance: f64,
-}
-
-impl Mechanics {
-    fn new(shaft: &Shaft, circuit: &Circuit, window: f64) -> Self {
-        let x = shaft.drag.0 * window / shaft.inertia.0;
-        Self {
-            window,
-            decay: (-x).exp(),
-            mean: phi1(x),
-            gain: window / shaft.inertia.0 * phi1(x),
-            mean_gain: window / shaft.inertia.0 * phi2(x),
-            admittance: (1.0 - phi1(window * circuit.r.0 / circuit.l.0)) / circuit.r.0,
-        }
-    }
 }
 
 /// What stays the same during a run.
@@ -173,7 +155,9 @@ impl Plant {
         let shaft = Shaft::new(&motor, &load);
         let circuit = Circuit::new(&motor, bridge);
         let period = 1.0 / pwm.0;
-        let undamped = (motor.ke.0 * motor.kt.0 / (motor.l.0 * shaft.inertia.0)).sqrt();
+        let undamped = (motor.ke.0 * motor.kt.0 / (motor.l.0 * shaft.inertia.0)
+            + motor.cogging.stiffness() / shaft.inertia.0)
+            .sqrt();
         let windows = (period * undamped / WINDOW_LIMIT).ceil().max(1.0);
         let longest_window = period / windows;
         Self {
@@ -184,6 +168,7 @@ impl Plant {
             period,
             longest_window,
             coefficients: Mechanics::new(&shaft, &circuit, longest_window),
+            rough: motor.friction != Friction::NONE || motor.cogging != Cogging::NONE,
             phase: 0.0,
             current: 0.0,
             speed: 0.0,
@@ -270,25 +255,30 @@ impl Plant {
         }
         let m = self.coefficients;
         let (ke, kt) = (self.motor.ke.0, self.motor.kt.0);
-        let mean_speed =
-            |mean_current: f64| m.mean * self.speed + m.mean_gain * (kt * mean_current + run.torque);
+        let torque = |mean_current: f64| kt * mean_current + run.torque;
         let tolerance = 1e-6 * (run.battery.0 + 1.0);
         let slope = 1.0 + ke * kt * m.mean_gain * m.admittance;
-        let mut emf = ke * mean_speed(self.last_mean);
+        // First as if what rests stays at rest: breaking away is judged by the current at standstill.
+        let mut emf = ke * self.turned(torque(self.last_mean), true).mean;
         let (mut end, mut sums, mut mean) = self.electrical(window, emf, run);
+        // Once for the window: a shaft that broke away is slower for its back EMF, and not held again.
+        let holds = self.rough && self.holds(torque(mean));
+        let mut turned = self.turned(torque(mean), holds);
         // One pass in smooth running, two after a change, more only around a kink.
         for _ in 0..6 {
-            let miss = ke * mean_speed(mean) - emf;
+            let miss = ke * turned.mean - emf;
             if miss.abs() <= tolerance {
                 break;
             }
             emf += miss / slope;
             (end, sums, mean) = self.electrical(window, emf, run);
+            turned = self.turned(torque(mean), holds);
         }
-        self.current = end;
+        // At rest nothing keeps up a current that dies away; numbers too small for full digits are slow.
+        self.current = if self.rough && end.abs() < 1e-30 { 0.0 } else { end };
         self.last_mean = mean;
-        self.angle += window * mean_speed(mean);
-        self.speed = m.decay * self.speed + m.gain * (kt * mean + run.torque);
+        self.angle += window * turned.mean;
+        self.speed = turned.end;
 
         flow.charge.0 += sums.current;
         flow.charge_from_battery.0 += sums.from_battery;
@@ -297,6 +287,42 @@ impl Plant {
         flow.energy_to_battery.0 += run.battery.0 * sums.to_battery;
         flow.heat.0 += sums.heat;
         flow.shaft_work.0 += emf * sums.current;
+        flow.friction_heat.0 += self.motor.friction.coulomb.0 * turned.rubbed;
+    }
+
+    /// Whether friction keeps the shaft at rest where it is, under `torque` and cogging.
+    fn holds(&self, torque: f64) -> bool {
+        self.motor.friction.holds(torque + self.motor.cogging.torque(self.angle).0)
+    }
+
+    /// How the shaft turns from the present speed through the window that the coefficients are for.
+    fn turned(&self, torque: f64, holds: bool) -> Turned {
+        if self.rough {
+            self.turned_roughly(torque, holds)
+        } else {
+            self.coefficients.free(self.speed, torque)
+        }
+    }
+
+    /// The same with friction and cogging; apart, to keep the smooth case short.
+    #[inline(never)]
+    fn turned_roughly(&self, torque: f64, holds: bool) -> Turned {
+        let m = &self.coefficients;
+        let turned = |torque| m.rubbing(&self.shaft, &self.motor.friction, self.speed, torque, holds);
+        let cogging = &self.motor.cogging;
+        // The mean torque of cogging follows from the way, the way from the torque. The window is so
+        // short that each pass leaves less than a hundredth of the error.
+        let mut by = m.window * self.speed;
+        let mut last = turned(torque + cogging.mean_torque(self.angle, by));
+        for _ in 0..4 {
+            let way = m.window * last.mean;
+            if f64::from(cogging.per_turn) * (way - by).abs() < 1e-8 {
+                break;
+            }
+            by = way;
+            last = turned(torque + cogging.mean_torque(self.angle, by));
+        }
+        last
     }
 
     /// Final current, integrals and mean current of a window from the present current and phase.

@@ -12,7 +12,6 @@
 //!     measured: Value::from_num(900),
 //!     feed_forward: Value::from_num(1_000),
 //!     limit: Value::from_num(32_767),
-//!     hold: false,
 //! };
 //! let mut velocity_loop = Pid::default();
 //! assert_eq!(velocity_loop.step(&gains, Period::DEFAULT, input), 2 * 100 + 10 * 100 / 20);
@@ -58,9 +57,10 @@ pub struct PidInput {
     pub feed_forward: Value,
     /// The output's largest magnitude; the sign does not matter.
     pub limit: Value,
-    /// True if the last output had no effect, because the bridge was coasting: the integrator holds.
-    pub hold: bool,
 }
+
+/// Time constant of the derivative's filter, in milliseconds.
+const DERIVATIVE_FILTER_MS: i64 = 20;
 
 /// State of one loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,6 +68,8 @@ pub struct Pid {
     /// In the output's unit.
     integral: Term,
     last_measured: Option<Value>,
+    /// Filtered rate of the measurement, per second.
+    rate: Value,
 }
 
 impl Pid {
@@ -77,40 +79,50 @@ impl Pid {
     /// output back into its range, and never beyond the range by itself.
     pub fn step(&mut self, gains: &Pidf, period: Period, input: PidInput) -> Value {
         let limit = Term::from(input.limit).abs();
-        let rate = match self.last_measured.replace(input.measured) {
-            Some(last) if gains.d != Coefficient::ZERO => {
-                per_second(input.measured.wrapping_sub(last), period)
-            }
-            _ => Value::ZERO,
-        };
+        if let Some(last) = self.last_measured.replace(input.measured)
+            && gains.d != Coefficient::ZERO
+        {
+            self.follow(input.measured.wrapping_sub(last), period);
+        }
 
         let proportional = product(gains.p, input.error);
         let increment = product(gains.i, input.error).saturating_mul_int(period.as_millis().into()) / 1000;
         let integral = self.integral.saturating_add(increment);
-        let derivative = product(gains.d, rate);
+        let derivative = product(gains.d, self.rate);
         let feed_forward = product(gains.f, input.feed_forward);
 
         let wanted =
             proportional.saturating_add(integral).saturating_sub(derivative).saturating_add(feed_forward);
         let output = wanted.clamp(-limit, limit);
         let winds_up = output != wanted && wanted.is_negative() == increment.is_negative();
-        if !input.hold && !winds_up {
+        if !winds_up {
             self.integral = integral.clamp(-limit, limit);
         }
         Value::saturating_from_num(output)
     }
 
+    /// The rate's filter, of first order; what does not fit is far beyond any limit.
+    fn follow(&mut self, change: Value, period: Period) {
+        // At least 1 anyway, which spares the division a panic.
+        let ms = i64::from(period.as_millis()).max(1);
+        let rate = Value::saturating_from_num(Term::from(change) * 1000 / ms);
+        let step = (Term::from(rate) - Term::from(self.rate)) * ms / (ms + DERIVATIVE_FILTER_MS);
+        self.rate = self.rate.saturating_add(Value::saturating_from_num(step));
+    }
+
     /// Forgets the past, as when a loop is switched on.
     pub const fn reset(&mut self) {
-        *self = Self { integral: Term::ZERO, last_measured: None };
+        *self = Self { integral: Term::ZERO, last_measured: None, rate: Value::ZERO };
     }
-}
 
-/// `change` in a period as a rate; what does not fit is far beyond any limit.
-fn per_second(change: Value, period: Period) -> Value {
-    // At least 1 anyway, which spares the division a panic.
-    let ms = i64::from(period.as_millis()).max(1);
-    Value::saturating_from_num(Term::from(change) * 1000 / ms)
+    /// Starts such that the output would be this if nothing were wrong with the measurement. Of the past
+    /// nothing else is left. A loop that does not integrate has no way to unlearn it, and starts at nothing.
+    pub fn preset(&mut self, gains: &Pidf, output: Value, measured: Value) {
+        self.reset();
+        if gains.i != Coefficient::ZERO {
+            self.integral = Term::from(output).saturating_sub(product(gains.f, measured));
+        }
+    }
 }
 
 fn product(coefficient: Coefficient, value: Value) -> Term {

@@ -80,6 +80,12 @@ impl VelocityEstimator {
         self.estimate
     }
 
+    /// Starts afresh, from a speed that is known otherwise.
+    pub fn start_at(&mut self, speed: CountsPerSecond) {
+        self.history.clear();
+        self.estimate = speed;
+    }
+
     /// The latest estimate.
     pub const fn get(&self) -> CountsPerSecond {
         self.estimate

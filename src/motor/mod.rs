@@ -22,7 +22,6 @@
 //! assert!(turning.control < standing.control);
 //! ```
 
-mod loops;
 mod report;
 mod setpoint;
 mod settings;
@@ -34,11 +33,10 @@ pub use settings::{Settings, ZeroPower};
 
 use crate::braking::{self, OperatingPoint, Placement, Placer, Regime, Scheme};
 use crate::bridge::Drive;
+use crate::motion::Reading;
 use crate::motion::guard::Finding;
-use crate::motion::{Reading, VelocityEstimator};
-use crate::units::{Control, CountsPerSecond, Micros, Millivolts, Period};
-use loops::Loops;
-use setpoint::Regulation;
+use crate::regulator::{Demand, Regulator, Stage};
+use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Voltage};
 use watch::{Order, Watch};
 
 /// A reading older than this is none: the counters are sampled every millisecond.
@@ -51,12 +49,10 @@ pub struct Motor {
     /// As the settings have it.
     placer: Placer,
     setpoint: Setpoint,
+    /// At the last tick.
     position: i32,
-    velocity: VelocityEstimator,
-    loops: Loops,
+    regulator: Regulator,
     watch: Watch,
-    /// The last control value had no effect, because the bridge was open.
-    coasting: bool,
 }
 
 /// A control value and what the bridge makes of it.
@@ -70,25 +66,24 @@ impl Motor {
             placer: settings.placer(),
             setpoint: Setpoint::Disabled,
             position: 0,
-            velocity: VelocityEstimator::new(period),
-            loops: Loops::new(period),
+            regulator: Regulator::new(settings.regulation(), period),
             watch: Watch::new(period),
-            coasting: true,
         }
     }
 
-    /// Takes effect at the next step, as a whole. State is kept, so coefficients may be tuned while
-    /// the motor runs.
-    pub const fn configure(&mut self, settings: Settings) {
+    /// Takes effect at the next step, as a whole. State is kept, so that a motor may be tuned while it runs.
+    pub fn configure(&mut self, settings: Settings) {
         self.settings = settings;
         self.placer = settings.placer();
+        self.regulator.configure(settings.regulation());
     }
 
-    /// Takes effect at the next step. A change of run mode starts its loops afresh; disabling the
-    /// motor ends a latched fault.
+    /// Takes effect at the next step, and disabling the motor ends a latched fault.
     pub fn set(&mut self, setpoint: Setpoint) {
-        if setpoint.regulation() != self.setpoint.regulation() {
-            self.loops.reset();
+        if setpoint.run_mode() != self.setpoint.run_mode() {
+            self.regulator.change_mode();
+        } else if setpoint != self.setpoint {
+            self.regulator.retarget();
         }
         if setpoint == Setpoint::Disabled {
             self.watch.clear();
@@ -101,20 +96,28 @@ impl Motor {
         &self.settings
     }
 
-    /// One control tick.
+    /// Takes a sample of the encoder between two ticks, best every millisecond: the more of them, the better
+    /// the motion is known.
+    pub fn sample(&mut self, reading: Reading) {
+        self.regulator.sample(reading);
+    }
+
+    /// One control tick. `reading` is the newest, whether or not it was a sample before.
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
         let moved = reading
             .filter(|reading| now.since(reading.at) <= ENCODER_STALE_MICROS)
             .map(|reading| self.follow(reading));
-        let velocity = self.velocity.get();
-        let output = battery
-            .and_then(|battery| OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery))
-            .and_then(|at| self.output(at, moved));
+        let velocity = self.regulator.velocity();
+        let at = battery.and_then(|battery| {
+            Some((OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery)?, battery))
+        });
+        let output = at.and_then(|(at, battery)| self.output(at, battery, moved));
 
-        self.coasting = output.is_none();
-        if self.coasting || self.setpoint.regulation() == Regulation::None {
+        if output.is_none() || matches!(self.setpoint, Setpoint::ConstantPower(_)) {
             self.watch.pause();
         }
+        let voltage = at.zip(output).and_then(|((at, _), (_, placement))| self.placer.voltage(at, placement));
+        self.regulator.drive(voltage);
         let (control, regime, drive) = match output {
             Some((control, Placement { regime, drive })) => (control, Some(regime), drive),
             None => (Control::ZERO, None, Drive::COAST),
@@ -123,6 +126,9 @@ impl Motor {
             setpoint: self.setpoint,
             position: self.position,
             velocity,
+            regulator: self.regulator.kind(),
+            current: voltage.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity)),
+            load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
             control,
             regime,
             drive,
@@ -136,35 +142,35 @@ impl Motor {
         }
     }
 
-    /// Takes a reading; returns the counts since the last one.
+    /// Takes a reading; returns the counts since the last tick.
     fn follow(&mut self, reading: Reading) -> i32 {
         let moved = reading.position.wrapping_sub(self.position);
         self.position = reading.position;
-        self.velocity.step(reading);
+        self.regulator.sample(reading);
+        self.regulator.tick(reading);
         moved
+    }
+
+    /// What a voltage drives through winding and bridge against the back EMF of a speed.
+    fn current(&self, voltage: Voltage, speed: CountsPerSecond) -> Milliamperes {
+        let emf = self.settings.winding.emf.emf(speed).to_volts();
+        Milliamperes::from_amperes((voltage.to_volts() - emf) / self.settings.ohms())
     }
 
     /// What the set-point asks for, or `None` to coast. `moved` is the counts since the last tick, if the
     /// encoder gives any.
-    fn output(&mut self, at: OperatingPoint, moved: Option<i32>) -> Option<Output> {
-        let target = match self.setpoint {
+    fn output(&mut self, at: OperatingPoint, battery: Millivolts, moved: Option<i32>) -> Option<Output> {
+        let demand = match self.setpoint {
             Setpoint::Disabled => return None,
             Setpoint::ConstantPower(power) => return self.open_loop(at, power),
-            _ if moved.is_none() || self.watch.fault().is_some() => return None,
-            Setpoint::Velocity(target) if target == CountsPerSecond::ZERO && self.floats() => {
-                self.loops.reset_velocity();
-                return None;
-            }
-            Setpoint::Velocity(target) => target,
-            Setpoint::Position { target, speed_limit, .. } => self.loops.position(
-                &self.settings.position,
-                target,
-                self.position,
-                speed_limit,
-                self.coasting,
-            ),
+            Setpoint::Velocity(target) if target == CountsPerSecond::ZERO && self.floats() => return None,
+            Setpoint::Velocity(target) => Demand::Velocity(target),
+            Setpoint::Position { target, speed_limit, .. } => Demand::Position { target, speed_limit },
         };
-        self.regulate(at, target, moved?)
+        if self.watch.fault().is_some() {
+            return None;
+        }
+        self.regulate(demand, at, battery, moved?)
     }
 
     /// A host that sets a power means the duty of 9/8 or 6/2, so no scheme comes between.
@@ -178,20 +184,30 @@ impl Motor {
         }
     }
 
-    /// The velocity loop's output, unless the encoder is in doubt.
-    fn regulate(&mut self, at: OperatingPoint, target: CountsPerSecond, moved: i32) -> Option<Output> {
-        let velocity = self.velocity.get();
+    /// The regulator's output, unless the encoder is in doubt.
+    fn regulate(
+        &mut self,
+        demand: Demand,
+        at: OperatingPoint,
+        battery: Millivolts,
+        moved: i32,
+    ) -> Option<Output> {
+        let velocity = self.regulator.velocity();
         let gentle = matches!(self.settings.scheme, Scheme::C | Scheme::D(_));
+        let stage = Stage::new(&self.placer, at, battery);
         let place = |control| (control, self.placer.place(at, control));
+        let mut speed = self.regulator.wanted(demand);
         let (control, placement) = match self.watch.step(moved, velocity, gentle) {
             Finding::Fault(_) => return None,
             Finding::Insist(control) => (control, braking::full_reverse(at)),
             Finding::Probe(control) => place(control),
             Finding::Sound | Finding::Stalled => {
-                place(self.loops.velocity(&self.settings.velocity, target, velocity, self.coasting))
+                let request = self.regulator.step(demand, moved, &stage);
+                speed = request.speed;
+                place(request.control)
             }
         };
-        self.watch.note(Order { target, control, regime: placement.regime });
+        self.watch.note(Order { target: speed, control, regime: placement.regime });
         Some((control, placement))
     }
 

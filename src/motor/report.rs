@@ -4,7 +4,8 @@ use super::Setpoint;
 use crate::braking::Regime;
 use crate::bridge::Drive;
 use crate::motion::EncoderFault;
-use crate::units::{Control, CountsPerSecond};
+use crate::regulator::Kind;
+use crate::units::{Control, CountsPerSecond, Milliamperes};
 
 /// What keeps a motor from doing what it is asked; each makes it coast.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,6 +37,14 @@ pub struct Report {
     pub position: i32,
     /// Estimated.
     pub velocity: CountsPerSecond,
+    /// Which regulator the motor has.
+    pub regulator: Kind,
+    /// Mean current of the winding by its constants and what the bridge is told; 0 while coasting. Positive
+    /// turns the motor CW.
+    pub current: Milliamperes,
+    /// The current that would just balance what loads the motor, friction and drag among it; positive for a load that holds it
+    /// back from turning CW. `None` for a motor that is not known.
+    pub load: Option<Milliamperes>,
     /// The control value; 0 while coasting.
     pub control: Control,
     /// Its regime; `None` while the bridge is open because the motor is disabled, floating or at fault.
@@ -56,6 +65,9 @@ impl Report {
         setpoint: Setpoint::Disabled,
         position: 0,
         velocity: CountsPerSecond::ZERO,
+        regulator: Kind::Pid,
+        current: Milliamperes::ZERO,
+        load: None,
         control: Control::ZERO,
         regime: None,
         drive: Drive::COAST,

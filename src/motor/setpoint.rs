@@ -25,12 +25,13 @@ pub enum Setpoint {
 }
 
 impl Setpoint {
-    /// The run mode, which decides which loops are active.
-    pub(super) const fn regulation(self) -> Regulation {
+    /// What of the motor is regulated.
+    pub(super) const fn run_mode(self) -> RunMode {
         match self {
-            Self::Disabled | Self::ConstantPower(_) => Regulation::None,
-            Self::Velocity(_) => Regulation::Velocity,
-            Self::Position { .. } => Regulation::Position,
+            Self::Disabled => RunMode::Disabled,
+            Self::ConstantPower(_) => RunMode::Open,
+            Self::Velocity(_) => RunMode::Velocity,
+            Self::Position { .. } => RunMode::Position,
         }
     }
 
@@ -45,10 +46,11 @@ impl Setpoint {
     }
 }
 
-/// The loops that are active.
+/// What is regulated.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Regulation {
-    None,
+pub(super) enum RunMode {
+    Disabled,
+    Open,
     Velocity,
     Position,
 }

@@ -1,9 +1,9 @@
-//! What a motor is told of itself once: its winding, its scheme, its loops.
+//! What a motor is told of itself once: its winding, its scheme, its load.
 
 use crate::braking::{DutyRule, Placer, Scheme, Winding};
 use crate::bridge::BridgeConstants;
-use crate::motion::Pidf;
-use crate::units::{Coefficient, Control};
+use crate::regulator::{Coefficients, Config, Dynamics};
+use crate::units::Acceleration;
 
 /// What a zero set-point means in constant power and in regulated velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,10 +30,12 @@ pub struct Settings {
     pub duty: DutyRule,
     /// What zero means.
     pub zero_power: ZeroPower,
-    /// Coefficients of regulated velocity.
-    pub velocity: Pidf,
-    /// Coefficients of the position loop above it.
-    pub position: Pidf,
+    /// The motor with its load, if known: it is then regulated by its model.
+    pub dynamics: Option<Dynamics>,
+    /// Coefficients of a host's own: with them the motor is regulated by PID, whatever is known.
+    pub coefficients: Option<Coefficients>,
+    /// Largest acceleration of a motor that is regulated by its model.
+    pub acceleration: Option<Acceleration>,
 }
 
 impl Settings {
@@ -42,46 +44,37 @@ impl Settings {
         Self::for_scheme(winding, Scheme::A)
     }
 
-    /// Settings that run a gear motor with this winding on a bridge of the VNH5019 kind: linear current,
-    /// brake at zero, and coefficients in proportion to the motor's speed range.
-    ///
-    /// With `f` control steps per count/s, which is full control at the speed whose back EMF is 12 V:
-    /// in Scheme A, where a control value is a voltage, P is 1.5 f. Where it is a current, the back EMF
-    /// does not damp the motor, and P makes up for it by another f; in C and D, whose range is less current,
-    /// it is 4 f, the best of those that `motor-hub compare` tries. I is 7.5 f per second, P's gain in A in
-    /// 0.2 s, about the mechanical time constant of a loaded gear motor. Nothing is fed forward: what
-    /// a set-point needs depends on the load, and the integral has it soon.
+    /// Settings that run a gear motor with this winding on a bridge of the VNH5019 kind: linear current, brake
+    /// at zero, and nothing known of the load, so that PID regulates it with
+    /// [guessed coefficients](Coefficients::guessed).
     pub const fn for_scheme(winding: Winding, scheme: Scheme) -> Self {
-        // From 6q20 to Q16.16; f is at most 87.4.
-        let f = (winding.emf.to_bits() as i64 * Control::MAX.get() as i64 / (12_000 << 4)) as i32;
-        let p = match scheme {
-            Scheme::ForwardReverse | Scheme::A => 3 * f / 2,
-            Scheme::B => 5 * f / 2,
-            Scheme::C | Scheme::D(_) => 4 * f,
-        };
         Self {
             winding,
             bridge: BridgeConstants::VNH5019,
             scheme,
             duty: DutyRule::LinearCurrent,
             zero_power: ZeroPower::Brake,
-            velocity: Pidf {
-                p: Coefficient::from_bits(p),
-                i: Coefficient::from_bits(15 * f / 2),
-                d: Coefficient::ZERO,
-                f: Coefficient::ZERO,
-            },
-            position: Pidf {
-                p: Coefficient::from_bits(5 << 16),
-                i: Coefficient::ZERO,
-                d: Coefficient::ZERO,
-                f: Coefficient::ZERO,
-            },
+            dynamics: None,
+            coefficients: None,
+            acceleration: None,
         }
     }
 
+    /// What the regulator is told of them.
+    pub(super) const fn regulation(&self) -> Config {
+        let Self { winding, scheme, dynamics, coefficients, acceleration, .. } = *self;
+        Config { emf: winding.emf, scheme, dynamics, coefficients, acceleration }
+    }
+
+    /// Of winding and bridge together, in ohms.
+    pub(super) fn ohms(&self) -> f32 {
+        let milliohms =
+            u32::from(self.winding.resistance.as_milliohms()) + 2 * u32::from(self.bridge.switch_mohm());
+        milliohms as f32 / 1000.0
+    }
+
     /// What turns control values into drives by them.
-    pub(super) const fn placer(&self) -> Placer {
+    pub(super) fn placer(&self) -> Placer {
         Placer::new(&self.winding, &self.bridge, self.scheme, self.duty)
     }
 }

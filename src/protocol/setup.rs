@@ -7,6 +7,11 @@
 //! |---|---|---|
 //! | 0 set up a motor | motor, then the fields of a [`Setup`] | ACK |
 //! | 1 read it back | motor | the fields |
+//! | 2 say how the motor moves | motor, then the fields of a [`Motion`] | ACK |
+//! | 3 read it back | motor | the fields |
+//!
+//! A set-up forgets how the motor moved and the coefficients that a host gave: it is another motor.
+//! Of a set-up:
 //!
 //! | field | |
 //! |---|---|
@@ -16,6 +21,15 @@
 //! | u8 | scheme: 0 forward and reverse only, 1 A, 2 B, 3 C, 4 D with automatic blend, 5 D |
 //! | u16 | blend of the last, in steps of 2^-16 |
 //! | u8 | duty: 0 linear, as in the paper; 1 such that current is linear |
+//!
+//! Of a motion:
+//!
+//! | field | |
+//! |---|---|
+//! | u32 | acceleration per volt, counts/s² in steps of 1/256; 0 if nothing is known of the motor |
+//! | u32 | rate of decay, 1/s in steps of 2^-16 |
+//! | u16 | friction, mV |
+//! | u32 | largest acceleration, counts/s²; 0 for what the battery gives |
 //!
 //! ```
 //! use motor_hub::braking::{DutyRule, Scheme};
@@ -39,13 +53,16 @@ use super::fields::{ByteIn, Field, Fields, Payload};
 use super::nack::Nack;
 use super::table::requests;
 use crate::braking::{Blend, BlendFraction, DutyRule, Scheme};
-use crate::units::{EmfConstant, Inductance, Resistance};
+use crate::regulator::Dynamics;
+use crate::units::{
+    Acceleration, AccelerationPerVolt, DecayRate, EmfConstant, Inductance, Millivolts, Resistance,
+};
 
 /// The type of the interface's function 0.
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const FUNCTION_COUNT: u16 = 2;
+pub const FUNCTION_COUNT: u16 = 4;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.
@@ -53,6 +70,9 @@ requests! {
         0 SetUp { setup: Setup },
         /// Answered by a [`Setup`].
         1 Setup,
+        2 SetMotion { motion: Motion },
+        /// Answered by a [`Motion`].
+        3 Motion,
     }
 }
 
@@ -70,6 +90,34 @@ pub struct Setup {
     pub scheme: Scheme,
     /// How the duty is found within a regime.
     pub duty: DutyRule,
+}
+
+/// How a motor moves, and how it may.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Motion {
+    /// How it answers to a voltage; `None` if that is not known, and PID is to regulate it.
+    pub dynamics: Option<Dynamics>,
+    /// Its largest acceleration; `None` for what the battery gives.
+    pub acceleration: Option<Acceleration>,
+}
+
+impl Field for Motion {
+    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+        let gain = AccelerationPerVolt::from_bits(u32::read(fields)?).ok();
+        let decay = DecayRate::from_bits(u32::read(fields)?);
+        let friction = Millivolts::new(u16::read(fields)?);
+        let acceleration = Acceleration::new(u32::read(fields)?).ok();
+        let dynamics = gain.map(|gain| Dynamics { gain, decay, friction });
+        Ok(Self { dynamics, acceleration })
+    }
+
+    fn write(&self, payload: &mut Payload) {
+        self.dynamics.map_or(0, |known| known.gain.to_bits()).write(payload);
+        self.dynamics.map_or(0, |known| known.decay.to_bits()).write(payload);
+        self.dynamics.map_or(0, |known| known.friction.get()).write(payload);
+        self.acceleration.map_or(0, Acceleration::get).write(payload);
+    }
 }
 
 impl Field for Setup {

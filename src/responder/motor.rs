@@ -23,8 +23,9 @@ use crate::motion::Pidf;
 use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::Nack;
 use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
-use crate::protocol::setup::ToSetup;
-use crate::units::{Coefficient, Control, CountsPerSecond};
+use crate::protocol::setup::{Motion, ToSetup};
+use crate::regulator;
+use crate::units::{Coefficient, Control, CountsPerSecond, Period};
 
 /// The speed limit on the way to a position, in counts per second, while no target velocity has ever
 /// been set: the largest that one could set.
@@ -147,23 +148,42 @@ impl MotorChannel {
                 Answer::Ack
             }
             ToSetup::Setup => Answer::data(&setup::of(&self.settings)),
+            ToSetup::SetMotion { motion: Motion { dynamics, acceleration } } => {
+                self.settings = Settings { dynamics, acceleration, ..self.settings };
+                self.pending.configure = true;
+                Answer::Ack
+            }
+            ToSetup::Motion => {
+                let Settings { dynamics, acceleration, .. } = self.settings;
+                Answer::data(&Motion { dynamics, acceleration })
+            }
         }
     }
 
-    const fn set_pidf(&mut self, of: Loop, Coefficients { pidf, algorithm }: Coefficients) {
+    /// From the first of them on the motor is regulated by PID.
+    fn set_pidf(&mut self, of: Loop, Coefficients { pidf, algorithm }: Coefficients) {
+        let mut both = self.coefficients();
         match of {
-            Loop::Velocity => (self.settings.velocity, self.velocity_algorithm) = (pidf, algorithm),
-            Loop::Position => (self.settings.position, self.position_algorithm) = (pidf, algorithm),
+            Loop::Velocity => (both.velocity, self.velocity_algorithm) = (pidf, algorithm),
+            Loop::Position => (both.position, self.position_algorithm) = (pidf, algorithm),
         }
+        self.settings.coefficients = Some(both);
         self.pending.configure = true;
     }
 
-    const fn pidf(&self, of: Loop) -> Coefficients {
+    fn pidf(&self, of: Loop) -> Coefficients {
+        let both = self.coefficients();
         let (pidf, algorithm) = match of {
-            Loop::Velocity => (self.settings.velocity, self.velocity_algorithm),
-            Loop::Position => (self.settings.position, self.position_algorithm),
+            Loop::Velocity => (both.velocity, self.velocity_algorithm),
+            Loop::Position => (both.position, self.position_algorithm),
         };
         Coefficients { pidf, algorithm }
+    }
+
+    /// Those that a host gave, or such as the hub would use if it knew nothing of the load.
+    fn coefficients(&self) -> regulator::Coefficients {
+        let Settings { winding, scheme, coefficients, .. } = self.settings;
+        coefficients.unwrap_or_else(|| regulator::Coefficients::guessed(winding.emf, scheme, Period::DEFAULT))
     }
 
     fn enable(&mut self, battery_good: bool) -> Result<(), Nack> {

@@ -10,8 +10,7 @@ pub const fn of(settings: &Settings) -> Setup {
     Setup { emf, resistance: Some(resistance), inductance, scheme, duty }
 }
 
-/// Settings for a set-up, with the coefficients that go with it; what zero means is kept, and what is
-/// known of the bridge.
+/// Settings for a set-up. What zero means is kept, and what is known of the bridge; of the motion nothing is.
 pub(super) fn settings(setup: Setup, present: &Settings) -> Settings {
     let Setup { emf, resistance, inductance, scheme, duty } = setup;
     let winding = match resistance {

@@ -1,11 +1,11 @@
 //! Encoder capture: samples all counters every millisecond and passes on positions and edge times. Of a
 //! counter that does not answer the last reading is passed on, which soon is too old.
 
-use super::{Health, Task, Wires, micros};
+use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::board::Encoders;
 use crate::motion::Tracker;
 use embassy_sync::blocking_mutex::raw::RawMutex;
-use embassy_time::{Duration, Instant, Ticker};
+use embassy_time::{Duration, Instant, Timer};
 
 /// The sampling interval.
 pub const CAPTURE_INTERVAL: Duration = Duration::from_millis(1);
@@ -18,7 +18,7 @@ pub async fn run<M: RawMutex, const N: usize>(
 ) -> ! {
     let mut trackers = [Tracker::default(); N];
     let mut readings = [None; N];
-    let mut ticker = Ticker::every(CAPTURE_INTERVAL);
+    let mut due = whole_millisecond(Instant::now());
     loop {
         let now = micros(Instant::now());
         for ((reading, tracker), count) in readings.iter_mut().zip(&mut trackers).zip(encoders.counts()) {
@@ -28,6 +28,8 @@ pub async fn run<M: RawMutex, const N: usize>(
         }
         wires.readings.signal(readings);
         health.check_in(Task::Capture);
-        ticker.next().await;
+        // What is late by more than an interval is left out.
+        due = whole_millisecond(Instant::now()).max(due + CAPTURE_INTERVAL);
+        Timer::at(due).await;
     }
 }

@@ -1,7 +1,10 @@
-//! The control ticker: every period, commands in, one step of the hub, drives and snapshot out.
+//! The control ticker: every sample of the encoders to the hub's observers; every period, commands in, one step
+//! of the hub, drives and snapshot out.
 
-use super::{Health, Task, Wires, micros};
+use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
+use embassy_futures::select::{Either, select};
+use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
 
@@ -13,16 +16,25 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     let period = Duration::from_micros(hub.period().as_micros());
     let snapshots = wires.snapshot.sender();
     let mut battery = None;
-    let mut due = Instant::now() + period;
+    let mut readings = [None; N];
+    let mut due = whole_millisecond(Instant::now()) + period;
     loop {
-        Timer::at(due).await;
+        if let Either::First(samples) = select(wires.readings.wait(), Timer::at(due)).await {
+            readings = samples;
+            hub.sample(&readings);
+            continue;
+        }
+        // Capture is due at the same time; its sample goes first.
+        yield_now().await;
+        if let Some(samples) = wires.readings.try_take() {
+            readings = samples;
+        }
         let now = Instant::now();
         while let Ok(command) = wires.commands.try_receive() {
             // Refused if whoever sent it used an index beyond N; there is no motor to do anything to.
             let _ = hub.apply(command);
         }
         battery = wires.battery.try_take().or(battery);
-        let readings = wires.readings.try_take().unwrap_or([None; N]);
         let snapshot = hub.step(Inputs { now: micros(now), readings, battery });
         wires.drives.signal(snapshot.drives());
         snapshots.send(snapshot);

@@ -8,7 +8,7 @@
 //!
 //! | channel | kind | when full, or when nothing new comes |
 //! |---|---|---|
-//! | readings | [`Signal`]: the latest | overwritten; none since the last tick, or one over 20 ms old, counts as no encoder |
+//! | readings | [`Signal`]: the latest | overwritten; one over 20 ms old counts as no encoder |
 //! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
 //! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
 //! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
@@ -93,4 +93,9 @@ impl<M: RawMutex, const N: usize> Default for Wires<M, N> {
 /// The core's time is microseconds since boot, whatever the time driver's tick is.
 fn micros(instant: Instant) -> Micros {
     Micros::new(instant.as_micros())
+}
+
+/// The next whole millisecond, so that tasks with periods of such meet.
+fn whole_millisecond(now: Instant) -> Instant {
+    Instant::from_millis(now.as_micros().div_ceil(1000))
 }

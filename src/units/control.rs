@@ -89,6 +89,11 @@ impl Duty {
         ((self.0.to_bits() as u32 * period as u32 + (1 << 14)) >> 15) as u16
     }
 
+    /// 0.0 to 1.0, exactly.
+    pub const fn to_f32(self) -> f32 {
+        self.0.to_bits() as f32 / 32_768.0
+    }
+
     /// 0.0 to 1.0, for plots and models.
     pub fn to_f64(self) -> f64 {
         f64::from(self.0)

@@ -209,8 +209,76 @@ impl Emf {
         self.0.to_bits()
     }
 
+    /// Volts, to the nearest single.
+    pub const fn to_volts(self) -> f32 {
+        (self.to_bits() >> 16) as i32 as f32 / 16_000.0
+    }
+
     /// Millivolts, for reports.
     pub fn to_f64(self) -> f64 {
         self.0.to_num()
+    }
+}
+
+/// The steady voltage across a motor that stands for what a bridge does to it on average: back EMF plus mean
+/// current times resistance (paper, section 2.1). Signed, positive is CW; in steps of 1/16 mV, up to +-134 217 V.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Voltage(i32);
+
+impl Voltage {
+    /// From volts, rounded towards 0; beyond the range its end, and 0 from what is no number.
+    pub const fn from_volts(volts: f32) -> Self {
+        let bits = (volts * 16_000.0) as i32;
+        // So that the range is symmetric.
+        Self(if bits == i32::MIN { -i32::MAX } else { bits })
+    }
+
+    /// Steps of 1/16 mV.
+    pub const fn to_bits(self) -> i32 {
+        self.0
+    }
+
+    /// The same the other way.
+    #[must_use]
+    pub const fn reversed(self) -> Self {
+        // In range: the range is symmetric.
+        Self(-self.0)
+    }
+
+    /// In volts.
+    pub const fn to_volts(self) -> f32 {
+        self.0 as f32 / 16_000.0
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Voltage {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{} mV", self.0 / 16);
+    }
+}
+
+/// A current in milliamperes: +-2 147 483 A.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Milliamperes(i32);
+
+impl Milliamperes {
+    /// None.
+    pub const ZERO: Self = Self(0);
+
+    /// Whole milliamperes.
+    pub const fn new(milliamperes: i32) -> Self {
+        Self(milliamperes)
+    }
+
+    /// From amperes, rounded towards 0; beyond the range its end, and 0 from what is no number.
+    pub const fn from_amperes(amperes: f32) -> Self {
+        Self((1000.0 * amperes) as i32)
+    }
+
+    /// Milliamperes.
+    pub const fn get(self) -> i32 {
+        self.0
     }
 }

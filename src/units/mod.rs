@@ -7,11 +7,16 @@
 //! | [`Duty`] | 0 to 1 | 2^-15 |
 //! | [`Coefficient`] of a PIDF | -32 768 to 32 768 | 2^-16 |
 //! | [`Millivolts`] | 0 to 65 535 mV | 1 mV |
+//! | [`Milliamperes`] | +-2^31 mA | 1 mA |
 //! | [`Resistance`] | 1 to 65 535 mohm | 1 mohm |
 //! | [`Inductance`] | 1 to 65 535 uH | 1 uH |
 //! | [`EmfConstant`] | above 0, below 32 mV s/count | 2^-20 |
 //! | [`Emf`] | +-131 071 mV | 2^-20 mV |
+//! | [`Voltage`] across a motor, as if steady | +-134 217 V | 1/16 mV |
 //! | [`CountsPerSecond`] | +-8 388 607 | 2^-8 |
+//! | [`AccelerationPerVolt`] | above 0, below 16 777 216 counts/s² per V | 2^-8 |
+//! | [`DecayRate`] | 0 to 65 536 per second | 2^-16 |
+//! | [`Acceleration`] | 1 to 2^32 - 1 counts/s² | 1 |
 //! | [`Micros`] since boot | 64 bits | 1 us |
 //! | [`Period`] of control | 1 to 100 ms | 1 ms |
 //!
@@ -39,12 +44,14 @@
 //! ```
 
 mod control;
+mod dynamics;
 mod electrical;
 mod motion;
 mod time;
 
 pub use control::{Coefficient, Control, Duty};
-pub use electrical::{Emf, EmfConstant, Inductance, Millivolts, Resistance};
+pub use dynamics::{Acceleration, AccelerationPerVolt, DecayRate};
+pub use electrical::{Emf, EmfConstant, Inductance, Milliamperes, Millivolts, Resistance, Voltage};
 pub use motion::CountsPerSecond;
 pub use time::{Micros, Period};
 
@@ -95,6 +102,12 @@ pub enum RangeError {
     Resistance,
     /// An inductance must lie in 0.001 to 65.535 mH.
     Inductance,
+    /// An acceleration per volt must lie above 0 and below 2^24 counts/s² per volt.
+    AccelerationPerVolt,
+    /// A rate of decay must lie in 0 to 65 536 per second.
+    DecayRate,
+    /// A limit of acceleration must be above 0.
+    Acceleration,
     /// A speed must lie within +-8 388 607 counts/s, and a revolution must have counts.
     Speed,
     /// A blend must lie in 0 to 1.
@@ -118,6 +131,11 @@ impl core::fmt::Display for RangeError {
             Self::Voltage => "voltage must be 0 to 65.535 V",
             Self::Resistance => "resistance must be 0.001 to 65.535 ohm",
             Self::Inductance => "inductance must be 0.001 to 65.535 mH",
+            Self::AccelerationPerVolt => {
+                "acceleration per volt must be above 0 and below 16777216 counts/s^2/V"
+            }
+            Self::DecayRate => "rate of decay must be 0 to 65536 per second",
+            Self::Acceleration => "acceleration must be above 0",
             Self::Speed => "speed must be within 8388607 counts/s, counts per revolution above 0",
             Self::Blend => "blend must be 0 to 1",
             Self::Period => "control period must be 1 to 100 ms",

@@ -10,6 +10,8 @@ pub struct CountsPerSecond(I24F8);
 impl CountsPerSecond {
     /// Standstill.
     pub const ZERO: Self = Self(I24F8::ZERO);
+    /// The largest.
+    pub const MAX: Self = Self(I24F8::MAX);
 
     /// Whole counts per second; beyond +-8 388 607 the end of the range.
     pub const fn new(cps: i32) -> Self {
@@ -79,6 +81,11 @@ impl CountsPerSecond {
     /// Rounded to whole counts per second.
     pub fn round(self) -> i32 {
         self.0.saturating_add(I24F8::from_bits(1 << 7)).to_num()
+    }
+
+    /// Counts per second, to the nearest single.
+    pub fn to_f32(self) -> f32 {
+        self.to_bits() as f32 / 256.0
     }
 
     /// Counts per second, for plots and models.

@@ -6,17 +6,19 @@
 //!
 //! ```
 //! use emulated::Mounting;
-//! use emulated::recording::Recording;
+//! use emulated::recording::{Recording, Way};
 //! use motor_hub::braking::DutyRule;
 //! use motor_hub::model::{catalogue::characterised, load::Load};
 //! use motor_hub::motor::Setpoint;
+//! use motor_hub::regulator::Kind;
 //! use motor_hub::units::{Control, Period};
 //! use simulated::hardware::BRIDGE;
 //!
 //! let motor = characterised("AM 60 A")?;
 //! let alone = Mounting { motor, load: Load::NONE, bridge: BRIDGE.into(), stops: None };
 //! let full = |_| Setpoint::ConstantPower(Control::MAX);
-//! let recording = Recording::new(&alone, DutyRule::LinearCurrent, Period::DEFAULT, 10, full, |_| 0.0);
+//! let way = Way { rule: DutyRule::LinearCurrent, regulator: Kind::Pid };
+//! let recording = Recording::new(&alone, way, Period::DEFAULT, 10, full, |_| 0.0);
 //! assert_eq!(recording.answers.last().map(|answer| answer.control), Some(Control::MAX.get()));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -27,27 +29,45 @@ use std::time::Duration;
 
 use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::bridge::Drive;
+use motor_hub::model::load::Shaft;
 use motor_hub::model::plant::{Command, Plant};
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::motion::{Reading, Tracker};
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
-use motor_hub::units::{CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
+use motor_hub::regulator::{Dynamics, Kind, Mechanics};
+use motor_hub::units::{CountsPerSecond, EmfConstant, Micros, Millivolts, Period, RangeError};
 
 use crate::bench::{Bench, Setup};
 use crate::elf;
 use crate::shafts::Mounting;
 
-/// What one tick is given.
+/// What a motor is given: a sample of its encoder, or a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Input {
-    /// The time of the tick.
-    pub now: Micros,
     /// The encoder.
     pub reading: Reading,
+    /// `None` for a sample between two ticks.
+    pub tick: Option<Tick>,
+}
+
+/// What one tick is given besides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tick {
+    /// The time of the tick.
+    pub now: Micros,
     /// The battery.
     pub battery: Millivolts,
     /// What is asked for.
     pub setpoint: Setpoint,
+}
+
+/// How the motor is controlled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Way {
+    /// How duties are found.
+    pub rule: DutyRule,
+    /// By its model, or by PID.
+    pub regulator: Kind,
 }
 
 /// What a tick answers.
@@ -88,17 +108,28 @@ impl Answer {
 /// A closed loop, tick by tick.
 #[derive(Clone, Debug)]
 pub struct Recording {
-    rule: DutyRule,
+    settings: Settings,
     period: Period,
-    emf: EmfConstant,
     /// What went in.
     pub inputs: Vec<Input>,
     /// What came out on the host.
     pub answers: Vec<Answer>,
 }
 
-fn settings(emf: EmfConstant, duty: DutyRule) -> Settings {
-    Settings { duty, ..Settings::new(Winding { emf, ..Winding::NEVEREST_60 }) }
+fn settings(mounting: &Mounting, way: Way) -> Result<Settings, RangeError> {
+    let Mounting { motor, load, .. } = mounting;
+    let emf = EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor)?;
+    let settings = Settings { duty: way.rule, ..Settings::new(Winding { emf, ..Winding::NEVEREST_60 }) };
+    let shaft = Shaft::new(motor, load);
+    let mechanics = Mechanics {
+        torque_constant: motor.kt.0,
+        counts_per_turn: motor.counts_per_rev_motor,
+        inertia: shaft.inertia.0,
+        drag: shaft.drag.0,
+        friction: 0.0,
+    };
+    let known = Dynamics::from_mechanics(&settings.winding, &settings.bridge, &mechanics)?;
+    Ok(Settings { dynamics: (way.regulator == Kind::Model).then_some(known), ..settings })
 }
 
 impl Recording {
@@ -110,21 +141,19 @@ impl Recording {
     #[must_use]
     pub fn new(
         mounting: &Mounting,
-        rule: DutyRule,
+        way: Way,
         period: Period,
         ticks: usize,
         setpoint: impl Fn(usize) -> Setpoint,
         torque: impl Fn(usize) -> f64,
     ) -> Self {
-        let emf = EmfConstant::from_ke(mounting.motor.ke.0, mounting.motor.counts_per_rev_motor)
-            .expect("a motor's back-EMF constant");
-        let settings = settings(emf, rule);
+        let settings = settings(mounting, way).expect("a motor's constants");
         let pwm = Hertz(settings.bridge.pwm_hz().into());
         let mut plant = Plant::new(mounting.motor, mounting.load, mounting.bridge, pwm);
         let mut motor = Motor::new(settings, period);
         let mut tracker = Tracker::default();
         let (mut last, mut drive) = (Setpoint::Disabled, Drive::COAST);
-        let mut recording = Self { rule, period, emf, inputs: Vec::new(), answers: Vec::new() };
+        let mut recording = Self { settings, period, inputs: Vec::new(), answers: Vec::new() };
         let mut reading = tracker.step(0, Micros::new(0));
         for tick in 0..ticks {
             let volts = 13.0 - 2.0 * tick as f64 / ticks as f64;
@@ -136,22 +165,22 @@ impl Recording {
                 plant.run(Seconds(1e-3), command, Volts(volts));
                 let now = Micros::new(tick as u64 * period.as_micros() + ms * 1000);
                 reading = tracker.step(plant.counts() as u16, now);
+                if ms < u64::from(period.as_millis()) {
+                    motor.sample(reading);
+                    recording.inputs.push(Input { reading, tick: None });
+                }
             }
             // A tick comes a little after a sample.
             let now = Micros::new(reading.at.get() + 37);
-            let input = Input {
-                now,
-                reading,
-                battery: Millivolts::new((volts * 1000.0) as u16),
-                setpoint: setpoint(tick),
-            };
-            if input.setpoint != last {
-                last = input.setpoint;
+            let battery = Millivolts::new((volts * 1000.0) as u16);
+            let setpoint = setpoint(tick);
+            if setpoint != last {
+                last = setpoint;
                 motor.set(last);
             }
-            let report = motor.step(now, Some(reading), Some(input.battery));
+            let report = motor.step(now, Some(reading), Some(battery));
             drive = report.drive;
-            recording.inputs.push(input);
+            recording.inputs.push(Input { reading, tick: Some(Tick { now, battery, setpoint }) });
             recording.answers.push(report.into());
         }
         recording
@@ -161,7 +190,12 @@ impl Recording {
 impl Input {
     fn words(&self) -> [u32; 12] {
         let speed = |speed: CountsPerSecond| speed.to_bits().cast_unsigned();
-        let [kind, target, tolerance, limit] = match self.setpoint {
+        // A sample alone is no set-point.
+        let nothing =
+            Tick { now: self.reading.at, battery: Millivolts::new(0), setpoint: Setpoint::Disabled };
+        let Tick { now, battery, setpoint } = self.tick.unwrap_or(nothing);
+        let [kind, target, tolerance, limit] = match setpoint {
+            _ if self.tick.is_none() => [SAMPLE, 0, 0, 0],
             Setpoint::Disabled => [0; 4],
             Setpoint::ConstantPower(power) => [1, i32::from(power.get()).cast_unsigned(), 0, 0],
             Setpoint::Velocity(target) => [2, speed(target), 0, 0],
@@ -170,7 +204,7 @@ impl Input {
             }
         };
         let halves = |time: Micros| [time.get() as u32, (time.get() >> 32) as u32];
-        let [now, edge, at] = [self.now, self.reading.edge_at, self.reading.at].map(halves);
+        let [now, edge, at] = [now, self.reading.edge_at, self.reading.at].map(halves);
         [
             now[0],
             now[1],
@@ -179,7 +213,7 @@ impl Input {
             edge[1],
             at[0],
             at[1],
-            u32::from(self.battery.get()),
+            u32::from(battery.get()),
             kind,
             target,
             tolerance,
@@ -196,12 +230,25 @@ pub struct OnChip {
     inputs: u64,
     outputs: u64,
     pending: u64,
-    begin: u64,
-    end: u64,
+    /// First instructions of a step and of what comes after it,
+    step: (u64, u64),
+    /// and of a sample.
+    sample: (u64, u64),
 }
 
 /// As in the program.
 const BATCH: usize = 512;
+/// The kind of a sample between two ticks, as in the program.
+const SAMPLE: u32 = 4;
+
+/// Instructions of each call.
+#[derive(Clone, Debug, Default)]
+pub struct Counts {
+    /// Of control steps.
+    pub steps: Vec<u64>,
+    /// Of samples between them.
+    pub samples: Vec<u64>,
+}
 
 impl OnChip {
     /// Builds the program if need be, and boots it with the settings of `recording`.
@@ -210,14 +257,21 @@ impl OnChip {
         let image =
             std::env::var_os("MOTOR_HUB_BUDGET_ELF").map_or_else(|| elf::build("budget"), PathBuf::from);
         let bench = Bench::with_image(Setup::new(Vec::new()), &image);
-        let [settings, inputs, outputs, pending, begin, end] =
-            ["SETTINGS", "INPUTS", "OUTPUTS", "PENDING", "::step_motor", "::stepped"]
-                .map(|name| bench.address(name));
-        let mut chip = Self { bench, image, settings, inputs, outputs, pending, begin, end };
+        let [settings, inputs, outputs, pending] =
+            ["SETTINGS", "INPUTS", "OUTPUTS", "PENDING"].map(|name| bench.address(name));
+        let step = (bench.address("::step_motor"), bench.address("::stepped"));
+        let sample = (bench.address("::sample_motor"), bench.address("::sampled"));
+        let mut chip = Self { bench, image, settings, inputs, outputs, pending, step, sample };
         // Past the start-up code, which clears the memory.
         chip.bench.run(Duration::from_millis(1));
-        let rule = u32::from(recording.rule == DutyRule::LinearCurrent);
-        let words = vec![recording.emf.to_bits().cast_unsigned(), recording.period.as_millis(), rule];
+        let Settings { winding, duty, dynamics, .. } = recording.settings;
+        let words = vec![
+            winding.emf.to_bits().cast_unsigned(),
+            recording.period.as_millis(),
+            u32::from(duty == DutyRule::LinearCurrent),
+            dynamics.map_or(0, |known| known.gain.to_bits()),
+            dynamics.map_or(0, |known| known.decay.to_bits()),
+        ];
         chip.bench.write_words(chip.settings, words);
         chip
     }
@@ -243,23 +297,26 @@ impl OnChip {
             });
             assert!(done, "the program answers");
             let words = self.bench.read_words(self.outputs, 4 * batch.len());
-            answers.extend_from_slice(words.as_chunks::<4>().0);
+            let ticks = words.as_chunks::<4>().0.iter().zip(batch).filter(|(_, input)| input.tick.is_some());
+            answers.extend(ticks.map(|(words, _)| *words));
         }
         answers
     }
 
-    /// Replays inputs and counts the instructions of each step.
-    pub fn count(&mut self, inputs: &[Input]) -> Vec<u64> {
-        self.bench.watch(vec![self.begin, self.end]);
+    /// Replays inputs and counts the instructions of each call.
+    pub fn count(&mut self, inputs: &[Input]) -> Counts {
+        let (step, sample) = (self.step, self.sample);
+        self.bench.watch(vec![step.0, step.1, sample.0, sample.1]);
         self.bench.take_hits();
         self.replay(inputs);
-        let (mut counts, mut from) = (Vec::new(), 0);
+        let (mut counts, mut from) = (Counts::default(), 0);
         for (address, count) in self.bench.take_hits() {
-            if address == self.begin {
-                from = count;
-            } else {
-                counts.push(count - from);
+            if address == step.1 {
+                counts.steps.push(count - from);
+            } else if address == sample.1 {
+                counts.samples.push(count - from);
             }
+            from = count;
         }
         counts
     }
@@ -272,10 +329,11 @@ impl OnChip {
         self.bench.watch(all);
         self.bench.take_hits();
         self.replay(inputs);
+        let (begin, end) = self.step;
         let mut within = false;
         let mut counts = BTreeMap::new();
         for (address, _) in self.bench.take_hits() {
-            within = address == self.begin || within && address != self.end;
+            within = address == begin || within && address != end;
             if within {
                 *counts.entry(address).or_default() += 1;
             }

@@ -20,10 +20,11 @@ use motor_hub::braking::Regime;
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::model::plant::Flow;
 use motor_hub::motion::EncoderFault;
-use motor_hub::motor::{Faults, Report, Setpoint, ZeroPower};
+use motor_hub::motor::{Faults, Report, Setpoint, Settings, ZeroPower};
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, RunMode, ToMotor};
-use motor_hub::protocol::setup::ToSetup;
+use motor_hub::protocol::setup::{Motion, ToSetup};
+use motor_hub::regulator;
 use motor_hub::responder::setup;
 use motor_hub::units::{CountsPerSecond, Duty, Period, RangeError};
 use simulated::hardware::BRIDGE;
@@ -152,17 +153,24 @@ fn run_to(bench: &mut Bench, at_s: f64) {
 }
 
 /// Says which motor is on a channel and how it is controlled.
-fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, motor: &Motor) -> Result<(), ReplayError> {
-    let settings =
-        motor.settings().map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
+fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, scenario: &Scenario) -> Result<(), ReplayError> {
+    let motor = &scenario.motors[usize::from(channel)];
+    let settings = motor
+        .settings(scenario.period)
+        .map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
     // An image that is named by hand may not know this hub's own interface.
     let request = ToSetup::SetUp { setup: setup::of(&settings) }.to(channel);
     if !matches!(talk.ask(bench, request.id(), &request.payload()), Reply::Ack { .. }) {
         return Err(ReplayError::SetupRefused);
     }
-    for (of, pidf) in [(Loop::Velocity, settings.velocity), (Loop::Position, settings.position)] {
-        let coefficients = Coefficients { pidf, algorithm: Algorithm::Pidf };
-        talk.order(bench, ToMotor::SetPidf { of, coefficients }.to(channel));
+    let Settings { dynamics, acceleration, coefficients, .. } = settings;
+    let motion = ToSetup::SetMotion { motion: Motion { dynamics, acceleration } }.to(channel);
+    talk.order(bench, motion);
+    if let Some(regulator::Coefficients { velocity, position }) = coefficients {
+        for (of, pidf) in [(Loop::Velocity, velocity), (Loop::Position, position)] {
+            let coefficients = Coefficients { pidf, algorithm: Algorithm::Pidf };
+            talk.order(bench, ToMotor::SetPidf { of, coefficients }.to(channel));
+        }
     }
     Ok(())
 }
@@ -193,7 +201,7 @@ fn carry_out(
     order: Order,
 ) -> Result<(), ReplayError> {
     match order {
-        Order::SetUp(index) => return set_up(bench, talk, index as u8, &scenario.motors[index]),
+        Order::SetUp(index) => return set_up(bench, talk, index as u8, scenario),
         Order::Torque(motor, torque) => bench.set_torque(motor, torque),
         Order::Setpoint(motor, setpoint) => {
             let floats = scenario.motors[motor].zero_power == ZeroPower::Float;
@@ -277,6 +285,7 @@ fn difference(after: &Flow, before: &Flow) -> Flow {
     flow.charge_to_battery.0 -= before.charge_to_battery.0;
     flow.heat.0 -= before.heat.0;
     flow.shaft_work.0 -= before.shaft_work.0;
+    flow.friction_heat.0 -= before.friction_heat.0;
     flow
 }
 

@@ -1,6 +1,8 @@
 //! Scenario files with mistakes: each is refused with its place and with what is allowed.
 #![expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
 
+use motor_hub::model::catalogue::{Motor, characterised};
+use motor_hub::model::si::{NewtonMetres, Volts};
 use simulated::scenario::Scenario;
 use simulated::scenario::expectation::{Bounds, Expectation, Quantity, Subject, Wish};
 
@@ -78,6 +80,16 @@ fn numbers_out_of_range_name_the_range() {
     refused("load = {", "told = { emf = 0.0 }\nload = {", "11:16", "0.1 to 10");
     refused("0.1 }\n", "0.1, emf_over_time = [{ at_s = 1, emf_v = 0.5 }] }\n", "4:86", "1 to 60");
     refused("blend = 0.25", "blend = 1.5", "10:9", "0 (scheme B) to 1 (scheme C)");
+    let rough = |table: &str, place: &str, says: &str| {
+        refused("load = {", &format!("{table}\nload = {{"), place, says)
+    };
+    rough("friction = { coulomb_percent = -1.0 }", "11:32", "0 to 100");
+    rough("friction = { coulomb_percent = nan }", "11:32", "0 to 100");
+    rough("friction = { coulomb_percent = 5.0, breakaway_percent = 4.0 }", "11:57", "5 to 100");
+    rough("friction = { breakaway_percent = 4.0 }", "11:12", "`coulomb_percent`");
+    rough("cogging = { amplitude_percent = 101.0, per_turn = 6 }", "11:33", "0 to 100");
+    rough("cogging = { amplitude_percent = 1.0, per_turn = 0 }", "11:49", "1 to 1000");
+    rough("cogging = { amplitude_percent = 1.0 }", "11:11", "`per_turn`");
 }
 
 #[test]
@@ -157,7 +169,7 @@ fn the_hub_is_told_what_the_scenario_says_of_a_motor() {
     let told = |factors: &str| {
         let text = SOUND.replace("scheme = \"D\"", &format!("told = {factors}\nscheme = \"D\""));
         let scenario = Scenario::parse("s.toml", &text).expect("it is valid");
-        scenario.motors.first().expect("a motor").settings().expect("in range")
+        scenario.motors.first().expect("a motor").settings(scenario.period).expect("in range")
     };
     let [right, wrong] = ["{}", "{ resistance = 1.3, emf = 0.5 }"].map(told);
     assert!((2 * wrong.winding.emf.to_bits() - right.winding.emf.to_bits()).abs() <= 1);
@@ -182,4 +194,35 @@ fn the_hub_drives_one_to_four_differently_named_motors() {
             .starts_with("s.toml:24:9: label \"one\" is taken")
     );
     refused("label = \"one\"", "label = \" \"", "7:9", "1 to 80 printable");
+}
+
+#[test]
+fn the_hub_is_told_the_friction_of_a_motor() {
+    let friction = |keys: &str| {
+        let text = SOUND.replacen("load = {", &format!("{keys}\nload = {{"), 1);
+        let scenario = Scenario::parse("s.toml", &text).expect("it is valid");
+        let settings = scenario.motors.first().map(|motor| motor.settings(scenario.period));
+        let dynamics = settings.expect("a motor").expect("in range").dynamics;
+        dynamics.expect("it is told how the motor moves").friction.get()
+    };
+    assert_eq!(friction(""), 0);
+    // The voltage that balances it at rest: 5 % of 12 V, less what two switches take.
+    let told = friction("friction = { coulomb_percent = 5.0 }");
+    assert!((600..650).contains(&told), "{told} mV");
+}
+
+#[test]
+fn friction_and_cogging_are_shares_of_the_stall_torque_and_stay_so_in_another_motor() {
+    let rough =
+        "friction = { coulomb_percent = 5.0 }\ncogging = { amplitude_percent = 2.0, per_turn = 6 }\nload = {";
+    let scenario = Scenario::parse("s.toml", &SOUND.replacen("load = {", rough, 1)).expect("it is valid");
+    let other = characterised("AM 3.7 B").expect("it is in the catalogue");
+    for motor in scenario.motors.iter().flat_map(|motor| [motor.clone(), motor.with_constants(other)]) {
+        let Motor { friction, cogging, name, .. } = motor.constants;
+        let percent = |torque: NewtonMetres| 100.0 * torque.0 / motor.constants.stall_torque(Volts(12.0)).0;
+        for (got, want) in [(friction.coulomb, 5.0), (friction.breakaway, 6.5), (cogging.amplitude, 2.0)] {
+            assert!((percent(got) - want).abs() < 1e-12, "{name}: {got} instead of {want} %");
+        }
+        assert_eq!(cogging.per_turn, 6, "{name}");
+    }
 }

@@ -24,7 +24,7 @@ use crate::{Error, Session};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
-use motor_hub::protocol::setup::{Setup, ToSetup};
+use motor_hub::protocol::setup::{Motion, Setup, ToSetup};
 use motor_hub::units::Control;
 use std::io::{Read, Write};
 
@@ -105,6 +105,16 @@ impl<L: Read + Write> Session<L> {
     /// Says which motor it is, and how to control it. Its coefficients become those that go with it.
     pub fn set_up(&mut self, motor: u8, setup: Setup) -> Result<(), Error> {
         self.order(ToSetup::SetUp { setup }.to(motor))
+    }
+
+    /// How it moves and may, as far as the hub knows; this project's own firmware tells.
+    pub fn motion(&mut self, motor: u8) -> Result<Motion, Error> {
+        self.ask(ToSetup::Motion.to(motor))
+    }
+
+    /// Says how it moves, and how it may.
+    pub fn set_motion(&mut self, motor: u8, motion: Motion) -> Result<(), Error> {
+        self.order(ToSetup::SetMotion { motion }.to(motor))
     }
 
     /// A loop's coefficients.

@@ -12,6 +12,8 @@ pub(crate) fn words(request: &Request) -> String {
         Request::Hub(request) => hub(request).to_owned(),
         Request::Motor(motor, request) => format!("{} motor {motor}", of_motor(request)),
         Request::Setup(motor, ToSetup::SetUp { .. }) => format!("set up motor {motor}"),
+        Request::Setup(motor, ToSetup::SetMotion { .. }) => format!("set how motor {motor} moves"),
+        Request::Setup(motor, ToSetup::Motion) => format!("tell how motor {motor} moves"),
         Request::Setup(motor, ToSetup::Setup) => format!("tell the set-up of motor {motor}"),
         Request::Pin(request) => format!("do function {} of its pins", request.number()),
     }

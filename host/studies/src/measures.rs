@@ -246,6 +246,7 @@ fn shares(ticks: &[(f64, &Sample)]) -> RegimeShares {
 
 /// Root mean square; 0 of nothing.
 fn rms(values: &[f64]) -> f64 {
-    let sum: f64 = values.iter().map(|value| value * value).sum();
+    // Folded from 0: the sum of nothing is -0, which would be shown.
+    let sum = values.iter().fold(0.0, |sum, value| sum + value * value);
     (sum / values.len().max(1) as f64).sqrt()
 }

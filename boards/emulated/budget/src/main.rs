@@ -14,7 +14,10 @@ use cortex_m_rt::entry;
 use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::motion::Reading;
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
-use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period};
+use motor_hub::regulator::Dynamics;
+use motor_hub::units::{
+    AccelerationPerVolt, Control, CountsPerSecond, DecayRate, EmfConstant, Micros, Millivolts, Period,
+};
 
 /// Inputs in a batch.
 const BATCH: usize = 512;
@@ -25,8 +28,9 @@ const OUTPUT: usize = 4;
 
 type Words<const N: usize> = [AtomicU32; N];
 
-/// Back-EMF constant (6q20), period in ms, duty rule (0 linear duty, 1 linear current).
-static SETTINGS: Words<3> = [const { AtomicU32::new(0) }; 3];
+/// Back-EMF constant (6q20), period in ms, duty rule (0 linear duty, 1 linear current), acceleration per volt
+/// (0 if the motor is not known) and rate of decay as their types have them.
+static SETTINGS: Words<5> = [const { AtomicU32::new(0) }; 5];
 static INPUTS: Words<{ BATCH * INPUT }> = [const { AtomicU32::new(0) }; BATCH * INPUT];
 static OUTPUTS: Words<{ BATCH * OUTPUT }> = [const { AtomicU32::new(0) }; BATCH * OUTPUT];
 static PENDING: Words<1> = [const { AtomicU32::new(0) }; 1];
@@ -57,13 +61,28 @@ fn setpoint(words: &[AtomicU32], at: usize) -> Setpoint {
     }
 }
 
-/// What is counted begins here, at its first instruction.
+/// The kind of an input that is a sample between two ticks.
+const SAMPLE: u32 = 4;
+
+/// A sample is counted from here, its first instruction,
+#[inline(never)]
+fn sample_motor(motor: &mut Motor, reading: Reading) {
+    motor.sample(reading);
+}
+
+/// to here.
+#[inline(never)]
+fn sampled() {
+    core::hint::black_box(());
+}
+
+/// A step is counted from here, its first instruction.
 #[inline(never)]
 fn step_motor(motor: &mut Motor, now: Micros, reading: Reading, battery: Millivolts) -> Report {
     motor.step(now, Some(reading), Some(battery))
 }
 
-/// What is counted ends here, at its first instruction. The answer, in words: control, mode and duty, velocity, position.
+/// It ends here, at its first instruction. The answer, in words: control, mode and duty, velocity, position.
 #[inline(never)]
 fn stepped(index: usize, report: &Report) {
     let drive = report.drive;
@@ -89,16 +108,21 @@ fn main() -> ! {
         for index in 0..pending.min(BATCH) {
             let at = INPUT * index;
             let motor = motor.get_or_insert_with(new_motor);
-            let wanted = setpoint(&INPUTS, at + 8);
-            if wanted != last {
-                last = wanted;
-                motor.set(wanted);
-            }
             let reading = Reading {
                 position: word(&INPUTS, at + 2).cast_signed(),
                 edge_at: time(&INPUTS, at + 3),
                 at: time(&INPUTS, at + 5),
             };
+            if word(&INPUTS, at + 8) == SAMPLE {
+                sample_motor(motor, reading);
+                sampled();
+                continue;
+            }
+            let wanted = setpoint(&INPUTS, at + 8);
+            if wanted != last {
+                last = wanted;
+                motor.set(wanted);
+            }
             let battery = Millivolts::new(word(&INPUTS, at + 7) as u16);
             let report = step_motor(motor, time(&INPUTS, at), reading, battery);
             stepped(index, &report);
@@ -119,6 +143,11 @@ fn new_motor() -> Motor {
         0 => DutyRule::LinearDuty,
         _ => DutyRule::LinearCurrent,
     };
+    settings.dynamics = AccelerationPerVolt::from_bits(word(&SETTINGS, 3)).ok().map(|gain| Dynamics {
+        gain,
+        decay: DecayRate::from_bits(word(&SETTINGS, 4)),
+        friction: Millivolts::new(0),
+    });
     Motor::new(settings, period)
 }
 

@@ -2,10 +2,12 @@
 
 use super::expectation::Expectation;
 use crate::hardware::{BRIDGE, winding};
-use motor_hub::braking::{DutyRule, Scheme};
-use motor_hub::model::{battery::Battery, catalogue, load::Load, si};
+use motor_hub::braking::{DutyRule, Scheme, Winding};
+use motor_hub::model::load::{Load, Shaft};
+use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Setpoint, Settings, ZeroPower};
+use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
 use motor_hub::units::{Period, RangeError};
 
 /// The longest run, in seconds: a trace must fit in memory.
@@ -69,11 +71,24 @@ pub struct Told {
     pub resistance: f64,
     /// Of the back-EMF constant.
     pub emf: f64,
+    /// How the motor moves, as an identification would have found it; `None` if the hub knows nothing but
+    /// the winding.
+    pub motion: Option<ToldMotion>,
+}
+
+/// What the hub is told of inertia and friction, as factors of what they are with the load.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToldMotion {
+    /// Of the moment of inertia.
+    pub inertia: f64,
+    /// Of the Coulomb friction.
+    pub friction: f64,
 }
 
 impl Told {
     /// The constants as they are.
-    pub const TRUTH: Self = Self { resistance: 1.0, emf: 1.0 };
+    pub const TRUTH: Self =
+        Self { resistance: 1.0, emf: 1.0, motion: Some(ToldMotion { inertia: 1.0, friction: 1.0 }) };
 }
 
 /// Something that holds from a time on.
@@ -118,26 +133,44 @@ impl Scenario {
 }
 
 impl Motor {
-    /// The settings that the hub is given for this motor.
+    /// The settings that a hub with this control period is given for this motor.
     ///
     /// # Errors
     /// If one of the motor's constants does not fit the firmware's range.
-    pub fn settings(&self) -> Result<Settings, RangeError> {
-        let Told { resistance, emf } = self.told;
+    pub fn settings(&self, period: Period) -> Result<Settings, RangeError> {
+        let Told { resistance, emf, motion } = self.told;
         let told = catalogue::Motor {
             r: si::Ohms(self.constants.r.0 * resistance),
             ke: si::EmfConstant(self.constants.ke.0 * emf),
             ..self.constants
         };
-        let defaults = Settings::for_scheme(winding(&told)?, self.scheme);
+        let winding = winding(&told)?;
+        let guessed = Coefficients::guessed(winding.emf, self.scheme, period);
+        let own = self.velocity.is_some() || self.position.is_some();
         Ok(Settings {
             bridge: BRIDGE,
             duty: self.duty,
             zero_power: self.zero_power,
-            velocity: self.velocity.unwrap_or(defaults.velocity),
-            position: self.position.unwrap_or(defaults.position),
-            ..defaults
+            dynamics: motion.map(|factors| self.dynamics(&winding, factors)).transpose()?,
+            coefficients: own.then(|| Coefficients {
+                velocity: self.velocity.unwrap_or(guessed.velocity),
+                position: self.position.unwrap_or(guessed.position),
+            }),
+            ..Settings::for_scheme(winding, self.scheme)
         })
+    }
+
+    /// How the motor moves with its load, as the hub is told.
+    fn dynamics(&self, winding: &Winding, told: ToldMotion) -> Result<Dynamics, RangeError> {
+        let shaft = Shaft::new(&self.constants, &self.load);
+        let mechanics = Mechanics {
+            torque_constant: self.constants.kt.0,
+            counts_per_turn: self.constants.counts_per_rev_motor,
+            inertia: shaft.inertia.0 * told.inertia,
+            drag: shaft.drag.0,
+            friction: self.constants.friction.coulomb.0 * told.friction,
+        };
+        Dynamics::from_mechanics(winding, &BRIDGE, &mechanics)
     }
 
     /// The set-point that holds at a time in seconds.

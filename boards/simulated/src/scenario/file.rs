@@ -1,10 +1,11 @@
 //! Reads a scenario file: from its tables, by checks, to a [`Scenario`].
 
 mod expect;
+mod friction;
 mod ranges;
 mod tables;
 
-use super::definition::{LONGEST_S, Motor, Scenario, Timed, Told};
+use super::definition::{LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
 use super::mistake::{Checked, Fault, Mistake, fault};
 use crate::hardware::MOTORS;
 use crate::scheme::SchemeName;
@@ -15,7 +16,7 @@ use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::units::{Coefficient, Control, CountsPerSecond, Period};
 use ranges::{FASTEST_CPS, named, optional, timeline, within};
 use std::ops::RangeInclusive;
-use tables::{File, GainTable, Inertia, MotorTable, SetPointTable, ToldTable, ZeroPowerWord};
+use tables::{File, GainTable, Inertia, MotorTable, SetPointTable, ToldChoice, ToldTable, ZeroPowerWord};
 use toml::Spanned;
 
 /// What a Q16.16 coefficient can hold.
@@ -71,8 +72,14 @@ pub(super) fn read(text: &str) -> Checked<Scenario> {
 
 impl MotorTable {
     fn check(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Motor> {
-        let constants = characterised(self.motor.get_ref())
+        let mut constants = characterised(self.motor.get_ref())
             .map_err(|unknown| fault(&self.motor, Mistake::Motor(unknown)))?;
+        if let Some(table) = &self.friction {
+            constants.friction = table.check(&constants)?;
+        }
+        if let Some(table) = &self.cogging {
+            constants.cogging = table.check(&constants)?;
+        }
         let Some(scheme) = self.scheme.or(self.blend.is_none().then_some(SchemeName::A)) else {
             return Err(fault(whole, Mistake::BlendAlone));
         };
@@ -128,12 +135,28 @@ impl MotorTable {
 const TORQUE: RangeInclusive<f64> = -1000.0..=1000.0;
 const EMF: RangeInclusive<f64> = 1.0..=60.0;
 
+impl ToldChoice {
+    fn check(&self) -> Checked<Told> {
+        match self {
+            Self::Nothing => Ok(Told { motion: None, ..Told::TRUTH }),
+            Self::Factors(factors) => factors.check(),
+        }
+    }
+}
+
 impl ToldTable {
     fn check(&self) -> Checked<Told> {
         let factor = |value: &Option<Spanned<f64>>, key: &'static str| {
             value.as_ref().map_or(Ok(1.0), |value| within(value, key, 0.1..=10.0))
         };
-        Ok(Told { resistance: factor(&self.resistance, "resistance")?, emf: factor(&self.emf, "emf")? })
+        Ok(Told {
+            resistance: factor(&self.resistance, "resistance")?,
+            emf: factor(&self.emf, "emf")?,
+            motion: Some(ToldMotion {
+                inertia: factor(&self.inertia, "inertia")?,
+                friction: factor(&self.friction, "friction")?,
+            }),
+        })
     }
 }
 

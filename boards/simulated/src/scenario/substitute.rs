@@ -29,8 +29,8 @@ impl Reach {
 
 impl Motor {
     /// The same task for another motor: speeds and positions in the ratio of the free speeds, torques
-    /// in that of the stall torques, loads so that they take as long to be set in motion.
-    /// Coefficients are left to the board.
+    /// in that of the stall torques (friction and cogging too), loads so that they take as long to be
+    /// set in motion. Coefficients are left to the board.
     #[must_use]
     pub fn with_constants(&self, constants: catalogue::Motor) -> Self {
         let (old, new) = (Reach::of(&self.constants), Reach::of(&constants));
@@ -38,6 +38,13 @@ impl Motor {
         let torque = new.stall_after / old.stall_after;
         let load = torque * old.free_after / new.free_after;
         let mut motor = Self { constants, velocity: None, position: None, ..self.clone() };
+        let [was, is] = [&self.constants, &constants].map(|motor| motor.stall_torque(si::Volts(12.0)).0);
+        (motor.constants.friction, motor.constants.cogging) =
+            (self.constants.friction, self.constants.cogging);
+        let catalogue::Motor { friction, cogging, .. } = &mut motor.constants;
+        for part in [&mut friction.coulomb, &mut friction.breakaway, &mut cogging.amplitude] {
+            part.0 *= is / was;
+        }
         motor.load.inertia_after = si::KgM2(self.load.inertia_after.0 * load);
         motor.load.drag_after = si::Drag(self.load.drag_after.0 * load);
         for Timed { value, .. } in &mut motor.setpoints {

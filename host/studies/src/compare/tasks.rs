@@ -77,7 +77,7 @@ pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
         ("ke-110", "The step, hub told 1.1 Ke", 1.0, 1.1),
     ] {
         let mut scenario = step()?;
-        scenario.motors.iter_mut().for_each(|motor| motor.told = Told { resistance, emf });
+        scenario.motors.iter_mut().for_each(|motor| motor.told = Told { resistance, emf, ..Told::TRUTH });
         tasks.push(task(key, what, EVENT_S, Ok(scenario))?);
     }
     Ok(tasks)

@@ -3,6 +3,7 @@
 use super::error::CaseError;
 use motor_hub::bridge::Mode;
 use motor_hub::model::catalogue::Motor;
+use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::si::{Drag, EmfConstant, Henries, KgM2, Ohms, TorqueConstant};
 use serde_json::{Value, json};
 
@@ -99,6 +100,8 @@ impl<'a> Case<'a> {
             ke: EmfConstant(positive("Ke")?),
             kt: TorqueConstant(positive("Kt")?),
             b: Drag(number("B")?),
+            friction: Friction::NONE,
+            cogging: Cogging::NONE,
             j: inertia,
             j_rotor_measured: inertia,
             counts_per_rev_motor: 1.0,

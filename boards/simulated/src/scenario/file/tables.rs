@@ -1,6 +1,7 @@
 //! The tables of a scenario file as they are written, unchecked.
 
 use super::expect::ExpectTable;
+use super::friction::{CoggingTable, FrictionTable};
 use crate::scheme::{BlendChoice, DutyWord, SchemeName};
 use motor_hub::braking::DutyRule;
 use serde::Deserialize;
@@ -44,10 +45,12 @@ pub(super) struct MotorTable {
     pub(super) motor: Spanned<String>,
     #[serde(default)]
     pub(super) inertia: Inertia,
+    pub(super) friction: Option<FrictionTable>,
+    pub(super) cogging: Option<CoggingTable>,
     #[serde(default)]
     pub(super) load: LoadTable,
     #[serde(default)]
-    pub(super) told: ToldTable,
+    pub(super) told: ToldChoice,
     pub(super) scheme: Option<SchemeName>,
     pub(super) blend: Option<Spanned<BlendChoice>>,
     #[serde(default, with = "DutyWord")]
@@ -88,11 +91,52 @@ pub(super) struct LoadTable {
     pub(super) torque_nm: Option<Spanned<f64>>,
 }
 
+/// What a hub may know: factors, or the word "nothing".
+pub(super) enum ToldChoice {
+    Nothing,
+    Factors(ToldTable),
+}
+
+impl Default for ToldChoice {
+    fn default() -> Self {
+        Self::Factors(ToldTable::default())
+    }
+}
+
+impl<'de> Deserialize<'de> for ToldChoice {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> serde::de::Visitor<'de> for Either {
+            type Value = ToldChoice;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("\"nothing\" or a table of factors")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, word: &str) -> Result<ToldChoice, E> {
+                if word == "nothing" {
+                    Ok(ToldChoice::Nothing)
+                } else {
+                    Err(E::invalid_value(serde::de::Unexpected::Str(word), &self))
+                }
+            }
+
+            fn visit_map<A: serde::de::MapAccess<'de>>(self, map: A) -> Result<ToldChoice, A::Error> {
+                ToldTable::deserialize(serde::de::value::MapAccessDeserializer::new(map))
+                    .map(ToldChoice::Factors)
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ToldTable {
     pub(super) resistance: Option<Spanned<f64>>,
     pub(super) emf: Option<Spanned<f64>>,
+    pub(super) inertia: Option<Spanned<f64>>,
+    pub(super) friction: Option<Spanned<f64>>,
 }
 
 #[derive(Default, Deserialize)]

@@ -1,0 +1,70 @@
+//! How a motor and its load answer to a voltage, in the encoder's units.
+
+use crate::braking::Winding;
+use crate::bridge::BridgeConstants;
+use crate::units::{AccelerationPerVolt, DecayRate, Millivolts, RangeError};
+
+/// What a regulator must know of a motor and its load, besides the back EMF:
+///
+/// ```text
+/// acceleration = b u - q w - b c sign(w) + load
+/// ```
+///
+/// with the voltage u behind the mean current (back EMF plus current times resistance), the speed w, and
+/// the friction c.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Dynamics {
+    /// b.
+    pub gain: AccelerationPerVolt,
+    /// q.
+    pub decay: DecayRate,
+    /// c: the voltage that just balances the friction of the moving motor; 0 if unknown.
+    pub friction: Millivolts,
+}
+
+/// A motor and its load as data sheets speak of them: all of it seen from the motor's shaft.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mechanics {
+    /// Torque per current, N m/A.
+    pub torque_constant: f64,
+    /// Encoder counts in a turn of the motor.
+    pub counts_per_turn: f64,
+    /// Of rotor and load, kg m².
+    pub inertia: f64,
+    /// Viscous drag of rotor and load, N m s/rad.
+    pub drag: f64,
+    /// Coulomb friction, N m.
+    pub friction: f64,
+}
+
+impl Dynamics {
+    /// From physical constants: with the resistance R of winding and bridge and kc counts per radian,
+    /// `b = Kt kc / (R J)`, `q = b Ke / kc + B / J`, `c = R friction / Kt`.
+    ///
+    /// # Errors
+    /// If one of the three is out of its type's range, or not a number.
+    pub const fn from_mechanics(
+        winding: &Winding,
+        bridge: &BridgeConstants,
+        mechanics: &Mechanics,
+    ) -> Result<Self, RangeError> {
+        let Mechanics { torque_constant, counts_per_turn, inertia, drag, friction } = *mechanics;
+        let milliohms = winding.resistance.as_milliohms() as f64 + 2.0 * bridge.switch_mohm() as f64;
+        let ohms = milliohms / 1e3;
+        let b = torque_constant * counts_per_turn / (core::f64::consts::TAU * ohms * inertia);
+        let gain = match AccelerationPerVolt::from_f64(b) {
+            Ok(gain) => gain,
+            Err(error) => return Err(error),
+        };
+        let volts_per_speed = winding.emf.to_bits() as f64 / (1e3 * (1 << 20) as f64);
+        let decay = match DecayRate::from_f64(b * volts_per_speed + drag / inertia) {
+            Ok(decay) => decay,
+            Err(error) => return Err(error),
+        };
+        match Millivolts::from_volts(ohms * friction / torque_constant) {
+            Ok(friction) => Ok(Self { gain, decay, friction }),
+            Err(error) => Err(error),
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! The velocity loop, and the position loop above it: proportional, integral and derivative action.
+
+use super::{Config, Demand, Request, Stage};
+use crate::braking::{Blend, BlendFraction, Scheme};
+use crate::motion::pid::{PidInput, Value};
+use crate::motion::{Pid, Pidf};
+use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Period};
+use libm::{roundf, sqrtf};
+
+/// The mechanical time constant of a motor of which nothing is known, in seconds: about that of a loaded gear
+/// motor.
+const GUESSED_TIME_CONSTANT: f32 = 0.2;
+/// The voltage for which coefficients are.
+const NOMINAL_VOLTS: f32 = 12.0;
+/// Of its acceleration at this voltage a motor is trusted to brake with half.
+const BRAKING_VOLTS: f32 = 11.0;
+
+/// Coefficients of both loops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Coefficients {
+    /// Of regulated velocity.
+    pub velocity: Pidf,
+    /// Of the position loop above it.
+    pub position: Pidf,
+}
+
+impl Coefficients {
+    /// Coefficients for a motor of which only the back EMF is known, at a battery of 12 V.
+    ///
+    /// The bandwidth wc follows from the delay of half a period and half a window of the speed's estimate;
+    /// with `f` control steps per count/s, which is full control at the speed whose back EMF is 12 V, and a
+    /// guessed time constant of 0.2 s, P is `f (wc tau - 0.5)`, I is `(P + f) wc / 3`, and the position's P
+    /// `wc / 3`. Where a control value is a current, the back EMF does not damp the motor, and P makes up
+    /// for it by another f; in C and D, whose range is less current, P and I grow by as much. A fixed
+    /// blend lies between B and C.
+    pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
+        let f =
+            emf.to_bits() as f32 * f32::from(Control::MAX.get()) / (1e3 * NOMINAL_VOLTS * (1 << 20) as f32);
+        let seconds = period.as_millis() as f32 / 1000.0;
+        let delay = seconds / 2.0 + seconds.max(0.02) / 2.0;
+        let bandwidth = (0.45 / delay).min(25.0);
+        let p = (bandwidth * GUESSED_TIME_CONSTANT - 0.5).max(0.3);
+        let i = (p + 1.0) * bandwidth / 3.0;
+        // Of a range with less current.
+        let narrow = |share: f32| ((p + 1.0) * (1.0 + 0.6 * share), i * (1.0 + 0.6 * share));
+        let (p, i) = match scheme {
+            Scheme::ForwardReverse | Scheme::A => (p, i),
+            Scheme::B => narrow(0.0),
+            Scheme::C | Scheme::D(Blend::Automatic) => narrow(1.0),
+            Scheme::D(Blend::Fixed(blend)) => {
+                narrow(blend.to_bits() as f32 / BlendFraction::ONE.to_bits() as f32)
+            }
+        };
+        let pi = |p: f32, i: f32| Pidf { p: coefficient(p), i: coefficient(i), ..Pidf::default() };
+        Self { velocity: pi(p * f, i * f), position: pi(bandwidth / 3.0, 0.0) }
+    }
+}
+
+/// To the nearest step of 2^-16; what is too large is the end of the range.
+const fn coefficient(value: f32) -> Coefficient {
+    Coefficient::from_bits((65_536.0 * value + 0.5) as i32)
+}
+
+/// Both loops of one motor.
+#[derive(Clone, Debug)]
+pub(super) struct Loops {
+    period: Period,
+    coefficients: Coefficients,
+    /// The coefficients are for a battery of 12 V, not a host's.
+    guessed: bool,
+    /// Braking that the motor is trusted with, counts/s².
+    brakes: f32,
+    velocity: Pid,
+    position: Pid,
+    start: Start,
+}
+
+/// How the velocity loop's integral begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Start {
+    /// It runs on.
+    Running,
+    /// At what keeps the current as it is.
+    Resume,
+    /// At nothing.
+    Release,
+}
+
+impl Loops {
+    pub(super) fn new(config: &Config, period: Period) -> Self {
+        let guess = Coefficients::guessed(config.emf, config.scheme, period);
+        // Of the motor's constants b kappa is 1 / tau.
+        let kappa = config.emf.to_bits() as f32 / (1e3 * (1 << 20) as f32);
+        let per_volt =
+            config.dynamics.map_or(1.0 / (kappa * GUESSED_TIME_CONSTANT), |known| known.gain.to_f32());
+        Self {
+            period,
+            coefficients: config.coefficients.unwrap_or(guess),
+            guessed: config.coefficients.is_none(),
+            brakes: per_volt * BRAKING_VOLTS / 2.0,
+            velocity: Pid::default(),
+            position: Pid::default(),
+            start: Start::Resume,
+        }
+    }
+
+    pub(super) fn configure(&mut self, config: &Config, period: Period) {
+        *self = Self { velocity: self.velocity, position: self.position, ..Self::new(config, period) };
+    }
+
+    /// From the next step on the motor goes on as it is.
+    pub(super) const fn resume(&mut self) {
+        self.start = Start::Resume;
+    }
+
+    /// From the next step on nothing is left of the effort that there was.
+    pub(super) const fn release(&mut self) {
+        self.start = Start::Release;
+    }
+
+    /// `steady` is the control value that leaves the current as it is.
+    pub(super) fn step(
+        &mut self,
+        demand: Demand,
+        position: i32,
+        velocity: CountsPerSecond,
+        steady: Control,
+        stage: &Stage<'_>,
+    ) -> Request {
+        if self.start != Start::Running {
+            self.position.reset();
+        }
+        let target = match demand {
+            Demand::Velocity(target) => target,
+            Demand::Position { target, speed_limit } => self.approach(target, position, speed_limit),
+        };
+        Request { control: self.velocity(target, velocity, steady, stage), speed: target }
+    }
+
+    /// The control value for a velocity.
+    fn velocity(
+        &mut self,
+        target: CountsPerSecond,
+        measured: CountsPerSecond,
+        steady: Control,
+        stage: &Stage<'_>,
+    ) -> Control {
+        let gains = &self.coefficients.velocity;
+        // A host's coefficients are of control; guessed ones are of volts.
+        let scale = if self.guessed { NOMINAL_VOLTS / stage.battery } else { 1.0 };
+        let [target, measured] = [target, measured].map(|speed| Value::from_bits(speed.to_bits()));
+        let carried = match self.start {
+            Start::Running => None,
+            Start::Resume => Some(Value::saturating_from_num(f32::from(steady.get()) / scale)),
+            Start::Release => Some(Value::ZERO),
+        };
+        if let Some(output) = carried {
+            self.velocity.preset(gains, output, measured);
+        }
+        self.start = Start::Running;
+        let input = PidInput {
+            error: target.saturating_sub(measured),
+            measured,
+            feed_forward: target,
+            limit: Value::saturating_from_num(f32::from(Control::MAX.get()) / scale),
+        };
+        let output = self.velocity.step(gains, self.period, input);
+        Control::saturating((roundf(scale * output.to_num::<f32>()) as i32).into())
+    }
+
+    /// The velocity at which to go to a position now: no more than can be braked from.
+    fn approach(&mut self, target: i32, position: i32, speed_limit: CountsPerSecond) -> CountsPerSecond {
+        let distance = target.wrapping_sub(position);
+        let stoppable = sqrtf(2.0 * self.brakes * distance.unsigned_abs() as f32);
+        let limit = speed_limit.to_bits().unsigned_abs().min((256.0 * stoppable) as u32);
+        let input = PidInput {
+            // The short way round; 8 million counts are as good as more.
+            error: Value::saturating_from_num(distance),
+            measured: Value::wrapping_from_num(position),
+            feed_forward: Value::ZERO,
+            limit: Value::from_bits(limit.cast_signed()),
+        };
+        let speed = self.position.step(&self.coefficients.position, self.period, input);
+        CountsPerSecond::from_bits(speed.to_bits())
+    }
+}

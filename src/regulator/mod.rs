@@ -1,0 +1,351 @@
+//! From what a motor should do to the control value for this tick: two regulators behind one interface.
+//!
+//! * **Model**, where the motor and its load are known ([`Dynamics`]): an observer follows position,
+//!   speed and load from sample to sample, and the voltage that brings the motor to the speed it should have
+//!   at the next tick follows in closed form. Nothing integrates and nothing winds up.
+//! * **PID**, where a host brings coefficients of its own, or nothing is known but the winding: the velocity
+//!   loop, and the position loop above it.
+//!
+//! Both end in a control value, which S, T, Z and G judge; below that nothing knows which of them it was. A
+//! change of mode, of coefficients or from one to the other makes no step of current.
+//!
+//! ```
+//! use motor_hub::braking::Winding;
+//! use motor_hub::bridge::BridgeConstants;
+//! use motor_hub::regulator::{Dynamics, Mechanics};
+//!
+//! // A bare NeveRest 60: rotor alone, in SI units.
+//! let rotor = Mechanics {
+//!     torque_constant: 0.0178,
+//!     counts_per_turn: 28.0,
+//!     inertia: 1.0e-5,
+//!     drag: 1.4e-6,
+//!     friction: 0.0,
+//! };
+//! let dynamics =
+//!     Dynamics::from_mechanics(&Winding::NEVEREST_60, &BridgeConstants::VNH5019, &rotor).expect("in range");
+//! assert_eq!(dynamics.gain.to_f32().round(), 2_333.0); // counts/s² per volt
+//! assert!((1.0 / dynamics.decay.to_f32() - 0.1).abs() < 0.01); // mechanical time constant, s
+//! ```
+
+mod dynamics;
+mod loops;
+mod model;
+mod observer;
+
+pub use dynamics::{Dynamics, Mechanics};
+pub use loops::Coefficients;
+
+use crate::braking::{OperatingPoint, Placer, Scheme};
+use crate::motion::{Reading, VelocityEstimator};
+use crate::units::{Acceleration, Control, CountsPerSecond, EmfConstant, Millivolts, Period, Voltage};
+use loops::Loops;
+use model::{Law, State};
+use observer::{Observer, Plant};
+
+/// An encoder that was silent for longer than this is started with afresh.
+const SILENCE_SAMPLES: u32 = 20;
+/// So long a motor that should move does not before it counts as held.
+const HELD_MS: u32 = 100;
+/// Speed asked for at which counts are due in that time.
+const COUNTING_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
+
+/// What a regulator is told once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// Back EMF per speed.
+    pub emf: EmfConstant,
+    /// What control values mean.
+    pub scheme: Scheme,
+    /// The motor and its load, if known.
+    pub dynamics: Option<Dynamics>,
+    /// Coefficients of a host's own: the PID runs with them, whatever is known.
+    pub coefficients: Option<Coefficients>,
+    /// Largest acceleration, of a motor that is known.
+    pub acceleration: Option<Acceleration>,
+}
+
+/// Which of the two regulates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Kind {
+    /// By the motor's own equation.
+    Model,
+    /// By proportional, integral and derivative action.
+    Pid,
+}
+
+/// What a regulated motor is to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Demand {
+    /// Turn at this speed.
+    Velocity(CountsPerSecond),
+    /// Go to a position and stay there.
+    Position {
+        /// Counts.
+        target: i32,
+        /// Magnitude of the speed on the way; the sign does not matter.
+        speed_limit: CountsPerSecond,
+    },
+}
+
+/// What a control value will be judged by.
+#[derive(Clone, Copy, Debug)]
+pub struct Stage<'a> {
+    /// Control values to drives and back.
+    pub placer: &'a Placer,
+    /// Speed and battery.
+    pub at: OperatingPoint,
+    /// The battery's voltage in volts.
+    battery: f32,
+}
+
+impl<'a> Stage<'a> {
+    /// At this battery voltage and speed.
+    pub fn new(placer: &'a Placer, at: OperatingPoint, battery: Millivolts) -> Self {
+        Self { placer, at, battery: f32::from(battery.get()) / 1000.0 }
+    }
+}
+
+/// What a regulator asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// The control value.
+    pub control: Control,
+    /// The speed that it is for.
+    pub speed: CountsPerSecond,
+}
+
+/// The regulator of one motor.
+#[derive(Clone, Debug)]
+pub struct Regulator {
+    config: Config,
+    period: Period,
+    known: Option<Known>,
+    loops: Loops,
+    /// Where the motor is not known.
+    estimator: VelocityEstimator,
+    last: Option<Reading>,
+    /// Where a motor that should stand came to rest.
+    anchor: Option<i32>,
+    /// For how long it has not moved though it should.
+    held_ms: u32,
+    /// What the bridge made of the last tick, and at which speed; `None` while it was open.
+    voltage: Option<(Voltage, CountsPerSecond)>,
+}
+
+/// A motor that is known.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    plant: Plant,
+    law: Law,
+    observer: Observer,
+    state: State,
+}
+
+impl Known {
+    fn new(config: &Config, dynamics: &Dynamics, period: Period, observer: Observer) -> Self {
+        let kappa = config.emf.to_bits() as f32 / (1e3 * (1 << 20) as f32);
+        let b = dynamics.gain.to_f32();
+        let plant = Plant::new(b, kappa, dynamics.decay.to_f32(), Law::poles(period));
+        let friction = f32::from(dynamics.friction.get()) / 1000.0;
+        let law = Law::new(&plant, friction, period, config.acceleration);
+        Self { plant, law, observer, state: State::default() }
+    }
+}
+
+impl Regulator {
+    /// At rest, for a motor that is stepped every `period`.
+    pub fn new(config: Config, period: Period) -> Self {
+        let known =
+            config.dynamics.map(|dynamics| Known::new(&config, &dynamics, period, Observer::new(0.0)));
+        Self {
+            config,
+            period,
+            known,
+            loops: Loops::new(&config, period),
+            estimator: VelocityEstimator::new(period),
+            last: None,
+            anchor: None,
+            held_ms: 0,
+            voltage: None,
+        }
+    }
+
+    /// Takes effect at the next step. What is known of the motion is kept, so the motor may run meanwhile.
+    pub fn configure(&mut self, config: Config) {
+        if config == self.config {
+            return;
+        }
+        let speed = self.velocity();
+        self.known = config.dynamics.map(|dynamics| {
+            let observer = self.known.map_or_else(|| Observer::new(speed.to_f32()), |known| known.observer);
+            let mut new = Known::new(&config, &dynamics, self.period, observer);
+            let voltage = self.voltage.map(|(voltage, _)| voltage.to_volts());
+            if self.config.dynamics != Some(dynamics) {
+                // What was load by other constants is not by these.
+                new.observer.settle(&new.plant, voltage);
+            }
+            new.observer.drive(&new.plant, voltage);
+            new
+        });
+        if self.known.is_none() {
+            self.estimator.start_at(speed);
+        }
+        self.config = config;
+        self.loops.configure(&config, self.period);
+    }
+
+    /// Another thing is asked of the motor. A motor that was held lets go: what pressed it against a stop
+    /// is no load that the stop would take along.
+    pub fn retarget(&mut self) {
+        self.anchor = None;
+        if self.held_ms >= HELD_MS {
+            if let Some(known) = &mut self.known {
+                known.observer.forget_load();
+            }
+            self.loops.release();
+        }
+        self.held_ms = 0;
+    }
+
+    /// Something of another kind is asked of the motor: it goes on from what it does now.
+    pub fn change_mode(&mut self) {
+        self.loops.resume();
+        self.retarget();
+    }
+
+    /// Takes a sample of the encoder; best every millisecond. Returns the counts since the last one.
+    pub fn sample(&mut self, reading: Reading) -> i32 {
+        let Some(last) = self.last.replace(reading) else {
+            return 0;
+        };
+        let moved = reading.position.wrapping_sub(last.position);
+        if let Some(known) = &mut self.known {
+            // In 32 bits, whose division is the shorter one.
+            let micros = u32::try_from(reading.at.since(last.at)).unwrap_or(u32::MAX);
+            let samples = micros / 1000;
+            if samples > SILENCE_SAMPLES {
+                let speed = known.observer.speed();
+                known.observer = Observer::new(speed);
+            } else if samples > 0 {
+                for _ in 1..samples {
+                    known.observer.predict(&known.plant);
+                }
+                known.observer.step(&known.plant, moved);
+            }
+        }
+        moved
+    }
+
+    /// A control tick has come, with this newest reading.
+    pub fn tick(&mut self, reading: Reading) {
+        if self.known.is_none() {
+            self.estimator.step(reading);
+        }
+    }
+
+    /// Estimated.
+    pub fn velocity(&self) -> CountsPerSecond {
+        self.known.map_or_else(|| self.estimator.get(), |known| speed(known.observer.speed()))
+    }
+
+    /// The voltage that would keep the speed against what loads the motor, drag and friction among it, beyond
+    /// its back EMF; `None` where that is not known.
+    pub fn load(&self) -> Option<Voltage> {
+        self.known.map(|known| Voltage::from_volts(-known.observer.load(&known.plant) / known.plant.b))
+    }
+
+    /// Which of the two regulates.
+    pub const fn kind(&self) -> Kind {
+        match (self.config.coefficients, self.known) {
+            (None, Some(_)) => Kind::Model,
+            _ => Kind::Pid,
+        }
+    }
+
+    /// The speed that a demand comes to, far from its end.
+    pub fn wanted(&self, demand: Demand) -> CountsPerSecond {
+        match demand {
+            Demand::Velocity(target) => target,
+            Demand::Position { target, speed_limit } => {
+                let limit = speed_limit.to_f32().abs();
+                let distance = target.wrapping_sub(self.position());
+                speed(limit * distance.signum() as f32)
+            }
+        }
+    }
+
+    fn position(&self) -> i32 {
+        self.last.map_or(0, |last| last.position)
+    }
+
+    /// The control value for this tick. `moved` is the counts since the last one.
+    pub fn step(&mut self, demand: Demand, moved: i32, stage: &Stage<'_>) -> Request {
+        let demand = self.anchored(demand);
+        let kind = self.kind();
+        let position = self.position();
+        let velocity = self.velocity();
+        let request = match (&mut self.known, kind) {
+            (Some(Known { plant, law, observer, state }), Kind::Model) => match demand {
+                Demand::Velocity(target) => law.velocity(state, observer, plant, target.to_f32(), stage),
+                Demand::Position { target, speed_limit } => {
+                    let distance = target.wrapping_sub(position);
+                    let limit = speed_limit.to_f32().abs();
+                    law.position(state, observer, plant, distance, limit, stage)
+                }
+            },
+            _ => {
+                let carried = self
+                    .voltage
+                    .map_or(0.0, |(voltage, at)| voltage.to_volts() - self.config.emf.emf(at).to_volts());
+                let steady = self.config.emf.emf(velocity).to_volts() + carried;
+                let steady = stage.placer.control(stage.at, Voltage::from_volts(steady));
+                self.loops.step(demand, position, velocity, steady, stage)
+            }
+        };
+        let due = request.speed.to_bits().unsigned_abs() >= COUNTING_SPEED.to_bits().unsigned_abs();
+        self.held_ms =
+            if due && moved == 0 { self.held_ms.saturating_add(self.period.as_millis()) } else { 0 };
+        request
+    }
+
+    /// A motor that should stand and does is held where it is.
+    fn anchored(&mut self, demand: Demand) -> Demand {
+        let Demand::Velocity(target) = demand else { return demand };
+        if target != CountsPerSecond::ZERO {
+            self.anchor = None;
+            return demand;
+        }
+        let counts = self.velocity().to_f32().abs() * self.period.as_millis().max(20) as f32 / 1000.0;
+        if self.anchor.is_none() && counts < 1.0 {
+            self.anchor = Some(self.position());
+        }
+        match self.anchor {
+            Some(target) => Demand::Position { target, speed_limit: CountsPerSecond::MAX },
+            None => demand,
+        }
+    }
+
+    /// What the bridge does from now on: this voltage across the motor, or nothing.
+    pub fn drive(&mut self, voltage: Option<Voltage>) {
+        if voltage.is_none() {
+            self.loops.resume();
+            self.held_ms = 0;
+        }
+        self.voltage = voltage.map(|voltage| (voltage, self.velocity()));
+        if let Some(Known { plant, observer, .. }) = &mut self.known {
+            observer.drive(plant, voltage.map(Voltage::to_volts));
+        }
+    }
+}
+
+/// A speed in the unit of everybody else.
+fn speed(counts_per_second: f32) -> CountsPerSecond {
+    CountsPerSecond::from_bits((256.0 * counts_per_second) as i32)
+}
+
+/// The value, or the nearest within this of 0. (Unlike `clamp` without a way to panic.)
+const fn within(value: f32, limit: f32) -> f32 {
+    value.max(-limit).min(limit)
+}

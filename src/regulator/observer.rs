@@ -1,0 +1,232 @@
+//! Where a motor is between its counts, how fast it turns and what pulls on it: a filter of three states,
+//! stepped with every sample of the encoder.
+//!
+//! Between counts the motor's own equation is integrated; a count says where the shaft was when it came, and
+//! so does a count that does not come. The gains grow with the time that such news took: they are those of a
+//! filter with three equal poles at `exp(-wo t)`, t after the last news, so a motor at 5 counts/s is followed
+//! as surely as one at 5000.
+//!
+//! ```text
+//! z = max(1/4, exp(-wo t))
+//! gains: 1 - z^3 of the position, 1.5 (1 - z)^2 (1 + z) / t of the speed, (1 - z)^3 / t^2 of the load
+//! ```
+
+use super::within;
+use libm::{cbrtf, expf};
+
+/// Seconds between two samples.
+pub(super) const SAMPLE: f32 = 1e-3;
+/// z is never less: news older than some 30 ms count for no more.
+const MOST_FADED: f32 = 0.25;
+/// No load accelerates a motor by more than so many times what the battery's 12 V do; a filter that believes so
+/// was given nonsense.
+const HEAVIEST_LOAD: f32 = 20.0 * 12.0;
+/// Counts/s: beyond what any encoder's timer could count, and far within what a single can add 1/1000 to.
+const FASTEST: f32 = 1e6;
+
+/// The motor's constants as the filter needs them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plant {
+    /// Counts/s² per volt.
+    pub(super) b: f32,
+    /// Volts per count/s.
+    pub(super) kappa: f32,
+    /// Of an acceleration, 1/s.
+    pub(super) q: f32,
+    /// What drag adds to q: q - b kappa.
+    pub(super) drag: f32,
+    /// What an acceleration that decays with q makes of the speed in a sample, per acceleration;
+    k1: f32,
+    /// and of the position.
+    k2: f32,
+    /// What is left of z after a sample.
+    fade: f32,
+}
+
+impl Plant {
+    /// `poles` (1/s) is wo where the motor is quick enough to be followed so fast.
+    pub(super) fn new(b: f32, kappa: f32, q: f32, poles: f32) -> Self {
+        let x = q * SAMPLE;
+        // Series where the quotients would cancel.
+        let (k1, k2) = if x > 1e-2 {
+            let k1 = -libm::expm1f(-x) / q;
+            (k1, (SAMPLE - k1) / q)
+        } else {
+            (SAMPLE * (1.0 - x / 2.0), SAMPLE * SAMPLE * (0.5 - x / 6.0))
+        };
+        let poles = poles.min(cbrtf(11.0 * 12.0 * b));
+        Self { b, kappa, q, drag: q - b * kappa, k1, k2, fade: expf(-poles * SAMPLE) }
+    }
+}
+
+/// What is known of the motion.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Observer {
+    /// Within the present count, 0 to 1 as far as is known.
+    x: f32,
+    /// Speed, counts/s.
+    w: f32,
+    /// Load, counts/s².
+    d: f32,
+    /// Acceleration, counts/s².
+    acceleration: f32,
+    /// The bridge is open: nothing but drag and load acts.
+    coasting: bool,
+    /// Seconds since the last news,
+    age: f32,
+    /// and exp(-wo age).
+    z: f32,
+}
+
+impl Observer {
+    /// In the middle of a count, at this speed, without acceleration under the voltage that acts.
+    pub(super) fn new(w: f32) -> Self {
+        Self { x: 0.5, w, d: 0.0, acceleration: 0.0, coasting: true, age: 0.0, z: 1.0 }
+    }
+
+    /// One sample later of which nothing is known.
+    pub(super) fn predict(&mut self, plant: &Plant) {
+        let (k1, k2) = if self.coasting {
+            self.acceleration = self.load(plant);
+            (SAMPLE, SAMPLE * SAMPLE / 2.0)
+        } else {
+            (plant.k1, plant.k2)
+        };
+        self.x += self.w * SAMPLE + self.acceleration * k2;
+        let gained = self.acceleration * k1;
+        self.w += gained;
+        self.acceleration -= plant.q * gained;
+        self.age += SAMPLE;
+        self.z = (self.z * plant.fade).max(MOST_FADED);
+    }
+
+    /// One sample later, in which the encoder moved by so many counts.
+    pub(super) fn step(&mut self, plant: &Plant, moved: i32) {
+        self.predict(plant);
+        self.x -= moved as f32;
+        // How long ago, at most a sample, the count came; half of that is as good as any.
+        let since = (self.w.abs() * SAMPLE).min(1.0) / 2.0;
+        let place = if moved > 0 {
+            since
+        } else if moved < 0 {
+            1.0 - since
+        } else if self.x < 0.0 {
+            0.0
+        } else if self.x > 1.0 {
+            1.0
+        } else {
+            return;
+        };
+        self.correct(plant, place - self.x);
+    }
+
+    /// The shaft is so much further than it was thought to be.
+    fn correct(&mut self, plant: &Plant, error: f32) {
+        let (z, faded) = (self.z, 1.0 - self.z);
+        let rate = 1.0 / self.age;
+        let square = faded * faded;
+        let of_speed = 1.5 * square * (1.0 + z) * rate * error;
+        let of_load = square * faded * rate * rate * error;
+        self.x += (1.0 - z * z * z) * error;
+        self.w = within(self.w + of_speed, FASTEST);
+        let heaviest = HEAVIEST_LOAD * plant.b;
+        self.d = within(self.d + of_load, heaviest);
+        let fastest = 2.0 * heaviest + plant.q * FASTEST;
+        self.acceleration = within(self.acceleration + of_load - plant.q * of_speed, fastest);
+        self.age = 0.0;
+        self.z = 1.0;
+    }
+
+    /// From now on the bridge makes this voltage of the motor; `None` if it is open.
+    pub(super) fn drive(&mut self, plant: &Plant, voltage: Option<f32>) {
+        self.coasting = voltage.is_none();
+        let push = voltage.map_or(0.0, |u| plant.b * (u - plant.kappa * self.w));
+        self.acceleration = push + self.load(plant);
+    }
+
+    /// What accelerates the motor while the bridge is open: load and drag, counts/s².
+    pub(super) fn load(&self, plant: &Plant) -> f32 {
+        self.d - plant.drag * self.w
+    }
+
+    /// Takes what the motor does under this voltage for steady: the rest must be load.
+    pub(super) fn settle(&mut self, plant: &Plant, voltage: Option<f32>) {
+        let push = voltage.map_or(0.0, |u| plant.b * (u - plant.kappa * self.w));
+        self.d = plant.drag * self.w - push;
+    }
+
+    /// The load was a stop's: it is gone when nothing presses against it.
+    pub(super) fn forget_load(&mut self) {
+        self.d = 0.0;
+    }
+
+    /// The load has changed by this much, as friction does when the motion turns.
+    pub(super) fn add_load(&mut self, by: f32) {
+        self.d += by;
+    }
+
+    /// Counts/s.
+    pub(super) fn speed(&self) -> f32 {
+        self.w
+    }
+
+    /// Load, counts/s².
+    pub(super) fn disturbance(&self) -> f32 {
+        self.d
+    }
+
+    /// Within the present count.
+    pub(super) fn fraction(&self) -> f32 {
+        self.x
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PLANT: (f32, f32, f32) = (1_500.0, 0.004, 7.0);
+
+    fn plant() -> Plant {
+        let (b, kappa, q) = PLANT;
+        Plant::new(b, kappa, q, 40.0)
+    }
+
+    /// Follows a motor whose position is a function of the time in seconds; counts are whole.
+    fn follow(seconds: f32, voltage: f32, position: impl Fn(f64) -> f64) -> Observer {
+        let plant = plant();
+        let mut observer = Observer::new(0.0);
+        let mut last = position(0.0).floor() as i32;
+        for sample in 1..=(seconds / SAMPLE) as u32 {
+            if sample % 50 == 1 {
+                observer.drive(&plant, Some(voltage));
+            }
+            let now = position(f64::from(sample) * 1e-3).floor() as i32;
+            observer.step(&plant, now - last);
+            last = now;
+        }
+        observer
+    }
+
+    #[test]
+    fn a_steady_speed_is_found_with_the_load_that_belongs_to_it() {
+        for speed in [40.0f64, -80.0, 700.0, -2_500.0] {
+            // What the speed takes, and half a volt against a load.
+            let (b, _, q) = PLANT;
+            let load = 0.5 * b;
+            let voltage = q * speed as f32 / b + 0.5;
+            let observer = follow(4.0, voltage, |t| 0.5 + speed * t);
+            let found = f64::from(observer.speed());
+            assert!((found - speed).abs() < 0.02 * speed.abs() + 0.1, "{found} for {speed}");
+            // b u - q w + d = 0
+            let found = observer.disturbance();
+            assert!((found + load).abs() < 0.1 * load, "{found} for {load} at {speed}");
+        }
+    }
+
+    #[test]
+    fn a_motor_at_rest_is_known_to_rest() {
+        let observer = follow(2.0, 0.0, |_| 0.3);
+        assert!(observer.speed().abs() < 0.5, "{}", observer.speed());
+    }
+}
