@@ -23,7 +23,7 @@ use motor_hub::bridge::Drive;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Command, Flow, Plant};
+use motor_hub::model::plant::{Flow, Influence, Plant};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
@@ -96,9 +96,9 @@ impl Board {
             .drives
             .iter()
             .zip(torques)
-            .map(|(drive, &torque)| Command {
+            .map(|(drive, &torque)| Influence {
                 torque_after: NewtonMetres(torque),
-                ..Command::pwm(drive.mode, drive.duty.to_f64())
+                ..Influence::pwm(drive.mode, drive.duty.to_f64())
             })
             .collect();
         world.unfed_s += time.0;
