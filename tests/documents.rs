@@ -1,4 +1,4 @@
-//! What the documents show is there: files that they link to, and the code of the README.
+//! What the documents show is there: files that they link to, the code of the README, an example of each module.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -70,4 +70,35 @@ fn the_code_of_the_readme_is_that_of_the_example_which_is_compiled() {
     for block in blocks {
         assert!(example.contains(block), "not in examples/two_motors.rs:\n{block}");
     }
+}
+
+/// Whose public modules open with an example.
+const LIBRARIES: [&str; 6] = [
+    "src",
+    "boards/simulated/src",
+    "boards/emulated/src",
+    "host/client/src",
+    "host/chart/src",
+    "host/studies/src",
+];
+
+#[test]
+fn every_public_module_opens_with_an_example() {
+    let mut without = Vec::new();
+    for folder in LIBRARIES.map(|library| root().join(library)) {
+        let library = read(&folder.join("lib.rs"));
+        let modules = library.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'));
+        for module in modules {
+            let places = [folder.join(format!("{module}.rs")), folder.join(module).join("mod.rs")];
+            let file = places.into_iter().find(|file| file.exists()).expect("a module has a file");
+            let text = read(&file);
+            let opening = text.lines().take_while(|line| line.starts_with("//!"));
+            // Every second one closes what the one before it opened.
+            let mut fences = opening.filter_map(|line| line.strip_prefix("//! ```")).step_by(2);
+            if !fences.any(|kind| ["", "no_run"].contains(&kind)) {
+                without.push(file.display().to_string());
+            }
+        }
+    }
+    assert!(without.is_empty(), "modules without an example:\n{}", without.join("\n"));
 }

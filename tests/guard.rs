@@ -55,7 +55,7 @@ impl Axis {
     }
 
     fn run_ms(&mut self, drive: Drive) {
-        let mut command = plant::Command::pwm(drive.mode, drive.duty.to_f64());
+        let mut command = plant::Influence::pwm(drive.mode, drive.duty.to_f64());
         command.torque_after = NewtonMetres(self.torque);
         self.plant.run(Seconds(1e-3), command, Volts(12.0));
         let angle = self.plant.angle();
@@ -437,7 +437,7 @@ impl Backwards {
     const MS: u32 = 10;
 
     fn insisted_on(direction: i32) -> Self {
-        let mut motor = Controlled::new(gentle_and_slow(), Period::from_millis(Self::MS).expect("period"));
+        let motor = Controlled::new(gentle_and_slow(), Period::from_millis(Self::MS).expect("period"));
         let mut axis = Self { motor, direction, ticks: 0 };
         // Its speed is known before it is asked for another.
         (0..3).for_each(|_| _ = axis.step());

@@ -19,14 +19,14 @@
 //! use motor_hub::bridge::Mode;
 //! use motor_hub::model::catalogue::characterised;
 //! use motor_hub::model::load::Load;
-//! use motor_hub::model::plant::{Command, Plant};
+//! use motor_hub::model::plant::{Influence, Plant};
 //! use motor_hub::model::si::{Hertz, Seconds, Volts};
 //! use motor_hub::model::switching::Bridge;
 //!
 //! // Driven clockwise at half of the duty for a tenth of a second.
 //! let motor = characterised("AM 60 A")?.with_measured_rotor_inertia();
 //! let mut plant = Plant::new(motor, Load::NONE, Bridge::IDEAL, Hertz(20_000.0));
-//! let flow = plant.run(Seconds(0.1), Command::pwm(Mode::Cw98, 0.5), Volts(12.0));
+//! let flow = plant.run(Seconds(0.1), Influence::pwm(Mode::Cw98, 0.5), Volts(12.0));
 //! assert!(plant.counts() > 0 && flow.mean_current().0 > 0.0);
 //! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
 //! ```
@@ -42,9 +42,9 @@ use crate::bridge::{Mode, State};
 /// Largest product of undamped frequency and window.
 const WINDOW_LIMIT: f64 = 0.15;
 
-/// What a plant is told to do.
+/// What acts on a plant: its bridge, and an external torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Command {
+pub struct Influence {
     /// The state during the duty.
     pub on: State,
     /// The state during the rest of each PWM period.
@@ -55,7 +55,7 @@ pub struct Command {
     pub torque_after: NewtonMetres,
 }
 
-impl Command {
+impl Influence {
     /// All switches open, no external torque.
     pub const COAST: Self =
         Self { on: State::Coast, off: State::Coast, duty: 0.0, torque_after: NewtonMetres(0.0) };
@@ -141,7 +141,7 @@ pub struct Plant {
 /// What stays the same during a run.
 #[derive(Clone, Copy)]
 struct Run {
-    command: Command,
+    influence: Influence,
     on_time: f64,
     battery: Volts,
     /// External torque, on the motor shaft.
@@ -229,10 +229,10 @@ impl Plant {
 
     /// Advances by `dt` at a constant battery voltage. The PWM period goes on where the run before
     /// left it; a new duty counts at once.
-    pub fn run(&mut self, dt: Seconds, command: Command, battery: Volts) -> Flow {
-        let torque = (self.load.torque_after.0 + command.torque_after.0) * self.shaft.torque_ratio;
-        let on_time = command.duty.clamp(0.0, 1.0) * self.period;
-        let run = Run { command, on_time, battery, torque };
+    pub fn run(&mut self, dt: Seconds, influence: Influence, battery: Volts) -> Flow {
+        let torque = (self.load.torque_after.0 + influence.torque_after.0) * self.shaft.torque_ratio;
+        let on_time = influence.duty.clamp(0.0, 1.0) * self.period;
+        let run = Run { influence, on_time, battery, torque };
         let mut flow = Flow { time: Seconds(dt.0.max(0.0)), ..Flow::default() };
         let mut left = dt.0;
         // Below this a remainder is rounding, not time.
@@ -330,8 +330,8 @@ impl Plant {
         let at = Conditions { battery: run.battery, emf: Volts(emf) };
         let on = (run.on_time - self.phase).clamp(0.0, window);
         let mut sums = Integrals::default();
-        let turn = self.circuit.dwell(run.command.on, Amps(self.current), at, Seconds(on), &mut sums);
-        let end = self.circuit.dwell(run.command.off, turn, at, Seconds(window - on), &mut sums);
+        let turn = self.circuit.dwell(run.influence.on, Amps(self.current), at, Seconds(on), &mut sums);
+        let end = self.circuit.dwell(run.influence.off, turn, at, Seconds(window - on), &mut sums);
         (end.0, sums, sums.current / window)
     }
 }

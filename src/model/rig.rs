@@ -5,7 +5,7 @@
 //! use motor_hub::model::battery::Battery;
 //! use motor_hub::model::catalogue::characterised;
 //! use motor_hub::model::load::Load;
-//! use motor_hub::model::plant::{Command, Plant};
+//! use motor_hub::model::plant::{Influence, Plant};
 //! use motor_hub::model::rig::Rig;
 //! use motor_hub::model::si::{Hertz, Ohms, Seconds, Volts};
 //! use motor_hub::model::switching::Bridge;
@@ -15,13 +15,13 @@
 //! let plant = Plant::new(motor, Load::NONE, Bridge::IDEAL, Hertz(20_000.0));
 //! let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.1) };
 //! let mut rig = Rig::new(battery, vec![plant.clone(), plant]);
-//! let flow = rig.run(Seconds(0.01), &[Command::pwm(Mode::Cw98, 1.0); 2]);
+//! let flow = rig.run(Seconds(0.01), &[Influence::pwm(Mode::Cw98, 1.0); 2]);
 //! assert!(flow.current.0 > 1.0 && rig.voltage().0 < 12.0);
 //! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
 //! ```
 
 use super::battery::Battery;
-use super::plant::{Command, Flow, Plant};
+use super::plant::{Flow, Influence, Plant};
 use super::si::{Amps, Seconds, Volts};
 
 /// Longest time for which the battery's voltage is held constant, s.
@@ -36,7 +36,7 @@ const LONGEST_STEP: f64 = 1e-3;
 pub struct Rig {
     /// The battery.
     pub battery: Battery,
-    /// The plants, in the order of the commands.
+    /// The plants, in the order of the influences.
     pub plants: Vec<Plant>,
     current: Amps,
 }
@@ -65,8 +65,8 @@ impl Rig {
         self.battery.voltage(self.current)
     }
 
-    /// Advances every plant by `dt`. A plant without a command coasts.
-    pub fn run(&mut self, dt: Seconds, commands: &[Command]) -> RigFlow {
+    /// Advances every plant by `dt`. One without an influence coasts.
+    pub fn run(&mut self, dt: Seconds, influences: &[Influence]) -> RigFlow {
         let mut total = RigFlow { flows: vec![Flow::default(); self.plants.len()], ..RigFlow::default() };
         if dt.0 <= 0.0 {
             total.voltage = self.voltage();
@@ -79,8 +79,8 @@ impl Rig {
             let voltage = self.voltage();
             let mut drawn = 0.0;
             for (index, (plant, sum)) in self.plants.iter_mut().zip(&mut total.flows).enumerate() {
-                let command = commands.get(index).copied().unwrap_or(Command::COAST);
-                let flow = plant.run(step, command, voltage);
+                let influence = influences.get(index).copied().unwrap_or(Influence::COAST);
+                let flow = plant.run(step, influence, voltage);
                 drawn += flow.battery_charge();
                 sum.append(&flow);
             }

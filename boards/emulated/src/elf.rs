@@ -1,10 +1,23 @@
 //! The firmware image: where it is, how it is built, and its symbols.
+//!
+//! ```
+//! use emulated::elf::{Symbol, find};
+//!
+//! let symbols = ["hub::control_task::poll", "hub::supply_task::poll"]
+//!     .map(|name| Symbol { name: name.into(), address: 0x0800_0200, size: 4 });
+//! assert_eq!(find(&symbols, "control_task..::poll"), Some(0x0800_0200));
+//! // Two end so: it is not said which.
+//! assert_eq!(find(&symbols, "::poll"), None);
+//! ```
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
 use object::{Object, ObjectSymbol};
+
+const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Builds a package for the chip, as it is flashed, and returns its ELF. Quick when it is fresh; once per
 /// process and package.
@@ -13,7 +26,7 @@ use object::{Object, ObjectSymbol};
 /// If it does not build.
 #[must_use]
 pub fn build(package: &str) -> PathBuf {
-    build_into("target", package, &[])
+    build_as(package, package, &[], &[])
 }
 
 /// The hub's firmware with another control period, in milliseconds.
@@ -22,19 +35,27 @@ pub fn build(package: &str) -> PathBuf {
 /// If it does not build.
 #[must_use]
 pub fn hub_with_period(ms: u32) -> PathBuf {
-    // In a folder of its own, so that neither build makes the other stale.
-    build_into(&format!("target/period-{ms}-ms"), "nucleo-f429zi", &[("CONTROL_PERIOD_MS", &ms.to_string())])
+    let (image, period) = (format!("nucleo-f429zi-{ms}-ms"), ms.to_string());
+    // The feature makes it a build of its own, of the last crate alone, so that neither makes the other stale.
+    build_as(&image, "nucleo-f429zi", &["--features", "own-period"], &[("CONTROL_PERIOD_MS", &period)])
 }
 
-fn build_into(target: &str, package: &str, variables: &[(&str, &str)]) -> PathBuf {
-    const TARGET: &str = "thumbv7em-none-eabihf";
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+/// Builds, and copies the ELF to a name of its own: variants of a package have one place in the target folder.
+fn build_as(image: &str, package: &str, options: &[&str], variables: &[(&str, &str)]) -> PathBuf {
+    let target = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target");
+    let images = target.join("images");
+    std::fs::create_dir_all(&images).expect("a folder for images");
+    // One at a time, whichever thread or process asks, from the build to the copy.
+    let turn = File::create(images.join("lock")).expect("a file to lock");
+    turn.lock().expect("a lock");
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
     command
-        .current_dir(&root)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
         .args(["build", "--quiet", "--package", package, "--target", TARGET, "--profile", "firmware"])
-        .args(["--target-dir", target])
+        .arg("--target-dir")
+        .arg(&target)
+        .args(options)
         .envs(variables.iter().copied())
         // What `cargo test` sets for this crate must not reach the other build, or it would never be fresh.
         .env_remove("RUSTFLAGS")
@@ -42,7 +63,11 @@ fn build_into(target: &str, package: &str, variables: &[(&str, &str)]) -> PathBu
         .env_remove("CARGO_TARGET_DIR");
     let status = command.status().expect("cargo runs");
     assert!(status.success(), "{package} does not build for {TARGET}");
-    root.join(target).join(TARGET).join("firmware").join(package)
+    // A whole file takes the place of the one before: somebody may be reading that.
+    let (new, place) = (images.join("new"), images.join(image));
+    std::fs::copy(target.join(TARGET).join("firmware").join(package), &new).expect("a copy of the image");
+    std::fs::rename(&new, &place).expect("a new name for it");
+    place
 }
 
 /// What is wrong with the image that `MOTOR_HUB_ELF` names.

@@ -3,6 +3,25 @@
 //!
 //! The recording closes the loop through the plant: speeds, loads and set-points that a motor meets.
 //! Replayed on the chip, every output must be the same to the last bit.
+//!
+//! ```
+//! use emulated::Mounting;
+//! use emulated::recording::{Recording, Way};
+//! use motor_hub::braking::DutyRule;
+//! use motor_hub::model::{catalogue::characterised, load::Load};
+//! use motor_hub::motor::Setpoint;
+//! use motor_hub::regulator::Kind;
+//! use motor_hub::units::{Control, Period};
+//! use simulated::hardware::BRIDGE;
+//!
+//! let motor = characterised("AM 60 A")?;
+//! let alone = Mounting { motor, load: Load::NONE, bridge: BRIDGE.into(), stops: None };
+//! let full = |_| Setpoint::ConstantPower(Control::MAX);
+//! let way = Way { rule: DutyRule::LinearCurrent, regulator: Kind::Pid };
+//! let recording = Recording::new(&alone, way, Period::DEFAULT, 10, full, |_| 0.0);
+//! assert_eq!(recording.answers.last().map(|answer| answer.control), Some(Control::MAX.get()));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +30,7 @@ use std::time::Duration;
 use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::bridge::Drive;
 use motor_hub::model::load::Shaft;
-use motor_hub::model::plant::{Command, Plant};
+use motor_hub::model::plant::{Influence, Plant};
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::motion::{Reading, Tracker};
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
@@ -139,9 +158,9 @@ impl Recording {
         for tick in 0..ticks {
             let volts = 13.0 - 2.0 * tick as f64 / ticks as f64;
             for ms in 1..=u64::from(period.as_millis()) {
-                let command = Command {
+                let command = Influence {
                     torque_after: NewtonMetres(torque(tick)),
-                    ..Command::pwm(drive.mode, drive.duty.to_f64())
+                    ..Influence::pwm(drive.mode, drive.duty.to_f64())
                 };
                 plant.run(Seconds(1e-3), command, Volts(volts));
                 let now = Micros::new(tick as u64 * period.as_micros() + ms * 1000);

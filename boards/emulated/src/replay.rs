@@ -3,6 +3,16 @@
 //!
 //! Over that line the host first sets the motors up: constants, scheme, duty rule, coefficients. Set-points
 //! should lie between two control ticks, so that the line has time to carry them: see [`on_a_line`].
+//!
+//! ```no_run
+//! use emulated::replay;
+//! use simulated::scenario::Scenario;
+//!
+//! let scenario = replay::on_a_line(Scenario::default_one()?);
+//! let trace = replay::run(&scenario, &mut |_| ())?;
+//! println!("{} control ticks of the image that is flashed", trace.ticks.len());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use std::time::Duration;
 

@@ -1,4 +1,13 @@
 //! The image in real time, its serial line on this machine.
+//!
+//! ```no_run
+//! use emulated::serve;
+//! use simulated::serve::Line;
+//!
+//! let line = Line::tcp("127.0.0.1:7070")?;
+//! serve::run(&serve::scenario()?, line, &mut |_| true)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use std::time::Duration;
 

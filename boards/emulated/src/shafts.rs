@@ -11,7 +11,7 @@ use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Command, Flow, Plant};
+use motor_hub::model::plant::{Flow, Influence, Plant};
 use motor_hub::model::si::{Amps, Hertz, NewtonMetres, RadPerSec, Seconds};
 use motor_hub::model::switching::Bridge;
 
@@ -71,7 +71,7 @@ pub struct Look {
 #[derive(Clone, Debug)]
 struct Shaft {
     mounting: Mounting,
-    command: Command,
+    command: Influence,
     /// As of `base_at`.
     base: Plant,
     base_at: u64,
@@ -94,7 +94,7 @@ impl Shaft {
         let plant = Plant::new(mounting.motor, mounting.load, mounting.bridge, IDLE_PWM);
         Self {
             mounting,
-            command: Command::COAST,
+            command: Influence::COAST,
             base: plant.clone(),
             base_at: 0,
             base_flow: Flow::default(),
@@ -279,7 +279,7 @@ impl Shafts {
             Output::Level(high) => (lines.state(high), lines.state(high)),
             Output::Pulse(_) => (lines.state(true), lines.state(false)),
         };
-        self.shafts[index].command = Command { on, off, duty: lines.duty(ticks), torque_after };
+        self.shafts[index].command = Influence { on, off, duty: lines.duty(ticks), torque_after };
         self.simulate_anew(index);
     }
 

@@ -1,5 +1,16 @@
 //! Talk over the serial line: requests to the firmware, packet by packet, with the instants of what comes
 //! back.
+//!
+//! ```no_run
+//! use emulated::{Bench, Setup, talk::Talk};
+//! use std::time::Duration;
+//!
+//! let mut bench = Bench::new(Setup::new(vec![]));
+//! bench.run(Duration::from_millis(300));
+//! let mut talk = Talk::default();
+//! talk.velocity(&mut bench, 0, 500);
+//! println!("{:?}", talk.bulk(&mut bench).velocities);
+//! ```
 
 use std::time::Duration;
 

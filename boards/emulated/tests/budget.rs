@@ -5,11 +5,14 @@ mod common;
 
 use std::collections::BTreeMap;
 
+use addr2line::Context;
+use addr2line::gimli::{self, Dwarf, EndianSlice, LittleEndian, SectionId};
 use emulated::recording::{Counts, OnChip, Recording, Way, expected};
 use motor_hub::braking::DutyRule;
 use motor_hub::motor::Setpoint;
 use motor_hub::regulator::Kind;
 use motor_hub::units::{CountsPerSecond, Period};
+use object::{Object, ObjectSection};
 
 /// Speeds and directions of all sizes, a second each.
 fn velocities(per_second: usize) -> impl Fn(usize) -> Setpoint {
@@ -103,6 +106,16 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
     }
 }
 
+/// Which address is which line.
+fn lines(image: &[u8]) -> Context<EndianSlice<'_, LittleEndian>> {
+    let elf = object::File::parse(image).expect("an ELF file");
+    let section = |id: SectionId| {
+        let section = elf.section_by_name(id.name()).and_then(|section| section.data().ok());
+        Ok::<_, gimli::Error>(EndianSlice::new(section.unwrap_or_default(), LittleEndian))
+    };
+    Dwarf::load(section).and_then(Context::from_dwarf).expect("debug information")
+}
+
 /// `cargo test --release -p emulated --test budget -- --ignored --nocapture`: where the instructions go.
 #[test]
 #[ignore = "a report, not a test"]
@@ -112,13 +125,14 @@ fn profile() {
         let steps = recording.answers.len() as f64;
         let mut chip = OnChip::new(&recording);
         let counts = chip.profile(&recording.inputs);
-        let lines = addr2line::Loader::new(chip.image()).expect("debug information");
+        let image = std::fs::read(chip.image()).expect("the image");
+        let lines = lines(&image);
         let (mut by_symbol, mut by_function, mut by_line) =
             (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
         for (&address, &count) in &counts {
             let place = chip.symbols().partition_point(|s| s.address <= address).saturating_sub(1);
             *by_symbol.entry(chip.symbols()[place].name.clone()).or_insert(0) += count;
-            let mut frames = lines.find_frames(address).expect("debug information");
+            let mut frames = lines.find_frames(address).skip_all_loads().expect("debug information");
             let mut named = None;
             while let Ok(Some(frame)) = frames.next() {
                 let function = frame.function.as_ref().and_then(|f| f.raw_name().ok());

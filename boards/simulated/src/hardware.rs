@@ -1,4 +1,14 @@
 //! What the simulated board is made of, and what the firmware is told of it and of its motors.
+//!
+//! ```
+//! use motor_hub::model::catalogue::characterised;
+//! use simulated::hardware::winding;
+//!
+//! let motor = characterised("AM 60 A")?;
+//! let told = winding(&motor)?;
+//! assert!((f64::from(told.resistance.as_milliohms()) - 1e3 * motor.r.0).abs() < 1.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use motor_hub::braking::Winding;
 use motor_hub::bridge::BridgeConstants;

@@ -3,141 +3,28 @@
 //! A scenario is a TOML file; `docs/scenarios.md` lists its keys. [`Scenario::parse`] reads it and refuses
 //! what is unknown, out of range or contradictory, with file, line and column; a `Scenario` that exists can
 //! be run. With expectations it is a test.
+//!
+//! ```
+//! use simulated::scenario::Scenario;
+//!
+//! let wrong = "name = \"too long\"\nduration_s = 301\nmotors = []\nbattery = { emf_v = 12, resistance_ohm = 0.1 }";
+//! let refused = Scenario::parse("my.toml", wrong).unwrap_err().to_string();
+//! assert_eq!(refused, "my.toml:2:14: duration_s = 301 is out of range; allowed is 0.001 to 300");
+//! ```
 
+mod definition;
 pub mod expectation;
 mod file;
+mod mistake;
 mod substitute;
 
-use crate::hardware::{BRIDGE, winding};
-use expectation::Expectation;
-use motor_hub::braking::{DutyRule, Scheme, Winding};
-use motor_hub::model::load::{Load, Shaft};
-use motor_hub::model::{battery::Battery, catalogue, si};
-use motor_hub::motion::Pidf;
-use motor_hub::motor::{Setpoint, Settings, ZeroPower};
-use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
-use motor_hub::units::{Period, RangeError};
 use std::path::Path;
 
-pub use file::Mistake;
-
-/// Why there is no scenario.
-#[derive(Debug, thiserror::Error)]
-pub enum ScenarioError {
-    /// The file cannot be read.
-    #[error("{file}: {source}")]
-    Unreadable {
-        /// Its path.
-        file: String,
-        /// Why not.
-        source: std::io::Error,
-    },
-    /// What stands in it cannot be run.
-    #[error("{file}:{line}:{column}: {mistake}")]
-    Wrong {
-        /// Its path.
-        file: String,
-        /// Where, counted from 1.
-        line: usize,
-        /// Where in the line, in characters, counted from 1.
-        column: usize,
-        /// What.
-        mistake: Mistake,
-    },
-}
-
-/// The longest run, in seconds: a trace must fit in memory.
-pub const LONGEST_S: f64 = 300.0;
+pub use definition::{LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
+pub use mistake::{Mistake, ScenarioError};
 
 /// What runs when no file is named.
 const DEFAULT: (&str, &str) = ("scenarios/default.toml", include_str!("../scenarios/default.toml"));
-
-/// A run: its motors, its battery, its length.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Scenario {
-    /// A title for reports.
-    pub name: String,
-    /// Length of the run in seconds.
-    pub duration_s: f64,
-    /// The hub's control period.
-    pub period: Period,
-    /// What the noise of the measurements follows from.
-    pub seed: u64,
-    /// The supply as it is at the start.
-    pub battery: Battery,
-    /// Its voltage without load later on, times ascending: in straight lines from one to the next, the
-    /// last one holds.
-    pub emf_over_time: Vec<Timed<f64>>,
-    /// One to [`MOTORS`](crate::hardware::MOTORS) motors.
-    pub motors: Vec<Motor>,
-    /// As a test it is run on the emulated chip too.
-    pub emulated: bool,
-    /// What makes it a test.
-    pub expectations: Vec<Expectation>,
-}
-
-/// One motor of a scenario.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Motor {
-    /// How reports call it.
-    pub label: String,
-    /// Its constants, with the inertia that was chosen.
-    pub constants: catalogue::Motor,
-    /// What it turns; torque is in `torques`.
-    pub load: Load,
-    /// How right the hub is about the constants.
-    pub told: Told,
-    /// How control values are given their meaning.
-    pub scheme: Scheme,
-    /// How duties are found.
-    pub duty: DutyRule,
-    /// What zero power does.
-    pub zero_power: ZeroPower,
-    /// Coefficients of the velocity loop, if they are not left to the board.
-    pub velocity: Option<Pidf>,
-    /// Coefficients of the position loop, if they are not left to the board.
-    pub position: Option<Pidf>,
-    /// What it is told, times ascending; before the first it is disabled.
-    pub setpoints: Vec<Timed<Setpoint>>,
-    /// External torque on the output shaft in newton metres, times ascending, from 0 s on.
-    pub torques: Vec<Timed<f64>>,
-}
-
-/// What the hub is told of a motor's constants, as a factor of what they are.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Told {
-    /// Of the winding resistance.
-    pub resistance: f64,
-    /// Of the back-EMF constant.
-    pub emf: f64,
-    /// How the motor moves, as an identification would have found it; `None` if the hub knows nothing but
-    /// the winding.
-    pub motion: Option<ToldMotion>,
-}
-
-/// What the hub is told of inertia and friction, as factors of what they are with the load.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToldMotion {
-    /// Of the moment of inertia.
-    pub inertia: f64,
-    /// Of the Coulomb friction.
-    pub friction: f64,
-}
-
-impl Told {
-    /// The constants as they are.
-    pub const TRUTH: Self =
-        Self { resistance: 1.0, emf: 1.0, motion: Some(ToldMotion { inertia: 1.0, friction: 1.0 }) };
-}
-
-/// Something that holds from a time on.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Timed<T> {
-    /// Seconds since the start.
-    pub at_s: f64,
-    /// What begins then.
-    pub value: T,
-}
 
 impl Scenario {
     /// Reads a scenario; `file` is what errors call it.
@@ -169,99 +56,13 @@ impl Scenario {
         let (file, text) = DEFAULT;
         Self::parse(file, text)
     }
-
-    /// Voltage of the battery without load at a time in seconds.
-    pub fn emf_at(&self, at_s: f64) -> si::Volts {
-        let (mut from, mut emf) = (0.0, self.battery.emf.0);
-        for &Timed { at_s: to, value } in &self.emf_over_time {
-            if at_s < to {
-                let way = (at_s - from) / (to - from);
-                return si::Volts(emf + way * (value - emf));
-            }
-            (from, emf) = (to, value);
-        }
-        si::Volts(emf)
-    }
-
-    /// The same motors and loads with nothing that pulls on them.
-    #[must_use]
-    pub fn undisturbed(mut self) -> Self {
-        self.motors.iter_mut().for_each(|motor| motor.torques.clear());
-        self
-    }
-
-    /// The same run without a braking regime: forward and reverse driving only.
-    #[must_use]
-    pub fn without_braking(&self) -> Self {
-        let mut other = self.clone();
-        for motor in &mut other.motors {
-            motor.scheme = Scheme::ForwardReverse;
-        }
-        other
-    }
-}
-
-impl Motor {
-    /// The settings that a hub with this control period is given for this motor.
-    ///
-    /// # Errors
-    /// If one of the motor's constants does not fit the firmware's range.
-    pub fn settings(&self, period: Period) -> Result<Settings, RangeError> {
-        let Told { resistance, emf, motion } = self.told;
-        let told = catalogue::Motor {
-            r: si::Ohms(self.constants.r.0 * resistance),
-            ke: si::EmfConstant(self.constants.ke.0 * emf),
-            ..self.constants
-        };
-        let winding = winding(&told)?;
-        let guessed = Coefficients::guessed(winding.emf, self.scheme, period);
-        let own = self.velocity.is_some() || self.position.is_some();
-        Ok(Settings {
-            bridge: BRIDGE,
-            duty: self.duty,
-            zero_power: self.zero_power,
-            dynamics: motion.map(|factors| self.dynamics(&winding, factors)).transpose()?,
-            coefficients: own.then(|| Coefficients {
-                velocity: self.velocity.unwrap_or(guessed.velocity),
-                position: self.position.unwrap_or(guessed.position),
-            }),
-            ..Settings::for_scheme(winding, self.scheme)
-        })
-    }
-
-    /// How the motor moves with its load, as the hub is told.
-    fn dynamics(&self, winding: &Winding, told: ToldMotion) -> Result<Dynamics, RangeError> {
-        let shaft = Shaft::new(&self.constants, &self.load);
-        let mechanics = Mechanics {
-            torque_constant: self.constants.kt.0,
-            counts_per_turn: self.constants.counts_per_rev_motor,
-            inertia: shaft.inertia.0 * told.inertia,
-            drag: shaft.drag.0,
-            friction: self.constants.friction.coulomb.0 * told.friction,
-        };
-        Dynamics::from_mechanics(winding, &BRIDGE, &mechanics)
-    }
-
-    /// The set-point that holds at a time in seconds.
-    pub fn setpoint_at(&self, at_s: f64) -> Setpoint {
-        latest(&self.setpoints, at_s).unwrap_or_default()
-    }
-
-    /// The external torque in newton metres that holds at a time in seconds.
-    pub fn torque_at(&self, at_s: f64) -> f64 {
-        latest(&self.torques, at_s).unwrap_or_default()
-    }
-}
-
-/// The last value that has begun by `at_s`.
-fn latest<T: Copy>(timed: &[Timed<T>], at_s: f64) -> Option<T> {
-    timed.iter().take_while(|t| t.at_s <= at_s).last().map(|t| t.value)
 }
 
 #[cfg(test)]
 #[expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
 mod tests {
     use super::*;
+    use motor_hub::model::si;
 
     #[test]
     fn the_shipped_scenarios_are_valid() {
@@ -270,14 +71,6 @@ mod tests {
             let path = entry.expect("it can be listed").path();
             assert!(Scenario::load(&path).is_ok(), "{:?}", Scenario::load(&path).err());
         }
-    }
-
-    #[test]
-    fn a_value_holds_until_the_next() {
-        let timed = [Timed { at_s: 1.0, value: 7 }, Timed { at_s: 2.0, value: 8 }];
-        assert_eq!(latest(&timed, 0.9), None);
-        assert_eq!(latest(&timed, 1.0), Some(7));
-        assert_eq!(latest(&timed, 5.0), Some(8));
     }
 
     #[test]

@@ -1,5 +1,14 @@
 //! How people name a scheme: `none`, `A` to `D`, and for D a blend; and a duty rule. Scenario files and the
 //! command line share these words.
+//!
+//! ```
+//! use simulated::scheme::{SchemeName, describe};
+//!
+//! let scheme = SchemeName::D.with_blend(Some("0.25".parse()?))?;
+//! assert_eq!(describe(scheme), "scheme D, blend 0.250");
+//! assert!(SchemeName::B.with_blend(Some("0.25".parse()?)).is_err());
+//! # Ok::<(), simulated::scheme::BlendError>(())
+//! ```
 
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use serde::de::{Deserialize, Deserializer, Error, Visitor};

@@ -4,6 +4,16 @@
 //! Whatever runs the hub moves in steps of a millisecond, and the wall clock sets the pace. Bytes are
 //! looked for between two steps, so a reply leaves a millisecond after its request, which is less than
 //! a USB serial port takes.
+//!
+//! ```no_run
+//! use motor_hub::protocol::Address;
+//! use simulated::{scenario::Scenario, serve};
+//!
+//! // Until the process ends: `motor-hub client --tcp 127.0.0.1:7070 status` finds it.
+//! let line = serve::Line::tcp("127.0.0.1:7070")?;
+//! serve::run(&Scenario::default_one()?, Address::DEFAULT, line, &mut |_| true)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod line;
 #[cfg(unix)]

@@ -3,6 +3,16 @@
 //! The tasks are one future, polled when its waker says so. Between polls the clock of the mock time
 //! driver and the plants advance together, a millisecond at a time: the interval at which the
 //! encoders are sampled, so nothing the hub could notice falls between.
+//!
+//! ```
+//! use simulated::{scenario::Scenario, sim};
+//!
+//! let scenario = Scenario { duration_s: 0.5, ..Scenario::default_one()? };
+//! let trace = sim::run(&scenario, &mut |_| ())?;
+//! // A control tick every 50 ms, the first at 50 ms; that of 500 ms would be the next to come.
+//! assert_eq!(trace.ticks.len(), 9);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::hardware::MOTORS;
 use crate::scenario::{Motor, Scenario};

@@ -1,4 +1,14 @@
 //! What is remembered of a run: everything at each control tick, and what flowed until the next.
+//!
+//! ```
+//! use simulated::{scenario::Scenario, sim};
+//!
+//! let scenario = Scenario { duration_s: 1.0, ..Scenario::default_one()? };
+//! let trace = sim::run(&scenario, &mut |_| ())?;
+//! let fastest = trace.motor(0).map(|(_, sample)| sample.speed_cps).fold(0.0, f64::max);
+//! assert!(fastest > 100.0, "{fastest} counts/s");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use motor_hub::model::plant::Flow;
 use motor_hub::motor::Report;

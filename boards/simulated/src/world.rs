@@ -1,5 +1,21 @@
 //! The physical world behind the board's traits: plants on a battery, and what a chip would measure
 //! and switch of them.
+//!
+//! ```
+//! use motor_hub::board::Bridges;
+//! use motor_hub::bridge::{Drive, Mode};
+//! use motor_hub::model::{battery::Battery, catalogue::characterised, load::Load, si};
+//! use motor_hub::units::Duty;
+//! use simulated::world::Board;
+//!
+//! let battery = Battery { emf: si::Volts(12.0), resistance: si::Ohms(0.1) };
+//! let mut board = Board::new(battery, [(characterised("AM 60 A")?, Load::NONE)].into_iter(), 1);
+//! let full = Drive { mode: Mode::Cw98, duty: Duty::ONE };
+//! board.apply(&[full, Drive::COAST, Drive::COAST, Drive::COAST]);
+//! board.run(si::Seconds(0.1), &[0.0]);
+//! assert!(board.view().motors[0].0 > 0.0, "it turns");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::hardware::{BRIDGE, MOTORS};
 use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
@@ -7,7 +23,7 @@ use motor_hub::bridge::Drive;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Command, Flow, Plant};
+use motor_hub::model::plant::{Flow, Influence, Plant};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
@@ -80,9 +96,9 @@ impl Board {
             .drives
             .iter()
             .zip(torques)
-            .map(|(drive, &torque)| Command {
+            .map(|(drive, &torque)| Influence {
                 torque_after: NewtonMetres(torque),
-                ..Command::pwm(drive.mode, drive.duty.to_f64())
+                ..Influence::pwm(drive.mode, drive.duty.to_f64())
             })
             .collect();
         world.unfed_s += time.0;

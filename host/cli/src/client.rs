@@ -5,6 +5,7 @@ mod drive;
 mod live;
 mod setup;
 mod status;
+mod trouble;
 mod watch;
 
 use crate::output::{Failure, print};
@@ -14,6 +15,7 @@ use motor_hub_client::line::{self, Line};
 use motor_hub_client::{Error, Session};
 use std::time::Duration;
 use studies::table;
+use trouble::Trouble;
 
 /// What `--help` says.
 pub(crate) const HELP: &str = "\
@@ -90,24 +92,6 @@ enum Command {
     },
     /// Positions, velocities, battery and status as they change; keeps the hub's motors alive
     Watch(watch::Options),
-}
-
-/// Why a command did not do what it was asked; what the hub is to blame for is told with its port.
-enum Trouble {
-    Hub(Error),
-    Other(Failure),
-}
-
-impl From<Error> for Trouble {
-    fn from(error: Error) -> Self {
-        Self::Hub(error)
-    }
-}
-
-impl From<Failure> for Trouble {
-    fn from(failure: Failure) -> Self {
-        Self::Other(failure)
-    }
 }
 
 impl Options {

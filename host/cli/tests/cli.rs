@@ -6,20 +6,12 @@
     reason = "a failed access is a failed test"
 )]
 
+mod common;
+
+use common::{folder, motor_hub};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-fn motor_hub(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_motor-hub")).args(arguments).output().unwrap()
-}
-
-/// A folder of its own for each test, empty.
-fn folder(test: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
-    let _ = std::fs::remove_dir_all(&folder);
-    folder
-}
+use std::path::Path;
+use std::process::Output;
 
 fn json(output: &Output) -> Value {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -190,10 +182,9 @@ fn a_control_value_is_mapped_as_the_firmware_maps_it() {
 
 #[test]
 fn every_row_of_the_trace_has_all_its_columns() {
-    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("trace");
+    let out = folder("trace");
     let arguments = ["run", "--time", "1", "--out", out.to_str().unwrap()];
-    let status = Command::new(env!("CARGO_BIN_EXE_motor-hub")).args(arguments).output().unwrap().status;
-    assert!(status.success());
+    assert!(motor_hub(&arguments).status.success());
     let text = std::fs::read_to_string(out.join("trace.csv")).unwrap();
     let mut lines = text.lines();
     let headings: Vec<&str> = lines.next().unwrap().split(',').collect();

@@ -6,20 +6,12 @@
     reason = "a failed access is a failed test"
 )]
 
+mod common;
+
+use common::{folder, motor_hub};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
 use std::sync::LazyLock;
-
-fn motor_hub(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_motor-hub")).args(arguments).output().unwrap()
-}
-
-fn folder(test: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
-    let _ = std::fs::remove_dir_all(&folder);
-    folder
-}
 
 /// The quick comparison, made once.
 static QUICK: LazyLock<Value> = LazyLock::new(|| {

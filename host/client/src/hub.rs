@@ -1,4 +1,17 @@
 //! Commands to the hub as a whole.
+//!
+//! ```
+//! use motor_hub_client::motor_hub::protocol::{Address, Colour};
+//! use motor_hub_client::{Session, memory::MemoryHub};
+//! use std::time::Duration;
+//!
+//! let mut session = Session::new(MemoryHub::default(), Address::DEFAULT, Duration::from_secs(1));
+//! let blue = Colour { red: 0, green: 0, blue: 255 };
+//! session.set_led(blue)?;
+//! assert_eq!(session.led()?, blue);
+//! session.fail_safe()?;
+//! # Ok::<(), motor_hub_client::Error>(())
+//! ```
 
 use crate::{Error, Session};
 use motor_hub::protocol::answers::{Bulk, Status};

@@ -1,4 +1,24 @@
 //! Commands to one motor, 0 to 3.
+//!
+//! ```
+//! use motor_hub_client::motor_hub::motor::ZeroPower;
+//! use motor_hub_client::motor_hub::protocol::{Address, motor::RunMode};
+//! use motor_hub_client::motor_hub::units::Millivolts;
+//! use motor_hub_client::{Session, memory::MemoryHub};
+//! use std::time::Duration;
+//!
+//! let mut hub = MemoryHub::default();
+//! // Without a battery no motor is enabled.
+//! hub.snapshot.battery = Some(Millivolts::new(12_000));
+//! let mut session = Session::new(hub, Address::DEFAULT, Duration::from_secs(1));
+//! session.set_mode(0, RunMode::Velocity, ZeroPower::Brake)?;
+//! session.set_velocity(0, 500)?; // encoder counts per second
+//! session.enable(0, true)?;
+//! let state = session.motor(0)?;
+//! assert!(state.enabled);
+//! assert_eq!(state.velocity, 500);
+//! # Ok::<(), motor_hub_client::Error>(())
+//! ```
 
 use crate::{Error, Session};
 use motor_hub::motion::Pidf;

@@ -2,6 +2,15 @@
 //!
 //! What the firmware decides is answered by the fixed-point core that the firmware runs
 //! (`firmware`), what physics decides by the model (`physics`).
+//!
+//! ```
+//! use serde_json::json;
+//!
+//! let case = json!({ "id": 1, "formula": "keFw", "inputs": { "motor": "AM 60 A" } });
+//! let answers = studies::eval::answers(&json!({ "cases": [case] }))?;
+//! assert_eq!((answers.cases, answers.failed), (1, 1));
+//! # Ok::<(), studies::eval::NoCases>(())
+//! ```
 
 mod case;
 mod error;

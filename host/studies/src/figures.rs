@@ -1,4 +1,11 @@
 //! The paper's figures, and ours of what its duty and ours make of a control value.
+//!
+//! ```no_run
+//! for (name, figure) in studies::figures::all()? {
+//!     println!("{name}.svg: {} bytes", figure.svg().len());
+//! }
+//! # Ok::<(), studies::StudyError>(())
+//! ```
 
 use crate::{NamedFigure, StudyError};
 use chart::{Figure, Panel, Point, Series, Style, colour};

@@ -1,5 +1,16 @@
 //! What a run was like, in numbers: how fast set-points were reached, how gently the motor slowed
 //! down, which regimes it was in, what the battery gave and got.
+//!
+//! ```
+//! use simulated::{scenario::Scenario, sim};
+//! use studies::measures::Measures;
+//!
+//! let scenario = Scenario { duration_s: 1.0, ..Scenario::default_one()? };
+//! let trace = sim::run(&scenario, &mut |_| ())?;
+//! let measures = Measures::new(&scenario.motors[0], scenario.duration_s, &trace, 0);
+//! assert!(measures.energy_from_battery_j > measures.energy_to_battery_j);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::points::regulator_name;
 use motor_hub::braking::Regime;

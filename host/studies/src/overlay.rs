@@ -1,5 +1,17 @@
 //! The same scenario twice: by the flashed image on the emulated chip, and by the same core on the
 //! simulated board. Tables, a chart with both, and how far they are apart.
+//!
+//! ```
+//! use simulated::{scenario::Scenario, sim};
+//! use studies::overlay::Overlay;
+//!
+//! let scenario = Scenario { duration_s: 0.5, ..Scenario::default_one()? };
+//! let trace = sim::run(&scenario, &mut |_| ())?;
+//! // A run lies over itself.
+//! let overlay = Overlay::new(scenario, trace.clone(), trace);
+//! assert!(overlay.apart().iter().all(|apart| apart.worst_cps == 0.0 && apart.worst_counts == 0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::measures::{Measures, Response};
 use crate::table;

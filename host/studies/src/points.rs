@@ -1,4 +1,16 @@
 //! One motor at one speed on one battery: what the firmware's core makes of it, for people.
+//!
+//! ```
+//! use motor_hub::braking::Scheme;
+//! use motor_hub::model::catalogue::characterised;
+//! use motor_hub::units::Control;
+//! use studies::points::OperatingReport;
+//!
+//! let report = OperatingReport::new(characterised("AM 60 A")?, Scheme::B, 1000, 12_000)?;
+//! let placed = report.place(Control::new(-5000));
+//! assert_eq!((placed.linear_duty.regime, placed.linear_duty.mode), ("braking", "5/0"));
+//! # Ok::<(), studies::StudyError>(())
+//! ```
 
 mod chart;
 

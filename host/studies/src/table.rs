@@ -1,4 +1,10 @@
 //! Tables for a terminal, all in one look.
+//!
+//! ```
+//! let mut table = studies::table::new(&["motor", "counts/s"], 1);
+//! table.add_row(["fan", "1200"]);
+//! assert!(table.to_string().contains("fan"));
+//! ```
 
 use comfy_table::{CellAlignment, Table, presets};
 

@@ -1,4 +1,10 @@
 //! What a scenario's run is expected to be like. Whether it is, is measured and judged elsewhere.
+//!
+//! ```
+//! use simulated::scenario::expectation::Quantity;
+//!
+//! assert_eq!(Quantity::SettlingTime.key(), "settles_within_s");
+//! ```
 
 use motor_hub::motion::EncoderFault;
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,6 @@
 //! `motor-hub client coefficients`.
 
-use super::Trouble;
+use super::trouble::Trouble;
 use crate::output::{print, print_json};
 use crate::parse::channel;
 use motor_hub::motion::Pidf;

@@ -1,7 +1,7 @@
 //! `motor-hub client power`, `velocity` and `position`: motors that run while the command does.
 
-use super::Trouble;
 use super::live::{Live, Reading, repeat};
+use super::trouble::Trouble;
 use crate::output::{Failure, print};
 use crate::parse::{channel, within_a_day};
 use motor_hub::motor::ZeroPower;

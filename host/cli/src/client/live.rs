@@ -1,6 +1,6 @@
 //! What a hub does just now, shown again and again: a table in one place of a terminal, lines elsewhere.
 
-use super::Trouble;
+use super::trouble::Trouble;
 use crate::output::{Failure, print};
 use motor_hub::protocol::answers::{Bulk, MotorAlert, Status};
 use motor_hub::units::Millivolts;

@@ -1,6 +1,6 @@
 //! `motor-hub client setup`.
 
-use super::Trouble;
+use super::trouble::Trouble;
 use crate::choice::Choice;
 use crate::output::{Failure, print, print_json};
 use crate::parse::channel;

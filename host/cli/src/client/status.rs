@@ -1,7 +1,7 @@
 //! `motor-hub client status`.
 
-use super::Trouble;
 use super::live::alert_words;
+use super::trouble::Trouble;
 use crate::output::{print, print_json};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::{Bulk, Status};

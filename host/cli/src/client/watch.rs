@@ -1,7 +1,8 @@
 //! `motor-hub client watch`.
 
+use super::drive;
 use super::live::{Live, repeat};
-use super::{Trouble, drive};
+use super::trouble::Trouble;
 use crate::output::print;
 use crate::parse::within_a_day;
 use motor_hub_client::Session;

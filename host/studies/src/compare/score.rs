@@ -1,7 +1,9 @@
 //! Which variant wins where, from the numbers alone.
 
-use super::tuning::Gains;
-use super::{Round, Row, Variant};
+use super::gains::Gains;
+use super::results::Round;
+use super::row::Row;
+use super::variant::Variant;
 use serde::Serialize;
 
 /// A column of the table: what is better, and which differences are none.
@@ -29,34 +31,34 @@ const NEGLIGIBLE: f64 = 1.0;
 
 /// The best at one task in one column.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Winner {
+pub(super) struct Winner {
     /// The task's key.
-    pub task: &'static str,
+    pub(super) task: &'static str,
     /// The column.
-    pub column: &'static str,
+    pub(super) column: &'static str,
     /// The best, and whoever is as good; empty if none succeeded.
-    pub variants: Vec<String>,
+    pub(super) variants: Vec<String>,
 }
 
 /// How a variant did in all tasks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Score {
+pub(super) struct Score {
     /// The variant.
-    pub variant: String,
+    pub(super) variant: String,
     /// Its coefficients; null for a model.
-    pub gains: Option<Gains>,
+    pub(super) gains: Option<Gains>,
     /// Geometric mean, over the tasks, of its integral of |error| to the least of all.
-    pub error_ratio: f64,
+    pub(super) error_ratio: f64,
     /// The worst of these ratios.
-    pub worst_ratio: f64,
+    pub(super) worst_ratio: f64,
     /// Mean of its peak jerk over the tasks, in amperes.
-    pub mean_jerk_a: f64,
+    pub(super) mean_jerk_a: f64,
     /// In how many cells of task and column it is best of its round, alone or with others.
-    pub wins: usize,
+    pub(super) wins: usize,
 }
 
 /// The winners, by task and column.
-pub fn winners(round: &Round) -> Vec<Winner> {
+pub(super) fn winners(round: &Round) -> Vec<Winner> {
     let mut winners = Vec::new();
     for result in &round.tasks {
         for column in &COLUMNS {
@@ -75,7 +77,7 @@ pub fn winners(round: &Round) -> Vec<Winner> {
 
 /// Every variant's score with every choice of coefficients, the least error first. The least of a task is
 /// that of all rounds given.
-pub fn scores(rounds: &[Round]) -> Vec<Score> {
+pub(super) fn scores(rounds: &[Round]) -> Vec<Score> {
     let mut scores: Vec<Score> = Vec::new();
     for round in rounds {
         let winners = winners(round);

@@ -18,23 +18,23 @@ const EVENT_S: f64 = 3.0;
 
 /// Something to do, and the moment from which on it is judged.
 #[derive(Clone, Debug, Serialize)]
-pub struct Task {
+pub(super) struct Task {
     /// A name for files.
-    pub key: &'static str,
+    pub(super) key: &'static str,
     /// What happens, in words.
-    pub what: String,
+    pub(super) what: String,
     /// When it happens, in seconds.
-    pub event_s: f64,
+    pub(super) event_s: f64,
     /// The scenario, whatever its scheme.
     #[serde(skip)]
-    pub scenario: Scenario,
+    pub(super) scenario: Scenario,
 }
 
 /// All of them; the first is the one that coefficients are chosen on.
 ///
 /// # Errors
 /// If the catalogue lacks the motor.
-pub fn all() -> Result<Vec<Task>, UnknownMotor> {
+pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
     let free = |share: f64| share * FREE_CPS;
     let step = || plan(&[(0.0, free(0.8)), (EVENT_S, free(0.3))], &[]);
     let task = |key, what: &str, event_s, scenario: Result<Scenario, UnknownMotor>| {

@@ -1,8 +1,10 @@
 //! The comparison as tables for people, and what follows from it in words.
 
+use super::gains::Gains;
+use super::results::Round;
+use super::row::Row;
 use super::score::{Score, Winner, scores, winners};
-use super::tuning::Gains;
-use super::{Round, Row, Variant};
+use super::variant::Variant;
 use crate::table;
 
 const DEFINITIONS: &str = "\

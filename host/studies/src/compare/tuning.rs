@@ -1,39 +1,11 @@
-//! Coefficients of the speed loop: the same for all, or for each variant the best of one grid.
+//! Choices of coefficients: the same for all, or for each variant the best of one grid.
 
-use super::{Row, Task, Variant, run};
+use super::gains::{GRID, Gains, I, P, SAME};
+use super::row::Row;
+use super::tasks::Task;
+use super::variant::Variant;
 use crate::StudyError;
-use motor_hub::model::catalogue::Motor;
-use motor_hub::motion::Pidf;
-use motor_hub::regulator::Kind;
-use motor_hub::units::{Coefficient, Control};
 use serde::Serialize;
-
-/// P and I as multiples of `f = 32767 keFw / 12000`, control steps per count/s: full control at the
-/// speed whose back EMF is 12 V. D and F are 0.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Gains {
-    /// P / f.
-    pub p: f64,
-    /// I / f, per second.
-    pub i: f64,
-}
-
-/// What all variants get in the first round.
-pub const SAME: Gains = Gains { p: 1.5, i: 7.5 };
-
-const P: [f64; 6] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0];
-const I: [f64; 4] = [4.0, 7.5, 11.0, 15.0];
-
-/// What each variant's best is taken from.
-pub const GRID: [Gains; P.len() * I.len()] = {
-    let mut grid = [SAME; P.len() * I.len()];
-    let mut n = 0;
-    while n < grid.len() {
-        grid[n] = Gains { p: P[n / I.len()], i: I[n % I.len()] };
-        n += 1;
-    }
-    grid
-};
 
 /// Weights of the criterion beside the integral of the error's size, in seconds.
 const OF_OVERSHOOT_S: f64 = 0.2;
@@ -41,46 +13,32 @@ const OF_LIMIT_CYCLE_S: f64 = 1.0;
 
 /// Runs that it takes to find the best for each variant.
 pub(super) fn runs() -> usize {
-    GRID.len() * Variant::ALL.into_iter().filter(|variant| has_coefficients(*variant)).count()
-}
-
-fn has_coefficients(variant: Variant) -> bool {
-    variant.regulator == Kind::Pid
+    GRID.len() * Variant::ALL.into_iter().filter(|variant| variant.has_coefficients()).count()
 }
 
 /// A way of choosing coefficients, and what it chose.
 #[derive(Clone, Debug, Serialize)]
-pub struct Tuning {
+pub(super) struct Tuning {
     /// In words.
-    pub how: String,
+    pub(super) how: String,
     /// A name for files.
-    pub key: &'static str,
+    pub(super) key: &'static str,
     /// By variant; null for a model, which has none.
-    pub gains: Vec<Option<Gains>>,
-}
-
-impl Gains {
-    /// The coefficients for a motor.
-    pub fn coefficients(self, motor: &Motor) -> Pidf {
-        let f = f64::from(Control::MAX.get()) * motor.ke_fw() / 12_000.0;
-        // Casts from float saturate.
-        let fixed = |factor: f64| Coefficient::from_bits((factor * f * f64::from(1 << 16)).round() as i32);
-        Pidf { p: fixed(self.p), i: fixed(self.i), d: Coefficient::ZERO, f: Coefficient::ZERO }
-    }
+    pub(super) gains: Vec<Option<Gains>>,
 }
 
 impl Tuning {
     /// The same for all.
-    pub fn same() -> Self {
+    pub(super) fn same() -> Self {
         Self {
             how: format!("the same coefficients for all: P = {} f, I = {} f", SAME.p, SAME.i),
             key: "same",
-            gains: Variant::ALL.map(|variant| has_coefficients(variant).then_some(SAME)).to_vec(),
+            gains: Variant::ALL.map(|variant| variant.has_coefficients().then_some(SAME)).to_vec(),
         }
     }
 
     /// In a few words.
-    pub fn key_in_words(&self) -> &'static str {
+    pub(super) fn key_in_words(&self) -> &'static str {
         if self.key == "same" {
             "the same coefficients for all"
         } else {
@@ -92,16 +50,16 @@ impl Tuning {
     ///
     /// # Errors
     /// If a run fails.
-    pub fn best(task: &Task, step: &mut dyn FnMut()) -> Result<Self, StudyError> {
+    pub(super) fn best(task: &Task, step: &mut dyn FnMut()) -> Result<Self, StudyError> {
         let mut gains = Vec::with_capacity(Variant::ALL.len());
         for variant in Variant::ALL {
-            if !has_coefficients(variant) {
+            if !variant.has_coefficients() {
                 gains.push(None);
                 continue;
             }
             let mut best = (f64::INFINITY, SAME);
             for candidate in GRID {
-                let cost = cost(task, &run(task, variant, Some(candidate))?);
+                let cost = cost(task, &Row::of(task, variant, Some(candidate))?);
                 if cost < best.0 {
                     best = (cost, candidate);
                 }

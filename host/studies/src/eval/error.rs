@@ -83,9 +83,6 @@ pub enum CaseError {
     /// A battery that the firmware cannot represent.
     #[error("input Vbat must be 0.001 to 65.535 V")]
     Battery,
-    /// Without a supply nothing can be said of a bridge.
-    #[error("the battery voltage must be above 0")]
-    NoBattery,
     /// A time before the step.
     #[error("t_s must not be negative")]
     Time,

@@ -210,7 +210,7 @@ fn constant(bits: f64) -> Result<EmfConstant, CaseError> {
 }
 
 fn operating_point(emf: motor_hub::units::Emf, battery_mv: u16) -> Result<OperatingPoint, CaseError> {
-    OperatingPoint::new(emf, Millivolts::new(battery_mv)).ok_or(CaseError::NoBattery)
+    OperatingPoint::new(emf, Millivolts::new(battery_mv)).ok_or(CaseError::Battery)
 }
 
 fn control(value: f64) -> Result<Control, CaseError> {

@@ -1,6 +1,6 @@
 //! Both runs of each motor as a table for people.
 
-use super::{RunReport, WITHOUT};
+use super::runs::{RunReport, WITHOUT};
 use crate::expectations::{Verdict, Wanted};
 use crate::measures::Measures;
 use crate::table;

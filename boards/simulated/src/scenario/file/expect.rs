@@ -1,7 +1,9 @@
 //! The tables `[[expect]]`: each says of whom, when, and one thing or several.
 
-use super::{Checked, FASTEST_CPS, LONGEST_S, Mistake, Motor, fault, within};
+use super::ranges::{FASTEST_CPS, within};
+use crate::scenario::definition::{LONGEST_S, Motor};
 use crate::scenario::expectation::{Bounds, Expectation, Quantity, RegimeName, Subject, Wish};
+use crate::scenario::mistake::{Checked, Mistake, fault};
 use motor_hub::motion::EncoderFault;
 use serde::Deserialize;
 use std::ops::{Range, RangeInclusive};

@@ -1,6 +1,7 @@
 //! The keys `friction` and `cogging` of a motor, in percent of its stall torque at 12 V.
 
-use super::{Checked, within};
+use super::ranges::within;
+use crate::scenario::mistake::Checked;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::si::{NewtonMetres, Volts};

@@ -1,0 +1,154 @@
+//! What can be wrong with a scenario file, and where.
+
+use crate::hardware::MOTORS;
+use crate::scheme::BlendError;
+use motor_hub::model::catalogue::UnknownMotor;
+use std::ops::Range;
+use toml::Spanned;
+
+/// Why there is no scenario.
+#[derive(Debug, thiserror::Error)]
+pub enum ScenarioError {
+    /// The file cannot be read.
+    #[error("{file}: {source}")]
+    Unreadable {
+        /// Its path.
+        file: String,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// What stands in it cannot be run.
+    #[error("{file}:{line}:{column}: {mistake}")]
+    Wrong {
+        /// Its path.
+        file: String,
+        /// Where, counted from 1.
+        line: usize,
+        /// Where in the line, in characters, counted from 1.
+        column: usize,
+        /// What.
+        mistake: Mistake,
+    },
+}
+
+/// What is wrong with a scenario.
+#[derive(Debug, thiserror::Error)]
+pub enum Mistake {
+    /// Broken TOML, an unknown key or a value of another type, in the parser's words.
+    #[error("{0}")]
+    Toml(String),
+    /// No such motor.
+    #[error(transparent)]
+    Motor(UnknownMotor),
+    /// A blend out of range, or with another scheme than D.
+    #[error(transparent)]
+    Blend(BlendError),
+    /// A blend without `scheme = "D"`.
+    #[error("a blend goes with scheme = \"D\" only")]
+    BlendAlone,
+    /// A number beyond its range.
+    #[error("{key} = {value} is out of range; allowed is {low} to {high}")]
+    OutOfRange {
+        /// What the file calls it.
+        key: &'static str,
+        /// As it stands there.
+        value: f64,
+        /// The least that is allowed.
+        low: f64,
+        /// The most that is allowed.
+        high: f64,
+    },
+    /// More motors than channels, or none.
+    #[error("{0} motors; the hub drives 1 to {MOTORS}")]
+    Motors(usize),
+    /// Two motors of one label.
+    #[error("label {0:?} is taken; every motor needs its own")]
+    LabelTaken(String),
+    /// A motor that is told nothing.
+    #[error("no set-points; a motor needs at least one")]
+    NoSetpoints,
+    /// None, or several, of the four kinds of set-point.
+    #[error("a set-point says exactly one of power, velocity_cps, position_counts and disable")]
+    SetpointKind,
+    /// A position without its two companions.
+    #[error("position_counts needs tolerance_counts and speed_limit_cps beside it")]
+    PositionAlone,
+    /// The companions of a position without one.
+    #[error("tolerance_counts and speed_limit_cps go with position_counts only")]
+    PositionMissing,
+    /// `disable = false`.
+    #[error("disable can only be true; leave it out otherwise")]
+    DisableFalse,
+    /// Something happens before the run, or after it.
+    #[error("at_s = {at_s} is outside the run; it lasts from 0 to {duration_s} s")]
+    OutsideRun {
+        /// When it is to happen.
+        at_s: f64,
+        /// How long the run is.
+        duration_s: f64,
+    },
+    /// Something happens before what stands above it.
+    #[error("at_s = {at_s} is not after {last_s}; times must ascend")]
+    NotAfter {
+        /// When it is to happen.
+        at_s: f64,
+        /// When the one before happens.
+        last_s: f64,
+    },
+    /// An empty name, a very long one, or one with control characters.
+    #[error("{0} must be 1 to 80 printable characters")]
+    Name(&'static str),
+    /// An expectation that any run meets.
+    #[error("an expectation says at least one thing of a motor or of the battery")]
+    ExpectsNothing,
+    /// A window that ends before it begins, or there and then.
+    #[error("from_s must be less than to_s; without them a window is the whole run")]
+    EmptyWindow,
+    /// An expectation of a motor that is not there.
+    #[error("no motor is labelled {label:?}; there are {}", .known.join(", "))]
+    NoSuchLabel {
+        /// What the file says.
+        label: String,
+        /// What could be said.
+        known: Vec<String>,
+    },
+    /// The battery is no motor's own.
+    #[error("bus_between_v is of the battery; leave motor out")]
+    BusOfMotor,
+    /// The lower bound is above the upper one.
+    #[error("{0} = [low, high] with low above high")]
+    LowAboveHigh(&'static str),
+}
+
+/// What is wrong, and where in the text.
+#[derive(Debug)]
+pub(super) struct Fault {
+    span: Range<usize>,
+    mistake: Mistake,
+}
+
+impl Fault {
+    /// Of the whole text, in the parser's words.
+    pub(super) fn of_toml(error: &toml::de::Error) -> Self {
+        // One line.
+        let words = error.message().trim_end().replace('\n', "; ");
+        Self { span: error.span().unwrap_or(0..0), mistake: Mistake::Toml(words) }
+    }
+
+    /// With line and column, counted from 1.
+    pub(super) fn in_file(self, file: &str, text: &str) -> ScenarioError {
+        let before = text.get(..self.span.start).unwrap_or(text);
+        ScenarioError::Wrong {
+            file: file.to_owned(),
+            line: before.matches('\n').count() + 1,
+            column: before.rsplit('\n').next().unwrap_or("").chars().count() + 1,
+            mistake: self.mistake,
+        }
+    }
+}
+
+pub(super) fn fault<T>(at: &Spanned<T>, mistake: Mistake) -> Fault {
+    Fault { span: at.span(), mistake }
+}
+
+pub(super) type Checked<T> = Result<T, Fault>;

@@ -1,0 +1,16 @@
+//! The program, and a place for what it writes.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// Runs the program to its end.
+pub(crate) fn motor_hub(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_motor-hub")).args(arguments).output().expect("it can be started")
+}
+
+/// A folder of its own for each test, empty.
+pub(crate) fn folder(test: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
+    let _ = std::fs::remove_dir_all(&folder);
+    folder
+}

@@ -1,0 +1,72 @@
+//! A hub in this process's memory, so that host programs can be tried and tested without one.
+//!
+//! It is the end of the protocol that this project's hubs run. It remembers and answers what it is told, but
+//! nothing turns, and its time stands still: it never lets its motors go.
+//!
+//! ```
+//! use motor_hub_client::Session;
+//! use motor_hub_client::memory::MemoryHub;
+//! use motor_hub_client::motor_hub::protocol::Address;
+//! use motor_hub_client::motor_hub::units::Millivolts;
+//! use std::time::Duration;
+//!
+//! let mut hub = MemoryHub::default();
+//! hub.snapshot.battery = Some(Millivolts::new(12_345));
+//! let mut session = Session::new(hub, Address::DEFAULT, Duration::from_secs(1));
+//! assert_eq!(session.battery()?.get(), 12_345);
+//! # Ok::<(), motor_hub_client::Error>(())
+//! ```
+
+use motor_hub::braking::Winding;
+use motor_hub::hub::Snapshot;
+use motor_hub::motor::Settings;
+use motor_hub::protocol::{Address, Decoder, frame};
+use motor_hub::responder::Responder;
+use motor_hub::units::Micros;
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Result, Write};
+
+/// A hub with four NeveRest 60 at [`Address::DEFAULT`], and the line to it.
+#[derive(Debug)]
+pub struct MemoryHub {
+    /// What it says of battery and motors.
+    pub snapshot: Snapshot<4>,
+    responder: Responder<4>,
+    decoder: Decoder,
+    replies: VecDeque<u8>,
+}
+
+impl Default for MemoryHub {
+    /// As after a reset, without a battery.
+    fn default() -> Self {
+        let settings = [Settings::new(Winding::NEVEREST_60); 4];
+        Self {
+            snapshot: Snapshot::INITIAL,
+            responder: Responder::new(Address::DEFAULT, settings),
+            decoder: Decoder::new(),
+            replies: VecDeque::new(),
+        }
+    }
+}
+
+impl Write for MemoryHub {
+    fn write(&mut self, mut bytes: &[u8]) -> Result<usize> {
+        let (count, now) = (bytes.len(), Micros::new(0));
+        while let Some(packet) = self.decoder.next(&mut bytes, now) {
+            if let Some(reply) = self.responder.receive(&packet, now, &self.snapshot) {
+                self.replies.extend(&frame::encode(&reply));
+            }
+        }
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl Read for MemoryHub {
+    fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
+        if self.replies.is_empty() { Err(ErrorKind::WouldBlock.into()) } else { self.replies.read(bytes) }
+    }
+}

@@ -1,0 +1,68 @@
+//! What is compared.
+
+use motor_hub::braking::{Blend, DutyRule, Scheme};
+use motor_hub::regulator::Kind;
+
+/// A way to turn control values into duties.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Variant {
+    /// Where the points lie.
+    pub(super) scheme: Scheme,
+    /// How duties are found between them.
+    pub(super) duty: DutyRule,
+    /// Where control values come from.
+    pub(super) regulator: Kind,
+}
+
+impl Variant {
+    /// False for a model, which has none.
+    pub(super) fn has_coefficients(self) -> bool {
+        self.regulator == Kind::Pid
+    }
+
+    /// Everything there is to compare: by PID no braking regime, then A to D with either duty; by the model no
+    /// braking regime, A and B.
+    pub(super) const ALL: [Self; 12] = {
+        const fn of(scheme: Scheme, duty: DutyRule) -> Variant {
+            Variant { scheme, duty, regulator: Kind::Pid }
+        }
+        const fn model(scheme: Scheme) -> Variant {
+            Variant { scheme, duty: DutyRule::LinearCurrent, regulator: Kind::Model }
+        }
+        const D: Scheme = Scheme::D(Blend::Automatic);
+        [
+            of(Scheme::ForwardReverse, DutyRule::LinearDuty),
+            of(Scheme::A, DutyRule::LinearDuty),
+            of(Scheme::B, DutyRule::LinearDuty),
+            of(Scheme::C, DutyRule::LinearDuty),
+            of(D, DutyRule::LinearDuty),
+            of(Scheme::A, DutyRule::LinearCurrent),
+            of(Scheme::B, DutyRule::LinearCurrent),
+            of(Scheme::C, DutyRule::LinearCurrent),
+            of(D, DutyRule::LinearCurrent),
+            model(Scheme::ForwardReverse),
+            model(Scheme::A),
+            model(Scheme::B),
+        ]
+    };
+
+    /// Its name in tables and legends.
+    pub(super) fn name(self) -> String {
+        match (self.scheme, self.duty) {
+            (scheme, _) if self.regulator == Kind::Model => format!("{}, model", letter(scheme)),
+            (Scheme::ForwardReverse, _) => "none".to_owned(),
+            (scheme, DutyRule::LinearDuty) => format!("{}, linear duty", letter(scheme)),
+            (scheme, DutyRule::LinearCurrent) => format!("{}, linear current", letter(scheme)),
+        }
+    }
+}
+
+fn letter(scheme: Scheme) -> &'static str {
+    match scheme {
+        Scheme::ForwardReverse => "none",
+        Scheme::A => "A",
+        Scheme::B => "B",
+        Scheme::C => "C",
+        Scheme::D(_) => "D",
+    }
+}
