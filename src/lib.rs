@@ -42,8 +42,9 @@
 //! | `tasks` (feature `tasks`, on by default) | async shells round the above |
 //! | `model` (feature `model`) | physics in `f64`, for simulators and tests; knows nothing of the control |
 //!
-//! The core is `no_std`, without allocation, panics or `unsafe`, and without floats in the control path
-//! (constants may be made from physical ones in `f64`); it has no clock and touches no hardware. Signs:
+//! The core is `no_std`, without allocation, panics or `unsafe`; currents and motion are computed in single
+//! precision, everything else in integers (constants may be made from physical ones in `f64`). It has no clock and
+//! touches no hardware. Signs:
 //! positive control, counts and speed are one direction, called CW.
 //!
 //! # Features

@@ -8,7 +8,7 @@ use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
-use motor_hub::units::{Period, RangeError};
+use motor_hub::units::{Acceleration, Period, RangeError};
 
 /// The longest run, in seconds: a trace must fit in memory.
 pub const LONGEST_S: f64 = 300.0;
@@ -54,6 +54,8 @@ pub struct Motor {
     pub duty: DutyRule,
     /// What zero power does.
     pub zero_power: ZeroPower,
+    /// Largest acceleration that the hub may ask of it, if it is regulated by its model.
+    pub acceleration: Option<Acceleration>,
     /// Coefficients of the velocity loop, if they are not left to the board.
     pub velocity: Option<Pidf>,
     /// Coefficients of the position loop, if they are not left to the board.
@@ -151,6 +153,7 @@ impl Motor {
             bridge: BRIDGE,
             duty: self.duty,
             zero_power: self.zero_power,
+            acceleration: self.acceleration,
             dynamics: motion.map(|factors| self.dynamics(&winding, factors)).transpose()?,
             coefficients: own.then(|| Coefficients {
                 velocity: self.velocity.unwrap_or(guessed.velocity),

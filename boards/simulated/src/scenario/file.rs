@@ -13,8 +13,8 @@ use motor_hub::model::catalogue::characterised;
 use motor_hub::model::{battery::Battery, load::Load, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Setpoint, ZeroPower};
-use motor_hub::units::{Coefficient, Control, CountsPerSecond, Period};
-use ranges::{FASTEST_CPS, named, optional, timeline, within};
+use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Period};
+use ranges::{FASTEST_CPS, HARDEST_CPS2, named, optional, timeline, within};
 use std::ops::RangeInclusive;
 use tables::{File, GainTable, Inertia, MotorTable, SetPointTable, ToldChoice, ToldTable, ZeroPowerWord};
 use toml::Spanned;
@@ -112,11 +112,18 @@ impl MotorTable {
                 ZeroPowerWord::Brake => ZeroPower::Brake,
                 ZeroPowerWord::Float => ZeroPower::Float,
             },
+            acceleration: self.check_acceleration()?,
             velocity: coefficients.velocity.as_ref().map(GainTable::check).transpose()?,
             position: coefficients.position.as_ref().map(GainTable::check).transpose()?,
             setpoints: timeline(&self.setpoints, duration_s, |s| &s.at_s, SetPointTable::check)?,
             torques: self.check_torques(duration_s)?,
         })
+    }
+
+    fn check_acceleration(&self) -> Checked<Option<Acceleration>> {
+        let Some(value) = &self.acceleration_cps2 else { return Ok(None) };
+        let limit = within(value, "acceleration_cps2", 1..=HARDEST_CPS2)?;
+        Ok(u32::try_from(limit).ok().and_then(|limit| Acceleration::new(limit).ok()))
     }
 
     /// The load's own torque holds from the start, until the first change.

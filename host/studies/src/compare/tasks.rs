@@ -105,6 +105,7 @@ fn plan(speeds: &[(f64, f64)], torques: &[(f64, f64)]) -> Result<Scenario, Unkno
             scheme: Scheme::A,
             duty: DutyRule::LinearCurrent,
             zero_power: ZeroPower::Brake,
+            acceleration: None,
             velocity: None,
             position: None,
             setpoints: speeds.iter().map(speed).collect(),

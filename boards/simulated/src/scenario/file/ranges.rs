@@ -7,6 +7,8 @@ use toml::Spanned;
 
 /// In counts per second, ten times what any known motor does.
 pub(super) const FASTEST_CPS: i64 = 1_000_000;
+/// In counts/s², which takes a motor to that in a millisecond.
+pub(super) const HARDEST_CPS2: i64 = 1_000_000_000;
 
 /// Checks a list of things that happen: each after the one before, within the run.
 pub(super) fn timeline<F, T>(

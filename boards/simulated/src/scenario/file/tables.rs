@@ -57,6 +57,7 @@ pub(super) struct MotorTable {
     pub(super) duty: DutyRule,
     #[serde(default)]
     pub(super) zero_power: ZeroPowerWord,
+    pub(super) acceleration_cps2: Option<Spanned<i64>>,
     #[serde(default)]
     pub(super) coefficients: CoefficientTables,
     pub(super) setpoints: Vec<Spanned<SetPointTable>>,
