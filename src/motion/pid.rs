@@ -45,6 +45,13 @@ pub struct Pidf {
     pub f: Coefficient,
 }
 
+impl Pidf {
+    /// What P makes of an error.
+    pub(crate) fn share(&self, error: Value) -> Value {
+        Value::saturating_from_num(product(self.p, error))
+    }
+}
+
 /// What a loop is given each tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PidInput {

@@ -40,22 +40,28 @@ pub struct VelocityEstimator {
     /// As many readings.
     ticks: usize,
     estimate: CountsPerSecond,
+    /// The speed it started at, until the window is full.
+    start: Option<CountsPerSecond>,
 }
 
 impl VelocityEstimator {
     /// For readings that come every `period`.
     pub const fn new(period: Period) -> Self {
         let ticks = WINDOW_MS.div_ceil(period.as_millis()) as usize;
-        Self { history: Deque::new(), ticks, estimate: CountsPerSecond::ZERO }
+        Self { history: Deque::new(), ticks, estimate: CountsPerSecond::ZERO, start: None }
     }
 
     /// Takes this tick's reading.
     pub fn step(&mut self, new: Reading) -> CountsPerSecond {
+        if self.history.back().is_some_and(|last| last.at == new.at) {
+            return self.estimate;
+        }
         // The first reading is as old as all that came before it.
         let old = self.history.front().copied().unwrap_or(new);
         if self.history.len() >= self.ticks {
             self.history.pop_front();
         }
+        let filled = self.history.len();
         // There is room: at one reading a millisecond or less, a window has no more.
         self.history.push_back(new).ok();
 
@@ -76,7 +82,18 @@ impl VelocityEstimator {
         // longer than the counts before it.
         let slowing = moved == 0 || resting.saturating_mul(moved.abs()) > moving;
         let most = if slowing { rate(moved.abs() + 1, micros(from, new.at)) } else { i64::MAX };
-        self.estimate = CountsPerSecond::saturating_from_bits(estimate.clamp(-most, most));
+        let estimate = estimate.clamp(-most, most);
+        self.estimate = CountsPerSecond::saturating_from_bits(match self.start {
+            // The rest of the window was at that speed.
+            Some(start) if filled + 1 < self.ticks => {
+                let start = i64::from(start.to_bits());
+                start + (estimate - start) * filled as i64 / self.ticks as i64
+            }
+            _ => {
+                self.start = None;
+                estimate
+            }
+        });
         self.estimate
     }
 
@@ -84,6 +101,7 @@ impl VelocityEstimator {
     pub fn start_at(&mut self, speed: CountsPerSecond) {
         self.history.clear();
         self.estimate = speed;
+        self.start = Some(speed);
     }
 
     /// The latest estimate.

@@ -37,6 +37,7 @@ use crate::motion::Reading;
 use crate::motion::guard::Finding;
 use crate::regulator::{Demand, Regulator, Stage};
 use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Voltage};
+use core::mem::discriminant;
 use watch::{Order, Watch};
 
 /// A reading older than this is none: the counters are sampled every millisecond.
@@ -80,10 +81,19 @@ impl Motor {
 
     /// Takes effect at the next step, and disabling the motor ends a latched fault.
     pub fn set(&mut self, setpoint: Setpoint) {
-        if setpoint.run_mode() != self.setpoint.run_mode() {
-            self.regulator.change_mode();
-        } else if setpoint != self.setpoint {
+        if setpoint != self.setpoint {
             self.regulator.retarget();
+            if discriminant(&setpoint) != discriminant(&self.setpoint) {
+                self.regulator.change_mode();
+            }
+            if self.watch.stalled() {
+                self.regulator.let_go();
+            } else if self.setpoint == Setpoint::ConstantPower(Control::ZERO) {
+                // A brake stops a motor with a current that nothing else needs.
+                self.regulator.start_afresh();
+            } else if !self.setpoint.is_regulated() {
+                self.regulator.take_over();
+            }
         }
         if setpoint == Setpoint::Disabled {
             self.watch.clear();

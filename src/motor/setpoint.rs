@@ -25,14 +25,9 @@ pub enum Setpoint {
 }
 
 impl Setpoint {
-    /// What of the motor is regulated.
-    pub(super) const fn run_mode(self) -> RunMode {
-        match self {
-            Self::Disabled => RunMode::Disabled,
-            Self::ConstantPower(_) => RunMode::Open,
-            Self::Velocity(_) => RunMode::Velocity,
-            Self::Position { .. } => RunMode::Position,
-        }
+    /// True if a regulator stands between it and the bridge.
+    pub(super) const fn is_regulated(self) -> bool {
+        matches!(self, Self::Velocity(_) | Self::Position { .. })
     }
 
     /// True if this is a target, and `position` within the tolerance of it.
@@ -44,13 +39,4 @@ impl Setpoint {
             _ => false,
         }
     }
-}
-
-/// What is regulated.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum RunMode {
-    Disabled,
-    Open,
-    Velocity,
-    Position,
 }

@@ -81,10 +81,12 @@ pub(super) struct Loops {
 enum Start {
     /// It runs on.
     Running,
-    /// At what keeps the current as it is.
+    /// At what keeps the current as it is, to which the error's share comes.
     Resume,
-    /// At nothing.
-    Release,
+    /// The same, without a current.
+    Afresh,
+    /// Such that the error's share is part of what flows.
+    Continue,
 }
 
 impl Loops {
@@ -106,7 +108,13 @@ impl Loops {
     }
 
     pub(super) fn configure(&mut self, config: &Config, period: Period) {
-        *self = Self { velocity: self.velocity, position: self.position, ..Self::new(config, period) };
+        let start = if self.start == Start::Running { Start::Continue } else { self.start };
+        *self = Self { velocity: self.velocity, position: self.position, start, ..Self::new(config, period) };
+    }
+
+    /// The position loop forgets the past.
+    pub(super) const fn restart_position(&mut self) {
+        self.position.reset();
     }
 
     /// From the next step on the motor goes on as it is.
@@ -115,8 +123,13 @@ impl Loops {
     }
 
     /// From the next step on nothing is left of the effort that there was.
-    pub(super) const fn release(&mut self) {
-        self.start = Start::Release;
+    pub(super) const fn start_afresh(&mut self) {
+        self.start = Start::Afresh;
+    }
+
+    /// Nothing is to be left of the effort that there was.
+    pub(super) fn starts_afresh(&self) -> bool {
+        self.start == Start::Afresh
     }
 
     /// `steady` is the control value that leaves the current as it is.
@@ -128,11 +141,11 @@ impl Loops {
         steady: Control,
         stage: &Stage<'_>,
     ) -> Request {
-        if self.start != Start::Running {
-            self.position.reset();
-        }
         let target = match demand {
-            Demand::Velocity(target) => target,
+            Demand::Velocity(target) => {
+                self.position.reset();
+                target
+            }
             Demand::Position { target, speed_limit } => self.approach(target, position, speed_limit),
         };
         Request { control: self.velocity(target, velocity, steady, stage), speed: target }
@@ -150,17 +163,16 @@ impl Loops {
         // A host's coefficients are of control; guessed ones are of volts.
         let scale = if self.guessed { NOMINAL_VOLTS / stage.battery } else { 1.0 };
         let [target, measured] = [target, measured].map(|speed| Value::from_bits(speed.to_bits()));
-        let carried = match self.start {
-            Start::Running => None,
-            Start::Resume => Some(Value::saturating_from_num(f32::from(steady.get()) / scale)),
-            Start::Release => Some(Value::ZERO),
-        };
-        if let Some(output) = carried {
-            self.velocity.preset(gains, output, measured);
+        let error = target.saturating_sub(measured);
+        let steady = Value::saturating_from_num(f32::from(steady.get()) / scale);
+        match self.start {
+            Start::Running => {}
+            Start::Resume | Start::Afresh => self.velocity.preset(gains, steady, measured),
+            Start::Continue => self.velocity.preset(gains, without(steady, gains.share(error)), measured),
         }
         self.start = Start::Running;
         let input = PidInput {
-            error: target.saturating_sub(measured),
+            error,
             measured,
             feed_forward: target,
             limit: Value::saturating_from_num(f32::from(Control::MAX.get()) / scale),
@@ -183,5 +195,14 @@ impl Loops {
         };
         let speed = self.position.step(&self.coefficients.position, self.period, input);
         CountsPerSecond::from_bits(speed.to_bits())
+    }
+}
+
+/// The output without the error's share, if that is part of it and not more than it.
+fn without(output: Value, share: Value) -> Value {
+    if output.is_negative() == share.is_negative() && share.unsigned_abs() > output.unsigned_abs() {
+        Value::ZERO
+    } else {
+        output.saturating_sub(share)
     }
 }

@@ -41,14 +41,17 @@ use crate::motion::{Reading, VelocityEstimator};
 use crate::units::{Acceleration, Control, CountsPerSecond, EmfConstant, Millivolts, Period, Voltage};
 use loops::Loops;
 use model::{Law, State};
-use observer::{Observer, Plant};
+use observer::{FASTEST, Observer, Plant};
 
 /// An encoder that was silent for longer than this is started with afresh.
-const SILENCE_SAMPLES: u32 = 20;
+const SILENCE_SAMPLES: u32 = 300;
 /// So long a motor that should move does not before it counts as held.
 const HELD_MS: u32 = 100;
 /// Speed asked for at which counts are due in that time.
 const COUNTING_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
+
+/// Back EMF of the error of a speed that is as it should be.
+const STEADY_VOLTS: f32 = 1.0;
 
 /// What a regulator is told once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,6 +133,8 @@ pub struct Regulator {
     anchor: Option<i32>,
     /// For how long it has not moved though it should.
     held_ms: u32,
+    /// It turned as fast as it should.
+    steady: bool,
     /// What the bridge made of the last tick, and at which speed; `None` while it was open.
     voltage: Option<(Voltage, CountsPerSecond)>,
 }
@@ -168,6 +173,7 @@ impl Regulator {
             last: None,
             anchor: None,
             held_ms: 0,
+            steady: true,
             voltage: None,
         }
     }
@@ -177,42 +183,62 @@ impl Regulator {
         if config == self.config {
             return;
         }
-        let speed = self.velocity();
+        let (speed, load) = (self.velocity(), self.load());
+        let was_known = self.known.is_some();
         self.known = config.dynamics.map(|dynamics| {
             let observer = self.known.map_or_else(|| Observer::new(speed.to_f32()), |known| known.observer);
             let mut new = Known::new(&config, &dynamics, self.period, observer);
             let voltage = self.voltage.map(|(voltage, _)| voltage.to_volts());
-            if self.config.dynamics != Some(dynamics) {
+            if self.config.dynamics != Some(dynamics) && self.steady {
                 // What was load by other constants is not by these.
                 new.observer.settle(&new.plant, voltage);
             }
             new.observer.drive(&new.plant, voltage);
             new
         });
-        if self.known.is_none() {
+        if let (None, Some(load)) = (self.known, load) {
+            // What the load takes is the last that is known of the motor.
+            let emf = self.config.emf.emf(speed).to_volts();
+            self.voltage = Some((Voltage::from_volts(emf + load.to_volts()), speed));
+        }
+        if was_known && self.known.is_none() {
             self.estimator.start_at(speed);
         }
         self.config = config;
         self.loops.configure(&config, self.period);
     }
 
-    /// Another thing is asked of the motor. A motor that was held lets go: what pressed it against a stop
-    /// is no load that the stop would take along.
+    /// Another thing is asked of the motor. One that was held lets go.
     pub fn retarget(&mut self) {
         self.anchor = None;
         if self.held_ms >= HELD_MS {
-            if let Some(known) = &mut self.known {
-                known.observer.forget_load();
-            }
-            self.loops.release();
+            self.let_go();
         }
         self.held_ms = 0;
     }
 
-    /// Something of another kind is asked of the motor: it goes on from what it does now.
+    /// Something of another kind is asked of the motor.
     pub fn change_mode(&mut self) {
+        self.loops.restart_position();
+    }
+
+    /// The motor is regulated from now on: it goes on from what it does now.
+    pub fn take_over(&mut self) {
         self.loops.resume();
-        self.retarget();
+    }
+
+    /// The same, but what flows now is of no use for what comes.
+    pub fn start_afresh(&mut self) {
+        self.loops.start_afresh();
+    }
+
+    /// What pressed a motor against a stop is no load that the stop would take along.
+    pub fn let_go(&mut self) {
+        self.loops.start_afresh();
+        self.held_ms = 0;
+        if let Some(known) = &mut self.known {
+            known.observer.forget_load();
+        }
     }
 
     /// Takes a sample of the encoder; best every millisecond, give or take less than half of that. One that comes
@@ -230,14 +256,19 @@ impl Regulator {
         }
         self.last = Some(reading);
         let Some(Known { plant, observer, .. }) = &mut self.known else { return };
+        let moved = reading.position.wrapping_sub(last.position);
         if samples > SILENCE_SAMPLES {
-            *observer = Observer::new(observer.speed());
+            *observer = Observer::new(within(1_000.0 * moved as f32 / samples as f32, FASTEST));
             return;
         }
         for _ in 1..samples {
             observer.predict(plant);
         }
-        observer.step(plant, reading.position.wrapping_sub(last.position));
+        observer.step(plant, moved);
+        // By constants that are no motor's, numbers grow until they are none.
+        if !(observer.speed() + observer.fraction()).is_finite() {
+            *observer = Observer::new(0.0);
+        }
     }
 
     /// A control tick has come, with this newest reading.
@@ -288,6 +319,7 @@ impl Regulator {
         let kind = self.kind();
         let position = self.position();
         let velocity = self.velocity();
+        let (load, carried) = (self.load(), self.carried());
         let request = match (&mut self.known, kind) {
             (Some(Known { plant, law, observer, state }), Kind::Model) => match demand {
                 Demand::Velocity(target) => law.velocity(state, observer, plant, target.to_f32(), stage),
@@ -298,18 +330,25 @@ impl Regulator {
                 }
             },
             _ => {
-                let carried = self
-                    .voltage
-                    .map_or(0.0, |(voltage, at)| voltage.to_volts() - self.config.emf.emf(at).to_volts());
+                let flows = if self.loops.starts_afresh() { None } else { carried };
+                let carried = load.or(flows).map_or(0.0, Voltage::to_volts);
                 let steady = self.config.emf.emf(velocity).to_volts() + carried;
                 let steady = stage.placer.control(stage.at, Voltage::from_volts(steady));
                 self.loops.step(demand, position, velocity, steady, stage)
             }
         };
+        let astray = request.speed.to_f32() - velocity.to_f32();
+        self.steady = self.config.emf.emf(speed(astray)).to_volts().abs() < STEADY_VOLTS;
         let due = request.speed.to_bits().unsigned_abs() >= COUNTING_SPEED.to_bits().unsigned_abs();
         self.held_ms =
             if due && moved == 0 { self.held_ms.saturating_add(self.period.as_millis()) } else { 0 };
         request
+    }
+
+    /// What flowed in the last tick, as a voltage.
+    fn carried(&self) -> Option<Voltage> {
+        let (voltage, at) = self.voltage?;
+        Some(Voltage::from_volts(voltage.to_volts() - self.config.emf.emf(at).to_volts()))
     }
 
     /// A motor that should stand and does is held where it is.
@@ -332,8 +371,10 @@ impl Regulator {
     /// What the bridge does from now on: this voltage across the motor, or nothing.
     pub fn drive(&mut self, voltage: Option<Voltage>) {
         if voltage.is_none() {
+            self.retarget();
+            self.loops.restart_position();
             self.loops.resume();
-            self.held_ms = 0;
+            self.steady = true;
         }
         self.voltage = voltage.map(|voltage| (voltage, self.velocity()));
         if let Some(Known { plant, observer, .. }) = &mut self.known {
@@ -344,7 +385,7 @@ impl Regulator {
 
 /// A speed in the unit of everybody else.
 fn speed(counts_per_second: f32) -> CountsPerSecond {
-    CountsPerSecond::from_bits((256.0 * counts_per_second) as i32)
+    CountsPerSecond::from_bits((256.0 * within(counts_per_second, FASTEST)) as i32)
 }
 
 /// The value, or the nearest within this of 0. (Unlike `clamp` without a way to panic.)

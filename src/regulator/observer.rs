@@ -23,7 +23,7 @@ const MOST_FADED: f32 = 0.25;
 /// was given nonsense.
 const HEAVIEST_LOAD: f32 = 20.0 * 12.0;
 /// Counts/s: beyond what any encoder's timer could count, and far within what a single can add 1/1000 to.
-const FASTEST: f32 = 1e6;
+pub(super) const FASTEST: f32 = 1e6;
 
 /// The motor's constants as the filter needs them.
 #[derive(Clone, Copy, Debug)]

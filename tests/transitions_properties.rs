@@ -1,0 +1,226 @@
+//! Whatever a motor is told of itself, and whatever its encoder says: nothing panics, control values and
+//! estimates stay in their ranges, and an encoder that comes to its senses is believed again.
+
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
+use motor_hub::bridge::{BridgeConstants, Drive};
+use motor_hub::motion::{Pidf, Reading};
+use motor_hub::motor::{Motor, Report, Setpoint, Settings, ZeroPower};
+use motor_hub::regulator::{Coefficients, Dynamics};
+use motor_hub::units::{
+    Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, Duty, EmfConstant,
+    Inductance, Micros, Millivolts, Period, Resistance,
+};
+use proptest::option;
+use proptest::prelude::*;
+
+/// No estimate is beyond this: what no encoder's timer could count, in counts/s.
+const FASTEST: f64 = 1e6;
+
+fn pidf() -> impl Strategy<Value = Pidf> {
+    any::<[i32; 4]>().prop_map(|bits| {
+        let [p, i, d, f] = bits.map(Coefficient::from_bits);
+        Pidf { p, i, d, f }
+    })
+}
+
+/// Any that can be told.
+fn dynamics() -> impl Strategy<Value = Dynamics> {
+    (1u32.., any::<u32>(), any::<u16>()).prop_map(|(gain, decay, friction)| Dynamics {
+        gain: AccelerationPerVolt::from_bits(gain).expect("not 0"),
+        decay: DecayRate::from_bits(decay),
+        friction: Millivolts::new(friction),
+    })
+}
+
+fn scheme() -> impl Strategy<Value = Scheme> {
+    prop_oneof![
+        Just(Scheme::ForwardReverse),
+        Just(Scheme::A),
+        Just(Scheme::B),
+        Just(Scheme::C),
+        Just(Scheme::D(Blend::Automatic)),
+        (0u32..=1 << 16)
+            .prop_map(|bits| Scheme::D(Blend::Fixed(BlendFraction::from_bits(bits).expect("in range")))),
+    ]
+}
+
+fn winding() -> impl Strategy<Value = Winding> {
+    (1..1 << 25, 1u16.., option::of(1u16..)).prop_map(|(emf, ohms, inductance)| Winding {
+        emf: EmfConstant::from_bits(emf).expect("in range"),
+        resistance: Resistance::from_milliohms(ohms).expect("not 0"),
+        inductance: inductance.map(|uh| Inductance::from_microhenries(uh).expect("not 0")),
+    })
+}
+
+/// Any that can be made.
+fn settings() -> impl Strategy<Value = Settings> {
+    let bridge = (0u16..=2_000, 0u16..=4_095, 100u32..=200_000)
+        .prop_map(|(mv, mohm, hz)| BridgeConstants::new(mv, mohm, hz).expect("in range"));
+    let coefficients = (pidf(), pidf()).prop_map(|(velocity, position)| Coefficients { velocity, position });
+    let acceleration = (1u32..).prop_map(|limit| Acceleration::new(limit).expect("not 0"));
+    let regulation = (option::of(dynamics()), option::of(coefficients), option::of(acceleration));
+    (winding(), bridge, scheme(), any::<(bool, bool)>(), regulation).prop_map(
+        |(winding, bridge, scheme, (linear_duty, float), (dynamics, coefficients, acceleration))| Settings {
+            bridge,
+            duty: if linear_duty { DutyRule::LinearDuty } else { DutyRule::LinearCurrent },
+            zero_power: if float { ZeroPower::Float } else { ZeroPower::Brake },
+            dynamics,
+            coefficients,
+            acceleration,
+            ..Settings::for_scheme(winding, scheme)
+        },
+    )
+}
+
+fn setpoint() -> impl Strategy<Value = Setpoint> {
+    let speed = || any::<i32>().prop_map(CountsPerSecond::from_bits);
+    prop_oneof![
+        Just(Setpoint::Disabled),
+        any::<i16>().prop_map(|power| Setpoint::ConstantPower(Control::new(power))),
+        Just(Setpoint::Velocity(CountsPerSecond::ZERO)),
+        speed().prop_map(Setpoint::Velocity),
+        (any::<i32>(), any::<u16>(), speed()).prop_map(|(target, tolerance, speed_limit)| {
+            Setpoint::Position { target, tolerance, speed_limit }
+        }),
+    ]
+}
+
+/// What happens until the next tick.
+#[derive(Clone, Debug)]
+struct Happening {
+    setpoint: Option<Setpoint>,
+    settings: Option<Settings>,
+    /// Milliseconds to a sample, and the counts in that time.
+    samples: Vec<(u64, i32)>,
+    battery: Option<u16>,
+}
+
+fn happening() -> impl Strategy<Value = Happening> {
+    let gap = prop_oneof![8 => Just(1u64), 1 => Just(0), 2 => 2..30u64, 1 => 30..5_000u64];
+    let counts = prop_oneof![4 => -3..=3i32, 2 => -300..=300i32, 1 => any::<i32>()];
+    let samples = prop::collection::vec((gap, counts), 0..12);
+    let battery = option::weighted(0.9, prop_oneof![3 => 6_000..16_000u16, 1 => any::<u16>()]);
+    (option::weighted(0.3, setpoint()), option::weighted(0.1, settings()), samples, battery)
+        .prop_map(|(setpoint, settings, samples, battery)| Happening { setpoint, settings, samples, battery })
+}
+
+/// A motor with an encoder that says what it is told to say.
+struct Puppet {
+    motor: Motor,
+    ms: u64,
+    reading: Option<Reading>,
+}
+
+impl Puppet {
+    fn new(settings: Settings, period: Period) -> Self {
+        Self { motor: Motor::new(settings, period), ms: 0, reading: None }
+    }
+
+    fn sample(&mut self, ms: u64, counts: i32) {
+        self.ms += ms;
+        let at = Micros::new(1_000 * self.ms);
+        let last = self.reading.unwrap_or(Reading { position: 0, edge_at: at, at });
+        let edge_at = if counts == 0 { last.edge_at } else { at };
+        let reading = Reading { position: last.position.wrapping_add(counts), edge_at, at };
+        self.reading = Some(reading);
+        self.motor.sample(reading);
+    }
+
+    fn step(&mut self, battery: Option<u16>) -> Report {
+        self.motor.step(Micros::new(1_000 * self.ms), self.reading, battery.map(Millivolts::new))
+    }
+
+    fn suffer(&mut self, happening: &Happening) -> Report {
+        if let Some(settings) = happening.settings {
+            self.motor.configure(settings);
+        }
+        if let Some(setpoint) = happening.setpoint {
+            self.motor.set(setpoint);
+        }
+        for &(ms, counts) in &happening.samples {
+            self.sample(ms, counts);
+        }
+        self.step(happening.battery)
+    }
+}
+
+fn check(report: &Report, known: bool) -> Result<(), TestCaseError> {
+    let control = report.control;
+    prop_assert!(Control::MIN <= control && control <= Control::MAX, "{control:?}");
+    prop_assert!(report.drive.duty <= Duty::ONE, "{:?}", report.drive);
+    prop_assert!(report.regime.is_some() || report.drive == Drive::COAST, "{report:?}");
+    prop_assert!(!known || report.velocity.to_f64().abs() <= FASTEST, "{:?}", report.velocity);
+    Ok(())
+}
+
+fn period() -> impl Strategy<Value = Period> {
+    prop_oneof![Just(1), Just(10), Just(50), 1..=100u32]
+        .prop_map(|ms| Period::from_millis(ms).expect("in range"))
+}
+
+/// A motor as there are some.
+fn plausible() -> impl Strategy<Value = Settings> {
+    (20.0..20_000.0f64, 1.0..2.0f64, 0..2_000u16, scheme()).prop_map(|(b, drag, friction, scheme)| {
+        let winding = Winding::NEVEREST_60;
+        // With drag, up to twice what the back EMF makes.
+        let decay = drag * b * 3.98683e-3;
+        let dynamics = Dynamics {
+            gain: AccelerationPerVolt::from_f64(b).expect("in range"),
+            decay: DecayRate::from_f64(decay).expect("in range"),
+            friction: Millivolts::new(friction),
+        };
+        Settings { dynamics: Some(dynamics), ..Settings::for_scheme(winding, scheme) }
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 600, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn nothing_takes_a_motor_out_of_its_ranges(
+        settings in settings(),
+        period in period(),
+        story in prop::collection::vec(happening(), 1..60),
+    ) {
+        let mut puppet = Puppet::new(settings, period);
+        for happening in &story {
+            let report = puppet.suffer(happening);
+            check(&report, puppet.motor.settings().dynamics.is_some())?;
+        }
+    }
+
+    #[test]
+    fn after_any_nonsense_an_encoder_is_believed_again(
+        settings in plausible(),
+        period in period(),
+        story in prop::collection::vec(happening(), 1..40),
+        speed in prop_oneof![-2_000..-50i32, 50..2_000i32],
+    ) {
+        let mut puppet = Puppet::new(settings, period);
+        for happening in &story {
+            puppet.suffer(happening);
+        }
+        // What it was told was nonsense too.
+        puppet.motor.configure(settings);
+        puppet.motor.set(Setpoint::Disabled);
+        let every = u64::from(period.as_millis());
+        let mut velocity = 0.0;
+        for ms in 1..=3_000u64 {
+            puppet.sample(1, 0);
+            if ms % every == 0 {
+                velocity = puppet.step(Some(12_000)).velocity.to_f64();
+            }
+        }
+        prop_assert!(velocity.abs() < 25.0, "{velocity} counts/s at rest");
+        // A speed that somebody turns it at.
+        let position = |ms: i64| (i64::from(speed) * ms).div_euclid(1_000) as i32;
+        for ms in 1..=3_000i64 {
+            puppet.sample(1, position(ms) - position(ms - 1));
+            if ms.unsigned_abs() % every == 0 {
+                velocity = puppet.step(Some(12_000)).velocity.to_f64();
+            }
+        }
+        let speed = f64::from(speed);
+        prop_assert!((velocity - speed).abs() < 0.05 * speed.abs() + 2.0, "{velocity} for {speed} counts/s");
+    }
+}
