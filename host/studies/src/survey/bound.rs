@@ -12,6 +12,8 @@ use simulated::scenario::{Motor, Scenario};
 const COUNTED_ON: f64 = 0.95;
 /// Of that, so much must be left at the speed that is asked for.
 const RESERVE: f64 = 0.1;
+/// As a share of the battery's voltage: so near to what is needed some control value must come.
+const GAP: f64 = 0.02;
 /// Of the ideal time, so much is granted,
 const PATIENCE: f64 = 1.5;
 /// with so many seconds more,
@@ -64,13 +66,16 @@ impl Machine {
         })
     }
 
-    /// The lowest and the highest voltage that a control value stands for at a speed.
-    fn range(&self, speed: f64) -> Option<(f64, f64)> {
+    /// The voltage that a control value stands for at a speed; `None` if it opens the bridge.
+    fn volts(&self, speed: f64, control: Control) -> Option<f64> {
         let speed = CountsPerSecond::saturating_from_bits((256.0 * speed) as i64);
         let at = OperatingPoint::new(self.emf.emf(speed), self.battery)?;
-        let volts =
-            |control| Some(f64::from(self.placer.voltage(at, self.placer.place(at, control))?.to_volts()));
-        Some((volts(Control::MIN)?, volts(Control::MAX)?))
+        Some(f64::from(self.placer.voltage(at, self.placer.place(at, control))?.to_volts()))
+    }
+
+    /// The lowest and the highest voltage that a control value stands for at a speed.
+    fn range(&self, speed: f64) -> Option<(f64, f64)> {
+        Some((self.volts(speed, Control::MIN)?, self.volts(speed, Control::MAX)?))
     }
 
     fn acceleration(&self, speed: f64, volts: f64, torque: f64) -> f64 {
@@ -86,9 +91,15 @@ impl Machine {
     /// The speed can be kept under this torque with something to spare.
     fn keeps(&self, speed: f64, torque: f64) -> bool {
         let Some((low, high)) = self.range(speed) else { return false };
+        let battery = f64::from(self.battery.get()) / 1e3;
         let needed = self.kappa * speed + (self.drag * speed - self.per_torque * torque) / self.b;
-        let reserve = RESERVE * f64::from(self.battery.get()) / 1e3;
-        low + reserve <= needed && needed <= high - reserve
+        let reserve = RESERVE * battery;
+        // Without a braking regime there are voltages that no control value stands for.
+        let near = |volts: f64| (volts - needed).abs() < GAP * battery;
+        let given = || {
+            (i16::MIN..=i16::MAX).step_by(64).any(|c| self.volts(speed, Control::new(c)).is_some_and(near))
+        };
+        low + reserve <= needed && needed <= high - reserve && given()
     }
 
     /// Seconds from one speed to another, and the counts on the way.
@@ -154,7 +165,8 @@ struct Whereabouts {
 /// The ideal time is that of all the voltage that a control value stands for, one way and then the other, at
 /// 95 % of the voltage that the battery keeps with all motors stalled. A challenge can be settled if 1.5 times
 /// that, 0.3 s, six periods and the time of three counts fit into the first nine tenths of its time, and if the
-/// speed (or standstill at a position) can be kept under its torque with a tenth of the voltage to spare. What
+/// speed (or standstill at a position) can be kept under its torque with a tenth of the voltage to spare and by
+/// some control value. What
 /// follows a challenge that cannot be settled begins nobody knows where, and is not judged.
 pub(super) fn settleable(scenario: &Scenario, challenges: &[Challenge]) -> Result<Vec<bool>, StudyError> {
     let mut all = Vec::with_capacity(challenges.len());

@@ -5,8 +5,8 @@ use super::pool;
 use crate::StudyError;
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
-use motor_hub::model::catalogue::motors;
-use motor_hub::model::load::{Load, Shaft};
+use motor_hub::model::catalogue;
+use motor_hub::model::load::Load;
 use motor_hub::model::si::{Ohms, Volts};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::units::{CountsPerSecond, Period};
@@ -18,7 +18,9 @@ pub const PERIODS: [u32; 4] = [1, 10, 50, 100];
 
 /// The battery, in volts.
 const VOLTS: f64 = 12.0;
-/// Seconds that each response has, besides six mechanical time constants.
+/// A motor of a longer time constant, in seconds, runs with the paper's inertia, too.
+const SLOW: f64 = 3.0;
+/// Seconds that each response has, besides two mechanical time constants.
 const LENGTH_S: f64 = 3.0;
 
 /// A motor in a mode, at all [`PERIODS`].
@@ -26,6 +28,8 @@ const LENGTH_S: f64 = 3.0;
 pub struct Cell {
     /// The motor's name.
     pub motor: &'static str,
+    /// Its inertia is the paper's, not the measured one.
+    pub paper_inertia: bool,
     /// "velocity" or "position".
     pub mode: &'static str,
     /// By the model: two responses for each period.
@@ -39,10 +43,16 @@ pub struct Cell {
 /// # Errors
 /// If a run fails.
 pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyError> {
-    let names: Vec<(&'static str, &'static str)> =
-        motors().flat_map(|motor| ["velocity", "position"].map(|mode| (motor.name, mode))).collect();
+    let mut motors: Vec<catalogue::Motor> =
+        catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()).collect();
+    // The measured inertia of the Core Hex motors is that of a motor that takes half a minute to start.
+    let slow = |motor: &catalogue::Motor| time_constant(&motor.with_measured_rotor_inertia()) > SLOW;
+    motors.extend(catalogue::motors().filter(slow));
+    let modes = ["velocity", "position"];
+    let names: Vec<(catalogue::Motor, &'static str)> =
+        motors.iter().flat_map(|&motor| modes.map(|mode| (motor, mode))).collect();
     let scenarios: Vec<Scenario> =
-        motors().flat_map(|motor| [true, false].map(|fast| scenario(motor, fast))).collect();
+        names.iter().map(|&(motor, mode)| scenario(motor, mode == "velocity")).collect();
     let cases: Vec<(&Scenario, bool, u32)> = scenarios
         .iter()
         .flat_map(|scenario| [true, false].map(|told| (scenario, told)))
@@ -52,8 +62,9 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
     let verdicts =
         pool::map(&cases, |&(scenario, told, ms)| both(scenario, told, ms), |done| progress(done, total));
     let mut verdicts = verdicts.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter();
-    let cell = |(motor, mode)| Cell {
-        motor,
+    let cell = |(motor, mode): (catalogue::Motor, _)| Cell {
+        motor: motor.name,
+        paper_inertia: motor.j != motor.j_rotor_measured,
         mode,
         model: verdicts.by_ref().take(PERIODS.len()).collect(),
         pid: verdicts.by_ref().take(PERIODS.len()).collect(),
@@ -62,13 +73,11 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
 }
 
 /// From rest to half of the free speed and on to a tenth of it; or as far as that takes in a second, and back.
-fn scenario(paper: motor_hub::model::catalogue::Motor, velocity: bool) -> Scenario {
-    let constants = paper.with_measured_rotor_inertia();
-    let shaft = Shaft::new(&constants, &Load::NONE);
+fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
     let electrical = constants.ke.0 * constants.kt.0 / constants.r.0;
-    let time_constant = shaft.inertia.0 / (electrical + shaft.drag.0);
+    let time_constant = time_constant(&constants);
     let counts = constants.counts_per_rev_motor / core::f64::consts::TAU;
-    let free = counts * constants.kt.0 / constants.r.0 * VOLTS / (electrical + shaft.drag.0);
+    let free = counts * constants.kt.0 / constants.r.0 * VOLTS / (electrical + constants.b.0);
     let value = |share: f64| {
         if velocity {
             Setpoint::Velocity(CountsPerSecond::new((share * free) as i32))
@@ -77,7 +86,7 @@ fn scenario(paper: motor_hub::model::catalogue::Motor, velocity: bool) -> Scenar
             Setpoint::Position { target, tolerance: 10, speed_limit: CountsPerSecond::MAX }
         }
     };
-    let length = ((LENGTH_S + 6.0 * time_constant) * 10.0).round() / 10.0;
+    let length = ((LENGTH_S + 2.0 * time_constant) * 10.0).round() / 10.0;
     Scenario {
         name: "cell".to_owned(),
         duration_s: 2.0 * length,
@@ -104,6 +113,11 @@ fn scenario(paper: motor_hub::model::catalogue::Motor, velocity: bool) -> Scenar
         emulated: false,
         expectations: Vec::new(),
     }
+}
+
+/// Of a bare motor, in seconds.
+fn time_constant(motor: &catalogue::Motor) -> f64 {
+    motor.j.0 / (motor.ke.0 * motor.kt.0 / motor.r.0 + motor.b.0)
 }
 
 fn both(scenario: &Scenario, told: bool, period_ms: u32) -> Result<[Verdict; 2], StudyError> {

@@ -160,7 +160,8 @@ pub struct Verdict {
     /// it never did.
     pub settling_s: Option<f64>,
     /// How far it went beyond its goal, in percent of the step; after another torque how far it was pushed away, in
-    /// percent of the speed. `None` where there is no step: a torque on a motor that stands or holds a position.
+    /// percent of the speed. `None` where there is no step to speak of: less than 60 counts/s or 60 counts, a
+    /// torque on a motor that crawls or holds a position; or where torque and speed change at once.
     pub beyond_percent: Option<f64>,
     /// It swings about its goal, beyond the band on both sides within the last second.
     pub cycles: bool,
@@ -188,7 +189,8 @@ pub(super) fn judge(challenge: &Challenge, track: &[Instant]) -> Verdict {
     let deviations: Vec<f64> = span.iter().map(error).collect();
     let errors: Vec<f64> = if challenge.goal == Goal::Velocity(0.0) {
         // Within a count a motor may tremble as fast as it likes.
-        let rest = span.last().map_or(0.0, |at| at.counts);
+        let ending = span.get(span.len().saturating_sub(SWING_MS)..).unwrap_or_default();
+        let rest = ending.iter().map(|at| at.counts).sum::<f64>() / ending.len().max(1) as f64;
         span.iter().map(|at| at.counts - rest).collect()
     } else {
         deviations.clone()
@@ -214,18 +216,17 @@ pub(super) fn judge(challenge: &Challenge, track: &[Instant]) -> Verdict {
 }
 
 fn beyond(challenge: &Challenge, errors: &[f64]) -> Option<f64> {
-    let peak = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
+    let peak = |error: &mut dyn FnMut(&f64) -> f64| errors.iter().map(error).fold(0.0, f64::max);
     if challenge.kind == Kind::Load {
         return match challenge.goal {
-            Goal::Velocity(speed) if speed != 0.0 => {
-                Some(100.0 * peak(&mut errors.iter().map(|error| error.abs())) / speed.abs())
+            Goal::Velocity(speed) if speed.abs() >= CRAWL_CPS => {
+                Some(100.0 * peak(&mut |error| error.abs()) / speed.abs())
             }
             _ => None,
         };
     }
     let first = *errors.first()?;
-    // Of a count at standstill no step can be made out.
-    let least = if let Goal::Position { .. } = challenge.goal { POSITION_BAND } else { LEAST_BAND_CPS };
-    (first.abs() > least)
-        .then(|| 100.0 * peak(&mut errors.iter().map(|error| -error * first.signum())) / first.abs())
+    let position = matches!(challenge.goal, Goal::Position { .. });
+    (first.abs() >= CRAWL_CPS && (position || challenge.torque == challenge.old_torque))
+        .then(|| 100.0 * peak(&mut |error| -error * first.signum()) / first.abs())
 }

@@ -53,7 +53,7 @@ pub fn cells(cells: &[Cell]) -> String {
                 failed += usize::from(regulator == "model");
                 table.add_row([
                     regulator.to_owned(),
-                    cell.motor.to_owned(),
+                    format!("{}{}", cell.motor, if cell.paper_inertia { ", paper's inertia" } else { "" }),
                     cell.mode.to_owned(),
                     format!("{ms} ms"),
                     verdicts.map(|verdict| in_short(&verdict)).join(", "),
