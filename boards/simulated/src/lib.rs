@@ -13,10 +13,12 @@
 //! | [`scheme`] | how people name schemes, blends and duty rules |
 //! | [`scenario`] | which motors with which loads are told what, and when |
 //! | [`sim`] | a scenario's run in virtual time |
+//! | [`direct`] | the same without tasks and clock, for many runs at once |
 //! | [`trace`] | what is remembered of it |
 //! | [`serve`] | a hub in real time, for host software |
 #![forbid(unsafe_code)]
 
+pub mod direct;
 pub mod hardware;
 pub mod scenario;
 pub mod scheme;

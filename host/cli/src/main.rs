@@ -20,6 +20,7 @@ mod parse;
 mod points;
 mod run;
 mod serve;
+mod survey;
 
 use clap::{Parser, Subcommand};
 use output::Failure;
@@ -45,6 +46,9 @@ enum Command {
     /// The same tasks under every scheme, with linear duty and with linear current
     #[command(long_about = compare::HELP)]
     Compare(compare::Options),
+    /// How well motors are regulated: reference tasks, bare motors, scenarios by lot
+    #[command(long_about = survey::HELP)]
+    Survey(survey::Options),
     /// The points S, T, Z, G at an operating point, computed by the firmware's core
     Points(points::Options),
     /// What the firmware does with a control value at an operating point
@@ -72,6 +76,7 @@ fn main() -> ExitCode {
     let done = match cli.command.unwrap_or(Command::Run(cli.run)) {
         Command::Run(options) => options.execute(),
         Command::Compare(options) => options.execute(),
+        Command::Survey(options) => options.execute(),
         Command::Points(options) => options.execute(),
         Command::Map(options) => options.execute(),
         Command::Paper(options) => options.execute(),

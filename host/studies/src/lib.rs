@@ -8,6 +8,7 @@
 //! | [`expectations`] | whether a run is as its scenario expects |
 //! | [`report`] | a scenario with and without a braking regime |
 //! | [`compare`] | the same tasks under every scheme and duty rule |
+//! | [`survey`] | how well motors are regulated: reference tasks, bare motors, scenarios by lot |
 //! | [`overlay`] | the flashed image beside the same core on the simulated board |
 //! | [`points`] | S, T, Z, G at an operating point, and what becomes of a control value |
 //! | [`paper`] | every number that the paper prints beside ours, and where its text is wrong |
@@ -34,6 +35,7 @@ pub mod overlay;
 pub mod paper;
 pub mod points;
 pub mod report;
+pub mod survey;
 pub mod table;
 
 use chart::Figure;

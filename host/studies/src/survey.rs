@@ -1,0 +1,196 @@
+//! How well motors are regulated: the tasks of the [`reference`], every motor of the catalogue in its [`cells`],
+//! and any number of scenarios drawn by lot ([`random`]), each told exactly, told wrongly, and told nothing.
+//!
+//! Responses are judged by the true motion at every millisecond. A speed has settled when it stays within 2 % of
+//! the larger of old and new speed, at least 2 counts/s; a position within 10 counts; standstill within 3 of where it ends; to the end, with a tenth
+//! of the time to spare. Of the drawn responses those are counted that can be settled, whoever regulates.
+
+mod bound;
+pub mod cells;
+mod dump;
+mod judge;
+mod pool;
+pub mod random;
+pub mod reference;
+pub mod text;
+
+pub use dump::toml;
+pub use judge::{Kind, Verdict};
+
+use crate::StudyError;
+use bound::settleable;
+use judge::{Challenge, Goal};
+use motor_hub::braking::DutyRule;
+use serde::Serialize;
+use simulated::scenario::{Scenario, Told, ToldMotion};
+
+/// What the hub is told of a motor's motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Knowledge {
+    /// Everything as it is.
+    Exact,
+    /// 0.7 times the inertia.
+    Lighter,
+    /// 1.4 times the inertia.
+    Heavier,
+    /// Nothing but the winding: PID.
+    Nothing,
+}
+
+impl Knowledge {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Exact, Self::Lighter, Self::Heavier, Self::Nothing];
+
+    /// In words.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "told exactly",
+            Self::Lighter => "told 0.7 J",
+            Self::Heavier => "told 1.4 J",
+            Self::Nothing => "told nothing (PID)",
+        }
+    }
+
+    fn told(self) -> Told {
+        let motion = |inertia| Some(ToldMotion { inertia, friction: 1.0 });
+        let motion = match self {
+            Self::Exact => motion(1.0),
+            Self::Lighter => motion(0.7),
+            Self::Heavier => motion(1.4),
+            Self::Nothing => None,
+        };
+        Told { motion, ..Told::TRUTH }
+    }
+}
+
+/// A response that can be settled, and what came of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Response {
+    /// The scenario's number.
+    pub scenario: u64,
+    /// The motor's number in it, from 0.
+    pub motor: usize,
+    /// Seconds from the scenario's start.
+    pub at_s: f64,
+    /// What was asked for.
+    pub kind: Kind,
+    /// The same in words.
+    pub what: String,
+    /// The motor, its load, battery, period and scheme in words.
+    pub circumstances: String,
+    /// Control period in milliseconds.
+    pub period_ms: u32,
+    /// The scheme in words.
+    pub scheme: String,
+    /// The duty rule is linear duty.
+    pub linear_duty: bool,
+    /// In the order of [`Knowledge::ALL`].
+    pub verdicts: Vec<Verdict>,
+}
+
+/// The responses of drawn scenarios.
+#[derive(Clone, Debug, Serialize)]
+pub struct Survey {
+    /// What the scenarios follow from.
+    pub seed: u64,
+    /// How many of them.
+    pub scenarios: u64,
+    /// How many responses were asked for, those among them that cannot be settled.
+    pub asked: usize,
+    /// Those that can be settled.
+    pub responses: Vec<Response>,
+}
+
+impl Survey {
+    /// Draws and runs; `progress` is told how many of how many scenarios are done.
+    ///
+    /// # Errors
+    /// If a run fails.
+    pub fn new(
+        seed: u64,
+        scenarios: u64,
+        progress: &mut dyn FnMut(usize, usize),
+    ) -> Result<Self, StudyError> {
+        let numbers: Vec<u64> = (0..scenarios).collect();
+        let results =
+            pool::map(&numbers, |&number| responses(seed, number), |done| progress(done, numbers.len()));
+        let (mut asked, mut responses) = (0, Vec::new());
+        for result in results {
+            let (all, settleable) = result?;
+            asked += all;
+            responses.extend(settleable);
+        }
+        Ok(Self { seed, scenarios, asked, responses })
+    }
+}
+
+/// How many responses a scenario asks for, and those that can be settled.
+fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyError> {
+    let scenario = random::scenario(seed, number);
+    let challenges = judge::challenges(&scenario);
+    let possible = settleable(&scenario, &challenges)?;
+    let mut verdicts: Vec<Vec<Verdict>> = vec![Vec::new(); challenges.len()];
+    for knowledge in Knowledge::ALL {
+        let mut scenario = scenario.clone();
+        scenario.motors.iter_mut().for_each(|motor| motor.told = knowledge.told());
+        let tracks = judge::watch(&scenario)?;
+        for (challenge, all) in challenges.iter().zip(&mut verdicts) {
+            all.push(judge::judge(challenge, tracks.get(challenge.motor).map_or(&[], |track| track)));
+        }
+    }
+    let judged = challenges.iter().zip(possible).zip(verdicts).filter(|((_, possible), _)| *possible);
+    let responses = judged
+        .map(|((challenge, _), verdicts)| Response {
+            scenario: number,
+            motor: challenge.motor,
+            at_s: challenge.from_ms as f64 / 1e3,
+            kind: challenge.kind,
+            what: what(challenge),
+            circumstances: circumstances(&scenario, challenge.motor),
+            period_ms: scenario.period.as_millis(),
+            scheme: scheme(&scenario, challenge.motor),
+            linear_duty: linear_duty(&scenario, challenge.motor),
+            verdicts,
+        })
+        .collect();
+    Ok((challenges.len(), responses))
+}
+
+fn what(challenge: &Challenge) -> String {
+    let goal = |goal| match goal {
+        Goal::Velocity(speed) => format!("{speed:.0} cps"),
+        Goal::Position { counts, .. } => format!("count {counts:.0}"),
+    };
+    let from = challenge.old.map_or("off".to_owned(), goal);
+    let length = challenge.length_s();
+    if challenge.kind == Kind::Load {
+        format!("{from}, {:.3} -> {:.3} N m, {length:.1} s", challenge.old_torque, challenge.torque)
+    } else {
+        format!("{from} -> {}, {:.3} N m, {length:.1} s", goal(challenge.goal), challenge.torque)
+    }
+}
+
+fn circumstances(scenario: &Scenario, index: usize) -> String {
+    let Some(motor) = scenario.motors.get(index) else { return String::new() };
+    let shaft = motor_hub::model::load::Shaft::new(&motor.constants, &motor.load);
+    let electrical = motor.constants.ke.0 * motor.constants.kt.0 / motor.constants.r.0;
+    format!(
+        "{}, tau {:.2} s ({:.1} J), {:.1} V, {} ms, {}{}",
+        motor.constants.name,
+        shaft.inertia.0 / (electrical + shaft.drag.0),
+        shaft.inertia.0 / motor.constants.j.0,
+        scenario.battery.emf.0,
+        scenario.period.as_millis(),
+        scheme(scenario, index),
+        if linear_duty(scenario, index) { ", linear duty" } else { "" },
+    )
+}
+
+fn linear_duty(scenario: &Scenario, index: usize) -> bool {
+    scenario.motors.get(index).is_some_and(|motor| motor.duty == DutyRule::LinearDuty)
+}
+
+fn scheme(scenario: &Scenario, index: usize) -> String {
+    scenario.motors.get(index).map_or(String::new(), |motor| simulated::scheme::describe(motor.scheme))
+}

@@ -1,0 +1,216 @@
+//! What any regulator could do: the time that the battery's full voltage needs.
+
+use super::judge::{Challenge, Goal, Kind, REST};
+use crate::StudyError;
+use motor_hub::braking::{OperatingPoint, Placer};
+use motor_hub::model::load::Shaft;
+use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
+use simulated::hardware::{BRIDGE, winding};
+use simulated::scenario::{Motor, Scenario};
+
+/// Of the voltage that the battery has with all motors stalled, so much is counted on.
+const COUNTED_ON: f64 = 0.95;
+/// Of that, so much must be left at the speed that is asked for.
+const RESERVE: f64 = 0.1;
+/// As a share of the battery's voltage: so near to what is needed some control value must come.
+const GAP: f64 = 0.02;
+/// Of the ideal time, so much is granted,
+const PATIENCE: f64 = 1.5;
+/// with so many seconds more,
+const GRACE_S: f64 = 0.3;
+/// so many periods,
+const GRACE_PERIODS: f64 = 6.0;
+/// and the time of so many counts at the speed that is asked for.
+const GRACE_COUNTS: f64 = 3.0;
+/// Seconds for which a new torque acts before anybody can know of it, besides a period.
+const SURPRISE_S: f64 = 0.05;
+/// Seconds.
+const STEP: f64 = 1e-3;
+/// Nothing is waited for longer than this, in seconds.
+const LONGEST: f64 = 60.0;
+
+/// A motor with its load at its scenario's battery, in the encoder's units.
+struct Machine {
+    placer: Placer,
+    emf: EmfConstant,
+    battery: Millivolts,
+    /// Counts/s² per volt.
+    b: f64,
+    /// Volts per count/s.
+    kappa: f64,
+    /// Drag, 1/s.
+    drag: f64,
+    /// Counts/s² per newton metre on the output shaft.
+    per_torque: f64,
+}
+
+impl Machine {
+    fn new(scenario: &Scenario, motor: &Motor) -> Result<Self, StudyError> {
+        let constants = &motor.constants;
+        let winding = winding(constants)?;
+        let shaft = Shaft::new(constants, &motor.load);
+        let counts = constants.counts_per_rev_motor / core::f64::consts::TAU;
+        let ohms = constants.r.0 + 2e-3 * f64::from(BRIDGE.switch_mohm());
+        let emf_v =
+            scenario.emf_over_time.iter().map(|timed| timed.value).fold(scenario.battery.emf.0, f64::min);
+        let drawn: f64 = scenario.motors.iter().map(|motor| emf_v / motor.constants.r.0).sum();
+        let volts = COUNTED_ON * (emf_v - scenario.battery.resistance.0 * drawn);
+        Ok(Self {
+            placer: Placer::new(&winding, &BRIDGE, motor.scheme, motor.duty),
+            emf: winding.emf,
+            battery: Millivolts::from_volts(volts)?,
+            b: constants.kt.0 * counts / (ohms * shaft.inertia.0),
+            kappa: constants.ke.0 / counts,
+            drag: shaft.drag.0 / shaft.inertia.0,
+            per_torque: counts * shaft.torque_ratio / shaft.inertia.0,
+        })
+    }
+
+    /// The voltage that a control value stands for at a speed; `None` if it opens the bridge.
+    fn volts(&self, speed: f64, control: Control) -> Option<f64> {
+        let speed = CountsPerSecond::saturating_from_bits((256.0 * speed) as i64);
+        let at = OperatingPoint::new(self.emf.emf(speed), self.battery)?;
+        Some(f64::from(self.placer.voltage(at, self.placer.place(at, control))?.to_volts()))
+    }
+
+    /// The lowest and the highest voltage that a control value stands for at a speed.
+    fn range(&self, speed: f64) -> Option<(f64, f64)> {
+        Some((self.volts(speed, Control::MIN)?, self.volts(speed, Control::MAX)?))
+    }
+
+    fn acceleration(&self, speed: f64, volts: f64, torque: f64) -> f64 {
+        self.b * (volts - self.kappa * speed) - self.drag * speed + self.per_torque * torque
+    }
+
+    /// The largest accelerations down and up.
+    fn strength(&self, speed: f64, torque: f64) -> Option<(f64, f64)> {
+        let (low, high) = self.range(speed)?;
+        Some((self.acceleration(speed, low, torque), self.acceleration(speed, high, torque)))
+    }
+
+    /// The speed can be kept under this torque with something to spare.
+    fn keeps(&self, speed: f64, torque: f64) -> bool {
+        let Some((low, high)) = self.range(speed) else { return false };
+        let battery = f64::from(self.battery.get()) / 1e3;
+        let needed = self.kappa * speed + (self.drag * speed - self.per_torque * torque) / self.b;
+        let reserve = RESERVE * battery;
+        // Without a braking regime there are voltages that no control value stands for.
+        let near = |volts: f64| (volts - needed).abs() < GAP * battery;
+        let given = || {
+            (i16::MIN..=i16::MAX).step_by(64).any(|c| self.volts(speed, Control::new(c)).is_some_and(near))
+        };
+        low + reserve <= needed && needed <= high - reserve && given()
+    }
+
+    /// Seconds from one speed to another, and the counts on the way.
+    fn run_up(&self, from: f64, to: f64, torque: f64) -> Option<(f64, f64)> {
+        let (mut speed, mut counts, up) = (from, 0.0, to > from);
+        let mut steps = 0.0;
+        while if up { speed < to } else { speed > to } {
+            let (down, rise) = self.strength(speed, torque)?;
+            let rate = if up { rise.max(0.0) } else { down.min(0.0) };
+            if rate == 0.0 || steps * STEP > LONGEST {
+                return None;
+            }
+            counts += speed * STEP;
+            speed += rate * STEP;
+            steps += 1.0;
+        }
+        Some((steps * STEP, counts))
+    }
+
+    /// Seconds for a way from standstill to standstill, by the fastest speed at every place.
+    fn travel(&self, counts: f64, limit: f64, torque: f64) -> Option<f64> {
+        const PLACES: usize = 400;
+        let (side, way) = (counts.signum(), counts.abs());
+        let step = way / PLACES as f64;
+        let mut fastest = vec![limit; PLACES + 1];
+        let mut pass = |backwards: bool| -> Option<()> {
+            let mut square = 0.0f64;
+            for index in 0..=PLACES {
+                let place = fastest.get_mut(if backwards { PLACES - index } else { index })?;
+                *place = place.min(square.sqrt());
+                let (down, up) = self.strength(side * *place, torque)?;
+                // Towards the target the motor speeds up; backwards in time from the target it does, too.
+                let rate = match (backwards, side > 0.0) {
+                    (false, true) => up,
+                    (false, false) => -down,
+                    (true, true) => -down,
+                    (true, false) => up,
+                };
+                square = (*place * *place + 2.0 * rate * step).max(0.0);
+                if square == 0.0 {
+                    return None;
+                }
+            }
+            Some(())
+        };
+        pass(false)?;
+        pass(true)?;
+        Some(fastest.windows(2).map(|pair| 2.0 * step / pair.iter().sum::<f64>()).sum())
+    }
+}
+
+/// Where a motor is at best known to be.
+struct Whereabouts {
+    speed: f64,
+    counts: f64,
+    /// How far off that may be.
+    slack: f64,
+}
+
+/// For each challenge of a scenario, by motor and time, whether it can be settled in its time: by what the
+/// battery, the motor, its load and its scheme can give, whoever regulates.
+///
+/// The ideal time is that of all the voltage that a control value stands for, one way and then the other, at
+/// 95 % of the voltage that the battery keeps with all motors stalled. A challenge can be settled if 1.5 times
+/// that, 0.3 s, six periods and the time of three counts fit into the first nine tenths of its time, and if the
+/// speed (or standstill at a position) can be kept under its torque with a tenth of the voltage to spare and by
+/// some control value. What
+/// follows a challenge that cannot be settled begins nobody knows where, and is not judged.
+pub(super) fn settleable(scenario: &Scenario, challenges: &[Challenge]) -> Result<Vec<bool>, StudyError> {
+    let mut all = Vec::with_capacity(challenges.len());
+    for (index, motor) in scenario.motors.iter().enumerate() {
+        let machine = Machine::new(scenario, motor)?;
+        let mut at = Some(Whereabouts { speed: 0.0, counts: 0.0, slack: 0.0 });
+        for challenge in challenges.iter().filter(|challenge| challenge.motor == index) {
+            let period = f64::from(scenario.period.as_millis()) / 1e3;
+            let after = at.and_then(|at| machine.answer(challenge, &at, period));
+            all.push(after.is_some());
+            at = after;
+        }
+    }
+    Ok(all)
+}
+
+impl Machine {
+    /// Where the motor is after a challenge that can be settled.
+    fn answer(&self, challenge: &Challenge, at: &Whereabouts, period: f64) -> Option<Whereabouts> {
+        let Challenge { torque, old_torque, .. } = *challenge;
+        let surprise = if challenge.kind == Kind::Load || torque != old_torque {
+            self.per_torque * (torque - old_torque) * (period + SURPRISE_S)
+        } else {
+            0.0
+        };
+        let from = at.speed + surprise;
+        let (ideal, counts, after) = match challenge.goal {
+            Goal::Velocity(to) => {
+                let (ideal, _) = self.run_up(from, to, torque)?;
+                let way = to * challenge.length_s();
+                let slack = at.slack + (to - at.speed).abs() * (ideal + period + GRACE_S);
+                let counts = if to == 0.0 { 0.0 } else { GRACE_COUNTS / to.abs() };
+                (ideal, counts, Whereabouts { speed: to, counts: at.counts + way, slack })
+            }
+            Goal::Position { counts, limit_cps } => {
+                let (stopping, run) = self.run_up(from, 0.0, torque)?;
+                let way = counts - at.counts;
+                let way = way + at.slack.copysign(way) + run.abs().copysign(way);
+                let travel = if way == 0.0 { 0.0 } else { self.travel(way, limit_cps, torque)? };
+                (stopping + travel, 0.0, Whereabouts { speed: 0.0, counts, slack: 0.0 })
+            }
+        };
+        let granted = PATIENCE * ideal + GRACE_S + GRACE_PERIODS * period + counts;
+        let enough = granted <= (1.0 - REST) * challenge.length_s();
+        (enough && self.keeps(after.speed, torque)).then_some(after)
+    }
+}

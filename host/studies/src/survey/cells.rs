@@ -1,0 +1,134 @@
+//! Every motor of the catalogue without a load, told to turn and told to go somewhere, with nothing tuned.
+
+use super::judge::{Verdict, challenges, judge, watch};
+use super::pool;
+use crate::StudyError;
+use motor_hub::braking::{DutyRule, Scheme};
+use motor_hub::model::battery::Battery;
+use motor_hub::model::catalogue;
+use motor_hub::model::load::Load;
+use motor_hub::model::si::{Ohms, Volts};
+use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::units::{CountsPerSecond, Period};
+use serde::Serialize;
+use simulated::scenario::{Motor, Scenario, Timed, Told};
+
+/// Control periods in milliseconds.
+pub const PERIODS: [u32; 4] = [1, 10, 50, 100];
+
+/// The battery, in volts.
+const VOLTS: f64 = 12.0;
+/// A motor of a longer time constant, in seconds, runs with the paper's inertia, too.
+const SLOW: f64 = 3.0;
+/// Seconds that each response has, besides two mechanical time constants.
+const LENGTH_S: f64 = 3.0;
+
+/// A motor in a mode, at all [`PERIODS`].
+#[derive(Clone, Debug, Serialize)]
+pub struct Cell {
+    /// The motor's name.
+    pub motor: &'static str,
+    /// Its inertia is the paper's, not the measured one.
+    pub paper_inertia: bool,
+    /// "velocity" or "position".
+    pub mode: &'static str,
+    /// By the model: two responses for each period.
+    pub model: Vec<[Verdict; 2]>,
+    /// By PID, nothing told.
+    pub pid: Vec<[Verdict; 2]>,
+}
+
+/// Runs all cells; `progress` is told how many of how many runs are done.
+///
+/// # Errors
+/// If a run fails.
+pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyError> {
+    let mut motors: Vec<catalogue::Motor> =
+        catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()).collect();
+    // The measured inertia of the Core Hex motors is that of a motor that takes half a minute to start.
+    let slow = |motor: &catalogue::Motor| time_constant(&motor.with_measured_rotor_inertia()) > SLOW;
+    motors.extend(catalogue::motors().filter(slow));
+    let modes = ["velocity", "position"];
+    let names: Vec<(catalogue::Motor, &'static str)> =
+        motors.iter().flat_map(|&motor| modes.map(|mode| (motor, mode))).collect();
+    let scenarios: Vec<Scenario> =
+        names.iter().map(|&(motor, mode)| scenario(motor, mode == "velocity")).collect();
+    let cases: Vec<(&Scenario, bool, u32)> = scenarios
+        .iter()
+        .flat_map(|scenario| [true, false].map(|told| (scenario, told)))
+        .flat_map(|(scenario, told)| PERIODS.map(|ms| (scenario, told, ms)))
+        .collect();
+    let total = cases.len();
+    let verdicts =
+        pool::map(&cases, |&(scenario, told, ms)| both(scenario, told, ms), |done| progress(done, total));
+    let mut verdicts = verdicts.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter();
+    let cell = |(motor, mode): (catalogue::Motor, _)| Cell {
+        motor: motor.name,
+        paper_inertia: motor.j != motor.j_rotor_measured,
+        mode,
+        model: verdicts.by_ref().take(PERIODS.len()).collect(),
+        pid: verdicts.by_ref().take(PERIODS.len()).collect(),
+    };
+    Ok(names.into_iter().map(cell).collect())
+}
+
+/// From rest to half of the free speed and on to a tenth of it; or as far as that takes in a second, and back.
+fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
+    let electrical = constants.ke.0 * constants.kt.0 / constants.r.0;
+    let time_constant = time_constant(&constants);
+    let counts = constants.counts_per_rev_motor / core::f64::consts::TAU;
+    let free = counts * constants.kt.0 / constants.r.0 * VOLTS / (electrical + constants.b.0);
+    let value = |share: f64| {
+        if velocity {
+            Setpoint::Velocity(CountsPerSecond::new((share * free) as i32))
+        } else {
+            let target = if share > 0.2 { (share * free) as i32 } else { 0 };
+            Setpoint::Position { target, tolerance: 10, speed_limit: CountsPerSecond::MAX }
+        }
+    };
+    let length = ((LENGTH_S + 2.0 * time_constant) * 10.0).round() / 10.0;
+    Scenario {
+        name: "cell".to_owned(),
+        duration_s: 2.0 * length,
+        period: Period::DEFAULT,
+        seed: 1,
+        battery: Battery { emf: Volts(VOLTS), resistance: Ohms(0.05) },
+        emf_over_time: Vec::new(),
+        motors: vec![Motor {
+            label: constants.name.to_owned(),
+            constants,
+            load: Load::NONE,
+            told: Told::TRUTH,
+            scheme: Scheme::A,
+            duty: DutyRule::LinearCurrent,
+            zero_power: ZeroPower::Brake,
+            velocity: None,
+            position: None,
+            setpoints: vec![
+                Timed { at_s: 0.0, value: value(0.5) },
+                Timed { at_s: length, value: value(0.1) },
+            ],
+            torques: vec![Timed { at_s: 0.0, value: 0.0 }],
+        }],
+        emulated: false,
+        expectations: Vec::new(),
+    }
+}
+
+/// Of a bare motor, in seconds.
+fn time_constant(motor: &catalogue::Motor) -> f64 {
+    motor.j.0 / (motor.ke.0 * motor.kt.0 / motor.r.0 + motor.b.0)
+}
+
+fn both(scenario: &Scenario, told: bool, period_ms: u32) -> Result<[Verdict; 2], StudyError> {
+    let mut scenario = scenario.clone();
+    scenario.period = Period::from_millis(period_ms)?;
+    if !told {
+        scenario.motors.iter_mut().for_each(|motor| motor.told.motion = None);
+    }
+    let tracks = watch(&scenario)?;
+    match (challenges(&scenario).as_slice(), tracks.first()) {
+        ([first, second], Some(track)) => Ok([judge(first, track), judge(second, track)]),
+        _ => Err(StudyError::NoEvent),
+    }
+}

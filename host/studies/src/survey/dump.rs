@@ -1,0 +1,91 @@
+//! A scenario as the file that it could have come from.
+
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::units::Control;
+use simulated::scenario::{Motor, Scenario, Told};
+use std::fmt::Write;
+
+/// The scenario in TOML; what has no place in a survey (coefficients, expectations, a battery that runs down) is
+/// left out.
+pub fn toml(scenario: &Scenario) -> String {
+    let Scenario { name, duration_s, period, seed, battery, .. } = scenario;
+    let mut out = format!(
+        "name = {name:?}\nduration_s = {duration_s:?}\ncontrol_period_ms = {}\nseed = {seed}\n\n\
+         [battery]\nemf_v = {:?}\nresistance_ohm = {:?}\n",
+        period.as_millis(),
+        battery.emf.0,
+        battery.resistance.0,
+    );
+    for motor in &scenario.motors {
+        // Writing to a string does not fail.
+        let _ = table(&mut out, motor);
+    }
+    out
+}
+
+fn table(out: &mut String, motor: &Motor) -> std::fmt::Result {
+    let constants = &motor.constants;
+    let inertia = if constants.j == constants.j_rotor_measured { "rotor" } else { "paper" };
+    writeln!(out, "\n[[motors]]\nlabel = {:?}\nmotor = {:?}", motor.label, constants.name)?;
+    writeln!(out, "inertia = {inertia:?}\n{}", scheme(motor.scheme))?;
+    if motor.duty == DutyRule::LinearDuty {
+        writeln!(out, "duty = \"linear-duty\"")?;
+    }
+    if motor.zero_power == ZeroPower::Float {
+        writeln!(out, "zero_power = \"float\"")?;
+    }
+    let Told { resistance, emf, motion } = motor.told;
+    match motion {
+        None => writeln!(out, "told = \"nothing\"")?,
+        Some(motion) => writeln!(
+            out,
+            "told = {{ resistance = {resistance:?}, emf = {emf:?}, inertia = {:?}, friction = {:?} }}",
+            motion.inertia, motion.friction
+        )?,
+    }
+    writeln!(
+        out,
+        "load = {{ inertia_kg_m2 = {:?}, drag_nms_per_rad = {:?}, torque_nm = {:?} }}",
+        motor.load.inertia_after.0,
+        motor.load.drag_after.0,
+        motor.torque_at(0.0)
+    )?;
+    writeln!(out, "setpoints = [")?;
+    for timed in &motor.setpoints {
+        writeln!(out, "    {{ at_s = {:?}, {} }},", timed.at_s, setpoint(timed.value))?;
+    }
+    writeln!(out, "]\ntorques = [")?;
+    for timed in motor.torques.iter().filter(|timed| timed.at_s > 0.0) {
+        writeln!(out, "    {{ at_s = {:?}, torque_nm = {:?} }},", timed.at_s, timed.value)?;
+    }
+    writeln!(out, "]")
+}
+
+fn scheme(scheme: Scheme) -> String {
+    match scheme {
+        Scheme::ForwardReverse => "scheme = \"none\"".to_owned(),
+        Scheme::A => "scheme = \"A\"".to_owned(),
+        Scheme::B => "scheme = \"B\"".to_owned(),
+        Scheme::C => "scheme = \"C\"".to_owned(),
+        Scheme::D(Blend::Automatic) => "scheme = \"D\"".to_owned(),
+        Scheme::D(Blend::Fixed(blend)) => {
+            let share = f64::from(blend.to_bits()) / f64::from(BlendFraction::ONE.to_bits());
+            format!("scheme = \"D\"\nblend = {share:?}")
+        }
+    }
+}
+
+fn setpoint(setpoint: Setpoint) -> String {
+    match setpoint {
+        Setpoint::Disabled => "disable = true".to_owned(),
+        Setpoint::ConstantPower(power) => {
+            format!("power = {:?}", f64::from(power.get()) / f64::from(Control::MAX.get()))
+        }
+        Setpoint::Velocity(speed) => format!("velocity_cps = {}", speed.round()),
+        Setpoint::Position { target, tolerance, speed_limit } => format!(
+            "position_counts = {target}, tolerance_counts = {tolerance}, speed_limit_cps = {}",
+            speed_limit.round()
+        ),
+    }
+}

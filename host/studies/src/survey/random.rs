@@ -1,0 +1,180 @@
+//! Scenarios by lot: any motor, any load, any battery, any period, any scheme.
+
+use motor_hub::braking::{Blend, DutyRule, Scheme};
+use motor_hub::model::battery::Battery;
+use motor_hub::model::catalogue::{self, motors};
+use motor_hub::model::load::{Load, Shaft};
+use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
+use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::units::{CountsPerSecond, Period};
+use simulated::scenario::{Motor, Scenario, Timed, Told};
+
+/// No motor with its load is slower, in seconds.
+const LONGEST_TIME_CONSTANT: f64 = 3.0;
+/// A motor of which the measured inertia makes a slower one is given the paper's, and a load that makes it at
+/// least this slow.
+const SHORTEST_LOADED: f64 = 0.05;
+/// The supply's limit is 5 V.
+const LEAST_VOLTS: f64 = 5.5;
+
+/// The scenario of this number in the survey of this seed; each is drawn by itself.
+pub fn scenario(seed: u64, index: u64) -> Scenario {
+    // One seed's scenarios are another's neighbours no more than their own.
+    let mut lot = Lot(fastrand::Rng::with_seed(fastrand::Rng::with_seed(seed).u64(..) ^ index));
+    let period = Period::from_millis(lot.logarithmic(1.0, 100.0).round() as u32).unwrap_or_default();
+    let emf = lot.rounded(6.5, 14.5, 10.0);
+    let count = 1 + lot.0.usize(..3);
+    let chosen: Vec<_> = (0..count).map(|_| lot.motor()).collect();
+    let drawn: f64 = chosen.iter().map(|(motor, _)| emf / motor.r.0).sum();
+    let resistance = lot.rounded(0.0, 0.1, 1e3).min((emf - LEAST_VOLTS) / drawn);
+    let volts = 0.95 * (emf - resistance * drawn);
+    let motors: Vec<Motor> = chosen
+        .into_iter()
+        .enumerate()
+        .map(|(number, (constants, load))| lot.plan(format!("motor {}", number + 1), constants, load, volts))
+        .collect();
+    let last = |motor: &Motor| {
+        let times =
+            motor.setpoints.iter().map(|timed| timed.at_s).chain(motor.torques.iter().map(|t| t.at_s));
+        times.fold(0.0, f64::max)
+    };
+    Scenario {
+        name: format!("survey {seed}, scenario {index}"),
+        duration_s: lot.rounded(2.0, 4.0, 1e3) + motors.iter().map(last).fold(0.0, f64::max),
+        period,
+        seed: index,
+        battery: Battery { emf: Volts(emf), resistance: Ohms(resistance) },
+        emf_over_time: Vec::new(),
+        motors,
+        emulated: false,
+        expectations: Vec::new(),
+    }
+}
+
+struct Lot(fastrand::Rng);
+
+impl Lot {
+    fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.0.f64()
+    }
+
+    fn logarithmic(&mut self, low: f64, high: f64) -> f64 {
+        self.uniform(low.ln(), high.ln()).exp()
+    }
+
+    /// In steps of 1 / `per_unit`.
+    fn rounded(&mut self, low: f64, high: f64, per_unit: f64) -> f64 {
+        (self.uniform(low, high) * per_unit).round() / per_unit
+    }
+
+    fn chance(&mut self, share: f64) -> bool {
+        self.0.f64() < share
+    }
+
+    fn signed(&mut self, low: f64, high: f64) -> f64 {
+        let size = self.uniform(low, high);
+        if self.0.bool() { size } else { -size }
+    }
+
+    /// A motor and what it turns.
+    fn motor(&mut self) -> (catalogue::Motor, Load) {
+        let all: Vec<_> = motors().collect();
+        let paper = all.get(self.0.usize(..all.len())).copied().unwrap_or_else(|| unreachable!());
+        let measured = paper.with_measured_rotor_inertia();
+        let bare = time_constant(&measured);
+        let (motor, shortest) =
+            if bare < LONGEST_TIME_CONSTANT { (measured, bare) } else { (paper, SHORTEST_LOADED) };
+        // Bare, with some rotor inertias, or anything.
+        let wanted = match self.0.u8(..10) {
+            0..3 => shortest,
+            3..7 => self.uniform(1.0, 5.0) * shortest,
+            _ => self.logarithmic(shortest, LONGEST_TIME_CONSTANT),
+        };
+        let reflected = motor.eta * motor.gear_ratio * motor.gear_ratio;
+        let share = wanted.min(LONGEST_TIME_CONSTANT) / time_constant(&motor) - 1.0;
+        let inertia = (share * motor.j.0 * reflected).max(0.0);
+        // Drag that takes up to a fifth of the free speed.
+        let electrical = motor.ke.0 * motor.kt.0 / motor.r.0;
+        let drag = if self.chance(0.3) { self.uniform(0.0, 0.25) * electrical * reflected } else { 0.0 };
+        (motor, Load { inertia_after: KgM2(inertia), drag_after: Drag(drag), ..Load::NONE })
+    }
+
+    fn scheme(&mut self) -> Scheme {
+        match self.0.u8(..20) {
+            0..9 => Scheme::A,
+            9..13 => Scheme::B,
+            13..15 => Scheme::C,
+            15..18 => Scheme::D(Blend::Automatic),
+            _ => Scheme::ForwardReverse,
+        }
+    }
+
+    fn plan(&mut self, label: String, constants: catalogue::Motor, load: Load, volts: f64) -> Motor {
+        let shaft = Shaft::new(&constants, &load);
+        let counts = constants.counts_per_rev_motor / core::f64::consts::TAU;
+        let per_volt = constants.kt.0 / constants.r.0;
+        let stall = per_volt * volts / shaft.torque_ratio;
+        let free = counts * per_volt * volts / (per_volt * constants.ke.0 + shaft.drag.0);
+        let first = if self.chance(0.5) { 0.0 } else { self.signed(0.0, 0.3) * stall };
+        let mut torques = vec![Timed { at_s: 0.0, value: first }];
+        let mut setpoints = Vec::new();
+        // At once: a load would turn a motor that is not regulated yet.
+        let mut at_s = 0.0;
+        // Speeds alone, positions alone, or both.
+        let positions = match self.0.u8(..20) {
+            0..11 => 0.0,
+            11..16 => 1.0,
+            _ => 0.5,
+        };
+        let mut position = 0.0;
+        for number in 0..3 + self.0.u8(..3) {
+            let length = self.rounded(1.5, 4.0, 1e3);
+            if number > 0 && self.chance(0.25) {
+                torques.push(Timed { at_s, value: self.signed(0.05, 0.35) * stall });
+            } else if self.chance(positions) {
+                let away = self.signed(0.02, 0.5) * free * length;
+                position += away;
+                let speed_limit = CountsPerSecond::new((self.uniform(0.3, 1.2) * free) as i32);
+                let value = Setpoint::Position { target: position as i32, tolerance: 10, speed_limit };
+                setpoints.push(Timed { at_s, value });
+            } else {
+                let speed = self.speed(free);
+                position += speed * length;
+                let value = Setpoint::Velocity(CountsPerSecond::new(speed as i32));
+                setpoints.push(Timed { at_s, value });
+            }
+            at_s = (1e3 * (at_s + length)).round() / 1e3;
+        }
+        Motor {
+            label,
+            constants,
+            load,
+            told: Told::TRUTH,
+            scheme: self.scheme(),
+            duty: if self.chance(0.15) { DutyRule::LinearDuty } else { DutyRule::LinearCurrent },
+            zero_power: ZeroPower::Brake,
+            velocity: None,
+            position: None,
+            setpoints,
+            torques,
+        }
+    }
+
+    /// In counts/s, whole.
+    fn speed(&mut self, free: f64) -> f64 {
+        let speed = match self.0.u8(..20) {
+            0..4 => {
+                let side = self.signed(1.0, 1.0);
+                side * self.logarithmic(5.0, 50.0)
+            }
+            4..6 => 0.0,
+            _ => self.signed(0.1, 0.85) * free,
+        };
+        speed.round()
+    }
+}
+
+/// Of a motor without load, in seconds.
+fn time_constant(motor: &catalogue::Motor) -> f64 {
+    motor.j.0 / (motor.ke.0 * motor.kt.0 / motor.r.0 + motor.b.0)
+}

@@ -1,0 +1,228 @@
+//! The tasks by which regulation was compared before it was written, at several control periods.
+
+use super::judge::{Verdict, challenges, judge, watch};
+use super::pool;
+use crate::StudyError;
+use motor_hub::braking::{DutyRule, Scheme};
+use motor_hub::model::battery::Battery;
+use motor_hub::model::catalogue::characterised;
+use motor_hub::model::load::Load;
+use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
+use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::units::{CountsPerSecond, Period};
+use serde::Serialize;
+use simulated::scenario::{Motor, Scenario, Timed, Told};
+
+/// Control periods in milliseconds.
+pub const PERIODS: [u32; 6] = [1, 5, 10, 20, 50, 100];
+
+/// What of a response is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Figure {
+    /// Settling time, and what it went beyond.
+    Settling,
+    /// Mean error at the end, in counts.
+    Offset,
+    /// Root mean square of the error in the last second, in percent of the speed.
+    Rms,
+}
+
+/// A task, and what the reference reached at it with a period of 50 ms.
+#[derive(Clone, Debug)]
+pub struct Task {
+    /// What is asked for, in words.
+    pub name: String,
+    /// The reference's figure; of several motors the worst.
+    pub reference: &'static str,
+    /// What of it is looked at.
+    pub figure: Figure,
+    /// One for each motor.
+    scenarios: Vec<Scenario>,
+    /// Which of the scenario's responses.
+    response: usize,
+}
+
+/// What came of a task.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// The task's.
+    pub name: String,
+    /// As the task has it.
+    pub reference: &'static str,
+    /// What the verdicts are asked for.
+    pub figure: Figure,
+    /// By the model; in the order of [`PERIODS`].
+    pub model: Vec<Verdict>,
+    /// By PID, nothing told.
+    pub pid: Vec<Verdict>,
+    /// Speed that was asked for, in counts/s; 0 of a position.
+    pub speed: f64,
+}
+
+/// The motors that crawl.
+const CRAWLERS: [&str; 3] = ["AM 60 A", "AM 3.7 A", "Matrix A"];
+
+/// All tasks.
+///
+/// # Errors
+/// If the catalogue lacks a motor.
+pub fn tasks() -> Result<Vec<Task>, StudyError> {
+    let flywheel = |speeds: &[(f64, i32)]| plan("AM 20 A", 0.006, &velocities(speeds));
+    let winch = |speeds: &[(f64, i32)]| plan("AM 60 A", 0.05, &velocities(speeds));
+    let mut all = Vec::new();
+    let mut task = |name: &str, reference, figure, response, scenario: Scenario| {
+        all.push(Task { name: name.to_owned(), reference, figure, scenarios: vec![scenario], response });
+    };
+    use Figure::{Offset, Rms, Settling};
+    let up_and_down = flywheel(&[(0.5, 2330), (5.0, 875)])?;
+    task("flywheel 0 -> 2330", "0.35/0.4", Settling, 0, up_and_down.clone());
+    task("flywheel 80 -> 30 %", "0.19/0.5", Settling, 1, up_and_down);
+    let pushed = with_torque(winch(&[(0.5, 1360)])?, 4.0, 0.8);
+    task("winch 0 -> 1360", "0.27/0.4", Settling, 0, pushed.clone());
+    task("winch +0.8 N m", "0.23/10.2", Settling, 1, pushed);
+    task("winch 2176 -> 816", "0.20/0.4", Settling, 1, winch(&[(0.5, 2176), (4.0, 816)])?);
+    task("winch 1632 -> -1632", "0.44/0.1", Settling, 1, winch(&[(0.5, 1632), (4.0, -1632)])?);
+    let arm = arm()?;
+    task("arm 0 -> 4000", "2.48/0.1", Settling, 0, arm.clone());
+    task("arm 4000 -> 500", "2.18/0", Settling, 1, arm.clone());
+    task("arm 4000 -> 500, last error", "<= 1 count", Offset, 1, arm);
+    task("0.5 kg m2 0 -> 5000", "4.08/0", Settling, 0, plan("AM 60 A", 0.5, &[position(0.5, 5000)])?);
+    task("Matrix A bare 0 -> 3000", "1.36/0.1", Settling, 0, plan("Matrix A", 0.0, &[position(0.5, 3000)])?);
+    task(
+        "winch 0, +0.4 N m: offset",
+        "14 counts",
+        Offset,
+        1,
+        with_torque(plan("AM 60 A", 0.05, &[position(0.5, 0)])?, 4.0, 0.4),
+    );
+    for (cps, reference) in [(5, "0.9 %"), (10, "0.5 %"), (20, "0.9 %"), (50, "1.2 %")] {
+        let crawl = |motor: &&str| plan(motor, 0.0, &velocities(&[(0.0, cps)]));
+        let scenarios = CRAWLERS.iter().map(crawl).collect::<Result<_, _>>()?;
+        all.push(Task {
+            name: format!("{cps} counts/s, rms"),
+            reference,
+            figure: Rms,
+            scenarios,
+            response: 0,
+        });
+    }
+    Ok(all)
+}
+
+fn velocities(speeds: &[(f64, i32)]) -> Vec<Timed<Setpoint>> {
+    let velocity = |&(at_s, cps)| Timed { at_s, value: Setpoint::Velocity(CountsPerSecond::new(cps)) };
+    speeds.iter().map(velocity).collect()
+}
+
+fn position(at_s: f64, target: i32) -> Timed<Setpoint> {
+    let value = Setpoint::Position { target, tolerance: 10, speed_limit: CountsPerSecond::MAX };
+    Timed { at_s, value }
+}
+
+/// A motor alone, with an inertia in kg m² on its output shaft.
+fn plan(motor: &str, inertia: f64, setpoints: &[Timed<Setpoint>]) -> Result<Scenario, StudyError> {
+    let motor = Motor {
+        label: "motor".to_owned(),
+        constants: characterised(motor)?.with_measured_rotor_inertia(),
+        load: Load::inertia(KgM2(inertia)),
+        told: Told::TRUTH,
+        scheme: Scheme::A,
+        duty: DutyRule::LinearCurrent,
+        zero_power: ZeroPower::Brake,
+        velocity: None,
+        position: None,
+        setpoints: setpoints.to_vec(),
+        torques: vec![Timed { at_s: 0.0, value: 0.0 }],
+    };
+    Ok(Scenario {
+        name: "reference".to_owned(),
+        duration_s: 10.0,
+        period: Period::DEFAULT,
+        seed: 1,
+        battery: Battery { emf: Volts(12.6), resistance: Ohms(0.05) },
+        emf_over_time: Vec::new(),
+        motors: vec![motor],
+        emulated: false,
+        expectations: Vec::new(),
+    })
+}
+
+fn with_torque(mut scenario: Scenario, at_s: f64, value: f64) -> Scenario {
+    for motor in &mut scenario.motors {
+        motor.torques.push(Timed { at_s, value });
+    }
+    scenario
+}
+
+/// As the default scenario has it.
+fn arm() -> Result<Scenario, StudyError> {
+    let there = |at_s, target| Timed {
+        at_s,
+        value: Setpoint::Position { target, tolerance: 20, speed_limit: CountsPerSecond::new(1800) },
+    };
+    let mut scenario = plan("AM 40 C", 0.02, &[there(0.0, 4000), there(5.0, 500)])?;
+    for motor in &mut scenario.motors {
+        motor.scheme = Scheme::B;
+        motor.load.drag_after = Drag(0.005);
+        motor.torques = vec![Timed { at_s: 0.0, value: -0.3 }];
+    }
+    Ok(scenario)
+}
+
+/// Runs all tasks, by the model and by PID, at all [`PERIODS`]; `progress` is told how many of how many runs are done.
+///
+/// # Errors
+/// If a run fails.
+pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyError> {
+    let tasks = tasks()?;
+    let cases: Vec<(&Task, bool, u32)> = tasks
+        .iter()
+        .flat_map(|task| [true, false].map(|told| (task, told)))
+        .flat_map(|(task, told)| PERIODS.map(|ms| (task, told, ms)))
+        .collect();
+    let total = cases.len();
+    let verdicts = pool::map(&cases, |&(task, told, ms)| worst(task, told, ms), |done| progress(done, total))
+        .into_iter()
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut verdicts = verdicts.into_iter();
+    Ok(tasks
+        .into_iter()
+        .map(|task| Row {
+            speed: speed(&task),
+            name: task.name,
+            reference: task.reference,
+            figure: task.figure,
+            model: verdicts.by_ref().take(PERIODS.len()).collect(),
+            pid: verdicts.by_ref().take(PERIODS.len()).collect(),
+        })
+        .collect())
+}
+
+fn speed(task: &Task) -> f64 {
+    let setpoints = task.scenarios.first().and_then(|scenario| scenario.motors.first()).map(|m| &m.setpoints);
+    match setpoints.and_then(|setpoints| setpoints.last()).map(|timed| timed.value) {
+        Some(Setpoint::Velocity(cps)) => cps.to_f64(),
+        _ => 0.0,
+    }
+}
+
+/// Of the task's motors the one with the largest error at the end.
+fn worst(task: &Task, told: bool, period_ms: u32) -> Result<Verdict, StudyError> {
+    let mut worst: Option<Verdict> = None;
+    for scenario in &task.scenarios {
+        let mut scenario = scenario.clone();
+        scenario.period = Period::from_millis(period_ms)?;
+        if !told {
+            scenario.motors.iter_mut().for_each(|motor| motor.told.motion = None);
+        }
+        let tracks = watch(&scenario)?;
+        let challenges = challenges(&scenario);
+        let challenge = challenges.get(task.response).ok_or(StudyError::NoEvent)?;
+        let verdict = judge(challenge, tracks.first().ok_or(StudyError::NoEvent)?);
+        if worst.is_none_or(|worst| worst.last_rms < verdict.last_rms) {
+            worst = Some(verdict);
+        }
+    }
+    worst.ok_or(StudyError::NoEvent)
+}
