@@ -238,10 +238,10 @@ impl Bench {
     }
 
     fn run_ms(&mut self, report: &Report) -> f64 {
-        let mut command = plant::Command::pwm(report.drive.mode, report.drive.duty.to_f64());
+        let mut influence = plant::Influence::pwm(report.drive.mode, report.drive.duty.to_f64());
         let stall_torque = self.constants.motor.kt.0 * self.constants.stall_current;
-        command.torque_after = NewtonMetres(self.load * stall_torque / self.constants.shaft.torque_ratio);
-        let flow = self.plant.run(Seconds(1e-3), command, Volts(BATTERY));
+        influence.torque_after = NewtonMetres(self.load * stall_torque / self.constants.shaft.torque_ratio);
+        let flow = self.plant.run(Seconds(1e-3), influence, Volts(BATTERY));
         if let Some(stop) = self.stop {
             // In the middle of a count, so that a shaft at the stop does not tremble across an edge.
             let angle = (stop as f64 + 0.5) * TAU / self.constants.motor.counts_per_rev_motor;
