@@ -117,6 +117,7 @@ impl Motor {
         let moved = reading
             .filter(|reading| now.since(reading.at) <= ENCODER_STALE_MICROS)
             .map(|reading| self.follow(reading));
+        self.regulator.wait(now);
         let velocity = self.regulator.velocity();
         let at = battery.and_then(|battery| {
             Some((OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery)?, battery))

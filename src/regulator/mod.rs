@@ -38,7 +38,9 @@ pub use loops::Coefficients;
 
 use crate::braking::{OperatingPoint, Placer, Scheme};
 use crate::motion::{Reading, VelocityEstimator};
-use crate::units::{Acceleration, Control, CountsPerSecond, EmfConstant, Millivolts, Period, Voltage};
+use crate::units::{
+    Acceleration, Control, CountsPerSecond, EmfConstant, Micros, Millivolts, Period, Voltage,
+};
 use loops::Loops;
 use model::{Law, State};
 use observer::{FASTEST, Observer, Plant};
@@ -129,6 +131,8 @@ pub struct Regulator {
     /// Where the motor is not known.
     estimator: VelocityEstimator,
     last: Option<Reading>,
+    /// Until when the motion was followed.
+    followed: Micros,
     /// Where a motor that should stand came to rest.
     anchor: Option<i32>,
     /// For how long it has not moved though it should.
@@ -171,6 +175,7 @@ impl Regulator {
             loops: Loops::new(&config, period),
             estimator: VelocityEstimator::new(period),
             last: None,
+            followed: Micros::new(0),
             anchor: None,
             held_ms: 0,
             steady: true,
@@ -241,33 +246,41 @@ impl Regulator {
         }
     }
 
-    /// Takes a sample of the encoder; best every millisecond, give or take less than half of that. One that comes
-    /// sooner is as good as none.
+    /// Takes a sample of the encoder; best every millisecond, give or take less than half of that.
     pub fn sample(&mut self, reading: Reading) {
-        let Some(last) = self.last else {
-            self.last = Some(reading);
+        let Some(last) = self.last.replace(reading) else {
+            self.followed = reading.at;
             return;
         };
-        // In 32 bits, whose division is the shorter one.
-        let micros = u32::try_from(reading.at.since(last.at)).unwrap_or(u32::MAX);
-        let samples = micros.saturating_add(500) / 1000;
-        if samples == 0 {
+        if reading.at == last.at {
             return;
         }
-        self.last = Some(reading);
-        let Some(Known { plant, observer, .. }) = &mut self.known else { return };
         let moved = reading.position.wrapping_sub(last.position);
-        if samples > SILENCE_SAMPLES {
-            *observer = Observer::new(within(1_000.0 * moved as f32 / samples as f32, FASTEST));
-            return;
+        let silence = samples(last.at, reading.at);
+        self.wait(reading.at);
+        let Some(Known { plant, observer, .. }) = &mut self.known else { return };
+        if silence > SILENCE_SAMPLES {
+            *observer = Observer::new(within(1_000.0 * moved as f32 / silence as f32, FASTEST));
+        } else {
+            observer.see(plant, moved);
         }
-        for _ in 1..samples {
-            observer.predict(plant);
-        }
-        observer.step(plant, moved);
         // By constants that are no motor's, numbers grow until they are none.
         if !(observer.speed() + observer.fraction()).is_finite() {
             *observer = Observer::new(0.0);
+        }
+    }
+
+    /// It is so late, and no sample came: what is known of the motion goes on by itself, for a while.
+    pub fn wait(&mut self, now: Micros) {
+        let passed = samples(self.followed, now);
+        if passed == 0 {
+            return;
+        }
+        self.followed = now;
+        if let Some(Known { plant, observer, .. }) = &mut self.known {
+            for _ in 0..passed.min(SILENCE_SAMPLES) {
+                observer.predict(plant);
+            }
         }
     }
 
@@ -381,6 +394,11 @@ impl Regulator {
             observer.drive(plant, voltage.map(Voltage::to_volts));
         }
     }
+}
+
+/// Whole samples from one time to another. (In 32 bits, whose division is the shorter one.)
+fn samples(from: Micros, to: Micros) -> u32 {
+    u32::try_from(to.since(from)).unwrap_or(u32::MAX).saturating_add(500) / 1000
 }
 
 /// A speed in the unit of everybody else.

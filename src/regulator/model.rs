@@ -145,7 +145,9 @@ impl Law {
         };
         self.turn_friction(state, observer, next);
         let wanted = plant.kappa * w + (next - w) * self.per_speed - observer.load(plant) / plant.b;
-        let voltage = Voltage::from_volts(within(wanted, stage.battery));
+        // In overrun less braking takes more than the battery's voltage.
+        let most = stage.battery.max((plant.kappa * w).abs());
+        let voltage = Voltage::from_volts(within(wanted, most));
         Request { control: stage.placer.control(stage.at, voltage), speed: super::speed(speed) }
     }
 

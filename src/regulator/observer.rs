@@ -13,7 +13,7 @@
 //! ```
 
 use super::within;
-use libm::{cbrtf, expf};
+use libm::{cbrtf, expf, expm1f};
 
 /// Seconds between two samples.
 pub(super) const SAMPLE: f32 = 1e-3;
@@ -34,12 +34,14 @@ pub(super) struct Plant {
     pub(super) kappa: f32,
     /// Of an acceleration, 1/s.
     pub(super) q: f32,
-    /// What drag adds to q: q - b kappa.
+    /// What drag adds to q: q - b kappa. Constants by which drag would drive the motor are taken for none.
     pub(super) drag: f32,
     /// What an acceleration that decays with q makes of the speed in a sample, per acceleration;
     k1: f32,
     /// and of the position.
     k2: f32,
+    /// The same two while the bridge is open, where only drag brakes.
+    open: (f32, f32),
     /// What is left of z after a sample.
     fade: f32,
 }
@@ -47,16 +49,22 @@ pub(super) struct Plant {
 impl Plant {
     /// `poles` (1/s) is wo where the motor is quick enough to be followed so fast.
     pub(super) fn new(b: f32, kappa: f32, q: f32, poles: f32) -> Self {
-        let x = q * SAMPLE;
-        // Series where the quotients would cancel.
-        let (k1, k2) = if x > 1e-2 {
-            let k1 = -libm::expm1f(-x) / q;
-            (k1, (SAMPLE - k1) / q)
-        } else {
-            (SAMPLE * (1.0 - x / 2.0), SAMPLE * SAMPLE * (0.5 - x / 6.0))
-        };
+        let drag = (q - b * kappa).max(0.0);
+        let (k1, k2) = gains(q);
         let poles = poles.min(cbrtf(11.0 * 12.0 * b));
-        Self { b, kappa, q, drag: q - b * kappa, k1, k2, fade: expf(-poles * SAMPLE) }
+        Self { b, kappa, q, drag, k1, k2, open: gains(drag), fade: expf(-poles * SAMPLE) }
+    }
+}
+
+/// What an acceleration that decays at this rate (1/s) makes of speed and position in a sample.
+fn gains(rate: f32) -> (f32, f32) {
+    let x = rate * SAMPLE;
+    // Series where the quotients would cancel.
+    if x > 1e-2 {
+        let k1 = -expm1f(-x) / rate;
+        (k1, (SAMPLE - k1) / rate)
+    } else {
+        (SAMPLE * (1.0 - x / 2.0), SAMPLE * SAMPLE * (0.5 - x / 6.0))
     }
 }
 
@@ -85,11 +93,11 @@ impl Observer {
         Self { x: 0.5, w, d: 0.0, acceleration: 0.0, coasting: true, age: 0.0, z: 1.0 }
     }
 
-    /// One sample later of which nothing is known.
+    /// One sample later.
     pub(super) fn predict(&mut self, plant: &Plant) {
         let (k1, k2) = if self.coasting {
             self.acceleration = self.load(plant);
-            (SAMPLE, SAMPLE * SAMPLE / 2.0)
+            plant.open
         } else {
             (plant.k1, plant.k2)
         };
@@ -101,9 +109,8 @@ impl Observer {
         self.z = (self.z * plant.fade).max(MOST_FADED);
     }
 
-    /// One sample later, in which the encoder moved by so many counts.
-    pub(super) fn step(&mut self, plant: &Plant, moved: i32) {
-        self.predict(plant);
+    /// Since the last of these the encoder has moved by so many counts.
+    pub(super) fn see(&mut self, plant: &Plant, moved: i32) {
         self.x -= moved as f32;
         // A count came at some time since the last sample; how far the shaft went since then is not known.
         let since = (self.w.abs() * SAMPLE).min(1.0);
@@ -122,7 +129,7 @@ impl Observer {
     /// The shaft is so much further than it was thought to be.
     fn correct(&mut self, plant: &Plant, error: f32) {
         let (z, faded) = (self.z, 1.0 - self.z);
-        let rate = 1.0 / self.age;
+        let rate = 1.0 / self.age.max(SAMPLE);
         let square = faded * faded;
         let of_speed = 1.5 * square * (1.0 + z) * rate * error;
         let of_load = square * faded * rate * rate * error;
@@ -201,7 +208,8 @@ mod tests {
                 observer.drive(&plant, Some(voltage));
             }
             let now = position(f64::from(sample) * 1e-3).floor() as i32;
-            observer.step(&plant, now - last);
+            observer.predict(&plant);
+            observer.see(&plant, now - last);
             last = now;
         }
         observer

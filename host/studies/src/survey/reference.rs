@@ -130,6 +130,7 @@ fn plan(motor: &str, inertia: f64, setpoints: &[Timed<Setpoint>]) -> Result<Scen
         scheme: Scheme::A,
         duty: DutyRule::LinearCurrent,
         zero_power: ZeroPower::Brake,
+        acceleration: None,
         velocity: None,
         position: None,
         setpoints: setpoints.to_vec(),
