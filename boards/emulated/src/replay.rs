@@ -214,12 +214,14 @@ fn carry_out(
                 Setpoint::Position { target, tolerance, speed_limit } => {
                     talk.position(bench, motor, target, tolerance, whole(speed_limit));
                 }
+                // The host's protocol has no word for it.
+                Setpoint::Identify { .. } => (),
             }
             if floats {
                 let mode = match setpoint {
                     Setpoint::Velocity(_) => RunMode::Velocity,
                     Setpoint::Position { .. } => RunMode::Position,
-                    Setpoint::Disabled | Setpoint::ConstantPower(_) => RunMode::Power,
+                    _ => RunMode::Power,
                 };
                 let zero_power = ZeroPower::Float;
                 talk.order(bench, ToMotor::SetMode { mode, zero_power }.to(motor));
