@@ -214,10 +214,14 @@ fn carry_out(
                 Setpoint::Position { target, tolerance, speed_limit } => {
                     talk.position(bench, motor, target, tolerance, whole(speed_limit));
                 }
-                // The host's protocol has no word for it.
-                Setpoint::Identify { .. } => (),
+                Setpoint::Identify { travel_limit } => {
+                    talk.power(bench, motor, 0);
+                    let request = ToSetup::Identify { travel_limit }.to(motor);
+                    talk.ask(bench, request.id(), &request.payload());
+                }
             }
-            if floats {
+            // Learning ends when a mode is set.
+            if floats && !matches!(setpoint, Setpoint::Identify { .. }) {
                 let mode = match setpoint {
                     Setpoint::Velocity(_) => RunMode::Velocity,
                     Setpoint::Position { .. } => RunMode::Position,
