@@ -12,6 +12,7 @@ use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
 use motor_hub::protocol::setup::{Motion, Setup, ToSetup};
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::regulator::Dynamics;
+use motor_hub::regulator::identify::{Identification, Identified, Refusal};
 use motor_hub::units::{
     Acceleration, AccelerationPerVolt, Coefficient, Control, DecayRate, EmfConstant, Inductance, Micros,
     Millivolts, Resistance,
@@ -117,6 +118,55 @@ fn motion() -> impl Strategy<Value = Motion> {
             Motion { dynamics: known.then_some(dynamics), acceleration: Acceleration::new(acceleration).ok() }
         },
     )
+}
+
+fn identification() -> impl Strategy<Value = Identification> {
+    let found = (1u32.., any::<u32>(), any::<(u16, u16)>(), 1i32..1 << 25, any::<(bool, [u16; 4])>())
+        .prop_map(
+            |(
+                gain,
+                decay,
+                (friction, friction_error),
+                emf,
+                (emf_is_told, [of_gain, of_decay, of_emf, residual]),
+            )| {
+                Identified {
+                    dynamics: Dynamics {
+                        gain: AccelerationPerVolt::from_bits(gain).expect("above 0"),
+                        decay: DecayRate::from_bits(decay),
+                        friction: Millivolts::new(friction),
+                    },
+                    emf: EmfConstant::from_bits(emf).expect("in range"),
+                    emf_is_told,
+                    gain_error: of_gain,
+                    decay_error: of_decay,
+                    emf_error: of_emf,
+                    friction_error: Millivolts::new(friction_error),
+                    residual,
+                }
+            },
+        );
+    let refused = [
+        Refusal::Stopped,
+        Refusal::Interrupted,
+        Refusal::NotAtRest,
+        Refusal::TravelLimit,
+        Refusal::Battery,
+        Refusal::TooFar,
+        Refusal::NoCounts,
+        Refusal::Backwards,
+        Refusal::Load,
+        Refusal::Spring,
+        Refusal::Uneven,
+        Refusal::Unsure,
+        Refusal::Implausible,
+    ];
+    prop_oneof![
+        Just(Identification::None),
+        (0u8..100).prop_map(Identification::Running),
+        found.prop_map(Identification::Found),
+        proptest::sample::select(refused.to_vec()).prop_map(Identification::Refused),
+    ]
 }
 
 fn plain<R: Into<Request> + Clone + Debug + 'static>(request: R) -> BoxedStrategy<Case> {
@@ -246,6 +296,10 @@ fn to_setup() -> Vec<BoxedStrategy<Case>> {
             ToSetup::SetMotion { motion }.to(motor)
         }),
         with(&[1], motor(), |motor| ToSetup::Motion.to(motor)),
+        with(&[1, 4], (motor(), any::<u32>()), |(motor, travel_limit)| {
+            ToSetup::Identify { travel_limit }.to(motor)
+        }),
+        with(&[1], motor(), |motor| ToSetup::Identification.to(motor)),
     ]
 }
 
@@ -344,7 +398,8 @@ proptest! {
     #[test]
     fn an_answer_about_a_motor_or_the_led_is_read_as_it_was_written(
         mode in run_mode(), zero_power in zero_power(), control in control(), target in target(),
-        coefficients in coefficients(), setup in setup(), motion in motion(), colour in colour(), pattern in pattern(),
+        coefficients in coefficients(), setup in setup(), motion in motion(), identification in identification(),
+        colour in colour(), pattern in pattern(),
         text in text(),
     ) {
         let mode = ChannelMode { mode, zero_power };
@@ -356,6 +411,7 @@ proptest! {
         prop_assert_eq!(read_back(&[p, i, d]), Ok([p, i, d]));
         prop_assert_eq!(read_back(&setup), Ok(setup));
         prop_assert_eq!(read_back(&motion), Ok(motion));
+        prop_assert_eq!(read_back(&identification), Ok(identification));
         prop_assert_eq!(read_back(&colour), Ok(colour));
         prop_assert_eq!(read_back(&pattern), Ok(pattern));
         prop_assert_eq!(read_back(&text), Ok(text.clone()));

@@ -6,11 +6,15 @@ use hub_support::{HUB, N, Said, TestHost, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::hub::{Action, Command};
-use motor_hub::motor::{Settings, ZeroPower};
+use motor_hub::motor::{Setpoint, Settings, ZeroPower};
 use motor_hub::protocol::Address;
 use motor_hub::protocol::setup::FIRST_FUNCTION;
+use motor_hub::regulator::Dynamics;
+use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::responder::Responder;
-use motor_hub::units::{EmfConstant, Inductance, Resistance};
+use motor_hub::units::{
+    AccelerationPerVolt, Control, DecayRate, EmfConstant, Inductance, Millivolts, Resistance,
+};
 
 /// An AM 40 C: 3.12 mV s/count.
 const KE: i32 = 3_271_557;
@@ -42,7 +46,7 @@ fn set_up(host: &mut TestHost, motor: u8, fields: &[u8]) {
 #[test]
 fn the_interface_is_found_by_its_name() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 4, 0]));
+    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 6, 0]));
 }
 
 #[test]
@@ -138,4 +142,91 @@ fn setting_up_enables_nothing_and_stops_nothing() {
     host.do_all(&[(15, &[0, 0, 64]), (10, &[0, 1])]);
     set_up(&mut host, 0, &fields);
     assert_eq!(host.call(11, &[0]), Said::Data(vec![1]));
+}
+
+/// Motor 1 enabled in constant power of 0.
+fn standing() -> TestHost {
+    let mut host = TestHost::settled();
+    host.do_all(&[(8, &[1, 0, 0]), (15, &[1, 0, 0]), (10, &[1, 1])]);
+    host.told();
+    host
+}
+
+fn learn(host: &mut TestHost, limit: u32) -> Said {
+    host.ask(FIRST_FUNCTION + 4, &[&[1][..], &limit.to_le_bytes()].concat())
+}
+
+#[test]
+fn a_motor_that_stands_enabled_is_learned_and_its_travel_announced() {
+    for limit in [500, u32::MAX] {
+        let mut host = standing();
+        let counts = travel(settings().winding.emf, Millivolts::new(12_345), limit);
+        assert_eq!(learn(&mut host, limit), Said::Data(counts.to_le_bytes().to_vec()));
+        let setpoint = Setpoint::Identify { travel_limit: limit };
+        assert_eq!(host.told(), [Command { motor: 1, action: Action::Set(setpoint) }]);
+    }
+}
+
+#[test]
+fn a_motor_that_is_not_free_is_not_learned() {
+    let nothing_but_disabled: &[(u16, &[u8])] = &[(10, &[1, 0])];
+    let driven: &[(u16, &[u8])] = &[(15, &[1, 0, 16])];
+    let regulated: &[(u16, &[u8])] = &[(17, &[1, 0, 0]), (8, &[1, 1, 0])];
+    for calls in [nothing_but_disabled, driven, regulated] {
+        let mut host = standing();
+        host.do_all(calls);
+        host.told();
+        assert_eq!(learn(&mut host, 500), Said::Nack(51), "{calls:?}");
+        assert_eq!(host.told(), []);
+    }
+    for battery in [None, Some(Millivolts::new(6_900))] {
+        let mut host = standing();
+        host.snapshot.battery = battery;
+        assert_eq!(learn(&mut host, 500), Said::Nack(52));
+    }
+}
+
+#[test]
+fn any_other_target_or_disabling_ends_learning() {
+    let brake = Setpoint::ConstantPower(Control::ZERO);
+    let cases: [(u16, &[u8], Setpoint); 3] =
+        [(15, &[1, 0, 0], brake), (10, &[1, 0], Setpoint::Disabled), (14, &[1], brake)];
+    for (function, payload, setpoint) in cases {
+        let mut host = standing();
+        learn(&mut host, 500);
+        host.told();
+        host.do_all(&[(function, payload)]);
+        assert_eq!(host.told(), [Command { motor: 1, action: Action::Set(setpoint) }]);
+        host.do_all(&[(10, &[1, 1])]);
+        assert_eq!(host.told().last(), Some(&Command { motor: 1, action: Action::Set(brake) }));
+    }
+}
+
+#[test]
+fn what_was_learned_is_told_as_the_motor_reports_it() {
+    let mut host = TestHost::settled();
+    let mut ask = |identification| {
+        host.snapshot.motors[2].identification = identification;
+        host.ask(FIRST_FUNCTION + 5, &[2])
+    };
+    assert_eq!(ask(Identification::None), Said::Data(vec![0]));
+    assert_eq!(ask(Identification::Running(42)), Said::Data(vec![1, 42]));
+    assert_eq!(ask(Identification::Refused(Refusal::Load)), Said::Data(vec![3, 8]));
+    let found = Identified {
+        dynamics: Dynamics {
+            gain: AccelerationPerVolt::from_bits(0x0403_0201).expect("above 0"),
+            decay: DecayRate::from_bits(0x0807_0605),
+            friction: Millivolts::new(0x0A09),
+        },
+        emf: EmfConstant::from_bits(0x010D_0C0B).expect("in range"),
+        emf_is_told: true,
+        gain_error: 0x100F,
+        decay_error: 0x1211,
+        emf_error: 0x1413,
+        friction_error: Millivolts::new(0x1615),
+        residual: 0x1817,
+    };
+    let bytes: Vec<u8> =
+        [&[2][..], &(1..=13).collect::<Vec<u8>>(), &[1, 1], &(15..=24).collect::<Vec<u8>>()].concat();
+    assert_eq!(ask(Identification::Found(found)), Said::Data(bytes));
 }

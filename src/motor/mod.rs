@@ -35,6 +35,7 @@ use crate::braking::{self, OperatingPoint, Placement, Placer, Regime, Scheme};
 use crate::bridge::Drive;
 use crate::motion::Reading;
 use crate::motion::guard::Finding;
+use crate::regulator::identify::{Identifier, Refusal};
 use crate::regulator::{Demand, Regulator, Stage};
 use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Voltage};
 use core::mem::discriminant;
@@ -53,6 +54,7 @@ pub struct Motor {
     /// At the last tick.
     position: i32,
     regulator: Regulator,
+    identifier: Identifier,
     watch: Watch,
 }
 
@@ -68,6 +70,7 @@ impl Motor {
             setpoint: Setpoint::Disabled,
             position: 0,
             regulator: Regulator::new(settings.regulation(), period),
+            identifier: Identifier::new(period),
             watch: Watch::new(period),
         }
     }
@@ -98,6 +101,11 @@ impl Motor {
         if setpoint == Setpoint::Disabled {
             self.watch.clear();
         }
+        match setpoint {
+            Setpoint::Identify { .. } if setpoint == self.setpoint && self.identifier.is_running() => (),
+            Setpoint::Identify { travel_limit } => self.identifier.start(travel_limit),
+            _ => self.identifier.stop(Refusal::Stopped),
+        }
         self.setpoint = setpoint;
     }
 
@@ -110,6 +118,7 @@ impl Motor {
     /// the motion is known.
     pub fn sample(&mut self, reading: Reading) {
         self.regulator.sample(reading);
+        self.identifier.sample(reading);
     }
 
     /// One control tick. `reading` is the newest, whether or not it was a sample before.
@@ -124,11 +133,14 @@ impl Motor {
         });
         let output = at.and_then(|(at, battery)| self.output(at, battery, moved));
 
-        if output.is_none() || matches!(self.setpoint, Setpoint::ConstantPower(_)) {
+        if output.is_none() || !self.setpoint.is_regulated() {
             self.watch.pause();
         }
         let voltage = at.zip(output).and_then(|((at, _), (_, placement))| self.placer.voltage(at, placement));
         self.regulator.drive(voltage);
+        // Of a bridge that is open for want of current, the back EMF.
+        let emf = || Voltage::from_volts(self.settings.winding.emf.emf(velocity).to_volts());
+        self.identifier.drive(output.map(|_| voltage.unwrap_or_else(emf)));
         let (control, regime, drive) = match output {
             Some((control, Placement { regime, drive })) => (control, Some(regime), drive),
             None => (Control::ZERO, None, Drive::COAST),
@@ -145,6 +157,7 @@ impl Motor {
             drive,
             at_target: self.setpoint.reached(self.position),
             stalled: self.watch.stalled(),
+            identification: self.identifier.state(),
             faults: Faults {
                 battery_unknown: battery.is_none(),
                 encoder_stale: moved.is_none(),
@@ -157,7 +170,7 @@ impl Motor {
     fn follow(&mut self, reading: Reading) -> i32 {
         let moved = reading.position.wrapping_sub(self.position);
         self.position = reading.position;
-        self.regulator.sample(reading);
+        self.sample(reading);
         self.regulator.tick(reading);
         moved
     }
@@ -177,6 +190,7 @@ impl Motor {
             Setpoint::Velocity(target) if target == CountsPerSecond::ZERO && self.floats() => return None,
             Setpoint::Velocity(target) => Demand::Velocity(target),
             Setpoint::Position { target, speed_limit, .. } => Demand::Position { target, speed_limit },
+            Setpoint::Identify { .. } => return moved.and_then(|_| self.identify(at, battery)),
         };
         if self.watch.fault().is_some() {
             return None;
@@ -193,6 +207,14 @@ impl Motor {
         } else {
             Some((power, Placement { regime: Regime::Braking, drive: Drive::BRAKE }))
         }
+    }
+
+    /// What the identification asks for. It watches the encoder itself: of an unknown motor nobody can say
+    /// when counts are due, only how far it may go without any.
+    fn identify(&mut self, at: OperatingPoint, battery: Millivolts) -> Option<Output> {
+        let voltage = self.identifier.step(self.settings.winding.emf, battery)?;
+        let control = self.placer.control(at, voltage);
+        Some((control, self.placer.place(at, control)))
     }
 
     /// The regulator's output, unless the encoder is in doubt.

@@ -5,6 +5,7 @@ use crate::braking::Regime;
 use crate::bridge::Drive;
 use crate::motion::EncoderFault;
 use crate::regulator::Kind;
+use crate::regulator::identify::Identification;
 use crate::units::{Control, CountsPerSecond, Milliamperes};
 
 /// What keeps a motor from doing what it is asked; each makes it coast.
@@ -55,6 +56,8 @@ pub struct Report {
     pub at_target: bool,
     /// Regulated, under effort, and held against a stop.
     pub stalled: bool,
+    /// What became of the last identification.
+    pub identification: Identification,
     /// What keeps it from obeying.
     pub faults: Faults,
 }
@@ -73,6 +76,7 @@ impl Report {
         drive: Drive::COAST,
         at_target: false,
         stalled: false,
+        identification: Identification::None,
         faults: Faults { battery_unknown: false, encoder_stale: false, encoder: None },
     };
 }

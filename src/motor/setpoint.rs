@@ -22,6 +22,12 @@ pub enum Setpoint {
         /// Magnitude of the speed on the way; the sign does not matter.
         speed_limit: CountsPerSecond,
     },
+    /// A short motion from which the hub learns how motor and load answer to a voltage: see
+    /// [`identify`](crate::regulator::identify). It coasts before and after.
+    Identify {
+        /// Counts, either way, that it may take at most; less makes the motion shorter.
+        travel_limit: u32,
+    },
 }
 
 impl Setpoint {

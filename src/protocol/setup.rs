@@ -9,6 +9,11 @@
 //! | 1 read it back | motor | the fields |
 //! | 2 say how the motor moves | motor, then the fields of a [`Motion`] | ACK |
 //! | 3 read it back | motor | the fields |
+//! | 4 learn how the motor moves | motor, then u32, the most counts it may turn either way | u32, the most that it will |
+//! | 5 tell what came of that | motor | the fields of an [`Identification`] |
+//!
+//! Function 4 is refused (51) unless the motor is enabled, in constant power of 0; any other target, mode or
+//! disabling ends the motion. What is found is told, not put in force: that is function 2.
 //!
 //! A set-up forgets how the motor moved and the coefficients that a host gave: it is another motor.
 //! Of a set-up:
@@ -31,6 +36,19 @@
 //! | u16 | friction, mV |
 //! | u32 | largest acceleration, counts/s²; 0 for what the battery gives |
 //!
+//! Of an identification, where what follows the code is left out unless the code asks for it:
+//!
+//! | field | |
+//! |---|---|
+//! | u8 | 0 there was none, 1 it is under way, 2 the motor is known, 3 it is not |
+//! | u8 | of 1: percent; of 3: why, by the order of [`Refusal`], from 0 |
+//! | u32, u32, u16 | of 2: as the first three of a motion |
+//! | i32 | of 2: back EMF and drag together, mV s/count in steps of 2^-20 |
+//! | bool | of 2: that is as told, not found |
+//! | u16, u16, u16 | of 2: standard errors of the first, the second and the back EMF, in 1/1000 of each |
+//! | u16 | of 2: standard error of the friction, mV |
+//! | u16 | of 2: what is left of the changes of speed, in 1/1000 of them |
+//!
 //! ```
 //! use motor_hub::braking::{DutyRule, Scheme};
 //! use motor_hub::protocol::setup::{Setup, ToSetup};
@@ -49,11 +67,12 @@
 //! assert_eq!(*request.payload(), [2, 0x5F, 0xCA, 0x3F, 0, 0xE4, 0x0C, 0xB6, 2, 2, 0, 0, 1]);
 //! ```
 
-use super::fields::{ByteIn, Field, Fields, Payload};
+use super::fields::{ByteIn, Field, Fields, Payload, codes};
 use super::nack::Nack;
 use super::table::requests;
 use crate::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use crate::regulator::Dynamics;
+use crate::regulator::identify::{Identification, Identified, Refusal};
 use crate::units::{
     Acceleration, AccelerationPerVolt, DecayRate, EmfConstant, Inductance, Millivolts, Resistance,
 };
@@ -62,7 +81,7 @@ use crate::units::{
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const FUNCTION_COUNT: u16 = 4;
+pub const FUNCTION_COUNT: u16 = 6;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.
@@ -73,6 +92,10 @@ requests! {
         2 SetMotion { motion: Motion },
         /// Answered by a [`Motion`].
         3 Motion,
+        /// In counts, either way. Answered by a u32, the counts that it will turn at most.
+        4 Identify { travel_limit: u32 },
+        /// Answered by an [`Identification`].
+        5 Identification,
     }
 }
 
@@ -100,6 +123,77 @@ pub struct Motion {
     pub dynamics: Option<Dynamics>,
     /// Its largest acceleration; `None` for what the battery gives.
     pub acceleration: Option<Acceleration>,
+}
+
+codes!(Refusal {
+    0 = Stopped,
+    1 = Interrupted,
+    2 = NotAtRest,
+    3 = TravelLimit,
+    4 = Battery,
+    5 = TooFar,
+    6 = NoCounts,
+    7 = Backwards,
+    8 = Load,
+    9 = Spring,
+    10 = Uneven,
+    11 = Unsure,
+    12 = Implausible
+});
+
+impl Field for Identification {
+    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+        Ok(match ByteIn::<0, 3>::read(fields)?.get() {
+            0 => Self::None,
+            1 => Self::Running(ByteIn::<0, 99>::read(fields)?.get()),
+            2 => Self::Found(Identified::read(fields)?),
+            _ => Self::Refused(Refusal::read(fields)?),
+        })
+    }
+
+    fn write(&self, payload: &mut Payload) {
+        match self {
+            Self::None => 0u8.write(payload),
+            Self::Running(percent) => [1, *percent].write(payload),
+            Self::Found(found) => {
+                2u8.write(payload);
+                found.write(payload);
+            }
+            Self::Refused(why) => {
+                3u8.write(payload);
+                why.write(payload);
+            }
+        }
+    }
+}
+
+impl Field for Identified {
+    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+        Ok(Self {
+            dynamics: Dynamics {
+                gain: fields.checked(|bits| AccelerationPerVolt::from_bits(bits).ok())?,
+                decay: DecayRate::from_bits(u32::read(fields)?),
+                friction: Millivolts::new(u16::read(fields)?),
+            },
+            emf: fields.checked(|bits| EmfConstant::from_bits(bits).ok())?,
+            emf_is_told: bool::read(fields)?,
+            gain_error: u16::read(fields)?,
+            decay_error: u16::read(fields)?,
+            emf_error: u16::read(fields)?,
+            friction_error: Millivolts::new(u16::read(fields)?),
+            residual: u16::read(fields)?,
+        })
+    }
+
+    fn write(&self, payload: &mut Payload) {
+        let Dynamics { gain, decay, friction } = self.dynamics;
+        [gain.to_bits(), decay.to_bits()].write(payload);
+        friction.get().write(payload);
+        self.emf.to_bits().write(payload);
+        self.emf_is_told.write(payload);
+        let friction_error = self.friction_error.get();
+        [self.gain_error, self.decay_error, self.emf_error, friction_error, self.residual].write(payload);
+    }
 }
 
 impl Field for Motion {

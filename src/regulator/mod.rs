@@ -29,6 +29,7 @@
 //! ```
 
 mod dynamics;
+pub mod identify;
 mod loops;
 mod model;
 mod observer;

@@ -193,7 +193,11 @@ impl<const N: usize> Responder<N> {
             Request::Pin(request) => self.pins.receive(&request),
             Request::Motor(motor, request) => self.motor(motor, request, snapshot),
             Request::Setup(motor, request) => {
-                Ok(self.channels.get_mut(usize::from(motor)).ok_or(NO_MOTOR)?.receive_setup(request))
+                let motor = usize::from(motor);
+                let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
+                let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
+                let battery = snapshot.battery.filter(|battery| *battery >= LOW_BATTERY);
+                channel.receive_setup(request, report, battery)
             }
         }
     }

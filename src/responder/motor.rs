@@ -25,7 +25,8 @@ use crate::protocol::Nack;
 use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use crate::protocol::setup::{Motion, ToSetup};
 use crate::regulator;
-use crate::units::{Coefficient, Control, CountsPerSecond, Period};
+use crate::regulator::identify::travel;
+use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts, Period};
 
 /// The speed limit on the way to a position, in counts per second, while no target velocity has ever
 /// been set: the largest that one could set.
@@ -43,6 +44,8 @@ pub struct MotorChannel {
     power: Option<Control>,
     velocity: Option<i16>,
     position: Option<Target>,
+    /// The limit of travel of an identification that nothing has come after.
+    identify: Option<u32>,
     /// The motor's counts where the host's are 0.
     offset: i32,
     /// In milliamperes. Kept only: the hub has no current sensors.
@@ -72,6 +75,7 @@ impl MotorChannel {
             power: None,
             velocity: None,
             position: None,
+            identify: None,
             offset: 0,
             current_alert: 0,
             pending: Pending { disable: false, configure: false, set: false },
@@ -139,9 +143,17 @@ impl MotorChannel {
         Ok(Answer::Ack)
     }
 
-    /// Does what a request says, which cannot be refused.
-    pub fn receive_setup(&mut self, request: ToSetup) -> Answer {
-        match request {
+    /// Does what a request says. `battery` is its voltage, if motors may be enabled.
+    ///
+    /// # Errors
+    /// Why the request is refused; nothing has changed then.
+    pub fn receive_setup(
+        &mut self,
+        request: ToSetup,
+        report: &Report,
+        battery: Option<Millivolts>,
+    ) -> Result<Answer, Nack> {
+        Ok(match request {
             ToSetup::SetUp { setup: wanted } => {
                 self.settings = setup::settings(wanted, &self.settings);
                 self.pending.configure = true;
@@ -157,7 +169,17 @@ impl MotorChannel {
                 let Settings { dynamics, acceleration, .. } = self.settings;
                 Answer::data(&Motion { dynamics, acceleration })
             }
-        }
+            ToSetup::Identify { travel_limit } => {
+                let battery = battery.ok_or(Nack::BATTERY_LOW)?;
+                if !self.enabled || self.mode != RunMode::Power || self.power != Some(Control::ZERO) {
+                    return Err(Nack::WRONG_MODE);
+                }
+                self.retarget();
+                self.identify = Some(travel_limit);
+                Answer::data(&travel(self.settings.winding.emf, battery, travel_limit))
+            }
+            ToSetup::Identification => Answer::data(&report.identification),
+        })
     }
 
     /// From the first of them on the motor is regulated by PID.
@@ -201,17 +223,22 @@ impl MotorChannel {
     /// The output floats; everything else is kept.
     pub const fn disable(&mut self) {
         self.enabled = false;
+        self.identify = None;
         self.pending.disable = true;
         self.pending.set = false;
     }
 
     /// An enabled motor hears of what has changed.
     const fn retarget(&mut self) {
+        self.identify = None;
         self.pending.set = self.enabled;
     }
 
     /// The set-point of the present mode; `None` if its target was never set.
     fn target(&self) -> Option<Setpoint> {
+        if let Some(travel_limit) = self.identify {
+            return Some(Setpoint::Identify { travel_limit });
+        }
         match self.mode {
             RunMode::Power => self.power.map(Setpoint::ConstantPower),
             RunMode::Velocity => {

@@ -202,6 +202,7 @@ impl Input {
             Setpoint::Position { target, tolerance, speed_limit } => {
                 [3, target.cast_unsigned(), u32::from(tolerance), speed(speed_limit)]
             }
+            Setpoint::Identify { travel_limit } => [5, travel_limit, 0, 0],
         };
         let halves = |time: Micros| [time.get() as u32, (time.get() >> 32) as u32];
         let [now, edge, at] = [now, self.reading.edge_at, self.reading.at].map(halves);

@@ -214,12 +214,18 @@ fn carry_out(
                 Setpoint::Position { target, tolerance, speed_limit } => {
                     talk.position(bench, motor, target, tolerance, whole(speed_limit));
                 }
+                Setpoint::Identify { travel_limit } => {
+                    talk.power(bench, motor, 0);
+                    let request = ToSetup::Identify { travel_limit }.to(motor);
+                    talk.ask(bench, request.id(), &request.payload());
+                }
             }
-            if floats {
+            // Learning ends when a mode is set.
+            if floats && !matches!(setpoint, Setpoint::Identify { .. }) {
                 let mode = match setpoint {
                     Setpoint::Velocity(_) => RunMode::Velocity,
                     Setpoint::Position { .. } => RunMode::Position,
-                    Setpoint::Disabled | Setpoint::ConstantPower(_) => RunMode::Power,
+                    _ => RunMode::Power,
                 };
                 let zero_power = ZeroPower::Float;
                 talk.order(bench, ToMotor::SetMode { mode, zero_power }.to(motor));

@@ -12,6 +12,7 @@ mod compare;
 mod emulate;
 mod eval;
 mod figures;
+mod identify;
 mod map;
 mod operating;
 mod output;
@@ -49,6 +50,9 @@ enum Command {
     /// How well motors are regulated: reference tasks, bare motors, scenarios by lot
     #[command(long_about = survey::HELP)]
     Survey(survey::Options),
+    /// What the hub learns of its motors from a short motion, beside what they are: tables and a chart
+    #[command(long_about = identify::HELP)]
+    Identify(identify::Options),
     /// The points S, T, Z, G at an operating point, computed by the firmware's core
     Points(points::Options),
     /// What the firmware does with a control value at an operating point
@@ -77,6 +81,7 @@ fn main() -> ExitCode {
         Command::Run(options) => options.execute(),
         Command::Compare(options) => options.execute(),
         Command::Survey(options) => options.execute(),
+        Command::Identify(options) => options.execute(),
         Command::Points(options) => options.execute(),
         Command::Map(options) => options.execute(),
         Command::Paper(options) => options.execute(),

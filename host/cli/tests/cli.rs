@@ -194,3 +194,21 @@ fn every_row_of_the_trace_has_all_its_columns() {
     assert!(lines.clone().count() > 40);
     assert!(lines.all(|line| line.split(',').count() == headings.len()));
 }
+
+#[test]
+fn motors_are_learned_and_drawn_and_one_under_load_is_refused() {
+    let out = folder("identify");
+    let arguments = ["identify", "--motor", "AM 60 A", "--motor", "AM 3.7 B", "--json", "--out"];
+    let learned = json(&motor_hub(&[&arguments[..], &[out.to_str().unwrap()]].concat()));
+    for motor in learned["motors"].as_array().unwrap() {
+        let [found, is] = ["found", "true"].map(|of| motor[of]["acceleration_per_volt"].as_f64().unwrap());
+        assert!((found / is - 1.0).abs() < 0.1, "{motor}");
+    }
+    assert!(out.join("identify.svg").exists() && out.join("identify.png").exists());
+
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/scenarios/arm.toml");
+    let arguments = ["identify", "--scenario", scenario.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    let refused = motor_hub(&arguments);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(text(&refused.stdout).contains("refused: the motor turned before it was driven"));
+}

@@ -25,6 +25,7 @@ use motor_hub::motion::Pidf;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::setup::{Motion, Setup, ToSetup};
+use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use std::io::{Read, Write};
 
@@ -115,6 +116,17 @@ impl<L: Read + Write> Session<L> {
     /// Says how it moves, and how it may.
     pub fn set_motion(&mut self, motor: u8, motion: Motion) -> Result<(), Error> {
         self.order(ToSetup::SetMotion { motion }.to(motor))
+    }
+
+    /// Makes the hub learn how an enabled motor that stands in constant power of 0 moves, within so many counts
+    /// either way; returns how many it will take at most.
+    pub fn identify(&mut self, motor: u8, travel_limit: u32) -> Result<u32, Error> {
+        self.ask(ToSetup::Identify { travel_limit }.to(motor))
+    }
+
+    /// What came of that.
+    pub fn identification(&mut self, motor: u8) -> Result<Identification, Error> {
+        self.ask(ToSetup::Identification.to(motor))
     }
 
     /// A loop's coefficients.

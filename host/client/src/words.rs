@@ -14,6 +14,8 @@ pub(crate) fn words(request: &Request) -> String {
         Request::Setup(motor, ToSetup::SetUp { .. }) => format!("set up motor {motor}"),
         Request::Setup(motor, ToSetup::SetMotion { .. }) => format!("set how motor {motor} moves"),
         Request::Setup(motor, ToSetup::Motion) => format!("tell how motor {motor} moves"),
+        Request::Setup(motor, ToSetup::Identify { .. }) => format!("learn how motor {motor} moves"),
+        Request::Setup(motor, ToSetup::Identification) => format!("tell what it learned of motor {motor}"),
         Request::Setup(motor, ToSetup::Setup) => format!("tell the set-up of motor {motor}"),
         Request::Pin(request) => format!("do function {} of its pins", request.number()),
     }

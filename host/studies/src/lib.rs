@@ -9,6 +9,7 @@
 //! | [`report`] | a scenario with and without a braking regime |
 //! | [`compare`] | the same tasks under every scheme and duty rule |
 //! | [`survey`] | how well motors are regulated: reference tasks, bare motors, scenarios by lot |
+//! | [`identify`] | what the hub learns of its motors, beside what they are |
 //! | [`overlay`] | the flashed image beside the same core on the simulated board |
 //! | [`points`] | S, T, Z, G at an operating point, and what becomes of a control value |
 //! | [`paper`] | every number that the paper prints beside ours, and where its text is wrong |
@@ -30,6 +31,7 @@ pub mod compare;
 pub mod eval;
 pub mod expectations;
 pub mod figures;
+pub mod identify;
 pub mod measures;
 pub mod overlay;
 pub mod paper;

@@ -57,6 +57,7 @@ fn setpoint(words: &[AtomicU32], at: usize) -> Setpoint {
             tolerance: word(words, at + 2) as u16,
             speed_limit: speed(word(words, at + 3)),
         },
+        5 => Setpoint::Identify { travel_limit: word(words, at + 1) },
         _ => Setpoint::Disabled,
     }
 }

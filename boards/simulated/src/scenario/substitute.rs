@@ -67,5 +67,9 @@ fn scaled(setpoint: Setpoint, counts: f64) -> Setpoint {
             tolerance: ((f64::from(tolerance) * counts).round() as u16).max(1),
             speed_limit: speed(speed_limit),
         },
+        // Saturates, as no limit at all does.
+        Setpoint::Identify { travel_limit } => {
+            Setpoint::Identify { travel_limit: (f64::from(travel_limit) * counts) as u32 }
+        }
     }
 }

@@ -1,0 +1,263 @@
+//! What a hub learns of the motors on a simulated board, beside what they are.
+
+use crate::table;
+use chart::{Figure, Panel, Series, Style, colour};
+use comfy_table::Table;
+use motor_hub::motor::{Setpoint, Settings};
+use motor_hub::regulator::Dynamics;
+use motor_hub::regulator::identify::{Identification, Identified};
+use motor_hub::units::{EmfConstant, RangeError};
+use serde_json::{Value, json};
+use simulated::scenario::{Motor, Scenario, Timed, Told};
+use simulated::trace::{Sample, Trace};
+
+/// By then the battery is known and every task runs.
+const BEGIN_S: f64 = 0.5;
+/// Time for a motor of usual inertia, and for the heaviest that is waited for.
+const USUAL_S: f64 = 5.0;
+const LONGEST_S: f64 = 30.0;
+const MV: f64 = 1e-3;
+
+/// A scenario whose motors are all identified, and nothing else; `travel_limit` in counts. Constant
+/// torques on their shafts stay.
+#[must_use]
+pub fn scenario(mut scenario: Scenario, travel_limit: u32) -> Scenario {
+    for motor in &mut scenario.motors {
+        motor.setpoints = vec![Timed { at_s: BEGIN_S, value: Setpoint::Identify { travel_limit } }];
+    }
+    scenario.name = "What the hub learns of its motors".into();
+    scenario.duration_s = USUAL_S;
+    scenario.expectations.clear();
+    scenario
+}
+
+/// The same with time for heavy motors, if one is still under way at the end of its trace.
+#[must_use]
+pub fn longer(scenario: &Scenario, trace: &Trace) -> Option<Scenario> {
+    let last = trace.ticks.last()?;
+    let running =
+        last.motors.iter().any(|motor| matches!(motor.report.identification, Identification::Running(_)));
+    running.then(|| Scenario { duration_s: LONGEST_S, ..scenario.clone() })
+}
+
+/// What came of it.
+pub struct Identifications {
+    scenario: Scenario,
+    trace: Trace,
+    told: Vec<Settings>,
+    truth: Vec<Dynamics>,
+}
+
+impl Identifications {
+    /// # Errors
+    /// If a motor's constants do not fit the firmware's range.
+    pub fn new(scenario: Scenario, trace: Trace) -> Result<Self, RangeError> {
+        let settings = |motor: &Motor| motor.settings(scenario.period);
+        let told = scenario.motors.iter().map(settings).collect::<Result<_, _>>()?;
+        let truth = scenario.motors.iter().map(|motor| {
+            let known = settings(&Motor { told: Told::TRUTH, ..motor.clone() })?;
+            known.dynamics.ok_or(RangeError::AccelerationPerVolt)
+        });
+        let truth = truth.collect::<Result<_, _>>()?;
+        Ok(Self { scenario, trace, told, truth })
+    }
+
+    /// By motor.
+    pub fn outcomes(&self) -> impl Iterator<Item = Identification> {
+        let last = self.trace.ticks.last().into_iter().flat_map(|tick| &tick.motors);
+        last.map(|motor| motor.report.identification)
+    }
+
+    /// A table for each motor.
+    #[must_use]
+    pub fn tables(&self) -> String {
+        let mut out = String::new();
+        for ((motor, truth), outcome) in self.scenario.motors.iter().zip(&self.truth).zip(self.outcomes()) {
+            let title = format!("{}: {}", motor.label, motor.constants.name);
+            match outcome {
+                Identification::Found(found) => {
+                    out.push_str(&found_table(&title, &found, Some(truth)).to_string());
+                }
+                other => out.push_str(&format!("{title}: {}", words(other))),
+            }
+            out.push_str("\n\n");
+        }
+        out
+    }
+
+    /// All of it for programs.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        let motors = self.scenario.motors.iter().zip(&self.truth).zip(self.outcomes());
+        let motors: Vec<_> = motors
+            .map(|((motor, truth), outcome)| {
+                let mut document = json(outcome);
+                if let Some(object) = document.as_object_mut() {
+                    object.insert("label".into(), motor.label.clone().into());
+                    object.insert("motor".into(), motor.constants.name.into());
+                    object.insert("true".into(), dynamics(truth));
+                }
+                document
+            })
+            .collect();
+        json!({ "period_ms": self.scenario.period.as_millis(), "motors": motors })
+    }
+
+    /// Counts as they were, and as what was found predicts them from the voltages.
+    #[must_use]
+    pub fn figure(&self) -> Figure {
+        let panels = self.outcomes().enumerate().map(|(index, outcome)| self.panel(index, outcome));
+        Figure {
+            title: "Counts measured, and predicted from what was found".into(),
+            subtitle: format!(
+                "+65, -65 and +29 % of the battery's voltage, control period {} ms",
+                self.scenario.period.as_millis()
+            ),
+            x_label: "time, s".into(),
+            x_range: None,
+            panels: panels.collect(),
+        }
+    }
+
+    fn panel(&self, index: usize, outcome: Identification) -> Panel {
+        let motor = &self.scenario.motors[index];
+        let driven = |sample: &&(f64, &Sample)| sample.1.report.regime.is_some();
+        let samples: Vec<_> = self.trace.motor(index).collect();
+        let end = samples.iter().rposition(|sample| driven(&sample)).map_or(0, |last| last + 2);
+        let samples = &samples[..end.min(samples.len())];
+        let measured = samples.iter().map(|(at, sample)| (*at, f64::from(sample.report.position)));
+        let mut series = vec![Series {
+            name: "measured".into(),
+            colour: colour::INK,
+            style: Style::Line,
+            data: measured.collect(),
+        }];
+        if let Identification::Found(found) = outcome {
+            series.push(Series {
+                name: "predicted".into(),
+                colour: colour::RED,
+                style: Style::Dashed,
+                data: predicted(samples, &self.told[index], &found.dynamics),
+            });
+        }
+        let verdict = match outcome {
+            Identification::Found(_) => String::new(),
+            other => format!(" ({})", words(other)),
+        };
+        Panel {
+            y_label: format!("{}: {}, counts{verdict}", motor.label, motor.constants.name),
+            height: 160.0,
+            series,
+            ..Panel::default()
+        }
+    }
+}
+
+/// Counts that a motor with these dynamics would have come to under the voltages that the hub reports.
+fn predicted(samples: &[(f64, &Sample)], told: &Settings, found: &Dynamics) -> Vec<(f64, f64)> {
+    const STEPS: u32 = 50;
+    let ohms = MV * f64::from(told.winding.resistance.as_milliohms())
+        + 2.0 * MV * f64::from(told.bridge.switch_mohm());
+    let (b, q) = (f64::from(found.gain.to_f32()), f64::from(found.decay.to_f32()));
+    let friction = b * MV * f64::from(found.friction.get());
+    let (mut x, mut w) = (0.0, 0.0_f64);
+    let mut data = Vec::new();
+    for pair in samples.windows(2) {
+        let [(at, sample), (next, _)] = pair else { continue };
+        data.push((*at, x));
+        let report = &sample.report;
+        let emf = told.winding.emf.emf(report.velocity).to_f64();
+        let volts = MV * (f64::from(report.current.get()) * ohms + emf);
+        let push = if report.regime.is_some() { b * volts } else { 0.0 };
+        let dt = (next - at) / f64::from(STEPS);
+        for _ in 0..STEPS {
+            let before = w;
+            w += (push - q * w) * dt;
+            // Friction stops, and does not drive.
+            w -= w.clamp(-friction * dt, friction * dt);
+            x += f64::midpoint(before, w) * dt;
+        }
+    }
+    data
+}
+
+/// What was found, with what is true if that is known.
+#[must_use]
+pub fn found_table(title: &str, found: &Identified, truth: Option<&Dynamics>) -> Table {
+    let mut headings = vec![title, "found", "standard error"];
+    if truth.is_some() {
+        headings.extend(["true", "off by"]);
+    }
+    let mut table = table::new(&headings, 1);
+    let mut row = |name: &str, unit: &str, digits: usize, value: f64, error: String, is: Option<f64>| {
+        let mut cells = vec![name.to_owned(), format!("{value:.digits$} {unit}"), error];
+        if let Some(is) = is {
+            let off = if is == 0.0 { "-".into() } else { format!("{:+.1} %", 100.0 * (value / is - 1.0)) };
+            cells.extend([format!("{is:.digits$} {unit}"), off]);
+        }
+        table.add_row(cells);
+    };
+    let per_mille = |error: u16| format!("{:.1} %", f64::from(error) / 10.0);
+    let of = |get: fn(&Dynamics) -> f64| (get(&found.dynamics), truth.map(get));
+    let (b, true_b) = of(|d| d.gain.to_f32().into());
+    row("acceleration per volt, b", "counts/s²/V", 1, b, per_mille(found.gain_error), true_b);
+    let (q, true_q) = of(|d| d.decay.to_f32().into());
+    let told = |error: u16| if found.emf_is_told { "as told".into() } else { per_mille(error) };
+    row("decay, q", "/s", 3, q, told(found.decay_error), true_q);
+    let (_, ratio) = of(|d| 1e3 * f64::from(d.decay.to_f32()) / f64::from(d.gain.to_f32()));
+    row(
+        "back EMF and drag, q / b",
+        "mV s/count",
+        4,
+        volts_per_speed(found.emf),
+        told(found.emf_error),
+        ratio,
+    );
+    let (c, true_c) = of(|d| MV * f64::from(d.friction.get()));
+    row("friction, c", "V", 3, c, format!("{:.3} V", MV * f64::from(found.friction_error.get())), true_c);
+    table
+}
+
+fn volts_per_speed(emf: EmfConstant) -> f64 {
+    f64::from(emf.to_bits()) / f64::from(1 << 20)
+}
+
+/// An outcome without numbers, for people.
+#[must_use]
+pub fn words(outcome: Identification) -> String {
+    match outcome {
+        Identification::None => "not identified".into(),
+        Identification::Running(percent) => format!("under way, {percent} %"),
+        Identification::Found(_) => "found".into(),
+        Identification::Refused(why) => format!("refused: {why}"),
+    }
+}
+
+fn dynamics(of: &Dynamics) -> Value {
+    json!({
+        "acceleration_per_volt": of.gain.to_f32(),
+        "decay_per_s": of.decay.to_f32(),
+        "friction_v": MV * f64::from(of.friction.get()),
+    })
+}
+
+/// An outcome for programs.
+#[must_use]
+pub fn json(outcome: Identification) -> Value {
+    let Identification::Found(found) = outcome else {
+        return json!({ "outcome": words(outcome) });
+    };
+    json!({
+        "outcome": "found",
+        "found": dynamics(&found.dynamics),
+        "emf_mv_s_per_count": volts_per_speed(found.emf),
+        "emf_is_told": found.emf_is_told,
+        "standard_errors": {
+            "acceleration_per_volt": f64::from(found.gain_error) / 1e3,
+            "decay": f64::from(found.decay_error) / 1e3,
+            "emf": f64::from(found.emf_error) / 1e3,
+            "friction_v": MV * f64::from(found.friction_error.get()),
+        },
+        "residual": f64::from(found.residual) / 1e3,
+    })
+}
