@@ -193,7 +193,7 @@ fn cell(event: Event, state: State, entered: &Placed, before: f64) -> Verdict {
     let off = (wanted - from).abs() / free_speed;
     let allowed = match (balanced && !interrupted, bench.motor.settings().dynamics) {
         _ if event == Event::LinearDuty => 0.25,
-        (true, Some(_)) => 0.05,
+        (true, Some(_)) => 0.055,
         (true, None) => 0.1,
         // What the load takes must be learnt.
         (false, _) => 0.25,
