@@ -1,5 +1,6 @@
 //! What a motor is asked to do.
 
+use crate::regulator::Reference;
 use crate::units::{Control, CountsPerSecond};
 
 /// What a motor is asked to do.
@@ -22,12 +23,15 @@ pub enum Setpoint {
         /// Magnitude of the speed on the way; the sign does not matter.
         speed_limit: CountsPerSecond,
     },
+    /// Regulated to be where its group wants it at this tick. The hub sets it, every tick, of the members of a
+    /// [group](crate::group); a motor that nobody leads stays near the reference.
+    Together(Reference),
 }
 
 impl Setpoint {
     /// True if a regulator stands between it and the bridge.
     pub(super) const fn is_regulated(self) -> bool {
-        matches!(self, Self::Velocity(_) | Self::Position { .. })
+        matches!(self, Self::Velocity(_) | Self::Position { .. } | Self::Together(_))
     }
 
     /// True if this is a target, and `position` within the tolerance of it.

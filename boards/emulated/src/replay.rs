@@ -208,7 +208,8 @@ fn carry_out(
             let motor = motor as u8;
             let whole = |speed: CountsPerSecond| speed.round() as i16;
             match setpoint {
-                Setpoint::Disabled => talk.enable(bench, motor, false),
+                // A set-point of a scenario is never of a group.
+                Setpoint::Disabled | Setpoint::Together(_) => talk.enable(bench, motor, false),
                 Setpoint::ConstantPower(power) => talk.power(bench, motor, power.get()),
                 Setpoint::Velocity(target) => talk.velocity(bench, motor, whole(target)),
                 Setpoint::Position { target, tolerance, speed_limit } => {
@@ -219,7 +220,7 @@ fn carry_out(
                 let mode = match setpoint {
                     Setpoint::Velocity(_) => RunMode::Velocity,
                     Setpoint::Position { .. } => RunMode::Position,
-                    Setpoint::Disabled | Setpoint::ConstantPower(_) => RunMode::Power,
+                    Setpoint::Disabled | Setpoint::ConstantPower(_) | Setpoint::Together(_) => RunMode::Power,
                 };
                 let zero_power = ZeroPower::Float;
                 talk.order(bench, ToMotor::SetMode { mode, zero_power }.to(motor));

@@ -33,6 +33,7 @@ fn row(out: &mut String, sample: &Sample) {
         Setpoint::ConstantPower(power) => ("power", power.get().to_string()),
         Setpoint::Velocity(cps) => ("velocity", cps.to_f64().to_string()),
         Setpoint::Position { target, .. } => ("position", target.to_string()),
+        Setpoint::Together(reference) => ("together", reference.position.to_string()),
     };
     let fault = match report.faults {
         Faults { battery_unknown: true, .. } => "battery unknown",
