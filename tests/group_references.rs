@@ -67,6 +67,8 @@ fn course() -> impl Strategy<Value = Course> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn references_are_in_proportion_to_a_count_at_any_time(
         start in any::<[i32; 4]>(),
