@@ -9,6 +9,7 @@
 //! | 1 read it back | motor | the fields |
 //! | 2 say how the motor moves | motor, then the fields of a [`Motion`] | ACK |
 //! | 3 read it back | motor | the fields |
+//! | 6, 7 | of motors that move in step, see [`group`](super::group) | |
 //!
 //! A set-up forgets how the motor moved and the coefficients that a host gave: it is another motor.
 //! Of a set-up:
@@ -62,7 +63,7 @@ use crate::units::{
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const FUNCTION_COUNT: u16 = 4;
+pub const FUNCTION_COUNT: u16 = 8;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.
