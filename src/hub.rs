@@ -22,11 +22,15 @@
 //! # Ok::<(), motor_hub::units::RangeError>(())
 //! ```
 
+mod groups;
+
 use crate::bridge::Drive;
+use crate::group::{Halt, Together};
 use crate::motion::Reading;
 use crate::motor::{Motor, Report, Setpoint, Settings};
 use crate::supply::Battery;
 use crate::units::{Micros, Millivolts, Period, RangeError};
+use groups::Groups;
 
 /// Something to do to one motor at the next tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +50,9 @@ pub enum Action {
     Set(Setpoint),
     /// Replaces all settings at once.
     Configure(Settings),
+    /// Sends a group on a course; the command's motor is any of its members. Members of another group leave
+    /// it. A group of the same members is sent on from where it is, without a step.
+    Lead(Together),
 }
 
 /// What a tick is given.
@@ -86,10 +93,14 @@ impl<const N: usize> Snapshot<N> {
     }
 }
 
-/// N motors.
+/// N motors, each by itself or in a group.
+///
+/// A member that is given a set-point by itself leaves its group, and so does one with a fault; the others halt as
+/// the group's setting says. Disabling one disables all.
 #[derive(Clone, Debug)]
 pub struct Hub<const N: usize> {
     motors: [Motor; N],
+    groups: Groups<N>,
     period: Period,
     tick: u32,
     missed: u32,
@@ -98,7 +109,8 @@ pub struct Hub<const N: usize> {
 impl<const N: usize> Hub<N> {
     /// A hub of disabled motors that is stepped every `period`.
     pub fn new(settings: [Settings; N], period: Period) -> Self {
-        Self { motors: settings.map(|s| Motor::new(s, period)), period, tick: 0, missed: 0 }
+        let motors = settings.map(|settings| Motor::new(settings, period));
+        Self { motors, groups: Groups::new(), period, tick: 0, missed: 0 }
     }
 
     /// The control period.
@@ -109,12 +121,19 @@ impl<const N: usize> Hub<N> {
     /// Does what a command says; it shows at the next step.
     ///
     /// # Errors
-    /// [`RangeError::Motor`] if there is no such motor; nothing changes then.
+    /// [`RangeError::Motor`] if there is no such motor, or if it is to lead a group of which it is no member, or
+    /// that has one that does not exist; nothing changes then.
     pub fn apply(&mut self, command: Command) -> Result<(), RangeError> {
-        let motor = self.motors.get_mut(command.motor).ok_or(RangeError::Motor)?;
+        let Self { motors, groups, .. } = self;
+        let index = command.motor;
+        let motor = motors.get_mut(index).ok_or(RangeError::Motor)?;
         match command.action {
-            Action::Set(setpoint) => motor.set(setpoint),
+            Action::Set(setpoint) => {
+                motor.set(setpoint);
+                groups.leave(index, (setpoint == Setpoint::Disabled).then_some(Halt::Coast), motors);
+            }
             Action::Configure(settings) => motor.configure(settings),
+            Action::Lead(together) => groups.lead(index, together, motors)?,
         }
         Ok(())
     }
@@ -134,14 +153,16 @@ impl<const N: usize> Hub<N> {
         }
     }
 
-    /// One tick of all motors. Each sees only its own encoder; none sees another's fault.
+    /// One tick of all motors. Each sees only its own encoder; outside of groups none sees another's fault.
     pub fn step(&mut self, inputs: Inputs<N>) -> Snapshot<N> {
         let battery = inputs.battery.and_then(|battery| battery.fresh(inputs.now));
         self.tick = self.tick.wrapping_add(1);
+        self.groups.step(&inputs, self.period, &mut self.motors);
         let mut motors = [Report::INITIAL; N];
         for ((motor, reading), report) in self.motors.iter_mut().zip(inputs.readings).zip(&mut motors) {
             *report = motor.step(inputs.now, reading, battery);
         }
+        self.groups.review(&mut motors, &mut self.motors);
         Snapshot { tick: self.tick, at: inputs.now, missed: self.missed, battery, motors }
     }
 }

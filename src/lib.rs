@@ -34,6 +34,7 @@
 //! | [`braking`] | control value to drive: points S T Z G, schemes, regimes, duty |
 //! | [`motion`] | what encoders say: positions, speeds, and whether to believe them; PID |
 //! | [`regulator`] | from what a motor should do to a control value: by its model, or by PID |
+//! | [`group`] | motors that move in step: where each of them should be now |
 //! | [`supply`] | ADC readings to battery voltage |
 //! | [`motor`], [`hub`] | one motor, N motors: `step(inputs) -> outputs` |
 //! | [`protocol`] | the host's protocol as bytes, both ends of it: frames, requests, answers |
@@ -58,6 +59,7 @@
 pub mod board;
 pub mod braking;
 pub mod bridge;
+pub mod group;
 pub mod hub;
 #[cfg(feature = "model")]
 pub mod model;

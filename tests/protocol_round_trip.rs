@@ -1,10 +1,12 @@
 //! What one end writes, the other reads: every request and every answer.
 
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::group::Halt;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
 use motor_hub::protocol::fields::{ByteIn, Field, Fields, Payload, Text, WordFrom};
+use motor_hub::protocol::group::{GroupCourse, GroupMove, GroupState, ToGroup};
 use motor_hub::protocol::led::{LedPattern, STEPS, Step};
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::pins::ToPin;
@@ -14,8 +16,8 @@ use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Repl
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal};
 use motor_hub::units::{
-    Acceleration, AccelerationPerVolt, Coefficient, Control, DecayRate, EmfConstant, Inductance, Micros,
-    Millivolts, Resistance,
+    Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, EmfConstant,
+    Inductance, Micros, Millivolts, Resistance,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -303,8 +305,29 @@ fn to_setup() -> Vec<BoxedStrategy<Case>> {
     ]
 }
 
+fn to_group() -> Vec<BoxedStrategy<Case>> {
+    let members = any::<[Option<i32>; 4]>;
+    let course = prop_oneof![
+        members().prop_map(GroupCourse::To),
+        members().prop_map(|bits| GroupCourse::On(bits.map(|bits| bits.map(CountsPerSecond::from_bits)))),
+    ];
+    let halt = prop_oneof![Just(Halt::Stop), Just(Halt::Coast)];
+    let limits = (any::<i32>(), 1..=u32::MAX, any::<u16>(), any::<u16>());
+    let wanted = (course, limits, halt).prop_map(|(course, (speed, acceleration, lag, tolerance), halt)| {
+        let speed = CountsPerSecond::from_bits(speed);
+        let acceleration = Acceleration::new(acceleration).expect("above 0");
+        GroupMove { course, speed, acceleration, lag, tolerance, halt }
+    });
+    vec![
+        with(&[1, 1, 1, 4, 4, 4, 4, 4, 4, 2, 2, 1], (motor(), wanted), |(motor, wanted)| {
+            ToGroup::Move { wanted }.to(motor)
+        }),
+        with(&[1], motor(), |motor| ToGroup::State.to(motor)),
+    ]
+}
+
 fn any_request() -> impl Strategy<Value = Case> {
-    Union::new([standard(), to_hub(), to_pin(), to_motor(), to_setup()].concat())
+    Union::new([standard(), to_hub(), to_pin(), to_motor(), to_setup(), to_group()].concat())
 }
 
 #[test]
@@ -316,6 +339,7 @@ fn no_request_is_left_out_of_these_tests() {
         (to_pin(), ToPin::NUMBERS),
         (to_motor(), ToMotor::NUMBERS),
         (to_setup(), ToSetup::NUMBERS),
+        (to_group(), ToGroup::NUMBERS),
     ] {
         let tried = strategies.iter().map(|s| s.new_tree(&mut runner).unwrap().current().0.number());
         assert_eq!(tried.collect::<BTreeSet<_>>(), numbers.iter().copied().collect());
@@ -357,7 +381,7 @@ proptest! {
         for length in (0..ends.last().copied().unwrap_or(0)).rev() {
             packet.payload.truncate(length);
             let missing = ends.iter().take_while(|end| **end <= length).count();
-            prop_assert_eq!(Request::read(&packet, CHANNELS), Err(Nack(missing as u8)), "{} bytes", length);
+            prop_assert_eq!(Request::read(&packet, CHANNELS), Err(Nack::parameter(missing as u8)), "{} bytes", length);
         }
     }
 
@@ -366,7 +390,7 @@ proptest! {
         let packet = request.packet(2, 1, request.id());
         let read = Request::read(&packet, motors);
         match request {
-            Request::Motor(motor, _) | Request::Setup(motor, _) if usize::from(motor) >= motors => {
+            Request::Motor(motor, _) | Request::Setup(motor, _) | Request::Group(motor, _) if usize::from(motor) >= motors => {
                 prop_assert_eq!(read, Err(Nack::parameter(0)));
             }
             request => prop_assert_eq!(read, Ok(request)),
@@ -425,5 +449,12 @@ proptest! {
             prop_assert_eq!((packet.destination, packet.source, packet.reference), (0, 2, 7));
             prop_assert_eq!(Reply::read(&packet, id), Some(reply));
         }
+    }
+}
+
+#[test]
+fn how_far_a_group_is_reads_back() {
+    for state in [GroupState::Alone, GroupState::Moving, GroupState::Arrived] {
+        assert_eq!(read_back(&state), Ok(state));
     }
 }

@@ -84,7 +84,8 @@ impl Motor {
 
     /// Takes effect at the next step, and disabling the motor ends a latched fault.
     pub fn set(&mut self, setpoint: Setpoint) {
-        if setpoint != self.setpoint {
+        let follows = matches!((self.setpoint, setpoint), (Setpoint::Together(_), Setpoint::Together(_)));
+        if setpoint != self.setpoint && !follows {
             self.regulator.retarget();
             if discriminant(&setpoint) != discriminant(&self.setpoint) {
                 self.regulator.change_mode();
@@ -107,6 +108,24 @@ impl Motor {
             _ => self.identifier.stop(Refusal::Stopped),
         }
         self.setpoint = setpoint;
+    }
+
+    /// Counts at the last tick.
+    pub(crate) const fn position(&self) -> i32 {
+        self.position
+    }
+
+    /// Its group is sent elsewhere.
+    pub(crate) fn retarget(&mut self) {
+        self.regulator.retarget();
+        if self.watch.stalled() {
+            self.regulator.let_go();
+        }
+    }
+
+    /// The speed that it is thought to have.
+    pub(crate) fn velocity(&self) -> CountsPerSecond {
+        self.regulator.velocity()
     }
 
     /// The settings in force.
@@ -191,6 +210,7 @@ impl Motor {
             Setpoint::Velocity(target) => Demand::Velocity(target),
             Setpoint::Position { target, speed_limit, .. } => Demand::Position { target, speed_limit },
             Setpoint::Identify { .. } => return moved.and_then(|_| self.identify(at, battery)),
+            Setpoint::Together(reference) => Demand::Follow(reference),
         };
         if self.watch.fault().is_some() {
             return None;

@@ -1,5 +1,6 @@
 //! What a motor is asked to do.
 
+use crate::regulator::Reference;
 use crate::units::{Control, CountsPerSecond};
 
 /// What a motor is asked to do.
@@ -28,12 +29,15 @@ pub enum Setpoint {
         /// Counts, either way, that it may take at most; less makes the motion shorter.
         travel_limit: u32,
     },
+    /// Regulated to be where its group wants it at this tick. The hub sets it, every tick, of the members of a
+    /// [group](crate::group); a motor that nobody leads stays near the reference.
+    Together(Reference),
 }
 
 impl Setpoint {
     /// True if a regulator stands between it and the bridge.
     pub(super) const fn is_regulated(self) -> bool {
-        matches!(self, Self::Velocity(_) | Self::Position { .. })
+        matches!(self, Self::Velocity(_) | Self::Position { .. } | Self::Together(_))
     }
 
     /// True if this is a target, and `position` within the tolerance of it.

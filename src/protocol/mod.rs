@@ -13,7 +13,7 @@
 //! | [`frame`] | packets to bytes and back; synchronisation after garbage |
 //! | [`fields`] | values to payloads and back; ranges |
 //! | [`requests`] | every request: its number and its fields |
-//! | [`motor`], [`pins`], [`setup`], [`led`] | the requests to one motor, to pins, to this hub's own interface; the LED's values |
+//! | [`motor`], [`pins`], [`setup`], [`group`], [`led`] | the requests to one motor, to pins, to this hub's own interface, of groups among it; the LED's values |
 //! | [`answers`] | every answer's fields |
 //! | [`nack`] | why a request is refused, as a number and in words |
 //! | [`address`] | who is meant |
@@ -40,6 +40,7 @@ pub mod address;
 pub mod answers;
 pub mod fields;
 pub mod frame;
+pub mod group;
 pub mod led;
 pub mod motor;
 pub mod nack;

@@ -19,6 +19,7 @@ use super::address::{Address, HOST};
 use super::answers::Functions;
 use super::fields::{ByteIn, Field, Fields, Payload, Text, append};
 use super::frame::Packet;
+use super::group::ToGroup;
 use super::led::{Colour, LedPattern};
 use super::motor::ToMotor;
 use super::nack::Nack;
@@ -142,6 +143,8 @@ pub enum Request {
     Pin(ToPin),
     /// To the motor with this number, on hubs of this project.
     Setup(u8, ToSetup),
+    /// To the group of the motor with this number, on hubs of this project.
+    Group(u8, ToGroup),
 }
 
 impl Request {
@@ -168,6 +171,9 @@ impl Request {
             return ToHub::read(number, fields).map(Self::Hub);
         }
         if let Some(number) = Interface::Setup.functions().number(packet.id) {
+            if ToGroup::NUMBERS.contains(&number) {
+                return Ok(Self::Group(motor(fields)?, ToGroup::read(number, fields)?));
+            }
             return Ok(Self::Setup(motor(fields)?, ToSetup::read(number, fields)?));
         }
         if Standard::NUMBERS.contains(&packet.id) {
@@ -181,7 +187,7 @@ impl Request {
         match self {
             Self::Standard(_) => None,
             Self::Hub(_) | Self::Motor(..) | Self::Pin(_) => Some(Interface::Motors),
-            Self::Setup(..) => Some(Interface::Setup),
+            Self::Setup(..) | Self::Group(..) => Some(Interface::Setup),
         }
     }
 
@@ -193,6 +199,7 @@ impl Request {
             Self::Motor(_, request) => request.number(),
             Self::Pin(request) => request.number(),
             Self::Setup(_, request) => request.number(),
+            Self::Group(_, request) => request.number(),
         }
     }
 
@@ -217,6 +224,10 @@ impl Request {
                 request.write(out);
             }
             Self::Setup(motor, request) => {
+                motor.write(out);
+                request.write(out);
+            }
+            Self::Group(motor, request) => {
                 motor.write(out);
                 request.write(out);
             }
@@ -259,5 +270,12 @@ impl ToSetup {
     /// To the motor with this number, 0 to 3.
     pub const fn to(self, motor: u8) -> Request {
         Request::Setup(motor, self)
+    }
+}
+
+impl ToGroup {
+    /// To the group of the motor with this number, 0 to 3.
+    pub const fn to(self, motor: u8) -> Request {
+        Request::Group(motor, self)
     }
 }

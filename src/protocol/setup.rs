@@ -14,6 +14,7 @@
 //!
 //! Function 4 is refused (51) unless the motor is enabled, in constant power of 0; any other target, mode or
 //! disabling ends the motion. What is found is told, not put in force: that is function 2.
+//! | 6, 7 | of motors that move in step, see [`group`](super::group) | |
 //!
 //! A set-up forgets how the motor moved and the coefficients that a host gave: it is another motor.
 //! Of a set-up:
@@ -81,7 +82,7 @@ use crate::units::{
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const FUNCTION_COUNT: u16 = 6;
+pub const FUNCTION_COUNT: u16 = 8;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.

@@ -1,6 +1,6 @@
 //! The velocity loop, and the position loop above it: proportional, integral and derivative action.
 
-use super::{Config, Demand, Request, Stage};
+use super::{Config, Demand, Reference, Request, Stage};
 use crate::braking::{Blend, BlendFraction, Scheme};
 use crate::motion::pid::{PidInput, Value};
 use crate::motion::{Pid, Pidf};
@@ -146,6 +146,7 @@ impl Loops {
                 self.position.reset();
                 target
             }
+            Demand::Follow(reference) => self.follow(&reference, position),
             Demand::Position { target, speed_limit } => self.approach(target, position, speed_limit),
         };
         Request { control: self.velocity(target, velocity, steady, stage), speed: target }
@@ -179,6 +180,20 @@ impl Loops {
         };
         let output = self.velocity.step(gains, self.period, input);
         Control::saturating((roundf(scale * output.to_num::<f32>()) as i32).into())
+    }
+
+    /// The velocity at which to keep up with a place that moves.
+    fn follow(&mut self, reference: &Reference, position: i32) -> CountsPerSecond {
+        let distance = Value::saturating_from_num(reference.from(position));
+        let input = PidInput {
+            error: distance,
+            measured: Value::wrapping_from_num(position),
+            feed_forward: Value::ZERO,
+            limit: Value::MAX,
+        };
+        let closer = self.position.step(&self.coefficients.position, self.period, input);
+        let speed = i64::from(reference.next.to_bits()) + i64::from(closer.to_bits());
+        CountsPerSecond::saturating_from_bits(speed)
     }
 
     /// The velocity at which to go to a position now: no more than can be braked from.

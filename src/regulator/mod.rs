@@ -86,6 +86,8 @@ pub enum Kind {
 pub enum Demand {
     /// Turn at this speed.
     Velocity(CountsPerSecond),
+    /// Be at a place that moves.
+    Follow(Reference),
     /// Go to a position and stay there.
     Position {
         /// Counts.
@@ -93,6 +95,32 @@ pub enum Demand {
         /// Magnitude of the speed on the way; the sign does not matter.
         speed_limit: CountsPerSecond,
     },
+}
+
+/// Where a motor should be at this tick, and how fast, as others set it whom it follows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Reference {
+    /// Counts.
+    pub position: i32,
+    /// How far on towards the next count, in 2^-16 counts.
+    pub fraction: u16,
+    /// Speed now.
+    pub speed: CountsPerSecond,
+    /// Speed at the next tick.
+    pub next: CountsPerSecond,
+}
+
+impl Reference {
+    /// It does not move.
+    fn stands(&self) -> bool {
+        self.speed == CountsPerSecond::ZERO && self.next == CountsPerSecond::ZERO
+    }
+
+    /// Counts from a position to it.
+    fn from(&self, position: i32) -> f32 {
+        self.position.wrapping_sub(position) as f32 + f32::from(self.fraction) / 65_536.0
+    }
 }
 
 /// What a control value will be judged by.
@@ -315,6 +343,7 @@ impl Regulator {
     pub fn wanted(&self, demand: Demand) -> CountsPerSecond {
         match demand {
             Demand::Velocity(target) => target,
+            Demand::Follow(reference) => reference.next,
             Demand::Position { target, speed_limit } => {
                 let limit = speed_limit.to_f32().abs();
                 let distance = target.wrapping_sub(self.position());
@@ -337,6 +366,10 @@ impl Regulator {
         let request = match (&mut self.known, kind) {
             (Some(Known { plant, law, observer, state }), Kind::Model) => match demand {
                 Demand::Velocity(target) => law.velocity(state, observer, plant, target.to_f32(), stage),
+                Demand::Follow(reference) => {
+                    let speeds = (reference.speed.to_f32(), reference.next.to_f32());
+                    law.follow(state, observer, plant, reference.from(position), speeds, stage)
+                }
                 Demand::Position { target, speed_limit } => {
                     let distance = target.wrapping_sub(position);
                     let limit = speed_limit.to_f32().abs();
@@ -367,7 +400,13 @@ impl Regulator {
 
     /// A motor that should stand and does is held where it is.
     fn anchored(&mut self, demand: Demand) -> Demand {
-        let Demand::Velocity(target) = demand else { return demand };
+        let target = match demand {
+            Demand::Velocity(target) => target,
+            Demand::Follow(reference) if reference.stands() => {
+                return Demand::Position { target: reference.position, speed_limit: CountsPerSecond::MAX };
+            }
+            Demand::Follow(_) | Demand::Position { .. } => return demand,
+        };
         if target != CountsPerSecond::ZERO {
             self.anchor = None;
             return demand;

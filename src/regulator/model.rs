@@ -109,6 +109,29 @@ impl Law {
         self.request(state, observer, plant, next, stage, side * now)
     }
 
+    /// With a place that is `distance` counts away from the present count's lower edge and moves, at these
+    /// speeds now and at the next tick.
+    pub(super) fn follow(
+        &self,
+        state: &mut State,
+        observer: &mut Observer,
+        plant: &Plant,
+        distance: f32,
+        (now, end): (f32, f32),
+        stage: &Stage<'_>,
+    ) -> Request {
+        state.holding = false;
+        let Self { period, approach, left, .. } = *self;
+        let w = observer.speed();
+        // To the middle of a count, as positions are.
+        let way = distance + 0.5 - observer.fraction();
+        // At the tick's end it will be so far, less half a tick of the speed that is sought.
+        let rest = way + (now + end - w) * period / 2.0;
+        let next =
+            (end + approach * rest - left * (now + approach * way - w)) / (1.0 + approach * period / 2.0);
+        self.request(state, observer, plant, next, stage, end + approach * way)
+    }
+
     /// The speeds that are right so far from a target: now, and at the tick's end if the motor, at speed `w`
     /// towards the target, takes the tick to get there. Far away they fall with the square root of the
     /// distance, as constant braking makes them; near by in proportion to it.

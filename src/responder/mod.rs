@@ -42,6 +42,7 @@
 
 pub mod alive;
 mod answer;
+mod group;
 pub mod led;
 pub mod motor;
 pub mod pins;
@@ -49,15 +50,17 @@ pub mod setup;
 
 pub use answer::Answer;
 
-use crate::hub::{Command, Snapshot};
-use crate::motor::{Report, Settings};
+use crate::hub::{Action, Command, Snapshot};
+use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
 use crate::protocol::fields::Text;
+use crate::protocol::group::{GroupMove, GroupState, ToGroup};
 use crate::protocol::motor::ToMotor;
 use crate::protocol::requests::{BATTERY, DISCOVERY, Request, Standard, ToHub};
 use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
 use crate::units::{Micros, Millivolts};
 use alive::Alive;
+use group::Courses;
 use led::Led;
 use motor::MotorChannel;
 use pins::PinMemory;
@@ -89,6 +92,7 @@ pub struct Responder<const N: usize> {
     number: u8,
     alive: Alive,
     channels: [MotorChannel; N],
+    courses: Courses<N>,
     pins: PinMemory,
     led: Led,
     phone_charge: bool,
@@ -104,6 +108,7 @@ impl<const N: usize> Responder<N> {
             number: 0,
             alive: Alive::new(),
             channels: settings.map(MotorChannel::new),
+            courses: Courses::NONE,
             pins: PinMemory::default(),
             led: Led::default(),
             phone_charge: false,
@@ -162,17 +167,20 @@ impl<const N: usize> Responder<N> {
     }
 
     /// The next thing that the motors are to be told; [`told`](Self::told) when they have been. Those
-    /// that let go come first.
+    /// that let go come first, courses of groups last.
     pub fn pending(&self) -> Option<Command> {
-        let motor = self.next_channel()?;
-        let action = self.channels.get(motor)?.pending()?;
-        Some(Command { motor, action })
+        if let Some(motor) = self.next_channel() {
+            let action = self.channels.get(motor)?.pending()?;
+            return Some(Command { motor, action });
+        }
+        self.courses.next().map(|(motor, together)| Command { motor, action: Action::Lead(together) })
     }
 
     /// The motors have been told what [`pending`](Self::pending) says.
     pub fn told(&mut self) {
-        if let Some(channel) = self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
-            channel.told();
+        match self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
+            Some(channel) => channel.told(),
+            None => self.courses.told(),
         }
     }
 
@@ -183,6 +191,7 @@ impl<const N: usize> Responder<N> {
 
     fn disable(&mut self) {
         self.channels.iter_mut().for_each(MotorChannel::disable);
+        self.courses.clear();
         self.pins.disable();
     }
 
@@ -192,6 +201,8 @@ impl<const N: usize> Responder<N> {
             Request::Hub(request) => self.hub(request, snapshot),
             Request::Pin(request) => self.pins.receive(&request),
             Request::Motor(motor, request) => self.motor(motor, request, snapshot),
+            Request::Group(motor, ToGroup::Move { wanted }) => self.lead(motor, wanted, snapshot),
+            Request::Group(motor, ToGroup::State) => self.group(motor, snapshot),
             Request::Setup(motor, request) => {
                 let motor = usize::from(motor);
                 let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
@@ -257,7 +268,55 @@ impl<const N: usize> Responder<N> {
         let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
         let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
         let battery_good = snapshot.battery.is_some_and(|battery| battery >= LOW_BATTERY);
-        channel.receive(request, report, battery_good)
+        let answer = channel.receive(request, report, battery_good);
+        if channel.has_new_target() {
+            self.courses.forget(motor);
+        }
+        answer
+    }
+
+    /// A group is sent somewhere.
+    fn lead(&mut self, motor: u8, wanted: GroupMove, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
+        let leader = usize::from(motor);
+        let place = |motor: usize, counts: i32| {
+            self.channels.get(motor).map_or(counts, |channel| channel.place(counts))
+        };
+        let together = group::together(wanted, place);
+        let members = together.course.members();
+        let mut others = members.iter().skip(N);
+        if members.get(leader) != Some(&true) || others.any(|member| *member) {
+            return Err(Nack::parameter(2));
+        }
+        let of_group = |channels: &[MotorChannel; N]| {
+            channels.iter().zip(members).all(|(channel, member)| !member || channel.enabled())
+        };
+        if !of_group(&self.channels) {
+            return Err(Nack::WRONG_MODE);
+        }
+        for (channel, member) in self.channels.iter_mut().zip(members) {
+            if member {
+                channel.join(snapshot.tick);
+            }
+        }
+        self.courses.put(leader, together);
+        Ok(Answer::Ack)
+    }
+
+    fn group(&self, motor: u8, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
+        let motor = usize::from(motor);
+        let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
+        let channel = self.channels.get(motor).ok_or(NO_MOTOR)?;
+        let state = if self.courses.concern(motor) || channel.has_just_joined(snapshot.tick) {
+            // What is reported may be of the time before.
+            GroupState::Moving
+        } else {
+            match report.setpoint {
+                Setpoint::Together(_) if report.at_target => GroupState::Arrived,
+                Setpoint::Together(_) => GroupState::Moving,
+                _ => GroupState::Alone,
+            }
+        };
+        Ok(Answer::data(&state))
     }
 
     /// Without current sensors, and without inputs beside the encoders.

@@ -46,6 +46,8 @@ pub struct MotorChannel {
     position: Option<Target>,
     /// The limit of travel of an identification that nothing has come after.
     identify: Option<u32>,
+    /// The tick at which it was last sent somewhere in a group.
+    joined_at: Option<u32>,
     /// The motor's counts where the host's are 0.
     offset: i32,
     /// In milliamperes. Kept only: the hub has no current sensors.
@@ -76,6 +78,7 @@ impl MotorChannel {
             velocity: None,
             position: None,
             identify: None,
+            joined_at: None,
             offset: 0,
             current_alert: 0,
             pending: Pending { disable: false, configure: false, set: false },
@@ -283,6 +286,27 @@ impl MotorChannel {
     /// True if the motor is about to be told to let go, which is urgent.
     pub const fn urgent(&self) -> bool {
         self.pending.disable
+    }
+
+    /// It goes with a group instead of wherever it should go by itself.
+    pub(super) const fn join(&mut self, tick: u32) {
+        self.pending.set = false;
+        self.joined_at = Some(tick);
+    }
+
+    /// The group was not known to the motor yet when the report of this tick was made, or may not have been.
+    pub(super) fn has_just_joined(&self, tick: u32) -> bool {
+        self.joined_at.is_some_and(|joined_at| tick.wrapping_sub(joined_at) < 2)
+    }
+
+    /// It is about to be told to go somewhere by itself, or to let go.
+    pub(super) const fn has_new_target(&self) -> bool {
+        self.pending.set || self.pending.disable
+    }
+
+    /// A position of the host's in the motor's counts.
+    pub(super) const fn place(&self, counts: i32) -> i32 {
+        counts.wrapping_add(self.offset)
     }
 
     /// The last valid *set enable*, unless fail-safe came after it.

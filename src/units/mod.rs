@@ -74,7 +74,7 @@ macro_rules! constant {
 }
 
 /// Rounded to the nearest whole number, halves away from 0; `None` from 2^62 on and of what is no number.
-const fn nearest(value: f64) -> Option<i64> {
+pub(crate) const fn nearest(value: f64) -> Option<i64> {
     const LIMIT: f64 = (1_u64 << 62) as f64;
     if !(-LIMIT < value && value < LIMIT) {
         return None;
@@ -110,6 +110,8 @@ pub enum RangeError {
     Acceleration,
     /// A speed must lie within +-8 388 607 counts/s, and a revolution must have counts.
     Speed,
+    /// A way must lie within +-(2^31 - 1) counts.
+    Way,
     /// A blend must lie in 0 to 1.
     Blend,
     /// The control period must be 1 to 100 ms.
@@ -137,6 +139,7 @@ impl core::fmt::Display for RangeError {
             Self::DecayRate => "rate of decay must be 0 to 65536 per second",
             Self::Acceleration => "acceleration must be above 0",
             Self::Speed => "speed must be within 8388607 counts/s, counts per revolution above 0",
+            Self::Way => "way must be within 2147483647 counts",
             Self::Blend => "blend must be 0 to 1",
             Self::Period => "control period must be 1 to 100 ms",
             Self::Divider => "both resistances of the battery divider must be above 0",

@@ -16,6 +16,7 @@
 use crate::{Error, Session};
 use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::fields::Text;
+use motor_hub::protocol::group::{GroupMove, GroupState, ToGroup};
 use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
 use motor_hub::protocol::{Address, Colour};
 use motor_hub::units::Millivolts;
@@ -75,6 +76,17 @@ impl<L: Read + Write> Session<L> {
     pub fn battery(&mut self) -> Result<Millivolts, Error> {
         let mv: i16 = self.ask(ToHub::Adc { channel: BATTERY, raw: false })?;
         Ok(Millivolts::new(u16::try_from(mv).unwrap_or_default()))
+    }
+
+    /// Sends motors off in step, of which `motor` is one, instead of whatever each of them was to do. All of them
+    /// must be enabled. This project's own firmware does that.
+    pub fn move_together(&mut self, motor: u8, wanted: GroupMove) -> Result<(), Error> {
+        self.order(ToGroup::Move { wanted }.to(motor))
+    }
+
+    /// How far the group is in which a motor moves; this project's own firmware tells.
+    pub fn group_state(&mut self, motor: u8) -> Result<GroupState, Error> {
+        self.ask(ToGroup::State.to(motor))
     }
 
     /// Hardware and firmware, in the hub's own words.

@@ -1,6 +1,7 @@
 //! Requests in words.
 
 use motor_hub::protocol::Request;
+use motor_hub::protocol::group::ToGroup;
 use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::requests::{Interface, Standard, ToHub};
 use motor_hub::protocol::setup::ToSetup;
@@ -17,6 +18,8 @@ pub(crate) fn words(request: &Request) -> String {
         Request::Setup(motor, ToSetup::Identify { .. }) => format!("learn how motor {motor} moves"),
         Request::Setup(motor, ToSetup::Identification) => format!("tell what it learned of motor {motor}"),
         Request::Setup(motor, ToSetup::Setup) => format!("tell the set-up of motor {motor}"),
+        Request::Group(motor, ToGroup::Move { .. }) => format!("move motor {motor} and others together"),
+        Request::Group(motor, ToGroup::State) => format!("tell how far the group of motor {motor} is"),
         Request::Pin(request) => format!("do function {} of its pins", request.number()),
     }
 }

@@ -105,7 +105,10 @@ enum Goal {
 impl Goal {
     fn of(setpoint: Setpoint) -> Option<Self> {
         match setpoint {
-            Setpoint::Disabled | Setpoint::ConstantPower(_) | Setpoint::Identify { .. } => None,
+            Setpoint::Disabled
+            | Setpoint::ConstantPower(_)
+            | Setpoint::Identify { .. }
+            | Setpoint::Together(_) => None,
             Setpoint::Velocity(cps) => Some(Self::Velocity(cps.to_f64())),
             Setpoint::Position { target, tolerance, .. } => {
                 Some(Self::Position { counts: target.into(), tolerance: tolerance.into() })

@@ -34,6 +34,7 @@ fn row(out: &mut String, sample: &Sample) {
         Setpoint::Velocity(cps) => ("velocity", cps.to_f64().to_string()),
         Setpoint::Position { target, .. } => ("position", target.to_string()),
         Setpoint::Identify { travel_limit } => ("identify", travel_limit.to_string()),
+        Setpoint::Together(reference) => ("together", reference.position.to_string()),
     };
     let fault = match report.faults {
         Faults { battery_unknown: true, .. } => "battery unknown",

@@ -78,7 +78,8 @@ fn scheme(scheme: Scheme) -> String {
 
 fn setpoint(setpoint: Setpoint) -> String {
     match setpoint {
-        Setpoint::Disabled => "disable = true".to_owned(),
+        // A survey has none of the last two.
+        Setpoint::Disabled | Setpoint::Identify { .. } | Setpoint::Together(_) => "disable = true".to_owned(),
         Setpoint::ConstantPower(power) => {
             format!("power = {:?}", f64::from(power.get()) / f64::from(Control::MAX.get()))
         }

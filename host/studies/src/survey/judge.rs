@@ -120,7 +120,10 @@ fn of_motor(scenario: &Scenario, index: usize, motor: &Motor) -> Vec<Challenge> 
 
 fn goal(setpoint: Setpoint) -> Option<Goal> {
     match setpoint {
-        Setpoint::Disabled | Setpoint::ConstantPower(_) => None,
+        Setpoint::Disabled
+        | Setpoint::ConstantPower(_)
+        | Setpoint::Identify { .. }
+        | Setpoint::Together(_) => None,
         Setpoint::Velocity(cps) => Some(Goal::Velocity(cps.to_f64())),
         Setpoint::Position { target, speed_limit, .. } => {
             Some(Goal::Position { counts: target.into(), limit_cps: speed_limit.to_f64().abs() })

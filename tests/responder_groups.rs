@@ -1,0 +1,145 @@
+//! A host moves motors together: what the motors are told, in which order, and when not.
+
+mod hub_support;
+
+use hub_support::{N, Said, TestHost};
+use motor_hub::group::{Course, Halt, MOTORS, Together};
+use motor_hub::hub::{Action, Command};
+use motor_hub::motor::{Report, Setpoint};
+use motor_hub::protocol::group::{GroupCourse, GroupMove, ToGroup};
+use motor_hub::regulator::Reference;
+use motor_hub::units::{Acceleration, Control, CountsPerSecond};
+
+const MOVE: u16 = 0x4D06;
+const STATE: u16 = 0x4D07;
+
+fn wanted(course: GroupCourse) -> GroupMove {
+    GroupMove {
+        course,
+        speed: CountsPerSecond::new(2_000),
+        acceleration: Acceleration::new(5_000).expect("above 0"),
+        lag: 100,
+        tolerance: 5,
+        halt: Halt::Coast,
+    }
+}
+
+fn pair(left: i32, right: i32) -> GroupMove {
+    wanted(GroupCourse::To([None, Some(left), None, Some(right)]))
+}
+
+fn lead(motor: usize, left: i32, right: i32) -> Command {
+    let mut counts = [None; MOTORS];
+    (counts[1], counts[3]) = (Some(left), Some(right));
+    let GroupMove { speed, acceleration, lag, tolerance, halt, .. } = pair(0, 0);
+    let together = Together { course: Course::To(counts), speed, acceleration, lag, tolerance, halt };
+    Command { motor, action: Action::Lead(together) }
+}
+
+fn ask(host: &mut TestHost, motor: u8, wanted: GroupMove) -> Said {
+    host.ask(MOVE, &ToGroup::Move { wanted }.to(motor).payload())
+}
+
+/// With all motors enabled, at power 0.
+fn enabled() -> TestHost {
+    let mut host = TestHost::settled();
+    for motor in 0..N as u8 {
+        host.do_all(&[(15, &[motor, 0, 0]), (10, &[motor, 1])]);
+    }
+    host.told();
+    host
+}
+
+#[test]
+fn a_course_is_told_in_the_counts_of_the_motors() {
+    let mut host = enabled();
+    host.snapshot.motors[3].position = 70;
+    // Reset encoder.
+    host.do_all(&[(14, &[3])]);
+    host.told();
+    assert_eq!(ask(&mut host, 1, pair(500, -500)), Said::Ack(0));
+    assert_eq!(host.told(), [lead(1, 500, -430)]);
+    assert_eq!(host.told(), []);
+}
+
+#[test]
+fn a_course_comes_after_all_that_was_said_before_and_instead_of_its_members_targets() {
+    let mut host = TestHost::settled();
+    for motor in 0..N as u8 {
+        host.do_all(&[(15, &[motor, 0, 1]), (10, &[motor, 1])]);
+    }
+    ask(&mut host, 3, pair(1, 2));
+    let power = |motor| Command { motor, action: Action::Set(Setpoint::ConstantPower(Control::new(256))) };
+    assert_eq!(host.told(), [power(0), power(2), lead(3, 1, 2)]);
+}
+
+#[test]
+fn what_is_said_afterwards_to_a_member_alone_is_the_last_word() {
+    for (function, payload) in [(15, &[3, 0, 1][..]), (10, &[3, 0]), (14, &[3])] {
+        let mut host = enabled();
+        ask(&mut host, 1, pair(1, 2));
+        host.do_all(&[(function, payload)]);
+        let told = host.told();
+        assert!(matches!(told[..], [Command { motor: 3, action: Action::Set(_) }]), "{function}: {told:?}");
+    }
+    // Questions are none, and neither are others.
+    let mut host = enabled();
+    ask(&mut host, 1, pair(1, 2));
+    assert!(matches!(host.call(11, &[3]), Said::Data(_)));
+    host.do_all(&[(15, &[0, 0, 1])]);
+    assert_eq!(host.told().last(), Some(&lead(1, 1, 2)));
+}
+
+#[test]
+fn a_later_course_replaces_one_that_nobody_has_heard_of() {
+    let mut host = enabled();
+    ask(&mut host, 1, pair(1, 2));
+    ask(&mut host, 3, pair(3, 4));
+    assert_eq!(host.told(), [lead(3, 3, 4)]);
+}
+
+#[test]
+fn a_member_that_is_not_enabled_keeps_all_where_they_are() {
+    let mut host = enabled();
+    host.do_all(&[(10, &[3, 0])]);
+    host.told();
+    assert_eq!(ask(&mut host, 1, pair(1, 2)), Said::Nack(51));
+    assert_eq!(host.told(), []);
+    // Fail-safe disables all.
+    let mut host = enabled();
+    ask(&mut host, 1, pair(1, 2));
+    host.ask(0x7F05, &[]);
+    assert!(host.told().iter().all(|command| command.action == Action::Set(Setpoint::Disabled)));
+}
+
+#[test]
+fn a_motor_that_is_no_member_cannot_send_the_group() {
+    let mut host = enabled();
+    assert_eq!(ask(&mut host, 0, pair(1, 2)), Said::Nack(2));
+    assert_eq!(ask(&mut host, 0, wanted(GroupCourse::On([None; 4]))), Said::Nack(2));
+    assert_eq!(ask(&mut host, 7, pair(1, 2)), Said::Nack(0));
+    assert_eq!(host.told(), []);
+}
+
+#[test]
+fn how_far_a_group_is_is_told_once_it_is_known() {
+    let mut host = enabled();
+    let state = |host: &mut TestHost| host.ask(STATE, &[1]);
+    assert_eq!(state(&mut host), Said::Data(vec![0]));
+
+    // A report that is older than the course does not say that it is at its end.
+    let arrived =
+        Report { setpoint: Setpoint::Together(Reference::default()), at_target: true, ..Report::INITIAL };
+    host.snapshot.motors[1] = arrived;
+    host.snapshot.tick = 10;
+    ask(&mut host, 1, pair(1, 2));
+    host.snapshot.tick = 20;
+    assert_eq!(state(&mut host), Said::Data(vec![1]), "not told yet");
+    ask(&mut host, 1, pair(1, 2));
+    host.told();
+    assert_eq!(state(&mut host), Said::Data(vec![1]), "just told");
+    host.snapshot.tick = 22;
+    assert_eq!(state(&mut host), Said::Data(vec![2]));
+    host.snapshot.motors[1].at_target = false;
+    assert_eq!(state(&mut host), Said::Data(vec![1]));
+}
