@@ -15,6 +15,8 @@
 //!   is sent the other way. If it does not, the encoder is at fault, or the motor is jammed both ways,
 //!   which is as good a reason to coast.
 //!
+//! Both times are longer for a motor that is known to be so slow that its counts take longer.
+//!
 //! Either is decided within 250 ms of a clear case (at control periods that divide 50 ms). Open-loop
 //! power needs no encoder and is not watched; neither is a motor that holds its position, from which
 //! no count is due.
@@ -40,13 +42,20 @@
 //! ```
 
 use crate::braking::Regime;
-use crate::units::{Control, CountsPerSecond, Period};
+use crate::units::{AccelerationPerVolt, Control, CountsPerSecond, Period};
 use core::cmp::Ordering;
+use libm::sqrtf;
 
-/// How long no count must come under effort before the motor is probed.
+/// How long no count must come under effort before the motor is probed, at least.
 const STUCK_MS: i64 = 150;
-/// How long a probe drives the motor the other way.
+/// How long a probe drives the motor the other way, at least.
 const PROBE_MS: i64 = 50;
+/// Neither is ever longer.
+const LONGEST_MS: i64 = 2_000;
+/// Counts that are due before no count means anything.
+const DUE_COUNTS: f32 = 6.0;
+/// Half of a 12 V battery, as [`HALF_EFFORT`] is of the control range.
+const HALF_VOLTS: f32 = 6.0;
 /// Counts that a probe must see. One may be the trembling of a shaft on an edge.
 const PROBE_COUNTS: i64 = 2;
 /// Effort at which counts must come, and of a probe: half of the control range, enough to move anything
@@ -222,10 +231,30 @@ impl Runaway {
     }
 }
 
+/// How long a motor may take to show that it moves.
+#[derive(Clone, Copy, Debug)]
+struct Patience {
+    stuck_ms: i64,
+    probe_ms: i64,
+}
+
+impl Patience {
+    /// A motor whose acceleration is known is given the time that its counts take at half of the effort, from
+    /// rest: `sqrt(2 counts / acceleration)`.
+    fn new(gain: Option<AccelerationPerVolt>) -> Self {
+        let due = |counts: f32, least: i64| {
+            let takes = gain.map_or(0.0, |gain| sqrtf(2.0 * counts / (HALF_VOLTS * gain.to_f32())));
+            least.max((1_000.0 * takes) as i64).min(LONGEST_MS)
+        };
+        Self { stuck_ms: due(DUE_COUNTS, STUCK_MS), probe_ms: due(PROBE_COUNTS as f32, PROBE_MS) }
+    }
+}
+
 /// Watches one regulated motor.
 #[derive(Clone, Copy, Debug)]
 pub struct Guard {
     period: Period,
+    patience: Patience,
     phase: Phase,
     /// How long no count came that was due.
     stuck_ms: i64,
@@ -233,9 +262,15 @@ pub struct Guard {
 }
 
 impl Guard {
-    /// For a motor that is stepped every `period`. Nothing is suspected.
+    /// For a motor that is stepped every `period`, of which nothing is known. Nothing is suspected.
     pub fn new(period: Period) -> Self {
-        Self { period, phase: Phase::Watching, stuck_ms: 0, runaway: Runaway::default() }
+        Self {
+            period,
+            patience: Patience::new(None),
+            phase: Phase::Watching,
+            stuck_ms: 0,
+            runaway: Runaway::default(),
+        }
     }
 
     /// What a tick says of the encoder, together with those before it.
@@ -263,7 +298,7 @@ impl Guard {
             self.phase = Phase::Watching;
             self.stuck_ms = 0;
         }
-        if self.stuck_ms >= STUCK_MS {
+        if self.stuck_ms >= self.patience.stuck_ms {
             self.stuck_ms = 0;
             let against = if evidence.control < Control::ZERO { HALF_EFFORT } else { -HALF_EFFORT };
             return self.probe(Control::new(against), Span::default(), 0);
@@ -279,7 +314,7 @@ impl Guard {
             self.phase = Phase::Stalled(stall);
             return Finding::Stalled;
         }
-        if seen.ms >= PROBE_MS {
+        if seen.ms >= self.patience.probe_ms {
             return Finding::Fault(EncoderFault::Stuck);
         }
         self.phase = Phase::Probing { control, ms: seen.ms, counts: seen.counts };
@@ -288,6 +323,11 @@ impl Guard {
 
     /// Suspects nothing any more, as when the motor is no longer regulated.
     pub fn reset(&mut self) {
-        *self = Self::new(self.period);
+        *self = Self { patience: self.patience, ..Self::new(self.period) };
+    }
+
+    /// So fast the motor accelerates, if that is known: a slow one is given time.
+    pub fn expect(&mut self, gain: Option<AccelerationPerVolt>) {
+        self.patience = Patience::new(gain);
     }
 }

@@ -64,7 +64,7 @@ type Output = (Control, Placement);
 impl Motor {
     /// A disabled motor that is stepped every `period`.
     pub fn new(settings: Settings, period: Period) -> Self {
-        Self {
+        let mut motor = Self {
             settings,
             placer: settings.placer(),
             setpoint: Setpoint::Disabled,
@@ -72,7 +72,9 @@ impl Motor {
             regulator: Regulator::new(settings.regulation(), period),
             identifier: Identifier::new(period),
             watch: Watch::new(period),
-        }
+        };
+        motor.configure(settings);
+        motor
     }
 
     /// Takes effect at the next step, as a whole. State is kept, so that a motor may be tuned while it runs.
@@ -80,6 +82,7 @@ impl Motor {
         self.settings = settings;
         self.placer = settings.placer();
         self.regulator.configure(settings.regulation());
+        self.watch.expect(settings.dynamics.map(|known| known.gain));
     }
 
     /// Takes effect at the next step, and disabling the motor ends a latched fault.

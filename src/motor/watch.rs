@@ -4,7 +4,7 @@
 use crate::braking::Regime;
 use crate::motion::guard::{Evidence, Finding};
 use crate::motion::{EncoderFault, Guard};
-use crate::units::{Control, CountsPerSecond, Period};
+use crate::units::{AccelerationPerVolt, Control, CountsPerSecond, Period};
 
 /// What the bridge was told, and for what speed.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +52,11 @@ impl Watch {
         self.guard.reset();
         self.ordered = None;
         self.stalled = false;
+    }
+
+    /// So fast the motor accelerates, if that is known.
+    pub(super) fn expect(&mut self, gain: Option<AccelerationPerVolt>) {
+        self.guard.expect(gain);
     }
 
     /// Ends a latched fault.
