@@ -116,8 +116,13 @@ const fn micros(from: Micros, to: Micros) -> i64 {
     to.since(from).cast_signed()
 }
 
+/// What fits 32 bits.
+const LONG: i64 = i32::MAX as i64;
+
 /// `counts` (up to 2^31) in `micros`, in steps of 1/256 count/s, rounded towards 0.
 fn rate(counts: i64, micros: i64) -> i64 {
-    let size = (counts.unsigned_abs() << 8) * 1_000_000 / micros.unsigned_abs().max(1);
-    size.cast_signed() * counts.signum()
+    // In single precision, whose division is the shorter one by far; 24 bits are more than a count is good for. Half
+    // an hour is as good as for ever.
+    let [counts, micros] = [counts, micros.max(1)].map(|n| n.clamp(-LONG, LONG) as i32 as f32);
+    i64::from((256e6 * counts / micros) as i32)
 }

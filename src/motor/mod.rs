@@ -64,17 +64,15 @@ type Output = (Control, Placement);
 impl Motor {
     /// A disabled motor that is stepped every `period`.
     pub fn new(settings: Settings, period: Period) -> Self {
-        let mut motor = Self {
+        Self {
             settings,
             placer: settings.placer(),
             setpoint: Setpoint::Disabled,
             position: 0,
             regulator: Regulator::new(settings.regulation(), period),
             identifier: Identifier::new(period),
-            watch: Watch::new(period),
-        };
-        motor.configure(settings);
-        motor
+            watch: Watch::new(period, settings.dynamics.map(|known| known.gain)),
+        }
     }
 
     /// Takes effect at the next step, as a whole. State is kept, so that a motor may be tuned while it runs.

@@ -26,8 +26,11 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    pub(super) fn new(period: Period) -> Self {
-        Self { guard: Guard::new(period), ordered: None, stalled: false, fault: None }
+    /// `gain` is how fast the motor accelerates, if that is known.
+    pub(super) fn new(period: Period, gain: Option<AccelerationPerVolt>) -> Self {
+        let mut guard = Guard::new(period);
+        guard.expect(gain);
+        Self { guard, ordered: None, stalled: false, fault: None }
     }
 
     /// What the encoder's answer to the last tick's order says of the encoder. `gentle` is whether the

@@ -127,6 +127,11 @@ impl Loops {
         self.start = Start::Afresh;
     }
 
+    /// The velocity loop runs on from its last step.
+    pub(super) fn is_running(&self) -> bool {
+        self.start == Start::Running
+    }
+
     /// Nothing is to be left of the effort that there was.
     pub(super) fn starts_afresh(&self) -> bool {
         self.start == Start::Afresh

@@ -362,7 +362,9 @@ impl Regulator {
         let kind = self.kind();
         let position = self.position();
         let velocity = self.velocity();
-        let (load, carried) = (self.load(), self.carried());
+        // What the current of the last tick would be as a control value, where a loop begins with it.
+        let steady =
+            if self.loops.is_running() { Control::ZERO } else { self.steady_control(velocity, stage) };
         let request = match (&mut self.known, kind) {
             (Some(Known { plant, law, observer, state }), Kind::Model) => match demand {
                 Demand::Velocity(target) => law.velocity(state, observer, plant, target.to_f32(), stage),
@@ -376,13 +378,7 @@ impl Regulator {
                     law.position(state, observer, plant, distance, limit, stage)
                 }
             },
-            _ => {
-                let flows = if self.loops.starts_afresh() { None } else { carried };
-                let carried = load.or(flows).map_or(0.0, Voltage::to_volts);
-                let steady = self.config.emf.emf(velocity).to_volts() + carried;
-                let steady = stage.placer.control(stage.at, Voltage::from_volts(steady));
-                self.loops.step(demand, position, velocity, steady, stage)
-            }
+            _ => self.loops.step(demand, position, velocity, steady, stage),
         };
         let astray = request.speed.to_f32() - velocity.to_f32();
         self.steady = self.config.emf.emf(speed(astray)).to_volts().abs() < STEADY_VOLTS;
@@ -390,6 +386,15 @@ impl Regulator {
         self.held_ms =
             if due && moved == 0 { self.held_ms.saturating_add(self.period.as_millis()) } else { 0 };
         request
+    }
+
+    /// The control value that lets flow what the load takes, or, where that is not known, what flowed in the
+    /// last tick.
+    fn steady_control(&self, velocity: CountsPerSecond, stage: &Stage<'_>) -> Control {
+        let flows = if self.loops.starts_afresh() { None } else { self.carried() };
+        let carried = self.load().or(flows).map_or(0.0, Voltage::to_volts);
+        let steady = self.config.emf.emf(velocity).to_volts() + carried;
+        stage.placer.control(stage.at, Voltage::from_volts(steady))
     }
 
     /// What flowed in the last tick, as a voltage.
