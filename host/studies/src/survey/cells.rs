@@ -102,6 +102,7 @@ fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
             scheme: Scheme::A,
             duty: DutyRule::LinearCurrent,
             zero_power: ZeroPower::Brake,
+            acceleration: None,
             velocity: None,
             position: None,
             setpoints: vec![

@@ -153,6 +153,7 @@ impl Lot {
             scheme: self.scheme(),
             duty: if self.chance(0.15) { DutyRule::LinearDuty } else { DutyRule::LinearCurrent },
             zero_power: ZeroPower::Brake,
+            acceleration: None,
             velocity: None,
             position: None,
             setpoints,
