@@ -6,8 +6,9 @@ use crate::StudyError;
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::characterised;
+use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
-use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
+use motor_hub::model::si::{Drag, KgM2, NewtonMetres, Ohms, Volts};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::units::{CountsPerSecond, Period};
 use serde::Serialize;
@@ -107,6 +108,12 @@ pub fn tasks() -> Result<Vec<Task>, StudyError> {
             response: 0,
         });
     }
+    for (cps, reference) in [(5, "0.8 %"), (10, "0.6 %"), (20, "0.9 %"), (50, "1.0 %")] {
+        let crawl = |motor: &&str| plan(motor, 0.0, &velocities(&[(0.0, cps)])).map(with_friction);
+        let scenarios = CRAWLERS.iter().map(crawl).collect::<Result<_, _>>()?;
+        let name = format!("{cps} counts/s, 5 % friction, rms");
+        all.push(Task { name, reference, figure: Rms, scenarios, response: 0 });
+    }
     Ok(all)
 }
 
@@ -152,6 +159,15 @@ fn plan(motor: &str, inertia: f64, setpoints: &[Timed<Setpoint>]) -> Result<Scen
 fn with_torque(mut scenario: Scenario, at_s: f64, value: f64) -> Scenario {
     for motor in &mut scenario.motors {
         motor.torques.push(Timed { at_s, value });
+    }
+    scenario
+}
+
+/// Coulomb friction of 5 % of the stall torque at 12 V.
+fn with_friction(mut scenario: Scenario) -> Scenario {
+    for motor in &mut scenario.motors {
+        let stall = motor.constants.stall_torque(Volts(12.0));
+        motor.constants.friction = Friction::with_coulomb(NewtonMetres(0.05 * stall.0));
     }
     scenario
 }
