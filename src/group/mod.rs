@@ -15,7 +15,7 @@
 //!     speed: CountsPerSecond::new(2_000),
 //!     acceleration: Acceleration::new(4_000)?,
 //!     lag: 300,
-//!     tolerance: 5,
+//!     tolerance: 0,
 //!     halt: Halt::Stop,
 //! };
 //! let mut positions = [70, 0, -30];
