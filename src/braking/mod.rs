@@ -41,12 +41,35 @@ pub struct Placement {
     pub regime: Regime,
     /// What the bridge is told.
     pub drive: Drive,
+    /// The voltage across the motor that stands for the current asked for.
+    pub asked: Voltage,
 }
 
 impl Placement {
-    const fn new(regime: Regime, duty: Duty, at: OperatingPoint) -> Self {
-        Self { regime, drive: Drive { mode: regime.mode(at.counter_clockwise()), duty } }
+    /// Full dynamic braking.
+    pub const fn full_braking(at: OperatingPoint) -> Self {
+        Self::new(Place { regime: Regime::Braking, fraction: Fraction::ONE }, Duty::ONE, at)
     }
+
+    /// S of the bridge itself: driven against the motion with all it has, whatever the scheme.
+    pub const fn full_reverse(at: OperatingPoint) -> Self {
+        Self::new(Place { regime: Regime::Reverse, fraction: Fraction::ONE }, Duty::ONE, at)
+    }
+
+    const fn new(place: Place, duty: Duty, at: OperatingPoint) -> Self {
+        let drive = Drive { mode: place.regime.mode(at.counter_clockwise()), duty };
+        Self { regime: place.regime, drive, asked: across(place.regime, place.current(at), at) }
+    }
+}
+
+/// The voltage across the motor for a current in a regime's direction, given as the voltage behind it.
+const fn across(regime: Regime, current: f32, at: OperatingPoint) -> Voltage {
+    let (emf, _) = at.volts();
+    let voltage = match regime {
+        Regime::Forward => emf + current,
+        Regime::Braking | Regime::Reverse => emf - current,
+    };
+    Voltage::from_volts(if at.counter_clockwise() { -voltage } else { voltage })
 }
 
 /// How the duty is found within a regime.
@@ -97,17 +120,10 @@ impl Placer {
         clockwise(at, points::control(&points, voltage, at))
     }
 
-    /// The voltage across the motor that stands for the mean current of a drive; `None` if the bridge is open.
-    pub fn voltage(&self, at: OperatingPoint, placement: Placement) -> Option<Voltage> {
-        let Placement { regime, drive } = placement;
-        if drive == Drive::COAST {
-            return None;
-        }
-        let current = self.current.current(regime, drive.duty, at);
-        let (emf, _) = at.volts();
-        let voltage =
-            Voltage::from_volts(if regime == Regime::Forward { emf + current } else { emf - current });
-        Some(if at.counter_clockwise() { voltage.reversed() } else { voltage })
+    /// The voltage across the motor that stands for the mean current of a drive, asked for or not. With linear
+    /// duty that is another than the placement's.
+    pub fn flows(&self, at: OperatingPoint, Placement { regime, drive, .. }: Placement) -> Voltage {
+        across(regime, self.current.current(regime, drive.duty, at), at)
     }
 }
 
@@ -116,16 +132,11 @@ const fn clockwise(at: OperatingPoint, control: Control) -> Control {
     if at.counter_clockwise() { control.reversed() } else { control }
 }
 
-/// S of the bridge itself: driven against the motion with all it has, whatever the scheme.
-pub const fn full_reverse(at: OperatingPoint) -> Placement {
-    Placement::new(Regime::Reverse, Duty::ONE, at)
-}
-
 /// Regime, mode and duty of a control value at an operating point; the duty is linear between the
 /// points (paper, section 1.3).
 pub const fn place(scheme: Scheme, at: OperatingPoint, control: Control) -> Placement {
-    let Place { regime, fraction } = Points::new(scheme, at).place(clockwise(at, control));
-    Placement::new(regime, fraction.to_duty(), at)
+    let place = Points::new(scheme, at).place(clockwise(at, control));
+    Placement::new(place, place.fraction.to_duty(), at)
 }
 
 /// Regime, mode and duty of a control value at an operating point; the motor's mean current is linear
@@ -142,5 +153,5 @@ pub fn place_current(
         Regime::Forward if at.is_overrun() => Place { regime: Regime::Braking, fraction: Fraction::ZERO },
         _ => place,
     };
-    Placement::new(place.regime, current.duty(place, at), at)
+    Placement::new(place, current.duty(place, at), at)
 }

@@ -31,7 +31,7 @@ pub use report::{Faults, Report};
 pub use setpoint::Setpoint;
 pub use settings::{Settings, ZeroPower};
 
-use crate::braking::{self, OperatingPoint, Placement, Placer, Regime, Scheme};
+use crate::braking::{self, DutyRule, OperatingPoint, Placement, Placer, Scheme};
 use crate::bridge::Drive;
 use crate::motion::Reading;
 use crate::motion::guard::Finding;
@@ -60,6 +60,16 @@ pub struct Motor {
 
 /// A control value and what the bridge makes of it.
 type Output = (Control, Placement);
+
+/// What a bridge does to the motor until the next tick, as voltages across it.
+#[derive(Clone, Copy)]
+struct Effect {
+    /// What the regulator is to take for granted. With linear duty another current flows than was asked for;
+    /// that it sees as load, and so comes by the current that it wants.
+    asked: Voltage,
+    /// By the bridge's and the winding's constants.
+    flows: Voltage,
+}
 
 impl Motor {
     /// A disabled motor that is stepped every `period`.
@@ -156,13 +166,14 @@ impl Motor {
         if output.is_none() || !self.setpoint.is_regulated() {
             self.watch.pause();
         }
-        let voltage = at.zip(output).and_then(|((at, _), (_, placement))| self.placer.voltage(at, placement));
-        self.regulator.drive(voltage);
+        let effect = at.zip(output).and_then(|((at, _), (_, placement))| self.effect(at, placement));
+        self.regulator.drive(effect.map(|effect| effect.asked));
+        let flows = effect.map(|effect| effect.flows);
         // Of a bridge that is open for want of current, the back EMF.
         let emf = || Voltage::from_volts(self.settings.winding.emf.emf(velocity).to_volts());
-        self.identifier.drive(output.map(|_| voltage.unwrap_or_else(emf)));
+        self.identifier.drive(output.map(|_| flows.unwrap_or_else(emf)));
         let (control, regime, drive) = match output {
-            Some((control, Placement { regime, drive })) => (control, Some(regime), drive),
+            Some((control, Placement { regime, drive, .. })) => (control, Some(regime), drive),
             None => (Control::ZERO, None, Drive::COAST),
         };
         Report {
@@ -170,7 +181,7 @@ impl Motor {
             position: self.position,
             velocity,
             regulator: self.regulator.kind(),
-            current: voltage.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity)),
+            current: flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity)),
             load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
             control,
             regime,
@@ -193,6 +204,23 @@ impl Motor {
         self.sample(reading);
         self.regulator.tick(reading);
         moved
+    }
+
+    /// What a drive does to the motor; `None` if the bridge is open.
+    fn effect(&self, at: OperatingPoint, placement: Placement) -> Option<Effect> {
+        if placement.drive == Drive::COAST {
+            return None;
+        }
+        // Where nobody regulates, nobody asked for a current either.
+        let asked = placement.asked;
+        Some(match (self.setpoint.is_regulated(), self.settings.duty) {
+            (true, DutyRule::LinearCurrent) => Effect { asked, flows: asked },
+            (true, DutyRule::LinearDuty) => Effect { asked, flows: self.placer.flows(at, placement) },
+            (false, _) => {
+                let flows = self.placer.flows(at, placement);
+                Effect { asked: flows, flows }
+            }
+        })
     }
 
     /// What a voltage drives through winding and bridge against the back EMF of a speed.
@@ -226,7 +254,7 @@ impl Motor {
         } else if self.floats() {
             None
         } else {
-            Some((power, Placement { regime: Regime::Braking, drive: Drive::BRAKE }))
+            Some((power, Placement::full_braking(at)))
         }
     }
 
@@ -253,7 +281,7 @@ impl Motor {
         let mut speed = self.regulator.wanted(demand);
         let (control, placement) = match self.watch.step(moved, velocity, gentle) {
             Finding::Fault(_) => return None,
-            Finding::Insist(control) => (control, braking::full_reverse(at)),
+            Finding::Insist(control) => (control, Placement::full_reverse(at)),
             Finding::Probe(control) => place(control),
             Finding::Sound | Finding::Stalled => {
                 let request = self.regulator.step(demand, moved, &stage);

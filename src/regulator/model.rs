@@ -63,7 +63,7 @@ impl Law {
 
     /// Of observer poles, 1/s.
     pub(super) const fn poles(period: Period) -> f32 {
-        if period.as_millis() > 20 { 45.0 } else { 50.0 }
+        if period.as_millis() > 20 { 42.0 } else { 45.0 }
     }
 
     /// Towards a speed.

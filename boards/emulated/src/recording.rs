@@ -117,19 +117,28 @@ pub struct Recording {
 }
 
 fn settings(mounting: &Mounting, way: Way) -> Result<Settings, RangeError> {
-    let Mounting { motor, load, .. } = mounting;
+    let motor = &mounting.motor;
     let emf = EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor)?;
     let settings = Settings { duty: way.rule, ..Settings::new(Winding { emf, ..Winding::NEVEREST_60 }) };
+    let known = dynamics(mounting, &settings)?;
+    Ok(Settings { dynamics: (way.regulator == Kind::Model).then_some(known), ..settings })
+}
+
+/// How a motor on the bench moves with its load, as a hub with these settings would know it.
+///
+/// # Errors
+/// If one of the motor's constants does not fit the firmware's range.
+pub fn dynamics(mounting: &Mounting, settings: &Settings) -> Result<Dynamics, RangeError> {
+    let Mounting { motor, load, .. } = mounting;
     let shaft = Shaft::new(motor, load);
     let mechanics = Mechanics {
         torque_constant: motor.kt.0,
         counts_per_turn: motor.counts_per_rev_motor,
         inertia: shaft.inertia.0,
         drag: shaft.drag.0,
-        friction: 0.0,
+        friction: motor.friction.coulomb.0,
     };
-    let known = Dynamics::from_mechanics(&settings.winding, &settings.bridge, &mechanics)?;
-    Ok(Settings { dynamics: (way.regulator == Kind::Model).then_some(known), ..settings })
+    Dynamics::from_mechanics(&settings.winding, &settings.bridge, &mechanics)
 }
 
 impl Recording {

@@ -80,7 +80,7 @@ pub struct PlacedDrive {
 }
 
 impl PlacedDrive {
-    fn new(Placement { regime, drive }: Placement) -> Self {
+    fn new(Placement { regime, drive, .. }: Placement) -> Self {
         Self { regime: regime_name(regime), mode: drive.mode.name(), duty: drive.duty.to_f64() }
     }
 }

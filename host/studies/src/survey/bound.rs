@@ -3,6 +3,7 @@
 use super::judge::{Challenge, Goal, Kind, REST};
 use crate::StudyError;
 use motor_hub::braking::{OperatingPoint, Placer};
+use motor_hub::bridge::Drive;
 use motor_hub::model::load::Shaft;
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
 use simulated::hardware::{BRIDGE, winding};
@@ -70,7 +71,11 @@ impl Machine {
     fn volts(&self, speed: f64, control: Control) -> Option<f64> {
         let speed = CountsPerSecond::saturating_from_bits((256.0 * speed) as i64);
         let at = OperatingPoint::new(self.emf.emf(speed), self.battery)?;
-        Some(f64::from(self.placer.voltage(at, self.placer.place(at, control))?.to_volts()))
+        let placement = self.placer.place(at, control);
+        if placement.drive == Drive::COAST {
+            return None;
+        }
+        Some(f64::from(self.placer.flows(at, placement).to_volts()))
     }
 
     /// The lowest and the highest voltage that a control value stands for at a speed.
