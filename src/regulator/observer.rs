@@ -8,7 +8,7 @@
 //! as surely as one at 5000.
 //!
 //! ```text
-//! z = max(1/5, exp(-wo t))
+//! z = max(1/4, exp(-wo t))
 //! gains: 1 - z^3 of the position, 1.5 (1 - z)^2 (1 + z) / t of the speed, (1 - z)^3 / t^2 of the load
 //! ```
 
@@ -18,7 +18,7 @@ use libm::{cbrtf, expf, expm1f};
 /// Seconds between two samples.
 pub(super) const SAMPLE: f32 = 1e-3;
 /// z is never less: news older than some 35 ms count for no more.
-const MOST_FADED: f32 = 0.2;
+const MOST_FADED: f32 = 0.25;
 /// No load accelerates a motor by more than so many times what the battery's 12 V do; a filter that believes so
 /// was given nonsense.
 const HEAVIEST_LOAD: f32 = 20.0 * 12.0;

@@ -1,6 +1,15 @@
 //! A scenario's run without tasks and clock: encoders, battery, hub and bridges one after the other, as the
 //! tasks of a board do it that is never late. Such runs need nothing of the process, so many may go on at once,
 //! each on a thread of its own; what comes of them is what [`sim::run`](crate::sim::run) gives.
+//!
+//! ```
+//! use simulated::{direct, scenario::Scenario};
+//!
+//! let mut milliseconds = 0;
+//! direct::run(&Scenario::default_one()?, |_| milliseconds += 1)?;
+//! assert_eq!(milliseconds, 10_000);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::hardware::MOTORS;
 use crate::scenario::Scenario;

@@ -55,7 +55,7 @@ fn the_document_ranks_every_variant_and_names_its_charts() {
     let ratio = |score: &Value| score["error_ratio"].as_f64().unwrap();
     assert!(scores.windows(2).all(|pair| ratio(&pair[0]) <= ratio(&pair[1])));
     assert!(scores.iter().all(|score| ratio(score) >= 1.0));
-    assert_eq!(scores[0]["variant"], "A, model");
+    assert!(scores[0]["variant"].as_str().unwrap().ends_with(", model"), "{}", scores[0]["variant"]);
     let winners = QUICK["rounds"][0]["winners"].as_array().unwrap();
     assert_eq!(winners.len(), 3 * 6);
     let files = QUICK["files"].as_array().unwrap();

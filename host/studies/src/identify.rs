@@ -1,4 +1,15 @@
 //! What a hub learns of the motors on a simulated board, beside what they are.
+//!
+//! ```no_run
+//! use simulated::{scenario::Scenario, sim};
+//! use studies::identify::{self, Identifications};
+//!
+//! // All motors of the default scenario, with 4000 counts to turn either way.
+//! let scenario = identify::scenario(Scenario::default_one()?, 4000);
+//! let trace = sim::run(&scenario, &mut |_| ())?;
+//! println!("{}", Identifications::new(scenario, trace)?.tables());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::table;
 use chart::{Figure, Panel, Series, Style, colour};

@@ -2,8 +2,17 @@
 //! and any number of scenarios drawn by lot ([`random`]), each told exactly, told wrongly, and told nothing.
 //!
 //! Responses are judged by the true motion at every millisecond. A speed has settled when it stays within 2 % of
-//! the larger of old and new speed, at least 2 counts/s; a position within 10 counts; standstill within 3 of where it ends; to the end, with a tenth
-//! of the time to spare. Of the drawn responses those are counted that can be settled, whoever regulates.
+//! the larger of old and new speed, at least 2 counts/s; a position within 10 counts; standstill within 3 of where it
+//! ends; to the end, with a tenth of the time to spare. Of the drawn responses those are counted that can be
+//! settled, whoever regulates.
+//!
+//! ```no_run
+//! use studies::survey::reference;
+//!
+//! let rows = reference::run(&mut |done, of| println!("{done} of {of}"))?;
+//! assert!(rows.iter().any(|row| row.name.contains("winch")));
+//! # Ok::<(), studies::StudyError>(())
+//! ```
 
 mod bound;
 pub mod cells;

@@ -58,7 +58,6 @@ fn the_tasks_of_the_reference_are_done_as_well_as_there() {
 }
 
 #[test]
-#[ignore = "the guard takes a motor that needs half a second for its first count for stuck: Core Hex"]
 fn every_bare_motor_settles_at_every_period() {
     let cells = cells::run(&mut |_, _| ()).expect("it runs");
     let settled = |verdicts: &[Verdict; 2]| verdicts.iter().all(|verdict| verdict.settling_s.is_some());
