@@ -49,7 +49,7 @@
 //! positive control, counts and speed are one direction, called CW.
 //!
 //! # Features
-//! * `tasks` (on by default): the async tasks, on embassy. Without it the core has two small dependencies.
+//! * `tasks` (on by default): the async tasks, on embassy. Without it the core has three small dependencies.
 //! * `model`: physics in `f64`, for simulators and tests; needs std.
 //! * `defmt`: `defmt::Format` for the types of the control path, for firmware.
 #![cfg_attr(not(feature = "model"), no_std)]

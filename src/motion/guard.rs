@@ -15,7 +15,7 @@
 //!   is sent the other way. If it does not, the encoder is at fault, or the motor is jammed both ways,
 //!   which is as good a reason to coast.
 //!
-//! Both times are longer for a motor that is known to be so slow that its counts take longer.
+//! All times are longer for a motor that is known to be so slow that its counts take longer.
 //!
 //! Either is decided within 250 ms of a clear case (at control periods that divide 50 ms). Open-loop
 //! power needs no encoder and is not watched; neither is a motor that holds its position, from which
@@ -206,17 +206,17 @@ struct Runaway {
 }
 
 impl Runaway {
-    /// Another tick of it.
-    fn step(&mut self, tick: Span, evidence: &Evidence) -> Finding {
+    /// Another tick of it; each of its times is so much longer.
+    fn step(&mut self, tick: Span, evidence: &Evidence, more_ms: i64) -> Finding {
         let control = evidence.control;
         let insist = Finding::Insist(if control < Control::ZERO { Control::MIN } else { Control::MAX });
-        if self.early.ms < RUNAWAY_EARLY_MS {
+        if self.early.ms < RUNAWAY_EARLY_MS + more_ms {
             self.early = self.early.plus(tick);
             return Finding::Sound;
         }
         self.late = self.late.plus(tick);
         let in_doubt = evidence.gentle && !self.insisting;
-        if self.late.ms < if in_doubt { RUNAWAY_HINT_MS } else { RUNAWAY_LATE_MS } {
+        if self.late.ms < more_ms + if in_doubt { RUNAWAY_HINT_MS } else { RUNAWAY_LATE_MS } {
             return if self.insisting { insist } else { Finding::Sound };
         }
         if self.early.counts < RUNAWAY_COUNTS || self.late.is_slower_than(self.early) {
@@ -236,6 +236,8 @@ impl Runaway {
 struct Patience {
     stuck_ms: i64,
     probe_ms: i64,
+    /// Added to each of a runaway's times.
+    runaway_ms: i64,
 }
 
 impl Patience {
@@ -246,7 +248,13 @@ impl Patience {
             let takes = gain.map_or(0.0, |gain| sqrtf(2.0 * counts / (HALF_VOLTS * gain.to_f32())));
             least.max((1_000.0 * takes) as i64).min(LONGEST_MS)
         };
-        Self { stuck_ms: due(DUE_COUNTS, STUCK_MS), probe_ms: due(PROBE_COUNTS as f32, PROBE_MS) }
+        let runaway_ms = due(DUE_COUNTS, 0);
+        Self {
+            stuck_ms: due(DUE_COUNTS, STUCK_MS),
+            probe_ms: due(PROBE_COUNTS as f32, PROBE_MS),
+            // Of a motor that is quick enough the times as they are will do.
+            runaway_ms: if runaway_ms > STUCK_MS { runaway_ms } else { 0 },
+        }
     }
 }
 
@@ -282,7 +290,7 @@ impl Guard {
         self.stuck_ms = if evidence.lacks_counts() { self.stuck_ms + tick.ms } else { 0 };
 
         if evidence.runs_away() {
-            let finding = self.runaway.step(tick, &evidence);
+            let finding = self.runaway.step(tick, &evidence, self.patience.runaway_ms);
             if finding != Finding::Sound {
                 return finding;
             }
