@@ -1,4 +1,4 @@
-//! How well motors are regulated: the tasks of the [`reference`], every motor of the catalogue in its [`cells`],
+//! How well motors are regulated: the tasks of the [`mod@reference`], every motor of the catalogue in its [`cells`],
 //! and any number of scenarios drawn by lot ([`random`]), each told exactly, told wrongly, and told nothing.
 //!
 //! Responses are judged by the true motion at every millisecond. A speed has settled when it stays within 2 % of
