@@ -1,6 +1,6 @@
 //! A scenario's run without tasks and clock: encoders, battery, hub and bridges one after the other, as the
 //! tasks of a board do it that is never late. Such runs need nothing of the process, so many may go on at once,
-//! each on a thread of its own; what comes of them is what [`sim::run`](crate::sim::run) gives.
+//! each on a thread of its own; what comes of them is what [`sim::run`] gives.
 //!
 //! ```
 //! use simulated::{direct, scenario::Scenario};
