@@ -113,8 +113,21 @@ fn test(arguments: &[String]) -> Result<(), Failed> {
 
 fn package(arguments: &[String]) -> Result<(), Failed> {
     tool::none(arguments)?;
+    // A folder of its own each time: of a package that is found at the same place with the same version cargo takes
+    // the sources that it unpacked there the last time.
+    let place = format!("target/package-{}", std::process::id());
     // One command, because the client is built with the library that is packed beside it.
-    cargo(&["package", "--package", "motor-hub", "--package", "motor-hub-client"])
+    let packed = cargo(&[
+        "package",
+        "--package",
+        "motor-hub",
+        "--package",
+        "motor-hub-client",
+        "--target-dir",
+        &place,
+    ]);
+    let _ = std::fs::remove_dir_all(tool::root().join(&place));
+    packed
 }
 
 fn ci(arguments: &[String]) -> Result<(), Failed> {

@@ -116,6 +116,12 @@ fn lines(image: &[u8]) -> Context<EndianSlice<'_, LittleEndian>> {
     Dwarf::load(section).and_then(Context::from_dwarf).expect("debug information")
 }
 
+/// The room that a function belongs to, or whose it is otherwise.
+fn room(function: &str) -> String {
+    let ours = function.split("motor_hub::").nth(1).and_then(|path| path.split("::").next());
+    ours.map_or_else(|| "what they call of others".to_owned(), str::to_owned)
+}
+
 /// `cargo test --release -p emulated --test budget -- --ignored --nocapture`: where the instructions go.
 #[test]
 #[ignore = "a report, not a test"]
@@ -127,8 +133,8 @@ fn profile() {
         let counts = chip.profile(&recording.inputs);
         let image = std::fs::read(chip.image()).expect("the image");
         let lines = lines(&image);
-        let (mut by_symbol, mut by_function, mut by_line) =
-            (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        let (mut by_room, mut by_symbol, mut by_function, mut by_line) =
+            (BTreeMap::new(), BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
         for (&address, &count) in &counts {
             let place = chip.symbols().partition_point(|s| s.address <= address).saturating_sub(1);
             *by_symbol.entry(chip.symbols()[place].name.clone()).or_insert(0) += count;
@@ -152,13 +158,17 @@ fn profile() {
                 }
             }
             let (function, location) = named.unwrap_or_default();
+            *by_room.entry(room(&function)).or_insert(0) += count;
             *by_function.entry(function).or_insert(0) += count;
             *by_line.entry(location).or_insert(0) += count;
         }
         println!("\n{mode}, {way:?}, 50 ms: instructions a step");
-        for (title, table, at_least) in
-            [("by symbol", by_symbol, 1.0), ("by function", by_function, 4.0), ("by line", by_line, 6.0)]
-        {
+        for (title, table, at_least) in [
+            ("by room", by_room, 1.0),
+            ("by symbol", by_symbol, 1.0),
+            ("by function", by_function, 4.0),
+            ("by line", by_line, 6.0),
+        ] {
             println!("  {title}");
             let mut rows: Vec<_> =
                 table.into_iter().map(|(name, count)| (count as f64 / steps, name)).collect();
