@@ -36,7 +36,18 @@ impl Hub {
     }
 
     pub(crate) fn serial(&self) -> Host<Box<dyn serialport::SerialPort>> {
-        Host::new(serialport::new(&self.place, 460_800).timeout(PATIENCE).open().unwrap())
+        let open = || serialport::new(&self.place, 460_800).timeout(PATIENCE).open();
+        // Another test that starts a program at this moment has the port that was just closed open for another
+        // moment, and with it the lock: between fork and exec.
+        let mut port = open();
+        for _ in 0..20 {
+            if port.is_ok() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+            port = open();
+        }
+        Host::new(port.unwrap())
     }
 
     pub(crate) fn tcp(&self) -> Host<TcpStream> {
