@@ -157,7 +157,7 @@ impl<const N: usize> Group<N> {
             }
         }
         let path = Path::new(positions, speeds.map(CountsPerSecond::to_f32), acceleration);
-        let tick = period.as_millis() as f32 / 1000.0;
+        let tick = period.to_seconds();
         let mut group = Self { members, path, acceleration, lag, tolerance, halt, tick };
         group.redirect(together);
         group

@@ -225,13 +225,12 @@ impl<const N: usize> Path<N> {
 
 /// A reference from where to be and how fast now and at the next tick.
 pub(super) fn reference(steps: i64, now: f32, next: f32) -> Reference {
-    let speed = |cps: f32| CountsPerSecond::from_bits((256.0 * cps) as i32);
     Reference {
         // Positions wrap.
         position: (steps >> 16) as i32,
         fraction: steps as u16,
-        speed: speed(now),
-        next: speed(next),
+        speed: CountsPerSecond::from_f32(now),
+        next: CountsPerSecond::from_f32(next),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Inputs;
 use crate::group::{Group, Halt, MOTORS, Together};
-use crate::motor::{ENCODER_STALE_MICROS, Motor, Report, Setpoint};
+use crate::motor::{self, Motor, Report, Setpoint};
 use crate::units::{CountsPerSecond, Period, RangeError};
 
 /// A group as the hub has it.
@@ -86,9 +86,7 @@ impl<const N: usize> Groups<N> {
         if self.led.iter().all(Option::is_none) {
             return;
         }
-        let fresh = inputs
-            .readings
-            .map(|reading| reading.filter(|reading| inputs.now.since(reading.at) <= ENCODER_STALE_MICROS));
+        let fresh = inputs.readings.map(|reading| motor::fresh(reading, inputs.now));
         let mut positions = motors.each_ref().map(|motor| motor.position());
         for (position, reading) in positions.iter_mut().zip(fresh) {
             *position = reading.map_or(*position, |reading| reading.position);

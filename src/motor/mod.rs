@@ -44,6 +44,11 @@ use watch::{Order, Watch};
 /// A reading older than this is none: the counters are sampled every millisecond.
 pub const ENCODER_STALE_MICROS: u64 = 20_000;
 
+/// A reading that is not too old.
+pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
+    reading.filter(|reading| now.since(reading.at) <= ENCODER_STALE_MICROS)
+}
+
 /// Settings, set-point and state of one motor.
 #[derive(Clone, Debug)]
 pub struct Motor {
@@ -153,9 +158,7 @@ impl Motor {
 
     /// One control tick. `reading` is the newest, whether or not it was a sample before.
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
-        let moved = reading
-            .filter(|reading| now.since(reading.at) <= ENCODER_STALE_MICROS)
-            .map(|reading| self.follow(reading));
+        let moved = fresh(reading, now).map(|reading| self.follow(reading));
         self.regulator.wait(now);
         let velocity = self.regulator.velocity();
         let at = battery.and_then(|battery| {

@@ -85,7 +85,7 @@ pub struct Stage<'a> {
 impl<'a> Stage<'a> {
     /// At this battery voltage and speed.
     pub fn new(placer: &'a Placer, at: OperatingPoint, battery: Millivolts) -> Self {
-        Self { placer, at, battery: f32::from(battery.get()) / 1000.0 }
+        Self { placer, at, battery: battery.to_volts() }
     }
 }
 

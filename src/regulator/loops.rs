@@ -37,7 +37,7 @@ impl Coefficients {
     pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
         let f =
             emf.to_bits() as f32 * f32::from(Control::MAX.get()) / (1e3 * NOMINAL_VOLTS * (1 << 20) as f32);
-        let seconds = period.as_millis() as f32 / 1000.0;
+        let seconds = period.to_seconds();
         let delay = seconds / 2.0 + seconds.max(0.02) / 2.0;
         let bandwidth = (0.45 / delay).min(25.0);
         let p = (bandwidth * GUESSED_TIME_CONSTANT - 0.5).max(0.3);
@@ -93,9 +93,9 @@ impl Loops {
     pub(super) fn new(config: &Config, period: Period) -> Self {
         let guess = Coefficients::guessed(config.emf, config.scheme, period);
         // Of the motor's constants b kappa is 1 / tau.
-        let kappa = config.emf.to_bits() as f32 / (1e3 * (1 << 20) as f32);
-        let per_volt =
-            config.dynamics.map_or(1.0 / (kappa * GUESSED_TIME_CONSTANT), |known| known.gain.to_f32());
+        let per_volt = config
+            .dynamics
+            .map_or(1.0 / (config.emf.to_volts() * GUESSED_TIME_CONSTANT), |known| known.gain.to_f32());
         Self {
             period,
             coefficients: config.coefficients.unwrap_or(guess),

@@ -88,11 +88,9 @@ struct Known {
 
 impl Known {
     fn new(config: &Config, dynamics: &Dynamics, period: Period, observer: Observer) -> Self {
-        let kappa = config.emf.to_bits() as f32 / (1e3 * (1 << 20) as f32);
         let b = dynamics.gain.to_f32();
-        let plant = Plant::new(b, kappa, dynamics.decay.to_f32(), Law::poles(period));
-        let friction = f32::from(dynamics.friction.get()) / 1000.0;
-        let law = Law::new(&plant, friction, period, config.acceleration);
+        let plant = Plant::new(b, config.emf.to_volts(), dynamics.decay.to_f32(), Law::poles(period));
+        let law = Law::new(&plant, dynamics.friction.to_volts(), period, config.acceleration);
         Self { plant, law, observer, state: State::default() }
     }
 }
@@ -353,7 +351,7 @@ fn samples(from: Micros, to: Micros) -> u32 {
 
 /// A speed in the unit of everybody else.
 fn speed(counts_per_second: f32) -> CountsPerSecond {
-    CountsPerSecond::from_bits((256.0 * within(counts_per_second, FASTEST)) as i32)
+    CountsPerSecond::from_f32(within(counts_per_second, FASTEST))
 }
 
 /// The value, or the nearest within this of 0. (Unlike `clamp` without a way to panic.)

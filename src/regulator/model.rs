@@ -46,7 +46,7 @@ pub(super) struct State {
 
 impl Law {
     pub(super) fn new(plant: &Plant, friction: f32, period: Period, limit: Option<Acceleration>) -> Self {
-        let seconds = period.as_millis() as f32 / 1000.0;
+        let seconds = period.to_seconds();
         let left =
             if period.as_millis() > 20 { expf(-24.0 * seconds).max(0.3) } else { expf(-30.0 * seconds) };
         let x = plant.q * seconds;

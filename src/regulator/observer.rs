@@ -3,9 +3,10 @@
 //!
 //! Between counts the motor's own equation is integrated. A sample with a count says between which two places the
 //! shaft is, and so does one without; only what lies outside is corrected, to the nearer end. (To correct towards
-//! the middle makes noise: at 1000 counts/s every sample sees one count, wherever in it the shaft is.) The gains grow with the time that such news took: they are those of a
-//! filter with three equal poles at `exp(-wo t)`, t after the last news, so a motor at 5 counts/s is followed
-//! as surely as one at 5000.
+//! the middle makes noise: at 1000 counts/s every sample sees one count, wherever in it the shaft is.)
+//!
+//! The gains grow with the time that such news took: they are those of a filter with three equal poles at
+//! `exp(-wo t)`, t after the last news, so a motor at 5 counts/s is followed as surely as one at 5000.
 //!
 //! ```text
 //! z = max(1/4, exp(-wo t))
@@ -36,10 +37,8 @@ pub(super) struct Plant {
     pub(super) q: f32,
     /// What drag adds to q: q - b kappa. Constants by which drag would drive the motor are taken for none.
     pub(super) drag: f32,
-    /// What an acceleration that decays with q makes of the speed in a sample, per acceleration;
-    k1: f32,
-    /// and of the position.
-    k2: f32,
+    /// What an acceleration that decays with q makes of the speed and the position in a sample, per acceleration.
+    driven: (f32, f32),
     /// The same two while the bridge is open, where only drag brakes.
     open: (f32, f32),
     /// What is left of z after a sample.
@@ -50,9 +49,13 @@ impl Plant {
     /// `poles` (1/s) is wo where the motor is quick enough to be followed so fast.
     pub(super) fn new(b: f32, kappa: f32, q: f32, poles: f32) -> Self {
         let drag = (q - b * kappa).max(0.0);
-        let (k1, k2) = gains(q);
         let poles = poles.min(cbrtf(11.0 * 12.0 * b));
-        Self { b, kappa, q, drag, k1, k2, open: gains(drag), fade: expf(-poles * SAMPLE) }
+        Self { b, kappa, q, drag, driven: gains(q), open: gains(drag), fade: expf(-poles * SAMPLE) }
+    }
+
+    /// What a voltage accelerates a motor at this speed by, an open bridge not at all.
+    fn push(&self, voltage: Option<f32>, w: f32) -> f32 {
+        voltage.map_or(0.0, |u| self.b * (u - self.kappa * w))
     }
 }
 
@@ -99,7 +102,7 @@ impl Observer {
             self.acceleration = self.load(plant);
             plant.open
         } else {
-            (plant.k1, plant.k2)
+            plant.driven
         };
         self.x += self.w * SAMPLE + self.acceleration * k2;
         let gained = self.acceleration * k1;
@@ -146,8 +149,7 @@ impl Observer {
     /// From now on the bridge makes this voltage of the motor; `None` if it is open.
     pub(super) fn drive(&mut self, plant: &Plant, voltage: Option<f32>) {
         self.coasting = voltage.is_none();
-        let push = voltage.map_or(0.0, |u| plant.b * (u - plant.kappa * self.w));
-        self.acceleration = push + self.load(plant);
+        self.acceleration = plant.push(voltage, self.w) + self.load(plant);
     }
 
     /// What accelerates the motor while the bridge is open: load and drag, counts/s².
@@ -157,8 +159,7 @@ impl Observer {
 
     /// Takes what the motor does under this voltage for steady: the rest must be load.
     pub(super) fn settle(&mut self, plant: &Plant, voltage: Option<f32>) {
-        let push = voltage.map_or(0.0, |u| plant.b * (u - plant.kappa * self.w));
-        self.d = plant.drag * self.w - push;
+        self.d = plant.drag * self.w - plant.push(voltage, self.w);
     }
 
     /// The load was a stop's: it is gone when nothing presses against it.

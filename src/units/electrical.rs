@@ -38,6 +38,11 @@ impl Millivolts {
     pub const fn get(self) -> u16 {
         self.0
     }
+
+    /// Volts, to the nearest single.
+    pub const fn to_volts(self) -> f32 {
+        self.0 as f32 / 1000.0
+    }
 }
 
 /// A winding's resistance, 1 to 65 535 milliohms.
@@ -168,6 +173,11 @@ impl EmfConstant {
     /// 6q20 bits.
     pub const fn to_bits(self) -> i32 {
         self.0.to_bits()
+    }
+
+    /// Volts per count per second, to the nearest single.
+    pub const fn to_volts(self) -> f32 {
+        self.to_bits() as f32 / (1e3 * (1 << 20) as f32)
     }
 
     /// The back EMF at `speed`.

@@ -83,6 +83,11 @@ impl CountsPerSecond {
         self.0.saturating_add(I24F8::from_bits(1 << 7)).to_num()
     }
 
+    /// From counts per second, rounded towards 0; beyond the range its end, and 0 from what is no number.
+    pub const fn from_f32(counts_per_second: f32) -> Self {
+        Self::saturating_from_bits((256.0 * counts_per_second) as i32 as i64)
+    }
+
     /// Counts per second, to the nearest single.
     pub fn to_f32(self) -> f32 {
         self.to_bits() as f32 / 256.0

@@ -46,6 +46,11 @@ impl Period {
         self.0 as u32
     }
 
+    /// 0.001 to 0.1, to the nearest single.
+    pub const fn to_seconds(self) -> f32 {
+        self.as_millis() as f32 / 1000.0
+    }
+
     /// 1000 to 100 000.
     pub const fn as_micros(self) -> u64 {
         self.0 as u64 * 1000

@@ -79,19 +79,11 @@ const TREMBLING: i32 = 3;
 /// Counts from its place, either way, that a motor will turn at most while it is identified: `limit`, or
 /// what it could at a battery voltage.
 pub fn travel(emf: EmfConstant, battery: Millivolts, limit: u32) -> u32 {
-    (full_travel(volts_per_speed(emf), volts(battery)) as u32).min(limit)
+    (full_travel(emf.to_volts(), battery.to_volts()) as u32).min(limit)
 }
 
 fn full_travel(emf: f32, battery: f32) -> f32 {
     TRAVEL_SECONDS * battery / emf
-}
-
-const fn volts_per_speed(emf: EmfConstant) -> f32 {
-    emf.to_bits() as f32 / (1e3 * (1 << 20) as f32)
-}
-
-fn volts(battery: Millivolts) -> f32 {
-    f32::from(battery.get()) / 1000.0
 }
 
 /// Identifies one motor, when it is asked to.
@@ -186,14 +178,14 @@ impl Identifier {
 
     /// One tick, with the newest sample taken: the voltage until the next one, or `None` to coast.
     pub fn step(&mut self, emf: EmfConstant, battery: Millivolts) -> Option<Voltage> {
-        let battery = volts(battery);
+        let battery = battery.to_volts();
         let next = match &mut self.stage {
             Stage::Idle => return None,
             Stage::Resting { limit, since, last } => {
                 let limit = *limit;
                 rest(since, *last).and_then(|over| {
                     let Some(reading) = over else { return Ok(None) };
-                    let motion = Motion::new(volts_per_speed(emf), battery, limit, self.period, reading)?;
+                    let motion = Motion::new(emf.to_volts(), battery, limit, self.period, reading)?;
                     let [(share, _), ..] = MOTION;
                     self.stage = Stage::Moving(motion);
                     Ok(Some(share))
