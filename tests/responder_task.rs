@@ -167,6 +167,24 @@ fn a_reply_comes_without_any_time_passing() {
 }
 
 #[test]
+fn that_a_host_has_spoken_is_known_from_its_first_packet_to_this_hub_on() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    run_ms(&mut task, 5);
+    let spoke = || world.wires.host_spoke.lock(Cell::get);
+    world.send(b"noise");
+    world.send(&frame_to(HUB + 1, 1, 0x7F04, &[]));
+    run_ms(&mut task, 1000);
+    assert!(!spoke());
+    world.send(&frame_to(HUB, 1, 0x7F04, &[]));
+    run_ms(&mut task, 1);
+    assert!(spoke());
+    // Even when it has been silent for long.
+    run_ms(&mut task, 3000);
+    assert!(spoke());
+}
+
+#[test]
 fn a_host_that_falls_silent_for_2500_ms_loses_its_motors_to_the_millisecond() {
     let world = World::new();
     let mut task = pin!(world.task());

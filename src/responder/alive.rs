@@ -49,6 +49,11 @@ impl Alive {
         self.contact = Contact::Heard(now);
     }
 
+    /// A valid packet has come since reset.
+    pub const fn host_spoke(&self) -> bool {
+        !matches!(self.contact, Contact::Awaited)
+    }
+
     /// True if the timer has just run out: once for each silence.
     pub fn ran_out(&mut self, now: Micros) -> bool {
         let ran_out = self.deadline().is_some_and(|deadline| deadline <= now);

@@ -15,6 +15,7 @@
 //! | [`motor`] | what the hub remembers of one motor, and what that makes the motor do |
 //! | [`alive`] | keep-alive timer, status word, attention |
 //! | [`led`] | the status LED |
+//! | [`button`] | what a button on the board may do until a host has spoken |
 //! | [`pins`] | digital pins, PWM and servo outputs, which this hub only remembers |
 //!
 //! A refused command changes nothing. No packet enables a motor but a valid *set enable*. Pure: no clock,
@@ -42,6 +43,7 @@
 
 pub mod alive;
 mod answer;
+pub mod button;
 mod group;
 pub mod led;
 pub mod motor;
@@ -124,6 +126,11 @@ impl<const N: usize> Responder<N> {
     /// By motor: is it enabled?
     pub fn enabled(&self) -> [bool; N] {
         self.channels.each_ref().map(MotorChannel::enabled)
+    }
+
+    /// A host has spoken since reset.
+    pub const fn host_spoke(&self) -> bool {
+        self.alive.host_spoke()
     }
 
     /// What the status LED shows.

@@ -13,6 +13,7 @@
 //! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
 //! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
 //! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
+//! | host spoke | a flag | set by the responder's task once a host has spoken, until reset |
 //!
 //! All of them are generic over the number of motors and over the board's traits, so an embassy
 //! task, which cannot be generic, is one line in a board.
@@ -45,6 +46,8 @@ use crate::hub::{Command, Snapshot};
 use crate::motion::Reading;
 use crate::supply::Battery;
 use crate::units::Micros;
+use core::cell::Cell;
+use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
@@ -69,6 +72,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub drives: Signal<M, [Drive; N]>,
     /// From control to anyone.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
+    /// From the responder to anyone: a host has spoken since reset.
+    pub host_spoke: Mutex<M, Cell<bool>>,
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
@@ -80,6 +85,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             commands: Channel::new(),
             drives: Signal::new(),
             snapshot: Watch::new(),
+            host_spoke: Mutex::new(Cell::new(false)),
         }
     }
 }

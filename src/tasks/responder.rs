@@ -102,6 +102,7 @@ fn settle<M: RawMutex, const N: usize>(
 ) {
     let now = now();
     responder.tick(now, &snapshot(wires));
+    wires.host_spoke.lock(|spoke| spoke.set(responder.host_spoke()));
     while let Some(command) = responder.pending() {
         if wires.commands.try_send(command).is_err() {
             break;

@@ -36,6 +36,13 @@ fn only_motor_1_stops(bench: &mut Bench, what: &str, since: Duration, limit: Dur
     sound(bench);
 }
 
+/// Presses the button; returns when motor 1 is first driven, to a millisecond.
+fn started(bench: &mut Bench) -> Duration {
+    bench.press(true);
+    assert!(bench.run_while(ms(1), ms(100), |bench| !bench.lines(1).open()));
+    bench.now()
+}
+
 #[test]
 fn an_unplugged_encoder_stops_that_motor_alone() {
     let mut bench = turning(four_loads());
@@ -50,8 +57,7 @@ fn an_unplugged_encoder_stops_that_motor_alone() {
 fn an_encoder_unplugged_from_the_beginning_stops_that_motor_alone() {
     let mut bench = booted(four_loads());
     bench.set_encoder(1, Encoder::Unplugged);
-    bench.press(true);
-    let at = bench.now();
+    let at = started(&mut bench);
     only_motor_1_stops(&mut bench, "encoder never plugged in", at, ms(275));
 }
 
@@ -59,8 +65,7 @@ fn an_encoder_unplugged_from_the_beginning_stops_that_motor_alone() {
 fn a_reversed_encoder_stops_that_motor_alone() {
     let mut bench = booted(four_loads());
     bench.set_encoder(1, Encoder::Reversed);
-    bench.press(true);
-    let at = bench.now();
+    let at = started(&mut bench);
     only_motor_1_stops(&mut bench, "encoder reversed", at, ms(275));
     assert!(log(&mut bench).contains("encoder: Some(Reversed)"));
 }
@@ -181,7 +186,7 @@ fn first_open(bench: &mut Bench, motor: usize, since: Duration) -> Duration {
 }
 
 #[test]
-fn a_reset_in_mid_run_opens_the_bridges_and_the_button_starts_them_again() {
+fn a_reset_in_mid_run_opens_the_bridges_until_the_button_is_pressed_anew() {
     let mut bench = turning(four_loads());
     let at = bench.now() + ms(10);
     bench.pull_reset(at);
@@ -193,6 +198,12 @@ fn a_reset_in_mid_run_opens_the_bridges_and_the_button_starts_them_again() {
         }
         assert_eq!(time, Duration::ZERO, "bridge {motor}");
     }
+    // It is still held.
+    bench.run(ms(1500));
+    assert!((0..4).all(|motor| bench.lines(motor).open()));
+    bench.press(false);
+    bench.run(ms(50));
+    bench.press(true);
     bench.run(ms(1500));
     for motor in 0..4 {
         let speed = bench.look(motor).counts_per_second;

@@ -1,0 +1,82 @@
+//! The button on the image: what it may not do. What it does is in `running`.
+
+mod common;
+
+use common::{am60, booted, ms, turning};
+use emulated::Bench;
+use emulated::talk::Talk;
+
+fn all_open(bench: &mut Bench) -> bool {
+    (0..bench.motors()).all(|motor| bench.lines(motor).open())
+}
+
+#[test]
+fn a_host_that_speaks_ends_what_the_button_began_and_disarms_it() {
+    let mut bench = turning(vec![am60(); 4]);
+    let mut talk = Talk::default();
+    talk.keep_alive(&mut bench);
+    bench.run(ms(100));
+    assert!(all_open(&mut bench));
+    bench.press(false);
+    bench.run(ms(100));
+    bench.press(true);
+    bench.run(ms(1000));
+    assert!(all_open(&mut bench));
+    // Nor does it, once the host is gone.
+    bench.press(false);
+    bench.run(ms(3000));
+    bench.press(true);
+    bench.run(ms(500));
+    assert!(all_open(&mut bench));
+    bench.assert_sound();
+}
+
+#[test]
+fn a_button_that_nobody_presses_leaves_a_host_s_motors_alone() {
+    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
+    talk.velocity(&mut bench, 0, 1000);
+    bench.run(ms(1500));
+    bench.press(true);
+    talk.keep_alive(&mut bench);
+    bench.run(ms(500));
+    bench.press(false);
+    bench.run(ms(500));
+    let speed = bench.look(0).counts_per_second;
+    assert!((speed - 1000.0).abs() < 30.0, "{speed} counts/s");
+    bench.assert_sound();
+}
+
+#[test]
+fn a_low_battery_is_no_time_to_start() {
+    let mut bench = booted(vec![am60(); 4]);
+    bench.set_battery(6.5);
+    bench.run(ms(200));
+    bench.press(true);
+    bench.run(ms(500));
+    assert!(all_open(&mut bench));
+    // Nor when it recovers while the button is held.
+    bench.set_battery(12.0);
+    bench.run(ms(500));
+    assert!(all_open(&mut bench));
+    bench.press(false);
+    bench.run(ms(50));
+    bench.press(true);
+    bench.run(ms(500));
+    assert!(!all_open(&mut bench));
+    bench.assert_sound();
+}
+
+#[test]
+fn a_contact_that_bounces_starts_the_motors_once() {
+    let mut bench = booted(vec![am60()]);
+    for _ in 0..10 {
+        bench.press(true);
+        bench.run(ms(3));
+        bench.press(false);
+        bench.run(ms(2));
+    }
+    bench.run(ms(100));
+    assert!(all_open(&mut bench), "{:?}", bench.transitions());
+    assert_eq!(bench.transitions(), []);
+    bench.assert_sound();
+}

@@ -1,0 +1,116 @@
+//! The button on a board.
+
+use motor_hub::motor::Setpoint;
+use motor_hub::responder::button::{Button, DEBOUNCE_MICROS, HOLD_MICROS, Look};
+use motor_hub::units::{CountsPerSecond, Micros, Millivolts};
+
+const TURN: Setpoint = Setpoint::Velocity(CountsPerSecond::new(1000));
+const HALT: Setpoint = Setpoint::Velocity(CountsPerSecond::ZERO);
+
+/// How often a board looks.
+const STEP: u64 = 10_000;
+
+/// A board with a button, looked at every 10 ms.
+struct Bench {
+    button: Button,
+    now: u64,
+    battery: Option<u16>,
+    host_spoke: bool,
+}
+
+impl Bench {
+    /// Powered on with the button up.
+    fn new() -> Self {
+        let mut bench = Self { button: Button::new(), now: 0, battery: Some(12_000), host_spoke: false };
+        bench.look(false);
+        bench
+    }
+
+    fn look(&mut self, down: bool) -> Setpoint {
+        self.now += STEP;
+        let (battery, host_spoke) = (self.battery.map(Millivolts::new), self.host_spoke);
+        self.button.step(Look { down, host_spoke, battery, now: Micros::new(self.now) })
+    }
+
+    /// What is wanted at the end of so long.
+    fn keep(&mut self, down: bool, micros: u64) -> Setpoint {
+        (0..micros / STEP).map(|_| self.look(down)).last().expect("10 ms or more")
+    }
+
+    fn turning() -> Self {
+        let mut bench = Self::new();
+        assert_eq!(bench.keep(true, 100_000), TURN);
+        bench
+    }
+}
+
+#[test]
+fn motors_turn_while_it_is_held_then_halt_and_a_second_later_are_let_go() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.keep(true, DEBOUNCE_MICROS), Setpoint::Disabled);
+    assert_eq!(bench.look(true), TURN);
+    assert_eq!(bench.keep(true, 10_000_000), TURN);
+    assert_eq!(bench.look(false), HALT);
+    assert_eq!(bench.keep(false, HOLD_MICROS - STEP), HALT);
+    assert_eq!(bench.look(false), Setpoint::Disabled);
+}
+
+#[test]
+fn it_may_be_pressed_again_before_that_second_is_over() {
+    let mut bench = Bench::turning();
+    assert_eq!(bench.keep(false, 500_000), HALT);
+    assert_eq!(bench.keep(true, 500_000), TURN);
+    assert_eq!(bench.keep(false, HOLD_MICROS), HALT);
+}
+
+#[test]
+fn a_contact_that_bounces_is_not_pressed() {
+    let mut bench = Bench::new();
+    for _ in 0..50 {
+        assert_eq!(bench.keep(true, DEBOUNCE_MICROS), Setpoint::Disabled);
+        assert_eq!(bench.look(false), Setpoint::Disabled);
+    }
+}
+
+#[test]
+fn one_that_is_stuck_or_held_through_a_reset_starts_nothing_until_it_is_pressed_anew() {
+    let mut bench = Bench { button: Button::new(), ..Bench::new() };
+    assert_eq!(bench.keep(true, 5_000_000), Setpoint::Disabled);
+    assert_eq!(bench.look(false), Setpoint::Disabled);
+    assert_eq!(bench.keep(true, 100_000), TURN);
+}
+
+#[test]
+fn a_battery_that_is_low_or_unknown_when_it_is_pressed_starts_nothing_however_long_it_is_held() {
+    for battery in [None, Some(0), Some(6_999)] {
+        let mut bench = Bench { battery, ..Bench::new() };
+        assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "{battery:?}");
+        bench.battery = Some(12_000);
+        assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "{battery:?}, then 12 V");
+        bench.look(false);
+        assert_eq!(bench.keep(true, 100_000), TURN, "pressed at 12 V");
+    }
+    let mut bench = Bench { battery: Some(7_000), ..Bench::new() };
+    assert_eq!(bench.keep(true, 100_000), TURN);
+}
+
+#[test]
+fn motors_that_turn_go_on_when_the_battery_sags_under_them() {
+    let mut bench = Bench::turning();
+    bench.battery = Some(6_000);
+    assert_eq!(bench.keep(true, 1_000_000), TURN);
+}
+
+#[test]
+fn a_host_that_speaks_ends_what_it_began_and_disarms_it() {
+    let mut bench = Bench::turning();
+    bench.host_spoke = true;
+    assert_eq!(bench.look(true), Setpoint::Disabled);
+    assert_eq!(bench.keep(false, 100_000), Setpoint::Disabled);
+    assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled);
+
+    let mut bench = Bench::turning();
+    assert_eq!(bench.keep(false, 100_000), HALT);
+    bench.host_spoke = true;
+    assert_eq!(bench.look(false), Setpoint::Disabled);
+}
