@@ -20,8 +20,6 @@ pub async fn run<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> ! {
     }
 }
 
-/// In several lines: interrupts wait while a line is written, and two bytes of a host's request,
-/// 43 us, are as long as they may.
 fn log<const N: usize>(snapshot: &Snapshot<N>) {
     info!("tick {=u32} missed {=u32} battery {}", snapshot.tick, snapshot.missed, snapshot.battery);
     for (motor, report) in snapshot.motors.iter().enumerate() {
