@@ -1,5 +1,6 @@
-//! The emulated STM32F427 as this board has it: crystal, rail, calibration words, and two models that
-//! can be taken out: TIM1's comparators, which nothing on the chip reads, and a converter that died.
+//! The emulated STM32F427 as this board has it: rail, calibration words, no clock from outside, and two models that
+//! can be taken out: TIM1's comparators, which nothing on the chip reads, and a converter that died. One is put in:
+//! of the EXTI, which the emulator lacks, the line of the voltage detector.
 //!
 //! The F427 has the registers of the F429 (one reference manual, RM0090); the F429 adds a display
 //! controller that the firmware does not use.
@@ -15,16 +16,14 @@ use rigless::machine::{Board, Target};
 use rigless::mcu::{Mcu, Operate};
 use rigless::snapshot::Store;
 use rigless::soc::stm32f427::Stm32f427;
-use rigless::soc::stm32f427::generated::{adc1, tim1};
+use rigless::soc::stm32f427::generated::pwr::{self, csr};
+use rigless::soc::stm32f427::generated::{adc1, exti, tim1};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
 /// The core clock that the firmware sets up; one instruction per cycle, so times of code are those of
 /// a core without wait states.
 pub(crate) const CORE_HZ: u64 = 168_000_000;
-
-/// What the ST-LINK puts on OSC_IN (UM1974).
-const HSE_HZ: u64 = 8_000_000;
 
 /// The rail, mV.
 const RAIL_MV: u32 = 3_300;
@@ -59,6 +58,15 @@ impl Device for Remembers<adc1::Register> {
     type Register = adc1::Register;
 }
 
+impl Device for Remembers<exti::Register> {
+    type Register = exti::Register;
+}
+
+/// EXTI line 16 is the voltage detector's (RM0090 12.2.5).
+const DETECTOR_LINE: u64 = 1 << 16;
+/// The detector's interrupt, as the emulator's PWR lists it.
+const DETECTOR_INTERRUPT: usize = 0;
+
 /// The microcontroller.
 #[derive(Debug)]
 pub(crate) struct Chip {
@@ -67,8 +75,33 @@ pub(crate) struct Chip {
     pub(crate) adc_dead: bool,
     plain_timer: Remembers<tim1::Register>,
     plain_converter: Remembers<adc1::Register>,
+    plain_exti: Remembers<exti::Register>,
     timer_slot: usize,
     converter_slot: usize,
+    exti_slot: usize,
+    /// The detector's interrupt is pending.
+    supply_fell: bool,
+}
+
+impl Chip {
+    /// Another rail, mV; the converters' reference stays.
+    pub(crate) fn set_rail(&mut self, at: VirtualNanos, millivolts: u32) {
+        self.part.set_supply(millivolts);
+        self.follow_detector(at);
+    }
+
+    /// Rail, detector or EXTI may have changed: an output of the detector that rises is the interrupt PVD, if its
+    /// line is unmasked.
+    pub(crate) fn follow_detector(&mut self, at: VirtualNanos) {
+        let low = csr::PVDO.is_set(self.part.power().1.get(pwr::Register::Csr));
+        let exti = self.part.bus().slots()[self.exti_slot].registers();
+        let lines = exti.get(exti::Register::Imr) & exti.get(exti::Register::Rtsr);
+        let fell = low && lines & DETECTOR_LINE != 0;
+        if fell != self.supply_fell {
+            self.supply_fell = fell;
+            self.part.drive_power(at, |_, _, context| context.interrupt(DETECTOR_INTERRUPT, fell.into()));
+        }
+    }
 }
 
 impl Mcu for Chip {
@@ -93,6 +126,8 @@ impl Mcu for Chip {
             (self.part.bus_mut(), Some(&mut self.plain_timer))
         } else if slot == self.converter_slot && self.adc_dead {
             (self.part.bus_mut(), Some(&mut self.plain_converter))
+        } else if slot == self.exti_slot {
+            (self.part.bus_mut(), Some(&mut self.plain_exti))
         } else {
             self.part.split(slot)
         }
@@ -108,7 +143,6 @@ pub(crate) struct Nucleo {
 impl Nucleo {
     pub(crate) fn new(pwm: Pwm) -> Result<Self, Error> {
         let mut part = Stm32f427::new()?;
-        part.rcc.attach_crystals(HSE_HZ, 0);
         part.set_supply(RAIL_MV);
         for converter in &mut part.adc {
             converter.set_reference(RAIL_MV);
@@ -116,14 +150,18 @@ impl Nucleo {
         }
         let timer_slot = part.bus().slot("TIM1")?;
         let converter_slot = part.bus().slot("ADC1")?;
+        let exti_slot = part.bus().slot("EXTI")?;
         let chip = Chip {
             part,
             pwm,
             adc_dead: false,
             plain_timer: Remembers(core::marker::PhantomData),
             plain_converter: Remembers(core::marker::PhantomData),
+            plain_exti: Remembers(core::marker::PhantomData),
             timer_slot,
             converter_slot,
+            exti_slot,
+            supply_fell: false,
         };
         Ok(Self { chip })
     }

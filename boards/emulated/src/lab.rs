@@ -215,6 +215,7 @@ impl Lab {
     fn after_reset(&mut self, session: &mut Session<Nucleo>, at: u64) {
         self.timer = Timer::default();
         self.follow_pins(session, at, true);
+        session.board_mut().chip.follow_detector(VirtualNanos(at));
         self.rtt.reset();
         self.quiet_until = at + START_UP;
         let pressed = self.button;
@@ -277,6 +278,8 @@ impl Driver<Nucleo> for Lab {
                     self.now = at;
                     self.show_edges(session, at);
                     self.follow_pins(session, at, false);
+                } else if access.address == wiring::POWER {
+                    session.board_mut().chip.follow_detector(access.virtual_time);
                 } else if access.address == wiring::TIME_DRIVER + wiring::EGR && access.value & 1 != 0 {
                     // The emulator also sets the compare flags on a software update of a stopped timer,
                     // which the chip does not; the driver would take CC1IF for half a period.

@@ -34,18 +34,23 @@ const BUFFER: u64 = 28;
 const SIZE: u64 = 32;
 const WRITE: u64 = 36;
 const READ: u64 = 40;
+const FLAGS: u64 = 44;
+/// "Block the program while the buffer is full", which a reader asks for when it comes.
+const BLOCK_IF_FULL: u64 = 2;
 
 /// Takes bytes out of the ring, as a probe does.
 #[derive(Debug, Default)]
 pub(crate) struct Rtt {
     block: Option<u64>,
+    /// The reader asked for a program that waits for it, and went away.
+    pub(crate) gone: bool,
     /// By boot: bytes and when they were taken.
     pub(crate) taken: Vec<Vec<(u64, Vec<u8>)>>,
 }
 
 impl Rtt {
     pub(crate) fn new(block: Option<u64>) -> Self {
-        Self { block, taken: vec![Vec::new()] }
+        Self { block, gone: false, taken: vec![Vec::new()] }
     }
 
     /// What comes from now on is another boot's.
@@ -57,6 +62,9 @@ impl Rtt {
         let Some(block) = self.block else {
             return Ok(());
         };
+        if self.gone {
+            return host.write(block + FLAGS, Width::W32, BLOCK_IF_FULL);
+        }
         let mut word = |offset| host.read(block + offset, Width::W32);
         let (write, mut read) = (word(WRITE)?, word(READ)?);
         if write == read {

@@ -33,6 +33,9 @@ pub(crate) const ENCODERS: [Counter; BRIDGES] =
 
 /// TIM5, which keeps embassy's time.
 pub(crate) const TIME_DRIVER: u64 = 0x4000_0C00;
+/// PWR, whose CR switches the voltage detector on.
+pub(crate) const POWER: u64 = 0x4000_7000;
+
 /// Offsets of a timer's registers.
 pub(crate) const SR: u64 = 0x10;
 pub(crate) const EGR: u64 = 0x14;
@@ -45,5 +48,5 @@ pub(crate) const HOST_LINK: usize = 2;
 
 /// ADC1_IN3 is PA3.
 pub(crate) const BATTERY_CHANNEL: u8 = 3;
-/// 47 kohm to the battery, 10 kohm to ground: the board as it is soldered, not as its firmware has it.
-pub(crate) const DIVIDER: f64 = 10.0 / 57.0;
+/// 82 kohm to the battery, 10 kohm to ground: the board as it is soldered, not as its firmware has it.
+pub(crate) const DIVIDER: f64 = 10.0 / 92.0;

@@ -6,6 +6,7 @@
 #![no_main]
 
 mod adc;
+mod chip;
 
 use adc::BatteryAdc;
 use defmt::{info, unwrap, warn};
@@ -13,10 +14,8 @@ use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{AnyPin, Input, Level, Output, Pull, Speed};
 use embassy_stm32::peripherals::{IWDG, TIM1, TIM2, TIM3, TIM4, TIM8, USART3};
-use embassy_stm32::time::Hertz;
-use embassy_stm32::timer::qei::Qei;
 use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx, BufferedUartTx};
-use embassy_stm32::{Peri, bind_interrupts, pac, rcc};
+use embassy_stm32::{Peri, bind_interrupts, interrupt, pac, rcc};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use motor_hub::braking::Winding;
 use motor_hub::hub::Hub;
@@ -26,18 +25,18 @@ use motor_hub::responder::Responder;
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Task};
 use motor_hub::units::Period;
-use motor_hub_stm32::encoders::{QuadratureCounters, counter};
+use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
 use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::watchdog::IndependentWatchdog;
-use motor_hub_stm32::{demo, serial, status};
+use motor_hub_stm32::{demo, faults, serial, status};
 use static_cell::StaticCell;
 
 /// Motors on this board.
 const MOTORS: usize = 4;
 
-/// Divider from the battery to PA3: 18 V, the highest plausible battery, makes 3.16 V.
-const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
+/// Divider from the battery to PA3: 24 V, the highest that the bridges take, makes 2.61 V, and 30.3 V the full 3.3 V.
+const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
 
 /// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.
 const PERIOD: Period = {
@@ -60,8 +59,7 @@ type Wires = tasks::Wires<ThreadModeRawMutex, MOTORS>;
 static WIRES: Wires = Wires::new();
 static HEALTH: Health = Health::new().expecting(Task::Responder);
 
-type Encoders =
-    QuadratureCounters<(Qei<'static, TIM2>, Qei<'static, TIM3>, Qei<'static, TIM4>, Qei<'static, TIM8>)>;
+type Encoders = QuadratureCounters<(Counter<TIM2>, Counter<TIM3>, Counter<TIM4>, Counter<TIM8>)>;
 
 bind_interrupts!(struct Irqs {
     USART3 => BufferedInterruptHandler<USART3>;
@@ -73,7 +71,10 @@ motor_hub_stm32::end_faults_with!(open_all_bridges);
 ///
 /// PWM stays off until a reset, whatever is applied afterwards.
 fn open_all_bridges() {
-    pac::TIM1.bdtr().modify(|w| w.set_moe(false));
+    // Without its clock it drives nothing, and an access would be a fault of its own.
+    if pac::RCC.apb2enr().read().tim1en() {
+        pac::TIM1.bdtr().modify(|w| w.set_moe(false));
+    }
     pac::GPIOD.bsrr().write(|w| (0..8).for_each(|pin| w.set_br(pin, true)));
 }
 
@@ -85,33 +86,21 @@ fn log_reset_cause() {
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
 }
 
-/// 168 MHz from the 8 MHz that the ST-LINK puts on OSC_IN; timers on APB2 run at 168 MHz too.
-fn clocks() -> embassy_stm32::Config {
-    let mut config = embassy_stm32::Config::default();
-    config.rcc.hse = Some(rcc::Hse { freq: Hertz(8_000_000), mode: rcc::HseMode::Bypass });
-    config.rcc.pll_src = rcc::PllSource::HSE;
-    config.rcc.pll = Some(rcc::Pll {
-        prediv: rcc::PllPreDiv::DIV4,
-        mul: rcc::PllMul::MUL168,
-        divp: Some(rcc::PllPDiv::DIV2),
-        divq: None,
-        divr: None,
-    });
-    config.rcc.ahb_pre = rcc::AHBPrescaler::DIV1;
-    config.rcc.apb1_pre = rcc::APBPrescaler::DIV4;
-    config.rcc.apb2_pre = rcc::APBPrescaler::DIV2;
-    config.rcc.sys = rcc::Sysclk::PLL1_P;
-    config
+#[interrupt]
+fn PVD() {
+    faults::supply_fell(open_all_bridges)
 }
 
 #[embassy_executor::main]
 async fn main(spawner: Spawner) {
-    let p = embassy_stm32::init(clocks());
+    let p = embassy_stm32::init(chip::clocks());
+    chip::set_up();
     info!("motor-hub {=str} on nucleo-f429zi", env!("CARGO_PKG_VERSION"));
     // Before anything else that could hang, and before a bridge can be anything but open.
     let watchdog = IndependentWatchdog::start(p.IWDG);
     info!("{=u32} Hz, {} motors every {=u32} ms", rcc::frequency::<TIM1>().0, MOTORS, PERIOD.as_millis());
     log_reset_cause();
+    chip::watch_supply();
 
     let low = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low);
     let pwm = Pwm::new(p.TIM1);
@@ -123,10 +112,10 @@ async fn main(spawner: Spawner) {
     ];
     let bridges = Vnh5019::new(pwm, bridges);
     let encoders = QuadratureCounters((
-        counter(p.TIM2, p.PA15, p.PB3),
-        counter(p.TIM3, p.PB4, p.PB5),
-        counter(p.TIM4, p.PD12, p.PD13),
-        counter(p.TIM8, p.PC6, p.PC7),
+        Counter::new(p.TIM2, p.PA15, p.PB3),
+        Counter::new(p.TIM3, p.PB4, p.PB5),
+        Counter::new(p.TIM4, p.PD12, p.PD13),
+        Counter::new(p.TIM8, p.PC6, p.PC7),
     ));
     let adc = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, DIVIDER_OHMS));
     let settings = Settings::new(Winding::NEVEREST_60);

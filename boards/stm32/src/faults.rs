@@ -1,5 +1,6 @@
-//! Where the firmware ends: panic, HardFault and interrupts that nobody handles open all bridges, say
-//! what happened, and wait for the watchdog to start the chip afresh.
+//! Where the firmware ends: panic, HardFault, a failing supply and interrupts that nobody handles open all bridges,
+//! say what happened, and wait for the watchdog to start the chip afresh. (What comes while another line of the log
+//! is being written is not said: the log has no room for two at once.)
 
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -63,6 +64,11 @@ pub fn panicked(open: fn(), info: &PanicInfo<'_>) -> ! {
 /// The end of a HardFault.
 pub fn hard_fault(open: fn(), pc: u32, lr: u32) -> ! {
     stop(open, || error!("HardFault at {=u32:#010x} from {=u32:#010x}; bridges off", pc, lr))
+}
+
+/// The end of a supply that falls, for the interrupt of a board's voltage detector.
+pub fn supply_fell(open: fn()) -> ! {
+    stop(open, || error!("the chip's supply fell; bridges off"))
 }
 
 /// The end of an interrupt that nobody handles.

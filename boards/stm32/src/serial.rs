@@ -5,6 +5,7 @@
 //! executed again. At 460 800 baud that is at most one short interrupt every 22 us.
 
 use embassy_stm32::Peri;
+use embassy_stm32::gpio::Pull;
 use embassy_stm32::interrupt::typelevel::Binding;
 use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError, Instance,
@@ -37,7 +38,7 @@ impl Default for Buffers {
     }
 }
 
-/// 460 800 baud, 8 data bits, no parity, one stop bit.
+/// 460 800 baud, 8 data bits, no parity, one stop bit; RX pulled up.
 ///
 /// # Errors
 /// If the clocks cannot make that speed.
@@ -50,5 +51,7 @@ pub fn open<T: Instance>(
 ) -> Result<(BufferedUartTx<'static>, BufferedUartRx<'static>), ConfigError> {
     let mut config = Config::default();
     config.baudrate = BAUD;
+    // A line that nobody drives, as when the ST-LINK has no power, is idle and not noise.
+    config.rx_pull = Pull::Up;
     Ok(BufferedUart::new(usart, rx, tx, &mut buffers.sent, &mut buffers.received, irqs, config)?.split())
 }

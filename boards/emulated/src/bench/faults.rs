@@ -50,6 +50,19 @@ impl Bench {
         });
     }
 
+    /// Another rail of the chip, in millivolts, from now on.
+    pub fn set_rail(&mut self, millivolts: u32) {
+        self.at_stop(move |lab, session, _| {
+            session.board_mut().chip.set_rail(VirtualNanos(lab.now), millivolts);
+        });
+    }
+
+    /// Who reads the log switches it to "wait while the buffer is full", as probe-rs does, and goes away; or comes
+    /// back.
+    pub fn abandon_log(&mut self, gone: bool) {
+        self.at_stop(move |lab, _, _| lab.rtt.gone = gone);
+    }
+
     /// The converter takes orders and does nothing, or works again.
     pub fn kill_adc(&mut self, dead: bool) {
         self.at_stop(move |_, session, _| session.board_mut().chip.adc_dead = dead);

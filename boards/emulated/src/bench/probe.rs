@@ -1,19 +1,23 @@
 //! What a probe could see of the chip: symbols, memory, registers, arrivals at instructions.
 
 use rigless::emulator::Watch;
+use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::soc::st::tim::Channel;
-use rigless::soc::stm32f427::generated::gpioi;
+use rigless::time::VirtualNanos;
 
 use super::Bench;
-use crate::{elf, wiring};
+use crate::elf;
 
 impl Bench {
-    /// Mode and output registers of port D, which the direction lines are on.
-    pub fn peek_port_d(&mut self) -> [u32; 2] {
-        self.at_stop(|_, session, _| {
-            let (_, registers) = session.board_mut().chip.part.port(wiring::LINE_PORT);
-            [gpioi::Register::Moder, gpioi::Register::Odr].map(|register| registers.get(register) as u32)
+    /// A peripheral's register, by its address.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn register(&mut self, address: u64) -> u32 {
+        self.at_stop(move |lab, session, _| {
+            let value = session.mcu().read(VirtualNanos(lab.now), address, Width::W32);
+            value.unwrap_or_else(|fault| panic!("{address:#x}: {fault}")) as u32
         })
     }
 

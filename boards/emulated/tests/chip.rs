@@ -1,0 +1,144 @@
+//! What the image makes of the chip: clocks, flash, pins, supply, and a log that nobody reads.
+
+mod common;
+
+use common::{am60, booted, four_loads, log, ms, time_to_safe, turning};
+use emulated::{Bench, Setup};
+
+// RM0090, memory map and register descriptions.
+const RCC_CR: u64 = 0x4002_3800;
+const RCC_PLLCFGR: u64 = 0x4002_3804;
+const FLASH_ACR: u64 = 0x4002_3C00;
+const DBGMCU_APB2_FZ: u64 = 0xE004_200C;
+const TIM1_BDTR: u64 = 0x4001_0044;
+const GPIOD_PUPDR: u64 = 0x4002_0C0C;
+
+/// Bits `high..=low` of a word.
+fn bits(word: u32, high: u32, low: u32) -> u32 {
+    word >> low & ((1 << (high - low + 1)) - 1)
+}
+
+#[test]
+fn nothing_outside_the_chip_makes_its_clock() {
+    // The bench has no oscillator on OSC_IN: a clock from there would be none.
+    let mut bench = booted(four_loads());
+    assert!(log(&mut bench).contains("168000000 Hz"), "{}", log(&mut bench));
+    assert_eq!(bits(bench.register(RCC_CR), 16, 16), 0, "HSEON");
+    let pll = bench.register(RCC_PLLCFGR);
+    assert_eq!(bits(pll, 22, 22), 0, "PLLSRC is the HSI");
+    let [m, n, p, q] = [(5, 0), (14, 6), (17, 16), (27, 24)].map(|(high, low)| bits(pll, high, low));
+    assert_eq!(16 / m * n / (2 * p + 2), 168, "MHz of the core");
+    // RM0090 6.3.2: 0 and 1 are forbidden, and what hangs on it takes at most 48 MHz.
+    assert!(q >= 2 && 16 / m * n / q <= 48, "PLLQ is {q}");
+    bench.assert_sound();
+}
+
+#[test]
+fn flash_is_read_ahead_and_cached_with_five_wait_states() {
+    // PRFTEN is also the cure of erratum 2.2.3 (WFE at an address that ends in 4).
+    let mut bench = booted(vec![am60()]);
+    let control = bench.register(FLASH_ACR);
+    assert_eq!(bits(control, 3, 0), 5, "wait states at 168 MHz and 2.7 V (RM0090 table 12)");
+    for (bit, name) in [(8, "prefetch"), (9, "instruction cache"), (10, "data cache")] {
+        assert_eq!(bits(control, bit, bit), 1, "{name}");
+    }
+}
+
+#[test]
+fn a_halted_core_leaves_no_pwm_on() {
+    let mut bench = booted(vec![am60()]);
+    assert_eq!(bits(bench.register(DBGMCU_APB2_FZ), 0, 0), 1, "DBG_TIM1_STOP");
+    assert_eq!(bits(bench.register(TIM1_BDTR), 10, 10), 1, "OSSI: the pins are driven low meanwhile");
+}
+
+#[test]
+fn encoder_inputs_are_filtered() {
+    let mut bench = booted(vec![am60()]);
+    for timer in [0x4000_0000, 0x4000_0400, 0x4000_0800, 0x4001_0400] {
+        // CKD: a quarter of the timer's clock. IC1F, IC2F: a 32nd of that, eight samples.
+        assert_eq!(bits(bench.register(timer), 9, 8), 2, "{timer:#x}: CKD");
+        let inputs = bench.register(timer + 0x18);
+        assert_eq!([bits(inputs, 7, 4), bits(inputs, 15, 12)], [15, 15], "{timer:#x}: filters");
+    }
+}
+
+#[test]
+fn a_line_that_no_host_drives_is_pulled_up() {
+    let mut bench = booted(vec![am60()]);
+    assert_eq!(bits(bench.register(GPIOD_PUPDR), 19, 18), 0b01, "PD9, RX");
+}
+
+#[test]
+fn a_supply_that_falls_opens_all_bridges_before_the_flash_is_too_slow() {
+    let mut bench = turning(four_loads());
+    let at = bench.now();
+    // Above 2.7 V, where 168 MHz and 5 wait states end.
+    bench.set_rail(2_800);
+    bench.press(false);
+    bench.run(ms(5));
+    for motor in 0..4 {
+        let time = time_to_safe(&mut bench, motor, at);
+        assert!(time < std::time::Duration::from_micros(10), "bridge {motor}: {time:?}");
+    }
+    assert!(log(&mut bench).contains("supply fell"), "{}", log(&mut bench));
+    // It is back before the watchdog starts the chip afresh.
+    bench.set_rail(3_300);
+    bench.run(ms(1000));
+    assert_eq!(bench.resets().len(), 1);
+    assert!(log(&mut bench).contains("tick 19 missed 0"), "{}", log(&mut bench));
+    bench.assert_sound();
+}
+
+#[test]
+fn a_supply_that_is_low_from_the_beginning_starts_no_hub() {
+    let mut bench = Bench::new(Setup::new(vec![am60()]));
+    bench.set_rail(2_800);
+    bench.run(ms(300));
+    assert!(log(&mut bench).contains("supply fell"), "{}", log(&mut bench));
+    assert!(!log(&mut bench).contains("tick"), "{}", log(&mut bench));
+    assert_eq!(bench.transitions(), []);
+    // Once it is good, the watchdog has the hub start.
+    bench.set_rail(3_300);
+    bench.run(ms(1500));
+    assert!(log(&mut bench).contains("tick 19 missed 0"), "{}", log(&mut bench));
+    bench.assert_sound();
+}
+
+/// Four motors keep their speed for longer than the log's buffer lasts, with duties that are renewed all the while.
+fn runs_on_unread(bench: &mut Bench) {
+    for _ in 0..3 {
+        let (from, changes) = (bench.now(), bench.transitions().len());
+        bench.run(ms(5000));
+        assert_eq!(bench.resets(), [], "after {from:?}");
+        // Nearly every 50 ms each.
+        let changes = bench.transitions().len() - changes;
+        assert!(changes > 4 * 50, "{changes} changes of four PWMs in 5 s after {from:?}");
+        for motor in 0..4 {
+            let speed = bench.look(motor).counts_per_second;
+            assert!((speed - 1000.0).abs() < 30.0, "motor {motor} turns at {speed} counts/s after {from:?}");
+        }
+    }
+}
+
+#[test]
+fn a_log_that_is_abandoned_in_mid_run_stops_nothing_and_is_whole_when_somebody_reads_it_again() {
+    let mut bench = turning(four_loads());
+    bench.abandon_log(true);
+    runs_on_unread(&mut bench);
+    bench.abandon_log(false);
+    let lines = bench.log().len();
+    bench.run(ms(2000));
+    assert!(bench.log().len() > lines + 8);
+    assert!(!log(&mut bench).contains("malformed"), "{}", log(&mut bench));
+    bench.assert_sound();
+}
+
+#[test]
+fn a_log_that_nobody_ever_reads_stops_nothing() {
+    let mut bench = Bench::new(Setup::new(four_loads()));
+    bench.abandon_log(true);
+    bench.run(ms(300));
+    bench.press(true);
+    bench.run(ms(1500));
+    runs_on_unread(&mut bench);
+}

@@ -1,0 +1,76 @@
+//! What the hub wants of the chip beyond what the HAL sets up: clocks that nothing outside can stop, fast flash,
+//! bridges off while a debugger holds the core, and an end before the supply is too low to compute with.
+
+use embassy_stm32::{pac, rcc};
+
+/// EXTI line of the programmable voltage detector (RM0090 12.2.5).
+const PVD_LINE: usize = 16;
+
+/// 2.93 V falling, 2.85 V at the least (DS9405 table 22): at 168 MHz with 5 wait states the flash needs 2.7 V
+/// (RM0090 table 12).
+const PVD_LEVEL: u8 = 0b110;
+
+/// 168 MHz from the chip's own 16 MHz oscillator, so that nothing outside the chip can stop it: the ST-LINK's 8 MHz
+/// on OSC_IN stop with its USB. How exact that is stands in the README. Timers on APB2 run at 168 MHz too.
+pub(crate) fn clocks() -> embassy_stm32::Config {
+    let mut config = embassy_stm32::Config::default();
+    config.rcc.pll_src = rcc::PllSource::HSI;
+    config.rcc.pll = Some(rcc::Pll {
+        prediv: rcc::PllPreDiv::DIV8,
+        mul: rcc::PllMul::MUL168,
+        divp: Some(rcc::PllPDiv::DIV2),
+        // Nothing runs on these 48 MHz, but left out it is 0, which is forbidden (RM0090 6.3.2).
+        divq: Some(rcc::PllQDiv::DIV7),
+        divr: None,
+    });
+    config.rcc.ahb_pre = rcc::AHBPrescaler::DIV1;
+    config.rcc.apb1_pre = rcc::APBPrescaler::DIV4;
+    config.rcc.apb2_pre = rcc::APBPrescaler::DIV2;
+    config.rcc.sys = rcc::Sysclk::PLL1_P;
+    config
+}
+
+/// Fast flash, and bridges off while a debugger holds the core. To be called right after the HAL's initialisation,
+/// before the core sleeps for the first time.
+///
+/// # Flash
+/// Prefetch and both caches, without which each jump costs five cycles. Prefetch is also the cure of erratum 2.2.3
+/// (ES0206): with it off, and a debugger that keeps the core's clock on in sleep, what follows a WFE at an address
+/// that ends in 4 may be executed wrongly.
+///
+/// # Debugger
+/// While the core is halted TIM1 stands still, and its outputs are off as after a break (RM0090 17.3.21): low, with
+/// OSSI set. The watchdog runs on.
+pub(crate) fn set_up() {
+    pac::FLASH.acr().modify(|w| {
+        w.set_prften(true);
+        w.set_icen(true);
+        w.set_dcen(true);
+    });
+    pac::DBGMCU.apb2fzr().modify(|w| w.set_tim1(true));
+}
+
+/// From here on the interrupt PVD comes when the supply falls below 2.9 V, or at once if it is there already. It ends
+/// the run, so the watchdog must run.
+///
+/// Not the brown-out reset: its level is an option byte, and writing those from the firmware could leave a chip
+/// without any if the supply fails in between. The detector needs nothing but this.
+pub(crate) fn watch_supply() {
+    // The line first, so that a supply that is low already makes an edge when the detector is switched on.
+    pac::EXTI.rtsr(0).modify(|w| w.set_line(PVD_LINE, true));
+    pac::EXTI.imr(0).modify(|w| w.set_line(PVD_LINE, true));
+    unmask_pvd();
+    pac::PWR.cr1().modify(|w| {
+        w.set_pls(PVD_LEVEL);
+        w.set_pvde(true);
+    });
+}
+
+#[expect(
+    unsafe_code,
+    reason = "unmasking could break a critical section that masks a single interrupt; none does"
+)]
+fn unmask_pvd() {
+    // SAFETY: the handler touches nothing but registers and atomics.
+    unsafe { cortex_m::peripheral::NVIC::unmask(pac::Interrupt::PVD) }
+}
