@@ -13,5 +13,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     // Before the build, which takes longer.
     output(command("probe-rs").arg("--version")).map_err(|_| Failed(MISSING.to_owned()))?;
     let image = board.build()?;
-    run(command("probe-rs").args(["run", "--chip", board.chip]).arg(image))
+    // Neither a HardFault nor a reset stops in the debugger: the firmware opens its bridges and starts afresh.
+    let unhalted = ["--no-catch-hardfault", "--no-catch-reset"];
+    run(command("probe-rs").args(["run", "--chip", board.chip]).args(unhalted).arg(image))
 }
