@@ -4,7 +4,7 @@
 
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering};
-use defmt::error;
+use defmt::{Display2Format, error};
 
 /// Makes these ends those of a board's program. `$open` is a `fn()` that opens all bridges for good from any
 /// context, touching nothing but registers.
@@ -50,15 +50,7 @@ fn stop(open: fn(), report: impl FnOnce()) -> ! {
 
 /// The end of a panic.
 pub fn panicked(open: fn(), info: &PanicInfo<'_>) -> ! {
-    stop(open, || {
-        // Not the formatted message: core's formatting costs more flash than it is worth here.
-        let message = info.message();
-        let message = message.as_str().unwrap_or("panic");
-        match info.location() {
-            Some(at) => error!("{=str} at {=str}:{=u32}; bridges off", message, at.file(), at.line()),
-            None => error!("{=str}; bridges off", message),
-        }
-    })
+    stop(open, || error!("{}; bridges off", Display2Format(info)))
 }
 
 /// The end of a HardFault.
