@@ -36,7 +36,8 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
 /// # Flash
 /// Prefetch and both caches, without which each jump costs five cycles. Prefetch is also the cure of erratum 2.2.3
 /// (ES0206): with it off, and a debugger that keeps the core's clock on in sleep, what follows a WFE at an address
-/// that ends in 4 may be executed wrongly.
+/// that ends in 4 may be executed wrongly. (Who writes to one bank of the flash and goes on in the other must switch
+/// the data cache off meanwhile: erratum 2.2.15. Nothing here writes to it.)
 ///
 /// # Debugger
 /// While the core is halted TIM1 stands still, and its outputs are off as after a break (RM0090 17.3.21): low, with
