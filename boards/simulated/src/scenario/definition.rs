@@ -103,6 +103,21 @@ pub struct Timed<T> {
 }
 
 impl Scenario {
+    /// These motors for so many seconds, every 50 ms, on a battery that stays as it is; nothing is expected.
+    pub fn new(name: &str, duration_s: f64, battery: Battery, motors: Vec<Motor>) -> Self {
+        Self {
+            name: name.to_owned(),
+            duration_s,
+            period: Period::DEFAULT,
+            seed: 1,
+            battery,
+            emf_over_time: Vec::new(),
+            motors,
+            emulated: false,
+            expectations: Vec::new(),
+        }
+    }
+
     /// Voltage of the battery without load at a time in seconds.
     pub fn emf_at(&self, at_s: f64) -> si::Volts {
         let (mut from, mut emf) = (0.0, self.battery.emf.0);
@@ -135,6 +150,25 @@ impl Scenario {
 }
 
 impl Motor {
+    /// A motor of which the hub is told the truth, under Scheme A with linear current; it is told to do nothing, and
+    /// nothing pulls on it.
+    pub fn new(constants: catalogue::Motor, load: Load) -> Self {
+        Self {
+            label: constants.name.to_owned(),
+            constants,
+            load,
+            told: Told::TRUTH,
+            scheme: Scheme::A,
+            duty: DutyRule::LinearCurrent,
+            zero_power: ZeroPower::Brake,
+            acceleration: None,
+            velocity: None,
+            position: None,
+            setpoints: Vec::new(),
+            torques: vec![Timed { at_s: 0.0, value: 0.0 }],
+        }
+    }
+
     /// The settings that a hub with this control period is given for this motor.
     ///
     /// # Errors

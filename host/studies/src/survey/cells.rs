@@ -3,15 +3,14 @@
 use super::judge::{Verdict, challenges, judge, watch};
 use super::pool;
 use crate::StudyError;
-use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{Ohms, Volts};
-use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use serde::Serialize;
-use simulated::scenario::{Motor, Scenario, Timed, Told};
+use simulated::scenario::{Motor, Scenario, Timed};
 
 /// Control periods in milliseconds.
 pub const PERIODS: [u32; 4] = [1, 10, 50, 100];
@@ -87,33 +86,11 @@ fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
         }
     };
     let length = ((LENGTH_S + 2.0 * time_constant) * 10.0).round() / 10.0;
-    Scenario {
-        name: "cell".to_owned(),
-        duration_s: 2.0 * length,
-        period: Period::DEFAULT,
-        seed: 1,
-        battery: Battery { emf: Volts(VOLTS), resistance: Ohms(0.05) },
-        emf_over_time: Vec::new(),
-        motors: vec![Motor {
-            label: constants.name.to_owned(),
-            constants,
-            load: Load::NONE,
-            told: Told::TRUTH,
-            scheme: Scheme::A,
-            duty: DutyRule::LinearCurrent,
-            zero_power: ZeroPower::Brake,
-            acceleration: None,
-            velocity: None,
-            position: None,
-            setpoints: vec![
-                Timed { at_s: 0.0, value: value(0.5) },
-                Timed { at_s: length, value: value(0.1) },
-            ],
-            torques: vec![Timed { at_s: 0.0, value: 0.0 }],
-        }],
-        emulated: false,
-        expectations: Vec::new(),
-    }
+    let setpoints =
+        vec![Timed { at_s: 0.0, value: value(0.5) }, Timed { at_s: length, value: value(0.1) }];
+    let motor = Motor { setpoints, ..Motor::new(constants, Load::NONE) };
+    let battery = Battery { emf: Volts(VOLTS), resistance: Ohms(0.05) };
+    Scenario::new("cell", 2.0 * length, battery, vec![motor])
 }
 
 /// Of a bare motor, in seconds.

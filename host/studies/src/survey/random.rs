@@ -5,9 +5,9 @@ use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{self, motors};
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
-use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
-use simulated::scenario::{Motor, Scenario, Timed, Told};
+use simulated::scenario::{Motor, Scenario, Timed};
 
 /// No motor with its load is slower, in seconds.
 const LONGEST_TIME_CONSTANT: f64 = 3.0;
@@ -38,17 +38,10 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
             motor.setpoints.iter().map(|timed| timed.at_s).chain(motor.torques.iter().map(|t| t.at_s));
         times.fold(0.0, f64::max)
     };
-    Scenario {
-        name: format!("survey {seed}, scenario {index}"),
-        duration_s: lot.rounded(2.0, 4.0, 1e3) + motors.iter().map(last).fold(0.0, f64::max),
-        period,
-        seed: index,
-        battery: Battery { emf: Volts(emf), resistance: Ohms(resistance) },
-        emf_over_time: Vec::new(),
-        motors,
-        emulated: false,
-        expectations: Vec::new(),
-    }
+    let duration_s = lot.rounded(2.0, 4.0, 1e3) + motors.iter().map(last).fold(0.0, f64::max);
+    let battery = Battery { emf: Volts(emf), resistance: Ohms(resistance) };
+    let name = format!("survey {seed}, scenario {index}");
+    Scenario { period, seed: index, ..Scenario::new(&name, duration_s, battery, motors) }
 }
 
 struct Lot(fastrand::Rng);
@@ -147,17 +140,11 @@ impl Lot {
         }
         Motor {
             label,
-            constants,
-            load,
-            told: Told::TRUTH,
             scheme: self.scheme(),
             duty: if self.chance(0.15) { DutyRule::LinearDuty } else { DutyRule::LinearCurrent },
-            zero_power: ZeroPower::Brake,
-            acceleration: None,
-            velocity: None,
-            position: None,
             setpoints,
             torques,
+            ..Motor::new(constants, load)
         }
     }
 
