@@ -30,6 +30,8 @@ use crate::StudyError;
 use bound::settleable;
 use judge::{Challenge, Goal};
 use motor_hub::braking::DutyRule;
+use motor_hub::model::catalogue;
+use motor_hub::model::load::{Load, Shaft};
 use serde::Serialize;
 use simulated::scenario::{Scenario, Told, ToldMotion};
 
@@ -182,18 +184,23 @@ fn what(challenge: &Challenge) -> String {
 
 fn circumstances(scenario: &Scenario, index: usize) -> String {
     let Some(motor) = scenario.motors.get(index) else { return String::new() };
-    let shaft = motor_hub::model::load::Shaft::new(&motor.constants, &motor.load);
-    let electrical = motor.constants.ke.0 * motor.constants.kt.0 / motor.constants.r.0;
+    let shaft = Shaft::new(&motor.constants, &motor.load);
     format!(
         "{}, tau {:.2} s ({:.1} J), {:.1} V, {} ms, {}{}",
         motor.constants.name,
-        shaft.inertia.0 / (electrical + shaft.drag.0),
+        time_constant(&motor.constants, &motor.load),
         shaft.inertia.0 / motor.constants.j.0,
         scenario.battery.emf.0,
         scenario.period.as_millis(),
         scheme(scenario, index),
         if linear_duty(scenario, index) { ", linear duty" } else { "" },
     )
+}
+
+/// Mechanical, of a motor with its load, in seconds.
+fn time_constant(motor: &catalogue::Motor, load: &Load) -> f64 {
+    let shaft = Shaft::new(motor, load);
+    shaft.inertia.0 / (motor.ke.0 * motor.kt.0 / motor.r.0 + shaft.drag.0)
 }
 
 fn linear_duty(scenario: &Scenario, index: usize) -> bool {

@@ -1,5 +1,6 @@
 //! Scenarios by lot: any motor, any load, any battery, any period, any scheme.
 
+use super::time_constant;
 use motor_hub::braking::{Blend, DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{self, motors};
@@ -74,7 +75,7 @@ impl Lot {
         let all: Vec<_> = motors().collect();
         let paper = all.get(self.0.usize(..all.len())).copied().unwrap_or_else(|| unreachable!());
         let measured = paper.with_measured_rotor_inertia();
-        let bare = time_constant(&measured);
+        let bare = time_constant(&measured, &Load::NONE);
         let (motor, shortest) =
             if bare < LONGEST_TIME_CONSTANT { (measured, bare) } else { (paper, SHORTEST_LOADED) };
         // Bare, with some rotor inertias, or anything.
@@ -84,7 +85,7 @@ impl Lot {
             _ => self.logarithmic(shortest, LONGEST_TIME_CONSTANT),
         };
         let reflected = motor.eta * motor.gear_ratio * motor.gear_ratio;
-        let share = wanted.min(LONGEST_TIME_CONSTANT) / time_constant(&motor) - 1.0;
+        let share = wanted.min(LONGEST_TIME_CONSTANT) / time_constant(&motor, &Load::NONE) - 1.0;
         let inertia = (share * motor.j.0 * reflected).max(0.0);
         // Drag that takes up to a fifth of the free speed.
         let electrical = motor.ke.0 * motor.kt.0 / motor.r.0;
@@ -160,9 +161,4 @@ impl Lot {
         };
         speed.round()
     }
-}
-
-/// Of a motor without load, in seconds.
-fn time_constant(motor: &catalogue::Motor) -> f64 {
-    motor.j.0 / (motor.ke.0 * motor.kt.0 / motor.r.0 + motor.b.0)
 }
