@@ -1,9 +1,9 @@
 //! What a scenario is, once it has been checked.
 
 use super::expectation::Expectation;
-use crate::hardware::{BRIDGE, winding};
+use crate::hardware::{BRIDGE, mechanics, winding};
 use motor_hub::braking::{DutyRule, Scheme, Winding};
-use motor_hub::model::load::{Load, Shaft};
+use motor_hub::model::load::Load;
 use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Setpoint, Settings, ZeroPower};
@@ -199,13 +199,11 @@ impl Motor {
 
     /// How the motor moves with its load, as the hub is told.
     fn dynamics(&self, winding: &Winding, told: ToldMotion) -> Result<Dynamics, RangeError> {
-        let shaft = Shaft::new(&self.constants, &self.load);
+        let truth = mechanics(&self.constants, &self.load);
         let mechanics = Mechanics {
-            torque_constant: self.constants.kt.0,
-            counts_per_turn: self.constants.counts_per_rev_motor,
-            inertia: shaft.inertia.0 * told.inertia,
-            drag: shaft.drag.0,
-            friction: self.constants.friction.coulomb.0 * told.friction,
+            inertia: truth.inertia * told.inertia,
+            friction: truth.friction * told.friction,
+            ..truth
         };
         Dynamics::from_mechanics(winding, &BRIDGE, &mechanics)
     }
