@@ -3,6 +3,7 @@
 use super::expectation::Expectation;
 use crate::hardware::{BRIDGE, mechanics, winding};
 use motor_hub::braking::{DutyRule, Scheme, Winding};
+use motor_hub::hub::{Action, Command};
 use motor_hub::model::load::Load;
 use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
@@ -129,6 +130,19 @@ impl Scenario {
             (from, emf) = (to, value);
         }
         si::Volts(emf)
+    }
+
+    /// What the hub is told, by time; at the same time, by motor.
+    pub fn commands(&self) -> Vec<Timed<Command>> {
+        let mut commands = Vec::new();
+        for (motor, plan) in self.motors.iter().enumerate() {
+            commands.extend(plan.setpoints.iter().map(|&Timed { at_s, value }| Timed {
+                at_s,
+                value: Command { motor, action: Action::Set(value) },
+            }));
+        }
+        commands.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+        commands
     }
 
     /// The same motors and loads with nothing that pulls on them.
