@@ -1,5 +1,6 @@
 //! `motor-hub client power`, `velocity` and `position`: motors that run while the command does.
 
+use super::interrupt;
 use super::live::{Live, Reading, repeat};
 use super::trouble::Trouble;
 use crate::output::{Failure, print};
@@ -145,6 +146,7 @@ impl Common {
         set: impl Fn(&mut Session<Line>, u8) -> Result<(), Error>,
         arrived: impl FnMut(&Reading) -> bool,
     ) -> Result<bool, Trouble> {
+        interrupt::listen()?;
         let zero = if self.float { ZeroPower::Float } else { ZeroPower::Brake };
         for motor in &self.motors.0 {
             session.set_mode(*motor, mode, zero)?;
