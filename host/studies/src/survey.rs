@@ -64,7 +64,7 @@ impl Knowledge {
     }
 
     fn told(self) -> Told {
-        let motion = |inertia| Some(ToldMotion { inertia, friction: 1.0 });
+        let motion = |inertia| Some(ToldMotion { inertia, drag: 1.0, friction: 1.0 });
         let motion = match self {
             Self::Exact => motion(1.0),
             Self::Lighter => motion(0.7),

@@ -3,6 +3,7 @@
 use super::expectation::Expectation;
 use crate::hardware::{BRIDGE, mechanics, winding};
 use motor_hub::braking::{DutyRule, Scheme, Winding};
+use motor_hub::group::{DriveBase, Together};
 use motor_hub::hub::{Action, Command};
 use motor_hub::model::load::Load;
 use motor_hub::model::{battery::Battery, catalogue, si};
@@ -32,6 +33,8 @@ pub struct Scenario {
     pub emf_over_time: Vec<Timed<f64>>,
     /// One to [`MOTORS`](crate::hardware::MOTORS) motors.
     pub motors: Vec<Motor>,
+    /// Motors that move in step.
+    pub groups: Vec<Group>,
     /// As a test it is run on the emulated chip too.
     pub emulated: bool,
     /// What makes it a test.
@@ -67,6 +70,19 @@ pub struct Motor {
     pub torques: Vec<Timed<f64>>,
 }
 
+/// Motors of a scenario that move in step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Group {
+    /// How reports call it.
+    pub label: String,
+    /// Its members, by index.
+    pub motors: Vec<usize>,
+    /// The wheels that two members are.
+    pub base: Option<DriveBase>,
+    /// Where it is sent, times ascending.
+    pub courses: Vec<Timed<Together>>,
+}
+
 /// What the hub is told of a motor's constants, as a factor of what they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Told {
@@ -79,19 +95,24 @@ pub struct Told {
     pub motion: Option<ToldMotion>,
 }
 
-/// What the hub is told of inertia and friction, as factors of what they are with the load.
+/// What the hub is told of inertia, drag and friction, as factors of what they are with the load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToldMotion {
     /// Of the moment of inertia.
     pub inertia: f64,
+    /// Of the viscous drag.
+    pub drag: f64,
     /// Of the Coulomb friction.
     pub friction: f64,
 }
 
 impl Told {
     /// The constants as they are.
-    pub const TRUTH: Self =
-        Self { resistance: 1.0, emf: 1.0, motion: Some(ToldMotion { inertia: 1.0, friction: 1.0 }) };
+    pub const TRUTH: Self = Self {
+        resistance: 1.0,
+        emf: 1.0,
+        motion: Some(ToldMotion { inertia: 1.0, drag: 1.0, friction: 1.0 }),
+    };
 }
 
 /// Something that holds from a time on.
@@ -114,6 +135,7 @@ impl Scenario {
             battery,
             emf_over_time: Vec::new(),
             motors,
+            groups: Vec::new(),
             emulated: false,
             expectations: Vec::new(),
         }
@@ -132,13 +154,20 @@ impl Scenario {
         si::Volts(emf)
     }
 
-    /// What the hub is told, by time; at the same time, by motor.
+    /// What the hub is told, by time; at the same time, by motor, groups last.
     pub fn commands(&self) -> Vec<Timed<Command>> {
         let mut commands = Vec::new();
         for (motor, plan) in self.motors.iter().enumerate() {
             commands.extend(plan.setpoints.iter().map(|&Timed { at_s, value }| Timed {
                 at_s,
                 value: Command { motor, action: Action::Set(value) },
+            }));
+        }
+        for group in &self.groups {
+            let Some(&motor) = group.motors.first() else { continue };
+            commands.extend(group.courses.iter().map(|&Timed { at_s, value }| Timed {
+                at_s,
+                value: Command { motor, action: Action::Lead(value) },
             }));
         }
         commands.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
@@ -216,6 +245,7 @@ impl Motor {
         let truth = mechanics(&self.constants, &self.load);
         let mechanics = Mechanics {
             inertia: truth.inertia * told.inertia,
+            drag: truth.drag * told.drag,
             friction: truth.friction * told.friction,
             ..truth
         };

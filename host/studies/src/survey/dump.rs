@@ -40,8 +40,8 @@ fn table(out: &mut String, motor: &Motor) -> std::fmt::Result {
         None => writeln!(out, "told = \"nothing\"")?,
         Some(motion) => writeln!(
             out,
-            "told = {{ resistance = {resistance:?}, emf = {emf:?}, inertia = {:?}, friction = {:?} }}",
-            motion.inertia, motion.friction
+            "told = {{ resistance = {resistance:?}, emf = {emf:?}, inertia = {:?}, drag = {:?}, friction = {:?} }}",
+            motion.inertia, motion.drag, motion.friction
         )?,
     }
     writeln!(
