@@ -7,6 +7,7 @@ mod interrupt;
 mod live;
 mod setup;
 mod status;
+mod together;
 mod trouble;
 mod watch;
 
@@ -65,6 +66,10 @@ enum Command {
     Velocity(drive::VelocityOptions),
     /// Moves motors to a position and disables them there
     Position(drive::PositionOptions),
+    /// Moves motors in step to positions, or on at speeds, and disables them in the end, on hubs of this project
+    ///
+    /// All are on their way in proportion; one that lags is waited for.
+    Together(together::Options),
     /// Fail-safe: all motors off at once
     Stop,
     /// Reads a loop's coefficients, or sets those that are given and keeps the others
@@ -141,6 +146,7 @@ impl Command {
             Self::Power(options) => return options.execute(&mut session),
             Self::Velocity(options) => return options.execute(&mut session),
             Self::Position(options) => return options.execute(&mut session),
+            Self::Together(options) => return options.execute(&mut session),
             Self::Coefficients(options) => return options.execute(&mut session),
             Self::Setup(options) => return options.execute(&mut session),
             Self::Identify(options) => return options.execute(&mut session),

@@ -89,3 +89,25 @@ fn ctrl_c_stops_what_the_command_has_set_going() {
         assert_eq!(status(&hub)["motors"][0]["enabled"], false, "{arguments:?}");
     }
 }
+
+#[test]
+fn motors_move_in_step_to_where_they_are_sent() {
+    let hub = served();
+    let positions = |hub: &Hub| {
+        let motors = status(hub)["motors"].clone();
+        [0, 2].map(|motor: usize| motors[motor]["position"].as_i64().unwrap())
+    };
+    let shown = out(&client(&hub, &["together", "0=800", "2=-400", "--speed", "1600"]).output().unwrap());
+    assert!(shown.ends_with("all have arrived\n"), "{shown}");
+    let [first, second] = positions(&hub);
+    // Disabled, they may roll on.
+    assert!((first - 800).abs() < 50 && (second + 400).abs() < 50, "{first} {second}");
+    assert_eq!(status(&hub)["motors"][0]["enabled"], false);
+    out(&client(&hub, &["together", "0=-800", "2=400", "--by", "--speed", "1600"]).output().unwrap());
+    let [first, second] = positions(&hub);
+    assert!(first.abs() < 100 && second.abs() < 100, "{first} {second}");
+    out(&client(&hub, &["together", "0=300", "2=300", "--on", "--for", "0.5"]).output().unwrap());
+    let late = client(&hub, &["together", "0=90000", "--for", "0.3"]).output().unwrap();
+    assert_eq!(late.status.code(), Some(1));
+    assert!(err(&late).contains("not there after 0.3 s"), "{}", err(&late));
+}

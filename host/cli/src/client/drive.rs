@@ -17,10 +17,10 @@ use std::time::Duration;
 pub(crate) const ALL: [u8; motor_hub::protocol::CHANNELS] = [0, 1, 2, 3];
 
 /// Ten readings a second, which are far more than the hub's keep-alive needs.
-const INTERVAL: Duration = Duration::from_millis(100);
+pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
 
 /// Readings a line, where output is no terminal.
-const LINE: u32 = 10;
+pub(crate) const LINE: u32 = 10;
 
 /// In a row, and no faster than this, so that a motor that rushes through its target is not taken for one
 /// that is there: two counts in the hub's control period.

@@ -1,5 +1,6 @@
 //! `motor-hub client identify`.
 
+use super::drive::{INTERVAL, LINE};
 use super::interrupt;
 use super::live::Live;
 use super::trouble::Trouble;
@@ -18,10 +19,6 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 use studies::identify::{self, found_table};
 
-/// Far more often than the hub's keep-alive needs.
-const INTERVAL: Duration = Duration::from_millis(100);
-/// Looks for a line, where output is no terminal.
-const LINE: u32 = 10;
 /// A motor that brakes for so long stands, unless something drives it.
 const LONGEST_REST: Duration = Duration::from_secs(5);
 /// The slowest motor is done in half of it.
