@@ -16,6 +16,7 @@
 
 mod bound;
 pub mod cells;
+pub mod chart;
 mod dump;
 mod judge;
 mod pool;
