@@ -1,4 +1,13 @@
-//! How soon responses settle, as curves: of all that were asked for, how many had settled by a time.
+//! How soon responses settle, as curves: how many of them had settled by a time.
+//!
+//! ```
+//! use studies::survey::{Survey, chart};
+//!
+//! let survey = Survey::new(1, 1, &mut |_, _| ())?;
+//! let (name, figure) = chart::survey(&survey);
+//! assert_eq!((name.as_str(), figure.panels.len()), ("survey", 2));
+//! # Ok::<(), studies::StudyError>(())
+//! ```
 
 use super::cells::Cell;
 use super::reference::{Figure as Asked, Row};
@@ -6,13 +15,13 @@ use super::{Knowledge, Response, Survey, Verdict};
 use crate::NamedFigure;
 use chart::{Figure, Panel, Series, Style, colour};
 
-/// What settles later than this is seen in the tables only, in seconds.
+/// What settles later than this is not drawn, in seconds.
 const SHOWN_S: f64 = 4.0;
 
 type Times = Vec<Option<f64>>;
 
-const BY_MODEL: (&str, &str) = ("by the model, told exactly", colour::BLUE);
-const BY_PID: (&str, &str) = ("by PID, told nothing", colour::RED);
+const BY_MODEL: (&str, &str) = ("model, told exactly", colour::BLUE);
+const BY_PID: (&str, &str) = ("PID, told nothing", colour::RED);
 
 /// The tasks of the reference, at all periods.
 #[must_use]
@@ -65,7 +74,7 @@ fn times<'a>(verdicts: impl Iterator<Item = &'a Verdict>) -> Times {
 fn figure(name: &str, title: &str, subtitle: &str, panels: Vec<Panel>) -> NamedFigure {
     let figure = Figure {
         title: format!("{title}: how soon responses settle"),
-        subtitle: subtitle.to_owned(),
+        subtitle: format!("{subtitle}; beside each name, how many settle at all"),
         x_label: "time, s".into(),
         x_range: Some((0.0, SHOWN_S)),
         panels,
@@ -75,7 +84,7 @@ fn figure(name: &str, title: &str, subtitle: &str, panels: Vec<Panel>) -> NamedF
 
 fn panel(which: &str, curves: Vec<((&str, &'static str), Times)>) -> Panel {
     let curve = |((name, colour), times): ((&str, _), Times)| Series {
-        name: name.to_owned(),
+        name: format!("{name}: {:.1} %", in_all(&times)),
         colour,
         style: Style::Step,
         data: cumulative(times, SHOWN_S),
@@ -87,6 +96,11 @@ fn panel(which: &str, curves: Vec<((&str, &'static str), Times)>) -> Panel {
         series: curves.into_iter().map(curve).collect(),
         ..Panel::default()
     }
+}
+
+/// Percent that settles, however late.
+fn in_all(times: &Times) -> f64 {
+    100.0 * times.iter().flatten().count() as f64 / times.len().max(1) as f64
 }
 
 /// Percent by time, from 0 s to `end`; what has not settled by then is missing from the 100.
