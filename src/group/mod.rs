@@ -11,7 +11,8 @@
 //!
 //! // Motor 0 moves 1000 counts on, motor 2 moves 500 counts back.
 //! let course = Course::by(&[(0, 1_000), (2, -500)])?;
-//! let together = Together::new(course, CountsPerSecond::new(2_000), Acceleration::new(4_000)?);
+//! let usual = Together::new(course, CountsPerSecond::new(2_000), Acceleration::new(4_000)?);
+//! let together = Together { tolerance: 0, ..usual };
 //! let mut positions = [70, 0, -30];
 //! let mut group = Group::new(together, positions, [CountsPerSecond::ZERO; 3], Period::DEFAULT);
 //! while !group.has_arrived(&positions) {
