@@ -227,6 +227,33 @@ fn a_drive_base_goes_straight_with_equal_loads_and_with_unequal_ones() {
 }
 
 #[test]
+fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can() {
+    for (known, periods) in [(true, &[1, 10, 20, 50, 100][..]), (false, &[1, 10, 20, 50])] {
+        for &period in periods {
+            for (mm_s, mm_s2) in [(20.0, 100.0), (150.0, 500.0), (350.0, 700.0)] {
+                // Milliseconds until the references have come to their end, which nothing but a lag delays.
+                let [usual, endless] = [false, true].map(|endless| {
+                    let loads = [WHEEL, Load { drag_after: drag(0.12), ..WHEEL }];
+                    let mut bench = Bench::new(period, two(), known, loads, WHEEL);
+                    let Together { course, speed, acceleration, .. } =
+                        together(pair([1_000; 2]), mm_s, mm_s2);
+                    let usual = Together::new(course, speed, acceleration);
+                    bench.lead(if endless { Together { lag: u16::MAX, ..usual } } else { usual });
+                    while !matches!(bench.snapshot.motors[0].setpoint,
+                        Setpoint::Together(reference) if reference.position == 1_000)
+                    {
+                        bench.run_ms(1);
+                    }
+                    bench.ms
+                });
+                println!("known {known}, {period} ms, {mm_s} mm/s: {usual} ms, without a lag {endless} ms");
+                assert!(usual <= endless + u64::from(2 * period), "{usual} {endless}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
     for known in [true, false] {
         for period in PERIODS {

@@ -230,3 +230,18 @@ fn what_was_learned_is_told_as_the_motor_reports_it() {
         [&[2][..], &(1..=13).collect::<Vec<u8>>(), &[1, 1], &(15..=24).collect::<Vec<u8>>()].concat();
     assert_eq!(ask(Identification::Found(found)), Said::Data(bytes));
 }
+
+#[test]
+fn what_was_learned_before_is_no_answer_to_what_is_asked_now() {
+    let mut host = standing();
+    host.snapshot.tick = 7;
+    host.snapshot.motors[1].identification = Identification::Refused(Refusal::Load);
+    learn(&mut host, 500);
+    // Neither before the motor is told nor in the report that may have been made just then.
+    assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(vec![1, 0]));
+    host.told();
+    for (tick, said) in [(7, vec![1, 0]), (8, vec![1, 0]), (9, vec![3, 8])] {
+        host.snapshot.tick = tick;
+        assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(said), "tick {tick}");
+    }
+}

@@ -22,6 +22,7 @@
 //! assert!(turning.control < standing.control);
 //! ```
 
+mod arrival;
 mod report;
 mod setpoint;
 mod settings;
@@ -38,6 +39,7 @@ use crate::motion::guard::Finding;
 use crate::regulator::identify::{Identifier, Refusal};
 use crate::regulator::{Demand, Regulator, Stage};
 use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Voltage};
+use arrival::Arrival;
 use core::mem::discriminant;
 use watch::{Order, Watch};
 
@@ -61,6 +63,7 @@ pub struct Motor {
     regulator: Regulator,
     identifier: Identifier,
     watch: Watch,
+    arrival: Arrival,
 }
 
 /// A control value and what the bridge makes of it.
@@ -87,6 +90,7 @@ impl Motor {
             regulator: Regulator::new(settings.regulation(), period),
             identifier: Identifier::new(period),
             watch: Watch::new(period, settings.dynamics.map(|known| known.gain)),
+            arrival: Arrival::new(period),
         }
     }
 
@@ -103,6 +107,7 @@ impl Motor {
         let follows = matches!((self.setpoint, setpoint), (Setpoint::Together(_), Setpoint::Together(_)));
         if setpoint != self.setpoint && !follows {
             self.regulator.retarget();
+            self.arrival.reset();
             if discriminant(&setpoint) != discriminant(&self.setpoint) {
                 self.regulator.change_mode();
             }
@@ -179,6 +184,7 @@ impl Motor {
             Some((control, Placement { regime, drive, .. })) => (control, Some(regime), drive),
             None => (Control::ZERO, None, Drive::COAST),
         };
+        let near = self.setpoint.reached(self.position);
         Report {
             setpoint: self.setpoint,
             position: self.position,
@@ -189,7 +195,7 @@ impl Motor {
             control,
             regime,
             drive,
-            at_target: self.setpoint.reached(self.position),
+            at_target: self.arrival.step(near, velocity),
             stalled: self.watch.stalled(),
             identification: self.identifier.state(),
             faults: Faults {

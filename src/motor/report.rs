@@ -52,7 +52,8 @@ pub struct Report {
     pub regime: Option<Regime>,
     /// What the bridge is told.
     pub drive: Drive,
-    /// In regulated position and within the tolerance.
+    /// In regulated position, within the tolerance, and no faster than 40 counts/s, all that for 50 ms or a control
+    /// period, whichever is longer. Of a member of a group: all members have come to their end.
     pub at_target: bool,
     /// Regulated, under effort, and held against a stop.
     pub stalled: bool,

@@ -18,7 +18,7 @@ pub enum Setpoint {
     Position {
         /// Where to go, in counts.
         target: i32,
-        /// At target is reported within this many counts.
+        /// At target is reported of a motor that stands within this many counts.
         tolerance: u16,
         /// Magnitude of the speed on the way; the sign does not matter.
         speed_limit: CountsPerSecond,

@@ -21,21 +21,15 @@
 //! | u8 | when one is at fault, or leaves: 0 the others stop, 1 they are disabled |
 //!
 //! ```
-//! use motor_hub::group::{DriveBase, Halt};
+//! use motor_hub::group::DriveBase;
 //! use motor_hub::protocol::group::{GroupCourse, GroupMove, ToGroup};
 //! use motor_hub::units::{Acceleration, CountsPerSecond};
 //!
 //! // A drive base on motors 0 and 1 turns a quarter to the left.
 //! let base = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
 //! let [left, right] = base.turn(90.0)?;
-//! let turn = GroupMove {
-//!     course: GroupCourse::To([Some(left), Some(right), None, None]),
-//!     speed: CountsPerSecond::new(2_000),
-//!     acceleration: Acceleration::new(5_000)?,
-//!     lag: 100,
-//!     tolerance: 5,
-//!     halt: Halt::Stop,
-//! };
+//! let course = GroupCourse::To([Some(left), Some(right), None, None]);
+//! let turn = GroupMove::new(course, CountsPerSecond::new(2_000), Acceleration::new(5_000)?);
 //! let request = ToGroup::Move { wanted: turn }.to(0);
 //! assert_eq!((request.id(), request.payload().len()), (0x4D06, 32));
 //! # Ok::<(), motor_hub::units::RangeError>(())
@@ -45,7 +39,7 @@ use super::CHANNELS;
 use super::fields::{ByteIn, Field, Fields, Payload, codes};
 use super::nack::Nack;
 use super::table::requests;
-use crate::group::Halt;
+use crate::group::{Halt, TOLERANCE, usual_lag};
 use crate::units::{Acceleration, CountsPerSecond};
 
 requests! {
@@ -83,6 +77,14 @@ pub struct GroupMove {
     pub tolerance: u16,
     /// What becomes of the others when one is lost.
     pub halt: Halt,
+}
+
+impl GroupMove {
+    /// With lag, tolerance and halt as [`Together::new`](crate::group::Together::new) has them.
+    pub const fn new(course: GroupCourse, speed: CountsPerSecond, acceleration: Acceleration) -> Self {
+        let (lag, halt) = (usual_lag(speed), Halt::Stop);
+        Self { course, speed, acceleration, lag, tolerance: TOLERANCE, halt }
+    }
 }
 
 /// How far a motor's group is.

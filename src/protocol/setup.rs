@@ -13,7 +13,7 @@
 //! | 5 tell what came of that | motor | the fields of an [`Identification`] |
 //!
 //! Function 4 is refused (51) unless the motor is enabled, in constant power of 0; any other target, mode or
-//! disabling ends the motion. What is found is told, not put in force: that is function 2.
+//! disabling ends the motion. From then on function 5 answers of that motion only. What is found is told, not put in force: that is function 2.
 //! | 6, 7 | of motors that move in step, see [`group`](super::group) | |
 //!
 //! A set-up forgets how the motor moved and the coefficients that a host gave: it is another motor.

@@ -215,7 +215,7 @@ impl<const N: usize> Responder<N> {
                 let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
                 let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
                 let battery = snapshot.battery.filter(|battery| *battery >= LOW_BATTERY);
-                channel.receive_setup(request, report, battery)
+                channel.receive_setup(request, report, battery, snapshot.tick)
             }
         }
     }

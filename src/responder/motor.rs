@@ -25,7 +25,7 @@ use crate::protocol::Nack;
 use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use crate::protocol::setup::{Motion, ToSetup};
 use crate::regulator;
-use crate::regulator::identify::travel;
+use crate::regulator::identify::{Identification, travel};
 use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts, Period};
 
 /// The speed limit on the way to a position, in counts per second, while no target velocity has ever
@@ -46,6 +46,8 @@ pub struct MotorChannel {
     position: Option<Target>,
     /// The limit of travel of an identification that nothing has come after.
     identify: Option<u32>,
+    /// The tick at which that was last asked for.
+    identify_at: Option<u32>,
     /// The tick at which it was last sent somewhere in a group.
     joined_at: Option<u32>,
     /// The motor's counts where the host's are 0.
@@ -78,6 +80,7 @@ impl MotorChannel {
             velocity: None,
             position: None,
             identify: None,
+            identify_at: None,
             joined_at: None,
             offset: 0,
             current_alert: 0,
@@ -146,7 +149,7 @@ impl MotorChannel {
         Ok(Answer::Ack)
     }
 
-    /// Does what a request says. `battery` is its voltage, if motors may be enabled.
+    /// Does what a request says. `battery` is its voltage, if motors may be enabled, and `tick` that of the report.
     ///
     /// # Errors
     /// Why the request is refused; nothing has changed then.
@@ -155,6 +158,7 @@ impl MotorChannel {
         request: ToSetup,
         report: &Report,
         battery: Option<Millivolts>,
+        tick: u32,
     ) -> Result<Answer, Nack> {
         Ok(match request {
             ToSetup::SetUp { setup: wanted } => {
@@ -179,7 +183,14 @@ impl MotorChannel {
                 }
                 self.retarget();
                 self.identify = Some(travel_limit);
+                self.identify_at = Some(tick);
                 Answer::data(&travel(self.settings.winding.emf, battery, travel_limit))
+            }
+            // What is reported may be of the time before.
+            ToSetup::Identification
+                if self.identify.is_some() && (self.pending.set || is_soon_after(self.identify_at, tick)) =>
+            {
+                Answer::data(&Identification::Running(0))
             }
             ToSetup::Identification => Answer::data(&report.identification),
         })
@@ -296,7 +307,7 @@ impl MotorChannel {
 
     /// The group was not known to the motor yet when the report of this tick was made, or may not have been.
     pub(super) fn has_just_joined(&self, tick: u32) -> bool {
-        self.joined_at.is_some_and(|joined_at| tick.wrapping_sub(joined_at) < 2)
+        is_soon_after(self.joined_at, tick)
     }
 
     /// It is about to be told to go somewhere by itself, or to let go.
@@ -327,4 +338,9 @@ impl MotorChannel {
                 counts.wrapping_sub(self.counts(report)).unsigned_abs() <= u32::from(tolerance)
             })
     }
+}
+
+/// The report of a tick may have been made before the motor knew what it was told when there was that of another.
+fn is_soon_after(told_at: Option<u32>, tick: u32) -> bool {
+    told_at.is_some_and(|told_at| tick.wrapping_sub(told_at) < 2)
 }

@@ -29,13 +29,13 @@ use std::time::Duration;
 
 use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::bridge::Drive;
-use motor_hub::model::load::Shaft;
 use motor_hub::model::plant::{Influence, Plant};
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::motion::{Reading, Tracker};
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
-use motor_hub::regulator::{Dynamics, Kind, Mechanics};
+use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{CountsPerSecond, EmfConstant, Micros, Millivolts, Period, RangeError};
+use simulated::hardware::mechanics;
 
 use crate::bench::{Bench, Setup};
 use crate::elf;
@@ -129,15 +129,7 @@ fn settings(mounting: &Mounting, way: Way) -> Result<Settings, RangeError> {
 /// # Errors
 /// If one of the motor's constants does not fit the firmware's range.
 pub fn dynamics(mounting: &Mounting, settings: &Settings) -> Result<Dynamics, RangeError> {
-    let Mounting { motor, load, .. } = mounting;
-    let shaft = Shaft::new(motor, load);
-    let mechanics = Mechanics {
-        torque_constant: motor.kt.0,
-        counts_per_turn: motor.counts_per_rev_motor,
-        inertia: shaft.inertia.0,
-        drag: shaft.drag.0,
-        friction: motor.friction.coulomb.0,
-    };
+    let mechanics = mechanics(&mounting.motor, &mounting.load);
     Dynamics::from_mechanics(&settings.winding, &settings.bridge, &mechanics)
 }
 

@@ -48,6 +48,9 @@ pub enum ReplayError {
         /// The image's, in milliseconds.
         image: u32,
     },
+    /// What groups do cannot be told from a chip's lines.
+    #[error("groups are not run on the emulated chip")]
+    Groups,
     /// A motor's constants do not fit the firmware.
     #[error("{label}: {error}")]
     Motor {
@@ -92,7 +95,7 @@ pub fn on_a_line(mut scenario: Scenario) -> Scenario {
 /// Runs a scenario on the emulated chip; `progress` is told the virtual time in seconds.
 ///
 /// # Errors
-/// If the emulator had a gap.
+/// If the scenario cannot be run on the chip, or if the emulator had a gap.
 ///
 /// # Panics
 /// If the firmware does not obey.
@@ -100,6 +103,9 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
     if scenario.period != Period::DEFAULT {
         let (asked, image) = (scenario.period.as_millis(), Period::DEFAULT.as_millis());
         return Err(ReplayError::Period { asked, image });
+    }
+    if !scenario.groups.is_empty() {
+        return Err(ReplayError::Groups);
     }
     let mut bench = Bench::new(stand(scenario));
     let mut talk = Talk::default();

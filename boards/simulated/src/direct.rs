@@ -16,7 +16,7 @@ use crate::scenario::Scenario;
 use crate::sim::{self, RunError, STEP_S};
 use embassy_futures::block_on;
 use motor_hub::board::{Bridges, Encoders, SupplyAdc};
-use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
+use motor_hub::hub::{Hub, Inputs, Snapshot};
 use motor_hub::model::si::{Seconds, Volts};
 use motor_hub::motion::Tracker;
 use motor_hub::supply::{Limits, Supply};
@@ -46,7 +46,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
     let mut board = sim::board(scenario);
     let mut hub = Hub::new(sim::all_settings(&scenario.motors, scenario.period)?, scenario.period);
     let mut supply = Supply::new(Limits::default());
-    let mut commands = commands(scenario);
+    let mut commands = scenario.commands().into_iter().peekable();
     let mut trackers = [Tracker::default(); MOTORS];
     let (mut battery, mut snapshot) = (None, Snapshot::INITIAL);
     for ms in 0..(scenario.duration_s / STEP_S).round() as u64 {
@@ -60,9 +60,9 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             battery = supply.step(block_on(board.sample()), now).or(battery);
         }
         if ms > 0 && ms % u64::from(scenario.period.as_millis()) == 0 {
-            while let Some((_, command)) = commands.next_if(|(at_ms, _)| *at_ms <= ms) {
+            while let Some(due) = commands.next_if(|command| (command.at_s / STEP_S).round() as u64 <= ms) {
                 // Scenarios know their motors.
-                let _ = hub.apply(command);
+                let _ = hub.apply(due.value);
             }
             snapshot = hub.step(Inputs { now, readings, battery });
             board.apply(&snapshot.drives());
@@ -74,20 +74,6 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         board.run(Seconds(STEP_S), &sim::torques(scenario, now_s));
     }
     Ok(())
-}
-
-/// What the hub is told, with the millisecond from which on.
-fn commands(scenario: &Scenario) -> std::iter::Peekable<std::vec::IntoIter<(u64, Command)>> {
-    let mut commands: Vec<(u64, Command)> = Vec::new();
-    for (motor, plan) in scenario.motors.iter().enumerate() {
-        let timed = plan.setpoints.iter().map(|timed| {
-            let at_ms = (timed.at_s / STEP_S).round() as u64;
-            (at_ms, Command { motor, action: Action::Set(timed.value) })
-        });
-        commands.extend(timed);
-    }
-    commands.sort_by_key(|(at_ms, _)| *at_ms);
-    commands.into_iter().peekable()
 }
 
 #[cfg(test)]

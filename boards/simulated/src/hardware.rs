@@ -13,6 +13,8 @@
 use motor_hub::braking::Winding;
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::Motor;
+use motor_hub::model::load::{Load, Shaft};
+use motor_hub::regulator::Mechanics;
 use motor_hub::units::{EmfConstant, Inductance, RangeError, Resistance};
 
 /// How many motors the hub drives.
@@ -31,4 +33,16 @@ pub fn winding(motor: &Motor) -> Result<Winding, RangeError> {
         resistance: Resistance::from_ohms(motor.r.0)?,
         inductance: Some(Inductance::from_millihenries(1e3 * motor.l.0)?),
     })
+}
+
+/// How a motor moves with its load, seen from the motor's shaft.
+pub fn mechanics(motor: &Motor, load: &Load) -> Mechanics {
+    let shaft = Shaft::new(motor, load);
+    Mechanics {
+        torque_constant: motor.kt.0,
+        counts_per_turn: motor.counts_per_rev_motor,
+        inertia: shaft.inertia.0,
+        drag: shaft.drag.0,
+        friction: motor.friction.coulomb.0,
+    }
 }

@@ -20,7 +20,7 @@ mod substitute;
 
 use std::path::Path;
 
-pub use definition::{LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
+pub use definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
 pub use mistake::{Mistake, ScenarioError};
 
 /// What runs when no file is named.

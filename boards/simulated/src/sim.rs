@@ -15,13 +15,13 @@
 //! ```
 
 use crate::hardware::MOTORS;
-use crate::scenario::{Motor, Scenario};
+use crate::scenario::{Motor, Scenario, Timed};
 use crate::trace::{Sample, Tick, Trace};
 use crate::world::Board;
 use embassy_futures::join::{join, join5};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver, Timer};
-use motor_hub::hub::{Action, Command, Hub, Snapshot};
+use motor_hub::hub::{Hub, Snapshot};
 use motor_hub::model::plant::Flow;
 use motor_hub::model::si::Seconds;
 use motor_hub::motor::Settings;
@@ -192,13 +192,7 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
 
 /// The host that tells the hub what to do, when the scenario says so.
 async fn operate(scenario: &Scenario, wires: &Wires) {
-    let mut commands: Vec<(f64, Command)> = Vec::new();
-    for (motor, plan) in scenario.motors.iter().enumerate() {
-        let set = |value| Command { motor, action: Action::Set(value) };
-        commands.extend(plan.setpoints.iter().map(|timed| (timed.at_s, set(timed.value))));
-    }
-    commands.sort_by(|a, b| a.0.total_cmp(&b.0));
-    for (at_s, command) in commands {
+    for Timed { at_s, value: command } in scenario.commands() {
         Timer::at(Instant::from_micros((at_s * 1e6).round() as u64)).await;
         wires.commands.send(command).await;
     }

@@ -1,8 +1,11 @@
 //! Scenario files with mistakes: each is refused with its place and with what is allowed.
 #![expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
 
+use motor_hub::group::{Course, Halt, TOLERANCE, Together, usual_lag};
+use motor_hub::hub::{Action, Command};
 use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::si::{NewtonMetres, Volts};
+use motor_hub::units::CountsPerSecond;
 use simulated::scenario::Scenario;
 use simulated::scenario::expectation::{Bounds, Expectation, Quantity, Subject, Wish};
 
@@ -225,4 +228,83 @@ fn friction_and_cogging_are_shares_of_the_stall_torque_and_stay_so_in_another_mo
         }
         assert_eq!(cogging.per_turn, 6, "{name}");
     }
+}
+
+const TWO_WHEELS: &str = r#"
+name = "test"
+duration_s = 2.0
+battery = { emf_v = 12.0, resistance_ohm = 0.1 }
+[[motors]]
+label = "left"
+motor = "AM 60 A"
+[[motors]]
+label = "right"
+motor = "AM 60 B"
+[[groups]]
+label = "base"
+motors = ["left", "right"]
+base = { wheel_diameter_mm = 90, track_mm = 300, counts_per_turn = [1680, -1680] }
+courses = [
+    { at_s = 0.0, straight_mm = 100, turn_degrees = 90, speed_cps = 1000, acceleration_cps2 = 4000 },
+    { at_s = 1.0, on_cps = [-500, 300], acceleration_cps2 = 4000, lag_counts = 7, tolerance_counts = 0 },
+]
+[[expect]]
+group = "base"
+settles_within_s = 1.0
+heading_error_below_degrees = 0.5
+"#;
+
+#[test]
+fn a_group_is_sent_on_courses_by_the_wheels_of_its_base() {
+    let scenario = Scenario::parse("g.toml", TWO_WHEELS).expect("it is valid");
+    let group = scenario.groups.first().expect("a group");
+    let courses: Vec<Together> = group.courses.iter().map(|course| course.value).collect();
+    let [first, second]: [Together; 2] = courses.try_into().expect("two courses");
+    // 100 mm less and more the 235.6 mm that a wheel goes in a quarter of a turn, the right one mirrored.
+    assert_eq!(first.course, Course::by(&[(0, -806), (1, -1994)]).expect("two motors"));
+    let usual = (usual_lag(CountsPerSecond::new(1_000)), TOLERANCE);
+    assert_eq!(((first.lag, first.tolerance), first.halt), (usual, Halt::Stop));
+    let on = [(0, CountsPerSecond::new(-500)), (1, CountsPerSecond::new(300))];
+    assert_eq!(second.course, Course::on(&on).expect("two motors"));
+    assert_eq!((second.lag, second.tolerance), (7, 0));
+    let leads = scenario.commands().into_iter().map(|command| (command.at_s, command.value));
+    let lead = |together| Command { motor: 0, action: Action::Lead(together) };
+    assert_eq!(leads.collect::<Vec<_>>(), [(0.0, lead(first)), (1.0, lead(second))]);
+    let subjects: Vec<Subject> = scenario.expectations.iter().map(|wanted| wanted.subject).collect();
+    assert_eq!(subjects, [Subject::Group(0), Subject::Group(0)]);
+}
+
+#[test]
+fn a_group_that_cannot_be_is_refused() {
+    let refused = |from: &str, to: &str, says: &str| {
+        assert!(TWO_WHEELS.contains(from), "{from:?} is not in the sound scenario");
+        let error = Scenario::parse("g.toml", &TWO_WHEELS.replacen(from, to, 1)).expect_err(to).to_string();
+        assert!(error.starts_with("g.toml:") && error.contains(says), "{to:?}: {error}");
+    };
+    let members = "motors = [\"left\", \"right\"]";
+    refused(members, "motors = [\"left\", \"left\"]", "each named once");
+    refused(members, "motors = [\"left\"]", "two motors or more");
+    refused(members, "motors = [\"left\", \"back\"]", "there are left, right");
+    refused("[[groups]]", "[[motors]]\nlabel = \"third\"\nmotor = \"AM 60 A\"\n[[groups]]", "or a group");
+    refused("duration_s = 2.0", "duration_s = 2.0\nemulated = true", "leave emulated out");
+    refused("[1680, -1680]", "[1680, 0.1]", "1 to 1000000 either way");
+    refused("track_mm = 300", "track_mm = 0", "1 to 1000000");
+    refused("straight_mm = 100", "by_counts = [1, 2]", "exactly one of");
+    refused("straight_mm = 100, turn_degrees = 90, ", "", "exactly one of");
+    refused("straight_mm = 100, turn_degrees = 90", "to_counts = [1]", "1 numbers; the group has 2");
+    refused("straight_mm = 100", "straight_mm = 2e6", "-1000000 to 1000000");
+    refused("speed_cps = 1000, ", "", "needs speed_cps");
+    refused("[-500, 300]", "[-500, 300], speed_cps = 5", "leave speed_cps out");
+    refused("[-500, 300]", "[-500, 2000000]", "-1000000 to 1000000");
+    refused("acceleration_cps2 = 4000", "acceleration_cps2 = 0", "1 to 1000000000");
+    refused("at_s = 1.0", "at_s = 0.0", "not after 0");
+    refused(
+        "base = { wheel_diameter_mm = 90, track_mm = 300, counts_per_turn = [1680, -1680] }",
+        "",
+        "the group's base",
+    );
+    refused("group = \"base\"", "group = \"bases\"", "no group is labelled \"bases\"; there are base");
+    refused("group = \"base\"", "group = \"base\"\nmotor = \"left\"", "not of both");
+    refused("group = \"base\"\n", "", "of a group with a base");
+    refused("settles_within_s = 1.0", "fault = \"none\"", "only settles_within_s and heading_error");
 }

@@ -2,9 +2,12 @@
 
 mod coefficients;
 mod drive;
+mod identify;
+mod interrupt;
 mod live;
 mod setup;
 mod status;
+mod together;
 mod trouble;
 mod watch;
 
@@ -24,9 +27,8 @@ Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
 Reads and sets what the protocol knows of motors: power, velocity, position, coefficients, encoders,
 status, LED. Without --address the hub is found by discovery, which takes 0.25 s.
 
-Power, velocity and position disable their motors when they are over. Ctrl-C just ends the program: the
-hub then hears nothing, and after its keep-alive timeout of 2.5 s it lets all motors coast. `stop` does so
-at once.
+Commands that run motors disable them when they are over, and on Ctrl-C. If the program is killed, the hub
+hears nothing, and after its keep-alive timeout of 2.5 s it lets all motors coast. `stop` does so at once.
 
 Exit codes: 0 done; 1 no answer, a refusal, or a target that was not reached; 2 wrong options.";
 
@@ -59,17 +61,15 @@ enum Command {
     /// Status, version, battery, LED, and what every motor is set to and does
     Status(status::Options),
     /// Runs motors with constant power, disabled at the end
-    ///
-    /// After Ctrl-C they run on until the hub's keep-alive timeout, 2.5 s, makes them coast.
     Power(drive::PowerOptions),
     /// Runs motors with regulated velocity, disabled at the end
-    ///
-    /// After Ctrl-C they run on until the hub's keep-alive timeout, 2.5 s, makes them coast.
     Velocity(drive::VelocityOptions),
     /// Moves motors to a position and disables them there
-    ///
-    /// After Ctrl-C they run on until the hub's keep-alive timeout, 2.5 s, makes them coast.
     Position(drive::PositionOptions),
+    /// Moves motors in step to positions, or on at speeds, and disables them in the end, on hubs of this project
+    ///
+    /// All are on their way in proportion; one that lags is waited for.
+    Together(together::Options),
     /// Fail-safe: all motors off at once
     Stop,
     /// Reads a loop's coefficients, or sets those that are given and keeps the others
@@ -78,6 +78,10 @@ enum Command {
     ///
     /// Setting anything gives the motor the coefficients that go with it. Nothing of it outlasts a reset.
     Setup(setup::Options),
+    /// Learns how a motor moves with its load, from a motion of some 3 s both ways, on hubs of this project
+    ///
+    /// The motor must stand, and be free to turn. It is disabled at the end, on Ctrl-C, and on any error.
+    Identify(identify::Options),
     /// Makes a motor's present position 0
     ResetEncoder {
         #[arg(value_parser = channel)]
@@ -142,8 +146,10 @@ impl Command {
             Self::Power(options) => return options.execute(&mut session),
             Self::Velocity(options) => return options.execute(&mut session),
             Self::Position(options) => return options.execute(&mut session),
+            Self::Together(options) => return options.execute(&mut session),
             Self::Coefficients(options) => return options.execute(&mut session),
             Self::Setup(options) => return options.execute(&mut session),
+            Self::Identify(options) => return options.execute(&mut session),
             Self::Watch(options) => return options.execute(&mut session),
             Self::Stop => {
                 session.fail_safe()?;

@@ -1,10 +1,8 @@
 //! `motor-hub identify`.
 
 use crate::output::{Failure, drawn, print, print_json, write_all};
-use motor_hub::model::catalogue::characterised;
+use crate::source::Source;
 use motor_hub::regulator::identify::Identification;
-use motor_hub::units::Period;
-use simulated::hardware::MOTORS;
 use simulated::scenario::Scenario;
 use simulated::sim;
 use std::path::PathBuf;
@@ -24,19 +22,11 @@ Exit codes: 0 all motors are known; 1 one is not; 2 wrong options.";
 /// Which motors, and where the chart goes.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Scenario file (TOML) instead of the default scenario
-    #[arg(long, value_name = "FILE")]
-    scenario: Option<PathBuf>,
-    /// Motor of the catalogue in the place of the default scenario's first, second, ... motor, with loads in
-    /// proportion; up to four
-    #[arg(long, value_name = "NAME", conflicts_with = "scenario")]
-    motor: Vec<String>,
+    #[command(flatten)]
+    source: Source,
     /// Counts that each may turn at most, either way; fewer make the motion shorter
     #[arg(long, value_name = "COUNTS", default_value_t = u32::MAX, hide_default_value = true)]
     travel: u32,
-    /// Control period in milliseconds
-    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u32).range(1..=100))]
-    period: Option<u32>,
     /// Folder for the chart
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/identify")]
     out: PathBuf,
@@ -47,7 +37,7 @@ pub(crate) struct Options {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        let mut scenario = identify::scenario(self.scenario()?, self.travel);
+        let mut scenario = identify::scenario(self.source.scenario(Scenario::undisturbed)?, self.travel);
         let mut trace = sim::run(&scenario, &mut |_| ()).map_err(Failure::work)?;
         if let Some(longer) = identify::longer(&scenario, &trace) {
             trace = sim::run(&longer, &mut |_| ()).map_err(Failure::work)?;
@@ -66,29 +56,5 @@ impl Options {
             0 => Ok(()),
             unknown => Err(Failure::Work(format!("{unknown} of the motors cannot be known in this way"))),
         }
-    }
-
-    fn scenario(&self) -> Result<Scenario, Failure> {
-        let mut scenario = match &self.scenario {
-            Some(path) => Scenario::load(path).map_err(Failure::input)?,
-            None => Scenario::default_one().map_err(Failure::input)?.undisturbed(),
-        };
-        if self.motor.len() > MOTORS {
-            let times = self.motor.len();
-            return Err(Failure::Input(format!(
-                "--motor is given {times} times; the hub drives 1 to {MOTORS}"
-            )));
-        }
-        if !self.motor.is_empty() {
-            scenario.motors.truncate(self.motor.len());
-        }
-        for (motor, name) in scenario.motors.iter_mut().zip(&self.motor) {
-            let constants = characterised(name).map_err(Failure::input)?;
-            *motor = motor.with_constants(constants.with_measured_rotor_inertia());
-        }
-        if let Some(ms) = self.period {
-            scenario.period = Period::from_millis(ms).map_err(Failure::input)?;
-        }
-        Ok(scenario)
     }
 }

@@ -21,6 +21,7 @@ mod parse;
 mod points;
 mod run;
 mod serve;
+mod source;
 mod survey;
 
 use clap::{Parser, Subcommand};

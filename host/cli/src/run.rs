@@ -3,10 +3,8 @@
 use crate::choice::Choice;
 use crate::output::{Failure, drawn, print, print_json, write_all};
 use crate::parse::run_seconds;
+use crate::source::Source;
 use indicatif::ProgressBar;
-use motor_hub::model::catalogue::characterised;
-use motor_hub::units::Period;
-use simulated::hardware::MOTORS;
 use simulated::scenario::Scenario;
 use simulated::sim::{self, RunError};
 use std::path::PathBuf;
@@ -15,22 +13,14 @@ use studies::report::RunReport;
 /// What is run, and where its output goes.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Scenario file (TOML) instead of the default scenario
-    #[arg(long, value_name = "FILE")]
-    scenario: Option<PathBuf>,
+    #[command(flatten)]
+    source: Source,
     /// Length of the run in seconds
     #[arg(long, value_name = "S", value_parser = run_seconds)]
     time: Option<f64>,
-    /// Motor of the catalogue in the place of the default scenario's first, second, ... motor, with
-    /// speeds and loads in proportion; up to four. The run has as many motors as are named
-    #[arg(long, value_name = "NAME", conflicts_with = "scenario")]
-    motor: Vec<String>,
     /// Of all motors
     #[command(flatten)]
     choice: Choice,
-    /// Control period in milliseconds
-    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u32).range(1..=100))]
-    period: Option<u32>,
     /// What the noise of the measurements follows from
     #[arg(long)]
     seed: Option<u32>,
@@ -64,32 +54,12 @@ impl Options {
 
     /// The scenario with all options applied.
     fn scenario(&self) -> Result<Scenario, Failure> {
-        let mut scenario = match &self.scenario {
-            Some(path) => Scenario::load(path),
-            None => Scenario::default_one(),
-        }
-        .map_err(Failure::input)?;
-        if self.motor.len() > MOTORS {
-            let times = self.motor.len();
-            return Err(Failure::Input(format!(
-                "--motor is given {times} times; the hub drives 1 to {MOTORS}"
-            )));
-        }
-        if !self.motor.is_empty() {
-            scenario.motors.truncate(self.motor.len());
-        }
-        for (motor, name) in scenario.motors.iter_mut().zip(&self.motor) {
-            let constants = characterised(name).map_err(Failure::input)?;
-            *motor = motor.with_constants(constants.with_measured_rotor_inertia());
-        }
+        let mut scenario = self.source.scenario(|default| default)?;
         if let Some(scheme) = self.choice.scheme().map_err(Failure::input)? {
             scenario.motors.iter_mut().for_each(|motor| motor.scheme = scheme);
         }
         if let Some(duty) = self.choice.duty() {
             scenario.motors.iter_mut().for_each(|motor| motor.duty = duty);
-        }
-        if let Some(ms) = self.period {
-            scenario.period = Period::from_millis(ms).map_err(Failure::input)?;
         }
         scenario.duration_s = self.time.unwrap_or(scenario.duration_s);
         scenario.seed = self.seed.map_or(scenario.seed, u64::from);

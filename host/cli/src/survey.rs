@@ -1,10 +1,11 @@
 //! `motor-hub survey`.
 
-use crate::output::{Failure, print, print_json, write_all};
+use crate::output::{Failure, drawn, print, print_json, write_all};
 use indicatif::ProgressBar;
 use serde_json::json;
 use std::path::PathBuf;
-use studies::survey::{Survey, cells, random, reference, text, toml};
+use studies::NamedFigure;
+use studies::survey::{Survey, cells, chart, random, reference, text, toml};
 
 /// The long help of the command.
 pub(crate) const HELP: &str = "\
@@ -13,9 +14,10 @@ How well motors are regulated: reference tasks, bare motors, scenarios by lot
 Three parts, each by the model and, beside it, by PID for a motor of which nothing is told:
 the tasks of the reference at six control periods; every motor of the catalogue without a load, told to turn and
 told to go somewhere, at four; and any number of scenarios drawn by lot, with inertia told exactly, 0.7 and 1.4
-times. Of the last those responses are counted that can be settled: 1.5 times the ideal time of full voltage
-(95 % of what the battery keeps with all motors stalled, within the scheme's range) plus 0.3 s, six control periods
-and three counts fit into nine tenths of the time, and a tenth of the voltage is left at the end.
+times, and dry friction of up to 10 % of the stall torque in half of the motors. Of the last those responses are
+counted that can be settled: 1.5 times the ideal time of full voltage (95 % of what the battery keeps with all motors
+stalled, within the scheme's range) plus 0.3 s, six control periods and three counts fit into nine tenths of the time,
+and a tenth of the voltage is left at the end.
 
 A scenario is known by seed and number; --dump writes it as a file that `motor-hub run` takes.";
 
@@ -45,11 +47,11 @@ pub(crate) struct Options {
     /// How many of the worst responses to list
     #[arg(long, default_value_t = 10)]
     worst: usize,
-    /// Write the scenario of this number to a folder, and run nothing
+    /// Write the scenario of this number to the folder, and run nothing
     #[arg(long, value_name = "NUMBER")]
     dump: Option<u64>,
-    /// The folder for it
-    #[arg(long, value_name = "DIR", default_value = "target/motor-hub/survey", requires = "dump")]
+    /// Folder for charts, or for that scenario
+    #[arg(long, value_name = "DIR", default_value = "target/motor-hub/survey")]
     out: PathBuf,
     /// One JSON document on standard output instead of tables
     #[arg(long)]
@@ -78,14 +80,24 @@ impl Options {
             wanted(Part::Random).then(|| Survey::new(self.seed, self.scenarios, &mut progress)).transpose();
         let survey = survey.map_err(Failure::work)?;
         bar.finish_and_clear();
+        let figures = [
+            reference.as_deref().map(chart::reference),
+            cells.as_deref().map(chart::cells),
+            survey.as_ref().map(chart::survey),
+        ];
+        let figures: Vec<NamedFigure> = figures.into_iter().flatten().collect();
+        let files = write_all(&self.out, drawn(&figures)?)?;
         if self.json {
-            return print_json(&json!({ "reference": reference, "cells": cells, "survey": survey }));
+            let document =
+                json!({ "reference": reference, "cells": cells, "survey": survey, "files": files });
+            return print_json(&document);
         }
         let parts = [
             reference.map(|rows| text::reference(&rows)),
             cells.map(|cells| text::cells(&cells)),
             survey.map(|survey| text::survey(&survey, self.worst)),
         ];
-        parts.into_iter().flatten().try_for_each(|part| print(&part))
+        parts.into_iter().flatten().try_for_each(|part| print(&part))?;
+        print(&format!("\nCharts (SVG, PNG) are in {}\n", self.out.display()))
     }
 }

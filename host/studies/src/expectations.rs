@@ -26,6 +26,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use crate::groups;
 use crate::measures::regime_of;
 use crate::measures::{Measures, Response};
 use motor_hub::braking::Regime;
@@ -33,8 +34,8 @@ use motor_hub::motion::EncoderFault;
 use motor_hub::motor::Faults;
 use serde::Serialize;
 use serde_json::json;
-use simulated::scenario::Scenario;
 use simulated::scenario::expectation::{Bounds, Expectation, Quantity, RegimeName, Subject, Wish};
+use simulated::scenario::{Group, Scenario};
 use simulated::trace::{Sample, Trace};
 use std::fmt;
 use std::ops::Range;
@@ -42,7 +43,7 @@ use std::ops::Range;
 /// An expectation and what came of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
-    /// The motor's label, or "battery".
+    /// The motor's or group's label, or "battery".
     pub subject: String,
     /// When, in seconds.
     pub window_s: Range<f64>,
@@ -98,6 +99,7 @@ pub fn judge(scenario: &Scenario, trace: &Trace) -> Vec<Verdict> {
         let Expectation { subject, window_s, wish } = expectation;
         let label = match subject {
             Subject::Motor(index) => scenario.motors.get(*index).map(|motor| motor.label.clone()),
+            Subject::Group(index) => scenario.groups.get(*index).map(|group| group.label.clone()),
             Subject::Battery => Some("battery".to_owned()),
         };
         Verdict {
@@ -113,9 +115,15 @@ pub fn judge(scenario: &Scenario, trace: &Trace) -> Vec<Verdict> {
 /// `None` if there is nothing to measure.
 fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Option<Measured> {
     let window_s = &expectation.window_s;
-    let Subject::Motor(index) = expectation.subject else {
-        let ticks = trace.ticks.iter().filter(|tick| window_s.contains(&tick.at_s));
-        return extent(ticks.map(|tick| tick.battery_v)).map(|(low, high)| Measured::Between(low, high));
+    let index = match expectation.subject {
+        Subject::Motor(index) => index,
+        Subject::Group(index) => {
+            return of_group(scenario.groups.get(index)?, trace, expectation).map(Measured::Number);
+        }
+        Subject::Battery => {
+            let ticks = trace.ticks.iter().filter(|tick| window_s.contains(&tick.at_s));
+            return extent(ticks.map(|tick| tick.battery_v)).map(|(low, high)| Measured::Between(low, high));
+        }
     };
     let motor = scenario.motors.get(index)?;
     let samples: Vec<&Sample> =
@@ -142,7 +150,7 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
             }
             Quantity::EnergyReturned => Measured::Number(measures.energy_to_battery_j),
             // Of a motor there is none.
-            Quantity::Bus => return None,
+            Quantity::HeadingError | Quantity::Bus => return None,
         },
         Wish::Ever(_) | Wish::Never(_) => {
             Measured::Regimes(each_once(samples.iter().map(|sample| regime(sample))))
@@ -151,6 +159,16 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
             Measured::Faults(each_once(samples.iter().flat_map(|sample| faults(sample.report.faults))))
         }
     })
+}
+
+/// What of a group is asked for.
+fn of_group(group: &Group, trace: &Trace, expectation: &Expectation) -> Option<f64> {
+    let Expectation { window_s, wish, .. } = expectation;
+    match wish {
+        Wish::Quantity(Quantity::SettlingTime, _) => groups::longest_arrival_s(group, trace, window_s),
+        Wish::Quantity(Quantity::HeadingError, _) => groups::largest_heading_error(group, trace, window_s),
+        _ => None,
+    }
 }
 
 fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
@@ -246,6 +264,7 @@ impl fmt::Display for Wanted {
                 Quantity::Swing => write!(f, "swing {low} to {high} counts/s"),
                 Quantity::CurrentStep => write!(f, "steps of the braking current at most {high} A"),
                 Quantity::EnergyReturned => write!(f, "energy returned {low} to {high} J"),
+                Quantity::HeadingError => write!(f, "heading at most {high} degrees off"),
                 Quantity::Bus => write!(f, "bus {low} to {high} V"),
             },
             Wish::Ever(regime) => write!(f, "{} at times", Name(&regime)),

@@ -38,6 +38,7 @@ pub fn scenario(mut scenario: Scenario, travel_limit: u32) -> Scenario {
     }
     scenario.name = "What the hub learns of its motors".into();
     scenario.duration_s = USUAL_S;
+    scenario.groups.clear();
     scenario.expectations.clear();
     scenario
 }

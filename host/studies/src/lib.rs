@@ -31,6 +31,7 @@ pub mod compare;
 pub mod eval;
 pub mod expectations;
 pub mod figures;
+mod groups;
 pub mod identify;
 pub mod measures;
 pub mod overlay;

@@ -16,6 +16,7 @@
 
 mod bound;
 pub mod cells;
+pub mod chart;
 mod dump;
 mod judge;
 mod pool;
@@ -30,8 +31,11 @@ use crate::StudyError;
 use bound::settleable;
 use judge::{Challenge, Goal};
 use motor_hub::braking::DutyRule;
+use motor_hub::model::catalogue;
+use motor_hub::model::load::{Load, Shaft};
+use motor_hub::model::si::Volts;
 use serde::Serialize;
-use simulated::scenario::{Scenario, Told, ToldMotion};
+use simulated::scenario::{Motor, Scenario, Told, ToldMotion};
 
 /// What the hub is told of a motor's motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -62,7 +66,7 @@ impl Knowledge {
     }
 
     fn told(self) -> Told {
-        let motion = |inertia| Some(ToldMotion { inertia, friction: 1.0 });
+        let motion = |inertia| Some(ToldMotion { inertia, drag: 1.0, friction: 1.0 });
         let motion = match self {
             Self::Exact => motion(1.0),
             Self::Lighter => motion(0.7),
@@ -94,6 +98,8 @@ pub struct Response {
     pub scheme: String,
     /// The duty rule is linear duty.
     pub linear_duty: bool,
+    /// Coulomb friction in percent of the stall torque at 12 V.
+    pub friction_percent: f64,
     /// In the order of [`Knowledge::ALL`].
     pub verdicts: Vec<Verdict>,
 }
@@ -160,6 +166,7 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
             period_ms: scenario.period.as_millis(),
             scheme: scheme(&scenario, challenge.motor),
             linear_duty: linear_duty(&scenario, challenge.motor),
+            friction_percent: scenario.motors.get(challenge.motor).map_or(0.0, friction_percent),
             verdicts,
         })
         .collect();
@@ -182,18 +189,34 @@ fn what(challenge: &Challenge) -> String {
 
 fn circumstances(scenario: &Scenario, index: usize) -> String {
     let Some(motor) = scenario.motors.get(index) else { return String::new() };
-    let shaft = motor_hub::model::load::Shaft::new(&motor.constants, &motor.load);
-    let electrical = motor.constants.ke.0 * motor.constants.kt.0 / motor.constants.r.0;
+    let shaft = Shaft::new(&motor.constants, &motor.load);
     format!(
-        "{}, tau {:.2} s ({:.1} J), {:.1} V, {} ms, {}{}",
+        "{}, tau {:.2} s ({:.1} J), {:.1} V, {} ms, {}{}{}",
         motor.constants.name,
-        shaft.inertia.0 / (electrical + shaft.drag.0),
+        time_constant(&motor.constants, &motor.load),
         shaft.inertia.0 / motor.constants.j.0,
         scenario.battery.emf.0,
         scenario.period.as_millis(),
         scheme(scenario, index),
         if linear_duty(scenario, index) { ", linear duty" } else { "" },
+        match friction_percent(motor) {
+            0.0 => String::new(),
+            percent => format!(", friction {percent} %"),
+        },
     )
+}
+
+/// Mechanical, of a motor with its load, in seconds.
+fn time_constant(motor: &catalogue::Motor, load: &Load) -> f64 {
+    let shaft = Shaft::new(motor, load);
+    shaft.inertia.0 / (motor.ke.0 * motor.kt.0 / motor.r.0 + shaft.drag.0)
+}
+
+/// Coulomb friction in percent of the stall torque at 12 V, as scenario files have it.
+fn friction_percent(motor: &Motor) -> f64 {
+    let share = motor.constants.friction.coulomb.0 / motor.constants.stall_torque(Volts(12.0)).0;
+    // Whole steps again, whatever the multiplication by the torque and back has made of them.
+    (1e6 * 100.0 * share).round() / 1e6
 }
 
 fn linear_duty(scenario: &Scenario, index: usize) -> bool {

@@ -99,3 +99,55 @@ fn a_verdict_says_who_when_what_was_wanted_and_what_was() {
     );
     assert_eq!(with("fault = \"stuck\"").to_string(), "one, 0 to 3 s: wanted fault: stuck, measured none");
 }
+
+/// Two wheels, the right one dragging behind its reference, with one expectation.
+fn of_group(expectation: &str) -> Verdict {
+    let text = format!(
+        r#"
+name = "two wheels turn"
+duration_s = 3.0
+battery = {{ emf_v = 12.0, resistance_ohm = 0.05 }}
+[[motors]]
+label = "left"
+motor = "AM 60 A"
+[[motors]]
+label = "right"
+motor = "AM 60 A"
+load = {{ drag_nms_per_rad = 0.05 }}
+told = {{ drag = 0.1 }}
+[[groups]]
+label = "base"
+motors = ["left", "right"]
+base = {{ wheel_diameter_mm = 90, track_mm = 300 }}
+courses = [
+    {{ at_s = 0.5, straight_mm = 100, speed_cps = 1500, acceleration_cps2 = 5000 }},
+    {{ at_s = 2.0, on_cps = [100, 100], acceleration_cps2 = 5000 }},
+]
+[[expect]]
+group = "base"
+{expectation}
+"#
+    );
+    let scenario = Scenario::parse("two.toml", &text).expect("it is valid");
+    verdicts(&scenario).pop().expect("one expectation")
+}
+
+#[test]
+fn every_expectation_of_a_group_can_hold_can_fail_and_can_find_nothing() {
+    for (wanted, met) in [
+        ("to_s = 2.0\nsettles_within_s = 1.4", true),
+        ("to_s = 2.0\nsettles_within_s = 0.5", false),
+        // It goes on for ever.
+        ("from_s = 1.9\nsettles_within_s = 300", false),
+        ("heading_error_below_degrees = 5", true),
+        ("heading_error_below_degrees = 0.01", false),
+    ] {
+        let verdict = of_group(wanted);
+        assert_eq!(verdict.met(), met, "{wanted}: {verdict}");
+    }
+    // No course begins, no wheel is led.
+    for nothing in ["from_s = 2.5\nsettles_within_s = 300", "to_s = 0.4\nheading_error_below_degrees = 360"] {
+        let verdict = of_group(nothing);
+        assert!(!verdict.met() && verdict.to_string().ends_with("measured nothing"), "{nothing}: {verdict}");
+    }
+}

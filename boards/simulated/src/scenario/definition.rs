@@ -1,9 +1,11 @@
 //! What a scenario is, once it has been checked.
 
 use super::expectation::Expectation;
-use crate::hardware::{BRIDGE, winding};
+use crate::hardware::{BRIDGE, mechanics, winding};
 use motor_hub::braking::{DutyRule, Scheme, Winding};
-use motor_hub::model::load::{Load, Shaft};
+use motor_hub::group::{DriveBase, Together};
+use motor_hub::hub::{Action, Command};
+use motor_hub::model::load::Load;
 use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{Setpoint, Settings, ZeroPower};
@@ -31,6 +33,8 @@ pub struct Scenario {
     pub emf_over_time: Vec<Timed<f64>>,
     /// One to [`MOTORS`](crate::hardware::MOTORS) motors.
     pub motors: Vec<Motor>,
+    /// Motors that move in step.
+    pub groups: Vec<Group>,
     /// As a test it is run on the emulated chip too.
     pub emulated: bool,
     /// What makes it a test.
@@ -66,6 +70,19 @@ pub struct Motor {
     pub torques: Vec<Timed<f64>>,
 }
 
+/// Motors of a scenario that move in step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Group {
+    /// How reports call it.
+    pub label: String,
+    /// Its members, by index.
+    pub motors: Vec<usize>,
+    /// The wheels that two members are.
+    pub base: Option<DriveBase>,
+    /// Where it is sent, times ascending.
+    pub courses: Vec<Timed<Together>>,
+}
+
 /// What the hub is told of a motor's constants, as a factor of what they are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Told {
@@ -78,19 +95,24 @@ pub struct Told {
     pub motion: Option<ToldMotion>,
 }
 
-/// What the hub is told of inertia and friction, as factors of what they are with the load.
+/// What the hub is told of inertia, drag and friction, as factors of what they are with the load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToldMotion {
     /// Of the moment of inertia.
     pub inertia: f64,
+    /// Of the viscous drag.
+    pub drag: f64,
     /// Of the Coulomb friction.
     pub friction: f64,
 }
 
 impl Told {
     /// The constants as they are.
-    pub const TRUTH: Self =
-        Self { resistance: 1.0, emf: 1.0, motion: Some(ToldMotion { inertia: 1.0, friction: 1.0 }) };
+    pub const TRUTH: Self = Self {
+        resistance: 1.0,
+        emf: 1.0,
+        motion: Some(ToldMotion { inertia: 1.0, drag: 1.0, friction: 1.0 }),
+    };
 }
 
 /// Something that holds from a time on.
@@ -103,6 +125,22 @@ pub struct Timed<T> {
 }
 
 impl Scenario {
+    /// These motors for so many seconds, every 50 ms, on a battery that stays as it is; nothing is expected.
+    pub fn new(name: &str, duration_s: f64, battery: Battery, motors: Vec<Motor>) -> Self {
+        Self {
+            name: name.to_owned(),
+            duration_s,
+            period: Period::DEFAULT,
+            seed: 1,
+            battery,
+            emf_over_time: Vec::new(),
+            motors,
+            groups: Vec::new(),
+            emulated: false,
+            expectations: Vec::new(),
+        }
+    }
+
     /// Voltage of the battery without load at a time in seconds.
     pub fn emf_at(&self, at_s: f64) -> si::Volts {
         let (mut from, mut emf) = (0.0, self.battery.emf.0);
@@ -114,6 +152,26 @@ impl Scenario {
             (from, emf) = (to, value);
         }
         si::Volts(emf)
+    }
+
+    /// What the hub is told, by time; at the same time, by motor, groups last.
+    pub fn commands(&self) -> Vec<Timed<Command>> {
+        let mut commands = Vec::new();
+        for (motor, plan) in self.motors.iter().enumerate() {
+            commands.extend(plan.setpoints.iter().map(|&Timed { at_s, value }| Timed {
+                at_s,
+                value: Command { motor, action: Action::Set(value) },
+            }));
+        }
+        for group in &self.groups {
+            let Some(&motor) = group.motors.first() else { continue };
+            commands.extend(group.courses.iter().map(|&Timed { at_s, value }| Timed {
+                at_s,
+                value: Command { motor, action: Action::Lead(value) },
+            }));
+        }
+        commands.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+        commands
     }
 
     /// The same motors and loads with nothing that pulls on them.
@@ -135,6 +193,25 @@ impl Scenario {
 }
 
 impl Motor {
+    /// A motor of which the hub is told the truth, under Scheme A with linear current; it is told to do nothing, and
+    /// nothing pulls on it.
+    pub fn new(constants: catalogue::Motor, load: Load) -> Self {
+        Self {
+            label: constants.name.to_owned(),
+            constants,
+            load,
+            told: Told::TRUTH,
+            scheme: Scheme::A,
+            duty: DutyRule::LinearCurrent,
+            zero_power: ZeroPower::Brake,
+            acceleration: None,
+            velocity: None,
+            position: None,
+            setpoints: Vec::new(),
+            torques: vec![Timed { at_s: 0.0, value: 0.0 }],
+        }
+    }
+
     /// The settings that a hub with this control period is given for this motor.
     ///
     /// # Errors
@@ -165,13 +242,12 @@ impl Motor {
 
     /// How the motor moves with its load, as the hub is told.
     fn dynamics(&self, winding: &Winding, told: ToldMotion) -> Result<Dynamics, RangeError> {
-        let shaft = Shaft::new(&self.constants, &self.load);
+        let truth = mechanics(&self.constants, &self.load);
         let mechanics = Mechanics {
-            torque_constant: self.constants.kt.0,
-            counts_per_turn: self.constants.counts_per_rev_motor,
-            inertia: shaft.inertia.0 * told.inertia,
-            drag: shaft.drag.0,
-            friction: self.constants.friction.coulomb.0 * told.friction,
+            inertia: truth.inertia * told.inertia,
+            drag: truth.drag * told.drag,
+            friction: truth.friction * told.friction,
+            ..truth
         };
         Dynamics::from_mechanics(winding, &BRIDGE, &mechanics)
     }

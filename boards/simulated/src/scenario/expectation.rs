@@ -26,6 +26,8 @@ pub struct Expectation {
 pub enum Subject {
     /// A motor, by its index.
     Motor(usize),
+    /// A group, by its index.
+    Group(usize),
     /// The battery.
     Battery,
 }
@@ -55,7 +57,7 @@ pub struct Bounds {
 /// What can be measured of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// Seconds until a change of set-point or torque has settled: the longest.
+    /// Seconds until a change of set-point or torque has settled, or a group has arrived: the longest.
     SettlingTime,
     /// Overshoot after such a change in percent: the largest.
     Overshoot,
@@ -69,6 +71,8 @@ pub enum Quantity {
     CurrentStep,
     /// Energy that the motor's bridge returned to the battery, in joules.
     EnergyReturned,
+    /// By how many degrees a drive base heads elsewhere than its course at that moment: the most.
+    HeadingError,
     /// Voltage at the battery's terminals in volts.
     Bus,
 }
@@ -84,6 +88,7 @@ impl Quantity {
             Self::Swing => "swing_between_cps",
             Self::CurrentStep => "current_step_below_a",
             Self::EnergyReturned => "energy_returned_between_j",
+            Self::HeadingError => "heading_error_below_degrees",
             Self::Bus => "bus_between_v",
         }
     }

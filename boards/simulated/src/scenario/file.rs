@@ -2,10 +2,11 @@
 
 mod expect;
 mod friction;
+mod groups;
 mod ranges;
 mod tables;
 
-use super::definition::{LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
+use super::definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
 use super::mistake::{Checked, Fault, Mistake, fault};
 use crate::hardware::MOTORS;
 use crate::scheme::SchemeName;
@@ -26,18 +27,9 @@ const LARGEST_COEFFICIENT: f64 = 32_767.0;
 pub(super) fn read(text: &str) -> Checked<Scenario> {
     let file: File = toml::from_str(text).map_err(|error| Fault::of_toml(&error))?;
     let duration_s = within(&file.duration_s, "duration_s", 0.001..=LONGEST_S)?;
-    let count = file.motors.get_ref().len();
-    if !(1..=MOTORS).contains(&count) {
-        return Err(fault(&file.motors, Mistake::Motors(count)));
-    }
-    let mut motors: Vec<Motor> = Vec::with_capacity(count);
-    for table in file.motors.get_ref() {
-        let motor = table.get_ref().check(table, duration_s)?;
-        if motors.iter().any(|m| m.label == motor.label) {
-            return Err(fault(&table.get_ref().label, Mistake::LabelTaken(motor.label)));
-        }
-        motors.push(motor);
-    }
+    let motors = check_motors(&file, duration_s)?;
+    let groups = groups::check(&file.groups, &motors, duration_s)?;
+    check_told_something(&file, &groups)?;
     let period = match &file.control_period_ms {
         Some(ms) => {
             let checked = within(ms, "control_period_ms", 1..=100)?;
@@ -47,7 +39,7 @@ pub(super) fn read(text: &str) -> Checked<Scenario> {
     };
     let mut expectations = Vec::new();
     for table in &file.expect {
-        expectations.extend(table.get_ref().check(table, &motors, duration_s)?);
+        expectations.extend(table.get_ref().check(table, &motors, &groups, duration_s)?);
     }
     Ok(Scenario {
         name: named(&file.name, "name")?,
@@ -65,9 +57,40 @@ pub(super) fn read(text: &str) -> Checked<Scenario> {
             |t, _| within(&t.emf_v, "emf_v", EMF),
         )?,
         motors,
+        groups,
         emulated: file.emulated,
         expectations,
     })
+}
+
+fn check_motors(file: &File, duration_s: f64) -> Checked<Vec<Motor>> {
+    let count = file.motors.get_ref().len();
+    if !(1..=MOTORS).contains(&count) {
+        return Err(fault(&file.motors, Mistake::Motors(count)));
+    }
+    let mut motors: Vec<Motor> = Vec::with_capacity(count);
+    for table in file.motors.get_ref() {
+        let motor = table.get_ref().check(table, duration_s)?;
+        if motors.iter().any(|m| m.label == motor.label) {
+            return Err(fault(&table.get_ref().label, Mistake::LabelTaken(motor.label)));
+        }
+        motors.push(motor);
+    }
+    Ok(motors)
+}
+
+/// Every motor has a set-point of its own or a group. What groups do cannot be seen from outside of a chip.
+fn check_told_something(file: &File, groups: &[Group]) -> Checked<()> {
+    for (index, table) in file.motors.get_ref().iter().enumerate() {
+        let grouped = groups.iter().any(|group| group.motors.contains(&index));
+        if table.get_ref().setpoints.is_empty() && !grouped {
+            return Err(fault(table, Mistake::NoSetpoints));
+        }
+    }
+    match file.groups.first() {
+        Some(group) if file.emulated => Err(fault(group, Mistake::GroupsEmulated)),
+        _ => Ok(()),
+    }
 }
 
 impl MotorTable {
@@ -88,9 +111,6 @@ impl MotorTable {
             Some(at) => fault(at, Mistake::Blend(error)),
             None => fault(whole, Mistake::Blend(error)),
         })?;
-        if self.setpoints.is_empty() {
-            return Err(fault(whole, Mistake::NoSetpoints));
-        }
         let any = 0.0..=1000.0;
         let load = Load {
             inertia_after: si::KgM2(optional(&self.load.inertia_kg_m2, "inertia_kg_m2", any.clone())?),
@@ -161,6 +181,7 @@ impl ToldTable {
             emf: factor(&self.emf, "emf")?,
             motion: Some(ToldMotion {
                 inertia: factor(&self.inertia, "inertia")?,
+                drag: self.drag.as_ref().map_or(Ok(1.0), |drag| within(drag, "drag", 0.0..=10.0))?,
                 friction: factor(&self.friction, "friction")?,
             }),
         })

@@ -65,8 +65,50 @@ pub enum Mistake {
     #[error("label {0:?} is taken; every motor needs its own")]
     LabelTaken(String),
     /// A motor that is told nothing.
-    #[error("no set-points; a motor needs at least one")]
+    #[error("no set-points; a motor needs at least one, or a group")]
     NoSetpoints,
+    /// A group of one, or with a member twice.
+    #[error("a group is of two motors or more, each named once")]
+    GroupMembers,
+    /// A group that is told nothing.
+    #[error("no courses; a group needs at least one")]
+    NoCourses,
+    /// None, or several, of the four kinds of course.
+    #[error(
+        "a course says exactly one of by_counts, to_counts, on_cps, and straight_mm or turn_degrees or both"
+    )]
+    CourseKind,
+    /// More or fewer numbers than members.
+    #[error("{key} has {numbers} numbers; the group has {members} motors")]
+    CourseLength {
+        /// What the file calls them.
+        key: &'static str,
+        /// How many there are.
+        numbers: usize,
+        /// How many there should be.
+        members: usize,
+    },
+    /// A course to an end without a speed.
+    #[error("a course needs speed_cps, unless it goes on_cps")]
+    CourseSpeed,
+    /// A course with speeds of two kinds.
+    #[error("on_cps has speeds of its own; leave speed_cps out")]
+    CourseSpeeds,
+    /// A way in mm or degrees, of no wheels.
+    #[error("straight_mm and turn_degrees need the group's base")]
+    BaseMissing,
+    /// A base of another number of wheels.
+    #[error("a base is of two motors, left and right")]
+    BaseOfTwo,
+    /// A wheel without an encoder.
+    #[error("counts_per_turn = {0}; allowed is 1 to 1000000 either way")]
+    CountsPerTurn(f64),
+    /// A course beyond what counts can say.
+    #[error("the course is longer than 2147483647 counts")]
+    CourseTooLong,
+    /// Groups are not run on the chip.
+    #[error("groups are not run on the emulated chip; leave emulated out")]
+    GroupsEmulated,
     /// None, or several, of the four kinds of set-point.
     #[error("a set-point says exactly one of power, velocity_cps, position_counts and disable")]
     SetpointKind,
@@ -99,7 +141,7 @@ pub enum Mistake {
     #[error("{0} must be 1 to 80 printable characters")]
     Name(&'static str),
     /// An expectation that any run meets.
-    #[error("an expectation says at least one thing of a motor or of the battery")]
+    #[error("an expectation says at least one thing of a motor, of a group or of the battery")]
     ExpectsNothing,
     /// A window that ends before it begins, or there and then.
     #[error("from_s must be less than to_s; without them a window is the whole run")]
@@ -112,6 +154,23 @@ pub enum Mistake {
         /// What could be said.
         known: Vec<String>,
     },
+    /// An expectation of a group that is not there.
+    #[error("no group is labelled {label:?}; there are {}", .known.join(", "))]
+    NoSuchGroup {
+        /// What the file says.
+        label: String,
+        /// What could be said.
+        known: Vec<String>,
+    },
+    /// An expectation of two.
+    #[error("an expectation is of a motor or of a group, not of both")]
+    MotorAndGroup,
+    /// Something that only motors have.
+    #[error("of a group only settles_within_s and heading_error_below_degrees can be expected")]
+    NotOfGroup,
+    /// Something that only drive bases have.
+    #[error("heading_error_below_degrees is of a group with a base")]
+    HeadingOfBase,
     /// The battery is no motor's own.
     #[error("bus_between_v is of the battery; leave motor out")]
     BusOfMotor,

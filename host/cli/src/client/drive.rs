@@ -1,5 +1,6 @@
 //! `motor-hub client power`, `velocity` and `position`: motors that run while the command does.
 
+use super::interrupt;
 use super::live::{Live, Reading, repeat};
 use super::trouble::Trouble;
 use crate::output::{Failure, print};
@@ -16,10 +17,10 @@ use std::time::Duration;
 pub(crate) const ALL: [u8; motor_hub::protocol::CHANNELS] = [0, 1, 2, 3];
 
 /// Ten readings a second, which are far more than the hub's keep-alive needs.
-const INTERVAL: Duration = Duration::from_millis(100);
+pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
 
 /// Readings a line, where output is no terminal.
-const LINE: u32 = 10;
+pub(crate) const LINE: u32 = 10;
 
 /// In a row, and no faster than this, so that a motor that rushes through its target is not taken for one
 /// that is there: two counts in the hub's control period.
@@ -145,6 +146,7 @@ impl Common {
         set: impl Fn(&mut Session<Line>, u8) -> Result<(), Error>,
         arrived: impl FnMut(&Reading) -> bool,
     ) -> Result<bool, Trouble> {
+        interrupt::listen()?;
         let zero = if self.float { ZeroPower::Float } else { ZeroPower::Brake };
         for motor in &self.motors.0 {
             session.set_mode(*motor, mode, zero)?;

@@ -1,5 +1,6 @@
 //! What a hub does just now, shown again and again: a table in one place of a terminal, lines elsewhere.
 
+use super::interrupt;
 use super::trouble::Trouble;
 use crate::output::{Failure, print};
 use motor_hub::protocol::answers::{Bulk, MotorAlert, Status};
@@ -133,6 +134,7 @@ pub(crate) fn repeat(
         let end = length.map(|length| since + length);
         let until = end.map_or(next, |end| end.min(next));
         std::thread::sleep(until.saturating_duration_since(now));
+        interrupt::check()?;
         if end.is_some_and(|end| end <= Instant::now()) {
             return Ok(false);
         }

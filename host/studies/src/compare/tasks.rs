@@ -1,12 +1,11 @@
 //! The tasks: an AM 60 A with its measured rotor inertia turns a 10 kg flywheel of 10 cm radius.
 
-use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{UnknownMotor, characterised};
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{KgM2, Kilograms, Metres, Ohms, Volts};
-use motor_hub::motor::{Setpoint, ZeroPower};
-use motor_hub::units::{CountsPerSecond, Period};
+use motor_hub::motor::Setpoint;
+use motor_hub::units::CountsPerSecond;
 use serde::Serialize;
 use simulated::scenario::{Motor, Scenario, Timed, Told};
 
@@ -90,30 +89,12 @@ fn plan(speeds: &[(f64, f64)], torques: &[(f64, f64)]) -> Result<Scenario, Unkno
         Timed { at_s, value }
     };
     let torque = |&(at_s, value): &(f64, f64)| Timed { at_s, value };
-    Ok(Scenario {
-        name: "comparison".into(),
-        duration_s: LENGTH_S,
-        period: Period::DEFAULT,
-        seed: 1,
-        battery: Battery { emf: Volts(12.0), resistance: Ohms(0.05) },
-        emf_over_time: Vec::new(),
-        motors: vec![Motor {
-            label: "motor".into(),
-            constants: characterised("AM 60 A")?.with_measured_rotor_inertia(),
-            load: Load::flywheel(Kilograms(10.0), Metres(0.1)),
-            told: Told::TRUTH,
-            scheme: Scheme::A,
-            duty: DutyRule::LinearCurrent,
-            zero_power: ZeroPower::Brake,
-            acceleration: None,
-            velocity: None,
-            position: None,
-            setpoints: speeds.iter().map(speed).collect(),
-            torques: [(0.0, 0.0)].iter().chain(torques).map(torque).collect(),
-        }],
-        emulated: false,
-        expectations: Vec::new(),
-    })
+    let constants = characterised("AM 60 A")?.with_measured_rotor_inertia();
+    let mut motor = Motor::new(constants, Load::flywheel(Kilograms(10.0), Metres(0.1)));
+    motor.setpoints = speeds.iter().map(speed).collect();
+    motor.torques.extend(torques.iter().map(torque));
+    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
+    Ok(Scenario::new("comparison", LENGTH_S, battery, vec![motor]))
 }
 
 fn sagging() -> Result<Scenario, UnknownMotor> {

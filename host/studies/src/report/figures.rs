@@ -24,7 +24,7 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
     let lines = Lines { trace, index };
     let bands = regimes(scenario, trace, index);
     let mut panels = Vec::new();
-    if has_position(motor) {
+    if has_position(scenario, index) {
         panels.push(Panel {
             y_label: "position, counts".into(),
             height: 150.0,
@@ -120,8 +120,13 @@ fn has_velocity(motor: &Motor) -> bool {
     motor.setpoints.iter().any(|s| matches!(s.value, Setpoint::Velocity(_)))
 }
 
-fn has_position(motor: &Motor) -> bool {
-    motor.setpoints.iter().any(|s| matches!(s.value, Setpoint::Position { .. }))
+/// It is told to be somewhere, by itself or in a group.
+fn has_position(scenario: &Scenario, index: usize) -> bool {
+    let position = |motor: &Motor| {
+        motor.setpoints.iter().any(|setpoint| matches!(setpoint.value, Setpoint::Position { .. }))
+    };
+    scenario.motors.get(index).is_some_and(position)
+        || scenario.groups.iter().any(|group| group.motors.contains(&index))
 }
 
 fn compared(comparison: &RunReport) -> Figure {
@@ -138,7 +143,7 @@ fn compared(comparison: &RunReport) -> Figure {
         };
         let goal =
             |value: fn(&Sample) -> f64| as_set.line("set-point", colour::INK, Style::DashedStep, value);
-        let (what, goals, motion) = if has_position(motor) {
+        let (what, goals, motion) = if has_position(&comparison.scenario, index) {
             ("position, counts", vec![goal(position_goal)], both(|s| s.counts as f64, Style::Line))
         } else if has_velocity(motor) {
             ("speed, counts/s", vec![goal(velocity_goal)], both(|s| s.speed_cps, Style::Line))

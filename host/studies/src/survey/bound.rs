@@ -43,6 +43,9 @@ struct Machine {
     drag: f64,
     /// Counts/s² per newton metre on the output shaft.
     per_torque: f64,
+    /// What dry friction takes of a moving motor's acceleration, and what holds one that stands, in counts/s².
+    friction: f64,
+    breakaway: f64,
 }
 
 impl Machine {
@@ -64,6 +67,8 @@ impl Machine {
             kappa: constants.ke.0 / counts,
             drag: shaft.drag.0 / shaft.inertia.0,
             per_torque: counts * shaft.torque_ratio / shaft.inertia.0,
+            friction: counts * constants.friction.coulomb.0 / shaft.inertia.0,
+            breakaway: counts * constants.friction.breakaway.0 / shaft.inertia.0,
         })
     }
 
@@ -84,7 +89,14 @@ impl Machine {
     }
 
     fn acceleration(&self, speed: f64, volts: f64, torque: f64) -> f64 {
-        self.b * (volts - self.kappa * speed) - self.drag * speed + self.per_torque * torque
+        let free = self.b * (volts - self.kappa * speed) - self.drag * speed + self.per_torque * torque;
+        if speed != 0.0 {
+            free - self.friction * speed.signum()
+        } else if free.abs() > self.breakaway {
+            free - self.friction * free.signum()
+        } else {
+            0.0
+        }
     }
 
     /// The largest accelerations down and up.
@@ -97,7 +109,9 @@ impl Machine {
     fn keeps(&self, speed: f64, torque: f64) -> bool {
         let Some((low, high)) = self.range(speed) else { return false };
         let battery = f64::from(self.battery.get()) / 1e3;
-        let needed = self.kappa * speed + (self.drag * speed - self.per_torque * torque) / self.b;
+        // Of a motor that stands it only helps.
+        let friction = if speed == 0.0 { 0.0 } else { self.friction * speed.signum() };
+        let needed = self.kappa * speed + (self.drag * speed + friction - self.per_torque * torque) / self.b;
         let reserve = RESERVE * battery;
         // Without a braking regime there are voltages that no control value stands for.
         let near = |volts: f64| (volts - needed).abs() < GAP * battery;

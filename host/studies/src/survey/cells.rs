@@ -1,17 +1,16 @@
 //! Every motor of the catalogue without a load, told to turn and told to go somewhere, with nothing tuned.
 
 use super::judge::{Verdict, challenges, judge, watch};
-use super::pool;
+use super::{pool, time_constant};
 use crate::StudyError;
-use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{Ohms, Volts};
-use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use serde::Serialize;
-use simulated::scenario::{Motor, Scenario, Timed, Told};
+use simulated::scenario::{Motor, Scenario, Timed};
 
 /// Control periods in milliseconds.
 pub const PERIODS: [u32; 4] = [1, 10, 50, 100];
@@ -46,7 +45,8 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
     let mut motors: Vec<catalogue::Motor> =
         catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()).collect();
     // The measured inertia of the Core Hex motors is that of a motor that takes half a minute to start.
-    let slow = |motor: &catalogue::Motor| time_constant(&motor.with_measured_rotor_inertia()) > SLOW;
+    let slow =
+        |motor: &catalogue::Motor| time_constant(&motor.with_measured_rotor_inertia(), &Load::NONE) > SLOW;
     motors.extend(catalogue::motors().filter(slow));
     let modes = ["velocity", "position"];
     let names: Vec<(catalogue::Motor, &'static str)> =
@@ -75,7 +75,7 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
 /// From rest to half of the free speed and on to a tenth of it; or as far as that takes in a second, and back.
 fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
     let electrical = constants.ke.0 * constants.kt.0 / constants.r.0;
-    let time_constant = time_constant(&constants);
+    let time_constant = time_constant(&constants, &Load::NONE);
     let counts = constants.counts_per_rev_motor / core::f64::consts::TAU;
     let free = counts * constants.kt.0 / constants.r.0 * VOLTS / (electrical + constants.b.0);
     let value = |share: f64| {
@@ -87,38 +87,10 @@ fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
         }
     };
     let length = ((LENGTH_S + 2.0 * time_constant) * 10.0).round() / 10.0;
-    Scenario {
-        name: "cell".to_owned(),
-        duration_s: 2.0 * length,
-        period: Period::DEFAULT,
-        seed: 1,
-        battery: Battery { emf: Volts(VOLTS), resistance: Ohms(0.05) },
-        emf_over_time: Vec::new(),
-        motors: vec![Motor {
-            label: constants.name.to_owned(),
-            constants,
-            load: Load::NONE,
-            told: Told::TRUTH,
-            scheme: Scheme::A,
-            duty: DutyRule::LinearCurrent,
-            zero_power: ZeroPower::Brake,
-            acceleration: None,
-            velocity: None,
-            position: None,
-            setpoints: vec![
-                Timed { at_s: 0.0, value: value(0.5) },
-                Timed { at_s: length, value: value(0.1) },
-            ],
-            torques: vec![Timed { at_s: 0.0, value: 0.0 }],
-        }],
-        emulated: false,
-        expectations: Vec::new(),
-    }
-}
-
-/// Of a bare motor, in seconds.
-fn time_constant(motor: &catalogue::Motor) -> f64 {
-    motor.j.0 / (motor.ke.0 * motor.kt.0 / motor.r.0 + motor.b.0)
+    let setpoints = vec![Timed { at_s: 0.0, value: value(0.5) }, Timed { at_s: length, value: value(0.1) }];
+    let motor = Motor { setpoints, ..Motor::new(constants, Load::NONE) };
+    let battery = Battery { emf: Volts(VOLTS), resistance: Ohms(0.05) };
+    Scenario::new("cell", 2.0 * length, battery, vec![motor])
 }
 
 fn both(scenario: &Scenario, told: bool, period_ms: u32) -> Result<[Verdict; 2], StudyError> {

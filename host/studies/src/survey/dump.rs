@@ -1,5 +1,6 @@
 //! A scenario as the file that it could have come from.
 
+use super::friction_percent;
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::units::Control;
@@ -29,6 +30,10 @@ fn table(out: &mut String, motor: &Motor) -> std::fmt::Result {
     let inertia = if constants.j == constants.j_rotor_measured { "rotor" } else { "paper" };
     writeln!(out, "\n[[motors]]\nlabel = {:?}\nmotor = {:?}", motor.label, constants.name)?;
     writeln!(out, "inertia = {inertia:?}\n{}", scheme(motor.scheme))?;
+    let friction = friction_percent(motor);
+    if friction > 0.0 {
+        writeln!(out, "friction = {{ coulomb_percent = {friction:?} }}")?;
+    }
     if motor.duty == DutyRule::LinearDuty {
         writeln!(out, "duty = \"linear-duty\"")?;
     }
@@ -40,8 +45,8 @@ fn table(out: &mut String, motor: &Motor) -> std::fmt::Result {
         None => writeln!(out, "told = \"nothing\"")?,
         Some(motion) => writeln!(
             out,
-            "told = {{ resistance = {resistance:?}, emf = {emf:?}, inertia = {:?}, friction = {:?} }}",
-            motion.inertia, motion.friction
+            "told = {{ resistance = {resistance:?}, emf = {emf:?}, inertia = {:?}, drag = {:?}, friction = {:?} }}",
+            motion.inertia, motion.drag, motion.friction
         )?,
     }
     writeln!(

@@ -1,13 +1,15 @@
 //! Scenarios by lot: any motor, any load, any battery, any period, any scheme.
 
+use super::time_constant;
 use motor_hub::braking::{Blend, DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{self, motors};
+use motor_hub::model::friction::Friction;
 use motor_hub::model::load::{Load, Shaft};
-use motor_hub::model::si::{Drag, KgM2, Ohms, Volts};
-use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::model::si::{Drag, KgM2, NewtonMetres, Ohms, Volts};
+use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
-use simulated::scenario::{Motor, Scenario, Timed, Told};
+use simulated::scenario::{Motor, Scenario, Timed};
 
 /// No motor with its load is slower, in seconds.
 const LONGEST_TIME_CONSTANT: f64 = 3.0;
@@ -16,6 +18,11 @@ const LONGEST_TIME_CONSTANT: f64 = 3.0;
 const SHORTEST_LOADED: f64 = 0.05;
 /// The supply's limit is 5 V.
 const LEAST_VOLTS: f64 = 5.5;
+
+/// Such a share of the motors has dry friction,
+const ROUGH: f64 = 0.5;
+/// up to so much, in percent of the stall torque at 12 V.
+const MOST_FRICTION: f64 = 10.0;
 
 /// The scenario of this number in the survey of this seed; each is drawn by itself.
 pub fn scenario(seed: u64, index: u64) -> Scenario {
@@ -28,7 +35,7 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
     let drawn: f64 = chosen.iter().map(|(motor, _)| emf / motor.r.0).sum();
     let resistance = lot.rounded(0.0, 0.1, 1e3).min((emf - LEAST_VOLTS) / drawn);
     let volts = 0.95 * (emf - resistance * drawn);
-    let motors: Vec<Motor> = chosen
+    let mut motors: Vec<Motor> = chosen
         .into_iter()
         .enumerate()
         .map(|(number, (constants, load))| lot.plan(format!("motor {}", number + 1), constants, load, volts))
@@ -38,16 +45,23 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
             motor.setpoints.iter().map(|timed| timed.at_s).chain(motor.torques.iter().map(|t| t.at_s));
         times.fold(0.0, f64::max)
     };
-    Scenario {
-        name: format!("survey {seed}, scenario {index}"),
-        duration_s: lot.rounded(2.0, 4.0, 1e3) + motors.iter().map(last).fold(0.0, f64::max),
-        period,
-        seed: index,
-        battery: Battery { emf: Volts(emf), resistance: Ohms(resistance) },
-        emf_over_time: Vec::new(),
-        motors,
-        emulated: false,
-        expectations: Vec::new(),
+    roughen(&mut motors, seed, index);
+    let duration_s = lot.rounded(2.0, 4.0, 1e3) + motors.iter().map(last).fold(0.0, f64::max);
+    let battery = Battery { emf: Volts(emf), resistance: Ohms(resistance) };
+    let name = format!("survey {seed}, scenario {index}");
+    Scenario { period, seed: index, ..Scenario::new(&name, duration_s, battery, motors) }
+}
+
+/// Gives some of the motors Coulomb friction, by a lot of their own, so that everything else of a scenario is drawn as
+/// it was without. No motor has cogging: the catalogue has no figures for it.
+fn roughen(motors: &mut [Motor], seed: u64, index: u64) {
+    let mut lot = Lot(fastrand::Rng::with_seed(fastrand::Rng::with_seed(!seed).u64(..) ^ index));
+    for motor in motors {
+        let (rough, percent) = (lot.chance(ROUGH), lot.rounded(0.0, MOST_FRICTION, 10.0));
+        if rough {
+            let stall = motor.constants.stall_torque(Volts(12.0));
+            motor.constants.friction = Friction::with_coulomb(NewtonMetres(percent / 100.0 * stall.0));
+        }
     }
 }
 
@@ -81,7 +95,7 @@ impl Lot {
         let all: Vec<_> = motors().collect();
         let paper = all.get(self.0.usize(..all.len())).copied().unwrap_or_else(|| unreachable!());
         let measured = paper.with_measured_rotor_inertia();
-        let bare = time_constant(&measured);
+        let bare = time_constant(&measured, &Load::NONE);
         let (motor, shortest) =
             if bare < LONGEST_TIME_CONSTANT { (measured, bare) } else { (paper, SHORTEST_LOADED) };
         // Bare, with some rotor inertias, or anything.
@@ -91,7 +105,7 @@ impl Lot {
             _ => self.logarithmic(shortest, LONGEST_TIME_CONSTANT),
         };
         let reflected = motor.eta * motor.gear_ratio * motor.gear_ratio;
-        let share = wanted.min(LONGEST_TIME_CONSTANT) / time_constant(&motor) - 1.0;
+        let share = wanted.min(LONGEST_TIME_CONSTANT) / time_constant(&motor, &Load::NONE) - 1.0;
         let inertia = (share * motor.j.0 * reflected).max(0.0);
         // Drag that takes up to a fifth of the free speed.
         let electrical = motor.ke.0 * motor.kt.0 / motor.r.0;
@@ -147,17 +161,11 @@ impl Lot {
         }
         Motor {
             label,
-            constants,
-            load,
-            told: Told::TRUTH,
             scheme: self.scheme(),
             duty: if self.chance(0.15) { DutyRule::LinearDuty } else { DutyRule::LinearCurrent },
-            zero_power: ZeroPower::Brake,
-            acceleration: None,
-            velocity: None,
-            position: None,
             setpoints,
             torques,
+            ..Motor::new(constants, load)
         }
     }
 
@@ -173,9 +181,4 @@ impl Lot {
         };
         speed.round()
     }
-}
-
-/// Of a motor without load, in seconds.
-fn time_constant(motor: &catalogue::Motor) -> f64 {
-    motor.j.0 / (motor.ke.0 * motor.kt.0 / motor.r.0 + motor.b.0)
 }

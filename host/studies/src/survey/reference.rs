@@ -3,16 +3,16 @@
 use super::judge::{Verdict, challenges, judge, watch};
 use super::pool;
 use crate::StudyError;
-use motor_hub::braking::{DutyRule, Scheme};
+use motor_hub::braking::Scheme;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{Drag, KgM2, NewtonMetres, Ohms, Volts};
-use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use serde::Serialize;
-use simulated::scenario::{Motor, Scenario, Timed, Told};
+use simulated::scenario::{Motor, Scenario, Timed};
 
 /// Control periods in milliseconds.
 pub const PERIODS: [u32; 6] = [1, 5, 10, 20, 50, 100];
@@ -129,31 +129,11 @@ fn position(at_s: f64, target: i32) -> Timed<Setpoint> {
 
 /// A motor alone, with an inertia in kg m² on its output shaft.
 fn plan(motor: &str, inertia: f64, setpoints: &[Timed<Setpoint>]) -> Result<Scenario, StudyError> {
-    let motor = Motor {
-        label: "motor".to_owned(),
-        constants: characterised(motor)?.with_measured_rotor_inertia(),
-        load: Load::inertia(KgM2(inertia)),
-        told: Told::TRUTH,
-        scheme: Scheme::A,
-        duty: DutyRule::LinearCurrent,
-        zero_power: ZeroPower::Brake,
-        acceleration: None,
-        velocity: None,
-        position: None,
-        setpoints: setpoints.to_vec(),
-        torques: vec![Timed { at_s: 0.0, value: 0.0 }],
-    };
-    Ok(Scenario {
-        name: "reference".to_owned(),
-        duration_s: 10.0,
-        period: Period::DEFAULT,
-        seed: 1,
-        battery: Battery { emf: Volts(12.6), resistance: Ohms(0.05) },
-        emf_over_time: Vec::new(),
-        motors: vec![motor],
-        emulated: false,
-        expectations: Vec::new(),
-    })
+    let constants = characterised(motor)?.with_measured_rotor_inertia();
+    let motor =
+        Motor { setpoints: setpoints.to_vec(), ..Motor::new(constants, Load::inertia(KgM2(inertia))) };
+    let battery = Battery { emf: Volts(12.6), resistance: Ohms(0.05) };
+    Ok(Scenario::new("reference", 10.0, battery, vec![motor]))
 }
 
 fn with_torque(mut scenario: Scenario, at_s: f64, value: f64) -> Scenario {

@@ -100,6 +100,14 @@ pub fn survey(survey: &Survey, worst: usize) -> String {
         responses.len()
     );
     out.push_str(&breakdown("by kind", responses, |response| format!("{:?}", response.kind).to_lowercase()));
+    out.push_str(&breakdown("by dry friction", responses, |response| {
+        match response.friction_percent {
+            0.0 => "  none",
+            percent if percent < 5.0 => " below 5 % of the stall torque",
+            _ => "5 to 10 % of the stall torque",
+        }
+        .to_owned()
+    }));
     out.push_str(&breakdown("by period", responses, |response| {
         match response.period_ms {
             0..3 => "  1 to 2 ms",

@@ -1,7 +1,7 @@
 //! The tables `[[expect]]`: each says of whom, when, and one thing or several.
 
 use super::ranges::{FASTEST_CPS, within};
-use crate::scenario::definition::{LONGEST_S, Motor};
+use crate::scenario::definition::{Group, LONGEST_S, Motor};
 use crate::scenario::expectation::{Bounds, Expectation, Quantity, RegimeName, Subject, Wish};
 use crate::scenario::mistake::{Checked, Mistake, fault};
 use motor_hub::motion::EncoderFault;
@@ -13,6 +13,7 @@ use toml::Spanned;
 #[serde(deny_unknown_fields)]
 pub(super) struct ExpectTable {
     motor: Option<Spanned<String>>,
+    group: Option<Spanned<String>>,
     from_s: Option<Spanned<f64>>,
     to_s: Option<Spanned<f64>>,
     settles_within_s: Option<Spanned<f64>>,
@@ -22,6 +23,7 @@ pub(super) struct ExpectTable {
     swing_between_cps: Option<Spanned<[f64; 2]>>,
     current_step_below_a: Option<Spanned<f64>>,
     energy_returned_between_j: Option<Spanned<[f64; 2]>>,
+    heading_error_below_degrees: Option<Spanned<f64>>,
     bus_between_v: Option<Spanned<[f64; 2]>>,
     #[serde(default)]
     ever: Vec<RegimeName>,
@@ -44,6 +46,7 @@ const POSITION: RangeInclusive<f64> = i32::MIN as f64..=i32::MAX as f64;
 const PERCENT: RangeInclusive<f64> = 0.0..=1000.0;
 const CURRENT: RangeInclusive<f64> = 0.0..=1000.0;
 const ENERGY: RangeInclusive<f64> = 0.0..=1e6;
+const DEGREES: RangeInclusive<f64> = 0.0..=360.0;
 const BUS: RangeInclusive<f64> = 0.0..=100.0;
 
 impl ExpectTable {
@@ -52,9 +55,20 @@ impl ExpectTable {
         &self,
         whole: &Spanned<Self>,
         motors: &[Motor],
+        groups: &[Group],
         duration_s: f64,
     ) -> Checked<Vec<Expectation>> {
         let window_s = self.window(whole, duration_s)?;
+        if let Some(label) = &self.group {
+            let group = self.group(label, groups)?;
+            let wishes = self.of_group(whole, label)?;
+            let expectation =
+                |wish| Expectation { subject: Subject::Group(group), window_s: window_s.clone(), wish };
+            return Ok(wishes.into_iter().map(expectation).collect());
+        }
+        if let Some(heading) = &self.heading_error_below_degrees {
+            return Err(fault(heading, Mistake::HeadingOfBase));
+        }
         let of_motors = self.of_motors()?;
         let of_battery = between(&self.bus_between_v, Quantity::Bus, BUS)?;
         if of_motors.is_empty() && of_battery.is_none() {
@@ -89,6 +103,36 @@ impl ExpectTable {
             let known = motors.iter().map(|motor| motor.label.clone()).collect();
             fault(label, Mistake::NoSuchLabel { label: label.get_ref().clone(), known })
         })
+    }
+
+    /// The group of the label, which has what is expected of it.
+    fn group(&self, label: &Spanned<String>, groups: &[Group]) -> Checked<usize> {
+        if self.motor.is_some() {
+            return Err(fault(label, Mistake::MotorAndGroup));
+        }
+        let index =
+            groups.iter().position(|group| group.label == label.get_ref().trim()).ok_or_else(|| {
+                let known = groups.iter().map(|group| group.label.clone()).collect();
+                fault(label, Mistake::NoSuchGroup { label: label.get_ref().clone(), known })
+            })?;
+        match &self.heading_error_below_degrees {
+            Some(heading) if groups.get(index).is_none_or(|group| group.base.is_none()) => {
+                Err(fault(heading, Mistake::HeadingOfBase))
+            }
+            _ => Ok(index),
+        }
+    }
+
+    /// What is wanted of a group: some of what is wanted of motors, and its heading.
+    fn of_group(&self, whole: &Spanned<Self>, label: &Spanned<String>) -> Checked<Vec<Wish>> {
+        let of_motors = self.of_motors()?;
+        let settling = |wish: &Wish| matches!(wish, Wish::Quantity(Quantity::SettlingTime, _));
+        if self.bus_between_v.is_some() || !of_motors.iter().all(settling) {
+            return Err(fault(label, Mistake::NotOfGroup));
+        }
+        let heading = below(&self.heading_error_below_degrees, Quantity::HeadingError, DEGREES)?;
+        let wishes: Vec<Wish> = of_motors.into_iter().chain(heading).collect();
+        if wishes.is_empty() { Err(fault(whole, Mistake::ExpectsNothing)) } else { Ok(wishes) }
     }
 
     fn of_motors(&self) -> Checked<Vec<Wish>> {

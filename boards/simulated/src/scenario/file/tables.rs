@@ -2,6 +2,7 @@
 
 use super::expect::ExpectTable;
 use super::friction::{CoggingTable, FrictionTable};
+use super::groups::GroupTable;
 use crate::scheme::{BlendChoice, DutyWord, SchemeName};
 use motor_hub::braking::DutyRule;
 use serde::Deserialize;
@@ -18,6 +19,8 @@ pub(super) struct File {
     pub(super) emulated: bool,
     pub(super) battery: BatteryTable,
     pub(super) motors: Spanned<Vec<Spanned<MotorTable>>>,
+    #[serde(default)]
+    pub(super) groups: Vec<Spanned<GroupTable>>,
     #[serde(default)]
     pub(super) expect: Vec<Spanned<ExpectTable>>,
 }
@@ -60,6 +63,7 @@ pub(super) struct MotorTable {
     pub(super) acceleration_cps2: Option<Spanned<i64>>,
     #[serde(default)]
     pub(super) coefficients: CoefficientTables,
+    #[serde(default)]
     pub(super) setpoints: Vec<Spanned<SetPointTable>>,
     #[serde(default)]
     pub(super) torques: Vec<Spanned<TorqueTable>>,
@@ -137,6 +141,7 @@ pub(super) struct ToldTable {
     pub(super) resistance: Option<Spanned<f64>>,
     pub(super) emf: Option<Spanned<f64>>,
     pub(super) inertia: Option<Spanned<f64>>,
+    pub(super) drag: Option<Spanned<f64>>,
     pub(super) friction: Option<Spanned<f64>>,
 }
 

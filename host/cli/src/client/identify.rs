@@ -1,0 +1,144 @@
+//! `motor-hub client identify`.
+
+use super::drive::{INTERVAL, LINE};
+use super::interrupt;
+use super::live::Live;
+use super::trouble::Trouble;
+use crate::output::{Failure, print, print_json};
+use crate::parse::channel;
+use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::motor::RunMode;
+use motor_hub::protocol::setup::Motion;
+use motor_hub::regulator::Dynamics;
+use motor_hub::regulator::identify::{Identification, Identified};
+use motor_hub::units::Control;
+use motor_hub_client::line::Line;
+use motor_hub_client::{Error, Session};
+use serde_json::json;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+use studies::identify::{self, found_table};
+
+/// A motor that brakes for so long stands, unless something drives it.
+const LONGEST_REST: Duration = Duration::from_secs(5);
+/// The slowest motor is done in half of it.
+const LONGEST: Duration = Duration::from_secs(30);
+
+/// Of which motor, within what, and what becomes of it.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Motor 0 to 3
+    #[arg(value_parser = channel)]
+    motor: u8,
+    /// Counts that it may turn at most, either way; fewer than it would make the motion shorter
+    #[arg(long, value_name = "COUNTS", default_value_t = u32::MAX, hide_default_value = true)]
+    travel: u32,
+    /// The hub regulates the motor by what was found, until its reset; coefficients that a host gave are forgotten
+    #[arg(long)]
+    apply: bool,
+    /// JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+impl Options {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        interrupt::listen()?;
+        session.set_mode(self.motor, RunMode::Power, ZeroPower::Brake)?;
+        session.set_power(self.motor, Control::ZERO)?;
+        let enabled = session.enable(self.motor, true).map_err(Trouble::from);
+        let learned = enabled.and_then(|()| self.learn(session));
+        // Whatever has gone wrong before: the motor may turn all the same.
+        let disabled = session.enable(self.motor, false);
+        let outcome = learned?;
+        disabled?;
+        if let (Identification::Found(found), true) = (outcome, self.apply) {
+            apply(session, self.motor, found.dynamics)?;
+        }
+        self.show(outcome)
+    }
+
+    /// Waits until the motor, which brakes, stands; if it never does, the hub will say so.
+    fn rest(&self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let end = Instant::now() + LONGEST_REST;
+        let mut last = None;
+        while Instant::now() < end {
+            let place = session.bulk()?.encoders.get(usize::from(self.motor)).copied();
+            if last == place {
+                break;
+            }
+            last = place;
+            interrupt::check()?;
+            sleep(INTERVAL);
+        }
+        Ok(())
+    }
+
+    /// Sets the motor going, and follows it to the end.
+    fn learn(&self, session: &mut Session<Line>) -> Result<Identification, Trouble> {
+        self.rest(session)?;
+        let motor = self.motor;
+        let travel = session.identify(motor, self.travel)?;
+        // The motor rests for 0.2 s before it turns.
+        self.say(&format!("motor {motor} turns at most {travel} counts either way, for some 3 s\n"))?;
+        let mut live = Live::new();
+        let end = Instant::now() + LONGEST;
+        for look in 1u32.. {
+            sleep(INTERVAL);
+            interrupt::check()?;
+            let Identification::Running(percent) = session.identification(motor)? else { break };
+            let progress = format!("{percent} %\n");
+            if live.terminal && !self.json {
+                live.redraw(&progress)?;
+            } else if look.is_multiple_of(LINE) {
+                self.say(&progress)?;
+            }
+            if Instant::now() > end {
+                let seconds = LONGEST.as_secs();
+                return Err(Failure::Work(format!("motor {motor} is not known after {seconds} s")).into());
+            }
+        }
+        Ok(session.identification(motor)?)
+    }
+
+    /// Unless only a program reads it.
+    fn say(&self, text: &str) -> Result<(), Failure> {
+        if self.json { Ok(()) } else { print(text) }
+    }
+
+    fn show(&self, outcome: Identification) -> Result<(), Trouble> {
+        let motor = self.motor;
+        if self.json {
+            let mut document = identify::json(outcome);
+            if let Some(object) = document.as_object_mut() {
+                let applied = self.apply && matches!(outcome, Identification::Found(_));
+                object.extend([("motor".to_owned(), json!(motor)), ("applied".to_owned(), json!(applied))]);
+            }
+            print_json(&document)?;
+        }
+        let Identification::Found(found) = outcome else {
+            let why = identify::words(outcome);
+            return Err(Failure::Work(format!("motor {motor} is not known: {why}")).into());
+        };
+        self.say(&self.found(&found))?;
+        Ok(())
+    }
+
+    fn found(&self, found: &Identified) -> String {
+        let table = found_table(&format!("motor {}", self.motor), found, None);
+        let residual = f64::from(found.residual) / 10.0;
+        let applied = if self.apply {
+            "the hub regulates it by that until its reset\n"
+        } else {
+            "nothing of it is in force; with --apply it would be\n"
+        };
+        format!("{table}\n{residual:.1} % of the changes of speed are not explained by that\n{applied}")
+    }
+}
+
+/// A set-up, even the one that there is, forgets coefficients, which would come before the model.
+fn apply(session: &mut Session<Line>, motor: u8, dynamics: Dynamics) -> Result<(), Error> {
+    let (setup, motion) = (session.setup(motor)?, session.motion(motor)?);
+    session.set_up(motor, setup)?;
+    session.set_motion(motor, Motion { dynamics: Some(dynamics), ..motion })
+}

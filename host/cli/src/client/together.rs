@@ -1,0 +1,165 @@
+//! `motor-hub client together`: motors that move in step.
+
+use super::drive;
+use super::interrupt;
+use super::live::{Live, Reading, repeat};
+use super::trouble::Trouble;
+use crate::output::{Failure, print};
+use crate::parse::{channel, within_a_day};
+use motor_hub::group::{Halt, TOLERANCE};
+use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::CHANNELS;
+use motor_hub::protocol::group::{GroupCourse, GroupMove, GroupState};
+use motor_hub::protocol::motor::RunMode;
+use motor_hub::units::{Acceleration, Control, CountsPerSecond};
+use motor_hub_client::Session;
+use motor_hub_client::line::Line;
+use std::time::Duration;
+
+/// Which motors, where to, and how.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Each motor, 0 to 3, with the counts where it is to go, as 0=1000 1=-500
+    #[arg(value_name = "MOTOR=COUNTS", required = true, value_parser = member)]
+    members: Vec<(u8, i32)>,
+    /// Counts are from where each motor is
+    #[arg(long)]
+    by: bool,
+    /// What is given are speeds in counts per second, at which the motors go on
+    #[arg(long, conflicts_with_all = ["by", "speed"])]
+    on: bool,
+    /// Speed of the motor that moves most, in counts per second
+    #[arg(long, value_name = "CPS", default_value_t = 1000, value_parser = clap::value_parser!(i32).range(1..=1_000_000))]
+    speed: i32,
+    /// Largest acceleration of any motor, in counts per second squared
+    #[arg(long, value_name = "CPS2", default_value = "2000", value_parser = acceleration)]
+    acceleration: Acceleration,
+    /// Counts by which a motor lags when all others wait for it; otherwise the way of 0.1 s, at least 24
+    #[arg(long, value_name = "COUNTS")]
+    lag: Option<u16>,
+    /// Counts from its end that are near enough for each motor
+    #[arg(long, value_name = "COUNTS", default_value_t = TOLERANCE)]
+    tolerance: u16,
+    /// A fault of one motor disables all others; otherwise they stop in step
+    #[arg(long)]
+    coast: bool,
+    /// Ends after so many seconds
+    #[arg(long = "for", value_name = "S", allow_negative_numbers = true, value_parser = within_a_day)]
+    length: Option<Duration>,
+}
+
+fn member(text: &str) -> Result<(u8, i32), String> {
+    let (motor, counts) = text.split_once('=').ok_or("give MOTOR=COUNTS, such as 0=1000")?;
+    let counts = counts.parse().map_err(|_| "counts are a whole number from -2147483648 to 2147483647")?;
+    Ok((channel(motor)?, counts))
+}
+
+fn acceleration(text: &str) -> Result<Acceleration, String> {
+    let limit = text.parse().ok().and_then(|limit| Acceleration::new(limit).ok());
+    limit.ok_or_else(|| "an acceleration is a whole number from 1 to 4294967295".to_owned())
+}
+
+/// Speeds that a step of 1/256 leaves room for.
+const FASTEST_CPS: i32 = 1_000_000;
+
+impl Options {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let values = self.values()?;
+        interrupt::listen()?;
+        let wanted = self.wanted(session, values)?;
+        let motors: Vec<u8> = drive::ALL.into_iter().zip(values).filter_map(|(m, v)| v.map(|_| m)).collect();
+        let mut enabled = Vec::new();
+        let done = stand(session, &motors, &mut enabled).and_then(|()| self.lead(session, &motors, wanted));
+        // All of them, whatever has gone wrong before or does so with one of them.
+        let disabled = enabled.iter().map(|motor| session.enable(*motor, false)).fold(Ok(()), Result::and);
+        let arrived = done?;
+        disabled?;
+        if arrived {
+            return Ok(print("all have arrived\n")?);
+        }
+        if self.on {
+            return Ok(());
+        }
+        let seconds = self.length.unwrap_or_default().as_secs_f64();
+        Err(Failure::Work(format!("not there after {seconds} s")).into())
+    }
+
+    /// What is given, by motor.
+    fn values(&self) -> Result<[Option<i32>; CHANNELS], Failure> {
+        let mut values = [None; CHANNELS];
+        for &(motor, value) in &self.members {
+            if self.on && !(-FASTEST_CPS..=FASTEST_CPS).contains(&value) {
+                return Err(Failure::input(format!(
+                    "{motor}={value}: a speed is -{FASTEST_CPS} to {FASTEST_CPS}"
+                )));
+            }
+            let slot = values.get_mut(usize::from(motor));
+            if slot.and_then(|slot| slot.replace(value)).is_some() {
+                return Err(Failure::input(format!("motor {motor} is named twice")));
+            }
+        }
+        Ok(values)
+    }
+
+    fn wanted(
+        &self,
+        session: &mut Session<Line>,
+        values: [Option<i32>; CHANNELS],
+    ) -> Result<GroupMove, Trouble> {
+        let mut speed = CountsPerSecond::new(self.speed);
+        let course = if self.on {
+            let fastest = values.iter().flatten().map(|cps| cps.abs()).max();
+            speed = CountsPerSecond::new(fastest.unwrap_or_default());
+            GroupCourse::On(values.map(|cps| cps.map(CountsPerSecond::new)))
+        } else {
+            let mut places = values;
+            if self.by {
+                // Said as places, a request that is sent twice does no more than one.
+                for (place, now) in places.iter_mut().zip(session.bulk()?.encoders) {
+                    *place = place.map(|counts| now.wrapping_add(counts));
+                }
+            }
+            GroupCourse::To(places)
+        };
+        let usual = GroupMove::new(course, speed, self.acceleration);
+        Ok(GroupMove {
+            lag: self.lag.unwrap_or(usual.lag),
+            tolerance: self.tolerance,
+            halt: if self.coast { Halt::Coast } else { Halt::Stop },
+            ..usual
+        })
+    }
+
+    /// Sends them off and shows how they go; true when they have arrived, false when the time is over.
+    fn lead(&self, session: &mut Session<Line>, motors: &[u8], wanted: GroupMove) -> Result<bool, Trouble> {
+        let Some(&first) = motors.first() else { return Ok(false) };
+        session.move_together(first, wanted)?;
+        let (mut live, mut readings) = (Live::new(), 0u32);
+        repeat(session, drive::INTERVAL, self.length, |session, reading: &Reading| {
+            let state = session.group_state(first)?;
+            if live.terminal {
+                live.redraw(&reading.table(motors))?;
+            } else if readings.is_multiple_of(drive::LINE) || state != GroupState::Moving {
+                print(&reading.line(motors))?;
+            }
+            readings = readings.wrapping_add(1);
+            if state == GroupState::Alone {
+                let words = reading.status.words().join(", ");
+                let why = format!("the hub has ended the group of motor {first}; its status: {words}");
+                return Err(Failure::Work(why).into());
+            }
+            Ok(state == GroupState::Arrived)
+        })
+    }
+}
+
+/// Enables motors that hold where they are. `enabled` are those that may be, even if the last one's answer got lost.
+fn stand(session: &mut Session<Line>, motors: &[u8], enabled: &mut Vec<u8>) -> Result<(), Trouble> {
+    for &motor in motors {
+        session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
+        session.set_power(motor, Control::ZERO)?;
+        enabled.push(motor);
+        session.enable(motor, true)?;
+    }
+    Ok(())
+}

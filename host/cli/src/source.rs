@@ -1,0 +1,55 @@
+//! Options that choose what is simulated: a scenario, motors in it, the control period.
+
+use crate::output::Failure;
+use motor_hub::model::catalogue::characterised;
+use motor_hub::units::Period;
+use simulated::hardware::MOTORS;
+use simulated::scenario::Scenario;
+use std::path::PathBuf;
+
+/// Which scenario, and what of it is replaced.
+#[derive(clap::Args)]
+pub(crate) struct Source {
+    /// Scenario file (TOML) instead of the default scenario
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Motor of the catalogue in the place of the default scenario's first, second, ... motor, with
+    /// speeds and loads in proportion; up to four. The run has as many motors as are named
+    #[arg(long, value_name = "NAME", conflicts_with = "scenario")]
+    motor: Vec<String>,
+    /// Control period in milliseconds
+    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u32).range(1..=100))]
+    period: Option<u32>,
+}
+
+impl Source {
+    /// The scenario that is named, or what `default` makes of the program's own, with the other options applied.
+    pub(crate) fn scenario(&self, default: impl FnOnce(Scenario) -> Scenario) -> Result<Scenario, Failure> {
+        let scenario = match &self.scenario {
+            Some(path) => Scenario::load(path),
+            None => Scenario::default_one().map(default),
+        };
+        let mut scenario = scenario.map_err(Failure::input)?;
+        self.replace_motors(&mut scenario)?;
+        if let Some(ms) = self.period {
+            scenario.period = Period::from_millis(ms).map_err(Failure::input)?;
+        }
+        Ok(scenario)
+    }
+
+    fn replace_motors(&self, scenario: &mut Scenario) -> Result<(), Failure> {
+        let times = self.motor.len();
+        if times > MOTORS {
+            let why = format!("--motor is given {times} times; the hub drives 1 to {MOTORS}");
+            return Err(Failure::Input(why));
+        }
+        if times > 0 {
+            scenario.motors.truncate(times);
+        }
+        for (motor, name) in scenario.motors.iter_mut().zip(&self.motor) {
+            let constants = characterised(name).map_err(Failure::input)?;
+            *motor = motor.with_constants(constants.with_measured_rotor_inertia());
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,113 @@
+//! `motor-hub client` against the simulated hub as it is served, whose motors turn.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+mod conformance;
+
+use conformance::Hub;
+use serde_json::Value;
+use std::process::{Command, Output};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
+
+fn served() -> Hub {
+    Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"])
+}
+
+fn client(hub: &Hub, arguments: &[&str]) -> Command {
+    let mut command = Command::new(PROGRAM);
+    command.args(["client", "--tcp", &hub.place]).args(arguments);
+    command
+}
+
+fn out(output: &Output) -> String {
+    assert!(output.status.success(), "{}", err(output));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn err(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+fn status(hub: &Hub) -> Value {
+    serde_json::from_str(&out(&client(hub, &["status", "--json"]).output().unwrap())).unwrap()
+}
+
+#[test]
+fn a_motor_is_identified_and_what_was_found_is_put_in_force() {
+    let hub = served();
+    // A host's own coefficients would come before any model.
+    out(&client(&hub, &["coefficients", "0", "velocity", "--p", "1"]).output().unwrap());
+    let shown = out(&client(&hub, &["identify", "0", "--apply"]).output().unwrap());
+    for says in ["turns at most", " %\n", "acceleration per volt, b", "decay, q", "q / b", "friction, c"] {
+        assert!(shown.contains(says), "{says}: {shown}");
+    }
+    assert!(shown.contains("regulates it by that"), "{shown}");
+    assert_eq!(status(&hub)["motors"][0]["enabled"], false);
+    // What was found before is no answer to what is asked now.
+    let again = client(&hub, &["identify", "0", "--json"]).output().unwrap();
+    let document: Value = serde_json::from_str(&out(&again)).unwrap();
+    assert_eq!((&document["outcome"], &document["applied"]), (&"found".into(), &false.into()));
+    let b = document["found"]["acceleration_per_volt"].as_f64().unwrap();
+    assert!(shown.contains("counts/s²/V") && b > 0.0, "{document}");
+}
+
+#[test]
+fn a_motor_that_cannot_be_known_is_refused_with_the_reason_and_disabled() {
+    let hub = served();
+    let refused = client(&hub, &["identify", "1", "--travel", "3"]).output().unwrap();
+    assert_eq!(refused.status.code(), Some(1));
+    let says = String::from_utf8(refused.stdout.clone()).unwrap();
+    assert!(says.contains("at most 3 counts"), "{says}");
+    assert!(
+        err(&refused).contains("motor 1 is not known") && err(&refused).contains("travel"),
+        "{}",
+        err(&refused)
+    );
+    assert_eq!(status(&hub)["motors"][1]["enabled"], false);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_stops_what_the_command_has_set_going() {
+    use std::io::{BufRead, BufReader};
+    use std::process::Stdio;
+
+    let hub = served();
+    for arguments in [&["identify", "0"][..], &["velocity", "0", "500"]] {
+        let mut command = client(&hub, arguments);
+        let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut line = String::new();
+        // Kept open, or the command would end for want of a reader.
+        let mut reader = BufReader::new(process.stdout.take().unwrap());
+        reader.read_line(&mut line).unwrap();
+        let id = process.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        let output = process.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{arguments:?} after {line}");
+        assert!(err(&output).contains("stopped by Ctrl-C"), "{arguments:?}: {}", err(&output));
+        // Long before the hub would have missed its host.
+        assert_eq!(status(&hub)["motors"][0]["enabled"], false, "{arguments:?}");
+    }
+}
+
+#[test]
+fn motors_move_in_step_to_where_they_are_sent() {
+    let hub = served();
+    let positions = |hub: &Hub| {
+        let motors = status(hub)["motors"].clone();
+        [0, 2].map(|motor: usize| motors[motor]["position"].as_i64().unwrap())
+    };
+    let shown = out(&client(&hub, &["together", "0=800", "2=-400", "--speed", "1600"]).output().unwrap());
+    assert!(shown.ends_with("all have arrived\n"), "{shown}");
+    let [first, second] = positions(&hub);
+    // Disabled, they may roll on.
+    assert!((first - 800).abs() < 50 && (second + 400).abs() < 50, "{first} {second}");
+    assert_eq!(status(&hub)["motors"][0]["enabled"], false);
+    out(&client(&hub, &["together", "0=-800", "2=400", "--by", "--speed", "1600"]).output().unwrap());
+    let [first, second] = positions(&hub);
+    assert!(first.abs() < 100 && second.abs() < 100, "{first} {second}");
+    out(&client(&hub, &["together", "0=300", "2=300", "--on", "--for", "0.5"]).output().unwrap());
+    let late = client(&hub, &["together", "0=90000", "--for", "0.3"]).output().unwrap();
+    assert_eq!(late.status.code(), Some(1));
+    assert!(err(&late).contains("not there after 0.3 s"), "{}", err(&late));
+}
