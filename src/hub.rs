@@ -130,7 +130,8 @@ impl<const N: usize> Hub<N> {
         match command.action {
             Action::Set(setpoint) => {
                 motor.set(setpoint);
-                groups.leave(index, (setpoint == Setpoint::Disabled).then_some(Halt::Coast), motors);
+                let lets_go = matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe);
+                groups.leave(index, lets_go.then_some(Halt::Coast), motors);
             }
             Action::Configure(settings) => motor.configure(settings),
             Action::Lead(together) => groups.lead(index, together, motors)?,

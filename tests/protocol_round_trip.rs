@@ -3,7 +3,7 @@
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use motor_hub::group::Halt;
 use motor_hub::motion::Pidf;
-use motor_hub::motor::ZeroPower;
+use motor_hub::motor::{OnFault, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
 use motor_hub::protocol::fields::{ByteIn, Field, Fields, Payload, Text, WordFrom};
 use motor_hub::protocol::group::{GroupCourse, GroupMove, GroupState, ToGroup};
@@ -11,7 +11,7 @@ use motor_hub::protocol::led::{LedPattern, STEPS, Step};
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
-use motor_hub::protocol::setup::{Motion, Setup, ToSetup};
+use motor_hub::protocol::setup::{Motion, Protection, Setup, ToSetup};
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal};
@@ -120,6 +120,10 @@ fn motion() -> impl Strategy<Value = Motion> {
             Motion { dynamics: known.then_some(dynamics), acceleration: Acceleration::new(acceleration).ok() }
         },
     )
+}
+
+fn protection() -> impl Strategy<Value = Protection> {
+    prop_oneof![Just(OnFault::Coast), Just(OnFault::Brake)].prop_map(|on_fault| Protection { on_fault })
 }
 
 fn identification() -> impl Strategy<Value = Identification> {
@@ -302,6 +306,10 @@ fn to_setup() -> Vec<BoxedStrategy<Case>> {
             ToSetup::Identify { travel_limit }.to(motor)
         }),
         with(&[1], motor(), |motor| ToSetup::Identification.to(motor)),
+        with(&[1, 1], (motor(), protection()), |(motor, protection)| {
+            ToSetup::SetProtection { protection }.to(motor)
+        }),
+        with(&[1], motor(), |motor| ToSetup::Protection.to(motor)),
     ]
 }
 
@@ -422,7 +430,7 @@ proptest! {
     #[test]
     fn an_answer_about_a_motor_or_the_led_is_read_as_it_was_written(
         mode in run_mode(), zero_power in zero_power(), control in control(), target in target(),
-        coefficients in coefficients(), setup in setup(), motion in motion(), identification in identification(),
+        coefficients in coefficients(), setup in setup(), motion in motion(), protection in protection(), identification in identification(),
         colour in colour(), pattern in pattern(),
         text in text(),
     ) {
@@ -435,6 +443,7 @@ proptest! {
         prop_assert_eq!(read_back(&[p, i, d]), Ok([p, i, d]));
         prop_assert_eq!(read_back(&setup), Ok(setup));
         prop_assert_eq!(read_back(&motion), Ok(motion));
+        prop_assert_eq!(read_back(&protection), Ok(protection));
         prop_assert_eq!(read_back(&identification), Ok(identification));
         prop_assert_eq!(read_back(&colour), Ok(colour));
         prop_assert_eq!(read_back(&pattern), Ok(pattern));

@@ -6,7 +6,7 @@ use hub_support::{HUB, N, Said, TestHost, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::hub::{Action, Command};
-use motor_hub::motor::{Setpoint, Settings, ZeroPower};
+use motor_hub::motor::{OnFault, Setpoint, Settings, ZeroPower};
 use motor_hub::protocol::Address;
 use motor_hub::protocol::setup::FIRST_FUNCTION;
 use motor_hub::regulator::Dynamics;
@@ -46,7 +46,7 @@ fn set_up(host: &mut TestHost, motor: u8, fields: &[u8]) {
 #[test]
 fn the_interface_is_found_by_its_name() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 8, 0]));
+    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 10, 0]));
 }
 
 #[test]
@@ -244,4 +244,18 @@ fn what_was_learned_before_is_no_answer_to_what_is_asked_now() {
         host.snapshot.tick = tick;
         assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(said), "tick {tick}");
     }
+}
+
+#[test]
+fn what_a_fault_does_is_said_read_back_and_kept_by_another_set_up() {
+    let mut host = TestHost::settled();
+    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data(vec![0]));
+    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[1, 1]), Said::Ack(0));
+    let braking = Settings { on_fault: OnFault::Brake, ..settings() };
+    assert_eq!(host.told(), [Command { motor: 1, action: Action::Configure(braking) }]);
+    set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
+    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data(vec![1]));
+    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[0]), Said::Data(vec![0]));
+    // Neither coast nor brake.
+    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[1, 2]), Said::Nack(1));
 }

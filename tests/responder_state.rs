@@ -351,3 +351,30 @@ fn a_hub_with_fewer_motors_refuses_the_others() {
     );
     assert_eq!(bulk.map(|reply| reply.payload.len()), Some(35));
 }
+
+#[test]
+fn a_motor_that_is_to_brake_at_a_fault_is_left_to_that_when_its_host_falls_silent() {
+    let mut host = driving();
+    host.told();
+    let setup = motor_hub::protocol::setup::FIRST_FUNCTION;
+    for motor in [0, 1] {
+        assert_eq!(host.ask(setup + 8, &[motor, 1]), Said::Ack(0));
+    }
+    // Of those two only the first runs.
+    host.do_all(&[(10, &[1, 0])]);
+    host.told();
+    let silence = |host: &mut TestHost| {
+        host.wait_ms(2_500);
+        host.responder.tick(host.now, &host.snapshot);
+        host.told()
+    };
+    let told = silence(&mut host);
+    assert_eq!(told.first(), Some(&set(0, Setpoint::FailSafe)));
+    assert!(!told.contains(&set(1, Setpoint::FailSafe)), "{told:?}");
+    assert!(told.contains(&set(2, Setpoint::Disabled)), "{told:?}");
+    assert_eq!(enabled(&mut host), [no(), no(), no(), no()]);
+    // It brakes on while a host that has come back does not care, and lets go when that says so.
+    assert!(!silence(&mut host).iter().any(|command| command.motor == 0));
+    host.do_all(&[(10, &[0, 0])]);
+    assert_eq!(host.told(), [set(0, Setpoint::Disabled)]);
+}

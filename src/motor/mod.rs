@@ -30,7 +30,7 @@ mod watch;
 
 pub use report::{Faults, Report};
 pub use setpoint::Setpoint;
-pub use settings::{Settings, ZeroPower};
+pub use settings::{OnFault, Settings, ZeroPower};
 
 use crate::braking::{self, DutyRule, OperatingPoint, Placement, Placer, Scheme};
 use crate::bridge::Drive;
@@ -102,7 +102,7 @@ impl Motor {
         self.watch.expect(settings.dynamics.map(|known| known.gain));
     }
 
-    /// Takes effect at the next step, and disabling the motor ends a latched fault.
+    /// Takes effect at the next step. Disabling the motor ends a latched fault, and so does fail-safe.
     pub fn set(&mut self, setpoint: Setpoint) {
         let follows = matches!((self.setpoint, setpoint), (Setpoint::Together(_), Setpoint::Together(_)));
         if setpoint != self.setpoint && !follows {
@@ -120,7 +120,7 @@ impl Motor {
                 self.regulator.take_over();
             }
         }
-        if setpoint == Setpoint::Disabled {
+        if matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe) {
             self.watch.clear();
         }
         match setpoint {
@@ -169,11 +169,11 @@ impl Motor {
         let at = battery.and_then(|battery| {
             Some((OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery)?, battery))
         });
-        let output = at.and_then(|(at, battery)| self.output(at, battery, moved));
-
-        if output.is_none() || !self.setpoint.is_regulated() {
+        let wanted = at.and_then(|(at, battery)| self.output(at, battery, moved));
+        if wanted.is_none() || !self.setpoint.is_regulated() {
             self.watch.pause();
         }
+        let output = wanted.or_else(|| at.and_then(|(at, _)| self.fall_back(at, moved)));
         let effect = at.zip(output).and_then(|((at, _), (_, placement))| self.effect(at, placement));
         self.regulator.drive(effect.map(|effect| effect.asked));
         let flows = effect.map(|effect| effect.flows);
@@ -242,7 +242,7 @@ impl Motor {
     /// encoder gives any.
     fn output(&mut self, at: OperatingPoint, battery: Millivolts, moved: Option<i32>) -> Option<Output> {
         let demand = match self.setpoint {
-            Setpoint::Disabled => return None,
+            Setpoint::Disabled | Setpoint::FailSafe => return None,
             Setpoint::ConstantPower(power) => return self.open_loop(at, power),
             Setpoint::Velocity(target) if target == CountsPerSecond::ZERO && self.floats() => return None,
             Setpoint::Velocity(target) => Demand::Velocity(target),
@@ -254,6 +254,19 @@ impl Motor {
             return None;
         }
         self.regulate(demand, at, battery, moved?)
+    }
+
+    /// What is left to do for a motor that cannot do what it is asked: brake, if that is wanted of it. Nobody gets
+    /// here without a battery.
+    fn fall_back(&self, at: OperatingPoint, moved: Option<i32>) -> Option<Output> {
+        let needs_encoder =
+            self.setpoint.is_regulated() || matches!(self.setpoint, Setpoint::Identify { .. });
+        let at_fault = match self.setpoint {
+            Setpoint::FailSafe => true,
+            _ => needs_encoder && (moved.is_none() || self.watch.fault().is_some()),
+        };
+        let brakes = at_fault && self.settings.on_fault == OnFault::Brake;
+        brakes.then(|| (Control::ZERO, Placement::full_braking(at)))
     }
 
     /// A host that sets a power means the duty of 9/8 or 6/2, so no scheme comes between.

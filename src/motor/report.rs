@@ -8,11 +8,12 @@ use crate::regulator::Kind;
 use crate::regulator::identify::Identification;
 use crate::units::{Control, CountsPerSecond, Milliamperes};
 
-/// What keeps a motor from doing what it is asked; each makes it coast.
+/// What keeps a motor from doing what it is asked; each makes it coast, or brake where
+/// [`OnFault`](super::OnFault) says so.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Faults {
-    /// No battery voltage is known: never measured, implausible, or too old.
+    /// No battery voltage is known: never measured, implausible, or too old. The motor coasts.
     pub battery_unknown: bool,
     /// No encoder reading, or none newer than 20 ms. Constant power runs on without one.
     pub encoder_stale: bool,

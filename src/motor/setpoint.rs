@@ -10,6 +10,9 @@ pub enum Setpoint {
     /// Nothing: the bridge is open.
     #[default]
     Disabled,
+    /// Nothing, and not because somebody wants that: whoever told it what to do is gone. The bridge is open or
+    /// brakes, as the motor's settings say of a fault.
+    FailSafe,
     /// Open loop: 9/8 or 6/2 at this share of the control range, whatever the speed.
     ConstantPower(Control),
     /// Regulated velocity.

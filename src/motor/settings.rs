@@ -16,6 +16,20 @@ pub enum ZeroPower {
     Float,
 }
 
+/// What becomes of a motor that a fault keeps from doing what it is asked, or whose host has fallen silent.
+///
+/// Braking shorts the winding (5/0 at 100 %), for which nobody needs to know its speed. It is out of the question
+/// where the bridge or the battery is the fault: then every motor coasts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum OnFault {
+    /// The bridge is open: nothing of it gets hot, and a load may run away.
+    #[default]
+    Coast,
+    /// Full dynamic braking: a load sinks slowly instead of falling, and never stands still by that.
+    Brake,
+}
+
 /// What does not change from tick to tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -30,6 +44,8 @@ pub struct Settings {
     pub duty: DutyRule,
     /// What zero means.
     pub zero_power: ZeroPower,
+    /// What a fault does to it.
+    pub on_fault: OnFault,
     /// The motor with its load, if known: it is then regulated by its model.
     pub dynamics: Option<Dynamics>,
     /// Coefficients of a host's own: with them the motor is regulated by PID, whatever is known.
@@ -54,6 +70,7 @@ impl Settings {
             scheme,
             duty: DutyRule::LinearCurrent,
             zero_power: ZeroPower::Brake,
+            on_fault: OnFault::Coast,
             dynamics: None,
             coefficients: None,
             acceleration: None,

@@ -12,9 +12,12 @@
 //! | 4 learn how the motor moves | motor, then u32, the most counts it may turn either way | u32, the most that it will |
 //! | 5 tell what came of that | motor | the fields of an [`Identification`] |
 //!
+//! | 6, 7 | of motors that move in step, see [`group`](super::group) | |
+//! | 8 say what protects the motor | motor, then the fields of a [`Protection`] | ACK |
+//! | 9 read it back | motor | the fields |
+//!
 //! Function 4 is refused (51) unless the motor is enabled, in constant power of 0; any other target, mode or
 //! disabling ends the motion. From then on function 5 answers of that motion only. What is found is told, not put in force: that is function 2.
-//! | 6, 7 | of motors that move in step, see [`group`](super::group) | |
 //!
 //! A set-up forgets how the motor moved and the coefficients that a host gave: it is another motor.
 //! Of a set-up:
@@ -36,6 +39,12 @@
 //! | u32 | rate of decay, 1/s in steps of 2^-16 |
 //! | u16 | friction, mV |
 //! | u32 | largest acceleration, counts/s²; 0 for what the battery gives |
+//!
+//! Of a protection:
+//!
+//! | field | |
+//! |---|---|
+//! | u8 | on a fault, and when the host falls silent: 0 coast, 1 brake |
 //!
 //! Of an identification, where what follows the code is left out unless the code asks for it:
 //!
@@ -72,6 +81,7 @@ use super::fields::{ByteIn, Field, Fields, Payload, codes};
 use super::nack::Nack;
 use super::table::requests;
 use crate::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use crate::motor::OnFault;
 use crate::regulator::Dynamics;
 use crate::regulator::identify::{Identification, Identified, Refusal};
 use crate::units::{
@@ -82,7 +92,7 @@ use crate::units::{
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const FUNCTION_COUNT: u16 = 8;
+pub const FUNCTION_COUNT: u16 = 10;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.
@@ -97,6 +107,9 @@ requests! {
         4 Identify { travel_limit: u32 },
         /// Answered by an [`Identification`].
         5 Identification,
+        8 SetProtection { protection: Protection },
+        /// Answered by a [`Protection`].
+        9 Protection,
     }
 }
 
@@ -125,6 +138,16 @@ pub struct Motion {
     /// Its largest acceleration; `None` for what the battery gives.
     pub acceleration: Option<Acceleration>,
 }
+
+/// What keeps a motor, and what it moves, from harm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Protection {
+    /// What a fault does to it.
+    pub on_fault: OnFault,
+}
+
+codes!(OnFault { 0 = Coast, 1 = Brake });
 
 codes!(Refusal {
     0 = Stopped,
@@ -212,6 +235,16 @@ impl Field for Motion {
         self.dynamics.map_or(0, |known| known.decay.to_bits()).write(payload);
         self.dynamics.map_or(0, |known| known.friction.get()).write(payload);
         self.acceleration.map_or(0, Acceleration::get).write(payload);
+    }
+}
+
+impl Field for Protection {
+    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+        Ok(Self { on_fault: OnFault::read(fields)? })
+    }
+
+    fn write(&self, payload: &mut Payload) {
+        self.on_fault.write(payload);
     }
 }
 

@@ -147,7 +147,8 @@ impl<const N: usize> Responder<N> {
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
         self.alive.battery(snapshot.battery.is_some_and(|battery| battery < LOW_BATTERY));
         if self.alive.ran_out(now) {
-            self.disable();
+            self.channels.iter_mut().for_each(MotorChannel::abandon);
+            self.let_go_of_the_rest();
         }
     }
 
@@ -198,6 +199,10 @@ impl<const N: usize> Responder<N> {
 
     fn disable(&mut self) {
         self.channels.iter_mut().for_each(MotorChannel::disable);
+        self.let_go_of_the_rest();
+    }
+
+    fn let_go_of_the_rest(&mut self) {
         self.courses.clear();
         self.pins.disable();
     }

@@ -20,10 +20,10 @@ use super::answer::Answer;
 use super::setup;
 use crate::hub::Action;
 use crate::motion::Pidf;
-use crate::motor::{Report, Setpoint, Settings};
+use crate::motor::{OnFault, Report, Setpoint, Settings};
 use crate::protocol::Nack;
 use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
-use crate::protocol::setup::{Motion, ToSetup};
+use crate::protocol::setup::{Motion, Protection, ToSetup};
 use crate::regulator;
 use crate::regulator::identify::{Identification, travel};
 use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts, Period};
@@ -62,9 +62,17 @@ pub struct MotorChannel {
 /// it ends faults.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pending {
-    disable: bool,
+    /// To let go: disabled, or left to what its settings say of a fault.
+    release: Option<Release>,
     configure: bool,
     set: bool,
+}
+
+/// Why a motor is to let go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Release {
+    Disabled,
+    Abandoned,
 }
 
 impl MotorChannel {
@@ -84,7 +92,7 @@ impl MotorChannel {
             joined_at: None,
             offset: 0,
             current_alert: 0,
-            pending: Pending { disable: false, configure: false, set: false },
+            pending: Pending { release: None, configure: false, set: false },
         }
     }
 
@@ -176,6 +184,15 @@ impl MotorChannel {
                 let Settings { dynamics, acceleration, .. } = self.settings;
                 Answer::data(&Motion { dynamics, acceleration })
             }
+            ToSetup::SetProtection { protection: Protection { on_fault } } => {
+                self.settings = Settings { on_fault, ..self.settings };
+                self.pending.configure = true;
+                Answer::Ack
+            }
+            ToSetup::Protection => {
+                let Settings { on_fault, .. } = self.settings;
+                Answer::data(&Protection { on_fault })
+            }
             ToSetup::Identify { travel_limit } => {
                 let battery = battery.ok_or(Nack::BATTERY_LOW)?;
                 if !self.enabled || self.mode != RunMode::Power || self.power != Some(Control::ZERO) {
@@ -237,8 +254,25 @@ impl MotorChannel {
     /// The output floats; everything else is kept.
     pub const fn disable(&mut self) {
         self.enabled = false;
+        self.release(Release::Disabled);
+    }
+
+    /// The host has fallen silent: an enabled motor does what its settings say of a fault. One that does so already
+    /// goes on.
+    pub fn abandon(&mut self) {
+        match self.settings.on_fault {
+            OnFault::Coast => self.disable(),
+            OnFault::Brake if self.enabled => {
+                self.enabled = false;
+                self.release(Release::Abandoned);
+            }
+            OnFault::Brake => (),
+        }
+    }
+
+    const fn release(&mut self, release: Release) {
         self.identify = None;
-        self.pending.disable = true;
+        self.pending.release = Some(release);
         self.pending.set = false;
     }
 
@@ -271,8 +305,11 @@ impl MotorChannel {
 
     /// What the motor is to be told next; [`told`](Self::told) when it has been.
     pub fn pending(&self) -> Option<Action> {
-        if self.pending.disable {
-            Some(Action::Set(Setpoint::Disabled))
+        if let Some(release) = self.pending.release {
+            Some(Action::Set(match release {
+                Release::Disabled => Setpoint::Disabled,
+                Release::Abandoned => Setpoint::FailSafe,
+            }))
         } else if self.pending.configure {
             Some(Action::Configure(self.settings))
         } else if self.pending.set {
@@ -285,8 +322,8 @@ impl MotorChannel {
 
     /// The motor has been told what [`pending`](Self::pending) says.
     pub const fn told(&mut self) {
-        if self.pending.disable {
-            self.pending.disable = false;
+        if self.pending.release.is_some() {
+            self.pending.release = None;
         } else if self.pending.configure {
             self.pending.configure = false;
         } else {
@@ -296,7 +333,7 @@ impl MotorChannel {
 
     /// True if the motor is about to be told to let go, which is urgent.
     pub const fn urgent(&self) -> bool {
-        self.pending.disable
+        self.pending.release.is_some()
     }
 
     /// It goes with a group instead of wherever it should go by itself.
@@ -312,7 +349,7 @@ impl MotorChannel {
 
     /// It is about to be told to go somewhere by itself, or to let go.
     pub(super) const fn has_new_target(&self) -> bool {
-        self.pending.set || self.pending.disable
+        self.pending.set || self.urgent()
     }
 
     /// A position of the host's in the motor's counts.

@@ -10,7 +10,8 @@ pub const fn of(settings: &Settings) -> Setup {
     Setup { emf, resistance: Some(resistance), inductance, scheme, duty }
 }
 
-/// Settings for a set-up. What zero means is kept, and what is known of the bridge; of the motion nothing is.
+/// Settings for a set-up. What zero and a fault mean is kept, and what is known of the bridge; of the motion
+/// nothing is.
 pub(super) fn settings(setup: Setup, present: &Settings) -> Settings {
     let Setup { emf, resistance, inductance, scheme, duty } = setup;
     let winding = match resistance {
@@ -18,6 +19,6 @@ pub(super) fn settings(setup: Setup, present: &Settings) -> Settings {
         // A host that has no use for the resistance leaves the winding as it is.
         None => Winding { emf, ..present.winding },
     };
-    let Settings { bridge, zero_power, .. } = *present;
-    Settings { bridge, duty, zero_power, ..Settings::for_scheme(winding, scheme) }
+    let Settings { bridge, zero_power, on_fault, .. } = *present;
+    Settings { bridge, duty, zero_power, on_fault, ..Settings::for_scheme(winding, scheme) }
 }

@@ -198,7 +198,7 @@ impl Input {
         let [kind, target, tolerance, limit] = match setpoint {
             _ if self.tick.is_none() => [SAMPLE, 0, 0, 0],
             // A motor is replayed alone, in no group.
-            Setpoint::Disabled | Setpoint::Together(_) => [0; 4],
+            Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Together(_) => [0; 4],
             Setpoint::ConstantPower(power) => [1, i32::from(power.get()).cast_unsigned(), 0, 0],
             Setpoint::Velocity(target) => [2, speed(target), 0, 0],
             Setpoint::Position { target, tolerance, speed_limit } => {

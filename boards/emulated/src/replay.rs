@@ -215,7 +215,9 @@ fn carry_out(
             let whole = |speed: CountsPerSecond| speed.round() as i16;
             match setpoint {
                 // A set-point of a scenario is never of a group.
-                Setpoint::Disabled | Setpoint::Together(_) => talk.enable(bench, motor, false),
+                Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Together(_) => {
+                    talk.enable(bench, motor, false)
+                }
                 Setpoint::ConstantPower(power) => talk.power(bench, motor, power.get()),
                 Setpoint::Velocity(target) => talk.velocity(bench, motor, whole(target)),
                 Setpoint::Position { target, tolerance, speed_limit } => {

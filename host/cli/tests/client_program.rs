@@ -90,6 +90,10 @@ fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
     for known in ["emf_mv_s_per_count", "resistance_ohm", "inductance_mh"] {
         assert_eq!(back[known], after[known], "{known}");
     }
+    assert_eq!(back["on_fault"], "coast");
+    let braking = json(&client(&server, &["setup", "1", "--on-fault", "brake", "--json"]));
+    assert_eq!(braking["on_fault"], "brake");
+    assert_eq!(braking["scheme"], "scheme B");
     let unknown = client(&server, &["setup", "1", "--type", "AM 41"]);
     assert!(err(&unknown).contains("AM 40 C"), "{}", err(&unknown));
     let table = out(&client(&server, &["setup", "0"]));

@@ -24,7 +24,7 @@ use crate::{Error, Session};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
-use motor_hub::protocol::setup::{Motion, Setup, ToSetup};
+use motor_hub::protocol::setup::{Motion, Protection, Setup, ToSetup};
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use std::io::{Read, Write};
@@ -116,6 +116,16 @@ impl<L: Read + Write> Session<L> {
     /// Says how it moves, and how it may.
     pub fn set_motion(&mut self, motor: u8, motion: Motion) -> Result<(), Error> {
         self.order(ToSetup::SetMotion { motion }.to(motor))
+    }
+
+    /// What protects it; this project's own firmware tells.
+    pub fn protection(&mut self, motor: u8) -> Result<Protection, Error> {
+        self.ask(ToSetup::Protection.to(motor))
+    }
+
+    /// Says what protects it: what becomes of it at a fault, and when this host falls silent.
+    pub fn set_protection(&mut self, motor: u8, protection: Protection) -> Result<(), Error> {
+        self.order(ToSetup::SetProtection { protection }.to(motor))
     }
 
     /// Makes the hub learn how an enabled motor that stands in constant power of 0 moves, within so many counts

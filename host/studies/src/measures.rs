@@ -106,6 +106,7 @@ impl Goal {
     fn of(setpoint: Setpoint) -> Option<Self> {
         match setpoint {
             Setpoint::Disabled
+            | Setpoint::FailSafe
             | Setpoint::ConstantPower(_)
             | Setpoint::Identify { .. }
             | Setpoint::Together(_) => None,

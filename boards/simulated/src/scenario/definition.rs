@@ -8,7 +8,7 @@ use motor_hub::hub::{Action, Command};
 use motor_hub::model::load::Load;
 use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
-use motor_hub::motor::{Setpoint, Settings, ZeroPower};
+use motor_hub::motor::{OnFault, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
 use motor_hub::units::{Acceleration, Period, RangeError};
 
@@ -58,6 +58,8 @@ pub struct Motor {
     pub duty: DutyRule,
     /// What zero power does.
     pub zero_power: ZeroPower,
+    /// What a fault does.
+    pub on_fault: OnFault,
     /// Largest acceleration that the hub may ask of it, if it is regulated by its model.
     pub acceleration: Option<Acceleration>,
     /// Coefficients of the velocity loop, if they are not left to the board.
@@ -204,6 +206,7 @@ impl Motor {
             scheme: Scheme::A,
             duty: DutyRule::LinearCurrent,
             zero_power: ZeroPower::Brake,
+            on_fault: OnFault::Coast,
             acceleration: None,
             velocity: None,
             position: None,
@@ -230,6 +233,7 @@ impl Motor {
             bridge: BRIDGE,
             duty: self.duty,
             zero_power: self.zero_power,
+            on_fault: self.on_fault,
             acceleration: self.acceleration,
             dynamics: motion.map(|factors| self.dynamics(&winding, factors)).transpose()?,
             coefficients: own.then(|| Coefficients {

@@ -13,11 +13,13 @@ use crate::scheme::SchemeName;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::{battery::Battery, load::Load, si};
 use motor_hub::motion::Pidf;
-use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::motor::{OnFault, Setpoint, ZeroPower};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Period};
 use ranges::{FASTEST_CPS, HARDEST_CPS2, named, optional, timeline, within};
 use std::ops::RangeInclusive;
-use tables::{File, GainTable, Inertia, MotorTable, SetPointTable, ToldChoice, ToldTable, ZeroPowerWord};
+use tables::{
+    File, GainTable, Inertia, MotorTable, OnFaultWord, SetPointTable, ToldChoice, ToldTable, ZeroPowerWord,
+};
 use toml::Spanned;
 
 /// What a Q16.16 coefficient can hold.
@@ -131,6 +133,10 @@ impl MotorTable {
             zero_power: match self.zero_power {
                 ZeroPowerWord::Brake => ZeroPower::Brake,
                 ZeroPowerWord::Float => ZeroPower::Float,
+            },
+            on_fault: match self.on_fault {
+                OnFaultWord::Coast => OnFault::Coast,
+                OnFaultWord::Brake => OnFault::Brake,
             },
             acceleration: self.check_acceleration()?,
             velocity: coefficients.velocity.as_ref().map(GainTable::check).transpose()?,

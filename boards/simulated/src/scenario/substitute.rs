@@ -61,7 +61,9 @@ fn scaled(setpoint: Setpoint, counts: f64) -> Setpoint {
     let speed = |cps: CountsPerSecond| CountsPerSecond::new((cps.to_f64() * counts).round() as i32);
     match setpoint {
         // A reference is of a group, and set by the hub.
-        Setpoint::Disabled | Setpoint::ConstantPower(_) | Setpoint::Together(_) => setpoint,
+        Setpoint::Disabled | Setpoint::FailSafe | Setpoint::ConstantPower(_) | Setpoint::Together(_) => {
+            setpoint
+        }
         Setpoint::Velocity(cps) => Setpoint::Velocity(speed(cps)),
         Setpoint::Position { target, tolerance, speed_limit } => Setpoint::Position {
             target: (f64::from(target) * counts).round() as i32,

@@ -6,7 +6,8 @@ use crate::output::{Failure, print, print_json};
 use crate::parse::channel;
 use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue::characterised;
-use motor_hub::protocol::setup::Setup;
+use motor_hub::motor::OnFault;
+use motor_hub::protocol::setup::{Protection, Setup};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::json;
@@ -25,20 +26,46 @@ pub(crate) struct Options {
     name: Option<String>,
     #[command(flatten)]
     choice: Choice,
+    /// What the motor does at a fault, and when its host falls silent
+    #[arg(long, value_name = "WORD")]
+    on_fault: Option<OnFaultWord>,
     /// JSON instead of a table
     #[arg(long)]
     json: bool,
 }
 
+/// How people name it.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum OnFaultWord {
+    /// The bridge is open
+    Coast,
+    /// The winding is shorted
+    Brake,
+}
+
+impl From<OnFaultWord> for OnFault {
+    fn from(word: OnFaultWord) -> Self {
+        match word {
+            OnFaultWord::Coast => Self::Coast,
+            OnFaultWord::Brake => Self::Brake,
+        }
+    }
+}
+
 impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let mut protection = session.protection(self.motor)?;
+        if let Some(word) = self.on_fault {
+            protection.on_fault = word.into();
+            session.set_protection(self.motor, protection)?;
+        }
         let changes = self.name.is_some() || !self.choice.is_empty();
         let mut setup = session.setup(self.motor)?;
         if changes {
             session.set_up(self.motor, self.change(setup)?)?;
             setup = session.setup(self.motor)?;
         }
-        self.show(setup)
+        self.show(setup, protection)
     }
 
     fn change(&self, mut setup: Setup) -> Result<Setup, Failure> {
@@ -62,7 +89,7 @@ impl Options {
         Ok(setup)
     }
 
-    fn show(&self, setup: Setup) -> Result<(), Trouble> {
+    fn show(&self, setup: Setup, protection: Protection) -> Result<(), Trouble> {
         let Setup { emf, resistance, inductance, scheme, duty } = setup;
         let emf = f64::from(emf.to_bits()) / f64::from(1 << 20);
         let ohms = resistance.map(|resistance| f64::from(resistance.as_milliohms()) / 1e3);
@@ -70,6 +97,10 @@ impl Options {
         let duty = match duty {
             DutyRule::LinearCurrent => "linear current",
             DutyRule::LinearDuty => "linear duty",
+        };
+        let on_fault = match protection.on_fault {
+            OnFault::Coast => "coast",
+            OnFault::Brake => "brake",
         };
         if self.json {
             let document = json!({
@@ -79,6 +110,7 @@ impl Options {
                 "inductance_mh": millihenries.unwrap_or(0.0),
                 "scheme": describe(scheme),
                 "duty": duty,
+                "on_fault": on_fault,
             });
             return Ok(print_json(&document)?);
         }
@@ -91,7 +123,8 @@ impl Options {
             .add_row(["resistance", &known(ohms, "ohm")])
             .add_row(["inductance", &known(millihenries, "mH")])
             .add_row(["scheme", &describe(scheme)])
-            .add_row(["duty", duty]);
+            .add_row(["duty", duty])
+            .add_row(["at a fault", on_fault]);
         Ok(print(&format!("{table}\n"))?)
     }
 }

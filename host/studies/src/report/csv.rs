@@ -30,6 +30,7 @@ fn row(out: &mut String, sample: &Sample) {
     let report = &sample.report;
     let (kind, value) = match report.setpoint {
         Setpoint::Disabled => ("disabled", String::new()),
+        Setpoint::FailSafe => ("fail-safe", String::new()),
         Setpoint::ConstantPower(power) => ("power", power.get().to_string()),
         Setpoint::Velocity(cps) => ("velocity", cps.to_f64().to_string()),
         Setpoint::Position { target, .. } => ("position", target.to_string()),

@@ -2,7 +2,7 @@
 
 use super::friction_percent;
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
-use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::motor::{OnFault, Setpoint, ZeroPower};
 use motor_hub::units::Control;
 use simulated::scenario::{Motor, Scenario, Told};
 use std::fmt::Write;
@@ -36,6 +36,9 @@ fn table(out: &mut String, motor: &Motor) -> std::fmt::Result {
     }
     if motor.duty == DutyRule::LinearDuty {
         writeln!(out, "duty = \"linear-duty\"")?;
+    }
+    if motor.on_fault == OnFault::Brake {
+        writeln!(out, "on_fault = \"brake\"")?;
     }
     if motor.zero_power == ZeroPower::Float {
         writeln!(out, "zero_power = \"float\"")?;
@@ -84,7 +87,9 @@ fn scheme(scheme: Scheme) -> String {
 fn setpoint(setpoint: Setpoint) -> String {
     match setpoint {
         // A survey has none of the last two.
-        Setpoint::Disabled | Setpoint::Identify { .. } | Setpoint::Together(_) => "disable = true".to_owned(),
+        Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Identify { .. } | Setpoint::Together(_) => {
+            "disable = true".to_owned()
+        }
         Setpoint::ConstantPower(power) => {
             format!("power = {:?}", f64::from(power.get()) / f64::from(Control::MAX.get()))
         }

@@ -121,6 +121,7 @@ fn of_motor(scenario: &Scenario, index: usize, motor: &Motor) -> Vec<Challenge> 
 fn goal(setpoint: Setpoint) -> Option<Goal> {
     match setpoint {
         Setpoint::Disabled
+        | Setpoint::FailSafe
         | Setpoint::ConstantPower(_)
         | Setpoint::Identify { .. }
         | Setpoint::Together(_) => None,

@@ -60,6 +60,8 @@ pub(super) struct MotorTable {
     pub(super) duty: DutyRule,
     #[serde(default)]
     pub(super) zero_power: ZeroPowerWord,
+    #[serde(default)]
+    pub(super) on_fault: OnFaultWord,
     pub(super) acceleration_cps2: Option<Spanned<i64>>,
     #[serde(default)]
     pub(super) coefficients: CoefficientTables,
@@ -86,6 +88,14 @@ pub(super) enum ZeroPowerWord {
     #[default]
     Brake,
     Float,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum OnFaultWord {
+    #[default]
+    Coast,
+    Brake,
 }
 
 #[derive(Default, Deserialize)]

@@ -1,0 +1,158 @@
+//! What keeps a motor, and what it moves, from harm when something fails.
+
+use motor_hub::braking::{Regime, Winding};
+use motor_hub::bridge::{BridgeConstants, Drive};
+use motor_hub::model::catalogue;
+use motor_hub::model::load::Load;
+use motor_hub::model::plant::{Influence, Plant};
+use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Seconds, Volts};
+use motor_hub::model::switching::Bridge;
+use motor_hub::motion::{Reading, Tracker};
+use motor_hub::motor::{Motor, OnFault, Report, Setpoint, Settings};
+use motor_hub::units::{Control, CountsPerSecond, Micros, Millivolts, Period};
+
+/// An AM 60 A with a load, on a hub of its own, every 10 ms.
+struct Winch {
+    motor: Motor,
+    plant: Plant,
+    tracker: Tracker,
+    ms: u64,
+    /// At the output shaft, in newton metres.
+    torque: f64,
+    /// Counts that come through; the last one for ever once the plug is pulled.
+    seen: Option<i64>,
+    battery: Option<Millivolts>,
+    report: Report,
+}
+
+impl Winch {
+    fn new(settings: Settings) -> Self {
+        let entry = catalogue::find("AM 60 A").expect("known");
+        let constants = entry.motor.expect("characterised").with_measured_rotor_inertia();
+        let load = Load { inertia_after: KgM2(0.05), ..Load::NONE };
+        let bridge = Bridge::new(BridgeConstants::VNH5019);
+        Self {
+            motor: Motor::new(settings, Period::from_millis(10).expect("in range")),
+            plant: Plant::new(constants, load, bridge, Hertz(20_000.0)),
+            tracker: Tracker::default(),
+            ms: 0,
+            torque: 0.0,
+            seen: None,
+            battery: Some(Millivolts::new(12_000)),
+            report: Report::INITIAL,
+        }
+    }
+
+    fn unplug(&mut self) {
+        self.seen = Some(self.plant.counts());
+    }
+
+    fn run(&mut self, seconds: f64) -> &Report {
+        for _ in 0..(seconds * 1e3) as u64 {
+            let now = Micros::new(1_000 * self.ms);
+            let position = self.tracker.step(self.seen.unwrap_or(self.plant.counts()) as u16, now);
+            self.motor.sample(position);
+            if self.ms % 10 == 0 {
+                self.report = self.motor.step(now, Some(position), self.battery);
+            }
+            let Drive { mode, duty } = self.report.drive;
+            let torque_after = NewtonMetres(self.torque);
+            let influence = Influence { torque_after, ..Influence::pwm(mode, duty.to_f64()) };
+            self.plant.run(Seconds(1e-3), influence, Volts(12.0));
+            self.ms += 1;
+        }
+        &self.report
+    }
+
+    /// Counts per second.
+    fn speed(&self) -> f64 {
+        self.plant.speed().0 / std::f64::consts::TAU * self.plant.motor().counts_per_rev_motor
+    }
+}
+
+fn settings(on_fault: OnFault) -> Settings {
+    Settings { on_fault, ..Settings::new(Winding::NEVEREST_60) }
+}
+
+fn at(cps: i32) -> Setpoint {
+    Setpoint::Velocity(CountsPerSecond::new(cps))
+}
+
+/// Pays out 0.8 N m at 300 counts/s, until its encoder is unplugged; 3 s later.
+fn unplugged(on_fault: OnFault) -> Winch {
+    let mut winch = Winch::new(settings(on_fault));
+    winch.torque = 0.8;
+    winch.motor.set(at(300));
+    winch.run(2.0);
+    assert!((winch.speed() - 300.0).abs() < 10.0, "{}", winch.speed());
+    winch.unplug();
+    winch.run(3.0);
+    winch
+}
+
+#[test]
+fn a_load_whose_encoder_is_unplugged_runs_away_from_a_motor_that_coasts_and_sinks_on_one_that_brakes() {
+    let coasting = unplugged(OnFault::Coast);
+    assert_eq!((coasting.report.drive, coasting.report.regime), (Drive::COAST, None));
+    assert!(coasting.speed() > 3_000.0, "{}", coasting.speed());
+
+    let braking = unplugged(OnFault::Brake);
+    assert!(braking.report.faults.encoder.is_some());
+    assert_eq!((braking.report.drive, braking.report.regime), (Drive::BRAKE, Some(Regime::Braking)));
+    // 0.8 N m behind 60 turns take 0.75 A of 17.8 mN m/A, and those 2.55 V behind 3.4 ohm: 144 rad/s, 28 counts a turn.
+    assert!((braking.speed() - 640.0).abs() < 10.0, "{}", braking.speed());
+}
+
+#[test]
+fn a_counter_that_falls_silent_brakes_until_it_speaks_again() {
+    for setpoint in
+        [at(300), Setpoint::Position { target: 9_000, tolerance: 5, speed_limit: CountsPerSecond::new(300) }]
+    {
+        let mut motor = Motor::new(settings(OnFault::Brake), Period::DEFAULT);
+        motor.set(setpoint);
+        let battery = Some(Millivolts::new(12_000));
+        let mut step = |ms: u64, reading: bool| {
+            let at = Micros::new(1_000 * ms);
+            motor.step(at, reading.then_some(Reading { position: 0, edge_at: at, at }), battery)
+        };
+        assert_eq!(step(50, true).regime, Some(Regime::Forward));
+        let silent = step(100, false);
+        assert!(silent.faults.encoder_stale);
+        assert_eq!(silent.drive, Drive::BRAKE);
+        assert_eq!(step(150, true).regime, Some(Regime::Forward));
+    }
+}
+
+#[test]
+fn no_motor_brakes_on_a_bus_that_is_the_fault() {
+    let mut winch = unplugged(OnFault::Brake);
+    winch.battery = None;
+    assert_eq!(winch.run(0.02).drive, Drive::COAST);
+    winch.motor.set(Setpoint::FailSafe);
+    assert_eq!(winch.run(0.02).drive, Drive::COAST);
+    winch.battery = Some(Millivolts::new(12_000));
+    assert_eq!(winch.run(0.02).drive, Drive::BRAKE);
+}
+
+#[test]
+fn disabling_ends_the_braking() {
+    let mut winch = unplugged(OnFault::Brake);
+    winch.motor.set(Setpoint::Disabled);
+    let report = winch.run(0.02);
+    assert_eq!((report.drive, report.faults.encoder), (Drive::COAST, None));
+}
+
+#[test]
+fn a_motor_that_needs_no_encoder_is_not_braked_for_want_of_one() {
+    for (setpoint, drive) in [
+        (Setpoint::ConstantPower(Control::MAX), None),
+        (Setpoint::ConstantPower(Control::ZERO), Some(Drive::BRAKE)),
+        (Setpoint::Disabled, Some(Drive::COAST)),
+    ] {
+        let mut motor = Motor::new(settings(OnFault::Brake), Period::DEFAULT);
+        motor.set(setpoint);
+        let report = motor.step(Micros::new(50_000), None, Some(Millivolts::new(12_000)));
+        assert!(report.faults.encoder_stale);
+        assert_eq!(report.drive == Drive::BRAKE, drive == Some(Drive::BRAKE), "{setpoint:?}");
+    }
+}
