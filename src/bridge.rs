@@ -15,7 +15,7 @@
 //! right. Diode Dn lies antiparallel to Sn. What a state does to a motor is said, and compared with the
 //! paper's table, in `model::bridge_states`.
 
-use crate::units::{Duty, RangeError};
+use crate::units::{Duty, Milliamperes, RangeError};
 
 /// The switches that are closed, of those sixteen patterns that a bridge may be commanded to: the seven
 /// short circuits have no value here.
@@ -124,6 +124,16 @@ impl Drive {
     pub const COAST: Self = Self { mode: Mode::Brake50, duty: Duty::ZERO };
     /// Full dynamic braking: state 5 all the time.
     pub const BRAKE: Self = Self { mode: Mode::Brake50, duty: Duty::ONE };
+}
+
+/// What a bridge says of itself, on a board that can hear it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Sensed {
+    /// Magnitude of the motor's mean current; `None` where nothing measures it.
+    pub current: Option<Milliamperes>,
+    /// It has switched itself off, for whatever reason of its own.
+    pub fault: bool,
 }
 
 /// What the switches and diodes of a bridge cost, and how fast it switches.

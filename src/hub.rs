@@ -24,7 +24,7 @@
 
 mod groups;
 
-use crate::bridge::Drive;
+use crate::bridge::{Drive, Sensed};
 use crate::group::{Halt, Together};
 use crate::motion::Reading;
 use crate::motor::{Motor, Report, Setpoint, Settings};
@@ -151,6 +151,13 @@ impl<const N: usize> Hub<N> {
             if let Some(reading) = reading {
                 motor.sample(*reading);
             }
+        }
+    }
+
+    /// Takes what the bridges say of themselves, on a board that hears them; as often as they do, between two ticks.
+    pub fn sense(&mut self, sensed: &[Sensed; N]) {
+        for (motor, sensed) in self.motors.iter_mut().zip(sensed) {
+            motor.sense(*sensed);
         }
     }
 

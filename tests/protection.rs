@@ -1,15 +1,15 @@
 //! What keeps a motor, and what it moves, from harm when something fails.
 
 use motor_hub::braking::{Regime, Winding};
-use motor_hub::bridge::{BridgeConstants, Drive};
+use motor_hub::bridge::{BridgeConstants, Drive, Sensed};
 use motor_hub::model::catalogue;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::{Influence, Plant};
 use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
 use motor_hub::motion::{Reading, Tracker};
-use motor_hub::motor::{Motor, OnFault, Report, Setpoint, Settings};
-use motor_hub::units::{Control, CountsPerSecond, Micros, Millivolts, Period};
+use motor_hub::motor::{Motor, OnFault, Report, Setpoint, Settings, ThermalLimit};
+use motor_hub::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period};
 
 /// An AM 60 A with a load, on a hub of its own, every 10 ms.
 struct Winch {
@@ -154,5 +154,131 @@ fn a_motor_that_needs_no_encoder_is_not_braked_for_want_of_one() {
         let report = motor.step(Micros::new(50_000), None, Some(Millivolts::new(12_000)));
         assert!(report.faults.encoder_stale);
         assert_eq!(report.drive == Drive::BRAKE, drive == Some(Drive::BRAKE), "{setpoint:?}");
+    }
+}
+
+/// A third of the stall current of 12 V behind 3.4 ohm.
+fn limited(on_fault: OnFault) -> Settings {
+    Settings { thermal: ThermalLimit::new(1_200, 20, 600).ok(), ..settings(on_fault) }
+}
+
+/// Currents in amperes that flow in a held motor, by seconds.
+fn stalled(settings: Settings, setpoint: Setpoint, seconds: u64) -> (Vec<f64>, Motor) {
+    let mut motor = Motor::new(settings, Period::DEFAULT);
+    motor.set(setpoint);
+    let currents = (1..=seconds * 20).map(|tick| {
+        let at = Micros::new(50_000 * tick);
+        let report =
+            motor.step(at, Some(Reading { position: 0, edge_at: at, at }), Some(Millivolts::new(12_000)));
+        f64::from(report.current.get()) / 1e3
+    });
+    let by_tick: Vec<f64> = currents.collect();
+    (by_tick.into_iter().skip(19).step_by(20).collect(), motor)
+}
+
+#[test]
+fn a_motor_without_a_limit_is_stalled_for_ever_and_one_with_is_derated_to_what_it_stands() {
+    let full = Setpoint::ConstantPower(Control::MAX);
+    let (unlimited, _) = stalled(settings(OnFault::Coast), full, 30);
+    assert!(unlimited.iter().all(|amperes| (3.5..3.6).contains(amperes)), "{unlimited:?}");
+
+    for setpoint in [full, Setpoint::ConstantPower(Control::MIN)] {
+        let (amperes, mut motor) = stalled(limited(OnFault::Coast), setpoint, 600);
+        let amperes: Vec<f64> = amperes.iter().map(|amperes| amperes.abs()).collect();
+        // All of it as long as it takes to get up speed; then less, step by step, and never cut.
+        assert!(amperes[..7].iter().all(|amperes| *amperes > 3.5), "{amperes:?}");
+        assert!(amperes[29] < 2.2, "{}", amperes[29]);
+        assert!(amperes.is_sorted_by(|before, after| *after <= before + 0.03), "{amperes:?}");
+        assert!((1.15..1.35).contains(&amperes[599]), "{}", amperes[599]);
+        let at = Micros::new(600_050_000);
+        let report = motor.step(at, None, Some(Millivolts::new(12_000)));
+        assert!(
+            report.derated && (950..1_050).contains(&report.heat) && !report.faults.overheated,
+            "{report:?}"
+        );
+        // A motor that rests cools down.
+        motor.set(Setpoint::Disabled);
+        let cool =
+            (0..20 * 300).map(|tick| motor.step(Micros::new(600_100_000 + 50_000 * tick), None, None)).last();
+        assert!(cool.is_some_and(|report| !report.derated && report.heat < 700), "{cool:?}");
+    }
+}
+
+#[test]
+fn every_scheme_derates_a_motor_that_is_held() {
+    use motor_hub::braking::{Blend, DutyRule, Scheme};
+    for scheme in [Scheme::ForwardReverse, Scheme::A, Scheme::B, Scheme::C, Scheme::D(Blend::Automatic)] {
+        for duty in [DutyRule::LinearCurrent, DutyRule::LinearDuty] {
+            for velocity in [2_000, -2_000] {
+                let settings = Settings { scheme, duty, ..limited(OnFault::Coast) };
+                let (amperes, _) = stalled(settings, at(velocity), 200);
+                let last = amperes[199].abs();
+                assert!((0.0..1.5).contains(&last), "{scheme:?} {duty:?}: {last}");
+            }
+        }
+    }
+}
+
+/// A load of 2.2 N m, 2.1 A and more than the motor stands for ever, drives it until it is cut.
+fn overrun(on_fault: OnFault) -> Winch {
+    let mut winch = Winch::new(limited(on_fault));
+    winch.torque = 2.2;
+    winch.motor.set(at(300));
+    assert!((0..240).any(|_| winch.run(1.0).faults.overheated), "{:?}", winch.report);
+    winch
+}
+
+#[test]
+fn braking_is_not_derated_but_a_motor_that_gets_too_hot_by_it_is_cut_and_reported() {
+    let braking = overrun(OnFault::Brake);
+    assert_eq!(braking.report.drive, Drive::BRAKE);
+    let mut coasting = overrun(OnFault::Coast);
+    assert_eq!(coasting.report.drive, Drive::COAST);
+    // Disabled and enabled again, it is as hot as before.
+    coasting.motor.set(Setpoint::Disabled);
+    coasting.run(0.1);
+    coasting.motor.set(at(300));
+    assert!(coasting.run(0.1).faults.overheated);
+}
+
+#[test]
+fn heat_is_of_the_measured_current_where_there_is_one() {
+    let mut motor = Motor::new(limited(OnFault::Coast), Period::DEFAULT);
+    motor.set(Setpoint::ConstantPower(Control::MAX));
+    let mut heat = |measured: Option<i32>| {
+        motor.sense(Sensed { current: measured.map(Milliamperes::new), fault: false });
+        let report = (1..=40).map(|tick| {
+            let at = Micros::new(50_000 * tick);
+            motor.step(at, Some(Reading { position: 0, edge_at: at, at }), Some(Millivolts::new(12_000)))
+        });
+        report.last().map(|report| (report.heat, report.measured)).unwrap_or_default()
+    };
+    assert_eq!(heat(Some(0)), (0, Some(Milliamperes::ZERO)));
+    let (modelled, none) = heat(None);
+    assert!(none.is_none() && (210..240).contains(&modelled), "{modelled}");
+}
+
+#[test]
+fn a_bridge_that_switches_itself_off_is_named_and_stays_off_until_the_motor_is_disabled() {
+    for on_fault in [OnFault::Coast, OnFault::Brake] {
+        let mut winch = Winch::new(settings(on_fault));
+        winch.motor.set(at(300));
+        assert!(!winch.run(0.5).faults.bridge);
+        winch.motor.sense(Sensed { current: None, fault: true });
+        // It has come to again.
+        winch.motor.sense(Sensed::default());
+        let report = winch.run(0.5);
+        assert_eq!((report.drive, report.faults.bridge), (Drive::COAST, true), "{on_fault:?}");
+        winch.motor.set(Setpoint::Disabled);
+        winch.run(0.02);
+        winch.motor.set(at(300));
+        let report = winch.run(0.5);
+        assert!(report.drive != Drive::COAST && !report.faults.any(), "{report:?}");
+        // One that is still at fault does not run again.
+        winch.motor.sense(Sensed { current: None, fault: true });
+        winch.motor.set(Setpoint::Disabled);
+        winch.motor.sense(Sensed { current: None, fault: true });
+        winch.motor.set(at(300));
+        assert_eq!(winch.run(0.02).drive, Drive::COAST);
     }
 }

@@ -3,7 +3,7 @@
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use motor_hub::group::Halt;
 use motor_hub::motion::Pidf;
-use motor_hub::motor::{OnFault, ZeroPower};
+use motor_hub::motor::{OnFault, ThermalLimit, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
 use motor_hub::protocol::fields::{ByteIn, Field, Fields, Payload, Text, WordFrom};
 use motor_hub::protocol::group::{GroupCourse, GroupMove, GroupState, ToGroup};
@@ -11,13 +11,13 @@ use motor_hub::protocol::led::{LedPattern, STEPS, Step};
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
-use motor_hub::protocol::setup::{Motion, Protection, Setup, ToSetup};
+use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal};
 use motor_hub::units::{
     Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, EmfConstant,
-    Inductance, Micros, Millivolts, Resistance,
+    Inductance, Micros, Milliamperes, Millivolts, Resistance,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -123,7 +123,20 @@ fn motion() -> impl Strategy<Value = Motion> {
 }
 
 fn protection() -> impl Strategy<Value = Protection> {
-    prop_oneof![Just(OnFault::Coast), Just(OnFault::Brake)].prop_map(|on_fault| Protection { on_fault })
+    let on_fault = prop_oneof![Just(OnFault::Coast), Just(OnFault::Brake)];
+    (on_fault, any::<(u16, u16, u16)>()).prop_map(|(on_fault, (ma, winding_s, case_s))| {
+        let thermal = ThermalLimit::new(ma, winding_s.max(1), case_s.max(1)).ok();
+        Protection { on_fault, thermal }
+    })
+}
+
+fn condition() -> impl Strategy<Value = Condition> {
+    any::<(i32, Option<u16>, u16, [bool; 3])>().prop_map(
+        |(ma, measured_ma, heat, [derated, overheated, bridge_fault])| {
+            let current = Milliamperes::new(ma);
+            Condition { current, measured_ma, heat, derated, overheated, bridge_fault }
+        },
+    )
 }
 
 fn identification() -> impl Strategy<Value = Identification> {
@@ -306,10 +319,11 @@ fn to_setup() -> Vec<BoxedStrategy<Case>> {
             ToSetup::Identify { travel_limit }.to(motor)
         }),
         with(&[1], motor(), |motor| ToSetup::Identification.to(motor)),
-        with(&[1, 1], (motor(), protection()), |(motor, protection)| {
+        with(&[1, 1, 2, 2, 2], (motor(), protection()), |(motor, protection)| {
             ToSetup::SetProtection { protection }.to(motor)
         }),
         with(&[1], motor(), |motor| ToSetup::Protection.to(motor)),
+        with(&[1], motor(), |motor| ToSetup::Condition.to(motor)),
     ]
 }
 
@@ -430,7 +444,7 @@ proptest! {
     #[test]
     fn an_answer_about_a_motor_or_the_led_is_read_as_it_was_written(
         mode in run_mode(), zero_power in zero_power(), control in control(), target in target(),
-        coefficients in coefficients(), setup in setup(), motion in motion(), protection in protection(), identification in identification(),
+        coefficients in coefficients(), setup in setup(), motion in motion(), protection in protection(), condition in condition(), identification in identification(),
         colour in colour(), pattern in pattern(),
         text in text(),
     ) {
@@ -444,6 +458,7 @@ proptest! {
         prop_assert_eq!(read_back(&setup), Ok(setup));
         prop_assert_eq!(read_back(&motion), Ok(motion));
         prop_assert_eq!(read_back(&protection), Ok(protection));
+        prop_assert_eq!(read_back(&condition), Ok(condition));
         prop_assert_eq!(read_back(&identification), Ok(identification));
         prop_assert_eq!(read_back(&colour), Ok(colour));
         prop_assert_eq!(read_back(&pattern), Ok(pattern));

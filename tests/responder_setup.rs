@@ -6,14 +6,14 @@ use hub_support::{HUB, N, Said, TestHost, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::hub::{Action, Command};
-use motor_hub::motor::{OnFault, Setpoint, Settings, ZeroPower};
+use motor_hub::motor::{Faults, OnFault, Report, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::Address;
 use motor_hub::protocol::setup::FIRST_FUNCTION;
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::responder::Responder;
 use motor_hub::units::{
-    AccelerationPerVolt, Control, DecayRate, EmfConstant, Inductance, Millivolts, Resistance,
+    AccelerationPerVolt, Control, DecayRate, EmfConstant, Inductance, Milliamperes, Millivolts, Resistance,
 };
 
 /// An AM 40 C: 3.12 mV s/count.
@@ -46,7 +46,7 @@ fn set_up(host: &mut TestHost, motor: u8, fields: &[u8]) {
 #[test]
 fn the_interface_is_found_by_its_name() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 10, 0]));
+    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 11, 0]));
 }
 
 #[test]
@@ -249,13 +249,35 @@ fn what_was_learned_before_is_no_answer_to_what_is_asked_now() {
 #[test]
 fn what_a_fault_does_is_said_read_back_and_kept_by_another_set_up() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data(vec![0]));
-    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[1, 1]), Said::Ack(0));
-    let braking = Settings { on_fault: OnFault::Brake, ..settings() };
+    let none = [0; 6];
+    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data([&[0], &none[..]].concat()));
+    // 1.2 A, 20 s, 600 s.
+    let limit = [0xB0, 4, 20, 0, 0x58, 2];
+    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 1], &limit[..]].concat()), Said::Ack(0));
+    let thermal = ThermalLimit::new(1_200, 20, 600).ok();
+    let braking = Settings { on_fault: OnFault::Brake, thermal, ..settings() };
     assert_eq!(host.told(), [Command { motor: 1, action: Action::Configure(braking) }]);
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
-    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data(vec![1]));
-    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[0]), Said::Data(vec![0]));
-    // Neither coast nor brake.
-    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[1, 2]), Said::Nack(1));
+    // It is another winding now.
+    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data([&[1], &none[..]].concat()));
+    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[0]), Said::Data([&[0], &none[..]].concat()));
+    // Neither coast nor brake; a limit without time.
+    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 2], &none[..]].concat()), Said::Nack(1));
+    assert_eq!(host.ask(FIRST_FUNCTION + 8, &[1, 0, 0xB0, 4, 20, 0, 0, 0]), Said::Nack(4));
+}
+
+#[test]
+fn how_a_motor_and_its_bridge_are_is_told_as_of_the_last_tick() {
+    let mut host = TestHost::settled();
+    assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(vec![0; 12]));
+    host.snapshot.motors[2] = Report {
+        current: Milliamperes::new(-1_200),
+        measured: Some(Milliamperes::new(1_150)),
+        heat: 1_050,
+        derated: true,
+        faults: Faults { overheated: true, bridge: true, ..Faults::default() },
+        ..Report::INITIAL
+    };
+    let told = [0x50, 0xFB, 0xFF, 0xFF, 1, 0x7E, 4, 0x1A, 4, 1, 1, 1];
+    assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(told.to_vec()));
 }

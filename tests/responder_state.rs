@@ -8,7 +8,7 @@ use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub::responder::Responder;
 use motor_hub::responder::alive::TIMEOUT_MICROS;
-use motor_hub::units::{Control, CountsPerSecond, Micros, Millivolts};
+use motor_hub::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts};
 
 const TIMEOUT_MS: u64 = TIMEOUT_MICROS / 1000;
 
@@ -358,7 +358,7 @@ fn a_motor_that_is_to_brake_at_a_fault_is_left_to_that_when_its_host_falls_silen
     host.told();
     let setup = motor_hub::protocol::setup::FIRST_FUNCTION;
     for motor in [0, 1] {
-        assert_eq!(host.ask(setup + 8, &[motor, 1]), Said::Ack(0));
+        assert_eq!(host.ask(setup + 8, &[motor, 1, 0, 0, 0, 0, 0, 0]), Said::Ack(0));
     }
     // Of those two only the first runs.
     host.do_all(&[(10, &[1, 0])]);
@@ -377,4 +377,35 @@ fn a_motor_that_is_to_brake_at_a_fault_is_left_to_that_when_its_host_falls_silen
     assert!(!silence(&mut host).iter().any(|command| command.motor == 0));
     host.do_all(&[(10, &[0, 0])]);
     assert_eq!(host.told(), [set(0, Setpoint::Disabled)]);
+}
+
+#[test]
+fn a_current_that_is_measured_is_told_and_one_that_is_not_is_refused() {
+    let mut host = TestHost::settled();
+    let adc = motor_hub::protocol::requests::FIRST_FUNCTION + 7;
+    let over = |host: &mut TestHost| match host.call(0, &[]) {
+        Said::Data(bulk) => bulk[17] & 0x0F,
+        other => panic!("{other:?}"),
+    };
+    // Alert of motor 1 above 2 A.
+    host.do_all(&[(12, &[1, 0xD0, 7])]);
+    for (ma, alerts) in [(2_000, 0), (2_001, 2)] {
+        host.snapshot.motors[1].measured = Some(Milliamperes::new(ma));
+        host.snapshot.motors[2].measured = Some(Milliamperes::new(ma));
+        assert_eq!(over(&mut host), alerts, "{ma} mA");
+        assert_eq!(host.ask(adc, &[9, 0]), Said::Data((ma as u16).to_le_bytes().to_vec()));
+    }
+    // Currents saturate; of the others, and raw, there is nothing to tell.
+    host.snapshot.motors[1].measured = Some(Milliamperes::new(40_000));
+    assert_eq!(host.ask(adc, &[9, 0]), Said::Data(vec![0xFF, 0x7F]));
+    for payload in [[8, 0], [11, 0], [12, 0], [7, 0], [9, 1]] {
+        assert_eq!(host.ask(adc, &payload), Said::Nack(253), "{payload:?}");
+    }
+}
+
+#[test]
+fn a_bridge_that_has_switched_itself_off_is_a_motor_alert() {
+    let mut host = TestHost::settled();
+    host.snapshot.motors[3].faults.bridge = true;
+    assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![0, 0x80]));
 }

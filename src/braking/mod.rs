@@ -106,6 +106,11 @@ impl Placer {
         }
     }
 
+    /// The same by the rule of linear current, whatever the placer's own.
+    pub fn place_linear(&self, at: OperatingPoint, control: Control) -> Placement {
+        place_current(&self.current, self.scheme, at, control)
+    }
+
     /// The control value that asks for a voltage, or for the nearest to it that the scheme can give.
     pub fn control(&self, at: OperatingPoint, voltage: Voltage) -> Control {
         let voltage = voltage.to_volts();

@@ -26,14 +26,16 @@ mod arrival;
 mod report;
 mod setpoint;
 mod settings;
+mod thermal;
 mod watch;
 
 pub use report::{Faults, Report};
 pub use setpoint::Setpoint;
 pub use settings::{OnFault, Settings, ZeroPower};
+pub use thermal::ThermalLimit;
 
 use crate::braking::{self, DutyRule, OperatingPoint, Placement, Placer, Scheme};
-use crate::bridge::Drive;
+use crate::bridge::{Drive, Sensed};
 use crate::motion::Reading;
 use crate::motion::guard::Finding;
 use crate::regulator::identify::{Identifier, Refusal};
@@ -41,6 +43,7 @@ use crate::regulator::{Demand, Regulator, Stage};
 use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Voltage};
 use arrival::Arrival;
 use core::mem::discriminant;
+use thermal::Thermal;
 use watch::{Order, Watch};
 
 /// A reading older than this is none: the counters are sampled every millisecond.
@@ -64,6 +67,11 @@ pub struct Motor {
     identifier: Identifier,
     watch: Watch,
     arrival: Arrival,
+    thermal: Thermal,
+    /// What the bridge said last.
+    sensed: Sensed,
+    /// It has said that it is at fault; latched.
+    bridge_fault: bool,
 }
 
 /// A control value and what the bridge makes of it.
@@ -91,6 +99,9 @@ impl Motor {
             identifier: Identifier::new(period),
             watch: Watch::new(period, settings.dynamics.map(|known| known.gain)),
             arrival: Arrival::new(period),
+            thermal: Thermal::new(period, settings.thermal),
+            sensed: Sensed::default(),
+            bridge_fault: false,
         }
     }
 
@@ -100,6 +111,7 @@ impl Motor {
         self.placer = settings.placer();
         self.regulator.configure(settings.regulation());
         self.watch.expect(settings.dynamics.map(|known| known.gain));
+        self.thermal.configure(settings.thermal);
     }
 
     /// Takes effect at the next step. Disabling the motor ends a latched fault, and so does fail-safe.
@@ -122,6 +134,8 @@ impl Motor {
         }
         if matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe) {
             self.watch.clear();
+            self.thermal.clear();
+            self.bridge_fault = false;
         }
         match setpoint {
             Setpoint::Identify { .. } if setpoint == self.setpoint && self.identifier.is_running() => (),
@@ -161,12 +175,19 @@ impl Motor {
         self.identifier.sample(reading);
     }
 
+    /// Takes what the bridge says of itself, on a board that hears it.
+    pub fn sense(&mut self, sensed: Sensed) {
+        self.sensed = sensed;
+        self.bridge_fault |= sensed.fault;
+    }
+
     /// One control tick. `reading` is the newest, whether or not it was a sample before.
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
         let moved = fresh(reading, now).map(|reading| self.follow(reading));
         self.regulator.wait(now);
         let velocity = self.regulator.velocity();
-        let at = battery.and_then(|battery| {
+        // A bridge that is at fault cannot brake either.
+        let at = battery.filter(|_| !self.bridge_fault).and_then(|battery| {
             Some((OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery)?, battery))
         });
         let wanted = at.and_then(|(at, battery)| self.output(at, battery, moved));
@@ -184,13 +205,18 @@ impl Motor {
             Some((control, Placement { regime, drive, .. })) => (control, Some(regime), drive),
             None => (Control::ZERO, None, Drive::COAST),
         };
+        let current = flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
+        self.thermal.step(self.sensed.current.unwrap_or(current));
         let near = self.setpoint.reached(self.position);
         Report {
             setpoint: self.setpoint,
             position: self.position,
             velocity,
             regulator: self.regulator.kind(),
-            current: flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity)),
+            current,
+            measured: self.sensed.current,
+            heat: (1000.0 * self.thermal.heat()) as u16,
+            derated: self.thermal.ceiling().is_some(),
             load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
             control,
             regime,
@@ -202,6 +228,8 @@ impl Motor {
                 battery_unknown: battery.is_none(),
                 encoder_stale: moved.is_none(),
                 encoder: self.watch.fault(),
+                overheated: self.thermal.is_cut(),
+                bridge: self.bridge_fault,
             },
         }
     }
@@ -241,6 +269,9 @@ impl Motor {
     /// What the set-point asks for, or `None` to coast. `moved` is the counts since the last tick, if the
     /// encoder gives any.
     fn output(&mut self, at: OperatingPoint, battery: Millivolts, moved: Option<i32>) -> Option<Output> {
+        if self.thermal.is_cut() {
+            return None;
+        }
         let demand = match self.setpoint {
             Setpoint::Disabled | Setpoint::FailSafe => return None,
             Setpoint::ConstantPower(power) => return self.open_loop(at, power),
@@ -263,6 +294,8 @@ impl Motor {
             self.setpoint.is_regulated() || matches!(self.setpoint, Setpoint::Identify { .. });
         let at_fault = match self.setpoint {
             Setpoint::FailSafe => true,
+            Setpoint::Disabled => false,
+            _ if self.thermal.is_cut() => true,
             _ => needs_encoder && (moved.is_none() || self.watch.fault().is_some()),
         };
         let brakes = at_fault && self.settings.on_fault == OnFault::Brake;
@@ -272,12 +305,33 @@ impl Motor {
     /// A host that sets a power means the duty of 9/8 or 6/2, so no scheme comes between.
     fn open_loop(&self, at: OperatingPoint, power: Control) -> Option<Output> {
         if power != Control::ZERO {
-            Some((power, braking::place(Scheme::ForwardReverse, at, power)))
+            Some(self.spare(at, (power, braking::place(Scheme::ForwardReverse, at, power))))
         } else if self.floats() {
             None
         } else {
             Some((power, Placement::full_braking(at)))
         }
+    }
+
+    /// What a control value of the regulator's makes the bridge do.
+    fn place(&self, at: OperatingPoint, control: Control) -> Output {
+        self.spare(at, (control, self.placer.place(at, control)))
+    }
+
+    /// The same, or what drives no more current than a hot winding may have. Braking is left as it is: a load that is
+    /// let go of does more harm, and a motor that gets too hot by it is cut.
+    fn spare(&self, at: OperatingPoint, output: Output) -> Output {
+        let Some(ceiling) = self.thermal.ceiling() else { return output };
+        let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
+        let most = ceiling * self.settings.ohms();
+        let allowed = Voltage::from_volts((emf - most).min(0.0))..=Voltage::from_volts((emf + most).max(0.0));
+        let flows = self.placer.flows(at, output.1);
+        if allowed.contains(&flows) {
+            return output;
+        }
+        let voltage = if flows < *allowed.start() { *allowed.start() } else { *allowed.end() };
+        let control = self.placer.control(at, voltage);
+        (control, self.placer.place_linear(at, control))
     }
 
     /// What the identification asks for. It watches the encoder itself: of an unknown motor nobody can say
@@ -299,16 +353,15 @@ impl Motor {
         let velocity = self.regulator.velocity();
         let gentle = matches!(self.settings.scheme, Scheme::C | Scheme::D(_));
         let stage = Stage::new(&self.placer, at, battery);
-        let place = |control| (control, self.placer.place(at, control));
         let mut speed = self.regulator.wanted(demand);
         let (control, placement) = match self.watch.step(moved, velocity, gentle) {
             Finding::Fault(_) => return None,
             Finding::Insist(control) => (control, Placement::full_reverse(at)),
-            Finding::Probe(control) => place(control),
+            Finding::Probe(control) => self.place(at, control),
             Finding::Sound | Finding::Stalled => {
                 let request = self.regulator.step(demand, moved, &stage);
                 speed = request.speed;
-                place(request.control)
+                self.place(at, request.control)
             }
         };
         self.watch.note(Order { target: speed, control, regime: placement.regime });

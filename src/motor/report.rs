@@ -20,12 +20,17 @@ pub struct Faults {
     /// The encoder of a regulated motor does not count, or counts the wrong way. Latched until the
     /// motor is disabled; constant power runs on.
     pub encoder: Option<EncoderFault>,
+    /// The winding got too hot by its own current, in spite of a limit. Latched until it has cooled down and the motor
+    /// is disabled.
+    pub overheated: bool,
+    /// The bridge says that it has switched itself off. Latched until the motor is disabled. The motor coasts.
+    pub bridge: bool,
 }
 
 impl Faults {
     /// True if there is one.
     pub const fn any(self) -> bool {
-        self.battery_unknown || self.encoder_stale || self.encoder.is_some()
+        self.battery_unknown || self.encoder_stale || self.encoder.is_some() || self.overheated || self.bridge
     }
 }
 
@@ -44,6 +49,12 @@ pub struct Report {
     /// Mean current of the winding by its constants and what the bridge is told; 0 while coasting. Positive
     /// turns the motor CW.
     pub current: Milliamperes,
+    /// Magnitude of the mean current as the board measures it; `None` of a board that does not.
+    pub measured: Option<Milliamperes>,
+    /// How hot the winding is by that current, or by the other: 1000 at its limit. 0 without one.
+    pub heat: u16,
+    /// It is so hot that its current is limited.
+    pub derated: bool,
     /// The current that would just balance what loads the motor, friction and drag among it; positive for a load that holds it
     /// back from turning CW. `None` for a motor that is not known.
     pub load: Option<Milliamperes>,
@@ -72,6 +83,9 @@ impl Report {
         velocity: CountsPerSecond::ZERO,
         regulator: Kind::Pid,
         current: Milliamperes::ZERO,
+        measured: None,
+        heat: 0,
+        derated: false,
         load: None,
         control: Control::ZERO,
         regime: None,
@@ -79,6 +93,12 @@ impl Report {
         at_target: false,
         stalled: false,
         identification: Identification::None,
-        faults: Faults { battery_unknown: false, encoder_stale: false, encoder: None },
+        faults: Faults {
+            battery_unknown: false,
+            encoder_stale: false,
+            encoder: None,
+            overheated: false,
+            bridge: false,
+        },
     };
 }

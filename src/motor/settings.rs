@@ -1,5 +1,6 @@
 //! What a motor is told of itself once: its winding, its scheme, its load.
 
+use super::ThermalLimit;
 use crate::braking::{DutyRule, Placer, Scheme, Winding};
 use crate::bridge::BridgeConstants;
 use crate::regulator::{Coefficients, Config, Dynamics};
@@ -46,6 +47,8 @@ pub struct Settings {
     pub zero_power: ZeroPower,
     /// What a fault does to it.
     pub on_fault: OnFault,
+    /// What its winding stands; `None` for a motor that nothing protects from its own current.
+    pub thermal: Option<ThermalLimit>,
     /// The motor with its load, if known: it is then regulated by its model.
     pub dynamics: Option<Dynamics>,
     /// Coefficients of a host's own: with them the motor is regulated by PID, whatever is known.
@@ -71,6 +74,7 @@ impl Settings {
             duty: DutyRule::LinearCurrent,
             zero_power: ZeroPower::Brake,
             on_fault: OnFault::Coast,
+            thermal: None,
             dynamics: None,
             coefficients: None,
             acceleration: None,

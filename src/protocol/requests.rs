@@ -107,6 +107,9 @@ pub type AdcChannel = ByteIn<0, 14>;
 /// The battery's.
 pub const BATTERY: AdcChannel = AdcChannel::new(13).expect("in range");
 
+/// That of the current of motor 0, in milliamperes; those of the others follow.
+pub const FIRST_CURRENT: AdcChannel = AdcChannel::new(8).expect("in range");
+
 requests! {
     /// Functions of the motor interface that concern the whole hub.
     pub enum ToHub {

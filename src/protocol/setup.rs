@@ -15,6 +15,7 @@
 //! | 6, 7 | of motors that move in step, see [`group`](super::group) | |
 //! | 8 say what protects the motor | motor, then the fields of a [`Protection`] | ACK |
 //! | 9 read it back | motor | the fields |
+//! | 10 tell how the motor and its bridge are | motor | the fields of a [`Condition`] |
 //!
 //! Function 4 is refused (51) unless the motor is enabled, in constant power of 0; any other target, mode or
 //! disabling ends the motion. From then on function 5 answers of that motion only. What is found is told, not put in force: that is function 2.
@@ -45,6 +46,19 @@
 //! | field | |
 //! |---|---|
 //! | u8 | on a fault, and when the host falls silent: 0 coast, 1 brake |
+//! | u16 | current that the winding stands for ever, mA; 0 for no limit |
+//! | u16, u16 | time constants of winding and case, s, from 1; with no limit they mean nothing |
+//!
+//! Of a condition:
+//!
+//! | field | |
+//! |---|---|
+//! | i32 | mean current by the motor's constants, mA |
+//! | bool, u16 | it is measured; magnitude of the mean current as measured, mA |
+//! | u16 | heat of the winding, in 1/1000 of its limit; 0 without one |
+//! | bool | its current is limited because it is hot |
+//! | bool | it was switched off because it got too hot all the same |
+//! | bool | its bridge switched itself off |
 //!
 //! Of an identification, where what follows the code is left out unless the code asks for it:
 //!
@@ -81,18 +95,19 @@ use super::fields::{ByteIn, Field, Fields, Payload, codes};
 use super::nack::Nack;
 use super::table::requests;
 use crate::braking::{Blend, BlendFraction, DutyRule, Scheme};
-use crate::motor::OnFault;
+use crate::motor::{OnFault, ThermalLimit};
 use crate::regulator::Dynamics;
 use crate::regulator::identify::{Identification, Identified, Refusal};
 use crate::units::{
-    Acceleration, AccelerationPerVolt, DecayRate, EmfConstant, Inductance, Millivolts, Resistance,
+    Acceleration, AccelerationPerVolt, DecayRate, EmfConstant, Inductance, Milliamperes, Millivolts,
+    Resistance,
 };
 
 /// The type of the interface's function 0.
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const FUNCTION_COUNT: u16 = 10;
+pub const FUNCTION_COUNT: u16 = 11;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.
@@ -110,6 +125,8 @@ requests! {
         8 SetProtection { protection: Protection },
         /// Answered by a [`Protection`].
         9 Protection,
+        /// Answered by a [`Condition`].
+        10 Condition,
     }
 }
 
@@ -145,6 +162,26 @@ pub struct Motion {
 pub struct Protection {
     /// What a fault does to it.
     pub on_fault: OnFault,
+    /// What its winding stands; `None` for no limit.
+    pub thermal: Option<ThermalLimit>,
+}
+
+/// How a motor and its bridge are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Condition {
+    /// Mean current by the motor's constants.
+    pub current: Milliamperes,
+    /// Magnitude of the mean current in milliamperes, where it is measured.
+    pub measured_ma: Option<u16>,
+    /// Of the winding: 1000 at its limit, 0 without one.
+    pub heat: u16,
+    /// So hot that its current is limited.
+    pub derated: bool,
+    /// It got too hot all the same, and was switched off.
+    pub overheated: bool,
+    /// The bridge has switched itself off.
+    pub bridge_fault: bool,
 }
 
 codes!(OnFault { 0 = Coast, 1 = Brake });
@@ -240,11 +277,38 @@ impl Field for Motion {
 
 impl Field for Protection {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        Ok(Self { on_fault: OnFault::read(fields)? })
+        let on_fault = OnFault::read(fields)?;
+        let continuous_ma = u16::read(fields)?;
+        let winding_s = u16::read(fields)?;
+        let thermal = fields.checked(|case_s| match continuous_ma {
+            0 => Some(None),
+            _ => ThermalLimit::new(continuous_ma, winding_s, case_s).ok().map(Some),
+        })?;
+        Ok(Self { on_fault, thermal })
     }
 
     fn write(&self, payload: &mut Payload) {
         self.on_fault.write(payload);
+        let limit = self.thermal.as_ref();
+        limit.map_or([0; 3], |of| [of.continuous_ma(), of.winding_s(), of.case_s()]).write(payload);
+    }
+}
+
+impl Field for Condition {
+    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+        let current = Milliamperes::new(i32::read(fields)?);
+        let (is_measured, measured_ma) = (bool::read(fields)?, u16::read(fields)?);
+        let heat = u16::read(fields)?;
+        let [derated, overheated, bridge_fault] = <[bool; 3]>::read(fields)?;
+        let measured_ma = is_measured.then_some(measured_ma);
+        Ok(Self { current, measured_ma, heat, derated, overheated, bridge_fault })
+    }
+
+    fn write(&self, payload: &mut Payload) {
+        self.current.get().write(payload);
+        self.measured_ma.is_some().write(payload);
+        [self.measured_ma.unwrap_or_default(), self.heat].write(payload);
+        [self.derated, self.overheated, self.bridge_fault].write(payload);
     }
 }
 

@@ -58,9 +58,9 @@ use crate::protocol::answers::{Bulk, Status, Version};
 use crate::protocol::fields::Text;
 use crate::protocol::group::{GroupMove, GroupState, ToGroup};
 use crate::protocol::motor::ToMotor;
-use crate::protocol::requests::{BATTERY, DISCOVERY, Request, Standard, ToHub};
+use crate::protocol::requests::{AdcChannel, BATTERY, DISCOVERY, FIRST_CURRENT, Request, Standard, ToHub};
 use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
-use crate::units::{Micros, Millivolts};
+use crate::units::{Micros, Milliamperes, Millivolts};
 use alive::Alive;
 use group::Courses;
 use led::Led;
@@ -265,6 +265,12 @@ impl<const N: usize> Responder<N> {
                 let mv = snapshot.battery.unwrap_or_default().get();
                 return Ok(Answer::data(&i16::try_from(mv).unwrap_or(i16::MAX)));
             }
+            ToHub::Adc { channel, raw: false }
+                if let Some(measured) = measured(channel, &snapshot.motors) =>
+            {
+                let ma = setup::magnitude(measured);
+                return Ok(Answer::data(&i16::try_from(ma).unwrap_or(i16::MAX)));
+            }
             // A zero would be a lie about what is not measured.
             ToHub::Adc { .. } => return Err(Nack::UNSUPPORTED),
             ToHub::PhoneCharge => return Ok(Answer::data(&self.phone_charge)),
@@ -331,7 +337,7 @@ impl<const N: usize> Responder<N> {
         Ok(Answer::data(&state))
     }
 
-    /// Without current sensors, and without inputs beside the encoders.
+    /// Without inputs beside the encoders.
     fn bulk(&self, snapshot: &Snapshot<N>) -> Bulk {
         let mut bulk = Bulk { attention: Some(self.alive.attention()), ..Bulk::default() };
         let motors = self.channels.iter().zip(&snapshot.motors);
@@ -342,15 +348,26 @@ impl<const N: usize> Responder<N> {
             *velocity = cps.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
             *at_target = channel.at_target(report);
         }
+        for ((channel, report), over) in
+            self.channels.iter().zip(&snapshot.motors).zip(&mut bulk.over_current)
+        {
+            *over = channel.is_over_current(report);
+        }
         bulk
     }
 }
 
-/// Bits 0 to 3: the encoder of motor 0 to 3 is not to be trusted.
+/// The current of the motor whose converter channel this is, if it is one, and is measured.
+fn measured(channel: AdcChannel, motors: &[Report]) -> Option<Milliamperes> {
+    let motor = channel.get().checked_sub(FIRST_CURRENT.get())?;
+    motors.iter().take(CHANNELS).nth(motor.into())?.measured
+}
+
+/// Bits 0 to 3: the encoder of motor 0 to 3 is not to be trusted. Bits 4 to 7: its bridge has switched itself off.
 fn motor_alerts(motors: &[Report]) -> u8 {
     let bits = motors.iter().take(CHANNELS).enumerate();
     bits.fold(0, |alerts, (index, motor)| {
         let lost = motor.faults.encoder_stale || motor.faults.encoder.is_some();
-        alerts | u8::from(lost) << index
+        alerts | u8::from(lost) << index | u8::from(motor.faults.bridge) << (index + CHANNELS)
     })
 }

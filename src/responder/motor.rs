@@ -52,7 +52,7 @@ pub struct MotorChannel {
     joined_at: Option<u32>,
     /// The motor's counts where the host's are 0.
     offset: i32,
-    /// In milliamperes. Kept only: the hub has no current sensors.
+    /// In milliamperes; 0 for none.
     current_alert: u16,
     pending: Pending,
 }
@@ -184,15 +184,16 @@ impl MotorChannel {
                 let Settings { dynamics, acceleration, .. } = self.settings;
                 Answer::data(&Motion { dynamics, acceleration })
             }
-            ToSetup::SetProtection { protection: Protection { on_fault } } => {
-                self.settings = Settings { on_fault, ..self.settings };
+            ToSetup::SetProtection { protection: Protection { on_fault, thermal } } => {
+                self.settings = Settings { on_fault, thermal, ..self.settings };
                 self.pending.configure = true;
                 Answer::Ack
             }
             ToSetup::Protection => {
-                let Settings { on_fault, .. } = self.settings;
-                Answer::data(&Protection { on_fault })
+                let Settings { on_fault, thermal, .. } = self.settings;
+                Answer::data(&Protection { on_fault, thermal })
             }
+            ToSetup::Condition => Answer::data(&setup::condition(report)),
             ToSetup::Identify { travel_limit } => {
                 let battery = battery.ok_or(Nack::BATTERY_LOW)?;
                 if !self.enabled || self.mode != RunMode::Power || self.power != Some(Control::ZERO) {
@@ -360,6 +361,12 @@ impl MotorChannel {
     /// The last valid *set enable*, unless fail-safe came after it.
     pub const fn enabled(&self) -> bool {
         self.enabled
+    }
+
+    /// More current is measured than the host's alert allows.
+    pub fn is_over_current(&self, report: &Report) -> bool {
+        let level = self.current_alert;
+        level != 0 && report.measured.is_some_and(|measured| setup::magnitude(measured) > level)
     }
 
     /// The host's counts.

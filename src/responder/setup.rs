@@ -1,8 +1,9 @@
 //! What a host's set-up of a motor makes of the motor's settings.
 
 use crate::braking::Winding;
-use crate::motor::Settings;
-use crate::protocol::setup::Setup;
+use crate::motor::{Report, Settings};
+use crate::protocol::setup::{Condition, Setup};
+use crate::units::Milliamperes;
 
 /// The set-up that these settings have.
 pub const fn of(settings: &Settings) -> Setup {
@@ -11,7 +12,7 @@ pub const fn of(settings: &Settings) -> Setup {
 }
 
 /// Settings for a set-up. What zero and a fault mean is kept, and what is known of the bridge; of the motion
-/// nothing is.
+/// nothing is, nor of what the winding stands.
 pub(super) fn settings(setup: Setup, present: &Settings) -> Settings {
     let Setup { emf, resistance, inductance, scheme, duty } = setup;
     let winding = match resistance {
@@ -21,4 +22,23 @@ pub(super) fn settings(setup: Setup, present: &Settings) -> Settings {
     };
     let Settings { bridge, zero_power, on_fault, .. } = *present;
     Settings { bridge, duty, zero_power, on_fault, ..Settings::for_scheme(winding, scheme) }
+}
+
+/// How a motor and its bridge are, by its report.
+pub(super) fn condition(report: &Report) -> Condition {
+    let Report { current, measured, heat, derated, faults, .. } = *report;
+    let measured_ma = measured.map(magnitude);
+    Condition {
+        current,
+        measured_ma,
+        heat,
+        derated,
+        overheated: faults.overheated,
+        bridge_fault: faults.bridge,
+    }
+}
+
+/// As far as 16 bits go.
+pub(super) fn magnitude(current: Milliamperes) -> u16 {
+    u16::try_from(current.get().unsigned_abs()).unwrap_or(u16::MAX)
 }

@@ -122,6 +122,8 @@ pub enum RangeError {
     Resolution,
     /// A bridge is out of the ranges stated with it.
     Bridge,
+    /// A thermal limit needs a current and time constants above 0.
+    Thermal,
     /// There is no motor with this index.
     Motor,
 }
@@ -145,6 +147,7 @@ impl core::fmt::Display for RangeError {
             Self::Divider => "both resistances of the battery divider must be above 0",
             Self::Resolution => "a converter must have 1 to 16 bits",
             Self::Bridge => "diode drop must be up to 2000 mV, switch up to 4095 mohm, PWM 100 to 200000 Hz",
+            Self::Thermal => "a thermal limit needs a current above 0 mA and time constants above 0 s",
             Self::Motor => "no motor with this index",
         })
     }

@@ -284,6 +284,8 @@ fn note_faults(log: &[LogLine], trace: &mut Trace) {
                     text if text.contains("Reversed") => Some(EncoderFault::Reversed),
                     _ => None,
                 },
+                overheated: faults.contains("overheated: true"),
+                bridge: faults.contains("bridge: true"),
             };
         }
     }

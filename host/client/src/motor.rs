@@ -24,7 +24,7 @@ use crate::{Error, Session};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
-use motor_hub::protocol::setup::{Motion, Protection, Setup, ToSetup};
+use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use std::io::{Read, Write};
@@ -123,7 +123,12 @@ impl<L: Read + Write> Session<L> {
         self.ask(ToSetup::Protection.to(motor))
     }
 
-    /// Says what protects it: what becomes of it at a fault, and when this host falls silent.
+    /// How it and its bridge are: current, heat, what has switched it off; this project's own firmware tells.
+    pub fn condition(&mut self, motor: u8) -> Result<Condition, Error> {
+        self.ask(ToSetup::Condition.to(motor))
+    }
+
+    /// Says what protects it: what becomes of it at a fault, and when this host falls silent; what its winding stands.
     pub fn set_protection(&mut self, motor: u8, protection: Protection) -> Result<(), Error> {
         self.order(ToSetup::SetProtection { protection }.to(motor))
     }

@@ -81,6 +81,10 @@ pub enum FaultName {
     Stuck,
     /// The encoder counts the wrong way.
     Reversed,
+    /// The winding got too hot.
+    Overheated,
+    /// The bridge switched itself off.
+    Bridge,
 }
 
 impl From<EncoderFault> for FaultName {
@@ -198,7 +202,9 @@ fn regime(sample: &Sample) -> RegimeName {
 fn faults(faults: Faults) -> impl Iterator<Item = FaultName> {
     let battery = faults.battery_unknown.then_some(FaultName::BatteryUnknown);
     let stale = faults.encoder_stale.then_some(FaultName::EncoderStale);
-    [battery, stale, faults.encoder.map(FaultName::from)].into_iter().flatten()
+    let overheated = faults.overheated.then_some(FaultName::Overheated);
+    let bridge = faults.bridge.then_some(FaultName::Bridge);
+    [battery, stale, faults.encoder.map(FaultName::from), overheated, bridge].into_iter().flatten()
 }
 
 impl Verdict {

@@ -8,7 +8,7 @@ use motor_hub::hub::{Action, Command};
 use motor_hub::model::load::Load;
 use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
-use motor_hub::motor::{OnFault, Setpoint, Settings, ZeroPower};
+use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
 use motor_hub::units::{Acceleration, Period, RangeError};
 
@@ -60,6 +60,8 @@ pub struct Motor {
     pub zero_power: ZeroPower,
     /// What a fault does.
     pub on_fault: OnFault,
+    /// What the hub is told of the heat that the winding stands; `None` for no limit.
+    pub thermal: Option<ThermalLimit>,
     /// Largest acceleration that the hub may ask of it, if it is regulated by its model.
     pub acceleration: Option<Acceleration>,
     /// Coefficients of the velocity loop, if they are not left to the board.
@@ -207,6 +209,7 @@ impl Motor {
             duty: DutyRule::LinearCurrent,
             zero_power: ZeroPower::Brake,
             on_fault: OnFault::Coast,
+            thermal: None,
             acceleration: None,
             velocity: None,
             position: None,
@@ -234,6 +237,7 @@ impl Motor {
             duty: self.duty,
             zero_power: self.zero_power,
             on_fault: self.on_fault,
+            thermal: self.thermal,
             acceleration: self.acceleration,
             dynamics: motion.map(|factors| self.dynamics(&winding, factors)).transpose()?,
             coefficients: own.then(|| Coefficients {

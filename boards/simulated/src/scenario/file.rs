@@ -8,12 +8,12 @@ mod tables;
 
 use super::definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
 use super::mistake::{Checked, Fault, Mistake, fault};
-use crate::hardware::MOTORS;
+use crate::hardware::{MOTORS, thermal_limit};
 use crate::scheme::SchemeName;
-use motor_hub::model::catalogue::characterised;
+use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::{battery::Battery, load::Load, si};
 use motor_hub::motion::Pidf;
-use motor_hub::motor::{OnFault, Setpoint, ZeroPower};
+use motor_hub::motor::{OnFault, Setpoint, ThermalLimit, ZeroPower};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Period};
 use ranges::{FASTEST_CPS, HARDEST_CPS2, named, optional, timeline, within};
 use std::ops::RangeInclusive;
@@ -138,12 +138,28 @@ impl MotorTable {
                 OnFaultWord::Coast => OnFault::Coast,
                 OnFaultWord::Brake => OnFault::Brake,
             },
+            thermal: self.check_thermal(&constants)?,
             acceleration: self.check_acceleration()?,
             velocity: coefficients.velocity.as_ref().map(GainTable::check).transpose()?,
             position: coefficients.position.as_ref().map(GainTable::check).transpose()?,
             setpoints: timeline(&self.setpoints, duration_s, |s| &s.at_s, SetPointTable::check)?,
             torques: self.check_torques(duration_s)?,
         })
+    }
+
+    /// What the table leaves out is as for a motor of which nobody knows better.
+    fn check_thermal(&self, motor: &catalogue::Motor) -> Checked<Option<ThermalLimit>> {
+        let Some(table) = &self.thermal else { return Ok(None) };
+        let seconds = |value: &Option<Spanned<i64>>, key, usual| {
+            value.as_ref().map_or(Ok(usual), |value| within(value, key, 1..=65_535).map(|s| s as u16))
+        };
+        let winding_s = seconds(&table.winding_s, "winding_s", ThermalLimit::USUAL_WINDING_S)?;
+        let case_s = seconds(&table.case_s, "case_s", ThermalLimit::USUAL_CASE_S)?;
+        let continuous_ma = match &table.continuous_a {
+            Some(amperes) => (1e3 * within(amperes, "continuous_a", 0.001..=65.535)?).round() as u16,
+            None => thermal_limit(motor).map_or(u16::MAX, |usual| usual.continuous_ma()),
+        };
+        Ok(ThermalLimit::new(continuous_ma, winding_s, case_s).ok())
     }
 
     fn check_acceleration(&self) -> Checked<Option<Acceleration>> {

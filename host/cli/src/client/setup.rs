@@ -6,12 +6,12 @@ use crate::output::{Failure, print, print_json};
 use crate::parse::channel;
 use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue::characterised;
-use motor_hub::motor::OnFault;
+use motor_hub::motor::{OnFault, ThermalLimit};
 use motor_hub::protocol::setup::{Protection, Setup};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::json;
-use simulated::hardware::winding;
+use simulated::hardware::{thermal_limit, winding};
 use simulated::scheme::describe;
 use studies::table;
 
@@ -29,9 +29,22 @@ pub(crate) struct Options {
     /// What the motor does at a fault, and when its host falls silent
     #[arg(long, value_name = "WORD")]
     on_fault: Option<OnFaultWord>,
+    /// Current that the winding stands for ever; 0 for no limit. With --type, if absent, a third of the stall current
+    #[arg(long, value_name = "AMPERES", value_parser = continuous_ma)]
+    continuous_current: Option<u16>,
     /// JSON instead of a table
     #[arg(long)]
     json: bool,
+}
+
+/// Amperes as milliamperes, 0 for none.
+fn continuous_ma(text: &str) -> Result<u16, String> {
+    let amperes: f64 = text.parse().map_err(|_| "no number of amperes".to_owned())?;
+    if amperes == 0.0 || (0.001..=65.535).contains(&amperes) {
+        Ok((1e3 * amperes).round() as u16)
+    } else {
+        Err("must be 0.001 to 65.535 A, or 0 for no limit".to_owned())
+    }
 }
 
 /// How people name it.
@@ -54,9 +67,9 @@ impl From<OnFaultWord> for OnFault {
 
 impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
-        let mut protection = session.protection(self.motor)?;
-        if let Some(word) = self.on_fault {
-            protection.on_fault = word.into();
+        let before = session.protection(self.motor)?;
+        let protection = self.protect(before)?;
+        if protection != before {
             session.set_protection(self.motor, protection)?;
         }
         let changes = self.name.is_some() || !self.choice.is_empty();
@@ -89,6 +102,21 @@ impl Options {
         Ok(setup)
     }
 
+    fn protect(&self, before: Protection) -> Result<Protection, Failure> {
+        let thermal = match (self.continuous_current, &self.name) {
+            (Some(ma), _) => {
+                let (winding_s, case_s) = (ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S);
+                ThermalLimit::new(ma, winding_s, case_s).ok()
+            }
+            (None, Some(name)) => {
+                let motor = characterised(name).map_err(Failure::input)?;
+                Some(thermal_limit(&motor).map_err(Failure::input)?)
+            }
+            (None, None) => before.thermal,
+        };
+        Ok(Protection { on_fault: self.on_fault.map_or(before.on_fault, OnFault::from), thermal })
+    }
+
     fn show(&self, setup: Setup, protection: Protection) -> Result<(), Trouble> {
         let Setup { emf, resistance, inductance, scheme, duty } = setup;
         let emf = f64::from(emf.to_bits()) / f64::from(1 << 20);
@@ -102,6 +130,7 @@ impl Options {
             OnFault::Coast => "coast",
             OnFault::Brake => "brake",
         };
+        let amperes = protection.thermal.map(|limit| f64::from(limit.continuous_ma()) / 1e3);
         if self.json {
             let document = json!({
                 "motor": self.motor,
@@ -111,6 +140,7 @@ impl Options {
                 "scheme": describe(scheme),
                 "duty": duty,
                 "on_fault": on_fault,
+                "continuous_current_a": amperes,
             });
             return Ok(print_json(&document)?);
         }
@@ -124,7 +154,11 @@ impl Options {
             .add_row(["inductance", &known(millihenries, "mH")])
             .add_row(["scheme", &describe(scheme)])
             .add_row(["duty", duty])
-            .add_row(["at a fault", on_fault]);
+            .add_row(["at a fault", on_fault])
+            .add_row([
+                "current for ever",
+                &amperes.map_or_else(|| "no limit".to_owned(), |a| format!("{a:.3} A")),
+            ]);
         Ok(print(&format!("{table}\n"))?)
     }
 }

@@ -40,6 +40,8 @@ fn row(out: &mut String, sample: &Sample) {
     let fault = match report.faults {
         Faults { battery_unknown: true, .. } => "battery unknown",
         Faults { encoder_stale: true, .. } => "encoder stale",
+        Faults { overheated: true, .. } => "overheated",
+        Faults { bridge: true, .. } => "bridge",
         Faults { .. } => "",
     };
     // Latched, so it may stand beside one of the others.

@@ -37,6 +37,14 @@ fn table(out: &mut String, motor: &Motor) -> std::fmt::Result {
     if motor.duty == DutyRule::LinearDuty {
         writeln!(out, "duty = \"linear-duty\"")?;
     }
+    if let Some(limit) = motor.thermal {
+        let (ma, winding_s, case_s) = (limit.continuous_ma(), limit.winding_s(), limit.case_s());
+        let amperes = f64::from(ma) / 1e3;
+        writeln!(
+            out,
+            "thermal = {{ continuous_a = {amperes}, winding_s = {winding_s}, case_s = {case_s} }}"
+        )?;
+    }
     if motor.on_fault == OnFault::Brake {
         writeln!(out, "on_fault = \"brake\"")?;
     }

@@ -62,6 +62,7 @@ pub(super) struct MotorTable {
     pub(super) zero_power: ZeroPowerWord,
     #[serde(default)]
     pub(super) on_fault: OnFaultWord,
+    pub(super) thermal: Option<ThermalTable>,
     pub(super) acceleration_cps2: Option<Spanned<i64>>,
     #[serde(default)]
     pub(super) coefficients: CoefficientTables,
@@ -88,6 +89,14 @@ pub(super) enum ZeroPowerWord {
     #[default]
     Brake,
     Float,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ThermalTable {
+    pub(super) continuous_a: Option<Spanned<f64>>,
+    pub(super) winding_s: Option<Spanned<i64>>,
+    pub(super) case_s: Option<Spanned<i64>>,
 }
 
 #[derive(Default, Deserialize)]
