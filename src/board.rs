@@ -1,4 +1,4 @@
-//! What a board implements: four small traits over its peripherals.
+//! What a board implements: four small traits over its peripherals, and two more where its bridges can be heard.
 //!
 //! A board is its pins and peripherals behind these traits, plus the spawning of the tasks of
 //! `crate::tasks`. embedded-hal 1.0 has no trait for a quadrature counter, for an ADC or for a
@@ -19,7 +19,7 @@
 //! ```
 
 use crate::bridge::Drive;
-use crate::units::Millivolts;
+use crate::units::{Milliamperes, Millivolts};
 
 /// The quadrature counters of N motors.
 pub trait Encoders<const N: usize> {
@@ -47,6 +47,27 @@ pub trait Bridges<const N: usize> {
     /// On the way from one drive to another a bridge must only pass through states that may be
     /// commanded: never a short circuit, and never the new direction with the old duty.
     fn apply(&mut self, drives: &[Drive; N]);
+}
+
+/// Bridges that say when they have switched themselves off, as a VNH5019 does on its DIAG pins.
+pub trait BridgeFaults<const N: usize> {
+    /// True of each bridge that says so now. Must not block.
+    fn faults(&mut self) -> [bool; N];
+}
+
+/// Sensors of the motors' currents, such as a bridge's current-sense output behind a filter.
+#[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]
+pub trait CurrentSense<const N: usize> {
+    /// Magnitudes of the mean currents as measured now; `None` of a motor whose current is not measured, for whatever
+    /// reason: a zero is a measurement. Must end by itself in a few milliseconds.
+    async fn sample(&mut self) -> [Option<Milliamperes>; N];
+}
+
+/// No sensors.
+impl<const N: usize> CurrentSense<N> for () {
+    async fn sample(&mut self) -> [Option<Milliamperes>; N] {
+        [None; N]
+    }
 }
 
 /// A watchdog that resets the chip, and with it opens the bridges, unless it is fed.

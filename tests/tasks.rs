@@ -9,7 +9,7 @@ use motor_hub::hub::{Action, Command, Hub, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Task, Wires};
-use motor_hub::units::{Control, CountsPerSecond, Micros, Millivolts, Period};
+use motor_hub::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period};
 use std::cell::{Cell, RefCell};
 use std::future::Future;
 use std::pin::Pin;
@@ -449,4 +449,47 @@ fn a_board_with_a_link_expects_it_to_check_in_too() {
     assert_eq!(fed(true, false), 0);
     assert!(fed(true, true) >= 9);
     assert!(fed(false, true) >= 9, "whoever is not expected does not count");
+}
+
+/// Bridges of which one or another is at fault, and a current on the first.
+struct Heard<'a>(&'a Cell<[bool; N]>);
+
+impl motor_hub::board::BridgeFaults<N> for Heard<'_> {
+    fn faults(&mut self) -> [bool; N] {
+        self.0.get()
+    }
+}
+
+impl motor_hub::board::CurrentSense<N> for Heard<'_> {
+    async fn sample(&mut self) -> [Option<Milliamperes>; N] {
+        [Some(Milliamperes::new(700)), None, None, None]
+    }
+}
+
+#[test]
+fn what_bridges_say_of_themselves_comes_to_the_motors_and_is_expected_of_boards_that_hear_them() {
+    let parts = Parts { health: Health::new().expecting(Task::Bridges), ..Parts::new(50) };
+    let mut board = parts.board();
+    parts.world.sample.set(Some(GOOD));
+    board.run_ms(100);
+    assert!(parts.world.fed.borrow().is_empty());
+
+    let faults = Cell::new([false; N]);
+    let mut bridges: TaskFuture<'_> = Box::pin(async {
+        tasks::bridges::run(Heard(&faults), Heard(&faults), &parts.wires, &parts.health).await;
+    });
+    let mut run = |board: &mut Board<'_>, ms| {
+        for _ in 0..ms {
+            let _ = bridges.as_mut().poll(&mut Context::from_waker(Waker::noop()));
+            board.run_ms(1);
+        }
+        parts.wires.snapshot.try_get().expect("ticks").motors
+    };
+    let motors = run(&mut board, 100);
+    assert!(!parts.world.fed.borrow().is_empty());
+    assert_eq!(motors.map(|motor| motor.measured), [Some(Milliamperes::new(700)), None, None, None]);
+    assert!(motors.iter().all(|motor| !motor.faults.bridge));
+    faults.set([false, false, true, false]);
+    let motors = run(&mut board, 100);
+    assert_eq!(motors.map(|motor| motor.faults.bridge), [false, false, true, false]);
 }

@@ -19,6 +19,8 @@ pub enum Task {
     Output = 8,
     /// [`super::responder`], on a board that has one.
     Responder = 16,
+    /// [`super::bridges`], on a board that has one.
+    Bridges = 32,
 }
 
 /// Those that every board has.

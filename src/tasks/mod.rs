@@ -12,6 +12,7 @@
 //! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
 //! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
 //! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
+//! | sensed | [`Signal`]: the latest | of boards that hear their bridges; overwritten. The last one holds |
 //! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
 //! | host spoke | a flag | set by the responder's task once a host has spoken, until reset |
 //!
@@ -32,6 +33,7 @@
 //! assert_eq!(wires.commands.try_receive(), Ok(command));
 //! ```
 
+pub mod bridges;
 pub mod capture;
 pub mod control;
 pub mod health;
@@ -41,7 +43,7 @@ pub mod supply;
 
 pub use health::{Health, Task};
 
-use crate::bridge::Drive;
+use crate::bridge::{Drive, Sensed};
 use crate::hub::{Command, Snapshot};
 use crate::motion::Reading;
 use crate::supply::Battery;
@@ -70,6 +72,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub commands: Channel<M, Command, COMMANDS>,
     /// From control to output.
     pub drives: Signal<M, [Drive; N]>,
+    /// From the bridges' task to control.
+    pub sensed: Signal<M, [Sensed; N]>,
     /// From control to anyone.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
     /// From the responder to anyone: a host has spoken since reset.
@@ -84,6 +88,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             battery: Signal::new(),
             commands: Channel::new(),
             drives: Signal::new(),
+            sensed: Signal::new(),
             snapshot: Watch::new(),
             host_spoke: Mutex::new(Cell::new(false)),
         }

@@ -13,6 +13,9 @@ pub(crate) const PWM_PORT_AT: u64 = 0x4002_1000;
 /// PE9, PE11, PE13, PE14: TIM1 CH1 to CH4.
 pub(crate) const PWM_PINS: [u8; BRIDGES] = [9, 11, 13, 14];
 
+/// DIAG by bridge, on the same port: PE2, PE4, PE5, PE6.
+pub(crate) const DIAG_PINS: [u8; BRIDGES] = [2, 4, 5, 6];
+
 /// Port D.
 pub(crate) const LINE_PORT: usize = 3;
 pub(crate) const LINE_PORT_AT: u64 = 0x4002_0C00;

@@ -212,3 +212,17 @@ fn a_reset_in_mid_run_opens_the_bridges_until_the_button_is_pressed_anew() {
     assert_eq!(bench.resets().len(), 1);
     sound(&mut bench);
 }
+
+#[test]
+fn a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named() {
+    let mut bench = turning(four_loads());
+    let at = bench.now();
+    bench.pull_diag(1, true);
+    only_motor_1_stops(&mut bench, "bridge pulls its DIAG low", at, ms(65));
+    // Latched: that of a bridge that has come to again changes nothing.
+    bench.pull_diag(1, false);
+    bench.run(ms(500));
+    assert!(bench.lines(1).open());
+    assert!(log(&mut bench).contains("motor 1: Faults"), "{}", log(&mut bench));
+    assert!(log(&mut bench).contains("bridge: true"), "{}", log(&mut bench));
+}

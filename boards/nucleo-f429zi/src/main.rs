@@ -25,6 +25,7 @@ use motor_hub::responder::Responder;
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Task};
 use motor_hub::units::Period;
+use motor_hub_stm32::diag::DiagLines;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
 use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
@@ -57,7 +58,7 @@ const PERIOD: Period = {
 type Wires = tasks::Wires<ThreadModeRawMutex, MOTORS>;
 
 static WIRES: Wires = Wires::new();
-static HEALTH: Health = Health::new().expecting(Task::Responder);
+static HEALTH: Health = Health::new().expecting(Task::Responder).expecting(Task::Bridges);
 
 type Encoders = QuadratureCounters<(Counter<TIM2>, Counter<TIM3>, Counter<TIM4>, Counter<TIM8>)>;
 
@@ -117,10 +118,13 @@ async fn main(spawner: Spawner) {
         Counter::new(p.TIM4, p.PD12, p.PD13),
         Counter::new(p.TIM8, p.PC6, p.PC7),
     ));
+    let diag = |pin: Peri<'static, AnyPin>| Input::new(pin, Pull::Up);
+    let diag = DiagLines([diag(p.PE2.into()), diag(p.PE4.into()), diag(p.PE5.into()), diag(p.PE6.into())]);
     let adc = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, DIVIDER_OHMS));
     let settings = Settings::new(Winding::NEVEREST_60);
 
     spawner.spawn(unwrap!(output(bridges)));
+    spawner.spawn(unwrap!(listen(diag)));
     spawner.spawn(unwrap!(capture(encoders)));
     spawner.spawn(unwrap!(supply(adc, Supply::new(Limits::default()))));
     spawner.spawn(unwrap!(control(settings)));
@@ -137,6 +141,12 @@ async fn main(spawner: Spawner) {
 #[embassy_executor::task]
 async fn capture(encoders: Encoders) -> ! {
     tasks::capture::run(encoders, &WIRES, &HEALTH).await
+}
+
+/// Faults only: the current-sense outputs are not connected here.
+#[embassy_executor::task]
+async fn listen(diag: DiagLines<MOTORS>) -> ! {
+    tasks::bridges::run(diag, (), &WIRES, &HEALTH).await
 }
 
 #[embassy_executor::task]

@@ -5,6 +5,7 @@
 //! | room | what it drives |
 //! |---|---|
 //! | [`vnh5019`] | N bridges on one advanced timer |
+//! | [`diag`] | what bridges say of themselves |
 //! | [`encoders`] | quadrature counters, a timer each |
 //! | [`serial`] | the host link: a buffered USART |
 //! | [`lamp`] | the host's status LEDs: red, green, blue |
@@ -15,6 +16,7 @@
 #![no_std]
 
 pub mod demo;
+pub mod diag;
 pub mod encoders;
 pub mod faults;
 pub mod lamp;

@@ -22,8 +22,8 @@
 //! | 0/0 | 5 | 0 | 5/0 |
 //! | 1/1 | 10 | 10 | never |
 //!
-//! The DIAG/EN pins are not connected to the microcontroller here: they must be pulled up (most
-//! carriers do), and a bridge that has shut itself down stays off until its lines change.
+//! The DIAG/EN pins must be pulled up (most carriers do); a bridge that has shut itself down pulls them low, and
+//! stays off until its lines change. [`diag`](crate::diag) listens.
 //!
 //! # From one drive to another
 //!

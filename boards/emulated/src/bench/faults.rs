@@ -5,7 +5,10 @@ use std::time::Duration;
 
 use motor_hub::model::battery::Battery;
 use motor_hub::model::si::Volts;
+use rigless::device::Level;
+use rigless::mcu::Operate;
 use rigless::soc::Width;
+use rigless::soc::st::gpio::Pin;
 use rigless::time::VirtualNanos;
 
 use super::Bench;
@@ -30,6 +33,17 @@ impl Bench {
     /// Connects an encoder differently, from now on.
     pub fn set_encoder(&mut self, motor: usize, encoder: Encoder) {
         self.at_stop(move |lab, _, _| lab.encoders[motor] = encoder);
+    }
+
+    /// A bridge pulls its DIAG line low, as one does that has switched itself off, or lets go of it.
+    pub fn pull_diag(&mut self, motor: usize, low: bool) {
+        self.at_stop(move |lab, session, _| {
+            let pin = Pin::new(wiring::DIAG_PINS[motor]).expect("a pin of a port");
+            let at = VirtualNanos(lab.now);
+            let level = low.then_some(Level::Low);
+            let part = &mut session.board_mut().chip.part;
+            part.drive_port(at, wiring::PWM_PORT, |port, r, c| port.drive(pin, level, r, c));
+        });
     }
 
     /// An external torque on an output shaft, N m, positive CW, from now on.
