@@ -136,6 +136,40 @@ pub struct Sensed {
     pub fault: bool,
 }
 
+/// How fast a bridge switches, and what it must be spared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Timing {
+    /// The shortest time, in nanoseconds, for which a period may hold the PWM line low; 0 for any.
+    pub least_off_ns: u16,
+    /// The same for high.
+    pub least_on_ns: u16,
+    /// How long an output takes, in nanoseconds, once the PWM line has risen.
+    pub turn_on_ns: u16,
+    /// The same when it has fallen.
+    pub turn_off_ns: u16,
+    /// How long a bridge is open, in microseconds, when its mode changes.
+    pub change_us: u16,
+}
+
+impl Timing {
+    /// An ideal bridge: at once, and anything.
+    pub const IDEAL: Self =
+        Self { least_off_ns: 0, least_on_ns: 0, turn_on_ns: 0, turn_off_ns: 0, change_us: 0 };
+
+    /// What the data sheet of the VNH2SP30-E (DocID10832) says at 13 V, typically: outputs fall in 1.2 us and rise in 1 us
+    /// (at most 2.4 and 1.6), 600 us (300 to 1800) pass when the mode changes, and a PWM line that is low for less than
+    /// 6 us may be taken for a short circuit, which ends in a fault. The VNH5019A-E's shares its output stage. Of a line that is
+    /// high no such thing is said; 2.4 us let the slowest output arrive.
+    pub const VNH5019: Self = Self {
+        least_off_ns: 6_000,
+        least_on_ns: 2_400,
+        turn_on_ns: 1_200,
+        turn_off_ns: 1_000,
+        change_us: 600,
+    };
+}
+
 /// What the switches and diodes of a bridge cost, and how fast it switches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -143,16 +177,26 @@ pub struct BridgeConstants {
     diode_mv: u16,
     switch_mohm: u16,
     pwm_hz: u32,
+    timing: Timing,
 }
 
 impl BridgeConstants {
-    /// A bridge of the VNH5019 kind: 0.7 V, 50 mohm, 20 kHz.
+    /// A bridge of the VNH5019 kind: 0.7 V, 50 mohm, 20 kHz; its switches ideal.
     pub const VNH5019: Self = match Self::new(700, 50, 20_000) {
         Ok(bridge) => bridge,
         Err(_) => panic!("in range"),
     };
 
-    /// Drop of one catch diode in millivolts, up to 2000; on-resistance of one closed switch in milliohms,
+    /// The same with the [timing](Timing::VNH5019) that a real one has.
+    pub const VNH5019_TIMED: Self = Self::VNH5019.with_timing(Timing::VNH5019);
+
+    /// The same with another timing.
+    #[must_use]
+    pub const fn with_timing(self, timing: Timing) -> Self {
+        Self { timing, ..self }
+    }
+
+    /// Ideal switches. Drop of one catch diode in millivolts, up to 2000; on-resistance of one closed switch in milliohms,
     /// up to 4095; PWM frequency in hertz, 100 to 200 000.
     ///
     /// # Errors
@@ -161,7 +205,7 @@ impl BridgeConstants {
         if diode_mv > 2_000 || switch_mohm > 4_095 || pwm_hz < 100 || pwm_hz > 200_000 {
             return Err(RangeError::Bridge);
         }
-        Ok(Self { diode_mv, switch_mohm, pwm_hz })
+        Ok(Self { diode_mv, switch_mohm, pwm_hz, timing: Timing::IDEAL })
     }
 
     /// Drop of one conducting catch diode in millivolts, 0 to 2000.
@@ -172,6 +216,11 @@ impl BridgeConstants {
     /// On-resistance of one closed switch in milliohms, 0 to 4095.
     pub const fn switch_mohm(&self) -> u16 {
         self.switch_mohm
+    }
+
+    /// How it switches.
+    pub const fn timing(&self) -> Timing {
+        self.timing
     }
 
     /// PWM frequency in hertz, 100 to 200 000.

@@ -1,10 +1,10 @@
 //! The duty stage against the event-exact switching bridge.
 
 use motor_hub::braking::{
-    Blend, BlendFraction, LinearCurrent, OperatingPoint, Placement, Points, Regime, Scheme, Winding, place,
-    place_current,
+    Blend, BlendFraction, DutyRule, LinearCurrent, OperatingPoint, Placement, Placer, Points, Regime, Scheme,
+    Winding, place, place_current,
 };
-use motor_hub::bridge::{BridgeConstants, Mode};
+use motor_hub::bridge::{BridgeConstants, Mode, Timing};
 use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::model::si::{Hertz, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
@@ -407,4 +407,126 @@ fn the_neverest_60_is_the_one_of_the_catalogue() {
     assert!((f64::from(winding.emf.to_bits()) - motor.ke_fw() * f64::from(1 << 20)).abs() <= 0.5);
     assert_eq!(f64::from(winding.resistance.as_milliohms()), (1e3 * motor.r.0).round());
     assert_eq!(winding.inductance.map(|l| f64::from(l.as_microhenries())), Some((1e6 * motor.l.0).round()));
+}
+
+/// What the hub is told of a motor and a bridge of this frequency.
+fn told_of(motor: &Motor, frequency: f64, timing: Timing) -> LinearCurrent {
+    let bridge = BridgeConstants::new(700, 50, frequency as u32).expect("in range");
+    let electrical = electrical(motor, frequency);
+    let winding = Winding {
+        emf: Winding::NEVEREST_60.emf,
+        resistance: Resistance::from_milliohms(electrical.resistance_mohm).expect("in range"),
+        inductance: electrical.inductance_uh.and_then(|uh| Inductance::from_microhenries(uh).ok()),
+    };
+    LinearCurrent::new(&winding, &bridge.with_timing(timing))
+}
+
+/// How far a bridge with edges as `real` has them gets from the line when the hub is told of `told`: the worst as a share of
+/// Vbat/R, of all control values, and of those whose duty the bridge may be given.
+fn worst_of_timed(real: Timing, told: Timing, frequency: f64) -> (f64, f64) {
+    let bridge = BridgeConstants::new(700, 50, frequency as u32).expect("in range");
+    let bridge = Bridge::new(bridge.with_timing(real));
+    let (mut worst, mut of_allowed) = (0.0f64, 0.0f64);
+    for motor in &catalogue::motors().collect::<Vec<_>>() {
+        let limited = told_of(motor, frequency, told);
+        let unlimited = told_of(motor, frequency, Timing { least_off_ns: 0, least_on_ns: 0, ..told });
+        for battery in BATTERIES {
+            for point in emfs(motor, battery).map(|emf| Point::new(emf, battery)) {
+                for control in controls() {
+                    let at =
+                        |current| place_current(current, Scheme::A, point.at, Control::new(control)).drive;
+                    let drive = at(&limited);
+                    let pwm = Pwm::new(drive.mode, drive.duty.to_f64(), Hertz(frequency));
+                    let conditions = Conditions { battery: Volts(battery), emf: Volts(point.emf) };
+                    let flows = Circuit::new(motor, bridge).steady(pwm, conditions).mean.0;
+                    let error = flows - point.asked(motor, Scheme::A, control);
+                    let share = error.abs() / (battery / motor.r.0);
+                    worst = worst.max(share);
+                    if at(&unlimited) == drive {
+                        of_allowed = of_allowed.max(share);
+                    }
+                }
+            }
+        }
+    }
+    (worst, of_allowed)
+}
+
+#[test]
+fn of_a_real_bridge_the_line_keeps_what_the_shortest_low_time_leaves_of_it() {
+    let real = Timing::VNH5019;
+    let slowest = Timing { turn_on_ns: 2_400, turn_off_ns: 1_600, ..real };
+    println!("worst deviation from the line with the timing of a VNH2SP30-E, share of Vbat/R:");
+    for (frequency, most) in [(20_000.0, 0.064), (10_000.0, 0.033)] {
+        let (untold, _) = worst_of_timed(real, Timing::IDEAL, frequency);
+        let (all, allowed) = worst_of_timed(real, real, frequency);
+        let (_, slow) = worst_of_timed(slowest, real, frequency);
+        println!("{frequency} Hz: {all:.4}; where the duty may be given {allowed:.4}");
+        println!(
+            "  with the slowest edges, told the typical ones {slow:.4}; edges made up for by nothing {untold:.4}"
+        );
+        // Half of the low time, of V + Vd: 6.3 % of a period of 50 us.
+        assert!((most / 2.0..most).contains(&all), "{all}");
+        assert!(allowed < 0.0025, "{allowed}");
+        assert!(slow < 0.012, "{slow}");
+        assert!(untold > 4.0 * allowed, "{untold}: making up for edges has lost its point");
+    }
+}
+
+#[test]
+fn no_bridge_is_given_a_duty_that_it_must_be_spared() {
+    let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
+    let winding = Winding::NEVEREST_60;
+    for (hz, off, on) in
+        [(20_000, 0.12, 0.048), (10_000, 0.06, 0.024), (1_000, 0.006, 0.0024), (200_000, 1.0, 1.0)]
+    {
+        let current = told_of(motor, f64::from(hz), Timing::VNH5019);
+        let bridge = BridgeConstants::new(700, 50, hz).expect("in range").with_timing(Timing::VNH5019);
+        for rule in [DutyRule::LinearCurrent, DutyRule::LinearDuty] {
+            let placer = Placer::new(&winding, &bridge, Scheme::A, rule);
+            for emf in [-11.0, -3.0, 0.0, 0.4, 6.0, 11.5, 13.0] {
+                let at = Point::new(emf, 12.0).at;
+                let mut seen = 0;
+                for control in (-32_767..=32_767).step_by(3).map(Control::new) {
+                    let drives = [
+                        place_current(&current, Scheme::A, at, control),
+                        placer.place(at, control),
+                        placer.place_duty(Scheme::ForwardReverse, at, control),
+                    ];
+                    for duty in drives.map(|placement| placement.drive.duty.to_f64()) {
+                        // A duty has 15 bits.
+                        let fits = |least: f64, time: f64| time == 0.0 || time > least - 1e-4;
+                        assert!(
+                            fits(on, duty) && fits(off, 1.0 - duty),
+                            "{hz} Hz, {emf} V, {control:?}: {duty}"
+                        );
+                        seen += i32::from(duty == 1.0) + i32::from(duty == 0.0);
+                    }
+                }
+                assert!(seen > 0, "both ends stay within reach");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_current_that_a_duty_is_said_to_make_is_that_of_the_bridge() {
+    // What the regulator is told where the duty had to be another than wanted.
+    let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
+    for hz in [20_000, 10_000] {
+        let bridge = BridgeConstants::new(700, 50, hz).expect("in range").with_timing(Timing::VNH5019);
+        let placer = Placer::new(&Winding::NEVEREST_60, &bridge, Scheme::A, DutyRule::LinearCurrent);
+        for emf in [-9.0, -3.0, 0.5, 3.0, 6.0, 11.0] {
+            let point = Point::new(emf, 12.0);
+            for control in controls() {
+                let placement = placer.place(point.at, Control::new(control));
+                let pwm = Pwm::new(placement.drive.mode, placement.drive.duty.to_f64(), Hertz(f64::from(hz)));
+                let conditions = Conditions { battery: Volts(12.0), emf: Volts(emf) };
+                let flows = Circuit::new(motor, Bridge::new(bridge)).steady(pwm, conditions).mean.0;
+                let said = f64::from(placer.flows(point.at, placement).to_volts()) - emf;
+                let error = (flows - said / (motor.r.0 + 0.1)) / (12.0 / motor.r.0);
+                assert!(error.abs() < 0.004, "{hz} Hz, {emf} V, {control}: {error}");
+            }
+        }
+    }
 }

@@ -87,7 +87,7 @@ struct Operating {
 
 fn operating(data: &Value, inputs: &Value) -> Operating {
     let motor = motor(data, inputs);
-    let bridge = Bridge { vd: Volts(f(&inputs["Vd"])), ron: Ohms(f(&inputs["Ron"])) };
+    let bridge = Bridge::lossy(Volts(f(&inputs["Vd"])), Ohms(f(&inputs["Ron"])));
     let battery = f(&inputs["Vbat"]);
     Operating {
         circuit: Circuit::new(&motor, bridge),
@@ -350,7 +350,7 @@ fn crossing_from_braking_to_reverse() {
     let mut worst = Worst::default();
     for_each("reverse0", 8, |data, inputs, outputs| {
         let motor = motor(data, inputs);
-        let bridge = Bridge { vd: Volts(f(&inputs["Vd"])), ron: Ohms(0.0) };
+        let bridge = Bridge::lossy(Volts(f(&inputs["Vd"])), Ohms(0.0));
         let emf = Volts(motor.ke.0 * f(&inputs["Omega"]));
         let at = Conditions { battery: Volts(f(&inputs["Vbat"])), emf };
         let (c_max, amps) = (f(&inputs["cMax"]), at.battery.0 / motor.r.0);
@@ -375,7 +375,7 @@ fn steady_speed_at_a_duty() {
     let mut worst = Worst::default();
     for_each("steady_speed_pwm", 3, |data, inputs, outputs| {
         let motor = motor(data, inputs);
-        let bridge = Bridge { vd: Volts(f(&inputs["Vd"])), ron: Ohms(f(&inputs["Ron"])) };
+        let bridge = Bridge::lossy(Volts(f(&inputs["Vd"])), Ohms(f(&inputs["Ron"])));
         let open_loop = OpenLoop::new(&motor, &Load::NONE, bridge);
         let battery = Volts(f(&inputs["Vbat"]));
         let frequency = Hertz(f(&inputs["f_Hz"]));

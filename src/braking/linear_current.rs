@@ -29,6 +29,11 @@
 //! The duty is the smaller of the two. Driving against the motion is driving with the motion at the speed
 //! `-e`. From a duty to its current the same equations give `w` at once, and the larger is right.
 //!
+//! Of a bridge whose [timing](crate::bridge::Timing) is known, its edges are made up for. In a continuous current an edge of
+//! length t acts like a step in its middle; a current that begins in it at zero begins late, as if the step came
+//! `t (1 - a / (2 (a + c)))` after the edge's beginning. And a duty that the bridge must be spared becomes the nearest
+//! that it may have: what is lost by that, no duty can give.
+//!
 //! All of it is in single precision: no formula takes a small difference of large numbers, and a duty has
 //! 15 bits.
 //!
@@ -49,9 +54,9 @@
 
 use super::points::{OperatingPoint, Place, Regime};
 use super::winding::Winding;
-use crate::bridge::BridgeConstants;
+use crate::bridge::{BridgeConstants, Timing};
 use crate::units::Duty;
-use libm::{expm1f, log1pf, sqrtf};
+use libm::{expm1f, log1pf, roundf, sqrtf};
 
 /// A winding behind a bridge, prepared for use at every tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,6 +68,47 @@ pub struct LinearCurrent {
     switch_share: f32,
     /// `None` for a current that hardly changes within a period.
     period: Option<PwmPeriod>,
+    timing: Shares,
+}
+
+/// A bridge's timing, in shares of the PWM period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+struct Shares {
+    least_off: f32,
+    least_on: f32,
+    turn_on: f32,
+    turn_off: f32,
+}
+
+impl Shares {
+    fn new(bridge: &BridgeConstants) -> Self {
+        let share = |ns: u16| f32::from(ns) * 1e-9 * bridge.pwm_hz() as f32;
+        let Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, .. } = bridge.timing();
+        Self {
+            least_off: share(least_off_ns),
+            least_on: share(least_on_ns),
+            turn_on: share(turn_on_ns),
+            turn_off: share(turn_off_ns),
+        }
+    }
+
+    /// The nearest duty that the bridge may be given; 0 and 1, where its line stands still, always.
+    fn allowed(&self, duty: f32) -> f32 {
+        let Self { least_off, least_on, .. } = *self;
+        let most = 1.0 - least_off;
+        if duty >= least_on && duty <= most {
+            duty
+        } else if least_on > most {
+            roundf(duty)
+        } else if duty < least_on {
+            if 2.0 * duty < least_on { 0.0 } else { least_on }
+        } else if 2.0 * (1.0 - duty) < least_off {
+            1.0
+        } else {
+            most
+        }
+    }
 }
 
 impl LinearCurrent {
@@ -78,6 +124,7 @@ impl LinearCurrent {
                 let frequency = bridge.pwm_hz() as f32;
                 PwmPeriod::new(1000.0 * r2 / (f32::from(inductance.as_microhenries()) * frequency))
             }),
+            timing: Shares::new(bridge),
         }
     }
 
@@ -86,7 +133,12 @@ impl LinearCurrent {
     pub(super) fn duty(&self, place: Place, at: OperatingPoint) -> Duty {
         let w = place.current(at);
         let duty = if w > 0.0 { self.stage(place.regime, at).duty(w, self.period) } else { 0.0 };
-        Duty::from_bits((32_768.0 * duty + 0.5) as u16)
+        to_duty(self.timing.allowed(duty))
+    }
+
+    /// The nearest duty that the bridge may be given.
+    pub(super) fn allowed(&self, duty: Duty) -> Duty {
+        to_duty(self.timing.allowed(duty.to_f32()))
     }
 
     /// The voltage behind the mean current of a duty, which [`duty`](Self::duty) inverts.
@@ -96,10 +148,13 @@ impl LinearCurrent {
 
     const fn stage(&self, regime: Regime, at: OperatingPoint) -> Stage {
         let (e, v) = at.volts();
+        let Shares { turn_on, turn_off, .. } = self.timing;
         match regime {
-            Regime::Forward => Stage { a: v - e, c: e + self.diode, k: self.switch_share },
-            Regime::Braking => Stage { a: e, c: v + 2.0 * self.diode - e, k: 2.0 * self.switch_share },
-            Regime::Reverse => Stage { a: v + e, c: self.diode - e, k: self.switch_share },
+            Regime::Forward => Stage { a: v - e, c: e + self.diode, k: self.switch_share, turn_on, turn_off },
+            Regime::Braking => {
+                Stage { a: e, c: v + 2.0 * self.diode - e, k: 2.0 * self.switch_share, turn_on, turn_off }
+            }
+            Regime::Reverse => Stage { a: v + e, c: self.diode - e, k: self.switch_share, turn_on, turn_off },
         }
     }
 }
@@ -111,6 +166,9 @@ struct Stage {
     a: f32,
     c: f32,
     k: f32,
+    /// Of the period.
+    turn_on: f32,
+    turn_off: f32,
 }
 
 impl Stage {
@@ -121,35 +179,53 @@ impl Stage {
 
     /// The duty of a mean current, above 0.
     fn duty(self, w: f32, period: Option<PwmPeriod>) -> f32 {
-        let Self { a, c, k } = self;
+        let Self { a, c, k, .. } = self;
         let (part, whole) = (c + self.m() * w, a + c - k * w);
-        let continuous = if part <= 0.0 {
-            0.0
+        if part <= 0.0 {
+            return 0.0;
         } else if part >= whole {
-            1.0
-        } else {
-            part / whole
-        };
+            return 1.0;
+        }
+        let continuous = part / whole;
+        let held = (continuous + self.late_continuous()).clamp(0.0, 1.0);
         match period {
             Some(period) if w < a && self.may_end(continuous, period) => {
                 let most = continuous * period.length;
-                continuous.min(self.on_time(w * period.length / a, most) / period.length)
+                let pulse = self.on_time(w * period.length / a, most) / period.length;
+                held.min(pulse + self.late_pulse())
             }
-            _ => continuous,
+            _ => held,
         }
+    }
+
+    /// How much longer than the duty meant, in shares of the period, the PWM line must be high for a continuous current.
+    const fn late_continuous(self) -> f32 {
+        (self.turn_on - self.turn_off) / 2.0
+    }
+
+    /// The same for one that begins at zero.
+    fn late_pulse(self) -> f32 {
+        if self.turn_on == 0.0 && self.turn_off == 0.0 {
+            return 0.0;
+        }
+        self.turn_on * (1.0 - self.a / (2.0 * (self.a + self.c))) - self.turn_off / 2.0
     }
 
     /// The mean current of a duty. Where the motor pushes harder than the battery it is negative, as much as
     /// the duty lets through.
     fn current(self, duty: f32, period: Option<PwmPeriod>) -> f32 {
-        let Self { a, c, k } = self;
+        let Self { a, c, k, .. } = self;
         if a <= 0.0 {
             return duty * a;
         }
-        let continuous = ((duty * (a + c) - c) / (self.m() + duty * k)).max(0.0);
+        // A line that stands still has no edges.
+        let moves = duty > 0.0 && duty < 1.0;
+        let less = |late: f32| if moves { (duty - late).clamp(0.0, 1.0) } else { duty };
+        let held = less(self.late_continuous());
+        let continuous = ((held * (a + c) - c) / (self.m() + held * k)).max(0.0);
         match period {
-            Some(period) if self.may_end(duty, period) => {
-                let (q, _) = self.pulse(duty * period.length);
+            Some(period) if self.may_end(held, period) => {
+                let (q, _) = self.pulse(less(self.late_pulse()) * period.length);
                 continuous.max(q * a / period.length)
             }
             _ => continuous,
@@ -186,6 +262,11 @@ impl Stage {
         let (reached, slope) = self.pulse(guess);
         (guess + (q - reached) / slope.max(f32::MIN_POSITIVE)).clamp(0.0, upper)
     }
+}
+
+/// The nearest duty to 0 to 1.
+fn to_duty(duty: f32) -> Duty {
+    Duty::from_bits((32_768.0 * duty + 0.5) as u16)
 }
 
 /// A PWM period.

@@ -101,9 +101,15 @@ impl Placer {
     /// Regime, mode and duty of a control value at an operating point.
     pub fn place(&self, at: OperatingPoint, control: Control) -> Placement {
         match self.rule {
-            DutyRule::LinearDuty => place(self.scheme, at, control),
+            DutyRule::LinearDuty => self.place_duty(self.scheme, at, control),
             DutyRule::LinearCurrent => place_current(&self.current, self.scheme, at, control),
         }
+    }
+
+    /// The same by the rule of linear duty, and by any scheme, as far as the bridge may be given such a duty.
+    pub fn place_duty(&self, scheme: Scheme, at: OperatingPoint, control: Control) -> Placement {
+        let Placement { regime, drive, asked } = place(scheme, at, control);
+        Placement { regime, drive: Drive { duty: self.current.allowed(drive.duty), ..drive }, asked }
     }
 
     /// The same by the rule of linear current, whatever the placer's own.

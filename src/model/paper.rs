@@ -191,7 +191,7 @@ impl OpenLoop {
     /// Speed of the motor shaft at which the mean torque of `pwm` balances drag and external torque.
     #[must_use]
     pub fn steady_speed(&self, pwm: Pwm, battery: Volts) -> RadPerSec {
-        let Bridge { vd, ron } = self.circuit.bridge;
+        let Bridge { vd, ron, .. } = self.circuit.bridge;
         // Even an open bridge brakes with the external torque at this speed, through its diodes.
         let resistance = self.motor.r.0 + 2.0 * ron.0;
         let limit = battery.0 + 2.0 * vd.0 + self.torque.abs() * resistance / self.motor.kt.0;

@@ -92,8 +92,11 @@ impl Circuit {
         summarise(pwm, start, run(start).1)
     }
 
-    /// The periodic initial current if the current keeps `sign`, or `None` if it then does not.
+    /// The periodic initial current if the current keeps `sign`, or `None` if it then does not, or if switching takes time.
     fn fixed_point(&self, pwm: Pwm, at: Conditions, sign: CurrentSign) -> Option<f64> {
+        if self.bridge.edges.are_slow() {
+            return None;
+        }
         let period = 1.0 / pwm.frequency.0;
         let on = self.path(pwm.on, sign, at);
         let off = self.path(pwm.off, sign, at);

@@ -36,7 +36,7 @@ use super::friction::{Cogging, Friction};
 use super::load::{Load, Shaft};
 use super::mechanics::{Mechanics, Turned};
 use super::si::{Amps, Coulombs, Hertz, Joules, NewtonMetres, RadPerSec, Seconds, Volts};
-use super::switching::{Bridge, Circuit, Conditions, Integrals};
+use super::switching::{Bridge, Circuit, Conditions, Integrals, Part};
 use crate::bridge::{Mode, State};
 
 /// Largest product of undamped frequency and window.
@@ -136,6 +136,9 @@ pub struct Plant {
     angle: f64,
     /// Mean current of the window before, the first guess for the next one.
     last_mean: f64,
+    /// The mode, by the state of the PWM line at rest, and how long the bridge is still open for its change.
+    mode: State,
+    open_s: f64,
 }
 
 /// What stays the same during a run.
@@ -174,6 +177,8 @@ impl Plant {
             speed: 0.0,
             angle: 0.0,
             last_mean: 0.0,
+            mode: State::Coast,
+            open_s: 0.0,
         }
     }
 
@@ -228,8 +233,24 @@ impl Plant {
     }
 
     /// Advances by `dt` at a constant battery voltage. The PWM period goes on where the run before
-    /// left it; a new duty counts at once.
+    /// left it; a new duty counts at once, a new mode when the bridge has let go of the old one.
     pub fn run(&mut self, dt: Seconds, influence: Influence, battery: Volts) -> Flow {
+        if influence.off != self.mode {
+            self.mode = influence.off;
+            self.open_s = self.circuit.bridge.edges.change.0;
+        }
+        let open_s = self.open_s.min(dt.0);
+        if open_s <= 0.0 {
+            return self.go_on(dt, influence, battery);
+        }
+        self.open_s -= open_s;
+        let open = Influence { torque_after: influence.torque_after, ..Influence::COAST };
+        let mut flow = self.go_on(Seconds(open_s), open, battery);
+        flow.append(&self.go_on(Seconds(dt.0 - open_s), influence, battery));
+        flow
+    }
+
+    fn go_on(&mut self, dt: Seconds, influence: Influence, battery: Volts) -> Flow {
         let torque = (self.load.torque_after.0 + influence.torque_after.0) * self.shaft.torque_ratio;
         let on_time = influence.duty.clamp(0.0, 1.0) * self.period;
         let run = Run { influence, on_time, battery, torque };
@@ -328,10 +349,11 @@ impl Plant {
     /// Final current, integrals and mean current of a window from the present current and phase.
     fn electrical(&self, window: f64, emf: f64, run: &Run) -> (f64, Integrals, f64) {
         let at = Conditions { battery: run.battery, emf: Volts(emf) };
-        let on = (run.on_time - self.phase).clamp(0.0, window);
+        let Influence { on, off, .. } = run.influence;
+        let part =
+            Part { on, off, on_s: run.on_time, period_s: self.period, from_s: self.phase, window_s: window };
         let mut sums = Integrals::default();
-        let turn = self.circuit.dwell(run.influence.on, Amps(self.current), at, Seconds(on), &mut sums);
-        let end = self.circuit.dwell(run.influence.off, turn, at, Seconds(window - on), &mut sums);
+        let end = self.circuit.part_of_period(part, Amps(self.current), at, &mut sums);
         (end.0, sums, sums.current / window)
     }
 }

@@ -34,8 +34,8 @@ pub use setpoint::Setpoint;
 pub use settings::{OnFault, Settings, ZeroPower};
 pub use thermal::ThermalLimit;
 
-use crate::braking::{self, DutyRule, OperatingPoint, Placement, Placer, Scheme};
-use crate::bridge::{Drive, Sensed};
+use crate::braking::{DutyRule, OperatingPoint, Placement, Placer, Scheme};
+use crate::bridge::{Drive, Mode, Sensed, Timing};
 use crate::motion::Reading;
 use crate::motion::guard::Finding;
 use crate::regulator::identify::{Identifier, Refusal};
@@ -68,6 +68,9 @@ pub struct Motor {
     watch: Watch,
     arrival: Arrival,
     thermal: Thermal,
+    period: Period,
+    /// What the bridge was told last.
+    mode: Mode,
     /// What the bridge said last.
     sensed: Sensed,
     /// It has said that it is at fault; latched.
@@ -100,6 +103,8 @@ impl Motor {
             watch: Watch::new(period, settings.dynamics.map(|known| known.gain)),
             arrival: Arrival::new(period),
             thermal: Thermal::new(period, settings.thermal),
+            period,
+            mode: Drive::COAST.mode,
             sensed: Sensed::default(),
             bridge_fault: false,
         }
@@ -196,6 +201,7 @@ impl Motor {
         }
         let output = wanted.or_else(|| at.and_then(|(at, _)| self.fall_back(at, moved)));
         let effect = at.zip(output).and_then(|((at, _), (_, placement))| self.effect(at, placement));
+        let effect = effect.map(|effect| self.after_change(effect, output, velocity));
         self.regulator.drive(effect.map(|effect| effect.asked));
         let flows = effect.map(|effect| effect.flows);
         // Of a bridge that is open for want of current, the back EMF.
@@ -205,6 +211,7 @@ impl Motor {
             Some((control, Placement { regime, drive, .. })) => (control, Some(regime), drive),
             None => (Control::ZERO, None, Drive::COAST),
         };
+        self.mode = drive.mode;
         let current = flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
         self.thermal.step(self.sensed.current.unwrap_or(current));
         let near = self.setpoint.reached(self.position);
@@ -251,13 +258,33 @@ impl Motor {
         // Where nobody regulates, nobody asked for a current either.
         let asked = placement.asked;
         Some(match (self.setpoint.is_regulated(), self.settings.duty) {
-            (true, DutyRule::LinearCurrent) => Effect { asked, flows: asked },
+            (true, DutyRule::LinearCurrent) if self.settings.bridge.timing() == Timing::IDEAL => {
+                Effect { asked, flows: asked }
+            }
+            // What the bridge had to be spared is known, and is no load.
+            (true, DutyRule::LinearCurrent) => {
+                let flows = self.placer.flows(at, placement);
+                Effect { asked: flows, flows }
+            }
             (true, DutyRule::LinearDuty) => Effect { asked, flows: self.placer.flows(at, placement) },
             (false, _) => {
                 let flows = self.placer.flows(at, placement);
                 Effect { asked: flows, flows }
             }
         })
+    }
+
+    /// What is left of it in a period at whose beginning the bridge is open because its mode changes.
+    fn after_change(&self, effect: Effect, output: Option<Output>, velocity: CountsPerSecond) -> Effect {
+        let change_us = self.settings.bridge.timing().change_us;
+        let mode = output.map_or(Drive::COAST.mode, |(_, placement)| placement.drive.mode);
+        if change_us == 0 || mode == self.mode {
+            return effect;
+        }
+        let emf = self.settings.winding.emf.emf(velocity).to_volts();
+        let left = (1.0 - f32::from(change_us) / self.period.as_micros() as f32).max(0.0);
+        let flows = Voltage::from_volts(emf + left * (effect.flows.to_volts() - emf));
+        Effect { asked: flows, flows }
     }
 
     /// What a voltage drives through winding and bridge against the back EMF of a speed.
@@ -305,7 +332,7 @@ impl Motor {
     /// A host that sets a power means the duty of 9/8 or 6/2, so no scheme comes between.
     fn open_loop(&self, at: OperatingPoint, power: Control) -> Option<Output> {
         if power != Control::ZERO {
-            Some(self.spare(at, (power, braking::place(Scheme::ForwardReverse, at, power))))
+            Some(self.spare(at, (power, self.placer.place_duty(Scheme::ForwardReverse, at, power))))
         } else if self.floats() {
             None
         } else {

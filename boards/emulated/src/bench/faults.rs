@@ -6,7 +6,6 @@ use std::time::Duration;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::si::Volts;
 use rigless::device::Level;
-use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::soc::st::gpio::Pin;
 use rigless::time::VirtualNanos;

@@ -10,7 +10,7 @@ use motor_hub::model::si::{KgM2, Kilograms, Metres, Ohms, Volts};
 use motor_hub::model::switching::Bridge;
 
 /// The drop of a diode and the resistance of a switch in a VNH5019A-E (data sheet, typical).
-const BRIDGE: Bridge = Bridge { vd: Volts(0.6), ron: Ohms(0.009) };
+const BRIDGE: Bridge = Bridge::lossy(Volts(0.6), Ohms(0.009));
 
 /// The gear motor that the firmware's settings are for, with a load.
 pub(crate) fn am60_with(load: Load) -> Mounting {

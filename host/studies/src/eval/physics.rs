@@ -133,7 +133,7 @@ pub(super) fn mean_current(case: &Case) -> Result<Value, CaseError> {
 /// A bridge in operation: its motor, its circuit, its frequency, its conditions.
 fn bridge(case: &Case) -> Result<(Motor, Circuit, Hertz, Conditions), CaseError> {
     let motor = case.motor()?;
-    let losses = Bridge { vd: Volts(case.not_negative("Vd")?), ron: Ohms(case.not_negative("Ron")?) };
+    let losses = Bridge::lossy(Volts(case.not_negative("Vd")?), Ohms(case.not_negative("Ron")?));
     let speed = if case.has("Omega") { case.number("Omega")? } else { 0.0 };
     let at = Conditions { battery: Volts(case.positive("Vbat")?), emf: Volts(motor.ke.0 * speed) };
     Ok((motor, Circuit::new(&motor, losses), Hertz(case.positive("f_Hz")?), at))
@@ -207,7 +207,7 @@ pub(super) fn steady_speed(case: &Case) -> Result<Value, CaseError> {
 /// The crossing from braking to reverse, with a diode's drop and ideal switches.
 pub(super) fn reverse0(case: &Case) -> Result<Value, CaseError> {
     let motor = case.motor()?;
-    let losses = Bridge { vd: Volts(case.not_negative("Vd")?), ron: Ohms(0.0) };
+    let losses = Bridge::lossy(Volts(case.not_negative("Vd")?), Ohms(0.0));
     let emf = Volts(motor.ke.0 * case.not_negative("Omega")?);
     let at = Conditions { battery: Volts(case.positive("Vbat")?), emf };
     let crossing = Circuit::new(&motor, losses).reverse0(case.positive("cMax")?, at);
