@@ -1,6 +1,7 @@
 //! What one end writes, the other reads: every request and every answer.
 
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::bridge::Timing;
 use motor_hub::group::Halt;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, ThermalLimit, ZeroPower};
@@ -127,6 +128,16 @@ fn protection() -> impl Strategy<Value = Protection> {
     (on_fault, any::<(u16, u16, u16)>()).prop_map(|(on_fault, (ma, winding_s, case_s))| {
         let thermal = ThermalLimit::new(ma, winding_s.max(1), case_s.max(1)).ok();
         Protection { on_fault, thermal }
+    })
+}
+
+fn timing() -> impl Strategy<Value = Timing> {
+    any::<[u16; 5]>().prop_map(|[least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us]| Timing {
+        least_off_ns,
+        least_on_ns,
+        turn_on_ns,
+        turn_off_ns,
+        change_us,
     })
 }
 
@@ -324,6 +335,10 @@ fn to_setup() -> Vec<BoxedStrategy<Case>> {
         }),
         with(&[1], motor(), |motor| ToSetup::Protection.to(motor)),
         with(&[1], motor(), |motor| ToSetup::Condition.to(motor)),
+        with(&[1, 2, 2, 2, 2, 2], (motor(), timing()), |(motor, timing)| {
+            ToSetup::SetTiming { timing }.to(motor)
+        }),
+        with(&[1], motor(), |motor| ToSetup::Timing.to(motor)),
     ]
 }
 
@@ -444,7 +459,7 @@ proptest! {
     #[test]
     fn an_answer_about_a_motor_or_the_led_is_read_as_it_was_written(
         mode in run_mode(), zero_power in zero_power(), control in control(), target in target(),
-        coefficients in coefficients(), setup in setup(), motion in motion(), protection in protection(), condition in condition(), identification in identification(),
+        coefficients in coefficients(), setup in setup(), motion in motion(), protection in protection(), condition in condition(), timing in timing(), identification in identification(),
         colour in colour(), pattern in pattern(),
         text in text(),
     ) {
@@ -459,6 +474,7 @@ proptest! {
         prop_assert_eq!(read_back(&motion), Ok(motion));
         prop_assert_eq!(read_back(&protection), Ok(protection));
         prop_assert_eq!(read_back(&condition), Ok(condition));
+        prop_assert_eq!(read_back(&timing), Ok(timing));
         prop_assert_eq!(read_back(&identification), Ok(identification));
         prop_assert_eq!(read_back(&colour), Ok(colour));
         prop_assert_eq!(read_back(&pattern), Ok(pattern));

@@ -46,7 +46,7 @@ fn set_up(host: &mut TestHost, motor: u8, fields: &[u8]) {
 #[test]
 fn the_interface_is_found_by_its_name() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 11, 0]));
+    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 13, 0]));
 }
 
 #[test]
@@ -280,4 +280,17 @@ fn how_a_motor_and_its_bridge_are_is_told_as_of_the_last_tick() {
     };
     let told = [0x50, 0xFB, 0xFF, 0xFF, 1, 0x7E, 4, 0x1A, 4, 1, 1, 1];
     assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(told.to_vec()));
+}
+
+#[test]
+fn how_a_bridge_switches_is_said_read_back_and_kept_by_another_set_up() {
+    let mut host = TestHost::settled();
+    assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Said::Data(vec![0; 10]));
+    // 6 us, 2.4 us, 1.2 us, 1 us, 600 us.
+    let timing = [0x70, 0x17, 0x60, 9, 0xB0, 4, 0xE8, 3, 0x58, 2];
+    assert_eq!(host.ask(FIRST_FUNCTION + 11, &[&[1], &timing[..]].concat()), Said::Ack(0));
+    let timed = Settings { bridge: BridgeConstants::VNH5019_TIMED, ..settings() };
+    assert_eq!(host.told(), [Command { motor: 1, action: Action::Configure(timed) }]);
+    set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
+    assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Said::Data(timing.to_vec()));
 }

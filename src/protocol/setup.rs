@@ -16,9 +16,14 @@
 //! | 8 say what protects the motor | motor, then the fields of a [`Protection`] | ACK |
 //! | 9 read it back | motor | the fields |
 //! | 10 tell how the motor and its bridge are | motor | the fields of a [`Condition`] |
+//! | 11 say how the motor's bridge switches | motor, then the fields of a [`Timing`] | ACK |
+//! | 12 read it back | motor | the fields |
 //!
 //! Function 4 is refused (51) unless the motor is enabled, in constant power of 0; any other target, mode or
 //! disabling ends the motion. From then on function 5 answers of that motion only. What is found is told, not put in force: that is function 2.
+//!
+//! The time constants of a bridge belong to the board; what they are for a real VNH5019 is
+//! [`Timing::VNH5019`]. A set-up leaves them.
 //!
 //! A set-up forgets how the motor moved and the coefficients that a host gave: it is another motor.
 //! Of a set-up:
@@ -48,6 +53,14 @@
 //! | u8 | on a fault, and when the host falls silent: 0 coast, 1 brake |
 //! | u16 | current that the winding stands for ever, mA; 0 for no limit |
 //! | u16, u16 | time constants of winding and case, s, from 1; with no limit they mean nothing |
+//!
+//! Of a timing:
+//!
+//! | field | |
+//! |---|---|
+//! | u16, u16 | shortest time for which the PWM line may be low, and high, ns; 0 for any |
+//! | u16, u16 | how long an output takes when it rises, and when it falls, ns |
+//! | u16 | how long the bridge is open when its mode changes, us |
 //!
 //! Of a condition:
 //!
@@ -95,6 +108,7 @@ use super::fields::{ByteIn, Field, Fields, Payload, codes};
 use super::nack::Nack;
 use super::table::requests;
 use crate::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use crate::bridge::Timing;
 use crate::motor::{OnFault, ThermalLimit};
 use crate::regulator::Dynamics;
 use crate::regulator::identify::{Identification, Identified, Refusal};
@@ -107,7 +121,7 @@ use crate::units::{
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const FUNCTION_COUNT: u16 = 11;
+pub const FUNCTION_COUNT: u16 = 13;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.
@@ -127,6 +141,9 @@ requests! {
         9 Protection,
         /// Answered by a [`Condition`].
         10 Condition,
+        11 SetTiming { timing: Timing },
+        /// Answered by a [`Timing`].
+        12 Timing,
     }
 }
 
@@ -291,6 +308,18 @@ impl Field for Protection {
         self.on_fault.write(payload);
         let limit = self.thermal.as_ref();
         limit.map_or([0; 3], |of| [of.continuous_ma(), of.winding_s(), of.case_s()]).write(payload);
+    }
+}
+
+impl Field for Timing {
+    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+        let [least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us] = Field::read(fields)?;
+        Ok(Self { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us })
+    }
+
+    fn write(&self, payload: &mut Payload) {
+        let Self { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us } = *self;
+        [least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us].write(payload);
     }
 }
 

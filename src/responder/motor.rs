@@ -193,6 +193,12 @@ impl MotorChannel {
                 let Settings { on_fault, thermal, .. } = self.settings;
                 Answer::data(&Protection { on_fault, thermal })
             }
+            ToSetup::SetTiming { timing } => {
+                self.settings.bridge = self.settings.bridge.with_timing(timing);
+                self.pending.configure = true;
+                Answer::Ack
+            }
+            ToSetup::Timing => Answer::data(&self.settings.bridge.timing()),
             ToSetup::Condition => Answer::data(&setup::condition(report)),
             ToSetup::Identify { travel_limit } => {
                 let battery = battery.ok_or(Nack::BATTERY_LOW)?;

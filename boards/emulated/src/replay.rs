@@ -23,11 +23,10 @@ use motor_hub::motion::EncoderFault;
 use motor_hub::motor::{Faults, Report, Setpoint, Settings, ZeroPower};
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, RunMode, ToMotor};
-use motor_hub::protocol::setup::{Motion, ToSetup};
+use motor_hub::protocol::setup::{Motion, Protection, ToSetup};
 use motor_hub::regulator;
 use motor_hub::responder::setup;
 use motor_hub::units::{CountsPerSecond, Duty, Period, RangeError};
-use simulated::hardware::BRIDGE;
 use simulated::scenario::{Motor, Scenario};
 use simulated::trace::{Sample, Tick, Trace};
 
@@ -146,7 +145,7 @@ pub(crate) fn stand(scenario: &Scenario) -> bench::Setup {
     let motors = scenario.motors.iter().map(|motor| Mounting {
         motor: motor.constants,
         load: motor.load,
-        bridge: BRIDGE.into(),
+        bridge: motor.bridge.into(),
         stops: None,
     });
     let mut stand = bench::Setup::new(motors.collect());
@@ -169,7 +168,12 @@ fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, scenario: &Scenario) 
     if !matches!(talk.ask(bench, request.id(), &request.payload()), Reply::Ack { .. }) {
         return Err(ReplayError::SetupRefused);
     }
-    let Settings { dynamics, acceleration, coefficients, .. } = settings;
+    let Settings { dynamics, acceleration, coefficients, bridge, on_fault, thermal, .. } = settings;
+    talk.order(bench, ToSetup::SetTiming { timing: bridge.timing() }.to(channel));
+    let protection = Protection { on_fault, thermal };
+    if protection != Protection::default() {
+        talk.order(bench, ToSetup::SetProtection { protection }.to(channel));
+    }
     let motion = ToSetup::SetMotion { motion: Motion { dynamics, acceleration } }.to(channel);
     talk.order(bench, motion);
     if let Some(regulator::Coefficients { velocity, position }) = coefficients {

@@ -18,6 +18,7 @@ use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx, BufferedUar
 use embassy_stm32::{Peri, bind_interrupts, interrupt, pac, rcc};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use motor_hub::braking::Winding;
+use motor_hub::bridge::BridgeConstants;
 use motor_hub::hub::Hub;
 use motor_hub::motor::Settings;
 use motor_hub::protocol::Address;
@@ -121,7 +122,8 @@ async fn main(spawner: Spawner) {
     let diag = |pin: Peri<'static, AnyPin>| Input::new(pin, Pull::Up);
     let diag = DiagLines([diag(p.PE2.into()), diag(p.PE4.into()), diag(p.PE5.into()), diag(p.PE6.into())]);
     let adc = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, DIVIDER_OHMS));
-    let settings = Settings::new(Winding::NEVEREST_60);
+    // These bridges are real.
+    let settings = Settings { bridge: BridgeConstants::VNH5019_TIMED, ..Settings::new(Winding::NEVEREST_60) };
 
     spawner.spawn(unwrap!(output(bridges)));
     spawner.spawn(unwrap!(listen(diag)));

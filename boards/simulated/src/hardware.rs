@@ -21,8 +21,11 @@ use motor_hub::units::{EmfConstant, Inductance, RangeError, Resistance};
 /// How many motors the hub drives.
 pub const MOTORS: usize = 4;
 
-/// This board's bridges.
+/// This board's bridges, unless a scenario wants real ones: those switch at once, and obey any duty.
 pub const BRIDGE: BridgeConstants = BridgeConstants::VNH5019;
+
+/// The same as it really is, with its timing.
+pub const REAL_BRIDGE: BridgeConstants = BridgeConstants::VNH5019_TIMED;
 
 /// What the firmware is told of a motor.
 ///

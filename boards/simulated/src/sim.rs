@@ -186,7 +186,7 @@ fn settings_of(motor: &Motor, period: Period) -> Result<Settings, RunError> {
 
 /// The board with a scenario's motors, loads and battery, at rest.
 pub(crate) fn board(scenario: &Scenario) -> Board {
-    let motors = scenario.motors.iter().map(|motor| (motor.constants, motor.load));
+    let motors = scenario.motors.iter().map(|motor| (motor.constants, motor.load, motor.bridge));
     Board::new(scenario.battery, motors, scenario.seed)
 }
 

@@ -19,7 +19,7 @@
 
 use crate::hardware::{BRIDGE, MOTORS};
 use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
-use motor_hub::bridge::Drive;
+use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
@@ -71,10 +71,14 @@ pub struct View {
 }
 
 impl Board {
-    /// Motors with their loads on a battery, at rest; `seed` is what the noise of the measurements follows from.
-    pub fn new(battery: Battery, motors: impl Iterator<Item = (Motor, Load)>, seed: u64) -> Self {
+    /// Motors with their loads and bridges on a battery, at rest; `seed` is what the noise of the measurements follows from.
+    pub fn new(
+        battery: Battery,
+        motors: impl Iterator<Item = (Motor, Load, BridgeConstants)>,
+        seed: u64,
+    ) -> Self {
         let pwm = Hertz(f64::from(BRIDGE.pwm_hz()));
-        let plants = motors.map(|(motor, load)| Plant::new(motor, load, BRIDGE.into(), pwm));
+        let plants = motors.map(|(motor, load, bridge)| Plant::new(motor, load, bridge.into(), pwm));
         Self(Rc::new(RefCell::new(World {
             rig: Rig::new(battery, plants.collect()),
             drives: [Drive::COAST; MOTORS],

@@ -21,6 +21,7 @@
 //! ```
 
 use crate::{Error, Session};
+use motor_hub::bridge::Timing;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
@@ -121,6 +122,16 @@ impl<L: Read + Write> Session<L> {
     /// What protects it; this project's own firmware tells.
     pub fn protection(&mut self, motor: u8) -> Result<Protection, Error> {
         self.ask(ToSetup::Protection.to(motor))
+    }
+
+    /// How its bridge switches, and what that must be spared; this project's own firmware tells.
+    pub fn timing(&mut self, motor: u8) -> Result<Timing, Error> {
+        self.ask(ToSetup::Timing.to(motor))
+    }
+
+    /// Says how its bridge switches, and what that must be spared.
+    pub fn set_timing(&mut self, motor: u8, timing: Timing) -> Result<(), Error> {
+        self.order(ToSetup::SetTiming { timing }.to(motor))
     }
 
     /// How it and its bridge are: current, heat, what has switched it off; this project's own firmware tells.

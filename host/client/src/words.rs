@@ -20,6 +20,10 @@ pub(crate) fn words(request: &Request) -> String {
         Request::Setup(motor, ToSetup::SetProtection { .. }) => format!("set what protects motor {motor}"),
         Request::Setup(motor, ToSetup::Protection) => format!("tell what protects motor {motor}"),
         Request::Setup(motor, ToSetup::Condition) => format!("tell how motor {motor} is"),
+        Request::Setup(motor, ToSetup::SetTiming { .. }) => {
+            format!("set how the bridge of motor {motor} switches")
+        }
+        Request::Setup(motor, ToSetup::Timing) => format!("tell how the bridge of motor {motor} switches"),
         Request::Setup(motor, ToSetup::Setup) => format!("tell the set-up of motor {motor}"),
         Request::Group(motor, ToGroup::Move { .. }) => format!("move motor {motor} and others together"),
         Request::Group(motor, ToGroup::State) => format!("tell how far the group of motor {motor} is"),

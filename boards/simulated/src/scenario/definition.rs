@@ -3,6 +3,7 @@
 use super::expectation::Expectation;
 use crate::hardware::{BRIDGE, mechanics, winding};
 use motor_hub::braking::{DutyRule, Scheme, Winding};
+use motor_hub::bridge::BridgeConstants;
 use motor_hub::group::{DriveBase, Together};
 use motor_hub::hub::{Action, Command};
 use motor_hub::model::load::Load;
@@ -60,6 +61,8 @@ pub struct Motor {
     pub zero_power: ZeroPower,
     /// What a fault does.
     pub on_fault: OnFault,
+    /// By what it is driven; the hub is told so.
+    pub bridge: BridgeConstants,
     /// What the hub is told of the heat that the winding stands; `None` for no limit.
     pub thermal: Option<ThermalLimit>,
     /// Largest acceleration that the hub may ask of it, if it is regulated by its model.
@@ -209,6 +212,7 @@ impl Motor {
             duty: DutyRule::LinearCurrent,
             zero_power: ZeroPower::Brake,
             on_fault: OnFault::Coast,
+            bridge: BRIDGE,
             thermal: None,
             acceleration: None,
             velocity: None,
@@ -233,7 +237,7 @@ impl Motor {
         let guessed = Coefficients::guessed(winding.emf, self.scheme, period);
         let own = self.velocity.is_some() || self.position.is_some();
         Ok(Settings {
-            bridge: BRIDGE,
+            bridge: self.bridge,
             duty: self.duty,
             zero_power: self.zero_power,
             on_fault: self.on_fault,

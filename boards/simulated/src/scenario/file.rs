@@ -8,7 +8,7 @@ mod tables;
 
 use super::definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
 use super::mistake::{Checked, Fault, Mistake, fault};
-use crate::hardware::{MOTORS, thermal_limit};
+use crate::hardware::{BRIDGE, MOTORS, REAL_BRIDGE, thermal_limit};
 use crate::scheme::SchemeName;
 use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::{battery::Battery, load::Load, si};
@@ -18,7 +18,8 @@ use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Peri
 use ranges::{FASTEST_CPS, HARDEST_CPS2, named, optional, timeline, within};
 use std::ops::RangeInclusive;
 use tables::{
-    File, GainTable, Inertia, MotorTable, OnFaultWord, SetPointTable, ToldChoice, ToldTable, ZeroPowerWord,
+    BridgeWord, File, GainTable, Inertia, MotorTable, OnFaultWord, SetPointTable, ToldChoice, ToldTable,
+    ZeroPowerWord,
 };
 use toml::Spanned;
 
@@ -137,6 +138,10 @@ impl MotorTable {
             on_fault: match self.on_fault {
                 OnFaultWord::Coast => OnFault::Coast,
                 OnFaultWord::Brake => OnFault::Brake,
+            },
+            bridge: match self.bridge {
+                BridgeWord::Ideal => BRIDGE,
+                BridgeWord::Vnh5019 => REAL_BRIDGE,
             },
             thermal: self.check_thermal(&constants)?,
             acceleration: self.check_acceleration()?,

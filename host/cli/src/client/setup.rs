@@ -5,6 +5,7 @@ use crate::choice::Choice;
 use crate::output::{Failure, print, print_json};
 use crate::parse::channel;
 use motor_hub::braking::DutyRule;
+use motor_hub::bridge::Timing;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{OnFault, ThermalLimit};
 use motor_hub::protocol::setup::{Protection, Setup};
@@ -29,6 +30,9 @@ pub(crate) struct Options {
     /// What the motor does at a fault, and when its host falls silent
     #[arg(long, value_name = "WORD")]
     on_fault: Option<OnFaultWord>,
+    /// How the motor's bridge switches: what its duties must spare it
+    #[arg(long, value_name = "WORD")]
+    bridge: Option<BridgeWord>,
     /// Current that the winding stands for ever; 0 for no limit. With --type, if absent, a third of the stall current
     #[arg(long, value_name = "AMPERES", value_parser = continuous_ma)]
     continuous_current: Option<u16>,
@@ -56,6 +60,24 @@ enum OnFaultWord {
     Brake,
 }
 
+/// How people name a bridge's timing.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum BridgeWord {
+    /// At once, and any duty
+    Ideal,
+    /// As a real one of the VNH5019 kind
+    Vnh5019,
+}
+
+impl From<BridgeWord> for Timing {
+    fn from(word: BridgeWord) -> Self {
+        match word {
+            BridgeWord::Ideal => Self::IDEAL,
+            BridgeWord::Vnh5019 => Self::VNH5019,
+        }
+    }
+}
+
 impl From<OnFaultWord> for OnFault {
     fn from(word: OnFaultWord) -> Self {
         match word {
@@ -72,13 +94,17 @@ impl Options {
         if protection != before {
             session.set_protection(self.motor, protection)?;
         }
+        if let Some(word) = self.bridge {
+            session.set_timing(self.motor, word.into())?;
+        }
+        let timing = session.timing(self.motor)?;
         let changes = self.name.is_some() || !self.choice.is_empty();
         let mut setup = session.setup(self.motor)?;
         if changes {
             session.set_up(self.motor, self.change(setup)?)?;
             setup = session.setup(self.motor)?;
         }
-        self.show(setup, protection)
+        self.show(setup, protection, timing)
     }
 
     fn change(&self, mut setup: Setup) -> Result<Setup, Failure> {
@@ -117,7 +143,7 @@ impl Options {
         Ok(Protection { on_fault: self.on_fault.map_or(before.on_fault, OnFault::from), thermal })
     }
 
-    fn show(&self, setup: Setup, protection: Protection) -> Result<(), Trouble> {
+    fn show(&self, setup: Setup, protection: Protection, timing: Timing) -> Result<(), Trouble> {
         let Setup { emf, resistance, inductance, scheme, duty } = setup;
         let emf = f64::from(emf.to_bits()) / f64::from(1 << 20);
         let ohms = resistance.map(|resistance| f64::from(resistance.as_milliohms()) / 1e3);
@@ -130,6 +156,11 @@ impl Options {
             OnFault::Coast => "coast",
             OnFault::Brake => "brake",
         };
+        let bridge = match timing {
+            Timing::IDEAL => "ideal",
+            Timing::VNH5019 => "vnh5019",
+            _ => "other",
+        };
         let amperes = protection.thermal.map(|limit| f64::from(limit.continuous_ma()) / 1e3);
         if self.json {
             let document = json!({
@@ -139,6 +170,7 @@ impl Options {
                 "inductance_mh": millihenries.unwrap_or(0.0),
                 "scheme": describe(scheme),
                 "duty": duty,
+                "bridge": bridge,
                 "on_fault": on_fault,
                 "continuous_current_a": amperes,
             });
@@ -154,6 +186,7 @@ impl Options {
             .add_row(["inductance", &known(millihenries, "mH")])
             .add_row(["scheme", &describe(scheme)])
             .add_row(["duty", duty])
+            .add_row(["bridge", bridge])
             .add_row(["at a fault", on_fault])
             .add_row([
                 "current for ever",

@@ -4,6 +4,7 @@ use super::friction_percent;
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use motor_hub::motor::{OnFault, Setpoint, ZeroPower};
 use motor_hub::units::Control;
+use simulated::hardware::REAL_BRIDGE;
 use simulated::scenario::{Motor, Scenario, Told};
 use std::fmt::Write;
 
@@ -44,6 +45,9 @@ fn table(out: &mut String, motor: &Motor) -> std::fmt::Result {
             out,
             "thermal = {{ continuous_a = {amperes}, winding_s = {winding_s}, case_s = {case_s} }}"
         )?;
+    }
+    if motor.bridge == REAL_BRIDGE {
+        writeln!(out, "bridge = \"vnh5019\"")?;
     }
     if motor.on_fault == OnFault::Brake {
         writeln!(out, "on_fault = \"brake\"")?;

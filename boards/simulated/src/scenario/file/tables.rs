@@ -63,6 +63,8 @@ pub(super) struct MotorTable {
     #[serde(default)]
     pub(super) on_fault: OnFaultWord,
     pub(super) thermal: Option<ThermalTable>,
+    #[serde(default)]
+    pub(super) bridge: BridgeWord,
     pub(super) acceleration_cps2: Option<Spanned<i64>>,
     #[serde(default)]
     pub(super) coefficients: CoefficientTables,
@@ -97,6 +99,14 @@ pub(super) struct ThermalTable {
     pub(super) continuous_a: Option<Spanned<f64>>,
     pub(super) winding_s: Option<Spanned<i64>>,
     pub(super) case_s: Option<Spanned<i64>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum BridgeWord {
+    #[default]
+    Ideal,
+    Vnh5019,
 }
 
 #[derive(Default, Deserialize)]
