@@ -133,7 +133,7 @@ fn winch(ms: u64, told: BridgeConstants) -> (f64, f64) {
         let now = Micros::new(1_000 * at_ms);
         let reading = tracker.step(plant.counts() as u16, now);
         motor.sample(reading);
-        if at_ms % ms == 0 {
+        if at_ms.is_multiple_of(ms) {
             drive = motor.step(now, Some(reading), Some(Millivolts::new(12_000))).drive;
         }
         let torque_after = NewtonMetres(if at_ms < 5_000 { 0.0 } else { 0.8 });

@@ -52,7 +52,7 @@ impl Winch {
             let now = Micros::new(1_000 * self.ms);
             let position = self.tracker.step(self.seen.unwrap_or(self.plant.counts()) as u16, now);
             self.motor.sample(position);
-            if self.ms % 10 == 0 {
+            if self.ms.is_multiple_of(10) {
                 self.report = self.motor.step(now, Some(position), self.battery);
             }
             let Drive { mode, duty } = self.report.drive;
