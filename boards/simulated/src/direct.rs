@@ -15,7 +15,8 @@ use crate::hardware::MOTORS;
 use crate::scenario::Scenario;
 use crate::sim::{self, RunError, STEP_S};
 use embassy_futures::block_on;
-use motor_hub::board::{Bridges, Encoders, SupplyAdc};
+use motor_hub::board::{BridgeFaults, Bridges, Encoders, SupplyAdc};
+use motor_hub::bridge::Sensed;
 use motor_hub::hub::{Hub, Inputs, Snapshot};
 use motor_hub::model::si::{Seconds, Volts};
 use motor_hub::motion::Tracker;
@@ -24,6 +25,9 @@ use motor_hub::units::Micros;
 
 /// Milliseconds from one conversion of the battery's voltage to the next.
 const SUPPLY_MS: u64 = 10;
+
+/// Milliseconds from one look at the bridges to the next.
+const SENSE_MS: u64 = 10;
 
 /// Everything at one millisecond.
 #[derive(Clone, Copy, Debug)]
@@ -56,6 +60,9 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             *reading = count.map(|count| tracker.step(count, now));
         }
         hub.sample(&readings);
+        if ms % SENSE_MS == 0 {
+            hub.sense(&board.faults().map(|fault| Sensed { current: None, fault }));
+        }
         if ms % SUPPLY_MS == 0 {
             battery = supply.step(block_on(board.sample()), now).or(battery);
         }

@@ -111,14 +111,15 @@ pub(crate) fn tasks<'a>(
     let supply = Supply::new(Limits::default());
     Ok(async move {
         let mut hub = Hub::new(settings, period);
-        join5(
+        let bridges = tasks::bridges::run(board.clone(), (), wires, health);
+        let others = join5(
             tasks::capture::run(board.clone(), wires, health),
             tasks::supply::run(board.clone(), supply, wires, health),
             tasks::control::run(&mut hub, wires, health),
             tasks::output::run(board.clone(), period, wires, health),
             tasks::health::run(board.clone(), health),
-        )
-        .await
+        );
+        join(bridges, others).await
     })
 }
 

@@ -18,7 +18,7 @@
 //! ```
 
 use crate::hardware::{BRIDGE, MOTORS};
-use motor_hub::board::{Bridges, Encoders, SupplyAdc, Watchdog};
+use motor_hub::board::{BridgeFaults, Bridges, Encoders, SupplyAdc, Watchdog};
 use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::Motor;
@@ -27,7 +27,7 @@ use motor_hub::model::plant::{Flow, Influence, Plant};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
-use motor_hub::units::{Millivolts, constant};
+use motor_hub::units::{Duty, Millivolts, constant};
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -52,6 +52,9 @@ const WATCHDOG_S: f64 = 0.5;
 pub struct World {
     rig: Rig,
     drives: [Drive; MOTORS],
+    bridges: Vec<BridgeConstants>,
+    /// Bridges that have switched themselves off, until their lines go low.
+    faults: [bool; MOTORS],
     noise: fastrand::Rng,
     unfed_s: f64,
     starved: bool,
@@ -78,10 +81,15 @@ impl Board {
         seed: u64,
     ) -> Self {
         let pwm = Hertz(f64::from(BRIDGE.pwm_hz()));
-        let plants = motors.map(|(motor, load, bridge)| Plant::new(motor, load, bridge.into(), pwm));
+        let motors: Vec<_> = motors.collect();
+        let bridges = motors.iter().map(|(_, _, bridge)| *bridge).collect();
+        let plants =
+            motors.into_iter().map(|(motor, load, bridge)| Plant::new(motor, load, bridge.into(), pwm));
         Self(Rc::new(RefCell::new(World {
             rig: Rig::new(battery, plants.collect()),
             drives: [Drive::COAST; MOTORS],
+            bridges,
+            faults: [false; MOTORS],
             noise: fastrand::Rng::with_seed(seed),
             unfed_s: 0.0,
             starved: false,
@@ -96,9 +104,9 @@ impl Board {
     /// Lets time pass under external torques in newton metres, one for each motor.
     pub fn run(&self, time: Seconds, torques: &[f64]) -> Vec<Flow> {
         let mut world = self.0.borrow_mut();
-        let commands: Vec<_> = world
-            .drives
-            .iter()
+        let drives = world.drives.iter().zip(world.faults);
+        let drives = drives.map(|(drive, fault)| if fault { Drive::COAST } else { *drive });
+        let commands: Vec<_> = drives
             .zip(torques)
             .map(|(drive, &torque)| Influence {
                 torque_after: NewtonMetres(torque),
@@ -158,12 +166,62 @@ impl SupplyAdc for Board {
 
 impl Bridges<MOTORS> for Board {
     fn apply(&mut self, drives: &[Drive; MOTORS]) {
-        self.0.borrow_mut().drives = *drives;
+        let world = &mut *self.0.borrow_mut();
+        world.drives = *drives;
+        for ((drive, bridge), fault) in drives.iter().zip(&world.bridges).zip(&mut world.faults) {
+            *fault = *drive != Drive::COAST && (*fault || takes_for_a_short_circuit(bridge, drive.duty));
+        }
     }
+}
+
+impl BridgeFaults<MOTORS> for Board {
+    fn faults(&mut self) -> [bool; MOTORS] {
+        self.0.borrow().faults
+    }
+}
+
+/// A PWM line that is low for too short a time looks to a real bridge as if its output were shorted to the battery.
+fn takes_for_a_short_circuit(bridge: &BridgeConstants, duty: Duty) -> bool {
+    let low_ns = 1e9 * (1.0 - duty.to_f64()) / f64::from(bridge.pwm_hz());
+    // A duty has 15 bits.
+    let rounding_ns = 1e9 / 32_768.0 / f64::from(bridge.pwm_hz());
+    low_ns > 0.0 && low_ns + rounding_ns < f64::from(bridge.timing().least_off_ns)
 }
 
 impl Watchdog for Board {
     fn feed(&mut self) {
         self.0.borrow_mut().unfed_s = 0.0;
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
+mod tests {
+    use super::*;
+    use crate::hardware::REAL_BRIDGE;
+    use motor_hub::bridge::Mode;
+    use motor_hub::model::catalogue::characterised;
+    use motor_hub::model::si::Ohms;
+
+    #[test]
+    fn a_real_bridge_takes_too_short_a_low_time_for_a_short_circuit_and_is_open_until_its_lines_are_low() {
+        let motor = characterised("AM 60 A").expect("known").with_measured_rotor_inertia();
+        let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
+        let motors = [BRIDGE, REAL_BRIDGE].map(|bridge| (motor, Load::NONE, bridge));
+        let mut board = Board::new(battery, motors.into_iter(), 1);
+        let mut run = |share: f64| {
+            let drive = Drive { mode: Mode::Cw98, duty: Duty::from_bits((32_768.0 * share) as u16) };
+            let drive = if share == 0.0 { Drive::COAST } else { drive };
+            board.apply(&[drive, drive, Drive::COAST, Drive::COAST]);
+            let flows = board.run(Seconds(0.05), &[0.0; 2]);
+            (board.faults(), [flows[0].charge.0 > 1e-3, flows[1].charge.0 > 1e-3])
+        };
+        let (sound, fault) = ([false; MOTORS], [false, true, false, false]);
+        assert_eq!(run(0.879), (sound, [true, true]));
+        assert_eq!(run(1.0), (sound, [true, true]));
+        assert_eq!(run(0.9), (fault, [true, false]));
+        assert_eq!(run(0.5), (fault, [true, false]));
+        assert_eq!(run(0.0), (sound, [false, false]));
+        assert_eq!(run(0.5), (sound, [true, true]));
     }
 }
