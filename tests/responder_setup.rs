@@ -258,8 +258,7 @@ fn what_a_fault_does_is_said_read_back_and_kept_by_another_set_up() {
     let braking = Settings { on_fault: OnFault::Brake, thermal, ..settings() };
     assert_eq!(host.told(), [Command { motor: 1, action: Action::Configure(braking) }]);
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
-    // It is another winding now.
-    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data([&[1], &none[..]].concat()));
+    assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data([&[1], &limit[..]].concat()));
     assert_eq!(host.ask(FIRST_FUNCTION + 9, &[0]), Said::Data([&[0], &none[..]].concat()));
     // Neither coast nor brake; a limit without time.
     assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 2], &none[..]].concat()), Said::Nack(1));

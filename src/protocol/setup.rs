@@ -23,7 +23,8 @@
 //! disabling ends the motion. From then on function 5 answers of that motion only. What is found is told, not put in force: that is function 2.
 //!
 //! The time constants of a bridge belong to the board; what they are for a real VNH5019 is
-//! [`Timing::VNH5019`]. A set-up leaves them.
+//! [`Timing::VNH5019`]. A set-up leaves them, and what protects the motor: who connects another one says anew what
+//! its winding stands.
 //!
 //! A set-up forgets how the motor moved and the coefficients that a host gave: it is another motor.
 //! Of a set-up:

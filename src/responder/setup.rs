@@ -11,8 +11,8 @@ pub const fn of(settings: &Settings) -> Setup {
     Setup { emf, resistance: Some(resistance), inductance, scheme, duty }
 }
 
-/// Settings for a set-up. What zero and a fault mean is kept, and what is known of the bridge; of the motion
-/// nothing is, nor of what the winding stands.
+/// Settings for a set-up. What zero means is kept, what protects the motor, and what is known of the bridge; of the motion
+/// nothing is.
 pub(super) fn settings(setup: Setup, present: &Settings) -> Settings {
     let Setup { emf, resistance, inductance, scheme, duty } = setup;
     let winding = match resistance {
@@ -20,8 +20,8 @@ pub(super) fn settings(setup: Setup, present: &Settings) -> Settings {
         // A host that has no use for the resistance leaves the winding as it is.
         None => Winding { emf, ..present.winding },
     };
-    let Settings { bridge, zero_power, on_fault, .. } = *present;
-    Settings { bridge, duty, zero_power, on_fault, ..Settings::for_scheme(winding, scheme) }
+    let Settings { bridge, zero_power, on_fault, thermal, .. } = *present;
+    Settings { bridge, duty, zero_power, on_fault, thermal, ..Settings::for_scheme(winding, scheme) }
 }
 
 /// How a motor and its bridge are, by its report.

@@ -94,6 +94,15 @@ fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
     let braking = json(&client(&server, &["setup", "1", "--on-fault", "brake", "--json"]));
     assert_eq!(braking["on_fault"], "brake");
     assert_eq!(braking["scheme"], "scheme B");
+    // What the named motor's winding stands has outlasted all that; it can be taken back, and so can the bridge's timing.
+    assert_eq!(braking["continuous_current_a"], 1.904);
+    let free = ["setup", "1", "--continuous-current", "0", "--bridge", "vnh5019", "--json"];
+    let free = json(&client(&server, &free));
+    assert_eq!(
+        (&free["continuous_current_a"], &free["bridge"]),
+        (&serde_json::Value::Null, &"vnh5019".into())
+    );
+    assert!(err(&client(&server, &["setup", "1", "--continuous-current", "70"])).contains("65.535"));
     let unknown = client(&server, &["setup", "1", "--type", "AM 41"]);
     assert!(err(&unknown).contains("AM 40 C"), "{}", err(&unknown));
     let table = out(&client(&server, &["setup", "0"]));
