@@ -94,6 +94,7 @@ fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
     let braking = json(&client(&server, &["setup", "1", "--on-fault", "brake", "--json"]));
     assert_eq!(braking["on_fault"], "brake");
     assert_eq!(braking["scheme"], "scheme B");
+    assert_eq!((&braking["heat_percent"], &braking["derated"]), (&0.0.into(), &false.into()));
     // What the named motor's winding stands has outlasted all that; it can be taken back, and so can the bridge's timing.
     assert_eq!(braking["continuous_current_a"], 1.904);
     let free = ["setup", "1", "--continuous-current", "0", "--bridge", "vnh5019", "--json"];

@@ -8,7 +8,7 @@ use motor_hub::braking::DutyRule;
 use motor_hub::bridge::Timing;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{OnFault, ThermalLimit};
-use motor_hub::protocol::setup::{Protection, Setup};
+use motor_hub::protocol::setup::{Condition, Protection, Setup};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::json;
@@ -104,7 +104,8 @@ impl Options {
             session.set_up(self.motor, self.change(setup)?)?;
             setup = session.setup(self.motor)?;
         }
-        self.show(setup, protection, timing)
+        let condition = session.condition(self.motor)?;
+        self.show(setup, protection, timing, condition)
     }
 
     fn change(&self, mut setup: Setup) -> Result<Setup, Failure> {
@@ -143,7 +144,13 @@ impl Options {
         Ok(Protection { on_fault: self.on_fault.map_or(before.on_fault, OnFault::from), thermal })
     }
 
-    fn show(&self, setup: Setup, protection: Protection, timing: Timing) -> Result<(), Trouble> {
+    fn show(
+        &self,
+        setup: Setup,
+        protection: Protection,
+        timing: Timing,
+        condition: Condition,
+    ) -> Result<(), Trouble> {
         let Setup { emf, resistance, inductance, scheme, duty } = setup;
         let emf = f64::from(emf.to_bits()) / f64::from(1 << 20);
         let ohms = resistance.map(|resistance| f64::from(resistance.as_milliohms()) / 1e3);
@@ -161,6 +168,13 @@ impl Options {
             Timing::VNH5019 => "vnh5019",
             _ => "other",
         };
+        let heat = protection.thermal.map(|_| f64::from(condition.heat) / 10.0);
+        let state = match condition {
+            Condition { bridge_fault: true, .. } => "its bridge has switched itself off",
+            Condition { overheated: true, .. } => "off: its winding got too hot",
+            Condition { derated: true, .. } => "derated: its winding is hot",
+            _ => "as asked",
+        };
         let amperes = protection.thermal.map(|limit| f64::from(limit.continuous_ma()) / 1e3);
         if self.json {
             let document = json!({
@@ -172,6 +186,10 @@ impl Options {
                 "duty": duty,
                 "bridge": bridge,
                 "on_fault": on_fault,
+                "heat_percent": heat,
+                "derated": condition.derated,
+                "overheated": condition.overheated,
+                "bridge_fault": condition.bridge_fault,
                 "continuous_current_a": amperes,
             });
             return Ok(print_json(&document)?);
@@ -187,6 +205,11 @@ impl Options {
             .add_row(["scheme", &describe(scheme)])
             .add_row(["duty", duty])
             .add_row(["bridge", bridge])
+            .add_row([
+                "heat",
+                &heat.map_or_else(|| "unknown".to_owned(), |heat| format!("{heat:.1} % of its limit")),
+            ])
+            .add_row(["runs", state])
             .add_row(["at a fault", on_fault])
             .add_row([
                 "current for ever",
