@@ -44,7 +44,7 @@ use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, P
 use arrival::Arrival;
 use core::mem::discriminant;
 use thermal::Thermal;
-use watch::{Order, Watch};
+use watch::{Circumstances, Order, Watch};
 
 /// A reading older than this is none: the counters are sampled every millisecond.
 pub const ENCODER_STALE_MICROS: u64 = 20_000;
@@ -100,7 +100,7 @@ impl Motor {
             position: 0,
             regulator: Regulator::new(settings.regulation(), period),
             identifier: Identifier::new(period),
-            watch: Watch::new(period, settings.dynamics.map(|known| known.gain)),
+            watch: Watch::new(period),
             arrival: Arrival::new(period),
             thermal: Thermal::new(period, settings.thermal),
             period,
@@ -115,7 +115,6 @@ impl Motor {
         self.settings = settings;
         self.placer = settings.placer();
         self.regulator.configure(settings.regulation());
-        self.watch.expect(settings.dynamics.map(|known| known.gain));
         self.thermal.configure(settings.thermal);
     }
 
@@ -128,7 +127,7 @@ impl Motor {
             if discriminant(&setpoint) != discriminant(&self.setpoint) {
                 self.regulator.change_mode();
             }
-            if self.watch.stalled() {
+            if self.watch.retarget() {
                 self.regulator.let_go();
             } else if self.setpoint == Setpoint::ConstantPower(Control::ZERO) {
                 // A brake stops a motor with a current that nothing else needs.
@@ -158,7 +157,7 @@ impl Motor {
     /// Its group is sent elsewhere.
     pub(crate) fn retarget(&mut self) {
         self.regulator.retarget();
-        if self.watch.stalled() {
+        if self.watch.retarget() {
             self.regulator.let_go();
         }
     }
@@ -196,8 +195,10 @@ impl Motor {
             Some((OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery)?, battery))
         });
         let wanted = at.and_then(|(at, battery)| self.output(at, battery, moved));
-        if wanted.is_none() || !self.setpoint.is_regulated() {
+        if !self.setpoint.is_regulated() {
             self.watch.pause();
+        } else if wanted.is_none() {
+            self.watch.interrupt();
         }
         let output = wanted.or_else(|| at.and_then(|(at, _)| self.fall_back(at, moved)));
         let effect = at.zip(output).and_then(|((at, _), (_, placement))| self.effect(at, placement));
@@ -378,12 +379,20 @@ impl Motor {
         moved: i32,
     ) -> Option<Output> {
         let velocity = self.regulator.velocity();
-        let gentle = matches!(self.settings.scheme, Scheme::C | Scheme::D(_));
         let stage = Stage::new(&self.placer, at, battery);
+        let circumstances = Circumstances {
+            moved,
+            velocity,
+            battery: battery.to_volts(),
+            gain: self.regulator.least_gain(),
+            gentle: matches!(self.settings.scheme, Scheme::C | Scheme::D(_)),
+            probing: self.settings.probing,
+        };
         let mut speed = self.regulator.wanted(demand);
-        let (control, placement) = match self.watch.step(moved, velocity, gentle) {
+        let (control, placement) = match self.watch.step(circumstances) {
             Finding::Fault(_) => return None,
             Finding::Insist(control) => (control, Placement::full_reverse(at)),
+            Finding::Release => (Control::ZERO, Placement::full_braking(at)),
             Finding::Probe(control) => self.place(at, control),
             Finding::Sound | Finding::Stalled => {
                 let request = self.regulator.step(demand, moved, &stage);
@@ -391,7 +400,8 @@ impl Motor {
                 self.place(at, request.control)
             }
         };
-        self.watch.note(Order { target: speed, control, regime: placement.regime });
+        let push = self.placer.flows(at, placement);
+        self.watch.note(Order { target: speed, control, regime: placement.regime, push, velocity });
         Some((control, placement))
     }
 

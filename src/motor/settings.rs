@@ -55,6 +55,9 @@ pub struct Settings {
     pub coefficients: Option<Coefficients>,
     /// Largest acceleration of a motor that is regulated by its model.
     pub acceleration: Option<Acceleration>,
+    /// A motor that does not turn though it should may be driven the other way, once, to find out whether its
+    /// encoder is at fault. Otherwise it is taken to be, unless something moves the motor.
+    pub probing: bool,
 }
 
 impl Settings {
@@ -78,6 +81,7 @@ impl Settings {
             dynamics: None,
             coefficients: None,
             acceleration: None,
+            probing: true,
         }
     }
 

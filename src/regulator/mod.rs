@@ -52,6 +52,9 @@ const HELD_MS: u32 = 100;
 /// Speed asked for at which counts are due in that time.
 const COUNTING_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
 
+/// A motor may be heavier than told: its acceleration per volt is at least this share of that.
+const TOLD_SHARE: f32 = 0.7;
+
 /// Back EMF of the error of a speed that is as it should be.
 const STEADY_VOLTS: f32 = 1.0;
 
@@ -89,7 +92,7 @@ struct Known {
 impl Known {
     fn new(config: &Config, dynamics: &Dynamics, period: Period, observer: Observer) -> Self {
         let b = dynamics.gain.to_f32();
-        let plant = Plant::new(b, config.emf.to_volts(), dynamics.decay.to_f32(), Law::poles(period));
+        let plant = Plant::new(b, config.emf.to_volts(), dynamics.decay.to_f32(), Law::filter(period));
         let law = Law::new(&plant, dynamics.friction.to_volts(), period, config.acceleration);
         Self { plant, law, observer, state: State::default() }
     }
@@ -232,6 +235,11 @@ impl Regulator {
     /// its back EMF; `None` where that is not known.
     pub fn load(&self) -> Option<Voltage> {
         self.known.map(|known| Voltage::from_volts(-known.observer.load(&known.plant) / known.plant.b))
+    }
+
+    /// What a volt accelerates the motor by, in counts/s², if it is heavier than told; `None` where nobody told.
+    pub fn least_gain(&self) -> Option<f32> {
+        self.config.dynamics.map(|told| TOLD_SHARE * told.gain.to_f32())
     }
 
     /// Which of the two regulates.

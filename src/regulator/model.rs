@@ -61,9 +61,14 @@ impl Law {
         }
     }
 
-    /// Of observer poles, 1/s.
-    pub(super) const fn poles(period: Period) -> f32 {
-        if period.as_millis() > 20 { 42.0 } else { 45.0 }
+    /// Of the observer's filter: poles in 1/s, and the floor of z. At long periods a load must be known sooner
+    /// than a crawl is smooth.
+    pub(super) const fn filter(period: Period) -> (f32, f32) {
+        match period.as_millis() {
+            0..=20 => (45.0, 0.35),
+            21..=50 => (42.0, 0.35),
+            _ => (42.0, 0.25),
+        }
     }
 
     /// Towards a speed.
@@ -94,7 +99,7 @@ impl Law {
         let w = observer.speed();
         let window = self.period.max(0.02);
         let near = if state.holding { 2 } else { 1 };
-        state.holding = distance.unsigned_abs() <= near && (state.holding || w.abs() * window < 1.0);
+        state.holding = distance.unsigned_abs() <= near && (state.holding || w.abs() * window < 0.5);
         if state.holding {
             return self.request(state, observer, plant, self.left * w, stage, 0.0);
         }

@@ -9,7 +9,7 @@
 //! `exp(-wo t)`, t after the last news, so a motor at 5 counts/s is followed as surely as one at 5000.
 //!
 //! ```text
-//! z = max(1/4, exp(-wo t))
+//! z = max(floor, exp(-wo t))
 //! gains: 1 - z^3 of the position, 1.5 (1 - z)^2 (1 + z) / t of the speed, (1 - z)^3 / t^2 of the load
 //! ```
 
@@ -18,8 +18,6 @@ use libm::{cbrtf, expf, expm1f};
 
 /// Seconds between two samples.
 pub(super) const SAMPLE: f32 = 1e-3;
-/// z is never less: news older than some 35 ms count for no more.
-const MOST_FADED: f32 = 0.25;
 /// No load accelerates a motor by more than so many times what the battery's 12 V do; a filter that believes so
 /// was given nonsense.
 const HEAVIEST_LOAD: f32 = 20.0 * 12.0;
@@ -41,16 +39,19 @@ pub(super) struct Plant {
     driven: (f32, f32),
     /// The same two while the bridge is open, where only drag brakes.
     open: (f32, f32),
-    /// What is left of z after a sample.
+    /// What is left of z after a sample,
     fade: f32,
+    /// and in the end.
+    floor: f32,
 }
 
 impl Plant {
-    /// `poles` (1/s) is wo where the motor is quick enough to be followed so fast.
-    pub(super) fn new(b: f32, kappa: f32, q: f32, poles: f32) -> Self {
+    /// The filter's wo is `poles` (1/s) where the motor is quick enough to be followed so fast; z is never less
+    /// than `floor`: older news count for no more.
+    pub(super) fn new(b: f32, kappa: f32, q: f32, (poles, floor): (f32, f32)) -> Self {
         let drag = (q - b * kappa).max(0.0);
         let poles = poles.min(cbrtf(11.0 * 12.0 * b));
-        Self { b, kappa, q, drag, driven: gains(q), open: gains(drag), fade: expf(-poles * SAMPLE) }
+        Self { b, kappa, q, drag, driven: gains(q), open: gains(drag), fade: expf(-poles * SAMPLE), floor }
     }
 
     /// What a voltage accelerates a motor at this speed by, an open bridge not at all.
@@ -109,7 +110,7 @@ impl Observer {
         self.w += gained;
         self.acceleration -= plant.q * gained;
         self.age += SAMPLE;
-        self.z = (self.z * plant.fade).max(MOST_FADED);
+        self.z = (self.z * plant.fade).max(plant.floor);
     }
 
     /// Since the last of these the encoder has moved by so many counts.
@@ -196,7 +197,7 @@ mod tests {
 
     fn plant() -> Plant {
         let (b, kappa, q) = PLANT;
-        Plant::new(b, kappa, q, 40.0)
+        Plant::new(b, kappa, q, (40.0, 0.25))
     }
 
     /// Follows a motor whose position is a function of the time in seconds; counts are whole.

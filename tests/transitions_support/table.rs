@@ -271,7 +271,10 @@ pub(crate) fn enter(state: State, motion: Motion, (bench, demand): &Placed) -> O
             let far = far(&bench);
             demand = ask(&mut bench, if state == State::Stalled { Demand::Speed(brisk) } else { far });
             bench.run(1_000);
-            let held = bench.speed() == 0.0 || (0..30).any(|_| bench.run(100).speeds == (0.0, 0.0));
+            let held = (0..30).any(|_| {
+                let tick = bench.run(100);
+                tick.speeds == (0.0, 0.0) && tick.report.stalled
+            });
             assert!(held, "a motor is not held by its stop");
         }
         State::Faulted => {

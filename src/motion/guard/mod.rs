@@ -1,0 +1,167 @@
+//! Is the encoder telling the truth? A regulated motor whose encoder is unplugged or reversed runs
+//! away; this notices, from nothing but effort and counts.
+//!
+//! * **Reversed:** for 150 ms the control value is at the end of its range and the bridge in reverse, and
+//!   still the motor turns the wrong way, or twice as fast as asked, at 160 counts/s or more, and does
+//!   not slow down. A load that does this to a well-wired motor overpowers it by more than its stall
+//!   torque. In Schemes C and D the end of the range may be less than full reverse, and a load may
+//!   overpower that: there, after 100 ms, the bridge is put in full reverse for another 100 ms, which
+//!   slows down a well-wired motor, and drives on one whose encoder is reversed.
+//! * **Stuck:** the motor does not turn though it should, by what the bridge was told, the motor's acceleration
+//!   and the heaviest friction: see `held`. An unplugged encoder, one with a broken wire, or a motor held by a stop:
+//!   it is released, and then driven the other way, once, to find out. A motor that is *stalled* is reported,
+//!   which is no fault.
+//!
+//! All times are longer for a motor that is so slow that its counts take longer.
+//!
+//! Either is decided within 250 ms of a clear case, at every control period. Open-loop power needs no encoder and
+//! is not watched; neither is a motor that holds its position, from which no count is due, nor one that all of a low
+//! battery might not turn against friction.
+//!
+//! ```
+//! use motor_hub::braking::Regime;
+//! use motor_hub::motion::guard::{EncoderFault, Evidence, Finding, Guard};
+//! use motor_hub::units::{Control, CountsPerSecond, Period};
+//!
+//! let mut guard = Guard::new(Period::DEFAULT);
+//! let no_counts = Evidence {
+//!     control: Control::MAX,
+//!     regime: Regime::Forward,
+//!     push: 12.0,
+//!     battery: 12.0,
+//!     gain: Some(1_500.0),
+//!     target: CountsPerSecond::new(1_000),
+//!     moved: 0,
+//!     before: CountsPerSecond::ZERO,
+//!     velocity: CountsPerSecond::ZERO,
+//!     gentle: false,
+//!     probing: true,
+//! };
+//! assert_eq!(guard.step(no_counts), Finding::Sound);
+//! assert_eq!(guard.step(no_counts), Finding::Release);
+//! assert!(matches!(guard.step(no_counts), Finding::Probe(_)));
+//! assert_eq!(guard.step(no_counts), Finding::Fault(EncoderFault::Stuck));
+//! ```
+
+mod held;
+mod runaway;
+
+use crate::braking::Regime;
+use crate::units::{Control, CountsPerSecond, Period};
+use held::Held;
+use runaway::{Runaway, Span};
+
+/// Effort of a motor that is given all: the end of the control range, but for what the loop's rounding
+/// leaves.
+const FULL_EFFORT: i16 = 30_720;
+
+/// What is wrong with an encoder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum EncoderFault {
+    /// No counts under effort, in neither direction.
+    Stuck,
+    /// Counts against the effort.
+    Reversed,
+}
+
+/// What a tick was, and what came of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Evidence {
+    /// Control value that was in force until now.
+    pub control: Control,
+    /// Its regime.
+    pub regime: Regime,
+    /// Voltage across the motor that it meant, in volts.
+    pub push: f32,
+    /// Of the battery, in volts.
+    pub battery: f32,
+    /// What a volt accelerates the motor by at least, in counts/s², if that is known.
+    pub gain: Option<f32>,
+    /// Speed that was asked for until now.
+    pub target: CountsPerSecond,
+    /// Counts that came meanwhile.
+    pub moved: i32,
+    /// Speed before them,
+    pub before: CountsPerSecond,
+    /// and after.
+    pub velocity: CountsPerSecond,
+    /// The end of the control range may be less than full reverse.
+    pub gentle: bool,
+    /// A motor that does not turn may be driven the other way to find out why.
+    pub probing: bool,
+}
+
+impl Evidence {
+    fn counts(&self) -> i64 {
+        i64::from(self.moved).abs()
+    }
+
+    /// The motor turns the wrong way, or at least twice as fast as asked, against all that control can do.
+    fn runs_away(&self) -> bool {
+        let (velocity, target) = (i64::from(self.velocity.to_bits()), i64::from(self.target.to_bits()));
+        let astray = if velocity < 0 { 2 * target >= velocity } else { 2 * target <= velocity };
+        astray && self.regime == Regime::Reverse && self.control.get().abs() >= FULL_EFFORT
+    }
+}
+
+/// What to do about it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Finding {
+    /// Nothing is wrong, or not yet.
+    Sound,
+    /// Held against a stop; nothing is wrong with the encoder.
+    Stalled,
+    /// Brake, to see whether anything moves the motor.
+    Release,
+    /// Use this control value instead of the loop's.
+    Probe(Control),
+    /// Put the bridge in full reverse, whatever the scheme says to this control value, the end of its range.
+    Insist(Control),
+    /// Stop using the encoder.
+    Fault(EncoderFault),
+}
+
+/// Watches one regulated motor.
+#[derive(Clone, Copy, Debug)]
+pub struct Guard {
+    period: Period,
+    held: Held,
+    runaway: Runaway,
+}
+
+impl Guard {
+    /// For a motor that is stepped every `period`. Nothing is suspected.
+    pub fn new(period: Period) -> Self {
+        Self { period, held: Held::new(period), runaway: Runaway::default() }
+    }
+
+    /// What a tick says of the encoder, together with those before it.
+    pub fn step(&mut self, evidence: Evidence) -> Finding {
+        if evidence.runs_away() {
+            let tick = Span { ms: self.period.as_millis().into(), counts: evidence.counts() };
+            let finding = self.runaway.step(tick, &evidence);
+            if finding != Finding::Sound {
+                return finding;
+            }
+        } else {
+            self.runaway = Runaway::default();
+        }
+        self.held.step(&evidence)
+    }
+
+    /// Another thing is asked of the motor: one that is being examined is not driven on because of that. Returns
+    /// whether it was.
+    pub fn retarget(&mut self) -> bool {
+        let examining = self.held.is_examining();
+        if examining {
+            self.reset();
+        }
+        examining
+    }
+
+    /// Suspects nothing any more, as when the motor is no longer regulated.
+    pub fn reset(&mut self) {
+        *self = Self::new(self.period);
+    }
+}

@@ -1,0 +1,84 @@
+//! A motor that turns the wrong way against all that control can do: does it slow down?
+
+use super::{EncoderFault, Evidence, Finding};
+use crate::units::Control;
+use libm::sqrtf;
+
+/// Whether a runaway slows down is told from two times that follow each other: this,
+const RUNAWAY_EARLY_MS: i64 = 100;
+/// (half of it where the end of the range may be less than full reverse, which makes it slow down by itself),
+/// and this, enough to be sure,
+const RUNAWAY_LATE_MS: i64 = 100;
+/// or this, enough to insist on full reverse.
+const RUNAWAY_HINT_MS: i64 = 50;
+/// Counts in 50 ms of the first, at least, if that is to be told: 160 counts/s.
+const RUNAWAY_COUNTS: i64 = 8;
+/// Counts that are due before they are missed, at this voltage; a motor for which that takes longer than
+/// [`QUICK_MS`] is given so much more time.
+const DUE_COUNTS: f32 = 6.0;
+const DUE_VOLTS: f32 = 6.0;
+const QUICK_MS: i64 = 150;
+/// But never more.
+const LONGEST_MS: i64 = 2_000;
+
+/// Counts in a time.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Span {
+    pub(super) ms: i64,
+    pub(super) counts: i64,
+}
+
+impl Span {
+    fn plus(self, other: Self) -> Self {
+        Self { ms: self.ms + other.ms, counts: self.counts + other.counts }
+    }
+
+    /// Fewer counts a millisecond.
+    fn is_slower_than(self, other: Self) -> bool {
+        self.counts * other.ms < other.counts * self.ms
+    }
+}
+
+/// A motor that turns the wrong way against full effort: does it slow down?
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Runaway {
+    early: Span,
+    /// While the bridge is in full reverse, if that is insisted on.
+    late: Span,
+    insisting: bool,
+}
+
+impl Runaway {
+    /// Another tick of it.
+    pub(super) fn step(&mut self, tick: Span, evidence: &Evidence) -> Finding {
+        let more_ms = slowness(evidence.gain);
+        let control = evidence.control;
+        let insist = Finding::Insist(if control < Control::ZERO { Control::MIN } else { Control::MAX });
+        let early_ms = if evidence.gentle { RUNAWAY_EARLY_MS / 2 } else { RUNAWAY_EARLY_MS };
+        if self.early.ms < early_ms + more_ms {
+            self.early = self.early.plus(tick);
+            return Finding::Sound;
+        }
+        self.late = self.late.plus(tick);
+        let in_doubt = evidence.gentle && !self.insisting;
+        if self.late.ms < more_ms + if in_doubt { RUNAWAY_HINT_MS } else { RUNAWAY_LATE_MS } {
+            return if self.insisting { insist } else { Finding::Sound };
+        }
+        if 50 * self.early.counts < RUNAWAY_COUNTS * self.early.ms || self.late.is_slower_than(self.early) {
+            *self = Self::default();
+            Finding::Sound
+        } else if in_doubt {
+            *self = Self { early: self.early.plus(self.late), late: Span::default(), insisting: true };
+            insist
+        } else {
+            Finding::Fault(EncoderFault::Reversed)
+        }
+    }
+}
+
+/// What is added to each time for a motor that is so slow to answer: `sqrt(2 counts / acceleration)`, from rest.
+fn slowness(gain: Option<f32>) -> i64 {
+    let Some(gain) = gain else { return 0 };
+    let ms = (1_000.0 * sqrtf(2.0 * DUE_COUNTS / (DUE_VOLTS * gain))) as i64;
+    if ms > QUICK_MS { ms.min(LONGEST_MS) } else { 0 }
+}
