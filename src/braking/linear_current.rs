@@ -141,6 +141,13 @@ impl LinearCurrent {
         to_duty(self.timing.allowed(duty.to_f32()))
     }
 
+    /// A duty strictly within what the bridge may be given, which was not moved to get there.
+    pub(super) fn is_within(&self, duty: Duty) -> bool {
+        let Shares { least_off, least_on, .. } = self.timing;
+        let (duty, step) = (duty.to_f32(), 1.0 / 16_384.0);
+        duty > least_on + step && duty < 1.0 - least_off - step
+    }
+
     /// The voltage behind the mean current of a duty, which [`duty`](Self::duty) inverts.
     pub(super) fn current(&self, regime: Regime, duty: Duty, at: OperatingPoint) -> f32 {
         self.stage(regime, at).current(duty.to_f32(), self.period)

@@ -131,6 +131,11 @@ impl Placer {
         clockwise(at, points::control(&points, voltage, at))
     }
 
+    /// A bridge with limits to its duty was not given another one because of them.
+    pub fn is_as_asked(&self, placement: Placement) -> bool {
+        self.current.is_within(placement.drive.duty)
+    }
+
     /// The voltage across the motor that stands for the mean current of a drive, asked for or not. With linear
     /// duty that is another than the placement's.
     pub fn flows(&self, at: OperatingPoint, Placement { regime, drive, .. }: Placement) -> Voltage {

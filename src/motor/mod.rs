@@ -259,7 +259,9 @@ impl Motor {
         // Where nobody regulates, nobody asked for a current either.
         let asked = placement.asked;
         Some(match (self.setpoint.is_regulated(), self.settings.duty) {
-            (true, DutyRule::LinearCurrent) if self.settings.bridge.timing() == Timing::IDEAL => {
+            (true, DutyRule::LinearCurrent)
+                if self.placer.is_as_asked(placement) || self.settings.bridge.timing() == Timing::IDEAL =>
+            {
                 Effect { asked, flows: asked }
             }
             // What the bridge had to be spared is known, and is no load.
@@ -277,9 +279,9 @@ impl Motor {
 
     /// What is left of it in a period at whose beginning the bridge is open because its mode changes.
     fn after_change(&self, effect: Effect, output: Option<Output>, velocity: CountsPerSecond) -> Effect {
-        let change_us = self.settings.bridge.timing().change_us;
         let mode = output.map_or(Drive::COAST.mode, |(_, placement)| placement.drive.mode);
-        if change_us == 0 || mode == self.mode {
+        let change_us = self.settings.bridge.timing().change_us;
+        if mode == self.mode || change_us == 0 {
             return effect;
         }
         let emf = self.settings.winding.emf.emf(velocity).to_volts();
@@ -400,7 +402,7 @@ impl Motor {
                 self.place(at, request.control)
             }
         };
-        let push = self.placer.flows(at, placement);
+        let push = placement.asked;
         self.watch.note(Order { target: speed, control, regime: placement.regime, push, velocity });
         Some((control, placement))
     }

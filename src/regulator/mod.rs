@@ -192,7 +192,8 @@ impl Regulator {
         }
         let moved = reading.position.wrapping_sub(last.position);
         let silence = samples(last.at, reading.at);
-        self.wait(reading.at);
+        let passed = if self.followed == last.at { silence } else { samples(self.followed, reading.at) };
+        self.go_on(passed, reading.at);
         let Some(Known { plant, observer, .. }) = &mut self.known else { return };
         if silence > SILENCE_SAMPLES {
             *observer = Observer::new(within(1_000.0 * moved as f32 / silence as f32, FASTEST));
@@ -207,7 +208,11 @@ impl Regulator {
 
     /// It is so late, and no sample came: what is known of the motion goes on by itself, for a while.
     pub fn wait(&mut self, now: Micros) {
-        let passed = samples(self.followed, now);
+        self.go_on(samples(self.followed, now), now);
+    }
+
+    /// So many samples have passed until now.
+    fn go_on(&mut self, passed: u32, now: Micros) {
         if passed == 0 {
             return;
         }

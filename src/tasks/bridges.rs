@@ -1,4 +1,4 @@
-//! What bridges say of themselves, on a board that can hear it: faults and currents, every 10 ms, to control.
+//! What bridges say of themselves, on a board that can hear it: faults and currents, every 55 ms, to control.
 
 use super::{Health, Task, Wires};
 use crate::board::{BridgeFaults, CurrentSense};
@@ -7,7 +7,7 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Ticker};
 
 /// The sampling interval. A bridge that has switched itself off stays off until it is told to, so none is missed.
-pub const SENSE_INTERVAL: Duration = Duration::from_millis(10);
+pub const SENSE_INTERVAL: Duration = Duration::from_millis(55);
 
 /// Runs for ever. A board that only hears faults has `()` for its currents.
 pub async fn run<M: RawMutex, const N: usize>(

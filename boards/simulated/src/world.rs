@@ -3,13 +3,13 @@
 //!
 //! ```
 //! use motor_hub::board::Bridges;
-//! use motor_hub::bridge::{Drive, Mode};
+//! use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 //! use motor_hub::model::{battery::Battery, catalogue::characterised, load::Load, si};
 //! use motor_hub::units::Duty;
 //! use simulated::world::Board;
 //!
 //! let battery = Battery { emf: si::Volts(12.0), resistance: si::Ohms(0.1) };
-//! let mut board = Board::new(battery, [(characterised("AM 60 A")?, Load::NONE)].into_iter(), 1);
+//! let mut board = Board::new(battery, [(characterised("AM 60 A")?, Load::NONE, BridgeConstants::VNH5019)].into_iter(), 1);
 //! let full = Drive { mode: Mode::Cw98, duty: Duty::ONE };
 //! board.apply(&[full, Drive::COAST, Drive::COAST, Drive::COAST]);
 //! board.run(si::Seconds(0.1), &[0.0]);

@@ -32,7 +32,8 @@ const REVERSE_COUNTS: f32 = 2.0;
 const LONGEST_REVERSE_MS: u32 = 2_000;
 /// A stalled motor that turns beyond its stop for so long is free.
 const FREE_MS: u32 = 150;
-/// All of it must be over by then, in milliseconds: where it would not be, the motor is not released first.
+/// All of it must be over by then, in milliseconds: where it would not be, as of a motor that is not known, the motor
+/// is not released first.
 const DECIDED_MS: u32 = 250;
 /// A net way of so many counts is no trembling of a shaft on an edge, nor of one wire.
 const MOVED_COUNTS: i64 = 2;
@@ -40,6 +41,8 @@ const MOVED_COUNTS: i64 = 2;
 const HELD_VOLTS: f32 = 6.6;
 /// And of what there is on a low battery.
 const HELD_SHARE: f32 = 0.8;
+/// A share that is never reason enough.
+const LITTLE_SHARE: f32 = 0.25;
 /// Share of the battery's voltage with which a motor is driven the other way.
 const REVERSE_SHARE: f32 = 0.9;
 const REVERSE: i16 = 29_490;
@@ -140,7 +143,14 @@ impl Held {
 
     /// What a tick says, together with those before it.
     pub(super) fn step(&mut self, evidence: &Evidence) -> Finding {
+        let slow = evidence.target.to_bits().unsigned_abs() < COUNTING_SPEED.to_bits().unsigned_abs();
+        // What any motor may need against friction is no reason to look closer.
+        let little = evidence.push.abs() <= LITTLE_SHARE * evidence.battery;
         let (phase, finding) = match self.phase {
+            Phase::Watching(_) if slow || little => {
+                self.phase = Phase::Watching(Due::default());
+                return Finding::Sound;
+            }
             Phase::Watching(due) => self.watch(due, evidence),
             Phase::Releasing(clockwise, due) => self.release(clockwise, due, evidence),
             Phase::Reversing(clockwise, due) => self.reverse(clockwise, due, evidence),
@@ -160,23 +170,19 @@ impl Held {
         let clockwise = evidence.push > 0.0;
         let asked = evidence.target.to_bits();
         let effort = evidence.push.abs() - HELD_VOLTS.min(HELD_SHARE * evidence.battery);
-        let due = due.plus(
-            self.period,
-            evidence.moved,
-            acceleration(evidence, effort),
-            along(clockwise, evidence.before),
-        );
-        let expected = effort > 0.0
-            && asked.unsigned_abs() >= COUNTING_SPEED.to_bits().unsigned_abs()
-            && (asked > 0) == clockwise;
-        if !expected || due.has_moved() {
+        if (asked > 0) != clockwise || effort <= 0.0 {
+            return (Phase::Watching(Due::default()), Finding::Sound);
+        }
+        let turned = along(clockwise, evidence.before);
+        let due = due.plus(self.period, evidence.moved, acceleration(evidence, effort), turned);
+        if due.has_moved() {
             return (Phase::Watching(Due::default()), Finding::Sound);
         }
         let least = if evidence.gain.is_some() { STUCK_MS } else { ANYWAY_MS };
         if due.ms < least || due.way < DUE_COUNTS {
             return (Phase::Watching(due), Finding::Sound);
         }
-        if 3 * self.period.as_millis() > DECIDED_MS {
+        if evidence.gain.is_none() || 3 * self.period.as_millis() > DECIDED_MS {
             return Self::driven_back(clockwise, due, evidence);
         }
         (Phase::Releasing(clockwise, due.anew()), Finding::Release)

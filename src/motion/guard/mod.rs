@@ -9,7 +9,7 @@
 //!   slows down a well-wired motor, and drives on one whose encoder is reversed.
 //! * **Stuck:** the motor does not turn though it should, by what the bridge was told, the motor's acceleration
 //!   and the heaviest friction: see `held`. An unplugged encoder, one with a broken wire, or a motor held by a stop:
-//!   it is released, and then driven the other way, once, to find out. A motor that is *stalled* is reported,
+//!   it is released, if there is time for that, and then driven the other way, once, to find out. A motor that is *stalled* is reported,
 //!   which is no fault.
 //!
 //! All times are longer for a motor that is so slow that its counts take longer.

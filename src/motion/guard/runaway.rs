@@ -5,8 +5,10 @@ use crate::units::Control;
 use libm::sqrtf;
 
 /// Whether a runaway slows down is told from two times that follow each other: this,
-const RUNAWAY_EARLY_MS: i64 = 100;
-/// (half of it where the end of the range may be less than full reverse, which makes it slow down by itself),
+const RUNAWAY_EARLY_MS: i64 = 50;
+/// (longer by what a shorter tick leaves of the time that there is: a springy stop that throws a motor back takes so
+/// long),
+const LONGER_BY_MS: i64 = 50;
 /// and this, enough to be sure,
 const RUNAWAY_LATE_MS: i64 = 100;
 /// or this, enough to insist on full reverse.
@@ -54,8 +56,8 @@ impl Runaway {
         let more_ms = slowness(evidence.gain);
         let control = evidence.control;
         let insist = Finding::Insist(if control < Control::ZERO { Control::MIN } else { Control::MAX });
-        let early_ms = if evidence.gentle { RUNAWAY_EARLY_MS / 2 } else { RUNAWAY_EARLY_MS };
-        if self.early.ms < early_ms + more_ms {
+        let longer_ms = if evidence.gentle { 0 } else { (LONGER_BY_MS - tick.ms).max(0) };
+        if self.early.ms < RUNAWAY_EARLY_MS + longer_ms + more_ms {
             self.early = self.early.plus(tick);
             return Finding::Sound;
         }
