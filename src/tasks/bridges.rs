@@ -6,7 +6,8 @@ use crate::bridge::Sensed;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Ticker};
 
-/// The sampling interval. A bridge that has switched itself off stays off until it is told to, so none is missed.
+/// The sampling interval. A bridge that has switched itself off stays off until it is told to, so none is missed, and
+/// it is safe by itself: what can wait is not looked at more often than it costs.
 pub const SENSE_INTERVAL: Duration = Duration::from_millis(55);
 
 /// Runs for ever. A board that only hears faults has `()` for its currents.

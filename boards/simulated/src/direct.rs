@@ -21,13 +21,9 @@ use motor_hub::hub::{Hub, Inputs, Snapshot};
 use motor_hub::model::si::{Seconds, Volts};
 use motor_hub::motion::Tracker;
 use motor_hub::supply::{Limits, Supply};
+use motor_hub::tasks::bridges::SENSE_INTERVAL;
+use motor_hub::tasks::supply::SUPPLY_INTERVAL;
 use motor_hub::units::Micros;
-
-/// Milliseconds from one conversion of the battery's voltage to the next.
-const SUPPLY_MS: u64 = 10;
-
-/// Milliseconds from one look at the bridges to the next.
-const SENSE_MS: u64 = 10;
 
 /// Everything at one millisecond.
 #[derive(Clone, Copy, Debug)]
@@ -60,10 +56,10 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             *reading = count.map(|count| tracker.step(count, now));
         }
         hub.sample(&readings);
-        if ms % SENSE_MS == 0 {
+        if ms.is_multiple_of(SENSE_INTERVAL.as_millis()) {
             hub.sense(&board.faults().map(|fault| Sensed { current: None, fault }));
         }
-        if ms % SUPPLY_MS == 0 {
+        if ms.is_multiple_of(SUPPLY_INTERVAL.as_millis()) {
             battery = supply.step(block_on(board.sample()), now).or(battery);
         }
         if ms > 0 && ms % u64::from(scenario.period.as_millis()) == 0 {

@@ -41,8 +41,6 @@ const MOVED_COUNTS: i64 = 2;
 const HELD_VOLTS: f32 = 6.6;
 /// And of what there is on a low battery.
 const HELD_SHARE: f32 = 0.8;
-/// A share that is never reason enough.
-const LITTLE_SHARE: f32 = 0.25;
 /// Share of the battery's voltage with which a motor is driven the other way.
 const REVERSE_SHARE: f32 = 0.9;
 const REVERSE: i16 = 29_490;
@@ -143,14 +141,7 @@ impl Held {
 
     /// What a tick says, together with those before it.
     pub(super) fn step(&mut self, evidence: &Evidence) -> Finding {
-        let slow = evidence.target.to_bits().unsigned_abs() < COUNTING_SPEED.to_bits().unsigned_abs();
-        // What any motor may need against friction is no reason to look closer.
-        let little = evidence.push.abs() <= LITTLE_SHARE * evidence.battery;
         let (phase, finding) = match self.phase {
-            Phase::Watching(_) if slow || little => {
-                self.phase = Phase::Watching(Due::default());
-                return Finding::Sound;
-            }
             Phase::Watching(due) => self.watch(due, evidence),
             Phase::Releasing(clockwise, due) => self.release(clockwise, due, evidence),
             Phase::Reversing(clockwise, due) => self.reverse(clockwise, due, evidence),
@@ -168,9 +159,11 @@ impl Held {
 
     fn watch(&self, due: Due, evidence: &Evidence) -> (Phase, Finding) {
         let clockwise = evidence.push > 0.0;
-        let asked = evidence.target.to_bits();
         let effort = evidence.push.abs() - HELD_VOLTS.min(HELD_SHARE * evidence.battery);
-        if (asked > 0) != clockwise || effort <= 0.0 {
+        // Speeds are compared as they are stored: this runs at every tick.
+        let asked = evidence.target.to_bits();
+        let asked = if clockwise { asked } else { asked.saturating_neg() };
+        if effort <= 0.0 || asked < COUNTING_SPEED.to_bits() {
             return (Phase::Watching(Due::default()), Finding::Sound);
         }
         let turned = along(clockwise, evidence.before);
