@@ -1,15 +1,15 @@
 //! The decoder and the whole state of the hub, given anything: the same property as in
-//! `tests/responder_properties.rs`, which also says what must hold.
+//! `tests/responder/properties.rs`, which also says what must hold.
 //!
 //! The input is a script: a byte that says what happens, a byte that says how much, then the bytes
 //! concerned. Whole frames are among it, because no fuzzer guesses a checksum.
 #![no_main]
 
-#[path = "../../tests/hub_support/mod.rs"]
-mod hub_support;
+#[path = "../../tests/responder/host.rs"]
+mod host;
 
 use libfuzzer_sys::fuzz_target;
-use hub_support::{Event, HUB, frame_to, survive};
+use host::{Event, HUB, frame_to, survive};
 
 /// The next event of the script; `None` at its end.
 fn event(script: &mut &[u8]) -> Option<Event> {

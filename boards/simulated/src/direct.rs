@@ -78,37 +78,3 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
     }
     Ok(())
 }
-
-#[cfg(test)]
-#[expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_run_without_tasks_is_the_run_with_them() {
-        for period_ms in [1, 50] {
-            let mut scenario = Scenario::default_one().expect("it is valid");
-            scenario.duration_s = 2.0;
-            scenario.period = motor_hub::units::Period::from_millis(period_ms).expect("in range");
-            // A host that sends several commands in one millisecond needs more than that.
-            for (index, motor) in scenario.motors.iter_mut().enumerate() {
-                motor.setpoints.iter_mut().for_each(|setpoint| setpoint.at_s += 1e-3 * index as f64);
-            }
-            let trace = sim::run(&scenario, &mut |_| ()).expect("it runs");
-            let mut ticks = trace.ticks.iter().peekable();
-            run(&scenario, |moment| {
-                let at_s = moment.ms as f64 / 1e3;
-                let Some(tick) = ticks.next_if(|tick| tick.at_s <= at_s) else { return };
-                assert_eq!((tick.at_s, tick.battery_v), (at_s, moment.battery_v));
-                for ((sample, &(speed, counts)), report) in
-                    tick.motors.iter().zip(moment.motors).zip(&moment.snapshot.motors)
-                {
-                    assert_eq!((sample.speed_cps, sample.counts), (speed, counts), "at {at_s} s");
-                    assert_eq!(&sample.report, report, "at {at_s} s");
-                }
-            })
-            .expect("it runs");
-            assert!(ticks.next().is_none());
-        }
-    }
-}

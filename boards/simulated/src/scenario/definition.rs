@@ -279,16 +279,3 @@ impl Motor {
 fn latest<T: Copy>(timed: &[Timed<T>], at_s: f64) -> Option<T> {
     timed.iter().take_while(|t| t.at_s <= at_s).last().map(|t| t.value)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_value_holds_until_the_next() {
-        let timed = [Timed { at_s: 1.0, value: 7 }, Timed { at_s: 2.0, value: 8 }];
-        assert_eq!(latest(&timed, 0.9), None);
-        assert_eq!(latest(&timed, 1.0), Some(7));
-        assert_eq!(latest(&timed, 5.0), Some(8));
-    }
-}

@@ -1,8 +1,6 @@
 //! Whatever comes over the line.
 
-mod hub_support;
-
-use hub_support::{Event, HUB, frame_to, survive};
+use crate::host::{Event, HUB, frame_to, survive};
 use proptest::collection::vec;
 use proptest::prelude::*;
 

@@ -1,8 +1,6 @@
 //! Packets are found in whatever comes over the line.
 
-mod hub_support;
-
-use hub_support::{TestHost, bytes_of, decode, frame_to};
+use crate::host::{TestHost, bytes_of, decode, frame_to};
 use motor_hub::protocol::fields::PAYLOAD_KEPT;
 use motor_hub::protocol::frame::{LONGEST, PATIENCE_MICROS};
 use motor_hub::protocol::{Decoder, Packet};

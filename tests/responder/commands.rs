@@ -1,8 +1,6 @@
 //! Every command in its good, out-of-range, short and long forms.
 
-mod hub_support;
-
-use hub_support::{HUB, N, Said, TestHost, frame_to};
+use crate::host::{HUB, N, Said, TestHost, frame_to};
 use motor_hub::protocol::requests::{FIRST_FUNCTION, FUNCTION_COUNT};
 use motor_hub::protocol::setup;
 

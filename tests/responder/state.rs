@@ -1,8 +1,6 @@
 //! Motors, keep-alive, fail-safe, attention and the LED, as a host lives through them.
 
-mod hub_support;
-
-use hub_support::{N, Said, TestHost, frame_to, settings};
+use crate::host::{N, Said, TestHost, frame_to, settings};
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
@@ -234,7 +232,7 @@ fn a_packet_that_comes_too_late_does_not_hide_the_silence() {
 
 #[test]
 fn any_packet_to_the_hub_keeps_motors_running_and_nothing_else_does() {
-    let hub = hub_support::HUB;
+    let hub = crate::host::HUB;
     let mut damaged = frame_to(hub, 1, 0x7F04, &[]);
     damaged[6] ^= 1;
     let feeding =
@@ -332,20 +330,20 @@ fn a_pattern_of_16_steps_is_kept_whole() {
 fn replies_are_numbered_from_1_to_255() {
     let mut host = TestHost::new();
     let numbers: Vec<u8> =
-        (0..=255).map(|_| host.send(&frame_to(hub_support::HUB, 0, 0x7F04, &[]))[0][6]).collect();
+        (0..=255).map(|_| host.send(&frame_to(crate::host::HUB, 0, 0x7F04, &[]))[0][6]).collect();
     assert_eq!(numbers, (1..=255).chain([1]).collect::<Vec<u8>>());
 }
 
 #[test]
 fn a_hub_with_fewer_motors_refuses_the_others() {
     let mut responder = Responder::new(Address::DEFAULT, [settings(); 2]);
-    let packet = |motor| hub_support::decode(&frame_to(2, 1, 0x1009, &[motor]));
+    let packet = |motor| crate::host::decode(&frame_to(2, 1, 0x1009, &[motor]));
     let ids = [0, 1, 2, 3].map(|motor| {
         responder.receive(&packet(motor), Micros::new(0), &Snapshot::INITIAL).map(|reply| reply.id)
     });
     assert_eq!(ids, [0x9009, 0x9009, 0x7F02, 0x7F02].map(Some));
     let bulk = responder.receive(
-        &hub_support::decode(&frame_to(2, 1, 0x1000, &[])),
+        &crate::host::decode(&frame_to(2, 1, 0x1000, &[])),
         Micros::new(0),
         &Snapshot::INITIAL,
     );

@@ -1,5 +1,4 @@
 //! Scenario files with mistakes: each is refused with its place and with what is allowed.
-#![expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
 
 use motor_hub::group::{Course, Halt, TOLERANCE, Together, usual_lag};
 use motor_hub::hub::{Action, Command};

@@ -1,8 +1,6 @@
 //! A host says which motor is on a channel and what its control values mean.
 
-mod hub_support;
-
-use hub_support::{HUB, N, Said, TestHost, settings};
+use crate::host::{HUB, N, Said, TestHost, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::hub::{Action, Command};

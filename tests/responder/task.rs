@@ -1,12 +1,10 @@
 //! The responder task between in-memory pipes, under virtual time.
 
-mod hub_support;
-
+use crate::host::{HUB, N, bytes_of, decode, frame_to, settings};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::pipe::Pipe;
 use embassy_time::{Duration, Instant, MockDriver};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
-use hub_support::{HUB, N, bytes_of, decode, frame_to, settings};
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};

@@ -1,8 +1,6 @@
 //! Packets as they go over the line, byte for byte: a session with a hub at address 3.
 
-mod hub_support;
-
-use hub_support::{TestHost, bytes_of, decode};
+use crate::host::{TestHost, bytes_of, decode};
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Reply};
@@ -43,7 +41,7 @@ fn a_host_runs_a_motor_at_half_power() {
     );
     assert_eq!(replies.len(), 3);
     assert!(replies.iter().all(|reply| decode(reply).id == 0x7F01));
-    let settings = motor_hub::motor::Settings { zero_power: ZeroPower::Float, ..hub_support::settings() };
+    let settings = motor_hub::motor::Settings { zero_power: ZeroPower::Float, ..crate::host::settings() };
     assert_eq!(
         host.told(),
         [
@@ -99,7 +97,7 @@ fn a_host_sets_pidf_coefficients() {
         [82_575, 8258, 0, 825_754]
     );
     // What was not set is as the hub would have it.
-    let winding = hub_support::settings().winding;
+    let winding = crate::host::settings().winding;
     let guessed = Coefficients::guessed(winding.emf, settings.scheme, Period::DEFAULT);
     assert_eq!(coefficients.position, guessed.position);
 }

@@ -5,17 +5,13 @@
 //! At each such transition the physics runs on, and the winding's current, the speed and the control value are
 //! held against what the new demand justifies. Cells that fail are printed as a table.
 
-mod transitions_support;
-
+use crate::bench::{BATTERY, Bench, Constants, Tick, Told};
+use crate::table::{Demand, Event, Motion, Placed, SCHEMES, State, enter, happen, scheme_name, under_way};
 use motor_hub::braking::Scheme;
 use motor_hub::units::Period;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use transitions_support::table::{
-    Demand, Event, Motion, Placed, SCHEMES, State, enter, happen, scheme_name, under_way,
-};
-use transitions_support::{BATTERY, Bench, Constants, Tick, Told};
 
 /// It is regulated by PID.
 fn guesses(bench: &Bench) -> bool {

@@ -1,8 +1,6 @@
 //! A host moves motors together: what the motors are told, in which order, and when not.
 
-mod hub_support;
-
-use hub_support::{N, Said, TestHost};
+use crate::host::{N, Said, TestHost};
 use motor_hub::group::{Course, Halt, MOTORS, Together};
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Report, Setpoint};

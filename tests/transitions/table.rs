@@ -1,6 +1,6 @@
 //! The table's margins: what a motor may be doing, what may happen to it, and what is asked of it from then on.
 
-use super::{BATTERY, Bench, Constants, Told};
+use crate::bench::{BATTERY, Bench, Constants, Told};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::units::{Control, CountsPerSecond, Period};

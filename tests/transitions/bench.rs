@@ -1,7 +1,5 @@
 //! One motor with its load on a bench: physics, and the regulated motor that is told of them.
 
-pub(crate) mod table;
-
 use motor_hub::braking::{Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::{self, Motor};

@@ -1,0 +1,8 @@
+//! The host as a board.
+#![expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
+
+mod files;
+mod runs;
+mod scenarios;
+mod scheme;
+mod world;

@@ -1,0 +1,33 @@
+//! Plants behind the board's traits.
+
+use motor_hub::board::{BridgeFaults, Bridges};
+use motor_hub::bridge::{Drive, Mode};
+use motor_hub::model::battery::Battery;
+use motor_hub::model::catalogue::characterised;
+use motor_hub::model::load::Load;
+use motor_hub::model::si::{Ohms, Seconds, Volts};
+use motor_hub::units::Duty;
+use simulated::hardware::{BRIDGE, MOTORS, REAL_BRIDGE};
+use simulated::world::Board;
+
+#[test]
+fn a_real_bridge_takes_too_short_a_low_time_for_a_short_circuit_and_is_open_until_its_lines_are_low() {
+    let motor = characterised("AM 60 A").expect("known").with_measured_rotor_inertia();
+    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
+    let motors = [BRIDGE, REAL_BRIDGE].map(|bridge| (motor, Load::NONE, bridge));
+    let mut board = Board::new(battery, motors.into_iter(), 1);
+    let mut run = |share: f64| {
+        let drive = Drive { mode: Mode::Cw98, duty: Duty::from_bits((32_768.0 * share) as u16) };
+        let drive = if share == 0.0 { Drive::COAST } else { drive };
+        board.apply(&[drive, drive, Drive::COAST, Drive::COAST]);
+        let flows = board.run(Seconds(0.05), &[0.0; 2]);
+        (board.faults(), [flows[0].charge.0 > 1e-3, flows[1].charge.0 > 1e-3])
+    };
+    let (sound, fault) = ([false; MOTORS], [false, true, false, false]);
+    assert_eq!(run(0.879), (sound, [true, true]));
+    assert_eq!(run(1.0), (sound, [true, true]));
+    assert_eq!(run(0.9), (fault, [true, false]));
+    assert_eq!(run(0.5), (fault, [true, false]));
+    assert_eq!(run(0.0), (sound, [false, false]));
+    assert_eq!(run(0.5), (sound, [true, true]));
+}

@@ -1,0 +1,4 @@
+//! Motors that move in step.
+
+mod motors;
+mod references;

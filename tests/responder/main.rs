@@ -1,0 +1,10 @@
+//! The hub's end of the protocol, as hosts find it.
+
+mod commands;
+mod examples;
+mod groups;
+mod host;
+mod properties;
+mod setup;
+mod state;
+mod task;

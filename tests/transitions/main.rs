@@ -1,0 +1,6 @@
+//! What becomes of a motor when something else is asked of it, or told about it.
+
+mod bench;
+mod cells;
+mod properties;
+mod table;
