@@ -47,16 +47,24 @@ impl<const N: usize> Bench<N> {
         self.hub.apply(Command { motor, action: Action::Configure(settings) }).expect("motor");
     }
 
+    /// What the encoders say every millisecond until the next tick, and that tick.
     fn step(&mut self) -> Snapshot<N> {
+        for now in (self.now..self.now + TICK).step_by(1_000).skip(1) {
+            self.hub.sample(&self.readings(now));
+        }
         self.now += TICK;
-        let at = Micros::new(self.now - self.encoder_age);
-        let readings = std::array::from_fn(|motor| {
-            let position = (self.cps[motor] * self.now as i64 / 1_000_000) as i32;
-            (!self.encoder_failed[motor]).then_some(Reading { position, edge_at: at, at })
-        });
+        let readings = self.readings(self.now);
         let battery =
             self.battery_mv.map(|mv| Battery { voltage: Millivolts::new(mv), at: Micros::new(self.now) });
         self.hub.step(Inputs { now: Micros::new(self.now), readings, battery })
+    }
+
+    fn readings(&self, now: u64) -> [Option<Reading>; N] {
+        let at = Micros::new(now.saturating_sub(self.encoder_age));
+        std::array::from_fn(|motor| {
+            let position = (self.cps[motor] * now as i64 / 1_000_000) as i32;
+            (!self.encoder_failed[motor]).then_some(Reading { position, edge_at: at, at })
+        })
     }
 
     /// Long enough for a speed to be known, too short for the encoder, which turns whatever the

@@ -203,8 +203,8 @@ impl Motor {
         let output = wanted.or_else(|| at.and_then(|(at, _)| self.fall_back(at, moved)));
         let effect = at.zip(output).and_then(|((at, _), (_, placement))| self.effect(at, placement));
         let effect = effect.map(|effect| self.after_change(effect, output, velocity));
-        self.regulator.drive(effect.map(|effect| effect.asked));
         let flows = effect.map(|effect| effect.flows);
+        self.regulator.drive(effect.map(|effect| effect.asked), flows);
         // Of a bridge that is open for want of current, the back EMF.
         let emf = || Voltage::from_volts(self.settings.winding.emf.emf(velocity).to_volts());
         self.identifier.drive(output.map(|_| flows.unwrap_or_else(emf)));
@@ -247,7 +247,7 @@ impl Motor {
         let moved = reading.position.wrapping_sub(self.position);
         self.position = reading.position;
         self.sample(reading);
-        self.regulator.tick(reading);
+        self.regulator.tick();
         moved
     }
 

@@ -5,11 +5,17 @@ use crate::braking::{Blend, BlendFraction, Scheme};
 use crate::motion::pid::{PidInput, Value};
 use crate::motion::{Pid, Pidf};
 use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Period};
-use libm::{roundf, sqrtf};
+use libm::{expf, expm1f, logf, roundf, sqrtf};
 
-/// The mechanical time constant of a motor of which nothing is known, in seconds: about that of a loaded gear
+/// The mechanical time constant of a motor of which nothing is known, in seconds: about that of a bare gear
 /// motor.
-const GUESSED_TIME_CONSTANT: f32 = 0.2;
+pub(super) const GUESSED_TIME_CONSTANT: f32 = 0.1;
+/// Of the closed loop, 1/s,
+const BANDWIDTH: f32 = 20.0;
+/// and what is left of an error after a tick, at least.
+const QUICKEST_POLE: f32 = 0.6;
+/// P at least, in full control at the speed whose back EMF is 12 V.
+const LEAST_P: f32 = 0.32;
 /// The voltage for which coefficients are.
 const NOMINAL_VOLTS: f32 = 12.0;
 /// Of its acceleration at this voltage a motor is trusted to brake with half.
@@ -26,24 +32,38 @@ pub struct Coefficients {
 }
 
 impl Coefficients {
-    /// Coefficients for a motor of which only the back EMF is known, at a battery of 12 V.
-    ///
-    /// The bandwidth wc follows from the delay of half a period and half a window of the speed's estimate;
-    /// with `f` control steps per count/s, which is full control at the speed whose back EMF is 12 V, and a
-    /// guessed time constant of 0.2 s, P is `f (wc tau - 0.5)`, I is `(P + f) wc / 3`, and the position's P
-    /// `wc / 3`. Where a control value is a current, the back EMF does not damp the motor, and P makes up
-    /// for it by another f; in C and D, whose range is less current, P and I grow by as much. A fixed
-    /// blend lies between B and C.
+    /// Coefficients for a motor of which only the back EMF is known, at a battery of 12 V: those that the hub
+    /// itself begins with.
     pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
-        let f =
-            emf.to_bits() as f32 * f32::from(Control::MAX.get()) / (1e3 * NOMINAL_VOLTS * (1 << 20) as f32);
+        Self::for_time_constant(GUESSED_TIME_CONSTANT, emf, scheme, period)
+    }
+
+    /// The same for a motor of this mechanical time constant in seconds.
+    ///
+    /// From one tick to the next the motor keeps `a = exp(-T / tau)` of its speed. Both poles are put at
+    /// `z = exp(-20 T)`, or 0.6. With `f` control steps per count/s, which is full control at the speed
+    /// whose back EMF is 12 V:
+    ///
+    /// ```text
+    /// P = f (a - z^2) / (1 - a)    I = f (1 - z)^2 / ((1 - a) T)
+    /// ```
+    ///
+    /// Where a control value is a current, the back EMF does not damp the motor: P makes up for it by another f.
+    /// In C and D, whose range is less current, both grow by as much. A fixed blend lies between B and C.
+    pub(super) fn for_time_constant(tau: f32, emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
+        let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
         let seconds = period.to_seconds();
-        let delay = seconds / 2.0 + seconds.max(0.02) / 2.0;
-        let bandwidth = (0.45 / delay).min(25.0);
-        let p = (bandwidth * GUESSED_TIME_CONSTANT - 0.5).max(0.3);
-        let i = (p + 1.0) * bandwidth / 3.0;
+        let lost = -expm1f(-seconds / tau);
+        let kept = 1.0 - lost;
+        let pole = expf(-BANDWIDTH * seconds).max(QUICKEST_POLE);
+        let bandwidth = -logf(pole) / seconds;
+        let p = ((kept - pole * pole) / lost).max(LEAST_P);
+        let i = (1.0 - pole) * (1.0 - pole) / (lost * seconds);
         // Of a range with less current.
-        let narrow = |share: f32| ((p + 1.0) * (1.0 + 0.6 * share), i * (1.0 + 0.6 * share));
+        let narrow = |share: f32| {
+            let more = 1.0 + 0.6 * share;
+            ((p + 1.0) * more, i * more)
+        };
         let (p, i) = match scheme {
             Scheme::ForwardReverse | Scheme::A => (p, i),
             Scheme::B => narrow(0.0),
@@ -58,8 +78,8 @@ impl Coefficients {
 }
 
 /// To the nearest step of 2^-16; what is too large is the end of the range.
-const fn coefficient(value: f32) -> Coefficient {
-    Coefficient::from_bits((65_536.0 * value + 0.5) as i32)
+fn coefficient(value: f32) -> Coefficient {
+    Coefficient::from_bits(roundf(65_536.0 * value) as i32)
 }
 
 /// Both loops of one motor.
@@ -90,26 +110,33 @@ enum Start {
 }
 
 impl Loops {
-    pub(super) fn new(config: &Config, period: Period) -> Self {
-        let guess = Coefficients::guessed(config.emf, config.scheme, period);
+    /// For a motor that a volt accelerates by so many counts/s².
+    pub(super) fn new(config: &Config, period: Period, gain: f32) -> Self {
         // Of the motor's constants b kappa is 1 / tau.
-        let per_volt = config
-            .dynamics
-            .map_or(1.0 / (config.emf.to_volts() * GUESSED_TIME_CONSTANT), |known| known.gain.to_f32());
+        let tau = 1.0 / (gain * config.emf.to_volts());
         Self {
             period,
-            coefficients: config.coefficients.unwrap_or(guess),
+            coefficients: config
+                .coefficients
+                .unwrap_or_else(|| Coefficients::for_time_constant(tau, config.emf, config.scheme, period)),
             guessed: config.coefficients.is_none(),
-            brakes: per_volt * BRAKING_VOLTS / 2.0,
+            brakes: gain * BRAKING_VOLTS / 2.0,
             velocity: Pid::default(),
             position: Pid::default(),
             start: Start::Resume,
         }
     }
 
-    pub(super) fn configure(&mut self, config: &Config, period: Period) {
+    pub(super) fn configure(&mut self, config: &Config, period: Period, gain: f32) {
         let start = if self.start == Start::Running { Start::Continue } else { self.start };
-        *self = Self { velocity: self.velocity, position: self.position, start, ..Self::new(config, period) };
+        self.learn(config, period, gain);
+        self.start = start;
+    }
+
+    /// More is known of the motor than before.
+    pub(super) fn learn(&mut self, config: &Config, period: Period, gain: f32) {
+        let Self { velocity, position, start, .. } = *self;
+        *self = Self { velocity, position, start, ..Self::new(config, period, gain) };
     }
 
     /// The position loop forgets the past.
