@@ -11,11 +11,11 @@ use libm::{expf, expm1f, logf, roundf, sqrtf};
 /// motor.
 pub(super) const GUESSED_TIME_CONSTANT: f32 = 0.1;
 /// Of the closed loop, 1/s,
-const BANDWIDTH: f32 = 20.0;
+const BANDWIDTH: f32 = 18.0;
 /// and what is left of an error after a tick, at least.
 const QUICKEST_POLE: f32 = 0.6;
 /// P at least, in full control at the speed whose back EMF is 12 V.
-const LEAST_P: f32 = 0.32;
+const LEAST_P: f32 = 0.3;
 /// The voltage for which coefficients are.
 const NOMINAL_VOLTS: f32 = 12.0;
 /// An acceleration per volt that was learned is put in force if it is so much more or less than that before.
@@ -43,7 +43,7 @@ impl Coefficients {
     /// The same for a motor of this mechanical time constant in seconds.
     ///
     /// From one tick to the next the motor keeps `a = exp(-T / tau)` of its speed. Both poles are put at
-    /// `z = exp(-20 T)`, or 0.6. With `f` control steps per count/s, which is full control at the speed
+    /// `z = exp(-18 T)`, or 0.6. With `f` control steps per count/s, which is full control at the speed
     /// whose back EMF is 12 V:
     ///
     /// ```text
