@@ -16,7 +16,7 @@
 use super::cells::{Cells, Change};
 use super::loops::GUESSED_TIME_CONSTANT;
 use crate::motion::Reading;
-use crate::units::Period;
+use crate::units::{Micros, Period};
 use libm::sqrtf;
 
 /// Mechanical time constant of any motor, in seconds.
@@ -25,6 +25,8 @@ const PLAUSIBLE: (f32, f32) = (0.01, 30.0);
 const HEAVY: f32 = 1.25;
 /// The shortest cell, in milliseconds.
 const CELL_MS: u32 = 40;
+/// Seconds from one sample of a cell to the next, at least.
+const SAMPLE: f32 = 4.5e-3;
 /// A cell with fewer counts than this is made longer,
 const CELL_COUNTS: u32 = 8;
 /// up to this, in seconds.
@@ -58,6 +60,10 @@ pub(super) struct Learner {
     shortest: f32,
     /// While the motor is driven.
     cells: Option<Cells>,
+    /// Across the motor, since then, and the integral from the last sample of a cell until then, V s.
+    voltage: f32,
+    since: Micros,
+    push: f32,
     /// What a volt accelerates the motor by, counts/s²,
     b: f32,
     /// and the load, counts/s².
@@ -83,6 +89,9 @@ impl Learner {
             // Half a millisecond less, for rounding.
             shortest: (cell_ms - 0.5) / 1000.0,
             cells: None,
+            voltage: 0.0,
+            since: Micros::new(0),
+            push: 0.0,
             b,
             load: 0.0,
             variance: Variance { b: b * b, load: square(OF_LOAD * b), both: 0.0 },
@@ -106,36 +115,62 @@ impl Learner {
 
     /// Takes a sample of the encoder.
     pub(super) fn sample(&mut self, reading: Reading) {
-        if let Some(cells) = &mut self.cells {
+        if self.cells.as_ref().is_some_and(|cells| seconds(cells.now(), reading.at) > SAMPLE) {
+            self.take(reading);
+        }
+    }
+
+    /// The same for a cell.
+    fn take(&mut self, reading: Reading) {
+        self.go_on(reading.at);
+        let Some(cells) = &mut self.cells else { return };
+        let passed = seconds(cells.now(), reading.at);
+        if passed > 0.0 {
+            cells.drive(self.push / passed);
             cells.sample(reading);
         }
+        self.push = 0.0;
+    }
+
+    /// Under the same voltage.
+    fn go_on(&mut self, until: Micros) {
+        self.push += self.voltage * seconds(self.since, until);
+        self.since = until;
     }
 
     /// From now on, the last sample being this one, the bridge makes this voltage of the motor; `None` if it is
     /// open.
     pub(super) fn drive(&mut self, voltage: Option<f32>, last: Option<Reading>) {
-        self.cells = match (voltage, last) {
-            (Some(voltage), Some(last)) => {
-                let mut cells = self.cells.unwrap_or_else(|| Cells::new(last));
-                cells.drive(voltage);
-                Some(cells)
-            }
-            _ => None,
+        let (Some(voltage), Some(last)) = (voltage, last) else {
+            self.cells = None;
+            return;
         };
+        if self.cells.is_some() {
+            self.go_on(last.at);
+        } else {
+            self.cells = Some(Cells::new(last));
+            (self.push, self.since) = (0.0, last.at);
+        }
+        self.voltage = voltage;
     }
 
-    /// One tick, with the newest sample taken.
-    pub(super) fn step(&mut self) {
-        let Some(cells) = &mut self.cells else { return };
+    /// One tick, this being the newest sample; returns whether something was learned.
+    pub(super) fn step(&mut self, newest: Reading) -> bool {
+        let Some(cells) = &self.cells else { return false };
+        if cells.running().0 + seconds(cells.now(), newest.at) < self.shortest {
+            return false;
+        }
+        self.take(newest);
+        let Some(cells) = &mut self.cells else { return false };
         let (seconds, counts) = cells.running();
-        let counts = counts.unsigned_abs();
-        if seconds < self.shortest || ((1..CELL_COUNTS).contains(&counts) && seconds < LONGEST_CELL) {
-            return;
+        if (1..CELL_COUNTS).contains(&counts.unsigned_abs()) && seconds < LONGEST_CELL {
+            return false;
         }
         match cells.close() {
             Some(change) => self.learn(&change),
             None => self.doubt_load(LOAD_CHANGE),
         }
+        true
     }
 
     /// The load may have changed by so many volts.
@@ -187,6 +222,11 @@ impl Learner {
     }
 }
 
+/// From one time to another, less than an hour later.
+fn seconds(from: Micros, to: Micros) -> f32 {
+    to.since(from) as u32 as f32 * 1e-6
+}
+
 /// b of a bare gear motor.
 fn guess(kappa: f32) -> f32 {
     1.0 / (GUESSED_TIME_CONSTANT * kappa)
@@ -199,7 +239,6 @@ const fn square(value: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::Micros;
 
     const VOLTS_PER_SPEED: f32 = 0.004;
     const START: Reading = Reading { position: 0, edge_at: Micros::new(0), at: Micros::new(0) };
@@ -230,7 +269,7 @@ mod tests {
             reading = Reading { position, edge_at, at };
             learner.sample(reading);
             if ms % period == 0 {
-                learner.step();
+                learner.step(reading);
             }
         }
         learner
@@ -261,8 +300,9 @@ mod tests {
         held.drive(Some(12.0), Some(START));
         for ms in 1..2_000 {
             let at = Micros::new(ms * 1000);
-            held.sample(Reading { position: 0, edge_at: Micros::new(0), at });
-            held.step();
+            let reading = Reading { at, ..START };
+            held.sample(reading);
+            held.step(reading);
         }
         assert_eq!(held.gain().to_bits(), guess.to_bits());
     }

@@ -148,8 +148,7 @@ impl Regulator {
     }
 
     /// A motor that is not told: the regulator goes on with what it has learned.
-    fn learn(&mut self) {
-        self.learner.step();
+    fn heed(&mut self) {
         let knowledge = knowledge(&self.config, &self.learner);
         if !self.loops.is_news(knowledge) {
             return;
@@ -239,8 +238,9 @@ impl Regulator {
 
     /// A control tick has come, with the newest sample taken.
     pub fn tick(&mut self) {
-        if self.config.dynamics.is_none() {
-            self.learn();
+        let Some(newest) = self.last.filter(|_| self.config.dynamics.is_none()) else { return };
+        if self.learner.step(newest) {
+            self.heed();
         }
     }
 
