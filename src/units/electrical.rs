@@ -45,6 +45,27 @@ impl Millivolts {
     }
 }
 
+/// An energy, 0 to 4 294 967 J in steps of 1 mJ; what is more stays at the upper end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Millijoules(u32);
+
+impl Millijoules {
+    /// None.
+    pub const ZERO: Self = Self(0);
+
+    /// From microjoules, rounded down.
+    pub const fn from_micros(microjoules: u64) -> Self {
+        let mj = microjoules / 1000;
+        Self(if mj > u32::MAX as u64 { u32::MAX } else { mj as u32 })
+    }
+
+    /// Whole millijoules.
+    pub const fn get(self) -> u32 {
+        self.0
+    }
+}
+
 /// A winding's resistance, 1 to 65 535 milliohms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Resistance(NonZeroU16);

@@ -1,0 +1,146 @@
+//! The bus that battery and bridges share: what a board's converter measured, as filtered millivolts while it is
+//! plausible, and what that allows the motors to do.
+//!
+//! ```text
+//!  min      cut        derate  recover          burn     burn_all        max
+//!   |        |            |       |               |          |            |
+//!   | nothing is drawn    |       | all as asked  | returned energy is    |
+//!   |        | ever less  |.......| (hysteresis)  | burnt, more and more  | nothing is drawn, all is burnt
+//! ```
+//!
+//! Boards whose chip reads its own reference beside the battery have [`VrefintScale`] for the first step;
+//! others bring millivolts of their own.
+//!
+//! ```
+//! use motor_hub::supply::{Limits, Stage, Supply};
+//! use motor_hub::units::{Micros, Millivolts};
+//!
+//! let mut supply = Supply::new(Limits::default());
+//! let battery = supply.step(Some(Millivolts::new(12_000)), Micros::new(10_000)).expect("plausible");
+//! assert_eq!((battery.voltage, battery.stage), (Millivolts::new(12_000), Stage::Full));
+//! assert_eq!(supply.step(Some(Millivolts::new(3_000)), Micros::new(20_000)), None);
+//! ```
+
+mod limits;
+mod overvoltage;
+mod undervoltage;
+mod vrefint;
+
+pub use limits::{Levels, Limits};
+pub use undervoltage::Stage;
+pub use vrefint::{VrefintCalibration, VrefintSample, VrefintScale};
+
+use crate::units::{Micros, Millivolts, Share};
+use core::ops::RangeInclusive;
+use overvoltage::Burning;
+use undervoltage::Derating;
+
+/// A battery reading older than this is none; so long a silence is not bridged by the filter either.
+pub const BATTERY_STALE_MICROS: u64 = 100_000;
+
+/// Of the filter, less the interval between two samples.
+const FILTER_MICROS: f32 = 30_000.0;
+
+/// What is known of the bus, and when it was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Battery {
+    /// Filtered.
+    pub voltage: Millivolts,
+    /// When the newest sample in it was taken.
+    pub at: Micros,
+    /// How much may be drawn, in words;
+    pub stage: Stage,
+    /// and as a share of what the motors would draw at standstill.
+    pub draw: Share,
+    /// How far bridges are to burn what braking motors return: by the newest sample, not by the filter.
+    pub burn: Share,
+}
+
+impl Battery {
+    /// A voltage at which motors may do all that they are asked to.
+    pub const fn good(voltage: Millivolts, at: Micros) -> Self {
+        Self { voltage, at, stage: Stage::Full, draw: Share::ALL, burn: Share::NONE }
+    }
+
+    /// Itself, unless it is older than [`BATTERY_STALE_MICROS`].
+    pub const fn fresh(self, now: Micros) -> Option<Self> {
+        if now.since(self.at) <= BATTERY_STALE_MICROS { Some(self) } else { None }
+    }
+}
+
+/// Judges and filters.
+#[derive(Clone, Debug)]
+pub struct Supply {
+    limits: Limits,
+    /// `None` before the first good reading and after a bad one.
+    filter: Option<Filter>,
+    derating: Derating,
+    burning: Burning,
+}
+
+/// Of first order. (In single precision: a division of 64 bits takes some chips as long as all the rest.)
+#[derive(Clone, Copy, Debug)]
+struct Filter {
+    /// In millivolts.
+    value: f32,
+    at: Micros,
+}
+
+impl Filter {
+    /// The closer two samples are, the less the second one counts. After a silence it is all that counts.
+    fn step(before: Option<Self>, voltage: Millivolts, at: Micros) -> Self {
+        let new = f32::from(voltage.get());
+        let value = match before {
+            Some(Self { value, at: last }) if at.since(last) <= BATTERY_STALE_MICROS => {
+                let interval = at.since(last) as u32 as f32;
+                value + (new - value) * interval / (interval + FILTER_MICROS)
+            }
+            _ => new,
+        };
+        Self { value, at }
+    }
+
+    /// Within the limits like everything it is made of, hence within 16 bits.
+    fn voltage(self) -> Millivolts {
+        Millivolts::new((self.value + 0.5) as u16)
+    }
+}
+
+impl Supply {
+    /// Knows no voltage yet.
+    pub const fn new(limits: Limits) -> Self {
+        Self { limits, filter: None, derating: Derating::NEW, burning: Burning::NEW }
+    }
+
+    /// The voltages among which nothing changes for the motors, while that is so: until the bus leaves them it need
+    /// not be looked at but for the filter's sake. `None` if it is to be looked at every millisecond.
+    pub fn quiet(&self) -> Option<RangeInclusive<Millivolts>> {
+        let Levels { derate, burn, .. } = self.limits.levels();
+        let filtered = self.filter?.voltage();
+        let all_allowed = self.derating.is_over() && !self.burning.is_on() && filtered >= derate;
+        all_allowed.then_some(derate..=burn)
+    }
+
+    /// Takes a measured voltage, every millisecond unless the bus is [quiet](Self::quiet); `None` if there is none or it is implausibly low. The
+    /// one after that starts the filter afresh, and so does one after a silence of
+    /// [`BATTERY_STALE_MICROS`]. What is above the highest plausible voltage counts as that: a converter that
+    /// reads no further is no reason to let go of a motor that brakes.
+    ///
+    /// The filter is of first order with a time constant of 30 ms and an interval between two samples.
+    pub fn step(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
+        let Levels { min, max, .. } = self.limits.levels();
+        let Some(measured) = voltage.filter(|&voltage| voltage >= min) else {
+            self.filter = None;
+            self.burning = Burning::NEW;
+            return None;
+        };
+        let passed = self.filter.map_or(0, |filter| u32::try_from(now.since(filter.at)).unwrap_or(u32::MAX));
+        let filter = Filter::step(self.filter, measured.min(max), now);
+        self.filter = Some(filter);
+        let burn = self.burning.step(&self.limits, measured, now);
+        let (stage, draw) = self.derating.step(&self.limits, filter.voltage(), passed);
+        let (stage, draw) = if measured > max { (Stage::Cut, Share::NONE) } else { (stage, draw) };
+        Some(Battery { voltage: filter.voltage(), at: now, stage, draw, burn })
+    }
+}
