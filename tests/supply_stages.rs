@@ -102,6 +102,58 @@ fn a_sagging_battery_finds_a_share_that_it_can_give_and_does_not_flicker() {
 }
 
 #[test]
+fn a_bus_that_breaks_down_below_what_is_plausible_is_given_up_at_once_and_grows_old() {
+    let mut supply = Supply::new(Limits::default());
+    let mut see = |ms: u64, mv| supply.step(Some(Millivolts::new(mv)), Micros::new(1000 * ms));
+    let before = see(10, 7_600).expect("plausible");
+    assert_eq!(see(11, 4_700), None, "one may be a bad reading");
+    let down = see(12, 4_700).expect("known");
+    assert_eq!(down, Battery { stage: Stage::Derated, draw: Share::NONE, ..before });
+    assert_eq!(down.fresh(Micros::new(111_000)), None);
+    // Nothing is drawn, and it is back; nothing is bridged.
+    let back = see(13, 7_400).expect("plausible");
+    assert_eq!((back.voltage, back.stage), (Millivolts::new(7_400), Stage::Derated));
+    assert!(back.draw < Share::from_f32(0.01), "{:?}", back.draw);
+    let after_silence = {
+        supply.step(None, Micros::new(14_000));
+        supply.step(Some(Millivolts::new(4_700)), Micros::new(15_000))
+    };
+    assert_eq!(after_silence, None, "of what did not answer nothing is known");
+}
+
+#[test]
+fn a_bus_need_not_be_looked_at_while_nothing_changes_for_the_motors() {
+    let quiet = |mv: &[u16]| {
+        let mut supply = Sampled::new();
+        for mv in mv {
+            supply.hold(*mv);
+        }
+        supply.supply.quiet().is_some()
+    };
+    for (mv, expected) in [
+        (&[12_000][..], true),
+        (&[7_100], true),
+        (&[13_900], true),
+        (&[14_100], false),
+        (&[14_100, 13_900], true),
+        (&[6_900], false),
+        (&[6_900, 7_100], false),
+        (&[6_900, 7_600], true),
+    ] {
+        assert_eq!(quiet(mv), expected, "{mv:?}");
+    }
+    assert_eq!(Supply::new(Limits::default()).quiet(), None);
+}
+
+#[test]
+fn a_bus_that_leaves_the_quiet_voltages_has_only_just_done_so() {
+    let mut supply = Supply::new(Limits::default());
+    supply.step(Some(Millivolts::new(7_600)), Micros::new(0));
+    let battery = supply.step(Some(Millivolts::new(5_000)), Micros::new(9_000)).expect("plausible");
+    assert!(battery.voltage > Millivolts::new(7_500), "a millisecond of 30: {:?}", battery.voltage);
+}
+
+#[test]
 fn a_rising_bus_is_burnt_from_the_lower_limit_on_and_fully_before_the_upper_one() {
     for (mv, some, all) in
         [(12_600, false, false), (14_000, false, false), (14_100, true, false), (15_000, true, true)]

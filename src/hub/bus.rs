@@ -38,7 +38,7 @@ impl Account {
     /// So it went on until now.
     pub(super) fn settle(&mut self, now: Micros, motors: impl Iterator<Item = Returned>) {
         let passed = self.until.map_or(0, |until| now.since(until)) as u32;
-        self.until = Some(now);
+        self.until = self.until.max(Some(now));
         let (mut returned, mut burnt) = (0.0, 0.0);
         for motor in motors {
             returned += motor.returned;

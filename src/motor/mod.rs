@@ -381,7 +381,10 @@ impl Motor {
     /// A host that sets a power means the duty of 9/8 or 6/2, so no scheme comes between.
     fn open_loop(&self, at: OperatingPoint, power: Control) -> Option<Output> {
         if power != Control::ZERO {
-            Some(self.drawing(at, self.spare(at, (power, self.placer.place_duty(Scheme::ForwardReverse, at, power)))))
+            Some(self.drawing(
+                at,
+                self.spare(at, (power, self.placer.place_duty(Scheme::ForwardReverse, at, power))),
+            ))
         } else if self.floats() {
             None
         } else {

@@ -41,6 +41,9 @@ pub const BATTERY_STALE_MICROS: u64 = 100_000;
 /// Of the filter, less the interval between two samples.
 const FILTER_MICROS: f32 = 30_000.0;
 
+/// A bus that leaves the quiet voltages is looked at after so long.
+const LEFT_MICROS: u32 = 1_000;
+
 /// What is known of the bus, and when it was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -77,6 +80,8 @@ pub struct Supply {
     filter: Option<Filter>,
     derating: Derating,
     burning: Burning,
+    /// What was last known, since the converter answers.
+    newest: Option<Battery>,
 }
 
 /// Of first order. (In single precision: a division of 64 bits takes some chips as long as all the rest.)
@@ -88,13 +93,13 @@ struct Filter {
 }
 
 impl Filter {
-    /// The closer two samples are, the less the second one counts. After a silence it is all that counts.
-    fn step(before: Option<Self>, voltage: Millivolts, at: Micros) -> Self {
+    /// The shorter a voltage has been there, in microseconds, the less it counts. After a silence, and at first, it is
+    /// all that counts.
+    fn step(before: Option<Self>, voltage: Millivolts, at: Micros, passed: u32) -> Self {
         let new = f32::from(voltage.get());
         let value = match before {
             Some(Self { value, at: last }) if at.since(last) <= BATTERY_STALE_MICROS => {
-                let interval = at.since(last) as u32 as f32;
-                value + (new - value) * interval / (interval + FILTER_MICROS)
+                value + (new - value) * passed as f32 / (passed as f32 + FILTER_MICROS)
             }
             _ => new,
         };
@@ -110,7 +115,7 @@ impl Filter {
 impl Supply {
     /// Knows no voltage yet.
     pub const fn new(limits: Limits) -> Self {
-        Self { limits, filter: None, derating: Derating::NEW, burning: Burning::NEW }
+        Self { limits, filter: None, derating: Derating::NEW, burning: Burning::NEW, newest: None }
     }
 
     /// The voltages among which nothing changes for the motors, while that is so: until the bus leaves them it need
@@ -122,25 +127,48 @@ impl Supply {
         all_allowed.then_some(derate..=burn)
     }
 
-    /// Takes a measured voltage, every millisecond unless the bus is [quiet](Self::quiet); `None` if there is none or it is implausibly low. The
-    /// one after that starts the filter afresh, and so does one after a silence of
+    /// Takes a measured voltage, every millisecond unless the bus is [quiet](Self::quiet); `None` if there is none or
+    /// it is implausibly low. The one after that starts the filter afresh, and so does one after a silence of
     /// [`BATTERY_STALE_MICROS`]. What is above the highest plausible voltage counts as that: a converter that
     /// reads no further is no reason to let go of a motor that brakes.
     ///
-    /// The filter is of first order with a time constant of 30 ms and an interval between two samples.
+    /// A second implausibly low one in a row is a bus that breaks down: nothing is drawn from it, and what was known
+    /// of it becomes no newer.
+    ///
+    /// The filter is of first order with a time constant of 30 ms and an interval between two samples. One that leaves
+    /// the quiet voltages counts as a millisecond after the one before.
     pub fn step(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
-        let Levels { min, max, .. } = self.limits.levels();
-        let Some(measured) = voltage.filter(|&voltage| voltage >= min) else {
-            self.filter = None;
-            self.burning = Burning::NEW;
-            return None;
-        };
-        let passed = self.filter.map_or(0, |filter| u32::try_from(now.since(filter.at)).unwrap_or(u32::MAX));
-        let filter = Filter::step(self.filter, measured.min(max), now);
+        match voltage {
+            Some(measured) if measured >= self.limits.levels().min => Some(self.take(measured, now)),
+            _ => {
+                let breaks_down = voltage.is_some() && self.filter.is_none();
+                self.filter = None;
+                self.burning = Burning::NEW;
+                if voltage.is_none() {
+                    self.newest = None;
+                }
+                self.newest.filter(|_| breaks_down).map(|known| {
+                    let (stage, draw) = self.derating.break_down();
+                    Battery { stage, draw, burn: Share::NONE, ..known }
+                })
+            }
+        }
+    }
+
+    /// A plausible one.
+    fn take(&mut self, measured: Millivolts, now: Micros) -> Battery {
+        let Levels { max, .. } = self.limits.levels();
+        let since = self.filter.map_or(0, |filter| u32::try_from(now.since(filter.at)).unwrap_or(u32::MAX));
+        // A bus that has left the quiet voltages has only just done so.
+        let left = self.quiet().is_some_and(|quiet| !quiet.contains(&measured));
+        let passed = if left { since.min(LEFT_MICROS) } else { since };
+        let filter = Filter::step(self.filter, measured.min(max), now, passed);
         self.filter = Some(filter);
         let burn = self.burning.step(&self.limits, measured, now);
         let (stage, draw) = self.derating.step(&self.limits, filter.voltage(), passed);
         let (stage, draw) = if measured > max { (Stage::Cut, Share::NONE) } else { (stage, draw) };
-        Some(Battery { voltage: filter.voltage(), at: now, stage, draw, burn })
+        let battery = Battery { voltage: filter.voltage(), at: now, stage, draw, burn };
+        self.newest = Some(battery);
+        battery
     }
 }

@@ -30,6 +30,15 @@ pub(super) struct Derating {
 impl Derating {
     pub(super) const NEW: Self = Self { stage: Stage::Full, draw: 1.0 };
 
+    /// Whatever it was, nothing is drawn for now.
+    pub(super) fn break_down(&mut self) -> (Stage, Share) {
+        if self.stage == Stage::Full {
+            self.stage = Stage::Derated;
+        }
+        self.draw = 0.0;
+        (self.stage, Share::NONE)
+    }
+
     /// True if all may be drawn.
     pub(super) fn is_over(&self) -> bool {
         self.stage == Stage::Full && self.draw >= 1.0
