@@ -56,6 +56,20 @@ fn every_plausible_voltage_is_read_within_one_and_a_half_steps_of_the_converter(
 }
 
 #[test]
+fn a_voltage_is_read_as_the_converter_would_read_it_whatever_its_rail_is() {
+    for rail in [2_800.0, 3_300.0, 3_500.0] {
+        for mv in (5_000..15_000).step_by(7) {
+            let Sample { battery, vrefint } = sample(f64::from(mv), rail);
+            let reading = scale().reading(Millivolts::new(mv), vrefint);
+            // The reference is rounded too: 1500 counts.
+            let miss = (f64::from(reading) - f64::from(battery)).abs();
+            assert!(miss <= 1.5 + f64::from(battery) / 3000.0, "{mv} mV: {reading}, {battery}");
+        }
+    }
+    assert_eq!(scale().reading(Millivolts::new(u16::MAX), 1500), 4095);
+}
+
+#[test]
 fn a_sagging_rail_is_not_taken_for_a_rising_battery() {
     for rail in [2_800.0, 3_000.0, 3_300.0, 3_500.0] {
         let battery = first(sample(12_000.0, rail)).expect("plausible");

@@ -34,6 +34,8 @@ pub struct VrefintScale {
     calibration: VrefintCalibration,
     /// Battery over pin voltage, in steps of 2^-10.
     ratio: i64,
+    /// Counts of the battery's reading for each millivolt and each count of the reference's, in steps of 2^-36.
+    per_millivolt: i64,
 }
 
 impl VrefintScale {
@@ -54,7 +56,11 @@ impl VrefintScale {
             return Err(RangeError::Resolution);
         }
         let ratio = ((top_ohms as i64 + bottom_ohms as i64) << 10) / bottom_ohms as i64;
-        Ok(Self { calibration, ratio })
+        let full_scale = (1 << calibration.bits) - 1;
+        let at_calibration = calibration.rail.get() as i64 * calibration.reading as i64;
+        let whole = at_calibration.saturating_mul(ratio);
+        let per_millivolt = if whole == 0 { i64::MAX } else { (full_scale << 46) / whole };
+        Ok(Self { calibration, ratio, per_millivolt })
     }
 
     /// The battery's voltage; `None` if the reference reads as no rail that the chip could run from, or
@@ -78,10 +84,7 @@ impl VrefintScale {
     /// How the converter would read a battery's voltage while it reads its reference so; at most its full scale.
     pub fn reading(self, battery: Millivolts, vrefint: u16) -> u16 {
         let full_scale = (1_i64 << self.calibration.bits) - 1;
-        let at_calibration = i64::from(self.calibration.rail.get()) * i64::from(self.calibration.reading);
-        // 26 + 32 bits over at most 32 + 42.
-        let pin = (i64::from(battery.get()) << 10) * full_scale * i64::from(vrefint);
-        let whole = at_calibration.saturating_mul(self.ratio).max(1);
-        u16::try_from((pin / whole).min(full_scale)).unwrap_or(u16::MAX)
+        let at_one = i64::from(battery.get()) * i64::from(vrefint);
+        u16::try_from((at_one.saturating_mul(self.per_millivolt) >> 36).min(full_scale)).unwrap_or(u16::MAX)
     }
 }

@@ -1,10 +1,10 @@
-//! The control ticker: every sample of the encoders to the hub's observers, what bridges say of themselves, and every
-//! sample of the bus to its watch, which may change the drives at once; every period, commands in, one step of the
-//! hub, drives and snapshot out.
+//! The control ticker: every sample of the encoders to the hub's observers, and with it what bridges say of themselves
+//! and what is new of the bus, which may change the drives at once; every period, commands in, one step of the hub,
+//! drives and snapshot out.
 
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
-use embassy_futures::select::{Either3, select3};
+use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
@@ -20,23 +20,19 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     let mut readings = [None; N];
     let mut due = whole_millisecond(Instant::now()) + period;
     loop {
-        match select3(wires.readings.wait(), wires.battery.wait(), Timer::at(due)).await {
-            Either3::First(samples) => {
-                readings = samples;
-                hub.sample(&readings);
-                if let Some(sensed) = wires.sensed.try_take() {
-                    hub.sense(&sensed);
-                }
-                continue;
+        if let Either::First(samples) = select(wires.readings.wait(), Timer::at(due)).await {
+            readings = samples;
+            hub.sample(&readings);
+            if let Some(sensed) = wires.sensed.try_take() {
+                hub.sense(&sensed);
             }
-            Either3::Second(sample) => {
+            if let Some(sample) = wires.battery.try_take() {
                 battery = Some(sample);
                 if let Some(drives) = hub.watch_bus(sample) {
                     wires.drives.signal(drives);
                 }
-                continue;
             }
-            Either3::Third(()) => (),
+            continue;
         }
         // Capture is due at the same time; its sample goes first.
         yield_now().await;

@@ -1,7 +1,7 @@
 //! Battery sampling: a conversion every 10 ms, or every millisecond while the bus is anything but quiet; filtered and
 //! passed on while it is plausible.
 
-use super::{Health, Task, Wires, micros};
+use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::board::SupplyAdc;
 use crate::supply::Supply;
 use embassy_futures::select::{Either, select};
@@ -13,6 +13,9 @@ pub const SUPPLY_INTERVAL: Duration = Duration::from_millis(10);
 
 /// While it is not: an ampere that braking motors return lifts 1000 uF by a volt meanwhile.
 pub const WATCH_INTERVAL: Duration = Duration::from_millis(1);
+
+/// Then a sample is taken so long before a whole millisecond, when control takes it with those of the encoders.
+const AHEAD: Duration = Duration::from_micros(150);
 
 /// Runs for ever. A dead converter or an implausible voltage sends nothing, and control then finds
 /// the last voltage too old.
@@ -32,8 +35,11 @@ pub async fn run<M: RawMutex, const N: usize>(
         health.check_in(Task::Supply);
         // After an alarm, once without another one: noise at the edge of the band would raise one at once.
         let quiet = supply.quiet().filter(|_| !alarm);
-        let interval = if quiet.is_some() { SUPPLY_INTERVAL } else { WATCH_INTERVAL };
-        due = Instant::now().max(due + interval);
+        due = if quiet.is_some() {
+            Instant::now().max(due + SUPPLY_INTERVAL)
+        } else {
+            whole_millisecond(Instant::now() + AHEAD) + WATCH_INTERVAL - AHEAD
+        };
         alarm = match quiet {
             Some(quiet) => matches!(select(adc.leaves(quiet), Timer::at(due)).await, Either::First(())),
             None => {

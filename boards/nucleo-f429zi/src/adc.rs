@@ -12,6 +12,7 @@ use core::task::Poll;
 use embassy_stm32::Peri;
 use embassy_stm32::adc::{Adc, SampleTime};
 use embassy_stm32::gpio::Flex;
+use embassy_stm32::pac::adc::vals::Awdsgl;
 use embassy_stm32::peripherals::{ADC1, PA3};
 use embassy_stm32::{interrupt, pac};
 use embassy_sync::waitqueue::AtomicWaker;
@@ -66,7 +67,7 @@ impl BatteryAdc {
         pac::ADC1.jsqr().write(|w| w.set_jsq(3, VREFINT_CHANNEL));
         pac::ADC1.cr1().modify(|w| {
             w.set_jauto(true);
-            w.set_awdsgl(true);
+            w.set_awdsgl(Awdsgl::SINGLE_CHANNEL);
             w.set_awdch(BATTERY_CHANNEL);
             w.set_awden(true);
         });
