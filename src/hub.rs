@@ -198,14 +198,16 @@ impl<const N: usize> Hub<N> {
     /// braking motors return must not wait for a tick. What the bridges are told from now on, if it is something else
     /// than before.
     pub fn watch_bus(&mut self, battery: Battery) -> Option<[Drive; N]> {
-        self.allow(battery).then(|| self.motors.each_ref().map(Motor::drive))
+        let Battery { draw, burn, at, .. } = battery;
+        if self.allowed == (draw, burn) {
+            return None;
+        }
+        self.allow(draw, burn, at).then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// What the supply allows from now on. True if a bridge is told otherwise for it.
-    fn allow(&mut self, Battery { at, draw, burn, .. }: Battery) -> bool {
-        if self.allowed == (draw, burn) {
-            return false;
-        }
+    /// What the supply allows from now on, other than before. True if a bridge is told otherwise for it.
+    #[cold]
+    fn allow(&mut self, draw: Share, burn: Share, at: Micros) -> bool {
         self.allowed = (draw, burn);
         self.settle_account(at);
         self.motors.iter_mut().fold(false, |changed, motor| motor.allow(draw, burn) | changed)
@@ -218,12 +220,16 @@ impl<const N: usize> Hub<N> {
 
     /// One tick of all motors. Each sees only its own encoder; outside of groups none sees another's fault.
     pub fn step(&mut self, inputs: Inputs<N>) -> Snapshot<N> {
-        let known = inputs.battery.and_then(|battery| battery.fresh(inputs.now));
+        let known = inputs.battery.as_ref().filter(|battery| battery.is_fresh(inputs.now));
         let battery = known.map(|known| known.voltage);
-        if let Some(known) = known {
-            self.allow(known);
+        if let Some(&Battery { draw, burn, .. }) = known
+            && self.allowed != (draw, burn)
+        {
+            self.allow(draw, burn, inputs.now);
         }
-        self.settle_account(inputs.now);
+        if self.account.is_due(inputs.now) {
+            self.settle_account(inputs.now);
+        }
         self.tick = self.tick.wrapping_add(1);
         self.groups.step(&inputs, self.period, &mut self.motors);
         let mut motors = [Report::INITIAL; N];

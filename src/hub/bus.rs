@@ -2,7 +2,7 @@
 
 use crate::braking::Returned;
 use crate::supply::{Battery, Stage};
-use crate::units::{Micros, Millijoules, Share};
+use crate::units::{Microjoules, Micros, Share};
 
 /// The bus as of one tick. None of it is a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,27 +13,35 @@ pub struct Bus {
     /// How far bridges burn what braking motors would return; [`Share::NONE`] on a supply that takes it.
     pub burn: Share,
     /// What braking motors have returned to the bus since boot, by their constants and what the bridges are told.
-    pub returned: Millijoules,
+    pub returned: Microjoules,
     /// What they have burnt in windings and bridges meanwhile.
-    pub burnt: Millijoules,
+    pub burnt: Microjoules,
 }
 
 impl Bus {
     /// Before the first tick.
     pub const INITIAL: Self =
-        Self { stage: Stage::Full, burn: Share::NONE, returned: Millijoules::ZERO, burnt: Millijoules::ZERO };
+        Self { stage: Stage::Full, burn: Share::NONE, returned: Microjoules::ZERO, burnt: Microjoules::ZERO };
 }
 
-/// Adds up, in microjoules.
+/// Nothing is added up more often than this but at changes of what the supply allows: the usual control period.
+const LONGEST_MICROS: u64 = 50_000;
+
+/// Adds up.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Account {
     until: Option<Micros>,
-    returned: u64,
-    burnt: u64,
+    returned: Microjoules,
+    burnt: Microjoules,
 }
 
 impl Account {
-    pub(super) const NEW: Self = Self { until: None, returned: 0, burnt: 0 };
+    pub(super) const NEW: Self = Self { until: None, returned: Microjoules::ZERO, burnt: Microjoules::ZERO };
+
+    /// Long enough ago for a motor to have another speed.
+    pub(super) fn is_due(&self, now: Micros) -> bool {
+        self.until.is_none_or(|until| now.since(until) >= LONGEST_MICROS)
+    }
 
     /// So it went on until now.
     pub(super) fn settle(&mut self, now: Micros, motors: impl Iterator<Item = Returned>) {
@@ -45,17 +53,17 @@ impl Account {
             burnt += motor.burnt;
         }
         // Watts by microseconds; saturating in the conversion, and no number is none.
-        let joules = |watts: f32| u64::from((watts * passed as f32) as u32);
-        self.returned = self.returned.saturating_add(joules(returned));
-        self.burnt = self.burnt.saturating_add(joules(burnt));
+        let microjoules = |watts: f32| (watts * passed as f32) as u32;
+        self.returned = self.returned.plus(microjoules(returned));
+        self.burnt = self.burnt.plus(microjoules(burnt));
     }
 
-    pub(super) fn report(&self, battery: Option<Battery>) -> Bus {
+    pub(super) fn report(&self, battery: Option<&Battery>) -> Bus {
         Bus {
             stage: battery.map_or(Stage::Cut, |battery| battery.stage),
             burn: battery.map_or(Share::NONE, |battery| battery.burn),
-            returned: Millijoules::from_micros(self.returned),
-            burnt: Millijoules::from_micros(self.burnt),
+            returned: self.returned,
+            burnt: self.burnt,
         }
     }
 }

@@ -70,8 +70,8 @@ pub struct Motor {
     watch: Watch,
     arrival: Arrival,
     bounds: Bounds,
-    /// Where its energy goes while it brakes, as of the last change of the drive.
-    returned: Returned,
+    /// Speed and battery for which the last tick's placement is.
+    at_tick: (CountsPerSecond, Millivolts),
     thermal: Thermal,
     period: Period,
     /// What the bridge was told last.
@@ -108,7 +108,7 @@ impl Motor {
             watch: Watch::new(period),
             arrival: Arrival::new(period),
             bounds: Bounds::NONE,
-            returned: Returned::NONE,
+            at_tick: (CountsPerSecond::ZERO, Millivolts::new(0)),
             thermal: Thermal::new(period, settings.thermal),
             period,
             mode: Drive::COAST.mode,
@@ -208,20 +208,25 @@ impl Motor {
             self.watch.interrupt();
         }
         let output = wanted.or_else(|| at.and_then(|(at, _)| self.fall_back(at, moved)));
-        let placed = at.zip(output).map(|((at, _), (_, placement))| (at, placement));
-        let bounded = self.bounds.place(&self.placer, placed);
-        let effect = bounded.and_then(|(at, placement)| self.effect(at, placement));
-        self.expect_returned(effect);
-        let effect = effect.map(|effect| self.after_change(effect, velocity));
+        let (effect, drive) = match (at, output) {
+            (Some((at, battery)), Some((_, placement))) => {
+                self.at_tick = (velocity, battery);
+                let bounded = self.bounds.place(&self.placer, at, placement);
+                (self.effect(at, bounded), bounded.drive)
+            }
+            _ => {
+                self.bounds.let_go();
+                (None, Drive::COAST)
+            }
+        };
+        let effect = effect.map(|effect| self.after_change(effect, drive, velocity));
         self.regulator.drive(effect.map(|effect| effect.asked));
         let flows = effect.map(|effect| effect.flows);
         // Of a bridge that is open for want of current, the back EMF.
         let emf = || Voltage::from_volts(self.settings.winding.emf.emf(velocity).to_volts());
         self.identifier.drive(output.map(|_| flows.unwrap_or_else(emf)));
-        let (control, regime, drive) = match output {
-            Some((control, placement)) => (control, Some(placement.regime), self.bounds.drive()),
-            None => (Control::ZERO, None, Drive::COAST),
-        };
+        let (control, regime) =
+            output.map_or((Control::ZERO, None), |(control, placement)| (control, Some(placement.regime)));
         self.mode = drive.mode;
         let current = flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
         self.thermal.step(self.sensed.current.unwrap_or(current));
@@ -289,9 +294,9 @@ impl Motor {
     }
 
     /// What is left of it in a period at whose beginning the bridge is open because its mode changes.
-    fn after_change(&self, effect: Effect, velocity: CountsPerSecond) -> Effect {
+    fn after_change(&self, effect: Effect, drive: Drive, velocity: CountsPerSecond) -> Effect {
         let change_us = self.settings.bridge.timing().change_us;
-        if self.drive().mode == self.mode || change_us == 0 {
+        if drive.mode == self.mode || change_us == 0 {
             return effect;
         }
         let emf = self.settings.winding.emf.emf(velocity).to_volts();
@@ -302,14 +307,12 @@ impl Motor {
 
     /// What the supply allows from now on. True if the bridge is told otherwise for it.
     pub(crate) fn allow(&mut self, draw: Share, burn: Share) -> bool {
-        if !self.bounds.allow(&self.placer, draw, burn) {
-            return false;
-        }
-        self.mode = self.drive().mode;
-        let effect = self.bounds.bounded().and_then(|(at, placement)| self.effect(at, placement));
-        self.expect_returned(effect);
+        let at = self.at_tick();
+        let Some(placement) = self.bounds.renew(&self.placer, at, draw, burn) else { return false };
+        self.mode = placement.drive.mode;
         // What is known of the motion must know of it too.
-        if let Some(Effect { flows, .. }) = effect {
+        if let Some(at) = at.filter(|_| placement.drive != Drive::COAST) {
+            let flows = self.placer.flows(at, placement);
             self.regulator.drive(Some(flows));
             self.identifier.drive(Some(flows));
         }
@@ -321,19 +324,20 @@ impl Motor {
         self.bounds.drive()
     }
 
-    /// Where the motor's energy goes while it brakes.
-    pub(crate) const fn returned(&self) -> Returned {
-        self.returned
+    /// Where the motor's energy goes while it brakes, as the bridge is told now.
+    pub(crate) fn returned(&self) -> Returned {
+        let placement = self.bounds.bounded().filter(|placement| placement.drive != Drive::COAST);
+        let returned = placement.zip(self.at_tick()).map(|(placement, at)| {
+            let flows = self.placer.flows(at, placement);
+            self.placer.returned(at, placement, flows, self.settings.ohms())
+        });
+        returned.unwrap_or(Returned::NONE)
     }
 
-    /// As the bridge does from now on.
-    fn expect_returned(&mut self, effect: Option<Effect>) {
-        self.returned = match self.bounds.bounded().zip(effect) {
-            Some(((at, placement), Effect { flows, .. })) => {
-                self.placer.returned(at, placement, flows, self.settings.ohms())
-            }
-            None => Returned::NONE,
-        };
+    /// For which the last tick's placement is.
+    fn at_tick(&self) -> Option<OperatingPoint> {
+        let (velocity, battery) = self.at_tick;
+        OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery)
     }
 
     /// What a voltage drives through winding and bridge against the back EMF of a speed.
@@ -400,7 +404,15 @@ impl Motor {
     /// The same, or what drives no more current than a hot winding may have. Braking is left as it is: a load that is
     /// let go of does more harm, and a motor that gets too hot by it is cut.
     fn spare(&self, at: OperatingPoint, output: Output) -> Output {
-        let Some(ceiling) = self.thermal.ceiling() else { return output };
+        match self.thermal.ceiling() {
+            Some(ceiling) => self.at_most(ceiling, at, output),
+            None => output,
+        }
+    }
+
+    /// Driven by no more than so many amperes.
+    #[inline(never)]
+    fn at_most(&self, ceiling: f32, at: OperatingPoint, output: Output) -> Output {
         let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
         let most = ceiling * self.settings.ohms();
         let allowed = Voltage::from_volts((emf - most).min(0.0))..=Voltage::from_volts((emf + most).max(0.0));
@@ -423,6 +435,9 @@ impl Motor {
 
     /// What the supply can give of it. (The control value then is the one that asks for that.)
     fn drawing(&self, at: OperatingPoint, (control, placement): Output) -> Output {
+        if self.bounds.are_none() {
+            return (control, placement);
+        }
         let drawing = self.placer.drawing_at_most(placement, self.bounds.draw(), at);
         if drawing.drive == placement.drive {
             return (control, placement);
@@ -450,7 +465,7 @@ impl Motor {
             probing: self.settings.probing,
         };
         let mut speed = self.regulator.wanted(demand);
-        let (control, placement) = match self.watch.step(circumstances) {
+        let (mut control, mut placement) = match self.watch.step(circumstances) {
             Finding::Fault(_) => return None,
             Finding::Insist(control) => (control, Placement::full_reverse(at)),
             Finding::Release => (Control::ZERO, Placement::full_braking(at)),
@@ -461,7 +476,9 @@ impl Motor {
                 self.place(at, request.control)
             }
         };
-        let (control, placement) = self.drawing(at, (control, placement));
+        if !self.bounds.are_none() {
+            (control, placement) = self.drawing(at, (control, placement));
+        }
         let push = placement.asked;
         self.watch.note(Order { target: speed, control, regime: placement.regime, push, velocity });
         Some((control, placement))

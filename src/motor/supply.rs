@@ -11,32 +11,42 @@ pub(super) struct Bounds {
     draw: Share,
     /// How far returned energy is to be burnt.
     burn: Share,
+    /// All may be drawn, and nothing is to be burnt.
+    none: bool,
     /// At the last tick, with what could be drawn then; `None` while the motor coasts.
-    placed: Option<(OperatingPoint, Placement)>,
-    /// The same within the bounds of now.
-    bounded: Option<(OperatingPoint, Placement)>,
-    /// The bridge does something else than was asked for.
-    intervenes: bool,
+    placed: Option<Placement>,
+    /// The same within the bounds of now, where there are any.
+    bounded: Option<Placement>,
 }
 
 impl Bounds {
     /// None.
     pub(super) const NONE: Self =
-        Self { draw: Share::ALL, burn: Share::NONE, placed: None, bounded: None, intervenes: false };
+        Self { draw: Share::ALL, burn: Share::NONE, none: true, placed: None, bounded: None };
 
     /// Takes a tick's placement; says what the bridge does.
-    pub(super) fn place(
-        &mut self,
-        placer: &Placer,
-        placed: Option<(OperatingPoint, Placement)>,
-    ) -> Option<(OperatingPoint, Placement)> {
-        self.placed = placed;
-        self.bounded = placed.map(|(at, placement)| {
-            let drawing = placer.drawing_at_most(placement, self.draw, at);
-            (at, placer.burning(drawing, self.burn, at))
-        });
-        self.intervenes = (self.draw, self.burn) != (Share::ALL, Share::NONE) && self.bounded != self.placed;
-        self.bounded
+    pub(super) fn place(&mut self, placer: &Placer, at: OperatingPoint, placed: Placement) -> Placement {
+        self.placed = Some(placed);
+        if self.none {
+            return placed;
+        }
+        let bounded = self.bound(placer, at, placed);
+        self.bounded = Some(bounded);
+        bounded
+    }
+
+    fn bound(&self, placer: &Placer, at: OperatingPoint, placed: Placement) -> Placement {
+        placer.burning(placer.drawing_at_most(placed, self.draw, at), self.burn, at)
+    }
+
+    /// The bridge is open until a placement is taken.
+    pub(super) const fn let_go(&mut self) {
+        (self.placed, self.bounded) = (None, None);
+    }
+
+    /// True if all is allowed.
+    pub(super) const fn are_none(&self) -> bool {
+        self.none
     }
 
     /// How much may be drawn.
@@ -44,32 +54,37 @@ impl Bounds {
         self.draw
     }
 
-    /// So much may be drawn, and so far returned energy is to be burnt, from now on. True if the bridge is told
-    /// otherwise for it. More than at the last tick is drawn from the next one on.
-    pub(super) fn allow(&mut self, placer: &Placer, draw: Share, burn: Share) -> bool {
-        if (draw, burn) == (self.draw, self.burn) {
-            return false;
-        }
-        (self.draw, self.burn) = (draw, burn);
+    /// Puts other bounds on the last tick's placement; says what the bridge does if that is something else than
+    /// before. More than at the last tick is drawn from the next one on.
+    pub(super) fn renew(
+        &mut self,
+        placer: &Placer,
+        at: Option<OperatingPoint>,
+        draw: Share,
+        burn: Share,
+    ) -> Option<Placement> {
         let before = self.drive();
-        self.place(placer, self.placed);
-        self.drive() != before
-    }
-
-    /// What the bridge does, if it is not open.
-    pub(super) const fn bounded(&self) -> Option<(OperatingPoint, Placement)> {
-        self.bounded
+        (self.draw, self.burn) = (draw, burn);
+        self.none = (draw, burn) == (Share::ALL, Share::NONE);
+        let bounded = self.bound(placer, at?, self.placed?);
+        self.bounded = Some(bounded);
+        (bounded.drive != before).then_some(bounded)
     }
 
     /// True if the bridge does something else than was asked for.
-    pub(super) const fn intervenes(&self) -> bool {
-        self.intervenes
+    pub(super) fn intervenes(&self) -> bool {
+        !self.none && self.bounded != self.placed
+    }
+
+    /// What the bridge does, if it is told anything.
+    pub(super) const fn bounded(&self) -> Option<Placement> {
+        if self.none { self.placed } else { self.bounded }
     }
 
     /// What the bridge is told.
     pub(super) const fn drive(&self) -> Drive {
-        match self.bounded {
-            Some((_, placement)) => placement.drive,
+        match self.bounded() {
+            Some(placement) => placement.drive,
             None => Drive::COAST,
         }
     }

@@ -66,9 +66,9 @@ impl Battery {
         Self { voltage, at, stage: Stage::Full, draw: Share::ALL, burn: Share::NONE }
     }
 
-    /// Itself, unless it is older than [`BATTERY_STALE_MICROS`].
-    pub const fn fresh(self, now: Micros) -> Option<Self> {
-        if now.since(self.at) <= BATTERY_STALE_MICROS { Some(self) } else { None }
+    /// True unless it is older than [`BATTERY_STALE_MICROS`].
+    pub const fn is_fresh(&self, now: Micros) -> bool {
+        now.since(self.at) <= BATTERY_STALE_MICROS
     }
 }
 

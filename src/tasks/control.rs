@@ -26,9 +26,9 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             if let Some(sensed) = wires.sensed.try_take() {
                 hub.sense(&sensed);
             }
-            if let Some(sample) = wires.battery.try_take() {
-                battery = Some(sample);
-                if let Some(drives) = hub.watch_bus(sample) {
+            if wires.battery.signaled() {
+                battery = wires.battery.try_take();
+                if let Some(drives) = battery.and_then(|sample| hub.watch_bus(sample)) {
                     wires.drives.signal(drives);
                 }
             }
@@ -44,7 +44,9 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             // Refused if whoever sent it used an index beyond N; there is no motor to do anything to.
             let _ = hub.apply(command);
         }
-        battery = wires.battery.try_take().or(battery);
+        if wires.battery.signaled() {
+            battery = wires.battery.try_take();
+        }
         let snapshot = hub.step(Inputs { now: micros(now), readings, battery });
         wires.drives.signal(snapshot.drives());
         snapshots.send(snapshot);

@@ -45,23 +45,23 @@ impl Millivolts {
     }
 }
 
-/// An energy, 0 to 4 294 967 J in steps of 1 mJ; what is more stays at the upper end.
+/// An energy, 0 to 1.8e13 J in steps of 1 uJ; what is more stays at the upper end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Millijoules(u32);
+pub struct Microjoules(u64);
 
-impl Millijoules {
+impl Microjoules {
     /// None.
     pub const ZERO: Self = Self(0);
 
-    /// From microjoules, rounded down.
-    pub const fn from_micros(microjoules: u64) -> Self {
-        let mj = microjoules / 1000;
-        Self(if mj > u32::MAX as u64 { u32::MAX } else { mj as u32 })
+    /// And so much more.
+    #[must_use]
+    pub const fn plus(self, microjoules: u32) -> Self {
+        Self(self.0.saturating_add(microjoules as u64))
     }
 
-    /// Whole millijoules.
-    pub const fn get(self) -> u32 {
+    /// Microjoules.
+    pub const fn get(self) -> u64 {
         self.0
     }
 }

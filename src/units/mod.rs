@@ -8,7 +8,7 @@
 //! | [`Coefficient`] of a PIDF | -32 768 to 32 768 | 2^-16 |
 //! | [`Millivolts`] | 0 to 65 535 mV | 1 mV |
 //! | [`Milliamperes`] | +-2^31 mA | 1 mA |
-//! | [`Millijoules`] | 0 to 2^32 - 1 mJ | 1 mJ |
+//! | [`Microjoules`] | 0 to 2^64 - 1 uJ | 1 uJ |
 //! | [`Resistance`] | 1 to 65 535 mohm | 1 mohm |
 //! | [`Inductance`] | 1 to 65 535 uH | 1 uH |
 //! | [`EmfConstant`] | above 0, below 32 mV s/count | 2^-20 |
@@ -53,7 +53,7 @@ mod time;
 pub use control::{Coefficient, Control, Duty, Share};
 pub use dynamics::{Acceleration, AccelerationPerVolt, DecayRate};
 pub use electrical::{
-    Emf, EmfConstant, Inductance, Milliamperes, Millijoules, Millivolts, Resistance, Voltage,
+    Emf, EmfConstant, Inductance, Microjoules, Milliamperes, Millivolts, Resistance, Voltage,
 };
 pub use motion::CountsPerSecond;
 pub use time::{Micros, Period};

@@ -68,8 +68,8 @@ impl Run {
             }
             seen.highest_v = moment.highest_v;
             seen.shut_down |= moment.shut_down > 0;
-            seen.returned_j = f64::from(moment.snapshot.bus.returned.get()) / 1e3;
-            seen.burnt_j = f64::from(moment.snapshot.bus.burnt.get()) / 1e3;
+            seen.returned_j = moment.snapshot.bus.returned.get() as f64 / 1e6;
+            seen.burnt_j = moment.snapshot.bus.burnt.get() as f64 / 1e6;
         })
         .expect("it runs");
         seen
