@@ -141,7 +141,7 @@ impl<const N: usize> Hub<N> {
             period,
             tick: 0,
             missed: 0,
-            account: Account::NEW,
+            account: Account::new(period),
             allowed: (Share::ALL, Share::NONE),
         }
     }
@@ -227,7 +227,7 @@ impl<const N: usize> Hub<N> {
         {
             self.allow(draw, burn, inputs.now);
         }
-        if self.account.is_due(inputs.now) {
+        if self.account.is_due(self.tick) {
             self.settle_account(inputs.now);
         }
         self.tick = self.tick.wrapping_add(1);

@@ -2,7 +2,7 @@
 
 use crate::braking::Returned;
 use crate::supply::{Battery, Stage};
-use crate::units::{Microjoules, Micros, Share};
+use crate::units::{Microjoules, Micros, Period, Share};
 
 /// The bus as of one tick. None of it is a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,23 +24,27 @@ impl Bus {
         Self { stage: Stage::Full, burn: Share::NONE, returned: Microjoules::ZERO, burnt: Microjoules::ZERO };
 }
 
-/// Nothing is added up more often than this but at changes of what the supply allows: the usual control period.
-const LONGEST_MICROS: u64 = 50_000;
+/// Ticks that are closer than this are not added up one by one: drives hardly change from one to the next.
+const INTERVAL_MS: u32 = 50;
 
 /// Adds up.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Account {
+    /// Ticks from one entry to the next; changes of what the supply allows have entries of their own.
+    ticks: u32,
     until: Option<Micros>,
     returned: Microjoules,
     burnt: Microjoules,
 }
 
 impl Account {
-    pub(super) const NEW: Self = Self { until: None, returned: Microjoules::ZERO, burnt: Microjoules::ZERO };
+    pub(super) fn new(period: Period) -> Self {
+        let ticks = (INTERVAL_MS / period.as_millis()).max(1);
+        Self { ticks, until: None, returned: Microjoules::ZERO, burnt: Microjoules::ZERO }
+    }
 
-    /// Long enough ago for a motor to have another speed.
-    pub(super) fn is_due(&self, now: Micros) -> bool {
-        self.until.is_none_or(|until| now.since(until) >= LONGEST_MICROS)
+    pub(super) const fn is_due(&self, tick: u32) -> bool {
+        tick.is_multiple_of(self.ticks)
     }
 
     /// So it went on until now.
