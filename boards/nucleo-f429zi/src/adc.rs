@@ -90,11 +90,8 @@ fn start() {
 /// True if VREFINT, and the battery before it, has been converted since this was last asked.
 fn is_new() -> bool {
     let new = pac::ADC1.sr().read().jeoc();
-    // A written one changes nothing (RM0090 13.13.1).
-    pac::ADC1.sr().write(|w| {
-        w.0 = u32::MAX;
-        w.set_jeoc(false);
-    });
+    // A flag that is raised in between is cleared with it, and comes again with the next conversion.
+    pac::ADC1.sr().modify(|w| w.set_jeoc(false));
     new
 }
 
@@ -115,10 +112,7 @@ impl SupplyAdc for BatteryAdc {
         let reading = |voltage: &Millivolts| self.scale.reading(*voltage, self.vrefint);
         pac::ADC1.ltr().write(|w| w.set_lt(reading(quiet.start())));
         pac::ADC1.htr().write(|w| w.set_ht(reading(quiet.end())));
-        pac::ADC1.sr().write(|w| {
-            w.0 = u32::MAX;
-            w.set_awd(false);
-        });
+        pac::ADC1.sr().modify(|w| w.set_awd(false));
         poll_fn(|context| {
             WATCHER.register(context.waker());
             if pac::ADC1.sr().read().awd() {
