@@ -84,11 +84,11 @@ pub struct Supply {
     newest: Option<Battery>,
 }
 
-/// Of first order. (In single precision: a division of 64 bits takes some chips as long as all the rest.)
+/// Of first order. (Its weight in single precision: a division of 64 bits takes some chips as long as all the rest.)
 #[derive(Clone, Copy, Debug)]
 struct Filter {
-    /// In millivolts.
-    value: f32,
+    /// In steps of 2^-8 mV.
+    value: i32,
     at: Micros,
 }
 
@@ -96,10 +96,11 @@ impl Filter {
     /// The shorter a voltage has been there, in microseconds, the less it counts. After a silence, and at first, it is
     /// all that counts.
     fn step(before: Option<Self>, voltage: Millivolts, at: Micros, passed: u32) -> Self {
-        let new = f32::from(voltage.get());
+        let new = i32::from(voltage.get()) << 8;
         let value = match before {
             Some(Self { value, at: last }) if at.since(last) <= BATTERY_STALE_MICROS => {
-                value + (new - value) * passed as f32 / (passed as f32 + FILTER_MICROS)
+                let weight = passed as f32 / (passed as f32 + FILTER_MICROS);
+                value + ((new - value) as f32 * weight) as i32
             }
             _ => new,
         };
@@ -108,7 +109,7 @@ impl Filter {
 
     /// Within the limits like everything it is made of, hence within 16 bits.
     fn voltage(self) -> Millivolts {
-        Millivolts::new((self.value + 0.5) as u16)
+        Millivolts::new(((self.value + 128) >> 8) as u16)
     }
 }
 
