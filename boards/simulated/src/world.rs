@@ -35,8 +35,8 @@ use std::cell::RefCell;
 use std::ops::RangeInclusive;
 use std::rc::Rc;
 
-/// The bus's divider: 82 k over 10 k brings 30 V within the converter's range, as on the NUCLEO.
-const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
+/// The bus's divider: 47 k over 10 k brings 18 V within the converter's range; what is more reads as that.
+const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
 /// The chip's supply, off its nominal 3.3 V as real ones are.
 const RAIL_V: f64 = 3.27;
 const VREFINT_V: f64 = 1.21;
