@@ -134,7 +134,7 @@ impl<const N: usize> Bench<N> {
                 *reading = axis.tracker.step(count as u16, now);
             }
             if self.ms.is_multiple_of(u64::from(self.hub.period().as_millis())) {
-                let battery = Some(Battery { voltage: Millivolts::new(12_000), at: now });
+                let battery = Some(Battery::good(Millivolts::new(12_000), now));
                 self.snapshot = self.hub.step(Inputs { now, readings: readings.map(Some), battery });
                 self.drives = self.snapshot.drives();
             }

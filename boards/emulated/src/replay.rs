@@ -47,6 +47,9 @@ pub enum ReplayError {
         /// The image's, in milliseconds.
         image: u32,
     },
+    /// The bench's battery takes whatever comes back.
+    #[error("a bus is not run on the emulated chip")]
+    Bus,
     /// What groups do cannot be told from a chip's lines.
     #[error("groups are not run on the emulated chip")]
     Groups,
@@ -102,6 +105,9 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
     if scenario.period != Period::DEFAULT {
         let (asked, image) = (scenario.period.as_millis(), Period::DEFAULT.as_millis());
         return Err(ReplayError::Period { asked, image });
+    }
+    if scenario.bus.is_some() {
+        return Err(ReplayError::Bus);
     }
     if !scenario.groups.is_empty() {
         return Err(ReplayError::Groups);

@@ -18,20 +18,24 @@
 //! ```
 
 use crate::hardware::{BRIDGE, MOTORS};
+use embassy_time::Timer;
 use motor_hub::board::{BridgeFaults, Bridges, Encoders, SupplyAdc, Watchdog};
 use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::model::battery::Battery;
+use motor_hub::model::bus::{Bus, Shutdown};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::{Flow, Influence, Plant};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
+use motor_hub::tasks::supply::WATCH_INTERVAL;
 use motor_hub::units::{Duty, Millivolts, constant};
 use std::cell::RefCell;
+use std::ops::RangeInclusive;
 use std::rc::Rc;
 
-/// The battery's divider: 47 k over 10 k brings 18 V within the converter's range.
+/// The bus's divider: 47 k over 10 k brings 18 V within the converter's range; what is more reads as that.
 const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
 /// The chip's supply, off its nominal 3.3 V as real ones are.
 const RAIL_V: f64 = 3.27;
@@ -67,8 +71,12 @@ pub struct Board(Rc<RefCell<World>>);
 /// What the outside sees of the world at one moment.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// Voltage at the battery's terminals in volts.
+    /// Voltage at the battery's terminals, or of the bus, in volts.
     pub battery_v: f64,
+    /// The highest that it has been so far.
+    pub highest_v: f64,
+    /// Bridges that have opened by themselves.
+    pub shut_down: usize,
     /// Speed in counts per second and whole counts, by motor.
     pub motors: Vec<(f64, i64)>,
 }
@@ -94,6 +102,19 @@ impl Board {
             unfed_s: 0.0,
             starved: false,
         })))
+    }
+
+    /// Puts a capacitor behind the battery.
+    pub fn set_bus(&self, bus: Bus) {
+        let mut world = self.0.borrow_mut();
+        world.rig = world.rig.clone().with_bus(bus);
+    }
+
+    /// Opens the contactor between battery and capacitor.
+    pub fn open_contactor(&self) {
+        if let Some(bus) = &mut self.0.borrow_mut().rig.bus {
+            bus.closed = false;
+        }
     }
 
     /// Changes the battery's voltage without load.
@@ -125,7 +146,16 @@ impl Board {
             let turns = plant.speed().0 / std::f64::consts::TAU;
             (turns * plant.motor().counts_per_rev_motor, plant.counts())
         });
-        View { battery_v: world.rig.voltage().0, motors: motors.collect() }
+        let shut_down = world.rig.shutdowns().iter().filter(|&&bridge| bridge != Shutdown::None).count();
+        let (battery_v, highest_v) = (world.rig.voltage().0, world.rig.range().1.0);
+        View { battery_v, highest_v, shut_down, motors: motors.collect() }
+    }
+
+    /// True if the battery's voltage is none of these, for a converter without noise.
+    pub(crate) fn has_left(&self, quiet: &RangeInclusive<Millivolts>) -> bool {
+        let millivolts = 1e3 * self.0.borrow().rig.voltage().0;
+        let [low, high] = [quiet.start(), quiet.end()].map(|voltage| f64::from(voltage.get()));
+        millivolts < low || millivolts > high
     }
 
     /// True if the watchdog would have reset the chip.
@@ -161,6 +191,15 @@ impl SupplyAdc for Board {
         let pin = world.rig.voltage().0 * bottom / (top + bottom);
         let sample = VrefintSample { battery: world.convert(pin), vrefint: world.convert(VREFINT_V) };
         SCALE.battery(sample)
+    }
+
+    async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {
+        loop {
+            Timer::after(WATCH_INTERVAL).await;
+            if self.has_left(&quiet) {
+                return;
+            }
+        }
     }
 }
 

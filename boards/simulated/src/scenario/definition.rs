@@ -11,10 +11,22 @@ use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
-use motor_hub::units::{Acceleration, Period, RangeError};
+use motor_hub::supply::{Levels, Limits};
+use motor_hub::units::{Acceleration, Millivolts, Period, RangeError, constant};
 
 /// The longest run, in seconds: a trace must fit in memory.
 pub const LONGEST_S: f64 = 300.0;
+
+/// Whatever a battery has from 5 to 18 V is good, and nothing is burnt: as if it were no matter of the hub.
+pub const UNLIMITED: Limits = constant!(Limits::new(Levels {
+    min: Millivolts::new(5_000),
+    cut: Millivolts::new(5_000),
+    derate: Millivolts::new(5_001),
+    recover: Millivolts::new(5_001),
+    burn: Millivolts::new(17_999),
+    burn_all: Millivolts::new(18_000),
+    max: Millivolts::new(18_000),
+}));
 
 /// A run: its motors, its battery, its length.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +41,10 @@ pub struct Scenario {
     pub seed: u64,
     /// The supply as it is at the start.
     pub battery: Battery,
+    /// What is between it and the bridges, if that is more than a wire.
+    pub bus: Option<Bus>,
+    /// What the hub takes for its voltages.
+    pub limits: Limits,
     /// Its voltage without load later on, times ascending: in straight lines from one to the next, the
     /// last one holds.
     pub emf_over_time: Vec<Timed<f64>>,
@@ -40,6 +56,17 @@ pub struct Scenario {
     pub emulated: bool,
     /// What makes it a test.
     pub expectations: Vec<Expectation>,
+}
+
+/// The bus of a scenario.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bus {
+    /// In farads.
+    pub capacitance_f: f64,
+    /// The battery gives current and takes none.
+    pub one_way: bool,
+    /// A contactor takes the battery away, in seconds since the start.
+    pub opens_at_s: Option<f64>,
 }
 
 /// One motor of a scenario.
@@ -140,6 +167,8 @@ impl Scenario {
             period: Period::DEFAULT,
             seed: 1,
             battery,
+            bus: None,
+            limits: Limits::TWELVE_VOLTS,
             emf_over_time: Vec::new(),
             motors,
             groups: Vec::new(),

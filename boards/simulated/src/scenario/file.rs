@@ -1,12 +1,13 @@
 //! Reads a scenario file: from its tables, by checks, to a [`Scenario`].
 
+mod bus;
 mod expect;
 mod friction;
 mod groups;
 mod ranges;
 mod tables;
 
-use super::definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
+use super::definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion, UNLIMITED};
 use super::mistake::{Checked, Fault, Mistake, fault};
 use crate::hardware::{BRIDGE, MOTORS, REAL_BRIDGE, thermal_limit};
 use crate::scheme::SchemeName;
@@ -14,6 +15,7 @@ use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::{battery::Battery, load::Load, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, ThermalLimit, ZeroPower};
+use motor_hub::supply::Limits;
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Period};
 use ranges::{FASTEST_CPS, HARDEST_CPS2, named, optional, timeline, within};
 use std::ops::RangeInclusive;
@@ -53,6 +55,13 @@ pub(super) fn read(text: &str) -> Checked<Scenario> {
             emf: si::Volts(within(&file.battery.emf_v, "emf_v", EMF)?),
             resistance: si::Ohms(within(&file.battery.resistance_ohm, "resistance_ohm", 0.0..=1.0)?),
         },
+        bus: file.bus.as_ref().map(|table| table.get_ref().check(duration_s)).transpose()?,
+        limits: match &file.bus {
+            Some(bus) if file.battery.unlimited => return Err(fault(bus, Mistake::BusUnlimited)),
+            Some(bus) => bus.get_ref().limits()?,
+            None if file.battery.unlimited => UNLIMITED,
+            None => Limits::TWELVE_VOLTS,
+        },
         emf_over_time: timeline(
             &file.battery.emf_over_time,
             duration_s,
@@ -90,8 +99,9 @@ fn check_told_something(file: &File, groups: &[Group]) -> Checked<()> {
             return Err(fault(table, Mistake::NoSetpoints));
         }
     }
-    match file.groups.first() {
-        Some(group) if file.emulated => Err(fault(group, Mistake::GroupsEmulated)),
+    match (file.groups.first(), &file.bus) {
+        (Some(group), _) if file.emulated => Err(fault(group, Mistake::GroupsEmulated)),
+        (_, Some(bus)) if file.emulated => Err(fault(bus, Mistake::BusEmulated)),
         _ => Ok(()),
     }
 }

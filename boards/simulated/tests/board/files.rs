@@ -307,3 +307,23 @@ fn a_group_that_cannot_be_is_refused() {
     refused("group = \"base\"\n", "", "of a group with a base");
     refused("settles_within_s = 1.0", "fault = \"none\"", "only settles_within_s and heading_error");
 }
+
+#[test]
+fn a_bus_that_makes_no_sense_is_refused_with_what_is_allowed() {
+    let refused = |bus: &str, words: &str| {
+        let text = SOUND.replacen("[[motors]]", &format!("[bus]\n{bus}\n[[motors]]"), 1);
+        let error = Scenario::parse("bus.toml", &text).expect_err(bus).to_string();
+        assert!(error.contains(words), "{bus}: {error}");
+    };
+    refused("one_way = true", "capacitance_f");
+    let unlimited = SOUND.replacen("resistance_ohm = ", "unlimited = true, resistance_ohm = ", 1);
+    let text = unlimited.replacen("[[motors]]", "[bus]\ncapacitance_f = 0.001\n[[motors]]", 1);
+    let error = Scenario::parse("bus.toml", &text).expect_err("both").to_string();
+    assert!(error.contains("not unlimited"), "{error}");
+    refused("capacitance_f = 0", "capacitance_f = 0 is out of range; allowed is 0.00001 to 1");
+    refused("capacitance_f = 0.001\nopens_at_s = 301", "opens_at_s = 301 is out of range");
+    for between in ["[7.5, 15]", "[15, 15]", "[14, 24.1]", "[-1, 15]", "[14, nan]"] {
+        let bus = format!("capacitance_f = 0.001\nburn_between_v = {between}");
+        refused(&bus, "low above 7.5 V, below high, and high up to 24 V");
+    }
+}
