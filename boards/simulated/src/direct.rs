@@ -18,7 +18,7 @@ use embassy_futures::block_on;
 use motor_hub::board::{BridgeFaults, Bridges, Encoders, SupplyAdc};
 use motor_hub::bridge::Sensed;
 use motor_hub::hub::{Hub, Inputs, Snapshot};
-use motor_hub::model::si::{Seconds, Volts};
+use motor_hub::model::si::Seconds;
 use motor_hub::motion::Tracker;
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::bridges::SENSE_INTERVAL;
@@ -73,7 +73,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         let view = board.view();
         each(Moment { ms, snapshot: &snapshot, battery_v: view.battery_v, motors: &view.motors });
         let now_s = ms as f64 * STEP_S;
-        board.set_emf(Volts(scenario.emf_at(now_s).0));
+        sim::change(scenario, &board, now_s);
         board.run(Seconds(STEP_S), &sim::torques(scenario, now_s));
     }
     Ok(())

@@ -125,10 +125,18 @@ pub(crate) fn tasks<'a>(
 
 /// Lets [`STEP_S`] pass in the world and on the hub's clock, under these torques in newton metres.
 pub(crate) fn advance(scenario: &Scenario, board: &Board, now_s: f64, torques: &[f64]) -> Vec<Flow> {
-    board.set_emf(scenario.emf_at(now_s));
+    change(scenario, board, now_s);
     let flows = board.run(Seconds(STEP_S), torques);
     MockDriver::get().advance(Duration::from_millis(1));
     flows
+}
+
+/// What a scenario changes about the board but for torques.
+pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
+    board.set_emf(scenario.emf_at(now_s));
+    for (index, motor) in scenario.motors.iter().enumerate() {
+        board.set_encoder(index, motor.encoder_at(now_s));
+    }
 }
 
 /// External torques on the output shafts in newton metres.

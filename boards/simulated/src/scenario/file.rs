@@ -1,5 +1,6 @@
 //! Reads a scenario file: from its tables, by checks, to a [`Scenario`].
 
+mod encoders;
 mod expect;
 mod friction;
 mod groups;
@@ -10,6 +11,7 @@ use super::definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMoti
 use super::mistake::{Checked, Fault, Mistake, fault};
 use crate::hardware::{BRIDGE, MOTORS, REAL_BRIDGE, thermal_limit};
 use crate::scheme::SchemeName;
+use encoders::check as check_encoder;
 use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::{battery::Battery, load::Load, si};
 use motor_hub::motion::Pidf;
@@ -149,6 +151,7 @@ impl MotorTable {
             position: coefficients.position.as_ref().map(GainTable::check).transpose()?,
             setpoints: timeline(&self.setpoints, duration_s, |s| &s.at_s, SetPointTable::check)?,
             torques: self.check_torques(duration_s)?,
+            encoder: timeline(&self.encoder, duration_s, |e| &e.at_s, check_encoder)?,
         })
     }
 
