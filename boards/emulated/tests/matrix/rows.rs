@@ -112,7 +112,7 @@ pub(crate) const ROWS: [Row; 24] = [
     row("200 glitches/s", glitches(200), &[], [WORKS; 4]),
     row("converter dead", Fault::ConverterDead, &["battery reads 0 V"], BLIND),
     row("battery at 19 V", Fault::Battery(19.0), &["battery reads 0 V"], BLIND),
-    // Open loop is a share of the battery's voltage.
+    // Nobody watches the bus below 18 V. Open loop is a share of its voltage.
     row("16 V", Fault::Battery(16.0), &[], [turns(1_150.0, 1_350.0), WORKS, WORKS, WORKS]),
     row("6.5 V", Fault::Battery(6.5), &["battery low"], [turns(450.0, 650.0), WORKS, WORKS, WORKS]),
     row("4.5 V", Fault::Battery(4.5), &["battery reads 0 V"], BLIND),
