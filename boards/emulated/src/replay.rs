@@ -27,6 +27,7 @@ use motor_hub::protocol::setup::{Motion, Protection, ToSetup};
 use motor_hub::regulator;
 use motor_hub::responder::setup;
 use motor_hub::units::{CountsPerSecond, Duty, Period, RangeError};
+use simulated::encoder::Encoder;
 use simulated::scenario::{Motor, Scenario};
 use simulated::trace::{Sample, Tick, Trace};
 
@@ -196,6 +197,7 @@ enum Order {
     SetUp(usize),
     Setpoint(usize, Setpoint),
     Torque(usize, f64),
+    Encoder(usize, Encoder),
 }
 
 /// Everything that the scenario wants, by time.
@@ -204,6 +206,7 @@ fn orders(scenario: &Scenario) -> Vec<(f64, Order)> {
     for (index, motor) in scenario.motors.iter().enumerate() {
         orders.push((0.6 * READY_S, Order::SetUp(index)));
         orders.extend(motor.torques.iter().map(|t| (t.at_s, Order::Torque(index, t.value))));
+        orders.extend(motor.encoder.iter().map(|t| (t.at_s, Order::Encoder(index, t.value))));
         orders.extend(motor.setpoints.iter().map(|t| (t.at_s, Order::Setpoint(index, t.value))));
     }
     orders.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -219,6 +222,7 @@ fn carry_out(
     match order {
         Order::SetUp(index) => return set_up(bench, talk, index as u8, scenario),
         Order::Torque(motor, torque) => bench.set_torque(motor, torque),
+        Order::Encoder(motor, encoder) => bench.set_encoder(motor, encoder),
         Order::Setpoint(motor, setpoint) => {
             let floats = scenario.motors[motor].zero_power == ZeroPower::Float;
             let motor = motor as u8;

@@ -92,7 +92,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         let (battery_v, highest_v, shut_down) = (*battery_v, *highest_v, *shut_down);
         each(Moment { ms, snapshot: &snapshot, battery_v, highest_v, shut_down, drives: &drives, motors });
         let now_s = ms as f64 * STEP_S;
-        sim::change_source(scenario, &board, now_s);
+        sim::change(scenario, &board, now_s);
         board.run(Seconds(STEP_S), &sim::torques(scenario, now_s));
     }
     Ok(())

@@ -126,17 +126,20 @@ pub(crate) fn tasks<'a>(
 
 /// Lets [`STEP_S`] pass in the world and on the hub's clock, under these torques in newton metres.
 pub(crate) fn advance(scenario: &Scenario, board: &Board, now_s: f64, torques: &[f64]) -> Vec<Flow> {
-    change_source(scenario, board, now_s);
+    change(scenario, board, now_s);
     let flows = board.run(Seconds(STEP_S), torques);
     MockDriver::get().advance(Duration::from_millis(1));
     flows
 }
 
-/// The battery as it is at a time in seconds.
-pub(crate) fn change_source(scenario: &Scenario, board: &Board, now_s: f64) {
+/// What a scenario changes about the board but for torques.
+pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
     board.set_emf(scenario.emf_at(now_s));
     if scenario.bus.is_some_and(|bus| bus.opens_at_s.is_some_and(|at_s| now_s >= at_s)) {
         board.open_contactor();
+    }
+    for (index, motor) in scenario.motors.iter().enumerate() {
+        board.set_encoder(index, motor.encoder_at(now_s));
     }
 }
 

@@ -17,6 +17,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use crate::encoder::{Counter, Encoder};
 use crate::hardware::{BRIDGE, MOTORS};
 use embassy_time::Timer;
 use motor_hub::board::{BridgeFaults, Bridges, Encoders, SupplyAdc, Watchdog};
@@ -57,6 +58,7 @@ pub struct World {
     rig: Rig,
     drives: [Drive; MOTORS],
     bridges: Vec<BridgeConstants>,
+    counters: Vec<Counter>,
     /// Bridges that have switched themselves off, until their lines go low.
     faults: [bool; MOTORS],
     noise: fastrand::Rng,
@@ -90,6 +92,7 @@ impl Board {
     ) -> Self {
         let pwm = Hertz(f64::from(BRIDGE.pwm_hz()));
         let motors: Vec<_> = motors.collect();
+        let counters = (0..motors.len() as u64).map(|motor| Counter::new(seed ^ motor)).collect();
         let bridges = motors.iter().map(|(_, _, bridge)| *bridge).collect();
         let plants =
             motors.into_iter().map(|(motor, load, bridge)| Plant::new(motor, load, bridge.into(), pwm));
@@ -97,6 +100,7 @@ impl Board {
             rig: Rig::new(battery, plants.collect()),
             drives: [Drive::COAST; MOTORS],
             bridges,
+            counters,
             faults: [false; MOTORS],
             noise: fastrand::Rng::with_seed(seed),
             unfed_s: 0.0,
@@ -122,6 +126,13 @@ impl Board {
         self.0.borrow_mut().rig.battery.emf = emf;
     }
 
+    /// Connects an encoder differently, from now on.
+    pub fn set_encoder(&self, motor: usize, encoder: Encoder) {
+        if let Some(counter) = self.0.borrow_mut().counters.get_mut(motor) {
+            counter.connect(encoder);
+        }
+    }
+
     /// Lets time pass under external torques in newton metres, one for each motor.
     pub fn run(&self, time: Seconds, torques: &[f64]) -> Vec<Flow> {
         let mut world = self.0.borrow_mut();
@@ -136,7 +147,12 @@ impl Board {
             .collect();
         world.unfed_s += time.0;
         world.starved |= world.unfed_s > WATCHDOG_S;
-        world.rig.run(time, &commands).flows
+        let flows = world.rig.run(time, &commands).flows;
+        let World { counters, rig, .. } = &mut *world;
+        for (counter, plant) in counters.iter_mut().zip(&rig.plants) {
+            counter.turn(plant.counts(), (1e9 * time.0).round() as u64);
+        }
+        flows
     }
 
     /// Looks at everything.
@@ -176,9 +192,9 @@ impl World {
 impl Encoders<MOTORS> for Board {
     fn counts(&mut self) -> [Option<u16>; MOTORS] {
         let mut counts = [None; MOTORS];
-        for (count, plant) in counts.iter_mut().zip(&self.0.borrow().rig.plants) {
+        for (count, counter) in counts.iter_mut().zip(&self.0.borrow().counters) {
             // A counter of 16 bits wraps.
-            *count = Some(plant.counts() as u16);
+            *count = Some(counter.count() as u16);
         }
         counts
     }

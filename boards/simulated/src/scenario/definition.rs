@@ -1,6 +1,7 @@
 //! What a scenario is, once it has been checked.
 
 use super::expectation::Expectation;
+use crate::encoder::Encoder;
 use crate::hardware::{BRIDGE, mechanics, winding};
 use motor_hub::braking::{DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
@@ -102,6 +103,8 @@ pub struct Motor {
     pub setpoints: Vec<Timed<Setpoint>>,
     /// External torque on the output shaft in newton metres, times ascending, from 0 s on.
     pub torques: Vec<Timed<f64>>,
+    /// How its encoder is, times ascending; sound before the first.
+    pub encoder: Vec<Timed<Encoder>>,
 }
 
 /// Motors of a scenario that move in step.
@@ -248,6 +251,7 @@ impl Motor {
             position: None,
             setpoints: Vec::new(),
             torques: vec![Timed { at_s: 0.0, value: 0.0 }],
+            encoder: Vec::new(),
         }
     }
 
@@ -301,6 +305,11 @@ impl Motor {
     /// The external torque in newton metres that holds at a time in seconds.
     pub fn torque_at(&self, at_s: f64) -> f64 {
         latest(&self.torques, at_s).unwrap_or_default()
+    }
+
+    /// How the encoder is at a time in seconds.
+    pub fn encoder_at(&self, at_s: f64) -> Encoder {
+        latest(&self.encoder, at_s).unwrap_or_default()
     }
 }
 

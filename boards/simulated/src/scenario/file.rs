@@ -1,6 +1,7 @@
 //! Reads a scenario file: from its tables, by checks, to a [`Scenario`].
 
 mod bus;
+mod encoders;
 mod expect;
 mod friction;
 mod groups;
@@ -11,6 +12,7 @@ use super::definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMoti
 use super::mistake::{Checked, Fault, Mistake, fault};
 use crate::hardware::{BRIDGE, MOTORS, REAL_BRIDGE, thermal_limit};
 use crate::scheme::SchemeName;
+use encoders::check as check_encoder;
 use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::{battery::Battery, load::Load, si};
 use motor_hub::motion::Pidf;
@@ -159,6 +161,7 @@ impl MotorTable {
             position: coefficients.position.as_ref().map(GainTable::check).transpose()?,
             setpoints: timeline(&self.setpoints, duration_s, |s| &s.at_s, SetPointTable::check)?,
             torques: self.check_torques(duration_s)?,
+            encoder: timeline(&self.encoder, duration_s, |e| &e.at_s, check_encoder)?,
         })
     }
 

@@ -125,6 +125,9 @@ pub enum Mistake {
     /// None, or several, of the four kinds of set-point.
     #[error("a set-point says exactly one of power, velocity_cps, position_counts and disable")]
     SetpointKind,
+    /// None, or several, of the three ways to say how an encoder is.
+    #[error("an encoder says exactly one of is, glitches_per_s and slot_missing_of")]
+    EncoderKind,
     /// A position without its two companions.
     #[error("position_counts needs tolerance_counts and speed_limit_cps beside it")]
     PositionAlone,

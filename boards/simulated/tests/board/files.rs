@@ -95,6 +95,19 @@ fn numbers_out_of_range_name_the_range() {
 }
 
 #[test]
+fn an_encoder_is_one_thing_at_a_time() {
+    let encoder = |how: &str, place, says| {
+        let with = format!("encoder = [{{ at_s = 1.0{how} }}]\nscheme = \"D\"");
+        refused("scheme = \"D\"", &with, place, says);
+    };
+    encoder("", "9:12", "exactly one of");
+    encoder(", is = \"a-low\", glitches_per_s = 20", "9:12", "exactly one of");
+    encoder(", is = \"dirty\"", "9:31", "`a-loose`");
+    encoder(", glitches_per_s = 0", "9:43", "1 to 100000");
+    encoder(", slot_missing_of = 10001", "9:44", "1 to 10000");
+}
+
+#[test]
 fn contradictions_are_found() {
     refused("velocity_cps = 1000", "velocity_cps = 1000, power = 0.5", "14:5", "exactly one of");
     refused("velocity_cps = 1000", "", "14:5", "exactly one of");

@@ -85,6 +85,8 @@ pub(super) struct MotorTable {
     pub(super) setpoints: Vec<Spanned<SetPointTable>>,
     #[serde(default)]
     pub(super) torques: Vec<Spanned<TorqueTable>>,
+    #[serde(default)]
+    pub(super) encoder: Vec<Spanned<EncoderTable>>,
 }
 
 /// The two rotor inertias that the catalogue knows.
@@ -220,4 +222,27 @@ pub(super) struct SetPointTable {
 pub(super) struct TorqueTable {
     pub(super) at_s: Spanned<f64>,
     pub(super) torque_nm: Spanned<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EncoderTable {
+    pub(super) at_s: Spanned<f64>,
+    pub(super) is: Option<EncoderWord>,
+    pub(super) glitches_per_s: Option<Spanned<i64>>,
+    pub(super) slot_missing_of: Option<Spanned<i64>>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum EncoderWord {
+    Sound,
+    Reversed,
+    Unplugged,
+    ALow,
+    AHigh,
+    BLow,
+    BHigh,
+    ALoose,
+    BLoose,
 }
