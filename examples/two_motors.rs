@@ -20,6 +20,8 @@ use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Wires};
 use motor_hub::units::{CountsPerSecond, EmfConstant, Inductance, Millivolts, Period, Resistance, constant};
 use std::cell::{Cell, RefCell};
+use std::future::pending;
+use std::ops::RangeInclusive;
 use std::pin::pin;
 use std::task::{Context, Waker};
 
@@ -45,6 +47,10 @@ impl Encoders<2> for &Board {
 impl SupplyAdc for &Board {
     async fn sample(&mut self) -> Option<Millivolts> {
         Some(Millivolts::new(12_000))
+    }
+
+    async fn leaves(&mut self, _: RangeInclusive<Millivolts>) {
+        pending().await
     }
 }
 

@@ -20,6 +20,7 @@
 
 use crate::bridge::Drive;
 use crate::units::{Milliamperes, Millivolts};
+use core::ops::RangeInclusive;
 
 /// The quadrature counters of N motors.
 pub trait Encoders<const N: usize> {
@@ -38,6 +39,11 @@ pub trait SupplyAdc {
     /// of use. `None` if the converter does not answer or its reference makes no sense. Must end by itself
     /// in a few milliseconds.
     async fn sample(&mut self) -> Option<Millivolts>;
+
+    /// Ends when the battery's voltage lies outside of `quiet`, or so near to its ends that the converter cannot tell,
+    /// a millisecond later at most: a converter's own watchdog costs the core nothing meanwhile. May be dropped at any
+    /// time.
+    async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>);
 }
 
 /// N H bridges.

@@ -13,7 +13,7 @@
 //! hub.apply(Command { motor: 1, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) })?;
 //!
 //! let now = Micros::new(50_000);
-//! let battery = Some(Battery { voltage: Millivolts::new(12_000), at: now });
+//! let battery = Some(Battery::good(Millivolts::new(12_000), now));
 //! let snapshot = hub.step(Inputs { now, readings: [None; 2], battery });
 //! assert_eq!(snapshot.motors[0].drive, Drive::COAST);
 //! assert_eq!(snapshot.motors[1].drive.mode, Mode::Cw98);
@@ -22,15 +22,19 @@
 //! # Ok::<(), motor_hub::units::RangeError>(())
 //! ```
 
+mod bus;
 mod groups;
 
 use crate::bridge::{Drive, Sensed};
 use crate::group::{Halt, Together};
 use crate::motion::Reading;
 use crate::motor::{Motor, Report, Setpoint, Settings};
-use crate::supply::Battery;
-use crate::units::{Micros, Millivolts, Period, RangeError};
+use crate::supply::{Battery, Stage};
+use crate::units::{Micros, Millivolts, Period, RangeError, Share};
+use bus::Account;
 use groups::Groups;
+
+pub use bus::Bus;
 
 /// Something to do to one motor at the next tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,14 +82,32 @@ pub struct Snapshot<const N: usize> {
     pub missed: u32,
     /// The battery voltage in force; `None` if unknown.
     pub battery: Option<Millivolts>,
+    /// What the supply allows, and what it was given back.
+    pub bus: Bus,
     /// By motor.
     pub motors: [Report; N],
 }
 
 impl<const N: usize> Snapshot<N> {
     /// Before the first tick.
-    pub const INITIAL: Self =
-        Self { tick: 0, at: Micros::new(0), missed: 0, battery: None, motors: [Report::INITIAL; N] };
+    pub const INITIAL: Self = Self {
+        tick: 0,
+        at: Micros::new(0),
+        missed: 0,
+        battery: None,
+        bus: Bus::INITIAL,
+        motors: [Report::INITIAL; N],
+    };
+
+    /// The battery, if it is known and not low: motors may be enabled.
+    pub fn good_battery(&self) -> Option<Millivolts> {
+        self.battery.filter(|_| self.bus.stage == Stage::Full)
+    }
+
+    /// True if the battery is known to be low. It stays so until it has recovered.
+    pub fn battery_low(&self) -> bool {
+        self.battery.is_some() && self.bus.stage != Stage::Full
+    }
 
     /// What the bridges are told.
     pub fn drives(&self) -> [Drive; N] {
@@ -104,13 +126,24 @@ pub struct Hub<const N: usize> {
     period: Period,
     tick: u32,
     missed: u32,
+    account: Account,
+    /// What may be drawn, and how far returned energy is to be burnt.
+    allowed: (Share, Share),
 }
 
 impl<const N: usize> Hub<N> {
     /// A hub of disabled motors that is stepped every `period`.
     pub fn new(settings: [Settings; N], period: Period) -> Self {
         let motors = settings.map(|settings| Motor::new(settings, period));
-        Self { motors, groups: Groups::new(), period, tick: 0, missed: 0 }
+        Self {
+            motors,
+            groups: Groups::new(),
+            period,
+            tick: 0,
+            missed: 0,
+            account: Account::new(period),
+            allowed: (Share::ALL, Share::NONE),
+        }
     }
 
     /// The control period.
@@ -161,9 +194,42 @@ impl<const N: usize> Hub<N> {
         }
     }
 
+    /// Looks at the bus between two ticks, best every millisecond while it is not quiet: a bus that cannot take what
+    /// braking motors return must not wait for a tick. What the bridges are told from now on, if it is something else
+    /// than before.
+    pub fn watch_bus(&mut self, battery: Battery) -> Option<[Drive; N]> {
+        let Battery { draw, burn, at, .. } = battery;
+        if self.allowed == (draw, burn) {
+            return None;
+        }
+        self.allow(draw, burn, at).then(|| self.motors.each_ref().map(Motor::drive))
+    }
+
+    /// What the supply allows from now on, other than before. True if a bridge is told otherwise for it.
+    #[cold]
+    fn allow(&mut self, draw: Share, burn: Share, at: Micros) -> bool {
+        self.allowed = (draw, burn);
+        self.settle_account(at);
+        self.motors.iter_mut().fold(false, |changed, motor| motor.allow(draw, burn) | changed)
+    }
+
+    /// What has been returned and burnt until now is added up.
+    fn settle_account(&mut self, now: Micros) {
+        self.account.settle(now, self.motors.iter().map(Motor::returned));
+    }
+
     /// One tick of all motors. Each sees only its own encoder; outside of groups none sees another's fault.
     pub fn step(&mut self, inputs: Inputs<N>) -> Snapshot<N> {
-        let battery = inputs.battery.and_then(|battery| battery.fresh(inputs.now));
+        let known = inputs.battery.as_ref().filter(|battery| battery.is_fresh(inputs.now));
+        let battery = known.map(|known| known.voltage);
+        if let Some(&Battery { draw, burn, .. }) = known
+            && self.allowed != (draw, burn)
+        {
+            self.allow(draw, burn, inputs.now);
+        }
+        if self.account.is_due(self.tick) {
+            self.settle_account(inputs.now);
+        }
         self.tick = self.tick.wrapping_add(1);
         self.groups.step(&inputs, self.period, &mut self.motors);
         let mut motors = [Report::INITIAL; N];
@@ -171,6 +237,7 @@ impl<const N: usize> Hub<N> {
             *report = motor.step(inputs.now, reading, battery);
         }
         self.groups.review(&mut motors, &mut self.motors);
-        Snapshot { tick: self.tick, at: inputs.now, missed: self.missed, battery, motors }
+        let bus = self.account.report(known);
+        Snapshot { tick: self.tick, at: inputs.now, missed: self.missed, battery, bus, motors }
     }
 }

@@ -2,7 +2,7 @@
 
 use motor_hub::motor::Setpoint;
 use motor_hub::responder::button::{Button, DEBOUNCE_MICROS, HOLD_MICROS, Look};
-use motor_hub::units::{CountsPerSecond, Micros, Millivolts};
+use motor_hub::units::{CountsPerSecond, Micros};
 
 const TURN: Setpoint = Setpoint::Velocity(CountsPerSecond::new(1000));
 const HALT: Setpoint = Setpoint::Velocity(CountsPerSecond::ZERO);
@@ -14,22 +14,22 @@ const STEP: u64 = 10_000;
 struct Bench {
     button: Button,
     now: u64,
-    battery: Option<u16>,
+    battery_good: bool,
     host_spoke: bool,
 }
 
 impl Bench {
     /// Powered on with the button up.
     fn new() -> Self {
-        let mut bench = Self { button: Button::new(), now: 0, battery: Some(12_000), host_spoke: false };
+        let mut bench = Self { button: Button::new(), now: 0, battery_good: true, host_spoke: false };
         bench.look(false);
         bench
     }
 
     fn look(&mut self, down: bool) -> Setpoint {
         self.now += STEP;
-        let (battery, host_spoke) = (self.battery.map(Millivolts::new), self.host_spoke);
-        self.button.step(Look { down, host_spoke, battery, now: Micros::new(self.now) })
+        let (battery_good, host_spoke) = (self.battery_good, self.host_spoke);
+        self.button.step(Look { down, host_spoke, battery_good, now: Micros::new(self.now) })
     }
 
     /// What is wanted at the end of so long.
@@ -82,22 +82,18 @@ fn one_that_is_stuck_or_held_through_a_reset_starts_nothing_until_it_is_pressed_
 
 #[test]
 fn a_battery_that_is_low_or_unknown_when_it_is_pressed_starts_nothing_however_long_it_is_held() {
-    for battery in [None, Some(0), Some(6_999)] {
-        let mut bench = Bench { battery, ..Bench::new() };
-        assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "{battery:?}");
-        bench.battery = Some(12_000);
-        assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "{battery:?}, then 12 V");
-        bench.look(false);
-        assert_eq!(bench.keep(true, 100_000), TURN, "pressed at 12 V");
-    }
-    let mut bench = Bench { battery: Some(7_000), ..Bench::new() };
-    assert_eq!(bench.keep(true, 100_000), TURN);
+    let mut bench = Bench { battery_good: false, ..Bench::new() };
+    assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled);
+    bench.battery_good = true;
+    assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled, "held until it was good");
+    bench.look(false);
+    assert_eq!(bench.keep(true, 100_000), TURN, "pressed anew");
 }
 
 #[test]
 fn motors_that_turn_go_on_when_the_battery_sags_under_them() {
     let mut bench = Bench::turning();
-    bench.battery = Some(6_000);
+    bench.battery_good = false;
     assert_eq!(bench.keep(true, 1_000_000), TURN);
 }
 

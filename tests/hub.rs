@@ -54,8 +54,7 @@ impl<const N: usize> Bench<N> {
         }
         self.now += TICK;
         let readings = self.readings(self.now);
-        let battery =
-            self.battery_mv.map(|mv| Battery { voltage: Millivolts::new(mv), at: Micros::new(self.now) });
+        let battery = self.battery_mv.map(|mv| Battery::good(Millivolts::new(mv), Micros::new(self.now)));
         self.hub.step(Inputs { now: Micros::new(self.now), readings, battery })
     }
 
@@ -196,7 +195,7 @@ fn a_target_across_the_end_of_the_position_range_is_approached_the_short_way() {
     hub.apply(Command { motor: 0, action: Action::Set(setpoint) }).expect("motor");
     let at = Micros::new(TICK);
     let reading = Reading { position: i32::MAX - 10, edge_at: at, at };
-    let battery = Some(Battery { voltage: Millivolts::new(12_000), at });
+    let battery = Some(Battery::good(Millivolts::new(12_000), at));
     let snapshot = hub.step(Inputs { now: at, readings: [Some(reading)], battery });
     assert!(snapshot.motors[0].control > Control::ZERO);
 }
@@ -225,7 +224,7 @@ fn an_old_battery_voltage_is_none() {
     let mut hub = Hub::new([settings()], Period::DEFAULT);
     let setpoint = Setpoint::ConstantPower(Control::MAX);
     hub.apply(Command { motor: 0, action: Action::Set(setpoint) }).expect("motor");
-    let battery = Some(Battery { voltage: Millivolts::new(12_000), at: Micros::new(0) });
+    let battery = Some(Battery::good(Millivolts::new(12_000), Micros::new(0)));
     let mut drive_at =
         |now| hub.step(Inputs { now: Micros::new(now), readings: [None], battery }).drives()[0];
     assert_eq!(drive_at(100_000).duty, Duty::ONE);
@@ -433,7 +432,7 @@ proptest! {
                 let now = (n as u64 + 10) * TICK;
                 let (other, edge_age, age, setpoint) = *neighbour;
                 hub.apply(Command { motor: 1, action: Action::Set(setpoint) }).expect("motor");
-                let battery = Some(Battery { voltage: Millivolts::new(12_000), at: Micros::new(now) });
+                let battery = Some(Battery::good(Millivolts::new(12_000), Micros::new(now)));
                 let readings = [
                     Some(Reading { position: position.into(), edge_at: Micros::new(now), at: Micros::new(now) }),
                     other.map(|position| Reading {

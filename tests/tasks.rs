@@ -12,6 +12,7 @@ use motor_hub::tasks::{self, Health, Task, Wires};
 use motor_hub::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period};
 use std::cell::{Cell, RefCell};
 use std::future::Future;
+use std::ops::RangeInclusive;
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -49,6 +50,12 @@ impl SupplyAdc for &World {
     async fn sample(&mut self) -> Option<Millivolts> {
         Timer::after(Duration::from_millis(self.conversion_ms.get())).await;
         self.sample.get()
+    }
+
+    async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {
+        while self.sample.get().is_none_or(|voltage| quiet.contains(&voltage)) {
+            Timer::after(Duration::from_millis(1)).await;
+        }
     }
 }
 
@@ -492,4 +499,32 @@ fn what_bridges_say_of_themselves_comes_to_the_motors_and_is_expected_of_boards_
     faults.set([false, false, true, false]);
     let motors = run(&mut board, 100);
     assert_eq!(motors.map(|motor| motor.faults.bridge), [false, false, true, false]);
+}
+
+#[test]
+fn a_bus_that_rises_between_two_ticks_reaches_the_bridges_at_once() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    let turn = |board: &mut Board<'_>, ms| {
+        for _ in 0..ms {
+            let count = &parts.world.counts[0];
+            count.set(count.get().wrapping_add(2));
+            board.run_ms(1);
+        }
+    };
+    board.poll();
+    // It turns with 2000 counts/s whatever is asked of it, and so is braked.
+    turn(&mut board, 500);
+    parts.send(0, Setpoint::Velocity(CountsPerSecond::new(1_700)));
+    turn(&mut board, 110);
+    let braking = parts.world.last_drives();
+    assert_eq!(braking[0].mode, Mode::Brake50);
+    assert!(braking[0] != Drive::COAST && braking[0] != Drive::BRAKE, "{braking:?}");
+    parts.world.sample.set(Some(Millivolts::new(15_500)));
+    turn(&mut board, 2);
+    assert_eq!(parts.world.last_drives(), [Drive::BRAKE, Drive::COAST, Drive::COAST, Drive::COAST]);
+    // And back, when the bus is down.
+    parts.world.sample.set(Some(GOOD));
+    turn(&mut board, 2);
+    assert_eq!(parts.world.last_drives(), braking);
 }

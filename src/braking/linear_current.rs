@@ -153,6 +153,11 @@ impl LinearCurrent {
         self.stage(regime, at).current(duty.to_f32(), self.period)
     }
 
+    /// What a winding's current falls against while its bridge is open: the bus and two diodes, in volts.
+    pub(super) const fn bus(&self, battery: f32) -> f32 {
+        battery + 2.0 * self.diode
+    }
+
     const fn stage(&self, regime: Regime, at: OperatingPoint) -> Stage {
         let (e, v) = at.volts();
         let Shares { turn_on, turn_off, .. } = self.timing;

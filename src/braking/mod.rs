@@ -23,11 +23,13 @@
 pub mod linear_current;
 pub mod points;
 pub mod scheme;
+mod supply;
 mod winding;
 
 pub use linear_current::LinearCurrent;
 pub use points::{Abscissa, Fraction, OperatingPoint, Place, Points, Regime};
 pub use scheme::{Blend, BlendFraction, Scheme};
+pub use supply::Returned;
 pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};

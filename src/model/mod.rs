@@ -24,6 +24,7 @@
 
 pub mod battery;
 pub mod bridge_states;
+pub mod bus;
 pub mod catalogue;
 pub mod friction;
 pub mod inverse;

@@ -26,6 +26,7 @@ mod arrival;
 mod report;
 mod setpoint;
 mod settings;
+mod supply;
 mod thermal;
 mod watch;
 
@@ -34,15 +35,16 @@ pub use setpoint::Setpoint;
 pub use settings::{OnFault, Settings, ZeroPower};
 pub use thermal::ThermalLimit;
 
-use crate::braking::{DutyRule, OperatingPoint, Placement, Placer, Scheme};
+use crate::braking::{DutyRule, OperatingPoint, Placement, Placer, Returned, Scheme};
 use crate::bridge::{Drive, Mode, Sensed, Timing};
 use crate::motion::Reading;
 use crate::motion::guard::Finding;
 use crate::regulator::identify::{Identifier, Refusal};
 use crate::regulator::{Demand, Regulator, Stage};
-use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Voltage};
+use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Share, Voltage};
 use arrival::Arrival;
 use core::mem::discriminant;
+use supply::Bounds;
 use thermal::Thermal;
 use watch::{Circumstances, Order, Watch};
 
@@ -67,6 +69,9 @@ pub struct Motor {
     identifier: Identifier,
     watch: Watch,
     arrival: Arrival,
+    bounds: Bounds,
+    /// Speed and battery for which the last tick's placement is.
+    at_tick: (CountsPerSecond, Millivolts),
     thermal: Thermal,
     period: Period,
     /// What the bridge was told last.
@@ -102,6 +107,8 @@ impl Motor {
             identifier: Identifier::new(period),
             watch: Watch::new(period),
             arrival: Arrival::new(period),
+            bounds: Bounds::NONE,
+            at_tick: (CountsPerSecond::ZERO, Millivolts::new(0)),
             thermal: Thermal::new(period, settings.thermal),
             period,
             mode: Drive::COAST.mode,
@@ -201,17 +208,25 @@ impl Motor {
             self.watch.interrupt();
         }
         let output = wanted.or_else(|| at.and_then(|(at, _)| self.fall_back(at, moved)));
-        let effect = at.zip(output).and_then(|((at, _), (_, placement))| self.effect(at, placement));
-        let effect = effect.map(|effect| self.after_change(effect, output, velocity));
+        let (effect, drive) = match (at, output) {
+            (Some((at, battery)), Some((_, placement))) => {
+                self.at_tick = (velocity, battery);
+                let bounded = self.bounds.place(&self.placer, at, placement);
+                (self.effect(at, bounded), bounded.drive)
+            }
+            _ => {
+                self.bounds.let_go();
+                (None, Drive::COAST)
+            }
+        };
+        let effect = effect.map(|effect| self.after_change(effect, drive, velocity));
         let flows = effect.map(|effect| effect.flows);
         self.regulator.drive(effect.map(|effect| effect.asked), flows);
         // Of a bridge that is open for want of current, the back EMF.
         let emf = || Voltage::from_volts(self.settings.winding.emf.emf(velocity).to_volts());
         self.identifier.drive(output.map(|_| flows.unwrap_or_else(emf)));
-        let (control, regime, drive) = match output {
-            Some((control, Placement { regime, drive, .. })) => (control, Some(regime), drive),
-            None => (Control::ZERO, None, Drive::COAST),
-        };
+        let (control, regime) =
+            output.map_or((Control::ZERO, None), |(control, placement)| (control, Some(placement.regime)));
         self.mode = drive.mode;
         let current = flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
         self.thermal.step(self.sensed.current.unwrap_or(current));
@@ -258,7 +273,8 @@ impl Motor {
         }
         // Where nobody regulates, nobody asked for a current either.
         let asked = placement.asked;
-        Some(match (self.setpoint.is_regulated(), self.settings.duty) {
+        let as_asked = self.setpoint.is_regulated() && !self.bounds.intervenes();
+        Some(match (as_asked, self.settings.duty) {
             (true, DutyRule::LinearCurrent)
                 if self.placer.is_as_asked(placement) || self.settings.bridge.timing() == Timing::IDEAL =>
             {
@@ -278,16 +294,50 @@ impl Motor {
     }
 
     /// What is left of it in a period at whose beginning the bridge is open because its mode changes.
-    fn after_change(&self, effect: Effect, output: Option<Output>, velocity: CountsPerSecond) -> Effect {
-        let mode = output.map_or(Drive::COAST.mode, |(_, placement)| placement.drive.mode);
+    fn after_change(&self, effect: Effect, drive: Drive, velocity: CountsPerSecond) -> Effect {
         let change_us = self.settings.bridge.timing().change_us;
-        if mode == self.mode || change_us == 0 {
+        if drive.mode == self.mode || change_us == 0 {
             return effect;
         }
         let emf = self.settings.winding.emf.emf(velocity).to_volts();
         let left = (1.0 - f32::from(change_us) / self.period.as_micros() as f32).max(0.0);
         let flows = Voltage::from_volts(emf + left * (effect.flows.to_volts() - emf));
         Effect { asked: flows, flows }
+    }
+
+    /// What the supply allows from now on. True if the bridge is told otherwise for it.
+    pub(crate) fn allow(&mut self, draw: Share, burn: Share) -> bool {
+        let at = self.at_tick();
+        let Some(placement) = self.bounds.renew(&self.placer, at, draw, burn) else { return false };
+        self.mode = placement.drive.mode;
+        // What is known of the motion must know of it too.
+        if let Some(at) = at.filter(|_| placement.drive != Drive::COAST) {
+            let flows = self.placer.flows(at, placement);
+            self.regulator.drive(Some(flows), Some(flows));
+            self.identifier.drive(Some(flows));
+        }
+        true
+    }
+
+    /// What the bridge is told now.
+    pub(crate) const fn drive(&self) -> Drive {
+        self.bounds.drive()
+    }
+
+    /// Where the motor's energy goes while it brakes, as the bridge is told now.
+    pub(crate) fn returned(&self) -> Returned {
+        let placement = self.bounds.bounded().filter(|placement| placement.drive != Drive::COAST);
+        let returned = placement.zip(self.at_tick()).map(|(placement, at)| {
+            let flows = self.placer.flows(at, placement);
+            self.placer.returned(at, placement, flows, self.settings.ohms())
+        });
+        returned.unwrap_or(Returned::NONE)
+    }
+
+    /// For which the last tick's placement is.
+    fn at_tick(&self) -> Option<OperatingPoint> {
+        let (velocity, battery) = self.at_tick;
+        OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery)
     }
 
     /// What a voltage drives through winding and bridge against the back EMF of a speed.
@@ -335,7 +385,10 @@ impl Motor {
     /// A host that sets a power means the duty of 9/8 or 6/2, so no scheme comes between.
     fn open_loop(&self, at: OperatingPoint, power: Control) -> Option<Output> {
         if power != Control::ZERO {
-            Some(self.spare(at, (power, self.placer.place_duty(Scheme::ForwardReverse, at, power))))
+            Some(self.drawing(
+                at,
+                self.spare(at, (power, self.placer.place_duty(Scheme::ForwardReverse, at, power))),
+            ))
         } else if self.floats() {
             None
         } else {
@@ -351,7 +404,15 @@ impl Motor {
     /// The same, or what drives no more current than a hot winding may have. Braking is left as it is: a load that is
     /// let go of does more harm, and a motor that gets too hot by it is cut.
     fn spare(&self, at: OperatingPoint, output: Output) -> Output {
-        let Some(ceiling) = self.thermal.ceiling() else { return output };
+        match self.thermal.ceiling() {
+            Some(ceiling) => self.at_most(ceiling, at, output),
+            None => output,
+        }
+    }
+
+    /// Driven by no more than so many amperes.
+    #[inline(never)]
+    fn at_most(&self, ceiling: f32, at: OperatingPoint, output: Output) -> Output {
         let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
         let most = ceiling * self.settings.ohms();
         let allowed = Voltage::from_volts((emf - most).min(0.0))..=Voltage::from_volts((emf + most).max(0.0));
@@ -369,7 +430,20 @@ impl Motor {
     fn identify(&mut self, at: OperatingPoint, battery: Millivolts) -> Option<Output> {
         let voltage = self.identifier.step(self.settings.winding.emf, battery)?;
         let control = self.placer.control(at, voltage);
-        Some((control, self.placer.place(at, control)))
+        Some(self.drawing(at, (control, self.placer.place(at, control))))
+    }
+
+    /// What the supply can give of it. (The control value then is the one that asks for that.)
+    fn drawing(&self, at: OperatingPoint, (control, placement): Output) -> Output {
+        if self.bounds.are_none() {
+            return (control, placement);
+        }
+        let drawing = self.placer.drawing_at_most(placement, self.bounds.draw(), at);
+        if drawing.drive == placement.drive {
+            return (control, placement);
+        }
+        let asked = self.placer.flows(at, drawing);
+        (self.placer.control(at, asked), Placement { asked, ..drawing })
     }
 
     /// The regulator's output, unless the encoder is in doubt.
@@ -391,7 +465,7 @@ impl Motor {
             probing: self.settings.probing,
         };
         let mut speed = self.regulator.wanted(demand);
-        let (control, placement) = match self.watch.step(circumstances) {
+        let (mut control, mut placement) = match self.watch.step(circumstances) {
             Finding::Fault(_) => return None,
             Finding::Insist(control) => (control, Placement::full_reverse(at)),
             Finding::Release => (Control::ZERO, Placement::full_braking(at)),
@@ -402,6 +476,9 @@ impl Motor {
                 self.place(at, request.control)
             }
         };
+        if !self.bounds.are_none() {
+            (control, placement) = self.drawing(at, (control, placement));
+        }
         let push = placement.asked;
         self.watch.note(Order { target: speed, control, regime: placement.regime, push, velocity });
         Some((control, placement))

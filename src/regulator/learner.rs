@@ -25,8 +25,8 @@ const PLAUSIBLE: (f32, f32) = (0.01, 30.0);
 const HEAVY: f32 = 1.25;
 /// The shortest cell, in milliseconds.
 const CELL_MS: u32 = 40;
-/// Seconds from one sample of a cell to the next, at least.
-const SAMPLE: f32 = 4.5e-3;
+/// From one sample of a cell to the next, at least, in microseconds.
+const SAMPLE_MICROS: u64 = 9_500;
 /// A cell with fewer counts than this is made longer,
 const CELL_COUNTS: u32 = 8;
 /// up to this, in seconds.
@@ -60,6 +60,8 @@ pub(super) struct Learner {
     shortest: f32,
     /// While the motor is driven.
     cells: Option<Cells>,
+    /// When the next sample is taken.
+    due: Micros,
     /// Across the motor, since then, and the integral from the last sample of a cell until then, V s.
     voltage: f32,
     since: Micros,
@@ -89,6 +91,7 @@ impl Learner {
             // Half a millisecond less, for rounding.
             shortest: (cell_ms - 0.5) / 1000.0,
             cells: None,
+            due: Micros::new(0),
             voltage: 0.0,
             since: Micros::new(0),
             push: 0.0,
@@ -113,15 +116,16 @@ impl Learner {
         HEAVY * self.gain() < guess(self.kappa)
     }
 
-    /// Takes a sample of the encoder.
+    /// Takes a sample of the encoder; some are enough.
     pub(super) fn sample(&mut self, reading: Reading) {
-        if self.cells.as_ref().is_some_and(|cells| seconds(cells.now(), reading.at) > SAMPLE) {
+        if reading.at >= self.due {
             self.take(reading);
         }
     }
 
     /// The same for a cell.
     fn take(&mut self, reading: Reading) {
+        self.due = Micros::new(reading.at.get().saturating_add(SAMPLE_MICROS));
         self.go_on(reading.at);
         let Some(cells) = &mut self.cells else { return };
         let passed = seconds(cells.now(), reading.at);

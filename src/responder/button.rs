@@ -11,12 +11,11 @@
 //! ```
 //! use motor_hub::motor::Setpoint;
 //! use motor_hub::responder::button::{Button, Look};
-//! use motor_hub::units::{CountsPerSecond, Micros, Millivolts};
+//! use motor_hub::units::{CountsPerSecond, Micros};
 //!
 //! let mut button = Button::new();
-//! let battery = Some(Millivolts::new(12_000));
 //! let mut look = |down, ms: u64| {
-//!     button.step(Look { down, host_spoke: false, battery, now: Micros::new(1000 * ms) })
+//!     button.step(Look { down, host_spoke: false, battery_good: true, now: Micros::new(1000 * ms) })
 //! };
 //! look(false, 0);
 //! // It may bounce at first.
@@ -24,9 +23,8 @@
 //! assert_eq!(look(true, 120), Setpoint::Velocity(CountsPerSecond::new(1000)));
 //! ```
 
-use super::LOW_BATTERY;
 use crate::motor::Setpoint;
-use crate::units::{CountsPerSecond, Micros, Millivolts};
+use crate::units::{CountsPerSecond, Micros};
 
 /// Down counts once it has lasted so long: contacts bounce for less than half of it. Up counts at once.
 pub const DEBOUNCE_MICROS: u64 = 20_000;
@@ -44,8 +42,8 @@ pub struct Look {
     pub down: bool,
     /// A host has spoken since reset.
     pub host_spoke: bool,
-    /// The battery; `None` if unknown.
-    pub battery: Option<Millivolts>,
+    /// The battery is known and not low.
+    pub battery_good: bool,
     /// The time.
     pub now: Micros,
 }
@@ -84,10 +82,9 @@ impl Button {
     /// What all motors are to do. To be asked every 10 ms or so.
     pub fn step(&mut self, look: Look) -> Setpoint {
         let pressed = self.pressed(look.down, look.now);
-        let battery_good = look.battery.is_some_and(|battery| battery >= LOW_BATTERY);
         self.doing = match self.doing {
             _ if look.host_spoke => Doing::Nothing,
-            _ if pressed && battery_good => Doing::Turning,
+            _ if pressed && look.battery_good => Doing::Turning,
             Doing::Turning if self.contact == Contact::Up => Doing::Holding(look.now),
             Doing::Holding(since) if look.now.since(since) >= HOLD_MICROS => Doing::Nothing,
             doing => doing,

@@ -18,6 +18,9 @@
 //! | [`button`] | what a button on the board may do until a host has spoken |
 //! | [`pins`] | digital pins, PWM and servo outputs, which this hub only remembers |
 //!
+//! While the battery is low ([`Snapshot::battery_low`]) motors cannot be enabled, and status word and LED say so;
+//! those that run go on with what the supply allows.
+//!
 //! A refused command changes nothing. No packet enables a motor but a valid *set enable*. Pure: no clock,
 //! no await, no hardware. `tasks::responder` is the shell.
 //!
@@ -60,16 +63,12 @@ use crate::protocol::group::{GroupMove, GroupState, ToGroup};
 use crate::protocol::motor::ToMotor;
 use crate::protocol::requests::{AdcChannel, BATTERY, DISCOVERY, FIRST_CURRENT, Request, Standard, ToHub};
 use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
-use crate::units::{Micros, Milliamperes, Millivolts};
+use crate::units::{Micros, Milliamperes};
 use alive::Alive;
 use group::Courses;
 use led::Led;
 use motor::MotorChannel;
 use pins::PinMemory;
-
-/// Below this the battery is low: motors cannot be enabled, and the status word and the LED say so.
-/// Motors that run go on.
-pub const LOW_BATTERY: Millivolts = Millivolts::new(7_000);
 
 /// What the version commands say.
 const VERSION_TEXT: &[u8] = b"HW: 20, Maj: 1, Min: 8, Eng: 2";
@@ -145,7 +144,7 @@ impl<const N: usize> Responder<N> {
 
     /// Time passes. If the host has fallen silent, this is where fail-safe sets in.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
-        self.alive.battery(snapshot.battery.is_some_and(|battery| battery < LOW_BATTERY));
+        self.alive.battery(snapshot.battery_low());
         if self.alive.ran_out(now) {
             self.channels.iter_mut().for_each(MotorChannel::abandon);
             self.let_go_of_the_rest();
@@ -219,7 +218,7 @@ impl<const N: usize> Responder<N> {
                 let motor = usize::from(motor);
                 let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
                 let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
-                let battery = snapshot.battery.filter(|battery| *battery >= LOW_BATTERY);
+                let battery = snapshot.good_battery();
                 channel.receive_setup(request, report, battery, snapshot.tick)
             }
         }
@@ -285,7 +284,7 @@ impl<const N: usize> Responder<N> {
         let motor = usize::from(motor);
         let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
         let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
-        let battery_good = snapshot.battery.is_some_and(|battery| battery >= LOW_BATTERY);
+        let battery_good = snapshot.good_battery().is_some();
         let answer = channel.receive(request, report, battery_good);
         if channel.has_new_target() {
             self.courses.forget(motor);

@@ -1,5 +1,6 @@
-//! The control ticker: every sample of the encoders to the hub's observers, and what bridges say of themselves; every
-//! period, commands in, one step of the hub, drives and snapshot out.
+//! The control ticker: every sample of the encoders to the hub's observers, and with it what bridges say of themselves
+//! and what is new of the bus, which may change the drives at once; every period, commands in, one step of the hub,
+//! drives and snapshot out.
 
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
@@ -25,6 +26,12 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             if let Some(sensed) = wires.sensed.try_take() {
                 hub.sense(&sensed);
             }
+            if wires.battery.signaled() {
+                battery = wires.battery.try_take();
+                if let Some(drives) = battery.and_then(|sample| hub.watch_bus(sample)) {
+                    wires.drives.signal(drives);
+                }
+            }
             continue;
         }
         // Capture is due at the same time; its sample goes first.
@@ -37,7 +44,9 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             // Refused if whoever sent it used an index beyond N; there is no motor to do anything to.
             let _ = hub.apply(command);
         }
-        battery = wires.battery.try_take().or(battery);
+        if wires.battery.signaled() {
+            battery = wires.battery.try_take();
+        }
         let snapshot = hub.step(Inputs { now: micros(now), readings, battery });
         wires.drives.signal(snapshot.drives());
         snapshots.send(snapshot);

@@ -107,6 +107,39 @@ impl defmt::Format for Duty {
     }
 }
 
+/// How much of something, 0 to 1 in steps of 2^-15. Both ends are exact.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Share(u16);
+
+impl Share {
+    /// Nothing.
+    pub const NONE: Self = Self(0);
+    /// All.
+    pub const ALL: Self = Self(1 << 15);
+
+    /// The nearest; what is less than 0 or no number is 0, what is more than 1 is 1.
+    pub const fn from_f32(share: f32) -> Self {
+        if share >= 1.0 { Self::ALL } else { Self((32_768.0 * share + 0.5) as u16) }
+    }
+
+    /// Steps of 2^-15, 0 to 32 768.
+    pub const fn to_bits(self) -> u16 {
+        self.0
+    }
+
+    /// 0.0 to 1.0, exactly.
+    pub const fn to_f32(self) -> f32 {
+        self.0 as f32 / 32_768.0
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Share {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{}/32768", self.to_bits());
+    }
+}
+
 /// A PIDF coefficient, signed Q16.16 as hosts send it: -32 768 to 32 767.99998.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Coefficient(I16F16);

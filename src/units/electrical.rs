@@ -45,6 +45,27 @@ impl Millivolts {
     }
 }
 
+/// An energy, 0 to 1.8e13 J in steps of 1 uJ; what is more stays at the upper end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Microjoules(u64);
+
+impl Microjoules {
+    /// None.
+    pub const ZERO: Self = Self(0);
+
+    /// And so much more.
+    #[must_use]
+    pub const fn plus(self, microjoules: u32) -> Self {
+        Self(self.0.saturating_add(microjoules as u64))
+    }
+
+    /// Microjoules.
+    pub const fn get(self) -> u64 {
+        self.0
+    }
+}
+
 /// A winding's resistance, 1 to 65 535 milliohms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Resistance(NonZeroU16);

@@ -4,10 +4,11 @@
 //! | quantity | range | resolution |
 //! |---|---|---|
 //! | [`Control`] | +-32 767 | 1 |
-//! | [`Duty`] | 0 to 1 | 2^-15 |
+//! | [`Duty`], [`Share`] | 0 to 1 | 2^-15 |
 //! | [`Coefficient`] of a PIDF | -32 768 to 32 768 | 2^-16 |
 //! | [`Millivolts`] | 0 to 65 535 mV | 1 mV |
 //! | [`Milliamperes`] | +-2^31 mA | 1 mA |
+//! | [`Microjoules`] | 0 to 2^64 - 1 uJ | 1 uJ |
 //! | [`Resistance`] | 1 to 65 535 mohm | 1 mohm |
 //! | [`Inductance`] | 1 to 65 535 uH | 1 uH |
 //! | [`EmfConstant`] | above 0, below 32 mV s/count | 2^-20 |
@@ -49,9 +50,11 @@ mod electrical;
 mod motion;
 mod time;
 
-pub use control::{Coefficient, Control, Duty};
+pub use control::{Coefficient, Control, Duty, Share};
 pub use dynamics::{Acceleration, AccelerationPerVolt, DecayRate};
-pub use electrical::{Emf, EmfConstant, Inductance, Milliamperes, Millivolts, Resistance, Voltage};
+pub use electrical::{
+    Emf, EmfConstant, Inductance, Microjoules, Milliamperes, Millivolts, Resistance, Voltage,
+};
 pub use motion::CountsPerSecond;
 pub use time::{Micros, Period};
 
@@ -120,6 +123,8 @@ pub enum RangeError {
     Divider,
     /// A converter must have 1 to 16 bits.
     Resolution,
+    /// The levels of a supply must ascend.
+    SupplyLevels,
     /// A bridge is out of the ranges stated with it.
     Bridge,
     /// A thermal limit needs a current and time constants above 0.
@@ -146,6 +151,7 @@ impl core::fmt::Display for RangeError {
             Self::Period => "control period must be 1 to 100 ms",
             Self::Divider => "both resistances of the battery divider must be above 0",
             Self::Resolution => "a converter must have 1 to 16 bits",
+            Self::SupplyLevels => "supply must have min <= cut < derate <= recover < burn < burn_all <= max",
             Self::Bridge => "diode drop must be up to 2000 mV, switch up to 4095 mohm, PWM 100 to 200000 Hz",
             Self::Thermal => "a thermal limit needs a current above 0 mA and time constants above 0 s",
             Self::Motor => "no motor with this index",

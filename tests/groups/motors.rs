@@ -135,7 +135,7 @@ impl<const N: usize> Bench<N> {
             }
             self.hub.sample(&readings);
             if self.ms.is_multiple_of(u64::from(self.hub.period().as_millis())) {
-                let battery = Some(Battery { voltage: Millivolts::new(12_000), at: now });
+                let battery = Some(Battery::good(Millivolts::new(12_000), now));
                 let before = self.snapshot.motors.map(|motor| motor.current);
                 self.snapshot = self.hub.step(Inputs { now, readings, battery });
                 for (motor, before) in self.snapshot.motors.iter().zip(before) {

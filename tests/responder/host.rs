@@ -7,6 +7,7 @@ use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::protocol::requests::FIRST_FUNCTION;
 use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
+use motor_hub::supply::Stage;
 use motor_hub::units::{Micros, Millivolts};
 
 pub(crate) const N: usize = 4;
@@ -110,6 +111,12 @@ impl TestHost {
             command
         })
         .collect()
+    }
+
+    /// The hub has found the battery so.
+    pub(crate) fn set_battery(&mut self, millivolts: Option<u16>, stage: Stage) {
+        self.snapshot.battery = millivolts.map(Millivolts::new);
+        self.snapshot.bus.stage = stage;
     }
 
     pub(crate) fn wait_ms(&mut self, ms: u64) {

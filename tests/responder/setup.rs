@@ -10,6 +10,7 @@ use motor_hub::protocol::setup::FIRST_FUNCTION;
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::responder::Responder;
+use motor_hub::supply::Stage;
 use motor_hub::units::{
     AccelerationPerVolt, Control, DecayRate, EmfConstant, Inductance, Milliamperes, Millivolts, Resistance,
 };
@@ -177,9 +178,9 @@ fn a_motor_that_is_not_free_is_not_learned() {
         assert_eq!(learn(&mut host, 500), Said::Nack(51), "{calls:?}");
         assert_eq!(host.told(), []);
     }
-    for battery in [None, Some(Millivolts::new(6_900))] {
+    for (battery, stage) in [(None, Stage::Cut), (Some(6_900), Stage::Derated)] {
         let mut host = standing();
-        host.snapshot.battery = battery;
+        host.set_battery(battery, stage);
         assert_eq!(learn(&mut host, 500), Said::Nack(52));
     }
 }

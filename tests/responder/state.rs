@@ -6,6 +6,7 @@ use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub::responder::Responder;
 use motor_hub::responder::alive::TIMEOUT_MICROS;
+use motor_hub::supply::Stage;
 use motor_hub::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts};
 
 const TIMEOUT_MS: u64 = TIMEOUT_MICROS / 1000;
@@ -145,12 +146,15 @@ fn bulk_velocities_saturate() {
 
 #[test]
 fn a_motor_is_not_enabled_on_a_low_or_unknown_battery() {
-    for (battery, said) in
-        [(Some(7_000), Said::Ack(0)), (Some(6_999), Said::Nack(52)), (None, Said::Nack(52))]
-    {
+    for (battery, stage, said) in [
+        (Some(7_000), Stage::Full, Said::Ack(0)),
+        (Some(7_200), Stage::Derated, Said::Nack(52)),
+        (Some(5_900), Stage::Cut, Said::Nack(52)),
+        (None, Stage::Cut, Said::Nack(52)),
+    ] {
         let mut host = TestHost::settled();
         host.do_all(&[(15, &[0, 1, 0])]);
-        host.snapshot.battery = battery.map(Millivolts::new);
+        host.set_battery(battery, stage);
         assert_eq!(host.call(10, &[0, 1]), said, "{battery:?}");
         assert_eq!(host.responder.enabled()[0], said == Said::Ack(0));
     }
@@ -168,12 +172,12 @@ fn the_battery_reads_0_when_unknown_and_saturates() {
 #[test]
 fn a_battery_becoming_low_calls_attention_once_and_stays_in_the_status() {
     let mut host = driving();
-    host.snapshot.battery = Some(Millivolts::new(6_900));
+    host.set_battery(Some(6_900), Stage::Derated);
     assert_eq!(keep_alive(&mut host), Said::Ack(1));
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![1 << 4, 0]));
     assert_eq!(keep_alive(&mut host), Said::Ack(0));
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![1 << 4, 0]));
-    host.snapshot.battery = Some(Millivolts::new(7_100));
+    host.set_battery(Some(7_500), Stage::Full);
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![0, 0]));
     assert!(host.responder.enabled()[0], "a running motor goes on");
 }
@@ -283,7 +287,7 @@ fn the_led_tells_of_the_host_and_the_battery() {
         colour
     });
     assert_eq!(seen, [Colour::BLUE, Colour::OFF].repeat(3)[..], "lost");
-    host.snapshot.battery = Some(Millivolts::new(6_500));
+    host.set_battery(Some(6_500), Stage::Derated);
     keep_alive(&mut host);
     seen = [0; 6].map(|_| {
         let colour = host.responder.led(host.now);

@@ -15,14 +15,23 @@ use rigless::soc::st::tim::Channel;
 use rigless::soc::stm32f427::generated::gpioi;
 use rigless::soc::stm32f427::peripherals::{adc, rcc::Apb};
 use rigless::time::VirtualNanos;
+use simulated::encoder::{Disturbances, Encoder, Wire};
 
 use crate::chip::Nucleo;
 use crate::pins::{Lines, Recorder};
 use crate::pwm::Timer;
 use crate::rtt::Rtt;
 use crate::serial::Terminal;
-use crate::shafts::{Encoder, Mounting, Shafts};
+use crate::shafts::{Mounting, Shafts};
 use crate::wiring;
+
+/// How an encoder is connected, since when, and which of its wires is disturbed at present.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Connection {
+    encoder: Encoder,
+    since: u64,
+    disturbed: Option<Wire>,
+}
 
 /// Something to do at a stop.
 pub(crate) type Errand = Box<dyn FnOnce(&mut Lab, &mut Session<Nucleo>, &mut dyn Host) + Send>;
@@ -41,7 +50,7 @@ pub(crate) enum Order {
 pub(crate) struct Lab {
     pub(crate) shafts: Shafts,
     pub(crate) recorder: Recorder,
-    pub(crate) encoders: Vec<Encoder>,
+    encoders: Vec<Connection>,
     pub(crate) rtt: Rtt,
     pub(crate) button: bool,
     /// Arrivals at watched instructions: address, instruction count, ns.
@@ -76,7 +85,7 @@ impl Lab {
         Self {
             shafts: Shafts::new(battery, motors),
             recorder: Recorder::new(wiring::BRIDGES),
-            encoders: vec![Encoder::Sound; count],
+            encoders: vec![Connection::default(); count],
             rtt: Rtt::new(rtt),
             button: false,
             hits: Vec::new(),
@@ -167,15 +176,8 @@ impl Lab {
 
     /// Drives the encoder lines of one motor to where its shaft is.
     fn show(&self, session: &mut Session<Nucleo>, motor: usize, at: u64) {
-        if self.encoders[motor] == Encoder::Unplugged {
-            return;
-        }
-        // Up is 00, 10, 11, 01.
-        let phase = self.shown[motor] & 3;
-        let (mut a, mut b) = (phase == 1 || phase == 2, phase >= 2);
-        if self.encoders[motor] == Encoder::Reversed {
-            (a, b) = (b, a);
-        }
+        let Connection { encoder, disturbed, .. } = self.encoders[motor];
+        let [a, b] = encoder.levels(self.shown[motor], disturbed);
         let part = &mut session.board_mut().chip.part;
         let at = VirtualNanos(at);
         for (channel, high) in [(1, a), (2, b)] {
@@ -189,6 +191,28 @@ impl Lab {
                 }
             }
         }
+    }
+
+    /// Connects an encoder differently, from now on.
+    pub(crate) fn connect(&mut self, session: &mut Session<Nucleo>, motor: usize, encoder: Encoder) {
+        let since = self.now;
+        self.encoders[motor] = Connection { encoder, since, disturbed: None };
+        self.show(session, motor, since);
+        self.plan_disturbance(motor, since, encoder.disturbances(motor as u64));
+    }
+
+    /// The next disturbance of an encoder that is connected like this since then.
+    fn plan_disturbance(&mut self, motor: usize, since: u64, mut rest: Disturbances) {
+        let Some((after, wire)) = rest.next() else { return };
+        let disturb = move |lab: &mut Self, session: &mut Session<Nucleo>, _: &mut dyn Host| {
+            // It may have been connected differently meanwhile.
+            if lab.encoders[motor].since == since {
+                lab.encoders[motor].disturbed = wire;
+                lab.show(session, motor, lab.now);
+                lab.plan_disturbance(motor, since, rest);
+            }
+        };
+        self.plan(since + after, Box::new(disturb));
     }
 
     /// Puts the button's level on its pin; the board has a pull-down.

@@ -36,4 +36,5 @@ pub use chip::Pwm;
 pub use pins::{Lines, Transition};
 pub use pwm::{Grid, Output};
 pub use rtt::LogLine;
-pub use shafts::{Encoder, Look, Mounting};
+pub use shafts::{Look, Mounting};
+pub use simulated::encoder::{Encoder, Wire};

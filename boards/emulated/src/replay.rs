@@ -27,6 +27,7 @@ use motor_hub::protocol::setup::{Motion, Protection, ToSetup};
 use motor_hub::regulator;
 use motor_hub::responder::setup;
 use motor_hub::units::{CountsPerSecond, Duty, Period, RangeError};
+use simulated::encoder::Encoder;
 use simulated::scenario::{Motor, Scenario};
 use simulated::trace::{Sample, Tick, Trace};
 
@@ -47,6 +48,9 @@ pub enum ReplayError {
         /// The image's, in milliseconds.
         image: u32,
     },
+    /// The bench's battery takes whatever comes back.
+    #[error("a bus is not run on the emulated chip")]
+    Bus,
     /// What groups do cannot be told from a chip's lines.
     #[error("groups are not run on the emulated chip")]
     Groups,
@@ -102,6 +106,9 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
     if scenario.period != Period::DEFAULT {
         let (asked, image) = (scenario.period.as_millis(), Period::DEFAULT.as_millis());
         return Err(ReplayError::Period { asked, image });
+    }
+    if scenario.bus.is_some() {
+        return Err(ReplayError::Bus);
     }
     if !scenario.groups.is_empty() {
         return Err(ReplayError::Groups);
@@ -190,6 +197,7 @@ enum Order {
     SetUp(usize),
     Setpoint(usize, Setpoint),
     Torque(usize, f64),
+    Encoder(usize, Encoder),
 }
 
 /// Everything that the scenario wants, by time.
@@ -198,6 +206,7 @@ fn orders(scenario: &Scenario) -> Vec<(f64, Order)> {
     for (index, motor) in scenario.motors.iter().enumerate() {
         orders.push((0.6 * READY_S, Order::SetUp(index)));
         orders.extend(motor.torques.iter().map(|t| (t.at_s, Order::Torque(index, t.value))));
+        orders.extend(motor.encoder.iter().map(|t| (t.at_s, Order::Encoder(index, t.value))));
         orders.extend(motor.setpoints.iter().map(|t| (t.at_s, Order::Setpoint(index, t.value))));
     }
     orders.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -213,6 +222,7 @@ fn carry_out(
     match order {
         Order::SetUp(index) => return set_up(bench, talk, index as u8, scenario),
         Order::Torque(motor, torque) => bench.set_torque(motor, torque),
+        Order::Encoder(motor, encoder) => bench.set_encoder(motor, encoder),
         Order::Setpoint(motor, setpoint) => {
             let floats = scenario.motors[motor].zero_power == ZeroPower::Float;
             let motor = motor as u8;

@@ -41,18 +41,6 @@ pub struct Mounting {
     pub stops: Option<(i64, i64)>,
 }
 
-/// How the encoder is connected.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Encoder {
-    /// As it should be.
-    #[default]
-    Sound,
-    /// A and B change places.
-    Reversed,
-    /// Both lines stay where they are.
-    Unplugged,
-}
-
 /// Where a shaft is and what flows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {

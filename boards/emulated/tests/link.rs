@@ -317,14 +317,3 @@ fn a_refused_command_changes_nothing() {
     bench.run(ms(200));
     assert_eq!(bench.transitions(), []);
 }
-
-#[test]
-fn constant_power_needs_no_encoder() {
-    let (mut bench, mut talk) = (Bench::new(Setup::new(vec![am60(); 2])), Talk::default());
-    bench.run(ms(300));
-    bench.set_encoder(0, emulated::Encoder::Unplugged);
-    talk.power(&mut bench, 0, 20_000);
-    run(&mut bench, &mut talk, ms(2000));
-    assert!(bench.look(0).counts_per_second > 1200.0);
-    bench.assert_sound();
-}

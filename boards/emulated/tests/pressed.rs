@@ -80,3 +80,17 @@ fn a_contact_that_bounces_starts_the_motors_once() {
     assert_eq!(bench.transitions(), []);
     bench.assert_sound();
 }
+
+#[test]
+fn a_button_that_is_held_through_a_reset_starts_nothing_until_it_is_pressed_anew() {
+    let mut bench = turning(vec![am60(); 4]);
+    bench.pull_reset(bench.now());
+    bench.run(ms(1500));
+    assert!(all_open(&mut bench));
+    bench.press(false);
+    bench.run(ms(50));
+    bench.press(true);
+    bench.run(ms(500));
+    assert!(!all_open(&mut bench));
+    bench.assert_sound();
+}

@@ -1,15 +1,21 @@
-//! Battery (PA3) and VREFINT as one injected pair of conversions on ADC1.
+//! Battery (PA3) and VREFINT on ADC1, which converts them in turn for ever: newest values are always there to be read,
+//! and the converter's analog watchdog wakes the core when the battery leaves the voltages at which nobody needs to look.
 //!
-//! The HAL has no asynchronous conversion for this converter. An injected group needs little: both
-//! channels are converted in hardware one after the other into registers of their own, in a time that
-//! is known, so the task sleeps for twice that time and then looks whether they are there. No
-//! interrupt, no DMA, no busy waiting, and a converter that does not answer shows at once.
+//! The HAL has neither. The battery is the regular group, VREFINT an injected one behind it (RM0090 13.3.9,
+//! auto-injection): each has a data register of its own, without DMA, and a converter that has stopped shows in a flag
+//! that does not come again.
+
+use core::future::poll_fn;
+use core::ops::RangeInclusive;
+use core::task::Poll;
 
 use embassy_stm32::Peri;
 use embassy_stm32::adc::{Adc, SampleTime};
 use embassy_stm32::gpio::Flex;
-use embassy_stm32::pac;
+use embassy_stm32::pac::adc::vals::Awdsgl;
 use embassy_stm32::peripherals::{ADC1, PA3};
+use embassy_stm32::{interrupt, pac};
+use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::Timer;
 use motor_hub::board::SupplyAdc;
 use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
@@ -23,15 +29,20 @@ const VREFINT_CHANNEL: u8 = 17;
 /// Two conversions of 480 + 12 cycles at 21 MHz (PCLK2 / 4) take 47 us.
 const WAIT_MICROS: u64 = 100;
 
+/// Who waits for the watchdog.
+static WATCHER: AtomicWaker = AtomicWaker::new();
+
 /// ADC1 with its battery pin.
 pub(crate) struct BatteryAdc {
     scale: VrefintScale,
+    /// The newest.
+    vrefint: u16,
     _adc: Adc<'static, ADC1>,
     _pin: Flex<'static>,
 }
 
 impl BatteryAdc {
-    /// Ready to convert, behind a divider of these resistances to the battery and to ground.
+    /// Converts from now on, behind a divider of these resistances to the battery and to ground.
     ///
     /// # Errors
     /// [`RangeError::Divider`] if a resistance is 0.
@@ -40,43 +51,94 @@ impl BatteryAdc {
         pin: Peri<'static, PA3>,
         (top_ohms, bottom_ohms): (u32, u32),
     ) -> Result<Self, RangeError> {
-        let scale = VrefintScale::new(top_ohms, bottom_ohms, vrefint_calibration())?;
+        let calibration = vrefint_calibration();
+        let scale = VrefintScale::new(top_ohms, bottom_ohms, calibration)?;
         let mut pin = Flex::new(pin);
         pin.set_as_analog();
         let adc = Adc::new(adc);
         adc.enable_vrefint();
-        // The longest sampling time, 22.9 us: VREFINT needs 10 us (data sheet), and the divider's 8.2 kohm
+        // The longest sampling time, 22.9 us: VREFINT needs 10 us (data sheet), and the divider's 8.9 kohm
         // is a weak source.
         let slow = SampleTime::CYCLES480;
         pac::ADC1.smpr2().modify(|w| w.set_smp(usize::from(BATTERY_CHANNEL), slow));
         pac::ADC1.smpr1().modify(|w| w.set_smp(usize::from(VREFINT_CHANNEL) - 10, slow));
-        // A group of two is the last two of the four places (RM0090 13.13.12).
-        pac::ADC1.jsqr().write(|w| {
-            w.set_jl(1);
-            w.set_jsq(2, BATTERY_CHANNEL);
-            w.set_jsq(3, VREFINT_CHANNEL);
+        pac::ADC1.sqr3().write(|w| w.set_sq(0, BATTERY_CHANNEL));
+        // A group of one is the last of the four places (RM0090 13.13.12).
+        pac::ADC1.jsqr().write(|w| w.set_jsq(3, VREFINT_CHANNEL));
+        pac::ADC1.cr1().modify(|w| {
+            w.set_jauto(true);
+            w.set_awdsgl(Awdsgl::SINGLE_CHANNEL);
+            w.set_awdch(BATTERY_CHANNEL);
+            w.set_awden(true);
         });
-        pac::ADC1.cr1().modify(|w| w.set_scan(true));
-        Ok(Self { scale, _adc: adc, _pin: pin })
+        unmask_watchdog();
+        start();
+        Ok(Self { scale, vrefint: calibration.reading, _adc: adc, _pin: pin })
     }
+}
+
+/// Starts the converter anew, whatever it was at.
+fn start() {
+    pac::ADC1.cr2().modify(|w| w.set_adon(false));
+    pac::ADC1.cr2().modify(|w| {
+        w.set_cont(true);
+        w.set_adon(true);
+    });
+    pac::ADC1.cr2().modify(|w| w.set_swstart(true));
+}
+
+/// True if VREFINT, and the battery before it, has been converted since this was last asked.
+fn is_new() -> bool {
+    let new = pac::ADC1.sr().read().jeoc();
+    // A flag that is raised in between is cleared with it, and comes again with the next conversion.
+    pac::ADC1.sr().modify(|w| w.set_jeoc(false));
+    new
 }
 
 impl SupplyAdc for BatteryAdc {
     async fn sample(&mut self) -> Option<Millivolts> {
-        pac::ADC1.sr().modify(|w| {
-            w.set_jeoc(false);
-            w.set_jstrt(false);
-        });
-        pac::ADC1.cr2().modify(|w| w.set_jswstart(true));
-        Timer::after_micros(WAIT_MICROS).await;
-        if !pac::ADC1.sr().read().jeoc() {
-            return None;
+        if !is_new() {
+            Timer::after_micros(WAIT_MICROS).await;
+            if !is_new() {
+                start();
+                return None;
+            }
         }
-        self.scale.battery(VrefintSample {
-            battery: pac::ADC1.jdr(0).read().jdata(),
-            vrefint: pac::ADC1.jdr(1).read().jdata(),
-        })
+        self.vrefint = pac::ADC1.jdr(0).read().jdata();
+        self.scale.battery(VrefintSample { battery: pac::ADC1.dr().read().data(), vrefint: self.vrefint })
     }
+
+    async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {
+        let reading = |voltage: &Millivolts| self.scale.reading(*voltage, self.vrefint);
+        pac::ADC1.ltr().write(|w| w.set_lt(reading(quiet.start())));
+        pac::ADC1.htr().write(|w| w.set_ht(reading(quiet.end())));
+        pac::ADC1.sr().modify(|w| w.set_awd(false));
+        poll_fn(|context| {
+            WATCHER.register(context.waker());
+            if pac::ADC1.sr().read().awd() {
+                return Poll::Ready(());
+            }
+            pac::ADC1.cr1().modify(|w| w.set_awdie(true));
+            Poll::Pending
+        })
+        .await;
+    }
+}
+
+/// The flag stays for whoever waits; that it was raised is told once.
+#[interrupt]
+fn ADC() {
+    pac::ADC1.cr1().modify(|w| w.set_awdie(false));
+    WATCHER.wake();
+}
+
+#[expect(
+    unsafe_code,
+    reason = "unmasking could break a critical section that masks a single interrupt; none does"
+)]
+fn unmask_watchdog() {
+    // SAFETY: the handler touches nothing but a register and a waker made for interrupts.
+    unsafe { cortex_m::peripheral::NVIC::unmask(pac::Interrupt::ADC) }
 }
 
 /// This chip's VREFINT reading at 3.3 V and 30 degrees with 12 bits, taken in the factory (STM32F429 data

@@ -14,15 +14,16 @@
 use crate::hardware::MOTORS;
 use crate::scenario::Scenario;
 use crate::sim::{self, RunError, STEP_S};
+use crate::world::View;
 use embassy_futures::block_on;
 use motor_hub::board::{BridgeFaults, Bridges, Encoders, SupplyAdc};
-use motor_hub::bridge::Sensed;
+use motor_hub::bridge::{Drive, Sensed};
 use motor_hub::hub::{Hub, Inputs, Snapshot};
-use motor_hub::model::si::{Seconds, Volts};
+use motor_hub::model::si::Seconds;
 use motor_hub::motion::Tracker;
-use motor_hub::supply::{Limits, Supply};
+use motor_hub::supply::Supply;
 use motor_hub::tasks::bridges::SENSE_INTERVAL;
-use motor_hub::tasks::supply::SUPPLY_INTERVAL;
+use motor_hub::tasks::supply::{SUPPLY_INTERVAL, WATCH_INTERVAL};
 use motor_hub::units::Micros;
 
 /// Everything at one millisecond.
@@ -32,8 +33,14 @@ pub struct Moment<'a> {
     pub ms: u64,
     /// The newest snapshot.
     pub snapshot: &'a Snapshot<MOTORS>,
-    /// Voltage at the battery's terminals.
+    /// Voltage at the battery's terminals, or of the bus.
     pub battery_v: f64,
+    /// The highest that it has been so far.
+    pub highest_v: f64,
+    /// Bridges that have opened by themselves.
+    pub shut_down: usize,
+    /// What the bridges are told.
+    pub drives: &'a [Drive; MOTORS],
     /// True speed in counts/s and true position in counts, by motor.
     pub motors: &'a [(f64, i64)],
 }
@@ -45,10 +52,12 @@ pub struct Moment<'a> {
 pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), RunError> {
     let mut board = sim::board(scenario);
     let mut hub = Hub::new(sim::all_settings(&scenario.motors, scenario.period)?, scenario.period);
-    let mut supply = Supply::new(Limits::default());
+    let mut supply = Supply::new(scenario.limits);
     let mut commands = scenario.commands().into_iter().peekable();
     let mut trackers = [Tracker::default(); MOTORS];
+    let mut look_ms = 0;
     let (mut battery, mut snapshot) = (None, Snapshot::INITIAL);
+    let mut drives = snapshot.drives();
     for ms in 0..(scenario.duration_s / STEP_S).round() as u64 {
         let now = Micros::new(1_000 * ms);
         let mut readings = [None; MOTORS];
@@ -59,8 +68,16 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         if ms.is_multiple_of(SENSE_INTERVAL.as_millis()) {
             hub.sense(&board.faults().map(|fault| Sensed { current: None, fault }));
         }
-        if ms.is_multiple_of(SUPPLY_INTERVAL.as_millis()) {
-            battery = supply.step(block_on(board.sample()), now).or(battery);
+        let alarm = supply.quiet().is_some_and(|quiet| board.has_left(&quiet));
+        if alarm || ms >= look_ms {
+            let sample = supply.step(block_on(board.sample()), now);
+            battery = sample.or(battery);
+            if let Some(changed) = sample.and_then(|sample| hub.watch_bus(sample)) {
+                drives = changed;
+                board.apply(&drives);
+            }
+            let quiet = supply.quiet().is_some() && !alarm;
+            look_ms = ms + if quiet { SUPPLY_INTERVAL } else { WATCH_INTERVAL }.as_millis();
         }
         if ms > 0 && ms % u64::from(scenario.period.as_millis()) == 0 {
             while let Some(due) = commands.next_if(|command| (command.at_s / STEP_S).round() as u64 <= ms) {
@@ -68,12 +85,14 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
                 let _ = hub.apply(due.value);
             }
             snapshot = hub.step(Inputs { now, readings, battery });
-            board.apply(&snapshot.drives());
+            drives = snapshot.drives();
+            board.apply(&drives);
         }
-        let view = board.view();
-        each(Moment { ms, snapshot: &snapshot, battery_v: view.battery_v, motors: &view.motors });
+        let View { battery_v, highest_v, shut_down, motors } = &board.view();
+        let (battery_v, highest_v, shut_down) = (*battery_v, *highest_v, *shut_down);
+        each(Moment { ms, snapshot: &snapshot, battery_v, highest_v, shut_down, drives: &drives, motors });
         let now_s = ms as f64 * STEP_S;
-        board.set_emf(Volts(scenario.emf_at(now_s).0));
+        sim::change(scenario, &board, now_s);
         board.run(Seconds(STEP_S), &sim::torques(scenario, now_s));
     }
     Ok(())

@@ -9,6 +9,7 @@
 //! | room | what is decided there |
 //! |---|---|
 //! | [`hardware`] | what this board is made of, and what the firmware is told of it |
+//! | [`encoder`] | what a sound or broken encoder says of its shaft |
 //! | [`world`] | the board's traits over plants on a battery |
 //! | [`scheme`] | how people name schemes, blends and duty rules |
 //! | [`scenario`] | which motors with which loads are told what, and when |
@@ -19,6 +20,7 @@
 #![forbid(unsafe_code)]
 
 pub mod direct;
+pub mod encoder;
 pub mod hardware;
 pub mod scenario;
 pub mod scheme;

@@ -20,7 +20,7 @@ mod substitute;
 
 use std::path::Path;
 
-pub use definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
+pub use definition::{Bus, Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion, UNLIMITED};
 pub use mistake::{Mistake, ScenarioError};
 
 /// What runs when no file is named.

@@ -22,10 +22,11 @@ use embassy_futures::join::{join, join5};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, Instant, MockDriver, Timer};
 use motor_hub::hub::{Hub, Snapshot};
+use motor_hub::model::bus::Bus;
 use motor_hub::model::plant::Flow;
 use motor_hub::model::si::Seconds;
 use motor_hub::motor::Settings;
-use motor_hub::supply::{Limits, Supply};
+use motor_hub::supply::Supply;
 use motor_hub::tasks::{self, Health};
 use motor_hub::units::{Period, RangeError};
 use std::pin::{Pin, pin};
@@ -108,7 +109,7 @@ pub(crate) fn tasks<'a>(
 ) -> Result<impl Future + use<'a>, RunError> {
     let (settings, period, board) =
         (all_settings(&scenario.motors, scenario.period)?, scenario.period, board.clone());
-    let supply = Supply::new(Limits::default());
+    let supply = Supply::new(scenario.limits);
     Ok(async move {
         let mut hub = Hub::new(settings, period);
         let bridges = tasks::bridges::run(board.clone(), (), wires, health);
@@ -125,10 +126,21 @@ pub(crate) fn tasks<'a>(
 
 /// Lets [`STEP_S`] pass in the world and on the hub's clock, under these torques in newton metres.
 pub(crate) fn advance(scenario: &Scenario, board: &Board, now_s: f64, torques: &[f64]) -> Vec<Flow> {
-    board.set_emf(scenario.emf_at(now_s));
+    change(scenario, board, now_s);
     let flows = board.run(Seconds(STEP_S), torques);
     MockDriver::get().advance(Duration::from_millis(1));
     flows
+}
+
+/// What a scenario changes about the board but for torques.
+pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
+    board.set_emf(scenario.emf_at(now_s));
+    if scenario.bus.is_some_and(|bus| bus.opens_at_s.is_some_and(|at_s| now_s >= at_s)) {
+        board.open_contactor();
+    }
+    for (index, motor) in scenario.motors.iter().enumerate() {
+        board.set_encoder(index, motor.encoder_at(now_s));
+    }
 }
 
 /// External torques on the output shafts in newton metres.
@@ -188,7 +200,13 @@ fn settings_of(motor: &Motor, period: Period) -> Result<Settings, RunError> {
 /// The board with a scenario's motors, loads and battery, at rest.
 pub(crate) fn board(scenario: &Scenario) -> Board {
     let motors = scenario.motors.iter().map(|motor| (motor.constants, motor.load, motor.bridge));
-    Board::new(scenario.battery, motors, scenario.seed)
+    let board = Board::new(scenario.battery, motors, scenario.seed);
+    if let Some(known) = &scenario.bus {
+        let mut bus = Bus::new(scenario.battery, known.capacitance_f);
+        bus.one_way = known.one_way;
+        board.set_bus(bus);
+    }
+    board
 }
 
 /// The host that tells the hub what to do, when the scenario says so.

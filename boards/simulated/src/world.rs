@@ -17,21 +17,26 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use crate::encoder::{Counter, Encoder};
 use crate::hardware::{BRIDGE, MOTORS};
+use embassy_time::Timer;
 use motor_hub::board::{BridgeFaults, Bridges, Encoders, SupplyAdc, Watchdog};
 use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::model::battery::Battery;
+use motor_hub::model::bus::{Bus, Shutdown};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::{Flow, Influence, Plant};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
+use motor_hub::tasks::supply::WATCH_INTERVAL;
 use motor_hub::units::{Duty, Millivolts, constant};
 use std::cell::RefCell;
+use std::ops::RangeInclusive;
 use std::rc::Rc;
 
-/// The battery's divider: 47 k over 10 k brings 18 V within the converter's range.
+/// The bus's divider: 47 k over 10 k brings 18 V within the converter's range; what is more reads as that.
 const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
 /// The chip's supply, off its nominal 3.3 V as real ones are.
 const RAIL_V: f64 = 3.27;
@@ -53,6 +58,7 @@ pub struct World {
     rig: Rig,
     drives: [Drive; MOTORS],
     bridges: Vec<BridgeConstants>,
+    counters: Vec<Counter>,
     /// Bridges that have switched themselves off, until their lines go low.
     faults: [bool; MOTORS],
     noise: fastrand::Rng,
@@ -67,8 +73,12 @@ pub struct Board(Rc<RefCell<World>>);
 /// What the outside sees of the world at one moment.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// Voltage at the battery's terminals in volts.
+    /// Voltage at the battery's terminals, or of the bus, in volts.
     pub battery_v: f64,
+    /// The highest that it has been so far.
+    pub highest_v: f64,
+    /// Bridges that have opened by themselves.
+    pub shut_down: usize,
     /// Speed in counts per second and whole counts, by motor.
     pub motors: Vec<(f64, i64)>,
 }
@@ -82,6 +92,7 @@ impl Board {
     ) -> Self {
         let pwm = Hertz(f64::from(BRIDGE.pwm_hz()));
         let motors: Vec<_> = motors.collect();
+        let counters = (0..motors.len() as u64).map(|motor| Counter::new(seed ^ motor)).collect();
         let bridges = motors.iter().map(|(_, _, bridge)| *bridge).collect();
         let plants =
             motors.into_iter().map(|(motor, load, bridge)| Plant::new(motor, load, bridge.into(), pwm));
@@ -89,6 +100,7 @@ impl Board {
             rig: Rig::new(battery, plants.collect()),
             drives: [Drive::COAST; MOTORS],
             bridges,
+            counters,
             faults: [false; MOTORS],
             noise: fastrand::Rng::with_seed(seed),
             unfed_s: 0.0,
@@ -96,9 +108,29 @@ impl Board {
         })))
     }
 
+    /// Puts a capacitor behind the battery.
+    pub fn set_bus(&self, bus: Bus) {
+        let mut world = self.0.borrow_mut();
+        world.rig = world.rig.clone().with_bus(bus);
+    }
+
+    /// Opens the contactor between battery and capacitor.
+    pub fn open_contactor(&self) {
+        if let Some(bus) = &mut self.0.borrow_mut().rig.bus {
+            bus.closed = false;
+        }
+    }
+
     /// Changes the battery's voltage without load.
     pub fn set_emf(&self, emf: Volts) {
         self.0.borrow_mut().rig.battery.emf = emf;
+    }
+
+    /// Connects an encoder differently, from now on.
+    pub fn set_encoder(&self, motor: usize, encoder: Encoder) {
+        if let Some(counter) = self.0.borrow_mut().counters.get_mut(motor) {
+            counter.connect(encoder);
+        }
     }
 
     /// Lets time pass under external torques in newton metres, one for each motor.
@@ -115,7 +147,12 @@ impl Board {
             .collect();
         world.unfed_s += time.0;
         world.starved |= world.unfed_s > WATCHDOG_S;
-        world.rig.run(time, &commands).flows
+        let flows = world.rig.run(time, &commands).flows;
+        let World { counters, rig, .. } = &mut *world;
+        for (counter, plant) in counters.iter_mut().zip(&rig.plants) {
+            counter.turn(plant.counts(), (1e9 * time.0).round() as u64);
+        }
+        flows
     }
 
     /// Looks at everything.
@@ -125,7 +162,16 @@ impl Board {
             let turns = plant.speed().0 / std::f64::consts::TAU;
             (turns * plant.motor().counts_per_rev_motor, plant.counts())
         });
-        View { battery_v: world.rig.voltage().0, motors: motors.collect() }
+        let shut_down = world.rig.shutdowns().iter().filter(|&&bridge| bridge != Shutdown::None).count();
+        let (battery_v, highest_v) = (world.rig.voltage().0, world.rig.range().1.0);
+        View { battery_v, highest_v, shut_down, motors: motors.collect() }
+    }
+
+    /// True if the battery's voltage is none of these, for a converter without noise.
+    pub(crate) fn has_left(&self, quiet: &RangeInclusive<Millivolts>) -> bool {
+        let millivolts = 1e3 * self.0.borrow().rig.voltage().0;
+        let [low, high] = [quiet.start(), quiet.end()].map(|voltage| f64::from(voltage.get()));
+        millivolts < low || millivolts > high
     }
 
     /// True if the watchdog would have reset the chip.
@@ -146,9 +192,9 @@ impl World {
 impl Encoders<MOTORS> for Board {
     fn counts(&mut self) -> [Option<u16>; MOTORS] {
         let mut counts = [None; MOTORS];
-        for (count, plant) in counts.iter_mut().zip(&self.0.borrow().rig.plants) {
+        for (count, counter) in counts.iter_mut().zip(&self.0.borrow().counters) {
             // A counter of 16 bits wraps.
-            *count = Some(plant.counts() as u16);
+            *count = Some(counter.count() as u16);
         }
         counts
     }
@@ -161,6 +207,15 @@ impl SupplyAdc for Board {
         let pin = world.rig.voltage().0 * bottom / (top + bottom);
         let sample = VrefintSample { battery: world.convert(pin), vrefint: world.convert(VREFINT_V) };
         SCALE.battery(sample)
+    }
+
+    async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>) {
+        loop {
+            Timer::after(WATCH_INTERVAL).await;
+            if self.has_left(&quiet) {
+                return;
+            }
+        }
     }
 }
 

@@ -22,7 +22,7 @@ pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wir
         let wanted = button.step(Look {
             down: input.is_high(),
             host_spoke: wires.host_spoke.lock(|spoke| spoke.get()),
-            battery: wires.snapshot.try_get().and_then(|snapshot| snapshot.battery),
+            battery_good: wires.snapshot.try_get().is_some_and(|snapshot| snapshot.good_battery().is_some()),
             now: Micros::new(Instant::now().as_micros()),
         });
         if wanted != current {

@@ -21,6 +21,7 @@ mod parse;
 mod points;
 mod run;
 mod serve;
+mod soak;
 mod source;
 mod survey;
 
@@ -51,6 +52,9 @@ enum Command {
     /// How well motors are regulated: reference tasks, bare motors, scenarios by lot
     #[command(long_about = survey::HELP)]
     Survey(survey::Options),
+    /// Hours of scenarios by lot: counts false alarms and starved watchdogs
+    #[command(long_about = soak::HELP)]
+    Soak(soak::Options),
     /// What the hub learns of its motors from a short motion, beside what they are: tables and a chart
     #[command(long_about = identify::HELP)]
     Identify(identify::Options),
@@ -82,6 +86,7 @@ fn main() -> ExitCode {
         Command::Run(options) => options.execute(),
         Command::Compare(options) => options.execute(),
         Command::Survey(options) => options.execute(),
+        Command::Soak(options) => options.execute(),
         Command::Identify(options) => options.execute(),
         Command::Points(options) => options.execute(),
         Command::Map(options) => options.execute(),

@@ -1,5 +1,6 @@
 //! How well motors are regulated: the tasks of the [`mod@reference`], every motor of the catalogue in its [`cells`],
-//! and any number of scenarios drawn by lot ([`random`]), each told exactly, told wrongly, and told nothing.
+//! and any number of scenarios drawn by lot ([`random`]), each told exactly, told wrongly, and told nothing. Hours of those,
+//! in which false alarms are counted, are [`soak`].
 //!
 //! Responses are judged by the true motion at every millisecond. A speed has settled when it stays within 2 % of
 //! the larger of old and new speed, at least 2 counts/s; a position within 10 counts; standstill within 3 of where it
@@ -22,6 +23,7 @@ mod judge;
 mod pool;
 pub mod random;
 pub mod reference;
+pub mod soak;
 pub mod text;
 
 pub use dump::toml;

@@ -1,6 +1,7 @@
 //! The limits that regulation is held to, on a share of the survey that a test has time for.
 
-use studies::survey::{Response, Survey, Verdict, cells, random, reference, toml};
+use studies::survey::soak::{self, Soak};
+use studies::survey::{Knowledge, Response, Survey, Verdict, cells, random, reference, toml};
 
 fn never(responses: &[&Response], knowledge: usize) -> f64 {
     let never = responses.iter().filter(|response| response.verdicts[knowledge].settling_s.is_none()).count();
@@ -81,4 +82,16 @@ fn a_drawn_scenario_is_its_own_file_again() {
         let read = simulated::scenario::Scenario::parse("survey", &text);
         assert_eq!(read.as_ref().map_err(ToString::to_string), Ok(&scenario), "{text}");
     }
+}
+
+// The only test here that needs the process's clock.
+#[test]
+fn motors_that_the_hub_knows_raise_no_alarm_and_no_watchdog_starves() {
+    // Of the ten hours that `motor-hub soak --hours 10` runs. Motors of which it is told nothing do raise some there: slow
+    // ones that turn back.
+    let soak = Soak::new(2, 180.0, &mut |_| ()).expect("it runs");
+    assert!(soak.alarms.iter().all(|alarm| alarm.told == Knowledge::Nothing), "{}", soak::text(&soak));
+    assert_eq!(soak.starved, [0; 0]);
+    // 180 s at 100 ms, at least.
+    assert!(soak.ticks > 1_800, "{soak:?}");
 }

@@ -23,6 +23,8 @@ const DUE_COUNTS: f32 = 6.0;
 /// and time without it, in milliseconds: of a motor that is known, and of any other.
 const STUCK_MS: u32 = 60;
 const ANYWAY_MS: u32 = 140;
+/// The same of one that is not known and was last heard turning the wrong way: it may be that slow to turn back.
+const TURNING_BACK_MS: u32 = 800;
 /// How long the motor is released, and driven the other way, at least,
 const RELEASE_MS: u32 = 50;
 const REVERSE_MS: u32 = 50;
@@ -50,6 +52,27 @@ const REVERSE: i16 = 29_490;
 pub(super) struct Held {
     period: Period,
     phase: Phase,
+    heard: Heard,
+}
+
+/// Which way the motor was last heard turning, by a net way that no trembling makes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Heard {
+    /// Since then.
+    moved: i64,
+    clockwise: Option<bool>,
+}
+
+impl Heard {
+    /// Another tick; whether the motor was heard.
+    const fn step(&mut self, moved: i32) -> bool {
+        self.moved += moved as i64;
+        let heard = self.moved.abs() >= MOVED_COUNTS;
+        if heard {
+            *self = Self { moved: 0, clockwise: Some(self.moved > 0) };
+        }
+        heard
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -131,7 +154,7 @@ impl Due {
 
 impl Held {
     pub(super) fn new(period: Period) -> Self {
-        Self { period, phase: Phase::Watching(Due::default()) }
+        Self { period, phase: Phase::Watching(Due::default()), heard: Heard::default() }
     }
 
     /// It is being found out why the motor does not turn.
@@ -141,7 +164,9 @@ impl Held {
 
     /// What a tick says, together with those before it.
     pub(super) fn step(&mut self, evidence: &Evidence) -> Finding {
+        let heard = self.heard.step(evidence.moved);
         let (phase, finding) = match self.phase {
+            Phase::Watching(_) if heard => (Phase::Watching(Due::default()), Finding::Sound),
             Phase::Watching(due) => self.watch(due, evidence),
             Phase::Releasing(clockwise, due) => self.release(clockwise, due, evidence),
             Phase::Reversing(clockwise, due) => self.reverse(clockwise, due, evidence),
@@ -171,7 +196,11 @@ impl Held {
         if due.has_moved() {
             return (Phase::Watching(Due::default()), Finding::Sound);
         }
-        let least = if evidence.gain.is_some() { STUCK_MS } else { ANYWAY_MS };
+        let least = match evidence.gain {
+            Some(_) => STUCK_MS,
+            None if self.heard.clockwise == Some(!clockwise) => TURNING_BACK_MS,
+            None => ANYWAY_MS,
+        };
         if due.ms < least || due.way < DUE_COUNTS {
             return (Phase::Watching(due), Finding::Sound);
         }

@@ -14,7 +14,8 @@
 //!
 //! All times are longer for a motor that is so slow that its counts take longer.
 //!
-//! Either is decided within 250 ms of a clear case, at every control period. Open-loop power needs no encoder and
+//! Either is decided within 250 ms of a clear case, at every control period; but of a motor that is not known and was last
+//! heard turning the wrong way, a silent encoder within 1 s: it may be that slow to turn back. Open-loop power needs no encoder and
 //! is not watched; neither is a motor that holds its position, from which no count is due, nor one that all of a low
 //! battery might not turn against friction.
 //!

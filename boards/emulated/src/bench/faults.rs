@@ -9,10 +9,10 @@ use rigless::device::Level;
 use rigless::soc::Width;
 use rigless::soc::st::gpio::Pin;
 use rigless::time::VirtualNanos;
+use simulated::encoder::Encoder;
 
 use super::Bench;
 use crate::elf;
-use crate::shafts::Encoder;
 use crate::wiring;
 
 impl Bench {
@@ -31,7 +31,7 @@ impl Bench {
 
     /// Connects an encoder differently, from now on.
     pub fn set_encoder(&mut self, motor: usize, encoder: Encoder) {
-        self.at_stop(move |lab, _, _| lab.encoders[motor] = encoder);
+        self.at_stop(move |lab, session, _| lab.connect(session, motor, encoder));
     }
 
     /// A bridge pulls its DIAG line low, as one does that has switched itself off, or lets go of it.

@@ -1,6 +1,7 @@
 //! What a scenario is, once it has been checked.
 
 use super::expectation::Expectation;
+use crate::encoder::Encoder;
 use crate::hardware::{BRIDGE, mechanics, winding};
 use motor_hub::braking::{DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
@@ -11,10 +12,22 @@ use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
-use motor_hub::units::{Acceleration, Period, RangeError};
+use motor_hub::supply::{Levels, Limits};
+use motor_hub::units::{Acceleration, Millivolts, Period, RangeError, constant};
 
 /// The longest run, in seconds: a trace must fit in memory.
 pub const LONGEST_S: f64 = 300.0;
+
+/// Whatever a battery has from 5 to 18 V is good, and nothing is burnt: as if it were no matter of the hub.
+pub const UNLIMITED: Limits = constant!(Limits::new(Levels {
+    min: Millivolts::new(5_000),
+    cut: Millivolts::new(5_000),
+    derate: Millivolts::new(5_001),
+    recover: Millivolts::new(5_001),
+    burn: Millivolts::new(17_999),
+    burn_all: Millivolts::new(18_000),
+    max: Millivolts::new(18_000),
+}));
 
 /// A run: its motors, its battery, its length.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +42,10 @@ pub struct Scenario {
     pub seed: u64,
     /// The supply as it is at the start.
     pub battery: Battery,
+    /// What is between it and the bridges, if that is more than a wire.
+    pub bus: Option<Bus>,
+    /// What the hub takes for its voltages.
+    pub limits: Limits,
     /// Its voltage without load later on, times ascending: in straight lines from one to the next, the
     /// last one holds.
     pub emf_over_time: Vec<Timed<f64>>,
@@ -40,6 +57,17 @@ pub struct Scenario {
     pub emulated: bool,
     /// What makes it a test.
     pub expectations: Vec<Expectation>,
+}
+
+/// The bus of a scenario.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bus {
+    /// In farads.
+    pub capacitance_f: f64,
+    /// The battery gives current and takes none.
+    pub one_way: bool,
+    /// A contactor takes the battery away, in seconds since the start.
+    pub opens_at_s: Option<f64>,
 }
 
 /// One motor of a scenario.
@@ -75,6 +103,8 @@ pub struct Motor {
     pub setpoints: Vec<Timed<Setpoint>>,
     /// External torque on the output shaft in newton metres, times ascending, from 0 s on.
     pub torques: Vec<Timed<f64>>,
+    /// How its encoder is, times ascending; sound before the first.
+    pub encoder: Vec<Timed<Encoder>>,
 }
 
 /// Motors of a scenario that move in step.
@@ -140,6 +170,8 @@ impl Scenario {
             period: Period::DEFAULT,
             seed: 1,
             battery,
+            bus: None,
+            limits: Limits::TWELVE_VOLTS,
             emf_over_time: Vec::new(),
             motors,
             groups: Vec::new(),
@@ -219,6 +251,7 @@ impl Motor {
             position: None,
             setpoints: Vec::new(),
             torques: vec![Timed { at_s: 0.0, value: 0.0 }],
+            encoder: Vec::new(),
         }
     }
 
@@ -272,6 +305,11 @@ impl Motor {
     /// The external torque in newton metres that holds at a time in seconds.
     pub fn torque_at(&self, at_s: f64) -> f64 {
         latest(&self.torques, at_s).unwrap_or_default()
+    }
+
+    /// How the encoder is at a time in seconds.
+    pub fn encoder_at(&self, at_s: f64) -> Encoder {
+        latest(&self.encoder, at_s).unwrap_or_default()
     }
 }
 

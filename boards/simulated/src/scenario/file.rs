@@ -1,19 +1,23 @@
 //! Reads a scenario file: from its tables, by checks, to a [`Scenario`].
 
+mod bus;
+mod encoders;
 mod expect;
 mod friction;
 mod groups;
 mod ranges;
 mod tables;
 
-use super::definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion};
+use super::definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion, UNLIMITED};
 use super::mistake::{Checked, Fault, Mistake, fault};
 use crate::hardware::{BRIDGE, MOTORS, REAL_BRIDGE, thermal_limit};
 use crate::scheme::SchemeName;
+use encoders::check as check_encoder;
 use motor_hub::model::catalogue::{self, characterised};
 use motor_hub::model::{battery::Battery, load::Load, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, ThermalLimit, ZeroPower};
+use motor_hub::supply::Limits;
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Period};
 use ranges::{FASTEST_CPS, HARDEST_CPS2, named, optional, timeline, within};
 use std::ops::RangeInclusive;
@@ -53,6 +57,13 @@ pub(super) fn read(text: &str) -> Checked<Scenario> {
             emf: si::Volts(within(&file.battery.emf_v, "emf_v", EMF)?),
             resistance: si::Ohms(within(&file.battery.resistance_ohm, "resistance_ohm", 0.0..=1.0)?),
         },
+        bus: file.bus.as_ref().map(|table| table.get_ref().check(duration_s)).transpose()?,
+        limits: match &file.bus {
+            Some(bus) if file.battery.unlimited => return Err(fault(bus, Mistake::BusUnlimited)),
+            Some(bus) => bus.get_ref().limits()?,
+            None if file.battery.unlimited => UNLIMITED,
+            None => Limits::TWELVE_VOLTS,
+        },
         emf_over_time: timeline(
             &file.battery.emf_over_time,
             duration_s,
@@ -90,8 +101,9 @@ fn check_told_something(file: &File, groups: &[Group]) -> Checked<()> {
             return Err(fault(table, Mistake::NoSetpoints));
         }
     }
-    match file.groups.first() {
-        Some(group) if file.emulated => Err(fault(group, Mistake::GroupsEmulated)),
+    match (file.groups.first(), &file.bus) {
+        (Some(group), _) if file.emulated => Err(fault(group, Mistake::GroupsEmulated)),
+        (_, Some(bus)) if file.emulated => Err(fault(bus, Mistake::BusEmulated)),
         _ => Ok(()),
     }
 }
@@ -149,6 +161,7 @@ impl MotorTable {
             position: coefficients.position.as_ref().map(GainTable::check).transpose()?,
             setpoints: timeline(&self.setpoints, duration_s, |s| &s.at_s, SetPointTable::check)?,
             torques: self.check_torques(duration_s)?,
+            encoder: timeline(&self.encoder, duration_s, |e| &e.at_s, check_encoder)?,
         })
     }
 

@@ -3,6 +3,7 @@
 use crate::hardware::MOTORS;
 use crate::scheme::BlendError;
 use motor_hub::model::catalogue::UnknownMotor;
+use motor_hub::supply::Levels;
 use std::ops::Range;
 use toml::Spanned;
 
@@ -109,9 +110,24 @@ pub enum Mistake {
     /// Groups are not run on the chip.
     #[error("groups are not run on the emulated chip; leave emulated out")]
     GroupsEmulated,
+    /// Nor is a bus with a capacitor.
+    #[error("a bus is not run on the emulated chip; leave emulated out")]
+    BusEmulated,
+    /// Nor has it a meaning where the hub is not to look.
+    #[error("a bus goes with a battery that is not unlimited")]
+    BusUnlimited,
+    /// Limits that the hub refuses.
+    #[error(
+        "burn_between_v = [low, high] with low above {} V, below high, and high up to {} V",
+        .0.recover.to_volts(), .0.max.to_volts()
+    )]
+    BurnBetween(Levels),
     /// None, or several, of the four kinds of set-point.
     #[error("a set-point says exactly one of power, velocity_cps, position_counts and disable")]
     SetpointKind,
+    /// None, or several, of the three ways to say how an encoder is.
+    #[error("an encoder says exactly one of is, glitches_per_s and slot_missing_of")]
+    EncoderKind,
     /// A position without its two companions.
     #[error("position_counts needs tolerance_counts and speed_limit_cps beside it")]
     PositionAlone,

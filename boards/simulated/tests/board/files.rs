@@ -95,6 +95,19 @@ fn numbers_out_of_range_name_the_range() {
 }
 
 #[test]
+fn an_encoder_is_one_thing_at_a_time() {
+    let encoder = |how: &str, place, says| {
+        let with = format!("encoder = [{{ at_s = 1.0{how} }}]\nscheme = \"D\"");
+        refused("scheme = \"D\"", &with, place, says);
+    };
+    encoder("", "9:12", "exactly one of");
+    encoder(", is = \"a-low\", glitches_per_s = 20", "9:12", "exactly one of");
+    encoder(", is = \"dirty\"", "9:31", "`a-loose`");
+    encoder(", glitches_per_s = 0", "9:43", "1 to 100000");
+    encoder(", slot_missing_of = 10001", "9:44", "1 to 10000");
+}
+
+#[test]
 fn contradictions_are_found() {
     refused("velocity_cps = 1000", "velocity_cps = 1000, power = 0.5", "14:5", "exactly one of");
     refused("velocity_cps = 1000", "", "14:5", "exactly one of");
@@ -306,4 +319,24 @@ fn a_group_that_cannot_be_is_refused() {
     refused("group = \"base\"", "group = \"base\"\nmotor = \"left\"", "not of both");
     refused("group = \"base\"\n", "", "of a group with a base");
     refused("settles_within_s = 1.0", "fault = \"none\"", "only settles_within_s and heading_error");
+}
+
+#[test]
+fn a_bus_that_makes_no_sense_is_refused_with_what_is_allowed() {
+    let refused = |bus: &str, words: &str| {
+        let text = SOUND.replacen("[[motors]]", &format!("[bus]\n{bus}\n[[motors]]"), 1);
+        let error = Scenario::parse("bus.toml", &text).expect_err(bus).to_string();
+        assert!(error.contains(words), "{bus}: {error}");
+    };
+    refused("one_way = true", "capacitance_f");
+    let unlimited = SOUND.replacen("resistance_ohm = ", "unlimited = true, resistance_ohm = ", 1);
+    let text = unlimited.replacen("[[motors]]", "[bus]\ncapacitance_f = 0.001\n[[motors]]", 1);
+    let error = Scenario::parse("bus.toml", &text).expect_err("both").to_string();
+    assert!(error.contains("not unlimited"), "{error}");
+    refused("capacitance_f = 0", "capacitance_f = 0 is out of range; allowed is 0.00001 to 1");
+    refused("capacitance_f = 0.001\nopens_at_s = 301", "opens_at_s = 301 is out of range");
+    for between in ["[7.5, 15]", "[15, 15]", "[14, 24.1]", "[-1, 15]", "[14, nan]"] {
+        let bus = format!("capacitance_f = 0.001\nburn_between_v = {between}");
+        refused(&bus, "low above 7.5 V, below high, and high up to 24 V");
+    }
 }

@@ -1,6 +1,7 @@
 //! The host as a board.
 #![expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
 
+mod bus;
 mod files;
 mod runs;
 mod scenarios;

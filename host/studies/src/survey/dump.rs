@@ -5,7 +5,7 @@ use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use motor_hub::motor::{OnFault, Setpoint, ZeroPower};
 use motor_hub::units::Control;
 use simulated::hardware::REAL_BRIDGE;
-use simulated::scenario::{Motor, Scenario, Told};
+use simulated::scenario::{Motor, Scenario, Told, UNLIMITED};
 use std::fmt::Write;
 
 /// The scenario in TOML; what has no place in a survey (coefficients, expectations, a battery that runs down) is
@@ -14,10 +14,11 @@ pub fn toml(scenario: &Scenario) -> String {
     let Scenario { name, duration_s, period, seed, battery, .. } = scenario;
     let mut out = format!(
         "name = {name:?}\nduration_s = {duration_s:?}\ncontrol_period_ms = {}\nseed = {seed}\n\n\
-         [battery]\nemf_v = {:?}\nresistance_ohm = {:?}\n",
+         [battery]\nemf_v = {:?}\nresistance_ohm = {:?}\nunlimited = {}\n",
         period.as_millis(),
         battery.emf.0,
         battery.resistance.0,
+        scenario.limits == UNLIMITED,
     );
     for motor in &scenario.motors {
         // Writing to a string does not fail.

@@ -9,7 +9,7 @@ use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::{Drag, KgM2, NewtonMetres, Ohms, Volts};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
-use simulated::scenario::{Motor, Scenario, Timed};
+use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
 
 /// No motor with its load is slower, in seconds.
 const LONGEST_TIME_CONSTANT: f64 = 3.0;
@@ -49,7 +49,8 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
     let duration_s = lot.rounded(2.0, 4.0, 1e3) + motors.iter().map(last).fold(0.0, f64::max);
     let battery = Battery { emf: Volts(emf), resistance: Ohms(resistance) };
     let name = format!("survey {seed}, scenario {index}");
-    Scenario { period, seed: index, ..Scenario::new(&name, duration_s, battery, motors) }
+    // From 6.5 to 14.5 V, and it takes what comes back: regulation is what is looked at.
+    Scenario { period, seed: index, limits: UNLIMITED, ..Scenario::new(&name, duration_s, battery, motors) }
 }
 
 /// Gives some of the motors Coulomb friction, by a lot of their own, so that everything else of a scenario is drawn as

@@ -18,6 +18,7 @@ pub(super) struct File {
     #[serde(default)]
     pub(super) emulated: bool,
     pub(super) battery: BatteryTable,
+    pub(super) bus: Option<Spanned<BusTable>>,
     pub(super) motors: Spanned<Vec<Spanned<MotorTable>>>,
     #[serde(default)]
     pub(super) groups: Vec<Spanned<GroupTable>>,
@@ -31,7 +32,19 @@ pub(super) struct BatteryTable {
     pub(super) emf_v: Spanned<f64>,
     pub(super) resistance_ohm: Spanned<f64>,
     #[serde(default)]
+    pub(super) unlimited: bool,
+    #[serde(default)]
     pub(super) emf_over_time: Vec<Spanned<EmfTable>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BusTable {
+    pub(super) capacitance_f: Spanned<f64>,
+    #[serde(default)]
+    pub(super) one_way: bool,
+    pub(super) opens_at_s: Option<Spanned<f64>>,
+    pub(super) burn_between_v: Option<Spanned<[f64; 2]>>,
 }
 
 #[derive(Deserialize)]
@@ -72,6 +85,8 @@ pub(super) struct MotorTable {
     pub(super) setpoints: Vec<Spanned<SetPointTable>>,
     #[serde(default)]
     pub(super) torques: Vec<Spanned<TorqueTable>>,
+    #[serde(default)]
+    pub(super) encoder: Vec<Spanned<EncoderTable>>,
 }
 
 /// The two rotor inertias that the catalogue knows.
@@ -207,4 +222,27 @@ pub(super) struct SetPointTable {
 pub(super) struct TorqueTable {
     pub(super) at_s: Spanned<f64>,
     pub(super) torque_nm: Spanned<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EncoderTable {
+    pub(super) at_s: Spanned<f64>,
+    pub(super) is: Option<EncoderWord>,
+    pub(super) glitches_per_s: Option<Spanned<i64>>,
+    pub(super) slot_missing_of: Option<Spanned<i64>>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum EncoderWord {
+    Sound,
+    Reversed,
+    Unplugged,
+    ALow,
+    AHigh,
+    BLow,
+    BHigh,
+    ALoose,
+    BLoose,
 }

@@ -1,0 +1,118 @@
+//! How a fault is put in, what happens meanwhile, and how it is taken out: the rows.
+
+use std::num::NonZeroU32;
+use std::time::Duration;
+
+use emulated::talk::Talk;
+use emulated::{Bench, Encoder, Wire};
+
+use crate::common::ms;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Fault {
+    /// Of all four at once.
+    Encoder(Encoder),
+    ConverterDead,
+    /// The battery without load, V.
+    Battery(f64),
+    /// Each bridge says so.
+    BridgesOff,
+    HostSilent,
+    /// So many words in a million are garbled on the way to the hub.
+    HostGarbled(u32),
+    LogAbandoned,
+    /// This task never returns.
+    TaskHangs(&'static str),
+    BusError,
+    ResetPin,
+}
+
+/// TIM2's counter, which is read every millisecond.
+const COUNTER: std::ops::Range<u64> = 0x4000_0024..0x4000_0028;
+const NOMINAL: f64 = 12.0;
+const REQUEST_INTERVAL: Duration = ms(20);
+
+pub(crate) const fn glitches(per_second: u32) -> Fault {
+    Fault::Encoder(Encoder::Glitches { per_second: NonZeroU32::new(per_second).expect("some") })
+}
+
+pub(crate) const fn stuck(wire: Wire, high: bool) -> Fault {
+    Fault::Encoder(Encoder::Stuck { wire, high })
+}
+
+/// Of the seven slots of this motor's wheel.
+pub(crate) const SLOT_MISSING: Fault =
+    Fault::Encoder(Encoder::MissingSlot { of: NonZeroU32::new(7).expect("some") });
+
+impl Fault {
+    pub(crate) fn put_in(self, bench: &mut Bench) {
+        match self {
+            Self::Encoder(encoder) => (0..4).for_each(|motor| bench.set_encoder(motor, encoder)),
+            Self::ConverterDead => bench.kill_adc(true),
+            Self::Battery(volts) => bench.set_battery(volts),
+            Self::BridgesOff => (0..4).for_each(|motor| bench.pull_diag(motor, true)),
+            Self::HostSilent => {}
+            Self::HostGarbled(per_million) => bench.garble_serial(per_million, 7),
+            Self::LogAbandoned => bench.abandon_log(true),
+            Self::TaskHangs(task) => bench.hang(task),
+            Self::BusError => bench.fail_next_access(COUNTER),
+            Self::ResetPin => bench.pull_reset(bench.now()),
+        }
+    }
+
+    /// How long it lasts: the log tells of faults once a second.
+    const fn lasts(self) -> Duration {
+        match self {
+            // 2.5 s, and a second in which nothing comes of it.
+            Self::HostSilent => ms(3_500),
+            // Longer than the hub waits for its host, or its log's buffer lasts.
+            Self::HostGarbled(_) | Self::LogAbandoned => ms(3_000),
+            // Until a motor that brakes a load is found out, and a second.
+            Self::Encoder(Encoder::Unplugged | Encoder::Stuck { .. }) => ms(2_100),
+            _ => ms(1_100),
+        }
+    }
+
+    pub(crate) fn lets_time_pass(self, bench: &mut Bench, talk: &mut Talk) {
+        let end = bench.now() + self.lasts();
+        match self {
+            Self::HostSilent => bench.run_until(end),
+            Self::HostGarbled(_) => {
+                // The host goes on, whatever comes back.
+                while bench.now() < end {
+                    let packet = talk.packet(KEEP_ALIVE, &[]);
+                    bench.send(&packet);
+                    bench.run(REQUEST_INTERVAL);
+                    talk.arrivals(bench);
+                }
+            }
+            Self::LogAbandoned => {
+                while bench.now() < end {
+                    talk.keep_alive(bench);
+                    bench.run(ms(500));
+                }
+            }
+            _ => bench.run_until(end),
+        }
+    }
+
+    pub(crate) fn take_out(self, bench: &mut Bench) {
+        match self {
+            Self::Encoder(_) => (0..4).for_each(|motor| bench.set_encoder(motor, Encoder::Sound)),
+            Self::ConverterDead => bench.kill_adc(false),
+            Self::Battery(_) => bench.set_battery(NOMINAL),
+            Self::BridgesOff => (0..4).for_each(|motor| bench.pull_diag(motor, false)),
+            Self::HostGarbled(_) => {
+                bench.garble_serial(0, 7);
+                // Half a packet is forgotten after 50 ms.
+                bench.run(ms(60));
+            }
+            Self::LogAbandoned => bench.abandon_log(false),
+            // They are over by themselves.
+            Self::HostSilent | Self::TaskHangs(_) | Self::BusError | Self::ResetPin => {}
+        }
+    }
+}
+
+/// The type of the protocol's *keep alive*.
+const KEEP_ALIVE: u16 = 0x7F04;

@@ -1,0 +1,80 @@
+//! The fault matrix: every fault in every mode. What the bridge does meanwhile, how long it takes until nothing is
+//! driven, what the hub says of it, and how the motor comes back. With `--nocapture` it prints the table.
+//!
+//! Four motors are four modes, so a row is one stretch of a run; rows share a chip as long as all is as expected.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod faults;
+mod modes;
+mod rows;
+mod run;
+mod table;
+
+use std::ops::RangeInclusive;
+use std::sync::Mutex;
+
+use common::ms;
+use modes::MODES;
+use rows::{Cell, During, ROWS, Row};
+use run::{Run, Seen};
+
+/// Run side by side.
+const CHIPS: usize = 2;
+
+/// What is not as expected.
+fn complaints(row: &Row, seen: &Seen) -> Vec<String> {
+    let mut wrong = Vec::new();
+    if seen.says != row.says {
+        wrong.push(format!("{}: the hub says {:?}", row.name, seen.says));
+    }
+    for ((mode, seen), expected) in MODES.into_iter().zip(&seen.cells).zip(&row.cells) {
+        let Cell { during, says, back } = expected;
+        // A bridge is open for 1 ms when its mode changes.
+        let turns = |speeds: RangeInclusive<f64>| seen.longest_open <= ms(2) && speeds.contains(&seen.speed);
+        let as_expected = match during {
+            During::Works => turns(mode.speeds()),
+            During::Turns(least, most) => turns(*least..=*most),
+            During::Opens { within_ms } => seen.open_after.is_some_and(|after| after <= ms(*within_ms)),
+        };
+        if !as_expected || seen.says != *says || seen.back != Ok(*back) {
+            wrong.push(format!("{}, {}: {seen:?}", row.name, mode.name()));
+        }
+    }
+    wrong
+}
+
+#[test]
+fn every_fault_in_every_mode_ends_as_it_should() {
+    let (seen, wrong) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
+    // Always the same rows share a chip, so that a run is the same every time.
+    let work = |first: usize| {
+        let mut run = Run::new();
+        for (place, row) in ROWS.iter().enumerate().skip(first).step_by(CHIPS) {
+            let came = run.row(row);
+            let complaints = complaints(row, &came);
+            seen.lock().expect("no panic").push((place, came));
+            if !complaints.is_empty() {
+                run = Run::new();
+                wrong.lock().expect("no panic").extend(complaints);
+            }
+        }
+        run.bench.assert_sound();
+    };
+    std::thread::scope(|scope| {
+        let chips: Vec<_> = (0..CHIPS)
+            .map(|first| {
+                let work = &work;
+                scope.spawn(move || work(first))
+            })
+            .collect();
+        chips.into_iter().for_each(|chip| {
+            chip.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        });
+    });
+    let mut seen = seen.into_inner().expect("no panic");
+    seen.sort_by_key(|(place, _)| *place);
+    print!("{}", table::text(ROWS.iter().zip(seen.iter().map(|(_, seen)| seen))));
+    let wrong = wrong.into_inner().expect("no panic");
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}

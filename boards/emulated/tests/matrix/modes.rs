@@ -1,0 +1,73 @@
+//! What the four motors do when something fails: the columns.
+
+use std::ops::RangeInclusive;
+
+use emulated::Bench;
+use emulated::talk::Talk;
+use motor_hub::model::load::Load;
+use motor_hub::model::si::KgM2;
+
+use crate::common::am60_with;
+
+/// One to a motor, in their order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Mode {
+    OpenLoop,
+    Velocity,
+    /// On a long way at limited speed.
+    Position,
+    /// A load drives the motor the way it turns, and is slowed down.
+    Braking,
+}
+
+pub(crate) const MODES: [Mode; 4] = [Mode::OpenLoop, Mode::Velocity, Mode::Position, Mode::Braking];
+
+/// N m at the output shaft: a fifth of what stalls the motor.
+const OVERHAULING: f64 = 0.8;
+const SPEED: i16 = 1000;
+const LOWERING: i16 = 300;
+const POWER: i16 = 12_000;
+
+impl Mode {
+    pub(crate) const fn motor(self) -> usize {
+        self as usize
+    }
+
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::OpenLoop => "open loop",
+            Self::Velocity => "velocity",
+            Self::Position => "position",
+            Self::Braking => "braking a load",
+        }
+    }
+
+    /// Sets a motor going.
+    pub(crate) fn start(self, bench: &mut Bench, talk: &mut Talk) {
+        let motor = self as u8;
+        match self {
+            Self::OpenLoop => talk.power(bench, motor, POWER),
+            Self::Velocity => talk.velocity(bench, motor, SPEED),
+            Self::Position => talk.position(bench, motor, 1_000_000, 10, SPEED),
+            Self::Braking => talk.velocity(bench, motor, LOWERING),
+        }
+    }
+
+    /// Counts/s of a motor that does what it is told.
+    pub(crate) const fn speeds(self) -> RangeInclusive<f64> {
+        match self {
+            Self::OpenLoop => 900.0..=1250.0,
+            Self::Velocity => 960.0..=1040.0,
+            Self::Position => 940.0..=1060.0,
+            Self::Braking => 240.0..=360.0,
+        }
+    }
+}
+
+/// Powered on, with four light wheels and a load that turns the last.
+pub(crate) fn powered() -> Bench {
+    let wheel = am60_with(Load::inertia(KgM2(0.004)));
+    let mut bench = crate::common::booted(vec![wheel; MODES.len()]);
+    bench.set_torque(Mode::Braking.motor(), OVERHAULING);
+    bench
+}

@@ -1,0 +1,139 @@
+//! Every fault, and what is expected of it in every mode.
+
+use emulated::{Encoder, Wire};
+
+use crate::faults::{Fault, SLOT_MISSING, glitches, stuck};
+
+/// A fault, what host and log are told of the hub, and what becomes of the motors, by mode.
+pub(crate) struct Row {
+    pub(crate) name: &'static str,
+    pub(crate) fault: Fault,
+    pub(crate) says: &'static [&'static str],
+    pub(crate) cells: [Cell; 4],
+}
+
+/// What becomes of one.
+#[derive(Clone, Copy)]
+pub(crate) struct Cell {
+    pub(crate) during: During,
+    /// What host and log are told of the motor.
+    pub(crate) says: &'static [&'static str],
+    pub(crate) back: Back,
+}
+
+/// What the bridge does while the fault lasts.
+#[derive(Clone, Copy)]
+pub(crate) enum During {
+    /// What it is told.
+    Works,
+    /// It drives or brakes, but the motor turns at so many counts/s, at least and at most.
+    Turns(f64, f64),
+    /// It opens within so many milliseconds, and stays open.
+    Opens { within_ms: u64 },
+}
+
+/// How the motor comes back to what it is told, once the fault is gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Back {
+    WasNotAway,
+    ByItself,
+    /// Only when the host disables and enables it.
+    WhenEnabled,
+}
+
+impl Back {
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::WasNotAway => "",
+            Self::ByItself => "by itself",
+            Self::WhenEnabled => "enabled anew",
+        }
+    }
+}
+
+const WORKS: Cell = Cell { during: During::Works, says: &[], back: Back::WasNotAway };
+
+const fn turns(least: f64, most: f64) -> Cell {
+    Cell { during: During::Turns(least, most), ..WORKS }
+}
+
+/// Latched.
+const fn off(within_ms: u64, says: &'static [&'static str]) -> Cell {
+    Cell { during: During::Opens { within_ms }, says, back: Back::WhenEnabled }
+}
+
+const fn row(name: &'static str, fault: Fault, says: &'static [&'static str], cells: [Cell; 4]) -> Row {
+    Row { name, fault, says, cells }
+}
+
+const STUCK: &[&str] = &["lost counts", "log: stuck"];
+const REVERSED: &[&str] = &["lost counts", "log: reversed"];
+
+/// 250 ms from a clear case, and a control period until it is one. To a motor that brakes a load PID needs longer to
+/// give all that it has, while the load turns it ever faster; open loop needs no encoder.
+const SILENT_ENCODER: [Cell; 4] = [WORKS, off(300, STUCK), off(300, STUCK), off(1_150, STUCK)];
+const BACKWARDS: [Cell; 4] = [WORKS, off(300, REVERSED), off(300, REVERSED), off(400, REVERSED)];
+/// Nobody notices: counts that do not come look like a slower motor, which is driven the faster.
+const SOME_COUNTS_LOST: [Cell; 4] =
+    [WORKS, turns(1_000.0, 2_000.0), turns(1_000.0, 2_000.0), turns(240.0, 600.0)];
+/// 7/6 of what is asked for.
+const ONE_OF_SEVEN_LOST: [Cell; 4] =
+    [WORKS, turns(1_120.0, 1_210.0), turns(1_110.0, 1_220.0), turns(300.0, 400.0)];
+/// 100 ms, a tick, and what the tick takes.
+const BLIND: [Cell; 4] = [Cell {
+    during: During::Opens { within_ms: 165 },
+    says: &["log: battery unknown"],
+    back: Back::ByItself,
+}; 4];
+const BRIDGE: &[&str] = &["bridge too hot", "bridge off"];
+
+/// All of them.
+pub(crate) const ROWS: [Row; 24] = [
+    row("encoder unplugged", Fault::Encoder(Encoder::Unplugged), &[], SILENT_ENCODER),
+    row("A low for ever", stuck(Wire::A, false), &[], SILENT_ENCODER),
+    row("A high", stuck(Wire::A, true), &[], SILENT_ENCODER),
+    row("B low", stuck(Wire::B, false), &[], SILENT_ENCODER),
+    row("B high", stuck(Wire::B, true), &[], SILENT_ENCODER),
+    row("A and B swapped", Fault::Encoder(Encoder::Reversed), &[], BACKWARDS),
+    row(
+        "A makes contact now and then",
+        Fault::Encoder(Encoder::Loose { wire: Wire::A }),
+        &[],
+        SOME_COUNTS_LOST,
+    ),
+    row(
+        "B makes contact now and then",
+        Fault::Encoder(Encoder::Loose { wire: Wire::B }),
+        &[],
+        SOME_COUNTS_LOST,
+    ),
+    row("one slot of 7 missing", SLOT_MISSING, &[], ONE_OF_SEVEN_LOST),
+    row("20 glitches/s", glitches(20), &[], [WORKS; 4]),
+    row("200 glitches/s", glitches(200), &[], [WORKS; 4]),
+    row("converter dead", Fault::ConverterDead, &["battery reads 0 V"], BLIND),
+    row("battery at 19 V", Fault::Battery(19.0), &["battery reads 0 V"], BLIND),
+    // Nobody watches the bus below 18 V. Open loop is a share of its voltage.
+    row("16 V", Fault::Battery(16.0), &[], [turns(1_150.0, 1_350.0), WORKS, WORKS, WORKS]),
+    row("6.5 V", Fault::Battery(6.5), &["battery low"], [turns(450.0, 650.0), WORKS, WORKS, WORKS]),
+    row("4.5 V", Fault::Battery(4.5), &["battery reads 0 V"], BLIND),
+    // Bridges are asked every 55 ms.
+    row("bridge switched itself off", Fault::BridgesOff, &[], [off(115, BRIDGE); 4]),
+    row("host silent", Fault::HostSilent, &["keep-alive timeout"], [off(2_555, &[]); 4]),
+    row("2 % of its words garbled", Fault::HostGarbled(20_000), &[], [WORKS; 4]),
+    row("all garbled", Fault::HostGarbled(1_000_000), &["keep-alive timeout"], [off(2_555, &[]); 4]),
+    row("nobody reads the log any more", Fault::LogAbandoned, &[], [WORKS; 4]),
+    // The watchdog's time-out at the emulated LSI of 32 kHz: 0.5 s and a feeding interval.
+    row(
+        "a task hangs",
+        Fault::TaskHangs("capture"),
+        &["device reset", "log: started by the watchdog"],
+        [off(515, &[]); 4],
+    ),
+    row(
+        "bus error",
+        Fault::BusError,
+        &["device reset", "log: started by the watchdog", "log: HardFault"],
+        [off(2, &[]); 4],
+    ),
+    row("reset", Fault::ResetPin, &["device reset"], [off(1, &[]); 4]),
+];

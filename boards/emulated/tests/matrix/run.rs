@@ -1,0 +1,167 @@
+//! One row after the other on a chip, and what is seen of it.
+
+use std::time::Duration;
+
+use emulated::talk::Talk;
+use emulated::{Bench, Transition};
+use motor_hub::protocol::answers::Status;
+use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
+use motor_hub::protocol::setup::{Condition, ToSetup};
+
+use crate::common::{ms, open_since};
+use crate::faults::Fault;
+use crate::modes::{MODES, Mode, powered};
+use crate::rows::{Back, Row};
+
+/// What came of a fault.
+pub(crate) struct Seen {
+    /// What host and log were told of the hub.
+    pub(crate) says: Vec<&'static str>,
+    /// By mode.
+    pub(crate) cells: Vec<SeenOne>,
+}
+
+/// What came of it in one mode.
+#[derive(Debug)]
+pub(crate) struct SeenOne {
+    /// From the fault until the bridge was open for good, if it was when the fault was over.
+    pub(crate) open_after: Option<Duration>,
+    /// The longest that the bridge was open while the fault lasted.
+    pub(crate) longest_open: Duration,
+    /// Counts/s when the fault was over.
+    pub(crate) speed: f64,
+    /// What host and log were told of this motor.
+    pub(crate) says: Vec<&'static str>,
+    /// Or the speed that it came back to instead.
+    pub(crate) back: Result<Back, f64>,
+}
+
+/// A chip on which one fault follows the other.
+pub(crate) struct Run {
+    pub(crate) bench: Bench,
+    talk: Talk,
+}
+
+/// What the log tells of a motor, once a second.
+const OF_MOTOR: [(&str, &str); 4] = [
+    ("encoder: Some(Stuck)", "log: stuck"),
+    ("encoder: Some(Reversed)", "log: reversed"),
+    ("battery_unknown: true", "log: battery unknown"),
+    ("encoder_stale: true", "log: encoder stale"),
+];
+/// And of the hub.
+const OF_HUB: [(&str, &str); 3] = [
+    ("started by the watchdog", "log: started by the watchdog"),
+    ("HardFault", "log: HardFault"),
+    ("malformed", "log: malformed"),
+];
+/// The longest that motors take until they do again what they are told: a load that ran away is to be slowed down.
+const BACK_WITHIN: Duration = ms(4_000);
+
+impl Run {
+    /// All motors do what they are told.
+    pub(crate) fn new() -> Self {
+        let mut run = Self { bench: powered(), talk: Talk::default() };
+        MODES.iter().for_each(|mode| mode.start(&mut run.bench, &mut run.talk));
+        run.settle();
+        run
+    }
+
+    /// Puts a fault in, takes it out, and has all motors come back.
+    pub(crate) fn row(&mut self, row: &Row) -> Seen {
+        let Self { bench, talk } = self;
+        let _: Status = talk.question(bench, Standard::Status { clear: true });
+        let (from, logged) = (bench.now(), bench.log().len());
+        row.fault.put_in(bench);
+        row.fault.lets_time_pass(bench, talk);
+        let (to, transitions) = (bench.now(), bench.transitions());
+        let speeds = MODES.map(|mode| bench.look(mode.motor()).counts_per_second);
+        let blind = row.fault.host_is_there()
+            && talk.question::<i16>(bench, ToHub::Adc { channel: BATTERY, raw: false }) == 0;
+        let log: Vec<String> = bench.log().into_iter().skip(logged).map(|line| line.text).collect();
+        row.fault.take_out(bench);
+        let status: Status = talk.question(bench, Standard::Status { clear: true });
+        let mut says: Vec<_> =
+            status.words().iter().copied().chain(blind.then_some("battery reads 0 V")).collect();
+        says.extend(told(&log, "", &OF_HUB));
+        let said = MODES.map(|mode| self.said(mode, status, &log));
+        let back = self.come_back();
+        let cells = MODES.into_iter().zip(speeds).zip(said).zip(back);
+        let cells = cells.map(|(((mode, speed), says), back)| SeenOne {
+            open_after: open_since(&transitions, mode.motor(), from).map(|at| at - from),
+            longest_open: longest_open(&transitions, mode.motor(), from, to),
+            speed,
+            says,
+            back,
+        });
+        Seen { says, cells: cells.collect() }
+    }
+
+    /// What host and log are told of one motor.
+    fn said(&mut self, mode: Mode, status: Status, log: &[String]) -> Vec<&'static str> {
+        let alerts = status.alerts().into_iter().filter(|alert| alert.motor == mode.motor());
+        let mut says: Vec<_> = alerts.map(|alert| alert.says).collect();
+        let condition: Condition = self.talk.question(&mut self.bench, ToSetup::Condition.to(mode as u8));
+        says.extend(condition.bridge_fault.then_some("bridge off"));
+        says.extend(told(log, &format!("motor {}: Faults", mode.motor()), &OF_MOTOR));
+        says
+    }
+
+    /// The fault is over: how every motor comes back.
+    fn come_back(&mut self) -> [Result<Back, f64>; 4] {
+        let open = |run: &mut Self| MODES.map(|mode| run.bench.lines(mode.motor()).open());
+        let first = open(self);
+        self.talk.keep_alive(&mut self.bench);
+        self.bench.run(ms(300));
+        let later = open(self);
+        for mode in MODES.into_iter().filter(|mode| later[mode.motor()]) {
+            self.talk.enable(&mut self.bench, mode as u8, false);
+            mode.start(&mut self.bench, &mut self.talk);
+        }
+        self.settle();
+        MODES.map(|mode| {
+            let speed = self.bench.look(mode.motor()).counts_per_second;
+            let way = match (first[mode.motor()], later[mode.motor()]) {
+                (_, true) => Back::WhenEnabled,
+                (true, false) => Back::ByItself,
+                (false, false) => Back::WasNotAway,
+            };
+            if mode.speeds().contains(&speed) { Ok(way) } else { Err(speed) }
+        })
+    }
+
+    /// Until all motors have done for 300 ms what they are told.
+    fn settle(&mut self) {
+        let (talk, mut good) = (&mut self.talk, 0);
+        self.bench.run_while(ms(100), BACK_WITHIN, |bench| {
+            talk.keep_alive(bench);
+            let settled = |mode: Mode| mode.speeds().contains(&bench.look(mode.motor()).counts_per_second);
+            good = if MODES.into_iter().all(settled) { good + 1 } else { 0 };
+            good == 3
+        });
+    }
+}
+
+fn told(log: &[String], of: &str, words: &[(&str, &'static str)]) -> Vec<&'static str> {
+    let tells = |word: &str| log.iter().any(|line| line.starts_with(of) && line.contains(word));
+    words.iter().filter(|(word, _)| tells(word)).map(|(_, says)| *says).collect()
+}
+
+/// The longest time that a bridge is open between two instants.
+fn longest_open(transitions: &[Transition], motor: usize, from: Duration, to: Duration) -> Duration {
+    let (mut longest, mut open) = (Duration::ZERO, None);
+    for t in transitions.iter().filter(|t| t.motor == motor) {
+        if let Some(since) = open.take() {
+            longest = longest.max(t.at.saturating_sub(from.max(since)));
+        }
+        open = t.lines.open().then_some(t.at);
+    }
+    longest.max(open.map_or(Duration::ZERO, |since: Duration| to - from.max(since)))
+}
+
+impl Fault {
+    /// The host may ask something without changing what comes of the fault.
+    const fn host_is_there(self) -> bool {
+        !matches!(self, Self::HostSilent | Self::HostGarbled(_))
+    }
+}

@@ -1,0 +1,43 @@
+//! The table as the README has it.
+
+use std::fmt::Write;
+
+use crate::modes::MODES;
+use crate::rows::{Back, Row};
+use crate::run::{Seen, SeenOne};
+
+/// Rows of Markdown.
+pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a Seen)>) -> String {
+    let names = MODES.map(|mode| mode.name());
+    let mut out = format!("| | {} | reported | back |\n|{}\n", names.join(" | "), "---|".repeat(7));
+    for (row, seen) in rows {
+        let cells: Vec<String> = seen.cells.iter().map(cell).collect();
+        let mut says = seen.says.clone();
+        let mut back: Vec<&str> = Vec::new();
+        for cell in &seen.cells {
+            says.extend(&cell.says);
+            back.push(cell.back.map_or("not", Back::name));
+        }
+        // Writing to a string does not fail.
+        let _ = writeln!(out, "| {} | {} | {} | {} |", row.name, cells.join(" | "), once(says), once(back));
+    }
+    out
+}
+
+fn cell(seen: &SeenOne) -> String {
+    match seen.open_after {
+        Some(after) => format!("open after {:.0} ms", after.as_secs_f64() * 1e3),
+        None => format!("{:.0} counts/s", seen.speed),
+    }
+}
+
+/// Words without repetition, those of nothing left out.
+fn once(words: Vec<&str>) -> String {
+    let mut once: Vec<&str> = Vec::new();
+    for word in words.into_iter().filter(|word| !word.is_empty()) {
+        if !once.contains(&word) {
+            once.push(word);
+        }
+    }
+    once.join(", ")
+}

@@ -1,0 +1,304 @@
+//! Quadrature encoders and what becomes of their two wires, A and B: from a shaft's counts to levels, and from levels
+//! back to what a timer makes of them.
+//!
+//! ```
+//! use simulated::encoder::{Decoder, Encoder, Wire};
+//! use std::num::NonZeroU32;
+//!
+//! let turn = |encoder: Encoder| {
+//!     let mut decoder = Decoder::default();
+//!     (0..=28).for_each(|count| decoder.see(encoder.levels(count, None)));
+//!     decoder.count
+//! };
+//! assert_eq!(turn(Encoder::Sound), 28);
+//! // It trembles, and goes nowhere.
+//! assert_eq!(turn(Encoder::Stuck { wire: Wire::A, high: false }), 0);
+//! // Of seven slots one is missing.
+//! assert_eq!(turn(Encoder::MissingSlot { of: NonZeroU32::MIN.saturating_add(6) }), 24);
+//! ```
+
+use std::num::NonZeroU32;
+
+/// Levels of A and B; true is high.
+pub type Levels = [bool; 2];
+
+/// Counts of a slot.
+const SLOT: i64 = 4;
+/// How long a glitch lasts, at least and at most, in nanoseconds.
+const GLITCH_NS: (u64, u64) = (200, 500);
+/// How long a loose wire is without contact, and with it, at least and at most.
+const BROKEN_NS: (u64, u64) = (1_000_000, 60_000_000);
+const MADE_NS: (u64, u64) = (1_000_000, 200_000_000);
+const SECOND_NS: u64 = 1_000_000_000;
+
+/// One of the two wires.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wire {
+    /// Leads while the count goes up.
+    A,
+    /// Follows.
+    B,
+}
+
+/// How an encoder is, and is connected. A line that nobody drives is pulled up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Encoder {
+    /// As it should be.
+    #[default]
+    Sound,
+    /// A and B change places.
+    Reversed,
+    /// No wire is connected.
+    Unplugged,
+    /// One wire says the same for ever.
+    Stuck {
+        /// Which.
+        wire: Wire,
+        /// What it says.
+        high: bool,
+    },
+    /// A wire makes contact now and then: for 1 to 200 ms, and not for 1 to 60 ms.
+    Loose {
+        /// Which.
+        wire: Wire,
+    },
+    /// Now this wire, now that one has the wrong level for 200 to 500 ns.
+    Glitches {
+        /// So often, on average.
+        per_second: NonZeroU32,
+    },
+    /// A slot of the wheel is missing: the counts of one slot in so many do not come.
+    MissingSlot {
+        /// Slots of a turn.
+        of: NonZeroU32,
+    },
+}
+
+impl Encoder {
+    /// What the lines are at this count of the shaft, while this wire has no contact, or a glitch.
+    #[must_use]
+    pub fn levels(self, count: i64, disturbed: Option<Wire>) -> Levels {
+        // Up is 00, 10, 11, 01.
+        let phase = count.rem_euclid(SLOT);
+        let [a, b] = [phase == 1 || phase == 2, phase >= 2];
+        let with = |wire, level| if wire == Wire::A { [level, b] } else { [a, level] };
+        match (self, disturbed) {
+            (Self::Reversed, _) => [b, a],
+            (Self::Unplugged, _) => [true; 2],
+            (Self::Stuck { wire, high }, _) => with(wire, high),
+            (Self::Loose { .. }, Some(wire)) => with(wire, true),
+            (Self::Glitches { .. }, Some(Wire::A)) => [!a, b],
+            (Self::Glitches { .. }, Some(Wire::B)) => [a, !b],
+            (Self::MissingSlot { of }, _) => {
+                let missing = count.div_euclid(SLOT).rem_euclid(of.get().into()) == 0;
+                [a && !missing, b && !missing]
+            }
+            (Self::Sound | Self::Loose { .. } | Self::Glitches { .. }, _) => [a, b],
+        }
+    }
+
+    /// What happens to its wires from now on, by itself, drawn by lot.
+    #[must_use]
+    pub fn disturbances(self, seed: u64) -> Disturbances {
+        Disturbances { encoder: self, lot: fastrand::Rng::with_seed(seed), disturbed: None, at_ns: 0 }
+    }
+}
+
+/// Instants in nanoseconds, ascending, and which wire is disturbed from each on. None of most encoders, else without
+/// end.
+#[derive(Clone, Debug)]
+pub struct Disturbances {
+    encoder: Encoder,
+    lot: fastrand::Rng,
+    disturbed: Option<Wire>,
+    at_ns: u64,
+}
+
+impl Iterator for Disturbances {
+    type Item = (u64, Option<Wire>);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let begins = self.disturbed.is_none();
+        let ((least, most), wire) = match self.encoder {
+            Encoder::Loose { wire } => (if begins { MADE_NS } else { BROKEN_NS }, wire),
+            Encoder::Glitches { per_second } => {
+                let mean = SECOND_NS / u64::from(per_second.get());
+                let wire = if self.lot.bool() { Wire::A } else { Wire::B };
+                (if begins { (mean / 2, mean / 2 * 3) } else { GLITCH_NS }, wire)
+            }
+            _ => return None,
+        };
+        self.at_ns += self.lot.u64(least..=most).max(1);
+        self.disturbed = begins.then_some(wire);
+        Some((self.at_ns, self.disturbed))
+    }
+}
+
+/// What a timer in encoder mode makes of the lines, without a filter: it counts every edge of both.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Decoder {
+    levels: Levels,
+    /// Counts so far.
+    pub count: i64,
+}
+
+impl Decoder {
+    /// The lines are like this from now on. If both change at once, nobody can say which way: that does not count.
+    pub fn see(&mut self, levels: Levels) {
+        let place = |[a, b]: Levels| match (a, b) {
+            (false, false) => 0,
+            (true, false) => 1,
+            (true, true) => 2,
+            (false, true) => 3_i64,
+        };
+        match (place(levels) - place(self.levels)).rem_euclid(SLOT) {
+            1 => self.count += 1,
+            3 => self.count -= 1,
+            _ => {}
+        }
+        self.levels = levels;
+    }
+}
+
+/// An encoder on a shaft, with the timer that counts it.
+#[derive(Clone, Debug)]
+pub(crate) struct Counter {
+    encoder: Encoder,
+    to_come: std::iter::Peekable<Disturbances>,
+    /// When it was connected like this.
+    since_ns: u64,
+    disturbed: Option<Wire>,
+    decoder: Decoder,
+    /// Counts of the shaft, and when.
+    shaft: i64,
+    now_ns: u64,
+    seed: u64,
+}
+
+impl Counter {
+    /// Sound, at count 0.
+    pub(crate) fn new(seed: u64) -> Self {
+        let to_come = Encoder::Sound.disturbances(seed).peekable();
+        let decoder = Decoder::default();
+        Self {
+            encoder: Encoder::Sound,
+            to_come,
+            since_ns: 0,
+            disturbed: None,
+            decoder,
+            shaft: 0,
+            now_ns: 0,
+            seed,
+        }
+    }
+
+    /// It is connected like this from now on.
+    pub(crate) fn connect(&mut self, encoder: Encoder) {
+        if encoder != self.encoder {
+            self.encoder = encoder;
+            self.to_come = encoder.disturbances(self.seed).peekable();
+            (self.since_ns, self.disturbed) = (self.now_ns, None);
+            self.show();
+        }
+    }
+
+    /// So much later the shaft is here; it turned evenly meanwhile.
+    pub(crate) fn turn(&mut self, shaft: i64, ns: u64) {
+        let (from, way) = (self.shaft, shaft - self.shaft);
+        let end = self.now_ns + ns;
+        let since = self.since_ns;
+        while let Some((at, wire)) = self.to_come.next_if(|(at, _)| since + at <= end) {
+            let passed = (since + at).saturating_sub(self.now_ns) as f64 / ns.max(1) as f64;
+            self.turn_to(from + (way as f64 * passed) as i64);
+            self.disturbed = wire;
+            self.show();
+        }
+        self.turn_to(shaft);
+        self.now_ns = end;
+    }
+
+    fn turn_to(&mut self, shaft: i64) {
+        while self.shaft != shaft {
+            self.shaft += (shaft - self.shaft).signum();
+            self.show();
+        }
+    }
+
+    fn show(&mut self) {
+        self.decoder.see(self.encoder.levels(self.shaft, self.disturbed));
+    }
+
+    /// What the timer has counted.
+    pub(crate) const fn count(&self) -> i64 {
+        self.decoder.count
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
+mod tests {
+    use super::*;
+
+    /// What is counted of a shaft that turns by a count per millisecond for ten seconds.
+    fn counted(encoder: Encoder) -> i64 {
+        let mut counter = Counter::new(1);
+        counter.connect(encoder);
+        (1..=10_000).for_each(|count| counter.turn(count, 1_000_000));
+        counter.count()
+    }
+
+    #[test]
+    fn a_sound_encoder_counts_both_ways() {
+        let mut counter = Counter::new(1);
+        for (shaft, ns) in [(5, 1_000_000), (-3, 1_000_000), (40_000, 1_000_000), (0, 7)] {
+            counter.turn(shaft, ns);
+            assert_eq!(counter.count(), shaft);
+        }
+    }
+
+    #[test]
+    fn a_reversed_encoder_counts_the_other_way() {
+        assert_eq!(counted(Encoder::Reversed), -10_000);
+    }
+
+    #[test]
+    fn one_wire_alone_trembles_by_a_count() {
+        for wire in [Wire::A, Wire::B] {
+            for high in [false, true] {
+                assert!(counted(Encoder::Stuck { wire, high }).abs() <= 1, "{wire:?}, {high}");
+            }
+        }
+        assert!(counted(Encoder::Unplugged).abs() <= 1);
+    }
+
+    #[test]
+    fn a_loose_wire_loses_what_comes_while_it_has_no_contact() {
+        // Without contact for 30 of 130 ms.
+        let share = counted(Encoder::Loose { wire: Wire::B }) as f64 / 10_000.0;
+        assert!((0.6..0.9).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn glitches_come_as_often_as_wanted_and_each_is_a_count_and_back() {
+        for rate in [20, 200] {
+            let glitches = Encoder::Glitches { per_second: NonZeroU32::new(rate).expect("some") };
+            let begun = glitches.disturbances(1).take_while(|(at, _)| *at < 10 * SECOND_NS);
+            let begun = begun.filter(|(_, wire)| wire.is_some()).count() as f64 / 10.0;
+            assert!((begun / f64::from(rate) - 1.0).abs() < 0.1, "{begun} a second");
+            // Unless a sample falls into one.
+            assert!((counted(glitches) - 10_000).abs() <= 1);
+        }
+    }
+
+    #[test]
+    fn an_encoder_that_is_repaired_counts_on_from_where_it_is() {
+        let mut counter = Counter::new(1);
+        counter.turn(100, 1_000_000);
+        counter.connect(Encoder::Unplugged);
+        counter.turn(200, 1_000_000);
+        let lost = counter.count();
+        counter.connect(Encoder::Sound);
+        counter.turn(300, 1_000_000);
+        assert!((lost - 100).abs() <= 2 && (counter.count() - lost - 100).abs() <= 2);
+    }
+}
