@@ -182,8 +182,8 @@ impl Motor {
     /// Takes a sample of the encoder between two ticks, best every millisecond: the more of them, the better
     /// the motion is known.
     pub fn sample(&mut self, reading: Reading) {
+        self.identifier.sample(&reading);
         self.regulator.sample(reading);
-        self.identifier.sample(reading);
     }
 
     /// Takes what the bridge says of itself, on a board that hears it.

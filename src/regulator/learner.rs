@@ -16,6 +16,7 @@
 use super::cells::{Cells, Change};
 use super::loops::GUESSED_TIME_CONSTANT;
 use crate::motion::Reading;
+use crate::units::single::{at_least, at_most};
 use crate::units::{Micros, Period};
 use libm::sqrtf;
 
@@ -56,16 +57,19 @@ const DRIFT: f32 = 0.01;
 pub(super) struct Learner {
     /// Back EMF, volts per count/s.
     kappa: f32,
-    /// Shortest cell in seconds.
-    shortest: f32,
+    /// Shortest cell.
+    shortest_micros: u64,
     /// While the motor is driven.
     cells: Option<Cells>,
-    /// When the next sample is taken.
+    /// When the next sample is taken, and when the running cell may end.
     due: Micros,
+    ends: Micros,
     /// Across the motor, since then, and the integral from the last sample of a cell until then, V s.
     voltage: f32,
     since: Micros,
     push: f32,
+    /// What is known of b.
+    gain: f32,
     /// What a volt accelerates the motor by, counts/s²,
     b: f32,
     /// and the load, counts/s².
@@ -84,17 +88,19 @@ struct Variance {
 impl Learner {
     pub(super) fn new(kappa: f32, period: Period) -> Self {
         let period = period.as_millis();
-        let cell_ms = (CELL_MS / period * period).max(period) as f32;
+        let cell_ms = (CELL_MS / period * period).max(period);
         let b = guess(kappa);
         Self {
             kappa,
             // Half a millisecond less, for rounding.
-            shortest: (cell_ms - 0.5) / 1000.0,
+            shortest_micros: u64::from(cell_ms) * 1_000 - 500,
             cells: None,
             due: Micros::new(0),
+            ends: Micros::new(0),
             voltage: 0.0,
             since: Micros::new(0),
             push: 0.0,
+            gain: b,
             b,
             load: 0.0,
             variance: Variance { b: b * b, load: square(OF_LOAD * b), both: 0.0 },
@@ -102,8 +108,8 @@ impl Learner {
     }
 
     /// Counts/s² per volt: of what is in doubt the lighter end, but for a guess no doubt is cast.
-    pub(super) fn gain(&self) -> f32 {
-        (self.b + sqrtf(self.variance.b.max(0.0))).min(self.b.max(guess(self.kappa)))
+    pub(super) const fn gain(&self) -> f32 {
+        self.gain
     }
 
     /// It is no guess any more.
@@ -113,19 +119,19 @@ impl Learner {
 
     /// It has turned out to be heavier than a bare gear motor.
     pub(super) fn is_heavy(&self) -> bool {
-        HEAVY * self.gain() < guess(self.kappa)
+        HEAVY * self.gain * GUESSED_TIME_CONSTANT * self.kappa < 1.0
     }
 
     /// Takes a sample of the encoder; some are enough.
-    pub(super) fn sample(&mut self, reading: Reading) {
+    pub(super) fn sample(&mut self, reading: &Reading) {
         if reading.at >= self.due {
-            self.take(reading);
+            self.take(*reading);
         }
     }
 
     /// The same for a cell.
     fn take(&mut self, reading: Reading) {
-        self.due = Micros::new(reading.at.get().saturating_add(SAMPLE_MICROS));
+        self.due = later(reading.at, SAMPLE_MICROS);
         self.go_on(reading.at);
         let Some(cells) = &mut self.cells else { return };
         let passed = seconds(cells.now(), reading.at);
@@ -154,14 +160,14 @@ impl Learner {
         } else {
             self.cells = Some(Cells::new(last));
             (self.push, self.since) = (0.0, last.at);
+            self.ends = later(last.at, self.shortest_micros);
         }
         self.voltage = voltage;
     }
 
     /// One tick, this being the newest sample; returns whether something was learned.
     pub(super) fn step(&mut self, newest: Reading) -> bool {
-        let Some(cells) = &self.cells else { return false };
-        if cells.running().0 + seconds(cells.now(), newest.at) < self.shortest {
+        if self.cells.is_none() || newest.at < self.ends {
             return false;
         }
         self.take(newest);
@@ -170,17 +176,20 @@ impl Learner {
         if (1..CELL_COUNTS).contains(&counts.unsigned_abs()) && seconds < LONGEST_CELL {
             return false;
         }
+        self.ends = later(newest.at, self.shortest_micros);
         match cells.close() {
             Some(change) => self.learn(&change),
             None => self.doubt_load(LOAD_CHANGE),
         }
+        self.gain =
+            at_most(self.b + sqrtf(at_least(self.variance.b, 0.0)), at_least(self.b, guess(self.kappa)));
         true
     }
 
     /// The load may have changed by so many volts.
     fn doubt_load(&mut self, volts: f32) {
-        self.variance.load = (self.variance.load + square(volts * self.b))
-            .min(square(OF_LOAD * self.b.max(guess(self.kappa))));
+        let most = square(OF_LOAD * at_least(self.b, guess(self.kappa)));
+        self.variance.load = at_most(self.variance.load + square(volts * self.b), most);
     }
 
     /// Variance of a change of speed, as far as it comes of either unknown.
@@ -231,6 +240,10 @@ fn seconds(from: Micros, to: Micros) -> f32 {
     to.since(from) as u32 as f32 * 1e-6
 }
 
+fn later(from: Micros, micros: u64) -> Micros {
+    Micros::new(from.get().saturating_add(micros))
+}
+
 /// b of a bare gear motor.
 fn guess(kappa: f32) -> f32 {
     1.0 / (GUESSED_TIME_CONSTANT * kappa)
@@ -271,7 +284,7 @@ mod tests {
             let position = x.floor() as i32;
             let edge_at = if position == reading.position { reading.edge_at } else { at };
             reading = Reading { position, edge_at, at };
-            learner.sample(reading);
+            learner.sample(&reading);
             if ms % period == 0 {
                 learner.step(reading);
             }
@@ -305,7 +318,7 @@ mod tests {
         for ms in 1..2_000 {
             let at = Micros::new(ms * 1000);
             let reading = Reading { at, ..START };
-            held.sample(reading);
+            held.sample(&reading);
             held.step(reading);
         }
         assert_eq!(held.gain().to_bits(), guess.to_bits());

@@ -43,6 +43,7 @@ pub use interface::{Config, Demand, Kind, Reference, Request, Stage};
 pub use loops::Coefficients;
 
 use crate::motion::Reading;
+use crate::units::single::{at_least, at_most};
 use crate::units::{Control, CountsPerSecond, Micros, Period, Voltage};
 use learner::Learner;
 use loops::{Certainty, Knowledge, Loops};
@@ -193,29 +194,27 @@ impl Regulator {
 
     /// Takes a sample of the encoder; best every millisecond, give or take less than half of that.
     pub fn sample(&mut self, reading: Reading) {
-        let Some(last) = self.last.replace(reading) else {
-            self.followed = reading.at;
+        let Some(last) = &mut self.last else {
+            (self.last, self.followed) = (Some(reading), reading.at);
             return;
         };
-        if reading.at == last.at {
+        let moved = reading.position.wrapping_sub(last.position);
+        let before = last.at;
+        *last = reading;
+        if reading.at == before {
             return;
         }
-        let moved = reading.position.wrapping_sub(last.position);
-        let silence = samples(last.at, reading.at);
-        let passed = if self.followed == last.at { silence } else { samples(self.followed, reading.at) };
+        let silence = samples(before, reading.at);
+        let passed = if self.followed == before { silence } else { samples(self.followed, reading.at) };
         self.go_on(passed, reading.at);
         if self.config.dynamics.is_none() {
-            self.learner.sample(reading);
+            self.learner.sample(&reading);
         }
         let Motion { plant, observer, .. } = &mut self.motion;
         if silence > SILENCE_SAMPLES {
             *observer = Observer::new(within(1_000.0 * moved as f32 / silence as f32, FASTEST));
         } else {
             observer.see(plant, moved);
-        }
-        // By constants that are no motor's, numbers grow until they are none.
-        if !(observer.speed() + observer.fraction()).is_finite() {
-            *observer = Observer::new(0.0);
         }
     }
 
@@ -238,6 +237,11 @@ impl Regulator {
 
     /// A control tick has come, with the newest sample taken.
     pub fn tick(&mut self) {
+        let observer = &mut self.motion.observer;
+        // By constants that are no motor's, numbers grow until they are none.
+        if !(observer.speed() + observer.fraction()).is_finite() {
+            *observer = Observer::new(0.0);
+        }
         let Some(newest) = self.last.filter(|_| self.config.dynamics.is_none()) else { return };
         if self.learner.step(newest) {
             self.heed();
@@ -385,7 +389,7 @@ fn speed(counts_per_second: f32) -> CountsPerSecond {
     CountsPerSecond::from_f32(within(counts_per_second, FASTEST))
 }
 
-/// The value, or the nearest within this of 0. (Unlike `clamp` without a way to panic.)
+/// The value, or the nearest within this of 0; of what is no number, an end.
 const fn within(value: f32, limit: f32) -> f32 {
-    value.max(-limit).min(limit)
+    at_most(at_least(value, -limit), limit)
 }

@@ -156,11 +156,11 @@ impl Identifier {
     }
 
     /// Takes a sample of the encoder, best every millisecond.
-    pub fn sample(&mut self, reading: Reading) {
+    pub fn sample(&mut self, reading: &Reading) {
         match &mut self.stage {
             Stage::Idle => (),
-            Stage::Resting { last, .. } => *last = Some(reading),
-            Stage::Moving(motion) => motion.cells.sample(reading),
+            Stage::Resting { last, .. } => *last = Some(*reading),
+            Stage::Moving(motion) => motion.cells.sample(*reading),
         }
     }
 
