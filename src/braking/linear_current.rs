@@ -56,6 +56,7 @@ use super::points::{OperatingPoint, Place, Regime};
 use super::winding::Winding;
 use crate::bridge::{BridgeConstants, Timing};
 use crate::units::Duty;
+use crate::units::single::{at_least, at_most};
 use libm::{expm1f, log1pf, roundf, sqrtf};
 
 /// A winding behind a bridge, prepared for use at every tick.
@@ -118,7 +119,7 @@ impl LinearCurrent {
         let r2 = f32::from(winding.resistance.as_milliohms()) + 2.0 * ron;
         Self {
             diode: f32::from(bridge.diode_mv()) / 1000.0,
-            switch_share: (ron / r2).min(0.25),
+            switch_share: at_most(ron / r2, 0.25),
             period: winding.inductance.and_then(|inductance| {
                 // mohm / (uH Hz) is 1000 time constants.
                 let frequency = bridge.pwm_hz() as f32;
@@ -204,7 +205,7 @@ impl Stage {
             Some(period) if w < a && self.may_end(continuous, period) => {
                 let most = continuous * period.length;
                 let pulse = self.on_time(w * period.length / a, most) / period.length;
-                held.min(pulse + self.late_pulse())
+                at_most(held, pulse + self.late_pulse())
             }
             _ => held,
         }
@@ -234,11 +235,11 @@ impl Stage {
         let moves = duty > 0.0 && duty < 1.0;
         let less = |late: f32| if moves { (duty - late).clamp(0.0, 1.0) } else { duty };
         let held = less(self.late_continuous());
-        let continuous = ((held * (a + c) - c) / (self.m() + held * k)).max(0.0);
+        let continuous = at_least((held * (a + c) - c) / (self.m() + held * k), 0.0);
         match period {
             Some(period) if self.may_end(held, period) => {
                 let (q, _) = self.pulse(less(self.late_pulse()) * period.length);
-                continuous.max(q * a / period.length)
+                at_least(continuous, q * a / period.length)
             }
             _ => continuous,
         }
@@ -269,10 +270,10 @@ impl Stage {
     fn on_time(self, q: f32, most: f32) -> f32 {
         let part = q * self.c / (self.a + self.c);
         let series = sqrtf(2.0 * part) + (2.0 * q - part) / 3.0;
-        let upper = most.min(q + 1.0);
-        let guess = series.min(upper);
+        let upper = at_most(most, q + 1.0);
+        let guess = at_most(series, upper);
         let (reached, slope) = self.pulse(guess);
-        (guess + (q - reached) / slope.max(f32::MIN_POSITIVE)).clamp(0.0, upper)
+        at_most(at_least(guess + (q - reached) / at_least(slope, f32::MIN_POSITIVE), 0.0), upper)
     }
 }
 
@@ -295,7 +296,7 @@ impl PwmPeriod {
     /// Beyond 127 time constants it is 127: the current then follows the switches at once. Below 2^-10 there
     /// is none: the current then hardly changes within a period.
     fn new(length: f32) -> Option<Self> {
-        let length = length.min(127.0);
-        (length > 1.0 / 1024.0).then(|| Self { length, growth: (expm1f(length) / length).min(4096.0) })
+        let length = at_most(length, 127.0);
+        (length > 1.0 / 1024.0).then(|| Self { length, growth: at_most(expm1f(length) / length, 4096.0) })
     }
 }

@@ -7,6 +7,7 @@
 //!
 //! Temperatures are not known here, nor is that of the room: the limit is the motor's data sheet's.
 
+use crate::units::single::{at_least, at_most};
 use crate::units::{Milliamperes, Period, RangeError};
 
 /// The winding's share of the rise; of small brushed motors 0.15 to 0.3 of the thermal resistance lies between winding
@@ -107,7 +108,7 @@ impl Thermal {
         }
         let square = self.gathered / self.gathered_s;
         for (mean, seconds) in [(&mut self.winding, limit.winding_s), (&mut self.case, limit.case_s)] {
-            *mean += (square - *mean) * (self.gathered_s / f32::from(seconds)).min(1.0);
+            *mean += (square - *mean) * at_most(self.gathered_s / f32::from(seconds), 1.0);
         }
         (self.gathered, self.gathered_s) = (0.0, 0.0);
         self.cut |= self.heat() > CUT_ABOVE;
@@ -125,7 +126,7 @@ impl Thermal {
     pub(super) fn ceiling(&self) -> Option<f32> {
         let (limit, heat) = (self.limit?, self.heat());
         (heat > DERATED_FROM).then(|| {
-            let left = ((1.0 - heat) / (1.0 - DERATED_FROM)).max(0.0);
+            let left = at_least((1.0 - heat) / (1.0 - DERATED_FROM), 0.0);
             limit.continuous() * (1.0 + 3.0 * left)
         })
     }

@@ -40,6 +40,7 @@ pub use interface::{Config, Demand, Kind, Reference, Request, Stage};
 pub use loops::Coefficients;
 
 use crate::motion::{Reading, VelocityEstimator};
+use crate::units::single::{at_least, at_most};
 use crate::units::{Control, CountsPerSecond, Micros, Period, Voltage};
 use loops::Loops;
 use model::{Law, State};
@@ -367,7 +368,7 @@ fn speed(counts_per_second: f32) -> CountsPerSecond {
     CountsPerSecond::from_f32(within(counts_per_second, FASTEST))
 }
 
-/// The value, or the nearest within this of 0. (Unlike `clamp` without a way to panic.)
+/// The value, or the nearest within this of 0; of what is no number, an end.
 const fn within(value: f32, limit: f32) -> f32 {
-    value.max(-limit).min(limit)
+    at_most(at_least(value, -limit), limit)
 }

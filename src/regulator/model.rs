@@ -6,6 +6,7 @@
 
 use super::observer::{Observer, Plant};
 use super::{Request, Stage, within};
+use crate::units::single::{at_least, at_most};
 use crate::units::{Acceleration, Period, Voltage};
 use libm::{expf, expm1f, sqrtf};
 
@@ -97,7 +98,7 @@ impl Law {
         stage: &Stage<'_>,
     ) -> Request {
         let w = observer.speed();
-        let window = self.period.max(0.02);
+        let window = at_least(self.period, 0.02);
         let near = if state.holding { 2 } else { 1 };
         state.holding = distance.unsigned_abs() <= near && (state.holding || w.abs() * window < 0.5);
         if state.holding {
@@ -107,8 +108,8 @@ impl Law {
         let way = distance as f32 + 0.5 - observer.fraction();
         let (side, way) = (1.0f32.copysign(way), way.abs());
         let strength = plant.b * stage.battery;
-        let brakes = (PLANNED * (strength - side * observer.disturbance())).max(LEAST_PLANNED * strength);
-        let brakes = self.limit.map_or(brakes, |limit| brakes.min(limit));
+        let brakes = at_least(PLANNED * (strength - side * observer.disturbance()), LEAST_PLANNED * strength);
+        let brakes = self.limit.map_or(brakes, |limit| at_most(brakes, limit));
         let (now, end) = self.profile(way, side * w, brakes, speed_limit);
         let next = side * (end - self.left * (now - side * w));
         self.request(state, observer, plant, next, stage, side * now)
@@ -153,7 +154,7 @@ impl Law {
         } else {
             sqrtf(lost * lost + 2.0 * brakes * (rest - knee / 2.0)) - lost
         };
-        (now.min(limit), within(end, limit))
+        (at_most(now, limit), within(end, limit))
     }
 
     /// The voltage for a speed at the tick's end.
@@ -174,7 +175,7 @@ impl Law {
         self.turn_friction(state, observer, next);
         let wanted = plant.kappa * w + (next - w) * self.per_speed - observer.load(plant) / plant.b;
         // In overrun less braking takes more than the battery's voltage.
-        let most = stage.battery.max((plant.kappa * w).abs());
+        let most = at_least(stage.battery, (plant.kappa * w).abs());
         let voltage = Voltage::from_volts(within(wanted, most));
         Request { control: stage.placer.control(stage.at, voltage), speed: super::speed(speed) }
     }

@@ -14,6 +14,7 @@
 //! ```
 
 use super::within;
+use crate::units::single::{at_least, at_most};
 use libm::{cbrtf, expf, expm1f};
 
 /// Seconds between two samples.
@@ -49,8 +50,8 @@ impl Plant {
     /// The filter's wo is `poles` (1/s) where the motor is quick enough to be followed so fast; z is never less
     /// than `floor`: older news count for no more.
     pub(super) fn new(b: f32, kappa: f32, q: f32, (poles, floor): (f32, f32)) -> Self {
-        let drag = (q - b * kappa).max(0.0);
-        let poles = poles.min(cbrtf(11.0 * 12.0 * b));
+        let drag = at_least(q - b * kappa, 0.0);
+        let poles = at_most(poles, cbrtf(11.0 * 12.0 * b));
         Self { b, kappa, q, drag, driven: gains(q), open: gains(drag), fade: expf(-poles * SAMPLE), floor }
     }
 
@@ -110,14 +111,14 @@ impl Observer {
         self.w += gained;
         self.acceleration -= plant.q * gained;
         self.age += SAMPLE;
-        self.z = (self.z * plant.fade).max(plant.floor);
+        self.z = at_least(self.z * plant.fade, plant.floor);
     }
 
     /// Since the last of these the encoder has moved by so many counts.
     pub(super) fn see(&mut self, plant: &Plant, moved: i32) {
         self.x -= moved as f32;
         // A count came at some time since the last sample; how far the shaft went since then is not known.
-        let since = (self.w.abs() * SAMPLE).min(1.0);
+        let since = at_most(self.w.abs() * SAMPLE, 1.0);
         let (least, most) = match moved.signum() {
             1 => (0.0, since),
             -1 => (1.0 - since, 1.0),
@@ -133,7 +134,7 @@ impl Observer {
     /// The shaft is so much further than it was thought to be.
     fn correct(&mut self, plant: &Plant, error: f32) {
         let (z, faded) = (self.z, 1.0 - self.z);
-        let rate = 1.0 / self.age.max(SAMPLE);
+        let rate = 1.0 / at_least(self.age, SAMPLE);
         let square = faded * faded;
         let of_speed = 1.5 * square * (1.0 + z) * rate * error;
         let of_load = square * faded * rate * rate * error;

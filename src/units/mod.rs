@@ -48,6 +48,7 @@ mod control;
 mod dynamics;
 mod electrical;
 mod motion;
+pub(crate) mod single;
 mod time;
 
 pub use control::{Coefficient, Control, Duty, Share};

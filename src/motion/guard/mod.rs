@@ -94,8 +94,10 @@ pub struct Evidence {
 }
 
 impl Evidence {
+    /// Counts the way that it is thought to turn: an estimate may lag behind them.
     fn counts(&self) -> i64 {
-        i64::from(self.moved).abs()
+        let moved = i64::from(self.moved);
+        if self.velocity < CountsPerSecond::ZERO { -moved } else { moved }
     }
 
     /// The motor turns the wrong way, or at least twice as fast as asked, against all that control can do.
