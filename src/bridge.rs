@@ -159,7 +159,7 @@ impl Timing {
 
     /// What the data sheet of the VNH2SP30-E (DocID10832) says at 13 V, typically: outputs fall in 1.2 us and rise in 1 us
     /// (at most 2.4 and 1.6), 600 us (300 to 1800) pass when the mode changes, and a PWM line that is low for less than
-    /// 6 us may be taken for a short circuit, which ends in a fault. The VNH5019A-E's shares its output stage. Of a line that is
+    /// 6 us may be taken for a short circuit, which ends in a fault. The VNH5019A-E is assumed to be alike. Of a line that is
     /// high no such thing is said; 2.4 us let the slowest output arrive.
     pub const VNH5019: Self = Self {
         least_off_ns: 6_000,

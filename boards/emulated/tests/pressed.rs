@@ -10,6 +10,13 @@ fn all_open(bench: &mut Bench) -> bool {
     (0..bench.motors()).all(|motor| bench.lines(motor).open())
 }
 
+fn press_anew(bench: &mut Bench) {
+    bench.press(false);
+    bench.run(ms(50));
+    bench.press(true);
+    bench.run(ms(500));
+}
+
 #[test]
 fn a_host_that_speaks_ends_what_the_button_began_and_disarms_it() {
     let mut bench = turning(vec![am60(); 4]);
@@ -58,10 +65,7 @@ fn a_low_battery_is_no_time_to_start() {
     bench.set_battery(12.0);
     bench.run(ms(500));
     assert!(all_open(&mut bench));
-    bench.press(false);
-    bench.run(ms(50));
-    bench.press(true);
-    bench.run(ms(500));
+    press_anew(&mut bench);
     assert!(!all_open(&mut bench));
     bench.assert_sound();
 }
@@ -87,10 +91,7 @@ fn a_button_that_is_held_through_a_reset_starts_nothing_until_it_is_pressed_anew
     bench.pull_reset(bench.now());
     bench.run(ms(1500));
     assert!(all_open(&mut bench));
-    bench.press(false);
-    bench.run(ms(50));
-    bench.press(true);
-    bench.run(ms(500));
+    press_anew(&mut bench);
     assert!(!all_open(&mut bench));
     bench.assert_sound();
 }

@@ -8,10 +8,12 @@
 
 #[path = "../../client/tests/hub_support/mod.rs"]
 mod hub_support;
+mod output;
 
 use hub_support::{Hub, Server};
 use motor_hub::supply::Stage;
 use motor_hub::units::Millivolts;
+use output::{err, out};
 use serde_json::Value;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
@@ -22,15 +24,6 @@ fn client(server: &Server, arguments: &[&str]) -> Output {
 
 fn program(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_motor-hub")).arg("client").args(arguments).output().unwrap()
-}
-
-fn out(output: &Output) -> String {
-    assert!(output.status.success(), "{}", err(output));
-    String::from_utf8(output.stdout.clone()).unwrap()
-}
-
-fn err(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
 }
 
 fn json(output: &Output) -> Value {

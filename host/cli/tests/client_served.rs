@@ -2,10 +2,12 @@
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 mod conformance;
+mod output;
 
 use conformance::Hub;
+use output::{err, out};
 use serde_json::Value;
-use std::process::{Command, Output};
+use std::process::Command;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 
@@ -17,15 +19,6 @@ fn client(hub: &Hub, arguments: &[&str]) -> Command {
     let mut command = Command::new(PROGRAM);
     command.args(["client", "--tcp", &hub.place]).args(arguments);
     command
-}
-
-fn out(output: &Output) -> String {
-    assert!(output.status.success(), "{}", err(output));
-    String::from_utf8(output.stdout.clone()).unwrap()
-}
-
-fn err(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
 }
 
 fn status(hub: &Hub) -> Value {

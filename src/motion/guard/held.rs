@@ -13,14 +13,12 @@
 //! A stalled motor is not examined again until it was sent back, or has turned on beyond its stop for a while, at
 //! half of the speed that it should or more.
 
-use super::{EncoderFault, Evidence, Finding};
+use super::{DUE_COUNTS, EncoderFault, Evidence, Finding};
 use crate::units::{Control, CountsPerSecond, Period};
 
 /// Speed asked for from which on counts are due: 40 counts/s.
 const COUNTING_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
-/// Way that is due before it is missed, in counts,
-const DUE_COUNTS: f32 = 6.0;
-/// and time without it, in milliseconds: of a motor that is known, and of any other.
+/// Time without the way that is due, in milliseconds: of a motor that is known, and of any other.
 const STUCK_MS: u32 = 60;
 const ANYWAY_MS: u32 = 140;
 /// The same of one that is not known and was last heard turning the wrong way: it may be that slow to turn back.

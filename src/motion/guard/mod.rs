@@ -56,6 +56,9 @@ use runaway::{Runaway, Span};
 /// leaves.
 const FULL_EFFORT: i16 = 30_720;
 
+/// Way that is due before it is missed, in counts.
+const DUE_COUNTS: f32 = 6.0;
+
 /// What is wrong with an encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -1,6 +1,6 @@
 //! A motor that turns the wrong way against all that control can do: does it slow down?
 
-use super::{EncoderFault, Evidence, Finding};
+use super::{DUE_COUNTS, EncoderFault, Evidence, Finding};
 use crate::units::Control;
 use libm::sqrtf;
 
@@ -15,9 +15,8 @@ const RUNAWAY_LATE_MS: i64 = 100;
 const RUNAWAY_HINT_MS: i64 = 50;
 /// Counts in 50 ms of the first, at least, if that is to be told: 160 counts/s.
 const RUNAWAY_COUNTS: i64 = 8;
-/// Counts that are due before they are missed, at this voltage; a motor for which that takes longer than
-/// [`QUICK_MS`] is given so much more time.
-const DUE_COUNTS: f32 = 6.0;
+/// At this voltage [`DUE_COUNTS`] are due; a motor for which that takes longer than [`QUICK_MS`] is given so much more
+/// time.
 const DUE_VOLTS: f32 = 6.0;
 const QUICK_MS: i64 = 150;
 /// But never more.
