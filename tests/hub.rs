@@ -11,6 +11,8 @@ use motor_hub::units::{Coefficient, Control, CountsPerSecond, Duty, Micros, Mill
 use proptest::prelude::*;
 
 const TICK: u64 = 50_000;
+/// Of the control's range.
+const ONE_PERCENT: i16 = 328;
 
 fn settings() -> Settings {
     Settings::new(Winding::NEVEREST_60)
@@ -280,7 +282,8 @@ fn nothing_winds_up_while_the_bridge_cannot_obey() {
     interrupted.step();
     let [interrupted, steady] =
         [&mut interrupted, &mut steady].map(|bench| bench.step().motors[0].control.get());
-    assert!((interrupted - steady).abs() < 100, "{interrupted} {steady}");
+    // What the observer thinks of the load is not quite the same.
+    assert!((interrupted - steady).abs() < ONE_PERCENT, "{interrupted} {steady}");
 }
 
 #[test]
@@ -372,7 +375,7 @@ fn a_motor_that_floated_at_zero_starts_its_velocity_loop_afresh() {
     bench.settle();
     bench.set(0, velocity(1_000));
     let again = bench.step().motors[0].control;
-    assert!((again.get() - fresh.get()).abs() < 100, "{again:?} {fresh:?}");
+    assert!((again.get() - fresh.get()).abs() < ONE_PERCENT, "{again:?} {fresh:?}");
 }
 
 #[test]

@@ -10,15 +10,19 @@
 //! let mut motor = Motor::new(settings, Period::DEFAULT);
 //! motor.set(Setpoint::Velocity(CountsPerSecond::new(1_000)));
 //!
-//! let mut step = |ms: u64, position| {
+//! let battery = Some(Millivolts::new(12_000));
+//! let reading = |ms: u64, position| {
 //!     let at = Micros::new(1_000 * ms);
-//!     motor.step(at, Some(Reading { position, edge_at: at, at }), Some(Millivolts::new(12_000)))
+//!     Reading { position, edge_at: at, at }
 //! };
-//! let standing = step(50, 0);
+//! let standing = motor.step(Micros::new(50_000), Some(reading(50, 0)), battery);
 //! assert_eq!(standing.regime, Some(Regime::Forward));
 //! // 15 counts in 50 ms are 300 counts/s: less is missing.
-//! let turning = step(100, 15);
-//! assert_eq!(turning.velocity.round(), 300);
+//! for ms in 1..50 {
+//!     motor.sample(reading(50 + ms, (ms as i32) * 3 / 10));
+//! }
+//! let turning = motor.step(Micros::new(100_000), Some(reading(100, 15)), battery);
+//! assert!((250..350).contains(&turning.velocity.round()));
 //! assert!(turning.control < standing.control);
 //! ```
 

@@ -9,7 +9,7 @@ use libm::{expf, expm1f, logf, roundf, sqrtf};
 
 /// The mechanical time constant of a motor of which nothing is known, in seconds: about that of a bare gear
 /// motor.
-pub(super) const GUESSED_TIME_CONSTANT: f32 = 0.1;
+pub(super) const GUESSED_TIME_CONSTANT: f32 = 0.14;
 /// Of the closed loop, 1/s,
 const BANDWIDTH: f32 = 18.0;
 /// and what is left of an error after a tick, at least.
