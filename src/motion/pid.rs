@@ -46,9 +46,9 @@ pub struct Pidf {
 }
 
 impl Pidf {
-    /// What P makes of an error.
+    /// What P makes of an error, and F of what it is for.
     pub(crate) fn share(&self, error: Value) -> Value {
-        Value::saturating_from_num(product(self.p, error))
+        Value::saturating_from_num(product(self.p, error).saturating_add(product(self.f, error)))
     }
 }
 

@@ -10,16 +10,23 @@
 //! let mut motor = Motor::new(settings, Period::DEFAULT);
 //! motor.set(Setpoint::Velocity(CountsPerSecond::new(1_000)));
 //!
-//! let mut step = |ms: u64, position| {
+//! let battery = Some(Millivolts::new(12_000));
+//! let reading = |ms: u64, position| {
 //!     let at = Micros::new(1_000 * ms);
-//!     motor.step(at, Some(Reading { position, edge_at: at, at }), Some(Millivolts::new(12_000)))
+//!     Reading { position, edge_at: at, at }
 //! };
-//! let standing = step(50, 0);
+//! let standing = motor.step(Micros::new(50_000), Some(reading(50, 0)), battery);
 //! assert_eq!(standing.regime, Some(Regime::Forward));
-//! // 15 counts in 50 ms are 300 counts/s: less is missing.
-//! let turning = step(100, 15);
-//! assert_eq!(turning.velocity.round(), 300);
-//! assert!(turning.control < standing.control);
+//! // It comes to 300 counts/s and stays there: the counters are read every millisecond, a tick comes every 50.
+//! let mut turning = standing;
+//! for ms in 51..=550 {
+//!     let newest = reading(ms, (ms as i32 - 50) * 3 / 10);
+//!     match ms % 50 {
+//!         0 => turning = motor.step(newest.at, Some(newest), battery),
+//!         _ => motor.sample(newest),
+//!     }
+//! }
+//! assert!((290..310).contains(&turning.velocity.round()), "{:?}", turning.velocity);
 //! ```
 
 mod arrival;
@@ -182,8 +189,8 @@ impl Motor {
     /// Takes a sample of the encoder between two ticks, best every millisecond: the more of them, the better
     /// the motion is known.
     pub fn sample(&mut self, reading: Reading) {
+        self.identifier.sample(&reading);
         self.regulator.sample(reading);
-        self.identifier.sample(reading);
     }
 
     /// Takes what the bridge says of itself, on a board that hears it.
@@ -220,8 +227,8 @@ impl Motor {
             }
         };
         let effect = effect.map(|effect| self.after_change(effect, drive, velocity));
-        self.regulator.drive(effect.map(|effect| effect.asked));
         let flows = effect.map(|effect| effect.flows);
+        self.regulator.drive(effect.map(|effect| effect.asked), flows);
         // Of a bridge that is open for want of current, the back EMF.
         let emf = || Voltage::from_volts(self.settings.winding.emf.emf(velocity).to_volts());
         self.identifier.drive(output.map(|_| flows.unwrap_or_else(emf)));
@@ -262,7 +269,7 @@ impl Motor {
         let moved = reading.position.wrapping_sub(self.position);
         self.position = reading.position;
         self.sample(reading);
-        self.regulator.tick(reading);
+        self.regulator.tick();
         moved
     }
 
@@ -313,7 +320,7 @@ impl Motor {
         // What is known of the motion must know of it too.
         if let Some(at) = at.filter(|_| placement.drive != Drive::COAST) {
             let flows = self.placer.flows(at, placement);
-            self.regulator.drive(Some(flows));
+            self.regulator.drive(Some(flows), Some(flows));
             self.identifier.drive(Some(flows));
         }
         true

@@ -5,13 +5,21 @@ use crate::braking::{Blend, BlendFraction, Scheme};
 use crate::motion::pid::{PidInput, Value};
 use crate::motion::{Pid, Pidf};
 use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Period};
-use libm::{roundf, sqrtf};
+use libm::{expf, expm1f, logf, roundf, sqrtf};
 
-/// The mechanical time constant of a motor of which nothing is known, in seconds: about that of a loaded gear
+/// The mechanical time constant of a motor of which nothing is known, in seconds: about that of a bare gear
 /// motor.
-const GUESSED_TIME_CONSTANT: f32 = 0.2;
+pub(super) const GUESSED_TIME_CONSTANT: f32 = 0.14;
+/// Of the closed loop, 1/s,
+const BANDWIDTH: f32 = 18.0;
+/// and what is left of an error after a tick, at least.
+const QUICKEST_POLE: f32 = 0.6;
+/// P at least, in full control at the speed whose back EMF is 12 V.
+const LEAST_P: f32 = 0.3;
 /// The voltage for which coefficients are.
 const NOMINAL_VOLTS: f32 = 12.0;
+/// An acceleration per volt that was learned is put in force if it is so much more or less than that before.
+const NEWS: f32 = 1.05;
 /// Of its acceleration at this voltage a motor is trusted to brake with half.
 const BRAKING_VOLTS: f32 = 11.0;
 
@@ -26,24 +34,44 @@ pub struct Coefficients {
 }
 
 impl Coefficients {
-    /// Coefficients for a motor of which only the back EMF is known, at a battery of 12 V.
-    ///
-    /// The bandwidth wc follows from the delay of half a period and half a window of the speed's estimate;
-    /// with `f` control steps per count/s, which is full control at the speed whose back EMF is 12 V, and a
-    /// guessed time constant of 0.2 s, P is `f (wc tau - 0.5)`, I is `(P + f) wc / 3`, and the position's P
-    /// `wc / 3`. Where a control value is a current, the back EMF does not damp the motor, and P makes up
-    /// for it by another f; in C and D, whose range is less current, P and I grow by as much. A fixed
-    /// blend lies between B and C.
+    /// Coefficients for a motor of which only the back EMF is known, at a battery of 12 V: those that the hub
+    /// itself begins with.
     pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
-        let f =
-            emf.to_bits() as f32 * f32::from(Control::MAX.get()) / (1e3 * NOMINAL_VOLTS * (1 << 20) as f32);
+        Self::for_time_constant(GUESSED_TIME_CONSTANT, Certainty::Guess, emf, scheme, period)
+    }
+
+    /// The same for a motor of this mechanical time constant in seconds.
+    ///
+    /// From one tick to the next the motor keeps `a = exp(-T / tau)` of its speed. Both poles are put at
+    /// `z = exp(-18 T)`, or 0.6. With `f` control steps per count/s, which is full control at the speed
+    /// whose back EMF is 12 V:
+    ///
+    /// ```text
+    /// P = f (a - z^2) / (1 - a)    I = f (1 - z)^2 / ((1 - a) T)
+    /// ```
+    ///
+    /// Where a control value is a current, the back EMF does not damp the motor: P makes up for it by another f.
+    /// In C and D, whose range is less current, both grow by as much. A fixed blend lies between B and C.
+    pub(super) fn for_time_constant(
+        tau: f32,
+        certainty: Certainty,
+        emf: EmfConstant,
+        scheme: Scheme,
+        period: Period,
+    ) -> Self {
+        let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
         let seconds = period.to_seconds();
-        let delay = seconds / 2.0 + seconds.max(0.02) / 2.0;
-        let bandwidth = (0.45 / delay).min(25.0);
-        let p = (bandwidth * GUESSED_TIME_CONSTANT - 0.5).max(0.3);
-        let i = (p + 1.0) * bandwidth / 3.0;
+        let lost = -expm1f(-seconds / tau);
+        let kept = 1.0 - lost;
+        let pole = expf(-BANDWIDTH * seconds).max(QUICKEST_POLE);
+        let bandwidth = -logf(pole) / seconds;
+        let p = ((kept - pole * pole) / lost).max(LEAST_P);
+        let i = (1.0 - pole) * (1.0 - pole) / (lost * seconds);
         // Of a range with less current.
-        let narrow = |share: f32| ((p + 1.0) * (1.0 + 0.6 * share), i * (1.0 + 0.6 * share));
+        let narrow = |share: f32| {
+            let more = 1.0 + 0.6 * share;
+            ((p + 1.0) * more, i * more)
+        };
         let (p, i) = match scheme {
             Scheme::ForwardReverse | Scheme::A => (p, i),
             Scheme::B => narrow(0.0),
@@ -53,13 +81,35 @@ impl Coefficients {
             }
         };
         let pi = |p: f32, i: f32| Pidf { p: coefficient(p), i: coefficient(i), ..Pidf::default() };
-        Self { velocity: pi(p * f, i * f), position: pi(bandwidth / 3.0, 0.0) }
+        // A motor that is much heavier than guessed swings by the velocity loop alone.
+        let slower = match certainty {
+            Certainty::Guess => 6.0,
+            Certainty::Known => 3.0,
+        };
+        Self { velocity: pi(p * f, i * f), position: pi(bandwidth / slower, 0.0) }
     }
 }
 
 /// To the nearest step of 2^-16; what is too large is the end of the range.
-const fn coefficient(value: f32) -> Coefficient {
-    Coefficient::from_bits((65_536.0 * value + 0.5) as i32)
+fn coefficient(value: f32) -> Coefficient {
+    Coefficient::from_bits(roundf(65_536.0 * value) as i32)
+}
+
+/// How well a motor is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Certainty {
+    /// Not at all.
+    Guess,
+    /// From what was told or learned.
+    Known,
+}
+
+/// What a volt does to a motor.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Knowledge {
+    /// Acceleration per volt, counts/s².
+    pub(super) gain: f32,
+    pub(super) certainty: Certainty,
 }
 
 /// Both loops of one motor.
@@ -69,8 +119,7 @@ pub(super) struct Loops {
     coefficients: Coefficients,
     /// The coefficients are for a battery of 12 V, not a host's.
     guessed: bool,
-    /// Braking that the motor is trusted with, counts/s².
-    brakes: f32,
+    knowledge: Knowledge,
     velocity: Pid,
     position: Pid,
     start: Start,
@@ -90,26 +139,39 @@ enum Start {
 }
 
 impl Loops {
-    pub(super) fn new(config: &Config, period: Period) -> Self {
-        let guess = Coefficients::guessed(config.emf, config.scheme, period);
+    /// For a motor that a volt accelerates by so many counts/s².
+    pub(super) fn new(config: &Config, period: Period, knowledge: Knowledge) -> Self {
+        let Knowledge { gain, certainty } = knowledge;
         // Of the motor's constants b kappa is 1 / tau.
-        let per_volt = config
-            .dynamics
-            .map_or(1.0 / (config.emf.to_volts() * GUESSED_TIME_CONSTANT), |known| known.gain.to_f32());
+        let tau = 1.0 / (gain * config.emf.to_volts());
+        let own = || Coefficients::for_time_constant(tau, certainty, config.emf, config.scheme, period);
         Self {
             period,
-            coefficients: config.coefficients.unwrap_or(guess),
+            coefficients: config.coefficients.unwrap_or_else(own),
+            knowledge,
             guessed: config.coefficients.is_none(),
-            brakes: per_volt * BRAKING_VOLTS / 2.0,
             velocity: Pid::default(),
             position: Pid::default(),
             start: Start::Resume,
         }
     }
 
-    pub(super) fn configure(&mut self, config: &Config, period: Period) {
+    pub(super) fn configure(&mut self, config: &Config, period: Period, knowledge: Knowledge) {
         let start = if self.start == Start::Running { Start::Continue } else { self.start };
-        *self = Self { velocity: self.velocity, position: self.position, start, ..Self::new(config, period) };
+        self.learn(config, period, knowledge);
+        self.start = start;
+    }
+
+    /// Whether that is more than was known, or something else.
+    pub(super) fn is_news(&self, knowledge: Knowledge) -> bool {
+        let ratio = knowledge.gain / self.knowledge.gain;
+        !(1.0 / NEWS..NEWS).contains(&ratio) || knowledge.certainty != self.knowledge.certainty
+    }
+
+    /// More is known of the motor than before.
+    pub(super) fn learn(&mut self, config: &Config, period: Period, knowledge: Knowledge) {
+        let Self { velocity, position, start, .. } = *self;
+        *self = Self { velocity, position, start, ..Self::new(config, period, knowledge) };
     }
 
     /// The position loop forgets the past.
@@ -204,7 +266,7 @@ impl Loops {
     /// The velocity at which to go to a position now: no more than can be braked from.
     fn approach(&mut self, target: i32, position: i32, speed_limit: CountsPerSecond) -> CountsPerSecond {
         let distance = target.wrapping_sub(position);
-        let stoppable = sqrtf(2.0 * self.brakes * distance.unsigned_abs() as f32);
+        let stoppable = sqrtf(self.knowledge.gain * BRAKING_VOLTS * distance.unsigned_abs() as f32);
         let limit = speed_limit.to_bits().unsigned_abs().min((256.0 * stoppable) as u32);
         let input = PidInput {
             // The short way round; 8 million counts are as good as more.

@@ -3,8 +3,9 @@
 //! * **Model**, where the motor and its load are known ([`Dynamics`]): an observer follows position,
 //!   speed and load from sample to sample, and the voltage that brings the motor to the speed it should have
 //!   at the next tick follows in closed form. Nothing integrates and nothing winds up.
-//! * **PID**, where a host brings coefficients of its own, or nothing is known but the winding: the velocity
-//!   loop, and the position loop above it.
+//! * **PID**, where a host brings coefficients of its own, or nothing was told but the winding: the velocity
+//!   loop, and the position loop above it. How the motor answers to a voltage is learned while it works, for the
+//!   observer and, where no host brings them, for the coefficients.
 //!
 //! Both end in a control value, which S, T, Z and G judge; below that nothing knows which of them it was. A
 //! change of mode, of coefficients or from one to the other makes no step of current.
@@ -28,9 +29,11 @@
 //! assert!((1.0 / dynamics.decay.to_f32() - 0.1).abs() < 0.01); // mechanical time constant, s
 //! ```
 
+mod cells;
 mod dynamics;
 pub mod identify;
 mod interface;
+mod learner;
 mod loops;
 mod model;
 mod observer;
@@ -39,10 +42,11 @@ pub use dynamics::{Dynamics, Mechanics};
 pub use interface::{Config, Demand, Kind, Reference, Request, Stage};
 pub use loops::Coefficients;
 
-use crate::motion::{Reading, VelocityEstimator};
+use crate::motion::Reading;
 use crate::units::single::{at_least, at_most};
 use crate::units::{Control, CountsPerSecond, Micros, Period, Voltage};
-use loops::Loops;
+use learner::Learner;
+use loops::{Certainty, Knowledge, Loops};
 use model::{Law, State};
 use observer::{FASTEST, Observer, Plant};
 
@@ -64,10 +68,10 @@ const STEADY_VOLTS: f32 = 1.0;
 pub struct Regulator {
     config: Config,
     period: Period,
-    known: Option<Known>,
+    motion: Motion,
+    /// Learns of a motor of which nobody told.
+    learner: Learner,
     loops: Loops,
-    /// Where the motor is not known.
-    estimator: VelocityEstimator,
     last: Option<Reading>,
     /// Until when the motion was followed.
     followed: Micros,
@@ -77,24 +81,29 @@ pub struct Regulator {
     held_ms: u32,
     /// It turned as fast as it should.
     steady: bool,
-    /// What the bridge made of the last tick, and at which speed; `None` while it was open.
-    voltage: Option<(Voltage, CountsPerSecond)>,
+    /// What the bridge makes of the motor; `None` while it is open.
+    voltage: Option<Voltage>,
 }
 
-/// A motor that is known.
+/// What is known of a motor and what it does.
 #[derive(Clone, Copy, Debug)]
-struct Known {
+struct Motion {
     plant: Plant,
     law: Law,
     observer: Observer,
     state: State,
 }
 
-impl Known {
-    fn new(config: &Config, dynamics: &Dynamics, period: Period, observer: Observer) -> Self {
-        let b = dynamics.gain.to_f32();
-        let plant = Plant::new(b, config.emf.to_volts(), dynamics.decay.to_f32(), Law::filter(period));
-        let law = Law::new(&plant, dynamics.friction.to_volts(), period, config.acceleration);
+impl Motion {
+    /// Of a motor that was told, or of which so much was learned.
+    fn new(config: &Config, learner: &Learner, period: Period, observer: Observer) -> Self {
+        let kappa = config.emf.to_volts();
+        let (b, q, friction) = match config.dynamics {
+            Some(told) => (told.gain.to_f32(), told.decay.to_f32(), told.friction.to_volts()),
+            None => (learner.gain(), learner.gain() * kappa, 0.0),
+        };
+        let plant = Plant::new(b, kappa, q, Law::filter(period));
+        let law = Law::new(&plant, friction, period, config.acceleration);
         Self { plant, law, observer, state: State::default() }
     }
 }
@@ -102,14 +111,14 @@ impl Known {
 impl Regulator {
     /// At rest, for a motor that is stepped every `period`.
     pub fn new(config: Config, period: Period) -> Self {
-        let known =
-            config.dynamics.map(|dynamics| Known::new(&config, &dynamics, period, Observer::new(0.0)));
+        let learner = Learner::new(config.emf.to_volts(), period);
+        let motion = Motion::new(&config, &learner, period, Observer::new(0.0));
         Self {
             config,
             period,
-            known,
-            loops: Loops::new(&config, period),
-            estimator: VelocityEstimator::new(period),
+            motion,
+            learner,
+            loops: Loops::new(&config, period, knowledge(&config, &learner)),
             last: None,
             followed: Micros::new(0),
             anchor: None,
@@ -124,29 +133,32 @@ impl Regulator {
         if config == self.config {
             return;
         }
-        let (speed, load) = (self.velocity(), self.load());
-        let was_known = self.known.is_some();
-        self.known = config.dynamics.map(|dynamics| {
-            let observer = self.known.map_or_else(|| Observer::new(speed.to_f32()), |known| known.observer);
-            let mut new = Known::new(&config, &dynamics, self.period, observer);
-            let voltage = self.voltage.map(|(voltage, _)| voltage.to_volts());
-            if self.config.dynamics != Some(dynamics) && self.steady {
-                // What was load by other constants is not by these.
-                new.observer.settle(&new.plant, voltage);
-            }
-            new.observer.drive(&new.plant, voltage);
-            new
-        });
-        if let (None, Some(load)) = (self.known, load) {
-            // What the load takes is the last that is known of the motor.
-            let emf = self.config.emf.emf(speed).to_volts();
-            self.voltage = Some((Voltage::from_volts(emf + load.to_volts()), speed));
+        if config.emf != self.config.emf {
+            self.learner = Learner::new(config.emf.to_volts(), self.period);
         }
-        if was_known && self.known.is_none() {
-            self.estimator.start_at(speed);
+        let mut new = Motion::new(&config, &self.learner, self.period, self.motion.observer);
+        let voltage = self.voltage.map(Voltage::to_volts);
+        if self.config.dynamics != config.dynamics && self.steady {
+            // What was load by other constants is not by these.
+            new.observer.settle(&new.plant, voltage);
         }
+        new.observer.drive(&new.plant, voltage);
+        self.motion = new;
         self.config = config;
-        self.loops.configure(&config, self.period);
+        self.loops.configure(&config, self.period, knowledge(&config, &self.learner));
+    }
+
+    /// A motor that is not told: the regulator goes on with what it has learned.
+    fn heed(&mut self) {
+        let knowledge = knowledge(&self.config, &self.learner);
+        if !self.loops.is_news(knowledge) {
+            return;
+        }
+        let mut new = Motion::new(&self.config, &self.learner, self.period, self.motion.observer);
+        let voltage = self.voltage.map(Voltage::to_volts);
+        new.observer.relearn(&self.motion.plant, &new.plant, voltage);
+        self.motion = Motion { state: self.motion.state, ..new };
+        self.loops.learn(&self.config, self.period, knowledge);
     }
 
     /// Another thing is asked of the motor. One that was held lets go.
@@ -177,33 +189,32 @@ impl Regulator {
     pub fn let_go(&mut self) {
         self.loops.start_afresh();
         self.held_ms = 0;
-        if let Some(known) = &mut self.known {
-            known.observer.forget_load();
-        }
+        self.motion.observer.forget_load();
     }
 
     /// Takes a sample of the encoder; best every millisecond, give or take less than half of that.
     pub fn sample(&mut self, reading: Reading) {
-        let Some(last) = self.last.replace(reading) else {
-            self.followed = reading.at;
+        let Some(last) = &mut self.last else {
+            (self.last, self.followed) = (Some(reading), reading.at);
             return;
         };
-        if reading.at == last.at {
+        let moved = reading.position.wrapping_sub(last.position);
+        let before = last.at;
+        *last = reading;
+        if reading.at == before {
             return;
         }
-        let moved = reading.position.wrapping_sub(last.position);
-        let silence = samples(last.at, reading.at);
-        let passed = if self.followed == last.at { silence } else { samples(self.followed, reading.at) };
+        let silence = samples(before, reading.at);
+        let passed = if self.followed == before { silence } else { samples(self.followed, reading.at) };
         self.go_on(passed, reading.at);
-        let Some(Known { plant, observer, .. }) = &mut self.known else { return };
+        if self.config.dynamics.is_none() {
+            self.learner.sample(&reading);
+        }
+        let Motion { plant, observer, .. } = &mut self.motion;
         if silence > SILENCE_SAMPLES {
             *observer = Observer::new(within(1_000.0 * moved as f32 / silence as f32, FASTEST));
         } else {
             observer.see(plant, moved);
-        }
-        // By constants that are no motor's, numbers grow until they are none.
-        if !(observer.speed() + observer.fraction()).is_finite() {
-            *observer = Observer::new(0.0);
         }
     }
 
@@ -218,39 +229,47 @@ impl Regulator {
             return;
         }
         self.followed = now;
-        if let Some(Known { plant, observer, .. }) = &mut self.known {
-            for _ in 0..passed.min(SILENCE_SAMPLES) {
-                observer.predict(plant);
-            }
+        let Motion { plant, observer, .. } = &mut self.motion;
+        for _ in 0..passed.min(SILENCE_SAMPLES) {
+            observer.predict(plant);
         }
     }
 
-    /// A control tick has come, with this newest reading.
-    pub fn tick(&mut self, reading: Reading) {
-        if self.known.is_none() {
-            self.estimator.step(reading);
+    /// A control tick has come, with the newest sample taken.
+    pub fn tick(&mut self) {
+        let observer = &mut self.motion.observer;
+        // By constants that are no motor's, numbers grow until they are none.
+        if !(observer.speed() + observer.fraction()).is_finite() {
+            *observer = Observer::new(0.0);
+        }
+        let Some(newest) = self.last.filter(|_| self.config.dynamics.is_none()) else { return };
+        if self.learner.step(newest) {
+            self.heed();
         }
     }
 
     /// Estimated.
     pub fn velocity(&self) -> CountsPerSecond {
-        self.known.map_or_else(|| self.estimator.get(), |known| speed(known.observer.speed()))
+        speed(self.motion.observer.speed())
     }
 
     /// The voltage that would keep the speed against what loads the motor, drag and friction among it, beyond
     /// its back EMF; `None` where that is not known.
     pub fn load(&self) -> Option<Voltage> {
-        self.known.map(|known| Voltage::from_volts(-known.observer.load(&known.plant) / known.plant.b))
+        let Motion { plant, observer, .. } = &self.motion;
+        self.config.dynamics.map(|_| Voltage::from_volts(-observer.load(plant) / plant.b))
     }
 
-    /// What a volt accelerates the motor by, in counts/s², if it is heavier than told; `None` where nobody told.
+    /// What a volt accelerates the motor by, in counts/s², if it is heavier than told, or than what has turned out to
+    /// be a heavy one; `None` where that is not known.
     pub fn least_gain(&self) -> Option<f32> {
-        self.config.dynamics.map(|told| TOLD_SHARE * told.gain.to_f32())
+        let known = self.config.dynamics.is_some() || self.learner.is_heavy();
+        known.then_some(TOLD_SHARE * self.motion.plant.b)
     }
 
     /// Which of the two regulates.
     pub const fn kind(&self) -> Kind {
-        match (self.config.coefficients, self.known) {
+        match (self.config.coefficients, self.config.dynamics) {
             (None, Some(_)) => Kind::Model,
             _ => Kind::Pid,
         }
@@ -282,8 +301,9 @@ impl Regulator {
         // What the current of the last tick would be as a control value, where a loop begins with it.
         let steady =
             if self.loops.is_running() { Control::ZERO } else { self.steady_control(velocity, stage) };
-        let request = match (&mut self.known, kind) {
-            (Some(Known { plant, law, observer, state }), Kind::Model) => match demand {
+        let Motion { plant, law, observer, state } = &mut self.motion;
+        let request = match kind {
+            Kind::Model => match demand {
                 Demand::Velocity(target) => law.velocity(state, observer, plant, target.to_f32(), stage),
                 Demand::Follow(reference) => {
                     let speeds = (reference.speed.to_f32(), reference.next.to_f32());
@@ -295,7 +315,7 @@ impl Regulator {
                     law.position(state, observer, plant, distance, limit, stage)
                 }
             },
-            _ => self.loops.step(demand, position, velocity, steady, stage),
+            Kind::Pid => self.loops.step(demand, position, velocity, steady, stage),
         };
         let astray = request.speed.to_f32() - velocity.to_f32();
         self.steady = self.config.emf.emf(speed(astray)).to_volts().abs() < STEADY_VOLTS;
@@ -305,19 +325,12 @@ impl Regulator {
         request
     }
 
-    /// The control value that lets flow what the load takes, or, where that is not known, what flowed in the
-    /// last tick.
+    /// The control value that lets flow what the load takes, as far as that is known.
     fn steady_control(&self, velocity: CountsPerSecond, stage: &Stage<'_>) -> Control {
-        let flows = if self.loops.starts_afresh() { None } else { self.carried() };
-        let carried = self.load().or(flows).map_or(0.0, Voltage::to_volts);
+        let Motion { plant, observer, .. } = &self.motion;
+        let carried = if self.loops.starts_afresh() { 0.0 } else { -observer.load(plant) / plant.b };
         let steady = self.config.emf.emf(velocity).to_volts() + carried;
         stage.placer.control(stage.at, Voltage::from_volts(steady))
-    }
-
-    /// What flowed in the last tick, as a voltage.
-    fn carried(&self) -> Option<Voltage> {
-        let (voltage, at) = self.voltage?;
-        Some(Voltage::from_volts(voltage.to_volts() - self.config.emf.emf(at).to_volts()))
     }
 
     /// A motor that should stand and does is held where it is.
@@ -343,19 +356,27 @@ impl Regulator {
         }
     }
 
-    /// What the bridge does from now on: this voltage across the motor, or nothing.
-    pub fn drive(&mut self, voltage: Option<Voltage>) {
-        if voltage.is_none() {
+    /// What the bridge does from now on, as voltages across the motor, or nothing: `asked` is what the regulator is
+    /// to take for granted, `flows` what the bridge makes of it.
+    pub fn drive(&mut self, asked: Option<Voltage>, flows: Option<Voltage>) {
+        if asked.is_none() {
             self.retarget();
             self.loops.restart_position();
             self.loops.resume();
             self.steady = true;
         }
-        self.voltage = voltage.map(|voltage| (voltage, self.velocity()));
-        if let Some(Known { plant, observer, .. }) = &mut self.known {
-            observer.drive(plant, voltage.map(Voltage::to_volts));
-        }
+        self.voltage = asked;
+        self.learner.drive(flows.map(Voltage::to_volts), self.last);
+        let Motion { plant, observer, .. } = &mut self.motion;
+        observer.drive(plant, asked.map(Voltage::to_volts));
     }
+}
+
+/// What a volt does to a motor, as told or as learned.
+fn knowledge(config: &Config, learner: &Learner) -> Knowledge {
+    let told = config.dynamics.map(|told| told.gain.to_f32());
+    let certainty = if told.is_some() || learner.is_sure() { Certainty::Known } else { Certainty::Guess };
+    Knowledge { gain: told.unwrap_or_else(|| learner.gain()), certainty }
 }
 
 /// Whole samples from one time to another. (In 32 bits, whose division is the shorter one.)

@@ -164,6 +164,11 @@ impl Observer {
         self.d = plant.drag * self.w - plant.push(voltage, self.w);
     }
 
+    /// Of a motor of other constants than thought the rest of what it does under this voltage is its load.
+    pub(super) fn relearn(&mut self, old: &Plant, new: &Plant, voltage: Option<f32>) {
+        self.d = old.push(voltage, self.w) + self.load(old) - new.push(voltage, self.w) + new.drag * self.w;
+    }
+
     /// The load was a stop's: it is gone when nothing presses against it.
     pub(super) fn forget_load(&mut self) {
         self.d = 0.0;

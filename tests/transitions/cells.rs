@@ -270,7 +270,7 @@ fn print(outcome: &Outcome) {
         periods.sort_unstable();
         periods.dedup();
         println!(
-            "{rule:?} {told:5} {name:44} {:2} of {of:2}, worst {worst:5.2}  {schemes:?} {periods:?}",
+            "{rule:?} {told:5} {name:44} {:2} of {of:2}, worst {worst:6.3}  {schemes:?} {periods:?}",
             cells.len()
         );
     }

@@ -104,15 +104,14 @@ fn a_supply_that_is_low_from_the_beginning_starts_no_hub() {
     bench.assert_sound();
 }
 
-/// Four motors keep their speed for longer than the log's buffer lasts, with duties that are renewed all the while.
+/// Four motors keep their speed for longer than the log's buffer lasts, with duties that are renewed in every second.
 fn runs_on_unread(bench: &mut Bench) {
-    for _ in 0..3 {
+    for _ in 0..15 {
         let (from, changes) = (bench.now(), bench.transitions().len());
-        bench.run(ms(5000));
+        bench.run(ms(1000));
         assert_eq!(bench.resets(), [], "after {from:?}");
-        // Nearly every 50 ms each.
         let changes = bench.transitions().len() - changes;
-        assert!(changes > 4 * 50, "{changes} changes of four PWMs in 5 s after {from:?}");
+        assert!(changes > 4, "{changes} changes of four PWMs in a second after {from:?}");
         for motor in 0..4 {
             let speed = bench.look(motor).counts_per_second;
             assert!((speed - 1000.0).abs() < 30.0, "motor {motor} turns at {speed} counts/s after {from:?}");

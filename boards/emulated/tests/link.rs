@@ -47,7 +47,7 @@ fn regulated_velocity_holds_at_several_speeds() {
         for (motor, speed) in (0..).zip(speeds) {
             talk.velocity(&mut bench, motor, speed);
         }
-        run(&mut bench, &mut talk, ms(1500));
+        run(&mut bench, &mut talk, ms(2000));
         // The mean over half a second: the estimate chatters by one sampling interval in its window.
         let before: Vec<i64> = (0..4).map(|motor| bench.look(motor).counts).collect();
         run(&mut bench, &mut talk, ms(500));

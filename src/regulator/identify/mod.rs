@@ -17,9 +17,9 @@
 //! The fit is in single precision, a row at a time and by rotations, which a chip's FPU does while the motor
 //! turns; sums of products would have needed double precision (see `fit`).
 //!
-//! Left out: following the acceleration per volt while the motor works. From few speed steps it may be wrong
-//! enough to overshoot by 160 %, and it learns nothing of friction and decay, so it would replace none of
-//! this.
+//! A motor that was told, from here or by its maker, is not followed any further while it works: from what a
+//! working motor shows, its acceleration per volt is found to within some 10 %, by which an exact one gets worse
+//! (1.7 % of drawn responses never settled, not 0.3 %). Of a motor of which nobody told it is worth a lot.
 //!
 //! ```
 //! use motor_hub::braking::Winding;
@@ -31,16 +31,15 @@
 //! assert_eq!(counts, 2_474);
 //! ```
 
-mod cells;
 mod fit;
 mod outcome;
 mod verdict;
 
 pub use outcome::{Identification, Identified, Refusal};
 
+use super::cells::Cells;
 use crate::motion::Reading;
 use crate::units::{EmfConstant, Micros, Millivolts, Period, Voltage};
-use cells::Cells;
 use verdict::Evidence;
 
 /// Shares of the battery's voltage, and for how many milliseconds.
@@ -105,7 +104,6 @@ enum Stage {
 /// A motion under way.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
-    emf: f32,
     /// Volts, before it began.
     battery: f32,
     /// Counts that were announced.
@@ -158,11 +156,11 @@ impl Identifier {
     }
 
     /// Takes a sample of the encoder, best every millisecond.
-    pub fn sample(&mut self, reading: Reading) {
+    pub fn sample(&mut self, reading: &Reading) {
         match &mut self.stage {
             Stage::Idle => (),
-            Stage::Resting { last, .. } => *last = Some(reading),
-            Stage::Moving(motion) => motion.cells.sample(reading),
+            Stage::Resting { last, .. } => *last = Some(*reading),
+            Stage::Moving(motion) => motion.cells.sample(*reading),
         }
     }
 
@@ -238,7 +236,6 @@ impl Motion {
             return Err(Identification::Refused(Refusal::TravelLimit));
         }
         Ok(Self {
-            emf,
             battery,
             span,
             scale,
@@ -247,7 +244,7 @@ impl Motion {
             stretch: 0,
             began: reading.at,
             cells: Cells::new(reading),
-            evidence: Evidence::new(emf, battery),
+            evidence: Evidence::new(emf, battery, span),
             quick: false,
         })
     }
@@ -260,8 +257,8 @@ impl Motion {
             && (counts.unsigned_abs() >= CELL_COUNTS || seconds > LONGEST_CELL)
         {
             self.quick = counts.unsigned_abs() as f32 > QUICK * seconds;
-            if let Some((row, seconds)) = self.cells.close(self.emf, self.span) {
-                self.evidence.add(row, seconds);
+            if let Some(change) = self.cells.close() {
+                self.evidence.add(&change);
             }
         }
         if let Some(&(_, length)) = MOTION.get(self.stretch)

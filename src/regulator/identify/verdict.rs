@@ -1,7 +1,8 @@
 //! From rows to an answer, or to the reason why there is none.
 
 use super::super::Dynamics;
-use super::fit::{Fit, Row, Solution, UNKNOWNS};
+use super::super::cells::Change;
+use super::fit::{Fit, Solution, UNKNOWNS};
 use super::outcome::{Identified, Refusal};
 use crate::units::{AccelerationPerVolt, DecayRate, EmfConstant, Millivolts};
 
@@ -39,6 +40,8 @@ pub(super) struct Evidence {
     emf: f32,
     /// Volts.
     battery: f32,
+    /// Counts that the motion may take.
+    span: f32,
     fit: Fit,
     /// Running sum of what the rows before one did not expect of it, in counts, and how far it went.
     sum: f32,
@@ -49,13 +52,16 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
-    pub(super) fn new(emf: f32, battery: f32) -> Self {
-        Self { emf, battery, fit: Fit::default(), sum: 0.0, highest: 0.0, lowest: 0.0, squares: 0.0 }
+    pub(super) fn new(emf: f32, battery: f32, span: f32) -> Self {
+        Self { emf, battery, span, fit: Fit::default(), sum: 0.0, highest: 0.0, lowest: 0.0, squares: 0.0 }
     }
 
-    /// One more row, in counts of cells of this length in seconds.
-    pub(super) fn add(&mut self, row: Row, seconds: f32) {
-        let surprise = self.fit.add(row);
+    /// One more row, in counts of the shorter of its cells, whose noise is then the same for all; each
+    /// unknown is an acceleration per volt.
+    pub(super) fn add(&mut self, change: &Change) {
+        let Change { speed, push, way, place, time, shorter: seconds, side } = *change;
+        let row = [push, -self.emf * way, -side * time, time, -place / self.span * time, speed];
+        let surprise = self.fit.add(row.map(|value| value * seconds));
         if self.fit.rows() > INTRODUCTION {
             self.sum += surprise;
             self.highest = self.highest.max(self.sum);

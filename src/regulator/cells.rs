@@ -1,5 +1,5 @@
-//! From samples of the encoder to rows of the fit: what voltage, drag, friction and load would have made of
-//! the mean speed from one stretch of the motion, a cell, to the next.
+//! From samples of the encoder to what voltage, drag, friction and load could have made of the mean speed from
+//! one stretch of the motion, a cell, to the next.
 //!
 //! With w the mean speed of a cell, F the running integral of the voltage and P the position, means over the
 //! cells obey the motor's own equation exactly, whatever the voltage did meanwhile:
@@ -8,7 +8,6 @@
 //! w' - w = b (F' - F) - q (P' - P) - c b sign(w) G + load
 //! ```
 
-use super::fit::Row;
 use crate::motion::Reading;
 use crate::units::Micros;
 
@@ -113,10 +112,9 @@ impl Cells {
         self.last = reading;
     }
 
-    /// Ends the running cell; returns a row if it and the one before it make one, and
-    /// the length of the shorter of the two. `emf` is the
-    /// back EMF in volts per count/s; `span` the counts that the motion may take.
-    pub(super) fn close(&mut self, emf: f32, span: f32) -> Option<(Row, f32)> {
+    /// Ends the running cell; returns what came of it since the one before, if the motor moved in both, and the
+    /// same way.
+    pub(super) fn close(&mut self) -> Option<Change> {
         let cell = self.cell;
         let counts = self.last.position.wrapping_sub(cell.start) as f32;
         let rough = counts / cell.seconds;
@@ -125,10 +123,10 @@ impl Cells {
         let place = self.place(rough + ahead);
         let moved = counts + place - cell.place;
         let whole = Whole { cell, speed: moved / cell.seconds, moved: counts };
-        let row = self.before.and_then(|before| row(&before, &whole, emf, span, self.origin));
+        let change = self.before.and_then(|before| change(&before, &whole, self.origin));
         self.before = Some(whole);
         self.cell = Cell::new(self.last.position, place);
-        row
+        change
     }
 
     /// Where within its count the shaft is, by the time since it came.
@@ -146,22 +144,40 @@ impl Cells {
     }
 }
 
-/// What the way from one cell to the next says, in counts of the shorter of the two, whose noise is then
-/// the same for all; each unknown is an acceleration per volt.
-fn row(from: &Whole, to: &Whole, emf: f32, span: f32, origin: i32) -> Option<(Row, f32)> {
+/// What came of the motion from one cell to the next.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Change {
+    /// Of the mean speed, counts/s.
+    pub(super) speed: f32,
+    /// Of the integral of the voltage, V s.
+    pub(super) push: f32,
+    /// Of the mean position, counts.
+    pub(super) way: f32,
+    /// The mean position, counts from the first sample.
+    pub(super) place: f32,
+    /// Seconds from the middle of one to that of the other.
+    pub(super) time: f32,
+    /// Seconds that the shorter of the two took. Whole counts blur the speed by some 0.7 in this time.
+    pub(super) shorter: f32,
+    /// 1 forward, -1 backward.
+    pub(super) side: f32,
+}
+
+fn change(from: &Whole, to: &Whole, origin: i32) -> Option<Change> {
     let enough = |whole: &Whole| whole.moved.abs() > LEAST_COUNTS;
     if !(enough(from) && enough(to) && from.speed * to.speed > 0.0) {
         return None;
     }
     let (a, b) = (&from.cell, &to.cell);
-    let [way_before, way_after] = [a, b].map(|cell| cell.way_sum / cell.seconds);
-    let push = a.push - a.push_sum / a.seconds + b.push_sum / b.seconds;
-    let way = from.moved - way_before + way_after;
-    let time = f32::midpoint(a.seconds, b.seconds);
+    let [before, after] = [a, b].map(|cell| cell.way_sum / cell.seconds);
     let start = b.start.wrapping_sub(origin) as f32;
-    let place = start + f32::midpoint(way_before - from.moved, way_after);
-    let side = 1.0f32.copysign(to.speed);
-    let row = [push, -emf * way, -side * time, time, -place / span * time, to.speed - from.speed];
-    let shorter = a.seconds.min(b.seconds);
-    Some((row.map(|value| value * shorter), shorter))
+    Some(Change {
+        speed: to.speed - from.speed,
+        push: a.push - a.push_sum / a.seconds + b.push_sum / b.seconds,
+        way: from.moved - before + after,
+        place: start + f32::midpoint(before - from.moved, after),
+        time: f32::midpoint(a.seconds, b.seconds),
+        shorter: a.seconds.min(b.seconds),
+        side: 1.0f32.copysign(to.speed),
+    })
 }
