@@ -114,23 +114,24 @@ impl Placer {
         Placement { regime, drive: Drive { duty: self.current.allowed(drive.duty), ..drive }, asked }
     }
 
-    /// The same by the rule of linear current, whatever the placer's own.
-    pub fn place_linear(&self, at: OperatingPoint, control: Control) -> Placement {
-        place_current(&self.current, self.scheme, at, control)
-    }
-
-    /// The control value that asks for a voltage, or for the nearest to it that the scheme can give.
+    /// The control value that makes this voltage of the motor, or the nearest to it that the scheme can give: by
+    /// linear duty another than by linear current.
     pub fn control(&self, at: OperatingPoint, voltage: Voltage) -> Control {
         let voltage = voltage.to_volts();
-        if self.scheme == Scheme::A {
+        if (self.scheme, self.rule) == (Scheme::A, DutyRule::LinearCurrent) {
             // The same as by the points, for less.
             return Control::saturating(
                 (roundf(voltage / at.volts().1 * f32::from(Control::MAX.get())) as i32).into(),
             );
         }
-        let points = Points::new(self.scheme, at);
-        let voltage = if at.counter_clockwise() { -voltage } else { voltage };
-        clockwise(at, points::control(&points, voltage, at))
+        let (regime, share) = points::share(if at.counter_clockwise() { -voltage } else { voltage }, at);
+        let share = match self.rule {
+            DutyRule::LinearCurrent => share,
+            DutyRule::LinearDuty => {
+                self.current.duty(Place { regime, fraction: Fraction::from_f32(share) }, at).to_f32()
+            }
+        };
+        clockwise(at, points::control(&Points::new(self.scheme, at), (regime, share)))
     }
 
     /// A bridge with limits to its duty was not given another one because of them.

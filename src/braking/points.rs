@@ -20,6 +20,7 @@
 
 use crate::braking::scheme::{Blend, BlendFraction, Scheme};
 use crate::bridge::Mode;
+use crate::units::single::{at_least, at_most};
 use crate::units::{Control, Duty, Emf, Millivolts};
 use fixed::types::{I56F8, U2F30};
 use libm::roundf;
@@ -178,6 +179,11 @@ impl Fraction {
         self.0.to_bits() as f32 / (1 << 30) as f32
     }
 
+    /// The nearest to it within 0 to 1.
+    pub(super) const fn from_f32(share: f32) -> Self {
+        Self(U2F30::from_bits((at_most(at_least(share, 0.0), 1.0) * (1 << 30) as f32) as u32))
+    }
+
     /// For reports.
     pub fn to_f64(self) -> f64 {
         f64::from(self.0)
@@ -307,22 +313,30 @@ impl Points {
     }
 }
 
-/// The control value that stands for a voltage across a motor that turns CW: at Scheme A's points, its
-/// share of the battery's.
+/// The regime and the share of its current that make a voltage of a motor that turns CW.
+pub(super) fn share(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
+    let (e, v) = at.volts();
+    if voltage > e {
+        (Regime::Forward, (voltage - e) / (v - e))
+    } else if voltage >= 0.0 {
+        (Regime::Braking, if e > 0.0 { (e - voltage) / e } else { 0.0 })
+    } else {
+        (Regime::Reverse, -voltage / v)
+    }
+}
+
+/// The control value at a share of the way through a regime.
 ///
 /// What the scheme cannot give becomes the nearest that it can: the end of the control range, or, where
 /// there is no braking regime, no current. To a step or so of control, which is as fine as a single.
-pub(super) fn control(points: &Points, voltage: f32, at: OperatingPoint) -> Control {
-    let (e, v) = at.volts();
-    let (from, to, fraction) = if voltage > e {
-        (points.z, points.g, (voltage - e) / (v - e))
-    } else if voltage >= 0.0 {
-        (points.z, points.t, if e > 0.0 { (e - voltage) / e } else { 0.0 })
-    } else {
-        (points.t, points.s, -voltage / v)
+pub(super) fn control(points: &Points, (regime, share): (Regime, f32)) -> Control {
+    let (from, to) = match regime {
+        Regime::Forward => (points.z, points.g),
+        Regime::Braking => (points.z, points.t),
+        Regime::Reverse => (points.t, points.s),
     };
     let (from, to) = (from.to_f32(), to.to_f32());
-    Control::saturating((roundf(from + fraction * (to - from)) as i32).into())
+    Control::saturating((roundf(from + share * (to - from)) as i32).into())
 }
 
 /// Beyond this the ends of the control range say all there is to say; it keeps a blend in 64 bits.

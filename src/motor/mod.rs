@@ -92,16 +92,6 @@ pub struct Motor {
 /// A control value and what the bridge makes of it.
 type Output = (Control, Placement);
 
-/// What a bridge does to the motor until the next tick, as voltages across it.
-#[derive(Clone, Copy)]
-struct Effect {
-    /// What the regulator is to take for granted. With linear duty another current flows than was asked for;
-    /// that it sees as load, and so comes by the current that it wants.
-    asked: Voltage,
-    /// By the bridge's and the winding's constants.
-    flows: Voltage,
-}
-
 impl Motor {
     /// A disabled motor that is stepped every `period`.
     pub fn new(settings: Settings, period: Period) -> Self {
@@ -215,7 +205,7 @@ impl Motor {
             self.watch.interrupt();
         }
         let output = wanted.or_else(|| at.and_then(|(at, _)| self.fall_back(at, moved)));
-        let (effect, drive) = match (at, output) {
+        let (flows, drive) = match (at, output) {
             (Some((at, battery)), Some((_, placement))) => {
                 self.at_tick = (velocity, battery);
                 let bounded = self.bounds.place(&self.placer, at, placement);
@@ -226,9 +216,8 @@ impl Motor {
                 (None, Drive::COAST)
             }
         };
-        let effect = effect.map(|effect| self.after_change(effect, drive, velocity));
-        let flows = effect.map(|effect| effect.flows);
-        self.regulator.drive(effect.map(|effect| effect.asked), flows);
+        let flows = flows.map(|flows| self.after_change(flows, drive, velocity));
+        self.regulator.drive(flows);
         // Of a bridge that is open for want of current, the back EMF.
         let emf = || Voltage::from_volts(self.settings.winding.emf.emf(velocity).to_volts());
         self.identifier.drive(output.map(|_| flows.unwrap_or_else(emf)));
@@ -273,43 +262,28 @@ impl Motor {
         moved
     }
 
-    /// What a drive does to the motor; `None` if the bridge is open.
-    fn effect(&self, at: OperatingPoint, placement: Placement) -> Option<Effect> {
+    /// The voltage that a drive makes of the motor; `None` if the bridge is open.
+    fn effect(&self, at: OperatingPoint, placement: Placement) -> Option<Voltage> {
         if placement.drive == Drive::COAST {
             return None;
         }
-        // Where nobody regulates, nobody asked for a current either.
-        let asked = placement.asked;
-        let as_asked = self.setpoint.is_regulated() && !self.bounds.intervenes();
-        Some(match (as_asked, self.settings.duty) {
-            (true, DutyRule::LinearCurrent)
-                if self.placer.is_as_asked(placement) || self.settings.bridge.timing() == Timing::IDEAL =>
-            {
-                Effect { asked, flows: asked }
-            }
-            // What the bridge had to be spared is known, and is no load.
-            (true, DutyRule::LinearCurrent) => {
-                let flows = self.placer.flows(at, placement);
-                Effect { asked: flows, flows }
-            }
-            (true, DutyRule::LinearDuty) => Effect { asked, flows: self.placer.flows(at, placement) },
-            (false, _) => {
-                let flows = self.placer.flows(at, placement);
-                Effect { asked: flows, flows }
-            }
-        })
+        // By linear current, of which the bridge has not to be spared any, the one asked for.
+        let as_asked = self.setpoint.is_regulated()
+            && !self.bounds.intervenes()
+            && self.settings.duty == DutyRule::LinearCurrent
+            && (self.placer.is_as_asked(placement) || self.settings.bridge.timing() == Timing::IDEAL);
+        Some(if as_asked { placement.asked } else { self.placer.flows(at, placement) })
     }
 
     /// What is left of it in a period at whose beginning the bridge is open because its mode changes.
-    fn after_change(&self, effect: Effect, drive: Drive, velocity: CountsPerSecond) -> Effect {
+    fn after_change(&self, flows: Voltage, drive: Drive, velocity: CountsPerSecond) -> Voltage {
         let change_us = self.settings.bridge.timing().change_us;
         if drive.mode == self.mode || change_us == 0 {
-            return effect;
+            return flows;
         }
         let emf = self.settings.winding.emf.emf(velocity).to_volts();
         let left = (1.0 - f32::from(change_us) / self.period.as_micros() as f32).max(0.0);
-        let flows = Voltage::from_volts(emf + left * (effect.flows.to_volts() - emf));
-        Effect { asked: flows, flows }
+        Voltage::from_volts(emf + left * (flows.to_volts() - emf))
     }
 
     /// What the supply allows from now on. True if the bridge is told otherwise for it.
@@ -320,7 +294,7 @@ impl Motor {
         // What is known of the motion must know of it too.
         if let Some(at) = at.filter(|_| placement.drive != Drive::COAST) {
             let flows = self.placer.flows(at, placement);
-            self.regulator.drive(Some(flows), Some(flows));
+            self.regulator.drive(Some(flows));
             self.identifier.drive(Some(flows));
         }
         true
@@ -429,7 +403,7 @@ impl Motor {
         }
         let voltage = if flows < *allowed.start() { *allowed.start() } else { *allowed.end() };
         let control = self.placer.control(at, voltage);
-        (control, self.placer.place_linear(at, control))
+        (control, self.placer.place(at, control))
     }
 
     /// What the identification asks for. It watches the encoder itself: of an unknown motor nobody can say

@@ -356,19 +356,19 @@ impl Regulator {
         }
     }
 
-    /// What the bridge does from now on, as voltages across the motor, or nothing: `asked` is what the regulator is
-    /// to take for granted, `flows` what the bridge makes of it.
-    pub fn drive(&mut self, asked: Option<Voltage>, flows: Option<Voltage>) {
-        if asked.is_none() {
+    /// What the bridge does from now on: this voltage across the motor, or nothing.
+    pub fn drive(&mut self, voltage: Option<Voltage>) {
+        if voltage.is_none() {
             self.retarget();
             self.loops.restart_position();
             self.loops.resume();
             self.steady = true;
         }
-        self.voltage = asked;
-        self.learner.drive(flows.map(Voltage::to_volts), self.last);
+        self.voltage = voltage;
+        let volts = voltage.map(Voltage::to_volts);
+        self.learner.drive(volts, self.last);
         let Motion { plant, observer, .. } = &mut self.motion;
-        observer.drive(plant, asked.map(Voltage::to_volts));
+        observer.drive(plant, volts);
     }
 }
 
