@@ -237,6 +237,7 @@ impl Motor {
             velocity,
             regulator: self.regulator.kind(),
             current,
+            drawn: drawn(flows, current, battery),
             measured: self.sensed.current,
             heat: (1000.0 * self.thermal.heat()) as u16,
             derated: self.thermal.ceiling().is_some(),
@@ -487,4 +488,11 @@ impl Motor {
     fn floats(&self) -> bool {
         self.settings.zero_power == ZeroPower::Float
     }
+}
+
+/// What a bridge takes from the bus that lets a current flow against a mean voltage across the motor: it keeps no energy.
+/// Driving at a duty that is that share of the current, shorting and opening what is returned while it is open.
+fn drawn(flows: Option<Voltage>, current: Milliamperes, battery: Option<Millivolts>) -> Milliamperes {
+    let ratio = flows.zip(battery).map_or(0.0, |(flows, battery)| flows.to_volts() / battery.to_volts());
+    Milliamperes::from_amperes(1e-3 * current.get() as f32 * ratio)
 }

@@ -104,7 +104,16 @@ requests! {
 /// A channel of the hub's converter.
 pub type AdcChannel = ByteIn<0, 14>;
 
-/// The battery's.
+/// The current out of the battery, in milliamperes.
+pub const BATTERY_CURRENT: AdcChannel = AdcChannel::new(7).expect("in range");
+
+/// The 5 V rail, in millivolts.
+pub const RAIL: AdcChannel = AdcChannel::new(12).expect("in range");
+
+/// The hub's temperature, in 0.1 degrees Celsius.
+pub const TEMPERATURE: AdcChannel = AdcChannel::new(14).expect("in range");
+
+/// The battery's, in millivolts.
 pub const BATTERY: AdcChannel = AdcChannel::new(13).expect("in range");
 
 /// That of the current of motor 0, in milliamperes; those of the others follow.

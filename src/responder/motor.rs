@@ -369,10 +369,10 @@ impl MotorChannel {
         self.enabled
     }
 
-    /// More current is measured than the host's alert allows.
+    /// More current flows than the host's alert allows, measured or modelled.
     pub fn is_over_current(&self, report: &Report) -> bool {
         let level = self.current_alert;
-        level != 0 && report.measured.is_some_and(|measured| setup::magnitude(measured) > level)
+        level != 0 && setup::magnitude(report.best_current()) > level
     }
 
     /// The host's counts.

@@ -3,6 +3,8 @@
 use crate::host::{HUB, N, Said, TestHost, frame_to};
 use motor_hub::protocol::requests::{FIRST_FUNCTION, FUNCTION_COUNT};
 use motor_hub::protocol::setup;
+use motor_hub::responder::pins::DigitalLines;
+use motor_hub::units::Milliamperes;
 
 /// A command: type, sizes of its fields, a good payload, and bad ones with what they are refused for.
 struct Form {
@@ -34,7 +36,7 @@ const NO_LOOP: &[(&[u8], u8)] = &[(&[4, 1], 0), (&[0, 0], 1), (&[0, 3], 1)];
 const F: u16 = FIRST_FUNCTION;
 const OWN: u16 = setup::FIRST_FUNCTION;
 
-/// Motor 0 is in position mode with a target when these are tried.
+/// Motor 0 is in position mode with a target, and digital pin 6 an output, when these are tried.
 const FORMS: &[Form] = &[
     read(0x7F03, &[1], &[0], 2, &[(&[2], 0), (&[255], 0)]),
     write(0x7F04, &[], &[], &[]),
@@ -54,19 +56,14 @@ const FORMS: &[Form] = &[
     write(0x7F0E, &[1, 1], &[6, 3], &[(&[0, 0], 0), (&[13, 0], 0), (&[1, 4], 1)]),
     read(0x7F0F, &[], &[], 1, &[]),
     read(F, &[], &[], 35, &[]),
-    write(F + 1, &[1, 1], &[7, 1], &[(&[8, 1], 0), (&[0, 2], 1)]),
+    write(F + 1, &[1, 1], &[6, 1], &[(&[8, 1], 0), (&[0, 2], 1), (&[7, 1], 17)]),
     write(F + 2, &[1], &[255], &[]),
     write(F + 3, &[1, 1], &[7, 1], &[(&[8, 1], 0), (&[0, 2], 1)]),
     read(F + 4, &[1], &[7], 1, &[(&[8], 0)]),
-    read(F + 5, &[1], &[7], 1, &[(&[8], 0)]),
+    read(F + 5, &[1], &[7], 1, &[(&[8], 0), (&[6], 26)]),
     read(F + 6, &[], &[], 1, &[]),
     read(F + 7, &[1, 1], &[13, 0], 2, &[(&[15, 0], 0), (&[13, 2], 1), (&[255, 255], 0)]),
-    write(
-        F + 8,
-        &[1, 1, 1],
-        &[3, 2, 1],
-        &[(&[4, 0, 0], 0), (&[0, 3, 0], 1), (&[0, 10, 0], 1), (&[0, 1, 2], 2)],
-    ),
+    write(F + 8, &[1, 1, 1], &[3, 2, 1], &[(&[4, 0, 0], 0), (&[0, 3, 0], 1), (&[0, 10, 0], 1)]),
     read(F + 9, &[1], &[0], 2, NO_MOTOR),
     write(F + 10, &[1, 1], &[0, 1], &[(&[4, 1], 0), (&[0, 2], 1)]),
     read(F + 11, &[1], &[0], 1, NO_MOTOR),
@@ -141,7 +138,7 @@ const FORMS: &[Form] = &[
 /// A hub whose motors 0 can answer everything.
 fn host() -> TestHost {
     let mut host = TestHost::settled();
-    host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 5, 0]), (8, &[1, 1, 0])]);
+    host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 5, 0]), (8, &[1, 1, 0]), (3, &[6, 1])]);
     host.told();
     host
 }
@@ -242,11 +239,89 @@ fn transfers_on_a_bus_are_refused_when_they_are_asked_for() {
 }
 
 #[test]
-fn quantities_that_are_not_measured_are_refused() {
-    for channel in (0..=14).filter(|channel| *channel != 13) {
-        assert_eq!(host().call(7, &[channel, 0]), Said::Nack(253));
+fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
+    let mut host = host();
+    let current = |ma| Milliamperes::new(ma);
+    for (motor, (flows, drawn)) in
+        [(3_000, 1_500), (-2_000, -900), (0, 0), (40_000, 39_000)].into_iter().enumerate()
+    {
+        host.snapshot.motors[motor].current = current(flows);
+        host.snapshot.motors[motor].drawn = current(drawn);
     }
-    assert_eq!(host().call(7, &[13, 1]), Said::Nack(253), "raw counts");
+    host.snapshot.motors[3].measured = Some(current(1_234));
+    // Inputs and currents that there are none of; the battery's, saturated; motors'; rail, battery, temperature.
+    let expected = [0, 0, 0, 0, 0, 0, 0, i16::MAX, 3_000, 2_000, 0, 1_234, 5_000, 12_345, 250];
+    for (channel, expected) in (0..).zip(expected) {
+        let answers = [(0, expected), (1, expected / 8)];
+        for (raw, expected) in answers {
+            let said = host.call(7, &[channel, raw]);
+            assert_eq!(said, Said::Data(expected.to_le_bytes().to_vec()), "{channel} {raw}");
+        }
+    }
+    // What motors return is more than what they draw.
+    host.snapshot.motors[3].drawn = current(-700);
+    host.snapshot.motors[0].drawn = current(0);
+    assert_eq!(host.call(7, &[7, 0]), Said::Data((-1_600_i16).to_le_bytes().to_vec()));
+}
+
+#[test]
+fn an_input_that_nothing_is_connected_to_is_high() {
+    let mut host = TestHost::settled();
+    let bulk = |host: &mut TestHost| match host.call(0, &[]) {
+        Said::Data(bulk) => bulk[0],
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(host.call(6, &[]), Said::Data(vec![0xFF]));
+    assert_eq!(bulk(&mut host), 0xFF);
+    // A touch sensor on pin 2 is pressed; pin 7 is an output.
+    host.responder.sense_pins(0b1111_1011);
+    host.do_all(&[(3, &[7, 1])]);
+    for pin in 0..7 {
+        assert_eq!(host.call(5, &[pin]), Said::Data(vec![u8::from(pin != 2)]), "{pin}");
+    }
+    assert_eq!(host.call(6, &[]), Said::Data(vec![0b0111_1011]));
+    assert_eq!(bulk(&mut host), 0b0111_1011);
+}
+
+#[test]
+fn pins_are_refused_by_their_direction() {
+    let mut host = TestHost::settled();
+    let lines = |host: &TestHost| host.responder.digital_lines();
+    assert_eq!(host.call(2, &[0xFF]), Said::Nack(18), "no output");
+    for pin in 0..8 {
+        assert_eq!(host.call(1, &[pin, 1]), Said::Nack(10 + pin));
+    }
+    assert_eq!(lines(&host), DigitalLines::default());
+    for pin in 0..8 {
+        host.do_all(&[(3, &[pin, 1]), (1, &[pin, 1])]);
+        assert_eq!(host.call(5, &[pin]), Said::Nack(20 + pin));
+        assert_eq!(host.call(6, &[]), if pin < 7 { Said::Data(vec![0xFE << pin]) } else { Said::Nack(28) });
+    }
+    host.do_all(&[(2, &[0b1010_0101])]);
+    assert_eq!(lines(&host), DigitalLines { driven: 0xFF, levels: 0b1010_0101 });
+    // As an input it is let go of, and the next time it is an output it is low.
+    host.do_all(&[(3, &[0, 0]), (2, &[0xFF]), (3, &[0, 1])]);
+    assert_eq!(lines(&host), DigitalLines { driven: 0xFF, levels: 0xFE });
+}
+
+#[test]
+fn fail_safe_lets_go_of_outputs_until_they_are_set_again() {
+    let mut host = TestHost::settled();
+    host.do_all(&[(3, &[0, 1]), (3, &[1, 1]), (1, &[1, 1])]);
+    host.ask(0x7F05, &[]);
+    assert_eq!(host.responder.digital_lines().driven, 0);
+    assert_eq!([host.call(4, &[1]), host.call(4, &[2])], [Said::Data(vec![1]), Said::Data(vec![0])]);
+    host.do_all(&[(1, &[0, 1])]);
+    assert_eq!(host.responder.digital_lines(), DigitalLines { driven: 1, levels: 3 });
+}
+
+#[test]
+fn any_word_but_0_lets_a_motor_float_at_zero() {
+    let mut host = host();
+    for (word, floats) in [(0, 0), (1, 1), (2, 1), (255, 1)] {
+        host.do_all(&[(8, &[1, 0, word])]);
+        assert_eq!(host.call(9, &[1]), Said::Data(vec![0, floats]), "{word}");
+    }
 }
 
 #[test]

@@ -307,6 +307,31 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
 }
 
 #[test]
+fn digital_pins_are_read_and_driven() {
+    let (mut bench, mut talk) = (booted(vec![am60()]), Talk::default());
+    // Nothing is connected.
+    assert_eq!(talk.bulk(&mut bench).digital, 0xFF);
+    for (pin, bit) in [(0, 1), (1, 2)] {
+        bench.connect_pin(pin, Some(false));
+        assert_eq!(talk.bulk(&mut bench).digital, 0xFF & !bit);
+        bench.connect_pin(pin, None);
+    }
+    let ack = |reply| assert!(matches!(reply, Reply::Ack { .. }), "{reply:?}");
+    ack(talk.ask(&mut bench, 0x1003, &[1, 1]));
+    assert_eq!((bench.pin_level(0), bench.pin_level(1)), (true, false), "an output is low");
+    ack(talk.ask(&mut bench, 0x1001, &[1, 1]));
+    assert!(bench.pin_level(1));
+    assert_eq!(talk.ask(&mut bench, 0x1001, &[0, 1]), Reply::Nack(Nack(10)));
+    assert_eq!(talk.ask(&mut bench, 0x1005, &[1]), Reply::Nack(Nack(21)));
+    ack(talk.ask(&mut bench, 0x1001, &[1, 0]));
+    assert!(!bench.pin_level(1));
+    // Silence lets go of it.
+    bench.run(ms(2_700));
+    assert!(bench.pin_level(1));
+    bench.assert_sound();
+}
+
+#[test]
 fn a_refused_command_changes_nothing() {
     let (mut bench, mut talk) = (booted(vec![am60()]), Talk::default());
     assert_eq!(talk.ask(&mut bench, 0x1008, &[4, 0, 0]), Reply::Nack(Nack(0)));

@@ -113,7 +113,7 @@ pub fn run(
             health.check_in(Task::Responder);
         };
         let mut hub = Responder::new(address, settings);
-        responder::run(End(&line), End(&line), &mut hub, &wires, show).await;
+        responder::run(End(&line), End(&line), board.clone(), &mut hub, &wires, show).await;
     };
     let mut everything = pin!(join(tasks, serve));
 
