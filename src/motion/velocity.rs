@@ -47,7 +47,12 @@ pub struct VelocityEstimator {
 impl VelocityEstimator {
     /// For readings that come every `period`.
     pub const fn new(period: Period) -> Self {
-        let ticks = WINDOW_MS.div_ceil(period.as_millis()) as usize;
+        Self::over(WINDOW_MS, period)
+    }
+
+    /// The same with another window, in milliseconds: a period at least, and 20 of them at most.
+    pub const fn over(window_ms: u32, period: Period) -> Self {
+        let ticks = window_ms.div_ceil(period.as_millis()) as usize;
         Self { history: Deque::new(), ticks, estimate: CountsPerSecond::ZERO, start: None }
     }
 
@@ -56,15 +61,28 @@ impl VelocityEstimator {
         if self.history.back().is_some_and(|last| last.at == new.at) {
             return self.estimate;
         }
-        // The first reading is as old as all that came before it.
-        let old = self.history.front().copied().unwrap_or(new);
+        self.estimate = self.ahead(new);
+        let is_first = self.history.is_empty();
         if self.history.len() >= self.ticks {
             self.history.pop_front();
         }
-        let filled = self.history.len();
+        if !is_first && self.history.len() + 1 >= self.ticks {
+            self.start = None;
+        }
         // There is room: at one reading a millisecond or less, a window has no more.
         self.history.push_back(new).ok();
+        self.estimate
+    }
 
+    /// What the estimate would be if this reading came now, without taking it.
+    pub fn ahead(&self, new: Reading) -> CountsPerSecond {
+        if self.history.back().is_some_and(|last| last.at == new.at) {
+            return self.estimate;
+        }
+        // The first reading is as old as all that came before it.
+        let old = self.history.front().copied().unwrap_or(new);
+        // Readings of the window beside the new one.
+        let filled = self.history.len().min(self.ticks.saturating_sub(1));
         let moved = i64::from(new.position.wrapping_sub(old.position));
         let window = micros(old.at, new.at);
         if window == 0 {
@@ -83,18 +101,14 @@ impl VelocityEstimator {
         let slowing = moved == 0 || resting.saturating_mul(moved.abs()) > moving;
         let most = if slowing { rate(moved.abs() + 1, micros(from, new.at)) } else { i64::MAX };
         let estimate = estimate.clamp(-most, most);
-        self.estimate = CountsPerSecond::saturating_from_bits(match self.start {
+        CountsPerSecond::saturating_from_bits(match self.start {
             // The rest of the window was at that speed.
             Some(start) if filled + 1 < self.ticks => {
                 let start = i64::from(start.to_bits());
                 start + (estimate - start) * filled as i64 / self.ticks as i64
             }
-            _ => {
-                self.start = None;
-                estimate
-            }
-        });
-        self.estimate
+            _ => estimate,
+        })
     }
 
     /// Starts afresh, from a speed that is known otherwise.

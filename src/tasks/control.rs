@@ -1,10 +1,10 @@
 //! The control ticker: every sample of the encoders to the hub's observers, and with it what bridges say of themselves
-//! and what is new of the bus, which may change the drives at once; every period, commands in, one step of the hub,
-//! drives and snapshot out.
+//! and what is new of the bus, which may change the drives at once, as may commands that need no regulator; every period,
+//! commands in, one step of the hub, drives and snapshot out.
 
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
-use embassy_futures::select::{Either, select};
+use embassy_futures::select::{Either3, select3};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
@@ -20,9 +20,18 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     let mut readings = [None; N];
     let mut due = whole_millisecond(Instant::now()) + period;
     loop {
-        if let Either::First(samples) = select(wires.readings.wait(), Timer::at(due)).await {
+        let event = select3(wires.readings.wait(), wires.urgent.wait(), Timer::at(due)).await;
+        if let Either3::Second(()) = event {
+            obey(hub, wires);
+            if let Some(drives) = hub.act(micros(Instant::now()), battery) {
+                wires.drives.signal(drives);
+            }
+            continue;
+        }
+        if let Either3::First(samples) = event {
             readings = samples;
             hub.sample(&readings);
+            wires.motions.lock(|motions| motions.set(Some(hub.motions())));
             if let Some(sensed) = wires.sensed.try_take() {
                 hub.sense(&sensed);
             }
@@ -40,15 +49,13 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             readings = samples;
         }
         let now = Instant::now();
-        while let Ok(command) = wires.commands.try_receive() {
-            // Refused if whoever sent it used an index beyond N; there is no motor to do anything to.
-            let _ = hub.apply(command);
-        }
+        obey(hub, wires);
         if wires.battery.signaled() {
             battery = wires.battery.try_take();
         }
         let snapshot = hub.step(Inputs { now: micros(now), readings, battery });
         wires.drives.signal(snapshot.drives());
+        wires.motions.lock(|motions| motions.set(Some(hub.motions())));
         snapshots.send(snapshot);
         health.check_in(Task::Control);
 
@@ -58,5 +65,13 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             hub.note_missed(missed);
             due += period * missed;
         }
+    }
+}
+
+/// All commands that wait, in their order.
+fn obey<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>) {
+    while let Ok(command) = wires.commands.try_receive() {
+        // Refused if whoever sent it used an index beyond N; there is no motor to do anything to.
+        let _ = hub.apply(command);
     }
 }

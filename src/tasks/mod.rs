@@ -11,9 +11,11 @@
 //! | readings | [`Signal`]: the latest | overwritten; one over 20 ms old counts as no encoder |
 //! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
 //! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
+//! | urgent | [`Signal`] | set with a command that can be done at once: all that wait are taken then |
 //! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
 //! | sensed | [`Signal`]: the latest | of boards that hear their bridges; overwritten. The last one holds |
 //! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
+//! | motions | the latest | overwritten with every sample of the encoders; `None` before the first |
 //! | host spoke | a flag | set by the responder's task once a host has spoken, until reset |
 //!
 //! All of them are generic over the number of motors and over the board's traits, so an embassy
@@ -26,10 +28,10 @@
 //! use motor_hub::tasks::Wires;
 //! use motor_hub::units::Control;
 //!
-//! // What anyone says waits for the next tick. All of the tasks, run: examples/two_motors.rs.
+//! // What anyone says waits for the next tick, unless it can be done at once. All of the tasks, run: examples/two_motors.rs.
 //! let wires = Wires::<NoopRawMutex, 2>::new();
 //! let command = Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
-//! wires.commands.try_send(command).expect("room for 16");
+//! wires.try_send(command).expect("room for 16");
 //! assert_eq!(wires.commands.try_receive(), Ok(command));
 //! ```
 
@@ -45,13 +47,13 @@ pub use health::{Health, Task};
 
 use crate::bridge::{Drive, Sensed};
 use crate::hub::{Command, Snapshot};
-use crate::motion::Reading;
+use crate::motion::{Motion, Reading};
 use crate::supply::Battery;
 use crate::units::Micros;
 use core::cell::Cell;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::RawMutex;
-use embassy_sync::channel::Channel;
+use embassy_sync::channel::{Channel, TrySendError};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::Watch;
 use embassy_time::Instant;
@@ -70,12 +72,16 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub battery: Signal<M, Battery>,
     /// From anyone to control.
     pub commands: Channel<M, Command, COMMANDS>,
+    /// From anyone to control: among the commands is one that waits for no tick.
+    pub urgent: Signal<M, ()>,
     /// From control to output.
     pub drives: Signal<M, [Drive; N]>,
     /// From the bridges' task to control.
     pub sensed: Signal<M, [Sensed; N]>,
     /// From control to anyone.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
+    /// From control to anyone: positions and speeds, as of the newest samples.
+    pub motions: Mutex<M, Cell<Option<[Motion; N]>>>,
     /// From the responder to anyone: a host has spoken since reset.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -87,10 +93,36 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             readings: Signal::new(),
             battery: Signal::new(),
             commands: Channel::new(),
+            urgent: Signal::new(),
             drives: Signal::new(),
             sensed: Signal::new(),
             snapshot: Watch::new(),
+            motions: Mutex::new(Cell::new(None)),
             host_spoke: Mutex::new(Cell::new(false)),
+        }
+    }
+}
+
+impl<M: RawMutex, const N: usize> Wires<M, N> {
+    /// Tells a motor what to do, as soon as that can be done.
+    ///
+    /// # Errors
+    /// The command, if 16 wait already.
+    pub fn try_send(&self, command: Command) -> Result<(), TrySendError<Command>> {
+        self.commands.try_send(command)?;
+        self.hurry(command);
+        Ok(())
+    }
+
+    /// The same, waiting while there is no room.
+    pub async fn send(&self, command: Command) {
+        self.commands.send(command).await;
+        self.hurry(command);
+    }
+
+    fn hurry(&self, command: Command) {
+        if command.action.is_direct() {
+            self.urgent.signal(());
         }
     }
 }

@@ -4,10 +4,12 @@
 use super::{Wires, micros};
 use crate::board::DigitalPins;
 use crate::hub::Snapshot;
+use crate::motion::Motion;
 use crate::protocol::{Colour, Decoder, frame};
 use crate::responder::Responder;
 use crate::responder::pins::DigitalLines;
 use crate::units::Micros;
+use core::cell::Cell;
 use core::future::pending;
 use embassy_futures::select::{Either, Either3, select, select3};
 use embassy_futures::yield_now;
@@ -90,7 +92,7 @@ pub async fn attend<M: RawMutex, const N: usize>(
         let due = responder.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
         match responder.pending() {
             Some(command) => {
-                if let Either::First(()) = select(wires.commands.send(command), Timer::at(due)).await {
+                if let Either::First(()) = select(wires.send(command), Timer::at(due)).await {
                     responder.told();
                 }
             }
@@ -110,7 +112,7 @@ fn settle<M: RawMutex, const N: usize>(
     responder.tick(now, &snapshot(wires));
     wires.host_spoke.lock(|spoke| spoke.set(responder.host_spoke()));
     while let Some(command) = responder.pending() {
-        if wires.commands.try_send(command).is_err() {
+        if wires.try_send(command).is_err() {
             break;
         }
         responder.told();
@@ -125,9 +127,15 @@ fn exchange<const N: usize>(responder: &mut Responder<N>, pins: &mut impl Digita
     responder.sense_pins(pins.exchange(driven, levels));
 }
 
-/// The latest, or none yet.
+/// The latest, or none yet; where the motors are, and how fast, is newer than the last tick.
 fn snapshot<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> Snapshot<N> {
-    wires.snapshot.try_get().unwrap_or(Snapshot::INITIAL)
+    let mut snapshot = wires.snapshot.try_get().unwrap_or(Snapshot::INITIAL);
+    if let Some(motions) = wires.motions.lock(Cell::get) {
+        for (report, Motion { position, velocity }) in snapshot.motors.iter_mut().zip(motions) {
+            (report.position, report.velocity) = (position, velocity);
+        }
+    }
+    snapshot
 }
 
 fn now() -> Micros {
