@@ -54,6 +54,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
     let mut hub = Hub::new(sim::all_settings(&scenario.motors, scenario.period)?, scenario.period);
     let mut supply = Supply::new(scenario.limits);
     let mut commands = scenario.commands().into_iter().peekable();
+    let mut waiting = Vec::new();
     let mut trackers = [Tracker::default(); MOTORS];
     let mut look_ms = 0;
     let (mut battery, mut snapshot) = (None, Snapshot::INITIAL);
@@ -79,11 +80,25 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             let quiet = supply.quiet().is_some() && !alarm;
             look_ms = ms + if quiet { SUPPLY_INTERVAL } else { WATCH_INTERVAL }.as_millis();
         }
-        if ms > 0 && ms % u64::from(scenario.period.as_millis()) == 0 {
-            while let Some(due) = commands.next_if(|command| (command.at_s / STEP_S).round() as u64 <= ms) {
+        while let Some(due) = commands.next_if(|command| (command.at_s / STEP_S).round() as u64 <= ms) {
+            waiting.push(due.value);
+        }
+        let is_tick = ms > 0 && ms % u64::from(scenario.period.as_millis()) == 0;
+        let is_urgent = waiting.iter().any(|command| command.action.is_direct());
+        if is_tick || is_urgent {
+            for command in waiting.drain(..) {
                 // Scenarios know their motors.
-                let _ = hub.apply(due.value);
+                let _ = hub.apply(command);
             }
+        }
+        if !is_tick
+            && is_urgent
+            && let Some(changed) = hub.act(now, battery)
+        {
+            drives = changed;
+            board.apply(&drives);
+        }
+        if is_tick {
             snapshot = hub.step(Inputs { now, readings, battery });
             drives = snapshot.drives();
             board.apply(&drives);

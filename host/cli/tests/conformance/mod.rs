@@ -4,7 +4,7 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -32,7 +32,21 @@ impl Hub {
             Command::new(program).arg("serve").args(arguments).stdout(Stdio::piped()).spawn().unwrap();
         let mut place = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut place).unwrap();
+        Self::of(process, &place)
+    }
+
+    /// One that was started otherwise.
+    pub(crate) fn of(process: Child, place: &str) -> Self {
         Self { process, place: place.trim().to_owned() }
+    }
+
+    pub(crate) fn id(&self) -> u32 {
+        self.process.id()
+    }
+
+    /// Waits for its end.
+    pub(crate) fn wait(&mut self) -> ExitStatus {
+        self.process.wait().unwrap()
     }
 
     pub(crate) fn serial(&self) -> Host<Box<dyn serialport::SerialPort>> {
