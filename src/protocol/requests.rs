@@ -30,7 +30,8 @@ use super::table::requests;
 /// The type of the motor interface's function 0, on hubs of this project.
 pub const FIRST_FUNCTION: u16 = 0x1000;
 
-/// Functions of the motor interface: all that hosts know of.
+/// Functions of the motor interface: all that hosts know of. Some of them are refused: those of I2C, and bulk output. A
+/// smaller number would hide what lies behind them, coefficients and version.
 pub const FUNCTION_COUNT: u16 = 58;
 
 /// Type of a discovery, the only request that is answered when it is sent to every hub.

@@ -72,9 +72,16 @@ use led::Led;
 use motor::MotorChannel;
 use pins::{DigitalLines, PinMemory};
 
-/// What the version commands say.
-const VERSION_TEXT: &[u8] = b"HW: 20, Maj: 1, Min: 8, Eng: 2";
-/// The same, with the type of hub whose interface this one offers.
+/// What the version commands say: first the version of the interface, for hosts that read from these numbers what they may
+/// ask for, and the hardware that they take it for; then this firmware's own.
+const VERSION_TEXT: &[u8] =
+    concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION")).as_bytes();
+const _: () = assert!(VERSION_TEXT.len() <= LONGEST_VERSION);
+
+/// Hosts have room for so many bytes.
+const LONGEST_VERSION: usize = 39;
+
+/// The same in numbers, with the type of hub whose interface this one offers.
 const VERSION: Version = Version {
     engineering: 2,
     minor: 8,

@@ -33,6 +33,8 @@ const fn read(
 const NO_MOTOR: &[(&[u8], u8)] = &[(&[4], 0), (&[255], 0)];
 const NO_LOOP: &[(&[u8], u8)] = &[(&[4, 1], 0), (&[0, 0], 1), (&[0, 3], 1)];
 
+const VERSION: &str = concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION"));
+
 const F: u16 = FIRST_FUNCTION;
 const OWN: u16 = setup::FIRST_FUNCTION;
 
@@ -101,7 +103,7 @@ const FORMS: &[Form] = &[
     write(F + 44, &[1], &[1], &[(&[2], 0)]),
     read(F + 45, &[], &[], 1, &[]),
     write(F + 46, &[1, 3], b"\x03abc", &[(&[101], 0), (&[5, 1, 2], 1)]),
-    read(F + 48, &[], &[], 31, &[]),
+    read(F + 48, &[], &[], 1 + VERSION.len(), &[]),
     write(F + 49, &[1], &[1], &[(&[2], 0)]),
     read(F + 50, &[], &[], 1, &[]),
     write(
@@ -425,7 +427,9 @@ fn outputs_that_the_hub_does_not_have_read_back_as_they_were_set() {
 fn the_version_is_in_the_form_that_hosts_parse() {
     let mut host = TestHost::settled();
     let Said::Data(text) = host.call(48, &[]) else { panic!() };
-    assert_eq!(text[1..], *b"HW: 20, Maj: 1, Min: 8, Eng: 2");
+    // Hosts have room for 39 bytes; what follows the numbers is this firmware's own.
+    assert!(text[1..].starts_with(b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh0.") && text.len() <= 40);
+    assert_eq!(text[1..], *VERSION.as_bytes());
     assert_eq!(usize::from(text[0]), text.len() - 1);
     assert_eq!(host.call(57, &[]), Said::Data(vec![2, 8, 1, 0, 2, 0x53, 0x11, 0x31, 0]));
 }
