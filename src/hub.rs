@@ -27,10 +27,10 @@ mod groups;
 
 use crate::bridge::{Drive, Sensed};
 use crate::group::{Halt, Together};
-use crate::motion::{Motion, Reading};
+use crate::motion::Reading;
 use crate::motor::{Motor, Report, Setpoint, Settings};
 use crate::supply::{Battery, Stage};
-use crate::units::{Micros, Millivolts, Period, RangeError, Share};
+use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share};
 use bus::Account;
 use groups::Groups;
 
@@ -188,9 +188,9 @@ impl<const N: usize> Hub<N> {
         changed.then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// Where the motors are and how fast they turn, as of the newest samples: a snapshot is of a tick.
-    pub fn motions(&self) -> [Motion; N] {
-        self.motors.each_ref().map(Motor::motion)
+    /// The speeds of motors that are known, as of the newest samples: a snapshot is of a tick.
+    pub fn observed(&self) -> [Option<CountsPerSecond>; N] {
+        self.motors.each_ref().map(Motor::observed)
     }
 
     /// Notes ticks that did not happen.

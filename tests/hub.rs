@@ -123,7 +123,10 @@ fn a_bridge_draws_its_duty_of_the_current_and_returns_it_while_it_is_open() {
     // 12 of 32 767 steps for a count/s are some 5.7 V, less than the back EMF.
     bench.configure(3, with_velocity(Pidf { f: Coefficient::from_bits(12 << 16), ..Pidf::default() }));
     bench.set(3, velocity(1_300));
-    let motors = bench.settle().motors.map(|motor| (motor.current.get(), motor.drawn.get(), motor.drive));
+    let motors = bench.settle().motors.map(|motor| {
+        let drawn = settings().drawn(&motor, Millivolts::new(12_000));
+        (motor.current.get(), drawn.get(), motor.drive)
+    });
     for (current, drawn, drive) in &motors[..2] {
         let share = drive.duty.to_f64() * f64::from(current.abs());
         assert!((f64::from(*drawn) / share - 1.0).abs() < 0.1, "{motors:?}");

@@ -15,12 +15,12 @@
 
 pub mod encoder;
 pub mod guard;
-pub(crate) mod newest;
+pub mod newest;
 pub mod pid;
 pub mod velocity;
 
 pub use encoder::{Reading, Tracker};
 pub use guard::{EncoderFault, Guard};
-pub use newest::Motion;
+pub use newest::Newest;
 pub use pid::{Pid, Pidf};
 pub use velocity::VelocityEstimator;

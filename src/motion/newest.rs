@@ -1,51 +1,95 @@
-//! Where a motor is and how fast it turns, as of the newest sample of its encoder: for whoever looks between two ticks.
+//! Where motors are and how fast they turn, as of the newest samples of their encoders: for whoever looks between two
+//! ticks. What a look costs is spent by who looks: samples are many, looks are few.
+//!
+//! ```
+//! use motor_hub::motion::{Newest, Tracker};
+//! use motor_hub::units::{CountsPerSecond, Micros};
+//!
+//! let (mut newest, mut encoder) = (Newest::<1>::new(), Tracker::default());
+//! for ms in 0..200 {
+//!     // 2000 counts/s.
+//!     newest.sample(|readings| *readings = [Some(encoder.step(2 * ms, Micros::new(1_000 * u64::from(ms))))]);
+//! }
+//! let (position, velocity) = newest.look(0, CountsPerSecond::ZERO, Micros::new(150_000)).expect("sampled");
+//! assert_eq!((position, velocity.round()), (398, 2_000));
+//! ```
 
-use super::{Reading, VelocityEstimator};
-use crate::units::{CountsPerSecond, Micros, Period, constant};
+use super::Reading;
+use super::velocity::between;
+use crate::units::{CountsPerSecond, Micros};
 
-/// Readings for the speed are kept this far apart.
-const SPACING: Period = constant!(Period::from_millis(5));
+/// Every such sample is kept for the speed.
+const SPACING: u8 = 10;
 
-/// The counts of so long a time are a speed: at 1 kHz an edge's time is good for 2 % of it.
-const WINDOW_MS: u32 = 50;
+/// So many: at 1 kHz the speed is a mean of 40 to 50 ms, for which an edge's time is good to 2.5 %.
+const KEPT: usize = 5;
 
-/// As of the newest sample of an encoder.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Motion {
-    /// Counts.
-    pub position: i32,
-    /// Estimated: of a motor that is known, by its observer; else the mean of the last 50 ms.
-    pub velocity: CountsPerSecond,
-}
-
-/// Follows the samples of a motor of which nothing is known.
+/// The newest samples, and some before them.
 #[derive(Clone, Debug)]
-pub(crate) struct Newest {
-    estimator: VelocityEstimator,
-    last: Option<Reading>,
-    kept: Micros,
+pub struct Newest<const N: usize> {
+    last: [Option<Reading>; N],
+    /// Speeds of motors that are known, by their observers.
+    observed: [Option<CountsPerSecond>; N],
+    kept: [[Option<Reading>; N]; KEPT],
+    /// The oldest of them.
+    oldest: usize,
+    /// Samples until the next is kept.
+    wait: u8,
 }
 
-impl Newest {
-    pub(crate) const fn new() -> Self {
-        let estimator = VelocityEstimator::over(WINDOW_MS, SPACING);
-        Self { estimator, last: None, kept: Micros::new(0) }
+impl<const N: usize> Newest<N> {
+    /// Nothing is known.
+    pub const fn new() -> Self {
+        Self { last: [None; N], observed: [None; N], kept: [[None; N]; KEPT], oldest: 0, wait: 0 }
     }
 
-    pub(crate) fn sample(&mut self, reading: Reading) {
-        if self.last.is_none() || reading.at.since(self.kept) >= SPACING.as_micros() {
-            self.estimator.step(reading);
-            self.kept = reading.at;
+    /// Takes a sample of all encoders, in its place: of one that is silent the last reading stays.
+    pub fn sample(&mut self, read: impl FnOnce(&mut [Option<Reading>; N])) {
+        read(&mut self.last);
+        if self.wait > 0 {
+            self.wait -= 1;
+            return;
         }
-        self.last = Some(reading);
+        self.wait = SPACING - 1;
+        if let Some(oldest) = self.kept.get_mut(self.oldest) {
+            *oldest = self.last;
+        }
+        self.oldest = (self.oldest + 1) % KEPT;
     }
 
-    pub(crate) fn position(&self) -> i32 {
-        self.last.map_or(0, |last| last.position)
+    /// The newest samples.
+    pub const fn readings(&self) -> &[Option<Reading>; N] {
+        &self.last
     }
 
-    pub(crate) fn velocity(&self) -> CountsPerSecond {
-        self.last.map_or(CountsPerSecond::ZERO, |last| self.estimator.ahead(last))
+    /// Takes the speeds that observers make of it.
+    pub const fn observe(&mut self, observed: [Option<CountsPerSecond>; N]) {
+        self.observed = observed;
+    }
+
+    /// A motor's position in counts, and its speed: of a motor that is known, by its observer; else the mean of the last
+    /// 40 to 50 ms. `before` is what was estimated before, at the last tick: of a motor that has not moved since, the most
+    /// that is left of it. `None` if nothing is known of its encoder that is newer than `tick`, the time of that.
+    pub fn look(
+        &self,
+        motor: usize,
+        before: CountsPerSecond,
+        tick: Micros,
+    ) -> Option<(i32, CountsPerSecond)> {
+        let new = (*self.last.get(motor)?).filter(|new| new.at > tick)?;
+        let observed = self.observed.get(motor).copied().flatten();
+        let counted = || {
+            let old = (0..KEPT)
+                .find_map(|age| *self.kept.get((self.oldest + age) % KEPT)?.get(motor)?)
+                .and_then(|old| between(old, new, before));
+            old.map_or(before, CountsPerSecond::saturating_from_bits)
+        };
+        Some((new.position, observed.unwrap_or_else(counted)))
+    }
+}
+
+impl<const N: usize> Default for Newest<N> {
+    fn default() -> Self {
+        Self::new()
     }
 }

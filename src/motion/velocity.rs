@@ -47,12 +47,7 @@ pub struct VelocityEstimator {
 impl VelocityEstimator {
     /// For readings that come every `period`.
     pub const fn new(period: Period) -> Self {
-        Self::over(WINDOW_MS, period)
-    }
-
-    /// The same with another window, in milliseconds: a period at least, and 20 of them at most.
-    pub const fn over(window_ms: u32, period: Period) -> Self {
-        let ticks = window_ms.div_ceil(period.as_millis()) as usize;
+        let ticks = WINDOW_MS.div_ceil(period.as_millis()) as usize;
         Self { history: Deque::new(), ticks, estimate: CountsPerSecond::ZERO, start: None }
     }
 
@@ -61,54 +56,28 @@ impl VelocityEstimator {
         if self.history.back().is_some_and(|last| last.at == new.at) {
             return self.estimate;
         }
-        self.estimate = self.ahead(new);
-        let is_first = self.history.is_empty();
+        // The first reading is as old as all that came before it.
+        let old = self.history.front().copied().unwrap_or(new);
         if self.history.len() >= self.ticks {
             self.history.pop_front();
         }
-        if !is_first && self.history.len() + 1 >= self.ticks {
-            self.start = None;
-        }
+        let filled = self.history.len();
         // There is room: at one reading a millisecond or less, a window has no more.
         self.history.push_back(new).ok();
-        self.estimate
-    }
 
-    /// What the estimate would be if this reading came now, without taking it.
-    pub fn ahead(&self, new: Reading) -> CountsPerSecond {
-        if self.history.back().is_some_and(|last| last.at == new.at) {
-            return self.estimate;
-        }
-        // The first reading is as old as all that came before it.
-        let old = self.history.front().copied().unwrap_or(new);
-        // Readings of the window beside the new one.
-        let filled = self.history.len().min(self.ticks.saturating_sub(1));
-        let moved = i64::from(new.position.wrapping_sub(old.position));
-        let window = micros(old.at, new.at);
-        if window == 0 {
-            return self.estimate;
-        }
-        // From the last edge before the window, unless that is so long ago that the motor was at
-        // rest: several counts then began within the window.
-        let at_rest = micros(old.edge_at, old.at) > window;
-        let from = if at_rest && moved.abs() > 1 { old.at } else { old.edge_at };
-        let moving = micros(from, new.edge_at);
-        let resting = micros(new.edge_at, new.at);
-
-        let estimate = if moved == 0 { self.estimate.to_bits().into() } else { rate(moved, moving) };
-        // Since the last edge less than one count has passed, which tells something only if that takes
-        // longer than the counts before it.
-        let slowing = moved == 0 || resting.saturating_mul(moved.abs()) > moving;
-        let most = if slowing { rate(moved.abs() + 1, micros(from, new.at)) } else { i64::MAX };
-        let estimate = estimate.clamp(-most, most);
-        CountsPerSecond::saturating_from_bits(match self.start {
+        let Some(estimate) = between(old, new, self.estimate) else { return self.estimate };
+        self.estimate = CountsPerSecond::saturating_from_bits(match self.start {
             // The rest of the window was at that speed.
             Some(start) if filled + 1 < self.ticks => {
                 let start = i64::from(start.to_bits());
                 start + (estimate - start) * filled as i64 / self.ticks as i64
             }
-            _ => estimate,
-        })
+            _ => {
+                self.start = None;
+                estimate
+            }
+        });
+        self.estimate
     }
 
     /// Starts afresh, from a speed that is known otherwise.
@@ -122,6 +91,29 @@ impl VelocityEstimator {
     pub const fn get(&self) -> CountsPerSecond {
         self.estimate
     }
+}
+
+/// The mean speed from one reading to another, in steps of 1/256 count/s; `None` of one and the same. `before` is what was
+/// estimated before.
+pub(super) fn between(old: Reading, new: Reading, before: CountsPerSecond) -> Option<i64> {
+    let moved = i64::from(new.position.wrapping_sub(old.position));
+    let window = micros(old.at, new.at);
+    if window == 0 {
+        return None;
+    }
+    // From the last edge before the window, unless that is so long ago that the motor was at
+    // rest: several counts then began within the window.
+    let at_rest = micros(old.edge_at, old.at) > window;
+    let from = if at_rest && moved.abs() > 1 { old.at } else { old.edge_at };
+    let moving = micros(from, new.edge_at);
+    let resting = micros(new.edge_at, new.at);
+
+    let estimate = if moved == 0 { before.to_bits().into() } else { rate(moved, moving) };
+    // Since the last edge less than one count has passed, which tells something only if that takes
+    // longer than the counts before it.
+    let slowing = moved == 0 || resting.saturating_mul(moved.abs()) > moving;
+    let most = if slowing { rate(moved.abs() + 1, micros(from, new.at)) } else { i64::MAX };
+    Some(estimate.clamp(-most, most))
 }
 
 /// Microseconds between two times.

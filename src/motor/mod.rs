@@ -37,9 +37,8 @@ pub use thermal::ThermalLimit;
 
 use crate::braking::{DutyRule, OperatingPoint, Placement, Placer, Regime, Returned, Scheme};
 use crate::bridge::{Drive, Mode, Sensed, Timing};
+use crate::motion::Reading;
 use crate::motion::guard::Finding;
-use crate::motion::newest::Newest;
-use crate::motion::{Motion, Reading};
 use crate::regulator::identify::{Identifier, Refusal};
 use crate::regulator::{Demand, Regulator, Stage};
 use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Share, Voltage};
@@ -66,7 +65,6 @@ pub struct Motor {
     setpoint: Setpoint,
     /// At the last tick.
     position: i32,
-    newest: Newest,
     /// The set-point or the settings are others than the bridge has been told by.
     untold: bool,
     regulator: Regulator,
@@ -117,7 +115,6 @@ impl Motor {
             placer: settings.placer(),
             setpoint: Setpoint::Disabled,
             position: 0,
-            newest: Newest::new(),
             untold: false,
             regulator: Regulator::new(settings.regulation(), period),
             identifier: Identifier::new(period),
@@ -201,16 +198,13 @@ impl Motor {
     /// Takes a sample of the encoder between two ticks, best every millisecond: the more of them, the better
     /// the motion is known.
     pub fn sample(&mut self, reading: Reading) {
-        self.newest.sample(reading);
         self.regulator.sample(reading);
         self.identifier.sample(reading);
     }
 
-    /// Where it is and how fast it turns, as of the newest sample.
-    pub fn motion(&self) -> Motion {
-        let velocity =
-            if self.settings.dynamics.is_some() { self.velocity() } else { self.newest.velocity() };
-        Motion { position: self.newest.position(), velocity }
+    /// The speed that its observer has it at now, as of the newest sample; `None` of a motor that is not known.
+    pub(crate) fn observed(&self) -> Option<CountsPerSecond> {
+        self.settings.dynamics.map(|_| self.velocity())
     }
 
     /// Takes what the bridge says of itself, on a board that hears it.
@@ -234,7 +228,6 @@ impl Motor {
             velocity,
             regulator: self.regulator.kind(),
             current,
-            drawn: drawn(flows, current, battery),
             measured: self.sensed.current,
             heat: (1000.0 * self.thermal.heat()) as u16,
             derated: self.thermal.ceiling().is_some(),
@@ -534,11 +527,4 @@ impl Motor {
     fn floats(&self) -> bool {
         self.settings.zero_power == ZeroPower::Float
     }
-}
-
-/// What a bridge takes from the bus that lets a current flow against a mean voltage across the motor: it keeps no energy.
-/// Driving at a duty that is that share of the current, shorting and opening what is returned while it is open.
-fn drawn(flows: Option<Voltage>, current: Milliamperes, battery: Option<Millivolts>) -> Milliamperes {
-    let ratio = flows.zip(battery).map_or(0.0, |(flows, battery)| flows.to_volts() / battery.to_volts());
-    Milliamperes::from_amperes(1e-3 * current.get() as f32 * ratio)
 }

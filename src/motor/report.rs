@@ -49,8 +49,6 @@ pub struct Report {
     /// Mean current of the winding by its constants and what the bridge is told; 0 while coasting. Positive
     /// turns the motor CW.
     pub current: Milliamperes,
-    /// What its bridge takes from the bus by the same model, mean; negative for what it returns.
-    pub drawn: Milliamperes,
     /// Magnitude of the mean current as the board measures it; `None` of a board that does not.
     pub measured: Option<Milliamperes>,
     /// How hot the winding is by that current, or by the other: 1000 at its limit. 0 without one.
@@ -90,7 +88,6 @@ impl Report {
         velocity: CountsPerSecond::ZERO,
         regulator: Kind::Pid,
         current: Milliamperes::ZERO,
-        drawn: Milliamperes::ZERO,
         measured: None,
         heat: 0,
         derated: false,

@@ -14,18 +14,21 @@
 //! whose counts are [`RAW_COUNT`] units each, on every channel.
 //!
 //! ```
+//! use motor_hub::braking::Winding;
 //! use motor_hub::hub::Snapshot;
+//! use motor_hub::motor::Settings;
 //! use motor_hub::protocol::requests::AdcChannel;
 //! use motor_hub::responder::adc;
 //!
 //! let rail = AdcChannel::new(12).expect("0 to 14");
-//! assert_eq!(adc::read(rail, false, &Snapshot::<4>::INITIAL), 5_000);
-//! assert_eq!(adc::read(rail, true, &Snapshot::<4>::INITIAL), 625);
+//! let settings = [Settings::new(Winding::NEVEREST_60); 4];
+//! assert_eq!(adc::read(rail, false, &Snapshot::<4>::INITIAL, settings.iter()), 5_000);
+//! assert_eq!(adc::read(rail, true, &Snapshot::<4>::INITIAL, settings.iter()), 625);
 //! ```
 
 use super::setup::magnitude;
 use crate::hub::Snapshot;
-use crate::motor::Report;
+use crate::motor::{Report, Settings};
 use crate::protocol::CHANNELS;
 use crate::protocol::requests::{AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, RAIL, TEMPERATURE};
 use crate::units::Milliamperes;
@@ -39,11 +42,19 @@ const RAIL_MV: i32 = 5_000;
 /// Nobody measures it: 0.1 degrees.
 const ROOM_TEMPERATURE: i32 = 250;
 
-/// What a channel is answered: see the table above.
-pub fn read<const N: usize>(channel: AdcChannel, raw: bool, snapshot: &Snapshot<N>) -> i16 {
+/// What a channel is answered: see the table above. `settings` are the motors'.
+pub fn read<'a, const N: usize>(
+    channel: AdcChannel,
+    raw: bool,
+    snapshot: &Snapshot<N>,
+    settings: impl Iterator<Item = &'a Settings>,
+) -> i16 {
     let value = match channel {
         BATTERY_CURRENT => {
-            snapshot.motors.iter().fold(0, |sum: i32, motor| sum.saturating_add(motor.drawn.get()))
+            let battery = snapshot.battery.unwrap_or_default();
+            let drawn =
+                settings.zip(&snapshot.motors).map(|(settings, report)| settings.drawn(report, battery));
+            drawn.fold(0, |sum: i32, drawn| sum.saturating_add(drawn.get()))
         }
         RAIL => RAIL_MV,
         // Unknown reads 0, which no battery does that a hub runs from.

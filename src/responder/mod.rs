@@ -278,7 +278,10 @@ impl<const N: usize> Responder<N> {
             // Taken and forgotten.
             ToHub::LogHint { .. } => (),
             ToHub::Bulk => return Ok(Answer::data(&self.bulk(snapshot))),
-            ToHub::Adc { channel, raw } => return Ok(Answer::data(&adc::read(channel, raw, snapshot))),
+            ToHub::Adc { channel, raw } => {
+                let settings = self.channels.iter().map(MotorChannel::settings);
+                return Ok(Answer::data(&adc::read(channel, raw, snapshot, settings)));
+            }
             ToHub::PhoneCharge => return Ok(Answer::data(&self.phone_charge)),
             ToHub::FtdiReset => return Ok(Answer::data(&self.ftdi_reset)),
             ToHub::VersionText => return Ok(Answer::data(&Text::new(VERSION_TEXT).unwrap_or_default())),

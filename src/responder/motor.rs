@@ -364,6 +364,11 @@ impl MotorChannel {
         counts.wrapping_add(self.offset)
     }
 
+    /// Its settings, as the host has left them.
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
     /// The last valid *set enable*, unless fail-safe came after it.
     pub const fn enabled(&self) -> bool {
         self.enabled

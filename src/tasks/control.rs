@@ -1,10 +1,11 @@
 //! The control ticker: every sample of the encoders to the hub's observers, and with it what bridges say of themselves
 //! and what is new of the bus, which may change the drives at once, as may commands that need no regulator; every period,
-//! commands in, one step of the hub, drives and snapshot out.
+//! all commands in, one step of the hub, drives and snapshot out.
 
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
-use embassy_futures::select::{Either3, select3};
+use crate::motion::Newest;
+use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
@@ -20,18 +21,16 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     let mut readings = [None; N];
     let mut due = whole_millisecond(Instant::now()) + period;
     loop {
-        let event = select3(wires.readings.wait(), wires.urgent.wait(), Timer::at(due)).await;
-        if let Either3::Second(()) = event {
-            obey(hub, wires);
-            if let Some(drives) = hub.act(micros(Instant::now()), battery) {
-                wires.drives.signal(drives);
-            }
-            continue;
-        }
-        if let Either3::First(samples) = event {
-            readings = samples;
+        if let Either::First(()) = select(wires.sampled.wait(), Timer::at(due)).await {
+            look(wires, |newest| readings = *newest.readings());
             hub.sample(&readings);
-            wires.motions.lock(|motions| motions.set(Some(hub.motions())));
+            look(wires, |newest| newest.observe(hub.observed()));
+            if wires.urgent.try_take().is_some() {
+                obey(hub, wires);
+                if let Some(drives) = hub.act(micros(Instant::now()), battery) {
+                    wires.drives.signal(drives);
+                }
+            }
             if let Some(sensed) = wires.sensed.try_take() {
                 hub.sense(&sensed);
             }
@@ -45,8 +44,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         }
         // Capture is due at the same time; its sample goes first.
         yield_now().await;
-        if let Some(samples) = wires.readings.try_take() {
-            readings = samples;
+        if wires.sampled.try_take().is_some() {
+            look(wires, |newest| readings = *newest.readings());
         }
         let now = Instant::now();
         obey(hub, wires);
@@ -55,7 +54,6 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         }
         let snapshot = hub.step(Inputs { now: micros(now), readings, battery });
         wires.drives.signal(snapshot.drives());
-        wires.motions.lock(|motions| motions.set(Some(hub.motions())));
         snapshots.send(snapshot);
         health.check_in(Task::Control);
 
@@ -74,4 +72,14 @@ fn obey<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>) {
         // Refused if whoever sent it used an index beyond N; there is no motor to do anything to.
         let _ = hub.apply(command);
     }
+}
+
+/// At the newest samples.
+fn look<M: RawMutex, const N: usize>(wires: &Wires<M, N>, at: impl FnOnce(&mut Newest<N>)) {
+    wires.newest.lock(|newest| {
+        // Nobody holds it over an await.
+        if let Ok(mut newest) = newest.try_borrow_mut() {
+            at(&mut newest);
+        }
+    });
 }

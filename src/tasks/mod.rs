@@ -8,14 +8,14 @@
 //!
 //! | channel | kind | when full, or when nothing new comes |
 //! |---|---|---|
-//! | readings | [`Signal`]: the latest | overwritten; one over 20 ms old counts as no encoder |
+//! | newest | the latest readings, in a cell | overwritten; one over 20 ms old counts as no encoder |
+//! | sampled | [`Signal`] | set with each of them |
 //! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
 //! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
-//! | urgent | [`Signal`] | set with a command that can be done at once: all that wait are taken then |
+//! | urgent | [`Signal`] | set with a command that can be done at once: all that wait are taken within a millisecond |
 //! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
 //! | sensed | [`Signal`]: the latest | of boards that hear their bridges; overwritten. The last one holds |
 //! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
-//! | motions | the latest | overwritten with every sample of the encoders; `None` before the first |
 //! | host spoke | a flag | set by the responder's task once a host has spoken, until reset |
 //!
 //! All of them are generic over the number of motors and over the board's traits, so an embassy
@@ -47,10 +47,10 @@ pub use health::{Health, Task};
 
 use crate::bridge::{Drive, Sensed};
 use crate::hub::{Command, Snapshot};
-use crate::motion::{Motion, Reading};
+use crate::motion::Newest;
 use crate::supply::Battery;
 use crate::units::Micros;
-use core::cell::Cell;
+use core::cell::{Cell, RefCell};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::channel::{Channel, TrySendError};
@@ -67,12 +67,12 @@ pub const OBSERVERS: usize = 4;
 /// The channels between the tasks of a hub with N motors: one static in a board.
 pub struct Wires<M: RawMutex, const N: usize> {
     /// From capture to control.
-    pub readings: Signal<M, [Option<Reading>; N]>,
+    pub sampled: Signal<M, ()>,
     /// From supply to control.
     pub battery: Signal<M, Battery>,
     /// From anyone to control.
     pub commands: Channel<M, Command, COMMANDS>,
-    /// From anyone to control: among the commands is one that waits for no tick.
+    /// From anyone to control: among the commands is one that waits for no tick, only for the next sample.
     pub urgent: Signal<M, ()>,
     /// From control to output.
     pub drives: Signal<M, [Drive; N]>,
@@ -80,8 +80,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub sensed: Signal<M, [Sensed; N]>,
     /// From control to anyone.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
-    /// From control to anyone: positions and speeds, as of the newest samples.
-    pub motions: Mutex<M, Cell<Option<[Motion; N]>>>,
+    /// From capture to control and anyone: positions, as of the newest samples; speeds are from control.
+    pub newest: Mutex<M, RefCell<Newest<N>>>,
     /// From the responder to anyone: a host has spoken since reset.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -90,21 +90,21 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
     /// Empty channels.
     pub const fn new() -> Self {
         Self {
-            readings: Signal::new(),
+            sampled: Signal::new(),
             battery: Signal::new(),
             commands: Channel::new(),
             urgent: Signal::new(),
             drives: Signal::new(),
             sensed: Signal::new(),
             snapshot: Watch::new(),
-            motions: Mutex::new(Cell::new(None)),
+            newest: Mutex::new(RefCell::new(Newest::new())),
             host_spoke: Mutex::new(Cell::new(false)),
         }
     }
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
-    /// Tells a motor what to do, as soon as that can be done.
+    /// Tells a motor what to do: within a millisecond what can be done at once, at the next tick what is regulated.
     ///
     /// # Errors
     /// The command, if 16 wait already.

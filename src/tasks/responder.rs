@@ -4,12 +4,10 @@
 use super::{Wires, micros};
 use crate::board::DigitalPins;
 use crate::hub::Snapshot;
-use crate::motion::Motion;
 use crate::protocol::{Colour, Decoder, frame};
 use crate::responder::Responder;
 use crate::responder::pins::DigitalLines;
 use crate::units::Micros;
-use core::cell::Cell;
 use core::future::pending;
 use embassy_futures::select::{Either, Either3, select, select3};
 use embassy_futures::yield_now;
@@ -130,11 +128,14 @@ fn exchange<const N: usize>(responder: &mut Responder<N>, pins: &mut impl Digita
 /// The latest, or none yet; where the motors are, and how fast, is newer than the last tick.
 fn snapshot<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> Snapshot<N> {
     let mut snapshot = wires.snapshot.try_get().unwrap_or(Snapshot::INITIAL);
-    if let Some(motions) = wires.motions.lock(Cell::get) {
-        for (report, Motion { position, velocity }) in snapshot.motors.iter_mut().zip(motions) {
-            (report.position, report.velocity) = (position, velocity);
+    wires.newest.lock(|newest| {
+        let Ok(newest) = newest.try_borrow() else { return };
+        for (motor, report) in snapshot.motors.iter_mut().enumerate() {
+            if let Some(motion) = newest.look(motor, report.velocity, snapshot.at) {
+                (report.position, report.velocity) = motion;
+            }
         }
-    }
+    });
     snapshot
 }
 

@@ -4,7 +4,7 @@ use crate::host::{HUB, N, Said, TestHost, frame_to};
 use motor_hub::protocol::requests::{FIRST_FUNCTION, FUNCTION_COUNT};
 use motor_hub::protocol::setup;
 use motor_hub::responder::pins::DigitalLines;
-use motor_hub::units::Milliamperes;
+use motor_hub::units::{CountsPerSecond, Milliamperes};
 
 /// A command: type, sizes of its fields, a good payload, and bad ones with what they are refused for.
 struct Form {
@@ -244,11 +244,8 @@ fn transfers_on_a_bus_are_refused_when_they_are_asked_for() {
 fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
     let mut host = host();
     let current = |ma| Milliamperes::new(ma);
-    for (motor, (flows, drawn)) in
-        [(3_000, 1_500), (-2_000, -900), (0, 0), (40_000, 39_000)].into_iter().enumerate()
-    {
-        host.snapshot.motors[motor].current = current(flows);
-        host.snapshot.motors[motor].drawn = current(drawn);
+    for (motor, ma) in [3_000, -2_000, 0, 90_000].into_iter().enumerate() {
+        host.snapshot.motors[motor].current = current(ma);
     }
     host.snapshot.motors[3].measured = Some(current(1_234));
     // Inputs and currents that there are none of; the battery's, saturated; motors'; rail, battery, temperature.
@@ -260,10 +257,29 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
             assert_eq!(said, Said::Data(expected.to_le_bytes().to_vec()), "{channel} {raw}");
         }
     }
-    // What motors return is more than what they draw.
-    host.snapshot.motors[3].drawn = current(-700);
-    host.snapshot.motors[0].drawn = current(0);
-    assert_eq!(host.call(7, &[7, 0]), Said::Data((-1_600_i16).to_le_bytes().to_vec()));
+    // At standstill a winding of 3.3 ohms and a bridge take I²R / V; a short while turning returns nothing, half of one
+    // half of its current.
+    let resistance = 3.3 + 0.002 * f64::from(crate::host::settings().bridge.switch_mohm());
+    let drawn = |host: &mut TestHost, ma: i32, cps: i32| {
+        for motor in &mut host.snapshot.motors {
+            (motor.current, motor.velocity) = (current(0), CountsPerSecond::ZERO);
+        }
+        let motor = &mut host.snapshot.motors[2];
+        (motor.current, motor.velocity) = (current(ma), CountsPerSecond::new(cps));
+        let Said::Data(said) = host.call(7, &[7, 0]) else { panic!() };
+        f64::from(i16::from_le_bytes([said[0], said[1]]))
+    };
+    let at_rest = 1e3 * 4.0 * resistance / 12.345;
+    assert!(
+        (drawn(&mut host, 2_000, 0) - at_rest).abs() < 2.0
+            && (drawn(&mut host, -2_000, 0) - at_rest).abs() < 2.0
+    );
+    // 3.987 mV s/count.
+    let emf = 3.986_8e-3 * 1_500.0;
+    let short = emf / resistance;
+    assert!(drawn(&mut host, (-1e3 * short) as i32, 1_500).abs() < 2.0);
+    let half = -1e3 * 0.5 * short * (emf - 0.5 * short * resistance) / 12.345;
+    assert!((drawn(&mut host, (-500.0 * short) as i32, 1_500) - half).abs() < 2.0);
 }
 
 #[test]
