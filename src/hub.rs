@@ -189,8 +189,8 @@ impl<const N: usize> Hub<N> {
     }
 
     /// The speeds of motors that are known, as of the newest samples: a snapshot is of a tick.
-    pub fn observed(&self) -> [Option<CountsPerSecond>; N] {
-        self.motors.each_ref().map(Motor::observed)
+    pub fn observed(&self) -> impl Iterator<Item = Option<CountsPerSecond>> {
+        self.motors.iter().map(Motor::observed)
     }
 
     /// Notes ticks that did not happen.

@@ -63,8 +63,10 @@ impl<const N: usize> Newest<N> {
     }
 
     /// Takes the speeds that observers make of it.
-    pub const fn observe(&mut self, observed: [Option<CountsPerSecond>; N]) {
-        self.observed = observed;
+    pub fn observe(&mut self, observed: impl Iterator<Item = Option<CountsPerSecond>>) {
+        for (last, new) in self.observed.iter_mut().zip(observed) {
+            *last = new;
+        }
     }
 
     /// A motor's position in counts, and its speed: of a motor that is known, by its observer; else the mean of the last

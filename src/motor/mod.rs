@@ -89,6 +89,8 @@ type Output = (Control, Placement);
 
 /// What a bridge is told.
 struct Told {
+    /// At which it was told so.
+    velocity: CountsPerSecond,
     control: Control,
     /// `None` while it is open.
     regime: Option<Regime>,
@@ -217,8 +219,7 @@ impl Motor {
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
         let moved = fresh(reading, now).map(|reading| self.follow(reading));
         self.regulator.wait(now);
-        let Told { control, regime, drive, flows } = self.tell(battery, moved);
-        let velocity = self.regulator.velocity();
+        let Told { velocity, control, regime, drive, flows } = self.tell(battery, moved);
         let current = flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
         self.thermal.step(self.sensed.current.unwrap_or(current));
         let near = self.setpoint.reached(self.position);
@@ -294,7 +295,7 @@ impl Motor {
         let (control, regime) =
             output.map_or((Control::ZERO, None), |(control, placement)| (control, Some(placement.regime)));
         self.mode = drive.mode;
-        Told { control, regime, drive, flows }
+        Told { velocity, control, regime, drive, flows }
     }
 
     /// Takes a reading; returns the counts since the last tick.

@@ -2,6 +2,7 @@
 //! and what is new of the bus, which may change the drives at once, as may commands that need no regulator; every period,
 //! all commands in, one step of the hub, drives and snapshot out.
 
+use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
 use crate::motion::Newest;
@@ -19,13 +20,18 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     let snapshots = wires.snapshot.sender();
     let mut battery = None;
     let mut readings = [None; N];
+    // Where every sample has a tick, its snapshot says it all.
+    let between = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
     loop {
         if let Either::First(()) = select(wires.sampled.wait(), Timer::at(due)).await {
-            look(wires, |newest| readings = *newest.readings());
-            hub.sample(&readings);
-            look(wires, |newest| newest.observe(hub.observed()));
-            if wires.urgent.try_take().is_some() {
+            look(wires, |newest| {
+                hub.sample(newest.readings());
+                if between {
+                    newest.observe(hub.observed());
+                }
+            });
+            if wires.urgent.lock(|urgent| urgent.replace(false)) {
                 obey(hub, wires);
                 if let Some(drives) = hub.act(micros(Instant::now()), battery) {
                     wires.drives.signal(drives);
@@ -44,9 +50,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         }
         // Capture is due at the same time; its sample goes first.
         yield_now().await;
-        if wires.sampled.try_take().is_some() {
-            look(wires, |newest| readings = *newest.readings());
-        }
+        look(wires, |newest| readings = *newest.readings());
         let now = Instant::now();
         obey(hub, wires);
         if wires.battery.signaled() {

@@ -8,11 +8,11 @@
 //!
 //! | channel | kind | when full, or when nothing new comes |
 //! |---|---|---|
-//! | newest | the latest readings, in a cell | overwritten; one over 20 ms old counts as no encoder |
+//! | newest | the latest readings, in a cell | overwritten; one over 20 ms old counts as no encoder. A mutex that masks interrupts does so while the observers take it |
 //! | sampled | [`Signal`] | set with each of them |
 //! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
 //! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
-//! | urgent | [`Signal`] | set with a command that can be done at once: all that wait are taken within a millisecond |
+//! | urgent | a flag | set with a command that can be done at once: all that wait are taken within a millisecond |
 //! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
 //! | sensed | [`Signal`]: the latest | of boards that hear their bridges; overwritten. The last one holds |
 //! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
@@ -73,7 +73,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// From anyone to control.
     pub commands: Channel<M, Command, COMMANDS>,
     /// From anyone to control: among the commands is one that waits for no tick, only for the next sample.
-    pub urgent: Signal<M, ()>,
+    pub urgent: Mutex<M, Cell<bool>>,
     /// From control to output.
     pub drives: Signal<M, [Drive; N]>,
     /// From the bridges' task to control.
@@ -93,7 +93,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             sampled: Signal::new(),
             battery: Signal::new(),
             commands: Channel::new(),
-            urgent: Signal::new(),
+            urgent: Mutex::new(Cell::new(false)),
             drives: Signal::new(),
             sensed: Signal::new(),
             snapshot: Watch::new(),
@@ -122,7 +122,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
 
     fn hurry(&self, command: Command) {
         if command.action.is_direct() {
-            self.urgent.signal(());
+            self.urgent.lock(|urgent| urgent.set(true));
         }
     }
 }
