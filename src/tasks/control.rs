@@ -50,6 +50,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         }
         // Capture is due at the same time; its sample goes first.
         yield_now().await;
+        wires.sampled.reset();
         look(wires, |newest| readings = *newest.readings());
         let now = Instant::now();
         obey(hub, wires);
