@@ -1,4 +1,5 @@
-//! What a board implements: four small traits over its peripherals, and two more where its bridges can be heard.
+//! What a board implements: four small traits over its peripherals, two more where its bridges can be heard, and one for
+//! digital pins.
 //!
 //! A board is its pins and peripherals behind these traits, plus the spawning of the tasks of
 //! `crate::tasks`. embedded-hal 1.0 has no trait for a quadrature counter, for an ADC or for a
@@ -73,6 +74,28 @@ pub trait CurrentSense<const N: usize> {
 impl<const N: usize> CurrentSense<N> for () {
     async fn sample(&mut self) -> [Option<Milliamperes>; N] {
         [None; N]
+    }
+}
+
+/// Digital pins for whatever a host connects to them, numbered from 0, as far as there are some: eight at most.
+pub trait DigitalPins {
+    /// Drives the pins of `driven` to their `levels`, lets go of all others, which a resistor pulls up, and returns the
+    /// levels of all: bit i is pin i, 1 is high. A pin that there is not reads 1, as one does that nothing is connected
+    /// to. Must not block.
+    fn exchange(&mut self, driven: u8, levels: u8) -> u8;
+}
+
+/// One that is lent.
+impl<T: DigitalPins + ?Sized> DigitalPins for &mut T {
+    fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
+        (**self).exchange(driven, levels)
+    }
+}
+
+/// No pins.
+impl DigitalPins for () {
+    fn exchange(&mut self, _: u8, _: u8) -> u8 {
+        u8::MAX
     }
 }
 

@@ -30,7 +30,7 @@ use crate::group::{Halt, Together};
 use crate::motion::Reading;
 use crate::motor::{Motor, Report, Setpoint, Settings};
 use crate::supply::{Battery, Stage};
-use crate::units::{Micros, Millivolts, Period, RangeError, Share};
+use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share};
 use bus::Account;
 use groups::Groups;
 
@@ -86,6 +86,13 @@ pub struct Snapshot<const N: usize> {
     pub bus: Bus,
     /// By motor.
     pub motors: [Report; N],
+}
+
+impl Action {
+    /// True if a motor can do it at once: let go, or go on at constant power.
+    pub const fn is_direct(&self) -> bool {
+        matches!(self, Self::Set(setpoint) if setpoint.is_direct())
+    }
 }
 
 impl<const N: usize> Snapshot<N> {
@@ -151,7 +158,7 @@ impl<const N: usize> Hub<N> {
         self.period
     }
 
-    /// Does what a command says; it shows at the next step.
+    /// Does what a command says; it shows at the next step, or with [`act`](Self::act).
     ///
     /// # Errors
     /// [`RangeError::Motor`] if there is no such motor, or if it is to lead a group of which it is no member, or
@@ -170,6 +177,20 @@ impl<const N: usize> Hub<N> {
             Action::Lead(together) => groups.lead(index, together, motors)?,
         }
         Ok(())
+    }
+
+    /// Does between two ticks what commands have asked for that needs no regulator: motors that are to let go do, and
+    /// constant power is given. What the bridges are told from now on, if it is something else than before.
+    pub fn act(&mut self, now: Micros, battery: Option<Battery>) -> Option<[Drive; N]> {
+        let battery = battery.filter(|battery| battery.is_fresh(now)).map(|battery| battery.voltage);
+        self.settle_account(now);
+        let changed = self.motors.iter_mut().fold(false, |changed, motor| motor.act(battery) | changed);
+        changed.then(|| self.motors.each_ref().map(Motor::drive))
+    }
+
+    /// Estimated, as of the newest samples: a snapshot is of a tick.
+    pub fn velocities(&self) -> impl Iterator<Item = CountsPerSecond> {
+        self.motors.iter().map(Motor::velocity)
     }
 
     /// Notes ticks that did not happen.

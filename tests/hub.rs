@@ -123,6 +123,33 @@ fn constant_power_is_the_duty_of_9_8_or_6_2_at_any_speed() {
 }
 
 #[test]
+fn a_bridge_draws_its_duty_of_the_current_and_returns_it_while_it_is_open() {
+    let mut bench = Bench::<4>::new();
+    bench.cps = [0, 0, 1_500, 1_500];
+    for (motor, power) in [(0, 16_384), (1, -16_384), (2, 0), (3, 8_000)] {
+        bench.set(motor, Setpoint::ConstantPower(Control::new(power)));
+    }
+    // A velocity below that of a turning motor, braked by 5/0.
+    // 12 of 32 767 steps for a count/s are some 5.7 V, less than the back EMF.
+    bench.configure(3, with_velocity(Pidf { f: Coefficient::from_bits(12 << 16), ..Pidf::default() }));
+    bench.set(3, velocity(1_300));
+    let motors = bench.settle().motors.map(|motor| {
+        let drawn = settings().drawn(&motor, Millivolts::new(12_000));
+        (motor.current.get(), drawn.get(), motor.drive)
+    });
+    for (current, drawn, drive) in &motors[..2] {
+        let share = drive.duty.to_f64() * f64::from(current.abs());
+        assert!((f64::from(*drawn) / share - 1.0).abs() < 0.1, "{motors:?}");
+    }
+    assert!(motors[0].0 > 800 && motors[1].0 == -motors[0].0, "{motors:?}");
+    // A full short takes nothing from the bus; the rest of a braking bridge's period gives back.
+    assert!(motors[2].0 < -1_000 && motors[2].1.abs() < 10, "{motors:?}");
+    let (current, drawn, drive) = motors[3];
+    assert_eq!(drive.mode, Mode::Brake50);
+    assert!(current < 0 && drawn < 0 && drawn > current, "{motors:?}");
+}
+
+#[test]
 fn zero_power_brakes_or_floats() {
     let mut bench = Bench::<1>::new();
     bench.set(0, Setpoint::ConstantPower(Control::ZERO));

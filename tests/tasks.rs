@@ -221,6 +221,74 @@ fn a_command_takes_effect_at_the_next_tick() {
 }
 
 #[test]
+fn constant_power_and_letting_go_wait_for_no_tick_and_regulation_does() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    board.run_ms(210);
+    let say = |motor, setpoint| {
+        parts.wires.try_send(Command { motor, action: Action::Set(setpoint) }).expect("room");
+    };
+    let modes = || parts.world.last_drives().map(|drive| (drive != Drive::COAST).then_some(drive.mode));
+    for motor in [0, 1] {
+        say(motor, HALF);
+    }
+    say(2, Setpoint::Velocity(CountsPerSecond::new(1_000)));
+    board.run_ms(1);
+    // What came before one that waits for nothing waits no longer either, but for its regulator.
+    assert_eq!(modes(), [Some(Mode::Cw98), Some(Mode::Cw98), None, None]);
+    board.run_ms(39);
+    assert_eq!(modes(), [Some(Mode::Cw98), Some(Mode::Cw98), Some(Mode::Cw98), None]);
+    board.run_ms(10);
+    say(0, Setpoint::Disabled);
+    say(1, Setpoint::ConstantPower(Control::ZERO));
+    say(2, Setpoint::FailSafe);
+    board.run_ms(1);
+    assert_eq!(modes(), [None, Some(Mode::Brake50), None, None]);
+    // It stays so.
+    let applied = parts.world.applied.borrow().len();
+    board.run_ms(200);
+    assert!(
+        parts.world.applied.borrow()[applied..]
+            .iter()
+            .all(|(_, drives)| *drives == parts.world.last_drives())
+    );
+}
+
+#[test]
+fn where_motors_are_and_how_fast_is_as_new_as_the_last_sample() {
+    let parts = Parts::new(50);
+    let mut board = parts.board();
+    // As a host reads it.
+    let look = || {
+        let snapshot = parts.wires.snapshot.try_get()?;
+        let report = snapshot.motors[0];
+        let newer = parts.wires.newest.lock(|newest| newest.borrow().look(0, snapshot.at));
+        let (position, velocity) = newer.unwrap_or((report.position, None));
+        Some((position, velocity.unwrap_or(report.velocity)))
+    };
+    let (mut counts, mut turned) = (0, 0);
+    for ms in 0..400 {
+        // 2000 counts/s, and from the middle on 1000.
+        turned += if ms < 200 { 2 } else { 1 };
+        counts += 1;
+        parts.world.counts[0].set(1_000_u16.wrapping_add(turned));
+        board.run_ms(1);
+        let Some((position, velocity)) = look() else { continue };
+        let behind = i32::from(turned) - position;
+        // The first sample is position 0.
+        assert!(counts < 3 || (0..=4).contains(&(behind - 2)), "{ms} ms: {position}, {behind}");
+        let cps = velocity.round();
+        match ms {
+            60..200 => assert!((1_960..=2_040).contains(&cps), "{ms} ms: {cps} counts/s"),
+            260.. => assert!((980..=1_020).contains(&cps), "{ms} ms: {cps} counts/s"),
+            _ => (),
+        }
+    }
+    // Not of a tick.
+    assert!(parts.snapshot().motors[0].position <= look().expect("sampled").0);
+}
+
+#[test]
 fn commands_queue_in_order_and_the_sender_is_told_when_there_is_no_room() {
     let parts = Parts::new(50);
     let mut board = parts.board();

@@ -13,8 +13,10 @@
 
 pub mod encoder;
 pub mod guard;
+pub mod newest;
 pub mod pid;
 
 pub use encoder::{Reading, Tracker};
 pub use guard::{EncoderFault, Guard};
+pub use newest::Newest;
 pub use pid::{Pid, Pidf};

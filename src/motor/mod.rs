@@ -42,7 +42,7 @@ pub use setpoint::Setpoint;
 pub use settings::{OnFault, Settings, ZeroPower};
 pub use thermal::ThermalLimit;
 
-use crate::braking::{DutyRule, OperatingPoint, Placement, Placer, Returned, Scheme};
+use crate::braking::{DutyRule, OperatingPoint, Placement, Placer, Regime, Returned, Scheme};
 use crate::bridge::{Drive, Mode, Sensed, Timing};
 use crate::motion::Reading;
 use crate::motion::guard::Finding;
@@ -72,6 +72,8 @@ pub struct Motor {
     setpoint: Setpoint,
     /// At the last tick.
     position: i32,
+    /// The set-point or the settings are others than the bridge has been told by.
+    untold: bool,
     regulator: Regulator,
     identifier: Identifier,
     watch: Watch,
@@ -92,6 +94,18 @@ pub struct Motor {
 /// A control value and what the bridge makes of it.
 type Output = (Control, Placement);
 
+/// What a bridge is told.
+struct Told {
+    /// At which it was told so.
+    velocity: CountsPerSecond,
+    control: Control,
+    /// `None` while it is open.
+    regime: Option<Regime>,
+    drive: Drive,
+    /// As a voltage across the motor; `None` while it is open.
+    flows: Option<Voltage>,
+}
+
 impl Motor {
     /// A disabled motor that is stepped every `period`.
     pub fn new(settings: Settings, period: Period) -> Self {
@@ -100,6 +114,7 @@ impl Motor {
             placer: settings.placer(),
             setpoint: Setpoint::Disabled,
             position: 0,
+            untold: false,
             regulator: Regulator::new(settings.regulation(), period),
             identifier: Identifier::new(period),
             watch: Watch::new(period),
@@ -117,13 +132,16 @@ impl Motor {
     /// Takes effect at the next step, as a whole. State is kept, so that a motor may be tuned while it runs.
     pub fn configure(&mut self, settings: Settings) {
         self.settings = settings;
+        self.untold = true;
         self.placer = settings.placer();
         self.regulator.configure(settings.regulation());
         self.thermal.configure(settings.thermal);
     }
 
-    /// Takes effect at the next step. Disabling the motor ends a latched fault, and so does fail-safe.
+    /// Takes effect at the next step, or with [`act`](Self::act). Disabling the motor ends a latched fault, and so does
+    /// fail-safe.
     pub fn set(&mut self, setpoint: Setpoint) {
+        self.untold |= setpoint != self.setpoint;
         let follows = matches!((self.setpoint, setpoint), (Setpoint::Together(_), Setpoint::Together(_)));
         if setpoint != self.setpoint && !follows {
             self.regulator.retarget();
@@ -193,6 +211,50 @@ impl Motor {
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
         let moved = fresh(reading, now).map(|reading| self.follow(reading));
         self.regulator.wait(now);
+        let Told { velocity, control, regime, drive, flows } = self.tell(battery, moved);
+        let current = flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
+        self.thermal.step(self.sensed.current.unwrap_or(current));
+        let near = self.setpoint.reached(self.position);
+        Report {
+            setpoint: self.setpoint,
+            position: self.position,
+            velocity,
+            regulator: self.regulator.kind(),
+            current,
+            measured: self.sensed.current,
+            heat: (1000.0 * self.thermal.heat()) as u16,
+            derated: self.thermal.ceiling().is_some(),
+            load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
+            control,
+            regime,
+            drive,
+            at_target: self.arrival.step(near, velocity),
+            stalled: self.watch.stalled(),
+            identification: self.identifier.state(),
+            faults: Faults {
+                battery_unknown: battery.is_none(),
+                encoder_stale: moved.is_none(),
+                encoder: self.watch.fault(),
+                overheated: self.thermal.is_cut(),
+                bridge: self.bridge_fault,
+            },
+        }
+    }
+
+    /// Does between two ticks what was asked for since, where no regulator comes between: an open bridge and an open
+    /// loop wait for no tick. True if the bridge is told otherwise for it.
+    pub(crate) fn act(&mut self, battery: Option<Millivolts>) -> bool {
+        if !self.untold || !self.setpoint.is_direct() {
+            return false;
+        }
+        let before = self.drive();
+        self.tell(battery, None);
+        self.drive() != before
+    }
+
+    /// What the bridge is told from now on. `moved` is the counts since the last tick, if the encoder gives any.
+    fn tell(&mut self, battery: Option<Millivolts>, moved: Option<i32>) -> Told {
+        self.untold = false;
         let velocity = self.regulator.velocity();
         // A bridge that is at fault cannot brake either.
         let at = battery.filter(|_| !self.bridge_fault).and_then(|battery| {
@@ -224,33 +286,7 @@ impl Motor {
         let (control, regime) =
             output.map_or((Control::ZERO, None), |(control, placement)| (control, Some(placement.regime)));
         self.mode = drive.mode;
-        let current = flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
-        self.thermal.step(self.sensed.current.unwrap_or(current));
-        let near = self.setpoint.reached(self.position);
-        Report {
-            setpoint: self.setpoint,
-            position: self.position,
-            velocity,
-            regulator: self.regulator.kind(),
-            current,
-            measured: self.sensed.current,
-            heat: (1000.0 * self.thermal.heat()) as u16,
-            derated: self.thermal.ceiling().is_some(),
-            load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
-            control,
-            regime,
-            drive,
-            at_target: self.arrival.step(near, velocity),
-            stalled: self.watch.stalled(),
-            identification: self.identifier.state(),
-            faults: Faults {
-                battery_unknown: battery.is_none(),
-                encoder_stale: moved.is_none(),
-                encoder: self.watch.fault(),
-                overheated: self.thermal.is_cut(),
-                bridge: self.bridge_fault,
-            },
-        }
+        Told { velocity, control, regime, drive, flows }
     }
 
     /// Takes a reading; returns the counts since the last tick.

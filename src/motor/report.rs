@@ -76,6 +76,11 @@ pub struct Report {
 }
 
 impl Report {
+    /// Its current as well as it is known: measured, else modelled.
+    pub fn best_current(&self) -> Milliamperes {
+        self.measured.unwrap_or(self.current)
+    }
+
     /// A disabled motor of which nothing is known.
     pub const INITIAL: Self = Self {
         setpoint: Setpoint::Disabled,

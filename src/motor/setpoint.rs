@@ -43,6 +43,11 @@ impl Setpoint {
         matches!(self, Self::Velocity(_) | Self::Position { .. } | Self::Together(_))
     }
 
+    /// True if the bridge may be told at once: there is nothing to regulate, and nothing to learn.
+    pub const fn is_direct(self) -> bool {
+        !self.is_regulated() && !matches!(self, Self::Identify { .. })
+    }
+
     /// True if this is a target, and `position` within the tolerance of it.
     pub(super) const fn reached(self, position: i32) -> bool {
         match self {

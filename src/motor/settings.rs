@@ -1,10 +1,10 @@
 //! What a motor is told of itself once: its winding, its scheme, its load.
 
-use super::ThermalLimit;
+use super::{Report, ThermalLimit};
 use crate::braking::{DutyRule, Placer, Scheme, Winding};
 use crate::bridge::BridgeConstants;
 use crate::regulator::{Coefficients, Config, Dynamics};
-use crate::units::Acceleration;
+use crate::units::{Acceleration, Milliamperes, Millivolts};
 
 /// What a zero set-point means in constant power and in regulated velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -96,6 +96,16 @@ impl Settings {
         let milliohms =
             u32::from(self.winding.resistance.as_milliohms()) + 2 * u32::from(self.bridge.switch_mohm());
         milliohms as f32 / 1000.0
+    }
+
+    /// What the bridge takes from the bus by these constants, mean; negative for what it returns. It keeps no energy, so
+    /// that is the current's share of the battery's voltage that stands across the motor: the duty while it drives.
+    pub fn drawn(&self, report: &Report, battery: Millivolts) -> Milliamperes {
+        let amperes = 1e-3 * report.current.get() as f32;
+        let across = self.winding.emf.emf(report.velocity).to_volts() + amperes * self.ohms();
+        // Nothing is known of the battery, and nothing flows.
+        let share = if battery.get() == 0 { 0.0 } else { across / battery.to_volts() };
+        Milliamperes::from_amperes(amperes * share)
     }
 
     /// What turns control values into drives by them.

@@ -269,4 +269,13 @@ macro_rules! codes {
 }
 pub(super) use codes;
 
-codes!(ZeroPower { 0 = Brake, 1 = Float });
+/// Any byte: 0 brakes and 1 floats, and so does whatever else hosts send for it.
+impl Field for ZeroPower {
+    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+        Ok(if u8::read(fields)? == 0 { Self::Brake } else { Self::Float })
+    }
+
+    fn write(&self, payload: &mut Payload) {
+        u8::from(*self == Self::Float).write(payload);
+    }
+}

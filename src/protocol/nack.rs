@@ -7,6 +7,7 @@
 //! assert_eq!(Nack::parameter(1), Nack(1));
 //! ```
 
+use super::pins::Pin;
 use core::fmt;
 
 /// The reason of a refusal as the protocol numbers it; nothing was changed. Hubs of other makes use
@@ -16,6 +17,10 @@ use core::fmt;
 pub struct Nack(pub u8);
 
 impl Nack {
+    /// No digital pin is an output.
+    pub const NO_OUTPUT: Self = Self(18);
+    /// No digital pin is an input.
+    pub const NO_INPUT: Self = Self(28);
     /// Motor without a target for its mode.
     pub const NOT_CONFIGURED: Self = Self(50);
     /// Not in the motor's present mode.
@@ -31,6 +36,18 @@ impl Nack {
     /// things, so the tenth and those after it are all called 9.
     pub const fn parameter(index: u8) -> Self {
         Self(if index > 9 { 9 } else { index })
+    }
+}
+
+impl Nack {
+    /// The digital pin is to be set, and is an input.
+    pub const fn not_an_output(pin: Pin) -> Self {
+        Self(10 + pin.get())
+    }
+
+    /// The digital pin is to be read, and is an output.
+    pub const fn not_an_input(pin: Pin) -> Self {
+        Self(20 + pin.get())
     }
 }
 

@@ -1,4 +1,4 @@
-//! Requests to digital pins, PWM and servo outputs, which a motor hub may lack: host software sets them
+//! Requests to digital pins, PWM and servo outputs, of which a motor hub may have few or none: host software sets them
 //! up whatever it finds.
 //!
 //! ```

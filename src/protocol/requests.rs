@@ -30,7 +30,8 @@ use super::table::requests;
 /// The type of the motor interface's function 0, on hubs of this project.
 pub const FIRST_FUNCTION: u16 = 0x1000;
 
-/// Functions of the motor interface: all that hosts know of.
+/// Functions of the motor interface: all that hosts know of. Some of them are refused: those of I2C, and bulk output. A
+/// smaller number would hide what lies behind them, coefficients and version.
 pub const FUNCTION_COUNT: u16 = 58;
 
 /// Type of a discovery, the only request that is answered when it is sent to every hub.
@@ -104,7 +105,16 @@ requests! {
 /// A channel of the hub's converter.
 pub type AdcChannel = ByteIn<0, 14>;
 
-/// The battery's.
+/// The current out of the battery, in milliamperes.
+pub const BATTERY_CURRENT: AdcChannel = AdcChannel::new(7).expect("in range");
+
+/// The 5 V rail, in millivolts.
+pub const RAIL: AdcChannel = AdcChannel::new(12).expect("in range");
+
+/// The hub's temperature, in 0.1 degrees Celsius.
+pub const TEMPERATURE: AdcChannel = AdcChannel::new(14).expect("in range");
+
+/// The battery's, in millivolts.
 pub const BATTERY: AdcChannel = AdcChannel::new(13).expect("in range");
 
 /// That of the current of motor 0, in milliamperes; those of the others follow.

@@ -13,10 +13,11 @@
 //! |---|---|
 //! | [`Responder`] | all of these together: the hub as the host sees it |
 //! | [`motor`] | what the hub remembers of one motor, and what that makes the motor do |
+//! | [`adc`] | what the converter's channels are answered |
 //! | [`alive`] | keep-alive timer, status word, attention |
 //! | [`led`] | the status LED |
 //! | [`button`] | what a button on the board may do until a host has spoken |
-//! | [`pins`] | digital pins, PWM and servo outputs, which this hub only remembers |
+//! | [`pins`] | digital pins; PWM and servo outputs, which this hub only remembers |
 //!
 //! While the battery is low ([`Snapshot::battery_low`]) motors cannot be enabled, and status word and LED say so;
 //! those that run go on with what the supply allows.
@@ -44,6 +45,7 @@
 //! assert_eq!((reply.source, reply.payload.as_slice()), (2, &[1][..]));
 //! ```
 
+pub mod adc;
 pub mod alive;
 mod answer;
 pub mod button;
@@ -61,18 +63,25 @@ use crate::protocol::answers::{Bulk, Status, Version};
 use crate::protocol::fields::Text;
 use crate::protocol::group::{GroupMove, GroupState, ToGroup};
 use crate::protocol::motor::ToMotor;
-use crate::protocol::requests::{AdcChannel, BATTERY, DISCOVERY, FIRST_CURRENT, Request, Standard, ToHub};
+use crate::protocol::requests::{DISCOVERY, Request, Standard, ToHub};
 use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
-use crate::units::{Micros, Milliamperes};
+use crate::units::Micros;
 use alive::Alive;
 use group::Courses;
 use led::Led;
 use motor::MotorChannel;
-use pins::PinMemory;
+use pins::{DigitalLines, PinMemory};
 
-/// What the version commands say.
-const VERSION_TEXT: &[u8] = b"HW: 20, Maj: 1, Min: 8, Eng: 2";
-/// The same, with the type of hub whose interface this one offers.
+/// What the version commands say: first the version of the interface, for hosts that read from these numbers what they may
+/// ask for, and the hardware that they take it for; then this firmware's own.
+const VERSION_TEXT: &[u8] =
+    concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION")).as_bytes();
+const _: () = assert!(VERSION_TEXT.len() <= LONGEST_VERSION);
+
+/// Hosts have room for so many bytes.
+const LONGEST_VERSION: usize = 39;
+
+/// The same in numbers, with the type of hub whose interface this one offers.
 const VERSION: Version = Version {
     engineering: 2,
     minor: 8,
@@ -130,6 +139,16 @@ impl<const N: usize> Responder<N> {
     /// A host has spoken since reset.
     pub const fn host_spoke(&self) -> bool {
         self.alive.host_spoke()
+    }
+
+    /// What is to be done to digital pins.
+    pub const fn digital_lines(&self) -> DigitalLines {
+        self.pins.lines()
+    }
+
+    /// The levels of digital pins, as they are now: bit i is pin i. Until this is told they are all 1.
+    pub const fn sense_pins(&mut self, levels: u8) {
+        self.pins.sense(levels);
     }
 
     /// What the status LED shows.
@@ -259,19 +278,10 @@ impl<const N: usize> Responder<N> {
             // Taken and forgotten.
             ToHub::LogHint { .. } => (),
             ToHub::Bulk => return Ok(Answer::data(&self.bulk(snapshot))),
-            ToHub::Adc { channel: BATTERY, raw: false } => {
-                // Unknown reads 0, which no battery does that a hub runs from.
-                let mv = snapshot.battery.unwrap_or_default().get();
-                return Ok(Answer::data(&i16::try_from(mv).unwrap_or(i16::MAX)));
+            ToHub::Adc { channel, raw } => {
+                let settings = self.channels.iter().map(MotorChannel::settings);
+                return Ok(Answer::data(&adc::read(channel, raw, snapshot, settings)));
             }
-            ToHub::Adc { channel, raw: false }
-                if let Some(measured) = measured(channel, &snapshot.motors) =>
-            {
-                let ma = setup::magnitude(measured);
-                return Ok(Answer::data(&i16::try_from(ma).unwrap_or(i16::MAX)));
-            }
-            // A zero would be a lie about what is not measured.
-            ToHub::Adc { .. } => return Err(Nack::UNSUPPORTED),
             ToHub::PhoneCharge => return Ok(Answer::data(&self.phone_charge)),
             ToHub::FtdiReset => return Ok(Answer::data(&self.ftdi_reset)),
             ToHub::VersionText => return Ok(Answer::data(&Text::new(VERSION_TEXT).unwrap_or_default())),
@@ -336,9 +346,10 @@ impl<const N: usize> Responder<N> {
         Ok(Answer::data(&state))
     }
 
-    /// Without inputs beside the encoders.
+    /// Without analog inputs, which read 0.
     fn bulk(&self, snapshot: &Snapshot<N>) -> Bulk {
-        let mut bulk = Bulk { attention: Some(self.alive.attention()), ..Bulk::default() };
+        let (digital, attention) = (self.pins.inputs(), Some(self.alive.attention()));
+        let mut bulk = Bulk { digital, attention, ..Bulk::default() };
         let motors = self.channels.iter().zip(&snapshot.motors);
         let answers = bulk.encoders.iter_mut().zip(&mut bulk.velocities).zip(&mut bulk.at_target);
         for ((channel, report), ((encoder, velocity), at_target)) in motors.zip(answers) {
@@ -354,12 +365,6 @@ impl<const N: usize> Responder<N> {
         }
         bulk
     }
-}
-
-/// The current of the motor whose converter channel this is, if it is one, and is measured.
-fn measured(channel: AdcChannel, motors: &[Report]) -> Option<Milliamperes> {
-    let motor = channel.get().checked_sub(FIRST_CURRENT.get())?;
-    motors.iter().take(CHANNELS).nth(motor.into())?.measured
 }
 
 /// Bits 0 to 3: the encoder of motor 0 to 3 is not to be trusted. Bits 4 to 7: its bridge has switched itself off.

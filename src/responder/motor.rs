@@ -364,15 +364,20 @@ impl MotorChannel {
         counts.wrapping_add(self.offset)
     }
 
+    /// Its settings, as the host has left them.
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
     /// The last valid *set enable*, unless fail-safe came after it.
     pub const fn enabled(&self) -> bool {
         self.enabled
     }
 
-    /// More current is measured than the host's alert allows.
+    /// More current flows than the host's alert allows, measured or modelled.
     pub fn is_over_current(&self, report: &Report) -> bool {
         let level = self.current_alert;
-        level != 0 && report.measured.is_some_and(|measured| setup::magnitude(measured) > level)
+        level != 0 && setup::magnitude(report.best_current()) > level
     }
 
     /// The host's counts.

@@ -1,8 +1,15 @@
-//! Digital pins, PWM and servo outputs. A motor hub has none, but host software sets them up when it
-//! opens a hub: what is set is remembered and read back, and moves nothing. Inputs read 0.
+//! Digital pins, PWM and servo outputs.
+//!
+//! Digital pins are inputs after a reset, pulled up: one that nothing is connected to reads 1, as does one that the board
+//! does not have. What is set of such a pin is remembered and read back, and moves nothing; so it is with all PWM and servo
+//! outputs, of which a motor hub has none: host software sets them up when it opens a hub.
+//!
+//! The level of an output is what a host sets, low before that. Fail-safe lets go of all outputs, which stay what they
+//! are, until they are set again; it switches PWM and servos off. Of all inputs at once, outputs read 0.
 //!
 //! ```
-//! use motor_hub::protocol::pins::{ServoOutput, ToPin};
+//! use motor_hub::protocol::Nack;
+//! use motor_hub::protocol::pins::{Pin, ServoOutput, ToPin};
 //! use motor_hub::responder::Answer;
 //! use motor_hub::responder::pins::PinMemory;
 //!
@@ -10,6 +17,10 @@
 //! let servo = ServoOutput::new(5).expect("0 to 5");
 //! assert_eq!(pins.receive(&ToPin::SetServoEnable { servo, on: true }), Ok(Answer::Ack));
 //! assert!(matches!(pins.receive(&ToPin::ServoEnable { servo }), Ok(Answer::Data(on)) if *on == [1]));
+//!
+//! let pin = Pin::new(3).expect("0 to 7");
+//! assert_eq!(pins.receive(&ToPin::SetOutput { pin, high: true }), Err(Nack(13)));
+//! assert!(matches!(pins.receive(&ToPin::Input { pin }), Ok(Answer::Data(level)) if *level == [1]));
 //! ```
 
 use super::answer::Answer;
@@ -28,29 +39,85 @@ struct Pulses {
     on: bool,
 }
 
+/// What is to be done to digital pins: bit i is pin i.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DigitalLines {
+    /// Those that are driven.
+    pub driven: u8,
+    /// To which level: 1 is high.
+    pub levels: u8,
+}
+
 /// What has been set.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct PinMemory {
     /// Bit i: pin i is an output.
     outputs: u8,
-    /// Bit i: output i is high. Nothing reads it back.
-    levels: u8,
+    /// What is done to them: outputs that fail-safe has let go of are not driven.
+    lines: DigitalLines,
+    /// Bit i: pin i is high, as the board said last.
+    sensed: u8,
     pwm: [Pulses; PWM],
     servos: [Pulses; SERVOS],
 }
 
+/// After a reset.
+impl Default for PinMemory {
+    fn default() -> Self {
+        Self {
+            outputs: 0,
+            lines: DigitalLines::default(),
+            sensed: u8::MAX,
+            pwm: Default::default(),
+            servos: Default::default(),
+        }
+    }
+}
+
 impl PinMemory {
+    /// The levels of all pins, as the board sees them.
+    pub const fn sense(&mut self, levels: u8) {
+        self.sensed = levels;
+    }
+
+    /// What the board is to do to them.
+    pub const fn lines(&self) -> DigitalLines {
+        self.lines
+    }
+
+    /// Levels of the inputs; 0 of outputs.
+    pub const fn inputs(&self) -> u8 {
+        self.sensed & !self.outputs
+    }
+
     /// Does what a request says.
     ///
     /// # Errors
     /// Why the request is refused; nothing has changed then.
     pub fn receive(&mut self, request: &ToPin) -> Result<Answer, Nack> {
         match *request {
-            ToPin::SetOutput { pin, high } => set_bit(&mut self.levels, pin, high),
-            ToPin::SetOutputs { levels: all } => self.levels = all,
-            ToPin::SetDirection { pin, output } => set_bit(&mut self.outputs, pin, output),
-            ToPin::Direction { pin } => return Ok(Answer::data(&(self.outputs & bit(pin) != 0))),
-            ToPin::Input { .. } | ToPin::Inputs => return Ok(Answer::data(&0u8)),
+            ToPin::SetOutput { pin, .. } if !self.is_output(pin) => return Err(Nack::not_an_output(pin)),
+            ToPin::SetOutput { pin, high } => {
+                set_bit(&mut self.lines.levels, pin, high);
+                set_bit(&mut self.lines.driven, pin, true);
+            }
+            ToPin::SetOutputs { .. } if self.outputs == 0 => return Err(Nack::NO_OUTPUT),
+            // Bits of inputs mean nothing.
+            ToPin::SetOutputs { levels } => {
+                self.lines = DigitalLines { driven: self.outputs, levels: levels & self.outputs };
+            }
+            ToPin::SetDirection { pin, output } => {
+                if output != self.is_output(pin) {
+                    set_bit(&mut self.lines.levels, pin, false);
+                }
+                set_bit(&mut self.outputs, pin, output);
+                set_bit(&mut self.lines.driven, pin, output);
+            }
+            ToPin::Direction { pin } => return Ok(Answer::data(&self.is_output(pin))),
+            ToPin::Input { pin } if self.is_output(pin) => return Err(Nack::not_an_input(pin)),
+            ToPin::Input { pin } => return Ok(Answer::data(&(self.sensed & bit(pin) != 0))),
+            ToPin::Inputs if self.outputs == u8::MAX => return Err(Nack::NO_INPUT),
+            ToPin::Inputs => return Ok(Answer::data(&self.inputs())),
             ToPin::SetPwmPeriod { pwm, period } => self.pwm(pwm)?.period = period,
             ToPin::SetPwmWidth { pwm, width } => self.pwm(pwm)?.width = width,
             ToPin::SetPwmEnable { pwm, on } => self.pwm(pwm)?.on = on,
@@ -67,6 +134,10 @@ impl PinMemory {
         Ok(Answer::Ack)
     }
 
+    const fn is_output(&self, pin: Pin) -> bool {
+        self.outputs & bit(pin) != 0
+    }
+
     fn pwm(&mut self, output: PwmOutput) -> Result<&mut Pulses, Nack> {
         self.pwm.get_mut(usize::from(output.get())).ok_or(Nack::parameter(0))
     }
@@ -75,8 +146,9 @@ impl PinMemory {
         self.servos.get_mut(usize::from(output.get())).ok_or(Nack::parameter(0))
     }
 
-    /// Fail-safe: nothing is enabled.
+    /// Fail-safe: nothing is enabled, and no pin is driven.
     pub fn disable(&mut self) {
+        self.lines.driven = 0;
         for pulses in self.pwm.iter_mut().chain(&mut self.servos) {
             pulses.on = false;
         }

@@ -3,7 +3,7 @@
 
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::board::Encoders;
-use crate::motion::Tracker;
+use crate::motion::{Reading, Tracker};
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
 
@@ -17,16 +17,24 @@ pub async fn run<M: RawMutex, const N: usize>(
     health: &Health,
 ) -> ! {
     let mut trackers = [Tracker::default(); N];
-    let mut readings = [None; N];
     let mut due = whole_millisecond(Instant::now());
     loop {
         let now = micros(Instant::now());
-        for ((reading, tracker), count) in readings.iter_mut().zip(&mut trackers).zip(encoders.counts()) {
-            if let Some(count) = count {
-                *reading = Some(tracker.step(count, now));
+        let counts = encoders.counts();
+        let read = |readings: &mut [Option<Reading>; N]| {
+            for ((reading, tracker), count) in readings.iter_mut().zip(&mut trackers).zip(counts) {
+                if let Some(count) = count {
+                    *reading = Some(tracker.step(count, now));
+                }
             }
-        }
-        wires.readings.signal(readings);
+        };
+        wires.newest.lock(|newest| {
+            // Nobody holds it over an await.
+            if let Ok(mut newest) = newest.try_borrow_mut() {
+                newest.sample(read);
+            }
+        });
+        wires.sampled.signal(());
         health.check_in(Task::Capture);
         // What is late by more than an interval is left out. (The division takes some chips as long as all of this.)
         due += CAPTURE_INTERVAL;

@@ -1,9 +1,11 @@
 //! The control ticker: every sample of the encoders to the hub's observers, and with it what bridges say of themselves
-//! and what is new of the bus, which may change the drives at once; every period, commands in, one step of the hub,
-//! drives and snapshot out.
+//! and what is new of the bus, which may change the drives at once, as may commands that need no regulator; every period,
+//! all commands in, one step of the hub, drives and snapshot out.
 
+use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
+use crate::motion::Newest;
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -18,11 +20,23 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     let snapshots = wires.snapshot.sender();
     let mut battery = None;
     let mut readings = [None; N];
+    // Where every sample has a tick, its snapshot says it all.
+    let between = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
     loop {
-        if let Either::First(samples) = select(wires.readings.wait(), Timer::at(due)).await {
-            readings = samples;
-            hub.sample(&readings);
+        if let Either::First(()) = select(wires.sampled.wait(), Timer::at(due)).await {
+            look(wires, |newest| {
+                hub.sample(newest.readings());
+                if between {
+                    newest.observe(hub.velocities());
+                }
+            });
+            if wires.urgent.lock(|urgent| urgent.replace(false)) {
+                obey(hub, wires);
+                if let Some(drives) = hub.act(micros(Instant::now()), battery) {
+                    wires.drives.signal(drives);
+                }
+            }
             if let Some(sensed) = wires.sensed.try_take() {
                 hub.sense(&sensed);
             }
@@ -36,14 +50,10 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         }
         // Capture is due at the same time; its sample goes first.
         yield_now().await;
-        if let Some(samples) = wires.readings.try_take() {
-            readings = samples;
-        }
+        wires.sampled.reset();
+        look(wires, |newest| readings = *newest.readings());
         let now = Instant::now();
-        while let Ok(command) = wires.commands.try_receive() {
-            // Refused if whoever sent it used an index beyond N; there is no motor to do anything to.
-            let _ = hub.apply(command);
-        }
+        obey(hub, wires);
         if wires.battery.signaled() {
             battery = wires.battery.try_take();
         }
@@ -59,4 +69,22 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             due += period * missed;
         }
     }
+}
+
+/// All commands that wait, in their order.
+fn obey<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>) {
+    while let Ok(command) = wires.commands.try_receive() {
+        // Refused if whoever sent it used an index beyond N; there is no motor to do anything to.
+        let _ = hub.apply(command);
+    }
+}
+
+/// At the newest samples.
+fn look<M: RawMutex, const N: usize>(wires: &Wires<M, N>, at: impl FnOnce(&mut Newest<N>)) {
+    wires.newest.lock(|newest| {
+        // Nobody holds it over an await.
+        if let Ok(mut newest) = newest.try_borrow_mut() {
+            at(&mut newest);
+        }
+    });
 }

@@ -8,9 +8,11 @@
 //!
 //! | channel | kind | when full, or when nothing new comes |
 //! |---|---|---|
-//! | readings | [`Signal`]: the latest | overwritten; one over 20 ms old counts as no encoder |
+//! | newest | the latest readings, in a cell | overwritten; one over 20 ms old counts as no encoder. A mutex that masks interrupts does so while the observers take it |
+//! | sampled | [`Signal`] | set with each of them |
 //! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
 //! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
+//! | urgent | a flag | set with a command that can be done at once: all that wait are taken within a millisecond |
 //! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
 //! | sensed | [`Signal`]: the latest | of boards that hear their bridges; overwritten. The last one holds |
 //! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
@@ -26,10 +28,10 @@
 //! use motor_hub::tasks::Wires;
 //! use motor_hub::units::Control;
 //!
-//! // What anyone says waits for the next tick. All of the tasks, run: examples/two_motors.rs.
+//! // What anyone says waits for the next tick, unless it can be done at once. All of the tasks, run: examples/two_motors.rs.
 //! let wires = Wires::<NoopRawMutex, 2>::new();
 //! let command = Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
-//! wires.commands.try_send(command).expect("room for 16");
+//! wires.try_send(command).expect("room for 16");
 //! assert_eq!(wires.commands.try_receive(), Ok(command));
 //! ```
 
@@ -45,13 +47,13 @@ pub use health::{Health, Task};
 
 use crate::bridge::{Drive, Sensed};
 use crate::hub::{Command, Snapshot};
-use crate::motion::Reading;
+use crate::motion::Newest;
 use crate::supply::Battery;
 use crate::units::Micros;
-use core::cell::Cell;
+use core::cell::{Cell, RefCell};
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::RawMutex;
-use embassy_sync::channel::Channel;
+use embassy_sync::channel::{Channel, TrySendError};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::Watch;
 use embassy_time::Instant;
@@ -65,17 +67,21 @@ pub const OBSERVERS: usize = 4;
 /// The channels between the tasks of a hub with N motors: one static in a board.
 pub struct Wires<M: RawMutex, const N: usize> {
     /// From capture to control.
-    pub readings: Signal<M, [Option<Reading>; N]>,
+    pub sampled: Signal<M, ()>,
     /// From supply to control.
     pub battery: Signal<M, Battery>,
     /// From anyone to control.
     pub commands: Channel<M, Command, COMMANDS>,
+    /// From anyone to control: among the commands is one that waits for no tick, only for the next sample.
+    pub urgent: Mutex<M, Cell<bool>>,
     /// From control to output.
     pub drives: Signal<M, [Drive; N]>,
     /// From the bridges' task to control.
     pub sensed: Signal<M, [Sensed; N]>,
     /// From control to anyone.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
+    /// From capture to control and anyone: positions, as of the newest samples; speeds are from control.
+    pub newest: Mutex<M, RefCell<Newest<N>>>,
     /// From the responder to anyone: a host has spoken since reset.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -84,13 +90,39 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
     /// Empty channels.
     pub const fn new() -> Self {
         Self {
-            readings: Signal::new(),
+            sampled: Signal::new(),
             battery: Signal::new(),
             commands: Channel::new(),
+            urgent: Mutex::new(Cell::new(false)),
             drives: Signal::new(),
             sensed: Signal::new(),
             snapshot: Watch::new(),
+            newest: Mutex::new(RefCell::new(Newest::new())),
             host_spoke: Mutex::new(Cell::new(false)),
+        }
+    }
+}
+
+impl<M: RawMutex, const N: usize> Wires<M, N> {
+    /// Tells a motor what to do: within a millisecond what can be done at once, at the next tick what is regulated.
+    ///
+    /// # Errors
+    /// The command, if 16 wait already.
+    pub fn try_send(&self, command: Command) -> Result<(), TrySendError<Command>> {
+        self.commands.try_send(command)?;
+        self.hurry(command);
+        Ok(())
+    }
+
+    /// The same, waiting while there is no room.
+    pub async fn send(&self, command: Command) {
+        self.commands.send(command).await;
+        self.hurry(command);
+    }
+
+    fn hurry(&self, command: Command) {
+        if command.action.is_direct() {
+            self.urgent.lock(|urgent| urgent.set(true));
         }
     }
 }

@@ -1,10 +1,12 @@
-//! The hub's end of the host's protocol: bytes to packets, packets to commands and replies, and the clock for the keep-alive
-//! timer and the status LED.
+//! The hub's end of the host's protocol: bytes to packets, packets to commands and replies, digital pins, and the clock for
+//! the keep-alive timer and the status LED.
 
 use super::{Wires, micros};
+use crate::board::DigitalPins;
 use crate::hub::Snapshot;
 use crate::protocol::{Colour, Decoder, frame};
 use crate::responder::Responder;
+use crate::responder::pins::DigitalLines;
 use crate::units::Micros;
 use core::future::pending;
 use embassy_futures::select::{Either, Either3, select, select3};
@@ -30,10 +32,11 @@ const RECOVERY: Duration = Duration::from_millis(1);
 /// its reply, time goes on for the motors all the same.
 ///
 /// `rx.read` must lose nothing when it is dropped before it is ready: on a chip, a receiver with a
-/// buffer of its own. `show` is given the colour of the status LED, changed or not.
+/// buffer of its own. `pins` is `()` on a board without. `show` is given the colour of the status LED, changed or not.
 pub async fn run<M: RawMutex, const N: usize>(
     mut rx: impl Read,
     mut tx: impl Write,
+    mut pins: impl DigitalPins,
     responder: &mut Responder<N>,
     wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
@@ -41,12 +44,12 @@ pub async fn run<M: RawMutex, const N: usize>(
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
     loop {
-        let work = attend(responder, wires, &mut show);
+        let work = attend(responder, &mut pins, wires, &mut show);
         let length = match select3(rx.read(&mut chunk), until(decoder.deadline()), work).await {
             Either3::First(Ok(0)) => return,
             Either3::First(Ok(length)) => length,
             Either3::First(Err(_)) => {
-                select(Timer::after(RECOVERY), attend(responder, wires, &mut show)).await;
+                select(Timer::after(RECOVERY), attend(responder, &mut pins, wires, &mut show)).await;
                 0
             }
             Either3::Second(()) => 0,
@@ -54,19 +57,20 @@ pub async fn run<M: RawMutex, const N: usize>(
         let mut input = chunk.get(..length).unwrap_or_default();
         let mut came = now();
         while let Some(packet) = decoder.next(&mut input, came) {
+            exchange(responder, &mut pins);
             let Some(reply) = responder.receive(&packet, now(), &snapshot(wires)) else { continue };
-            settle(responder, wires, &mut show);
+            settle(responder, &mut pins, wires, &mut show);
             let frame = frame::encode(&reply);
             let write = async {
                 // Without a reply the host asks again.
                 let _ = tx.write_all(&frame).await;
                 let _ = tx.flush().await;
             };
-            select(write, attend(responder, wires, &mut show)).await;
+            select(write, attend(responder, &mut pins, wires, &mut show)).await;
             // What is left had to wait for that, and whatever belongs to it still does.
             came = now();
         }
-        settle(responder, wires, &mut show);
+        settle(responder, &mut pins, wires, &mut show);
         // A host that never pauses must not keep other tasks from running.
         yield_now().await;
     }
@@ -76,16 +80,17 @@ pub async fn run<M: RawMutex, const N: usize>(
 /// timer runs, and the LED shows it. Runs for ever; dropping it loses nothing.
 pub async fn attend<M: RawMutex, const N: usize>(
     responder: &mut Responder<N>,
+    mut pins: impl DigitalPins,
     wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) -> ! {
     loop {
-        settle(responder, wires, &mut show);
+        settle(responder, &mut pins, wires, &mut show);
         let refresh = Instant::now() + REFRESH;
         let due = responder.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
         match responder.pending() {
             Some(command) => {
-                if let Either::First(()) = select(wires.commands.send(command), Timer::at(due)).await {
+                if let Either::First(()) = select(wires.send(command), Timer::at(due)).await {
                     responder.told();
                 }
             }
@@ -97,6 +102,7 @@ pub async fn attend<M: RawMutex, const N: usize>(
 /// What can be done without waiting.
 fn settle<M: RawMutex, const N: usize>(
     responder: &mut Responder<N>,
+    pins: &mut impl DigitalPins,
     wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) {
@@ -104,17 +110,34 @@ fn settle<M: RawMutex, const N: usize>(
     responder.tick(now, &snapshot(wires));
     wires.host_spoke.lock(|spoke| spoke.set(responder.host_spoke()));
     while let Some(command) = responder.pending() {
-        if wires.commands.try_send(command).is_err() {
+        if wires.try_send(command).is_err() {
             break;
         }
         responder.told();
     }
+    exchange(responder, pins);
     show(responder.led(now));
 }
 
-/// The latest, or none yet.
+/// Digital pins are told what to do, and tell how they are.
+fn exchange<const N: usize>(responder: &mut Responder<N>, pins: &mut impl DigitalPins) {
+    let DigitalLines { driven, levels } = responder.digital_lines();
+    responder.sense_pins(pins.exchange(driven, levels));
+}
+
+/// The latest, or none yet; where the motors are, and how fast, is newer than the last tick.
 fn snapshot<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> Snapshot<N> {
-    wires.snapshot.try_get().unwrap_or(Snapshot::INITIAL)
+    let mut snapshot = wires.snapshot.try_get().unwrap_or(Snapshot::INITIAL);
+    wires.newest.lock(|newest| {
+        let Ok(newest) = newest.try_borrow() else { return };
+        for (motor, report) in snapshot.motors.iter_mut().enumerate() {
+            if let Some((position, velocity)) = newest.look(motor, snapshot.at) {
+                report.position = position;
+                report.velocity = velocity.unwrap_or(report.velocity);
+            }
+        }
+    });
+    snapshot
 }
 
 fn now() -> Micros {

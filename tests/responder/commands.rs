@@ -3,6 +3,8 @@
 use crate::host::{HUB, N, Said, TestHost, frame_to};
 use motor_hub::protocol::requests::{FIRST_FUNCTION, FUNCTION_COUNT};
 use motor_hub::protocol::setup;
+use motor_hub::responder::pins::DigitalLines;
+use motor_hub::units::{CountsPerSecond, Milliamperes};
 
 /// A command: type, sizes of its fields, a good payload, and bad ones with what they are refused for.
 struct Form {
@@ -31,10 +33,12 @@ const fn read(
 const NO_MOTOR: &[(&[u8], u8)] = &[(&[4], 0), (&[255], 0)];
 const NO_LOOP: &[(&[u8], u8)] = &[(&[4, 1], 0), (&[0, 0], 1), (&[0, 3], 1)];
 
+const VERSION: &str = concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION"));
+
 const F: u16 = FIRST_FUNCTION;
 const OWN: u16 = setup::FIRST_FUNCTION;
 
-/// Motor 0 is in position mode with a target when these are tried.
+/// Motor 0 is in position mode with a target, and digital pin 6 an output, when these are tried.
 const FORMS: &[Form] = &[
     read(0x7F03, &[1], &[0], 2, &[(&[2], 0), (&[255], 0)]),
     write(0x7F04, &[], &[], &[]),
@@ -54,19 +58,14 @@ const FORMS: &[Form] = &[
     write(0x7F0E, &[1, 1], &[6, 3], &[(&[0, 0], 0), (&[13, 0], 0), (&[1, 4], 1)]),
     read(0x7F0F, &[], &[], 1, &[]),
     read(F, &[], &[], 35, &[]),
-    write(F + 1, &[1, 1], &[7, 1], &[(&[8, 1], 0), (&[0, 2], 1)]),
+    write(F + 1, &[1, 1], &[6, 1], &[(&[8, 1], 0), (&[0, 2], 1), (&[7, 1], 17)]),
     write(F + 2, &[1], &[255], &[]),
     write(F + 3, &[1, 1], &[7, 1], &[(&[8, 1], 0), (&[0, 2], 1)]),
     read(F + 4, &[1], &[7], 1, &[(&[8], 0)]),
-    read(F + 5, &[1], &[7], 1, &[(&[8], 0)]),
+    read(F + 5, &[1], &[7], 1, &[(&[8], 0), (&[6], 26)]),
     read(F + 6, &[], &[], 1, &[]),
     read(F + 7, &[1, 1], &[13, 0], 2, &[(&[15, 0], 0), (&[13, 2], 1), (&[255, 255], 0)]),
-    write(
-        F + 8,
-        &[1, 1, 1],
-        &[3, 2, 1],
-        &[(&[4, 0, 0], 0), (&[0, 3, 0], 1), (&[0, 10, 0], 1), (&[0, 1, 2], 2)],
-    ),
+    write(F + 8, &[1, 1, 1], &[3, 2, 1], &[(&[4, 0, 0], 0), (&[0, 3, 0], 1), (&[0, 10, 0], 1)]),
     read(F + 9, &[1], &[0], 2, NO_MOTOR),
     write(F + 10, &[1, 1], &[0, 1], &[(&[4, 1], 0), (&[0, 2], 1)]),
     read(F + 11, &[1], &[0], 1, NO_MOTOR),
@@ -104,7 +103,7 @@ const FORMS: &[Form] = &[
     write(F + 44, &[1], &[1], &[(&[2], 0)]),
     read(F + 45, &[], &[], 1, &[]),
     write(F + 46, &[1, 3], b"\x03abc", &[(&[101], 0), (&[5, 1, 2], 1)]),
-    read(F + 48, &[], &[], 31, &[]),
+    read(F + 48, &[], &[], 1 + VERSION.len(), &[]),
     write(F + 49, &[1], &[1], &[(&[2], 0)]),
     read(F + 50, &[], &[], 1, &[]),
     write(
@@ -141,7 +140,7 @@ const FORMS: &[Form] = &[
 /// A hub whose motors 0 can answer everything.
 fn host() -> TestHost {
     let mut host = TestHost::settled();
-    host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 5, 0]), (8, &[1, 1, 0])]);
+    host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 5, 0]), (8, &[1, 1, 0]), (3, &[6, 1])]);
     host.told();
     host
 }
@@ -242,11 +241,105 @@ fn transfers_on_a_bus_are_refused_when_they_are_asked_for() {
 }
 
 #[test]
-fn quantities_that_are_not_measured_are_refused() {
-    for channel in (0..=14).filter(|channel| *channel != 13) {
-        assert_eq!(host().call(7, &[channel, 0]), Said::Nack(253));
+fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
+    let mut host = host();
+    let current = |ma| Milliamperes::new(ma);
+    for (motor, ma) in [3_000, -2_000, 0, 90_000].into_iter().enumerate() {
+        host.snapshot.motors[motor].current = current(ma);
     }
-    assert_eq!(host().call(7, &[13, 1]), Said::Nack(253), "raw counts");
+    host.snapshot.motors[3].measured = Some(current(1_234));
+    // Inputs and currents that there are none of; the battery's, saturated; motors'; rail, battery, temperature.
+    let expected = [0, 0, 0, 0, 0, 0, 0, i16::MAX, 3_000, 2_000, 0, 1_234, 5_000, 12_345, 250];
+    for (channel, expected) in (0..).zip(expected) {
+        let answers = [(0, expected), (1, expected / 8)];
+        for (raw, expected) in answers {
+            let said = host.call(7, &[channel, raw]);
+            assert_eq!(said, Said::Data(expected.to_le_bytes().to_vec()), "{channel} {raw}");
+        }
+    }
+    // At standstill a winding of 3.3 ohms and a bridge take I²R / V; a short while turning returns nothing, half of one
+    // half of its current.
+    let resistance = 3.3 + 0.002 * f64::from(crate::host::settings().bridge.switch_mohm());
+    let drawn = |host: &mut TestHost, ma: i32, cps: i32| {
+        for motor in &mut host.snapshot.motors {
+            (motor.current, motor.velocity) = (current(0), CountsPerSecond::ZERO);
+        }
+        let motor = &mut host.snapshot.motors[2];
+        (motor.current, motor.velocity) = (current(ma), CountsPerSecond::new(cps));
+        let Said::Data(said) = host.call(7, &[7, 0]) else { panic!() };
+        f64::from(i16::from_le_bytes([said[0], said[1]]))
+    };
+    let at_rest = 1e3 * 4.0 * resistance / 12.345;
+    assert!(
+        (drawn(&mut host, 2_000, 0) - at_rest).abs() < 2.0
+            && (drawn(&mut host, -2_000, 0) - at_rest).abs() < 2.0
+    );
+    // 3.987 mV s/count.
+    let emf = 3.986_8e-3 * 1_500.0;
+    let short = emf / resistance;
+    assert!(drawn(&mut host, (-1e3 * short) as i32, 1_500).abs() < 2.0);
+    let half = -1e3 * 0.5 * short * (emf - 0.5 * short * resistance) / 12.345;
+    assert!((drawn(&mut host, (-500.0 * short) as i32, 1_500) - half).abs() < 2.0);
+}
+
+#[test]
+fn an_input_that_nothing_is_connected_to_is_high() {
+    let mut host = TestHost::settled();
+    let bulk = |host: &mut TestHost| match host.call(0, &[]) {
+        Said::Data(bulk) => bulk[0],
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(host.call(6, &[]), Said::Data(vec![0xFF]));
+    assert_eq!(bulk(&mut host), 0xFF);
+    // A touch sensor on pin 2 is pressed; pin 7 is an output.
+    host.responder.sense_pins(0b1111_1011);
+    host.do_all(&[(3, &[7, 1])]);
+    for pin in 0..7 {
+        assert_eq!(host.call(5, &[pin]), Said::Data(vec![u8::from(pin != 2)]), "{pin}");
+    }
+    assert_eq!(host.call(6, &[]), Said::Data(vec![0b0111_1011]));
+    assert_eq!(bulk(&mut host), 0b0111_1011);
+}
+
+#[test]
+fn pins_are_refused_by_their_direction() {
+    let mut host = TestHost::settled();
+    let lines = |host: &TestHost| host.responder.digital_lines();
+    assert_eq!(host.call(2, &[0xFF]), Said::Nack(18), "no output");
+    for pin in 0..8 {
+        assert_eq!(host.call(1, &[pin, 1]), Said::Nack(10 + pin));
+    }
+    assert_eq!(lines(&host), DigitalLines::default());
+    for pin in 0..8 {
+        host.do_all(&[(3, &[pin, 1]), (1, &[pin, 1])]);
+        assert_eq!(host.call(5, &[pin]), Said::Nack(20 + pin));
+        assert_eq!(host.call(6, &[]), if pin < 7 { Said::Data(vec![0xFE << pin]) } else { Said::Nack(28) });
+    }
+    host.do_all(&[(2, &[0b1010_0101])]);
+    assert_eq!(lines(&host), DigitalLines { driven: 0xFF, levels: 0b1010_0101 });
+    // As an input it is let go of, and the next time it is an output it is low.
+    host.do_all(&[(3, &[0, 0]), (2, &[0xFF]), (3, &[0, 1])]);
+    assert_eq!(lines(&host), DigitalLines { driven: 0xFF, levels: 0xFE });
+}
+
+#[test]
+fn fail_safe_lets_go_of_outputs_until_they_are_set_again() {
+    let mut host = TestHost::settled();
+    host.do_all(&[(3, &[0, 1]), (3, &[1, 1]), (1, &[1, 1])]);
+    host.ask(0x7F05, &[]);
+    assert_eq!(host.responder.digital_lines().driven, 0);
+    assert_eq!([host.call(4, &[1]), host.call(4, &[2])], [Said::Data(vec![1]), Said::Data(vec![0])]);
+    host.do_all(&[(1, &[0, 1])]);
+    assert_eq!(host.responder.digital_lines(), DigitalLines { driven: 1, levels: 3 });
+}
+
+#[test]
+fn any_word_but_0_lets_a_motor_float_at_zero() {
+    let mut host = host();
+    for (word, floats) in [(0, 0), (1, 1), (2, 1), (255, 1)] {
+        host.do_all(&[(8, &[1, 0, word])]);
+        assert_eq!(host.call(9, &[1]), Said::Data(vec![0, floats]), "{word}");
+    }
 }
 
 #[test]
@@ -350,7 +443,9 @@ fn outputs_that_the_hub_does_not_have_read_back_as_they_were_set() {
 fn the_version_is_in_the_form_that_hosts_parse() {
     let mut host = TestHost::settled();
     let Said::Data(text) = host.call(48, &[]) else { panic!() };
-    assert_eq!(text[1..], *b"HW: 20, Maj: 1, Min: 8, Eng: 2");
+    // Hosts have room for 39 bytes; what follows the numbers is this firmware's own.
+    assert!(text[1..].starts_with(b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh0.") && text.len() <= 40);
+    assert_eq!(text[1..], *VERSION.as_bytes());
     assert_eq!(usize::from(text[0]), text.len() - 1);
     assert_eq!(host.call(57, &[]), Said::Data(vec![2, 8, 1, 0, 2, 0x53, 0x11, 0x31, 0]));
 }

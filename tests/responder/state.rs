@@ -382,7 +382,7 @@ fn a_motor_that_is_to_brake_at_a_fault_is_left_to_that_when_its_host_falls_silen
 }
 
 #[test]
-fn a_current_that_is_measured_is_told_and_one_that_is_not_is_refused() {
+fn a_current_above_its_alert_is_told_measured_or_modelled() {
     let mut host = TestHost::settled();
     let adc = motor_hub::protocol::requests::FIRST_FUNCTION + 7;
     let over = |host: &mut TestHost| match host.call(0, &[]) {
@@ -397,11 +397,13 @@ fn a_current_that_is_measured_is_told_and_one_that_is_not_is_refused() {
         assert_eq!(over(&mut host), alerts, "{ma} mA");
         assert_eq!(host.ask(adc, &[9, 0]), Said::Data((ma as u16).to_le_bytes().to_vec()));
     }
-    // Currents saturate; of the others, and raw, there is nothing to tell.
+    // Currents saturate.
     host.snapshot.motors[1].measured = Some(Milliamperes::new(40_000));
     assert_eq!(host.ask(adc, &[9, 0]), Said::Data(vec![0xFF, 0x7F]));
-    for payload in [[8, 0], [11, 0], [12, 0], [7, 0], [9, 1]] {
-        assert_eq!(host.ask(adc, &payload), Said::Nack(253), "{payload:?}");
+    host.snapshot.motors[1].measured = None;
+    for (ma, alerts) in [(-2_000, 0), (-2_001, 2)] {
+        host.snapshot.motors[1].current = Milliamperes::new(ma);
+        assert_eq!(over(&mut host), alerts, "{ma} mA, by the model");
     }
 }
 

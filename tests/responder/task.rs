@@ -5,6 +5,7 @@ use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::pipe::Pipe;
 use embassy_time::{Duration, Instant, MockDriver};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
+use motor_hub::board::DigitalPins;
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
@@ -47,6 +48,17 @@ impl Write for &Line {
     }
 }
 
+/// Pins 0 and 1, of which 1 is wired to 0.
+#[derive(Default)]
+struct Pins(Cell<(u8, u8)>);
+
+impl DigitalPins for &Pins {
+    fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
+        self.0.set((driven, levels));
+        if driven & 1 != 0 && levels & 1 == 0 { !3 } else { u8::MAX }
+    }
+}
+
 /// Errors first, then what is in the pipe, then the end.
 struct Rough<'a> {
     errors: u32,
@@ -72,6 +84,7 @@ struct World {
     line: Line,
     wires: Wires<NoopRawMutex, N>,
     shown: Cell<Colour>,
+    pins: Pins,
     _clock: MutexGuard<'static, ()>,
 }
 
@@ -84,13 +97,22 @@ impl World {
             .snapshot
             .sender()
             .send(Snapshot { battery: Some(Millivolts::new(12_000)), ..Snapshot::INITIAL });
-        Self { to_hub: Pipe::new(), line: Line::default(), wires, shown: Cell::default(), _clock: clock }
+        Self {
+            to_hub: Pipe::new(),
+            line: Line::default(),
+            wires,
+            shown: Cell::default(),
+            pins: Pins::default(),
+            _clock: clock,
+        }
     }
 
     async fn task(&self) {
         let mut responder = Responder::new(Address::new(HUB).expect("an address"), [settings(); N]);
-        tasks::responder::run(&self.to_hub, &self.line, &mut responder, &self.wires, |c| self.shown.set(c))
-            .await;
+        tasks::responder::run(&self.to_hub, &self.line, &self.pins, &mut responder, &self.wires, |c| {
+            self.shown.set(c)
+        })
+        .await;
     }
 
     fn send(&self, mut bytes: &[u8]) {
@@ -321,12 +343,29 @@ fn the_led_follows() {
 }
 
 #[test]
+fn digital_pins_are_set_before_that_is_acknowledged_and_read_when_it_is_asked() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    // Pin 0 becomes an output, low, and pin 1 is read in the same breath; then high.
+    for (level, function) in [(0, 3), (1, 1)] {
+        world.call(function, &[0, 1]);
+        world.call(5, &[1]);
+        run_ms(&mut task, 1);
+        assert_eq!(world.pins.0.get(), (1, level));
+        assert_eq!(world.replies(), [(0x7F01, 1), (0x9005, level)]);
+    }
+    // A host that has fallen silent drives nothing.
+    run_ms(&mut task, 2_600);
+    assert_eq!(world.pins.0.get().0, 0);
+}
+
+#[test]
 fn line_errors_are_survived_and_the_end_of_the_line_ends_the_task() {
     let world = World::new();
     world.send(&frame_to(HUB, 1, 0x7F04, &[]));
     let rough = Rough { errors: 5, pipe: &world.to_hub };
     let mut responder = Responder::new(Address::new(HUB).expect("an address"), [settings(); N]);
-    let mut task = pin!(tasks::responder::run(rough, &world.line, &mut responder, &world.wires, |_| ()));
+    let mut task = pin!(tasks::responder::run(rough, &world.line, (), &mut responder, &world.wires, |_| ()));
     run_ms(&mut task, 4);
     MockDriver::get().advance(Duration::from_millis(1));
     assert!(poll(&mut task));
@@ -341,12 +380,13 @@ fn between_connections_the_timer_runs_on() {
     world.call(10, &[0, 1]);
     let connection = Rough { errors: 0, pipe: &world.to_hub };
     {
-        let session = tasks::responder::run(connection, &world.line, &mut responder, &world.wires, |_| ());
+        let session =
+            tasks::responder::run(connection, &world.line, (), &mut responder, &world.wires, |_| ());
         assert!(poll(&mut pin!(session)));
     }
     assert_eq!(world.told().len(), 1);
     let mut task = pin!(async {
-        tasks::responder::attend(&mut responder, &world.wires, |_| ()).await;
+        tasks::responder::attend(&mut responder, (), &world.wires, |_| ()).await;
     });
     run_ms(&mut task, 2500);
     assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));

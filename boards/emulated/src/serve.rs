@@ -35,12 +35,12 @@ const PAUSE: Duration = Duration::from_micros(100);
 /// More than the longest reply.
 const LONGEST: usize = 128;
 
-/// The default scenario with the motors that the image is set up for.
+/// The scenario that is served by default, with the motors that the image is set up for.
 ///
 /// # Errors
 /// None, as a test makes sure.
 pub fn scenario() -> Result<Scenario, ScenarioError> {
-    let mut scenario = Scenario::default_one()?;
+    let mut scenario = Scenario::to_serve()?;
     if let Ok(motor) = characterised("AM 60 A") {
         let motor = motor.with_measured_rotor_inertia();
         scenario.motors.iter_mut().for_each(|plan| *plan = plan.with_constants(motor));
@@ -57,7 +57,7 @@ pub fn run(
     scenario: &Scenario,
     mut line: Line,
     show: &mut dyn FnMut(Moment<'_>) -> bool,
-) -> Result<Duration, ReplayError> {
+) -> Result<(), ReplayError> {
     let mut bench = Bench::new(stand(scenario));
     let mut chunk = [0; 512];
     let mut reply: Vec<u8> = Vec::new();
@@ -66,7 +66,7 @@ pub fn run(
     // anybody waits for an answer.
     bench.send(&Talk::new(OTHER).packet(Standard::KeepAlive.number(), &[]));
     bench.run(BOOT);
-    let lost = pace(|step| {
+    pace(|step, lost| {
         let at_s = step as f64 * STEP.as_secs_f64();
         let length = line.receive(&mut chunk);
         if let Some(bytes @ [_, ..]) = chunk.get(..length) {
@@ -92,8 +92,8 @@ pub fn run(
                 .collect();
             line_on(bench.battery().0, motors.into_iter())
         };
-        Ok(show(Moment { at_s, awake: true, describe }))
+        Ok(show(Moment { at_s, awake: true, lost, turned_away: line.turned_away(), describe }))
     })?;
     let gaps = bench.gaps();
-    if gaps.is_empty() { Ok(lost) } else { Err(ReplayError::Gaps(gaps)) }
+    if gaps.is_empty() { Ok(()) } else { Err(ReplayError::Gaps(gaps)) }
 }

@@ -46,6 +46,10 @@ pub(crate) const EGR: u64 = 0x14;
 /// Button B1: PC13.
 pub(crate) const BUTTON: (usize, u8) = (2, 13);
 
+/// Port F, as place; digital pins 0 and 1: PF14, PF15.
+pub(crate) const DIGITAL_PORT: usize = 5;
+pub(crate) const DIGITAL_PINS: [u8; 2] = [14, 15];
+
 /// USART3, in the emulator's list.
 pub(crate) const HOST_LINK: usize = 2;
 

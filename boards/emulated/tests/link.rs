@@ -84,6 +84,40 @@ fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
     bench.assert_sound();
 }
 
+/// A bulk read's 46 bytes at 460 800 baud, and up to a millisecond until the bench looks for them.
+const REPLY_S: f64 = 0.002;
+
+#[test]
+fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
+    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
+    let mut slowest = Duration::ZERO;
+    talk.power(&mut bench, 0, 8_000);
+    // At every phase of the control tick: more power, the brake, the other way, off, on.
+    let words: [(u16, &[u8]); 5] = [
+        (0x100F, &[0, 0, 0x40]),
+        (0x100F, &[0, 0, 0]),
+        (0x100F, &[0, 0, 0xC0]),
+        (0x100A, &[0, 0]),
+        (0x100A, &[0, 1]),
+    ];
+    for round in 0..60_u64 {
+        let (id, payload) = words[round as usize % words.len()];
+        bench.run(Duration::from_micros(20_000 + round * 7_919 % 50_000));
+        let packet = talk.packet(id, payload);
+        let before = bench.transitions().len();
+        // Ten bits a byte at 460 800 baud.
+        let last = bench.now() + Duration::from_nanos(21_701) * packet.len() as u32;
+        bench.send(&packet);
+        bench.run(ms(10));
+        let changed = bench.transitions()[before..].iter().find(|t| t.motor == 0).map(|t| t.at - last);
+        slowest = slowest.max(changed.expect("within 10 ms"));
+        talk.arrivals(&mut bench);
+    }
+    println!("slowest of 60: the bridge is switched {slowest:?} after the last byte");
+    assert!(slowest <= ms(2), "{slowest:?}");
+    bench.assert_sound();
+}
+
 #[test]
 fn the_host_reads_what_the_physics_does() {
     let (mut bench, mut talk) = (booted(four_loads()), Talk::default());
@@ -94,8 +128,8 @@ fn the_host_reads_what_the_physics_does() {
     let Bulk { encoders, velocities, .. } = talk.bulk(&mut bench);
     for motor in 0..4 {
         let look = bench.look(motor);
-        // A count is at most one tick and the reply's time old.
-        let late = (look.counts_per_second * 0.053).abs() as i64 + 1;
+        // A count is at most two milliseconds old when it is read, and then the reply takes its time.
+        let late = (look.counts_per_second * (0.002 + REPLY_S)).abs() as i64 + 1;
         assert!((look.counts - i64::from(encoders[motor])).abs() <= late, "{look:?}, {encoders:?}");
         let error = (look.counts_per_second - f64::from(velocities[motor])).abs();
         assert!(error <= 0.03 * look.counts_per_second.abs() + 5.0, "{look:?}, {velocities:?}");
@@ -301,8 +335,33 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
         1e3 * soonest.as_secs_f64(),
         1e3 * latest.as_secs_f64()
     );
-    // Until the next control tick, and until that has reached the pins.
-    assert!(soonest >= ms(2500) && latest <= ms(2551), "{soonest:?} to {latest:?}");
+    // Until that has reached the pins.
+    assert!(soonest >= ms(2500) && latest <= ms(2502), "{soonest:?} to {latest:?}");
+    bench.assert_sound();
+}
+
+#[test]
+fn digital_pins_are_read_and_driven() {
+    let (mut bench, mut talk) = (booted(vec![am60()]), Talk::default());
+    // Nothing is connected.
+    assert_eq!(talk.bulk(&mut bench).digital, 0xFF);
+    for (pin, bit) in [(0, 1), (1, 2)] {
+        bench.connect_pin(pin, Some(false));
+        assert_eq!(talk.bulk(&mut bench).digital, !bit);
+        bench.connect_pin(pin, None);
+    }
+    let ack = |reply| assert!(matches!(reply, Reply::Ack { .. }), "{reply:?}");
+    ack(talk.ask(&mut bench, 0x1003, &[1, 1]));
+    assert_eq!((bench.pin_level(0), bench.pin_level(1)), (true, false), "an output is low");
+    ack(talk.ask(&mut bench, 0x1001, &[1, 1]));
+    assert!(bench.pin_level(1));
+    assert_eq!(talk.ask(&mut bench, 0x1001, &[0, 1]), Reply::Nack(Nack(10)));
+    assert_eq!(talk.ask(&mut bench, 0x1005, &[1]), Reply::Nack(Nack(21)));
+    ack(talk.ask(&mut bench, 0x1001, &[1, 0]));
+    assert!(!bench.pin_level(1));
+    // Silence lets go of it.
+    bench.run(ms(2_700));
+    assert!(bench.pin_level(1));
     bench.assert_sound();
 }
 

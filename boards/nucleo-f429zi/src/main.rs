@@ -12,7 +12,7 @@ use adc::BatteryAdc;
 use defmt::{info, unwrap, warn};
 use defmt_rtt as _;
 use embassy_executor::Spawner;
-use embassy_stm32::gpio::{AnyPin, Input, Level, Output, Pull, Speed};
+use embassy_stm32::gpio::{AnyPin, Flex, Input, Level, Output, Pull, Speed};
 use embassy_stm32::peripherals::{IWDG, TIM1, TIM2, TIM3, TIM4, TIM8, USART3};
 use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx, BufferedUartTx};
 use embassy_stm32::{Peri, bind_interrupts, interrupt, pac, rcc};
@@ -29,6 +29,7 @@ use motor_hub::units::Period;
 use motor_hub_stm32::diag::DiagLines;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
 use motor_hub_stm32::lamp::Lamp;
+use motor_hub_stm32::pins::DigitalLines;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::watchdog::IndependentWatchdog;
 use motor_hub_stm32::{demo, faults, serial, status};
@@ -36,6 +37,9 @@ use static_cell::StaticCell;
 
 /// Motors on this board.
 const MOTORS: usize = 4;
+
+/// Digital pins for a host.
+const PINS: usize = 2;
 
 /// Divider from the battery to PA3: 24 V, the highest that the bridges take, makes 2.61 V, and 30.3 V the full 3.3 V.
 const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
@@ -136,7 +140,8 @@ async fn main(spawner: Spawner) {
     let buffers = BUFFERS.init(serial::Buffers::new());
     let (tx, rx) = unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, buffers));
     let lamp = Lamp { red: low(p.PB14.into()), green: low(p.PB0.into()), blue: low(p.PB7.into()) };
-    spawner.spawn(unwrap!(responder(rx, tx, lamp, settings)));
+    let pins = DigitalLines::new([Flex::new(p.PF14), Flex::new(p.PF15)]);
+    spawner.spawn(unwrap!(responder(rx, tx, pins, lamp, settings)));
     spawner.spawn(unwrap!(button(Input::new(p.PC13, Pull::None))));
 }
 
@@ -182,6 +187,7 @@ async fn report() -> ! {
 async fn responder(
     rx: BufferedUartRx<'static>,
     tx: BufferedUartTx<'static>,
+    pins: DigitalLines<PINS>,
     mut lamp: Lamp,
     settings: Settings,
 ) {
@@ -191,7 +197,7 @@ async fn responder(
         lamp.show(colour);
         HEALTH.check_in(Task::Responder);
     };
-    tasks::responder::run(rx, tx, &mut responder, &WIRES, show).await;
+    tasks::responder::run(rx, tx, pins, &mut responder, &WIRES, show).await;
 }
 
 #[embassy_executor::task]

@@ -18,7 +18,7 @@ use crate::world::View;
 use embassy_futures::block_on;
 use motor_hub::board::{BridgeFaults, Bridges, Encoders, SupplyAdc};
 use motor_hub::bridge::{Drive, Sensed};
-use motor_hub::hub::{Hub, Inputs, Snapshot};
+use motor_hub::hub::{Command, Hub, Inputs, Snapshot};
 use motor_hub::model::si::Seconds;
 use motor_hub::motion::Tracker;
 use motor_hub::supply::Supply;
@@ -54,6 +54,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
     let mut hub = Hub::new(sim::all_settings(&scenario.motors, scenario.period)?, scenario.period);
     let mut supply = Supply::new(scenario.limits);
     let mut commands = scenario.commands().into_iter().peekable();
+    let mut waiting = Vec::new();
     let mut trackers = [Tracker::default(); MOTORS];
     let mut look_ms = 0;
     let (mut battery, mut snapshot) = (None, Snapshot::INITIAL);
@@ -65,6 +66,14 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             *reading = count.map(|count| tracker.step(count, now));
         }
         hub.sample(&readings);
+        // What was said a millisecond ago, and can be done at once, is.
+        if waiting.iter().any(|command: &Command| command.action.is_direct()) {
+            obey(&mut hub, &mut waiting);
+            if let Some(changed) = hub.act(now, battery) {
+                drives = changed;
+                board.apply(&drives);
+            }
+        }
         if ms.is_multiple_of(SENSE_INTERVAL.as_millis()) {
             hub.sense(&board.faults().map(|fault| Sensed { current: None, fault }));
         }
@@ -79,11 +88,11 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             let quiet = supply.quiet().is_some() && !alarm;
             look_ms = ms + if quiet { SUPPLY_INTERVAL } else { WATCH_INTERVAL }.as_millis();
         }
+        while let Some(due) = commands.next_if(|command| (command.at_s / STEP_S).round() as u64 <= ms) {
+            waiting.push(due.value);
+        }
         if ms > 0 && ms % u64::from(scenario.period.as_millis()) == 0 {
-            while let Some(due) = commands.next_if(|command| (command.at_s / STEP_S).round() as u64 <= ms) {
-                // Scenarios know their motors.
-                let _ = hub.apply(due.value);
-            }
+            obey(&mut hub, &mut waiting);
             snapshot = hub.step(Inputs { now, readings, battery });
             drives = snapshot.drives();
             board.apply(&drives);
@@ -96,4 +105,11 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         board.run(Seconds(STEP_S), &sim::torques(scenario, now_s));
     }
     Ok(())
+}
+
+fn obey(hub: &mut Hub<MOTORS>, waiting: &mut Vec<Command>) {
+    for command in waiting.drain(..) {
+        // Scenarios know their motors.
+        let _ = hub.apply(command);
+    }
 }

@@ -18,10 +18,16 @@ mod file;
 mod mistake;
 mod substitute;
 
+use motor_hub::braking::Scheme;
+use motor_hub::model::friction::Friction;
+use motor_hub::model::si::{NewtonMetres, Volts};
 use std::path::Path;
 
 pub use definition::{Bus, Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion, UNLIMITED};
 pub use mistake::{Mistake, ScenarioError};
+
+/// Dry friction of motors that are served, of their stall torque at 12 V.
+const SERVED_FRICTION: f64 = 0.06;
 
 /// What runs when no file is named.
 const DEFAULT: (&str, &str) = ("scenarios/default.toml", include_str!("../scenarios/default.toml"));
@@ -32,7 +38,7 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError::Wrong`]; shown, it is one line.
     pub fn parse(file: &str, text: &str) -> Result<Self, ScenarioError> {
-        file::read(text).map_err(|fault| fault.in_file(file, text))
+        file::read(text, true).map_err(|fault| fault.in_file(file, text))
     }
 
     /// Reads a scenario file.
@@ -40,12 +46,33 @@ impl Scenario {
     /// # Errors
     /// As [`Scenario::parse`], or why the file cannot be read.
     pub fn load(path: &Path) -> Result<Self, ScenarioError> {
-        let file = path.display().to_string();
-        let text = match std::fs::read_to_string(path) {
-            Ok(text) => text,
-            Err(source) => return Err(ScenarioError::Unreadable { file, source }),
-        };
+        let (file, text) = text_of(path)?;
         Self::parse(&file, &text)
+    }
+
+    /// Reads a scenario file whose set-points are left to somebody else: there need not be any.
+    ///
+    /// # Errors
+    /// As [`Scenario::load`].
+    pub fn load_for_a_host(path: &Path) -> Result<Self, ScenarioError> {
+        let (file, text) = text_of(path)?;
+        file::read(&text, false).map_err(|fault| fault.in_file(&file, &text))
+    }
+
+    /// What is served when no file is named: the motors and loads of the scenario that the program carries, for a host to
+    /// do something with. Nothing pulls on them, all are under Scheme A, and dry friction stops them about as soon as
+    /// real gear motors.
+    ///
+    /// # Errors
+    /// None, as a test makes sure.
+    pub fn to_serve() -> Result<Self, ScenarioError> {
+        let mut scenario = Self::default_one()?.undisturbed();
+        for motor in &mut scenario.motors {
+            motor.scheme = Scheme::A;
+            let stall = motor.constants.stall_torque(Volts(12.0));
+            motor.constants.friction = Friction::with_coulomb(NewtonMetres(SERVED_FRICTION * stall.0));
+        }
+        Ok(scenario)
     }
 
     /// The scenario that the program carries.
@@ -55,5 +82,14 @@ impl Scenario {
     pub fn default_one() -> Result<Self, ScenarioError> {
         let (file, text) = DEFAULT;
         Self::parse(file, text)
+    }
+}
+
+/// What errors call a file, and what is in it.
+fn text_of(path: &Path) -> Result<(String, String), ScenarioError> {
+    let file = path.display().to_string();
+    match std::fs::read_to_string(path) {
+        Ok(text) => Ok((file, text)),
+        Err(source) => Err(ScenarioError::Unreadable { file, source }),
     }
 }

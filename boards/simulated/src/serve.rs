@@ -18,6 +18,7 @@
 mod line;
 #[cfg(unix)]
 mod pty;
+mod tcp;
 
 pub use line::{Line, LineError};
 
@@ -43,16 +44,16 @@ const STEP: Duration = Duration::from_millis(1);
 /// Further behind than this, the hub lets real time go: it would catch up in a burst otherwise.
 const LATE: Duration = Duration::from_millis(100);
 
-/// Calls `step` with its number, from 0, once a millisecond of real time, until it returns false. The
-/// result is the time that was lost because steps took longer.
+/// Calls `step` with its number, from 0, and the time that was lost so far because steps took longer, once a millisecond of
+/// real time, until it returns false.
 ///
 /// # Errors
 /// Those of `step`.
-pub fn pace<E>(mut step: impl FnMut(u64) -> Result<bool, E>) -> Result<Duration, E> {
+pub fn pace<E>(mut step: impl FnMut(u64, Duration) -> Result<bool, E>) -> Result<(), E> {
     let mut due = Instant::now();
     let mut lost = Duration::ZERO;
     for number in 0.. {
-        if !step(number)? {
+        if !step(number, lost)? {
             break;
         }
         due += STEP;
@@ -64,7 +65,7 @@ pub fn pace<E>(mut step: impl FnMut(u64) -> Result<bool, E>) -> Result<Duration,
             due = now;
         }
     }
-    Ok(lost)
+    Ok(())
 }
 
 /// A hub that is served, a millisecond later.
@@ -73,6 +74,10 @@ pub struct Moment<'a> {
     pub at_s: f64,
     /// Motors can be enabled.
     pub awake: bool,
+    /// Real time that was lost so far because this machine was too slow.
+    pub lost: Duration,
+    /// Hosts that found another one on the line, and were hung up on.
+    pub turned_away: u32,
     /// One line on what the hub does.
     pub describe: &'a mut dyn FnMut() -> String,
 }
@@ -87,8 +92,7 @@ pub fn line_on(battery_v: f64, motors: impl Iterator<Item = (f64, Drive)>) -> St
 
 /// Serves the hub of a scenario with its motors, loads and battery. Its set-points are left to the host.
 ///
-/// `show` is called every millisecond; false ends it. The result is the time that
-/// was lost because this machine was too slow.
+/// `show` is called every millisecond; false ends it.
 ///
 /// # Errors
 /// If a motor's constants do not fit the firmware, or if the hub's watchdog was not fed.
@@ -97,7 +101,7 @@ pub fn run(
     address: Address,
     line: Line,
     show: &mut dyn FnMut(Moment<'_>) -> bool,
-) -> Result<Duration, RunError> {
+) -> Result<(), RunError> {
     MockDriver::get().reset();
     let (board, wires) = (sim::board(scenario), Wires::new());
     let health = Health::new().expecting(Task::Responder);
@@ -113,13 +117,13 @@ pub fn run(
             health.check_in(Task::Responder);
         };
         let mut hub = Responder::new(address, settings);
-        responder::run(End(&line), End(&line), &mut hub, &wires, show).await;
+        responder::run(End(&line), End(&line), board.clone(), &mut hub, &wires, show).await;
     };
     let mut everything = pin!(join(tasks, serve));
 
     let executor = Executor::new();
     let mut snapshot = Snapshot::INITIAL;
-    pace(|step| {
+    pace(|step, lost| {
         let at_s = step as f64 * sim::STEP_S;
         // Bytes may have come, of which no waker tells.
         executor.wake();
@@ -135,7 +139,8 @@ pub fn run(
             let Colour { red, green, blue } = led.get();
             format!("LED #{red:02x}{green:02x}{blue:02x}, {}", line_on(battery_v, motors))
         };
-        Ok(show(Moment { at_s, awake: snapshot.battery.is_some(), describe }))
+        let (awake, turned_away) = (snapshot.battery.is_some(), line.borrow().turned_away());
+        Ok(show(Moment { at_s, awake, lost, turned_away, describe }))
     })
 }
 

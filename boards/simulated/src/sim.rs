@@ -213,7 +213,7 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
 async fn operate(scenario: &Scenario, wires: &Wires) {
     for Timed { at_s, value: command } in scenario.commands() {
         Timer::at(Instant::from_micros((at_s * 1e6).round() as u64)).await;
-        wires.commands.send(command).await;
+        wires.send(command).await;
     }
 }
 

@@ -20,7 +20,7 @@
 use crate::encoder::{Counter, Encoder};
 use crate::hardware::{BRIDGE, MOTORS};
 use embassy_time::Timer;
-use motor_hub::board::{BridgeFaults, Bridges, Encoders, SupplyAdc, Watchdog};
+use motor_hub::board::{BridgeFaults, Bridges, DigitalPins, Encoders, SupplyAdc, Watchdog};
 use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::bus::{Bus, Shutdown};
@@ -61,6 +61,8 @@ pub struct World {
     counters: Vec<Counter>,
     /// Bridges that have switched themselves off, until their lines go low.
     faults: [bool; MOTORS],
+    /// Levels that something outside gives to digital pins: bit i is pin i, and pulled up where nothing does.
+    outside: u8,
     noise: fastrand::Rng,
     unfed_s: f64,
     starved: bool,
@@ -102,6 +104,7 @@ impl Board {
             bridges,
             counters,
             faults: [false; MOTORS],
+            outside: u8::MAX,
             noise: fastrand::Rng::with_seed(seed),
             unfed_s: 0.0,
             starved: false,
@@ -131,6 +134,13 @@ impl Board {
         if let Some(counter) = self.0.borrow_mut().counters.get_mut(motor) {
             counter.connect(encoder);
         }
+    }
+
+    /// Presses or releases something that connects a digital pin to ground, 0 to 7.
+    pub fn press(&self, pin: u8, pressed: bool) {
+        let bit = 1u8.checked_shl(pin.into()).unwrap_or(0);
+        let outside = &mut self.0.borrow_mut().outside;
+        *outside = if pressed { *outside & !bit } else { *outside | bit };
     }
 
     /// Lets time pass under external torques in newton metres, one for each motor.
@@ -241,6 +251,13 @@ fn takes_for_a_short_circuit(bridge: &BridgeConstants, duty: Duty) -> bool {
     // A duty has 15 bits.
     let rounding_ns = 1e9 / 32_768.0 / f64::from(bridge.pwm_hz());
     low_ns > 0.0 && low_ns + rounding_ns < f64::from(bridge.timing().least_off_ns)
+}
+
+/// All eight.
+impl DigitalPins for Board {
+    fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
+        self.0.borrow().outside & !driven | levels & driven
+    }
 }
 
 impl Watchdog for Board {

@@ -28,7 +28,7 @@ pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wir
         if wanted != current {
             current = wanted;
             for motor in 0..N {
-                wires.commands.send(Command { motor, action: Action::Set(wanted) }).await;
+                wires.send(Command { motor, action: Action::Set(wanted) }).await;
             }
         }
     }

@@ -8,6 +8,7 @@
 //! | [`diag`] | what bridges say of themselves |
 //! | [`encoders`] | quadrature counters, a timer each |
 //! | [`serial`] | the host link: a buffered USART |
+//! | [`pins`] | digital pins for a host |
 //! | [`lamp`] | the host's status LEDs: red, green, blue |
 //! | [`watchdog`] | the independent watchdog |
 //! | [`faults`] | panic and faults: bridges open first |
@@ -20,6 +21,7 @@ pub mod diag;
 pub mod encoders;
 pub mod faults;
 pub mod lamp;
+pub mod pins;
 pub mod serial;
 pub mod status;
 pub mod vnh5019;

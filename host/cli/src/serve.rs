@@ -1,23 +1,33 @@
 //! `motor-hub serve`: the simulated board, or the flashed image on the emulated chip.
 
+#[cfg(unix)]
+mod link;
+mod notices;
+
 use crate::output::{Failure, print};
 use crate::parse::{address, seconds};
 use emulated::elf;
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
+use notices::Notices;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag::register;
 use simulated::scenario::{Scenario, ScenarioError};
 use simulated::serve::{self, Line, LineError, Moment};
 use std::path::PathBuf;
-use std::time::Duration;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Text of the long help.
 pub(crate) const HELP: &str = "\
 A simulated hub in real time behind the REV Hub Serial Protocol, for host software to talk to
 
 The first line on standard output is what hosts open: the path of a serial port, or an address and port.
-The motors, their loads and the battery are those of a scenario; its set-points are left to the host. Nothing
-pulls on the default scenario's motors; the torques of a scenario that is named act from the start.
-It runs until it is stopped (Ctrl-C).";
+The motors, their loads and the battery are those of a scenario; its set-points are left to the host, and there need
+not be any. Nothing pulls on the default scenario's motors, all of them are under Scheme A, and dry friction of 6 % of
+the stall torque stops them; the torques of a scenario that is named act from the start.
+One host at a time: a second one on a TCP port is hung up on, and standard error says so. It also says so whenever this
+machine is too slow for real time. It runs until it is stopped (Ctrl-C).";
 
 /// A hub is up after so many seconds, whatever its battery does.
 const AWAKE_S: f64 = 0.5;
@@ -42,7 +52,7 @@ impl Options {
             elf::check_named().map_err(Failure::input)?;
             return self.serving.execute(emulated::serve::scenario, emulated::serve::run);
         }
-        self.serving.execute(Scenario::default_one, |scenario, line, show| {
+        self.serving.execute(Scenario::to_serve, |scenario, line, show| {
             serve::run(scenario, self.address, line, show)
         })
     }
@@ -53,6 +63,10 @@ impl Options {
 struct Serving {
     #[command(flatten)]
     place: Place,
+    /// A symbolic link to the serial port, so that it has the same name every time; removed in the end
+    #[cfg(unix)]
+    #[arg(long, value_name = "PATH", conflicts_with = "tcp")]
+    link: Option<PathBuf>,
     /// Scenario file (TOML) instead of the default scenario
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
@@ -73,17 +87,15 @@ struct Place {
 }
 
 impl Serving {
-    /// Says where the hub is as soon as it is awake, and serves it. `run` gives back the time that was
-    /// lost because this machine was too slow.
+    /// Says where the hub is as soon as it is awake, and serves it.
     fn execute<E: std::error::Error>(
         self,
         default: impl FnOnce() -> Result<Scenario, ScenarioError>,
-        run: impl FnOnce(&Scenario, Line, &mut dyn FnMut(Moment<'_>) -> bool) -> Result<Duration, E>,
+        run: impl FnOnce(&Scenario, Line, &mut dyn FnMut(Moment<'_>) -> bool) -> Result<(), E>,
     ) -> Result<(), Failure> {
         let scenario = match &self.scenario {
-            Some(file) => Scenario::load(file),
-            // Its torques belong to its set-points.
-            None => default().map(Scenario::undisturbed),
+            Some(file) => Scenario::load_for_a_host(file),
+            None => default(),
         };
         let scenario = scenario.map_err(Failure::input)?;
         let line = match &self.place.tcp {
@@ -91,10 +103,20 @@ impl Serving {
             None => Line::pty().map_err(no_pty)?,
         };
         let mut place = Some(format!("{line}\n"));
+        #[cfg(unix)]
+        let _link = match &self.link {
+            Some(path) => {
+                place = Some(format!("{}\n", path.display()));
+                Some(link::Link::new(path, &line.to_string())?)
+            }
+            None => None,
+        };
+        let stopped = stop_flag()?;
+        let mut notices = Notices::new();
         let mut said_so = Ok(());
         let bar = ProgressBar::new_spinner();
         let mut shown_s = 0.0;
-        let lost = run(&scenario, line, &mut |Moment { at_s, awake, describe }| {
+        let served = run(&scenario, line, &mut |Moment { at_s, awake, lost, turned_away, describe }| {
             // Not before a motor can be enabled, unless the battery is at fault.
             if awake || at_s > AWAKE_S {
                 said_so = place.take().map_or(Ok(()), |place| print(&place));
@@ -103,16 +125,29 @@ impl Serving {
                 shown_s = at_s + 0.2;
                 bar.set_message(format!("{at_s:.0} s, {}", describe()));
             }
-            said_so.is_ok() && self.limit_s.is_none_or(|limit_s| at_s < limit_s)
+            for notice in notices.due(at_s, lost, turned_away) {
+                bar.suspend(|| eprintln!("{notice}"));
+            }
+            let goes_on = self.limit_s.is_none_or(|limit_s| at_s < limit_s);
+            said_so.is_ok() && goes_on && !stopped.load(Ordering::Relaxed)
         });
         bar.finish_and_clear();
-        let lost = lost.map_err(Failure::work)?;
-        said_so?;
-        if !lost.is_zero() {
-            eprintln!("this machine was too slow for real time: {:.1} s were lost", lost.as_secs_f64());
+        served.map_err(Failure::work)?;
+        for notice in notices.rest() {
+            eprintln!("{notice}");
         }
-        Ok(())
+        said_so
     }
+}
+
+/// Set when the program is asked to end, which it then does in good order.
+fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
+    let stopped = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        register(signal, Arc::clone(&stopped))
+            .map_err(|error| Failure::Work(format!("Ctrl-C cannot be listened for: {error}")))?;
+    }
+    Ok(stopped)
 }
 
 fn no_pty(error: LineError) -> Failure {

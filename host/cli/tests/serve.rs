@@ -8,8 +8,9 @@
 
 mod conformance;
 
-use conformance::{Ack, HUB, Hub, KEEP_ALIVE, conforms, drive, packet};
-use std::process::Command;
+use conformance::{HUB, Hub, KEEP_ALIVE, conforms, drive, packet};
+use std::process::{Command, Stdio};
+use std::time::Duration;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 
@@ -31,14 +32,96 @@ fn hosts_come_and_go_while_time_goes_on() {
     // The first host has hung up; its motor turns on until the hub has missed it for 2.5 s.
     let mut second = hub.tcp();
     assert!(second.enabled());
-    // A third waits for its turn.
-    let mut third = hub.tcp();
-    third.is_ignored(&packet(HUB, 1, KEEP_ALIVE, &[]));
     second.order(0x7F05, &[]);
     drop(second);
-    third.number = 1;
-    assert_eq!(third.reply().map(|reply| reply.1), Some(Ack(true)), "it is answered when it is served");
-    assert!(!third.enabled());
+    assert!(!hub.tcp().enabled());
+}
+
+#[test]
+fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
+    use std::io::{BufRead, BufReader, Read};
+    let mut process = Command::new(PROGRAM)
+        .args(["serve", "--tcp", "127.0.0.1:0"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut place = String::new();
+    BufReader::new(process.stdout.take().unwrap()).read_line(&mut place).unwrap();
+    let mut says = BufReader::new(process.stderr.take().unwrap());
+    let hub = Hub::of(process, &place);
+    let mut first = hub.tcp();
+    drive(&mut first);
+    let mut second = std::net::TcpStream::connect(&hub.place).unwrap();
+    second.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
+    assert_eq!(second.read(&mut [0; 8]).unwrap(), 0, "nothing comes but the end");
+    let mut line = String::new();
+    says.read_line(&mut line).unwrap();
+    assert_eq!(line, "the hub is taken, one host at a time: hung up on 1 that came meanwhile\n");
+    assert!(first.enabled());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_names_the_port_until_the_program_ends() {
+    use std::fs::{read_link, remove_file, write};
+    let link = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("serve-link");
+    let path = link.to_str().unwrap();
+    let _ = remove_file(&link);
+    let refused = |says: &str| {
+        let output =
+            Command::new(PROGRAM).args(["serve", "--pty", "--for", "1", "--link", path]).output().unwrap();
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && error.contains(path) && error.contains(says), "{error}");
+    };
+    for signal in ["-TERM", "-INT", "-KILL"] {
+        let mut hub = Hub::start(PROGRAM, &["--pty", "--link", path]);
+        assert_eq!(hub.place, path);
+        assert!(!hub.serial().enabled());
+        // It is another's.
+        refused("in use");
+        assert!(Command::new("kill").args([signal, &hub.id().to_string()]).status().unwrap().success());
+        let ended = hub.wait();
+        assert_eq!(ended.success(), signal != "-KILL", "{signal}");
+        assert_eq!(read_link(&link).is_ok(), signal == "-KILL", "{signal}");
+    }
+    // What was left by a program that was killed is no obstacle.
+    drop(Hub::start(PROGRAM, &["--pty", "--link", path]));
+    remove_file(&link).unwrap();
+    write(&link, "somebody's").unwrap();
+    refused("no link");
+    assert_eq!(std::fs::read(&link).unwrap(), b"somebody's");
+    remove_file(&link).unwrap();
+    std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+    refused("/dev/null");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_one_host_leaves_unread_is_not_for_the_next() {
+    use std::io::Write;
+    let hub = Hub::start(PROGRAM, &["--pty"]);
+    for linger_ms in [0, 50] {
+        let mut port = std::fs::File::options().read(true).write(true).open(&hub.place).unwrap();
+        port.write_all(&packet(HUB, 3, KEEP_ALIVE, &[]).repeat(5)).unwrap();
+        std::thread::sleep(Duration::from_millis(linger_ms));
+        drop(port);
+        std::thread::sleep(Duration::from_millis(50));
+        let mut next = hub.serial();
+        std::thread::sleep(Duration::from_millis(20));
+        assert_eq!(next.hear(), [], "{linger_ms} ms");
+        assert!(!next.enabled());
+    }
+}
+
+#[test]
+fn a_scenario_without_set_points_is_served() {
+    let path = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("served.toml");
+    let text = "name = \"n\"\nduration_s = 1\n[battery]\nemf_v = 12\nresistance_ohm = 0.1\n\
+                [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\n";
+    std::fs::write(&path, text).unwrap();
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--scenario", path.to_str().unwrap()]);
+    assert!(!hub.tcp().enabled());
 }
 
 #[cfg(unix)]
@@ -86,6 +169,7 @@ fn wrong_options_are_refused() {
         (&["--pty", "--tcp", "127.0.0.1:0"], 2, "--tcp"),
         (&["--tcp", "nowhere"], 2, "127.0.0.1:7070"),
         (&["--pty", "--address", "255"], 2, "1 to 254"),
+        (&["--tcp", "127.0.0.1:0", "--link", "here"], 2, "--link"),
         (&["--pty", "--for", "-1"], 2, "more than 0"),
         (&["--pty", "--for", "0"], 2, "more than 0"),
         (&["--pty", "--scenario", "/no/such/file"], 2, "/no/such/file"),

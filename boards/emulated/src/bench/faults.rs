@@ -45,6 +45,26 @@ impl Bench {
         });
     }
 
+    /// Connects a digital pin, 0 or 1, to ground or to the supply, or to nothing.
+    pub fn connect_pin(&mut self, pin: usize, level: Option<bool>) {
+        self.at_stop(move |lab, session, _| {
+            let pin = Pin::new(wiring::DIGITAL_PINS[pin]).expect("a pin of a port");
+            let at = VirtualNanos(lab.now);
+            let level = level.map(Level::from);
+            let part = &mut session.board_mut().chip.part;
+            part.drive_port(at, wiring::DIGITAL_PORT, |port, r, c| port.drive(pin, level, r, c));
+        });
+    }
+
+    /// What a wire on a digital pin, 0 or 1, would see.
+    pub fn pin_level(&mut self, pin: usize) -> bool {
+        self.at_stop(move |_, session, _| {
+            let pin = Pin::new(wiring::DIGITAL_PINS[pin]).expect("a pin of a port");
+            let (port, registers) = session.board_mut().chip.part.port(wiring::DIGITAL_PORT);
+            port.level(pin, registers) == Level::High
+        })
+    }
+
     /// An external torque on an output shaft, N m, positive CW, from now on.
     pub fn set_torque(&mut self, motor: usize, torque: f64) {
         self.at_stop(move |lab, _, _| lab.shafts.set_torque(motor, lab.now, torque));

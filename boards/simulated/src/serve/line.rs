@@ -1,8 +1,7 @@
 //! A line to hosts that come and go: to the hub it is a serial line that never ends.
 
+use super::tcp::Tcp;
 use std::fmt;
-use std::io::{ErrorKind, Read, Write};
-use std::net::{TcpListener, TcpStream};
 
 #[cfg(unix)]
 use super::pty::Pty;
@@ -34,8 +33,7 @@ pub struct Line(Kind);
 enum Kind {
     #[cfg(unix)]
     Pty(Pty),
-    /// One host at a time; others wait until it hangs up.
-    Tcp(TcpListener, Option<TcpStream>),
+    Tcp(Tcp),
 }
 
 impl Line {
@@ -55,15 +53,14 @@ impl Line {
         Err(LineError::NoPtys)
     }
 
-    /// A TCP port; port 0 is any that is free.
+    /// A TCP port; port 0 is any that is free. It has one host at a time: another is hung up on after 0.2 s, if the
+    /// first is still there then.
     ///
     /// # Errors
     /// If it cannot be listened to.
     pub fn tcp(address: &str) -> Result<Self, LineError> {
         let fails = |error| LineError::Tcp { address: address.to_owned(), error };
-        let listener = TcpListener::bind(address).map_err(fails)?;
-        listener.set_nonblocking(true).map_err(fails)?;
-        Ok(Self(Kind::Tcp(listener, None)))
+        Tcp::listen(address).map(|tcp| Self(Kind::Tcp(tcp))).map_err(fails)
     }
 
     /// Bytes that have come; 0 if there are none now.
@@ -71,12 +68,7 @@ impl Line {
         match &mut self.0 {
             #[cfg(unix)]
             Kind::Pty(pty) => pty.receive(bytes),
-            Kind::Tcp(listener, host) => {
-                if host.is_none() {
-                    *host = accept(listener);
-                }
-                done(host, |stream| stream.read(bytes))
-            }
+            Kind::Tcp(tcp) => tcp.receive(bytes),
         }
     }
 
@@ -85,8 +77,16 @@ impl Line {
         match &mut self.0 {
             #[cfg(unix)]
             Kind::Pty(pty) => pty.send(bytes),
-            Kind::Tcp(_, host @ Some(_)) => done(host, |stream| stream.write(bytes)),
-            Kind::Tcp(_, None) => bytes.len(),
+            Kind::Tcp(tcp) => tcp.send(bytes),
+        }
+    }
+
+    /// Hosts that found another one here, and were hung up on.
+    pub const fn turned_away(&self) -> u32 {
+        match &self.0 {
+            #[cfg(unix)]
+            Kind::Pty(_) => 0,
+            Kind::Tcp(tcp) => tcp.turned_away(),
         }
     }
 }
@@ -97,33 +97,10 @@ impl fmt::Display for Line {
         match &self.0 {
             #[cfg(unix)]
             Kind::Pty(pty) => f.write_str(pty.path()),
-            Kind::Tcp(listener, _) => match listener.local_addr() {
+            Kind::Tcp(tcp) => match tcp.address() {
                 Ok(address) => write!(f, "{address}"),
                 Err(error) => write!(f, "{error}"),
             },
-        }
-    }
-}
-
-fn accept(listener: &TcpListener) -> Option<TcpStream> {
-    // Nobody there, or gone already.
-    let (stream, _) = listener.accept().ok()?;
-    // A reply is one burst, and it is wanted now.
-    (stream.set_nonblocking(true).is_ok() && stream.set_nodelay(true).is_ok()).then_some(stream)
-}
-
-/// Bytes moved; a host that has hung up, or whose connection is broken, is forgotten.
-fn done(
-    host: &mut Option<TcpStream>,
-    action: impl FnOnce(&mut TcpStream) -> std::io::Result<usize>,
-) -> usize {
-    let Some(stream) = host else { return 0 };
-    match action(stream) {
-        Ok(moved) if moved > 0 => moved,
-        Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => 0,
-        Ok(_) | Err(_) => {
-            *host = None;
-            0
         }
     }
 }

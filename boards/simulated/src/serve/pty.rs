@@ -1,5 +1,7 @@
 //! A pseudo-terminal: one end for the hub, and a path in `/dev` that hosts open as a serial port.
 
+#[cfg(target_os = "linux")]
+use rustix::fs::inotify;
 use rustix::fs::{Mode, OFlags, fcntl_setfl};
 use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -13,6 +15,9 @@ pub(super) struct Pty {
     /// forgotten, and reading the other end of it fails.
     theirs: OwnedFd,
     path: String,
+    /// Tells when somebody opens or closes the port, if the system can.
+    #[cfg(target_os = "linux")]
+    comings: Option<OwnedFd>,
 }
 
 impl Pty {
@@ -28,7 +33,27 @@ impl Pty {
         termios::tcsetattr(&theirs, OptionalActions::Now, &settings)?;
         fcntl_setfl(&ours, OFlags::NONBLOCK)?;
         let path = name.to_string_lossy().into_owned();
-        Ok(Self { ours, theirs, path })
+        Ok(Self {
+            ours,
+            theirs,
+            #[cfg(target_os = "linux")]
+            comings: watch(&path).ok(),
+            path,
+        })
+    }
+
+    /// What one host has left unread is nothing to the next: it is thrown away when the port is closed, and for what
+    /// was sent meanwhile again when it is opened. (A host that shares the port with another may miss a reply by that.)
+    /// Systems other than Linux keep it.
+    fn forget_what_was_left(&self) {
+        #[cfg(target_os = "linux")]
+        if let Some(comings) = &self.comings {
+            // They come one by one or in bunches; how many there were does not matter.
+            let mut buffer = [0; 512];
+            if rustix::io::read(comings, &mut buffer).is_ok_and(|length| length > 0) {
+                let _ = termios::tcflush(&self.theirs, termios::QueueSelector::IFlush);
+            }
+        }
     }
 
     pub(super) fn path(&self) -> &str {
@@ -37,6 +62,7 @@ impl Pty {
 
     /// Bytes that have come; 0 if there are none now.
     pub(super) fn receive(&self, bytes: &mut [u8]) -> usize {
+        self.forget_what_was_left();
         // A host that was killed while it had the port to itself would keep the next one out.
         let _ = termios::ioctl_tiocnxcl(&self.theirs);
         rustix::io::read(&self.ours, bytes).unwrap_or(0)
@@ -46,4 +72,11 @@ impl Pty {
     pub(super) fn send(&self, bytes: &[u8]) -> usize {
         rustix::io::write(&self.ours, bytes).unwrap_or(0)
     }
+}
+
+#[cfg(target_os = "linux")]
+fn watch(path: &str) -> Result<OwnedFd, Errno> {
+    let comings = inotify::init(inotify::CreateFlags::NONBLOCK | inotify::CreateFlags::CLOEXEC)?;
+    inotify::add_watch(&comings, path, inotify::WatchFlags::OPEN | inotify::WatchFlags::CLOSE)?;
+    Ok(comings)
 }

@@ -1,6 +1,9 @@
 //! What scenarios hold, and what holds when.
 
 use motor_hub::model::si;
+use motor_hub::motor::Setpoint;
+use motor_hub::units::Control;
+use simulated::direct;
 use simulated::scenario::{Scenario, Timed};
 
 #[test]
@@ -26,4 +29,39 @@ fn a_value_holds_until_the_next() {
     let mut motor = Scenario::default_one().expect("it is valid").motors.remove(0);
     motor.torques = vec![Timed { at_s: 1.0, value: 7.0 }, Timed { at_s: 2.0, value: 8.0 }];
     assert_eq!([0.9, 1.0, 5.0].map(|at| motor.torque_at(at)), [0.0, 7.0, 8.0]);
+}
+
+#[test]
+fn motors_that_are_served_stop_as_soon_as_real_ones() {
+    let mut scenario = Scenario::to_serve().expect("it is valid");
+    scenario.duration_s = 6.0;
+    let power = |share: f64| Setpoint::ConstantPower(Control::new((32_767.0 * share) as i16));
+    for (release, within_s) in [(Setpoint::Disabled, 0.4..=1.6), (power(0.0), 0.0..=0.6)] {
+        for motor in &mut scenario.motors {
+            let on = Timed { at_s: 0.1, value: power(0.5) };
+            motor.setpoints = vec![on, Timed { at_s: 3.0, value: release }];
+        }
+        let mut turned_at_s = [0.0; 4];
+        direct::run(&scenario, |moment| {
+            for (at_s, (cps, _)) in turned_at_s.iter_mut().zip(moment.motors) {
+                if *cps != 0.0 {
+                    *at_s = moment.ms as f64 / 1e3;
+                }
+            }
+        })
+        .expect("it runs");
+        let took = turned_at_s.map(|at_s| at_s - 3.0);
+        assert!(took.iter().all(|took| within_s.contains(took)), "{release:?}: {took:?} s");
+    }
+}
+
+#[test]
+fn a_scenario_for_a_host_needs_no_set_points() {
+    let path = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("without-set-points.toml");
+    let text = "name = \"n\"\nduration_s = 1\n[battery]\nemf_v = 12\nresistance_ohm = 0.1\n\
+                [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\n";
+    std::fs::write(&path, text).expect("it can be written");
+    assert!(Scenario::load(&path).is_err());
+    let scenario = Scenario::load_for_a_host(&path).expect("it is valid");
+    assert_eq!((scenario.motors.len(), scenario.commands().len()), (1, 0));
 }

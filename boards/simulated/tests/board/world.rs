@@ -1,6 +1,6 @@
 //! Plants behind the board's traits.
 
-use motor_hub::board::{BridgeFaults, Bridges};
+use motor_hub::board::{BridgeFaults, Bridges, DigitalPins};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::characterised;
@@ -30,4 +30,17 @@ fn a_real_bridge_takes_too_short_a_low_time_for_a_short_circuit_and_is_open_unti
     assert_eq!(run(0.5), (fault, [true, false]));
     assert_eq!(run(0.0), (sound, [false, false]));
     assert_eq!(run(0.5), (sound, [true, true]));
+}
+
+#[test]
+fn digital_pins_are_pulled_up_unless_something_pulls_them_down_or_the_hub_drives_them() {
+    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
+    let motor = (characterised("AM 60 A").expect("known"), Load::NONE, BRIDGE);
+    let mut board = Board::new(battery, [motor].into_iter(), 1);
+    assert_eq!(board.exchange(0, 0), 0xFF);
+    board.press(3, true);
+    assert_eq!(board.exchange(0, 0), 0xF7);
+    assert_eq!(board.exchange(0b11, 0b10), 0xF6);
+    board.press(3, false);
+    assert_eq!(board.exchange(0, 0b10), 0xFF);
 }

@@ -4,7 +4,7 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -32,7 +32,21 @@ impl Hub {
             Command::new(program).arg("serve").args(arguments).stdout(Stdio::piped()).spawn().unwrap();
         let mut place = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut place).unwrap();
+        Self::of(process, &place)
+    }
+
+    /// One that was started otherwise.
+    pub(crate) fn of(process: Child, place: &str) -> Self {
         Self { process, place: place.trim().to_owned() }
+    }
+
+    pub(crate) fn id(&self) -> u32 {
+        self.process.id()
+    }
+
+    /// Waits for its end.
+    pub(crate) fn wait(&mut self) -> ExitStatus {
+        self.process.wait().unwrap()
     }
 
     pub(crate) fn serial(&self) -> Host<Box<dyn serialport::SerialPort>> {
@@ -257,11 +271,10 @@ fn every_command_is_answered_and_bad_ones_change_nothing(host: &mut Host<impl Re
     }
     assert!(matches!(host.ask(DEKA + known, &[]), Nack(255)));
 
-    // Mode, zero behaviour; the third field; channels of the converter.
+    // Mode; channels of the converter.
     for (kind, payload, field) in [
         (8, &[4, 0, 0][..], 0),
         (8, &[0, 10, 0], 1),
-        (8, &[0, 0, 2], 2),
         (10, &[0, 2], 1),
         (51, &[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1], 1),
         (7, &[15, 0], 0),
@@ -270,6 +283,10 @@ fn every_command_is_answered_and_bad_ones_change_nothing(host: &mut Host<impl Re
         assert_eq!(host.ask(DEKA + kind, payload), Nack(field), "{kind} {payload:02x?}");
     }
     assert_eq!(host.data(DEKA + 9, &[0]), [0, 0]);
+    // Programs say 2 where they mean that zero power floats.
+    host.order(DEKA + 8, &[0, 0, 2]);
+    assert_eq!(host.data(DEKA + 9, &[0]), [0, 1]);
+    host.order(DEKA + 8, &[0, 0, 0]);
     assert!(!matches!(host.ask(SET_POWER, &[0, 1]), Ack(_)), "cut short");
     assert_eq!(host.data(DEKA + 16, &[0]), [0, 0]);
     // More than is asked for does not matter.
@@ -280,6 +297,25 @@ fn every_command_is_answered_and_bad_ones_change_nothing(host: &mut Host<impl Re
     assert_ne!(host.data(DEKA + 53, &[1, 2])[..12], coefficients, "of its own mode");
     assert_ne!(host.data(DEKA + 53, &[2, 1])[..12], coefficients, "of its own motor");
     assert_eq!(host.ask(DEKA + 21, &[0]), Nack(51), "at target without a position");
+
+    // Digital pins are inputs, and high while nothing is connected.
+    assert_eq!(host.data(DEKA + 6, &[]), [0xFF]);
+    assert_eq!(host.data(DEKA, &[])[0], 0xFF);
+    assert_eq!((host.ask(DEKA + 1, &[1, 0]), host.ask(DEKA + 2, &[0])), (Nack(11), Nack(18)));
+    host.order(DEKA + 3, &[1, 1]);
+    host.order(DEKA + 1, &[1, 1]);
+    assert_eq!((host.ask(DEKA + 5, &[1]), host.data(DEKA + 6, &[])), (Nack(21), vec![0xFD]));
+    for pin in 0..8 {
+        host.order(DEKA + 3, &[pin, 1]);
+    }
+    assert_eq!(host.ask(DEKA + 6, &[]), Nack(28));
+    for pin in 0..8 {
+        host.order(DEKA + 3, &[pin, 0]);
+    }
+    // Every channel of the converter, in both of its units.
+    for (channel, raw) in (0..15).flat_map(|channel| [(channel, 0), (channel, 1)]) {
+        assert_eq!(host.data(DEKA + 7, &[channel, raw]).len(), 2, "{channel}");
+    }
 }
 
 /// Motor 0 at half power.
@@ -305,6 +341,8 @@ fn silence_and_fail_safe_stop_the_motors(host: &mut Host<impl Read + Write>) {
     assert!(host.enabled(), "2.1 s of silence are harmless");
     let (moved, took) = (host.counts(0) - from, began.elapsed().as_secs_f64());
     assert!(moved > 500, "positive power counts up: {moved} in {took} s");
+    let current = i16::from_le_bytes(host.data(DEKA + 7, &[8, 0]).try_into().unwrap());
+    assert!(current > 0, "{current} mA");
 
     // Damaged packets, noise and packets for others are silence.
     let mut damaged = packet(HUB, 1, KEEP_ALIVE, &[]);

@@ -1,0 +1,85 @@
+//! A TCP port with one host at a time.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::time::{Duration, Instant};
+
+/// So long another host is kept waiting: one that has hung up may have left something to be read before that shows.
+const GRACE: Duration = Duration::from_millis(200);
+
+#[derive(Debug)]
+pub(super) struct Tcp {
+    listener: TcpListener,
+    host: Option<TcpStream>,
+    /// Another one, and since when it waits.
+    waiting: Option<(TcpStream, Instant)>,
+    turned_away: u32,
+}
+
+impl Tcp {
+    pub(super) fn listen(address: &str) -> std::io::Result<Self> {
+        let listener = TcpListener::bind(address)?;
+        listener.set_nonblocking(true)?;
+        Ok(Self { listener, host: None, waiting: None, turned_away: 0 })
+    }
+
+    pub(super) fn address(&self) -> std::io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+
+    /// Hosts that found another one here, and were hung up on.
+    pub(super) const fn turned_away(&self) -> u32 {
+        self.turned_away
+    }
+
+    /// Bytes that have come; 0 if there are none now.
+    pub(super) fn receive(&mut self, bytes: &mut [u8]) -> usize {
+        if self.host.is_none() {
+            self.host = self.waiting.take().map(|(stream, _)| stream).or_else(|| self.accept());
+        }
+        let received = self.done(|stream| stream.read(bytes));
+        if self.host.is_some() {
+            self.look_for_another();
+        }
+        received
+    }
+
+    fn look_for_another(&mut self) {
+        match &self.waiting {
+            None => self.waiting = self.accept().map(|stream| (stream, Instant::now())),
+            Some((_, since)) if since.elapsed() > GRACE => {
+                self.waiting = None;
+                self.turned_away += 1;
+            }
+            Some(_) => (),
+        }
+    }
+
+    /// How many bytes were taken; 0 if the line is busy. Without a host they go nowhere.
+    pub(super) fn send(&mut self, bytes: &[u8]) -> usize {
+        if self.host.is_none() {
+            return bytes.len();
+        }
+        self.done(|stream| stream.write(bytes))
+    }
+
+    fn accept(&self) -> Option<TcpStream> {
+        // Nobody there, or gone already.
+        let (stream, _) = self.listener.accept().ok()?;
+        // A reply is one burst, and it is wanted now.
+        (stream.set_nonblocking(true).is_ok() && stream.set_nodelay(true).is_ok()).then_some(stream)
+    }
+
+    /// Bytes moved; a host that has hung up, or whose connection is broken, is forgotten.
+    fn done(&mut self, action: impl FnOnce(&mut TcpStream) -> std::io::Result<usize>) -> usize {
+        let Some(stream) = &mut self.host else { return 0 };
+        match action(stream) {
+            Ok(moved) if moved > 0 => moved,
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => 0,
+            Ok(_) | Err(_) => {
+                self.host = None;
+                0
+            }
+        }
+    }
+}
