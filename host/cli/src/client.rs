@@ -1,7 +1,9 @@
 //! `motor-hub client`: a command line for a real or simulated hub.
 
 mod coefficients;
+mod course;
 mod drive;
+mod driven;
 mod identify;
 mod interrupt;
 mod live;
@@ -9,10 +11,12 @@ mod setup;
 mod status;
 mod together;
 mod trouble;
+mod turn;
 mod watch;
 
 use crate::output::{Failure, print};
 use crate::parse::{address, channel};
+use driven::stop_abandoned;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub_client::line::{self, Line};
 use motor_hub_client::{Error, Session};
@@ -27,10 +31,15 @@ Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
 Reads and sets what the protocol knows of motors: power, velocity, position, coefficients, encoders,
 status, LED. Without --address the hub is found by discovery, which takes 0.25 s.
 
-Commands that run motors disable them when they are over, and on Ctrl-C. If the program is killed, the hub
-hears nothing, and after its keep-alive timeout of 2.5 s it lets all motors coast. `stop` does so at once.
+Commands that run motors disable them when they are over, on Ctrl-C, SIGTERM, SIGHUP (a closed terminal), on an error
+and on a panic, and say so on standard error. If the program is killed (SIGKILL), the hub hears nothing, and after its
+keep-alive timeout of 2.5 s it lets all motors coast. `stop` does so at once.
 
-Exit codes: 0 done; 1 no answer, a refusal, or a target that was not reached; 2 wrong options.";
+Every packet, even a question, counts as a sign of life to the hub. So that no command prolongs a motion that it did not
+begin, each of them, `status` and `watch` too, first disables motors that it finds enabled, and says so: a line has
+one host at a time, so whoever enabled them is gone.
+
+Exit codes: 0 done; 1 no answer, a refusal, or a position or velocity that was not reached; 2 wrong options.";
 
 /// Where the hub is, and what is asked of it.
 #[derive(clap::Args)]
@@ -58,14 +67,10 @@ enum Command {
     Ports,
     /// All hubs on the line
     Discover,
-    /// Status, version, battery, LED, and what every motor is set to and does
+    /// Status, version, battery, LED, and what every motor is set to and does; disabled first if enabled
     Status(status::Options),
-    /// Runs motors with constant power, disabled at the end
-    Power(drive::PowerOptions),
-    /// Runs motors with regulated velocity, disabled at the end
-    Velocity(drive::VelocityOptions),
-    /// Moves motors to a position and disables them there
-    Position(drive::PositionOptions),
+    #[command(flatten)]
+    Drive(drive::Drive),
     /// Moves motors in step to positions, or on at speeds, and disables them in the end, on hubs of this project
     ///
     /// All are on their way in proportion; one that lags is waited for.
@@ -94,7 +99,7 @@ enum Command {
         #[arg(value_name = "N", value_parser = address)]
         new: Address,
     },
-    /// Positions, velocities, battery and status as they change; keeps the hub's motors alive
+    /// Positions, velocities, battery and status as they change; motors that are enabled are disabled first
     Watch(watch::Options),
 }
 
@@ -102,6 +107,10 @@ impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         if matches!(self.command, Command::Ports) {
             return print(&ports()?);
+        }
+        // Before anything is sent.
+        if let Command::Drive(drive) = &self.command {
+            drive.order()?;
         }
         let timeout = Duration::from_millis(self.timeout);
         let (name, line) = match (&self.port, &self.tcp) {
@@ -129,7 +138,12 @@ impl Command {
     fn execute(self, line: Line, address: Option<Address>, timeout: Duration) -> Result<(), Trouble> {
         if matches!(self, Self::Discover) {
             let mut table = table::new(&["address", "hub"], 0);
-            for hub in Session::new(line, Address::DEFAULT, timeout).discover()? {
+            let mut session = Session::new(line, Address::DEFAULT, timeout);
+            for hub in session.discover()? {
+                if let Some(address) = Address::new(hub.address) {
+                    session.talk_to(address);
+                    stop_abandoned(&mut session)?;
+                }
                 let kind = if hub.parent { "parent" } else { "child" };
                 table.add_row([hub.address.to_string(), kind.to_owned()]);
             }
@@ -139,13 +153,14 @@ impl Command {
             Some(address) => Session::new(line, address, timeout),
             None => Session::with_parent(line, timeout)?,
         };
+        if !matches!(self, Self::Stop) {
+            stop_abandoned(&mut session)?;
+        }
         let done = match self {
             // Both need no session and are done above.
             Self::Ports | Self::Discover => return Ok(()),
             Self::Status(options) => return options.execute(&mut session),
-            Self::Power(options) => return options.execute(&mut session),
-            Self::Velocity(options) => return options.execute(&mut session),
-            Self::Position(options) => return options.execute(&mut session),
+            Self::Drive(drive) => return drive.execute(&mut session),
             Self::Together(options) => return options.execute(&mut session),
             Self::Coefficients(options) => return options.execute(&mut session),
             Self::Setup(options) => return options.execute(&mut session),

@@ -12,7 +12,7 @@ mod output;
 
 use hub_support::{Hub, Server};
 use motor_hub::supply::Stage;
-use motor_hub::units::Millivolts;
+use motor_hub::units::{CountsPerSecond, Millivolts};
 use output::{err, out};
 use serde_json::Value;
 use std::process::{Command, Output};
@@ -106,7 +106,9 @@ fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
 
 #[test]
 fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
-    let server = Server::start(Hub::new());
+    let mut hub = Hub::new();
+    hub.snapshot.motors.iter_mut().for_each(|motor| motor.velocity = CountsPerSecond::new(-300));
+    let server = Server::start(hub);
     let begin = Instant::now();
     let shown = out(&client(&server, &["velocity", "0,2", "-300", "--for", "0.3", "--float"]));
     assert!(begin.elapsed() >= Duration::from_millis(300));
@@ -226,6 +228,8 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["power", "0,", "0"], "0 to 3"),
         (&["velocity", "0", "32768"], "32768"),
         (&["velocity", "0", "1.5"], "whole number"),
+        (&["velocity", "0", "30rpm"], "--counts-per-turn"),
+        (&["velocity", "0", "30rpm", "--type", "AM 61"], "AM 60 A"),
         (&["velocity", "0", "1", "--for", "0"], "more than 0"),
         (&["velocity", "0", "1", "--for", "-1"], "more than 0"),
         (&["position", "0", "1", "--speed", "-500"], "1..=32767"),

@@ -7,7 +7,8 @@ mod output;
 use conformance::Hub;
 use output::{err, out};
 use serde_json::Value;
-use std::process::Command;
+use std::io::{BufRead, BufReader};
+use std::process::{Child, ChildStdout, Command, Stdio};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 
@@ -59,28 +60,90 @@ fn a_motor_that_cannot_be_known_is_refused_with_the_reason_and_disabled() {
     assert_eq!(status(&hub)["motors"][1]["enabled"], false);
 }
 
+/// Starts a command that drives motor 0, and gives it back once it does, with its open standard output: closed, it
+/// would end the command for want of a reader.
+#[cfg(unix)]
+fn driving(hub: &Hub, arguments: &[&str]) -> (Child, BufReader<ChildStdout>) {
+    let mut command = client(hub, arguments);
+    let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut reader = BufReader::new(process.stdout.take().unwrap());
+    reader.read_line(&mut String::new()).unwrap();
+    (process, reader)
+}
+
+#[cfg(unix)]
+fn kill(process: &Child, signal: &str) {
+    assert!(Command::new("kill").args([signal, &process.id().to_string()]).status().unwrap().success());
+}
+
 #[cfg(unix)]
 #[test]
-fn ctrl_c_stops_what_the_command_has_set_going() {
-    use std::io::{BufRead, BufReader};
-    use std::process::Stdio;
-
+fn every_signal_that_can_be_heard_stops_what_the_command_has_set_going() {
     let hub = served();
-    for arguments in [&["identify", "0"][..], &["velocity", "0", "500"]] {
-        let mut command = client(&hub, arguments);
-        let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let mut line = String::new();
-        // Kept open, or the command would end for want of a reader.
-        let mut reader = BufReader::new(process.stdout.take().unwrap());
-        reader.read_line(&mut line).unwrap();
-        let id = process.id().to_string();
-        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    for (arguments, signals, says) in [
+        (&["identify", "0"][..], &["-INT"][..], "stopped by Ctrl-C"),
+        (&["velocity", "0", "500"], &["-INT"], "stopped by Ctrl-C"),
+        (&["velocity", "0", "500"], &["-TERM"], "stopped by SIGTERM"),
+        (&["power", "0", "0.3"], &["-HUP"], "terminal is gone"),
+        // As a terminal and whoever waits for the program may send it.
+        (&["together", "0=300", "--on"], &["-INT", "-INT", "-TERM"], "stopped by"),
+    ] {
+        let (process, _reader) = driving(&hub, arguments);
+        signals.iter().for_each(|signal| kill(&process, signal));
         let output = process.wait_with_output().unwrap();
-        assert_eq!(output.status.code(), Some(1), "{arguments:?} after {line}");
-        assert!(err(&output).contains("stopped by Ctrl-C"), "{arguments:?}: {}", err(&output));
-        // Long before the hub would have missed its host.
-        assert_eq!(status(&hub)["motors"][0]["enabled"], false, "{arguments:?}");
+        assert_eq!(output.status.code(), Some(1), "{arguments:?} {signals:?}");
+        let words = err(&output);
+        assert!(words.contains(says) && words.contains("disabled motor 0"), "{arguments:?}: {words}");
+        // Long before the hub would have missed its host, and not by the command that asks.
+        let asked = client(&hub, &["status", "--json"]).output().unwrap();
+        assert_eq!(err(&asked), "", "{arguments:?}");
+        assert_eq!(serde_json::from_str::<Value>(&out(&asked)).unwrap()["motors"][0]["enabled"], false);
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_goes_away_stops_the_motors_too() {
+    let hub = served();
+    let (process, reader) = driving(&hub, &["velocity", "0", "500"]);
+    drop(reader);
+    let output = process.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(err(&output).contains("disabled motor 0"), "{}", err(&output));
+}
+
+#[cfg(unix)]
+#[test]
+fn questions_do_not_keep_a_motor_going_whose_host_was_killed() {
+    let hub = served();
+    for question in [
+        &["status", "--json"][..],
+        &["watch", "--for", "0.1"],
+        &["discover"],
+        &["coefficients", "0", "velocity"],
+        &["velocity", "1", "100", "--for", "0.1"],
+    ] {
+        let (mut process, _reader) = driving(&hub, &["velocity", "0", "500"]);
+        kill(&process, "-KILL");
+        process.wait().unwrap();
+        let asked = client(&hub, question).output().unwrap();
+        assert!(err(&asked).contains("disabled motor 0, left running"), "{question:?}: {}", err(&asked));
+        assert_eq!(status(&hub)["motors"][0]["enabled"], false, "{question:?}");
+    }
+}
+
+#[test]
+fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
+    let hub = served();
+    let asked = client(&hub, &["velocity", "0", "30000", "--for", "0.6"]).output().unwrap();
+    assert_eq!(asked.status.code(), Some(1));
+    let says = err(&asked);
+    assert!(says.contains("warning: motor 0 turns at") && says.contains("30000 are asked for"), "{says}");
+    assert!(says.contains("not at 30000 counts/s after 0.6 s: motor 0 at"), "{says}");
+    let rpm = ["velocity", "0", "20rpm", "--type", "AM 60 A", "--for", "1.5"];
+    let reached = client(&hub, &rpm).output().unwrap();
+    assert!(out(&reached).contains("560 counts/s (20.0 rpm)"), "{}", out(&reached));
+    assert_eq!(err(&reached), "");
 }
 
 #[test]

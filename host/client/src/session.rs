@@ -29,7 +29,8 @@ pub const TRIES: u32 = 3;
 /// How long further hubs have to answer a discovery after the first one.
 pub const CHAIN: Duration = Duration::from_millis(250);
 
-/// The longest that stale input is read away: a line that is never silent must not stop a request.
+/// The longest that stale input is read away, where there may be any: a line that is never silent must not stop a
+/// request.
 const STALE: Duration = Duration::from_millis(50);
 
 /// A hub that answered a discovery.
@@ -48,6 +49,9 @@ pub struct Session<L> {
     decoder: Decoder,
     /// Packets that came together with others and have not been looked at.
     arrived: VecDeque<Packet>,
+    /// The last request was answered at once, so nothing can be on its way any more. Waiting to see whether something
+    /// is costs several times what an exchange does.
+    quiet: bool,
     since: Instant,
     timeout: Duration,
     /// Of the last request.
@@ -66,6 +70,7 @@ impl<L: Read + Write> Session<L> {
             line,
             decoder: Decoder::new(),
             arrived: VecDeque::new(),
+            quiet: false,
             since: Instant::now(),
             timeout,
             number: 0,
@@ -94,6 +99,12 @@ impl<L: Read + Write> Session<L> {
     /// The hub's address.
     pub const fn address(&self) -> u8 {
         self.address
+    }
+
+    /// Goes on with another hub on the same line.
+    pub fn talk_to(&mut self, address: Address) {
+        // Whose functions may have other numbers.
+        (self.address, self.motors, self.setup) = (address.get(), None, None);
     }
 
     /// Every hub on the line, in the order of their answers.
@@ -153,17 +164,16 @@ impl<L: Read + Write> Session<L> {
         let (id, address) = (self.id(request)?, self.address);
         // Retransmitted unchanged, so a late answer to the first try counts.
         self.count();
-        for _ in 0..TRIES {
+        for tried in 0..TRIES {
             let end = Instant::now() + self.timeout / TRIES;
             self.transmit(request, address, id)?;
             let answer = |packet: &Packet| Reply::read(packet, id).filter(|_| packet.source == address);
-            match self.next(end, answer)? {
-                Some((_, Reply::Nack(reason))) => {
-                    return Err(Error::Refused { request: Box::new(request.clone()), reason });
-                }
-                Some((_, reply)) => return Ok(reply),
-                None => (),
-            }
+            let Some((_, reply)) = self.next(end, answer)? else { continue };
+            self.quiet = tried == 0 && self.arrived.is_empty();
+            return match reply {
+                Reply::Nack(reason) => Err(Error::Refused { request: Box::new(request.clone()), reason }),
+                reply => Ok(reply),
+            };
         }
         Err(Error::Silent { address })
     }
@@ -199,7 +209,8 @@ impl<L: Read + Write> Session<L> {
     fn drop_stale_input(&mut self) -> Result<(), Error> {
         let end = Instant::now() + STALE;
         let mut bytes = [0; 256];
-        while Instant::now() < end && self.receive(&mut bytes)? > 0 {}
+        while !self.quiet && Instant::now() < end && self.receive(&mut bytes)? > 0 {}
+        self.quiet = false;
         self.decoder = Decoder::new();
         self.arrived.clear();
         Ok(())

@@ -14,6 +14,9 @@ use motor_hub::protocol::{Address, Colour, Nack, frame};
 use motor_hub::units::{Coefficient, Control, Millivolts};
 use motor_hub_client::session::Found;
 use motor_hub_client::{Error, Session};
+use std::cell::Cell;
+use std::io::{Read, Write};
+use std::rc::Rc;
 use std::time::Duration;
 
 /// Far more than a hub in memory needs.
@@ -206,4 +209,52 @@ fn functions_are_numbered_from_where_the_hub_says() {
     let mut session = session(Memory::new(hub));
     session.set_velocity(0, 5).unwrap();
     assert_eq!(session.motor(0).unwrap().velocity, 5);
+}
+
+/// A line that counts the reads that found nothing, each of which costs a wait.
+struct Waits(Memory, Rc<Cell<u32>>);
+
+impl Read for Waits {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let read = self.0.read(buffer);
+        self.1.set(self.1.get() + u32::from(read.is_err()));
+        read
+    }
+}
+
+impl Write for Waits {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
+    let waits = Rc::new(Cell::new(0));
+    let address = Address::new(ADDRESS).unwrap();
+    let hub = Hub::new();
+    let line = Waits(Memory::new(hub), Rc::clone(&waits));
+    let mut session = Session::new(line, address, TIMEOUT);
+    session.bulk().unwrap();
+    waits.set(0);
+    for _ in 0..50 {
+        session.bulk().unwrap();
+        session.battery().unwrap();
+    }
+    assert_eq!(waits.get(), 0);
+
+    let mut hub = Hub::new();
+    hub.lost_replies = 1;
+    let line = Waits(Memory::new(hub), Rc::clone(&waits));
+    let mut session = Session::new(line, address, Duration::from_millis(60));
+    session.keep_alive().unwrap();
+    waits.set(0);
+    session.keep_alive().unwrap();
+    assert_eq!(waits.get(), 1);
+    session.keep_alive().unwrap();
+    assert_eq!(waits.get(), 1);
 }

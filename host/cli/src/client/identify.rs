@@ -1,6 +1,7 @@
 //! `motor-hub client identify`.
 
 use super::drive::{INTERVAL, LINE};
+use super::driven::Driven;
 use super::interrupt;
 use super::live::Live;
 use super::trouble::Trouble;
@@ -15,7 +16,6 @@ use motor_hub::units::Control;
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use serde_json::json;
-use std::thread::sleep;
 use std::time::{Duration, Instant};
 use studies::identify::{self, found_table};
 
@@ -43,19 +43,21 @@ pub(crate) struct Options {
 
 impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
-        interrupt::listen()?;
-        session.set_mode(self.motor, RunMode::Power, ZeroPower::Brake)?;
-        session.set_power(self.motor, Control::ZERO)?;
-        let enabled = session.enable(self.motor, true).map_err(Trouble::from);
-        let learned = enabled.and_then(|()| self.learn(session));
-        // Whatever has gone wrong before: the motor may turn all the same.
-        let disabled = session.enable(self.motor, false);
-        let outcome = learned?;
-        disabled?;
+        let outcome = self.learned(session)?;
         if let (Identification::Found(found), true) = (outcome, self.apply) {
             apply(session, self.motor, found.dynamics)?;
         }
         self.show(outcome)
+    }
+
+    /// Enables the motor, and has the hub learn how it moves.
+    fn learned(&self, session: &mut Session<Line>) -> Result<Identification, Trouble> {
+        Driven::run(session, |driven| {
+            driven.set_mode(self.motor, RunMode::Power, ZeroPower::Brake)?;
+            driven.set_power(self.motor, Control::ZERO)?;
+            driven.enable(self.motor)?;
+            self.learn(driven)
+        })
     }
 
     /// Waits until the motor, which brakes, stands; if it never does, the hub will say so.
@@ -68,8 +70,7 @@ impl Options {
                 break;
             }
             last = place;
-            interrupt::check()?;
-            sleep(INTERVAL);
+            interrupt::wait(Instant::now() + INTERVAL)?;
         }
         Ok(())
     }
@@ -84,8 +85,7 @@ impl Options {
         let mut live = Live::new();
         let end = Instant::now() + LONGEST;
         for look in 1u32.. {
-            sleep(INTERVAL);
-            interrupt::check()?;
+            interrupt::wait(Instant::now() + INTERVAL)?;
             let Identification::Running(percent) = session.identification(motor)? else { break };
             let progress = format!("{percent} %\n");
             if live.terminal && !self.json {
