@@ -7,6 +7,8 @@ mod driven;
 mod identify;
 mod interrupt;
 mod live;
+mod ports;
+mod scan;
 mod setup;
 mod status;
 mod together;
@@ -18,7 +20,7 @@ use crate::output::{Failure, print};
 use crate::parse::{address, channel};
 use driven::stop_abandoned;
 use motor_hub::protocol::{Address, Colour};
-use motor_hub_client::line::{self, Line};
+use motor_hub_client::line::{Line, is_tcp};
 use motor_hub_client::{Error, Session};
 use std::time::Duration;
 use studies::table;
@@ -65,6 +67,9 @@ pub(crate) struct Options {
 enum Command {
     /// The serial ports of this machine
     Ports,
+    /// Looks for hubs on all serial ports of this machine and at places that are named
+    #[command(long_about = scan::HELP)]
+    Scan(scan::Options),
     /// All hubs on the line
     Discover,
     /// Status, version, battery, LED, and what every motor is set to and does; disabled first if enabled
@@ -105,8 +110,13 @@ enum Command {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        if matches!(self.command, Command::Ports) {
-            return print(&ports()?);
+        match &self.command {
+            Command::Ports => return print(&ports::list()?),
+            Command::Scan(options) => {
+                let named = self.port.iter().chain(&self.tcp).cloned();
+                return options.execute(named, Duration::from_millis(self.timeout));
+            }
+            _ => (),
         }
         // Before anything is sent.
         if let Command::Drive(drive) = &self.command {
@@ -118,12 +128,12 @@ impl Options {
             (None, Some(address)) => (address, Line::tcp(address, timeout)),
             (Some(_), Some(_)) => return Err(Failure::Input("--port and --tcp exclude each other".into())),
             (None, None) => {
-                let found = ports().unwrap_or_default();
+                let found = ports::list().unwrap_or_default();
                 let text = format!("where is the hub? Give --port PATH or --tcp HOST:PORT.\n{found}");
                 return Err(Failure::Input(text.trim_end().to_owned()));
             }
         };
-        let line = line.map_err(|e| Failure::Work(format!("{name}: {e}")))?;
+        let line = line.map_err(|error| Failure::Work(ports::unopened(name, &error)))?;
         self.command.execute(line, self.address, timeout).map_err(|trouble| match trouble {
             Trouble::Hub(error @ Error::Parents { .. }) => {
                 Failure::Work(format!("{name}: {error}; name one by --address"))
@@ -157,8 +167,8 @@ impl Command {
             stop_abandoned(&mut session)?;
         }
         let done = match self {
-            // Both need no session and are done above.
-            Self::Ports | Self::Discover => return Ok(()),
+            // They need no session and are done above.
+            Self::Ports | Self::Scan(_) | Self::Discover => return Ok(()),
             Self::Status(options) => return options.execute(&mut session),
             Self::Drive(drive) => return drive.execute(&mut session),
             Self::Together(options) => return options.execute(&mut session),
@@ -187,18 +197,6 @@ impl Command {
     }
 }
 
-/// The serial ports of this machine, for a reader.
-fn ports() -> Result<String, Failure> {
-    let ports = line::ports().map_err(|e| Failure::Work(format!("the serial ports of this machine: {e}")))?;
-    if ports.is_empty() {
-        return Ok("No serial ports found\n".to_owned());
-    }
-    let lines = ports.iter().map(|port| format!("  {} {}", port.path, port.description));
-    let lines: String = lines.map(|line| line.trim_end().to_owned() + "\n").collect();
-    Ok(format!("Serial ports found:\n{lines}"))
-}
-
 fn host_and_port(text: &str) -> Result<String, String> {
-    let parts = text.rsplit_once(':').filter(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
-    parts.map(|_| text.to_owned()).ok_or_else(|| "give HOST:PORT, such as 127.0.0.1:7070".to_owned())
+    if is_tcp(text) { Ok(text.to_owned()) } else { Err("give HOST:PORT, such as 127.0.0.1:7070".to_owned()) }
 }

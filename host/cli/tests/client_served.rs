@@ -167,3 +167,54 @@ fn motors_move_in_step_to_where_they_are_sent() {
     assert_eq!(late.status.code(), Some(1));
     assert!(err(&late).contains("not there after 0.3 s"), "{}", err(&late));
 }
+
+#[cfg(unix)]
+#[test]
+fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
+    let (tcp, pty) = (served(), Hub::start(PROGRAM, &["--pty", "--address", "9"]));
+    let link = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("hub-of-a-scan");
+    let _ = std::fs::remove_file(&link);
+    std::os::unix::fs::symlink(&pty.place, &link).unwrap();
+    let link = link.to_str().unwrap();
+    let scan = |places: &[&str]| {
+        Command::new(PROGRAM)
+            .args(["client", "--timeout", "500", "scan", "--only"])
+            .args(places)
+            .output()
+            .unwrap()
+    };
+    let found = out(&scan(&[&tcp.place, link, "/no/such/port"]));
+    let row = |place: &str| {
+        let row = found.lines().find(|line| line.contains(place)).unwrap_or_default();
+        row.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    assert!(row(&tcp.place).contains("2 ┆ parent"), "{found}");
+    assert!(row(link).contains("9 ┆ parent"), "{found}");
+    assert!(row("/no/such/port").contains("No such file"), "{found}");
+    let none = scan(&["/no/such/port"]);
+    assert_eq!(none.status.code(), Some(1));
+    assert!(err(&none).contains("no hub at 1 places"), "{}", err(&none));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_port_that_is_not_permitted_hints_at_group_and_udev_rule() {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    let port = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("locked-port");
+    std::fs::write(&port, "").unwrap();
+    std::fs::set_permissions(&port, std::fs::Permissions::from_mode(0)).unwrap();
+    let root = std::fs::metadata("/proc/self").unwrap().uid() == 0;
+    for command in ["status", "scan"] {
+        // Root may open anything, so it becomes nobody.
+        let mut denied = if root {
+            let mut denied = Command::new("setpriv");
+            denied.args(["--reuid=65534", "--clear-groups", PROGRAM]);
+            denied
+        } else {
+            Command::new(PROGRAM)
+        };
+        let denied = denied.args(["client", "--port"]).arg(&port).arg(command).output().unwrap();
+        let says = err(&denied);
+        assert!(says.contains("permission denied") && says.contains("70-motor-hub.rules"), "{says}");
+    }
+}

@@ -84,6 +84,9 @@ pub enum OpenError {
     /// A serial port is for one program at a time.
     #[error("another program has it open")]
     InUse,
+    /// The user may not open it.
+    #[error("permission denied")]
+    Denied,
     /// No address goes by the name.
     #[error("no such host")]
     NoSuchHost,
