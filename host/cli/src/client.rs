@@ -8,6 +8,7 @@ mod identify;
 mod interrupt;
 mod live;
 mod ports;
+mod record;
 mod scan;
 mod setup;
 mod status;
@@ -76,6 +77,9 @@ enum Command {
     Status(status::Options),
     #[command(flatten)]
     Drive(drive::Drive),
+    /// Drives motors as the three above, and writes down what the hub says: CSV, and a chart of each motor
+    #[command(long_about = record::HELP)]
+    Record(record::Options),
     /// Moves motors in step to positions, or on at speeds, and disables them in the end, on hubs of this project
     ///
     /// All are on their way in proportion; one that lags is waited for.
@@ -119,8 +123,10 @@ impl Options {
             _ => (),
         }
         // Before anything is sent.
-        if let Command::Drive(drive) = &self.command {
-            drive.order()?;
+        match &self.command {
+            Command::Drive(drive) => drop(drive.order()?),
+            Command::Record(options) => drop(options.order()?),
+            _ => (),
         }
         let timeout = Duration::from_millis(self.timeout);
         let (name, line) = match (&self.port, &self.tcp) {
@@ -171,6 +177,7 @@ impl Command {
             Self::Ports | Self::Scan(_) | Self::Discover => return Ok(()),
             Self::Status(options) => return options.execute(&mut session),
             Self::Drive(drive) => return drive.execute(&mut session),
+            Self::Record(options) => return options.execute(&mut session),
             Self::Together(options) => return options.execute(&mut session),
             Self::Coefficients(options) => return options.execute(&mut session),
             Self::Setup(options) => return options.execute(&mut session),

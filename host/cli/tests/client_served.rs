@@ -1,6 +1,7 @@
 //! `motor-hub client` against the simulated hub as it is served, whose motors turn.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
+mod common;
 mod conformance;
 mod output;
 
@@ -217,4 +218,66 @@ fn a_port_that_is_not_permitted_hints_at_group_and_udev_rule() {
         let says = err(&denied);
         assert!(says.contains("permission denied") && says.contains("70-motor-hub.rules"), "{says}");
     }
+}
+
+/// The rows of a recording, by heading.
+fn rows(folder: &std::path::Path) -> Vec<std::collections::HashMap<String, String>> {
+    let text = std::fs::read_to_string(folder.join("record.csv")).unwrap();
+    assert!(text.ends_with('\n'), "the last row is whole");
+    let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let headings = lines.next().unwrap();
+    lines
+        .map(|row| {
+            assert_eq!(row.len(), headings.len(), "{row:?}");
+            headings.iter().cloned().zip(row).collect()
+        })
+        .collect()
+}
+
+#[test]
+fn a_drive_of_four_motors_is_recorded_fifty_times_a_second() {
+    let hub = served();
+    let folder = common::folder("record");
+    let record = ["record", "--out", folder.to_str().unwrap(), "--", "velocity", "all", "400", "--for", "2"];
+    let shown = out(&client(&hub, &record).output().unwrap());
+    let rows = rows(&folder);
+    assert!(rows.len() > 4 * 90, "{} rows: {shown}", rows.len());
+    let last = &rows[rows.len() - 4];
+    assert_eq!((last["motor"].as_str(), last["setpoint"].as_str()), ("0", "velocity"));
+    assert_eq!((last["setpoint_value"].as_str(), last["control"].as_str()), ("400", ""));
+    let number = |key: &str| last[key].parse::<f64>().unwrap();
+    assert!(
+        (number("speed_estimate_cps") - 400.0).abs() < 40.0 && number("position_counts") > 300.0,
+        "{last:?}"
+    );
+    assert!(number("battery_measured_v") > 11.0);
+    for motor in 0..4 {
+        let svg = std::fs::read_to_string(folder.join(format!("motor-{motor}.svg"))).unwrap();
+        assert!(svg.contains("set-point") && svg.contains("battery, V"), "{motor}");
+        assert!(folder.join(format!("motor-{motor}.png")).exists());
+    }
+    assert_eq!(status(&hub)["motors"][0]["enabled"], false);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_recording_that_is_interrupted_is_whole_and_drawn() {
+    let hub = served();
+    let folder = common::folder("interrupted");
+    let record = ["record", "--out", folder.to_str().unwrap(), "power", "1", "0.3"];
+    let process = client(&hub, &record).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let csv = folder.join("record.csv");
+    // Rows are there while it runs.
+    let end = std::time::Instant::now() + std::time::Duration::from_secs(10);
+    while std::fs::read_to_string(&csv).map_or(0, |text| text.lines().count()) < 20 {
+        assert!(std::time::Instant::now() < end);
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    kill(&process, "-INT");
+    let output = process.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(err(&output).contains("disabled motor 1"), "{}", err(&output));
+    let rows = rows(&folder);
+    assert!(rows.iter().all(|row| row["control"] == "9830"), "{:?}", rows.last());
+    assert!(folder.join("motor-1.png").exists());
 }
