@@ -14,6 +14,7 @@ mod setup;
 mod status;
 mod together;
 mod trouble;
+mod tune;
 mod turn;
 mod watch;
 
@@ -96,6 +97,9 @@ enum Command {
     ///
     /// The motor must stand, and be free to turn. It is disabled at the end, on Ctrl-C, and on any error.
     Identify(identify::Options),
+    /// Learns how a motor moves, beside the catalogue, and proposes settings, on hubs of this project
+    #[command(long_about = tune::HELP)]
+    Tune(tune::Options),
     /// Makes a motor's present position 0
     ResetEncoder {
         #[arg(value_parser = channel)]
@@ -182,6 +186,7 @@ impl Command {
             Self::Coefficients(options) => return options.execute(&mut session),
             Self::Setup(options) => return options.execute(&mut session),
             Self::Identify(options) => return options.execute(&mut session),
+            Self::Tune(options) => return options.execute(&mut session),
             Self::Watch(options) => return options.execute(&mut session),
             Self::Stop => {
                 session.fail_safe()?;

@@ -281,3 +281,28 @@ fn a_recording_that_is_interrupted_is_whole_and_drawn() {
     assert!(rows.iter().all(|row| row["control"] == "9830"), "{:?}", rows.last());
     assert!(folder.join("motor-1.png").exists());
 }
+
+#[test]
+fn a_motor_is_tuned_beside_the_catalogue_and_settings_are_written_only_when_asked_for() {
+    let hub = served();
+    let tune = |more: &[&str]| client(&hub, &[&["tune", "0"], more].concat()).output().unwrap();
+    let shown = out(&tune(&[]));
+    for says in
+        ["AM 20 A", "off by", "times the inertia of an AM 20 A alone", "largest acceleration", "With --apply"]
+    {
+        assert!(shown.contains(says), "{says}: {shown}");
+    }
+    assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
+    let document: Value = serde_json::from_str(&out(&tune(&["--json", "--apply"]))).unwrap();
+    assert_eq!((&document["catalogue"], &document["applied"]), (&"AM 20 A".into(), &true.into()));
+    // Nothing was written the first time.
+    assert_eq!(document["now"]["acceleration_cps2"], Value::Null, "{document}");
+    let proposed = &document["proposed"];
+    let number = |of: &Value| of.as_f64().unwrap();
+    // Half of the battery's volts.
+    let share = number(&proposed["acceleration_cps2"]) / number(&proposed["acceleration_per_volt"]);
+    assert!((5.5..6.5).contains(&share), "{document}");
+    let after: Value = serde_json::from_str(&out(&tune(&["--json"]))).unwrap();
+    assert_eq!(&after["now"], proposed);
+    assert_eq!(status(&hub)["motors"][0]["enabled"], false);
+}
