@@ -6,6 +6,7 @@ mod drive;
 mod driven;
 mod identify;
 mod interrupt;
+mod jog;
 mod live;
 mod ports;
 mod record;
@@ -81,6 +82,9 @@ enum Command {
     /// Drives motors as the three above, and writes down what the hub says: CSV, and a chart of each motor
     #[command(long_about = record::HELP)]
     Record(record::Options),
+    /// Drives motors by keys, for as long as a key is held
+    #[command(long_about = jog::HELP, verbatim_doc_comment)]
+    Jog(jog::Options),
     /// Moves motors in step to positions, or on at speeds, and disables them in the end, on hubs of this project
     ///
     /// All are on their way in proportion; one that lags is waited for.
@@ -182,6 +186,7 @@ impl Command {
             Self::Status(options) => return options.execute(&mut session),
             Self::Drive(drive) => return drive.execute(&mut session),
             Self::Record(options) => return options.execute(&mut session),
+            Self::Jog(options) => return options.execute(&mut session),
             Self::Together(options) => return options.execute(&mut session),
             Self::Coefficients(options) => return options.execute(&mut session),
             Self::Setup(options) => return options.execute(&mut session),

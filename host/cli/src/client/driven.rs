@@ -48,6 +48,13 @@ impl<'a, L: Read + Write> Driven<'a, L> {
         self.session.enable(motor, true)
     }
 
+    /// Disables a motor before the work is done.
+    pub(super) fn disable(&mut self, motor: u8) -> Result<(), Error> {
+        self.session.enable(motor, false)?;
+        self.motors.retain(|other| *other != motor);
+        Ok(())
+    }
+
     /// Disables what was enabled; which that is.
     pub(super) fn stop(&mut self) -> Result<Vec<u8>, Failure> {
         let motors = std::mem::take(&mut self.motors);
