@@ -105,6 +105,43 @@ fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
 }
 
 #[test]
+fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
+    let server = Server::start(Hub::new());
+    let show = ["setup", "2", "--json"];
+    let before = json(&client(&server, &show));
+    let constants =
+        ["--ke", "0.02", "--counts-per-rev", "12", "--resistance-ohm", "2.5", "--inductance-mh", "0.8"];
+    let after = json(&client(&server, &[&show[..], &constants].concat()));
+    // 2000 pi Ke / counts.
+    assert!((after["emf_mv_s_per_count"].as_f64().unwrap() - 10.471_976).abs() < 1e-5, "{after}");
+    assert_eq!((&after["resistance_ohm"], &after["inductance_mh"]), (&2.5.into(), &0.8.into()));
+    assert_eq!((&after["scheme"], &after["duty"]), (&before["scheme"], &before["duty"]));
+    // One alone leaves the others; a name of the catalogue may be what it is sold as.
+    let ohms = json(&client(&server, &[&show[..], &["--resistance-ohm", "3"]].concat()));
+    assert_eq!(
+        (&ohms["emf_mv_s_per_count"], &ohms["resistance_ohm"]),
+        (&after["emf_mv_s_per_count"], &3.0.into())
+    );
+    let named = json(&client(&server, &[&show[..], &["--type", "neverest 60"]].concat()));
+    assert_eq!(named["resistance_ohm"], 3.3);
+    // What is wrong changes nothing, not even what comes before it.
+    for (wrong, says) in [
+        (
+            &["--ke", "9", "--counts-per-rev", "12"][..],
+            "--ke 9: back-EMF constant must be above 0 and below 32",
+        ),
+        (&["--resistance-ohm", "0", "--on-fault", "brake"], "--resistance-ohm 0: resistance must be 0.001"),
+        (&["--ke", "0.02"], "--counts-per-rev"),
+        (&["--ke", "0.02", "--counts-per-rev", "12", "--type", "AM 60 A"], "cannot be used with"),
+    ] {
+        let refused = client(&server, &[&show[..], wrong].concat());
+        assert_eq!(refused.status.code(), Some(2), "{wrong:?}");
+        assert!(err(&refused).contains(says), "{wrong:?}: {}", err(&refused));
+        assert_eq!(json(&client(&server, &show)), named, "{wrong:?}");
+    }
+}
+
+#[test]
 fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
     let mut hub = Hub::new();
     hub.snapshot.motors.iter_mut().for_each(|motor| motor.velocity = CountsPerSecond::new(-300));

@@ -26,7 +26,7 @@ impl Turn {
     pub(super) fn counts(&self) -> Result<Option<f64>, Failure> {
         let Some(name) = &self.name else { return Ok(self.counts_per_turn) };
         let motor = characterised(name).map_err(Failure::input)?;
-        Ok(Some(motor.counts_per_rev_motor * motor.gear_ratio))
+        Ok(Some(motor.counts_per_rev_output()))
     }
 }
 
