@@ -13,6 +13,8 @@
 
 use crate::Error;
 use crate::error::Addresses;
+#[cfg(feature = "serial")]
+use crate::{Line, OpenError};
 use motor_hub::protocol::answers::Functions;
 use motor_hub::protocol::fields::{Field, Fields};
 use motor_hub::protocol::requests::{DISCOVERY, Interface, Standard};
@@ -60,6 +62,26 @@ pub struct Session<L> {
     /// Types of the motor interface and of the hub's own, once asked.
     motors: Option<Functions>,
     setup: Option<Functions>,
+}
+
+#[cfg(feature = "serial")]
+impl Session<Line> {
+    /// With the hub at a place: `HOST:PORT`, or else a serial port. An answer is waited for a second at most.
+    ///
+    /// # Errors
+    /// The line cannot be opened, or no hub answers as parent, or more than one.
+    ///
+    /// ```no_run
+    /// use motor_hub_client::Session;
+    ///
+    /// let mut hub = Session::open("/dev/ttyACM0")?;
+    /// println!("battery: {} mV", hub.battery()?.get());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn open(place: &str) -> Result<Self, OpenError> {
+        let timeout = Duration::from_secs(1);
+        Ok(Self::with_parent(Line::open(place, timeout)?, timeout)?)
+    }
 }
 
 impl<L: Read + Write> Session<L> {
