@@ -220,11 +220,16 @@ fn single_commands_do_what_they_say() {
 
 #[test]
 fn watching_gives_a_document_per_interval() {
-    let server = Server::start(Hub::new());
-    let shown = out(&client(&server, &["watch", "--interval", "50", "--for", "0.2"]));
+    let mut hub = Hub::new();
+    hub.snapshot.motors[1].velocity = CountsPerSecond::new(840);
+    let server = Server::start(hub);
+    let watch = ["watch", "--interval", "50", "--for", "0.2", "--type", "NeveRest 60"];
+    let shown = out(&client(&server, &watch));
     let lines: Vec<Value> = shown.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert!((2..=4).contains(&lines.len()), "{shown}");
     assert_eq!(lines[0]["battery_v"], 12.345);
+    let motor = &lines[0]["motors"][1];
+    assert_eq!((&motor["velocity"], &motor["rpm"]), (&840.into(), &30.0.into()));
     assert_eq!(lines[0]["motors"].as_array().unwrap().len(), 4);
 }
 
@@ -272,10 +277,10 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["record"], "DRIVE"),
         (&["record", "--", "status"], "status"),
         (&["record", "velocity", "0", "1e9"], "whole number"),
-        (&["position", "0", "1", "--speed", "-500"], "1..=32767"),
+        (&["position", "0", "1", "--speed", "-500"], "1 to 32767"),
         (&["--tcp", "127.0.0.1", "status"], "127.0.0.1:7070"),
         (&["position", "0", "2147483648"], "2147483648"),
-        (&["position", "0", "1", "--speed", "0"], "1..=32767"),
+        (&["position", "0", "1", "--speed", "0"], "1 to 32767"),
         (&["coefficients", "0", "velocity", "--p", "32768"], "-32768 to 32767"),
         (&["coefficients", "0", "velocity", "--p", "inf"], "-32768 to 32767"),
         (&["coefficients", "0", "current"], "velocity, position"),

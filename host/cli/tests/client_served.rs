@@ -143,7 +143,7 @@ fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
     assert!(says.contains("not at 30000 counts/s after 0.6 s: motor 0 at"), "{says}");
     let rpm = ["velocity", "0", "20rpm", "--type", "AM 60 A", "--for", "1.5"];
     let reached = client(&hub, &rpm).output().unwrap();
-    assert!(out(&reached).contains("560 counts/s (20.0 rpm)"), "{}", out(&reached));
+    assert!(out(&reached).contains("560 counts/s (20.0 rpm, 2.09 rad/s)"), "{}", out(&reached));
     assert_eq!(err(&reached), "");
 }
 

@@ -87,10 +87,9 @@ pub(crate) struct PositionOptions {
     /// Counts from there that are near enough
     #[arg(long, value_name = "COUNTS", default_value_t = 5)]
     tolerance: u16,
-    /// Speed limit on the way, in counts per second
-    #[arg(long, value_name = "CPS", default_value_t = 1000, allow_negative_numbers = true)]
-    #[arg(value_parser = clap::value_parser!(i16).range(1..))]
-    speed: i16,
+    /// Speed limit on the way, in counts per second, or as 30rpm or 3.1rad/s
+    #[arg(long, value_name = "SPEED", default_value = "1000", allow_hyphen_values = true)]
+    speed: Speed,
 }
 
 /// What makes motors turn.
@@ -119,6 +118,10 @@ impl Drive {
             Self::Power(options) => Course::Power(options.value),
             Self::Velocity(options) => Course::Velocity(options.speed.cps(turn)?),
             &Self::Position(PositionOptions { counts, tolerance, speed, .. }) => {
+                let speed = speed.cps(turn)?;
+                if speed < 1 {
+                    return Err(Failure::Input(format!("--speed is 1 to {} counts/s", i16::MAX)));
+                }
                 Course::Position { counts, tolerance, speed }
             }
         };

@@ -2,7 +2,7 @@
 
 use super::interrupt;
 use super::trouble::Trouble;
-use super::turn::rpm;
+use super::turn::shaft_speed;
 use crate::output::{Failure, print};
 use motor_hub::protocol::answers::{Bulk, MotorAlert, Status};
 use motor_hub::units::Millivolts;
@@ -36,16 +36,17 @@ impl Reading {
         f64::from(self.battery.get()) / 1000.0
     }
 
-    /// Lines of text for a terminal. With so many counts in a turn of the output shaft speeds are in rpm too.
+    /// Lines of text for a terminal. With so many counts in a turn of the output shaft speeds are of that too.
     pub(crate) fn table(&self, motors: &[u8], turn: Option<f64>) -> String {
         let mut headings = vec!["motor", "position, counts", "velocity, counts/s", "at target"];
-        headings.extend(turn.map(|_| "rpm"));
+        headings.extend(turn.iter().flat_map(|_| ["rpm", "rad/s"]));
         let mut table = table::new(&headings, 0);
         for (motor, position, velocity, at_target) in self.motors(motors) {
             let at_target = if at_target { "yes" } else { "no" };
-            let rpm = turn.map(|turn| format!("{:.1}", rpm(velocity.into(), turn)));
+            let shaft = turn.map(|turn| shaft_speed(velocity, turn));
+            let shaft = shaft.into_iter().flat_map(|(rpm, rad)| [format!("{rpm:.1}"), format!("{rad:.2}")]);
             let row = [motor.to_string(), position.to_string(), velocity.to_string(), at_target.into()];
-            table.add_row(row.into_iter().chain(rpm));
+            table.add_row(row.into_iter().chain(shaft));
         }
         let (seconds, volts) = (self.at.as_secs_f64(), self.battery_v());
         format!("{seconds:.1} s, battery {volts:.2} V\n{}\n{table}\n", self.says())
@@ -63,20 +64,26 @@ impl Reading {
     pub(crate) fn line(&self, motors: &[u8], turn: Option<f64>) -> String {
         let motors = self.motors(motors).map(|(motor, position, velocity, at_target)| {
             let at_target = if at_target { ", at target" } else { "" };
-            let rpm =
-                turn.map(|turn| format!(" ({:.1} rpm)", rpm(velocity.into(), turn))).unwrap_or_default();
+            let shaft = turn.map(|turn| shaft_speed(velocity, turn));
+            let rpm = shaft.map(|(rpm, rad)| format!(" ({rpm:.1} rpm, {rad:.2} rad/s)")).unwrap_or_default();
             format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{at_target}")
         });
         let motors: String = motors.collect();
         format!("{:.1} s, {:.2} V{motors}\n", self.at.as_secs_f64(), self.battery_v())
     }
 
-    /// For programs: seconds, volts, counts, counts per second.
-    pub(crate) fn json(&self, motors: &[u8]) -> Value {
+    /// For programs: seconds, volts, counts, counts per second; with the counts of a turn, the shaft's speed.
+    pub(crate) fn json(&self, motors: &[u8], turn: Option<f64>) -> Value {
         let motors: Vec<Value> = self
             .motors(motors)
             .map(|(motor, position, velocity, at_target)| {
-                json!({ "motor": motor, "position": position, "velocity": velocity, "at_target": at_target })
+                let mut of_motor =
+                    json!({ "motor": motor, "position": position, "velocity": velocity, "at_target": at_target });
+                if let (Some(object), Some(turn)) = (of_motor.as_object_mut(), turn) {
+                    let (rpm, rad) = shaft_speed(velocity, turn);
+                    object.extend([("rpm".to_owned(), json!(rpm)), ("rad_per_s".to_owned(), json!(rad))]);
+                }
+                of_motor
             })
             .collect();
         json!({

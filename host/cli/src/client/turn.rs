@@ -30,9 +30,10 @@ impl Turn {
     }
 }
 
-/// Turns a minute of a speed in counts per second.
-pub(super) fn rpm(cps: f64, turn: f64) -> f64 {
-    60.0 * cps / turn
+/// Turns a minute, and radians a second, of a speed in counts per second.
+pub(super) fn shaft_speed(cps: i16, turn: f64) -> (f64, f64) {
+    let turns = f64::from(cps) / turn;
+    (60.0 * turns, TAU * turns)
 }
 
 /// A speed as it is typed.
@@ -84,6 +85,11 @@ impl Speed {
 #[expect(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_turn_a_second_is_60_rpm_and_two_pi_radians() {
+        assert_eq!(shaft_speed(-1680, 1680.0), (-60.0, -TAU));
+    }
 
     #[test]
     fn speeds_are_counts_or_turns_of_the_shaft() {

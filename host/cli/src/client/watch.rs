@@ -4,6 +4,7 @@ use super::drive;
 use super::driven::stop_abandoned;
 use super::live::{Live, repeat};
 use super::trouble::Trouble;
+use super::turn::Turn;
 use crate::output::print;
 use crate::parse::within_a_day;
 use motor_hub_client::Session;
@@ -26,10 +27,13 @@ pub(crate) struct Options {
     /// One JSON document per line, as it is where standard output is no terminal
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    turn: Turn,
 }
 
 impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let turn = self.turn.counts()?;
         let mut live = Live::new();
         let interval = Duration::from_millis(self.interval);
         let mut checked = Instant::now();
@@ -39,9 +43,9 @@ impl Options {
                 checked = Instant::now();
             }
             if live.terminal && !self.json {
-                live.redraw(&reading.table(&drive::ALL, None))?;
+                live.redraw(&reading.table(&drive::ALL, turn))?;
             } else {
-                print(&format!("{}\n", reading.json(&drive::ALL)))?;
+                print(&format!("{}\n", reading.json(&drive::ALL, turn)))?;
             }
             Ok(false)
         })
