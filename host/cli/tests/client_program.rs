@@ -15,7 +15,7 @@ use motor_hub::supply::Stage;
 use motor_hub::units::{CountsPerSecond, Millivolts};
 use output::{err, out};
 use serde_json::Value;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 fn client(server: &Server, arguments: &[&str]) -> Output {
@@ -200,6 +200,64 @@ fn the_program_says_why_the_hub_refuses() {
     let says = err(&output);
     assert!(says.contains("enable motor 0: battery too low (NACK 52)"), "{says}");
     assert!(says.contains(&server.address), "{says}");
+}
+
+/// Starts a command that drives motor 0, lets the hub fall deaf, and asks it to end.
+#[cfg(unix)]
+fn interrupted_on_a_deaf_hub(timeout: &str) -> (Server, std::process::Child) {
+    let server = Server::start(Hub::new());
+    let mut command = Command::new(env!("CARGO_BIN_EXE_motor-hub"));
+    command.args([
+        "client",
+        "--tcp",
+        &server.address,
+        "--address",
+        "3",
+        "--timeout",
+        timeout,
+        "power",
+        "0",
+        "0.5",
+    ]);
+    let process = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let end = Instant::now() + Duration::from_secs(10);
+    while !server.hub().was_enabled[0] {
+        assert!(Instant::now() < end);
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_millis(200));
+    server.hub().deaf_for = u32::MAX;
+    std::thread::sleep(Duration::from_millis(200));
+    interrupt(&process);
+    (server, process)
+}
+
+#[cfg(unix)]
+fn interrupt(process: &std::process::Child) {
+    assert!(Command::new("kill").args(["-INT", &process.id().to_string()]).status().unwrap().success());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_motor_that_could_not_be_disabled_is_warned_of() {
+    let (_server, process) = interrupted_on_a_deaf_hub("300");
+    let begin = Instant::now();
+    let output = process.wait_with_output().unwrap();
+    assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
+    let says = err(&output);
+    assert!(says.contains("warning: motor 0 could not be disabled") && says.contains("2.5 s"), "{says}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_program_that_hangs_is_ended_by_another_signal_later() {
+    let (_server, mut process) = interrupted_on_a_deaf_hub("60000");
+    std::thread::sleep(Duration::from_millis(3300));
+    assert!(process.try_wait().unwrap().is_none(), "it waits for the hub");
+    interrupt(&process);
+    let begin = Instant::now();
+    assert_eq!(process.wait().unwrap().code(), Some(1));
+    assert!(begin.elapsed() < Duration::from_secs(1));
 }
 
 #[test]

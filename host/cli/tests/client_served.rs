@@ -203,7 +203,7 @@ fn a_port_that_is_not_permitted_hints_at_group_and_udev_rule() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
     let port = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("locked-port");
     std::fs::write(&port, "").unwrap();
-    std::fs::set_permissions(&port, std::fs::Permissions::from_mode(0)).unwrap();
+    std::fs::set_permissions(&port, std::fs::Permissions::from_mode(0o0)).unwrap();
     let root = std::fs::metadata("/proc/self").unwrap().uid() == 0;
     for command in ["status", "scan"] {
         // Root may open anything, so it becomes nobody.

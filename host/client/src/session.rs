@@ -123,6 +123,11 @@ impl<L: Read + Write> Session<L> {
         self.address
     }
 
+    /// From now on answers are waited for so long at the most.
+    pub fn hurry(&mut self, timeout: Duration) {
+        self.timeout = self.timeout.min(timeout);
+    }
+
     /// Goes on with another hub on the same line.
     pub fn talk_to(&mut self, address: Address) {
         // Whose functions may have other numbers.

@@ -80,6 +80,10 @@ impl Order {
     fn warn(&self, session: &mut Session<Line>) -> Result<(), Error> {
         let Some(wanted) = self.course.speed() else { return Ok(()) };
         let battery = session.battery()?;
+        // Of a battery that the hub does not know nothing follows.
+        if battery == Millivolts::default() {
+            return Ok(());
+        }
         for &motor in &self.motors {
             let setup = match session.setup(motor) {
                 Ok(setup) => setup,

@@ -13,6 +13,9 @@ use std::time::{Duration, Instant};
 /// So long after it last heard of its host the hub lets motors go by itself.
 const KEEP_ALIVE: Duration = Duration::from_millis(2500);
 
+/// How long a motor's disabling is waited for before the next one is disabled, whatever else was asked for.
+const PATIENCE: Duration = Duration::from_millis(500);
+
 /// A session whose motors are disabled when it is dropped.
 pub(super) struct Driven<'a, L: Read + Write> {
     session: &'a mut Session<L>,
@@ -58,6 +61,7 @@ impl<'a, L: Read + Write> Driven<'a, L> {
     /// Disables what was enabled; which that is.
     pub(super) fn stop(&mut self) -> Result<Vec<u8>, Failure> {
         let motors = std::mem::take(&mut self.motors);
+        self.session.hurry(PATIENCE);
         let end = Instant::now() + KEEP_ALIVE;
         loop {
             // All of them, whatever goes wrong with one.

@@ -52,6 +52,7 @@ fn group(_: &str) -> Option<String> {
 }
 
 /// The name of a group in the text of `/etc/group`.
+#[cfg(any(unix, test))]
 fn named(groups: &str, id: u32) -> Option<String> {
     let mut rows = groups.lines().map(|line| line.split(':'));
     rows.find_map(|mut row| {
