@@ -36,7 +36,7 @@ Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
 Reads and sets what the protocol knows of motors: power, velocity, position, coefficients, encoders,
 status, LED. Without --address the hub is found by discovery, which takes 0.25 s.
 
-Commands that run motors disable them when they are over, on Ctrl-C, SIGTERM, SIGHUP (a closed terminal), on an error
+Commands that run motors disable them when they are over, on Ctrl-C, SIGTERM, SIGQUIT, SIGHUP (a closed terminal), on an error
 and on a panic, and say so on standard error. If the program is killed (SIGKILL), the hub hears nothing, and after its
 keep-alive timeout of 2.5 s it lets all motors coast. `stop` does so at once.
 

@@ -202,6 +202,24 @@ fn a_refusal_names_its_reason() {
     }
 }
 
+#[cfg(feature = "serial")]
+#[test]
+fn a_hub_is_opened_by_where_it_is() {
+    let server = hub_support::Server::start(Hub::new());
+    let mut hub = Session::open(&server.address).unwrap();
+    assert_eq!((hub.address(), hub.battery().unwrap()), (ADDRESS, Millivolts::new(12_345)));
+    let nowhere = Session::open("/no/such/port").unwrap_err();
+    assert!(nowhere.to_string().contains("No such file"), "{nowhere}");
+}
+
+#[test]
+fn a_session_goes_on_with_another_hub_on_its_line() {
+    let mut session = Session::new(Memory::new(Hub::new()), Address::DEFAULT, Duration::from_millis(60));
+    assert!(session.battery().is_err(), "nobody is there");
+    session.talk_to(Address::new(ADDRESS).unwrap());
+    assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
+}
+
 #[test]
 fn functions_are_numbered_from_where_the_hub_says() {
     let mut hub = Hub::new();

@@ -3,7 +3,7 @@
 
 use crate::output::Failure;
 #[cfg(unix)]
-use signal_hook::consts::SIGHUP;
+use signal_hook::consts::{SIGHUP, SIGQUIT};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register_usize;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -16,6 +16,8 @@ const SIGNALS: &[(i32, &str)] = &[
     (SIGTERM, "SIGTERM"),
     #[cfg(unix)]
     (SIGHUP, "SIGHUP: its terminal is gone"),
+    #[cfg(unix)]
+    (SIGQUIT, "SIGQUIT"),
 ];
 
 /// How often signals are looked for.
