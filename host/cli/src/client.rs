@@ -75,7 +75,7 @@ enum Command {
     Scan(scan::Options),
     /// All hubs on the line
     Discover,
-    /// Status, version, battery, LED, and what every motor is set to and does; disabled first if enabled
+    /// Status, version, battery, LED, and what every motor is set to and does; those that run are disabled first
     Status(status::Options),
     #[command(flatten)]
     Drive(drive::Drive),
@@ -116,7 +116,7 @@ enum Command {
         #[arg(value_name = "N", value_parser = address)]
         new: Address,
     },
-    /// Positions, velocities, battery and status as they change; motors that are enabled are disabled first
+    /// Positions, velocities, battery and status as they change; motors that run are disabled first
     Watch(watch::Options),
 }
 

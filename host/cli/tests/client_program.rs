@@ -6,13 +6,14 @@
     reason = "a failed access is a failed test"
 )]
 
+mod common;
 #[path = "../../client/tests/hub_support/mod.rs"]
 mod hub_support;
 mod output;
 
 use hub_support::{Hub, Server};
 use motor_hub::supply::Stage;
-use motor_hub::units::{CountsPerSecond, Millivolts};
+use motor_hub::units::{CountsPerSecond, Milliamperes, Millivolts};
 use output::{err, out};
 use serde_json::Value;
 use std::process::{Command, Output, Stdio};
@@ -139,6 +140,26 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
         assert!(err(&refused).contains(says), "{wrong:?}: {}", err(&refused));
         assert_eq!(json(&client(&server, &show)), named, "{wrong:?}");
     }
+}
+
+#[test]
+fn a_recording_has_the_current_of_hubs_that_tell_it() {
+    let mut hub = Hub::new();
+    hub.snapshot.motors[1].measured = Some(Milliamperes::new(1_250));
+    let server = Server::start(hub);
+    let folder = common::folder("current");
+    let to = folder.to_str().unwrap();
+    out(&client(
+        &server,
+        &["record", "--out", to, "--rate", "100", "--", "power", "1", "0.5", "--for", "0.2"],
+    ));
+    let text = std::fs::read_to_string(folder.join("record.csv")).unwrap();
+    assert!(
+        text.lines().count() > 5 && text.lines().skip(1).all(|row| row.ends_with(",1.250,false")),
+        "{text}"
+    );
+    let svg = std::fs::read_to_string(folder.join("motor-1.svg")).unwrap();
+    assert!(svg.contains("magnitude of the motor current"));
 }
 
 #[test]

@@ -11,7 +11,7 @@ use motor_hub::protocol::fields::{Field, Fields};
 use motor_hub::protocol::motor::{Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::requests::{Interface, Request, Standard};
 use motor_hub::protocol::{Address, Colour, Nack, frame};
-use motor_hub::units::{Coefficient, Control, Millivolts};
+use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
 use motor_hub_client::session::Found;
 use motor_hub_client::{Error, Session};
 use std::cell::Cell;
@@ -200,6 +200,15 @@ fn a_refusal_names_its_reason() {
     for code in 0..=255 {
         assert!(Nack(code).to_string().ends_with(&format!("(NACK {code})")));
     }
+}
+
+#[test]
+fn a_motor_has_the_current_that_its_own_channel_tells() {
+    let mut hub = Hub::new();
+    hub.snapshot.motors[2].measured = Some(Milliamperes::new(-1_500));
+    let mut session = session(Memory::new(hub));
+    assert_eq!(session.current(2).unwrap(), Milliamperes::new(1_500), "its magnitude");
+    assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
 }
 
 #[cfg(feature = "serial")]
