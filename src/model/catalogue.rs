@@ -16,7 +16,7 @@
 use std::sync::LazyLock;
 
 use super::friction::{Cogging, Friction};
-use super::si::{Drag, EmfConstant, Henries, KgM2, NewtonMetres, Ohms, TorqueConstant, Volts};
+use super::si::{Drag, EmfConstant, Henries, KgM2, NewtonMetres, Ohms, RadPerSec, TorqueConstant, Volts};
 
 /// Constants of a geared DC motor, all of the motor shaft, that is before the gearbox.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,6 +63,18 @@ impl Motor {
     #[must_use]
     pub fn stall_torque(&self, voltage: Volts) -> NewtonMetres {
         NewtonMetres(self.kt.0 * voltage.0 / self.r.0)
+    }
+
+    /// Speed of the motor shaft without load at a voltage, `Kt V / (Kt Ke + B R)`.
+    #[must_use]
+    pub fn free_speed(&self, voltage: Volts) -> RadPerSec {
+        RadPerSec(self.kt.0 * voltage.0 / (self.kt.0 * self.ke.0 + self.b.0 * self.r.0))
+    }
+
+    /// Encoder counts per turn of the output shaft.
+    #[must_use]
+    pub fn counts_per_rev_output(&self) -> f64 {
+        self.counts_per_rev_motor * self.gear_ratio
     }
 
     /// Back EMF per encoder speed, mV s/count: `2000 pi Ke / counts per turn` (paper,
@@ -170,19 +182,43 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
     &ENTRIES
 }
 
+/// What motors are sold as, and the specimen that stands for each: the one with fewest caveats.
+const ALIASES: [(&str, &str); 7] = [
+    ("NeveRest 20", "AM 20 A"),
+    ("NeveRest 40", "AM 40 C"),
+    ("NeveRest 60", "AM 60 A"),
+    ("NeveRest 3.7", "AM 3.7 B"),
+    ("Matrix 12 V", "Matrix A"),
+    ("Core Hex", "CoreHex A"),
+    ("REV Core Hex", "CoreHex A"),
+];
+
+impl CatalogueEntry {
+    /// Other names that [`find`] knows it by: what it is sold as, and the part number.
+    pub fn aliases(&self) -> impl Iterator<Item = &'static str> {
+        let (name, part) = (self.name, self.part_number);
+        let sold_as = ALIASES.iter().filter(move |(_, row)| *row == name).map(|(alias, _)| *alias);
+        sold_as.chain((!part.is_empty()).then_some(part))
+    }
+}
+
 /// Every motor with constants.
 pub fn motors() -> impl Iterator<Item = Motor> {
     catalogue().iter().filter_map(|entry| entry.motor)
 }
 
-/// The row of this name. Only letters and digits count, in either case: "am60a" finds "AM 60 A".
+/// The row of this name, alias or part number. Only letters and digits count, in either case: "am60a" finds "AM 60 A",
+/// and so does "NeveRest 60".
 #[must_use]
 pub fn find(name: &str) -> Option<&'static CatalogueEntry> {
     let key = |text: &str| -> String {
         text.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect()
     };
     let wanted = key(name);
-    catalogue().iter().find(|entry| key(entry.name) == wanted)
+    let mut rows = catalogue().iter();
+    rows.clone()
+        .find(|entry| key(entry.name) == wanted)
+        .or_else(|| rows.find(|entry| entry.aliases().any(|alias| key(alias) == wanted)))
 }
 
 /// Why a name gives no motor.
@@ -241,6 +277,34 @@ mod tests {
             assert_eq!(find(typed).map(|e| e.name), Some(name));
         }
         assert!(find("am 60").is_none());
+    }
+
+    #[test]
+    fn motors_are_found_by_what_they_are_sold_as_and_by_part_number() {
+        for (typed, name) in [
+            ("neverest 60", "AM 60 A"),
+            ("NeveRest 3.7", "AM 3.7 B"),
+            ("REV Core Hex", "CoreHex A"),
+            ("am-2964a", "AM 40 A"),
+            ("REV-41-1300", "CoreHex A"),
+        ] {
+            assert_eq!(find(typed).map(|e| e.name), Some(name), "{typed}");
+        }
+        for (alias, row) in ALIASES {
+            assert!(
+                find(row).is_some_and(|entry| entry.motor.is_some() && entry.aliases().any(|a| a == alias))
+            );
+        }
+    }
+
+    #[test]
+    fn the_free_speed_is_where_the_drag_takes_what_the_back_emf_leaves() {
+        let motor = find("AM 60 A").and_then(|e| e.motor).unwrap();
+        let w = motor.free_speed(Volts(12.0)).0;
+        let current = (12.0 - motor.ke.0 * w) / motor.r.0;
+        assert!((motor.kt.0 * current - motor.b.0 * w).abs() < 1e-9);
+        // The data file's own column.
+        assert!((w - 610.423_778_15).abs() < 1e-4, "{w}");
     }
 
     #[test]

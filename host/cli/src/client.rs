@@ -1,20 +1,29 @@
 //! `motor-hub client`: a command line for a real or simulated hub.
 
 mod coefficients;
+mod course;
 mod drive;
+mod driven;
 mod identify;
 mod interrupt;
+mod jog;
 mod live;
+mod ports;
+mod record;
+mod scan;
 mod setup;
 mod status;
 mod together;
 mod trouble;
+mod tune;
+mod turn;
 mod watch;
 
 use crate::output::{Failure, print};
 use crate::parse::{address, channel};
+use driven::stop_abandoned;
 use motor_hub::protocol::{Address, Colour};
-use motor_hub_client::line::{self, Line};
+use motor_hub_client::line::{Line, is_tcp};
 use motor_hub_client::{Error, Session};
 use std::time::Duration;
 use studies::table;
@@ -27,10 +36,15 @@ Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
 Reads and sets what the protocol knows of motors: power, velocity, position, coefficients, encoders,
 status, LED. Without --address the hub is found by discovery, which takes 0.25 s.
 
-Commands that run motors disable them when they are over, and on Ctrl-C. If the program is killed, the hub
-hears nothing, and after its keep-alive timeout of 2.5 s it lets all motors coast. `stop` does so at once.
+Commands that run motors disable them when they are over, on Ctrl-C, SIGTERM, SIGQUIT, SIGHUP (a closed terminal), on an error
+and on a panic, and say so on standard error. If the program is killed (SIGKILL), the hub hears nothing, and after its
+keep-alive timeout of 2.5 s it lets all motors coast. `stop` does so at once.
 
-Exit codes: 0 done; 1 no answer, a refusal, or a target that was not reached; 2 wrong options.";
+Every packet, even a question, counts as a sign of life to the hub. So that no command prolongs a motion that it did not
+begin, each of them, `status` and `watch` too, first disables motors that it finds enabled, and says so: a line has
+one host at a time, so whoever enabled them is gone.
+
+Exit codes: 0 done; 1 no answer, a refusal, or a position or velocity that was not reached; 2 wrong options.";
 
 /// Where the hub is, and what is asked of it.
 #[derive(clap::Args)]
@@ -56,16 +70,21 @@ pub(crate) struct Options {
 enum Command {
     /// The serial ports of this machine
     Ports,
+    /// Looks for hubs on all serial ports of this machine and at places that are named
+    #[command(long_about = scan::HELP)]
+    Scan(scan::Options),
     /// All hubs on the line
     Discover,
-    /// Status, version, battery, LED, and what every motor is set to and does
+    /// Status, version, battery, LED, and what every motor is set to and does; those that run are disabled first
     Status(status::Options),
-    /// Runs motors with constant power, disabled at the end
-    Power(drive::PowerOptions),
-    /// Runs motors with regulated velocity, disabled at the end
-    Velocity(drive::VelocityOptions),
-    /// Moves motors to a position and disables them there
-    Position(drive::PositionOptions),
+    #[command(flatten)]
+    Drive(drive::Drive),
+    /// Drives motors as the three above, and writes down what the hub says: CSV, and a chart of each motor
+    #[command(long_about = record::HELP)]
+    Record(record::Options),
+    /// Drives motors by keys, for as long as a key is held
+    #[command(long_about = jog::HELP, verbatim_doc_comment)]
+    Jog(jog::Options),
     /// Moves motors in step to positions, or on at speeds, and disables them in the end, on hubs of this project
     ///
     /// All are on their way in proportion; one that lags is waited for.
@@ -82,6 +101,9 @@ enum Command {
     ///
     /// The motor must stand, and be free to turn. It is disabled at the end, on Ctrl-C, and on any error.
     Identify(identify::Options),
+    /// Learns how a motor moves, beside the catalogue, and proposes settings, on hubs of this project
+    #[command(long_about = tune::HELP)]
+    Tune(tune::Options),
     /// Makes a motor's present position 0
     ResetEncoder {
         #[arg(value_parser = channel)]
@@ -94,14 +116,25 @@ enum Command {
         #[arg(value_name = "N", value_parser = address)]
         new: Address,
     },
-    /// Positions, velocities, battery and status as they change; keeps the hub's motors alive
+    /// Positions, velocities, battery and status as they change; motors that run are disabled first
     Watch(watch::Options),
 }
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        if matches!(self.command, Command::Ports) {
-            return print(&ports()?);
+        match &self.command {
+            Command::Ports => return print(&ports::list()?),
+            Command::Scan(options) => {
+                let named = self.port.iter().chain(&self.tcp).cloned();
+                return options.execute(named, Duration::from_millis(self.timeout));
+            }
+            _ => (),
+        }
+        // Before anything is sent.
+        match &self.command {
+            Command::Drive(drive) => drop(drive.order()?),
+            Command::Record(options) => drop(options.order()?),
+            _ => (),
         }
         let timeout = Duration::from_millis(self.timeout);
         let (name, line) = match (&self.port, &self.tcp) {
@@ -109,12 +142,12 @@ impl Options {
             (None, Some(address)) => (address, Line::tcp(address, timeout)),
             (Some(_), Some(_)) => return Err(Failure::Input("--port and --tcp exclude each other".into())),
             (None, None) => {
-                let found = ports().unwrap_or_default();
+                let found = ports::list().unwrap_or_default();
                 let text = format!("where is the hub? Give --port PATH or --tcp HOST:PORT.\n{found}");
                 return Err(Failure::Input(text.trim_end().to_owned()));
             }
         };
-        let line = line.map_err(|e| Failure::Work(format!("{name}: {e}")))?;
+        let line = line.map_err(|error| Failure::Work(ports::unopened(name, &error)))?;
         self.command.execute(line, self.address, timeout).map_err(|trouble| match trouble {
             Trouble::Hub(error @ Error::Parents { .. }) => {
                 Failure::Work(format!("{name}: {error}; name one by --address"))
@@ -129,7 +162,12 @@ impl Command {
     fn execute(self, line: Line, address: Option<Address>, timeout: Duration) -> Result<(), Trouble> {
         if matches!(self, Self::Discover) {
             let mut table = table::new(&["address", "hub"], 0);
-            for hub in Session::new(line, Address::DEFAULT, timeout).discover()? {
+            let mut session = Session::new(line, Address::DEFAULT, timeout);
+            for hub in session.discover()? {
+                if let Some(address) = Address::new(hub.address) {
+                    session.talk_to(address);
+                    stop_abandoned(&mut session)?;
+                }
                 let kind = if hub.parent { "parent" } else { "child" };
                 table.add_row([hub.address.to_string(), kind.to_owned()]);
             }
@@ -139,17 +177,21 @@ impl Command {
             Some(address) => Session::new(line, address, timeout),
             None => Session::with_parent(line, timeout)?,
         };
+        if !matches!(self, Self::Stop) {
+            stop_abandoned(&mut session)?;
+        }
         let done = match self {
-            // Both need no session and are done above.
-            Self::Ports | Self::Discover => return Ok(()),
+            // They need no session and are done above.
+            Self::Ports | Self::Scan(_) | Self::Discover => return Ok(()),
             Self::Status(options) => return options.execute(&mut session),
-            Self::Power(options) => return options.execute(&mut session),
-            Self::Velocity(options) => return options.execute(&mut session),
-            Self::Position(options) => return options.execute(&mut session),
+            Self::Drive(drive) => return drive.execute(&mut session),
+            Self::Record(options) => return options.execute(&mut session),
+            Self::Jog(options) => return options.execute(&mut session),
             Self::Together(options) => return options.execute(&mut session),
             Self::Coefficients(options) => return options.execute(&mut session),
             Self::Setup(options) => return options.execute(&mut session),
             Self::Identify(options) => return options.execute(&mut session),
+            Self::Tune(options) => return options.execute(&mut session),
             Self::Watch(options) => return options.execute(&mut session),
             Self::Stop => {
                 session.fail_safe()?;
@@ -172,18 +214,6 @@ impl Command {
     }
 }
 
-/// The serial ports of this machine, for a reader.
-fn ports() -> Result<String, Failure> {
-    let ports = line::ports().map_err(|e| Failure::Work(format!("the serial ports of this machine: {e}")))?;
-    if ports.is_empty() {
-        return Ok("No serial ports found\n".to_owned());
-    }
-    let lines = ports.iter().map(|port| format!("  {} {}", port.path, port.description));
-    let lines: String = lines.map(|line| line.trim_end().to_owned() + "\n").collect();
-    Ok(format!("Serial ports found:\n{lines}"))
-}
-
 fn host_and_port(text: &str) -> Result<String, String> {
-    let parts = text.rsplit_once(':').filter(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok());
-    parts.map(|_| text.to_owned()).ok_or_else(|| "give HOST:PORT, such as 127.0.0.1:7070".to_owned())
+    if is_tcp(text) { Ok(text.to_owned()) } else { Err("give HOST:PORT, such as 127.0.0.1:7070".to_owned()) }
 }

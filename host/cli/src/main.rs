@@ -9,11 +9,13 @@
 mod choice;
 mod client;
 mod compare;
+mod constants;
 mod emulate;
 mod eval;
 mod figures;
 mod identify;
 mod map;
+mod motors;
 mod operating;
 mod output;
 mod paper;
@@ -58,6 +60,8 @@ enum Command {
     /// What the hub learns of its motors from a short motion, beside what they are: tables and a chart
     #[command(long_about = identify::HELP)]
     Identify(identify::Options),
+    /// The motors that are known: names, aliases, counts, speeds, currents
+    Motors(motors::Options),
     /// The points S, T, Z, G at an operating point, computed by the firmware's core
     Points(points::Options),
     /// What the firmware does with a control value at an operating point
@@ -88,6 +92,7 @@ fn main() -> ExitCode {
         Command::Survey(options) => options.execute(),
         Command::Soak(options) => options.execute(),
         Command::Identify(options) => options.execute(),
+        Command::Motors(options) => options.execute(),
         Command::Points(options) => options.execute(),
         Command::Map(options) => options.execute(),
         Command::Paper(options) => options.execute(),

@@ -1,6 +1,7 @@
 //! The operating point that `points` and `map` ask about.
 
 use crate::choice::SchemeOption;
+use crate::constants::Constants;
 use crate::output::Failure;
 use motor_hub::model::catalogue::characterised;
 use simulated::scheme::BlendChoice;
@@ -15,9 +16,11 @@ pub(crate) struct OperatingOptions {
     /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
     #[arg(long, value_name = "0..1|auto")]
     blend: Option<BlendChoice>,
-    /// Motor of the catalogue
-    #[arg(long, value_name = "NAME")]
-    motor: String,
+    /// Motor of the catalogue: see `motor-hub motors`
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["ke", "resistance_ohm", "inductance_mh"])]
+    motor: Option<String>,
+    #[command(flatten)]
+    constants: Constants,
     /// Speed of the encoder in counts per second, positive for CW
     #[arg(long, value_name = "V", allow_negative_numbers = true)]
     #[arg(value_parser = clap::value_parser!(i32).range(-1_000_000..=1_000_000))]
@@ -34,7 +37,10 @@ impl OperatingOptions {
     /// What the core makes of it.
     pub(crate) fn report(&self) -> Result<OperatingReport, Failure> {
         let scheme = self.scheme.with_blend(self.blend).map_err(Failure::input)?;
-        let motor = characterised(&self.motor).map_err(Failure::input)?;
+        let motor = match &self.motor {
+            Some(name) => characterised(name).map_err(Failure::input)?,
+            None => self.constants.motor()?,
+        };
         OperatingReport::new(motor, scheme, self.speed_cps, self.battery_mv).map_err(Failure::input)
     }
 }

@@ -2,6 +2,7 @@
 
 use chart::DrawError;
 use serde::Serialize;
+use std::fmt;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -14,6 +15,13 @@ pub(crate) enum Failure {
     Input(String),
     /// Something went wrong while it was at work.
     Work(String),
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (Self::Input(text) | Self::Work(text)) = self;
+        f.write_str(text)
+    }
 }
 
 impl Failure {
@@ -33,9 +41,14 @@ impl Failure {
             Self::Input(text) => (text, 2),
             Self::Work(text) => (text, 1),
         };
-        eprintln!("error: {text}");
+        say(&format!("error: {text}"));
         ExitCode::from(code)
     }
+}
+
+/// A line on standard error; a terminal that is gone is no reason to panic.
+pub(crate) fn say(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// Prints a JSON document on standard output.

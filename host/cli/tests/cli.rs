@@ -7,8 +7,10 @@
 )]
 
 mod common;
+mod output;
 
 use common::{folder, motor_hub};
+use output::{err, out};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Output;
@@ -213,4 +215,38 @@ fn motors_are_learned_and_drawn_and_one_under_load_is_refused() {
     let refused = motor_hub(&arguments);
     assert_eq!(refused.status.code(), Some(1));
     assert!(text(&refused.stdout).contains("refused: the motor turned before it was driven"));
+}
+
+#[test]
+fn the_catalogue_lists_what_motors_are_sold_as_and_how_fast_they_are() {
+    let list = out(&motor_hub(&["motors"]));
+    assert!(list.lines().all(|line| line.chars().count() <= 80), "{list}");
+    for says in ["AM 60 A", "NeveRest 60", "rpm", "rad/s", "1680"] {
+        assert!(list.contains(says), "{says}: {list}");
+    }
+    assert!(!list.contains("Tetrix"), "nobody has characterised it: {list}");
+    let document: serde_json::Value = serde_json::from_str(&out(&motor_hub(&["motors", "--json"]))).unwrap();
+    let motors = document["motors"].as_array().unwrap();
+    let motor = motors.iter().find(|motor| motor["name"] == "AM 60 A").unwrap();
+    assert_eq!(motor["aliases"], serde_json::json!(["NeveRest 60", "am-3103"]));
+    // The data file's own free speed: 610.4 rad/s of the motor, by 60.
+    let rad = motor["free_speed_rad_per_s"].as_f64().unwrap();
+    assert!((rad - 10.173_73).abs() < 1e-4, "{motor}");
+    assert!((motor["free_speed_rpm"].as_f64().unwrap() - 97.152).abs() < 1e-2, "{motor}");
+    assert!((motor["free_speed_cps"].as_f64().unwrap() - 1680.0 * 97.152 / 60.0).abs() < 0.1, "{motor}");
+}
+
+#[test]
+fn an_operating_point_may_be_of_a_motor_that_the_catalogue_lacks() {
+    let at = ["points", "--scheme", "B", "--speed-cps", "1000", "--battery-mv", "12000", "--json"];
+    let points = |motor: &[&str]| -> serde_json::Value {
+        serde_json::from_str(&out(&motor_hub(&[&at[..], motor].concat()))).unwrap()
+    };
+    let named = points(&["--motor", "NeveRest 60"]);
+    let ke = ["--ke", "0.017766666666666667", "--counts-per-rev", "28"];
+    let given = points(&[&ke[..], &["--resistance-ohm", "3.3", "--inductance-mh", "0.694"]].concat());
+    assert_eq!(named["points"], given["points"]);
+    let without = motor_hub(&at);
+    assert_eq!(without.status.code(), Some(2));
+    assert!(err(&without).contains("--resistance-ohm"), "{}", err(&without));
 }

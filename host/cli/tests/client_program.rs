@@ -6,16 +6,17 @@
     reason = "a failed access is a failed test"
 )]
 
+mod common;
 #[path = "../../client/tests/hub_support/mod.rs"]
 mod hub_support;
 mod output;
 
 use hub_support::{Hub, Server};
 use motor_hub::supply::Stage;
-use motor_hub::units::Millivolts;
+use motor_hub::units::{CountsPerSecond, Milliamperes, Millivolts};
 use output::{err, out};
 use serde_json::Value;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 fn client(server: &Server, arguments: &[&str]) -> Output {
@@ -106,8 +107,67 @@ fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
 }
 
 #[test]
-fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
+fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
     let server = Server::start(Hub::new());
+    let show = ["setup", "2", "--json"];
+    let before = json(&client(&server, &show));
+    let constants =
+        ["--ke", "0.02", "--counts-per-rev", "12", "--resistance-ohm", "2.5", "--inductance-mh", "0.8"];
+    let after = json(&client(&server, &[&show[..], &constants].concat()));
+    // 2000 pi Ke / counts.
+    assert!((after["emf_mv_s_per_count"].as_f64().unwrap() - 10.471_976).abs() < 1e-5, "{after}");
+    assert_eq!((&after["resistance_ohm"], &after["inductance_mh"]), (&2.5.into(), &0.8.into()));
+    assert_eq!((&after["scheme"], &after["duty"]), (&before["scheme"], &before["duty"]));
+    // One alone leaves the others; a name of the catalogue may be what it is sold as.
+    let ohms = json(&client(&server, &[&show[..], &["--resistance-ohm", "3"]].concat()));
+    assert_eq!(
+        (&ohms["emf_mv_s_per_count"], &ohms["resistance_ohm"]),
+        (&after["emf_mv_s_per_count"], &3.0.into())
+    );
+    let named = json(&client(&server, &[&show[..], &["--type", "neverest 60"]].concat()));
+    assert_eq!(named["resistance_ohm"], 3.3);
+    // What is wrong changes nothing, not even what comes before it.
+    for (wrong, says) in [
+        (
+            &["--ke", "9", "--counts-per-rev", "12"][..],
+            "--ke 9: back-EMF constant must be above 0 and below 32",
+        ),
+        (&["--resistance-ohm", "0", "--on-fault", "brake"], "--resistance-ohm 0: resistance must be 0.001"),
+        (&["--ke", "0.02"], "--counts-per-rev"),
+        (&["--ke", "0.02", "--counts-per-rev", "12", "--type", "AM 60 A"], "cannot be used with"),
+    ] {
+        let refused = client(&server, &[&show[..], wrong].concat());
+        assert_eq!(refused.status.code(), Some(2), "{wrong:?}");
+        assert!(err(&refused).contains(says), "{wrong:?}: {}", err(&refused));
+        assert_eq!(json(&client(&server, &show)), named, "{wrong:?}");
+    }
+}
+
+#[test]
+fn a_recording_has_the_current_of_hubs_that_tell_it() {
+    let mut hub = Hub::new();
+    hub.snapshot.motors[1].measured = Some(Milliamperes::new(1_250));
+    let server = Server::start(hub);
+    let folder = common::folder("current");
+    let to = folder.to_str().unwrap();
+    out(&client(
+        &server,
+        &["record", "--out", to, "--rate", "100", "--", "power", "1", "0.5", "--for", "0.2"],
+    ));
+    let text = std::fs::read_to_string(folder.join("record.csv")).unwrap();
+    assert!(
+        text.lines().count() > 5 && text.lines().skip(1).all(|row| row.ends_with(",1.250,false")),
+        "{text}"
+    );
+    let svg = std::fs::read_to_string(folder.join("motor-1.svg")).unwrap();
+    assert!(svg.contains("magnitude of the motor current"));
+}
+
+#[test]
+fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
+    let mut hub = Hub::new();
+    hub.snapshot.motors.iter_mut().for_each(|motor| motor.velocity = CountsPerSecond::new(-300));
+    let server = Server::start(hub);
     let begin = Instant::now();
     let shown = out(&client(&server, &["velocity", "0,2", "-300", "--for", "0.3", "--float"]));
     assert!(begin.elapsed() >= Duration::from_millis(300));
@@ -164,6 +224,64 @@ fn the_program_says_why_the_hub_refuses() {
     assert!(says.contains(&server.address), "{says}");
 }
 
+/// Starts a command that drives motor 0, lets the hub fall deaf, and asks it to end.
+#[cfg(unix)]
+fn interrupted_on_a_deaf_hub(timeout: &str) -> (Server, std::process::Child) {
+    let server = Server::start(Hub::new());
+    let mut command = Command::new(env!("CARGO_BIN_EXE_motor-hub"));
+    command.args([
+        "client",
+        "--tcp",
+        &server.address,
+        "--address",
+        "3",
+        "--timeout",
+        timeout,
+        "power",
+        "0",
+        "0.5",
+    ]);
+    let process = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let end = Instant::now() + Duration::from_secs(10);
+    while !server.hub().was_enabled[0] {
+        assert!(Instant::now() < end);
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_millis(200));
+    server.hub().deaf_for = u32::MAX;
+    std::thread::sleep(Duration::from_millis(200));
+    interrupt(&process);
+    (server, process)
+}
+
+#[cfg(unix)]
+fn interrupt(process: &std::process::Child) {
+    assert!(Command::new("kill").args(["-INT", &process.id().to_string()]).status().unwrap().success());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_motor_that_could_not_be_disabled_is_warned_of() {
+    let (_server, process) = interrupted_on_a_deaf_hub("300");
+    let begin = Instant::now();
+    let output = process.wait_with_output().unwrap();
+    assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
+    let says = err(&output);
+    assert!(says.contains("warning: motor 0 could not be disabled") && says.contains("2.5 s"), "{says}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_program_that_hangs_is_ended_by_another_signal_later() {
+    let (_server, mut process) = interrupted_on_a_deaf_hub("60000");
+    std::thread::sleep(Duration::from_millis(3300));
+    assert!(process.try_wait().unwrap().is_none(), "it waits for the hub");
+    interrupt(&process);
+    let begin = Instant::now();
+    assert_eq!(process.wait().unwrap().code(), Some(1));
+    assert!(begin.elapsed() < Duration::from_secs(1));
+}
+
 #[test]
 fn single_commands_do_what_they_say() {
     let mut hub = Hub::new();
@@ -182,11 +300,16 @@ fn single_commands_do_what_they_say() {
 
 #[test]
 fn watching_gives_a_document_per_interval() {
-    let server = Server::start(Hub::new());
-    let shown = out(&client(&server, &["watch", "--interval", "50", "--for", "0.2"]));
+    let mut hub = Hub::new();
+    hub.snapshot.motors[1].velocity = CountsPerSecond::new(840);
+    let server = Server::start(hub);
+    let watch = ["watch", "--interval", "50", "--for", "0.2", "--type", "NeveRest 60"];
+    let shown = out(&client(&server, &watch));
     let lines: Vec<Value> = shown.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert!((2..=4).contains(&lines.len()), "{shown}");
     assert_eq!(lines[0]["battery_v"], 12.345);
+    let motor = &lines[0]["motors"][1];
+    assert_eq!((&motor["velocity"], &motor["rpm"]), (&840.into(), &30.0.into()));
     assert_eq!(lines[0]["motors"].as_array().unwrap().len(), 4);
 }
 
@@ -227,12 +350,17 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["power", "0,", "0"], "0 to 3"),
         (&["velocity", "0", "32768"], "32768"),
         (&["velocity", "0", "1.5"], "whole number"),
+        (&["velocity", "0", "30rpm"], "--counts-per-turn"),
+        (&["velocity", "0", "30rpm", "--type", "AM 61"], "AM 60 A"),
         (&["velocity", "0", "1", "--for", "0"], "more than 0"),
         (&["velocity", "0", "1", "--for", "-1"], "more than 0"),
-        (&["position", "0", "1", "--speed", "-500"], "1..=32767"),
+        (&["record"], "DRIVE"),
+        (&["record", "--", "status"], "status"),
+        (&["record", "velocity", "0", "1e9"], "whole number"),
+        (&["position", "0", "1", "--speed", "-500"], "1 to 32767"),
         (&["--tcp", "127.0.0.1", "status"], "127.0.0.1:7070"),
         (&["position", "0", "2147483648"], "2147483648"),
-        (&["position", "0", "1", "--speed", "0"], "1..=32767"),
+        (&["position", "0", "1", "--speed", "0"], "1 to 32767"),
         (&["coefficients", "0", "velocity", "--p", "32768"], "-32768 to 32767"),
         (&["coefficients", "0", "velocity", "--p", "inf"], "-32768 to 32767"),
         (&["coefficients", "0", "current"], "velocity, position"),

@@ -1,13 +1,15 @@
 //! `motor-hub client` against the simulated hub as it is served, whose motors turn.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
+mod common;
 mod conformance;
 mod output;
 
 use conformance::Hub;
 use output::{err, out};
 use serde_json::Value;
-use std::process::Command;
+use std::io::{BufRead, BufReader};
+use std::process::{Child, ChildStdout, Command, Stdio};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 
@@ -59,28 +61,91 @@ fn a_motor_that_cannot_be_known_is_refused_with_the_reason_and_disabled() {
     assert_eq!(status(&hub)["motors"][1]["enabled"], false);
 }
 
+/// Starts a command that drives motor 0, and gives it back once it does, with its open standard output: closed, it
+/// would end the command for want of a reader.
+#[cfg(unix)]
+fn driving(hub: &Hub, arguments: &[&str]) -> (Child, BufReader<ChildStdout>) {
+    let mut command = client(hub, arguments);
+    let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut reader = BufReader::new(process.stdout.take().unwrap());
+    reader.read_line(&mut String::new()).unwrap();
+    (process, reader)
+}
+
+#[cfg(unix)]
+fn kill(process: &Child, signal: &str) {
+    assert!(Command::new("kill").args([signal, &process.id().to_string()]).status().unwrap().success());
+}
+
 #[cfg(unix)]
 #[test]
-fn ctrl_c_stops_what_the_command_has_set_going() {
-    use std::io::{BufRead, BufReader};
-    use std::process::Stdio;
-
+fn every_signal_that_can_be_heard_stops_what_the_command_has_set_going() {
     let hub = served();
-    for arguments in [&["identify", "0"][..], &["velocity", "0", "500"]] {
-        let mut command = client(&hub, arguments);
-        let mut process = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let mut line = String::new();
-        // Kept open, or the command would end for want of a reader.
-        let mut reader = BufReader::new(process.stdout.take().unwrap());
-        reader.read_line(&mut line).unwrap();
-        let id = process.id().to_string();
-        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    for (arguments, signals, says) in [
+        (&["identify", "0"][..], &["-INT"][..], "stopped by Ctrl-C"),
+        (&["velocity", "0", "500"], &["-INT"], "stopped by Ctrl-C"),
+        (&["velocity", "0", "500"], &["-TERM"], "stopped by SIGTERM"),
+        (&["power", "0", "0.3"], &["-HUP"], "terminal is gone"),
+        (&["power", "0", "0.3"], &["-QUIT"], "stopped by SIGQUIT"),
+        // As a terminal and whoever waits for the program may send it.
+        (&["together", "0=300", "--on"], &["-INT", "-INT", "-TERM"], "stopped by"),
+    ] {
+        let (process, _reader) = driving(&hub, arguments);
+        signals.iter().for_each(|signal| kill(&process, signal));
         let output = process.wait_with_output().unwrap();
-        assert_eq!(output.status.code(), Some(1), "{arguments:?} after {line}");
-        assert!(err(&output).contains("stopped by Ctrl-C"), "{arguments:?}: {}", err(&output));
-        // Long before the hub would have missed its host.
-        assert_eq!(status(&hub)["motors"][0]["enabled"], false, "{arguments:?}");
+        assert_eq!(output.status.code(), Some(1), "{arguments:?} {signals:?}");
+        let words = err(&output);
+        assert!(words.contains(says) && words.contains("disabled motor 0"), "{arguments:?}: {words}");
+        // Long before the hub would have missed its host, and not by the command that asks.
+        let asked = client(&hub, &["status", "--json"]).output().unwrap();
+        assert_eq!(err(&asked), "", "{arguments:?}");
+        assert_eq!(serde_json::from_str::<Value>(&out(&asked)).unwrap()["motors"][0]["enabled"], false);
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_goes_away_stops_the_motors_too() {
+    let hub = served();
+    let (process, reader) = driving(&hub, &["velocity", "0", "500"]);
+    drop(reader);
+    let output = process.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(err(&output).contains("disabled motor 0"), "{}", err(&output));
+}
+
+#[cfg(unix)]
+#[test]
+fn questions_do_not_keep_a_motor_going_whose_host_was_killed() {
+    let hub = served();
+    for question in [
+        &["status", "--json"][..],
+        &["watch", "--for", "0.1"],
+        &["discover"],
+        &["coefficients", "0", "velocity"],
+        &["velocity", "1", "100", "--for", "0.1"],
+    ] {
+        let (mut process, _reader) = driving(&hub, &["velocity", "0", "500"]);
+        kill(&process, "-KILL");
+        process.wait().unwrap();
+        let asked = client(&hub, question).output().unwrap();
+        assert!(err(&asked).contains("disabled motor 0, left running"), "{question:?}: {}", err(&asked));
+        assert_eq!(status(&hub)["motors"][0]["enabled"], false, "{question:?}");
+    }
+}
+
+#[test]
+fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
+    let hub = served();
+    let asked = client(&hub, &["velocity", "0", "30000", "--for", "0.6"]).output().unwrap();
+    assert_eq!(asked.status.code(), Some(1));
+    let says = err(&asked);
+    assert!(says.contains("warning: motor 0 turns at") && says.contains("30000 are asked for"), "{says}");
+    assert!(says.contains("not at 30000 counts/s after 0.6 s: motor 0 at"), "{says}");
+    let rpm = ["velocity", "0", "20rpm", "--type", "AM 60 A", "--for", "1.5"];
+    let reached = client(&hub, &rpm).output().unwrap();
+    assert!(out(&reached).contains(" rpm, 2."), "{}", out(&reached));
+    assert_eq!(err(&reached), "");
 }
 
 #[test]
@@ -103,4 +168,142 @@ fn motors_move_in_step_to_where_they_are_sent() {
     let late = client(&hub, &["together", "0=90000", "--for", "0.3"]).output().unwrap();
     assert_eq!(late.status.code(), Some(1));
     assert!(err(&late).contains("not there after 0.3 s"), "{}", err(&late));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
+    let (tcp, pty) = (served(), Hub::start(PROGRAM, &["--pty", "--address", "9"]));
+    let link = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("hub-of-a-scan");
+    let _ = std::fs::remove_file(&link);
+    std::os::unix::fs::symlink(&pty.place, &link).unwrap();
+    let link = link.to_str().unwrap();
+    let scan = |places: &[&str]| {
+        Command::new(PROGRAM)
+            .args(["client", "--timeout", "500", "scan", "--only"])
+            .args(places)
+            .output()
+            .unwrap()
+    };
+    let found = out(&scan(&[&tcp.place, link, "/no/such/port"]));
+    let row = |place: &str| {
+        let row = found.lines().find(|line| line.contains(place)).unwrap_or_default();
+        row.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    assert!(row(&tcp.place).contains("2 ┆ parent"), "{found}");
+    assert!(row(link).contains("9 ┆ parent"), "{found}");
+    assert!(row("/no/such/port").contains("No such file"), "{found}");
+    let none = scan(&["/no/such/port"]);
+    assert_eq!(none.status.code(), Some(1));
+    assert!(err(&none).contains("no hub at 1 places"), "{}", err(&none));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_port_that_is_not_permitted_hints_at_group_and_udev_rule() {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    let port = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("locked-port");
+    std::fs::write(&port, "").unwrap();
+    std::fs::set_permissions(&port, std::fs::Permissions::from_mode(0o0)).unwrap();
+    let root = std::fs::metadata("/proc/self").unwrap().uid() == 0;
+    for command in ["status", "scan"] {
+        // Root may open anything, so it becomes nobody.
+        let mut denied = if root {
+            let mut denied = Command::new("setpriv");
+            denied.args(["--reuid=65534", "--clear-groups", PROGRAM]);
+            denied
+        } else {
+            Command::new(PROGRAM)
+        };
+        let denied = denied.args(["client", "--port"]).arg(&port).arg(command).output().unwrap();
+        let says = err(&denied);
+        assert!(says.contains("permission denied") && says.contains("70-motor-hub.rules"), "{says}");
+    }
+}
+
+/// The rows of a recording, by heading.
+fn rows(folder: &std::path::Path) -> Vec<std::collections::HashMap<String, String>> {
+    let text = std::fs::read_to_string(folder.join("record.csv")).unwrap();
+    assert!(text.ends_with('\n'), "the last row is whole");
+    let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let headings = lines.next().unwrap();
+    lines
+        .map(|row| {
+            assert_eq!(row.len(), headings.len(), "{row:?}");
+            headings.iter().cloned().zip(row).collect()
+        })
+        .collect()
+}
+
+#[test]
+fn a_drive_of_four_motors_is_recorded_fifty_times_a_second() {
+    let hub = served();
+    let folder = common::folder("record");
+    let record = ["record", "--out", folder.to_str().unwrap(), "--", "velocity", "all", "400", "--for", "2"];
+    let shown = out(&client(&hub, &record).output().unwrap());
+    let rows = rows(&folder);
+    assert!(rows.len() > 4 * 90, "{} rows: {shown}", rows.len());
+    let last = &rows[rows.len() - 4];
+    assert_eq!((last["motor"].as_str(), last["setpoint"].as_str()), ("0", "velocity"));
+    assert_eq!((last["setpoint_value"].as_str(), last["control"].as_str()), ("400", ""));
+    let number = |key: &str| last[key].parse::<f64>().unwrap();
+    assert!(
+        (number("speed_estimate_cps") - 400.0).abs() < 40.0 && number("position_counts") > 300.0,
+        "{last:?}"
+    );
+    assert!(number("battery_measured_v") > 11.0);
+    for motor in 0..4 {
+        let svg = std::fs::read_to_string(folder.join(format!("motor-{motor}.svg"))).unwrap();
+        assert!(svg.contains("set-point") && svg.contains("battery, V"), "{motor}");
+        assert!(folder.join(format!("motor-{motor}.png")).exists());
+    }
+    assert_eq!(status(&hub)["motors"][0]["enabled"], false);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_recording_that_is_interrupted_is_whole_and_drawn() {
+    let hub = served();
+    let folder = common::folder("interrupted");
+    let record = ["record", "--out", folder.to_str().unwrap(), "power", "1", "0.3"];
+    let process = client(&hub, &record).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let csv = folder.join("record.csv");
+    // Rows are there while it runs.
+    let end = std::time::Instant::now() + std::time::Duration::from_secs(10);
+    while std::fs::read_to_string(&csv).map_or(0, |text| text.lines().count()) < 20 {
+        assert!(std::time::Instant::now() < end);
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    kill(&process, "-INT");
+    let output = process.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(err(&output).contains("disabled motor 1"), "{}", err(&output));
+    let rows = rows(&folder);
+    assert!(rows.iter().all(|row| row["control"] == "9830"), "{:?}", rows.last());
+    assert!(folder.join("motor-1.png").exists());
+}
+
+#[test]
+fn a_motor_is_tuned_beside_the_catalogue_and_settings_are_written_only_when_asked_for() {
+    let hub = served();
+    let tune = |more: &[&str]| client(&hub, &[&["tune", "0"], more].concat()).output().unwrap();
+    let shown = out(&tune(&[]));
+    for says in
+        ["AM 20 A", "off by", "times the inertia of an AM 20 A alone", "largest acceleration", "With --apply"]
+    {
+        assert!(shown.contains(says), "{says}: {shown}");
+    }
+    assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
+    let document: Value = serde_json::from_str(&out(&tune(&["--json", "--apply"]))).unwrap();
+    assert_eq!((&document["catalogue"], &document["applied"]), (&"AM 20 A".into(), &true.into()));
+    // Nothing was written the first time.
+    assert_eq!(document["now"]["acceleration_cps2"], Value::Null, "{document}");
+    let proposed = &document["proposed"];
+    let number = |of: &Value| of.as_f64().unwrap();
+    // Half of the battery's volts.
+    let share = number(&proposed["acceleration_cps2"]) / number(&proposed["acceleration_per_volt"]);
+    assert!((5.5..6.5).contains(&share), "{document}");
+    let after: Value = serde_json::from_str(&out(&tune(&["--json"]))).unwrap();
+    assert_eq!(&after["now"], proposed);
+    assert_eq!(status(&hub)["motors"][0]["enabled"], false);
 }

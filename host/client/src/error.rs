@@ -75,7 +75,7 @@ impl fmt::Display for Addresses {
     }
 }
 
-/// Why there is no line.
+/// Why there is no line, or no hub on it.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
     /// A file of another kind.
@@ -84,9 +84,15 @@ pub enum OpenError {
     /// A serial port is for one program at a time.
     #[error("another program has it open")]
     InUse,
+    /// The user may not open it.
+    #[error("permission denied")]
+    Denied,
     /// No address goes by the name.
     #[error("no such host")]
     NoSuchHost,
+    /// There is a line, but no hub that answers as it should.
+    #[error("{0}")]
+    Hub(#[from] Error),
     /// What the system says.
     #[error("{0}")]
     System(#[from] io::Error),

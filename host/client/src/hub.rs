@@ -17,9 +17,9 @@ use crate::{Error, Session};
 use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::fields::Text;
 use motor_hub::protocol::group::{GroupMove, GroupState, ToGroup};
-use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
+use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
 use motor_hub::protocol::{Address, Colour};
-use motor_hub::units::Millivolts;
+use motor_hub::units::{Milliamperes, Millivolts};
 use std::io::{Read, Write};
 
 impl<L: Read + Write> Session<L> {
@@ -76,6 +76,13 @@ impl<L: Read + Write> Session<L> {
     pub fn battery(&mut self) -> Result<Millivolts, Error> {
         let mv: i16 = self.ask(ToHub::Adc { channel: BATTERY, raw: false })?;
         Ok(Millivolts::new(u16::try_from(mv).unwrap_or_default()))
+    }
+
+    /// Magnitude of a motor's current, of hubs that measure or model it.
+    pub fn current(&mut self, motor: u8) -> Result<Milliamperes, Error> {
+        let channel = AdcChannel::new(FIRST_CURRENT.get().saturating_add(motor)).unwrap_or(FIRST_CURRENT);
+        let ma: i16 = self.ask(ToHub::Adc { channel, raw: false })?;
+        Ok(Milliamperes::new(ma.into()))
     }
 
     /// Sends motors off in step, of which `motor` is one, instead of whatever each of them was to do. All of them

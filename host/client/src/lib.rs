@@ -27,7 +27,7 @@
 //! use motor_hub_client::motor_hub::protocol::Address;
 //! use std::time::Duration;
 //!
-//! // In its place, Line::serial("/dev/ttyACM0")? or Line::tcp("127.0.0.1:7070", ...)?.
+//! // In its place, Session::open("/dev/ttyACM0")? or Session::open("127.0.0.1:7070")?.
 //! let line = MemoryHub::default();
 //! let mut session = Session::with_parent(line, Duration::from_secs(1))?;
 //! assert_eq!(session.address(), Address::DEFAULT.get());

@@ -18,7 +18,7 @@ use crate::error::OpenError;
 #[cfg(feature = "serial")]
 use motor_hub::protocol::BAUD;
 #[cfg(feature = "serial")]
-use serialport::{SerialPort, SerialPortInfo, SerialPortType};
+use serialport::{ErrorKind, SerialPort, SerialPortInfo, SerialPortType};
 use std::io::{self, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
@@ -37,6 +37,15 @@ pub enum Line {
 }
 
 impl Line {
+    /// Opens what a user names: `HOST:PORT` for a TCP connection, else a serial port.
+    ///
+    /// # Errors
+    /// As those of [`tcp`](Self::tcp) and [`serial`](Self::serial).
+    #[cfg(feature = "serial")]
+    pub fn open(place: &str, timeout: Duration) -> Result<Self, OpenError> {
+        if is_tcp(place) { Self::tcp(place, timeout) } else { Self::serial(place) }
+    }
+
     /// Opens a serial port, for this process alone.
     ///
     /// # Errors
@@ -49,6 +58,7 @@ impl Line {
             match &*told {
                 "Not a typewriter" => OpenError::NotASerialPort,
                 _ if told.contains("exclusive lock") => OpenError::InUse,
+                _ if error.kind == ErrorKind::Io(io::ErrorKind::PermissionDenied) => OpenError::Denied,
                 _ => OpenError::System(error.into()),
             }
         })?;
@@ -75,6 +85,13 @@ impl Line {
         }
         Err(failure)
     }
+}
+
+/// True for `HOST:PORT`, which no serial port is called.
+#[must_use]
+pub fn is_tcp(place: &str) -> bool {
+    let parts = place.rsplit_once(':');
+    parts.is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok())
 }
 
 impl Read for Line {

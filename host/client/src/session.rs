@@ -13,6 +13,8 @@
 
 use crate::Error;
 use crate::error::Addresses;
+#[cfg(feature = "serial")]
+use crate::{Line, OpenError};
 use motor_hub::protocol::answers::Functions;
 use motor_hub::protocol::fields::{Field, Fields};
 use motor_hub::protocol::requests::{DISCOVERY, Interface, Standard};
@@ -29,7 +31,8 @@ pub const TRIES: u32 = 3;
 /// How long further hubs have to answer a discovery after the first one.
 pub const CHAIN: Duration = Duration::from_millis(250);
 
-/// The longest that stale input is read away: a line that is never silent must not stop a request.
+/// The longest that stale input is read away, where there may be any: a line that is never silent must not stop a
+/// request.
 const STALE: Duration = Duration::from_millis(50);
 
 /// A hub that answered a discovery.
@@ -48,6 +51,9 @@ pub struct Session<L> {
     decoder: Decoder,
     /// Packets that came together with others and have not been looked at.
     arrived: VecDeque<Packet>,
+    /// The last request was answered at once, so nothing can be on its way any more. Waiting to see whether something
+    /// is costs several times what an exchange does.
+    quiet: bool,
     since: Instant,
     timeout: Duration,
     /// Of the last request.
@@ -58,6 +64,26 @@ pub struct Session<L> {
     setup: Option<Functions>,
 }
 
+#[cfg(feature = "serial")]
+impl Session<Line> {
+    /// With the hub at a place: `HOST:PORT`, or else a serial port. An answer is waited for a second at most.
+    ///
+    /// # Errors
+    /// The line cannot be opened, or no hub answers as parent, or more than one.
+    ///
+    /// ```no_run
+    /// use motor_hub_client::Session;
+    ///
+    /// let mut hub = Session::open("/dev/ttyACM0")?;
+    /// println!("battery: {} mV", hub.battery()?.get());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn open(place: &str) -> Result<Self, OpenError> {
+        let timeout = Duration::from_secs(1);
+        Ok(Self::with_parent(Line::open(place, timeout)?, timeout)?)
+    }
+}
+
 impl<L: Read + Write> Session<L> {
     /// With the hub at `address`. An answer is waited for as long as `timeout`, in which the request is
     /// sent [`TRIES`] times.
@@ -66,6 +92,7 @@ impl<L: Read + Write> Session<L> {
             line,
             decoder: Decoder::new(),
             arrived: VecDeque::new(),
+            quiet: false,
             since: Instant::now(),
             timeout,
             number: 0,
@@ -94,6 +121,17 @@ impl<L: Read + Write> Session<L> {
     /// The hub's address.
     pub const fn address(&self) -> u8 {
         self.address
+    }
+
+    /// From now on answers are waited for so long at the most.
+    pub fn hurry(&mut self, timeout: Duration) {
+        self.timeout = self.timeout.min(timeout);
+    }
+
+    /// Goes on with another hub on the same line.
+    pub fn talk_to(&mut self, address: Address) {
+        // Whose functions may have other numbers.
+        (self.address, self.motors, self.setup) = (address.get(), None, None);
     }
 
     /// Every hub on the line, in the order of their answers.
@@ -153,17 +191,16 @@ impl<L: Read + Write> Session<L> {
         let (id, address) = (self.id(request)?, self.address);
         // Retransmitted unchanged, so a late answer to the first try counts.
         self.count();
-        for _ in 0..TRIES {
+        for tried in 0..TRIES {
             let end = Instant::now() + self.timeout / TRIES;
             self.transmit(request, address, id)?;
             let answer = |packet: &Packet| Reply::read(packet, id).filter(|_| packet.source == address);
-            match self.next(end, answer)? {
-                Some((_, Reply::Nack(reason))) => {
-                    return Err(Error::Refused { request: Box::new(request.clone()), reason });
-                }
-                Some((_, reply)) => return Ok(reply),
-                None => (),
-            }
+            let Some((_, reply)) = self.next(end, answer)? else { continue };
+            self.quiet = tried == 0 && self.arrived.is_empty();
+            return match reply {
+                Reply::Nack(reason) => Err(Error::Refused { request: Box::new(request.clone()), reason }),
+                reply => Ok(reply),
+            };
         }
         Err(Error::Silent { address })
     }
@@ -199,7 +236,8 @@ impl<L: Read + Write> Session<L> {
     fn drop_stale_input(&mut self) -> Result<(), Error> {
         let end = Instant::now() + STALE;
         let mut bytes = [0; 256];
-        while Instant::now() < end && self.receive(&mut bytes)? > 0 {}
+        while !self.quiet && Instant::now() < end && self.receive(&mut bytes)? > 0 {}
+        self.quiet = false;
         self.decoder = Decoder::new();
         self.arrived.clear();
         Ok(())

@@ -3,7 +3,7 @@
 use motor_hub::protocol::Request;
 use motor_hub::protocol::group::ToGroup;
 use motor_hub::protocol::motor::ToMotor;
-use motor_hub::protocol::requests::{Interface, Standard, ToHub};
+use motor_hub::protocol::requests::{BATTERY, Interface, Standard, ToHub};
 use motor_hub::protocol::setup::ToSetup;
 
 /// What completes "the hub was asked to".
@@ -51,7 +51,8 @@ const fn standard(request: &Standard) -> &'static str {
 const fn hub(request: &ToHub) -> &'static str {
     match request {
         ToHub::Bulk => "tell its motors' state",
-        ToHub::Adc { .. } => "tell its battery voltage",
+        ToHub::Adc { channel: BATTERY, .. } => "tell its battery voltage",
+        ToHub::Adc { .. } => "tell what its converter measures",
         ToHub::SetPhoneCharge { .. } => "set its phone charging",
         ToHub::PhoneCharge => "tell its phone charging",
         ToHub::LogHint { .. } => "log a hint",

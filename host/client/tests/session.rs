@@ -11,9 +11,12 @@ use motor_hub::protocol::fields::{Field, Fields};
 use motor_hub::protocol::motor::{Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::requests::{Interface, Request, Standard};
 use motor_hub::protocol::{Address, Colour, Nack, frame};
-use motor_hub::units::{Coefficient, Control, Millivolts};
+use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
 use motor_hub_client::session::Found;
 use motor_hub_client::{Error, Session};
+use std::cell::Cell;
+use std::io::{Read, Write};
+use std::rc::Rc;
 use std::time::Duration;
 
 /// Far more than a hub in memory needs.
@@ -200,10 +203,85 @@ fn a_refusal_names_its_reason() {
 }
 
 #[test]
+fn a_motor_has_the_current_that_its_own_channel_tells() {
+    let mut hub = Hub::new();
+    hub.snapshot.motors[2].measured = Some(Milliamperes::new(-1_500));
+    let mut session = session(Memory::new(hub));
+    assert_eq!(session.current(2).unwrap(), Milliamperes::new(1_500), "its magnitude");
+    assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
+}
+
+#[cfg(feature = "serial")]
+#[test]
+fn a_hub_is_opened_by_where_it_is() {
+    let server = hub_support::Server::start(Hub::new());
+    let mut hub = Session::open(&server.address).unwrap();
+    assert_eq!((hub.address(), hub.battery().unwrap()), (ADDRESS, Millivolts::new(12_345)));
+    let nowhere = Session::open("/no/such/port").unwrap_err();
+    assert!(nowhere.to_string().contains("No such file"), "{nowhere}");
+}
+
+#[test]
+fn a_session_goes_on_with_another_hub_on_its_line() {
+    let mut session = Session::new(Memory::new(Hub::new()), Address::DEFAULT, Duration::from_millis(60));
+    assert!(session.battery().is_err(), "nobody is there");
+    session.talk_to(Address::new(ADDRESS).unwrap());
+    assert_eq!(session.battery().unwrap(), Millivolts::new(12_345));
+}
+
+#[test]
 fn functions_are_numbered_from_where_the_hub_says() {
     let mut hub = Hub::new();
     hub.first = 0x1800;
     let mut session = session(Memory::new(hub));
     session.set_velocity(0, 5).unwrap();
     assert_eq!(session.motor(0).unwrap().velocity, 5);
+}
+
+/// A line that counts the reads that found nothing, each of which costs a wait.
+struct Waits(Memory, Rc<Cell<u32>>);
+
+impl Read for Waits {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let read = self.0.read(buffer);
+        self.1.set(self.1.get() + u32::from(read.is_err()));
+        read
+    }
+}
+
+impl Write for Waits {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
+    let waits = Rc::new(Cell::new(0));
+    let address = Address::new(ADDRESS).unwrap();
+    let hub = Hub::new();
+    let line = Waits(Memory::new(hub), Rc::clone(&waits));
+    let mut session = Session::new(line, address, TIMEOUT);
+    session.bulk().unwrap();
+    waits.set(0);
+    for _ in 0..50 {
+        session.bulk().unwrap();
+        session.battery().unwrap();
+    }
+    assert_eq!(waits.get(), 0);
+
+    let mut hub = Hub::new();
+    hub.lost_replies = 1;
+    let line = Waits(Memory::new(hub), Rc::clone(&waits));
+    let mut session = Session::new(line, address, Duration::from_millis(60));
+    session.keep_alive().unwrap();
+    waits.set(0);
+    session.keep_alive().unwrap();
+    assert_eq!(waits.get(), 1);
+    session.keep_alive().unwrap();
+    assert_eq!(waits.get(), 1);
 }

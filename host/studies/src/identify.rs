@@ -88,7 +88,7 @@ impl Identifications {
             let title = format!("{}: {}", motor.label, motor.constants.name);
             match outcome {
                 Identification::Found(found) => {
-                    out.push_str(&found_table(&title, &found, Some(truth)).to_string());
+                    out.push_str(&found_table(&title, &found, Some(("true", truth))).to_string());
                 }
                 other => out.push_str(&format!("{title}: {}", words(other))),
             }
@@ -193,19 +193,19 @@ fn predicted(samples: &[(f64, &Sample)], told: &Settings, found: &Dynamics) -> V
     data
 }
 
-/// What was found, with what is true if that is known.
+/// What was found with its standard errors, beside something else of a name, such as what is true where that is known.
 #[must_use]
-pub fn found_table(title: &str, found: &Identified, truth: Option<&Dynamics>) -> Table {
-    let mut headings = vec![title, "found", "standard error"];
-    if truth.is_some() {
-        headings.extend(["true", "off by"]);
-    }
+pub fn found_table(title: &str, found: &Identified, beside: Option<(&str, &Dynamics)>) -> Table {
+    let mut headings = vec![title, "found", "error"];
+    headings.extend(beside.into_iter().flat_map(|(name, _)| [name, "off by"]));
+    let truth = beside.map(|(_, dynamics)| dynamics);
     let mut table = table::new(&headings, 1);
     let mut row = |name: &str, unit: &str, digits: usize, value: f64, error: String, is: Option<f64>| {
         let mut cells = vec![name.to_owned(), format!("{value:.digits$} {unit}"), error];
         if let Some(is) = is {
             let off = if is == 0.0 { "-".into() } else { format!("{:+.1} %", 100.0 * (value / is - 1.0)) };
-            cells.extend([format!("{is:.digits$} {unit}"), off]);
+            // In the same unit, which leaves room.
+            cells.extend([format!("{is:.digits$}"), off]);
         }
         table.add_row(cells);
     };

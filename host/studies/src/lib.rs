@@ -7,6 +7,7 @@
 //! | [`measures`] | a run in numbers: settling, overshoot, jerk, energy |
 //! | [`expectations`] | whether a run is as its scenario expects |
 //! | [`report`] | a scenario with and without a braking regime |
+//! | [`recording`] | what a hub said while a host drove its motors |
 //! | [`compare`] | the same tasks under every scheme and duty rule |
 //! | [`survey`] | how well motors are regulated: reference tasks, bare motors, scenarios by lot |
 //! | [`identify`] | what the hub learns of its motors, beside what they are |
@@ -37,6 +38,7 @@ pub mod measures;
 pub mod overlay;
 pub mod paper;
 pub mod points;
+pub mod recording;
 pub mod report;
 pub mod survey;
 pub mod table;

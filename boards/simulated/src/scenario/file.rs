@@ -1,6 +1,7 @@
 //! Reads a scenario file: from its tables, by checks, to a [`Scenario`].
 
 mod bus;
+mod constants;
 mod encoders;
 mod expect;
 mod friction;
@@ -118,8 +119,13 @@ fn check_emulated(file: &File) -> Checked<()> {
 
 impl MotorTable {
     fn check(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Motor> {
-        let mut constants = characterised(self.motor.get_ref())
-            .map_err(|unknown| fault(&self.motor, Mistake::Motor(unknown)))?;
+        let mut constants = match (&self.motor, &self.constants) {
+            (Some(name), None) => {
+                characterised(name.get_ref()).map_err(|unknown| fault(name, Mistake::Motor(unknown)))?
+            }
+            (None, Some(table)) => table.get_ref().check()?,
+            _ => return Err(fault(whole, Mistake::MotorOrConstants)),
+        };
         if let Some(table) = &self.friction {
             constants.friction = table.check(&constants)?;
         }

@@ -38,6 +38,9 @@ pub enum Mistake {
     /// Broken TOML, an unknown key or a value of another type, in the parser's words.
     #[error("{0}")]
     Toml(String),
+    /// A motor is named and given, or neither.
+    #[error("a motor has either motor = \"NAME\" or constants = {{ .. }}")]
+    MotorOrConstants,
     /// No such motor.
     #[error(transparent)]
     Motor(UnknownMotor),

@@ -46,6 +46,37 @@ fn refused(from: &str, to: &str, place: &str, says: &str) {
     assert!(!error.contains('\n'), "{to:?}: {error}");
 }
 
+/// An AM 60 A by its constants.
+const CONSTANTS: &str = "constants = { ke_v_s_per_rad = 0.017766666666666667, counts_per_rev = 28, \
+    resistance_ohm = 3.3, inductance_mh = 0.694, rotor_inertia_kg_m2 = 1.04e-5, gear_ratio = 60, efficiency = 0.9, \
+    drag_nms_per_rad = 1.0185185185185186e-5 }";
+
+#[test]
+fn a_motor_may_be_given_by_its_constants_in_the_place_of_a_name() {
+    let motor = |text: &str| {
+        let scenario = Scenario::parse("s.toml", text).expect("sound");
+        scenario.motors.first().expect("a motor").clone()
+    };
+    let given = motor(&SOUND.replace("motor = \"AM 60 A\"", CONSTANTS));
+    let named = motor(SOUND);
+    let settings = |of: &simulated::scenario::Motor| of.settings(Default::default()).expect("in range");
+    assert_eq!(settings(&given), settings(&named));
+    let aliased = motor(&SOUND.replace("AM 60 A", "NeveRest 60"));
+    assert_eq!(aliased.constants, named.constants);
+
+    let wrong = |from: &str, to: &str| CONSTANTS.replace(from, to);
+    refused("motor = \"AM 60 A\"", &wrong("= 3.3", "= 0"), "8:92", "allowed is 0.001 to 65.535");
+    refused(
+        "motor = \"AM 60 A\"",
+        &wrong("efficiency = 0.9", "efficiency = 90"),
+        "8:181",
+        "allowed is 0.01 to 1",
+    );
+    refused("motor = \"AM 60 A\"", &wrong("inductance_mh = 0.694,", ""), "8:13", "`inductance_mh`");
+    refused("motor = \"AM 60 A\"", &format!("{CONSTANTS}\nmotor = \"AM 60 A\""), "6:1", "either");
+    refused("motor = \"AM 60 A\"\n", "", "6:1", "either");
+}
+
 #[test]
 fn broken_toml() {
     refused("name = \"test\"", "name = \"test", "1:13", "");

@@ -1,15 +1,16 @@
 //! `motor-hub client power`, `velocity` and `position`: motors that run while the command does.
 
-use super::interrupt;
+use super::course::{Course, Order, Progress};
+use super::driven::Driven;
 use super::live::{Live, Reading, repeat};
 use super::trouble::Trouble;
+use super::turn::{Speed, Turn};
 use crate::output::{Failure, print};
 use crate::parse::{channel, within_a_day};
 use motor_hub::motor::ZeroPower;
-use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::Control;
+use motor_hub_client::Session;
 use motor_hub_client::line::Line;
-use motor_hub_client::{Error, Session};
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -21,11 +22,6 @@ pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
 
 /// Readings a line, where output is no terminal.
 pub(crate) const LINE: u32 = 10;
-
-/// In a row, and no faster than this, so that a motor that rushes through its target is not taken for one
-/// that is there: two counts in the hub's control period.
-const READINGS_AT_TARGET: u32 = 2;
-const STANDING_CPS: u16 = 40;
 
 /// Motors, and for how long.
 #[derive(clap::Args)]
@@ -39,6 +35,8 @@ struct Common {
     /// At zero the motors float; otherwise they brake
     #[arg(long)]
     float: bool,
+    #[command(flatten)]
+    turn: Turn,
 }
 
 #[derive(Clone)]
@@ -62,14 +60,10 @@ pub(crate) struct PowerOptions {
     value: Control,
 }
 
-fn power(text: &str) -> Result<Control, String> {
+pub(super) fn power(text: &str) -> Result<Control, String> {
     let share = text.parse().ok().filter(|share: &f64| (-1.0..=1.0).contains(share));
     let power = share.map(|share| Control::new((share * f64::from(Control::MAX.get())).round() as i16));
     power.ok_or("a power is -1 to 1".to_owned())
-}
-
-fn counts_per_second(text: &str) -> Result<i16, String> {
-    text.parse().map_err(|_| "a velocity is a whole number from -32768 to 32767".to_owned())
 }
 
 /// Options of `velocity`.
@@ -77,9 +71,9 @@ fn counts_per_second(text: &str) -> Result<i16, String> {
 pub(crate) struct VelocityOptions {
     #[command(flatten)]
     common: Common,
-    /// Counts per second, -32768 to 32767
-    #[arg(value_name = "CPS", allow_negative_numbers = true, value_parser = counts_per_second)]
-    cps: i16,
+    /// Counts per second, -32768 to 32767; or of the output shaft, as 30rpm or 3.1rad/s
+    #[arg(value_name = "SPEED", allow_hyphen_values = true)]
+    speed: Speed,
 }
 
 /// Options of `position`.
@@ -93,116 +87,88 @@ pub(crate) struct PositionOptions {
     /// Counts from there that are near enough
     #[arg(long, value_name = "COUNTS", default_value_t = 5)]
     tolerance: u16,
-    /// Speed limit on the way, in counts per second
-    #[arg(long, value_name = "CPS", default_value_t = 1000, allow_negative_numbers = true)]
-    #[arg(value_parser = clap::value_parser!(i16).range(1..))]
-    speed: i16,
+    /// Speed limit on the way, in counts per second, or as 30rpm or 3.1rad/s
+    #[arg(long, value_name = "SPEED", default_value = "1000", allow_hyphen_values = true)]
+    speed: Speed,
 }
 
-impl PowerOptions {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
-        let set = |session: &mut Session<Line>, motor| session.set_power(motor, self.value);
-        self.common.run(session, RunMode::Power, set, |_| false).map(drop)
-    }
+/// What makes motors turn.
+#[derive(clap::Subcommand)]
+pub(crate) enum Drive {
+    /// Runs motors with constant power, disabled at the end
+    Power(PowerOptions),
+    /// Runs motors with regulated velocity, disabled at the end
+    ///
+    /// With --for it fails (exit code 1) unless all motors have that speed in the end, within 5 %.
+    Velocity(VelocityOptions),
+    /// Moves motors to a position and disables them there
+    Position(PositionOptions),
 }
 
-impl VelocityOptions {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
-        let set = |session: &mut Session<Line>, motor| session.set_velocity(motor, self.cps);
-        self.common.run(session, RunMode::Velocity, set, |_| false).map(drop)
-    }
-}
-
-impl PositionOptions {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
-        let Self { common, counts, tolerance, speed } = self;
-        let mut in_a_row = 0;
-        let set = |session: &mut Session<Line>, motor| {
-            session.set_velocity(motor, speed)?;
-            session.set_position(motor, counts, tolerance)
+impl Drive {
+    /// What is asked for, and the counts of a turn where they are known.
+    pub(super) fn order(&self) -> Result<(Order, Option<f64>), Failure> {
+        let common = match self {
+            Self::Power(options) => &options.common,
+            Self::Velocity(options) => &options.common,
+            Self::Position(options) => &options.common,
         };
-        let arrived = |reading: &Reading| {
-            let all = reading
-                .motors(&common.motors.0)
-                .all(|(_, _, velocity, at_target)| at_target && velocity.unsigned_abs() <= STANDING_CPS);
-            in_a_row = if all { in_a_row + 1 } else { 0 };
-            in_a_row >= READINGS_AT_TARGET
+        let turn = common.turn.counts()?;
+        let course = match self {
+            Self::Power(options) => Course::Power(options.value),
+            Self::Velocity(options) => Course::Velocity(options.speed.cps(turn)?),
+            &Self::Position(PositionOptions { counts, tolerance, speed, .. }) => {
+                let speed = speed.cps(turn)?;
+                if speed < 1 {
+                    return Err(Failure::Input(format!("--speed is 1 to {} counts/s", i16::MAX)));
+                }
+                Course::Position { counts, tolerance, speed }
+            }
         };
-        if common.run(session, RunMode::Position, set, arrived)? {
+        let zero = if common.float { ZeroPower::Float } else { ZeroPower::Brake };
+        Ok((Order { motors: common.motors.0.clone(), course, zero, length: common.length }, turn))
+    }
+
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let (order, turn) = self.order()?;
+        let mut progress = Progress::new(&order);
+        let arrived = Driven::run(session, |driven| {
+            order.begin(driven)?;
+            follow(driven, &order, turn, |reading| progress.observe(reading.at, &reading.bulk))
+        })?;
+        if arrived {
             return Ok(print("at target\n")?);
         }
-        let seconds = common.length.unwrap_or_default().as_secs_f64();
-        Err(Failure::Work(format!("not at the target after {seconds} s")).into())
+        Ok(progress.judge(order.length)?)
     }
 }
 
-impl Common {
-    /// Sets the motors going, shows what they do until `arrived` says true or the time is over, and
-    /// disables them. True if they have arrived.
-    fn run(
-        &self,
-        session: &mut Session<Line>,
-        mode: RunMode,
-        set: impl Fn(&mut Session<Line>, u8) -> Result<(), Error>,
-        arrived: impl FnMut(&Reading) -> bool,
-    ) -> Result<bool, Trouble> {
-        interrupt::listen()?;
-        let zero = if self.float { ZeroPower::Float } else { ZeroPower::Brake };
-        for motor in &self.motors.0 {
-            session.set_mode(*motor, mode, zero)?;
-            set(session, *motor)?;
+/// Shows what the motors do until `arrived` says true, or the time is over; true if they have arrived.
+fn follow(
+    session: &mut Session<Line>,
+    order: &Order,
+    turn: Option<f64>,
+    mut arrived: impl FnMut(&Reading) -> bool,
+) -> Result<bool, Trouble> {
+    let motors = &order.motors;
+    let mut live = Live::new();
+    let mut readings = 0u32;
+    let mut unsaid = None;
+    let done = repeat(session, INTERVAL, order.length, |session, reading| {
+        let line = reading.line(motors, turn);
+        unsaid = None;
+        if live.terminal {
+            live.redraw(&reading.table(motors, turn))?;
+        } else if readings.is_multiple_of(LINE) {
+            print(&line)?;
+        } else {
+            unsaid = Some(line);
         }
-        let mut enabled = Vec::new();
-        let done = self.enable(session, &mut enabled).and_then(|()| self.follow(session, arrived));
-        // All of them, whatever has gone wrong before or does so with one of them.
-        let disabled = enabled.iter().map(|motor| session.enable(*motor, false));
-        let disabled = disabled.fold(Ok(()), Result::and);
-        let arrived = done?;
-        disabled?;
-        Ok(arrived)
-    }
-
-    /// `enabled` are those that may be, even if the last one's answer got lost.
-    fn enable(&self, session: &mut Session<Line>, enabled: &mut Vec<u8>) -> Result<(), Trouble> {
-        for motor in &self.motors.0 {
-            enabled.push(*motor);
-            session.enable(*motor, true)?;
-        }
-        Ok(())
-    }
-
-    fn follow(
-        &self,
-        session: &mut Session<Line>,
-        mut arrived: impl FnMut(&Reading) -> bool,
-    ) -> Result<bool, Trouble> {
-        let Motors(motors) = &self.motors;
-        let mut live = Live::new();
-        let mut readings = 0u32;
-        let mut unsaid = None;
-        let done = repeat(session, INTERVAL, self.length, |session, reading| {
-            let line = reading.line(motors);
-            unsaid = None;
-            if live.terminal {
-                live.redraw(&reading.table(motors))?;
-            } else if readings.is_multiple_of(LINE) {
-                print(&line)?;
-            } else {
-                unsaid = Some(line);
-            }
-            readings = readings.wrapping_add(1);
-            for motor in motors {
-                // Fail-safe, a reset, another host.
-                if !session.enabled(*motor)? {
-                    let words = reading.status.words().join(", ");
-                    let says = format!("the hub has let motor {motor} go; its status: {words}");
-                    return Err(Failure::Work(says).into());
-                }
-            }
-            Ok(arrived(reading))
-        });
-        // The last reading is what it came to.
-        unsaid.map_or(Ok(()), |line| print(&line))?;
-        done
-    }
+        readings = readings.wrapping_add(1);
+        order.check(session)?;
+        Ok(arrived(reading))
+    });
+    // The last reading is what it came to.
+    unsaid.map_or(Ok(()), |line| print(&line))?;
+    done
 }

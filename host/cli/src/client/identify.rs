@@ -1,6 +1,7 @@
 //! `motor-hub client identify`.
 
 use super::drive::{INTERVAL, LINE};
+use super::driven::Driven;
 use super::interrupt;
 use super::live::Live;
 use super::trouble::Trouble;
@@ -9,13 +10,11 @@ use crate::parse::channel;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::protocol::setup::Motion;
-use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::units::Control;
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use serde_json::json;
-use std::thread::sleep;
 use std::time::{Duration, Instant};
 use studies::identify::{self, found_table};
 
@@ -29,33 +28,36 @@ const LONGEST: Duration = Duration::from_secs(30);
 pub(crate) struct Options {
     /// Motor 0 to 3
     #[arg(value_parser = channel)]
-    motor: u8,
+    pub(super) motor: u8,
     /// Counts that it may turn at most, either way; fewer than it would make the motion shorter
     #[arg(long, value_name = "COUNTS", default_value_t = u32::MAX, hide_default_value = true)]
     travel: u32,
-    /// The hub regulates the motor by what was found, until its reset; coefficients that a host gave are forgotten
+    /// What was found is put in force, until the hub's reset; coefficients that a host gave are forgotten
     #[arg(long)]
-    apply: bool,
+    pub(super) apply: bool,
     /// JSON instead of a table
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
-        interrupt::listen()?;
-        session.set_mode(self.motor, RunMode::Power, ZeroPower::Brake)?;
-        session.set_power(self.motor, Control::ZERO)?;
-        let enabled = session.enable(self.motor, true).map_err(Trouble::from);
-        let learned = enabled.and_then(|()| self.learn(session));
-        // Whatever has gone wrong before: the motor may turn all the same.
-        let disabled = session.enable(self.motor, false);
-        let outcome = learned?;
-        disabled?;
+        let outcome = self.learned(session)?;
         if let (Identification::Found(found), true) = (outcome, self.apply) {
-            apply(session, self.motor, found.dynamics)?;
+            let motion = Motion { dynamics: Some(found.dynamics), ..session.motion(self.motor)? };
+            apply(session, self.motor, motion)?;
         }
         self.show(outcome)
+    }
+
+    /// Enables the motor, and has the hub learn how it moves.
+    pub(super) fn learned(&self, session: &mut Session<Line>) -> Result<Identification, Trouble> {
+        Driven::run(session, |driven| {
+            driven.set_mode(self.motor, RunMode::Power, ZeroPower::Brake)?;
+            driven.set_power(self.motor, Control::ZERO)?;
+            driven.enable(self.motor)?;
+            self.learn(driven)
+        })
     }
 
     /// Waits until the motor, which brakes, stands; if it never does, the hub will say so.
@@ -68,8 +70,7 @@ impl Options {
                 break;
             }
             last = place;
-            interrupt::check()?;
-            sleep(INTERVAL);
+            interrupt::wait(Instant::now() + INTERVAL)?;
         }
         Ok(())
     }
@@ -84,8 +85,7 @@ impl Options {
         let mut live = Live::new();
         let end = Instant::now() + LONGEST;
         for look in 1u32.. {
-            sleep(INTERVAL);
-            interrupt::check()?;
+            interrupt::wait(Instant::now() + INTERVAL)?;
             let Identification::Running(percent) = session.identification(motor)? else { break };
             let progress = format!("{percent} %\n");
             if live.terminal && !self.json {
@@ -137,8 +137,8 @@ impl Options {
 }
 
 /// A set-up, even the one that there is, forgets coefficients, which would come before the model.
-fn apply(session: &mut Session<Line>, motor: u8, dynamics: Dynamics) -> Result<(), Error> {
-    let (setup, motion) = (session.setup(motor)?, session.motion(motor)?);
+pub(super) fn apply(session: &mut Session<Line>, motor: u8, motion: Motion) -> Result<(), Error> {
+    let setup = session.setup(motor)?;
     session.set_up(motor, setup)?;
-    session.set_motion(motor, Motion { dynamics: Some(dynamics), ..motion })
+    session.set_motion(motor, motion)
 }

@@ -1,23 +1,73 @@
-//! Ctrl-C while motors run: the command ends as on any error, by disabling what it has enabled.
+//! Signals that end a command which drives motors: Ctrl-C, SIGTERM, a closed terminal. The command ends as on any
+//! error, by disabling what it has enabled; further signals do not keep it from that.
 
 use crate::output::Failure;
-use signal_hook::consts::SIGINT;
-use signal_hook::flag::{register, register_conditional_shutdown};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
+#[cfg(unix)]
+use signal_hook::consts::{SIGHUP, SIGQUIT};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag::register_usize;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
 
-static PRESSED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+const SIGNALS: &[(i32, &str)] = &[
+    (SIGINT, "Ctrl-C"),
+    (SIGTERM, "SIGTERM"),
+    #[cfg(unix)]
+    (SIGHUP, "SIGHUP: its terminal is gone"),
+    #[cfg(unix)]
+    (SIGQUIT, "SIGQUIT"),
+];
 
-/// From now on Ctrl-C is noted; pressed once more, before anybody has looked, it ends the program at once.
+/// How often signals are looked for.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// A command that has not ended so long after a signal hangs, and the next signal ends it: by then the hub has
+/// missed its host.
+const HANGS: Duration = Duration::from_secs(3);
+
+/// What came, in words, and that it came.
+static CAUGHT: (Mutex<Option<&str>>, Condvar) = (Mutex::new(None), Condvar::new());
+static LISTENING: OnceLock<()> = OnceLock::new();
+
+/// From now on signals are noted instead of ending the program.
 pub(super) fn listen() -> Result<(), Failure> {
-    let pressed = PRESSED.get_or_init(Arc::default);
-    let impatient = register_conditional_shutdown(SIGINT, 1, Arc::clone(pressed));
-    let noted = impatient.and_then(|_| register(SIGINT, Arc::clone(pressed)));
-    noted.map(drop).map_err(|error| Failure::Work(format!("Ctrl-C cannot be listened for: {error}")))
+    if LISTENING.set(()).is_err() {
+        return Ok(());
+    }
+    let raised = Arc::new(AtomicUsize::new(0));
+    for (place, (signal, _)) in (1..).zip(SIGNALS) {
+        register_usize(*signal, Arc::clone(&raised), place)
+            .map_err(|error| Failure::Work(format!("signals cannot be listened for: {error}")))?;
+    }
+    thread::spawn(move || watch(&raised));
+    Ok(())
 }
 
-/// An error if it was pressed since.
-pub(super) fn check() -> Result<(), Failure> {
-    let pressed = PRESSED.get().is_some_and(|pressed| pressed.load(Ordering::Relaxed));
-    if pressed { Err(Failure::Work("stopped by Ctrl-C".to_owned())) } else { Ok(()) }
+fn watch(raised: &AtomicUsize) {
+    let mut first: Option<Instant> = None;
+    loop {
+        thread::sleep(LOOK);
+        let place = raised.swap(0, Ordering::Relaxed);
+        let Some((_, name)) = place.checked_sub(1).and_then(|place| SIGNALS.get(place)) else { continue };
+        match first {
+            None => {
+                first = Some(Instant::now());
+                *CAUGHT.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(name);
+                CAUGHT.1.notify_all();
+            }
+            Some(first) if first.elapsed() > HANGS => std::process::exit(1),
+            Some(_) => (),
+        }
+    }
+}
+
+/// Waits until then; an error as soon as a signal has come.
+pub(super) fn wait(until: Instant) -> Result<(), Failure> {
+    let length = until.saturating_duration_since(Instant::now());
+    let caught = CAUGHT.0.lock().unwrap_or_else(PoisonError::into_inner);
+    let waited = CAUGHT.1.wait_timeout_while(caught, length, |caught| caught.is_none());
+    let (caught, _) = waited.unwrap_or_else(PoisonError::into_inner);
+    caught.map_or(Ok(()), |name| Err(Failure::Work(format!("stopped by {name}"))))
 }

@@ -2,6 +2,7 @@
 
 use super::interrupt;
 use super::trouble::Trouble;
+use super::turn::shaft_speed;
 use crate::output::{Failure, print};
 use motor_hub::protocol::answers::{Bulk, MotorAlert, Status};
 use motor_hub::units::Millivolts;
@@ -14,7 +15,7 @@ use studies::table;
 
 /// What a hub does at one instant. To take it keeps the hub's motors alive.
 pub(crate) struct Reading {
-    at: Duration,
+    pub(crate) at: Duration,
     pub(crate) bulk: Bulk,
     battery: Millivolts,
     pub(crate) status: Status,
@@ -27,23 +28,25 @@ impl Reading {
         Ok(Self { at: since.elapsed(), bulk, battery, status })
     }
 
-    /// Of these motors: motor, position, velocity, at target.
     pub(crate) fn motors(&self, motors: &[u8]) -> impl Iterator<Item = (u8, i32, i16, bool)> {
-        let Bulk { encoders, velocities, at_target, .. } = self.bulk;
-        let all = (0..).zip(encoders).zip(velocities).zip(at_target);
-        all.filter(|(((motor, _), _), _)| motors.contains(motor)).map(|(((m, p), v), t)| (m, p, v, t))
+        motors_of(&self.bulk, motors)
     }
 
     fn battery_v(&self) -> f64 {
         f64::from(self.battery.get()) / 1000.0
     }
 
-    /// Lines of text for a terminal.
-    pub(crate) fn table(&self, motors: &[u8]) -> String {
-        let mut table = table::new(&["motor", "position, counts", "velocity, counts/s", "at target"], 0);
+    /// Lines of text for a terminal. With so many counts in a turn of the output shaft speeds are of that too.
+    pub(crate) fn table(&self, motors: &[u8], turn: Option<f64>) -> String {
+        let mut headings = vec!["motor", "position, counts", "velocity, counts/s", "at target"];
+        headings.extend(turn.iter().flat_map(|_| ["rpm", "rad/s"]));
+        let mut table = table::new(&headings, 0);
         for (motor, position, velocity, at_target) in self.motors(motors) {
             let at_target = if at_target { "yes" } else { "no" };
-            table.add_row([motor.to_string(), position.to_string(), velocity.to_string(), at_target.into()]);
+            let shaft = turn.map(|turn| shaft_speed(velocity, turn));
+            let shaft = shaft.into_iter().flat_map(|(rpm, rad)| [format!("{rpm:.1}"), format!("{rad:.2}")]);
+            let row = [motor.to_string(), position.to_string(), velocity.to_string(), at_target.into()];
+            table.add_row(row.into_iter().chain(shaft));
         }
         let (seconds, volts) = (self.at.as_secs_f64(), self.battery_v());
         format!("{seconds:.1} s, battery {volts:.2} V\n{}\n{table}\n", self.says())
@@ -58,21 +61,29 @@ impl Reading {
     }
 
     /// One line of text.
-    pub(crate) fn line(&self, motors: &[u8]) -> String {
+    pub(crate) fn line(&self, motors: &[u8], turn: Option<f64>) -> String {
         let motors = self.motors(motors).map(|(motor, position, velocity, at_target)| {
             let at_target = if at_target { ", at target" } else { "" };
-            format!("; motor {motor}: {position} counts, {velocity} counts/s{at_target}")
+            let shaft = turn.map(|turn| shaft_speed(velocity, turn));
+            let rpm = shaft.map(|(rpm, rad)| format!(" ({rpm:.1} rpm, {rad:.2} rad/s)")).unwrap_or_default();
+            format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{at_target}")
         });
         let motors: String = motors.collect();
         format!("{:.1} s, {:.2} V{motors}\n", self.at.as_secs_f64(), self.battery_v())
     }
 
-    /// For programs: seconds, volts, counts, counts per second.
-    pub(crate) fn json(&self, motors: &[u8]) -> Value {
+    /// For programs: seconds, volts, counts, counts per second; with the counts of a turn, the shaft's speed.
+    pub(crate) fn json(&self, motors: &[u8], turn: Option<f64>) -> Value {
         let motors: Vec<Value> = self
             .motors(motors)
             .map(|(motor, position, velocity, at_target)| {
-                json!({ "motor": motor, "position": position, "velocity": velocity, "at_target": at_target })
+                let mut of_motor =
+                    json!({ "motor": motor, "position": position, "velocity": velocity, "at_target": at_target });
+                if let (Some(object), Some(turn)) = (of_motor.as_object_mut(), turn) {
+                    let (rpm, rad) = shaft_speed(velocity, turn);
+                    object.extend([("rpm".to_owned(), json!(rpm)), ("rad_per_s".to_owned(), json!(rad))]);
+                }
+                of_motor
             })
             .collect();
         json!({
@@ -84,6 +95,13 @@ impl Reading {
             "motors": motors,
         })
     }
+}
+
+/// Of these motors: motor, position, velocity, at target.
+pub(super) fn motors_of(bulk: &Bulk, motors: &[u8]) -> impl Iterator<Item = (u8, i32, i16, bool)> {
+    let Bulk { encoders, velocities, at_target, .. } = *bulk;
+    let all = (0..).zip(encoders).zip(velocities).zip(at_target);
+    all.filter(|(((motor, _), _), _)| motors.contains(motor)).map(|(((m, p), v), t)| (m, p, v, t))
 }
 
 /// The motor alerts in words.
@@ -133,8 +151,7 @@ pub(crate) fn repeat(
         next = now.max(next + interval);
         let end = length.map(|length| since + length);
         let until = end.map_or(next, |end| end.min(next));
-        std::thread::sleep(until.saturating_duration_since(now));
-        interrupt::check()?;
+        interrupt::wait(until)?;
         if end.is_some_and(|end| end <= Instant::now()) {
             return Ok(false);
         }

@@ -2,6 +2,7 @@
 
 use super::trouble::Trouble;
 use crate::choice::Choice;
+use crate::constants::Constants;
 use crate::output::{Failure, print, print_json};
 use crate::parse::channel;
 use motor_hub::braking::DutyRule;
@@ -22,9 +23,11 @@ pub(crate) struct Options {
     /// Motor 0 to 3
     #[arg(value_parser = channel)]
     motor: u8,
-    /// What is connected: a motor of the catalogue
-    #[arg(long = "type", value_name = "NAME")]
+    /// What is connected: a motor of the catalogue, see `motor-hub motors`
+    #[arg(long = "type", value_name = "NAME", conflicts_with_all = ["ke", "resistance_ohm", "inductance_mh"])]
     name: Option<String>,
+    #[command(flatten)]
+    constants: Constants,
     #[command(flatten)]
     choice: Choice,
     /// What the motor does at a fault, and when its host falls silent
@@ -91,6 +94,10 @@ impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let before = session.protection(self.motor)?;
         let protection = self.protect(before)?;
+        let changes = self.name.is_some() || !self.choice.is_empty() || !self.constants.is_empty();
+        let mut setup = session.setup(self.motor)?;
+        // All of it is checked before any of it is written.
+        let wanted = changes.then(|| self.change(setup)).transpose()?;
         if protection != before {
             session.set_protection(self.motor, protection)?;
         }
@@ -98,10 +105,8 @@ impl Options {
             session.set_timing(self.motor, word.into())?;
         }
         let timing = session.timing(self.motor)?;
-        let changes = self.name.is_some() || !self.choice.is_empty();
-        let mut setup = session.setup(self.motor)?;
-        if changes {
-            session.set_up(self.motor, self.change(setup)?)?;
+        if let Some(wanted) = wanted {
+            session.set_up(self.motor, wanted)?;
             setup = session.setup(self.motor)?;
         }
         let condition = session.condition(self.motor)?;
@@ -116,6 +121,9 @@ impl Options {
             setup.resistance = Some(winding.resistance);
             setup.inductance = winding.inductance;
         }
+        setup.emf = self.constants.emf()?.unwrap_or(setup.emf);
+        setup.resistance = self.constants.resistance()?.or(setup.resistance);
+        setup.inductance = self.constants.inductance()?.or(setup.inductance);
         if let Some(scheme) = self.choice.scheme().map_err(Failure::input)? {
             setup.scheme = scheme;
         }
@@ -123,7 +131,7 @@ impl Options {
             setup.duty = duty;
         }
         if setup.duty == DutyRule::LinearCurrent && setup.resistance.is_none() {
-            let why = "linear current needs the motor's resistance: name the motor by --type";
+            let why = "linear current needs the motor's resistance: name the motor by --type, or give --resistance-ohm";
             return Err(Failure::input(why));
         }
         Ok(setup)

@@ -84,9 +84,9 @@ impl Everything {
             .add_row(["version", &self.version])
             .add_row(["battery", &format!("{:.3} V", self.battery_v())])
             .add_row(["LED", &format!("red {red}, green {green}, blue {blue}")]);
-        let mut motors = table::new(&MOTOR_HEADINGS, 3);
+        let mut rows = MOTOR_HEADINGS.map(|heading| vec![heading.to_owned()]);
         for (index, channel, encoder, velocity, at_target) in self.motors() {
-            motors.add_row([
+            let cells = [
                 index.to_string(),
                 mode(channel.mode).to_owned(),
                 zero_behaviour(channel.zero_power).to_owned(),
@@ -97,7 +97,14 @@ impl Everything {
                 encoder.to_string(),
                 velocity.to_string(),
                 yes(at_target),
-            ]);
+            ];
+            rows.iter_mut().zip(cells).for_each(|(row, cell)| row.push(cell));
+        }
+        let [first, rest @ ..] = &rows;
+        let first: Vec<&str> = first.iter().map(String::as_str).collect();
+        let mut motors = table::new(&first, 1);
+        for row in rest {
+            motors.add_row(row);
         }
         format!("{head}\nVelocities in counts/s, positions in counts\n{motors}\n")
     }

@@ -1,7 +1,7 @@
 //! `motor-hub client together`: motors that move in step.
 
 use super::drive;
-use super::interrupt;
+use super::driven::Driven;
 use super::live::{Live, Reading, repeat};
 use super::trouble::Trouble;
 use crate::output::{Failure, print};
@@ -65,15 +65,12 @@ const FASTEST_CPS: i32 = 1_000_000;
 impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let values = self.values()?;
-        interrupt::listen()?;
-        let wanted = self.wanted(session, values)?;
         let motors: Vec<u8> = drive::ALL.into_iter().zip(values).filter_map(|(m, v)| v.map(|_| m)).collect();
-        let mut enabled = Vec::new();
-        let done = stand(session, &motors, &mut enabled).and_then(|()| self.lead(session, &motors, wanted));
-        // All of them, whatever has gone wrong before or does so with one of them.
-        let disabled = enabled.iter().map(|motor| session.enable(*motor, false)).fold(Ok(()), Result::and);
-        let arrived = done?;
-        disabled?;
+        let arrived = Driven::run(session, |driven| {
+            let wanted = self.wanted(driven, values)?;
+            stand(driven, &motors)?;
+            self.lead(driven, &motors, wanted)
+        })?;
         if arrived {
             return Ok(print("all have arrived\n")?);
         }
@@ -138,9 +135,9 @@ impl Options {
         repeat(session, drive::INTERVAL, self.length, |session, reading: &Reading| {
             let state = session.group_state(first)?;
             if live.terminal {
-                live.redraw(&reading.table(motors))?;
+                live.redraw(&reading.table(motors, None))?;
             } else if readings.is_multiple_of(drive::LINE) || state != GroupState::Moving {
-                print(&reading.line(motors))?;
+                print(&reading.line(motors, None))?;
             }
             readings = readings.wrapping_add(1);
             if state == GroupState::Alone {
@@ -153,13 +150,12 @@ impl Options {
     }
 }
 
-/// Enables motors that hold where they are. `enabled` are those that may be, even if the last one's answer got lost.
-fn stand(session: &mut Session<Line>, motors: &[u8], enabled: &mut Vec<u8>) -> Result<(), Trouble> {
+/// Enables motors that hold where they are.
+fn stand(driven: &mut Driven<'_, Line>, motors: &[u8]) -> Result<(), Trouble> {
     for &motor in motors {
-        session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
-        session.set_power(motor, Control::ZERO)?;
-        enabled.push(motor);
-        session.enable(motor, true)?;
+        driven.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
+        driven.set_power(motor, Control::ZERO)?;
+        driven.enable(motor)?;
     }
     Ok(())
 }

@@ -1,13 +1,18 @@
 //! `motor-hub client watch`.
 
 use super::drive;
+use super::driven::stop_abandoned;
 use super::live::{Live, repeat};
 use super::trouble::Trouble;
+use super::turn::Turn;
 use crate::output::print;
 use crate::parse::within_a_day;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// Motors that somebody has enabled meanwhile are looked for so often, well before the hub would miss their host.
+const CHECK: Duration = Duration::from_secs(1);
 
 /// How often, how long, and in which form.
 #[derive(clap::Args)]
@@ -22,17 +27,25 @@ pub(crate) struct Options {
     /// One JSON document per line, as it is where standard output is no terminal
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    turn: Turn,
 }
 
 impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let turn = self.turn.counts()?;
         let mut live = Live::new();
         let interval = Duration::from_millis(self.interval);
-        repeat(session, interval, self.length, |_, reading| {
+        let mut checked = Instant::now();
+        repeat(session, interval, self.length, |session, reading| {
+            if checked.elapsed() > CHECK {
+                stop_abandoned(session)?;
+                checked = Instant::now();
+            }
             if live.terminal && !self.json {
-                live.redraw(&reading.table(&drive::ALL))?;
+                live.redraw(&reading.table(&drive::ALL, turn))?;
             } else {
-                print(&format!("{}\n", reading.json(&drive::ALL)))?;
+                print(&format!("{}\n", reading.json(&drive::ALL, turn)))?;
             }
             Ok(false)
         })

@@ -1,4 +1,5 @@
 //! The program, and a place for what it writes.
+#![allow(dead_code, reason = "each test uses its own part")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

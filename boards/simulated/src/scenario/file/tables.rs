@@ -1,5 +1,6 @@
 //! The tables of a scenario file as they are written, unchecked.
 
+use super::constants::ConstantsTable;
 use super::expect::ExpectTable;
 use super::friction::{CoggingTable, FrictionTable};
 use super::groups::GroupTable;
@@ -58,7 +59,8 @@ pub(super) struct EmfTable {
 #[serde(deny_unknown_fields)]
 pub(super) struct MotorTable {
     pub(super) label: Spanned<String>,
-    pub(super) motor: Spanned<String>,
+    pub(super) motor: Option<Spanned<String>>,
+    pub(super) constants: Option<Spanned<ConstantsTable>>,
     #[serde(default)]
     pub(super) inertia: Inertia,
     pub(super) friction: Option<FrictionTable>,

@@ -1,0 +1,183 @@
+//! Motors that a command has set going: however the command ends, they are disabled. And motors that nobody drives
+//! any more: they are disabled before a command does anything else.
+
+use super::drive::ALL;
+use super::interrupt;
+use super::trouble::Trouble;
+use crate::output::{Failure, say};
+use motor_hub_client::{Error, Session};
+use std::io::{Read, Write};
+use std::ops::{Deref, DerefMut};
+use std::time::{Duration, Instant};
+
+/// So long after it last heard of its host the hub lets motors go by itself.
+const KEEP_ALIVE: Duration = Duration::from_millis(2500);
+
+/// How long a motor's disabling is waited for before the next one is disabled, whatever else was asked for.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// A session whose motors are disabled when it is dropped.
+pub(super) struct Driven<'a, L: Read + Write> {
+    session: &'a mut Session<L>,
+    /// Those that may be enabled, even if the answer got lost.
+    motors: Vec<u8>,
+}
+
+impl<'a, L: Read + Write> Driven<'a, L> {
+    /// Does some work with motors and disables them, whether it was done, failed, panicked, or was ended by a
+    /// signal, which it finds by `interrupt::wait`. Says on standard error that it did when something went wrong.
+    pub(super) fn run<T>(
+        session: &'a mut Session<L>,
+        work: impl FnOnce(&mut Self) -> Result<T, Trouble>,
+    ) -> Result<T, Trouble> {
+        interrupt::listen()?;
+        let mut driven = Self { session, motors: Vec::new() };
+        let done = work(&mut driven);
+        match (done, driven.stop()) {
+            (Ok(done), Ok(_)) => Ok(done),
+            (Ok(_), Err(failure)) => Err(failure.into()),
+            (Err(trouble), stopped) => {
+                tell(stopped);
+                Err(trouble)
+            }
+        }
+    }
+
+    /// Lets a motor run, until the work is done.
+    pub(super) fn enable(&mut self, motor: u8) -> Result<(), Error> {
+        if !self.motors.contains(&motor) {
+            self.motors.push(motor);
+        }
+        self.session.enable(motor, true)
+    }
+
+    /// Disables a motor before the work is done.
+    pub(super) fn disable(&mut self, motor: u8) -> Result<(), Error> {
+        self.session.enable(motor, false)?;
+        self.motors.retain(|other| *other != motor);
+        Ok(())
+    }
+
+    /// Disables what was enabled; which that is.
+    pub(super) fn stop(&mut self) -> Result<Vec<u8>, Failure> {
+        let motors = std::mem::take(&mut self.motors);
+        self.session.hurry(PATIENCE);
+        let end = Instant::now() + KEEP_ALIVE;
+        loop {
+            // All of them, whatever goes wrong with one.
+            let stopped = motors.iter().map(|motor| self.session.enable(*motor, false));
+            match stopped.fold(Ok(()), Result::and) {
+                Ok(()) => return Ok(motors),
+                Err(error) if Instant::now() > end || matches!(error, Error::HungUp | Error::Line(_)) => {
+                    return Err(Failure::Work(format!(
+                        "{} could not be disabled: {error}; the hub lets go {} s after it last heard of its host",
+                        names(&motors),
+                        KEEP_ALIVE.as_secs_f64()
+                    )));
+                }
+                Err(_) => (),
+            }
+        }
+    }
+}
+
+/// Says what became of motors when something went wrong.
+fn tell(stopped: Result<Vec<u8>, Failure>) {
+    match stopped {
+        Ok(motors) if motors.is_empty() => (),
+        Ok(motors) => say(&format!("disabled {}", names(&motors))),
+        Err(failure) => say(&format!("warning: {failure}")),
+    }
+}
+
+/// As "motor 0" or "motors 0, 2".
+fn names(motors: &[u8]) -> String {
+    let numbers: Vec<String> = motors.iter().map(u8::to_string).collect();
+    format!("motor{} {}", if numbers.len() == 1 { "" } else { "s" }, numbers.join(", "))
+}
+
+impl<L: Read + Write> Drop for Driven<'_, L> {
+    fn drop(&mut self) {
+        // Nothing is left, unless the work panicked.
+        if !self.motors.is_empty() {
+            tell(self.stop());
+        }
+    }
+}
+
+impl<L: Read + Write> Deref for Driven<'_, L> {
+    type Target = Session<L>;
+
+    fn deref(&self) -> &Session<L> {
+        self.session
+    }
+}
+
+impl<L: Read + Write> DerefMut for Driven<'_, L> {
+    fn deref_mut(&mut self) -> &mut Session<L> {
+        self.session
+    }
+}
+
+/// Disables motors that a host which is gone has left enabled, and says so: every packet, even a question, would
+/// keep them going. A line has one host at a time, so whoever enabled them is no longer there.
+pub(super) fn stop_abandoned(session: &mut Session<impl Read + Write>) -> Result<(), Error> {
+    let mut found = Vec::new();
+    for motor in ALL {
+        match session.enabled(motor) {
+            Ok(false) => (),
+            Ok(true) => {
+                session.enable(motor, false)?;
+                found.push(motor);
+            }
+            // A hub with fewer motors.
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => break,
+            Err(error) => return Err(error),
+        }
+    }
+    if !found.is_empty() {
+        say(&format!("disabled {}, left running by a host that is gone", names(&found)));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, clippy::panic, reason = "a failed access is a failed test")]
+mod tests {
+    use super::*;
+    use motor_hub::units::{Control, Millivolts};
+    use motor_hub_client::memory::MemoryHub;
+    use motor_hub_client::motor_hub::protocol::Address;
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+
+    fn session() -> Session<MemoryHub> {
+        let mut hub = MemoryHub::default();
+        hub.snapshot.battery = Some(Millivolts::new(12_000));
+        Session::new(hub, Address::DEFAULT, Duration::from_secs(1))
+    }
+
+    #[test]
+    fn a_panic_disables_what_was_enabled() {
+        let mut session = session();
+        let panicked = catch_unwind(AssertUnwindSafe(|| {
+            Driven::run(&mut session, |driven| -> Result<(), Trouble> {
+                driven.set_power(1, Control::MAX)?;
+                driven.enable(1)?;
+                assert!(driven.enabled(1)?);
+                panic!("in the middle of it")
+            })
+        }));
+        assert!(panicked.is_err());
+        assert!(!session.enabled(1).unwrap());
+    }
+
+    #[test]
+    fn motors_that_nobody_drives_are_disabled_and_others_left_as_they_are() {
+        let mut session = session();
+        session.set_power(2, Control::MAX).unwrap();
+        session.enable(2, true).unwrap();
+        stop_abandoned(&mut session).unwrap();
+        assert!(!session.enabled(2).unwrap());
+        assert_eq!(session.motor(2).unwrap().power, Control::MAX);
+    }
+}

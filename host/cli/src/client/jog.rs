@@ -1,0 +1,152 @@
+//! `motor-hub client jog`: keys drive motors.
+
+mod keys;
+#[cfg(unix)]
+mod terminal;
+
+use super::drive::{ALL, power};
+use super::driven::Driven;
+use super::interrupt;
+use super::live::motors_of;
+use super::trouble::Trouble;
+use crate::output::{Failure, print};
+use keys::{Jog, Key};
+use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::answers::Bulk;
+use motor_hub::protocol::motor::RunMode;
+use motor_hub::units::Control;
+use motor_hub_client::line::Line;
+use motor_hub_client::{Error, Session};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+/// Text of the long help.
+pub(super) const HELP: &str = "\
+Drives motors by keys, for as long as a key is held
+
+  up, k, +       forward            0 to 3, a   which motor; all
+  down, j, -     backward           space       all motors off
+  right, l, >    faster             q, Ctrl-C   ends, all motors off
+  left, h, <     slower
+
+A terminal repeats a key that is held. A motor that has had no key for --hold seconds is regulated to a stop, so that a
+connection which hangs stops it. The terminal is put back as it was however this ends, but for SIGKILL.";
+
+/// How fast, and for how long.
+#[derive(clap::Args)]
+pub(super) struct Options {
+    /// Speed to begin with, in counts per second
+    #[arg(long, value_name = "CPS", default_value_t = 300, value_parser = clap::value_parser!(i16).range(1..))]
+    speed: i16,
+    /// Drives with constant power instead, a share above 0 up to 1, for motors whose encoders are in doubt
+    #[arg(long, value_name = "SHARE", conflicts_with = "speed", value_parser = some_power)]
+    power: Option<Control>,
+    /// How long a key drives, in seconds, 0.1 to 5: longer than the terminal takes to repeat it
+    #[arg(long, value_name = "S", default_value = "0.7", value_parser = hold)]
+    hold: Duration,
+}
+
+fn some_power(text: &str) -> Result<Control, String> {
+    let some = power(text).ok().filter(|power| power.get() > 0);
+    some.ok_or_else(|| "a power to jog with is above 0 and at most 1".to_owned())
+}
+
+fn hold(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|seconds| (0.1..=5.0).contains(seconds));
+    seconds.map(Duration::from_secs_f64).ok_or_else(|| "a key drives for 0.1 to 5 seconds".to_owned())
+}
+
+/// Between two looks at hub and keys.
+const LOOK: Duration = Duration::from_millis(50);
+
+impl Options {
+    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let level = self.power.map_or(self.speed, Control::get);
+        let mut jog = Jog::new(level, self.hold);
+        Driven::run(session, |driven| {
+            print(&format!("{HELP}\n\n"))?;
+            let (_raw, keys) = open()?;
+            self.follow(driven, &mut jog, &keys)
+        })?;
+        Ok(print("\n")?)
+    }
+
+    fn follow(
+        &self,
+        driven: &mut Driven<'_, Line>,
+        jog: &mut Jog,
+        keys: &Receiver<Vec<u8>>,
+    ) -> Result<(), Trouble> {
+        let mut told = [None; ALL.len()];
+        loop {
+            let now = Instant::now();
+            match keys.recv_timeout(LOOK) {
+                Ok(bytes) => {
+                    for key in keys::read(&bytes) {
+                        if key == Key::Quit {
+                            return Ok(());
+                        }
+                        jog.press(key, Instant::now());
+                    }
+                }
+                // Whoever held the keys is gone.
+                Err(RecvTimeoutError::Disconnected) => return Ok(()),
+                Err(RecvTimeoutError::Timeout) => (),
+            }
+            interrupt::wait(now)?;
+            let wanted = jog.at(Instant::now());
+            for ((motor, told), wanted) in ALL.into_iter().zip(&mut told).zip(wanted) {
+                if *told != wanted {
+                    self.tell(driven, motor, *told, wanted)?;
+                    *told = wanted;
+                } else if told.is_some() && !driven.enabled(motor)? {
+                    let words = driven.status(false)?.words().join(", ");
+                    let says = format!("the hub has let motor {motor} go; its status: {words}");
+                    return Err(Failure::Work(says).into());
+                }
+            }
+            print(&format!("\r{}\x1b[K", self.line(jog, &driven.bulk()?)))?;
+        }
+    }
+
+    /// A motor is to be this fast, or off.
+    fn tell(
+        &self,
+        driven: &mut Driven<'_, Line>,
+        motor: u8,
+        before: Option<i16>,
+        wanted: Option<i16>,
+    ) -> Result<(), Error> {
+        let Some(level) = wanted else { return driven.disable(motor) };
+        let mode = if self.power.is_some() { RunMode::Power } else { RunMode::Velocity };
+        if before.is_none() {
+            driven.set_mode(motor, mode, ZeroPower::Brake)?;
+        }
+        match mode {
+            RunMode::Power => driven.set_power(motor, Control::new(level))?,
+            _ => driven.set_velocity(motor, level)?,
+        }
+        if before.is_none() { driven.enable(motor) } else { Ok(()) }
+    }
+
+    fn line(&self, jog: &Jog, bulk: &Bulk) -> String {
+        let driven = jog.motors();
+        let motors = motors_of(bulk, &driven);
+        let motors = motors.map(|(motor, counts, cps, _)| format!(" | {motor}: {counts}, {cps}/s"));
+        let level = match self.power {
+            Some(_) => format!("power {:.2}", f64::from(jog.level()) / f64::from(Control::MAX.get())),
+            None => format!("{} counts/s", jog.level()),
+        };
+        level + &motors.collect::<String>()
+    }
+}
+
+#[cfg(unix)]
+fn open() -> Result<(terminal::Raw, Receiver<Vec<u8>>), Failure> {
+    Ok((terminal::Raw::enter()?, terminal::keys()))
+}
+
+#[cfg(not(unix))]
+fn open() -> Result<((), Receiver<Vec<u8>>), Failure> {
+    Err(Failure::work("keys are read on Unix only"))
+}

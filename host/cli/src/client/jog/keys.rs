@@ -1,0 +1,181 @@
+//! What keys mean, and what becomes of motors by them. No clock, no terminal.
+
+use crate::client::drive::ALL;
+use std::time::{Duration, Instant};
+
+/// A key that means something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Key {
+    Forward,
+    Backward,
+    Faster,
+    Slower,
+    /// One motor.
+    One(u8),
+    All,
+    /// All off.
+    Stop,
+    Quit,
+}
+
+/// The keys in what a terminal sent at once; others are left out.
+pub(super) fn read(mut bytes: &[u8]) -> Vec<Key> {
+    let mut keys = Vec::new();
+    while let [first, rest @ ..] = bytes {
+        let (key, rest) = match (*first, rest) {
+            // Arrows, in both modes that a terminal may be in.
+            (0x1B, [b'[' | b'O', arrow, rest @ ..]) => (escaped(*arrow), rest),
+            // Escape alone: whoever presses it wants out.
+            (0x1B, rest) => (Some(Key::Stop), rest),
+            (byte, rest) => (plain(byte), rest),
+        };
+        keys.extend(key);
+        bytes = rest;
+    }
+    keys
+}
+
+const fn escaped(arrow: u8) -> Option<Key> {
+    match arrow {
+        b'A' => Some(Key::Forward),
+        b'B' => Some(Key::Backward),
+        b'C' => Some(Key::Faster),
+        b'D' => Some(Key::Slower),
+        _ => None,
+    }
+}
+
+const fn plain(byte: u8) -> Option<Key> {
+    match byte {
+        b'k' | b'+' => Some(Key::Forward),
+        b'j' | b'-' => Some(Key::Backward),
+        b'l' | b'>' => Some(Key::Faster),
+        b'h' | b'<' => Some(Key::Slower),
+        b'a' => Some(Key::All),
+        digit @ b'0'..=b'3' => Some(Key::One(digit - b'0')),
+        b' ' => Some(Key::Stop),
+        // Ctrl-C, Ctrl-D and Ctrl-\ are keys here.
+        b'q' | 0x03 | 0x04 | 0x1C => Some(Key::Quit),
+        _ => None,
+    }
+}
+
+/// What all motors are to do.
+#[derive(Clone, Debug)]
+pub(super) struct Jog {
+    motors: [bool; ALL.len()],
+    level: i16,
+    hold: Duration,
+    /// Of each motor: off, or so fast.
+    wanted: [Option<i16>; ALL.len()],
+    /// When motors that turn are to stand, unless a key comes.
+    until: Option<Instant>,
+}
+
+impl Jog {
+    /// Motor 0, at this level while a key is held; a press holds for `hold`.
+    pub(super) const fn new(level: i16, hold: Duration) -> Self {
+        Self { motors: [true, false, false, false], level, hold, wanted: [None; ALL.len()], until: None }
+    }
+
+    /// Those that keys drive.
+    pub(super) fn motors(&self) -> Vec<u8> {
+        ALL.into_iter().zip(self.motors).filter_map(|(motor, chosen)| chosen.then_some(motor)).collect()
+    }
+
+    /// How fast they are when they turn.
+    pub(super) const fn level(&self) -> i16 {
+        self.level
+    }
+
+    /// A key has been pressed.
+    pub(super) fn press(&mut self, key: Key, now: Instant) {
+        match key {
+            Key::Forward => self.go(self.level, now),
+            Key::Backward => self.go(-self.level, now),
+            Key::Faster => self.level = self.level.saturating_add(self.step()),
+            Key::Slower => self.level -= self.step().min(self.level - 1),
+            Key::One(motor) => self.choose(ALL.map(|other| other == motor)),
+            Key::All => self.choose([true; ALL.len()]),
+            Key::Stop | Key::Quit => (self.wanted, self.until) = ([None; ALL.len()], None),
+        }
+    }
+
+    /// A fifth more or less.
+    fn step(&self) -> i16 {
+        (self.level / 5).max(1)
+    }
+
+    fn go(&mut self, level: i16, now: Instant) {
+        for (wanted, _) in self.wanted.iter_mut().zip(self.motors).filter(|(_, chosen)| *chosen) {
+            *wanted = Some(level);
+        }
+        self.until = Some(now + self.hold);
+    }
+
+    fn choose(&mut self, motors: [bool; ALL.len()]) {
+        self.stand();
+        self.motors = motors;
+    }
+
+    /// Motors that turn are to stand.
+    fn stand(&mut self) {
+        self.wanted = self.wanted.map(|wanted| wanted.map(|_| 0));
+        self.until = None;
+    }
+
+    /// Of each motor, now: off, or so fast.
+    pub(super) fn at(&mut self, now: Instant) -> [Option<i16>; ALL.len()] {
+        if self.until.is_some_and(|until| now >= until) {
+            self.stand();
+        }
+        self.wanted
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_are_told_from_what_terminals_send() {
+        use Key::*;
+        assert_eq!(read(b"\x1b[A\x1bOB\x1b[C\x1b[D"), [Forward, Backward, Faster, Slower]);
+        assert_eq!(
+            read(b"kjlh+->< aq\x03"),
+            [Forward, Backward, Faster, Slower, Forward, Backward, Faster, Slower, Stop, All, Quit, Quit]
+        );
+        assert_eq!(read(b"034x\x1b[Z\xff"), [One(0), One(3)]);
+        assert_eq!(read(b"\x1b"), [Stop]);
+    }
+
+    #[test]
+    fn a_motor_turns_while_a_key_is_held_and_stands_after_it() {
+        let (begin, ms) = (Instant::now(), Duration::from_millis);
+        let mut jog = Jog::new(300, ms(700));
+        assert_eq!(jog.at(begin), [None; 4]);
+        jog.press(Key::Forward, begin);
+        assert_eq!(jog.at(begin + ms(699)), [Some(300), None, None, None]);
+        jog.press(Key::Forward, begin + ms(600));
+        assert_eq!(jog.at(begin + ms(1299)), [Some(300), None, None, None]);
+        assert_eq!(jog.at(begin + ms(1300)), [Some(0), None, None, None]);
+        jog.press(Key::Backward, begin + ms(1400));
+        assert_eq!(jog.at(begin + ms(1400)), [Some(-300), None, None, None]);
+        // Another motor: the first one stands, until it is switched off with all.
+        jog.press(Key::One(2), begin + ms(1500));
+        jog.press(Key::Faster, begin + ms(1500));
+        jog.press(Key::Forward, begin + ms(1500));
+        assert_eq!(jog.at(begin + ms(1500)), [Some(0), None, Some(360), None]);
+        jog.press(Key::Stop, begin + ms(1600));
+        assert_eq!(jog.at(begin + ms(1600)), [None; 4]);
+    }
+
+    #[test]
+    fn levels_stay_within_their_range() {
+        let mut jog = Jog::new(i16::MAX - 5, Duration::from_secs(1));
+        jog.press(Key::Faster, Instant::now());
+        assert_eq!(jog.level(), i16::MAX);
+        (0..200).for_each(|_| jog.press(Key::Slower, Instant::now()));
+        assert_eq!(jog.level(), 1);
+    }
+}

@@ -1,0 +1,76 @@
+//! The serial ports of this machine in words, and why one cannot be opened.
+
+use crate::output::Failure;
+use motor_hub_client::OpenError;
+use motor_hub_client::line;
+
+/// What allows a port without membership of a group.
+const RULE: &str = "boards/nucleo-f429zi/70-motor-hub.rules";
+
+/// The serial ports of this machine, for a reader.
+pub(super) fn list() -> Result<String, Failure> {
+    let ports = line::ports().map_err(|e| Failure::Work(format!("the serial ports of this machine: {e}")))?;
+    if ports.is_empty() {
+        return Ok("No serial ports found\n".to_owned());
+    }
+    let lines = ports.iter().map(|port| format!("  {} {}", port.path, port.description));
+    let lines: String = lines.map(|line| line.trim_end().to_owned() + "\n").collect();
+    Ok(format!("Serial ports found:\n{lines}"))
+}
+
+/// Why a place cannot be opened, and what helps.
+pub(super) fn unopened(place: &str, error: &OpenError) -> String {
+    match error {
+        OpenError::Denied => format!("{place}: {error}; {}", hint(group(place).as_deref())),
+        error => format!("{place}: {error}"),
+    }
+}
+
+/// What gives a user a port of a group.
+fn hint(group: Option<&str>) -> String {
+    let rule = format!("the udev rule {RULE}");
+    match group {
+        // Nobody should join that.
+        None | Some("root") => format!("it is root's alone: install {rule}, or run this with sudo"),
+        Some(group) => {
+            format!("join its group (sudo usermod -a -G {group} $USER, then log in anew), or install {rule}")
+        }
+    }
+}
+
+/// The group that a file belongs to, by name.
+#[cfg(unix)]
+fn group(path: &str) -> Option<String> {
+    use std::os::unix::fs::MetadataExt;
+    let id = std::fs::metadata(path).ok()?.gid();
+    named(&std::fs::read_to_string("/etc/group").ok()?, id)
+}
+
+#[cfg(not(unix))]
+fn group(_: &str) -> Option<String> {
+    None
+}
+
+/// The name of a group in the text of `/etc/group`.
+#[cfg(any(unix, test))]
+fn named(groups: &str, id: u32) -> Option<String> {
+    let mut rows = groups.lines().map(|line| line.split(':'));
+    rows.find_map(|mut row| {
+        let name = row.next()?;
+        (row.nth(1)?.parse() == Ok(id)).then(|| name.to_owned())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_that_is_denied_is_had_by_joining_its_group_or_by_a_rule() {
+        let groups = "root:x:0:\ndialout:x:20:alice,bob\nbroken\n";
+        assert_eq!(named(groups, 20).as_deref(), Some("dialout"));
+        assert_eq!(named(groups, 21), None);
+        assert!(hint(Some("dialout")).contains("usermod -a -G dialout $USER"));
+        assert!(!hint(Some("root")).contains("usermod") && hint(None).contains(RULE));
+    }
+}

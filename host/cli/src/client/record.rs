@@ -1,0 +1,195 @@
+//! `motor-hub client record`: a drive, written down as it goes.
+
+use super::course::{Course, Order, Progress};
+use super::drive::Drive;
+use super::driven::Driven;
+use super::interrupt;
+use super::live::motors_of;
+use super::trouble::Trouble;
+use crate::output::{Failure, drawn, print, write_all};
+use clap::Parser;
+use motor_hub_client::line::Line;
+use motor_hub_client::{Error, Session};
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use studies::recording::{HEADINGS, Recording, Sample, Told};
+
+/// Text of the long help.
+pub(super) const HELP: &str = "\
+Drives motors as `power`, `velocity` or `position` do, and writes down what the hub says: a CSV file as it goes, and
+in the end a chart (SVG, PNG) of each motor
+
+  motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for 3
+
+The file has a row for each motor and reading; what the hub does not tell is left empty: the control value unless it
+is a constant power, the current of hubs that do not measure or model it. Whatever ends the drive, also Ctrl-C, leaves
+whole rows and the charts of what there was.";
+
+/// What is driven, how often it is looked at, and where that goes.
+#[derive(clap::Args)]
+pub(super) struct Options {
+    /// Readings a second
+    #[arg(long, value_name = "HZ", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=500))]
+    rate: u32,
+    /// Folder for record.csv and the charts
+    #[arg(long, value_name = "DIR", default_value = "target/motor-hub/record")]
+    out: PathBuf,
+    /// power, velocity or position, with their options
+    #[arg(value_name = "DRIVE", required = true, trailing_var_arg = true, allow_hyphen_values = true)]
+    drive: Vec<String>,
+}
+
+/// The command that is recorded.
+#[derive(clap::Parser)]
+#[command(name = "record --", no_binary_name = true, disable_help_subcommand = true)]
+struct Recorded {
+    #[command(subcommand)]
+    drive: Drive,
+}
+
+impl Options {
+    /// What is to be done.
+    pub(super) fn order(&self) -> Result<Order, Failure> {
+        let parsed = Recorded::try_parse_from(&self.drive).map_err(|error| {
+            let text = error.to_string();
+            Failure::input(text.strip_prefix("error: ").unwrap_or(&text).trim_end())
+        })?;
+        Ok(parsed.drive.order()?.0)
+    }
+
+    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let order = self.order()?;
+        let mut progress = Progress::new(&order);
+        let words = format!("motor-hub client record -- {}", self.drive.join(" "));
+        let mut recorder = Recorder::new(&self.out, &words, &order)?;
+        let interval = Duration::from_secs(1) / self.rate;
+        let done = Driven::run(session, |driven| {
+            order.begin(driven)?;
+            recorder.run(driven, &order, &mut progress, interval)
+        });
+        recorder.finish(&self.out)?;
+        if done? { Ok(()) } else { Ok(progress.judge(order.length)?) }
+    }
+}
+
+struct Recorder {
+    path: PathBuf,
+    file: File,
+    recording: Recording,
+    /// The hub tells what current its motors have.
+    current_is_told: bool,
+    readings: u32,
+    length: Duration,
+    slowest: Duration,
+}
+
+impl Recorder {
+    fn new(folder: &Path, words: &str, order: &Order) -> Result<Self, Failure> {
+        let path = folder.join("record.csv");
+        let failed = |e| Failure::Work(format!("{}: {e}", path.display()));
+        std::fs::create_dir_all(folder).map_err(failed)?;
+        let mut file = File::create(&path).map_err(failed)?;
+        file.write_all(HEADINGS.as_bytes()).map_err(failed)?;
+        let told = match order.course {
+            Course::Power(power) => Told::Power(power.get()),
+            Course::Velocity(cps) => Told::Velocity(cps),
+            Course::Position { counts, .. } => Told::Position(counts),
+        };
+        Ok(Self {
+            path,
+            file,
+            recording: Recording::new(words, told),
+            current_is_told: true,
+            readings: 0,
+            length: Duration::ZERO,
+            slowest: Duration::ZERO,
+        })
+    }
+
+    /// Reads until the motors have arrived, which is true, or the time is over.
+    fn run(
+        &mut self,
+        session: &mut Session<Line>,
+        order: &Order,
+        progress: &mut Progress,
+        interval: Duration,
+    ) -> Result<bool, Trouble> {
+        let since = Instant::now();
+        let end = order.length.map(|length| since + length);
+        let (mut next, mut checked) = (since, since);
+        loop {
+            let begun = Instant::now();
+            if self.read(session, order, since, progress)? {
+                return Ok(true);
+            }
+            self.slowest = self.slowest.max(begun.elapsed());
+            if checked.elapsed() > CHECK {
+                order.check(session)?;
+                checked = Instant::now();
+            }
+            // A reading that took too long does not make the next ones hurry.
+            next = Instant::now().max(next + interval);
+            interrupt::wait(end.map_or(next, |end| end.min(next)))?;
+            if end.is_some_and(|end| end <= Instant::now()) {
+                return Ok(false);
+            }
+        }
+    }
+
+    fn read(
+        &mut self,
+        session: &mut Session<Line>,
+        order: &Order,
+        since: Instant,
+        progress: &mut Progress,
+    ) -> Result<bool, Trouble> {
+        let bulk = session.bulk()?;
+        let at = since.elapsed();
+        let battery_v = f64::from(session.battery()?.get()) / 1e3;
+        let mut rows = String::new();
+        for (motor, position, cps, at_target) in motors_of(&bulk, &order.motors) {
+            let current_a = self.current(session, motor)?;
+            let at_s = at.as_secs_f64();
+            rows +=
+                &self.recording.push(Sample { at_s, motor, battery_v, position, cps, current_a, at_target });
+        }
+        // At once and whole, so that nothing is lost whatever ends this.
+        let written = self.file.write_all(rows.as_bytes());
+        written.map_err(|e| Failure::Work(format!("{}: {e}", self.path.display())))?;
+        (self.readings, self.length) = (self.readings + 1, at);
+        Ok(progress.observe(at, &bulk))
+    }
+
+    /// The motor's, asked for until the hub refuses.
+    fn current(&mut self, session: &mut Session<Line>, motor: u8) -> Result<Option<f64>, Error> {
+        if !self.current_is_told {
+            return Ok(None);
+        }
+        match session.current(motor) {
+            Ok(current) => Ok(Some(f64::from(current.get()) / 1e3)),
+            Err(Error::Refused { .. }) => {
+                self.current_is_told = false;
+                Ok(None)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Draws what there is.
+    fn finish(&self, folder: &Path) -> Result<(), Failure> {
+        let charts = write_all(folder, drawn(&self.recording.figures())?)?;
+        let rate = f64::from(self.readings.saturating_sub(1)) / self.length.as_secs_f64().max(1e-3);
+        let slowest = self.slowest.as_secs_f64() * 1e3;
+        print(&format!(
+            "{} readings, {rate:.1} a second, the slowest in {slowest:.1} ms: {} and {} charts\n",
+            self.readings,
+            self.path.display(),
+            charts.len()
+        ))
+    }
+}
+
+/// How often the hub is asked whether the motors still run.
+const CHECK: Duration = Duration::from_millis(500);

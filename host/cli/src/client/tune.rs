@@ -1,0 +1,154 @@
+//! `motor-hub client tune`.
+
+use super::identify;
+use super::trouble::Trouble;
+use crate::output::{Failure, print, print_json};
+use motor_hub::model::catalogue::{Motor, motors};
+use motor_hub::model::load::Load;
+use motor_hub::protocol::setup::{Motion, Setup};
+use motor_hub::regulator::Dynamics;
+use motor_hub::regulator::identify::{Identification, Identified};
+use motor_hub::units::{Acceleration, Millivolts};
+use motor_hub_client::Session;
+use motor_hub_client::line::Line;
+use serde_json::{Value, json};
+use simulated::hardware::{BRIDGE, mechanics, winding};
+use studies::identify::{found_table, json as found_json, words};
+use studies::table;
+
+/// Text of the long help.
+pub(super) const HELP: &str = "\
+Learns how a motor moves with its load, as `identify` does, shows that beside the motor of the catalogue that the hub
+takes it for, and proposes settings, on hubs of this project
+
+Proposed are the motion that was found, by which the hub then regulates, and as largest acceleration half of what the
+battery gives a motor that stands: it can be had up to half of the free speed, so that a motor follows its set-point
+instead of lagging. Say first which motor it is (`setup 0 --type NAME`): what is found follows from its winding.
+The motor must stand, and be free to turn. With --apply the settings are written; the hub keeps them until its reset.";
+
+/// The same as of `identify`.
+#[derive(clap::Args)]
+pub(super) struct Options {
+    #[command(flatten)]
+    identify: identify::Options,
+}
+
+/// Of what the battery gives a motor that stands.
+const SHARE: f64 = 0.5;
+
+impl Options {
+    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let motor = self.identify.motor;
+        let (setup, before, battery) = (session.setup(motor)?, session.motion(motor)?, session.battery()?);
+        let outcome = self.identify.learned(session)?;
+        let Identification::Found(found) = outcome else {
+            return Err(Failure::Work(format!("motor {motor} is not known: {}", words(outcome))).into());
+        };
+        let proposed = proposal(&found.dynamics, battery);
+        if self.identify.apply {
+            identify::apply(session, motor, proposed)?;
+        }
+        let catalogue = taken_for(&setup);
+        if self.identify.json {
+            return Ok(print_json(&self.document(&found, catalogue.as_ref(), before, proposed))?);
+        }
+        Ok(print(&self.text(&found, catalogue.as_ref(), before, proposed))?)
+    }
+
+    fn text(
+        &self,
+        found: &Identified,
+        bare: Option<&(Motor, Dynamics)>,
+        before: Motion,
+        after: Motion,
+    ) -> String {
+        let beside = bare.map(|(motor, dynamics)| (motor.name, dynamics));
+        let learned = found_table(&format!("motor {}", self.identify.motor), found, beside);
+        let load = match bare {
+            Some((motor, dynamics)) => format!(
+                "With its load it has {:.2} times the inertia of an {} alone\n",
+                inertia(dynamics, &found.dynamics),
+                motor.name
+            ),
+            None => "The catalogue has no motor with the constants that the hub was told\n".to_owned(),
+        };
+        let mut settings = table::new(&["setting", "now", "proposed"], 1);
+        for ((name, now), (_, proposed)) in rows(before).into_iter().zip(rows(after)) {
+            settings.add_row([name, &now, &proposed]);
+        }
+        let end = if self.identify.apply {
+            "They are in force until the hub's reset"
+        } else {
+            "With --apply they are written"
+        };
+        format!("{learned}\n{load}\n{settings}\n{end}\n")
+    }
+
+    fn document(
+        &self,
+        found: &Identified,
+        bare: Option<&(Motor, Dynamics)>,
+        before: Motion,
+        after: Motion,
+    ) -> Value {
+        let mut document = found_json(Identification::Found(*found));
+        if let Some(object) = document.as_object_mut() {
+            object.insert("motor".into(), json!(self.identify.motor));
+            object.insert("catalogue".into(), json!(bare.map(|(motor, _)| motor.name)));
+            let times = bare.map(|(_, dynamics)| inertia(dynamics, &found.dynamics));
+            object.insert("inertia_to_bare_motor".into(), json!(times));
+            object.insert("now".into(), settings(before));
+            object.insert("proposed".into(), settings(after));
+            object.insert("applied".into(), json!(self.identify.apply));
+        }
+        document
+    }
+}
+
+/// What suits a motor that moves like this.
+fn proposal(dynamics: &Dynamics, battery: Millivolts) -> Motion {
+    let volts = f64::from(battery.get().saturating_sub(dynamics.friction.get())) / 1e3;
+    let limit = SHARE * volts * f64::from(dynamics.gain.to_f32());
+    let acceleration = Acceleration::new(limit.round().max(1.0) as u32).ok();
+    Motion { dynamics: Some(*dynamics), acceleration }
+}
+
+/// The motor of the catalogue that the hub was told, and how it moves alone.
+fn taken_for(setup: &Setup) -> Option<(Motor, Dynamics)> {
+    motors().find_map(|motor| {
+        let winding = winding(&motor).ok()?;
+        let told = (Some(winding.resistance), winding.inductance) == (setup.resistance, setup.inductance);
+        if !told || winding.emf != setup.emf {
+            return None;
+        }
+        let bare = motor.with_measured_rotor_inertia();
+        Some((motor, Dynamics::from_mechanics(&winding, &BRIDGE, &mechanics(&bare, &Load::NONE)).ok()?))
+    })
+}
+
+/// How many times the inertia of one the other has: a volt accelerates it so much less.
+fn inertia(bare: &Dynamics, found: &Dynamics) -> f64 {
+    f64::from(bare.gain.to_f32()) / f64::from(found.gain.to_f32())
+}
+
+/// A motion in words.
+fn rows(of: Motion) -> [(&'static str, String); 4] {
+    let known = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
+    let dynamics = of.dynamics;
+    [
+        ("acceleration per volt, counts/s²/V", known(dynamics.map(|d| format!("{:.1}", d.gain.to_f32())))),
+        ("decay, 1/s", known(dynamics.map(|d| format!("{:.3}", d.decay.to_f32())))),
+        ("friction, V", known(dynamics.map(|d| format!("{:.3}", f64::from(d.friction.get()) / 1e3)))),
+        ("largest acceleration, counts/s²", known(of.acceleration.map(|limit| limit.get().to_string()))),
+    ]
+}
+
+/// A motion for programs.
+fn settings(of: Motion) -> Value {
+    json!({
+        "acceleration_per_volt": of.dynamics.map(|d| d.gain.to_f32()),
+        "decay_per_s": of.dynamics.map(|d| d.decay.to_f32()),
+        "friction_v": of.dynamics.map(|d| f64::from(d.friction.get()) / 1e3),
+        "acceleration_cps2": of.acceleration.map(Acceleration::get),
+    })
+}

@@ -1,0 +1,108 @@
+//! Speeds of an output shaft: counts in a turn of it, and what rpm and rad/s are in counts per second.
+
+use crate::output::Failure;
+use motor_hub::model::catalogue::characterised;
+use std::f64::consts::TAU;
+use std::str::FromStr;
+
+/// How many counts a turn of the output shaft has, in one of two ways.
+#[derive(Clone, clap::Args)]
+pub(super) struct Turn {
+    /// Encoder counts in a turn of the output shaft: speeds may be in rpm and rad/s, and are shown so too
+    #[arg(long, value_name = "COUNTS", value_parser = counts_per_turn)]
+    counts_per_turn: Option<f64>,
+    /// The same by a motor of the catalogue: see `motor-hub motors`
+    #[arg(long = "type", value_name = "NAME", conflicts_with = "counts_per_turn")]
+    name: Option<String>,
+}
+
+fn counts_per_turn(text: &str) -> Result<f64, String> {
+    let counts = text.parse().ok().filter(|counts| (1.0..=1e6).contains(counts));
+    counts.ok_or_else(|| "counts of a turn are 1 to 1000000".to_owned())
+}
+
+impl Turn {
+    /// If they are given.
+    pub(super) fn counts(&self) -> Result<Option<f64>, Failure> {
+        let Some(name) = &self.name else { return Ok(self.counts_per_turn) };
+        let motor = characterised(name).map_err(Failure::input)?;
+        Ok(Some(motor.counts_per_rev_output()))
+    }
+}
+
+/// Turns a minute, and radians a second, of a speed in counts per second.
+pub(super) fn shaft_speed(cps: i16, turn: f64) -> (f64, f64) {
+    let turns = f64::from(cps) / turn;
+    (60.0 * turns, TAU * turns)
+}
+
+/// A speed as it is typed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Speed {
+    /// Counts per second.
+    Counts(i16),
+    /// Turns of the output shaft a second.
+    Turns(f64),
+}
+
+impl FromStr for Speed {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |text: &str| text.trim().parse().ok().filter(|value: &f64| value.is_finite());
+        let turns = match (text.strip_suffix("rpm"), text.strip_suffix("rad/s")) {
+            (Some(rpm), _) => number(rpm).map(|rpm| rpm / 60.0),
+            (_, Some(rad)) => number(rad).map(|rad| rad / TAU),
+            _ => return text.parse().map(Self::Counts).map_err(|_| WRONG.to_owned()),
+        };
+        turns.map(Self::Turns).ok_or_else(|| WRONG.to_owned())
+    }
+}
+
+const WRONG: &str =
+    "a velocity is a whole number from -32768 to 32767, in counts/s, or a number with rpm or rad/s";
+
+impl Speed {
+    /// In counts per second, with so many counts in a turn.
+    pub(super) fn cps(self, turn: Option<f64>) -> Result<i16, Failure> {
+        let turns = match self {
+            Self::Counts(cps) => return Ok(cps),
+            Self::Turns(turns) => turns,
+        };
+        let Some(turn) = turn else {
+            let why = "rpm and rad/s need the counts of a turn: give --counts-per-turn COUNTS or --type NAME";
+            return Err(Failure::input(why));
+        };
+        let cps = (turns * turn).round();
+        if (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&cps) {
+            return Ok(cps as i16);
+        }
+        Err(Failure::input(format!("{cps} counts/s are out of range; allowed is -32768 to 32767")))
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_a_second_is_60_rpm_and_two_pi_radians() {
+        assert_eq!(shaft_speed(-1680, 1680.0), (-60.0, -TAU));
+    }
+
+    #[test]
+    fn speeds_are_counts_or_turns_of_the_shaft() {
+        let cps = |text: &str| text.parse::<Speed>().unwrap().cps(Some(1680.0)).unwrap();
+        assert_eq!(
+            [cps("-300"), cps("100rpm"), cps("-100 rpm"), cps("6.2831853rad/s")],
+            [-300, 2800, -2800, 1680]
+        );
+        assert!("30".parse::<Speed>().unwrap().cps(None).is_ok());
+        assert!("30rpm".parse::<Speed>().unwrap().cps(None).is_err());
+        assert!("3000rpm".parse::<Speed>().unwrap().cps(Some(1680.0)).is_err());
+        for wrong in ["", "rpm", "nanrpm", "1.5", "32768", "3 m/s"] {
+            assert!(wrong.parse::<Speed>().is_err(), "{wrong}");
+        }
+    }
+}

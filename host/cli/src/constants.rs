@@ -1,0 +1,79 @@
+//! Options that say what a motor is which the catalogue lacks.
+
+use crate::output::Failure;
+use motor_hub::model::catalogue::Motor;
+use motor_hub::model::friction::{Cogging, Friction};
+use motor_hub::model::si::{Drag, EmfConstant as Ke, Henries, KgM2, Ohms, TorqueConstant};
+use motor_hub::units::{EmfConstant, Inductance, Resistance};
+
+/// Of the motor's own shaft, before the gearbox, as data sheets have them.
+#[derive(Clone, clap::Args)]
+pub(crate) struct Constants {
+    /// Back-EMF constant; with the encoder counts in a turn of the same shaft
+    #[arg(long, value_name = "V_S_PER_RAD", requires = "counts_per_rev", help_heading = CATALOGUE_LACKS)]
+    ke: Option<f64>,
+    /// Encoder counts in a turn of the shaft that --ke is of: usually the motor's, before the gearbox
+    #[arg(long, value_name = "COUNTS", requires = "ke", help_heading = CATALOGUE_LACKS)]
+    counts_per_rev: Option<f64>,
+    /// Resistance of the winding
+    #[arg(long, value_name = "OHM", help_heading = CATALOGUE_LACKS)]
+    resistance_ohm: Option<f64>,
+    /// Inductance of the winding
+    #[arg(long, value_name = "MH", help_heading = CATALOGUE_LACKS)]
+    inductance_mh: Option<f64>,
+}
+
+const CATALOGUE_LACKS: &str = "A motor that the catalogue lacks";
+
+impl Constants {
+    /// True if none is given.
+    pub(crate) const fn is_empty(&self) -> bool {
+        self.ke.is_none() && self.resistance_ohm.is_none() && self.inductance_mh.is_none()
+    }
+
+    /// Back EMF, if it is given.
+    pub(crate) fn emf(&self) -> Result<Option<EmfConstant>, Failure> {
+        let (Some(ke), Some(counts)) = (self.ke, self.counts_per_rev) else { return Ok(None) };
+        EmfConstant::from_ke(ke, counts).map(Some).map_err(|e| Failure::Input(format!("--ke {ke}: {e}")))
+    }
+
+    /// Resistance, if it is given.
+    pub(crate) fn resistance(&self) -> Result<Option<Resistance>, Failure> {
+        let Some(ohms) = self.resistance_ohm else { return Ok(None) };
+        let given = Resistance::from_ohms(ohms);
+        given.map(Some).map_err(|e| Failure::Input(format!("--resistance-ohm {ohms}: {e}")))
+    }
+
+    /// Inductance, if it is given.
+    pub(crate) fn inductance(&self) -> Result<Option<Inductance>, Failure> {
+        let Some(mh) = self.inductance_mh else { return Ok(None) };
+        let given = Inductance::from_millihenries(mh);
+        given.map(Some).map_err(|e| Failure::Input(format!("--inductance-mh {mh}: {e}")))
+    }
+
+    /// A motor with these, as far as a bridge feels it: without gearbox, drag and inertia.
+    pub(crate) fn motor(&self) -> Result<Motor, Failure> {
+        let all = (self.emf()?, self.resistance()?, self.inductance()?);
+        let (Some(ke), Some(counts), Some(ohms), Some(mh), (Some(_), Some(_), Some(_))) =
+            (self.ke, self.counts_per_rev, self.resistance_ohm, self.inductance_mh, all)
+        else {
+            let why = "name the motor by --motor, or give --ke, --counts-per-rev, --resistance-ohm and --inductance-mh";
+            return Err(Failure::input(why));
+        };
+        Ok(Motor {
+            name: "motor",
+            r: Ohms(ohms),
+            l: Henries(mh / 1e3),
+            gear_ratio: 1.0,
+            eta: 1.0,
+            ke: Ke(ke),
+            kt: TorqueConstant(ke),
+            b: Drag(0.0),
+            friction: Friction::NONE,
+            cogging: Cogging::NONE,
+            j: KgM2(0.0),
+            j_rotor_measured: KgM2(0.0),
+            counts_per_rev_motor: counts,
+        })
+    }
+}

@@ -1,0 +1,101 @@
+//! `motor-hub motors`.
+
+use crate::output::{Failure, print, print_json};
+use motor_hub::model::catalogue::{CatalogueEntry, Motor, catalogue};
+use motor_hub::model::si::Volts;
+use serde_json::{Value, json};
+use std::f64::consts::TAU;
+use studies::table;
+
+/// On which battery, and in which form.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Voltage for the speeds and currents, 1 to 60
+    #[arg(long, value_name = "V", default_value = "12", value_parser = volts)]
+    volts: f64,
+    /// JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+fn volts(text: &str) -> Result<f64, String> {
+    let volts = text.parse().ok().filter(|volts| (1.0..=60.0).contains(volts));
+    volts.ok_or_else(|| "a voltage is 1 to 60".to_owned())
+}
+
+/// A motor on a battery, seen from its output shaft.
+struct Figures {
+    counts_per_turn: f64,
+    cps: f64,
+    rad_per_s: f64,
+    stall_a: f64,
+    stall_nm: f64,
+}
+
+impl Figures {
+    fn new(motor: &Motor, volts: f64) -> Self {
+        let w = motor.free_speed(Volts(volts)).0;
+        Self {
+            counts_per_turn: motor.counts_per_rev_output(),
+            cps: w * motor.counts_per_rev_motor / TAU,
+            rad_per_s: w / motor.gear_ratio,
+            stall_a: volts / motor.r.0,
+            stall_nm: motor.stall_torque(Volts(volts)).0 * motor.gear_ratio * motor.eta,
+        }
+    }
+
+    fn rpm(&self) -> f64 {
+        60.0 * self.rad_per_s / TAU
+    }
+}
+
+impl Options {
+    pub(crate) fn execute(self) -> Result<(), Failure> {
+        let known = catalogue().iter().filter_map(|entry| Some((entry, entry.motor?)));
+        let known = known.map(|(entry, motor)| (entry, motor, Figures::new(&motor, self.volts)));
+        if self.json {
+            let motors: Vec<Value> =
+                known.map(|(entry, motor, figures)| document(entry, &motor, &figures)).collect();
+            return print_json(&json!({ "volts": self.volts, "motors": motors }));
+        }
+        let headings = ["motor", "also", "a turn", "counts/s", "rpm", "rad/s", "stall A", "N m"];
+        let mut table = table::new(&headings, 2);
+        for (entry, _, of) in known {
+            table.add_row([
+                entry.name.to_owned(),
+                entry.aliases().next().unwrap_or_default().to_owned(),
+                format!("{:.0}", of.counts_per_turn),
+                format!("{:.0}", of.cps),
+                format!("{:.0}", of.rpm()),
+                format!("{:.1}", of.rad_per_s),
+                format!("{:.1}", of.stall_a),
+                format!("{:.1}", of.stall_nm),
+            ]);
+        }
+        print(&format!(
+            "{table}\nOf the output shaft at {} V: counts, free speed, stall current and torque.\n\
+             Part numbers are names too (--json has them); case and spaces do not matter.\n\
+             A motor that is not here: `client setup --ke ..`, `constants` in a scenario.\n",
+            self.volts
+        ))
+    }
+}
+
+fn document(entry: &CatalogueEntry, motor: &Motor, of: &Figures) -> Value {
+    json!({
+        "name": entry.name,
+        "aliases": entry.aliases().collect::<Vec<_>>(),
+        "counts_per_turn_of_output": of.counts_per_turn,
+        "gear_ratio": motor.gear_ratio,
+        "ke_v_s_per_rad": motor.ke.0,
+        "counts_per_rev": motor.counts_per_rev_motor,
+        "resistance_ohm": motor.r.0,
+        "inductance_mh": 1e3 * motor.l.0,
+        "free_speed_cps": of.cps,
+        "free_speed_rpm": of.rpm(),
+        "free_speed_rad_per_s": of.rad_per_s,
+        "stall_current_a": of.stall_a,
+        "stall_torque_nm": of.stall_nm,
+        "caveats": entry.caveats,
+    })
+}

@@ -1,0 +1,136 @@
+//! `motor-hub client jog` on a terminal of its own, against the simulated hub as it is served.
+#![cfg(unix)]
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+mod conformance;
+mod output;
+
+use conformance::Hub;
+use output::{err, out};
+use rustix::fs::{Mode, OFlags};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{LocalModes, tcgetattr};
+use serde_json::Value;
+use std::fs::File;
+use std::io::{Read, Write};
+use std::process::{Child, Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
+
+/// A terminal with the program on it.
+struct Terminal {
+    master: File,
+    slave: File,
+    process: Child,
+}
+
+impl Terminal {
+    fn jog(hub: &Hub, arguments: &[&str]) -> Self {
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        let path = ptsname(&master, Vec::new()).unwrap();
+        let slave = rustix::fs::open(path, OFlags::RDWR | OFlags::NOCTTY, Mode::empty()).unwrap();
+        let (master, slave) = (File::from(master), File::from(slave));
+        let mut command = Command::new(PROGRAM);
+        command.args(["client", "--tcp", &hub.place, "jog"]).args(arguments);
+        command.stdin(slave.try_clone().unwrap()).stdout(slave.try_clone().unwrap()).stderr(Stdio::piped());
+        let process = command.spawn().unwrap();
+        // What is shown is read away, or the program would wait.
+        let mut shown = master.try_clone().unwrap();
+        std::thread::spawn(move || while let Ok(1..) = shown.read(&mut [0; 1024]) {});
+        let terminal = Self { master, slave, process };
+        let end = Instant::now() + Duration::from_secs(10);
+        while terminal.has_lines() {
+            assert!(Instant::now() < end, "keys are never read");
+            sleep(Duration::from_millis(10));
+        }
+        terminal
+    }
+
+    /// As a shell wants it, and not as keys come one by one.
+    fn has_lines(&self) -> bool {
+        tcgetattr(&self.slave)
+            .unwrap()
+            .local_modes
+            .contains(LocalModes::ICANON | LocalModes::ECHO | LocalModes::ISIG)
+    }
+
+    fn keys(&mut self, keys: &str) {
+        self.master.write_all(keys.as_bytes()).unwrap();
+    }
+
+    /// The end of the program, which leaves the terminal as it found it.
+    fn end(self) -> Output {
+        let output = self.process.wait_with_output().unwrap();
+        let modes = tcgetattr(&self.slave).unwrap().local_modes;
+        assert!(modes.contains(LocalModes::ICANON | LocalModes::ECHO | LocalModes::ISIG), "{modes:?}");
+        output
+    }
+}
+
+fn motors(hub: &Hub) -> Vec<(i64, bool)> {
+    let asked =
+        Command::new(PROGRAM).args(["client", "--tcp", &hub.place, "status", "--json"]).output().unwrap();
+    assert_eq!(err(&asked), "", "every motor was off");
+    let status: Value = serde_json::from_str(&out(&asked)).unwrap();
+    let motors = status["motors"].as_array().unwrap();
+    motors.iter().map(|m| (m["position"].as_i64().unwrap(), m["enabled"].as_bool().unwrap())).collect()
+}
+
+#[test]
+fn a_key_drives_a_motor_while_it_is_held_and_not_longer() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let mut terminal = Terminal::jog(&hub, &["--speed", "400", "--hold", "0.3"]);
+    let begin = Instant::now();
+    for _ in 0..10 {
+        terminal.keys("\x1b[A");
+        sleep(Duration::from_millis(100));
+    }
+    let pressed = begin.elapsed().as_secs_f64();
+    // Let go: it stands long before this is over.
+    sleep(Duration::from_millis(1500));
+    // Another one, backward, and off in the middle of it.
+    terminal.keys("2j");
+    sleep(Duration::from_millis(200));
+    terminal.keys(" q");
+    assert!(terminal.end().status.success());
+    let motors = motors(&hub);
+    let (held, other) = (motors[0].0, motors[2].0);
+    // At 400 counts/s from the first key until 0.3 s after the last, with a moment for the hub to hear of it and stop:
+    // driven on for the 1.5 s that follow, it would be 500 counts farther.
+    let longest = 400.0 * (pressed + 0.3 + 0.4);
+    assert!((300.0..longest).contains(&(held as f64)), "{pressed} s: {motors:?}");
+    assert!(other < -10, "{motors:?}");
+    assert_eq!((motors[1].0, motors[3].0), (0, 0));
+}
+
+#[test]
+fn the_terminal_is_put_back_and_motors_stopped_however_it_ends() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    for signal in ["-TERM", "-HUP", "Ctrl-C"] {
+        let mut terminal = Terminal::jog(&hub, &["--power", "0.3", "--hold", "5"]);
+        terminal.keys("k");
+        sleep(Duration::from_millis(300));
+        if signal == "Ctrl-C" {
+            terminal.keys("\x03");
+        } else {
+            let id = terminal.process.id().to_string();
+            assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
+        }
+        let output = terminal.end();
+        assert_eq!(output.status.code(), Some(i32::from(signal != "Ctrl-C")), "{signal}: {}", err(&output));
+        assert!(motors(&hub).iter().all(|(_, enabled)| !enabled), "{signal}");
+    }
+}
+
+#[test]
+fn without_a_terminal_nothing_is_driven() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let mut command = Command::new(PROGRAM);
+    let output = command.args(["client", "--tcp", &hub.place, "jog"]).stdin(Stdio::null()).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(err(&output).contains("no terminal"), "{}", err(&output));
+}

@@ -1,0 +1,180 @@
+//! What a hub said while a host drove its motors: rows of comma-separated values, and the chart of a run.
+//!
+//! ```
+//! use studies::recording::{Recording, Sample, Told};
+//!
+//! let mut recording = Recording::new("bench", Told::Velocity(500));
+//! let sample = Sample { at_s: 0.02, motor: 0, battery_v: 12.5, position: 10, cps: 480, ..Sample::default() };
+//! assert_eq!(recording.push(sample), "0.0200,0,12.500,velocity,500,10,480,,,false\n");
+//! assert_eq!(recording.figures().len(), 1);
+//! ```
+
+use crate::NamedFigure;
+use chart::{Figure, Panel, Series, Style, colour};
+
+/// The first line of the file. Units are in the names; what is not known is left out.
+pub const HEADINGS: &str = "time_s,motor,battery_measured_v,setpoint,setpoint_value,position_counts,\
+speed_estimate_cps,control,current_a,at_target\n";
+
+/// What all motors of a recording are told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Told {
+    /// Control steps, -32767 to 32767.
+    Power(i16),
+    /// Counts per second.
+    Velocity(i16),
+    /// Counts.
+    Position(i32),
+}
+
+impl Told {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Power(_) => "power",
+            Self::Velocity(_) => "velocity",
+            Self::Position(_) => "position",
+        }
+    }
+
+    fn value(self) -> i32 {
+        match self {
+            Self::Power(value) | Self::Velocity(value) => value.into(),
+            Self::Position(value) => value,
+        }
+    }
+}
+
+/// What a hub says of one motor at one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sample {
+    /// Seconds since the start.
+    pub at_s: f64,
+    /// As the hub counts them, from 0.
+    pub motor: u8,
+    /// Of the hub's battery.
+    pub battery_v: f64,
+    /// Encoder counts.
+    pub position: i32,
+    /// Counts per second.
+    pub cps: i16,
+    /// Magnitude of the motor's current in amperes, of hubs that tell.
+    pub current_a: Option<f64>,
+    /// By the hub, of a position.
+    pub at_target: bool,
+}
+
+/// A drive from beginning to end.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    subtitle: String,
+    told: Told,
+    samples: Vec<Sample>,
+}
+
+impl Recording {
+    /// Nothing yet; `of` is what charts say under their title.
+    #[must_use]
+    pub fn new(of: &str, told: Told) -> Self {
+        Self { subtitle: of.to_owned(), told, samples: Vec::new() }
+    }
+
+    /// Keeps a sample, and gives its row.
+    pub fn push(&mut self, sample: Sample) -> String {
+        self.samples.push(sample);
+        let Sample { at_s, motor, battery_v, position, cps, current_a, at_target } = sample;
+        let control = if let Told::Power(steps) = self.told { steps.to_string() } else { String::new() };
+        let current = current_a.map(|current| format!("{current:.3}")).unwrap_or_default();
+        let (name, value) = (self.told.name(), self.told.value());
+        format!(
+            "{at_s:.4},{motor},{battery_v:.3},{name},{value},{position},{cps},{control},{current},{at_target}\n"
+        )
+    }
+
+    /// A chart of each motor, with the panels that a simulated run has, as far as a hub tells.
+    #[must_use]
+    pub fn figures(&self) -> Vec<NamedFigure> {
+        let mut motors: Vec<u8> = self.samples.iter().map(|sample| sample.motor).collect();
+        motors.sort_unstable();
+        motors.dedup();
+        motors.into_iter().map(|motor| (format!("motor-{motor}"), self.figure(motor))).collect()
+    }
+
+    fn figure(&self, motor: u8) -> Figure {
+        let line = |name: &str, colour, style, value: &dyn Fn(&Sample) -> f64| Series {
+            name: name.into(),
+            colour,
+            style,
+            data: self.samples.iter().filter(|s| s.motor == motor).map(|s| (s.at_s, value(s))).collect(),
+        };
+        let told = |_: &Sample| f64::from(self.told.value());
+        let goal = || line("set-point", colour::RED, Style::DashedStep, &told);
+        let position = line("position", colour::INK, Style::Line, &|s| s.position.into());
+        let speed = line("speed", colour::INK, Style::Line, &|s| s.cps.into());
+        let panel = |y_label: &str, height, series| Panel {
+            y_label: y_label.into(),
+            height,
+            series,
+            ..Panel::default()
+        };
+        let mut panels = Vec::new();
+        match self.told {
+            Told::Position(_) => {
+                panels.push(panel("position, counts", 150.0, vec![goal(), position]));
+                panels.push(panel("speed, counts/s", 170.0, vec![speed]));
+            }
+            Told::Velocity(_) => panels.push(panel("speed, counts/s", 170.0, vec![goal(), speed])),
+            Told::Power(_) => {
+                panels.push(panel("speed, counts/s", 170.0, vec![speed]));
+                let control = line("control", colour::BLUE, Style::Step, &told);
+                panels.push(Panel {
+                    y_range: Some((-36_000.0, 36_000.0)),
+                    ..panel("control, steps", 130.0, vec![control])
+                });
+            }
+        }
+        if self.samples.iter().any(|sample| sample.motor == motor && sample.current_a.is_some()) {
+            let current = line("current", colour::BLUE, Style::Step, &|s| s.current_a.unwrap_or(f64::NAN));
+            panels.push(panel(
+                "magnitude of the motor current, A, as the hub tells it",
+                110.0,
+                vec![current],
+            ));
+        }
+        let battery = line("as measured", colour::GREEN, Style::Line, &|s| s.battery_v);
+        panels.push(panel("battery, V", 80.0, vec![battery]));
+        Figure {
+            title: format!("motor {motor}: {} {}", self.told.name(), self.told.value()),
+            subtitle: self.subtitle.clone(),
+            x_label: "time, s".into(),
+            x_range: None,
+            panels,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chart_has_a_panel_for_everything_that_is_known() {
+        let labels = |told, current_a| -> Vec<String> {
+            let mut recording = Recording::new("", told);
+            let _ = recording.push(Sample { current_a, ..Sample::default() });
+            let figures = recording.figures();
+            figures.into_iter().flat_map(|(_, figure)| figure.panels).map(|panel| panel.y_label).collect()
+        };
+        assert_eq!(labels(Told::Velocity(1), None), ["speed, counts/s", "battery, V"]);
+        assert!(labels(Told::Position(1), None).contains(&"position, counts".to_owned()));
+        let everything = labels(Told::Power(1), Some(0.5));
+        assert!(everything.len() == 4 && everything[2].contains("current, A"), "{everything:?}");
+    }
+
+    #[test]
+    fn a_row_has_as_many_fields_as_the_headings() {
+        let mut recording = Recording::new("", Told::Power(-3));
+        let row = recording.push(Sample { current_a: Some(1.5), ..Sample::default() });
+        assert_eq!(row.matches(',').count(), HEADINGS.matches(',').count());
+        assert!(row.contains(",-3,1.500,"), "{row}");
+    }
+}
