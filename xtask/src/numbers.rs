@@ -6,7 +6,8 @@ use crate::tool::{Failed, cargo, cargo_command, motor_hub, none, output};
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     none(arguments)?;
     // Without naming their packages, which would build everything once more with fewer features.
-    cargo(&["test", "--test", "linear_current", "--test", "budget", "--test", "boot", "--", "--nocapture"])?;
+    cargo(&["test", "--test", "linear_current", "--", "--nocapture"])?;
+    cargo(&["test", "--test", "image", "--", "--nocapture", "boot::", "budget::"])?;
     for command in ["paper", "figures", "compare"] {
         motor_hub(&[command])?;
     }

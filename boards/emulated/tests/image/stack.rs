@@ -1,9 +1,7 @@
 //! How deep the stack goes: all RAM above the statics is painted before the first instruction, and
 //! looked at after the busiest things that the firmware does.
 
-mod common;
-
-use common::{four_loads, ms};
+use crate::common::{four_loads, ms};
 use emulated::talk::Talk;
 use emulated::{Bench, Encoder, Setup};
 use motor_hub::protocol::Reply;

@@ -1,10 +1,8 @@
 //! The host's line: run modes, reading back, a saturated line, garbled words, silence.
 
-mod common;
-
 use std::time::Duration;
 
-use common::{am60, booted, four_loads, ms, open_since};
+use crate::common::{am60, booted, four_loads, ms, open_since};
 use emulated::talk::Talk;
 use emulated::{Bench, Setup};
 use motor_hub::protocol::Nack;
@@ -170,7 +168,7 @@ fn a_saturated_line_does_not_move_the_control_ticks() {
     assert!(answers > 2500, "{answers}");
     // A change of duty waits for the end of its PWM period of 50 us, a change of mode does not.
     assert!(most - least < 500_000, "{least} to {most} ns");
-    let log = common::log(&mut bench);
+    let log = crate::common::log(&mut bench);
     assert!(log.contains("missed 0") && !log.contains("missed 1"), "{log}");
     bench.assert_sound();
 }
@@ -275,7 +273,7 @@ fn interrupts_are_masked_for_less_than_a_byte_of_the_line_whatever_is_logged() {
     // A byte takes 21.7 us, 3645 cycles. On flash with 5 wait states an instruction takes 6 cycles if every one misses
     // the caches.
     assert!(6 * longest < 168_000_000 / 46_080, "{longest}");
-    assert!(common::log(&mut bench).contains("encoder: Some(Stuck)"));
+    assert!(crate::common::log(&mut bench).contains("encoder: Some(Stuck)"));
 }
 
 #[test]

@@ -1,17 +1,15 @@
 //! How fast virtual time passes: four motors at free speed, 10,100 encoder edges a second.
 //!
-//! Measured, and asserted in optimised builds only.
-
-mod common;
+//! `cargo test --release -p emulated --test image speed -- --ignored --nocapture`
 
 use std::time::{Duration, Instant};
 
-use common::{am60, ms};
+use crate::common::{am60, ms};
 use emulated::talk::Talk;
 use emulated::{Bench, Pwm, Setup};
 
-/// Virtual seconds a second.
-fn rate(pwm: Pwm) -> f64 {
+/// Prints virtual seconds a second.
+fn rate(pwm: Pwm) {
     let mut bench = Bench::new(Setup { pwm, ..Setup::new(vec![am60(); 4]) });
     let mut talk = Talk::default();
     bench.run(ms(300));
@@ -33,14 +31,12 @@ fn rate(pwm: Pwm) -> f64 {
     let rate = 5.0 / start.elapsed().as_secs_f64();
     let edges = (0..4).map(|motor| bench.look(motor).counts).sum::<i64>() - edges;
     println!("{pwm:?}: {rate:.1} times real time with {} edges/s", edges / 5);
-    rate
 }
 
 #[test]
-fn virtual_time_passes_faster_than_real_time() {
-    let (light, full) = (rate(Pwm::Registers), rate(Pwm::Emulated));
-    if !cfg!(debug_assertions) {
-        assert!(light >= 5.0, "{light}");
-        assert!(full >= 3.0, "{full}");
+#[ignore = "a measurement, not a test"]
+fn virtual_time_passes_so_much_faster_than_real_time() {
+    for pwm in [Pwm::Registers, Pwm::Emulated] {
+        rate(pwm);
     }
 }

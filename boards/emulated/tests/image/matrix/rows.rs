@@ -2,7 +2,7 @@
 
 use emulated::{Encoder, Wire};
 
-use crate::faults::{Fault, SLOT_MISSING, glitches, stuck};
+use super::faults::{Fault, SLOT_MISSING, glitches, stuck};
 
 /// A fault, what host and log are told of the hub, and what becomes of the motors, by mode.
 pub(crate) struct Row {

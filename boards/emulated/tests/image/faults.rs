@@ -1,10 +1,8 @@
 //! What goes wrong with one motor, and that the others do not mind. Every fault in every mode is in `matrix`.
 
-mod common;
-
 use std::time::Duration;
 
-use common::{booted, four_loads, log, ms, time_to_safe, turning};
+use crate::common::{booted, four_loads, log, ms, time_to_safe, turning};
 use emulated::{Bench, Encoder};
 
 fn report(what: &str, time: Duration) {

@@ -1,8 +1,6 @@
 //! The closed loop on the chip, by the button: it needs no host.
 
-mod common;
-
-use common::{am60, four_loads, log, ms, turning};
+use crate::common::{am60, four_loads, log, ms, turning};
 use emulated::{Bench, Setup, Transition};
 use motor_hub::bridge::State;
 

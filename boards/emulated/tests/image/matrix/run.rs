@@ -8,10 +8,10 @@ use motor_hub::protocol::answers::Status;
 use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
 use motor_hub::protocol::setup::{Condition, ToSetup};
 
+use super::faults::Fault;
+use super::modes::{MODES, Mode, powered};
+use super::rows::{Back, Row};
 use crate::common::{ms, open_since};
-use crate::faults::Fault;
-use crate::modes::{MODES, Mode, powered};
-use crate::rows::{Back, Row};
 
 /// What came of a fault.
 pub(crate) struct Seen {

@@ -1,8 +1,6 @@
 //! One motor's control step on the chip: the same to the last bit as on the host, and within its budget
 //! of instructions.
 
-mod common;
-
 use std::collections::BTreeMap;
 
 use addr2line::Context;
@@ -47,8 +45,10 @@ fn record(mode: &str, way: Way, ms: u32, ticks: usize) -> Recording {
     let period = Period::from_millis(ms).expect("a period");
     let per_second = 1000 / ms as usize;
     match mode {
-        "velocity" => Recording::new(&common::am60(), way, period, ticks, velocities(per_second), torque),
-        _ => Recording::new(&common::am60(), way, period, ticks, positions(per_second), torque),
+        "velocity" => {
+            Recording::new(&crate::common::am60(), way, period, ticks, velocities(per_second), torque)
+        }
+        _ => Recording::new(&crate::common::am60(), way, period, ticks, positions(per_second), torque),
     }
 }
 
@@ -122,7 +122,7 @@ fn room(function: &str) -> String {
     ours.map_or_else(|| "what they call of others".to_owned(), str::to_owned)
 }
 
-/// `cargo test --release -p emulated --test budget -- --ignored --nocapture`: where the instructions go.
+/// `cargo test --release -p emulated budget -- --ignored --nocapture`: where the instructions go.
 #[test]
 #[ignore = "a report, not a test"]
 fn profile() {

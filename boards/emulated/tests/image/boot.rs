@@ -1,11 +1,9 @@
 //! From power-on to the first safe output, and the rhythm of the control ticks.
 
-mod common;
-
 use std::path::Path;
 use std::time::Duration;
 
-use common::{am60, booted, four_loads, log, ms, turning};
+use crate::common::{am60, booted, four_loads, log, ms, turning};
 use emulated::talk::Talk;
 use emulated::{Bench, Setup, elf, recording};
 use motor_hub::braking::Winding;

@@ -1,8 +1,6 @@
 //! The light model of TIM1 against the emulator's own.
 
-mod common;
-
-use common::{four_loads, ms};
+use crate::common::{four_loads, ms};
 use emulated::{Bench, Encoder, Output, Pwm, Setup};
 
 /// Speeds up, is disturbed, brakes, loses an encoder, is reset in mid-run, and starts again.

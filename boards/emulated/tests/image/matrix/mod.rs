@@ -3,9 +3,6 @@
 //!
 //! Four motors are four modes, so a row is one stretch of a run; rows share a chip as long as all is as expected.
 
-#[path = "../common/mod.rs"]
-mod common;
-mod faults;
 mod modes;
 mod rows;
 mod run;
@@ -14,7 +11,7 @@ mod table;
 use std::ops::RangeInclusive;
 use std::sync::Mutex;
 
-use common::ms;
+use crate::common::ms;
 use modes::MODES;
 use rows::{Cell, During, ROWS, Row};
 use run::{Run, Seen};

@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::modes::MODES;
-use crate::rows::{Back, Row};
-use crate::run::{Seen, SeenOne};
+use super::modes::MODES;
+use super::rows::{Back, Row};
+use super::run::{Seen, SeenOne};
 
 /// Rows of Markdown.
 pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a Seen)>) -> String {

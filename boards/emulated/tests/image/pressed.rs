@@ -1,8 +1,6 @@
 //! The button on the image: what it may not do. What it does is in `running`.
 
-mod common;
-
-use common::{am60, booted, ms, turning};
+use crate::common::{am60, booted, ms, turning};
 use emulated::Bench;
 use emulated::talk::Talk;
 

@@ -1,8 +1,6 @@
 //! What the image makes of the chip: clocks, flash, pins, supply, and a log that nobody reads.
 
-mod common;
-
-use common::{am60, booted, four_loads, log, ms, time_to_safe, turning};
+use crate::common::{am60, booted, four_loads, log, ms, time_to_safe, turning};
 use emulated::{Bench, Setup};
 
 // RM0090, memory map and register descriptions.

@@ -1,5 +1,4 @@
 //! What the tests put on the bench, and how they read what happened there.
-#![allow(dead_code, reason = "each test uses some of it")]
 
 use std::time::Duration;
 

@@ -1,0 +1,14 @@
+//! The image that is flashed, on an emulated chip with physical motors. One program, for they share two cores best.
+
+mod boot;
+mod budget;
+mod common;
+mod faults;
+mod link;
+mod matrix;
+mod pressed;
+mod pwm;
+mod running;
+mod speed;
+mod stack;
+mod supply;
