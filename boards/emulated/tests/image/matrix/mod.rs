@@ -3,6 +3,7 @@
 //!
 //! Four motors are four modes, so a row is one stretch of a run; rows share a chip as long as all is as expected.
 
+mod faults;
 mod modes;
 mod rows;
 mod run;

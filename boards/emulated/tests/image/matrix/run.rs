@@ -79,13 +79,14 @@ impl Run {
         let blind = row.fault.host_is_there()
             && talk.question::<i16>(bench, ToHub::Adc { channel: BATTERY, raw: false }) == 0;
         let log: Vec<String> = bench.log().into_iter().skip(logged).map(|line| line.text).collect();
+        let away = open(bench);
         row.fault.take_out(bench);
         let status: Status = talk.question(bench, Standard::Status { clear: true });
         let mut says: Vec<_> =
             status.words().iter().copied().chain(blind.then_some("battery reads 0 V")).collect();
         says.extend(told(&log, "", &OF_HUB));
         let said = MODES.map(|mode| self.said(mode, status, &log));
-        let back = self.come_back();
+        let back = self.come_back(away);
         let cells = MODES.into_iter().zip(speeds).zip(said).zip(back);
         let cells = cells.map(|(((mode, speed), says), back)| SeenOne {
             open_after: open_since(&transitions, mode.motor(), from).map(|at| at - from),
@@ -107,13 +108,11 @@ impl Run {
         says
     }
 
-    /// The fault is over: how every motor comes back.
-    fn come_back(&mut self) -> [Result<Back, f64>; 4] {
-        let open = |run: &mut Self| MODES.map(|mode| run.bench.lines(mode.motor()).open());
-        let first = open(self);
+    /// The fault is over: how every motor comes back, of which these were away.
+    fn come_back(&mut self, away: [bool; 4]) -> [Result<Back, f64>; 4] {
         self.talk.keep_alive(&mut self.bench);
         self.bench.run(ms(300));
-        let later = open(self);
+        let later = open(&mut self.bench);
         for mode in MODES.into_iter().filter(|mode| later[mode.motor()]) {
             self.talk.enable(&mut self.bench, mode as u8, false);
             mode.start(&mut self.bench, &mut self.talk);
@@ -121,7 +120,7 @@ impl Run {
         self.settle();
         MODES.map(|mode| {
             let speed = self.bench.look(mode.motor()).counts_per_second;
-            let way = match (first[mode.motor()], later[mode.motor()]) {
+            let way = match (away[mode.motor()], later[mode.motor()]) {
                 (_, true) => Back::WhenEnabled,
                 (true, false) => Back::ByItself,
                 (false, false) => Back::WasNotAway,
@@ -140,6 +139,10 @@ impl Run {
             good == 3
         });
     }
+}
+
+fn open(bench: &mut Bench) -> [bool; 4] {
+    MODES.map(|mode| bench.lines(mode.motor()).open())
 }
 
 fn told(log: &[String], of: &str, words: &[(&str, &'static str)]) -> Vec<&'static str> {
