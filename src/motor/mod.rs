@@ -138,7 +138,7 @@ impl Motor {
         self.thermal.configure(settings.thermal);
     }
 
-    /// Takes effect at the next step, or with [`act`](Self::act). Disabling the motor ends a latched fault, and so does
+    /// Takes effect at the next step, or with `act`. Disabling the motor ends a latched fault, and so does
     /// fail-safe.
     pub fn set(&mut self, setpoint: Setpoint) {
         self.untold |= setpoint != self.setpoint;
