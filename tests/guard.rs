@@ -517,8 +517,8 @@ fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
 /// Scheme C, with coefficients that let a load get far before all is set against it.
 fn gentle_and_slow() -> Settings {
     let winding = Winding::NEVEREST_60;
-    // 3.7 and 11 times what 12 V mean to a count/s.
-    let [p, i] = [40.06, 120.2].map(|value: f64| Coefficient::from_bits((65_536.0 * value) as i32));
+    // 3.7 and, in a second, 11 times what 12 V mean to a count/s.
+    let [p, i] = [40.06, 120.2 / 20.0].map(|value: f64| Coefficient::from_bits((65_536.0 * value) as i32));
     let velocity = Pidf { p, i, ..Pidf::default() };
     let slow = Coefficients { velocity, position: Pidf::default() };
     Settings {

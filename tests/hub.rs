@@ -365,7 +365,7 @@ fn a_change_of_run_mode_starts_the_position_loop_afresh() {
     // Nothing but the position loop's I asks for a speed, and the control value is that of the speed.
     let coefficients = Coefficients {
         velocity: Pidf { f: Coefficient::from_bits(10 << 16), ..Pidf::default() },
-        position: Pidf { i: Coefficient::from_bits(1 << 16), ..Pidf::default() },
+        position: Pidf { i: Coefficient::from_bits((1 << 16) / 20), ..Pidf::default() },
     };
     let settings = Settings { coefficients: Some(coefficients), ..settings() };
     let target = position(1_000, 0, 2_000);
@@ -388,7 +388,7 @@ fn a_change_of_run_mode_starts_the_position_loop_afresh() {
 #[test]
 fn a_motor_that_floated_at_zero_starts_its_velocity_loop_afresh() {
     let mut bench = Bench::<1>::new();
-    let only_i = Pidf { i: Coefficient::from_bits(10 << 16), ..Pidf::default() };
+    let only_i = Pidf { i: Coefficient::from_bits((10 << 16) / 20), ..Pidf::default() };
     bench.configure(0, Settings { zero_power: ZeroPower::Float, ..with_velocity(only_i) });
     bench.set(0, velocity(1_000));
     let fresh = bench.step().motors[0].control;

@@ -59,14 +59,17 @@ fn each_coefficient_has_its_stated_unit() {
     let fed = PidInput { feed_forward: value(400), ..input(0, 0) };
     assert_eq!(Pid::default().step(&only_f, PERIOD, fed), value(1200));
 
-    // One second of an error of 100 at 4 per second.
-    let only_i = Pidf { i: q16(4.0), ..Pidf::default() };
-    let mut pid = Pid::default();
-    let output = (0..20).map(|_| pid.step(&only_i, PERIOD, input(100, 0))).last().expect("steps");
-    assert!((output - value(400)).abs() <= Value::from_bits(8), "{output}");
+    // One second of an error of 100 at 0.2 per cycle, whatever the period.
+    let only_i = Pidf { i: q16(0.2), ..Pidf::default() };
+    for ms in [1, 10, 50, 100] {
+        let mut pid = Pid::default();
+        let period = Period::from_millis(ms).expect("period");
+        let output = (0..1_000 / ms).map(|_| pid.step(&only_i, period, input(100, 0))).last().expect("steps");
+        assert!((output - value(400)).abs() <= Value::from_bits(8), "{output} at {ms} ms");
+    }
 
-    // Acceleration of 1000 counts/s^2 against 0.5 s.
-    let only_d = Pidf { d: q16(0.5), ..Pidf::default() };
+    // Acceleration of 1000 counts/s^2, 50 counts/s from one cycle to the next, against 10 cycles.
+    let only_d = Pidf { d: q16(10.0), ..Pidf::default() };
     let mut pid = Pid::default();
     assert_eq!(pid.step(&only_d, PERIOD, input(0, 0)), Value::ZERO, "no kick at the start");
     // Its filter takes 20 ms of the 50.
@@ -74,6 +77,13 @@ fn each_coefficient_has_its_stated_unit() {
     assert!((output + 500.0 * 50.0 / 70.0).abs() < 0.02, "{output}");
     let output = (2..20).map(|n| pid.step(&only_d, PERIOD, input(0, 50 * n))).last().expect("steps");
     assert!((output + value(500)).abs() < value(1), "{output}");
+    for ms in [1, 10, 100] {
+        let mut pid = Pid::default();
+        let period = Period::from_millis(ms).expect("period");
+        let step = |n| pid.step(&only_d, period, input(0, n * ms as i32));
+        let output = (0..1_000 / ms as i32).map(step).last().expect("steps");
+        assert!((output + value(500)).abs() < value(1), "{output} at {ms} ms");
+    }
     let mut pid = Pid::default();
     pid.step(&only_d, PERIOD, input(0, 50));
     assert_eq!(pid.step(&only_d, PERIOD, input(9999, 50)), Value::ZERO, "no kick from a new set-point");
@@ -81,7 +91,7 @@ fn each_coefficient_has_its_stated_unit() {
 
 #[test]
 fn the_integrator_does_not_wind_up_while_the_output_saturates() {
-    let gains = Pidf { p: q16(10.0), i: q16(20.0), ..Pidf::default() };
+    let gains = Pidf { p: q16(10.0), i: q16(1.0), ..Pidf::default() };
     let mut wound = Pid::default();
     for _ in 0..1000 {
         assert_eq!(wound.step(&gains, PERIOD, input(20_000, 0)), LIMIT);
@@ -92,9 +102,10 @@ fn the_integrator_does_not_wind_up_while_the_output_saturates() {
 
 #[test]
 fn a_saturated_output_may_still_unwind() {
-    let gains = Pidf { p: q16(0.0), i: q16(20.0), f: q16(10.0), ..Pidf::default() };
+    let gains = Pidf { p: q16(0.0), i: q16(1.0), f: q16(10.0), ..Pidf::default() };
     let mut pid = Pid::default();
-    let saturated = |error| PidInput { feed_forward: value(4_000), ..input(error, 0) };
+    pid.preset(&gains, value(10_000), value(0));
+    let saturated = |error| PidInput { feed_forward: value(3_000), ..input(error, 0) };
     for _ in 0..10 {
         assert_eq!(pid.step(&gains, PERIOD, saturated(-500)), LIMIT);
     }
@@ -103,8 +114,17 @@ fn a_saturated_output_may_still_unwind() {
 }
 
 #[test]
+fn more_is_not_fed_forward_than_there_is() {
+    let gains = Pidf { i: q16(1.0), f: q16(10.0), ..Pidf::default() };
+    let fed = |error| PidInput { feed_forward: value(-40_000), ..input(error, 0) };
+    let mut pid = Pid::default();
+    assert_eq!(pid.step(&gains, PERIOD, fed(0)), -LIMIT);
+    assert_eq!(pid.step(&gains, PERIOD, fed(500)), value(500) - LIMIT);
+}
+
+#[test]
 fn a_preset_loop_goes_on_from_the_output_that_there_was() {
-    let gains = Pidf { p: q16(2.0), i: q16(20.0), f: q16(3.0), d: q16(1.0) };
+    let gains = Pidf { p: q16(2.0), i: q16(1.0), f: q16(3.0), d: q16(20.0) };
     let mut pid = Pid::default();
     for measured in 0..100 {
         pid.step(&gains, PERIOD, input(1000, 10 * measured));

@@ -4,8 +4,8 @@
 //! use motor_hub::motion::pid::{Pid, PidInput, Pidf, Value};
 //! use motor_hub::units::{Coefficient, Period};
 //!
-//! // 2 control steps per count/s, and 10 per count: in Q16.16.
-//! let [p, i] = [2, 10].map(|whole| Coefficient::from_bits(whole << 16));
+//! // 2 control steps per count/s, and 3 more for every cycle of 50 ms: in Q16.16.
+//! let [p, i] = [2, 3].map(|whole| Coefficient::from_bits(whole << 16));
 //! let gains = Pidf { p, i, ..Pidf::default() };
 //! let input = PidInput {
 //!     error: Value::from_num(100),
@@ -14,8 +14,8 @@
 //!     limit: Value::from_num(32_767),
 //! };
 //! let mut velocity_loop = Pid::default();
-//! assert_eq!(velocity_loop.step(&gains, Period::DEFAULT, input), 2 * 100 + 10 * 100 / 20);
-//! assert_eq!(velocity_loop.step(&gains, Period::DEFAULT, input), 2 * 100 + 2 * 10 * 100 / 20);
+//! assert_eq!(velocity_loop.step(&gains, Period::DEFAULT, input), 2 * 100 + 3 * 100);
+//! assert_eq!(velocity_loop.step(&gains, Period::DEFAULT, input), 2 * 100 + 2 * 3 * 100);
 //! ```
 
 use crate::units::{Coefficient, Period};
@@ -27,19 +27,24 @@ pub type Value = I24F8;
 /// A coefficient times a value, exact, and sums of such: +-2^39.
 type Term = I40F24;
 
-/// Coefficients of one loop.
+/// The cycle for which hosts choose I and D, in milliseconds: that of the hubs whose protocol this is. A loop of another
+/// period does as much in the same time.
+const CYCLE_MS: i64 = 50;
+
+/// Coefficients of one loop, as hosts give them.
 ///
-/// Velocity loop: control steps per count/s (P), per count (I: the integral of a speed error),
-/// per count/s^2 (D), per count/s of set-point (F). Position loop: counts/s per count (P), per
-/// count s (I), per count/s (D); F is not used, its set-point has no rate.
+/// Velocity loop: steps per count/s of the error (P), of the error in each cycle of 50 ms (I), of its change from one
+/// cycle to the next (D), of the set-point (F). With F a step is 1/32 767 of the battery's voltage, in every scheme and by
+/// both duty rules; without F it is one of the control value. Position loop: counts/s per count, in the same way; F is not
+/// used, its set-point has no rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Pidf {
     /// Proportional.
     pub p: Coefficient,
-    /// Integral, per second.
+    /// Integral, per cycle of 50 ms: 20 I a second, whatever the period.
     pub i: Coefficient,
-    /// Derivative, in seconds; of the measurement, so a set-point step gives no kick.
+    /// Derivative, in cycles of 50 ms: D / 20 in seconds; of the measurement, so a set-point step gives no kick.
     pub d: Coefficient,
     /// Feed-forward.
     pub f: Coefficient,
@@ -83,7 +88,7 @@ impl Pid {
     /// One tick. The output is rounded down, and within `input.limit`.
     ///
     /// Anti-windup: the integrator moves only if the output does not saturate, or if it moves the
-    /// output back into its range, and never beyond the range by itself.
+    /// output back into its range, and never beyond the range by itself. Nor does what is fed forward go beyond it.
     pub fn step(&mut self, gains: &Pidf, period: Period, input: PidInput) -> Value {
         let limit = Term::from(input.limit).abs();
         if let Some(last) = self.last_measured.replace(input.measured)
@@ -93,10 +98,11 @@ impl Pid {
         }
 
         let proportional = product(gains.p, input.error);
-        let increment = product(gains.i, input.error).saturating_mul_int(period.as_millis().into()) / 1000;
+        let increment =
+            product(gains.i, input.error).saturating_mul_int(period.as_millis().into()) / CYCLE_MS;
         let integral = self.integral.saturating_add(increment);
-        let derivative = product(gains.d, self.rate);
-        let feed_forward = product(gains.f, input.feed_forward);
+        let derivative = product(gains.d, self.rate) / (1000 / CYCLE_MS);
+        let feed_forward = product(gains.f, input.feed_forward).clamp(-limit, limit);
 
         let wanted =
             proportional.saturating_add(integral).saturating_sub(derivative).saturating_add(feed_forward);

@@ -135,7 +135,8 @@ impl Field for Target {
     }
 }
 
-/// A loop's coefficients.
+/// A loop's coefficients: I and D by cycles of 50 ms, F for the battery's voltage, as [`Pidf`] says. They are read back bit
+/// for bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[expect(missing_docs, reason = "the types say it")]

@@ -1,10 +1,13 @@
 //! The velocity loop, and the position loop above it: proportional, integral and derivative action.
+//!
+//! With feed-forward the velocity loop's output is a share of the battery's voltage, for which hosts choose F; that becomes
+//! the control value that makes it in the scheme and by the duty rule in force. Without, it is the control value itself.
 
 use super::{Config, Demand, Reference, Request, Stage};
 use crate::braking::{Blend, BlendFraction, Scheme};
 use crate::motion::pid::{PidInput, Value};
 use crate::motion::{Pid, Pidf};
-use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Period};
+use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Period, Voltage};
 use libm::{expf, expm1f, logf, roundf, sqrtf};
 
 /// The mechanical time constant of a motor of which nothing is known, in seconds: about that of a bare gear
@@ -18,6 +21,8 @@ const QUICKEST_POLE: f32 = 0.6;
 const LEAST_P: f32 = 0.3;
 /// The voltage for which coefficients are.
 const NOMINAL_VOLTS: f32 = 12.0;
+/// Cycles by which an I is given.
+const CYCLES_PER_SECOND: f32 = 20.0;
 /// An acceleration per volt that was learned is put in force if it is so much more or less than that before.
 const NEWS: f32 = 1.05;
 /// Of its acceleration at this voltage a motor is trusted to brake with half.
@@ -80,7 +85,11 @@ impl Coefficients {
                 narrow(blend.to_bits() as f32 / BlendFraction::ONE.to_bits() as f32)
             }
         };
-        let pi = |p: f32, i: f32| Pidf { p: coefficient(p), i: coefficient(i), ..Pidf::default() };
+        let pi = |p: f32, i: f32| Pidf {
+            p: coefficient(p),
+            i: coefficient(i / CYCLES_PER_SECOND),
+            ..Pidf::default()
+        };
         // A motor that is much heavier than guessed swings by the velocity loop alone.
         let slower = match certainty {
             Certainty::Guess => 6.0,
@@ -199,13 +208,13 @@ impl Loops {
         self.start == Start::Afresh
     }
 
-    /// `steady` is the control value that leaves the current as it is.
+    /// `steady` is the voltage that leaves the current as it is.
     pub(super) fn step(
         &mut self,
         demand: Demand,
         position: i32,
         velocity: CountsPerSecond,
-        steady: Control,
+        steady: Voltage,
         stage: &Stage<'_>,
     ) -> Request {
         let target = match demand {
@@ -224,29 +233,41 @@ impl Loops {
         &mut self,
         target: CountsPerSecond,
         measured: CountsPerSecond,
-        steady: Control,
+        steady: Voltage,
         stage: &Stage<'_>,
     ) -> Control {
         let gains = &self.coefficients.velocity;
+        let most = f32::from(Control::MAX.get());
+        let of_voltage = gains.f != Coefficient::ZERO;
         // A host's coefficients are of control; guessed ones are of volts.
         let scale = if self.guessed { NOMINAL_VOLTS / stage.battery } else { 1.0 };
         let [target, measured] = [target, measured].map(|speed| Value::from_bits(speed.to_bits()));
         let error = target.saturating_sub(measured);
-        let steady = Value::saturating_from_num(f32::from(steady.get()) / scale);
+        let steady = || {
+            Value::saturating_from_num(if of_voltage {
+                most * steady.to_volts() / stage.battery
+            } else {
+                f32::from(stage.placer.control(stage.at, steady).get()) / scale
+            })
+        };
         match self.start {
             Start::Running => {}
-            Start::Resume | Start::Afresh => self.velocity.preset(gains, steady, measured),
-            Start::Continue => self.velocity.preset(gains, without(steady, gains.share(error)), measured),
+            Start::Resume | Start::Afresh => self.velocity.preset(gains, steady(), measured),
+            Start::Continue => self.velocity.preset(gains, without(steady(), gains.share(error)), measured),
         }
         self.start = Start::Running;
         let input = PidInput {
             error,
             measured,
             feed_forward: target,
-            limit: Value::saturating_from_num(f32::from(Control::MAX.get()) / scale),
+            limit: Value::saturating_from_num(most / scale),
         };
-        let output = self.velocity.step(gains, self.period, input);
-        Control::saturating((roundf(scale * output.to_num::<f32>()) as i32).into())
+        let output = self.velocity.step(gains, self.period, input).to_num::<f32>();
+        if of_voltage {
+            stage.placer.control(stage.at, Voltage::from_volts(output / most * stage.battery))
+        } else {
+            Control::saturating((roundf(scale * output) as i32).into())
+        }
     }
 
     /// The velocity at which to keep up with a place that moves.

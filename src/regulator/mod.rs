@@ -44,7 +44,7 @@ pub use loops::Coefficients;
 
 use crate::motion::Reading;
 use crate::units::single::{at_least, at_most};
-use crate::units::{Control, CountsPerSecond, Micros, Period, Voltage};
+use crate::units::{CountsPerSecond, Micros, Period, Voltage};
 use learner::Learner;
 use loops::{Certainty, Knowledge, Loops};
 use model::{Law, State};
@@ -298,9 +298,9 @@ impl Regulator {
         let kind = self.kind();
         let position = self.position();
         let velocity = self.velocity();
-        // What the current of the last tick would be as a control value, where a loop begins with it.
+        // What keeps the current of the last tick, where a loop begins with it.
         let steady =
-            if self.loops.is_running() { Control::ZERO } else { self.steady_control(velocity, stage) };
+            if self.loops.is_running() { Voltage::from_volts(0.0) } else { self.steady_voltage(velocity) };
         let Motion { plant, law, observer, state } = &mut self.motion;
         let request = match kind {
             Kind::Model => match demand {
@@ -325,12 +325,11 @@ impl Regulator {
         request
     }
 
-    /// The control value that lets flow what the load takes, as far as that is known.
-    fn steady_control(&self, velocity: CountsPerSecond, stage: &Stage<'_>) -> Control {
+    /// The voltage that lets flow what the load takes, as far as that is known.
+    fn steady_voltage(&self, velocity: CountsPerSecond) -> Voltage {
         let Motion { plant, observer, .. } = &self.motion;
         let carried = if self.loops.starts_afresh() { 0.0 } else { -observer.load(plant) / plant.b };
-        let steady = self.config.emf.emf(velocity).to_volts() + carried;
-        stage.placer.control(stage.at, Voltage::from_volts(steady))
+        Voltage::from_volts(self.config.emf.emf(velocity).to_volts() + carried)
     }
 
     /// A motor that should stand and does is held where it is.

@@ -2,5 +2,6 @@
 
 mod bench;
 mod cells;
+mod host;
 mod properties;
 mod table;

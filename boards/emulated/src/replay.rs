@@ -167,9 +167,8 @@ fn run_to(bench: &mut Bench, at_s: f64) {
 /// Says which motor is on a channel and how it is controlled.
 fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, scenario: &Scenario) -> Result<(), ReplayError> {
     let motor = &scenario.motors[usize::from(channel)];
-    let settings = motor
-        .settings(scenario.period)
-        .map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
+    let settings =
+        motor.settings().map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
     // An image that is named by hand may not know this hub's own interface.
     let request = ToSetup::SetUp { setup: setup::of(&settings) }.to(channel);
     if !matches!(talk.ask(bench, request.id(), &request.payload()), Reply::Ack { .. }) {

@@ -51,7 +51,7 @@ pub struct Moment<'a> {
 /// If a motor's constants do not fit the firmware.
 pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), RunError> {
     let mut board = sim::board(scenario);
-    let mut hub = Hub::new(sim::all_settings(&scenario.motors, scenario.period)?, scenario.period);
+    let mut hub = Hub::new(sim::all_settings(&scenario.motors)?, scenario.period);
     let mut supply = Supply::new(scenario.limits);
     let mut commands = scenario.commands().into_iter().peekable();
     let mut waiting = Vec::new();

@@ -106,7 +106,7 @@ pub fn run(
     let (board, wires) = (sim::board(scenario), Wires::new());
     let health = Health::new().expecting(Task::Responder);
     let mut snapshots = wires.snapshot.receiver().ok_or(RunError::Unobserved)?;
-    let settings = sim::all_settings(&scenario.motors, scenario.period)?;
+    let settings = sim::all_settings(&scenario.motors)?;
     let tasks = sim::tasks(scenario, &board, &wires, &health)?;
 
     let line = RefCell::new(line);

@@ -28,7 +28,7 @@ use motor_hub::model::si::Seconds;
 use motor_hub::motor::Settings;
 use motor_hub::supply::Supply;
 use motor_hub::tasks::{self, Health};
-use motor_hub::units::{Period, RangeError};
+use motor_hub::units::RangeError;
 use std::pin::{Pin, pin};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -107,8 +107,7 @@ pub(crate) fn tasks<'a>(
     wires: &'a Wires,
     health: &'a Health,
 ) -> Result<impl Future + use<'a>, RunError> {
-    let (settings, period, board) =
-        (all_settings(&scenario.motors, scenario.period)?, scenario.period, board.clone());
+    let (settings, period, board) = (all_settings(&scenario.motors)?, scenario.period, board.clone());
     let supply = Supply::new(scenario.limits);
     Ok(async move {
         let mut hub = Hub::new(settings, period);
@@ -184,17 +183,17 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
 }
 
 /// Settings of every channel; those without a motor stay disabled, whatever their settings.
-pub(crate) fn all_settings(motors: &[Motor], period: Period) -> Result<[Settings; MOTORS], RunError> {
+pub(crate) fn all_settings(motors: &[Motor]) -> Result<[Settings; MOTORS], RunError> {
     let spare = motors.first().ok_or(RunError::NoMotors)?;
-    let mut settings = [settings_of(spare, period)?; MOTORS];
+    let mut settings = [settings_of(spare)?; MOTORS];
     for (slot, motor) in settings.iter_mut().zip(motors) {
-        *slot = settings_of(motor, period)?;
+        *slot = settings_of(motor)?;
     }
     Ok(settings)
 }
 
-fn settings_of(motor: &Motor, period: Period) -> Result<Settings, RunError> {
-    motor.settings(period).map_err(|error| RunError::Motor { label: motor.label.clone(), error })
+fn settings_of(motor: &Motor) -> Result<Settings, RunError> {
+    motor.settings().map_err(|error| RunError::Motor { label: motor.label.clone(), error })
 }
 
 /// The board with a scenario's motors, loads and battery, at rest.

@@ -64,7 +64,7 @@ impl Identifications {
     /// # Errors
     /// If a motor's constants do not fit the firmware's range.
     pub fn new(scenario: Scenario, trace: Trace) -> Result<Self, RangeError> {
-        let settings = |motor: &Motor| motor.settings(scenario.period);
+        let settings = |motor: &Motor| motor.settings();
         let told = scenario.motors.iter().map(settings).collect::<Result<_, _>>()?;
         let truth = scenario.motors.iter().map(|motor| {
             let known = settings(&Motor { told: Told::TRUTH, ..motor.clone() })?;

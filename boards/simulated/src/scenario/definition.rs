@@ -255,11 +255,11 @@ impl Motor {
         }
     }
 
-    /// The settings that a hub with this control period is given for this motor.
+    /// The settings that a hub is given for this motor.
     ///
     /// # Errors
     /// If one of the motor's constants does not fit the firmware's range.
-    pub fn settings(&self, period: Period) -> Result<Settings, RangeError> {
+    pub fn settings(&self) -> Result<Settings, RangeError> {
         let Told { resistance, emf, motion } = self.told;
         let told = catalogue::Motor {
             r: si::Ohms(self.constants.r.0 * resistance),
@@ -267,7 +267,7 @@ impl Motor {
             ..self.constants
         };
         let winding = winding(&told)?;
-        let guessed = Coefficients::guessed(winding.emf, self.scheme, period);
+        let guessed = Coefficients::guessed(winding.emf, self.scheme, Period::DEFAULT);
         let own = self.velocity.is_some() || self.position.is_some();
         Ok(Settings {
             bridge: self.bridge,

@@ -59,7 +59,7 @@ fn a_motor_may_be_given_by_its_constants_in_the_place_of_a_name() {
     };
     let given = motor(&SOUND.replace("motor = \"AM 60 A\"", CONSTANTS));
     let named = motor(SOUND);
-    let settings = |of: &simulated::scenario::Motor| of.settings(Default::default()).expect("in range");
+    let settings = |of: &simulated::scenario::Motor| of.settings().expect("in range");
     assert_eq!(settings(&given), settings(&named));
     let aliased = motor(&SOUND.replace("AM 60 A", "NeveRest 60"));
     assert_eq!(aliased.constants, named.constants);
@@ -215,7 +215,7 @@ fn the_hub_is_told_what_the_scenario_says_of_a_motor() {
     let told = |factors: &str| {
         let text = SOUND.replace("scheme = \"D\"", &format!("told = {factors}\nscheme = \"D\""));
         let scenario = Scenario::parse("s.toml", &text).expect("it is valid");
-        scenario.motors.first().expect("a motor").settings(scenario.period).expect("in range")
+        scenario.motors.first().expect("a motor").settings().expect("in range")
     };
     let [right, wrong] = ["{}", "{ resistance = 1.3, emf = 0.5 }"].map(told);
     assert!((2 * wrong.winding.emf.to_bits() - right.winding.emf.to_bits()).abs() <= 1);
@@ -247,7 +247,7 @@ fn the_hub_is_told_the_friction_of_a_motor() {
     let friction = |keys: &str| {
         let text = SOUND.replacen("load = {", &format!("{keys}\nload = {{"), 1);
         let scenario = Scenario::parse("s.toml", &text).expect("it is valid");
-        let settings = scenario.motors.first().map(|motor| motor.settings(scenario.period));
+        let settings = scenario.motors.first().map(|motor| motor.settings());
         let dynamics = settings.expect("a motor").expect("in range").dynamics;
         dynamics.expect("it is told how the motor moves").friction.get()
     };

@@ -2,6 +2,7 @@
 #![expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
 
 mod bus;
+mod coefficients;
 mod files;
 mod runs;
 mod scenarios;

@@ -33,11 +33,11 @@ pub(super) const GRID: [Gains; P.len() * I.len()] = {
 };
 
 impl Gains {
-    /// The coefficients for a motor.
+    /// The coefficients for a motor: an integral is given by cycles of 50 ms.
     pub(super) fn coefficients(self, motor: &Motor) -> Pidf {
         let f = f64::from(Control::MAX.get()) * motor.ke_fw() / 12_000.0;
         // Casts from float saturate.
         let fixed = |factor: f64| Coefficient::from_bits((factor * f * f64::from(1 << 16)).round() as i32);
-        Pidf { p: fixed(self.p), i: fixed(self.i), d: Coefficient::ZERO, f: Coefficient::ZERO }
+        Pidf { p: fixed(self.p), i: fixed(self.i / 20.0), d: Coefficient::ZERO, f: Coefficient::ZERO }
     }
 }

@@ -1,0 +1,195 @@
+//! What hosts set their motors' loops to, on the motors that are served: half of the free speed, and a position, at every
+//! control period, under every scheme and both duty rules.
+
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::motion::Pidf;
+use motor_hub::motor::Setpoint;
+use motor_hub::units::{Coefficient, Control, CountsPerSecond, Period};
+use simulated::direct;
+use simulated::scenario::{Motor, Scenario, Timed};
+use std::thread;
+
+const FAN: usize = 3;
+const PERIODS_MS: [u32; 4] = [1, 10, 50, 100];
+const HALF_WAY: BlendFraction = match BlendFraction::from_bits(1 << 15) {
+    Ok(blend) => blend,
+    Err(_) => BlendFraction::ZERO,
+};
+const SCHEMES: [Scheme; 6] = [
+    Scheme::ForwardReverse,
+    Scheme::A,
+    Scheme::B,
+    Scheme::C,
+    Scheme::D(Blend::Automatic),
+    Scheme::D(Blend::Fixed(HALF_WAY)),
+];
+const DUTIES: [DutyRule; 2] = [DutyRule::LinearCurrent, DutyRule::LinearDuty];
+
+fn pidf(values: [f64; 4]) -> Pidf {
+    let [p, i, d, f] = values.map(|value| Coefficient::from_bits((65_536.0 * value).round() as i32));
+    Pidf { p, i, d, f }
+}
+
+fn free_speed(motor: &Motor) -> f64 {
+    12_000.0 / motor.constants.ke_fw()
+}
+
+/// The served motors, to be set in motion at the first tick.
+fn served(scheme: Scheme, duty: DutyRule, period_ms: u32, setpoint: impl Fn(&Motor) -> Setpoint) -> Scenario {
+    let mut scenario = Scenario::to_serve().expect("it is valid");
+    scenario.period = Period::from_millis(period_ms).expect("in range");
+    scenario.duration_s = 6.0;
+    for motor in &mut scenario.motors {
+        (motor.scheme, motor.duty) = (scheme, duty);
+        motor.setpoints = vec![Timed { at_s: 0.0, value: setpoint(motor) }];
+    }
+    scenario
+}
+
+/// Of each motor the mean speed of the last half second, and how far it was from its position at most.
+fn outcome(scenario: &Scenario, position: i64) -> Vec<(f64, i64)> {
+    let from = (1e3 * scenario.duration_s) as u64 - 500;
+    let mut sums = vec![(0.0, 0); scenario.motors.len()];
+    direct::run(scenario, |moment| {
+        if moment.ms >= from {
+            for (sum, &(speed, counts)) in sums.iter_mut().zip(moment.motors) {
+                *sum = (sum.0 + speed / 500.0, sum.1.max((counts - position).abs()));
+            }
+        }
+    })
+    .expect("it runs");
+    sums
+}
+
+/// Coefficients of a velocity loop, by what the motor's speed at full power is, in counts/s.
+type Velocity = fn(f64) -> [f64; 4];
+
+const LEGACY: Velocity = |_| [10.0, 3.0, 0.0, 0.0];
+/// Full feed-forward, P a tenth of that, I a tenth of P.
+const COMMUNITY: Velocity = |fastest| {
+    let f = f64::from(Control::MAX.get()) / fastest;
+    [f / 10.0, f / 100.0, 0.0, f]
+};
+const FED_FORWARD: Velocity = |_| [2.0, 0.5, 0.0, 11.1];
+
+/// The served motors' speeds at full power.
+fn fastest() -> Vec<f64> {
+    let full = served(Scheme::A, DutyRule::LinearCurrent, 50, |_| Setpoint::ConstantPower(Control::MAX));
+    outcome(&full, 0).into_iter().map(|(speed, _)| speed).collect()
+}
+
+/// By how much of it each motor misses half of its free speed in the end, in percent.
+fn misses(mut scenario: Scenario, set: impl Fn(f64) -> [f64; 4], fastest: &[f64]) -> Vec<f64> {
+    for (motor, &fastest) in scenario.motors.iter_mut().zip(fastest) {
+        motor.velocity = Some(pidf(set(fastest)));
+    }
+    let speeds = outcome(&scenario, 0);
+    let miss = |(motor, (speed, _))| 100.0 * (speed / half(motor) - 1.0);
+    scenario.motors.iter().zip(speeds).map(miss).collect()
+}
+
+fn half(motor: &Motor) -> f64 {
+    (free_speed(motor) / 2.0).round()
+}
+
+fn at_half(scheme: Scheme, duty: DutyRule, period_ms: u32) -> Scenario {
+    served(scheme, duty, period_ms, |motor| Setpoint::Velocity(CountsPerSecond::new(half(motor) as i32)))
+}
+
+/// Of a scheme, a duty rule and a period what each motor missed.
+type Line = ((Scheme, DutyRule, u32), Vec<f64>);
+
+/// All schemes, duty rules and periods, a line each.
+fn all(run: impl Fn(Scheme, DutyRule, u32) -> Vec<f64> + Sync) -> Vec<Line> {
+    let rules = SCHEMES.iter().flat_map(|&scheme| DUTIES.map(|duty| (scheme, duty)));
+    let cells: Vec<_> = rules.flat_map(|(scheme, duty)| PERIODS_MS.map(|ms| (scheme, duty, ms))).collect();
+    let line = |&(scheme, duty, ms): &(Scheme, DutyRule, u32)| ((scheme, duty, ms), run(scheme, duty, ms));
+    let (some, others) = cells.split_at(cells.len() / 2);
+    thread::scope(|scope| {
+        let others = scope.spawn(|| others.iter().map(line).collect::<Vec<_>>());
+        let mut lines: Vec<_> = some.iter().map(line).collect();
+        lines.extend(others.join().expect("it runs"));
+        lines
+    })
+}
+
+fn show(name: &str, lines: &[Line], unit: &str) {
+    println!("{name}");
+    for ((scheme, duty, ms), misses) in lines {
+        let misses: String = misses.iter().map(|miss| format!("{miss:7.1}")).collect();
+        println!("{:45} {ms:3} ms{misses} {unit}", format!("{scheme:?}, {duty:?}"));
+    }
+}
+
+/// Runs a set everywhere. `judged` says of which motors it must have settled, within 2 %.
+fn settles(name: &str, set: Velocity, judged: fn(usize) -> bool) {
+    let fastest = fastest();
+    // By Scheme A with linear current F was a share of the battery's voltage before, too.
+    let per_second = |fastest| {
+        let [p, i, d, f] = set(fastest);
+        [p, i / 20.0, d, f]
+    };
+    let before = misses(at_half(Scheme::A, DutyRule::LinearCurrent, 50), per_second, &fastest);
+    show("with I per second:", &[((Scheme::A, DutyRule::LinearCurrent, 50), before)], "%");
+    let lines = all(|scheme, duty, ms| misses(at_half(scheme, duty, ms), set, &fastest));
+    show(name, &lines, "%");
+    for (cell, misses) in &lines {
+        for (motor, miss) in misses.iter().enumerate().filter(|&(motor, _)| judged(motor)) {
+            assert!(miss.abs() < 2.0, "{name}: motor {motor} misses by {miss:.1} %: {cell:?}");
+        }
+    }
+}
+
+#[test]
+fn legacy_coefficients_settle_at_every_period_and_in_every_scheme() {
+    settles("P 10, I 3", LEGACY, |_| true);
+}
+
+#[test]
+fn coefficients_by_the_community_rule_settle_at_every_period_and_in_every_scheme() {
+    settles("F 32767 / fastest, P F / 10, I P / 10", COMMUNITY, |_| true);
+}
+
+/// But for the fan, whose time constant by them is 4.9 s.
+#[test]
+fn coefficients_with_feed_forward_settle_at_every_period_and_in_every_scheme() {
+    settles("P 2, I 0.5, F 11.1", FED_FORWARD, |motor| motor != FAN);
+}
+
+/// Of full control at full speed P is 0.042 and I, in a cycle, 0.0106: a time constant of 1.042 / 0.0106 cycles, or 4.9 s,
+/// for the three quarters that are missing by F.
+#[test]
+fn coefficients_that_are_small_for_a_motor_take_the_time_that_they_stand_for() {
+    let fastest = fastest();
+    for ms in PERIODS_MS {
+        let miss = |seconds: f64| {
+            let scenario = at_half(Scheme::A, DutyRule::LinearCurrent, ms);
+            let scenario = Scenario { duration_s: seconds, ..scenario };
+            *misses(scenario, FED_FORWARD, &fastest).get(FAN).expect("four motors")
+        };
+        let left = miss(11.0) / miss(6.0);
+        assert!((left - (-5.0f64 / 4.9).exp()).abs() < 0.05, "{left} is left after 5 s at {ms} ms");
+        assert!(miss(20.0).abs() < 2.0, "{} at {ms} ms", miss(20.0));
+    }
+}
+
+#[test]
+fn positions_are_reached_and_held_by_what_hosts_set() {
+    const TARGET: i64 = 2_000;
+    const TOLERANCE: u16 = 5;
+    for set in [[5.0, 0.0, 0.0, 0.0], [10.0, 0.0, 0.0, 0.0], [10.0, 0.05, 0.0, 0.0]] {
+        let lines = all(|scheme, duty, period| {
+            let speed_limit = CountsPerSecond::new(32_767);
+            let setpoint = Setpoint::Position { target: TARGET as i32, tolerance: TOLERANCE, speed_limit };
+            let mut scenario = served(scheme, duty, period, |_| setpoint);
+            for motor in &mut scenario.motors {
+                motor.position = Some(pidf(set));
+            }
+            outcome(&scenario, TARGET).into_iter().map(|(_, off)| off as f64).collect()
+        });
+        show(&format!("position, P, I, D, F {set:?}"), &lines, "counts");
+        for (cell, off) in &lines {
+            assert!(off.iter().all(|&off| off <= f64::from(TOLERANCE)), "{set:?}: {off:?}, {cell:?}");
+        }
+    }
+}
