@@ -15,11 +15,11 @@ use serde::de::{Deserialize, Deserializer, Error, Visitor};
 use std::fmt;
 use std::str::FromStr;
 
-/// A scheme's name.
+/// A scheme's name. It is read in either case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(try_from = "String")]
 pub enum SchemeName {
     /// No braking regime: forward and reverse driving only.
-    #[serde(rename = "none")]
     None,
     /// Control is an equivalent voltage.
     A,
@@ -44,6 +44,34 @@ pub enum BlendError {
     /// It goes with another scheme.
     #[error("a blend goes with scheme D only")]
     NotD,
+}
+
+/// There is no scheme of this name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no scheme {0:?}; there are none, A, B, C, D")]
+pub struct UnknownScheme(String);
+
+impl FromStr for SchemeName {
+    type Err = UnknownScheme;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.to_ascii_uppercase().as_str() {
+            "NONE" => Ok(Self::None),
+            "A" => Ok(Self::A),
+            "B" => Ok(Self::B),
+            "C" => Ok(Self::C),
+            "D" => Ok(Self::D),
+            _ => Err(UnknownScheme(text.to_owned())),
+        }
+    }
+}
+
+impl TryFrom<String> for SchemeName {
+    type Error = UnknownScheme;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        text.parse()
+    }
 }
 
 impl SchemeName {

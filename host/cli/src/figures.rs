@@ -1,6 +1,6 @@
 //! `motor-hub figures`.
 
-use crate::output::{Failure, drawn, print, write_all};
+use crate::output::{Failure, Folder, drawn, print};
 use std::path::PathBuf;
 
 /// Options of `figures`.
@@ -13,8 +13,9 @@ pub(crate) struct Options {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
+        let folder = Folder::new(&self.out)?;
         let figures = studies::figures::all().map_err(Failure::work)?;
-        let files = write_all(&self.out, drawn(&figures)?)?;
+        let files = folder.write_all(drawn(&figures)?)?;
         print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())
     }
 }

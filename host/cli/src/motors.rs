@@ -20,7 +20,7 @@ pub(crate) struct Options {
 
 fn volts(text: &str) -> Result<f64, String> {
     let volts = text.parse().ok().filter(|volts| (1.0..=60.0).contains(volts));
-    volts.ok_or_else(|| "a voltage is 1 to 60".to_owned())
+    volts.ok_or_else(|| "a voltage is 1 to 60 V".to_owned())
 }
 
 /// A motor on a battery, seen from its output shaft.

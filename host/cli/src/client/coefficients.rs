@@ -18,19 +18,19 @@ pub(crate) struct Options {
     #[arg(value_parser = channel)]
     motor: u8,
     /// Loop that they belong to
-    #[arg(value_name = "LOOP")]
+    #[arg(value_name = "LOOP", ignore_case = true)]
     of: LoopName,
     /// Proportional
-    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    #[arg(long, value_name = "X", value_parser = coefficient)]
     p: Option<Coefficient>,
     /// Integral
-    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    #[arg(long, value_name = "X", value_parser = coefficient)]
     i: Option<Coefficient>,
     /// Derivative
-    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    #[arg(long, value_name = "X", value_parser = coefficient)]
     d: Option<Coefficient>,
     /// Feed-forward
-    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    #[arg(long, value_name = "X", value_parser = coefficient)]
     f: Option<Coefficient>,
     /// JSON instead of a table
     #[arg(long)]
