@@ -12,6 +12,7 @@
 
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use serde::de::{Deserialize, Deserializer, Error, Visitor};
+use serde::ser::{Serialize, SerializeStruct, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
@@ -137,6 +138,34 @@ impl<'de> Deserialize<'de> for BlendChoice {
     }
 }
 
+/// A scheme as programs read it: `scheme` and `blend` as they are typed, of which the blend is null but for D.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SchemeWords(pub Scheme);
+
+impl Serialize for SchemeWords {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let name = match self.0 {
+            Scheme::ForwardReverse => "none",
+            Scheme::A => "A",
+            Scheme::B => "B",
+            Scheme::C => "C",
+            Scheme::D(_) => "D",
+        };
+        let mut words = to.serialize_struct("SchemeWords", 2)?;
+        words.serialize_field("scheme", name)?;
+        match self.0 {
+            Scheme::D(Blend::Automatic) => words.serialize_field("blend", "auto")?,
+            Scheme::D(Blend::Fixed(fraction)) => words.serialize_field("blend", &share(fraction))?,
+            _ => words.serialize_field("blend", &None::<f64>)?,
+        }
+        words.end()
+    }
+}
+
+fn share(fraction: BlendFraction) -> f64 {
+    f64::from(fraction.to_bits()) / f64::from(BlendFraction::ONE.to_bits())
+}
+
 /// How files name a [`DutyRule`]: `#[serde(with = "DutyWord")]`.
 #[derive(serde::Deserialize, serde::Serialize)]
 #[serde(remote = "DutyRule", rename_all = "kebab-case")]
@@ -156,8 +185,7 @@ pub fn describe(scheme: Scheme) -> String {
         Scheme::C => "scheme C".into(),
         Scheme::D(Blend::Automatic) => "scheme D, automatic blend".into(),
         Scheme::D(Blend::Fixed(fraction)) => {
-            let blend = f64::from(fraction.to_bits()) / f64::from(BlendFraction::ONE.to_bits());
-            format!("scheme D, blend {blend:.3}")
+            format!("scheme D, blend {:.3}", share(fraction))
         }
     }
 }

@@ -2,11 +2,12 @@
 
 use chart::DrawError;
 use serde::Serialize;
+use serde_json::Value;
 use std::fmt;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use studies::NamedFigure;
+use studies::{NamedFigure, SCHEMA_VERSION};
 
 /// Why a command did not do what it was asked.
 #[derive(Debug)]
@@ -68,10 +69,18 @@ fn terminal_columns() -> Option<u16> {
     None
 }
 
-/// Prints a JSON document on standard output.
+/// Prints a JSON document on standard output, with the version of its schema.
 pub(crate) fn print_json(document: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string_pretty(document).map_err(Failure::work)?;
-    print(&format!("{text}\n"))
+    print(&format!("{:#}\n", versioned(document)?))
+}
+
+/// The document with the version of its schema.
+pub(crate) fn versioned(document: &impl Serialize) -> Result<Value, Failure> {
+    let mut document = serde_json::to_value(document).map_err(Failure::work)?;
+    if let Some(object) = document.as_object_mut() {
+        object.insert("schema_version".to_owned(), SCHEMA_VERSION.into());
+    }
+    Ok(document)
 }
 
 /// Prints to standard output; a reader that has gone away is a failure, not a panic.

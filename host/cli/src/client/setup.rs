@@ -14,7 +14,7 @@ use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::json;
 use simulated::hardware::{thermal_limit, winding};
-use simulated::scheme::describe;
+use simulated::scheme::{SchemeWords, describe};
 use studies::table;
 
 /// Of which motor, and what to change.
@@ -182,13 +182,15 @@ impl Options {
         };
         let amperes = protection.thermal.map(|limit| f64::from(limit.continuous_ma()) / 1e3);
         if self.json {
+            let words = json!(SchemeWords(scheme));
             let document = json!({
                 "motor": self.motor,
                 "emf_mv_s_per_count": emf,
                 "resistance_ohm": ohms.unwrap_or(0.0),
                 "inductance_mh": millihenries.unwrap_or(0.0),
-                "scheme": describe(scheme),
-                "duty": duty,
+                "scheme": words["scheme"],
+                "blend": words["blend"],
+                "duty": duty.replace(' ', "-"),
                 "bridge": bridge,
                 "on_fault": on_fault,
                 "heat_percent": heat,

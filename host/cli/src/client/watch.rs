@@ -5,7 +5,7 @@ use super::driven::stop_abandoned;
 use super::live::{Live, repeat};
 use super::trouble::Trouble;
 use super::turn::Turn;
-use crate::output::print;
+use crate::output::{print, versioned};
 use crate::parse::{whole, within_a_day};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
@@ -45,7 +45,7 @@ impl Options {
             if live.terminal && !self.json {
                 live.redraw(&reading.table(&drive::ALL, turn))?;
             } else {
-                print(&format!("{}\n", reading.json(&drive::ALL, turn)))?;
+                print(&format!("{}\n", versioned(&reading.json(&drive::ALL, turn))?))?;
             }
             Ok(false)
         })

@@ -15,7 +15,7 @@ pub(super) fn all(comparison: &RunReport) -> Vec<NamedFigure> {
     let motors = comparison.scenario.motors.iter().enumerate();
     let single = motors.map(|(index, motor)| {
         let figure = of_motor(&comparison.scenario, &comparison.as_set, index, motor);
-        (format!("motor-{}-{}", index + 1, file_name(&motor.label)), figure)
+        (format!("motor-{index}-{}", file_name(&motor.label)), figure)
     });
     single.chain([("comparison".to_owned(), compared(comparison))]).collect()
 }
