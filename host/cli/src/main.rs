@@ -9,11 +9,13 @@
 mod choice;
 mod client;
 mod compare;
+mod completions;
 mod constants;
 mod emulate;
 mod eval;
 mod figures;
 mod identify;
+mod man;
 mod map;
 mod motors;
 mod operating;
@@ -86,6 +88,10 @@ enum Command {
     /// The scripting interface: computes cases of a JSON document
     #[command(long_about = eval::HELP)]
     Eval(eval::Options),
+    /// A script by which a shell completes commands and options, on standard output
+    Completions(completions::Options),
+    /// Manual pages of all commands, as files
+    Man(man::Options),
 }
 
 fn main() -> ExitCode {
@@ -108,6 +114,8 @@ fn main() -> ExitCode {
         Command::Serve(options) => options.execute(),
         Command::Client(options) => options.execute(),
         Command::Eval(options) => options.execute(),
+        Command::Completions(options) => options.execute(Cli::command()),
+        Command::Man(options) => options.execute(Cli::command()),
     };
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
 }

@@ -307,3 +307,22 @@ fn tables_are_no_wider_than_a_terminal_of_80_columns() {
         }
     }
 }
+
+#[test]
+fn every_command_has_a_manual_page_and_shells_can_complete_it() {
+    let out = folder("man");
+    assert!(motor_hub(&["man", "--out", out.to_str().unwrap()]).status.success());
+    for (page, says) in [
+        ("motor-hub.1", "proportional braking"),
+        ("motor-hub-run.1", "period\\-ms"),
+        ("motor-hub-client-velocity.1", "for\\-s"),
+    ] {
+        let page = std::fs::read_to_string(out.join(page)).expect(page);
+        assert!(page.starts_with(".ie") && page.contains(says), "{page}");
+    }
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = motor_hub(&["completions", shell]);
+        assert!(text(&script.stdout).contains("battery-mv"), "{shell}");
+    }
+    assert!(err(&motor_hub(&["completions", "tcsh"])).contains("possible values: bash"));
+}
