@@ -1,7 +1,7 @@
 //! Options that say what a motor is which the catalogue lacks.
 
 use crate::output::Failure;
-use crate::parse::above_zero;
+use crate::parse::number;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::si::{Drag, EmfConstant as Ke, Henries, KgM2, Ohms, TorqueConstant};
@@ -12,19 +12,19 @@ use motor_hub::units::{EmfConstant, Inductance, Resistance};
 pub(crate) struct Constants {
     /// Back-EMF constant; with the encoder counts in a turn of the same shaft
     #[arg(long = "ke-v-s-per-rad", alias = "ke", value_name = "V_S_PER_RAD", requires = "counts_per_rev")]
-    #[arg(help_heading = CATALOGUE_LACKS, value_parser = above_zero("a back-EMF constant", 1e3, "V s/rad"))]
+    #[arg(help_heading = CATALOGUE_LACKS, value_parser = number("a back-EMF constant", "V s/rad"))]
     ke: Option<f64>,
-    /// Encoder counts in a turn of the shaft that --ke is of: usually the motor's, before the gearbox
+    /// Encoder counts in a turn of the shaft that --ke-v-s-per-rad is of: usually the motor's, before the gearbox
     #[arg(long, value_name = "COUNTS", requires = "ke", help_heading = CATALOGUE_LACKS)]
-    #[arg(value_parser = above_zero("an encoder's resolution", 1e6, "counts"))]
+    #[arg(value_parser = number("an encoder's resolution", "counts"))]
     counts_per_rev: Option<f64>,
     /// Resistance of the winding
     #[arg(long, value_name = "OHM", help_heading = CATALOGUE_LACKS)]
-    #[arg(value_parser = above_zero("a resistance", 1e6, "ohm"))]
+    #[arg(value_parser = number("a resistance", "ohm"))]
     resistance_ohm: Option<f64>,
     /// Inductance of the winding
     #[arg(long, value_name = "MH", help_heading = CATALOGUE_LACKS)]
-    #[arg(value_parser = above_zero("an inductance", 1e6, "mH"))]
+    #[arg(value_parser = number("an inductance", "mH"))]
     inductance_mh: Option<f64>,
 }
 

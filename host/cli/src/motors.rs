@@ -75,7 +75,8 @@ impl Options {
         print(&format!(
             "{table}\nOf the output shaft at {} V: counts, free speed, stall current and torque.\n\
              Part numbers are names too (--json has them); case and spaces do not matter.\n\
-             A motor that is not here: `client setup --ke ..`, `constants` in a scenario.\n",
+             A motor that is not here: `client setup --ke-v-s-per-rad ..`,\n\
+             or `constants` in a scenario.\n",
             self.volts
         ))
     }

@@ -64,16 +64,9 @@ pub(crate) fn whole<T: FromStr + PartialOrd + Display + Clone>(
     }
 }
 
-/// A parser of finite numbers above 0 up to `most`; `what` names the quantity.
-pub(crate) fn above_zero(
-    what: &'static str,
-    most: f64,
-    unit: &'static str,
-) -> impl Fn(&str) -> Result<f64, String> + Clone {
-    move |text| {
-        let value = within(text, f64::MIN_POSITIVE..=most);
-        value.ok_or_else(|| format!("{what} is a number above 0 and at most {most} {unit}"))
-    }
+/// A parser of numbers whose range is another's to check; `what` names the quantity.
+pub(crate) fn number(what: &'static str, unit: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| within(text, f64::MIN..=f64::MAX).ok_or_else(|| format!("{what} is a number of {unit}"))
 }
 
 /// Below this a number of millivolts is one of volts, or a mistake.

@@ -130,7 +130,7 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
     for (wrong, says) in [
         (
             &["--ke", "9", "--counts-per-rev", "12"][..],
-            "--ke 9: back-EMF constant must be above 0 and below 32",
+            "--ke-v-s-per-rad 9: back-EMF constant must be above 0 and below 32",
         ),
         (&["--resistance-ohm", "0", "--on-fault", "brake"], "--resistance-ohm 0: resistance must be 0.001"),
         (&["--ke", "0.02"], "--counts-per-rev"),
@@ -156,7 +156,7 @@ fn a_recording_has_the_current_of_hubs_that_tell_it() {
     ));
     let text = std::fs::read_to_string(folder.join("record.csv")).unwrap();
     assert!(
-        text.lines().count() > 5 && text.lines().skip(1).all(|row| row.ends_with(",1.250,false")),
+        text.lines().count() > 5 && text.lines().skip(1).all(|row| row.ends_with(",1.250,false,1")),
         "{text}"
     );
     let svg = std::fs::read_to_string(folder.join("motor-1.svg")).unwrap();

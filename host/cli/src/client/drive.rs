@@ -100,7 +100,7 @@ pub(crate) enum Drive {
     Power(PowerOptions),
     /// Runs motors with regulated velocity, disabled at the end
     ///
-    /// With --for it fails (exit code 1) unless all motors have that speed in the end, within 5 %.
+    /// With --for-s it fails (exit code 1) unless all motors have that speed in the end, within 5 %.
     Velocity(VelocityOptions),
     /// Moves motors to a position and disables them there
     Position(PositionOptions),

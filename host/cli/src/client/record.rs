@@ -22,7 +22,7 @@ pub(super) const HELP: &str = "\
 Drives motors as `power`, `velocity` or `position` do, and writes down what the hub says: a CSV file as it goes, and
 in the end a chart (SVG, PNG) of each motor
 
-  motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for 3
+  motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for-s 3
 
 The file has a row for each motor and reading; what the hub does not tell is left empty: the control value unless it
 is a constant power, the current of hubs that do not measure or model it. Whatever ends the drive, also Ctrl-C, leaves
