@@ -6,6 +6,7 @@
 //!
 //! let scheme = SchemeName::D.with_blend(Some("0.25".parse()?))?;
 //! assert_eq!(describe(scheme), "scheme D, blend 0.250");
+//! assert_eq!("b".parse(), Ok(SchemeName::B));
 //! assert!(SchemeName::B.with_blend(Some("0.25".parse()?)).is_err());
 //! # Ok::<(), simulated::scheme::BlendError>(())
 //! ```
@@ -49,7 +50,7 @@ pub enum BlendError {
 
 /// There is no scheme of this name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no scheme {0:?}; there are none, A, B, C, D")]
+#[error("unknown scheme `{0}`, expected one of `none`, `A`, `B`, `C`, `D`")]
 pub struct UnknownScheme(String);
 
 impl FromStr for SchemeName {

@@ -255,5 +255,5 @@ fn a_scheme_may_be_written_in_either_case() {
     let output = eval(&json!({ "cases": [case("b"), case("B"), case("E")] }).to_string());
     let results = results(&output);
     assert_eq!(results[0]["outputs"], results[1]["outputs"]);
-    assert!(results[2]["error"].as_str().unwrap().contains("none, A, B, C, D"), "{}", results[2]);
+    assert!(results[2]["error"].as_str().unwrap().contains("`none`, `A`, `B`, `C`, `D`"), "{}", results[2]);
 }
