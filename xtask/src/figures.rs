@@ -10,10 +10,11 @@ const SHOWN: &str = "docs/pictures";
 const DRAWN: &str = "target/figures";
 
 /// What is started, and which of the files that it writes is shown under which name.
-const PICTURES: [(&[&str], &str, &str); 4] = [
+const PICTURES: [(&[&str], &str, &str); 5] = [
     (&["run", "--scenario", "boards/simulated/scenarios/winch.toml"], "comparison.svg", "winch.svg"),
     (&["run"], "comparison.png", "comparison.png"),
     (&["figures"], "11-current-at-50-percent.png", "current.png"),
+    (&["figures"], "14-circuits.svg", "circuits.svg"),
     (&["emulate"], "overlay.png", "overlay.png"),
 ];
 

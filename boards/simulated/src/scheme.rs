@@ -6,20 +6,22 @@
 //!
 //! let scheme = SchemeName::D.with_blend(Some("0.25".parse()?))?;
 //! assert_eq!(describe(scheme), "scheme D, blend 0.250");
+//! assert_eq!("b".parse(), Ok(SchemeName::B));
 //! assert!(SchemeName::B.with_blend(Some("0.25".parse()?)).is_err());
 //! # Ok::<(), simulated::scheme::BlendError>(())
 //! ```
 
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use serde::de::{Deserialize, Deserializer, Error, Visitor};
+use serde::ser::{Serialize, SerializeStruct, Serializer};
 use std::fmt;
 use std::str::FromStr;
 
-/// A scheme's name.
+/// A scheme's name. It is read in either case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(try_from = "String")]
 pub enum SchemeName {
     /// No braking regime: forward and reverse driving only.
-    #[serde(rename = "none")]
     None,
     /// Control is an equivalent voltage.
     A,
@@ -44,6 +46,34 @@ pub enum BlendError {
     /// It goes with another scheme.
     #[error("a blend goes with scheme D only")]
     NotD,
+}
+
+/// There is no scheme of this name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown scheme `{0}`, expected one of `none`, `A`, `B`, `C`, `D`")]
+pub struct UnknownScheme(String);
+
+impl FromStr for SchemeName {
+    type Err = UnknownScheme;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.to_ascii_uppercase().as_str() {
+            "NONE" => Ok(Self::None),
+            "A" => Ok(Self::A),
+            "B" => Ok(Self::B),
+            "C" => Ok(Self::C),
+            "D" => Ok(Self::D),
+            _ => Err(UnknownScheme(text.to_owned())),
+        }
+    }
+}
+
+impl TryFrom<String> for SchemeName {
+    type Error = UnknownScheme;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        text.parse()
+    }
 }
 
 impl SchemeName {
@@ -109,6 +139,34 @@ impl<'de> Deserialize<'de> for BlendChoice {
     }
 }
 
+/// A scheme as programs read it: `scheme` and `blend` as they are typed, of which the blend is null but for D.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SchemeWords(pub Scheme);
+
+impl Serialize for SchemeWords {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let name = match self.0 {
+            Scheme::ForwardReverse => "none",
+            Scheme::A => "A",
+            Scheme::B => "B",
+            Scheme::C => "C",
+            Scheme::D(_) => "D",
+        };
+        let mut words = to.serialize_struct("SchemeWords", 2)?;
+        words.serialize_field("scheme", name)?;
+        match self.0 {
+            Scheme::D(Blend::Automatic) => words.serialize_field("blend", "auto")?,
+            Scheme::D(Blend::Fixed(fraction)) => words.serialize_field("blend", &share(fraction))?,
+            _ => words.serialize_field("blend", &None::<f64>)?,
+        }
+        words.end()
+    }
+}
+
+fn share(fraction: BlendFraction) -> f64 {
+    f64::from(fraction.to_bits()) / f64::from(BlendFraction::ONE.to_bits())
+}
+
 /// How files name a [`DutyRule`]: `#[serde(with = "DutyWord")]`.
 #[derive(serde::Deserialize, serde::Serialize)]
 #[serde(remote = "DutyRule", rename_all = "kebab-case")]
@@ -128,8 +186,7 @@ pub fn describe(scheme: Scheme) -> String {
         Scheme::C => "scheme C".into(),
         Scheme::D(Blend::Automatic) => "scheme D, automatic blend".into(),
         Scheme::D(Blend::Fixed(fraction)) => {
-            let blend = f64::from(fraction.to_bits()) / f64::from(BlendFraction::ONE.to_bits());
-            format!("scheme D, blend {blend:.3}")
+            format!("scheme D, blend {:.3}", share(fraction))
         }
     }
 }

@@ -14,13 +14,17 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod drawing;
 mod png;
 mod scale;
+#[cfg(test)]
+mod sight;
 mod svg;
 
 use scale::Scale;
 use svg::{Anchor, Canvas, Stroke};
 
+pub use drawing::Drawing;
 pub use png::{DrawError, from_svg as png};
 
 /// Colours for lines, told apart by colour-blind readers too (Okabe and Ito's set), dark ones first.
@@ -37,6 +41,16 @@ pub mod colour {
     pub const PURPLE: &str = "#aa4499";
     /// Grey.
     pub const GREY: &str = "#888888";
+}
+
+/// Light colours for bands behind lines, told apart from each other and from the page by deuteranopes too.
+pub mod fill {
+    /// Pale yellow.
+    pub const YELLOW: &str = "#faeaa8";
+    /// Pale blue.
+    pub const BLUE: &str = "#bcd8f6";
+    /// Dusky rose.
+    pub const ROSE: &str = "#dcb4ac";
 }
 
 const WIDTH: f64 = 1200.0;
@@ -125,7 +139,7 @@ pub struct Series {
     pub data: Vec<(f64, f64)>,
 }
 
-/// A point with its name beside it.
+/// A point with its name beside it; beyond the ends of the axis an arrow head, and in the legend where it is.
 #[derive(Clone, Debug)]
 pub struct Point {
     /// Where it is.
@@ -155,7 +169,7 @@ impl Figure {
         for panel in &self.panels {
             top += HEADING;
             panel.draw(&mut canvas, &x, (LEFT, right), top);
-            panel.legend(&mut canvas, (right + 18.0, top), &mut named_bands);
+            panel.legend(&mut canvas, &x, (right + 18.0, top), &mut named_bands);
             top += panel.height;
         }
         for tick in x.ticks() {
@@ -201,7 +215,10 @@ impl Panel {
         let corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
         canvas.polyline(&corners, FRAME);
         canvas.clipped((left, top), (right - left, self.height), |canvas| {
-            for series in &self.series {
+            // What should be lies over what is, which shows between its dashes.
+            let (above, below): (Vec<&Series>, Vec<&Series>) =
+                self.series.iter().partition(|series| series.is_dashed());
+            for series in below.into_iter().chain(above) {
                 for run in series.runs(x, &y) {
                     canvas.polyline(&run, series.stroke());
                 }
@@ -209,6 +226,12 @@ impl Panel {
         });
         for point in &self.points {
             let at = (x.pixel(point.at.0), y.pixel(point.at.1));
+            let side = point.beyond(x);
+            if side != 0.0 {
+                let edge = (if side < 0.0 { left } else { right }, at.1.clamp(top, bottom));
+                canvas.arrow_head(edge, side, point.colour);
+                continue;
+            }
             canvas.disc(at, 5.0, point.colour);
             // Off a rising line: below it to the right, or above it to the left at the right edge.
             let ((dx, dy), anchor) =
@@ -217,8 +240,8 @@ impl Panel {
         }
     }
 
-    /// Names the lines and, unless an upper panel did, the bands.
-    fn legend(&self, canvas: &mut Canvas, (left, top): (f64, f64), named: &mut Vec<&str>) {
+    /// Names the lines, the points beyond the axis and, unless an upper panel did, the bands.
+    fn legend(&self, canvas: &mut Canvas, x: &Scale, (left, top): (f64, f64), named: &mut Vec<&str>) {
         let mut row = top + 10.0;
         let mut entry = |canvas: &mut Canvas, name: &str| {
             canvas.text((left + 32.0, row + 4.5), Anchor::Start, 13.0, TEXT, name);
@@ -228,6 +251,12 @@ impl Panel {
         for series in &self.series {
             let at = entry(canvas, &series.name);
             canvas.polyline(&[(left, at), (left + 24.0, at)], series.stroke());
+        }
+        for point in self.points.iter().filter(|point| point.beyond(x) != 0.0) {
+            let where_it_is =
+                format!("{}: beyond, at {:.0}", point.name, point.at.0).replace('-', "\u{2212}");
+            let at = entry(canvas, &where_it_is);
+            canvas.arrow_head((left + 12.0, at), point.beyond(x), point.colour);
         }
         for band in &self.bands {
             if !named.contains(&band.name) {
@@ -239,10 +268,25 @@ impl Panel {
     }
 }
 
+impl Point {
+    /// -1 left of the axis, 1 right of it, 0 on it.
+    fn beyond(&self, x: &Scale) -> f64 {
+        let (low, high) = x.range();
+        match self.at.0 {
+            at if at < low => -1.0,
+            at if at > high => 1.0,
+            _ => 0.0,
+        }
+    }
+}
+
 impl Series {
+    fn is_dashed(&self) -> bool {
+        matches!(self.style, Style::Dashed | Style::DashedStep)
+    }
+
     fn stroke(&self) -> Stroke<'_> {
-        let dashed = matches!(self.style, Style::Dashed | Style::DashedStep);
-        let dash = if dashed { "6 4" } else { "" };
+        let dash = if self.is_dashed() { "6 4" } else { "" };
         Stroke { colour: self.colour, width: 1.8, dash }
     }
 

@@ -81,6 +81,18 @@ impl Canvas {
         self.element(format_args!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\" fill=\"{fill}\"/>"));
     }
 
+    /// A triangle whose tip is at `(x, y)`: `side` is -1 for one that points left, 1 for right.
+    pub(super) fn arrow_head(&mut self, (x, y): (f64, f64), side: f64, fill: &str) {
+        let base = x - 11.0 * side;
+        self.polygon(&[(x, y), (base, y - 6.0), (base, y + 6.0)], fill);
+    }
+
+    /// A filled polygon.
+    pub(super) fn polygon(&mut self, points: &[(f64, f64)], fill: &str) {
+        let corners: Vec<String> = points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+        self.element(format_args!("<polygon points=\"{}\" fill=\"{fill}\"/>", corners.join(" ")));
+    }
+
     /// A line through all `points`.
     pub(super) fn polyline(&mut self, points: &[(f64, f64)], stroke: Stroke) {
         let Stroke { colour, width, dash } = stroke;

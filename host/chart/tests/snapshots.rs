@@ -2,7 +2,7 @@
 
 mod snapshot;
 
-use chart::{Band, Figure, Panel, Point, Series, Style, colour};
+use chart::{Band, Figure, Panel, Point, Series, Style, colour, fill};
 
 fn series(name: &str, colour: &'static str, style: Style, data: &[(f64, f64)]) -> Series {
     Series { name: name.into(), colour, style, data: data.to_vec() }
@@ -37,9 +37,9 @@ fn styles() -> Figure {
 /// Bands that two panels share, each named once; one sticks out of the axis.
 fn bands() -> Figure {
     let bands = vec![
-        Band { from: -1.0, to: 0.5, colour: "#e2f2de", name: "forward" },
-        Band { from: 0.5, to: 1.0, colour: "#d6e6f8", name: "braking" },
-        Band { from: 1.0, to: 1.5, colour: "#e2f2de", name: "forward" },
+        Band { from: -1.0, to: 0.5, colour: fill::YELLOW, name: "forward" },
+        Band { from: 0.5, to: 1.0, colour: fill::BLUE, name: "braking" },
+        Band { from: 1.0, to: 1.5, colour: fill::YELLOW, name: "forward" },
     ];
     let line = || vec![series("speed", colour::PURPLE, Style::Line, &[(0.0, -2.5), (2.0, 7.5)])];
     let upper = Panel { bands: bands.clone(), ..panel("upper", line()) };
@@ -52,7 +52,7 @@ fn bands() -> Figure {
     }
 }
 
-/// Named points, on either side of their mark; a line that leaves the axes is cut.
+/// Named points, on either side of their mark and beyond the axis; a line that leaves the axes is cut.
 fn points() -> Figure {
     let point = |x: f64, y: f64, name: &str| Point { at: (x, y), name: name.into(), colour: colour::INK };
     Figure {
@@ -61,7 +61,12 @@ fn points() -> Figure {
         x_range: Some((-100.0, 100.0)),
         panels: vec![Panel {
             y_range: Some((-1.0, 1.0)),
-            points: vec![point(-80.0, -0.5, "S"), point(0.0, 0.0, "T"), point(95.0, 0.5, "G")],
+            points: vec![
+                point(-80.0, -0.5, "S"),
+                point(0.0, 0.0, "T"),
+                point(-250.0, -0.8, "R"),
+                point(95.0, 0.5, "G"),
+            ],
             ..panel(
                 "y",
                 vec![series(

@@ -1,5 +1,6 @@
 //! Options that choose how motors are controlled: scheme, blend, duty rule.
 
+use crate::output::Failure;
 use motor_hub::braking::{DutyRule, Scheme};
 use simulated::scheme::{BlendChoice, BlendError, SchemeName};
 
@@ -9,22 +10,22 @@ pub(crate) enum SchemeOption {
     /// No braking regime: forward and reverse driving only
     None,
     /// Control is an equivalent voltage
-    #[value(name = "A", alias = "a")]
+    #[value(name = "A")]
     A,
     /// Control is a current
-    #[value(name = "B", alias = "b")]
+    #[value(name = "B")]
     B,
     /// As B, but braking is as steep as driving
-    #[value(name = "C", alias = "c")]
+    #[value(name = "C")]
     C,
     /// Between B and C: see --blend
-    #[value(name = "D", alias = "d")]
+    #[value(name = "D")]
     D,
 }
 
 impl SchemeOption {
     /// The scheme that the firmware is set to.
-    pub(crate) fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, BlendError> {
+    pub(crate) fn with_blend(self, blend: Option<BlendChoice>) -> Result<Scheme, Failure> {
         let name = match self {
             Self::None => SchemeName::None,
             Self::A => SchemeName::A,
@@ -32,8 +33,12 @@ impl SchemeOption {
             Self::C => SchemeName::C,
             Self::D => SchemeName::D,
         };
-        name.with_blend(blend)
+        name.with_blend(blend).map_err(without_d)
     }
+}
+
+fn without_d(error: BlendError) -> Failure {
+    Failure::Input(format!("--blend: {error}; give --scheme D"))
 }
 
 /// How the duty is found within a regime.
@@ -52,17 +57,20 @@ pub(crate) struct Choice {
     #[arg(long, ignore_case = true)]
     scheme: Option<SchemeOption>,
     /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
-    #[arg(long, value_name = "0..1|auto", requires = "scheme")]
+    #[arg(long, value_name = "0..1|auto")]
     blend: Option<BlendChoice>,
     /// How duties are found
-    #[arg(long)]
+    #[arg(long, ignore_case = true)]
     duty: Option<DutyOption>,
 }
 
 impl Choice {
     /// The scheme, if one is chosen.
-    pub(crate) fn scheme(&self) -> Result<Option<Scheme>, BlendError> {
-        self.scheme.map(|name| name.with_blend(self.blend)).transpose()
+    pub(crate) fn scheme(&self) -> Result<Option<Scheme>, Failure> {
+        match self.scheme {
+            None if self.blend.is_some() => Err(without_d(BlendError::NotD)),
+            name => name.map(|name| name.with_blend(self.blend)).transpose(),
+        }
     }
 
     /// The duty rule, if one is chosen.
@@ -75,6 +83,6 @@ impl Choice {
 
     /// True if nothing is chosen.
     pub(crate) const fn is_empty(&self) -> bool {
-        self.scheme.is_none() && self.duty.is_none()
+        self.scheme.is_none() && self.blend.is_none() && self.duty.is_none()
     }
 }

@@ -20,7 +20,7 @@ mod turn;
 mod watch;
 
 use crate::output::{Failure, print};
-use crate::parse::{address, channel};
+use crate::parse::{address, channel, whole};
 use driven::stop_abandoned;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub_client::line::{Line, is_tcp};
@@ -59,8 +59,15 @@ pub(crate) struct Options {
     #[arg(long, value_name = "N", global = true, help_heading = "Hub", value_parser = address)]
     address: Option<Address>,
     /// How long an answer is waited for, with the request sent up to three times, in milliseconds
-    #[arg(long, value_name = "MS", global = true, help_heading = "Hub", default_value_t = 1000)]
-    #[arg(value_parser = clap::value_parser!(u64).range(10..=60_000))]
+    #[arg(
+        long = "timeout-ms",
+        alias = "timeout",
+        value_name = "MS",
+        global = true,
+        help_heading = "Hub",
+        default_value_t = 1000
+    )]
+    #[arg(value_parser = whole("a timeout", 10..=60_000_u64, "ms"))]
     timeout: u64,
     #[command(subcommand)]
     command: Command,
@@ -110,7 +117,14 @@ enum Command {
         motor: u8,
     },
     /// Sets the colour of the status LED, each 0 to 255
-    Led { red: u8, green: u8, blue: u8 },
+    Led {
+        #[arg(value_parser = whole("a colour", 0..=u8::MAX, ""))]
+        red: u8,
+        #[arg(value_parser = whole("a colour", 0..=u8::MAX, ""))]
+        green: u8,
+        #[arg(value_parser = whole("a colour", 0..=u8::MAX, ""))]
+        blue: u8,
+    },
     /// Gives the hub another address, 1 to 254
     SetAddress {
         #[arg(value_name = "N", value_parser = address)]
@@ -133,7 +147,7 @@ impl Options {
         // Before anything is sent.
         match &self.command {
             Command::Drive(drive) => drop(drive.order()?),
-            Command::Record(options) => drop(options.order()?),
+            Command::Record(options) => options.check()?,
             _ => (),
         }
         let timeout = Duration::from_millis(self.timeout);

@@ -1,6 +1,6 @@
 //! `motor-hub compare`.
 
-use crate::output::{Failure, drawn, print, print_json, write_all};
+use crate::output::{Failure, Folder, drawn, print, print_json};
 use indicatif::ProgressBar;
 use std::path::PathBuf;
 use studies::compare::Comparison;
@@ -32,6 +32,7 @@ pub(crate) struct Options {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
+        let folder = Folder::new(&self.out)?;
         let bar = ProgressBar::no_length().with_message("runs");
         let mut progress = |done: usize, total: usize| {
             bar.set_length(total as u64);
@@ -39,11 +40,12 @@ impl Options {
         };
         let comparison = Comparison::new(self.quick, &mut progress).map_err(Failure::work)?;
         bar.finish_and_clear();
-        let files = write_all(&self.out, drawn(&comparison.figures())?)?;
+        let draw = || folder.write_all(drawn(&comparison.figures())?);
         if self.json {
-            return print_json(&comparison.json(&files));
+            return print_json(&comparison.json(&draw()?));
         }
         print(&comparison.text())?;
-        print(&format!("\nCharts (SVG, PNG) are in {}\n", self.out.display()))
+        draw()?;
+        print(&format!("\nCharts (SVG, PNG) are in {folder}\n"))
     }
 }

@@ -1,6 +1,7 @@
 //! Options that say what a motor is which the catalogue lacks.
 
 use crate::output::Failure;
+use crate::parse::number;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::si::{Drag, EmfConstant as Ke, Henries, KgM2, Ohms, TorqueConstant};
@@ -10,16 +11,20 @@ use motor_hub::units::{EmfConstant, Inductance, Resistance};
 #[derive(Clone, clap::Args)]
 pub(crate) struct Constants {
     /// Back-EMF constant; with the encoder counts in a turn of the same shaft
-    #[arg(long, value_name = "V_S_PER_RAD", requires = "counts_per_rev", help_heading = CATALOGUE_LACKS)]
+    #[arg(long = "ke-v-s-per-rad", alias = "ke", value_name = "V_S_PER_RAD", requires = "counts_per_rev")]
+    #[arg(help_heading = CATALOGUE_LACKS, value_parser = number("a back-EMF constant", "V s/rad"))]
     ke: Option<f64>,
-    /// Encoder counts in a turn of the shaft that --ke is of: usually the motor's, before the gearbox
+    /// Encoder counts in a turn of the shaft that --ke-v-s-per-rad is of: usually the motor's, before the gearbox
     #[arg(long, value_name = "COUNTS", requires = "ke", help_heading = CATALOGUE_LACKS)]
+    #[arg(value_parser = number("an encoder's resolution", "counts"))]
     counts_per_rev: Option<f64>,
     /// Resistance of the winding
     #[arg(long, value_name = "OHM", help_heading = CATALOGUE_LACKS)]
+    #[arg(value_parser = number("a resistance", "ohm"))]
     resistance_ohm: Option<f64>,
     /// Inductance of the winding
     #[arg(long, value_name = "MH", help_heading = CATALOGUE_LACKS)]
+    #[arg(value_parser = number("an inductance", "mH"))]
     inductance_mh: Option<f64>,
 }
 
@@ -34,7 +39,9 @@ impl Constants {
     /// Back EMF, if it is given.
     pub(crate) fn emf(&self) -> Result<Option<EmfConstant>, Failure> {
         let (Some(ke), Some(counts)) = (self.ke, self.counts_per_rev) else { return Ok(None) };
-        EmfConstant::from_ke(ke, counts).map(Some).map_err(|e| Failure::Input(format!("--ke {ke}: {e}")))
+        EmfConstant::from_ke(ke, counts)
+            .map(Some)
+            .map_err(|e| Failure::Input(format!("--ke-v-s-per-rad {ke}: {e}")))
     }
 
     /// Resistance, if it is given.
@@ -57,7 +64,7 @@ impl Constants {
         let (Some(ke), Some(counts), Some(ohms), Some(mh), (Some(_), Some(_), Some(_))) =
             (self.ke, self.counts_per_rev, self.resistance_ohm, self.inductance_mh, all)
         else {
-            let why = "name the motor by --motor, or give --ke, --counts-per-rev, --resistance-ohm and --inductance-mh";
+            let why = "name the motor by --motor, or give --ke-v-s-per-rad, --counts-per-rev, --resistance-ohm and --inductance-mh";
             return Err(Failure::input(why));
         };
         Ok(Motor {

@@ -1,6 +1,6 @@
 //! `motor-hub emulate`.
 
-use crate::output::{Failure, drawn, print, write_all};
+use crate::output::{Failure, Folder, drawn, print};
 use emulated::{elf, replay};
 use indicatif::ProgressBar;
 use simulated::scenario::Scenario;
@@ -35,6 +35,7 @@ impl Options {
             None => Scenario::default_one(),
         };
         let scenario = replay::on_a_line(scenario.map_err(Failure::input)?);
+        let folder = Folder::new(&self.out)?;
         let bar = ProgressBar::new((2000.0 * scenario.duration_s) as u64).with_message("virtual ms");
         let at = |s: f64| bar.set_position((1000.0 * s) as u64);
         let emulated = replay::run(&scenario, &mut |s| at(s)).map_err(Failure::work)?;
@@ -42,7 +43,7 @@ impl Options {
         bar.finish_and_clear();
         let overlay = Overlay::new(scenario, emulated, simulated);
         print(&overlay.tables())?;
-        let files = write_all(&self.out, drawn(&[("overlay".to_owned(), overlay.figure())])?)?;
+        let files = folder.write_all(drawn(&[("overlay".to_owned(), overlay.figure())])?)?;
         print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())
     }
 }

@@ -1,6 +1,6 @@
 //! `motor-hub figures`.
 
-use crate::output::{Failure, drawn, print, write_all};
+use crate::output::{Failure, Folder, drawn, print};
 use std::path::PathBuf;
 
 /// Options of `figures`.
@@ -13,8 +13,14 @@ pub(crate) struct Options {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
+        let folder = Folder::new(&self.out)?;
         let figures = studies::figures::all().map_err(Failure::work)?;
-        let files = write_all(&self.out, drawn(&figures)?)?;
+        let circuits = studies::figures::circuits();
+        let picture = chart::png(&circuits).map_err(Failure::work)?;
+        let mut files = drawn(&figures)?;
+        files
+            .extend([("14-circuits.svg".into(), circuits.into_bytes()), ("14-circuits.png".into(), picture)]);
+        let files = folder.write_all(files)?;
         print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())
     }
 }

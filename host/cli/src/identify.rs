@@ -1,6 +1,7 @@
 //! `motor-hub identify`.
 
-use crate::output::{Failure, drawn, print, print_json, write_all};
+use crate::output::{Failure, Folder, drawn, print, print_json};
+use crate::parse::whole;
 use crate::source::Source;
 use motor_hub::regulator::identify::Identification;
 use simulated::scenario::Scenario;
@@ -25,7 +26,8 @@ pub(crate) struct Options {
     #[command(flatten)]
     source: Source,
     /// Counts that each may turn at most, either way; fewer make the motion shorter
-    #[arg(long, value_name = "COUNTS", default_value_t = u32::MAX, hide_default_value = true)]
+    #[arg(long = "travel-counts", alias = "travel", value_name = "COUNTS", default_value_t = u32::MAX)]
+    #[arg(hide_default_value = true, value_parser = whole("a travel", 0..=u32::MAX, "counts"))]
     travel: u32,
     /// Folder for the chart
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/identify")]
@@ -38,18 +40,21 @@ pub(crate) struct Options {
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         let mut scenario = identify::scenario(self.source.scenario(Scenario::undisturbed)?, self.travel);
+        let folder = Folder::new(&self.out)?;
         let mut trace = sim::run(&scenario, &mut |_| ()).map_err(Failure::work)?;
         if let Some(longer) = identify::longer(&scenario, &trace) {
             trace = sim::run(&longer, &mut |_| ()).map_err(Failure::work)?;
             scenario = longer;
         }
         let learned = Identifications::new(scenario, trace).map_err(Failure::input)?;
-        write_all(&self.out, drawn(&[("identify".to_owned(), learned.figure())])?)?;
         if self.json {
             print_json(&learned.json())?;
         } else {
             print(&learned.tables())?;
-            print(&format!("The chart (SVG, PNG) is in {}\n", self.out.display()))?;
+        }
+        folder.write_all(drawn(&[("identify".to_owned(), learned.figure())])?)?;
+        if !self.json {
+            print(&format!("The chart (SVG, PNG) is in {folder}\n"))?;
         }
         let known = |outcome: &Identification| matches!(outcome, Identification::Found(_));
         match learned.outcomes().filter(|outcome| !known(outcome)).count() {

@@ -9,11 +9,13 @@
 mod choice;
 mod client;
 mod compare;
+mod completions;
 mod constants;
 mod emulate;
 mod eval;
 mod figures;
 mod identify;
+mod man;
 mod map;
 mod motors;
 mod operating;
@@ -27,14 +29,18 @@ mod soak;
 mod source;
 mod survey;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use output::Failure;
+use parse::with_negative_numbers;
 use std::process::ExitCode;
+use studies::table;
 
 /// A hub for four gear motors with proportional braking, on a simulated board
 ///
 /// Without a command it runs the default scenario: the hub's own tasks drive four simulated motors
 /// for ten virtual seconds, once with proportional braking and once without.
+///
+/// Tables are as wide as the terminal, or as the variable COLUMNS says; else 80 columns.
 #[derive(Parser)]
 #[command(name = "motor-hub", version, args_conflicts_with_subcommands = true)]
 struct Cli {
@@ -82,10 +88,17 @@ enum Command {
     /// The scripting interface: computes cases of a JSON document
     #[command(long_about = eval::HELP)]
     Eval(eval::Options),
+    /// A script by which a shell completes commands and options, on standard output
+    Completions(completions::Options),
+    /// Manual pages of all commands, as files
+    Man(man::Options),
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let mut command = with_negative_numbers(Cli::command());
+    let parsed = Cli::from_arg_matches_mut(&mut command.get_matches_mut());
+    let cli = parsed.unwrap_or_else(|error| error.format(&mut command).exit());
+    table::fit(output::columns().unwrap_or(table::USUAL_WIDTH));
     let done = match cli.command.unwrap_or(Command::Run(cli.run)) {
         Command::Run(options) => options.execute(),
         Command::Compare(options) => options.execute(),
@@ -101,6 +114,57 @@ fn main() -> ExitCode {
         Command::Serve(options) => options.execute(),
         Command::Client(options) => options.execute(),
         Command::Eval(options) => options.execute(),
+        Command::Completions(options) => options.execute(Cli::command()),
+        Command::Man(options) => options.execute(Cli::command()),
     };
     done.map_or_else(Failure::report, |()| ExitCode::SUCCESS)
+}
+
+#[cfg(test)]
+#[expect(clippy::expect_used, reason = "a failed access is a failed test")]
+mod tests {
+    use super::*;
+    use clap::{Arg, Command as Clap};
+
+    /// What a parser of the standard library or of clap says, who know neither quantity nor unit.
+    const BARE: [&str; 6] = [
+        "invalid digit",
+        "invalid float",
+        "is not in",
+        "cannot parse integer",
+        "number too",
+        "unexpected argument",
+    ];
+
+    /// What is wrong with "-1x", "-1" and "1e99" as the value of an option or the first argument.
+    fn complaints(path: &[String], command: &Clap, all: &mut Vec<(String, String)>) {
+        let awaits = |arg: &&Arg| arg.get_action().takes_values() && !arg.is_trailing_var_arg_set();
+        for arg in command.get_arguments().filter(awaits) {
+            if arg.get_index().is_some_and(|index| index > 1) {
+                continue;
+            }
+            for value in ["-1", "99999999999999999999", "x1"] {
+                let option = arg.get_long().map(|long| format!("--{long}"));
+                let words = path.iter().cloned().chain(option).chain([value.to_owned()]);
+                let words: Vec<String> = words.collect();
+                if let Err(error) = with_negative_numbers(Cli::command()).try_get_matches_from(&words) {
+                    all.push((words.join(" "), error.to_string()));
+                }
+            }
+        }
+        for inner in command.get_subcommands() {
+            complaints(&[path, &[inner.get_name().to_owned()]].concat(), inner, all);
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_value_is_said_in_its_quantity_and_unit() {
+        let mut all = Vec::new();
+        complaints(&["motor-hub".to_owned()], &Cli::command(), &mut all);
+        assert!(all.len() > 100, "{} complaints", all.len());
+        for (words, complaint) in all {
+            let first = complaint.lines().next().expect("it says something");
+            assert!(BARE.iter().all(|bare| !first.contains(bare)), "{words}: {complaint}");
+        }
+    }
 }

@@ -2,6 +2,7 @@
 
 use crate::operating::OperatingOptions;
 use crate::output::{Failure, print, print_json};
+use crate::parse::whole;
 use motor_hub::units::Control;
 use studies::points::PlacedDrive;
 use studies::table;
@@ -12,8 +13,8 @@ pub(crate) struct Options {
     #[command(flatten)]
     at: OperatingOptions,
     /// Control value
-    #[arg(long, value_name = "C", allow_negative_numbers = true)]
-    #[arg(value_parser = clap::value_parser!(i16).range(-32767..))]
+    #[arg(long = "control-steps", alias = "control", value_name = "STEPS")]
+    #[arg(value_parser = whole("a control value", -32_767..=i16::MAX, "steps"))]
     control: i16,
 }
 

@@ -20,7 +20,7 @@ pub(crate) struct Options {
 
 fn volts(text: &str) -> Result<f64, String> {
     let volts = text.parse().ok().filter(|volts| (1.0..=60.0).contains(volts));
-    volts.ok_or_else(|| "a voltage is 1 to 60".to_owned())
+    volts.ok_or_else(|| "a voltage is 1 to 60 V".to_owned())
 }
 
 /// A motor on a battery, seen from its output shaft.
@@ -75,7 +75,8 @@ impl Options {
         print(&format!(
             "{table}\nOf the output shaft at {} V: counts, free speed, stall current and torque.\n\
              Part numbers are names too (--json has them); case and spaces do not matter.\n\
-             A motor that is not here: `client setup --ke ..`, `constants` in a scenario.\n",
+             A motor that is not here: `client setup --ke-v-s-per-rad ..`,\n\
+             or `constants` in a scenario.\n",
             self.volts
         ))
     }

@@ -3,6 +3,7 @@
 use crate::choice::SchemeOption;
 use crate::constants::Constants;
 use crate::output::Failure;
+use crate::parse::{battery_mv, whole};
 use motor_hub::model::catalogue::characterised;
 use simulated::scheme::BlendChoice;
 use studies::points::OperatingReport;
@@ -22,11 +23,10 @@ pub(crate) struct OperatingOptions {
     #[command(flatten)]
     constants: Constants,
     /// Speed of the encoder in counts per second, positive for CW
-    #[arg(long, value_name = "V", allow_negative_numbers = true)]
-    #[arg(value_parser = clap::value_parser!(i32).range(-1_000_000..=1_000_000))]
+    #[arg(long, value_name = "V", value_parser = whole("a speed", -1_000_000..=1_000_000, "counts/s"))]
     speed_cps: i32,
     /// Battery voltage in millivolts
-    #[arg(long, value_name = "MV", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "MV", value_parser = battery_mv)]
     battery_mv: u16,
     /// JSON instead of a table
     #[arg(long)]
@@ -36,7 +36,7 @@ pub(crate) struct OperatingOptions {
 impl OperatingOptions {
     /// What the core makes of it.
     pub(crate) fn report(&self) -> Result<OperatingReport, Failure> {
-        let scheme = self.scheme.with_blend(self.blend).map_err(Failure::input)?;
+        let scheme = self.scheme.with_blend(self.blend)?;
         let motor = match &self.motor {
             Some(name) => characterised(name).map_err(Failure::input)?,
             None => self.constants.motor()?,

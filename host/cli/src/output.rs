@@ -2,11 +2,12 @@
 
 use chart::DrawError;
 use serde::Serialize;
+use serde_json::Value;
 use std::fmt;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use studies::NamedFigure;
+use studies::{NamedFigure, SCHEMA_VERSION};
 
 /// Why a command did not do what it was asked.
 #[derive(Debug)]
@@ -51,10 +52,35 @@ pub(crate) fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Prints a JSON document on standard output.
+/// Columns for tables: what COLUMNS says, else the terminal on standard output; none if there is no such thing.
+pub(crate) fn columns() -> Option<u16> {
+    let told = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
+    told.filter(|columns| *columns > 0).or_else(terminal_columns)
+}
+
+#[cfg(unix)]
+fn terminal_columns() -> Option<u16> {
+    let size = rustix::termios::tcgetwinsize(std::io::stdout()).ok()?;
+    (size.ws_col > 0).then_some(size.ws_col)
+}
+
+#[cfg(not(unix))]
+fn terminal_columns() -> Option<u16> {
+    None
+}
+
+/// Prints a JSON document on standard output, with the version of its schema.
 pub(crate) fn print_json(document: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string_pretty(document).map_err(Failure::work)?;
-    print(&format!("{text}\n"))
+    print(&format!("{:#}\n", versioned(document)?))
+}
+
+/// The document with the version of its schema.
+pub(crate) fn versioned(document: &impl Serialize) -> Result<Value, Failure> {
+    let mut document = serde_json::to_value(document).map_err(Failure::work)?;
+    if let Some(object) = document.as_object_mut() {
+        object.insert("schema_version".to_owned(), SCHEMA_VERSION.into());
+    }
+    Ok(document)
 }
 
 /// Prints to standard output; a reader that has gone away is a failure, not a panic.
@@ -77,16 +103,37 @@ pub(crate) fn drawn(figures: &[NamedFigure]) -> Result<Files, Failure> {
     Ok(pairs.map_err(Failure::work)?.into_iter().flatten().collect())
 }
 
-/// Writes files to a folder that it makes if need be; returns their paths.
-pub(crate) fn write_all(folder: &Path, files: Files) -> Result<Vec<PathBuf>, Failure> {
-    let failed = |path: &Path, e: std::io::Error| Failure::Work(format!("{}: {e}", path.display()));
-    std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
-    let mut written = Vec::with_capacity(files.len());
-    for (name, bytes) in files {
-        let path = folder.join(name);
-        std::fs::write(&path, bytes).map_err(|e| failed(&path, e))?;
-        written.push(path);
+/// A folder for output that can be written to.
+pub(crate) struct Folder(PathBuf);
+
+impl Folder {
+    /// Makes the folder if need be, and tries it, so that no work is done in vain.
+    pub(crate) fn new(path: &Path) -> Result<Self, Failure> {
+        let trial = path.join(format!(".motor-hub-{}", std::process::id()));
+        let tried = std::fs::create_dir_all(path)
+            .and_then(|()| std::fs::write(&trial, []))
+            .and_then(|()| std::fs::remove_file(&trial));
+        let failed =
+            |e| Failure::Input(format!("{}: nothing can be written to this folder: {e}", path.display()));
+        tried.map(|()| Self(path.to_owned())).map_err(failed)
     }
-    written.sort();
-    Ok(written)
+
+    /// Writes files to it; returns their paths.
+    pub(crate) fn write_all(&self, files: Files) -> Result<Vec<PathBuf>, Failure> {
+        let mut written = Vec::with_capacity(files.len());
+        for (name, bytes) in files {
+            let path = self.0.join(name);
+            let done = std::fs::write(&path, bytes);
+            done.map_err(|e| Failure::Work(format!("{}: {e}", path.display())))?;
+            written.push(path);
+        }
+        written.sort();
+        Ok(written)
+    }
+}
+
+impl fmt::Display for Folder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.display().fmt(f)
+    }
 }

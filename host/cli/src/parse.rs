@@ -1,12 +1,24 @@
 //! Values of options that several commands have.
 
+use clap::{Arg, Command};
 use motor_hub::protocol::{Address, CHANNELS};
 use simulated::scenario::LONGEST_S;
+use std::fmt::Display;
 use std::ops::RangeInclusive;
+use std::str::FromStr;
 use std::time::Duration;
 
 /// The longest time that a command of `client` runs by the clock: a day.
 const DAY_S: f64 = 86_400.0;
+
+/// The command with "-1" taken for a value wherever one is awaited, so that what is said of it is its range.
+pub(crate) fn with_negative_numbers(command: Command) -> Command {
+    let values = |arg: Arg| {
+        let some = arg.get_action().takes_values() && !arg.is_allow_hyphen_values_set();
+        if some { arg.allow_negative_numbers(true) } else { arg }
+    };
+    command.mut_args(values).mut_subcommands(with_negative_numbers)
+}
 
 /// A hub's address.
 pub(crate) fn address(text: &str) -> Result<Address, String> {
@@ -22,19 +34,53 @@ pub(crate) fn channel(text: &str) -> Result<u8, String> {
 
 /// A length in seconds by the clock, of any size.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    within(text, f64::MIN_POSITIVE..=f64::MAX).ok_or_else(|| "a length is more than 0 seconds".to_owned())
+    within(text, f64::MIN_POSITIVE..=f64::MAX).ok_or_else(|| "a length is more than 0 s".to_owned())
 }
 
 /// A length in seconds by the clock, at most a day.
 pub(crate) fn within_a_day(text: &str) -> Result<Duration, String> {
     let length = within(text, f64::MIN_POSITIVE..=DAY_S).map(Duration::from_secs_f64);
-    length.ok_or_else(|| format!("a length is more than 0 and at most {DAY_S} seconds"))
+    length.ok_or_else(|| format!("a length is more than 0 and at most {DAY_S} s"))
 }
 
 /// The length of a scenario's run in seconds.
 pub(crate) fn run_seconds(text: &str) -> Result<f64, String> {
     let length = within(text, 0.001..=LONGEST_S);
-    length.ok_or_else(|| format!("a length is more than 0 and at most {LONGEST_S} seconds"))
+    length.ok_or_else(|| format!("a length is more than 0 and at most {LONGEST_S} s"))
+}
+
+/// A parser of whole numbers: `what` names the quantity ("a control period"), `unit` is "" for none.
+pub(crate) fn whole<T: FromStr + PartialOrd + Display + Clone>(
+    what: &'static str,
+    allowed: RangeInclusive<T>,
+    unit: &'static str,
+) -> impl Fn(&str) -> Result<T, String> + Clone {
+    move |text| {
+        let value = text.parse().ok().filter(|value| allowed.contains(value));
+        let (low, high) = (allowed.start(), allowed.end());
+        value.ok_or_else(|| {
+            format!("{what} is a whole number from {low} to {high} {unit}").trim_end().to_owned()
+        })
+    }
+}
+
+/// A parser of numbers whose range is another's to check; `what` names the quantity.
+pub(crate) fn number(what: &'static str, unit: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| within(text, f64::MIN..=f64::MAX).ok_or_else(|| format!("{what} is a number of {unit}"))
+}
+
+/// Below this a number of millivolts is one of volts, or a mistake.
+const LEAST_BATTERY_MV: u16 = 1000;
+
+/// A battery's voltage in millivolts.
+pub(crate) fn battery_mv(text: &str) -> Result<u16, String> {
+    let allowed = LEAST_BATTERY_MV..=u16::MAX;
+    let value = text.parse().ok().filter(|mv| allowed.contains(mv));
+    value.ok_or_else(|| {
+        let volts = within(text, 1.0..=60.0).map(|volts| format!("; did you mean {:.0}?", 1e3 * volts));
+        let range = format!("a battery voltage is a whole number from {LEAST_BATTERY_MV} to {} mV", u16::MAX);
+        range + &volts.unwrap_or_default()
+    })
 }
 
 fn within(text: &str, allowed: RangeInclusive<f64>) -> Option<f64> {

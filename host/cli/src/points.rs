@@ -1,7 +1,7 @@
 //! `motor-hub points`.
 
 use crate::operating::OperatingOptions;
-use crate::output::{Failure, drawn, print, print_json, write_all};
+use crate::output::{Failure, Folder, drawn, print, print_json};
 use std::path::PathBuf;
 use studies::table;
 
@@ -18,19 +18,22 @@ pub(crate) struct Options {
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         let report = self.at.report()?;
-        if let Some(folder) = &self.plot {
-            let figure = [("points".to_owned(), report.figure())];
-            write_all(folder, drawn(&figure)?)?;
-        }
+        let folder = self.plot.as_deref().map(Folder::new).transpose()?;
+        let draw = || -> Result<(), Failure> {
+            let Some(folder) = &folder else { return Ok(()) };
+            folder.write_all(drawn(&[("points".to_owned(), report.figure())])?).map(drop)
+        };
         if self.at.json {
-            return print_json(&report);
+            print_json(&report)?;
+            return draw();
         }
         let mut table = table::new(&["point", "control, steps", report.ordinate()], 0);
         for point in &report.points {
             let (x, y) = (format!("{:.2}", point.control), format!("{:.4}", point.y));
             table.add_row([point.name.to_owned(), x, y]);
         }
-        let folder = self.plot.map(|f| format!("The chart is in {}\n", f.display())).unwrap_or_default();
-        print(&format!("{}\n{table}\n{folder}", report.heading()))
+        print(&format!("{}\n{table}\n", report.heading()))?;
+        draw()?;
+        folder.map_or(Ok(()), |folder| print(&format!("The chart is in {folder}\n")))
     }
 }

@@ -1,8 +1,8 @@
 //! `motor-hub run`.
 
 use crate::choice::Choice;
-use crate::output::{Failure, drawn, print, print_json, write_all};
-use crate::parse::run_seconds;
+use crate::output::{Failure, Folder, drawn, print, print_json};
+use crate::parse::{run_seconds, whole};
 use crate::source::Source;
 use indicatif::ProgressBar;
 use simulated::scenario::Scenario;
@@ -16,13 +16,13 @@ pub(crate) struct Options {
     #[command(flatten)]
     source: Source,
     /// Length of the run in seconds
-    #[arg(long, value_name = "S", value_parser = run_seconds)]
+    #[arg(long = "time-s", alias = "time", value_name = "S", value_parser = run_seconds)]
     time: Option<f64>,
     /// Of all motors
     #[command(flatten)]
     choice: Choice,
     /// What the noise of the measurements follows from
-    #[arg(long)]
+    #[arg(long, value_parser = whole("a seed", 0..=u32::MAX, ""))]
     seed: Option<u32>,
     /// Folder for charts and CSV
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/run")]
@@ -34,16 +34,22 @@ pub(crate) struct Options {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        let comparison = simulate(self.scenario()?).map_err(Failure::work)?;
-        let mut files: Vec<_> =
-            comparison.traces().map(|(name, text)| (name.to_owned(), text.into_bytes())).into();
-        files.extend(drawn(&comparison.figures())?);
-        let files = write_all(&self.out, files)?;
+        let scenario = self.scenario()?;
+        let folder = Folder::new(&self.out)?;
+        let comparison = simulate(scenario).map_err(Failure::work)?;
+        let write = || {
+            let traces = comparison.traces().map(|(name, text)| (name.to_owned(), text.into_bytes()));
+            let mut files = folder.write_all(traces.into())?;
+            files.extend(folder.write_all(drawn(&comparison.figures())?)?);
+            files.sort();
+            Ok(files)
+        };
         if self.json {
-            print_json(&comparison.json(&files))?;
+            print_json(&comparison.json(&write()?))?;
         } else {
             print(&comparison.tables())?;
-            print(&format!("\nCharts (SVG, PNG) and traces (CSV) are in {}\n", self.out.display()))?;
+            write()?;
+            print(&format!("\nCharts (SVG, PNG) and traces (CSV) are in {folder}\n"))?;
         }
         let verdicts = comparison.verdicts();
         match verdicts.iter().filter(|verdict| !verdict.met()).count() {
@@ -55,7 +61,7 @@ impl Options {
     /// The scenario with all options applied.
     fn scenario(&self) -> Result<Scenario, Failure> {
         let mut scenario = self.source.scenario(|default| default)?;
-        if let Some(scheme) = self.choice.scheme().map_err(Failure::input)? {
+        if let Some(scheme) = self.choice.scheme()? {
             scenario.motors.iter_mut().for_each(|motor| motor.scheme = scheme);
         }
         if let Some(duty) = self.choice.duty() {

@@ -71,7 +71,7 @@ struct Serving {
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
     /// Ends after so many seconds
-    #[arg(long = "for", value_name = "S", allow_negative_numbers = true, value_parser = seconds)]
+    #[arg(long = "for-s", alias = "for", value_name = "S", value_parser = seconds)]
     limit_s: Option<f64>,
 }
 

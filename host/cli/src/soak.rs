@@ -1,6 +1,7 @@
 //! `motor-hub soak`.
 
 use crate::output::{Failure, print, print_json};
+use crate::parse::whole;
 use indicatif::ProgressBar;
 use studies::survey::soak::{self, Soak};
 
@@ -18,7 +19,7 @@ Exit codes: 0 nothing of the kind; 1 something; 2 wrong options.";
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// What the scenarios follow from
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = whole("a seed", 0..=u64::MAX, ""))]
     seed: u64,
     /// Hours of virtual time, 0 to 1000
     #[arg(long, default_value_t = 1.0, value_parser = hours)]
@@ -30,7 +31,7 @@ pub(crate) struct Options {
 
 fn hours(text: &str) -> Result<f64, String> {
     let hours = text.parse().ok().filter(|hours| (0.0..=1000.0).contains(hours));
-    hours.ok_or_else(|| "allowed is 0 to 1000".to_owned())
+    hours.ok_or_else(|| "how long is 0 to 1000 hours".to_owned())
 }
 
 impl Options {

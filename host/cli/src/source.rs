@@ -1,6 +1,7 @@
 //! Options that choose what is simulated: a scenario, motors in it, the control period.
 
 use crate::output::Failure;
+use crate::parse::whole;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::units::Period;
 use simulated::hardware::MOTORS;
@@ -18,7 +19,8 @@ pub(crate) struct Source {
     #[arg(long, value_name = "NAME", conflicts_with = "scenario")]
     motor: Vec<String>,
     /// Control period in milliseconds
-    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(long = "period-ms", alias = "period", value_name = "MS")]
+    #[arg(value_parser = whole("a control period", 1..=100_u32, "ms"))]
     period: Option<u32>,
 }
 

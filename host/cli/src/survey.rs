@@ -1,6 +1,7 @@
 //! `motor-hub survey`.
 
-use crate::output::{Failure, drawn, print, print_json, write_all};
+use crate::output::{Failure, Folder, drawn, print, print_json};
+use crate::parse::whole;
 use indicatif::ProgressBar;
 use serde_json::json;
 use std::path::PathBuf;
@@ -39,16 +40,16 @@ pub(crate) struct Options {
     #[arg(long, value_name = "PART")]
     only: Option<Part>,
     /// What the scenarios follow from
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = whole("a seed", 0..=u64::MAX, ""))]
     seed: u64,
     /// How many scenarios
-    #[arg(long, default_value_t = 300)]
+    #[arg(long, default_value_t = 300, value_parser = whole("how many", 0..=1_000_000_u64, "scenarios"))]
     scenarios: u64,
     /// How many of the worst responses to list
-    #[arg(long, default_value_t = 10)]
+    #[arg(long, default_value_t = 10, value_parser = whole("how many to list", 0..=1_000_000_usize, "responses"))]
     worst: usize,
     /// Write the scenario of this number to the folder, and run nothing
-    #[arg(long, value_name = "NUMBER")]
+    #[arg(long, value_name = "NUMBER", value_parser = whole("a scenario's number", 0..=u64::MAX, ""))]
     dump: Option<u64>,
     /// Folder for charts, or for that scenario
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/survey")]
@@ -60,10 +61,11 @@ pub(crate) struct Options {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
+        let folder = Folder::new(&self.out)?;
         if let Some(number) = self.dump {
             let name = format!("survey-{}-{number}.toml", self.seed);
             let text = toml(&random::scenario(self.seed, number));
-            let files = write_all(&self.out, vec![(name, text.into_bytes())])?;
+            let files = folder.write_all(vec![(name, text.into_bytes())])?;
             return files.iter().try_for_each(|file| print(&format!("{}\n", file.display())));
         }
         let wanted = |part| self.only.is_none_or(|only| only == part);
@@ -86,10 +88,10 @@ impl Options {
             survey.as_ref().map(chart::survey),
         ];
         let figures: Vec<NamedFigure> = figures.into_iter().flatten().collect();
-        let files = write_all(&self.out, drawn(&figures)?)?;
+        let draw = || folder.write_all(drawn(&figures)?);
         if self.json {
             let document =
-                json!({ "reference": reference, "cells": cells, "survey": survey, "files": files });
+                json!({ "reference": reference, "cells": cells, "survey": survey, "files": draw()? });
             return print_json(&document);
         }
         let parts = [
@@ -98,6 +100,7 @@ impl Options {
             survey.map(|survey| text::survey(&survey, self.worst)),
         ];
         parts.into_iter().flatten().try_for_each(|part| print(&part))?;
-        print(&format!("\nCharts (SVG, PNG) are in {}\n", self.out.display()))
+        draw()?;
+        print(&format!("\nCharts (SVG, PNG) are in {folder}\n"))
     }
 }

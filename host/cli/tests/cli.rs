@@ -31,8 +31,11 @@ fn wrong_options_are_refused_without_output() {
     std::fs::write(&scenario, "name = 1\n").unwrap();
     let scenario = scenario.to_str().unwrap();
     for (arguments, says) in [
-        (&["--period", "0"][..], "1..=100"),
-        (&["--period", "101"], "1..=100"),
+        (&["--period-ms", "0"][..], "a control period is a whole number from 1 to 100 ms"),
+        (&["--period", "101"], "1 to 100 ms"),
+        (&["--time-s", "-1"], "more than 0 and at most"),
+        (&["--seed", "-1"], "a seed is a whole number from 0 to 4294967295"),
+        (&["--blend", "0.5"], "give --scheme D"),
         (&["--time", "0"], "more than 0"),
         (&["--time", "nan"], "more than 0"),
         (&["--scheme", "E"], "none, A, B, C, D"),
@@ -142,10 +145,7 @@ fn any_motor_of_the_catalogue_can_take_the_place_of_the_first() {
     let output = motor_hub(&arguments);
     assert!(output.status.success());
     let tables = text(&output.stdout);
-    assert!(
-        tables.contains("flywheel: Matrix B") && tables.contains("scheme D, automatic blend"),
-        "{tables}"
-    );
+    assert!(tables.contains("flywheel: Matrix B") && tables.contains("scheme D, automatic"), "{tables}");
     assert!(!tables.contains("winch"));
     assert!(tables.contains(out.to_str().unwrap()));
 }
@@ -249,4 +249,80 @@ fn an_operating_point_may_be_of_a_motor_that_the_catalogue_lacks() {
     let without = motor_hub(&at);
     assert_eq!(without.status.code(), Some(2));
     assert!(err(&without).contains("--resistance-ohm"), "{}", err(&without));
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_to_is_found_before_any_work() {
+    let file = folder("in-the-way");
+    std::fs::write(&file, "a file").unwrap();
+    let out = file.join("out");
+    for command in [
+        &["run"][..],
+        &["compare"],
+        &["survey"],
+        &["identify"],
+        &["figures"],
+        &["emulate"],
+        &["client", "--tcp", "127.0.0.1:1", "record", "--out", out.to_str().unwrap(), "power", "0", "0.1"],
+    ] {
+        let place = if command[0] == "client" { &[][..] } else { &["--out", out.to_str().unwrap()] };
+        let begun = std::time::Instant::now();
+        let output = motor_hub(&[command, place].concat());
+        assert_eq!(output.status.code(), Some(2), "{command:?}: {}", err(&output));
+        assert!(
+            output.stdout.is_empty() && err(&output).contains("nothing can be written"),
+            "{}",
+            err(&output)
+        );
+        assert!(begun.elapsed().as_secs() < 5, "{command:?}");
+    }
+}
+
+#[test]
+fn a_battery_in_volts_is_not_taken_for_one_in_millivolts() {
+    for (given, says) in [
+        ("12", "1000 to 65535 mV; did you mean 12000?"),
+        ("12.6", "did you mean 12600?"),
+        ("999", "from 1000"),
+        ("-12000", "from 1000"),
+    ] {
+        let at = ["--motor", "AM 60 A", "--speed-cps", "1360", "--battery-mv", given];
+        let output = motor_hub(&[&["points", "--scheme", "b"][..], &at].concat());
+        assert_eq!(output.status.code(), Some(2), "{given}");
+        assert!(err(&output).contains(says), "{}", err(&output));
+    }
+}
+
+#[test]
+fn tables_are_no_wider_than_a_terminal_of_80_columns() {
+    let out = folder("narrow");
+    let out = ["--out", out.to_str().unwrap()];
+    for command in [&["run", "--time-s", "0.2"][..], &["compare", "--quick"], &["paper"], &["identify"]] {
+        let place = if command[0] == "paper" { &[][..] } else { &out };
+        let tables = motor_hub(&[command, place].concat());
+        assert!(tables.status.success(), "{}", err(&tables));
+        let rows = text(&tables.stdout).lines().filter(|line| line.starts_with(['│', '┌']));
+        for row in rows {
+            assert!(row.chars().count() <= 80, "{command:?}: {row}");
+        }
+    }
+}
+
+#[test]
+fn every_command_has_a_manual_page_and_shells_can_complete_it() {
+    let out = folder("man");
+    assert!(motor_hub(&["man", "--out", out.to_str().unwrap()]).status.success());
+    for (page, says) in [
+        ("motor-hub.1", "proportional braking"),
+        ("motor-hub-run.1", "period\\-ms"),
+        ("motor-hub-client-velocity.1", "for\\-s"),
+    ] {
+        let page = std::fs::read_to_string(out.join(page)).expect(page);
+        assert!(page.starts_with(".ie") && page.contains(says), "{page}");
+    }
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = motor_hub(&["completions", shell]);
+        assert!(text(&script.stdout).contains("battery-mv"), "{shell}");
+    }
+    assert!(err(&motor_hub(&["completions", "tcsh"])).contains("possible values: bash"));
 }

@@ -210,6 +210,10 @@ fn a_bad_case_gets_an_error_and_the_others_are_answered() {
         (json!({ "id": "bad", "formula": "keFw", "inputs": { "Ke": 1, "countsPerRev": 0 } }), "above 0"),
         (json!({ "id": "bad", "formula": "keFw", "inputs": { "Ke": 1, "countsPerRev": 1 } }), "below 32"),
         (json!({ "id": "bad", "formula": "plant", "inputs": { "motor": "?" } }), "no motor"),
+        (
+            json!({ "id": "bad", "formula": "bridge_state", "inputs": { "state": 9, "stat": 9 } }),
+            "unknown input stat; this formula reads state",
+        ),
     ] {
         let output = eval(&json!({ "cases": [bad, good] }).to_string());
         assert_eq!(output.status.code(), Some(1), "{bad}");
@@ -231,4 +235,25 @@ fn a_document_that_is_none_is_refused_with_its_place() {
         let error = String::from_utf8(output.stderr).unwrap();
         assert!(error.contains(says), "{error}");
     }
+}
+
+#[test]
+fn an_id_that_is_taken_gets_an_error_in_its_place() {
+    let case = json!({ "id": 7, "formula": "bridge_state", "inputs": { "state": 9 } });
+    let nameless = json!({ "formula": "bridge_state", "inputs": { "state": 9 } });
+    let output = eval(&json!({ "cases": [case, case, nameless, nameless] }).to_string());
+    assert_eq!(output.status.code(), Some(1));
+    let results = results(&output);
+    assert!(results[1]["error"].as_str().unwrap().contains("earlier case"), "{}", results[1]);
+    assert!([0, 2, 3].iter().all(|index| results[*index]["outputs"].is_object()));
+}
+
+#[test]
+fn a_scheme_may_be_written_in_either_case() {
+    let at = |scheme: &str| json!({ "scheme": scheme, "Omega": 100, "Vbat": 12, "Ke": 0.0178 });
+    let case = |scheme: &str| json!({ "id": scheme, "formula": "regime_duty", "inputs": at(scheme) });
+    let output = eval(&json!({ "cases": [case("b"), case("B"), case("E")] }).to_string());
+    let results = results(&output);
+    assert_eq!(results[0]["outputs"], results[1]["outputs"]);
+    assert!(results[2]["error"].as_str().unwrap().contains("`none`, `A`, `B`, `C`, `D`"), "{}", results[2]);
 }

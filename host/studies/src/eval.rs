@@ -21,6 +21,7 @@ use crate::paper::printed::PRINTED;
 use case::Case;
 use motor_hub::model::catalogue::characterised;
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 
 pub use error::CaseError;
 
@@ -49,9 +50,13 @@ pub fn answers(document: &Value) -> Result<Answers, NoCases> {
     let none = Value::Null;
     let motors = document.get("motors").unwrap_or(&none);
     let mut failed = 0;
+    let mut ids = BTreeSet::new();
     let results = cases.iter().map(|case| {
         let id = case.get("id").unwrap_or(&none);
-        match answer(&Case::new(case, motors)) {
+        // An answer is found by its id.
+        let unique = id.is_null() || ids.insert(id.to_string());
+        let answered = if unique { answer(&Case::new(case, motors)) } else { Err(CaseError::SameId) };
+        match answered {
             Ok(outputs) => json!({ "id": id, "outputs": outputs }),
             Err(error) => {
                 failed += 1;
@@ -64,6 +69,12 @@ pub fn answers(document: &Value) -> Result<Answers, NoCases> {
 }
 
 fn answer(case: &Case) -> Result<Value, CaseError> {
+    let outputs = computed(case)?;
+    case.nothing_unread()?;
+    Ok(outputs)
+}
+
+fn computed(case: &Case) -> Result<Value, CaseError> {
     match case.formula()? {
         "bridge_state" => firmware::bridge_state(case),
         "keFw" => firmware::emf_constant(case),

@@ -7,6 +7,8 @@
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 
+mod circuits;
+
 use crate::{NamedFigure, StudyError};
 use chart::{Figure, Panel, Point, Series, Style, colour};
 use motor_hub::braking::{DutyRule, OperatingPoint, Placer, Scheme};
@@ -20,18 +22,20 @@ use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
 use simulated::hardware::{self, winding};
 
+pub use circuits::circuits;
+
 const CONTROL_MAX: f64 = 32_767.0;
 const BATTERY: f64 = 12.0;
-const FORWARD: &str = "#2e8b3d";
-const BRAKING: &str = "#1f5fbf";
-const REVERSE: &str = "#c62828";
+const FORWARD: &str = colour::GREEN;
+const BRAKING: &str = colour::BLUE;
+const REVERSE: &str = colour::RED;
 const BRIDGE: Bridge = Bridge::new(hardware::BRIDGE);
 const RULES: [(&str, &str, DutyRule); 2] = [
     ("linear duty", colour::RED, DutyRule::LinearDuty),
     ("linear current", colour::BLUE, DutyRule::LinearCurrent),
 ];
 
-/// All of them, for the motor of the paper's examples.
+/// All of them but the circuits, for the motor of the paper's examples.
 ///
 /// # Errors
 /// If the catalogue lacks it.
@@ -67,7 +71,7 @@ fn line(name: &str, colour: &'static str, data: Vec<(f64, f64)>) -> Series {
     Series { name: name.to_owned(), colour, style: Style::Line, data }
 }
 
-/// Three lines and four points. What lies beyond the control range is left out.
+/// Three lines, as far as the control range goes, and four points.
 fn points_panel(points: &Points, y_label: String, height: f64) -> Panel {
     let corners = [points.s, points.t, points.z, points.g];
     let names = ["S", "T", "Z", "G"];
@@ -79,13 +83,13 @@ fn points_panel(points: &Points, y_label: String, height: f64) -> Panel {
     });
     // Room for the names.
     let reach = 1.3 * corners.iter().map(|p| p.y.abs()).fold(0.0, f64::max);
-    let reachable = corners.iter().zip(names).filter(|(p, _)| p.x.abs() <= CONTROL_MAX);
+    let named = corners.iter().zip(names);
     Panel {
         y_label,
         height,
         y_range: Some((-reach, reach)),
         series: series.collect(),
-        points: reachable
+        points: named
             .map(|(p, name)| Point { at: (p.x, p.y), name: name.to_owned(), colour: colour::INK })
             .collect(),
         ..Panel::default()
@@ -265,7 +269,8 @@ fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
     let mut panels = Vec::new();
     for (name, scheme) in [("A", Scheme::A), ("B", Scheme::B)] {
         let straight = (-511..=511).map(|n| 64.0 * f64::from(n)).map(|c| (c, asked(motor, scheme, emf, c)));
-        let mut series = vec![line("asked for", colour::GREY, straight.collect())];
+        let asked = line("asked for", colour::INK, straight.collect());
+        let mut series = vec![Series { style: Style::Dashed, ..asked }];
         for (rule_name, colour, rule) in RULES {
             let data = measured(motor, scheme, rule, emf, hertz)?;
             let worst = worst(motor, scheme, emf, &data);

@@ -11,9 +11,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::table;
+use crate::table::{self, Table};
 use chart::{Figure, Panel, Series, Style, colour};
-use comfy_table::Table;
 use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified};

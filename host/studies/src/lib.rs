@@ -48,6 +48,10 @@ use motor_hub::model::catalogue::UnknownMotor;
 use motor_hub::units::RangeError;
 use simulated::sim::RunError;
 
+/// Of the documents and files for programs. It changes when a field of them goes or means something else; fields may
+/// be added at any time.
+pub const SCHEMA_VERSION: u32 = 1;
+
 /// Why a study could not be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StudyError {

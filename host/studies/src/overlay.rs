@@ -97,7 +97,7 @@ impl Overlay {
                     measures.energy_to_battery_j
                 )
             });
-            let names = "deceleration jerk, worst\nforward / braking / reverse / coast\nenergy from the battery\n  back into it";
+            let names = "deceleration jerk, worst\nforward/braking/reverse/coast\nenergy from the battery\n  back into it";
             table.add_row([names.to_owned(), e, s]);
             out += &format!(
                 "{table}\nApart by at most {:.1} counts/s (rms {:.1}) and {} counts\n\n",

@@ -78,7 +78,6 @@ impl Document {
             numbers.add_row([n.section, n.name, n.printed, &format!("{:.9}", n.ours), agrees]);
         }
         let mut misprints = table::new(&["section", "printed", "right"], 3);
-        misprints.set_width(118);
         for m in &self.misprints {
             misprints.add_row([m.section, m.printed, &m.right]);
         }

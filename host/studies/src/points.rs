@@ -22,13 +22,14 @@ use motor_hub::regulator::Kind;
 use motor_hub::units::{Control, CountsPerSecond, Millivolts};
 use serde::Serialize;
 use simulated::hardware::{BRIDGE, winding};
-use simulated::scheme;
+use simulated::scheme::{self, SchemeWords};
 
 /// An operating point with its S, T, Z and G.
 #[derive(Debug, Serialize)]
 pub struct OperatingReport {
     motor: &'static str,
-    scheme: String,
+    #[serde(flatten)]
+    scheme: SchemeWords,
     speed_cps: i32,
     battery_mv: u16,
     /// Back EMF as the core computes it, in millivolts.
@@ -37,8 +38,6 @@ pub struct OperatingReport {
     y_unit: &'static str,
     /// In the order S, T, Z, G.
     pub points: [PointReport; 4],
-    #[serde(skip)]
-    asked: Scheme,
     #[serde(skip)]
     at: OperatingPoint,
     #[serde(skip)]
@@ -109,13 +108,12 @@ impl OperatingReport {
         };
         Ok(Self {
             motor: motor.name,
-            scheme: scheme::describe(scheme),
+            scheme: SchemeWords(scheme),
             speed_cps,
             battery_mv,
             emf_mv: emf.to_f64(),
             y_unit: if volts { "V" } else { "A" },
             points: [point("S", s, -v), point("T", t, 0.0), point("Z", z, e), point("G", g, v)],
-            asked: scheme,
             at,
             current: LinearCurrent::new(&winding, &BRIDGE),
         })
@@ -123,10 +121,10 @@ impl OperatingReport {
 
     /// Where a control value lies.
     pub fn place(&self, control: Control) -> Placed {
-        let linear_current = braking::place_current(&self.current, self.asked, self.at, control);
+        let linear_current = braking::place_current(&self.current, self.scheme.0, self.at, control);
         Placed {
             control: control.get(),
-            linear_duty: PlacedDrive::new(braking::place(self.asked, self.at, control)),
+            linear_duty: PlacedDrive::new(braking::place(self.scheme.0, self.at, control)),
             linear_current: PlacedDrive::new(linear_current),
         }
     }
@@ -143,7 +141,7 @@ impl OperatingReport {
             self.motor,
             self.speed_cps,
             f64::from(self.battery_mv) * 1e-3,
-            self.scheme,
+            scheme::describe(self.scheme.0),
             self.emf_mv * 1e-3
         )
     }
@@ -154,7 +152,7 @@ impl OperatingReport {
             self.points.map(|p| Point { at: (p.control, p.y), name: p.name.into(), colour: colour::INK });
         let look = chart::Look {
             counter_clockwise: self.at.counter_clockwise(),
-            jump: self.asked == Scheme::ForwardReverse,
+            jump: self.scheme.0 == Scheme::ForwardReverse,
             height: 480.0,
         };
         Figure {

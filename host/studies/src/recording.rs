@@ -9,12 +9,12 @@
 //! assert_eq!(recording.figures().len(), 1);
 //! ```
 
-use crate::NamedFigure;
+use crate::{NamedFigure, SCHEMA_VERSION};
 use chart::{Figure, Panel, Series, Style, colour};
 
 /// The first line of the file. Units are in the names; what is not known is left out.
 pub const HEADINGS: &str = "time_s,motor,battery_measured_v,setpoint,setpoint_value,position_counts,\
-speed_estimate_cps,control,current_a,at_target\n";
+speed_estimate_cps,control,current_a,at_target,schema_version\n";
 
 /// What all motors of a recording are told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,7 +86,7 @@ impl Recording {
         let current = current_a.map(|current| format!("{current:.3}")).unwrap_or_default();
         let (name, value) = (self.told.name(), self.told.value());
         format!(
-            "{at_s:.4},{motor},{battery_v:.3},{name},{value},{position},{cps},{control},{current},{at_target}\n"
+            "{at_s:.4},{motor},{battery_v:.3},{name},{value},{position},{cps},{control},{current},{at_target},{SCHEMA_VERSION}\n"
         )
     }
 

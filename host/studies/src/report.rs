@@ -23,7 +23,7 @@ use crate::measures::Measures;
 use motor_hub::braking::DutyRule;
 use serde::Serialize;
 use serde_json::json;
-use simulated::scheme::{self, DutyWord};
+use simulated::scheme::{DutyWord, SchemeWords};
 use std::path::PathBuf;
 
 pub use runs::RunReport;
@@ -33,7 +33,8 @@ pub use runs::RunReport;
 struct MotorReport<'a> {
     label: &'a str,
     motor: &'a str,
-    scheme: String,
+    #[serde(flatten)]
+    scheme: SchemeWords,
     #[serde(with = "DutyWord")]
     duty: DutyRule,
     as_set: &'a Measures,
@@ -58,7 +59,7 @@ impl RunReport {
             .map(|(motor, [as_set, without])| MotorReport {
                 label: &motor.label,
                 motor: motor.constants.name,
-                scheme: scheme::describe(motor.scheme),
+                scheme: SchemeWords(motor.scheme),
                 duty: motor.duty,
                 as_set,
                 without_braking_regime: without,

@@ -38,6 +38,7 @@ use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::Volts;
 use serde::Serialize;
 use simulated::scenario::{Motor, Scenario, Told, ToldMotion};
+use simulated::scheme::{DutyWord, SchemeWords, describe};
 
 /// What the hub is told of a motor's motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -96,10 +97,12 @@ pub struct Response {
     pub circumstances: String,
     /// Control period in milliseconds.
     pub period_ms: u32,
-    /// The scheme in words.
-    pub scheme: String,
-    /// The duty rule is linear duty.
-    pub linear_duty: bool,
+    /// The scheme.
+    #[serde(flatten)]
+    pub scheme: SchemeWords,
+    /// The duty rule.
+    #[serde(with = "DutyWord")]
+    pub duty: DutyRule,
     /// Coulomb friction in percent of the stall torque at 12 V.
     pub friction_percent: f64,
     /// In the order of [`Knowledge::ALL`].
@@ -158,18 +161,21 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
     }
     let judged = challenges.iter().zip(possible).zip(verdicts).filter(|((_, possible), _)| *possible);
     let responses = judged
-        .map(|((challenge, _), verdicts)| Response {
-            scenario: number,
-            motor: challenge.motor,
-            at_s: challenge.from_ms as f64 / 1e3,
-            kind: challenge.kind,
-            what: what(challenge),
-            circumstances: circumstances(&scenario, challenge.motor),
-            period_ms: scenario.period.as_millis(),
-            scheme: scheme(&scenario, challenge.motor),
-            linear_duty: linear_duty(&scenario, challenge.motor),
-            friction_percent: scenario.motors.get(challenge.motor).map_or(0.0, friction_percent),
-            verdicts,
+        .filter_map(|((challenge, _), verdicts)| {
+            let motor = scenario.motors.get(challenge.motor)?;
+            Some(Response {
+                scenario: number,
+                motor: challenge.motor,
+                at_s: challenge.from_ms as f64 / 1e3,
+                kind: challenge.kind,
+                what: what(challenge),
+                circumstances: circumstances(&scenario, challenge.motor),
+                period_ms: scenario.period.as_millis(),
+                scheme: SchemeWords(motor.scheme),
+                duty: motor.duty,
+                friction_percent: friction_percent(motor),
+                verdicts,
+            })
         })
         .collect();
     Ok((challenges.len(), responses))
@@ -199,8 +205,8 @@ fn circumstances(scenario: &Scenario, index: usize) -> String {
         shaft.inertia.0 / motor.constants.j.0,
         scenario.battery.emf.0,
         scenario.period.as_millis(),
-        scheme(scenario, index),
-        if linear_duty(scenario, index) { ", linear duty" } else { "" },
+        describe(motor.scheme),
+        if motor.duty == DutyRule::LinearDuty { ", linear duty" } else { "" },
         match friction_percent(motor) {
             0.0 => String::new(),
             percent => format!(", friction {percent} %"),
@@ -219,12 +225,4 @@ fn friction_percent(motor: &Motor) -> f64 {
     let share = motor.constants.friction.coulomb.0 / motor.constants.stall_torque(Volts(12.0)).0;
     // Whole steps again, whatever the multiplication by the torque and back has made of them.
     (1e6 * 100.0 * share).round() / 1e6
-}
-
-fn linear_duty(scenario: &Scenario, index: usize) -> bool {
-    scenario.motors.get(index).is_some_and(|motor| motor.duty == DutyRule::LinearDuty)
-}
-
-fn scheme(scenario: &Scenario, index: usize) -> String {
-    scenario.motors.get(index).map_or(String::new(), |motor| simulated::scheme::describe(motor.scheme))
 }

@@ -1,4 +1,5 @@
-//! Tables for a terminal, all in one look.
+//! Tables for a terminal, all in one look, no wider than it: text wraps at its words, and columns of numbers for
+//! which there is no room go into a further table below, beside the text again.
 //!
 //! ```
 //! let mut table = studies::table::new(&["motor", "counts/s"], 1);
@@ -6,14 +7,207 @@
 //! assert!(table.to_string().contains("fan"));
 //! ```
 
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table as Drawn, Width, presets};
+use std::fmt;
+use std::sync::atomic::{AtomicU16, Ordering};
+
+/// Columns of a terminal that nobody has told the width of.
+pub const USUAL_WIDTH: u16 = 80;
+
+/// One terminal, one width: every table of the process goes there.
+static WIDTH: AtomicU16 = AtomicU16::new(USUAL_WIDTH);
+
+/// Tells how many columns the terminal has; tables are no wider from now on.
+pub fn fit(columns: u16) {
+    WIDTH.store(columns, Ordering::Relaxed);
+}
+
+/// Rows under headings.
+#[derive(Clone, Debug)]
+pub struct Table {
+    headings: Vec<String>,
+    /// So many columns are text, aligned left; all others are numbers.
+    left: usize,
+    rows: Vec<Vec<String>>,
+    /// Characters that every column has at least, where there is room.
+    narrowest: usize,
+}
 
 /// A table whose columns are aligned right, but for the first `left` of them.
 pub fn new(headings: &[&str], left: usize) -> Table {
-    let mut table = Table::new();
-    table.load_style(presets::UTF8_FULL_CONDENSED).set_header(headings.iter().copied());
-    for column in table.column_iter_mut().skip(left) {
-        column.set_cell_alignment(CellAlignment::Right);
+    let headings = headings.iter().map(ToString::to_string).collect();
+    Table { headings, left, rows: Vec::new(), narrowest: 0 }
+}
+
+impl Table {
+    /// Adds a row; a number that rounds to zero has no sign.
+    pub fn add_row(&mut self, cells: impl IntoIterator<Item: ToString>) -> &mut Self {
+        self.rows.push(cells.into_iter().map(|cell| without_negative_zero(&cell.to_string())).collect());
+        self
     }
-    table
+
+    /// The table with columns of so many characters at least, so that several tables line up.
+    #[must_use]
+    pub fn at_least(self, narrowest: usize) -> Self {
+        Self { narrowest, ..self }
+    }
+
+    fn column(&self, index: usize) -> impl Iterator<Item = &str> {
+        self.rows.iter().filter_map(move |row| row.get(index)).map(String::as_str)
+    }
+
+    /// Characters that a column takes, and the fewest that leave its words, numbers and lines whole.
+    fn widths(&self, index: usize) -> [usize; 2] {
+        let heading = self.headings.get(index).map_or("", String::as_str);
+        let most = self.column(index).chain([heading]).flat_map(str::lines).map(chars).max().unwrap_or(0);
+        let words = |text: &'_ str| text.split_whitespace().map(chars).max().unwrap_or(0);
+        // Lines of one cell stand beside those of its neighbours.
+        let whole = |text: &str| {
+            let wraps = index < self.left && !text.contains('\n');
+            if wraps { words(text) } else { text.lines().map(chars).max().unwrap_or(0) }
+        };
+        let least = self.column(index).map(whole).max().unwrap_or(0).max(words(heading));
+        [most.max(self.narrowest), least]
+    }
+
+    /// Columns for each table: one, if wrapped text makes room enough; else several, each with the leading text.
+    fn parts(&self, room: usize) -> Vec<Vec<usize>> {
+        let all = self.headings.len();
+        let least: usize = (0..all).map(|column| self.widths(column)[1]).sum();
+        if least + frame(all) <= room {
+            return vec![(0..all).collect()];
+        }
+        let keys: Vec<usize> = (0..if self.left < all { self.left } else { 1 }).collect();
+        let mut parts: Vec<Vec<usize>> = Vec::new();
+        let mut part = keys.clone();
+        for index in keys.len()..all {
+            let with = [&part[..], &[index]].concat();
+            let most: usize = with.iter().map(|&column| self.widths(column)[0]).sum();
+            if most + frame(with.len()) > room && part.len() > keys.len() {
+                parts.push(std::mem::replace(&mut part, [&keys[..], &[index]].concat()));
+            } else {
+                part = with;
+            }
+        }
+        parts.push(part);
+        parts
+    }
+
+    fn draw(&self, columns: &[usize], room: usize) -> Drawn {
+        let cells = |row: &[String]| -> Vec<String> {
+            columns.iter().map(|&column| row.get(column).cloned().unwrap_or_default()).collect()
+        };
+        let mut drawn = Drawn::new();
+        drawn.load_style(presets::UTF8_FULL_CONDENSED).set_header(cells(&self.headings));
+        drawn.add_rows(self.rows.iter().map(|row| cells(row)));
+        drawn.set_content_arrangement(ContentArrangement::Dynamic).set_width(u16::MAX);
+        let widths = narrowed(columns.iter().map(|&column| self.widths(column)).collect(), room);
+        for ((column, index), width) in drawn.column_iter_mut().zip(columns).zip(widths) {
+            let width = u16::try_from(width + PADDING).unwrap_or(u16::MAX);
+            column.set_constraint(ColumnConstraint::Absolute(Width::Fixed(width)));
+            if *index >= self.left {
+                column.set_cell_alignment(CellAlignment::Right);
+            }
+        }
+        drawn
+    }
+}
+
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let room = usize::from(WIDTH.load(Ordering::Relaxed));
+        for (number, columns) in self.parts(room).iter().enumerate() {
+            let gap = if number > 0 { "\n" } else { "" };
+            write!(f, "{gap}{}", self.draw(columns, room))?;
+        }
+        Ok(())
+    }
+}
+
+/// On both sides of a cell together.
+const PADDING: usize = 2;
+
+/// Characters of a table that are no content.
+const fn frame(columns: usize) -> usize {
+    (PADDING + 1) * columns + 1
+}
+
+/// Takes from the widest column that can spare it, until all fit or none can.
+fn narrowed(mut widths: Vec<[usize; 2]>, room: usize) -> Vec<usize> {
+    let frame = frame(widths.len());
+    while widths.iter().map(|[width, _]| width).sum::<usize>() + frame > room {
+        let spare = widths.iter_mut().filter(|[width, least]| width > least);
+        let Some([width, _]) = spare.max_by_key(|[width, _]| *width) else { break };
+        *width -= 1;
+    }
+    widths.into_iter().map(|[width, _]| width).collect()
+}
+
+fn chars(text: &str) -> usize {
+    text.chars().count()
+}
+
+/// "-0.00" is a zero as any other.
+fn without_negative_zero(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for (at, c) in text.char_indices() {
+        let (before, after) = text.split_at(at);
+        let number = after.trim_start_matches('-').split(|c: char| !c.is_ascii_digit() && c != '.').next();
+        let zero = number.is_some_and(|n| n.starts_with('0') && n.chars().all(|c| matches!(c, '0' | '.')));
+        let alone = !before.ends_with(char::is_alphanumeric);
+        if !(c == '-' && zero && alone) {
+            out.push(c);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn widest(table: &Table, room: usize) -> usize {
+        let parts = table.parts(room).into_iter();
+        let lines = parts.map(|columns| table.draw(&columns, room).to_string());
+        lines.flat_map(|drawn| drawn.lines().map(chars).collect::<Vec<_>>()).max().unwrap_or(0)
+    }
+
+    #[test]
+    fn a_number_that_rounds_to_zero_has_no_sign() {
+        for (text, is) in [
+            ("-0.00", "0.00"),
+            ("-0 / -0.0 %", "0 / 0.0 %"),
+            ("-0.01", "-0.01"),
+            ("[-0.0 +3.0]", "[0.0 +3.0]"),
+            ("2026-01-0", "2026-01-0"),
+            ("-10", "-10"),
+            ("-", "-"),
+        ] {
+            assert_eq!(without_negative_zero(text), is);
+        }
+    }
+
+    #[test]
+    fn a_table_is_no_wider_than_its_terminal_and_breaks_no_number() {
+        let headings = ["variant", "settling", "overshoot in percent", "rms error", "returned", "last"];
+        let mut table = new(&headings, 1);
+        table.add_row(["A, linear current", "1.90 s", "13.40 %", "258.6 counts/s", "0.86 J", "-0.00"]);
+        for room in [40, 50, 60, 80, 120] {
+            assert!(widest(&table, room) <= room, "{room}\n{table}");
+            let parts = table.parts(room).into_iter();
+            let drawn: String = parts.map(|columns| table.draw(&columns, room).to_string()).collect();
+            for cell in ["1.90 s", "13.40 %", "258.6 counts/s", "0.86 J", "current"] {
+                assert!(drawn.contains(cell), "{room}: {cell}\n{drawn}");
+            }
+        }
+        assert_eq!((table.parts(120).len(), table.parts(80).len()), (1, 1));
+    }
+
+    #[test]
+    fn lines_of_a_cell_stay_beside_those_of_its_neighbours() {
+        let mut table = new(&["what", "was"], 1);
+        table.add_row(["deceleration jerk, worst\n  of all of them", "1 A\n2 A"]);
+        let drawn = table.draw(&[0, 1], 20).to_string();
+        assert!(drawn.lines().any(|line| line.contains("worst") && line.contains("1 A")), "{drawn}");
+    }
 }

@@ -1,5 +1,6 @@
 //! The limits that regulation is held to, on a share of the survey that a test has time for.
 
+use motor_hub::braking::DutyRule;
 use studies::survey::soak::{self, Soak};
 use studies::survey::{Knowledge, Response, Survey, Verdict, cells, random, reference, toml};
 
@@ -13,7 +14,7 @@ fn what_can_be_settled_is_settled_by_the_model() {
     let survey = Survey::new(7, 40, &mut |_, _| ()).expect("it runs");
     // What a duty rule that is linear in nothing makes of a motor is another matter.
     let responses: Vec<&Response> =
-        survey.responses.iter().filter(|response| !response.linear_duty).collect();
+        survey.responses.iter().filter(|response| response.duty == DutyRule::LinearCurrent).collect();
     assert!(responses.len() > 100, "{} of {}", responses.len(), survey.asked);
     let [exact, lighter, heavier, _] = [0, 1, 2, 3].map(|knowledge| never(&responses, knowledge));
     assert!(exact <= 1.0 && lighter <= 2.0 && heavier <= 2.0, "never settled: {exact} {lighter} {heavier} %");

@@ -371,3 +371,10 @@ fn a_bus_that_makes_no_sense_is_refused_with_what_is_allowed() {
         refused(&bus, "low above 7.5 V, below high, and high up to 24 V");
     }
 }
+
+#[test]
+fn a_scheme_may_be_written_in_either_case() {
+    let text = SOUND.replace("scheme = \"D\"", "scheme = \"d\"");
+    let [upper, lower] = [SOUND, &text].map(|text| Scenario::parse("s.toml", text).expect("it is sound"));
+    assert_eq!(upper.motors[0].scheme, lower.motors[0].scheme);
+}

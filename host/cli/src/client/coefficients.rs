@@ -18,19 +18,19 @@ pub(crate) struct Options {
     #[arg(value_parser = channel)]
     motor: u8,
     /// Loop that they belong to
-    #[arg(value_name = "LOOP")]
+    #[arg(value_name = "LOOP", ignore_case = true)]
     of: LoopName,
     /// Proportional: steps (32767 are all there is) per count/s; of a position, counts/s per count
-    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    #[arg(long, value_name = "X", value_parser = coefficient)]
     p: Option<Coefficient>,
     /// Integral: the same, added in every 50 ms, whatever the control period of the hub
-    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    #[arg(long, value_name = "X", value_parser = coefficient)]
     i: Option<Coefficient>,
     /// Derivative: the same per change in 50 ms
-    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    #[arg(long, value_name = "X", value_parser = coefficient)]
     d: Option<Coefficient>,
     /// Feed-forward: steps per count/s of the target, which with it are of the battery's voltage; none for a position
-    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = coefficient)]
+    #[arg(long, value_name = "X", value_parser = coefficient)]
     f: Option<Coefficient>,
     /// JSON instead of a table
     #[arg(long)]

@@ -6,7 +6,7 @@ use super::live::{Live, Reading, repeat};
 use super::trouble::Trouble;
 use super::turn::{Speed, Turn};
 use crate::output::{Failure, print};
-use crate::parse::{channel, within_a_day};
+use crate::parse::{channel, whole, within_a_day};
 use motor_hub::motor::ZeroPower;
 use motor_hub::units::Control;
 use motor_hub_client::Session;
@@ -30,7 +30,7 @@ struct Common {
     #[arg(value_name = "MOTOR", value_parser = motors)]
     motors: Motors,
     /// Ends after so many seconds
-    #[arg(long = "for", value_name = "SECONDS", allow_negative_numbers = true, value_parser = within_a_day)]
+    #[arg(long = "for-s", alias = "for", value_name = "S", value_parser = within_a_day)]
     length: Option<Duration>,
     /// At zero the motors float; otherwise they brake
     #[arg(long)]
@@ -56,14 +56,14 @@ pub(crate) struct PowerOptions {
     #[command(flatten)]
     common: Common,
     /// Share of full power, -1 to 1; positive counts up
-    #[arg(value_name = "VALUE", allow_negative_numbers = true, value_parser = power)]
+    #[arg(value_name = "VALUE", value_parser = power)]
     value: Control,
 }
 
 pub(super) fn power(text: &str) -> Result<Control, String> {
     let share = text.parse().ok().filter(|share: &f64| (-1.0..=1.0).contains(share));
     let power = share.map(|share| Control::new((share * f64::from(Control::MAX.get())).round() as i16));
-    power.ok_or("a power is -1 to 1".to_owned())
+    power.ok_or("a power is a share of full power, -1 to 1".to_owned())
 }
 
 /// Options of `velocity`.
@@ -82,10 +82,11 @@ pub(crate) struct PositionOptions {
     #[command(flatten)]
     common: Common,
     /// Where to go
-    #[arg(value_name = "COUNTS", allow_negative_numbers = true)]
+    #[arg(value_name = "COUNTS", value_parser = whole("a position", i32::MIN..=i32::MAX, "counts"))]
     counts: i32,
     /// Counts from there that are near enough
-    #[arg(long, value_name = "COUNTS", default_value_t = 5)]
+    #[arg(long = "tolerance-counts", alias = "tolerance", value_name = "COUNTS", default_value_t = 5)]
+    #[arg(value_parser = whole("a tolerance", 0..=u16::MAX, "counts"))]
     tolerance: u16,
     /// Speed limit on the way, in counts per second, or as 30rpm or 3.1rad/s
     #[arg(long, value_name = "SPEED", default_value = "1000", allow_hyphen_values = true)]
@@ -99,7 +100,7 @@ pub(crate) enum Drive {
     Power(PowerOptions),
     /// Runs motors with regulated velocity, disabled at the end
     ///
-    /// With --for it fails (exit code 1) unless all motors have that speed in the end, within 5 %.
+    /// With --for-s it fails (exit code 1) unless all motors have that speed in the end, within 5 %.
     Velocity(VelocityOptions),
     /// Moves motors to a position and disables them there
     Position(PositionOptions),

@@ -6,7 +6,7 @@ use super::interrupt;
 use super::live::Live;
 use super::trouble::Trouble;
 use crate::output::{Failure, print, print_json};
-use crate::parse::channel;
+use crate::parse::{channel, whole};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::protocol::setup::Motion;
@@ -30,7 +30,8 @@ pub(crate) struct Options {
     #[arg(value_parser = channel)]
     pub(super) motor: u8,
     /// Counts that it may turn at most, either way; fewer than it would make the motion shorter
-    #[arg(long, value_name = "COUNTS", default_value_t = u32::MAX, hide_default_value = true)]
+    #[arg(long = "travel-counts", alias = "travel", value_name = "COUNTS", default_value_t = u32::MAX)]
+    #[arg(hide_default_value = true, value_parser = whole("a travel", 0..=u32::MAX, "counts"))]
     travel: u32,
     /// What was found is put in force, until the hub's reset; coefficients that a host gave are forgotten
     #[arg(long)]

@@ -10,6 +10,7 @@ use super::interrupt;
 use super::live::motors_of;
 use super::trouble::Trouble;
 use crate::output::{Failure, print};
+use crate::parse::whole;
 use keys::{Jog, Key};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::Bulk;
@@ -29,20 +30,21 @@ Drives motors by keys, for as long as a key is held
   right, l, >    faster             q, Ctrl-C   ends, all motors off
   left, h, <     slower
 
-A terminal repeats a key that is held. A motor that has had no key for --hold seconds is regulated to a stop, so that a
+A terminal repeats a key that is held. A motor that has had no key for --hold-s seconds is regulated to a stop, so that a
 connection which hangs stops it. The terminal is put back as it was however this ends, but for SIGKILL.";
 
 /// How fast, and for how long.
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// Speed to begin with, in counts per second
-    #[arg(long, value_name = "CPS", default_value_t = 300, value_parser = clap::value_parser!(i16).range(1..))]
+    #[arg(long = "speed-cps", alias = "speed", value_name = "CPS", default_value_t = 300)]
+    #[arg(value_parser = whole("a speed", 1..=i16::MAX, "counts/s"))]
     speed: i16,
     /// Drives with constant power instead, a share above 0 up to 1, for motors whose encoders are in doubt
     #[arg(long, value_name = "SHARE", conflicts_with = "speed", value_parser = some_power)]
     power: Option<Control>,
     /// How long a key drives, in seconds, 0.1 to 5: longer than the terminal takes to repeat it
-    #[arg(long, value_name = "S", default_value = "0.7", value_parser = hold)]
+    #[arg(long = "hold-s", alias = "hold", value_name = "S", default_value = "0.7", value_parser = hold)]
     hold: Duration,
 }
 
@@ -53,7 +55,7 @@ fn some_power(text: &str) -> Result<Control, String> {
 
 fn hold(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|seconds| (0.1..=5.0).contains(seconds));
-    seconds.map(Duration::from_secs_f64).ok_or_else(|| "a key drives for 0.1 to 5 seconds".to_owned())
+    seconds.map(Duration::from_secs_f64).ok_or_else(|| "a key drives for 0.1 to 5 s".to_owned())
 }
 
 /// Between two looks at hub and keys.

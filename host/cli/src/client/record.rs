@@ -6,8 +6,9 @@ use super::driven::Driven;
 use super::interrupt;
 use super::live::motors_of;
 use super::trouble::Trouble;
-use crate::output::{Failure, drawn, print, write_all};
-use clap::Parser;
+use crate::output::{Failure, Folder, drawn, print};
+use crate::parse::{whole, with_negative_numbers};
+use clap::{CommandFactory, FromArgMatches};
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use std::fs::File;
@@ -21,7 +22,7 @@ pub(super) const HELP: &str = "\
 Drives motors as `power`, `velocity` or `position` do, and writes down what the hub says: a CSV file as it goes, and
 in the end a chart (SVG, PNG) of each motor
 
-  motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for 3
+  motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for-s 3
 
 The file has a row for each motor and reading; what the hub does not tell is left empty: the control value unless it
 is a constant power, the current of hubs that do not measure or model it. Whatever ends the drive, also Ctrl-C, leaves
@@ -31,7 +32,8 @@ whole rows and the charts of what there was.";
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// Readings a second
-    #[arg(long, value_name = "HZ", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=500))]
+    #[arg(long = "rate-hz", alias = "rate", value_name = "HZ", default_value_t = 50)]
+    #[arg(value_parser = whole("a rate", 1..=500_u32, "Hz"))]
     rate: u32,
     /// Folder for record.csv and the charts
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/record")]
@@ -51,12 +53,21 @@ struct Recorded {
 
 impl Options {
     /// What is to be done.
-    pub(super) fn order(&self) -> Result<Order, Failure> {
-        let parsed = Recorded::try_parse_from(&self.drive).map_err(|error| {
+    fn order(&self) -> Result<Order, Failure> {
+        let mut command = with_negative_numbers(Recorded::command());
+        let parsed = command.try_get_matches_from_mut(&self.drive);
+        let parsed = parsed.and_then(|mut matches| Recorded::from_arg_matches_mut(&mut matches));
+        let parsed = parsed.map_err(|error| {
             let text = error.to_string();
             Failure::input(text.strip_prefix("error: ").unwrap_or(&text).trim_end())
         })?;
         Ok(parsed.drive.order()?.0)
+    }
+
+    /// Before a hub is spoken to: what is to be done, and that the folder can be written to.
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        self.order()?;
+        Folder::new(&self.out).map(drop)
     }
 
     pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
@@ -179,7 +190,7 @@ impl Recorder {
 
     /// Draws what there is.
     fn finish(&self, folder: &Path) -> Result<(), Failure> {
-        let charts = write_all(folder, drawn(&self.recording.figures())?)?;
+        let charts = Folder::new(folder)?.write_all(drawn(&self.recording.figures())?)?;
         let rate = f64::from(self.readings.saturating_sub(1)) / self.length.as_secs_f64().max(1e-3);
         let slowest = self.slowest.as_secs_f64() * 1e3;
         print(&format!(

@@ -14,7 +14,7 @@ use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::json;
 use simulated::hardware::{thermal_limit, winding};
-use simulated::scheme::describe;
+use simulated::scheme::{SchemeWords, describe};
 use studies::table;
 
 /// Of which motor, and what to change.
@@ -31,13 +31,13 @@ pub(crate) struct Options {
     #[command(flatten)]
     choice: Choice,
     /// What the motor does at a fault, and when its host falls silent
-    #[arg(long, value_name = "WORD")]
+    #[arg(long, value_name = "WORD", ignore_case = true)]
     on_fault: Option<OnFaultWord>,
     /// How the motor's bridge switches: what its duties must spare it
-    #[arg(long, value_name = "WORD")]
+    #[arg(long, value_name = "WORD", ignore_case = true)]
     bridge: Option<BridgeWord>,
     /// Current that the winding stands for ever; 0 for no limit. With --type, if absent, a third of the stall current
-    #[arg(long, value_name = "AMPERES", value_parser = continuous_ma)]
+    #[arg(long = "continuous-current-a", alias = "continuous-current", value_name = "A", value_parser = continuous_ma)]
     continuous_current: Option<u16>,
     /// JSON instead of a table
     #[arg(long)]
@@ -46,12 +46,9 @@ pub(crate) struct Options {
 
 /// Amperes as milliamperes, 0 for none.
 fn continuous_ma(text: &str) -> Result<u16, String> {
-    let amperes: f64 = text.parse().map_err(|_| "no number of amperes".to_owned())?;
-    if amperes == 0.0 || (0.001..=65.535).contains(&amperes) {
-        Ok((1e3 * amperes).round() as u16)
-    } else {
-        Err("must be 0.001 to 65.535 A, or 0 for no limit".to_owned())
-    }
+    let sound = |amperes: &f64| *amperes == 0.0 || (0.001..=65.535).contains(amperes);
+    let amperes = text.parse().ok().filter(sound).map(|amperes| (1e3 * amperes).round() as u16);
+    amperes.ok_or_else(|| "a continuous current is 0.001 to 65.535 A, or 0 for no limit".to_owned())
 }
 
 /// How people name it.
@@ -124,7 +121,7 @@ impl Options {
         setup.emf = self.constants.emf()?.unwrap_or(setup.emf);
         setup.resistance = self.constants.resistance()?.or(setup.resistance);
         setup.inductance = self.constants.inductance()?.or(setup.inductance);
-        if let Some(scheme) = self.choice.scheme().map_err(Failure::input)? {
+        if let Some(scheme) = self.choice.scheme()? {
             setup.scheme = scheme;
         }
         if let Some(duty) = self.choice.duty() {
@@ -185,13 +182,15 @@ impl Options {
         };
         let amperes = protection.thermal.map(|limit| f64::from(limit.continuous_ma()) / 1e3);
         if self.json {
+            let words = json!(SchemeWords(scheme));
             let document = json!({
                 "motor": self.motor,
                 "emf_mv_s_per_count": emf,
                 "resistance_ohm": ohms.unwrap_or(0.0),
                 "inductance_mh": millihenries.unwrap_or(0.0),
-                "scheme": describe(scheme),
-                "duty": duty,
+                "scheme": words["scheme"],
+                "blend": words["blend"],
+                "duty": duty.replace(' ', "-"),
                 "bridge": bridge,
                 "on_fault": on_fault,
                 "heat_percent": heat,

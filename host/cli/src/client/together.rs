@@ -5,7 +5,7 @@ use super::driven::Driven;
 use super::live::{Live, Reading, repeat};
 use super::trouble::Trouble;
 use crate::output::{Failure, print};
-use crate::parse::{channel, within_a_day};
+use crate::parse::{channel, whole, within_a_day};
 use motor_hub::group::{Halt, TOLERANCE};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
@@ -29,22 +29,25 @@ pub(crate) struct Options {
     #[arg(long, conflicts_with_all = ["by", "speed"])]
     on: bool,
     /// Speed of the motor that moves most, in counts per second
-    #[arg(long, value_name = "CPS", default_value_t = 1000, value_parser = clap::value_parser!(i32).range(1..=1_000_000))]
+    #[arg(long = "speed-cps", alias = "speed", value_name = "CPS", default_value_t = 1000)]
+    #[arg(value_parser = whole("a speed", 1..=FASTEST_CPS, "counts/s"))]
     speed: i32,
     /// Largest acceleration of any motor, in counts per second squared
-    #[arg(long, value_name = "CPS2", default_value = "2000", value_parser = acceleration)]
+    #[arg(long = "acceleration-cps2", alias = "acceleration", value_name = "CPS2", default_value = "2000", value_parser = acceleration)]
     acceleration: Acceleration,
     /// Counts by which a motor lags when all others wait for it; otherwise the way of 0.1 s, at least 24
-    #[arg(long, value_name = "COUNTS")]
+    #[arg(long = "lag-counts", alias = "lag", value_name = "COUNTS")]
+    #[arg(value_parser = whole("a lag", 0..=u16::MAX, "counts"))]
     lag: Option<u16>,
     /// Counts from its end that are near enough for each motor
-    #[arg(long, value_name = "COUNTS", default_value_t = TOLERANCE)]
+    #[arg(long = "tolerance-counts", alias = "tolerance", value_name = "COUNTS", default_value_t = TOLERANCE)]
+    #[arg(value_parser = whole("a tolerance", 0..=u16::MAX, "counts"))]
     tolerance: u16,
     /// A fault of one motor disables all others; otherwise they stop in step
     #[arg(long)]
     coast: bool,
     /// Ends after so many seconds
-    #[arg(long = "for", value_name = "S", allow_negative_numbers = true, value_parser = within_a_day)]
+    #[arg(long = "for-s", alias = "for", value_name = "S", value_parser = within_a_day)]
     length: Option<Duration>,
 }
 
@@ -56,7 +59,7 @@ fn member(text: &str) -> Result<(u8, i32), String> {
 
 fn acceleration(text: &str) -> Result<Acceleration, String> {
     let limit = text.parse().ok().and_then(|limit| Acceleration::new(limit).ok());
-    limit.ok_or_else(|| "an acceleration is a whole number from 1 to 4294967295".to_owned())
+    limit.ok_or_else(|| "an acceleration is a whole number from 1 to 4294967295 counts/s\u{b2}".to_owned())
 }
 
 /// Speeds that a step of 1/256 leaves room for.

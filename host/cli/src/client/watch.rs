@@ -5,8 +5,8 @@ use super::driven::stop_abandoned;
 use super::live::{Live, repeat};
 use super::trouble::Trouble;
 use super::turn::Turn;
-use crate::output::print;
-use crate::parse::within_a_day;
+use crate::output::{print, versioned};
+use crate::parse::{whole, within_a_day};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use std::time::{Duration, Instant};
@@ -18,11 +18,11 @@ const CHECK: Duration = Duration::from_secs(1);
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Time between readings in milliseconds
-    #[arg(long, value_name = "MS", default_value_t = 100)]
-    #[arg(value_parser = clap::value_parser!(u64).range(10..=2000))]
+    #[arg(long = "interval-ms", alias = "interval", value_name = "MS", default_value_t = 100)]
+    #[arg(value_parser = whole("an interval", 10..=2000_u64, "ms"))]
     interval: u64,
     /// Ends after so many seconds
-    #[arg(long = "for", value_name = "S", allow_negative_numbers = true, value_parser = within_a_day)]
+    #[arg(long = "for-s", alias = "for", value_name = "S", value_parser = within_a_day)]
     length: Option<Duration>,
     /// One JSON document per line, as it is where standard output is no terminal
     #[arg(long)]
@@ -45,7 +45,7 @@ impl Options {
             if live.terminal && !self.json {
                 live.redraw(&reading.table(&drive::ALL, turn))?;
             } else {
-                print(&format!("{}\n", reading.json(&drive::ALL, turn)))?;
+                print(&format!("{}\n", versioned(&reading.json(&drive::ALL, turn))?))?;
             }
             Ok(false)
         })

@@ -14,6 +14,9 @@ use simulated::trace::Trace;
 pub(super) struct Row {
     /// The variant's name.
     pub(super) variant: String,
+    /// Of what it consists.
+    #[serde(flatten)]
+    pub(super) of: Variant,
     /// Its coefficients; null for a model, which has none.
     pub(super) gains: Option<Gains>,
     /// Seconds until the speed stays within 2 %; null if it never does.
@@ -56,6 +59,7 @@ impl Row {
         let fault = trace.motor(0).any(|(_, sample)| sample.report.faults.encoder.is_some());
         Ok(Self {
             variant: variant.name(),
+            of: variant,
             gains,
             settling_s: response.settling_s,
             overshoot_percent: response.overshoot_percent,

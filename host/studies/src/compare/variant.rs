@@ -1,16 +1,22 @@
 //! What is compared.
 
+use crate::points::regulator_name;
 use motor_hub::braking::{Blend, DutyRule, Scheme};
 use motor_hub::regulator::Kind;
+use serde::{Serialize, Serializer};
+use simulated::scheme::{DutyWord, SchemeWords};
 
 /// A way to turn control values into duties.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Variant {
     /// Where the points lie.
+    #[serde(flatten, serialize_with = "scheme_words")]
     pub(super) scheme: Scheme,
     /// How duties are found between them.
+    #[serde(with = "DutyWord")]
     pub(super) duty: DutyRule,
     /// Where control values come from.
+    #[serde(serialize_with = "regulator_word")]
     pub(super) regulator: Kind,
 }
 
@@ -55,6 +61,14 @@ impl Variant {
             (scheme, DutyRule::LinearCurrent) => format!("{}, linear current", letter(scheme)),
         }
     }
+}
+
+fn scheme_words<S: Serializer>(scheme: &Scheme, to: S) -> Result<S::Ok, S::Error> {
+    SchemeWords(*scheme).serialize(to)
+}
+
+fn regulator_word<S: Serializer>(regulator: &Kind, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(regulator_name(*regulator))
 }
 
 fn letter(scheme: Scheme) -> &'static str {

@@ -6,16 +6,23 @@ use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::si::{Drag, EmfConstant, Henries, KgM2, Ohms, TorqueConstant};
 use serde_json::{Value, json};
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 
 /// A case with the document's motors.
 pub(super) struct Case<'a> {
     case: &'a Value,
     motors: &'a Value,
+    /// The inputs that the formula has asked for.
+    read: RefCell<BTreeSet<String>>,
 }
+
+/// Inputs that are remarks: nobody reads them.
+const REMARKS: [&str; 2] = ["note", "motor_csv_name"];
 
 impl<'a> Case<'a> {
     pub(super) fn new(case: &'a Value, motors: &'a Value) -> Self {
-        Self { case, motors }
+        Self { case, motors, read: RefCell::default() }
     }
 
     pub(super) fn formula(&self) -> Result<&'a str, CaseError> {
@@ -24,7 +31,21 @@ impl<'a> Case<'a> {
 
     fn input(&self, key: &str) -> Result<&'a Value, CaseError> {
         let inputs = self.case.get("inputs").ok_or(CaseError::NoInputs)?;
+        self.read.borrow_mut().insert(key.to_owned());
         inputs.get(key).ok_or_else(|| CaseError::Missing(key.to_owned()))
+    }
+
+    /// Fails if there are inputs that nobody asked for.
+    pub(super) fn nothing_unread(&self) -> Result<(), CaseError> {
+        let inputs = self.case.get("inputs").and_then(Value::as_object);
+        let read = self.read.borrow();
+        let unread = |key: &&String| !read.contains(*key) && !REMARKS.contains(&key.as_str());
+        let unknown: Vec<String> =
+            inputs.into_iter().flat_map(|all| all.keys()).filter(unread).cloned().collect();
+        if unknown.is_empty() {
+            return Ok(());
+        }
+        Err(CaseError::Unknown { unknown, read: read.iter().cloned().collect() })
     }
 
     /// A number; JSON has only finite ones.
@@ -77,19 +98,21 @@ impl<'a> Case<'a> {
 
     /// Constants from the document's motors, or from the inputs themselves if they name no motor.
     pub(super) fn motor(&self) -> Result<Motor, CaseError> {
-        let constants = if self.has("motor") {
+        let named = self.has("motor");
+        let constants = if named {
             let key = self.text("motor")?;
             self.motors.get(key).ok_or_else(|| CaseError::NoMotor(key.to_owned()))?
         } else {
             self.case.get("inputs").unwrap_or(&Value::Null)
         };
+        let constant = |key: &str| if named { constants.get(key) } else { self.input(key).ok() };
         let number = |key: &str| {
-            let value = constants.get(key).and_then(Value::as_f64);
+            let value = constant(key).and_then(Value::as_f64);
             value.ok_or_else(|| CaseError::MotorConstant(key.to_owned()))
         };
         let positive = |key: &str| number(key).and_then(|value| above_zero(value, key));
         // A bare motor needs no gearbox and, if nothing changes with time, no inertia.
-        let or_one = |key: &str| if constants.get(key).is_some() { positive(key) } else { Ok(1.0) };
+        let or_one = |key: &str| if constant(key).is_some() { positive(key) } else { Ok(1.0) };
         let inertia = KgM2(or_one("J")?);
         Ok(Motor {
             name: "",

@@ -2,7 +2,7 @@
 
 use motor_hub::model::catalogue::UnknownMotor;
 use motor_hub::units::RangeError;
-use simulated::scheme::BlendError;
+use simulated::scheme::{BlendError, UnknownScheme};
 
 /// Why a case could not be answered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -95,6 +95,20 @@ pub enum CaseError {
     /// The paper prints no such number.
     #[error("no printed number is called {0:?}")]
     UnknownNumber(String),
+    /// Inputs that the formula does not read: a slip of the pen would else be a default.
+    #[error("unknown input {}; this formula reads {}", .unknown.join(", "), .read.join(", "))]
+    Unknown {
+        /// What nobody asked for.
+        unknown: Vec<String>,
+        /// What was asked for.
+        read: Vec<String>,
+    },
+    /// Another case has the same `id`.
+    #[error("an earlier case has this id")]
+    SameId,
+    /// A scheme's name.
+    #[error(transparent)]
+    Scheme(#[from] UnknownScheme),
     /// A blend.
     #[error(transparent)]
     Blend(#[from] BlendError),

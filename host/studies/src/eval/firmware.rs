@@ -128,17 +128,7 @@ pub(super) fn example_duty(case: &Case) -> Result<Value, CaseError> {
 /// Regime, mode and duty of control values at an operating point.
 pub(super) fn regime_duty(case: &Case) -> Result<Value, CaseError> {
     full_range(case)?;
-    let scheme = match case.text("scheme")? {
-        "none" => SchemeName::None,
-        "A" => SchemeName::A,
-        "B" => SchemeName::B,
-        "C" => SchemeName::C,
-        "D" => SchemeName::D,
-        other => {
-            let (given, allowed) = (other.to_owned(), "none, A, B, C or D");
-            return Err(CaseError::Word { key: "scheme", given, allowed });
-        }
-    };
+    let scheme: SchemeName = case.text("scheme")?.parse()?;
     let blend = if case.has("blend") { Some(BlendChoice::fixed(case.number("blend")?)?) } else { None };
     let scheme = scheme.with_blend(blend)?;
 

@@ -10,6 +10,7 @@ use motor_hub::model::response::{Applied, GearedMotor, Motion, Poles};
 use motor_hub::model::si::{Amps, Drag, Hertz, KgM2, NewtonMetres, Ohms, RadPerSec, Seconds, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
 use serde_json::{Value, json};
+use simulated::scheme::SchemeName;
 
 /// First columns of tables that are given none.
 const TIMES: [f64; 8] = [0.0, 1e-5, 2.1e-4, 1e-3, 0.01, 0.05, 0.31, 3.0];
@@ -21,13 +22,14 @@ const CURRENT_SHARES: [f64; 8] = [-1.0, -0.6, -0.15, -0.02, 0.02, 0.15, 0.5, 0.9
 
 /// S, T, Z, G of a scheme, unclamped.
 pub(super) fn scheme_points(case: &Case) -> Result<Value, CaseError> {
-    let scheme = match case.text("scheme")? {
-        "A" => Scheme::A,
-        "B" => Scheme::B,
-        "C" => Scheme::C,
-        "D" => Scheme::D { blend: case.number("blend")? },
-        other => {
-            let (given, allowed) = (other.to_owned(), "A, B, C or D");
+    let name = case.text("scheme")?;
+    let scheme = match name.parse()? {
+        SchemeName::A => Scheme::A,
+        SchemeName::B => Scheme::B,
+        SchemeName::C => Scheme::C,
+        SchemeName::D => Scheme::D { blend: case.number("blend")? },
+        SchemeName::None => {
+            let (given, allowed) = (name.to_owned(), "A, B, C or D");
             return Err(CaseError::Word { key: "scheme", given, allowed });
         }
     };

@@ -1,4 +1,4 @@
-//! The points S, T, Z and G and the lines between them, in the paper's colours, as one panel.
+//! The points S, T, Z and G and the lines between them, as one panel.
 
 use ::chart::{Panel, Point, Series, Style, colour};
 
@@ -33,12 +33,12 @@ pub(super) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
     let between = if look.jump {
         line("a jump".into(), colour::GREY, t, z)
     } else {
-        line("braking (5/0)".into(), "#1f5fbf", t, z)
+        line("braking (5/0)".into(), colour::BLUE, t, z)
     };
     let mut series = vec![
-        line(format!("reverse ({reverse})"), "#c62828", s, t),
+        line(format!("reverse ({reverse})"), colour::RED, s, t),
         between,
-        line(format!("forward ({forward})"), "#2e8b3d", z, g),
+        line(format!("forward ({forward})"), colour::GREEN, z, g),
     ];
     series.retain(|line| !line.data.is_empty());
     let largest = series.iter().flat_map(|s| &s.data).map(|p| p.1.abs()).fold(0.0, f64::max);
@@ -47,7 +47,7 @@ pub(super) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
         height: look.height,
         y_range: Some((-1.15 * largest, 1.15 * largest)),
         series,
-        points: points.into_iter().filter(|p| p.at.0.abs() <= REACH).collect(),
+        points: points.into(),
         ..Panel::default()
     }
 }

@@ -1,5 +1,6 @@
 //! A trace as comma-separated values: one row for each motor and control tick.
 
+use crate::SCHEMA_VERSION;
 use crate::points::{regime_name, regulator_name};
 use motor_hub::motion::EncoderFault;
 use motor_hub::motor::{Faults, Setpoint};
@@ -9,7 +10,7 @@ use std::fmt::Write;
 
 const HEADINGS: &str = "time_s,motor,label,battery_v,battery_measured_v,setpoint,setpoint_value,\
 position_counts,speed_cps,speed_estimate_cps,control,regime,mode,duty,mean_current_a,\
-energy_from_battery_j,energy_to_battery_j,external_torque_nm,at_target,stalled,fault,encoder_fault,regulator,observed_load_a\n";
+energy_from_battery_j,energy_to_battery_j,external_torque_nm,at_target,stalled,fault,encoder_fault,regulator,observed_load_a,schema_version\n";
 
 /// The whole trace. Means and energies are those from the row's tick to the next.
 pub(super) fn of(scenario: &Scenario, trace: &Trace) -> String {
@@ -19,7 +20,7 @@ pub(super) fn of(scenario: &Scenario, trace: &Trace) -> String {
             let measured = tick.measured_v.map(|v| format!("{v:.3}")).unwrap_or_default();
             let label = quoted(&motor.label);
             // Writing to a String cannot fail.
-            let _ = write!(out, "{:.3},{},{label},{:.4},{measured},", tick.at_s, index + 1, tick.battery_v);
+            let _ = write!(out, "{:.3},{},{label},{:.4},{measured},", tick.at_s, index, tick.battery_v);
             row(&mut out, sample);
         }
     }
@@ -53,7 +54,7 @@ fn row(out: &mut String, sample: &Sample) {
     let load = report.load.map(|load| format!("{:.3}", f64::from(load.get()) / 1e3)).unwrap_or_default();
     let _ = writeln!(
         out,
-        "{kind},{value},{},{:.3},{:.3},{},{},{},{:.5},{:.5},{:.6},{:.6},{},{},{},{fault},{encoder_fault},{},{load}",
+        "{kind},{value},{},{:.3},{:.3},{},{},{},{:.5},{:.5},{:.6},{:.6},{},{},{},{fault},{encoder_fault},{},{load},{SCHEMA_VERSION}",
         sample.counts,
         sample.speed_cps,
         report.velocity.to_f64(),

@@ -3,7 +3,7 @@
 use super::runs::{RunReport, WITHOUT};
 use crate::NamedFigure;
 use crate::points::regulator_name;
-use chart::{Band, Figure, Panel, Series, Style, colour};
+use chart::{Band, Figure, Panel, Series, Style, colour, fill};
 use motor_hub::braking::Regime;
 use motor_hub::motor::Setpoint;
 use simulated::scenario::{Motor, Scenario};
@@ -15,7 +15,7 @@ pub(super) fn all(comparison: &RunReport) -> Vec<NamedFigure> {
     let motors = comparison.scenario.motors.iter().enumerate();
     let single = motors.map(|(index, motor)| {
         let figure = of_motor(&comparison.scenario, &comparison.as_set, index, motor);
-        (format!("motor-{}-{}", index + 1, file_name(&motor.label)), figure)
+        (format!("motor-{index}-{}", file_name(&motor.label)), figure)
     });
     single.chain([("comparison".to_owned(), compared(comparison))]).collect()
 }
@@ -96,8 +96,7 @@ fn currents(lines: &Lines) -> Vec<Series> {
     let current = lines.line("current", colour::BLUE, Style::Step, |s| s.flow.mean_current().0);
     let load = |s: &Sample| s.report.load.map_or(f64::NAN, |load| f64::from(load.get()) / 1e3);
     let observed = lines.trace.motor(lines.index).any(|(_, sample)| sample.report.load.is_some());
-    let load =
-        observed.then(|| lines.line("what the load takes, as observed", colour::RED, Style::Step, load));
+    let load = observed.then(|| lines.line("load, as observed", colour::RED, Style::Step, load));
     [current].into_iter().chain(load).collect()
 }
 
@@ -223,7 +222,7 @@ fn position_goal(sample: &Sample) -> f64 {
     }
 }
 
-/// The regimes in the paper's colours, lightened; nothing where the motor coasts.
+/// The regimes; nothing where the motor coasts.
 fn regimes(scenario: &Scenario, trace: &Trace, index: usize) -> Vec<Band> {
     let regime = |tick: &Tick| tick.motors.get(index).and_then(|sample| sample.report.regime);
     let mut bands: Vec<Band> = Vec::new();
@@ -234,9 +233,9 @@ fn regimes(scenario: &Scenario, trace: &Trace, index: usize) -> Vec<Band> {
             last.to = first.at_s;
         }
         let (colour, name) = match regime(first) {
-            Some(Regime::Forward) => ("#e2f2de", "forward"),
-            Some(Regime::Braking) => ("#d6e6f8", "braking"),
-            Some(Regime::Reverse) => ("#f8dbd7", "reverse"),
+            Some(Regime::Forward) => (fill::YELLOW, "forward"),
+            Some(Regime::Braking) => (fill::BLUE, "braking"),
+            Some(Regime::Reverse) => (fill::ROSE, "reverse"),
             None => ("#ffffff", "coast"),
         };
         bands.push(Band { from: first.at_s, to: scenario.duration_s, colour, name });

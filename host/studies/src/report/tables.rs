@@ -4,11 +4,10 @@ use super::runs::{RunReport, WITHOUT};
 use crate::expectations::{Verdict, Wanted};
 use crate::measures::Measures;
 use crate::table;
-use comfy_table::{ColumnConstraint, Width};
 use simulated::scheme;
 
 /// Characters of a column, so that the tables line up.
-const NARROWEST: u16 = 28;
+const NARROWEST: usize = 18;
 
 const DEFINITIONS: &str = "\
 Settling: until the speed stays within 2 % of the larger of old and new speed, or the position within
@@ -29,10 +28,8 @@ pub(super) fn all(comparison: &RunReport) -> String {
     );
     for (motor, measures) in scenario.motors.iter().zip(&comparison.measures) {
         let title = format!("{}: {}", motor.label, motor.constants.name);
-        let mut table = table::new(&[&title, &scheme::describe(motor.scheme), WITHOUT], 1);
-        for column in table.column_iter_mut() {
-            column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(NARROWEST)));
-        }
+        let mut table =
+            table::new(&[&title, &scheme::describe(motor.scheme), WITHOUT], 1).at_least(NARROWEST);
         for (name, values) in rows(measures) {
             let [as_set, without] = values;
             table.add_row([name, as_set, without]);
@@ -96,7 +93,7 @@ fn rows(measures: &[Measures; 2]) -> Vec<(String, [String; 2])> {
         format!("{:.2} A = {:.2} N m\n{:.2} A", jerk.worst_a, jerk.worst_nm, jerk.rms_a)
     });
     add("regulated by", &|m| m.regulator.to_owned());
-    add("forward / braking / reverse / coast", &|m| {
+    add("forward/braking/reverse/coast", &|m| {
         let r = m.regimes;
         format!("{:.0} / {:.0} / {:.0} / {:.0} %", r.forward, r.braking, r.reverse, r.coast)
     });

@@ -38,7 +38,7 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
     let mut motors: Vec<Motor> = chosen
         .into_iter()
         .enumerate()
-        .map(|(number, (constants, load))| lot.plan(format!("motor {}", number + 1), constants, load, volts))
+        .map(|(number, (constants, load))| lot.plan(format!("motor {number}"), constants, load, volts))
         .collect();
     let last = |motor: &Motor| {
         let times =

@@ -4,6 +4,8 @@ use super::cells::{self, Cell};
 use super::reference::{self, Figure, Row};
 use super::{Kind, Knowledge, Response, Survey, Verdict};
 use crate::table;
+use motor_hub::braking::DutyRule;
+use simulated::scheme::describe;
 
 /// The reference's tasks: by the model, and by PID.
 pub fn reference(rows: &[Row]) -> String {
@@ -42,7 +44,7 @@ fn figure(row: &Row, verdict: &Verdict) -> String {
 
 /// Every motor without a load.
 pub fn cells(cells: &[Cell]) -> String {
-    let mut table = table::new(&["regulator", "motor", "mode", "period", "responses"], 3);
+    let mut table = table::new(&["regulator", "motor", "mode", "period", "responses"], 5);
     let mut failed = 0;
     for cell in cells {
         for (regulator, all) in [("model", &cell.model), ("PID", &cell.pid)] {
@@ -118,9 +120,13 @@ pub fn survey(survey: &Survey, worst: usize) -> String {
         }
         .to_owned()
     }));
-    out.push_str(&breakdown("by scheme", responses, |response| response.scheme.clone()));
+    out.push_str(&breakdown("by scheme", responses, |response| describe(response.scheme.0)));
     out.push_str(&breakdown("by duty rule", responses, |response| {
-        if response.linear_duty { "linear duty" } else { "linear current" }.to_owned()
+        match response.duty {
+            DutyRule::LinearDuty => "linear duty",
+            DutyRule::LinearCurrent => "linear current",
+        }
+        .to_owned()
     }));
     for (index, knowledge) in Knowledge::ALL.into_iter().enumerate() {
         out.push_str(&list(knowledge, index, responses, worst));
@@ -216,7 +222,7 @@ fn list(knowledge: Knowledge, index: usize, responses: &[Response], worst: usize
     for (response, verdict) in answers.into_iter().take(worst) {
         table.add_row([
             response.scenario.to_string(),
-            (response.motor + 1).to_string(),
+            response.motor.to_string(),
             format!("{:.3} s", response.at_s),
             response.what.clone(),
             response.circumstances.clone(),

@@ -1,0 +1,83 @@
+//! A picture of lines and words that is no chart.
+
+use super::svg::{Anchor, Canvas, Stroke};
+use super::{TEXT, colour};
+
+/// Lines and words on a white page, in pixels from its upper left corner.
+///
+/// ```
+/// let mut drawing = chart::Drawing::new(100.0, 40.0, "A wire");
+/// drawing.line(&[(10.0, 20.0), (90.0, 20.0)]);
+/// assert!(drawing.svg().contains("polyline"));
+/// ```
+pub struct Drawing {
+    canvas: Canvas,
+}
+
+impl Drawing {
+    /// An empty page; the title is what a screen reader says.
+    #[must_use]
+    pub fn new(width: f64, height: f64, title: &str) -> Self {
+        Self { canvas: Canvas::new(width, height, title) }
+    }
+
+    /// A thin dark line through all points.
+    pub fn line(&mut self, points: &[(f64, f64)]) {
+        self.canvas.polyline(points, Stroke { colour: colour::INK, width: 1.6, dash: "" });
+    }
+
+    /// A broad coloured line through all points, with an arrow head in the middle of its stretch number `head`.
+    pub fn path(&mut self, points: &[(f64, f64)], colour: &str, dashed: bool, head: usize) {
+        self.canvas.polyline(points, Stroke { colour, width: 3.4, dash: if dashed { "9 5" } else { "" } });
+        if let Some(&[from, to]) = points.get(head..).and_then(|rest| rest.first_chunk()) {
+            self.canvas.polygon(&head_of(from, to), colour);
+        }
+    }
+
+    /// A filled triangle or any other polygon.
+    pub fn polygon(&mut self, points: &[(f64, f64)]) {
+        self.canvas.polygon(points, colour::INK);
+    }
+
+    /// A white disc with a dark rim.
+    pub fn ring(&mut self, at: (f64, f64), radius: f64) {
+        self.canvas.disc(at, radius + 1.6, colour::INK);
+        self.canvas.disc(at, radius, "#ffffff");
+    }
+
+    /// Words from here to the right.
+    pub fn words(&mut self, at: (f64, f64), size: f64, text: &str) {
+        self.canvas.text(at, Anchor::Start, size, TEXT, text);
+    }
+
+    /// Words with their middle here.
+    pub fn centred(&mut self, at: (f64, f64), size: f64, text: &str) {
+        self.canvas.text(at, Anchor::Middle, size, TEXT, text);
+    }
+
+    /// The picture as an SVG document.
+    #[must_use]
+    pub fn svg(self) -> String {
+        self.canvas.finish()
+    }
+}
+
+/// Half way from one point to another, pointing there.
+fn head_of((x0, y0): (f64, f64), (x1, y1): (f64, f64)) -> [(f64, f64); 3] {
+    let length = (x1 - x0).hypot(y1 - y0).max(f64::MIN_POSITIVE);
+    let (ux, uy) = ((x1 - x0) / length, (y1 - y0) / length);
+    let (x, y) = (f64::midpoint(x0, x1), f64::midpoint(y0, y1));
+    let corner = |along: f64, across: f64| (x + along * ux - across * uy, y + along * uy + across * ux);
+    [corner(8.0, 0.0), corner(-6.0, 8.0), corner(-6.0, -8.0)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_arrow_head_points_where_its_line_goes() {
+        let [tip, left, right] = head_of((0.0, 0.0), (0.0, 100.0));
+        assert!(tip.1 > left.1 && left.1 == right.1 && tip.0 == 0.0);
+    }
+}

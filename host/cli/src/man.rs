@@ -1,0 +1,37 @@
+//! `motor-hub man`.
+
+use crate::output::{Failure, Files, Folder, print};
+use clap::Command;
+use clap_mangen::Man;
+use std::path::PathBuf;
+
+/// Options of `man`.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Folder for the pages
+    #[arg(long, value_name = "DIR", default_value = "target/motor-hub/man")]
+    out: PathBuf,
+}
+
+impl Options {
+    pub(crate) fn execute(self, mut command: Command) -> Result<(), Failure> {
+        let folder = Folder::new(&self.out)?;
+        command.build();
+        let mut pages = Files::new();
+        draw(&command, &mut pages)?;
+        let files = folder.write_all(pages)?;
+        print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())
+    }
+}
+
+/// A page of the command, and one of each command below it.
+fn draw(command: &Command, pages: &mut Files) -> Result<(), Failure> {
+    let mut page = Vec::new();
+    let man = Man::new(command.clone());
+    man.render(&mut page).map_err(Failure::work)?;
+    pages.push((man.get_filename(), page));
+    command
+        .get_subcommands()
+        .filter(|inner| inner.get_name() != "help")
+        .try_for_each(|inner| draw(inner, pages))
+}

@@ -1,0 +1,150 @@
+//! docs/output.md names every field of what programs read, and nothing else.
+#![expect(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::indexing_slicing,
+    reason = "a failed access is a failed test"
+)]
+
+mod common;
+
+use common::{folder, motor_hub};
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+const PAGE: &str = include_str!("../../../docs/output.md");
+
+/// Fields in the table of a section.
+fn documented(section: &str) -> BTreeSet<String> {
+    let heading = format!("\n## {section}\n");
+    let from = PAGE.find(&heading).unwrap_or_else(|| panic!("docs/output.md has no {section}"));
+    let text = &PAGE[from + heading.len()..];
+    let text = &text[..text.find("\n## ").unwrap_or(text.len())];
+    let rows = text.lines().filter_map(|line| line.strip_prefix("| `"));
+    rows.map(|row| row.split('`').next().unwrap().to_owned()).collect()
+}
+
+/// Paths of all fields of a document; a list of values is a field, and so is a null.
+fn fields(value: &Value, path: &str, all: &mut BTreeSet<String>) {
+    let inner = |name: &str| if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") };
+    match value {
+        Value::Object(object) => object.iter().for_each(|(name, value)| fields(value, &inner(name), all)),
+        Value::Array(list) => {
+            all.extend(list.is_empty().then(|| format!("{path}[]")));
+            list.iter().for_each(|value| fields(value, &format!("{path}[]"), all));
+        }
+        _ => drop(all.insert(path.to_owned())),
+    }
+}
+
+fn assert_agree(section: &str, documents: &[Value]) {
+    let mut said = BTreeSet::new();
+    documents.iter().for_each(|document| fields(document, "", &mut said));
+    assert!(documents.iter().all(|document| document["schema_version"] == 1), "{section}");
+    let page = documented(section);
+    let covers = |row: &str, field: &str| {
+        row.strip_suffix(".*").map_or(row == field, |above| field.starts_with(&format!("{above}.")))
+    };
+    // A list that is empty here, or an object that is null, may hold what the page says.
+    let hollow = |field: &str| {
+        let empty = field.trim_end_matches("[]");
+        page.iter().any(|row| row.starts_with(&format!("{empty}.")) || row.starts_with(&format!("{empty}[")))
+    };
+    let unsaid: Vec<&String> =
+        said.iter().filter(|field| !hollow(field) && !page.iter().any(|row| covers(row, field))).collect();
+    assert!(unsaid.is_empty(), "docs/output.md, {section}, lacks {unsaid:?}");
+    let below = |row: &str| said.iter().any(|field| row.starts_with(field.trim_end_matches("[]")));
+    let gone: Vec<&String> =
+        page.iter().filter(|row| !below(row) && !said.iter().any(|field| covers(row, field))).collect();
+    assert!(gone.is_empty(), "docs/output.md, {section}, has {gone:?}, which nothing prints");
+}
+
+fn json(arguments: &[&str]) -> Value {
+    let output = motor_hub(arguments);
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("{arguments:?}: {e}: {}", String::from_utf8_lossy(&output.stderr)))
+}
+
+#[test]
+fn studies_print_what_the_page_says() {
+    let out = folder("page");
+    let out = ["--json", "--out", out.to_str().unwrap()];
+    let with = |arguments: &[&str]| json(&[arguments, &out].concat());
+    let arm = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/scenarios/arm.toml");
+    let arm = with(&["run", "--scenario", arm.to_str().unwrap()]);
+    assert_agree("run", &[with(&["run", "--time-s", "2"]), arm]);
+    let survey = with(&["survey", "--only", "random", "--scenarios", "4"]);
+    assert_eq!(documented("A verdict"), {
+        let mut verdict = BTreeSet::new();
+        fields(&survey["survey"]["responses"][0]["verdicts"][0], "", &mut verdict);
+        verdict
+    });
+    assert_agree("survey", &[survey]);
+    assert_agree("identify", &[with(&["identify"])]);
+    assert_agree("soak", &[json(&["soak", "--hours", "0.01", "--json"])]);
+    assert_agree("motors", &[json(&["motors", "--json"])]);
+    assert_agree("paper", &[json(&["paper", "--json"])]);
+    let at = ["--scheme", "D", "--motor", "AM 60 A", "--speed-cps", "9", "--battery-mv", "12000", "--json"];
+    assert_agree("points", &[json(&[&["points"][..], &at].concat())]);
+    assert_agree("map", &[json(&[&["map", "--control-steps", "7"][..], &at].concat())]);
+    assert_agree("compare", &[with(&["compare", "--quick"])]);
+}
+
+/// A served hub, which ends with the test.
+struct Served(Child, String);
+
+impl Served {
+    fn new() -> Self {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_motor-hub"))
+            .args(["serve", "--tcp", "127.0.0.1:0"])
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut place = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut place).unwrap();
+        Self(child, place.trim().to_owned())
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn the_client_prints_what_the_page_says() {
+    let served = Served::new();
+    let client =
+        |arguments: &[&str]| json(&[&["client", "--tcp", &served.1][..], arguments, &["--json"]].concat());
+    assert_agree("client status", &[client(&["status"])]);
+    assert_agree("client setup", &[client(&["setup", "0", "--scheme", "D", "--continuous-current-a", "1"])]);
+    assert_agree("client coefficients", &[client(&["coefficients", "0", "velocity"])]);
+    assert_agree("client identify", &[client(&["identify", "0"])]);
+    assert_agree("client tune", &[client(&["tune", "1"])]);
+    let watch = ["client", "--tcp", &served.1, "watch", "--for-s", "0.2", "--type", "AM 60 A", "--json"];
+    let lines = motor_hub(&watch).stdout;
+    let line = lines.split(|byte| *byte == b'\n').next().unwrap();
+    assert_agree("client watch", &[serde_json::from_slice(line).expect("a document a line")]);
+}
+
+#[test]
+fn files_have_the_columns_that_the_page_says() {
+    let out = folder("page-csv");
+    assert!(motor_hub(&["run", "--time-s", "0.2", "--out", out.to_str().unwrap()]).status.success());
+    let trace = std::fs::read_to_string(out.join("trace.csv")).unwrap();
+    for (file, headings) in [
+        ("trace.csv", trace.lines().next().unwrap()),
+        ("record.csv", studies::recording::HEADINGS.trim_end()),
+    ] {
+        let columns: BTreeSet<String> = headings.split(',').map(str::to_owned).collect();
+        assert_eq!(documented(file), columns, "{file}");
+    }
+    let motors: BTreeSet<&str> = trace.lines().skip(1).map(|row| row.split(',').nth(1).unwrap()).collect();
+    assert_eq!(motors.into_iter().collect::<String>(), "0123", "as the protocol numbers them");
+    assert!(trace.lines().skip(1).all(|row| row.ends_with(",1")), "each row has the version of its schema");
+}

@@ -1,0 +1,236 @@
+//! The bridge of the paper's section 1.2: where the current flows in both states of each mode, by the direction in
+//! which the motor turns.
+
+use chart::{Drawing, colour};
+use motor_hub::bridge::Mode;
+
+/// Of one circuit with its words.
+const WIDTH: f64 = 400.0;
+const HEIGHT: f64 = 410.0;
+const TITLE: f64 = 96.0;
+/// Within a circuit: battery, left and right half of the bridge; diodes are so far outside of their switches.
+const BATTERY_X: f64 = 50.0;
+const LEFT_X: f64 = 160.0;
+const RIGHT_X: f64 = 310.0;
+const DIODE: f64 = 38.0;
+/// Upper rail, middles of the upper switches, motor, lower switches, lower rail.
+const TOP: f64 = 70.0;
+const UPPER: f64 = 130.0;
+const MOTOR: f64 = 190.0;
+const LOWER: f64 = 250.0;
+const BOTTOM: f64 = 310.0;
+/// Coloured paths run beside the wires.
+const BESIDE: f64 = 7.0;
+
+type Points = Vec<(f64, f64)>;
+
+/// Six circuits, as an SVG document: by row how the motor turns, by column the regime.
+#[must_use]
+pub fn circuits() -> String {
+    let mut drawing =
+        Drawing::new(3.0 * WIDTH, TITLE + 2.0 * HEIGHT, "Where the current flows in an H bridge");
+    drawing.words((40.0, 34.0), 21.0, "Where the current flows, by mode (paper, section 1.2)");
+    drawing.path(&[(40.0, 60.0), (76.0, 60.0)], colour::BLUE, false, 9);
+    drawing.words((86.0, 64.5), 14.0, "first state, for the duty");
+    drawing.path(&[(300.0, 60.0), (336.0, 60.0)], colour::RED, true, 9);
+    drawing.words((346.0, 64.5), 14.0, "second state, until the inductance has no current left");
+    for (row, clockwise) in [true, false].into_iter().enumerate() {
+        let (with, against) = if clockwise { (Mode::Cw98, Mode::Ccw62) } else { (Mode::Ccw62, Mode::Cw98) };
+        let regimes = [("forward", with), ("braking", Mode::Brake50), ("reverse", against)];
+        for (column, (regime, mode)) in regimes.into_iter().enumerate() {
+            let at = (WIDTH * column as f64, TITLE + HEIGHT * row as f64);
+            // Braking and reverse driving push against the motion.
+            let rightwards = clockwise == (regime == "forward");
+            let turns = if clockwise { "CW" } else { "CCW" };
+            let title = format!("motor turns {turns}: {regime}, {}", mode.name());
+            circuit(&mut drawing, at, &title, mode, rightwards);
+        }
+    }
+    drawing.svg()
+}
+
+/// One bridge with the paths of a mode, while the current flows through the motor to the right, or to the left.
+fn circuit(drawing: &mut Drawing, (x0, y0): (f64, f64), title: &str, mode: Mode, rightwards: bool) {
+    let moved = |points: &[(f64, f64)]| -> Points { points.iter().map(|(x, y)| (x + x0, y + y0)).collect() };
+    drawing.words((x0 + 40.0, y0 + 28.0), 16.0, title);
+    let [first, second] = if mode == Mode::Brake50 { braking() } else { driving() };
+    let shown = |path: Points| moved(&if rightwards { path } else { mirrored(path) });
+    drawing.path(&shown(first), colour::BLUE, false, 1);
+    drawing.path(&shown(second), colour::RED, true, 1);
+    for wire in wires() {
+        drawing.line(&moved(&wire));
+    }
+    let states = match mode {
+        Mode::Cw98 => [9, 8],
+        Mode::Brake50 => [5, 0],
+        Mode::Ccw62 => [6, 2],
+    };
+    for (number, (at, weight)) in HALVES.into_iter().zip([8, 4, 2, 1]).enumerate() {
+        half(drawing, &moved, number + 1, at, states.map(|state| state & weight != 0));
+    }
+    let (x, y) = (x0 + f64::midpoint(LEFT_X, RIGHT_X), y0 + MOTOR);
+    drawing.ring((x, y), 19.0);
+    drawing.centred((x, y + 5.5), 16.0, "M");
+    for (line, (state, text)) in states.into_iter().zip(words(title, rightwards)).enumerate() {
+        let y = y0 + BOTTOM + 40.0 + 20.0 * line as f64;
+        drawing.words((x0 + 40.0, y), 13.5, &format!("{state}: {text}"));
+    }
+}
+
+/// What a mode's two states do.
+fn words(title: &str, rightwards: bool) -> [&'static str; 2] {
+    match (title.contains("forward"), title.contains("braking"), rightwards) {
+        (true, _, true) => ["the battery drives the motor", "flows on through S1 and D3, then stops"],
+        (true, _, false) => ["the battery drives the motor", "flows on through S3 and D1, then stops"],
+        (_, true, true) => ["the back EMF is shorted by S2 and S4", "charges the battery through D3 and D2"],
+        (_, true, false) => ["the back EMF is shorted by S2 and S4", "charges the battery through D1 and D4"],
+        (.., true) => ["battery and back EMF both brake", "the back EMF is shorted by S1 and D3"],
+        (.., false) => ["battery and back EMF both brake", "the back EMF is shorted by S3 and D1"],
+    }
+}
+
+/// Paths of a current to the right through S1 and S4, and of one that flows on through S1 and D3.
+fn driving() -> [Points; 2] {
+    let [left, right] = [LEFT_X + BESIDE, RIGHT_X - BESIDE];
+    let battery = BATTERY_X + BESIDE;
+    let first = vec![
+        (battery, MOTOR - 25.0),
+        (battery, TOP + BESIDE),
+        (left, TOP + BESIDE),
+        (left, MOTOR - BESIDE),
+        (right, MOTOR - BESIDE),
+        (right, BOTTOM - BESIDE),
+        (battery, BOTTOM - BESIDE),
+        (battery, MOTOR + 25.0),
+    ];
+    let left = LEFT_X - BESIDE;
+    let second = [
+        (RIGHT_X + BESIDE, TOP - BESIDE),
+        (left, TOP - BESIDE),
+        (left, MOTOR + BESIDE),
+        (RIGHT_X + BESIDE, MOTOR + BESIDE),
+    ];
+    let [up, rest @ ..] = &upper_diode();
+    [first, [&[*rest.last().unwrap_or(up)], &second[..], &[*up], rest].concat()]
+}
+
+/// Paths of a current to the right through S4 and S2, and of one through D3, battery and D2.
+fn braking() -> [Points; 2] {
+    let [left, right] = [LEFT_X + BESIDE, RIGHT_X - BESIDE];
+    let (row, rail) = (MOTOR + BESIDE, BOTTOM - BESIDE);
+    let first = vec![(right, row), (right, rail), (left, rail), (left, row), (right, row)];
+    let battery = BATTERY_X - BESIDE;
+    let [inner, outer] = [LEFT_X - BESIDE, LEFT_X - DIODE - BESIDE];
+    let second = [
+        (RIGHT_X + BESIDE, TOP - BESIDE),
+        (battery, TOP - BESIDE),
+        (battery, BOTTOM + BESIDE),
+        (inner, BOTTOM + BESIDE),
+        (inner, LOWER + LEAD + BESIDE),
+        (outer, LOWER + LEAD + BESIDE),
+        (outer, LOWER - LEAD - BESIDE),
+        (inner, LOWER - LEAD - BESIDE),
+        (inner, MOTOR - BESIDE),
+        (RIGHT_X + BESIDE, MOTOR - BESIDE),
+    ];
+    let [up, rest @ ..] = &upper_diode();
+    [first, [&[*rest.last().unwrap_or(up)], &second[..], &[*up], rest].concat()]
+}
+
+/// Up through D3.
+fn upper_diode() -> [(f64, f64); 4] {
+    let [inner, outer] = [RIGHT_X + BESIDE, RIGHT_X + DIODE + BESIDE];
+    let [low, high] = [UPPER + LEAD + BESIDE, UPPER - LEAD - BESIDE];
+    [(inner, low), (outer, low), (outer, high), (inner, high)]
+}
+
+/// The other half of the bridge; the battery stays.
+fn mirrored(path: Points) -> Points {
+    let bridge = LEFT_X - 2.0 * DIODE..=RIGHT_X + 2.0 * DIODE;
+    let other = |x: f64| if bridge.contains(&x) { LEFT_X + RIGHT_X - x } else { x };
+    path.into_iter().map(|(x, y)| (other(x), y)).collect()
+}
+
+/// Rails, the motor's, and the battery with its poles.
+fn wires() -> [Points; 7] {
+    [
+        vec![(BATTERY_X, MOTOR - 6.0), (BATTERY_X, TOP), (RIGHT_X, TOP)],
+        vec![(BATTERY_X, MOTOR + 6.0), (BATTERY_X, BOTTOM), (RIGHT_X, BOTTOM)],
+        vec![(LEFT_X, MOTOR), (RIGHT_X, MOTOR)],
+        vec![(BATTERY_X - 18.0, MOTOR - 6.0), (BATTERY_X + 18.0, MOTOR - 6.0)],
+        vec![(BATTERY_X - 9.0, MOTOR + 6.0), (BATTERY_X + 9.0, MOTOR + 6.0)],
+        vec![(BATTERY_X + 20.0, MOTOR - 16.0), (BATTERY_X + 30.0, MOTOR - 16.0)],
+        vec![(BATTERY_X + 25.0, MOTOR - 21.0), (BATTERY_X + 25.0, MOTOR - 11.0)],
+    ]
+}
+
+/// From the middle of a switch to where its diode joins.
+const LEAD: f64 = 26.0;
+
+/// S1 to S4 with their diodes.
+const HALVES: [(f64, f64); 4] = [(LEFT_X, UPPER), (LEFT_X, LOWER), (RIGHT_X, UPPER), (RIGHT_X, LOWER)];
+
+/// A switch with its diode, which lets a current up; closed in the mode's first state, in its second.
+fn half(
+    drawing: &mut Drawing,
+    moved: &impl Fn(&[(f64, f64)]) -> Points,
+    number: usize,
+    (x, y): (f64, f64),
+    closed: [bool; 2],
+) {
+    let outwards = if x < f64::midpoint(LEFT_X, RIGHT_X) { -1.0 } else { 1.0 };
+    let end = if y < MOTOR { TOP } else { BOTTOM };
+    let (near, far) = if y < MOTOR { (y - LEAD, y + LEAD) } else { (y + LEAD, y - LEAD) };
+    drawing.line(&moved(&[(x, end), (x, near)]));
+    drawing.line(&moved(&[(x, far), (x, MOTOR)]));
+    drawing.line(&moved(&[(x, y - LEAD), (x, y - 11.0)]));
+    drawing.line(&moved(&[(x, y + 11.0), (x, y + LEAD)]));
+    let lever = if closed[0] { 0.0 } else { -11.0 * outwards };
+    drawing.line(&moved(&[(x, y + 11.0), (x + lever, y - 11.0)]));
+    let diode = x + DIODE * outwards;
+    drawing.line(&moved(&[(x, y - LEAD), (diode, y - LEAD), (diode, y + LEAD), (x, y + LEAD)]));
+    drawing.polygon(&moved(&[(diode, y - 8.0), (diode - 8.0, y + 6.0), (diode + 8.0, y + 6.0)]));
+    drawing.line(&moved(&[(diode - 8.0, y - 8.0), (diode + 8.0, y - 8.0)]));
+    let is = match closed {
+        [true, true] => "on",
+        [true, false] => "PWM",
+        [false, _] => "off",
+    };
+    let inside = moved(&[(x - 34.0 * outwards, y - 3.0), (x - 34.0 * outwards, y + 13.0)]);
+    let beside = moved(&[(diode + 24.0 * outwards, y + 4.5)]);
+    for (at, words) in
+        inside.iter().chain(&beside).zip([format!("S{number}"), is.into(), format!("D{number}")])
+    {
+        drawing.centred(*at, 13.5, &words);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Stretches of a path that run through the motor, as directions along x.
+    fn through_motor(path: &[(f64, f64)]) -> Vec<f64> {
+        let near = |y: f64| (y - MOTOR).abs() <= BESIDE;
+        let stretches = path.windows(2).filter(|pair| near(pair[0].1) && near(pair[1].1));
+        stretches.map(|pair| (pair[1].0 - pair[0].0).signum()).collect()
+    }
+
+    #[test]
+    fn both_states_of_a_mode_push_the_current_through_the_motor_the_same_way() {
+        for path in driving().into_iter().chain(braking()) {
+            assert_eq!(through_motor(&path), [1.0]);
+            assert_eq!(through_motor(&mirrored(path)), [-1.0]);
+        }
+    }
+
+    #[test]
+    fn only_braking_returns_a_current_to_the_positive_pole() {
+        let to_the_battery = |path: &[(f64, f64)]| {
+            let rail = path.windows(2).find(|pair| pair[1].0 < BATTERY_X + 20.0 && pair[0].1 < UPPER);
+            rail.is_some_and(|pair| pair[1].0 < pair[0].0)
+        };
+        assert!(to_the_battery(&braking()[1]));
+        assert!(!to_the_battery(&driving()[0]) && !to_the_battery(&driving()[1]));
+    }
+}
