@@ -14,7 +14,7 @@
 //!
 //! let now = Micros::new(50_000);
 //! let battery = Some(Battery::good(Millivolts::new(12_000), now));
-//! let snapshot = hub.step(Inputs { now, readings: [None; 2], battery });
+//! let snapshot = hub.step(&Inputs { now, readings: [None; 2], battery });
 //! assert_eq!(snapshot.motors[0].drive, Drive::COAST);
 //! assert_eq!(snapshot.motors[1].drive.mode, Mode::Cw98);
 //! // Open loop needs no encoder, but a missing one is reported.
@@ -240,7 +240,7 @@ impl<const N: usize> Hub<N> {
     }
 
     /// One tick of all motors. Each sees only its own encoder; outside of groups none sees another's fault.
-    pub fn step(&mut self, inputs: Inputs<N>) -> Snapshot<N> {
+    pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
         let known = inputs.battery.as_ref().filter(|battery| battery.is_fresh(inputs.now));
         let battery = known.map(|known| known.voltage);
         if let Some(&Battery { draw, burn, .. }) = known
@@ -252,9 +252,9 @@ impl<const N: usize> Hub<N> {
             self.settle_account(inputs.now);
         }
         self.tick = self.tick.wrapping_add(1);
-        self.groups.step(&inputs, self.period, &mut self.motors);
+        self.groups.step(inputs, self.period, &mut self.motors);
         let mut motors = [Report::INITIAL; N];
-        for ((motor, reading), report) in self.motors.iter_mut().zip(inputs.readings).zip(&mut motors) {
+        for ((motor, &reading), report) in self.motors.iter_mut().zip(&inputs.readings).zip(&mut motors) {
             *report = motor.step(inputs.now, reading, battery);
         }
         self.groups.review(&mut motors, &mut self.motors);

@@ -135,7 +135,7 @@ impl<const N: usize> Bench<N> {
             }
             if self.ms.is_multiple_of(u64::from(self.hub.period().as_millis())) {
                 let battery = Some(Battery::good(Millivolts::new(12_000), now));
-                self.snapshot = self.hub.step(Inputs { now, readings: readings.map(Some), battery });
+                self.snapshot = self.hub.step(&Inputs { now, readings: readings.map(Some), battery });
                 self.drives = self.snapshot.drives();
             }
         }

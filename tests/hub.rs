@@ -57,7 +57,7 @@ impl<const N: usize> Bench<N> {
         self.now += TICK;
         let readings = self.readings(self.now);
         let battery = self.battery_mv.map(|mv| Battery::good(Millivolts::new(mv), Micros::new(self.now)));
-        self.hub.step(Inputs { now: Micros::new(self.now), readings, battery })
+        self.hub.step(&Inputs { now: Micros::new(self.now), readings, battery })
     }
 
     fn readings(&self, now: u64) -> [Option<Reading>; N] {
@@ -225,7 +225,7 @@ fn a_target_across_the_end_of_the_position_range_is_approached_the_short_way() {
     let at = Micros::new(TICK);
     let reading = Reading { position: i32::MAX - 10, edge_at: at, at };
     let battery = Some(Battery::good(Millivolts::new(12_000), at));
-    let snapshot = hub.step(Inputs { now: at, readings: [Some(reading)], battery });
+    let snapshot = hub.step(&Inputs { now: at, readings: [Some(reading)], battery });
     assert!(snapshot.motors[0].control > Control::ZERO);
 }
 
@@ -255,7 +255,7 @@ fn an_old_battery_voltage_is_none() {
     hub.apply(Command { motor: 0, action: Action::Set(setpoint) }).expect("motor");
     let battery = Some(Battery::good(Millivolts::new(12_000), Micros::new(0)));
     let mut drive_at =
-        |now| hub.step(Inputs { now: Micros::new(now), readings: [None], battery }).drives()[0];
+        |now| hub.step(&Inputs { now: Micros::new(now), readings: [None], battery }).drives()[0];
     assert_eq!(drive_at(100_000).duty, Duty::ONE);
     assert_eq!(drive_at(150_000), Drive::COAST);
 }
@@ -471,7 +471,7 @@ proptest! {
                         at: Micros::new(now - age),
                     }),
                 ];
-                hub.step(Inputs { now: Micros::new(now), readings, battery }).motors[0]
+                hub.step(&Inputs { now: Micros::new(now), readings, battery }).motors[0]
             }).collect::<Vec<_>>()
         };
         let quiet = vec![(Some(0), 0, 0, Setpoint::Disabled); 12];

@@ -91,17 +91,19 @@ impl Pid {
     /// output back into its range, and never beyond the range by itself. Nor does what is fed forward go beyond it.
     pub fn step(&mut self, gains: &Pidf, period: Period, input: PidInput) -> Value {
         let limit = Term::from(input.limit).abs();
-        if let Some(last) = self.last_measured.replace(input.measured)
-            && gains.d != Coefficient::ZERO
-        {
-            self.follow(input.measured.wrapping_sub(last), period);
-        }
-
+        let last = self.last_measured.replace(input.measured);
+        let derivative = if gains.d == Coefficient::ZERO {
+            Term::ZERO
+        } else {
+            if let Some(last) = last {
+                self.follow(input.measured.wrapping_sub(last), period);
+            }
+            product(gains.d, self.rate) / (1000 / CYCLE_MS)
+        };
         let proportional = product(gains.p, input.error);
         let increment =
             product(gains.i, input.error).saturating_mul_int(period.as_millis().into()) / CYCLE_MS;
         let integral = self.integral.saturating_add(increment);
-        let derivative = product(gains.d, self.rate) / (1000 / CYCLE_MS);
         let feed_forward = product(gains.f, input.feed_forward).clamp(-limit, limit);
 
         let wanted =

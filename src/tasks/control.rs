@@ -18,8 +18,7 @@ use embassy_time::{Duration, Instant, Timer};
 pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>, health: &Health) -> ! {
     let period = Duration::from_micros(hub.period().as_micros());
     let snapshots = wires.snapshot.sender();
-    let mut battery = None;
-    let mut readings = [None; N];
+    let mut inputs = Inputs { now: micros(Instant::now()), readings: [None; N], battery: None };
     // Where every sample has a tick, its snapshot says it all.
     let between = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
@@ -33,7 +32,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             });
             if wires.urgent.lock(|urgent| urgent.replace(false)) {
                 obey(hub, wires);
-                if let Some(drives) = hub.act(micros(Instant::now()), battery) {
+                if let Some(drives) = hub.act(micros(Instant::now()), inputs.battery) {
                     wires.drives.signal(drives);
                 }
             }
@@ -41,8 +40,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
                 hub.sense(&sensed);
             }
             if wires.battery.signaled() {
-                battery = wires.battery.try_take();
-                if let Some(drives) = battery.and_then(|sample| hub.watch_bus(sample)) {
+                inputs.battery = wires.battery.try_take();
+                if let Some(drives) = inputs.battery.and_then(|sample| hub.watch_bus(sample)) {
                     wires.drives.signal(drives);
                 }
             }
@@ -51,13 +50,13 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         // Capture is due at the same time; its sample goes first.
         yield_now().await;
         wires.sampled.reset();
-        look(wires, |newest| readings = *newest.readings());
-        let now = Instant::now();
+        look(wires, |newest| inputs.readings = *newest.readings());
+        inputs.now = micros(Instant::now());
         obey(hub, wires);
         if wires.battery.signaled() {
-            battery = wires.battery.try_take();
+            inputs.battery = wires.battery.try_take();
         }
-        let snapshot = hub.step(Inputs { now: micros(now), readings, battery });
+        let snapshot = hub.step(&inputs);
         wires.drives.signal(snapshot.drives());
         snapshots.send(snapshot);
         health.check_in(Task::Control);

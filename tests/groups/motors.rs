@@ -137,7 +137,7 @@ impl<const N: usize> Bench<N> {
             if self.ms.is_multiple_of(u64::from(self.hub.period().as_millis())) {
                 let battery = Some(Battery::good(Millivolts::new(12_000), now));
                 let before = self.snapshot.motors.map(|motor| motor.current);
-                self.snapshot = self.hub.step(Inputs { now, readings, battery });
+                self.snapshot = self.hub.step(&Inputs { now, readings, battery });
                 for (motor, before) in self.snapshot.motors.iter().zip(before) {
                     let step = (motor.current.get() - before.get()).abs();
                     self.current_step = self.current_step.max(f64::from(step) / 1e3);

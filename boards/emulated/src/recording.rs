@@ -326,10 +326,7 @@ impl OnChip {
 
     /// Replays inputs and says how often each instruction of the steps ran, by address.
     pub fn profile(&mut self, inputs: &[Input]) -> BTreeMap<u64, u64> {
-        // Every even address might be an instruction; one that is not is never arrived at.
-        let code = self.bench.symbols().iter().filter(|s| (0x0800_0000..0x0810_0000).contains(&s.address));
-        let all = code.flat_map(|s| (s.address..s.address + s.size).step_by(2)).collect();
-        self.bench.watch(all);
+        self.bench.watch_all();
         self.bench.take_hits();
         self.replay(inputs);
         let (begin, end) = self.step;

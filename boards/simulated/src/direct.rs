@@ -93,7 +93,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         }
         if ms > 0 && ms % u64::from(scenario.period.as_millis()) == 0 {
             obey(&mut hub, &mut waiting);
-            snapshot = hub.step(Inputs { now, readings, battery });
+            snapshot = hub.step(&Inputs { now, readings, battery });
             drives = snapshot.drives();
             board.apply(&drives);
         }

@@ -5,7 +5,7 @@
 //!
 //! let mut recording = Recording::new("bench", Told::Velocity(500));
 //! let sample = Sample { at_s: 0.02, motor: 0, battery_v: 12.5, position: 10, cps: 480, ..Sample::default() };
-//! assert_eq!(recording.push(sample), "0.0200,0,12.500,velocity,500,10,480,,,false\n");
+//! assert_eq!(recording.push(sample), "0.0200,0,12.500,velocity,500,10,480,,,false,1\n");
 //! assert_eq!(recording.figures().len(), 1);
 //! ```
 

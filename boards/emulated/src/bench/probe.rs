@@ -1,5 +1,8 @@
 //! What a probe could see of the chip: symbols, memory, registers, arrivals at instructions.
 
+use std::collections::BTreeMap;
+use std::time::Duration;
+
 use rigless::emulator::Watch;
 use rigless::mcu::Operate;
 use rigless::soc::Width;
@@ -53,6 +56,26 @@ impl Bench {
                 session.watch(Watch::Instruction(address));
             }
         });
+    }
+
+    /// The same for every instruction of the program.
+    pub fn watch_all(&mut self) {
+        // Every even address might be one; one that is not is never arrived at.
+        let code = self.symbols().iter().filter(|s| (0x0800_0000..0x0810_0000).contains(&s.address));
+        let all = code.flat_map(|s| (s.address..s.address + s.size).step_by(2)).collect();
+        self.watch(all);
+    }
+
+    /// Runs for this long and says how often each instruction ran, by address.
+    pub fn profile(&mut self, time: Duration) -> BTreeMap<u64, u64> {
+        self.watch_all();
+        self.take_hits();
+        self.run(time);
+        let mut counts = BTreeMap::new();
+        for (address, _) in self.take_hits() {
+            *counts.entry(address).or_default() += 1;
+        }
+        counts
     }
 
     /// Takes the arrivals noted so far: address and instruction count.

@@ -2,9 +2,12 @@
 //! of instructions.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
+use crate::common::ms;
 use addr2line::Context;
 use addr2line::gimli::{self, Dwarf, EndianSlice, LittleEndian, SectionId};
+use emulated::elf::{self, Symbol};
 use emulated::recording::{Counts, OnChip, Recording, Way, expected};
 use motor_hub::braking::DutyRule;
 use motor_hub::motor::Setpoint;
@@ -122,60 +125,77 @@ fn room(function: &str) -> String {
     ours.map_or_else(|| "what they call of others".to_owned(), str::to_owned)
 }
 
-/// `cargo test --release -p emulated budget -- --ignored --nocapture`: where the instructions go.
+/// `cargo test --test image profile -- --ignored --nocapture`: where the instructions of a step go.
 #[test]
 #[ignore = "a report, not a test"]
-fn profile() {
+fn profile_of_a_step() {
     for (way, mode) in ways().into_iter().flat_map(|way| MODES.map(|mode| (way, mode))) {
         let recording = record(mode, way, 50, 200);
-        let steps = recording.answers.len() as f64;
         let mut chip = OnChip::new(&recording);
         let counts = chip.profile(&recording.inputs);
-        let image = std::fs::read(chip.image()).expect("the image");
-        let lines = lines(&image);
-        let (mut by_room, mut by_symbol, mut by_function, mut by_line) =
-            (BTreeMap::new(), BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
-        for (&address, &count) in &counts {
-            let place = chip.symbols().partition_point(|s| s.address <= address).saturating_sub(1);
-            *by_symbol.entry(chip.symbols()[place].name.clone()).or_insert(0) += count;
-            let mut frames = lines.find_frames(address).skip_all_loads().expect("debug information");
-            let mut named = None;
-            while let Ok(Some(frame)) = frames.next() {
-                let function = frame.function.as_ref().and_then(|f| f.raw_name().ok());
-                let function = function.map(|name| format!("{:#}", rustc_demangle::demangle(&name)));
-                let location = frame
-                    .location
-                    .map(|l| format!("{}:{}", l.file.unwrap_or("?"), l.line.unwrap_or(0)))
-                    .unwrap_or_default();
-                let function = function.unwrap_or_default();
-                // Of inlined functions the innermost that is ours.
-                let ours = !location.contains("/library/") && !location.contains("/registry/");
-                if named.is_none() || ours {
-                    named = Some((function, location));
-                }
-                if ours {
-                    break;
-                }
-            }
-            let (function, location) = named.unwrap_or_default();
-            *by_room.entry(room(&function)).or_insert(0) += count;
-            *by_function.entry(function).or_insert(0) += count;
-            *by_line.entry(location).or_insert(0) += count;
-        }
         println!("\n{mode}, {way:?}, 50 ms: instructions a step");
-        for (title, table, at_least) in [
-            ("by room", by_room, 1.0),
-            ("by symbol", by_symbol, 1.0),
-            ("by function", by_function, 4.0),
-            ("by line", by_line, 6.0),
-        ] {
-            println!("  {title}");
-            let mut rows: Vec<_> =
-                table.into_iter().map(|(name, count)| (count as f64 / steps, name)).collect();
-            rows.sort_by(|a, b| b.0.total_cmp(&a.0));
-            for (count, name) in rows.iter().filter(|row| row.0 >= at_least) {
-                println!("    {count:7.1}  {name}");
+        report(chip.image(), chip.symbols(), &counts, recording.answers.len() as f64);
+    }
+}
+
+/// The same for all that the hub does, by motor and millisecond.
+#[test]
+#[ignore = "a report, not a test"]
+fn profile_of_the_hub() {
+    const MILLISECONDS: u64 = 100;
+    for regulator in [Kind::Pid, Kind::Model] {
+        let image = elf::hub_with_period(1);
+        let mut bench = crate::boot::at_speed(&image, regulator);
+        let counts = bench.profile(ms(MILLISECONDS));
+        println!("\n{regulator:?}, 1 ms: instructions a motor and ms");
+        report(&image, bench.symbols(), &counts, 4.0 * MILLISECONDS as f64);
+    }
+}
+
+/// Prints how often instructions ran, by several views, in multiples of `unit`.
+fn report(image: &Path, symbols: &[Symbol], counts: &BTreeMap<u64, u64>, unit: f64) {
+    let image = std::fs::read(image).expect("the image");
+    let lines = lines(&image);
+    let (mut by_room, mut by_symbol, mut by_function, mut by_line) =
+        (BTreeMap::new(), BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+    for (&address, &count) in counts {
+        let place = symbols.partition_point(|s| s.address <= address).saturating_sub(1);
+        *by_symbol.entry(symbols[place].name.clone()).or_insert(0) += count;
+        let mut frames = lines.find_frames(address).skip_all_loads().expect("debug information");
+        let mut named = None;
+        while let Ok(Some(frame)) = frames.next() {
+            let function = frame.function.as_ref().and_then(|f| f.raw_name().ok());
+            let function = function.map(|name| format!("{:#}", rustc_demangle::demangle(&name)));
+            let location = frame
+                .location
+                .map(|l| format!("{}:{}", l.file.unwrap_or("?"), l.line.unwrap_or(0)))
+                .unwrap_or_default();
+            let function = function.unwrap_or_default();
+            // Of inlined functions the innermost that is ours.
+            let ours = !location.contains("/library/") && !location.contains("/registry/");
+            if named.is_none() || ours {
+                named = Some((function, location));
             }
+            if ours {
+                break;
+            }
+        }
+        let (function, location) = named.unwrap_or_default();
+        *by_room.entry(room(&function)).or_insert(0) += count;
+        *by_function.entry(function).or_insert(0) += count;
+        *by_line.entry(location).or_insert(0) += count;
+    }
+    for (title, table, at_least) in [
+        ("by room", by_room, 1.0),
+        ("by symbol", by_symbol, 1.0),
+        ("by function", by_function, 4.0),
+        ("by line", by_line, 6.0),
+    ] {
+        println!("  {title}");
+        let mut rows: Vec<_> = table.into_iter().map(|(name, count)| (count as f64 / unit, name)).collect();
+        rows.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (count, name) in rows.iter().filter(|row| row.0 >= at_least) {
+            println!("    {count:7.1}  {name}");
         }
     }
 }
