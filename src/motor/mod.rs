@@ -279,7 +279,7 @@ impl Motor {
             }
         };
         let flows = flows.map(|flows| self.after_change(flows, drive, velocity));
-        self.regulator.drive(flows);
+        self.regulator.drive(flows, self.bounds.intervenes());
         // Of a bridge that is open for want of current, the back EMF.
         let emf = || Voltage::from_volts(self.settings.winding.emf.emf(velocity).to_volts());
         self.identifier.drive(output.map(|_| flows.unwrap_or_else(emf)));
@@ -330,7 +330,7 @@ impl Motor {
         // What is known of the motion must know of it too.
         if let Some(at) = at.filter(|_| placement.drive != Drive::COAST) {
             let flows = self.placer.flows(at, placement);
-            self.regulator.drive(Some(flows));
+            self.regulator.drive(Some(flows), self.bounds.intervenes());
             self.identifier.drive(Some(flows));
         }
         true
