@@ -341,6 +341,30 @@ impl OnChip {
         counts
     }
 
+    /// Replays inputs and counts the instructions of each call of a function from a step, with all that it calls.
+    ///
+    /// # Panics
+    /// If the program has no such function, or it was built into its caller.
+    pub fn count_within(&mut self, inputs: &[Input], function: &str) -> Vec<u64> {
+        let entry = self.bench.address(function);
+        let step = self.bench.symbols().iter().find(|s| s.address == self.step.0).expect("the step");
+        let caller = step.address..step.address + step.size;
+        self.bench.watch(caller.clone().step_by(2).chain([entry]).collect());
+        self.bench.take_hits();
+        self.replay(inputs);
+        let (mut counts, mut from) = (Vec::new(), None);
+        for (address, count) in self.bench.take_hits() {
+            if address == entry {
+                from = Some(count);
+            } else if caller.contains(&address)
+                && let Some(from) = from.take()
+            {
+                counts.push(count - from);
+            }
+        }
+        counts
+    }
+
     /// The program's image.
     #[must_use]
     pub fn image(&self) -> &Path {

@@ -109,6 +109,22 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
     }
 }
 
+/// The law and what it asks of the observer, as others count it: trajectory and observer without the bridge.
+#[test]
+fn the_model_regulator_by_itself_takes_at_most_700_instructions_a_step() {
+    println!("instructions of the regulator alone, by the model, in one motor's control step every 50 ms");
+    for mode in MODES {
+        let way = Way { rule: DutyRule::LinearCurrent, regulator: Kind::Model };
+        let recording = record(mode, way, 50, 240);
+        let mut chip = OnChip::new(&recording);
+        let counts = chip.count_within(&recording.inputs, "<motor_hub::regulator::Regulator>::step");
+        assert_eq!(counts.len(), recording.answers.len());
+        let (step, worst) = (mean(&counts), counts.iter().max().expect("steps"));
+        println!("{mode:10} {step:6} mean {worst:6} worst");
+        assert!(step <= 700, "{mode}: {step}");
+    }
+}
+
 /// Which address is which line.
 fn lines(image: &[u8]) -> Context<EndianSlice<'_, LittleEndian>> {
     let elf = object::File::parse(image).expect("an ELF file");
