@@ -7,6 +7,8 @@ use core::fmt;
 /// What has become of the last identification of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+// Whole words: it is copied at every tick, with every report, and byte by byte if what it holds begins within one.
+#[repr(u32)]
 pub enum Identification {
     /// There was none since the hub's reset.
     #[default]
