@@ -146,6 +146,19 @@ fn a_bus_need_not_be_looked_at_while_nothing_changes_for_the_motors() {
 }
 
 #[test]
+fn a_bus_that_was_too_high_is_watched_for_a_while_and_burnt_until_it_has_room() {
+    for (mv, burnt) in [(13_900, true), (13_300, true), (13_200, false)] {
+        let mut supply = Sampled::new();
+        supply.see(14_100);
+        for ms in 1..=60 {
+            let burn = supply.see(mv).burn;
+            assert_eq!(supply.supply.quiet().is_some(), ms >= 50, "{mv} mV, {ms} ms later");
+            assert_eq!(burn > Share::NONE, burnt && ms < 50, "{mv} mV, {ms} ms later");
+        }
+    }
+}
+
+#[test]
 fn a_bus_that_leaves_the_quiet_voltages_has_only_just_done_so() {
     let mut supply = Supply::new(Limits::default());
     supply.step(Some(Millivolts::new(7_600)), Micros::new(0));

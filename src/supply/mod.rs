@@ -50,6 +50,8 @@ const LEFT_MICROS: u32 = 1_000;
 pub struct Battery {
     /// Filtered.
     pub voltage: Millivolts,
+    /// The newest sample.
+    pub newest: Millivolts,
     /// When the newest sample in it was taken.
     pub at: Micros,
     /// How much may be drawn, in words;
@@ -63,7 +65,7 @@ pub struct Battery {
 impl Battery {
     /// A voltage at which motors may do all that they are asked to.
     pub const fn good(voltage: Millivolts, at: Micros) -> Self {
-        Self { voltage, at, stage: Stage::Full, draw: Share::ALL, burn: Share::NONE }
+        Self { voltage, newest: voltage, at, stage: Stage::Full, draw: Share::ALL, burn: Share::NONE }
     }
 
     /// True unless it is older than [`BATTERY_STALE_MICROS`].
@@ -163,12 +165,13 @@ impl Supply {
         // A bus that has left the quiet voltages has only just done so.
         let left = self.quiet().is_some_and(|quiet| !quiet.contains(&measured));
         let passed = if left { since.min(LEFT_MICROS) } else { since };
-        let filter = Filter::step(self.filter, measured.min(max), now, passed);
+        let newest = measured.min(max);
+        let filter = Filter::step(self.filter, newest, now, passed);
         self.filter = Some(filter);
         let burn = self.burning.step(&self.limits, measured, now);
         let (stage, draw) = self.derating.step(&self.limits, filter.voltage(), passed);
         let (stage, draw) = if measured > max { (Stage::Cut, Share::NONE) } else { (stage, draw) };
-        let battery = Battery { voltage: filter.voltage(), at: now, stage, draw, burn };
+        let battery = Battery { voltage: filter.voltage(), newest, at: now, stage, draw, burn };
         self.newest = Some(battery);
         battery
     }
