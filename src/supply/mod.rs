@@ -5,7 +5,7 @@
 //!  min      cut        derate  recover          burn     burn_all        max
 //!   |        |            |       |               |          |            |
 //!   | nothing is drawn    |       | all as asked  | returned energy is    |
-//!   |        | ever less  |.......| (hysteresis)  | burnt, more and more  | nothing is drawn, all is burnt
+//!   |        | ever less  |.......| (hysteresis)  | burnt, more is drawn  | nothing is drawn, all is burnt
 //! ```
 //!
 //! Boards whose chip reads its own reference beside the battery have [`VrefintScale`] for the first step;

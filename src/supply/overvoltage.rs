@@ -9,7 +9,7 @@ use crate::units::{Micros, Millivolts, Share};
 /// Samples further apart than this say nothing of how fast the voltage rises.
 const CLOSE_MICROS: u64 = 2_500;
 
-/// All is burnt from this part of the band on: the rest is for what comes back until the bridges follow, and for
+/// From this part of the band on most is drawn: the rest is for what comes back until the bridges follow, and for
 /// the energy of windings, which returns when a bridge leaves a full short to drive.
 const ALL_FROM: f32 = 0.5;
 

@@ -76,7 +76,6 @@ const BACKWARDS: [Cell; 4] = [WORKS, off(300, REVERSED), off(300, REVERSED), off
 /// Nobody notices: counts that do not come look like a slower motor, which is driven the faster.
 const SOME_COUNTS_LOST: [Cell; 4] =
     [WORKS, turns(1_000.0, 2_000.0), turns(1_000.0, 2_000.0), turns(240.0, 600.0)];
-const WAVERS: Cell = turns(750.0, 1_200.0);
 /// 7/6 of what is asked for.
 const ONE_OF_SEVEN_LOST: [Cell; 4] =
     [WORKS, turns(1_120.0, 1_210.0), turns(1_110.0, 1_220.0), turns(300.0, 400.0)];
@@ -112,10 +111,9 @@ pub(crate) const ROWS: [Row; 24] = [
     row("20 glitches/s", glitches(20), &[], [WORKS; 4]),
     row("200 glitches/s", glitches(200), &[], [WORKS; 4]),
     row("converter dead", Fault::ConverterDead, &["battery reads 0 V"], BLIND),
-    // Open loop is a share of the voltage. Beyond what the bus may have a motor brakes by a full short or not at all, so
-    // one that is held back now and then wavers.
-    row("19 V", Fault::Battery(19.0), &[], [turns(1_350.0, 1_600.0), WAVERS, WAVERS, WORKS]),
-    row("16 V", Fault::Battery(16.0), &[], [turns(1_150.0, 1_350.0), WAVERS, WAVERS, WORKS]),
+    // Open loop is a share of the voltage.
+    row("19 V", Fault::Battery(19.0), &[], [turns(1_350.0, 1_600.0), WORKS, WORKS, WORKS]),
+    row("16 V", Fault::Battery(16.0), &[], [turns(1_150.0, 1_350.0), WORKS, WORKS, WORKS]),
     row("6.5 V", Fault::Battery(6.5), &["battery low"], [turns(450.0, 650.0), WORKS, WORKS, WORKS]),
     row("4.5 V", Fault::Battery(4.5), &["battery low", "battery reads 0 V"], BLIND),
     // Bridges are asked every 55 ms.
