@@ -1,6 +1,6 @@
 //! What the supply allows motors to do, by the voltage of the bus.
 
-use motor_hub::supply::{Battery, Levels, Limits, Stage, Supply};
+use motor_hub::supply::{Battery, BusState, Levels, Limits, Stage, Supply};
 use motor_hub::units::{Micros, Millivolts, RangeError, Share};
 
 /// A supply that is sampled every millisecond.
@@ -207,4 +207,27 @@ fn levels_that_do_not_ascend_are_refused() {
         assert_eq!(Limits::new(levels), Err(RangeError::SupplyLevels), "{levels:?}");
     }
     assert!(RangeError::SupplyLevels.to_string().contains("min <= cut < derate"));
+}
+
+#[test]
+fn the_bus_is_seen_in_one_of_its_ranges_whether_or_not_motors_may_run_on_it() {
+    for (mv, state) in [
+        (4_500, BusState::TooLow),
+        (5_900, BusState::Cut),
+        (6_500, BusState::Derated),
+        (12_000, BusState::Quiet),
+        (14_600, BusState::Burning),
+        (15_600, BusState::TooHigh),
+        (30_000, BusState::TooHigh),
+    ] {
+        let mut supply = Supply::new(Limits::default());
+        for ms in 0..100 {
+            supply.step(Some(Millivolts::new(mv)), Micros::new(1_000 * ms));
+        }
+        let seen = supply.seen();
+        assert_eq!((seen.state, seen.measured), (state, Some(Millivolts::new(mv))), "{mv} mV");
+        assert_eq!(seen.by(Micros::new(199_001)).state, BusState::Silent, "{mv} mV, long ago");
+        supply.step(None, Micros::new(100_000));
+        assert_eq!((supply.seen().state, supply.seen().measured), (BusState::Silent, None));
+    }
 }

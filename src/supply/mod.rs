@@ -23,10 +23,12 @@
 
 mod limits;
 mod overvoltage;
+mod seen;
 mod undervoltage;
 mod vrefint;
 
 pub use limits::{Levels, Limits};
+pub use seen::{BusState, Seen};
 pub use undervoltage::Stage;
 pub use vrefint::{VrefintCalibration, VrefintSample, VrefintScale};
 
@@ -84,6 +86,7 @@ pub struct Supply {
     burning: Burning,
     /// What was last known, since the converter answers.
     newest: Option<Battery>,
+    seen: Seen,
 }
 
 /// Of first order. (Its weight in single precision: a division of 64 bits takes some chips as long as all the rest.)
@@ -118,7 +121,14 @@ impl Filter {
 impl Supply {
     /// Knows no voltage yet.
     pub const fn new(limits: Limits) -> Self {
-        Self { limits, filter: None, derating: Derating::NEW, burning: Burning::NEW, newest: None }
+        Self {
+            limits,
+            filter: None,
+            derating: Derating::NEW,
+            burning: Burning::NEW,
+            newest: None,
+            seen: Seen::NOTHING,
+        }
     }
 
     /// The voltages among which nothing changes for the motors, while that is so: until the bus leaves them it need
@@ -141,6 +151,17 @@ impl Supply {
     /// The filter is of first order with a time constant of 30 ms and an interval between two samples. One that leaves
     /// the quiet voltages counts as a millisecond after the one before.
     pub fn step(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
+        let battery = self.judge(voltage, now);
+        self.seen = Seen::new(&self.limits, voltage, battery.as_ref(), now);
+        battery
+    }
+
+    /// What was seen at the last step, plausible or not.
+    pub const fn seen(&self) -> Seen {
+        self.seen
+    }
+
+    fn judge(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
         match voltage {
             Some(measured) if measured >= self.limits.levels().min => Some(self.take(measured, now)),
             _ => {

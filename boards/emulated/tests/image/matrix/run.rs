@@ -5,8 +5,10 @@ use std::time::Duration;
 use emulated::talk::Talk;
 use emulated::{Bench, Lines, Transition};
 use motor_hub::protocol::answers::Status;
-use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
+use motor_hub::protocol::bus::BusReport;
+use motor_hub::protocol::requests::{BATTERY, Request, Standard, ToHub};
 use motor_hub::protocol::setup::{Condition, ToSetup};
+use motor_hub::supply::BusState;
 
 use super::faults::Fault;
 use super::modes::{MODES, Mode, Setup, powered};
@@ -52,6 +54,12 @@ const OF_MOTOR: [(&str, &str); 4] = [
     ("battery_unknown: true", "log: battery unknown"),
     ("encoder_stale: true", "log: encoder stale"),
 ];
+/// What the hub tells of its bus, but for what is as it should be and what the status word has a word for.
+const BUS: [(BusState, &str); 3] = [
+    (BusState::Silent, "bus: silent"),
+    (BusState::TooLow, "bus: too low"),
+    (BusState::TooHigh, "bus: too high"),
+];
 /// And of the hub.
 const OF_HUB: [(&str, &str); 3] = [
     ("started by the watchdog", "log: started by the watchdog"),
@@ -81,12 +89,16 @@ impl Run {
         let speeds = MODES.map(|mode| bench.look(mode.motor()).counts_per_second);
         let blind = row.fault.host_is_there()
             && talk.question::<i16>(bench, ToHub::Adc { channel: BATTERY, raw: false }) == 0;
+        let bus: Option<BusReport> = row.fault.host_is_there().then(|| talk.question(bench, Request::Bus));
         let log: Vec<String> = bench.log().into_iter().skip(logged).map(|line| line.text).collect();
         let away = off(bench);
         row.fault.take_out(bench);
         let status: Status = talk.question(bench, Standard::Status { clear: true });
         let mut says: Vec<_> =
             status.words().iter().copied().chain(blind.then_some("battery reads 0 V")).collect();
+        says.extend(
+            bus.and_then(|bus| BUS.into_iter().find(|(state, _)| *state == bus.state)).map(|(_, says)| says),
+        );
         says.extend(told(&log, "", &OF_HUB));
         let said = MODES.map(|mode| self.said(mode, status, &log));
         let back = self.come_back(away);
