@@ -1,8 +1,9 @@
 //! A bus that cannot take what braking motors return: what becomes of it, and of the motors.
 
-use motor_hub::bridge::Drive;
+use motor_hub::bridge::{Drive, Mode};
 use motor_hub::supply::Stage;
 use simulated::direct;
+use simulated::hardware::MOTORS;
 use simulated::scenario::Scenario;
 
 /// A scenario of some motors of one kind on 12 V behind 1000 uF.
@@ -40,6 +41,8 @@ struct Seen {
     speeds: Vec<Vec<f64>>,
     highest_v: f64,
     coasted: bool,
+    /// Motors that went over from a short to driving in the same millisecond between two ticks.
+    most_at_once: usize,
     shut_down: bool,
     returned_j: f64,
     burnt_j: f64,
@@ -63,6 +66,7 @@ impl Run {
 
     fn see_every(&self, period_ms: u32, from_ms: u64) -> Seen {
         let mut seen = Seen { speeds: vec![Vec::new(); self.motors], ..Seen::default() };
+        let mut before = [Drive::COAST; MOTORS];
         direct::run(&self.scenario(period_ms), |moment| {
             seen.bus.push(moment.battery_v);
             for (speeds, (speed, _)) in seen.speeds.iter_mut().zip(moment.motors) {
@@ -71,6 +75,12 @@ impl Run {
             if moment.ms > from_ms {
                 seen.coasted |= moment.drives.iter().take(self.motors).any(|&drive| drive == Drive::COAST);
             }
+            let pairs = before.iter().zip(moment.drives);
+            let ended = |(was, is): &(&Drive, &Drive)| **was == Drive::BRAKE && is.mode == Mode::Cw98;
+            if !moment.ms.is_multiple_of(period_ms.into()) {
+                seen.most_at_once = seen.most_at_once.max(pairs.filter(ended).count());
+            }
+            before = *moment.drives;
             seen.highest_v = moment.highest_v;
             seen.shut_down |= moment.shut_down > 0;
             seen.returned_j = moment.snapshot.bus.returned.get() as f64 / 1e6;
@@ -113,6 +123,7 @@ fn winches_on_a_bus_that_cannot_sink_are_held_and_the_bus_stays_below_its_upper_
         let seen = Run { motors, bus: ONE_WAY, motor: WINCH, seconds: 8.0 }.see(2_000);
         assert!(seen.highest_v <= UPPER_V, "{motors}: {} V", seen.highest_v);
         assert!(!seen.coasted && !seen.shut_down, "{motors}: a motor that brakes is not let go");
+        assert_eq!(seen.most_at_once, 1, "{motors}: windings give back their energy one after the other");
         for speeds in &seen.speeds {
             // Once the regulator has found the load.
             let (low, high) = extremes(speeds, 2_250);
