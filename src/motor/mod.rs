@@ -52,6 +52,7 @@ use crate::regulator::{Demand, Regulator, Stage};
 use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Voltage};
 use arrival::Arrival;
 use core::mem::discriminant;
+use portions::Portions;
 pub(crate) use supply::Allowed;
 use supply::{Bounds, Points};
 use thermal::Thermal;
@@ -106,6 +107,8 @@ struct Told {
     drive: Drive,
     /// As a voltage across the motor; `None` while it is open.
     flows: Option<Voltage>,
+    /// The current by which it heats, where that is another.
+    heats: Option<Milliamperes>,
 }
 
 impl Motor {
@@ -213,9 +216,9 @@ impl Motor {
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
         let moved = fresh(reading, now).map(|reading| self.follow(reading));
         self.regulator.wait(now);
-        let Told { velocity, control, regime, drive, flows } = self.tell(battery, moved);
+        let Told { velocity, control, regime, drive, flows, heats } = self.tell(battery, moved);
         let current = flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
-        self.thermal.step(self.sensed.current.unwrap_or_else(|| self.heating().unwrap_or(current)));
+        self.thermal.step(self.sensed.current.or(heats).unwrap_or(current));
         let near = self.setpoint.reached(self.position);
         Report {
             setpoint: self.setpoint,
@@ -289,12 +292,12 @@ impl Motor {
         let (control, regime) =
             output.map_or((Control::ZERO, None), |(control, placement)| (control, Some(placement.regime)));
         self.mode = drive.mode;
-        // Portions are on the mean what was asked for.
-        let flows = match (self.bounds.portions(), output) {
-            (Some(_), Some((_, placement))) => Some(placement.asked),
-            _ => flows,
+        let (flows, heats) = match self.bounds.portions() {
+            // On the mean what was asked for.
+            Some(portions) => (output.map(|(_, placement)| placement.asked), Some(self.heating(portions))),
+            None => (flows, None),
         };
-        Told { velocity, control, regime, drive, flows }
+        Told { velocity, control, regime, drive, flows, heats }
     }
 
     /// Takes a reading; returns the counts since the last tick.
@@ -380,9 +383,8 @@ impl Motor {
     }
 
     /// The current by which portions of braking heat a winding.
-    fn heating(&self) -> Option<Milliamperes> {
-        let volts = self.bounds.portions()?.heating();
-        Some(Milliamperes::from_amperes(volts / self.settings.ohms()))
+    fn heating(&self, portions: &Portions) -> Milliamperes {
+        Milliamperes::from_amperes(portions.heating() / self.settings.ohms())
     }
 
     /// What a voltage drives through winding and bridge against the back EMF of a speed.

@@ -124,7 +124,7 @@ impl Bounds {
 
     /// `None` unless the motor brakes in portions.
     pub(super) const fn portions(&self) -> Option<&Portions> {
-        if self.portions.are_given() { Some(&self.portions) } else { None }
+        if !self.none && self.portions.are_given() { Some(&self.portions) } else { None }
     }
 
     /// Puts other bounds on the last tick's placement; says what the bridge does if that is something else than
