@@ -28,7 +28,7 @@ mod groups;
 use crate::bridge::{Drive, Sensed};
 use crate::group::{Halt, Together};
 use crate::motion::Reading;
-use crate::motor::{Motor, Report, Setpoint, Settings};
+use crate::motor::{Allowed, Motor, Report, Setpoint, Settings};
 use crate::supply::{Battery, Stage};
 use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share};
 use bus::Account;
@@ -219,19 +219,26 @@ impl<const N: usize> Hub<N> {
     /// braking motors return must not wait for a tick. What the bridges are told from now on, if it is something else
     /// than before.
     pub fn watch_bus(&mut self, battery: Battery) -> Option<[Drive; N]> {
-        let Battery { draw, burn, at, .. } = battery;
-        if self.allowed == (draw, burn) {
+        if !self.is_news(&battery) {
             return None;
         }
-        self.allow(draw, burn, at).then(|| self.motors.each_ref().map(Motor::drive))
+        self.allow(&battery, battery.at).then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// What the supply allows from now on, other than before. True if a bridge is told otherwise for it.
+    /// It allows other things than before; or braking motors burn in portions, which are looked at every time.
+    fn is_news(&self, battery: &Battery) -> bool {
+        self.allowed != (battery.draw, battery.burn) || battery.burn != Share::NONE
+    }
+
+    /// What the supply allows from now on. True if a bridge is told otherwise for it.
     #[cold]
-    fn allow(&mut self, draw: Share, burn: Share, at: Micros) -> bool {
+    fn allow(&mut self, battery: &Battery, now: Micros) -> bool {
+        let &Battery { draw, burn, newest, .. } = battery;
         self.allowed = (draw, burn);
-        self.settle_account(at);
-        self.motors.iter_mut().fold(false, |changed, motor| motor.allow(draw, burn) | changed)
+        self.settle_account(now);
+        let allowed = Allowed { draw, burn, bus: newest, from: now };
+        let mut turn = true;
+        self.motors.iter_mut().fold(false, |changed, motor| motor.allow(allowed, &mut turn) | changed)
     }
 
     /// What has been returned and burnt until now is added up.
@@ -243,10 +250,8 @@ impl<const N: usize> Hub<N> {
     pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
         let known = inputs.battery.as_ref().filter(|battery| battery.is_fresh(inputs.now));
         let battery = known.map(|known| known.voltage);
-        if let Some(&Battery { draw, burn, .. }) = known
-            && self.allowed != (draw, burn)
-        {
-            self.allow(draw, burn, inputs.now);
+        if let Some(known) = known.filter(|known| self.is_news(known)) {
+            self.allow(known, inputs.now);
         }
         if self.account.is_due(self.tick) {
             self.settle_account(inputs.now);

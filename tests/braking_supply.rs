@@ -32,36 +32,24 @@ fn placer() -> Placer {
 }
 
 #[test]
-fn proportional_braking_fades_to_a_full_short() {
-    let braking = placed(1505, 8_000);
-    assert_eq!(braking.regime, Regime::Braking);
-    let duties: Vec<f64> =
-        (0..=4).map(|n| placer().burning(braking, share(25 * n), at(1505)).drive.duty.to_f64()).collect();
-    assert_eq!(placer().burning(braking, Share::NONE, at(1505)), braking);
-    assert!(duties.windows(2).all(|pair| pair[0] < pair[1]), "{duties:?}");
-    assert_eq!(placer().burning(braking, Share::ALL, at(1505)).drive, Drive::BRAKE);
-}
-
-#[test]
-fn a_motor_that_is_braked_in_reverse_comes_to_the_same_full_short() {
+fn between_two_shorts_a_motor_is_driven_a_little_beyond_its_back_emf_and_the_further_the_higher_the_bus() {
     for cps in [1505, -1505] {
-        let reverse = placed(cps, if cps > 0 { -16_000 } else { 16_000 });
-        assert_eq!(reverse.regime, Regime::Reverse);
-        let half = placer().burning(reverse, share(50), at(cps)).drive;
-        assert_eq!(half.mode, reverse.drive.mode);
-        assert!((half.duty.to_f64() - 0.5 * reverse.drive.duty.to_f64()).abs() < 1e-3);
-        assert_eq!(placer().burning(reverse, Share::ALL, at(cps)).drive, Drive::BRAKE);
+        let beyond = |percent| placer().beyond_emf(share(percent), at(cps)).expect("the bus can push");
+        let emf = 3.98683e-3 * f64::from(cps);
+        let shares: Vec<f64> =
+            [0, 50, 100].map(|percent| f64::from(beyond(percent).asked.to_volts()) / emf).into();
+        assert!(shares[0] > 1.05 && shares[2] < 1.5, "{shares:?}");
+        assert!(shares.windows(2).all(|pair| pair[0] < pair[1]), "{shares:?}");
+        assert_eq!(beyond(0).drive.mode, if cps > 0 { Mode::Cw98 } else { Mode::Ccw62 });
+        let flows = placer().flows(at(cps), beyond(50)).to_volts();
+        assert!((f64::from(flows) - shares[1] * emf).abs() < 0.02, "{flows} V");
     }
 }
 
 #[test]
-fn a_motor_that_is_driven_started_or_open_is_left_alone() {
-    for (cps, control) in [(1505, 24_000), (0, -16_000), (100, -16_000)] {
-        let placement = placed(cps, control);
-        assert_eq!(placer().burning(placement, Share::ALL, at(cps)), placement, "{cps} {control}");
-    }
-    let open = Placement { drive: Drive::COAST, ..placed(1505, 8_000) };
-    assert_eq!(placer().burning(open, Share::ALL, at(1505)).drive, Drive::COAST);
+fn a_bus_that_cannot_push_beyond_the_back_emf_drives_nothing() {
+    assert_eq!(placer().beyond_emf(Share::NONE, at(2_900)), None);
+    assert_eq!(placer().beyond_emf(Share::NONE, at(3_500)), None, "in overrun");
 }
 
 #[test]
@@ -88,16 +76,6 @@ proptest! {
         };
         // As a share of the stall current; the duty has 15 bits.
         prop_assert!(duty * push / 12.0 <= percent as f64 / 100.0 + 1e-3, "{} {}", duty, push);
-    }
-
-    #[test]
-    fn burning_never_brakes_less_and_ends_nowhere_but_at_a_full_short(
-        cps in 400i32..2_500, duty in 1u16..=32_768, percent in 0u64..=100,
-    ) {
-        let braking = Placement { drive: Drive { mode: Mode::Brake50, duty: Duty::from_bits(duty) }, ..placed(cps, 0) };
-        let burning = placer().burning(braking, share(percent), at(cps)).drive;
-        prop_assert_eq!(burning.mode, Mode::Brake50);
-        prop_assert!(burning.duty >= braking.drive.duty);
     }
 }
 

@@ -1,6 +1,6 @@
 //! What the supply allows motors to do, by the voltage of the bus.
 
-use motor_hub::supply::{Battery, Levels, Limits, Stage, Supply};
+use motor_hub::supply::{Battery, BusState, Levels, Limits, Stage, Supply};
 use motor_hub::units::{Micros, Millivolts, RangeError, Share};
 
 /// A supply that is sampled every millisecond.
@@ -146,6 +146,19 @@ fn a_bus_need_not_be_looked_at_while_nothing_changes_for_the_motors() {
 }
 
 #[test]
+fn a_bus_that_was_too_high_is_watched_for_a_while_and_burnt_until_it_has_room() {
+    for (mv, burnt) in [(13_900, true), (13_300, true), (13_200, false)] {
+        let mut supply = Sampled::new();
+        supply.see(14_100);
+        for ms in 1..=60 {
+            let burn = supply.see(mv).burn;
+            assert_eq!(supply.supply.quiet().is_some(), ms >= 50, "{mv} mV, {ms} ms later");
+            assert_eq!(burn > Share::NONE, burnt && ms < 50, "{mv} mV, {ms} ms later");
+        }
+    }
+}
+
+#[test]
 fn a_bus_that_leaves_the_quiet_voltages_has_only_just_done_so() {
     let mut supply = Supply::new(Limits::default());
     supply.step(Some(Millivolts::new(7_600)), Micros::new(0));
@@ -194,4 +207,27 @@ fn levels_that_do_not_ascend_are_refused() {
         assert_eq!(Limits::new(levels), Err(RangeError::SupplyLevels), "{levels:?}");
     }
     assert!(RangeError::SupplyLevels.to_string().contains("min <= cut < derate"));
+}
+
+#[test]
+fn the_bus_is_seen_in_one_of_its_ranges_whether_or_not_motors_may_run_on_it() {
+    for (mv, state) in [
+        (4_500, BusState::TooLow),
+        (5_900, BusState::Cut),
+        (6_500, BusState::Derated),
+        (12_000, BusState::Quiet),
+        (14_600, BusState::Burning),
+        (15_600, BusState::TooHigh),
+        (30_000, BusState::TooHigh),
+    ] {
+        let mut supply = Supply::new(Limits::default());
+        for ms in 0..100 {
+            supply.step(Some(Millivolts::new(mv)), Micros::new(1_000 * ms));
+        }
+        let seen = supply.seen();
+        assert_eq!((seen.state, seen.measured), (state, Some(Millivolts::new(mv))), "{mv} mV");
+        assert_eq!(seen.by(Micros::new(199_001)).state, BusState::Silent, "{mv} mV, long ago");
+        supply.step(None, Micros::new(100_000));
+        assert_eq!((supply.seen().state, supply.seen().measured), (BusState::Silent, None));
+    }
 }

@@ -51,7 +51,7 @@ impl OperatingPoint {
     }
 
     /// |emf| and battery voltage in volts, below 132 and 66, as fine as a current needs them.
-    pub(super) const fn volts(self) -> (f32, f32) {
+    pub(crate) const fn volts(self) -> (f32, f32) {
         const VOLT: f32 = 16_000.0;
         // Of the numbers in 1/16 mV no more than 21 bits are left, and a single has 24.
         ((self.e >> 16) as i32 as f32 / VOLT, (self.v >> 16) as i32 as f32 / VOLT)

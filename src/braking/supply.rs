@@ -3,11 +3,14 @@
 use super::points::{Fraction, OperatingPoint, Place, Regime};
 use super::{Placement, Placer};
 use crate::bridge::Drive;
+use crate::units::single::at_most;
 use crate::units::{Duty, Share, Voltage};
 use libm::sqrtf;
 
-/// A motor whose back EMF is more than this share of the bus's voltage brakes in 6/2; a slower one is started by it.
-const BRAKES: f32 = 0.125;
+/// Shares of the back EMF by which a motor is driven beyond it between two shorts: as much as takes from the bus what its
+/// winding gives back when a short ends, and where all is to be burnt.
+const BEYOND: f32 = 0.1;
+const BEYOND_AT_ALL: f32 = 0.3;
 
 /// What a braking motor does with its energy of motion, in watts, each at least 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,23 +49,17 @@ impl Placer {
         if most >= placement.drive.duty { placement } else { self.with_duty(placement, most) }
     }
 
-    /// A placement so far on the way to full dynamic braking, which returns nothing: 5/0 fades to a full short, and a
-    /// motor that is braked by 6/2 is less and less so, down to the same. A bridge that is open stays so.
-    #[must_use]
-    pub fn burning(&self, placement: Placement, share: Share, at: OperatingPoint) -> Placement {
-        let bits = u32::from(placement.drive.duty.to_bits());
-        if share == Share::NONE || bits == 0 {
-            return placement;
-        }
+    /// What takes from the bus between two shorts of a motor that brakes without returning anything: driving a little
+    /// beyond its back EMF, the further the larger the share. `None` where the bus cannot push so far.
+    pub fn beyond_emf(&self, share: Share, at: OperatingPoint) -> Option<Placement> {
         let (e, v) = at.volts();
-        let part = |whole: u32| (whole * u32::from(share.to_bits())) >> 15;
-        let faded = match placement.regime {
-            Regime::Braking => bits + part(32_768 - bits),
-            Regime::Reverse if e > BRAKES * v && share == Share::ALL => return Placement::full_braking(at),
-            Regime::Reverse if e > BRAKES * v => bits - part(bits),
-            _ => return placement,
-        };
-        self.with_duty(placement, Duty::from_bits(faded as u16))
+        let most = v - e;
+        if most <= BEYOND * e {
+            return None;
+        }
+        let beyond = at_most(e * (BEYOND + (BEYOND_AT_ALL - BEYOND) * share.to_f32()), most);
+        let place = Place { regime: Regime::Forward, fraction: Fraction::from_f32(beyond / most) };
+        Some(Placement::new(place, self.current.duty(place, at), at))
     }
 
     /// As near to it as the bridge may be given.

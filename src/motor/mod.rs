@@ -30,6 +30,7 @@
 //! ```
 
 mod arrival;
+mod portions;
 mod report;
 mod setpoint;
 mod settings;
@@ -48,10 +49,12 @@ use crate::motion::Reading;
 use crate::motion::guard::Finding;
 use crate::regulator::identify::{Identifier, Refusal};
 use crate::regulator::{Demand, Regulator, Stage};
-use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Share, Voltage};
+use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Voltage};
 use arrival::Arrival;
 use core::mem::discriminant;
-use supply::Bounds;
+use portions::Portions;
+pub(crate) use supply::Allowed;
+use supply::{Bounds, Points};
 use thermal::Thermal;
 use watch::{Circumstances, Order, Watch};
 
@@ -104,6 +107,8 @@ struct Told {
     drive: Drive,
     /// As a voltage across the motor; `None` while it is open.
     flows: Option<Voltage>,
+    /// The current by which it heats, where that is another.
+    heats: Option<Milliamperes>,
 }
 
 impl Motor {
@@ -211,9 +216,9 @@ impl Motor {
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
         let moved = fresh(reading, now).map(|reading| self.follow(reading));
         self.regulator.wait(now);
-        let Told { velocity, control, regime, drive, flows } = self.tell(battery, moved);
+        let Told { velocity, control, regime, drive, flows, heats } = self.tell(battery, moved);
         let current = flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
-        self.thermal.step(self.sensed.current.unwrap_or(current));
+        self.thermal.step(self.sensed.current.or(heats).unwrap_or(current));
         let near = self.setpoint.reached(self.position);
         Report {
             setpoint: self.setpoint,
@@ -270,7 +275,8 @@ impl Motor {
         let (flows, drive) = match (at, output) {
             (Some((at, battery)), Some((_, placement))) => {
                 self.at_tick = (velocity, battery);
-                let bounded = self.bounds.place(&self.placer, at, placement);
+                let Self { bounds, settings, placer, .. } = self;
+                let bounded = bounds.place(placer, |bus| points(settings, at, velocity, bus), placement);
                 (self.effect(at, bounded), bounded.drive)
             }
             _ => {
@@ -286,7 +292,12 @@ impl Motor {
         let (control, regime) =
             output.map_or((Control::ZERO, None), |(control, placement)| (control, Some(placement.regime)));
         self.mode = drive.mode;
-        Told { velocity, control, regime, drive, flows }
+        let (flows, heats) = match self.bounds.portions() {
+            // On the mean what was asked for.
+            Some(portions) => (output.map(|(_, placement)| placement.asked), Some(self.heating(portions))),
+            None => (flows, None),
+        };
+        Told { velocity, control, regime, drive, flows, heats }
     }
 
     /// Takes a reading; returns the counts since the last tick.
@@ -303,6 +314,9 @@ impl Motor {
         if placement.drive == Drive::COAST {
             return None;
         }
+        if let Some(flows) = self.portion() {
+            return Some(flows);
+        }
         // By linear current, of which the bridge has not to be spared any, the one asked for.
         let as_asked = self.setpoint.is_regulated()
             && !self.bounds.intervenes()
@@ -318,22 +332,33 @@ impl Motor {
             return flows;
         }
         let emf = self.settings.winding.emf.emf(velocity).to_volts();
-        let left = (1.0 - f32::from(change_us) / self.period.as_micros() as f32).max(0.0);
+        // Of portions observers are told anew every millisecond.
+        let lasts = if self.bounds.portions().is_some() { 1_000.0 } else { self.period.as_micros() as f32 };
+        let left = (1.0 - f32::from(change_us) / lasts).max(0.0);
         Voltage::from_volts(emf + left * (flows.to_volts() - emf))
     }
 
-    /// What the supply allows from now on. True if the bridge is told otherwise for it.
-    pub(crate) fn allow(&mut self, draw: Share, burn: Share) -> bool {
-        let at = self.at_tick();
-        let Some(placement) = self.bounds.renew(&self.placer, at, draw, burn) else { return false };
-        self.mode = placement.drive.mode;
+    /// What the supply allows from now on. True if the bridge is told otherwise for it. Of motors that brake in portions one
+    /// at a time may end its short, for then its winding's energy returns; it has had its turn then.
+    pub(crate) fn allow(&mut self, allowed: Allowed, turn: &mut bool) -> bool {
+        let before = self.drive();
+        let velocity = self.regulator.velocity();
+        let at = self.at_tick().map(|placed| points(&self.settings, placed, velocity, allowed.bus));
+        let Some(placement) = self.bounds.renew(&self.placer, at, allowed, turn) else { return false };
         // What is known of the motion must know of it too.
         if let Some(at) = at.filter(|_| placement.drive != Drive::COAST) {
-            let flows = self.placer.flows(at, placement);
+            let flows = self.portion().unwrap_or_else(|| self.placer.flows(at.placed, placement));
+            let flows = self.after_change(flows, placement.drive, velocity);
             self.regulator.drive(Some(flows), self.bounds.intervenes());
             self.identifier.drive(Some(flows));
         }
-        true
+        self.mode = placement.drive.mode;
+        placement.drive != before
+    }
+
+    /// Across a motor that brakes in portions.
+    fn portion(&self) -> Option<Voltage> {
+        self.bounds.portions().map(|portions| Voltage::from_volts(portions.given()))
     }
 
     /// What the bridge is told now.
@@ -355,6 +380,11 @@ impl Motor {
     fn at_tick(&self) -> Option<OperatingPoint> {
         let (velocity, battery) = self.at_tick;
         OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery)
+    }
+
+    /// The current by which portions of braking heat a winding.
+    fn heating(&self, portions: &Portions) -> Milliamperes {
+        Milliamperes::from_amperes(portions.heating() / self.settings.ohms())
     }
 
     /// What a voltage drives through winding and bridge against the back EMF of a speed.
@@ -504,4 +534,10 @@ impl Motor {
     fn floats(&self) -> bool {
         self.settings.zero_power == ZeroPower::Float
     }
+}
+
+/// What was placed for one speed and voltage acts at these.
+fn points(settings: &Settings, placed: OperatingPoint, velocity: CountsPerSecond, bus: Millivolts) -> Points {
+    let now = OperatingPoint::new(settings.winding.emf.emf(velocity), bus).unwrap_or(placed);
+    Points { placed, now, change_us: settings.bridge.timing().change_us }
 }

@@ -38,6 +38,7 @@
 
 pub mod address;
 pub mod answers;
+pub mod bus;
 pub mod fields;
 pub mod frame;
 pub mod group;

@@ -17,6 +17,7 @@
 
 use super::address::{Address, HOST};
 use super::answers::Functions;
+use super::bus;
 use super::fields::{ByteIn, Field, Fields, Payload, Text, append};
 use super::frame::Packet;
 use super::group::ToGroup;
@@ -158,6 +159,8 @@ pub enum Request {
     Setup(u8, ToSetup),
     /// To the group of the motor with this number, on hubs of this project.
     Group(u8, ToGroup),
+    /// How the bus of battery and bridges is, on hubs of this project.
+    Bus,
 }
 
 impl Request {
@@ -187,6 +190,9 @@ impl Request {
             if ToGroup::NUMBERS.contains(&number) {
                 return Ok(Self::Group(motor(fields)?, ToGroup::read(number, fields)?));
             }
+            if number == bus::FUNCTION {
+                return Ok(Self::Bus);
+            }
             return Ok(Self::Setup(motor(fields)?, ToSetup::read(number, fields)?));
         }
         if Standard::NUMBERS.contains(&packet.id) {
@@ -200,7 +206,7 @@ impl Request {
         match self {
             Self::Standard(_) => None,
             Self::Hub(_) | Self::Motor(..) | Self::Pin(_) => Some(Interface::Motors),
-            Self::Setup(..) | Self::Group(..) => Some(Interface::Setup),
+            Self::Setup(..) | Self::Group(..) | Self::Bus => Some(Interface::Setup),
         }
     }
 
@@ -213,6 +219,7 @@ impl Request {
             Self::Pin(request) => request.number(),
             Self::Setup(_, request) => request.number(),
             Self::Group(_, request) => request.number(),
+            Self::Bus => bus::FUNCTION,
         }
     }
 
@@ -232,6 +239,7 @@ impl Request {
             Self::Standard(request) => request.write(out),
             Self::Hub(request) => request.write(out),
             Self::Pin(request) => request.write(out),
+            Self::Bus => (),
             Self::Motor(motor, request) => {
                 motor.write(out);
                 request.write(out);

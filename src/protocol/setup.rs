@@ -18,6 +18,7 @@
 //! | 10 tell how the motor and its bridge are | motor | the fields of a [`Condition`] |
 //! | 11 say how the motor's bridge switches | motor, then the fields of a [`Timing`] | ACK |
 //! | 12 read it back | motor | the fields |
+//! | 13 | of the bus, see [`bus`](super::bus) | |
 //!
 //! Function 4 is refused (51) unless the motor is enabled, in constant power of 0; any other target, mode or
 //! disabling ends the motion. From then on function 5 answers of that motion only. What is found is told, not put in force: that is function 2.
@@ -122,7 +123,7 @@ use crate::units::{
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const FUNCTION_COUNT: u16 = 13;
+pub const FUNCTION_COUNT: u16 = 14;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.

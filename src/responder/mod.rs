@@ -57,15 +57,17 @@ pub mod setup;
 
 pub use answer::Answer;
 
-use crate::hub::{Action, Command, Snapshot};
+use crate::hub::{Action, Bus, Command, Snapshot};
 use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
+use crate::protocol::bus::BusReport;
 use crate::protocol::fields::Text;
 use crate::protocol::group::{GroupMove, GroupState, ToGroup};
 use crate::protocol::motor::ToMotor;
 use crate::protocol::requests::{DISCOVERY, Request, Standard, ToHub};
 use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
-use crate::units::Micros;
+use crate::supply::Seen;
+use crate::units::{Microjoules, Micros};
 use alive::Alive;
 use group::Courses;
 use led::Led;
@@ -104,6 +106,7 @@ pub struct Responder<const N: usize> {
     channels: [MotorChannel; N],
     courses: Courses<N>,
     pins: PinMemory,
+    bus: Seen,
     led: Led,
     phone_charge: bool,
     ftdi_reset: bool,
@@ -120,6 +123,7 @@ impl<const N: usize> Responder<N> {
             channels: settings.map(MotorChannel::new),
             courses: Courses::NONE,
             pins: PinMemory::default(),
+            bus: Seen::NOTHING,
             led: Led::default(),
             phone_charge: false,
             ftdi_reset: false,
@@ -149,6 +153,11 @@ impl<const N: usize> Responder<N> {
     /// The levels of digital pins, as they are now: bit i is pin i. Until this is told they are all 1.
     pub const fn sense_pins(&mut self, levels: u8) {
         self.pins.sense(levels);
+    }
+
+    /// The bus, as it was seen last.
+    pub const fn sense_bus(&mut self, seen: Seen) {
+        self.bus = seen;
     }
 
     /// What the status LED shows.
@@ -233,6 +242,7 @@ impl<const N: usize> Responder<N> {
             Request::Motor(motor, request) => self.motor(motor, request, snapshot),
             Request::Group(motor, ToGroup::Move { wanted }) => self.lead(motor, wanted, snapshot),
             Request::Group(motor, ToGroup::State) => self.group(motor, snapshot),
+            Request::Bus => Ok(Answer::data(&self.bus_report(now, &snapshot.bus))),
             Request::Setup(motor, request) => {
                 let motor = usize::from(motor);
                 let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
@@ -344,6 +354,18 @@ impl<const N: usize> Responder<N> {
             }
         };
         Ok(Answer::data(&state))
+    }
+
+    fn bus_report(&self, now: Micros, bus: &Bus) -> BusReport {
+        let Seen { measured, state, .. } = self.bus.by(now);
+        let millijoules = |energy: Microjoules| u32::try_from(energy.get() / 1_000).unwrap_or(u32::MAX);
+        BusReport {
+            state,
+            measured,
+            burning: (1_000.0 * bus.burn.to_f32()) as u16,
+            returned_mj: millijoules(bus.returned),
+            burnt_mj: millijoules(bus.burnt),
+        }
     }
 
     /// Without analog inputs, which read 0.

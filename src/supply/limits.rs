@@ -14,9 +14,9 @@ pub struct Levels {
     pub derate: Millivolts,
     /// until it is back here.
     pub recover: Millivolts,
-    /// From here on braking motors return less and burn more,
+    /// From here on braking motors burn what they would return, and take the more from the bus the higher it is,
     pub burn: Millivolts,
-    /// and from here on they return nothing.
+    /// for it to stay below this.
     pub burn_all: Millivolts,
     /// Highest plausible voltage. Above it nothing is drawn, and all is burnt.
     pub max: Millivolts,
@@ -48,8 +48,8 @@ impl Limits {
         self.0
     }
 
-    /// Of a 12 V battery: low below 7.0 V until 7.5 V, cut at 6.0 V; returned energy is burnt from 14.0 V on, all
-    /// of it from 15.5 V. Plausible is what bridges of the VNH5019 kind may work at, but for some noise: 5 to
+    /// Of a 12 V battery: low below 7.0 V until 7.5 V, cut at 6.0 V; returned energy is burnt from 14.0 V on,
+    /// for the bus to stay below 15.5 V. Plausible is what bridges of the VNH5019 kind may work at, but for some noise: 5 to
     /// 24 V (data sheet: 5.5 to 24 V; they stand 41 V).
     pub const TWELVE_VOLTS: Self = Self(Levels {
         min: Millivolts::new(5_000),

@@ -5,7 +5,7 @@
 //!  min      cut        derate  recover          burn     burn_all        max
 //!   |        |            |       |               |          |            |
 //!   | nothing is drawn    |       | all as asked  | returned energy is    |
-//!   |        | ever less  |.......| (hysteresis)  | burnt, more and more  | nothing is drawn, all is burnt
+//!   |        | ever less  |.......| (hysteresis)  | burnt, more is drawn  | nothing is drawn, all is burnt
 //! ```
 //!
 //! Boards whose chip reads its own reference beside the battery have [`VrefintScale`] for the first step;
@@ -23,10 +23,12 @@
 
 mod limits;
 mod overvoltage;
+mod seen;
 mod undervoltage;
 mod vrefint;
 
 pub use limits::{Levels, Limits};
+pub use seen::{BusState, Seen};
 pub use undervoltage::Stage;
 pub use vrefint::{VrefintCalibration, VrefintSample, VrefintScale};
 
@@ -50,6 +52,8 @@ const LEFT_MICROS: u32 = 1_000;
 pub struct Battery {
     /// Filtered.
     pub voltage: Millivolts,
+    /// The newest sample.
+    pub newest: Millivolts,
     /// When the newest sample in it was taken.
     pub at: Micros,
     /// How much may be drawn, in words;
@@ -63,7 +67,7 @@ pub struct Battery {
 impl Battery {
     /// A voltage at which motors may do all that they are asked to.
     pub const fn good(voltage: Millivolts, at: Micros) -> Self {
-        Self { voltage, at, stage: Stage::Full, draw: Share::ALL, burn: Share::NONE }
+        Self { voltage, newest: voltage, at, stage: Stage::Full, draw: Share::ALL, burn: Share::NONE }
     }
 
     /// True unless it is older than [`BATTERY_STALE_MICROS`].
@@ -82,6 +86,7 @@ pub struct Supply {
     burning: Burning,
     /// What was last known, since the converter answers.
     newest: Option<Battery>,
+    seen: Seen,
 }
 
 /// Of first order. (Its weight in single precision: a division of 64 bits takes some chips as long as all the rest.)
@@ -116,7 +121,14 @@ impl Filter {
 impl Supply {
     /// Knows no voltage yet.
     pub const fn new(limits: Limits) -> Self {
-        Self { limits, filter: None, derating: Derating::NEW, burning: Burning::NEW, newest: None }
+        Self {
+            limits,
+            filter: None,
+            derating: Derating::NEW,
+            burning: Burning::NEW,
+            newest: None,
+            seen: Seen::NOTHING,
+        }
     }
 
     /// The voltages among which nothing changes for the motors, while that is so: until the bus leaves them it need
@@ -139,6 +151,17 @@ impl Supply {
     /// The filter is of first order with a time constant of 30 ms and an interval between two samples. One that leaves
     /// the quiet voltages counts as a millisecond after the one before.
     pub fn step(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
+        let battery = self.judge(voltage, now);
+        self.seen = Seen::new(&self.limits, voltage, battery.as_ref(), now);
+        battery
+    }
+
+    /// What was seen at the last step, plausible or not.
+    pub const fn seen(&self) -> Seen {
+        self.seen
+    }
+
+    fn judge(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
         match voltage {
             Some(measured) if measured >= self.limits.levels().min => Some(self.take(measured, now)),
             _ => {
@@ -163,12 +186,13 @@ impl Supply {
         // A bus that has left the quiet voltages has only just done so.
         let left = self.quiet().is_some_and(|quiet| !quiet.contains(&measured));
         let passed = if left { since.min(LEFT_MICROS) } else { since };
-        let filter = Filter::step(self.filter, measured.min(max), now, passed);
+        let newest = measured.min(max);
+        let filter = Filter::step(self.filter, newest, now, passed);
         self.filter = Some(filter);
         let burn = self.burning.step(&self.limits, measured, now);
         let (stage, draw) = self.derating.step(&self.limits, filter.voltage(), passed);
         let (stage, draw) = if measured > max { (Stage::Cut, Share::NONE) } else { (stage, draw) };
-        let battery = Battery { voltage: filter.voltage(), at: now, stage, draw, burn };
+        let battery = Battery { voltage: filter.voltage(), newest, at: now, stage, draw, burn };
         self.newest = Some(battery);
         battery
     }

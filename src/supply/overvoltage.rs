@@ -9,22 +9,27 @@ use crate::units::{Micros, Millivolts, Share};
 /// Samples further apart than this say nothing of how fast the voltage rises.
 const CLOSE_MICROS: u64 = 2_500;
 
-/// All is burnt from this part of the band on: the rest is for what comes back until the bridges follow, and for
+/// From this part of the band on most is drawn: the rest is for what comes back until the bridges follow, and for
 /// the energy of windings, which returns when a bridge leaves a full short to drive.
 const ALL_FROM: f32 = 0.5;
+
+/// A bus that was too high is watched for so long, for it is again as soon as a motor brakes; and burning goes on until it
+/// is half of the band below, for there to be room for what comes back then.
+const WATCHED_MICROS: u64 = 50_000;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Burning {
     last: Option<(Millivolts, Micros)>,
-    on: bool,
+    /// When it was too high last, while it is watched.
+    high: Option<Micros>,
 }
 
 impl Burning {
-    pub(super) const NEW: Self = Self { last: None, on: false };
+    pub(super) const NEW: Self = Self { last: None, high: None };
 
-    /// True if anything was to be burnt last.
+    /// True if something is to be burnt, or was a short time ago.
     pub(super) const fn is_on(&self) -> bool {
-        self.on
+        self.high.is_some()
     }
 
     /// How far bridges are to burn.
@@ -36,11 +41,13 @@ impl Burning {
         };
         self.last = Some((voltage, now));
         let above = (u32::from(voltage.get()) + u32::from(rise)).saturating_sub(u32::from(burn.get()));
-        self.on = above > 0;
-        if !self.on {
-            return Share::NONE;
-        }
         let band = burn_all.get().saturating_sub(burn.get());
+        if above == 0 {
+            self.high = self.high.filter(|high| now.since(*high) < WATCHED_MICROS);
+            let low = voltage.get() < burn.get().saturating_sub(band / 2);
+            return if low || self.high.is_none() { Share::NONE } else { Share::LEAST };
+        }
+        self.high = Some(now);
         Share::from_f32(above as f32 / (ALL_FROM * f32::from(band)))
     }
 }

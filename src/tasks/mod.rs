@@ -11,6 +11,7 @@
 //! | newest | the latest readings, in a cell | overwritten; one over 20 ms old counts as no encoder. A mutex that masks interrupts does so while the observers take it |
 //! | sampled | [`Signal`] | set with each of them |
 //! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
+//! | bus | what was seen of it last, in a cell | overwritten; over 100 ms old it counts as nothing |
 //! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
 //! | urgent | a flag | set with a command that can be done at once: all that wait are taken within a millisecond |
 //! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
@@ -48,7 +49,7 @@ pub use health::{Health, Task};
 use crate::bridge::{Drive, Sensed};
 use crate::hub::{Command, Snapshot};
 use crate::motion::Newest;
-use crate::supply::Battery;
+use crate::supply::{Battery, Seen};
 use crate::units::Micros;
 use core::cell::{Cell, RefCell};
 use embassy_sync::blocking_mutex::Mutex;
@@ -70,6 +71,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub sampled: Signal<M, ()>,
     /// From supply to control.
     pub battery: Signal<M, Battery>,
+    /// From supply to anyone: the bus as it was seen last.
+    pub bus: Mutex<M, Cell<Seen>>,
     /// From anyone to control.
     pub commands: Channel<M, Command, COMMANDS>,
     /// From anyone to control: among the commands is one that waits for no tick, only for the next sample.
@@ -92,6 +95,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         Self {
             sampled: Signal::new(),
             battery: Signal::new(),
+            bus: Mutex::new(Cell::new(Seen::NOTHING)),
             commands: Channel::new(),
             urgent: Mutex::new(Cell::new(false)),
             drives: Signal::new(),

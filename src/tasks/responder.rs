@@ -8,6 +8,7 @@ use crate::protocol::{Colour, Decoder, frame};
 use crate::responder::Responder;
 use crate::responder::pins::DigitalLines;
 use crate::units::Micros;
+use core::cell::Cell;
 use core::future::pending;
 use embassy_futures::select::{Either, Either3, select, select3};
 use embassy_futures::yield_now;
@@ -58,6 +59,7 @@ pub async fn run<M: RawMutex, const N: usize>(
         let mut came = now();
         while let Some(packet) = decoder.next(&mut input, came) {
             exchange(responder, &mut pins);
+            responder.sense_bus(wires.bus.lock(Cell::get));
             let Some(reply) = responder.receive(&packet, now(), &snapshot(wires)) else { continue };
             settle(responder, &mut pins, wires, &mut show);
             let frame = frame::encode(&reply);

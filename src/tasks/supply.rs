@@ -32,6 +32,7 @@ pub async fn run<M: RawMutex, const N: usize>(
         if let Some(battery) = supply.step(voltage, micros(Instant::now())) {
             wires.battery.signal(battery);
         }
+        wires.bus.lock(|bus| bus.set(supply.seen()));
         health.check_in(Task::Supply);
         // After an alarm, once without another one: noise at the edge of the band would raise one at once.
         let quiet = supply.quiet().filter(|_| !alarm);

@@ -114,6 +114,8 @@ pub struct Share(u16);
 impl Share {
     /// Nothing.
     pub const NONE: Self = Self(0);
+    /// The least that is something.
+    pub const LEAST: Self = Self(1);
     /// All.
     pub const ALL: Self = Self(1 << 15);
 

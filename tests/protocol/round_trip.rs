@@ -6,6 +6,7 @@ use motor_hub::group::Halt;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, ThermalLimit, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
+use motor_hub::protocol::bus::{self, BusReport};
 use motor_hub::protocol::fields::{ByteIn, Field, Fields, Payload, Text, WordFrom};
 use motor_hub::protocol::group::{GroupCourse, GroupMove, GroupState, ToGroup};
 use motor_hub::protocol::led::{LedPattern, STEPS, Step};
@@ -16,6 +17,7 @@ use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal};
+use motor_hub::supply::BusState;
 use motor_hub::units::{
     Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, EmfConstant,
     Inductance, Micros, Milliamperes, Millivolts, Resistance,
@@ -146,6 +148,24 @@ fn condition() -> impl Strategy<Value = Condition> {
         |(ma, measured_ma, heat, [derated, overheated, bridge_fault])| {
             let current = Milliamperes::new(ma);
             Condition { current, measured_ma, heat, derated, overheated, bridge_fault }
+        },
+    )
+}
+
+fn bus_report() -> impl Strategy<Value = BusReport> {
+    let state = prop_oneof![
+        Just(BusState::Silent),
+        Just(BusState::TooLow),
+        Just(BusState::Cut),
+        Just(BusState::Derated),
+        Just(BusState::Quiet),
+        Just(BusState::Burning),
+        Just(BusState::TooHigh),
+    ];
+    (state, any::<(Option<u16>, u16, u32, u32)>()).prop_map(
+        |(state, (mv, burning, returned_mj, burnt_mj))| {
+            let measured = mv.map(Millivolts::new);
+            BusReport { state, measured, burning, returned_mj, burnt_mj }
         },
     )
 }
@@ -364,7 +384,10 @@ fn to_group() -> Vec<BoxedStrategy<Case>> {
 }
 
 fn any_request() -> impl Strategy<Value = Case> {
-    Union::new([standard(), to_hub(), to_pin(), to_motor(), to_setup(), to_group()].concat())
+    Union::new(
+        [standard(), to_hub(), to_pin(), to_motor(), to_setup(), to_group(), vec![plain(Request::Bus)]]
+            .concat(),
+    )
 }
 
 #[test]
@@ -377,6 +400,7 @@ fn no_request_is_left_out_of_these_tests() {
         (to_motor(), ToMotor::NUMBERS),
         (to_setup(), ToSetup::NUMBERS),
         (to_group(), ToGroup::NUMBERS),
+        (vec![plain(Request::Bus)], &[bus::FUNCTION]),
     ] {
         let tried = strategies.iter().map(|s| s.new_tree(&mut runner).unwrap().current().0.number());
         assert_eq!(tried.collect::<BTreeSet<_>>(), numbers.iter().copied().collect());
@@ -459,12 +483,13 @@ proptest! {
     #[test]
     fn an_answer_about_a_motor_or_the_led_is_read_as_it_was_written(
         mode in run_mode(), zero_power in zero_power(), control in control(), target in target(),
-        coefficients in coefficients(), setup in setup(), motion in motion(), protection in protection(), condition in condition(), timing in timing(), identification in identification(),
+        coefficients in coefficients(), setup in setup(), motion in motion(), protection in protection(), condition in condition(), bus in bus_report(), timing in timing(), identification in identification(),
         colour in colour(), pattern in pattern(),
         text in text(),
     ) {
         let mode = ChannelMode { mode, zero_power };
         prop_assert_eq!(read_back(&mode), Ok(mode));
+        prop_assert_eq!(read_back(&bus), Ok(bus));
         prop_assert_eq!(read_back(&control), Ok(control));
         prop_assert_eq!(read_back(&target), Ok(target));
         prop_assert_eq!(read_back(&coefficients), Ok(coefficients));

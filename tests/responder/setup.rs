@@ -3,16 +3,17 @@
 use crate::host::{HUB, N, Said, TestHost, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
-use motor_hub::hub::{Action, Command};
+use motor_hub::hub::{Action, Bus, Command};
 use motor_hub::motor::{Faults, OnFault, Report, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::Address;
 use motor_hub::protocol::setup::FIRST_FUNCTION;
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::responder::Responder;
-use motor_hub::supply::Stage;
+use motor_hub::supply::{BusState, Seen, Stage};
 use motor_hub::units::{
-    AccelerationPerVolt, Control, DecayRate, EmfConstant, Inductance, Milliamperes, Millivolts, Resistance,
+    AccelerationPerVolt, Control, DecayRate, EmfConstant, Inductance, Microjoules, Micros, Milliamperes,
+    Millivolts, Resistance, Share,
 };
 
 /// An AM 40 C: 3.12 mV s/count.
@@ -45,7 +46,7 @@ fn set_up(host: &mut TestHost, motor: u8, fields: &[u8]) {
 #[test]
 fn the_interface_is_found_by_its_name() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 13, 0]));
+    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 14, 0]));
 }
 
 #[test]
@@ -278,6 +279,32 @@ fn how_a_motor_and_its_bridge_are_is_told_as_of_the_last_tick() {
     };
     let told = [0x50, 0xFB, 0xFF, 0xFF, 1, 0x7E, 4, 0x1A, 4, 1, 1, 1];
     assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(told.to_vec()));
+}
+
+#[test]
+fn how_the_bus_is_is_told_as_it_was_seen_last_and_that_nobody_has_seen_it_for_too_long() {
+    let mut host = TestHost::settled();
+    let ask = |host: &mut TestHost| host.ask(FIRST_FUNCTION + 13, &[]);
+    assert_eq!(ask(&mut host), Said::Data(vec![0; 14]), "nothing is measured");
+    host.snapshot.bus = Bus {
+        burn: Share::from_f32(0.5),
+        returned: Microjoules::ZERO.plus(2_500_000),
+        burnt: Microjoules::ZERO.plus(70_000_000),
+        ..Bus::INITIAL
+    };
+    let at = host.now;
+    for (mv, state) in [(19_000, BusState::TooHigh), (14_600, BusState::Burning), (4_500, BusState::TooLow)] {
+        host.responder.sense_bus(Seen { measured: Some(Millivolts::new(mv)), state, at });
+        let code = [(BusState::TooHigh, 6), (BusState::Burning, 5), (BusState::TooLow, 1)]
+            .into_iter()
+            .find_map(|(known, code)| (known == state).then_some(code));
+        let energies = [0xC4, 9, 0, 0, 0x70, 0x11, 1, 0];
+        let told = [&[code.expect("listed"), 1], &mv.to_le_bytes()[..], &[0xF4, 1], &energies].concat();
+        assert_eq!(ask(&mut host), Said::Data(told), "{state:?}");
+    }
+    host.now = Micros::new(at.get() + 100_001);
+    let Said::Data(told) = ask(&mut host) else { panic!("an answer") };
+    assert_eq!(told[..4], [0; 4], "nothing new is measured");
 }
 
 #[test]

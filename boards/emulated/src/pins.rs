@@ -48,6 +48,12 @@ impl Lines {
         }
     }
 
+    /// True if the motor is shorted all the time: full dynamic braking.
+    #[must_use]
+    pub fn shorted(self) -> bool {
+        self == Self { pwm: Output::Level(true), ..Self::FLOATING }
+    }
+
     /// True if no current path through a closed switch is made or modulated.
     #[must_use]
     pub fn open(self) -> bool {

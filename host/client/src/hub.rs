@@ -14,7 +14,9 @@
 //! ```
 
 use crate::{Error, Session};
+use motor_hub::protocol::Request;
 use motor_hub::protocol::answers::{Bulk, Status};
+use motor_hub::protocol::bus::BusReport;
 use motor_hub::protocol::fields::Text;
 use motor_hub::protocol::group::{GroupMove, GroupState, ToGroup};
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
@@ -23,6 +25,18 @@ use motor_hub::units::{Milliamperes, Millivolts};
 use std::io::{Read, Write};
 
 impl<L: Read + Write> Session<L> {
+    /// How the bus of battery and bridges is; `None` of a hub that has no words for it: another maker's, or older than this.
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn bus(&mut self) -> Result<Option<BusReport>, Error> {
+        match self.ask(Request::Bus) {
+            Ok(report) => Ok(Some(report)),
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Module status; `clear` makes the hub forget what it says.
     ///
     /// # Errors

@@ -11,6 +11,7 @@ use motor_hub::protocol::fields::{Field, Fields};
 use motor_hub::protocol::motor::{Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::requests::{Interface, Request, Standard};
 use motor_hub::protocol::{Address, Colour, Nack, frame};
+use motor_hub::supply::BusState;
 use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
 use motor_hub_client::session::Found;
 use motor_hub_client::{Error, Session};
@@ -284,4 +285,15 @@ fn after_an_answer_nothing_stale_is_waited_for_and_after_a_lost_one_it_is() {
     assert_eq!(waits.get(), 1);
     session.keep_alive().unwrap();
     assert_eq!(waits.get(), 1);
+}
+
+#[test]
+fn a_hub_that_has_no_words_for_its_bus_tells_nothing_of_it_and_that_is_no_failure() {
+    let ours = session(Memory::new(Hub::new())).bus().unwrap();
+    assert_eq!(ours.map(|bus| bus.state), Some(BusState::Silent), "nothing is measured");
+    let mut foreign = Hub::new();
+    foreign.foreign = true;
+    let mut session = session(Memory::new(foreign));
+    assert_eq!(session.bus().unwrap(), None);
+    assert_eq!(session.battery().unwrap().get(), 12_345, "it goes on");
 }

@@ -5,8 +5,11 @@ use super::trouble::Trouble;
 use crate::output::{print, print_json};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::{Bulk, Status};
+use motor_hub::protocol::bus::BusReport;
 use motor_hub::protocol::motor::RunMode;
+use motor_hub::protocol::setup::Condition;
 use motor_hub::protocol::{CHANNELS, Colour, Nack};
+use motor_hub::supply::BusState;
 use motor_hub::units::{Control, Millivolts};
 use motor_hub_client::line::Line;
 use motor_hub_client::motor::MotorState;
@@ -37,6 +40,10 @@ struct Everything {
     led: Colour,
     motors: Vec<MotorState>,
     bulk: Bulk,
+    /// `None` of a hub that has no words for it.
+    bus: Option<BusReport>,
+    /// By motor, likewise.
+    conditions: Vec<Option<Condition>>,
 }
 
 impl Options {
@@ -59,9 +66,14 @@ impl Everything {
             }
         }
         let bulk = session.bulk()?;
+        let bus = session.bus()?;
+        let conditions = match bus {
+            Some(_) => (0..).zip(&motors).map(|(motor, _)| session.condition(motor).map(Some)).collect(),
+            None => Ok(vec![None; motors.len()]),
+        }?;
         // Last, so that it is cleared only by a command that goes on to show it.
         let status = session.status(clear)?;
-        Ok(Self { address: session.address(), status, version, battery, led, motors, bulk })
+        Ok(Self { address: session.address(), status, version, battery, led, motors, bulk, bus, conditions })
     }
 
     /// Of each motor: number, channel, encoder, velocity, at target.
@@ -69,6 +81,10 @@ impl Everything {
         let Bulk { encoders, velocities, at_target, .. } = self.bulk;
         let motors = self.motors.iter().enumerate().zip(encoders).zip(velocities).zip(at_target);
         motors.map(|((((index, channel), encoder), velocity), at)| (index, channel, encoder, velocity, at))
+    }
+
+    fn condition(&self, motor: usize) -> Option<&Condition> {
+        self.conditions.get(motor)?.as_ref()
     }
 
     fn battery_v(&self) -> f64 {
@@ -83,6 +99,7 @@ impl Everything {
             .add_row(["motor alerts", &or(alert_words(self.status).join(", "), "none")])
             .add_row(["version", &self.version])
             .add_row(["battery", &format!("{:.3} V", self.battery_v())])
+            .add_row(["bus", &self.bus.map_or_else(|| UNTOLD.to_owned(), bus_words)])
             .add_row(["LED", &format!("red {red}, green {green}, blue {blue}")]);
         let mut rows = MOTOR_HEADINGS.map(|heading| vec![heading.to_owned()]);
         for (index, channel, encoder, velocity, at_target) in self.motors() {
@@ -97,6 +114,7 @@ impl Everything {
                 encoder.to_string(),
                 velocity.to_string(),
                 yes(at_target),
+                self.condition(index).map_or_else(|| UNTOLD.to_owned(), condition_words),
             ];
             rows.iter_mut().zip(cells).for_each(|(row, cell)| row.push(cell));
         }
@@ -125,6 +143,8 @@ impl Everything {
                     "position": encoder,
                     "velocity": velocity,
                     "at_target": at_target,
+                    "heat_percent": self.condition(index).map(|is| f64::from(is.heat) / 10.0),
+                    "condition": self.condition(index).map(condition_words),
                 })
             })
             .collect();
@@ -136,13 +156,66 @@ impl Everything {
             "attention": self.bulk.attention,
             "version": self.version,
             "battery_v": self.battery_v(),
+            "bus": self.bus.map(bus_json),
             "led": { "red": red, "green": green, "blue": blue },
             "motors": motors,
         })
     }
 }
 
-const MOTOR_HEADINGS: [&str; 10] = [
+/// Of a hub that has no words for it.
+const UNTOLD: &str = "not told";
+
+const fn state(state: BusState) -> &'static str {
+    match state {
+        BusState::Silent => "silent",
+        BusState::TooLow => "too-low",
+        BusState::Cut => "cut",
+        BusState::Derated => "derated",
+        BusState::Quiet => "quiet",
+        BusState::Burning => "burning",
+        BusState::TooHigh => "too-high",
+    }
+}
+
+fn bus_words(bus: BusReport) -> String {
+    let meaning = match bus.state {
+        BusState::Silent => "nothing is measured, motors coast",
+        BusState::TooLow => "below what bridges work at, motors coast",
+        BusState::Cut => "nothing is drawn from it",
+        BusState::Derated => "less is drawn from it",
+        BusState::Quiet => "as it should be",
+        BusState::Burning => "it takes nothing back, braking motors burn it",
+        BusState::TooHigh => "lifted by something else than these motors",
+    };
+    let [returned, burnt] = [bus.returned_mj, bus.burnt_mj].map(|mj| f64::from(mj) / 1e3);
+    let volts =
+        bus.measured.map_or_else(|| "no".to_owned(), |mv| format!("{:.3}", f64::from(mv.get()) / 1e3));
+    format!("{volts} V: {meaning}\n{returned:.1} J returned by braking motors, {burnt:.1} J burnt")
+}
+
+fn bus_json(bus: BusReport) -> Value {
+    json!({
+        "state": state(bus.state),
+        "measured_v": bus.measured.map(|mv| f64::from(mv.get()) / 1e3),
+        "burning_percent": f64::from(bus.burning) / 10.0,
+        "returned_j": f64::from(bus.returned_mj) / 1e3,
+        "burnt_j": f64::from(bus.burnt_mj) / 1e3,
+    })
+}
+
+fn condition_words(is: &Condition) -> String {
+    let heat = if is.heat == 0 { String::new() } else { format!(", {:.1} % hot", f64::from(is.heat) / 10.0) };
+    let state = match is {
+        Condition { bridge_fault: true, .. } => "bridge off",
+        Condition { overheated: true, .. } => "off: too hot",
+        Condition { derated: true, .. } => "derated: hot",
+        _ => "well",
+    };
+    format!("{state}{heat}")
+}
+
+const MOTOR_HEADINGS: [&str; 11] = [
     "motor",
     "mode",
     "at zero",
@@ -153,6 +226,7 @@ const MOTOR_HEADINGS: [&str; 10] = [
     "encoder",
     "velocity",
     "at target",
+    "winding, bridge",
 ];
 
 const fn mode(mode: RunMode) -> &'static str {

@@ -31,6 +31,8 @@ pub(crate) struct Hub {
     pub(crate) first: u16,
     /// Another host asks for fail-safe before each bulk read.
     pub(crate) fail_safe_at_bulk: bool,
+    /// It knows nothing of this project's own interface.
+    pub(crate) foreign: bool,
     decoder: Decoder,
     since: Instant,
 }
@@ -48,6 +50,7 @@ impl Hub {
             lost_replies: 0,
             first: FIRST_FUNCTION,
             fail_safe_at_bulk: false,
+            foreign: false,
             decoder: Decoder::new(),
             since: Instant::now(),
         }
@@ -61,6 +64,9 @@ impl Hub {
             if self.deaf_for > 0 {
                 self.deaf_for -= 1;
                 continue;
+            }
+            if self.foreign && packet.payload.starts_with(Interface::Setup.name()) {
+                packet.payload[0] = b'?';
             }
             let is_bulk = packet.id == self.first;
             if packet.id < 0x7F00 {

@@ -13,8 +13,8 @@ use std::ops::RangeInclusive;
 use std::sync::Mutex;
 
 use crate::common::ms;
-use modes::MODES;
-use rows::{Cell, During, ROWS, Row};
+use modes::{MODES, Setup};
+use rows::{Cell, During, OF_MODEL_AND_BRAKE, ROWS, Row};
 use run::{Run, Seen};
 
 /// Run side by side.
@@ -34,6 +34,7 @@ fn complaints(row: &Row, seen: &Seen) -> Vec<String> {
             During::Works => turns(mode.speeds()),
             During::Turns(least, most) => turns(*least..=*most),
             During::Opens { within_ms } => seen.open_after.is_some_and(|after| after <= ms(*within_ms)),
+            During::Brakes { within_ms } => seen.shorted_after.is_some_and(|after| after <= ms(*within_ms)),
         };
         if !as_expected || seen.says != *says || seen.back != Ok(*back) {
             wrong.push(format!("{}, {}: {seen:?}", row.name, mode.name()));
@@ -44,16 +45,25 @@ fn complaints(row: &Row, seen: &Seen) -> Vec<String> {
 
 #[test]
 fn every_fault_in_every_mode_ends_as_it_should() {
+    run_all(Setup::AsTheyCome, &ROWS);
+}
+
+#[test]
+fn faults_of_motors_that_are_known_and_brake_end_as_they_should() {
+    run_all(Setup::ByModelBraking, &OF_MODEL_AND_BRAKE);
+}
+
+fn run_all(setup: Setup, rows: &[Row]) {
     let (seen, wrong) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
     // Always the same rows share a chip, so that a run is the same every time.
     let work = |first: usize| {
-        let mut run = Run::new();
-        for (place, row) in ROWS.iter().enumerate().skip(first).step_by(CHIPS) {
+        let mut run = Run::new(setup);
+        for (place, row) in rows.iter().enumerate().skip(first).step_by(CHIPS) {
             let came = run.row(row);
             let complaints = complaints(row, &came);
             seen.lock().expect("no panic").push((place, came));
             if !complaints.is_empty() {
-                run = Run::new();
+                run = Run::new(setup);
                 wrong.lock().expect("no panic").extend(complaints);
             }
         }
@@ -72,7 +82,7 @@ fn every_fault_in_every_mode_ends_as_it_should() {
     });
     let mut seen = seen.into_inner().expect("no panic");
     seen.sort_by_key(|(place, _)| *place);
-    print!("{}", table::text(ROWS.iter().zip(seen.iter().map(|(_, seen)| seen))));
+    print!("{}", table::text(rows.iter().zip(seen.iter().map(|(_, seen)| seen))));
     let wrong = wrong.into_inner().expect("no panic");
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
 }

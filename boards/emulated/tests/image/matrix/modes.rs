@@ -2,10 +2,13 @@
 
 use std::ops::RangeInclusive;
 
-use emulated::Bench;
 use emulated::talk::Talk;
+use emulated::{Bench, Mounting, recording};
+use motor_hub::braking::Winding;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::KgM2;
+use motor_hub::motor::{OnFault, Settings};
+use motor_hub::protocol::setup::{Motion, Protection, ToSetup};
 
 use crate::common::am60_with;
 
@@ -28,6 +31,29 @@ const SPEED: i16 = 1000;
 const LOWERING: i16 = 300;
 const POWER: i16 = 12_000;
 
+/// How the motors are set up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Setup {
+    /// As they come: PID, and a fault lets a motor coast.
+    AsTheyCome,
+    /// Regulated by the model, and a fault has a motor brake.
+    ByModelBraking,
+}
+
+impl Setup {
+    /// Sets a motor up, which a reset forgets.
+    fn apply(self, bench: &mut Bench, talk: &mut Talk, motor: u8) {
+        if self == Self::AsTheyCome {
+            return;
+        }
+        let known = recording::dynamics(&wheel(), &Settings::new(Winding::NEVEREST_60));
+        let motion = Motion { dynamics: Some(known.expect("a motor's constants")), acceleration: None };
+        let protection = Protection { on_fault: OnFault::Brake, thermal: None };
+        talk.order(bench, ToSetup::SetMotion { motion }.to(motor));
+        talk.order(bench, ToSetup::SetProtection { protection }.to(motor));
+    }
+}
+
 impl Mode {
     pub(crate) const fn motor(self) -> usize {
         self as usize
@@ -43,8 +69,9 @@ impl Mode {
     }
 
     /// Sets a motor going.
-    pub(crate) fn start(self, bench: &mut Bench, talk: &mut Talk) {
+    pub(crate) fn start(self, setup: Setup, bench: &mut Bench, talk: &mut Talk) {
         let motor = self as u8;
+        setup.apply(bench, talk, motor);
         match self {
             Self::OpenLoop => talk.power(bench, motor, POWER),
             Self::Velocity => talk.velocity(bench, motor, SPEED),
@@ -66,8 +93,11 @@ impl Mode {
 
 /// Powered on, with four light wheels and a load that turns the last.
 pub(crate) fn powered() -> Bench {
-    let wheel = am60_with(Load::inertia(KgM2(0.004)));
-    let mut bench = crate::common::booted(vec![wheel; MODES.len()]);
+    let mut bench = crate::common::booted(vec![wheel(); MODES.len()]);
     bench.set_torque(Mode::Braking.motor(), OVERHAULING);
     bench
+}
+
+fn wheel() -> Mounting {
+    am60_with(Load::inertia(KgM2(0.004)))
 }

@@ -30,6 +30,8 @@ pub(crate) enum During {
     Turns(f64, f64),
     /// It opens within so many milliseconds, and stays open.
     Opens { within_ms: u64 },
+    /// It shorts the motor within so many milliseconds, and goes on.
+    Brakes { within_ms: u64 },
 }
 
 /// How the motor comes back to what it is told, once the fault is gone.
@@ -62,6 +64,11 @@ const fn off(within_ms: u64, says: &'static [&'static str]) -> Cell {
     Cell { during: During::Opens { within_ms }, says, back: Back::WhenEnabled }
 }
 
+/// The same where it ends in a short.
+const fn brakes(within_ms: u64, says: &'static [&'static str]) -> Cell {
+    Cell { during: During::Brakes { within_ms }, says, back: Back::WhenEnabled }
+}
+
 const fn row(name: &'static str, fault: Fault, says: &'static [&'static str], cells: [Cell; 4]) -> Row {
     Row { name, fault, says, cells }
 }
@@ -76,7 +83,6 @@ const BACKWARDS: [Cell; 4] = [WORKS, off(300, REVERSED), off(300, REVERSED), off
 /// Nobody notices: counts that do not come look like a slower motor, which is driven the faster.
 const SOME_COUNTS_LOST: [Cell; 4] =
     [WORKS, turns(1_000.0, 2_000.0), turns(1_000.0, 2_000.0), turns(240.0, 600.0)];
-const WAVERS: Cell = turns(750.0, 1_200.0);
 /// 7/6 of what is asked for.
 const ONE_OF_SEVEN_LOST: [Cell; 4] =
     [WORKS, turns(1_120.0, 1_210.0), turns(1_110.0, 1_220.0), turns(300.0, 400.0)];
@@ -111,13 +117,12 @@ pub(crate) const ROWS: [Row; 24] = [
     row("one slot of 7 missing", SLOT_MISSING, &[], ONE_OF_SEVEN_LOST),
     row("20 glitches/s", glitches(20), &[], [WORKS; 4]),
     row("200 glitches/s", glitches(200), &[], [WORKS; 4]),
-    row("converter dead", Fault::ConverterDead, &["battery reads 0 V"], BLIND),
-    // Open loop is a share of the voltage. Beyond what the bus may have a motor brakes by a full short or not at all, so
-    // one that is held back now and then wavers.
-    row("19 V", Fault::Battery(19.0), &[], [turns(1_350.0, 1_600.0), WAVERS, WAVERS, WORKS]),
-    row("16 V", Fault::Battery(16.0), &[], [turns(1_150.0, 1_350.0), WAVERS, WAVERS, WORKS]),
+    row("converter dead", Fault::ConverterDead, &["battery reads 0 V", "bus: silent"], BLIND),
+    // Open loop is a share of the voltage.
+    row("19 V", Fault::Battery(19.0), &["bus: too high"], [turns(1_350.0, 1_600.0), WORKS, WORKS, WORKS]),
+    row("16 V", Fault::Battery(16.0), &["bus: too high"], [turns(1_150.0, 1_350.0), WORKS, WORKS, WORKS]),
     row("6.5 V", Fault::Battery(6.5), &["battery low"], [turns(450.0, 650.0), WORKS, WORKS, WORKS]),
-    row("4.5 V", Fault::Battery(4.5), &["battery low", "battery reads 0 V"], BLIND),
+    row("4.5 V", Fault::Battery(4.5), &["battery low", "battery reads 0 V", "bus: too low"], BLIND),
     // Bridges are asked every 55 ms.
     row("bridge switched itself off", Fault::BridgesOff, &[], [off(115, BRIDGE); 4]),
     row("host silent", Fault::HostSilent, &["keep-alive timeout"], [off(2_555, &[]); 4]),
@@ -138,4 +143,38 @@ pub(crate) const ROWS: [Row; 24] = [
         [off(2, &[]); 4],
     ),
     row("reset", Fault::ResetPin, &["device reset"], [off(1, &[]); 4]),
+];
+
+/// Those that end otherwise, or may, where motors are regulated by the model and brake at faults: a motor that brakes a
+/// load gives all that it has sooner than by PID. Without a battery's voltage, or a bridge, or the hub, none can brake.
+pub(crate) const OF_MODEL_AND_BRAKE: [Row; 9] = [
+    row(
+        "encoder unplugged",
+        Fault::Encoder(Encoder::Unplugged),
+        &[],
+        [WORKS, brakes(300, STUCK), brakes(300, STUCK), brakes(600, STUCK)],
+    ),
+    row(
+        "A and B swapped",
+        Fault::Encoder(Encoder::Reversed),
+        &[],
+        [WORKS, brakes(300, REVERSED), brakes(300, REVERSED), brakes(300, REVERSED)],
+    ),
+    row(
+        "A makes contact now and then",
+        Fault::Encoder(Encoder::Loose { wire: Wire::A }),
+        &[],
+        SOME_COUNTS_LOST,
+    ),
+    row("converter dead", Fault::ConverterDead, &["battery reads 0 V", "bus: silent"], BLIND),
+    row("16 V", Fault::Battery(16.0), &["bus: too high"], [turns(1_150.0, 1_350.0), WORKS, WORKS, WORKS]),
+    row("6.5 V", Fault::Battery(6.5), &["battery low"], [turns(450.0, 650.0), WORKS, WORKS, WORKS]),
+    row("bridge switched itself off", Fault::BridgesOff, &[], [off(115, BRIDGE); 4]),
+    row("host silent", Fault::HostSilent, &["keep-alive timeout"], [brakes(2_555, &[]); 4]),
+    row(
+        "a task hangs",
+        Fault::TaskHangs("capture"),
+        &["device reset", "log: started by the watchdog"],
+        [off(515, &[]); 4],
+    ),
 ];

@@ -3,15 +3,17 @@
 use std::time::Duration;
 
 use emulated::talk::Talk;
-use emulated::{Bench, Transition};
+use emulated::{Bench, Lines, Transition};
 use motor_hub::protocol::answers::Status;
-use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
+use motor_hub::protocol::bus::BusReport;
+use motor_hub::protocol::requests::{BATTERY, Request, Standard, ToHub};
 use motor_hub::protocol::setup::{Condition, ToSetup};
+use motor_hub::supply::BusState;
 
 use super::faults::Fault;
-use super::modes::{MODES, Mode, powered};
+use super::modes::{MODES, Mode, Setup, powered};
 use super::rows::{Back, Row};
-use crate::common::{ms, open_since};
+use crate::common::ms;
 
 /// What came of a fault.
 pub(crate) struct Seen {
@@ -26,6 +28,8 @@ pub(crate) struct Seen {
 pub(crate) struct SeenOne {
     /// From the fault until the bridge was open for good, if it was when the fault was over.
     pub(crate) open_after: Option<Duration>,
+    /// The same of one that shorted its motor.
+    pub(crate) shorted_after: Option<Duration>,
     /// The longest that the bridge was open while the fault lasted.
     pub(crate) longest_open: Duration,
     /// Counts/s when the fault was over.
@@ -40,6 +44,7 @@ pub(crate) struct SeenOne {
 pub(crate) struct Run {
     pub(crate) bench: Bench,
     talk: Talk,
+    setup: Setup,
 }
 
 /// What the log tells of a motor, once a second.
@@ -48,6 +53,12 @@ const OF_MOTOR: [(&str, &str); 4] = [
     ("encoder: Some(Reversed)", "log: reversed"),
     ("battery_unknown: true", "log: battery unknown"),
     ("encoder_stale: true", "log: encoder stale"),
+];
+/// What the hub tells of its bus, but for what is as it should be and what the status word has a word for.
+const BUS: [(BusState, &str); 3] = [
+    (BusState::Silent, "bus: silent"),
+    (BusState::TooLow, "bus: too low"),
+    (BusState::TooHigh, "bus: too high"),
 ];
 /// And of the hub.
 const OF_HUB: [(&str, &str); 3] = [
@@ -60,16 +71,16 @@ const BACK_WITHIN: Duration = ms(4_000);
 
 impl Run {
     /// All motors do what they are told.
-    pub(crate) fn new() -> Self {
-        let mut run = Self { bench: powered(), talk: Talk::default() };
-        MODES.iter().for_each(|mode| mode.start(&mut run.bench, &mut run.talk));
+    pub(crate) fn new(setup: Setup) -> Self {
+        let mut run = Self { bench: powered(), talk: Talk::default(), setup };
+        MODES.iter().for_each(|mode| mode.start(setup, &mut run.bench, &mut run.talk));
         run.settle();
         run
     }
 
     /// Puts a fault in, takes it out, and has all motors come back.
     pub(crate) fn row(&mut self, row: &Row) -> Seen {
-        let Self { bench, talk } = self;
+        let Self { bench, talk, .. } = self;
         let _: Status = talk.question(bench, Standard::Status { clear: true });
         let (from, logged) = (bench.now(), bench.log().len());
         row.fault.put_in(bench);
@@ -78,18 +89,23 @@ impl Run {
         let speeds = MODES.map(|mode| bench.look(mode.motor()).counts_per_second);
         let blind = row.fault.host_is_there()
             && talk.question::<i16>(bench, ToHub::Adc { channel: BATTERY, raw: false }) == 0;
+        let bus: Option<BusReport> = row.fault.host_is_there().then(|| talk.question(bench, Request::Bus));
         let log: Vec<String> = bench.log().into_iter().skip(logged).map(|line| line.text).collect();
-        let away = open(bench);
+        let away = off(bench);
         row.fault.take_out(bench);
         let status: Status = talk.question(bench, Standard::Status { clear: true });
         let mut says: Vec<_> =
             status.words().iter().copied().chain(blind.then_some("battery reads 0 V")).collect();
+        says.extend(
+            bus.and_then(|bus| BUS.into_iter().find(|(state, _)| *state == bus.state)).map(|(_, says)| says),
+        );
         says.extend(told(&log, "", &OF_HUB));
         let said = MODES.map(|mode| self.said(mode, status, &log));
         let back = self.come_back(away);
         let cells = MODES.into_iter().zip(speeds).zip(said).zip(back);
         let cells = cells.map(|(((mode, speed), says), back)| SeenOne {
-            open_after: open_since(&transitions, mode.motor(), from).map(|at| at - from),
+            open_after: since(&transitions, mode.motor(), from, Lines::open),
+            shorted_after: since(&transitions, mode.motor(), from, Lines::shorted),
             longest_open: longest_open(&transitions, mode.motor(), from, to),
             speed,
             says,
@@ -112,10 +128,10 @@ impl Run {
     fn come_back(&mut self, away: [bool; 4]) -> [Result<Back, f64>; 4] {
         self.talk.keep_alive(&mut self.bench);
         self.bench.run(ms(300));
-        let later = open(&mut self.bench);
+        let later = off(&mut self.bench);
         for mode in MODES.into_iter().filter(|mode| later[mode.motor()]) {
             self.talk.enable(&mut self.bench, mode as u8, false);
-            mode.start(&mut self.bench, &mut self.talk);
+            mode.start(self.setup, &mut self.bench, &mut self.talk);
         }
         self.settle();
         MODES.map(|mode| {
@@ -141,8 +157,24 @@ impl Run {
     }
 }
 
-fn open(bench: &mut Bench) -> [bool; 4] {
-    MODES.map(|mode| bench.lines(mode.motor()).open())
+/// Open, or shorted for good.
+fn off(bench: &mut Bench) -> [bool; 4] {
+    MODES.map(|mode| {
+        let lines = bench.lines(mode.motor());
+        lines.open() || lines.shorted()
+    })
+}
+
+/// Since when a bridge has had such lines for good, after a fault; `None` if it has not now.
+fn since(
+    transitions: &[Transition],
+    motor: usize,
+    fault: Duration,
+    such: impl Fn(Lines) -> bool,
+) -> Option<Duration> {
+    let of_motor = transitions.iter().filter(|t| t.motor == motor);
+    let at = of_motor.fold(None, |at: Option<Duration>, t| such(t.lines).then(|| at.unwrap_or(t.at)));
+    at.map(|at| at.saturating_sub(fault))
 }
 
 fn told(log: &[String], of: &str, words: &[(&str, &'static str)]) -> Vec<&'static str> {

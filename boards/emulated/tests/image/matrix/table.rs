@@ -25,9 +25,11 @@ pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a Seen)>) -> Strin
 }
 
 fn cell(seen: &SeenOne) -> String {
-    match seen.open_after {
-        Some(after) => format!("open after {:.0} ms", after.as_secs_f64() * 1e3),
-        None => format!("{:.0} counts/s", seen.speed),
+    let speed = format!("{:.0} counts/s", seen.speed);
+    match (seen.open_after, seen.shorted_after) {
+        (Some(after), _) => format!("open after {:.0} ms", after.as_secs_f64() * 1e3),
+        (_, Some(after)) => format!("shorted after {:.0} ms, {speed}", after.as_secs_f64() * 1e3),
+        (None, None) => speed,
     }
 }
 
