@@ -45,7 +45,7 @@ const TASKS: [Task; 9] = [
     Task {
         name: "size",
         arguments: "[BOARD]",
-        does: "builds an image; its flash and static RAM against their limits",
+        does: "builds an image, or all; flash and static RAM against their limits",
         start: size::task,
     },
     Task {
@@ -101,7 +101,7 @@ fn list() -> String {
     let boards: Vec<&str> = board::ALL.iter().map(|board| board.name).collect();
     let tasks: String = TASKS.iter().map(row).collect();
     format!(
-        "cargo xtask TASK, where TASK is\n\n{tasks}\nBOARD is {}, the first if none is named.\n",
+        "cargo xtask TASK, where TASK is\n\n{tasks}\nBOARD is {}; flash takes the first if none is named.\n",
         boards.join(", ")
     )
 }

@@ -16,6 +16,7 @@
 //! real flash: instruction counts are exact, times of code are a lower bound.
 
 mod bench;
+mod board;
 mod chip;
 pub mod elf;
 mod lab;
@@ -32,6 +33,7 @@ pub mod talk;
 mod wiring;
 
 pub use bench::{Bench, Reset, SerialByte, Setup};
+pub use board::{Board, UnknownBoard};
 pub use chip::Pwm;
 pub use pins::{Lines, Transition};
 pub use pwm::{Grid, Output};

@@ -1,7 +1,7 @@
 //! The closed loop on the chip, by the button: it needs no host.
 
-use crate::common::{am60, four_loads, log, ms, turning};
-use emulated::{Bench, Setup, Transition};
+use crate::common::{am60, four_loads, log, ms, setup, turning};
+use emulated::{Bench, Transition};
 use motor_hub::bridge::State;
 
 /// The order in which a bridge went through its modes, by its direction lines and what its PWM did.
@@ -95,7 +95,7 @@ fn a_release_goes_from_forward_over_braking_and_back_without_an_illegal_step() {
 #[test]
 fn the_same_image_runs_the_same_way_twice() {
     let run = || {
-        let mut bench = Bench::new(Setup::new(four_loads()));
+        let mut bench = Bench::new(setup(four_loads()));
         bench.run(ms(300));
         bench.press(true);
         bench.run(ms(700));

@@ -1,7 +1,7 @@
 //! What the image makes of the chip: clocks, flash, pins, supply, and a log that nobody reads.
 
-use crate::common::{am60, booted, four_loads, log, ms, time_to_safe, turning};
-use emulated::{Bench, Setup};
+use crate::common::{am60, booted, four_loads, log, ms, setup, time_to_safe, turning};
+use emulated::Bench;
 
 // RM0090, memory map and register descriptions.
 const RCC_CR: u64 = 0x4002_3800;
@@ -89,7 +89,7 @@ fn a_supply_that_falls_opens_all_bridges_before_the_flash_is_too_slow() {
 
 #[test]
 fn a_supply_that_is_low_from_the_beginning_starts_no_hub() {
-    let mut bench = Bench::new(Setup::new(vec![am60()]));
+    let mut bench = Bench::new(setup(vec![am60()]));
     bench.set_rail(2_800);
     bench.run(ms(300));
     assert!(log(&mut bench).contains("supply fell"), "{}", log(&mut bench));
@@ -132,7 +132,7 @@ fn a_log_that_is_abandoned_in_mid_run_stops_nothing_and_is_whole_when_somebody_r
 
 #[test]
 fn a_log_that_nobody_ever_reads_stops_nothing() {
-    let mut bench = Bench::new(Setup::new(four_loads()));
+    let mut bench = Bench::new(setup(four_loads()));
     bench.abandon_log(true);
     bench.run(ms(300));
     bench.press(true);

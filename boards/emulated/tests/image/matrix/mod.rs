@@ -12,7 +12,7 @@ mod table;
 use std::ops::RangeInclusive;
 use std::sync::Mutex;
 
-use crate::common::ms;
+use crate::common::{board, ms, on};
 use modes::MODES;
 use rows::{Cell, During, ROWS, Row};
 use run::{Run, Seen};
@@ -46,6 +46,7 @@ fn complaints(row: &Row, seen: &Seen) -> Vec<String> {
 fn every_fault_in_every_mode_ends_as_it_should() {
     let (seen, wrong) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
     // Always the same rows share a chip, so that a run is the same every time.
+    let board = board();
     let work = |first: usize| {
         let mut run = Run::new();
         for (place, row) in ROWS.iter().enumerate().skip(first).step_by(CHIPS) {
@@ -63,7 +64,7 @@ fn every_fault_in_every_mode_ends_as_it_should() {
         let chips: Vec<_> = (0..CHIPS)
             .map(|first| {
                 let work = &work;
-                scope.spawn(move || work(first))
+                scope.spawn(move || on(board, || work(first)))
             })
             .collect();
         chips.into_iter().for_each(|chip| {
