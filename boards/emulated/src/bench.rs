@@ -299,7 +299,7 @@ impl Bench {
     }
 
     /// Asserts that nothing was silent: no gap of the emulator, no illegal way of a bridge, and the log
-    /// begins 1 us after power-on.
+    /// begins within 2 us of power-on.
     ///
     /// # Panics
     /// If not so.
@@ -310,7 +310,8 @@ impl Bench {
             self.transitions().iter().filter(|t| !t.legal()).map(ToString::to_string).collect();
         assert!(illegal.is_empty(), "illegal transitions:\n{}", illegal.join("\n"));
         let first = self.log().into_iter().next().map(|line| line.stamp);
-        assert_eq!(first.as_deref(), Some("0.000001"), "the time driver started at the wrong time");
+        let in_time = matches!(first.as_deref(), Some("0.000000" | "0.000001"));
+        assert!(in_time, "the time driver started at the wrong time: {first:?}");
     }
 }
 

@@ -35,6 +35,15 @@ impl Board {
         }
     }
 
+    /// The chip that is emulated.
+    #[must_use]
+    pub const fn chip(self) -> &'static str {
+        match self {
+            Self::NucleoF429zi => "STM32F427",
+            Self::NucleoH743zi2 => "STM32H743",
+        }
+    }
+
     /// The core's clock as the firmware sets it up. One instruction retires in a cycle.
     #[must_use]
     pub const fn core_hz(self) -> u64 {

@@ -12,7 +12,7 @@ use motor_hub::protocol::setup::{Motion, ToSetup};
 use motor_hub::regulator::Kind;
 
 #[test]
-fn bridges_are_open_from_power_on_until_somebody_asks_for_something() {
+pub(crate) fn bridges_are_open_from_power_on_until_somebody_asks_for_something() {
     let mut bench = booted(four_loads());
     bench.run(ms(1000));
     assert_eq!(bench.transitions(), []);
@@ -26,13 +26,13 @@ fn bridges_are_open_from_power_on_until_somebody_asks_for_something() {
 }
 
 #[test]
-fn the_first_log_line_is_stamped_one_microsecond() {
+fn the_first_log_line_is_stamped_a_microsecond_at_most() {
     // The time driver starts at zero: the emulator's work-around is in place.
     let mut bench = Bench::new(setup(vec![am60()]));
     bench.run(ms(5));
     let log = bench.log();
     let [first, second, ..] = log.as_slice() else { panic!("two lines of log") };
-    assert_eq!(first.stamp, "0.000001");
+    assert!(["0.000000", "0.000001"].contains(&first.stamp.as_str()), "{first}");
     // That of TIM1: on the H743 half of the core's.
     let hertz = match board() {
         Board::NucleoF429zi => "168000000 Hz",
@@ -43,7 +43,7 @@ fn the_first_log_line_is_stamped_one_microsecond() {
 }
 
 #[test]
-fn pins_drive_their_idle_levels_within_a_millisecond_of_reset() {
+pub(crate) fn pins_drive_their_idle_levels_within_a_millisecond_of_reset() {
     // Until then pull-downs hold them. Port D bits 0 to 15 are outputs (01) and low from here on.
     let mut bench = Bench::new(setup(vec![am60()]));
     let safe = bench.run_while(Duration::from_micros(10), ms(20), |bench| {
@@ -66,7 +66,7 @@ fn pins_drive_their_idle_levels_within_a_millisecond_of_reset() {
 }
 
 #[test]
-fn ticks_come_every_fifty_milliseconds() {
+pub(crate) fn ticks_come_every_fifty_milliseconds() {
     let mut bench = turning(four_loads());
     bench.run(ms(5000));
     // Duties change at nearly every tick, and take effect at the next PWM period.
@@ -115,15 +115,22 @@ fn share(image: &Path, regulator: Kind) -> f64 {
 
 #[test]
 fn the_whole_hub_needs_little_of_the_core() {
-    println!("four motors, tasks and log: share of {} million instructions/s", board().core_hz() / 1_000_000);
-    for (period_ms, most) in [(50, 2.0), (1, 10.0)] {
-        let board = board();
-        let image =
-            if period_ms == 50 { elf::build(board.name()) } else { elf::hub_with_period(board, period_ms) };
-        for regulator in [Kind::Pid, Kind::Model] {
-            let share = share(&image, regulator);
-            println!("every {period_ms} ms by {regulator:?}: {share:.2} %");
-            assert!(share <= most, "every {period_ms} ms by {regulator:?}: {share} %");
-        }
+    the_whole_hub_needs_at_most(50, 2.0);
+    the_whole_hub_needs_at_most(1, 10.0);
+}
+
+/// So many percent of the core's instructions at this control period.
+pub(crate) fn the_whole_hub_needs_at_most(period_ms: u32, most: f64) {
+    let board = board();
+    println!(
+        "four motors, tasks and log: share of {board}'s {} million instructions/s",
+        board.core_hz() / 1_000_000
+    );
+    let image =
+        if period_ms == 50 { elf::build(board.name()) } else { elf::hub_with_period(board, period_ms) };
+    for regulator in [Kind::Pid, Kind::Model] {
+        let share = share(&image, regulator);
+        println!("every {period_ms} ms by {regulator:?}: {share:.2} %");
+        assert!(share <= most, "every {period_ms} ms by {regulator:?}: {share} %");
     }
 }

@@ -86,7 +86,7 @@ fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
 const REPLY_S: f64 = 0.002;
 
 #[test]
-fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
+pub(crate) fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
     let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
     let mut slowest = Duration::ZERO;
     talk.power(&mut bench, 0, 8_000);
@@ -339,7 +339,7 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
 }
 
 #[test]
-fn digital_pins_are_read_and_driven() {
+pub(crate) fn digital_pins_are_read_and_driven() {
     let (mut bench, mut talk) = (booted(vec![am60()]), Talk::default());
     // Nothing is connected.
     assert_eq!(talk.bulk(&mut bench).digital, 0xFF);

@@ -22,7 +22,7 @@ fn modes(transitions: &[Transition], motor: usize) -> Vec<&'static str> {
 }
 
 #[test]
-fn four_motors_with_different_loads_reach_their_speed_and_stand_still_again() {
+pub(crate) fn four_motors_with_different_loads_reach_their_speed_and_stand_still_again() {
     let mut bench = turning(four_loads());
     bench.run(ms(1000));
     for motor in 0..4 {
@@ -48,7 +48,7 @@ fn four_motors_with_different_loads_reach_their_speed_and_stand_still_again() {
 }
 
 #[test]
-fn what_the_chip_measures_is_what_the_physics_does() {
+pub(crate) fn what_the_chip_measures_is_what_the_physics_does() {
     let mut bench = turning(four_loads());
     bench.run(ms(2500));
     let text = log(&mut bench);
