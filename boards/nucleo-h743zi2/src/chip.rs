@@ -50,7 +50,7 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
 /// initialisation, before the core sleeps for the first time.
 ///
 /// # Caches
-/// Instructions only: see docs/decisions/0000-caches-of-the-h743.md. What is in the flash does not change while this
+/// Instructions only: see docs/decisions/0014-caches-of-the-h743.md. What is in the flash does not change while this
 /// runs, and data are in the DTCM, beside all caches: nothing can be stale.
 ///
 /// # Debugger
