@@ -18,7 +18,7 @@ pub(crate) struct Board {
 }
 
 /// All of them; the first is meant when none is named.
-pub(crate) const ALL: [Board; 2] = [
+pub(crate) const ALL: [Board; 3] = [
     Board {
         name: "nucleo-f429zi",
         target: "thumbv7em-none-eabihf",
@@ -30,6 +30,13 @@ pub(crate) const ALL: [Board; 2] = [
         name: "nucleo-h743zi2",
         target: "thumbv7em-none-eabihf",
         chip: "STM32H743ZITx",
+        flash: 128 * 1024,
+        ram: 48 * 1024,
+    },
+    Board {
+        name: "nucleo-g474re",
+        target: "thumbv7em-none-eabihf",
+        chip: "STM32G474RETx",
         flash: 128 * 1024,
         ram: 48 * 1024,
     },

@@ -118,7 +118,7 @@ fn test(arguments: &[String]) -> Result<(), Failed> {
     let board = board::named(arguments)?;
     // Without naming their packages, which would build everything once more with fewer features.
     let images = ["test", "--test", "image", "--test", "overlay", "--test", "scenarios_emulated"];
-    run(cargo_command(&[&images[..], &["--", "--nocapture"]].concat()).env("MOTOR_HUB_BOARD", board.name()))
+    run(cargo_command(&[&images[..], &["--", "--nocapture"]].concat()).env("MOTOR_HUB_BOARD", board.name))
 }
 
 fn package(arguments: &[String]) -> Result<(), Failed> {
