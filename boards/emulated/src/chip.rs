@@ -1,6 +1,53 @@
 //! The emulated chip as a board has it: rail, calibration words, no clock from outside, and models that can be taken
 //! out or are put in. What the bench wants of any chip is [`Part`]; each chip has a room of its own.
 
+/// What is written the same for every chip, of types that are each chip's own: `self.part`, its slots `timer_slot` and
+/// `port_slots`, and the registers `Tim1` and `Gpio`.
+macro_rules! same_on_every_chip {
+    () => {
+        fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>) {
+            self.part.drive_port(at, port, |port, r, c| port.drive(pin, level, r, c));
+        }
+
+        fn pin_level(&self, port: usize, pin: Pin) -> Level {
+            let registers = self.bus().slots()[self.port_slots[port]].registers();
+            self.part.gpio[port].level(pin, registers)
+        }
+
+        fn port(&self, port: usize) -> Port {
+            let registers = self.bus().slots()[self.port_slots[port]].registers();
+            let [modes, outputs] = words(registers, [Gpio::Moder, Gpio::Odr]);
+            Port { modes, outputs }
+        }
+
+        fn pwm(&self) -> Registers {
+            let registers = self.bus().slots()[self.timer_slot].registers();
+            let [cr1, psc, arr, bdtr, ccer] =
+                words(registers, [Tim1::Cr1, Tim1::Psc, Tim1::Arr, Tim1::Bdtr, Tim1::Ccer]);
+            let ccmr = words(registers, [Tim1::Ccmr1Output, Tim1::Ccmr2Output]);
+            let ccr = words(registers, [Tim1::Ccr1, Tim1::Ccr2, Tim1::Ccr3, Tim1::Ccr4]);
+            Registers { cr1, psc, arr, bdtr, ccer, ccmr, ccr }
+        }
+
+        fn pulse(&mut self, channel: Channel) -> Option<(u64, u64)> {
+            let (timer, registers) = self.part.advanced_timer(0);
+            timer.pulse(channel, registers).map(|pulse| (pulse.width.0, pulse.period.0))
+        }
+
+        fn attach(&mut self, terminal: Terminal) {
+            self.part.usart[wiring::HOST_LINK].attach(terminal);
+        }
+
+        fn terminal(&mut self) -> Option<&mut Terminal> {
+            self.part.usart[wiring::HOST_LINK].chip_mut()
+        }
+
+        fn line_errors(&mut self) -> &mut Errors {
+            self.part.usart[wiring::HOST_LINK].errors_mut()
+        }
+    };
+}
+
 mod f427;
 mod guard;
 mod h743;
@@ -100,13 +147,16 @@ pub(crate) trait Part: Mcu + Debug + Send {
     fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>);
 
     /// What a wire on a pin would see.
-    fn pin_level(&mut self, port: usize, pin: Pin) -> Level;
+    fn pin_level(&self, port: usize, pin: Pin) -> Level;
 
     /// What a port does.
     fn port(&self, port: usize) -> Port;
 
-    /// TIM1's registers, and its clock in Hz.
-    fn pwm(&mut self) -> (Registers, u64);
+    /// TIM1's registers.
+    fn pwm(&self) -> Registers;
+
+    /// TIM1's clock, Hz.
+    fn pwm_hz(&mut self) -> u64;
 
     /// The pulse that the emulator's own TIM1 makes: high time and period, ns.
     fn pulse(&mut self, channel: Channel) -> Option<(u64, u64)>;

@@ -129,7 +129,7 @@ impl Lab {
         let chip = &mut session.board_mut().chip;
         let before = self.timer.grid();
         let [pwm, direction] = [wiring::PWM_PORT, wiring::LINE_PORT].map(|port| chip.port(port));
-        let (registers, _) = chip.pwm();
+        let registers = chip.pwm();
         for bridge in 0..wiring::BRIDGES {
             let mut lines = Lines::FLOATING;
             if pwm.is_function(wiring::PWM_PINS[bridge]) {
@@ -146,7 +146,8 @@ impl Lab {
     }
 
     fn timer_written(&mut self, session: &mut Session<Nucleo>, at: u64, access: &Access) {
-        let (registers, hz) = session.board_mut().chip.pwm();
+        let chip = &mut session.board_mut().chip;
+        let (registers, hz) = (chip.pwm(), chip.pwm_hz());
         self.pwm_hz = hz;
         let update = access.address == wiring::PWM_TIMER + wiring::EGR && access.value & 1 != 0;
         let before = self.timer.grid();
@@ -243,7 +244,7 @@ impl Lab {
         self.show_edges(session, now);
         if self.timer.update_at.is_some_and(|at| at <= now) {
             let hz = self.pwm_hz;
-            let (registers, _) = session.board_mut().chip.pwm();
+            let registers = session.board_mut().chip.pwm();
             self.timer.update(now, &registers, hz);
             self.follow_pins(session, now, false);
         }

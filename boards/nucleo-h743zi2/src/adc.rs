@@ -124,12 +124,15 @@ fn start(converter: Adc) {
     converter.cr().modify(|w| w.set_adstart(true));
 }
 
-/// Stops a conversion that goes on; that takes less than one of the converter's cycles or two.
+/// Stops a conversion that goes on, which takes a few of the converter's cycles.
 fn stop(converter: Adc) {
     if converter.cr().read().adstart() {
         converter.cr().modify(|w| w.set_adstp(Adstp::STOP));
-        // Bounded, for one that is dead.
-        (0..STOP_READS).any(|_| !converter.cr().read().adstart());
+        for _ in 0..STOP_READS {
+            if !converter.cr().read().adstart() {
+                break;
+            }
+        }
     }
 }
 

@@ -17,7 +17,9 @@ use rigless::soc::st::tim::Channel;
 use rigless::soc::stm32f427::Stm32f427;
 use rigless::soc::stm32f427::generated::pwr::{self, csr};
 use rigless::soc::stm32f427::generated::tim1::Register as Tim1;
-use rigless::soc::stm32f427::generated::{adc1, exti, gpioi};
+// All ports have the registers of port I.
+use rigless::soc::stm32f427::generated::gpioi::Register as Gpio;
+use rigless::soc::stm32f427::generated::{adc1, exti};
 use rigless::soc::stm32f427::peripherals::{adc, rcc::Apb};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
@@ -159,6 +161,11 @@ impl Part for Chip {
         }
     }
 
+    fn pwm_hz(&mut self) -> u64 {
+        let (rcc, registers) = self.part.clocks();
+        rcc.timer_clock(registers, Apb::Two)
+    }
+
     fn set_battery(&mut self, millivolts: u32) {
         // ADC1_IN3 is PA3.
         let channel = adc::Channel::new(3).expect("a channel on a pin");
@@ -180,49 +187,5 @@ impl Part for Chip {
         }
     }
 
-    fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>) {
-        self.part.drive_port(at, port, |port, r, c| port.drive(pin, level, r, c));
-    }
-
-    fn pin_level(&mut self, port: usize, pin: Pin) -> Level {
-        let (port, registers) = self.part.port(port);
-        port.level(pin, registers)
-    }
-
-    fn port(&self, port: usize) -> Port {
-        let registers = self.bus().slots()[self.port_slots[port]].registers();
-        // All ports have the registers of port I.
-        let [modes, outputs] = words(registers, [gpioi::Register::Moder, gpioi::Register::Odr]);
-        Port { modes, outputs }
-    }
-
-    fn pwm(&mut self) -> (Registers, u64) {
-        let hz = {
-            let (rcc, registers) = self.part.clocks();
-            rcc.timer_clock(registers, Apb::Two)
-        };
-        let registers = self.bus().slots()[self.timer_slot].registers();
-        let [cr1, psc, arr, bdtr, ccer] =
-            words(registers, [Tim1::Cr1, Tim1::Psc, Tim1::Arr, Tim1::Bdtr, Tim1::Ccer]);
-        let ccmr = words(registers, [Tim1::Ccmr1Output, Tim1::Ccmr2Output]);
-        let ccr = words(registers, [Tim1::Ccr1, Tim1::Ccr2, Tim1::Ccr3, Tim1::Ccr4]);
-        (Registers { cr1, psc, arr, bdtr, ccer, ccmr, ccr }, hz)
-    }
-
-    fn pulse(&mut self, channel: Channel) -> Option<(u64, u64)> {
-        let (timer, registers) = self.part.advanced_timer(0);
-        timer.pulse(channel, registers).map(|pulse| (pulse.width.0, pulse.period.0))
-    }
-
-    fn attach(&mut self, terminal: Terminal) {
-        self.part.usart[wiring::HOST_LINK].attach(terminal);
-    }
-
-    fn terminal(&mut self) -> Option<&mut Terminal> {
-        self.part.usart[wiring::HOST_LINK].chip_mut()
-    }
-
-    fn line_errors(&mut self) -> &mut Errors {
-        self.part.usart[wiring::HOST_LINK].errors_mut()
-    }
+    same_on_every_chip!();
 }

@@ -14,7 +14,8 @@ use rigless::mcu::{Mcu, Operate};
 use rigless::soc::st::gpio::Pin;
 use rigless::soc::st::tim::{Channel, Tim};
 use rigless::soc::stm32h743::Stm32h743;
-use rigless::soc::stm32h743::generated::gpioa;
+// All ports have the registers of port A.
+use rigless::soc::stm32h743::generated::gpioa::Register as Gpio;
 use rigless::soc::stm32h743::generated::pwr::{self, csr1};
 use rigless::soc::stm32h743::generated::tim1::Register as Tim1;
 use rigless::soc::stm32h743::peripherals::adc;
@@ -195,6 +196,11 @@ impl Part for Chip {
         }
     }
 
+    fn pwm_hz(&mut self) -> u64 {
+        let (rcc, registers) = self.part.clocks();
+        rcc.timer_clock(registers, TimerBus::Apb2)
+    }
+
     fn set_battery(&mut self, millivolts: u32) {
         // ADC12_INP15 is PA3.
         let channel = adc::Channel::new(15).expect("a channel on a pin");
@@ -222,49 +228,5 @@ impl Part for Chip {
         }
     }
 
-    fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>) {
-        self.part.drive_port(at, port, |port, r, c| port.drive(pin, level, r, c));
-    }
-
-    fn pin_level(&mut self, port: usize, pin: Pin) -> Level {
-        let registers = self.part.bus().slots()[self.port_slots[port]].registers();
-        self.part.gpio[port].level(pin, registers)
-    }
-
-    fn port(&self, port: usize) -> Port {
-        let registers = self.bus().slots()[self.port_slots[port]].registers();
-        // All ports have the registers of port A.
-        let [modes, outputs] = words(registers, [gpioa::Register::Moder, gpioa::Register::Odr]);
-        Port { modes, outputs }
-    }
-
-    fn pwm(&mut self) -> (Registers, u64) {
-        let hz = {
-            let (rcc, registers) = self.part.clocks();
-            rcc.timer_clock(registers, TimerBus::Apb2)
-        };
-        let registers = self.bus().slots()[self.timer_slot].registers();
-        let [cr1, psc, arr, bdtr, ccer] =
-            words(registers, [Tim1::Cr1, Tim1::Psc, Tim1::Arr, Tim1::Bdtr, Tim1::Ccer]);
-        let ccmr = words(registers, [Tim1::Ccmr1Output, Tim1::Ccmr2Output]);
-        let ccr = words(registers, [Tim1::Ccr1, Tim1::Ccr2, Tim1::Ccr3, Tim1::Ccr4]);
-        (Registers { cr1, psc, arr, bdtr, ccer, ccmr, ccr }, hz)
-    }
-
-    fn pulse(&mut self, channel: Channel) -> Option<(u64, u64)> {
-        let (timer, registers) = self.part.advanced_timer(0);
-        timer.pulse(channel, registers).map(|pulse| (pulse.width.0, pulse.period.0))
-    }
-
-    fn attach(&mut self, terminal: Terminal) {
-        self.part.usart[wiring::HOST_LINK].attach(terminal);
-    }
-
-    fn terminal(&mut self) -> Option<&mut Terminal> {
-        self.part.usart[wiring::HOST_LINK].chip_mut()
-    }
-
-    fn line_errors(&mut self) -> &mut Errors {
-        self.part.usart[wiring::HOST_LINK].errors_mut()
-    }
+    same_on_every_chip!();
 }
