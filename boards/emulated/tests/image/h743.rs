@@ -33,6 +33,7 @@ on_h743!(
     link::digital_pins_are_read_and_driven,
     faults::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,
     supply::a_supply_that_falls_opens_all_bridges_before_the_flash_is_too_slow,
+    supply::a_battery_that_breaks_down_is_seen_at_once,
     supply::a_halted_core_leaves_no_pwm_on,
     supply::encoder_inputs_are_filtered,
 );

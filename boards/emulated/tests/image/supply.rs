@@ -1,6 +1,7 @@
 //! What the image makes of the chip: clocks, flash, pins, supply, and a log that nobody reads.
 
 use crate::common::{am60, board, booted, four_loads, log, ms, on, setup, time_to_safe, turning};
+use emulated::talk::Talk;
 use emulated::{Bench, Board};
 
 // RM0090 and RM0433, memory maps and register descriptions.
@@ -115,6 +116,29 @@ fn a_supply_that_is_low_from_the_beginning_starts_no_hub() {
     bench.set_rail(3_300);
     bench.run(ms(1500));
     assert!(log(&mut bench).contains("tick 19 missed 0"), "{}", log(&mut bench));
+    bench.assert_sound();
+}
+
+/// The converter's watchdog is on it within two conversions, and the hub looks twice, a millisecond apart; without that it
+/// would look every 10 ms.
+#[test]
+pub(crate) fn a_battery_that_breaks_down_is_seen_at_once() {
+    let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
+    for phase in 0..5 {
+        for motor in 0..4 {
+            talk.velocity(&mut bench, motor, 1000);
+        }
+        bench.run(ms(500 + 2 * phase));
+        let at = bench.now();
+        bench.set_battery(4.5);
+        bench.run(ms(20));
+        for motor in 0..4 {
+            let time = time_to_safe(&mut bench, motor, at);
+            assert!(time < ms(5), "bridge {motor}, {phase}: {time:?}");
+        }
+        bench.set_battery(12.0);
+        bench.run(ms(200));
+    }
     bench.assert_sound();
 }
 
