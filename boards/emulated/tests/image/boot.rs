@@ -66,7 +66,7 @@ pub(crate) fn pins_drive_their_idle_levels_within_a_millisecond_of_reset() {
 }
 
 #[test]
-pub(crate) fn ticks_come_every_fifty_milliseconds() {
+fn ticks_come_every_fifty_milliseconds() {
     let mut bench = turning(four_loads());
     bench.run(ms(5000));
     // Duties change at nearly every tick, and take effect at the next PWM period.

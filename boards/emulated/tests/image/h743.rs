@@ -1,9 +1,7 @@
 //! The other board: what of all these tests is worth most on it, each time `cargo test` runs. `cargo xtask test
 //! nucleo-h743zi2` runs all of them there.
 
-use std::time::Duration;
-
-use crate::common::{am60, booted, log, ms, on};
+use crate::common::{am60, booted, log, on};
 use crate::{boot, faults, link, matrix, running, supply};
 use emulated::Board;
 
@@ -26,7 +24,6 @@ macro_rules! on_h743 {
 on_h743!(
     boot::bridges_are_open_from_power_on_until_somebody_asks_for_something,
     boot::pins_drive_their_idle_levels_within_a_millisecond_of_reset,
-    boot::ticks_come_every_fifty_milliseconds,
     running::four_motors_with_different_loads_reach_their_speed_and_stand_still_again,
     running::what_the_chip_measures_is_what_the_physics_does,
     link::power_and_letting_go_reach_the_bridge_within_two_milliseconds,
@@ -98,18 +95,4 @@ fn flash_has_its_wait_states_and_data_are_where_no_cache_is() {
     let ram = Board::NucleoH743zi2.ram();
     let statics: Vec<_> = bench.symbols().iter().filter(|s| s.address >= ram.start).cloned().collect();
     assert!(statics.len() > 5 && statics.iter().all(|s| ram.contains(&s.address)), "{statics:?}");
-}
-
-#[test]
-fn a_dead_converter_is_started_anew_and_comes_back() {
-    let mut bench = on(Board::NucleoH743zi2, || booted(vec![am60()]));
-    bench.kill_adc(true);
-    bench.run(ms(1_500));
-    assert!(log(&mut bench).contains("battery None"), "{}", log(&mut bench));
-    bench.kill_adc(false);
-    bench.run(Duration::from_secs(2));
-    let last =
-        bench.log().into_iter().rev().find(|line| line.text.contains("battery")).expect("a line a second");
-    assert!(!last.text.contains("None"), "{last}");
-    bench.assert_sound();
 }
