@@ -16,8 +16,9 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, TICK_HZ, Timer};
 use embedded_io_async::{Read, Write};
 
-/// How often the status LED is looked after: a step of a pattern lasts at least this long.
-pub const REFRESH: Duration = Duration::from_millis(100);
+/// How often the status LED and the battery are looked after: a step of a pattern lasts at least twice as long, and a
+/// battery that breaks down is low for about as long, until it is unknown.
+pub const REFRESH: Duration = Duration::from_millis(50);
 
 /// Bytes taken from the line at once.
 const CHUNK: usize = 64;

@@ -18,13 +18,29 @@ pub(crate) struct Board {
 }
 
 /// All of them; the first is meant when none is named.
-pub(crate) const ALL: [Board; 1] = [Board {
-    name: "nucleo-f429zi",
-    target: "thumbv7em-none-eabihf",
-    chip: "STM32F429ZITx",
-    flash: 128 * 1024,
-    ram: 48 * 1024,
-}];
+pub(crate) const ALL: [Board; 3] = [
+    Board {
+        name: "nucleo-f429zi",
+        target: "thumbv7em-none-eabihf",
+        chip: "STM32F429ZITx",
+        flash: 128 * 1024,
+        ram: 48 * 1024,
+    },
+    Board {
+        name: "nucleo-h743zi2",
+        target: "thumbv7em-none-eabihf",
+        chip: "STM32H743ZITx",
+        flash: 128 * 1024,
+        ram: 48 * 1024,
+    },
+    Board {
+        name: "nucleo-g474re",
+        target: "thumbv7em-none-eabihf",
+        chip: "STM32G474RETx",
+        flash: 128 * 1024,
+        ram: 48 * 1024,
+    },
+];
 
 /// Programs for a chip that are not an image: they count instructions on the emulated core.
 pub(crate) const BENCHES: [(&str, &str); 1] = [("budget", "thumbv7em-none-eabihf")];

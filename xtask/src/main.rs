@@ -12,7 +12,7 @@ mod size;
 mod tool;
 
 use std::process::ExitCode;
-use tool::{Failed, cargo, run};
+use tool::{Failed, cargo, cargo_command, run};
 
 /// A task: its name, its arguments, what it does, and how.
 struct Task {
@@ -29,7 +29,12 @@ const TASKS: [Task; 9] = [
         does: "format, lints of host, chips and core, documentation",
         start: check::task,
     },
-    Task { name: "test", arguments: "", does: "everything that can be tested without hardware", start: test },
+    Task {
+        name: "test",
+        arguments: "[BOARD]",
+        does: "everything that can be tested without hardware; or all that runs this board's image",
+        start: test,
+    },
     Task {
         name: "figures",
         arguments: "[--check]",
@@ -45,7 +50,7 @@ const TASKS: [Task; 9] = [
     Task {
         name: "size",
         arguments: "[BOARD]",
-        does: "builds an image; its flash and static RAM against their limits",
+        does: "builds an image, or all; flash and static RAM against their limits",
         start: size::task,
     },
     Task {
@@ -101,14 +106,19 @@ fn list() -> String {
     let boards: Vec<&str> = board::ALL.iter().map(|board| board.name).collect();
     let tasks: String = TASKS.iter().map(row).collect();
     format!(
-        "cargo xtask TASK, where TASK is\n\n{tasks}\nBOARD is {}, the first if none is named.\n",
+        "cargo xtask TASK, where TASK is\n\n{tasks}\nBOARD is {}; flash takes the first if none is named.\n",
         boards.join(", ")
     )
 }
 
 fn test(arguments: &[String]) -> Result<(), Failed> {
-    tool::none(arguments)?;
-    cargo(&["test"])
+    if arguments.is_empty() {
+        return cargo(&["test"]);
+    }
+    let board = board::named(arguments)?;
+    // Without naming their packages, which would build everything once more with fewer features.
+    let images = ["test", "--test", "image", "--test", "overlay", "--test", "scenarios_emulated"];
+    run(cargo_command(&[&images[..], &["--", "--nocapture"]].concat()).env("MOTOR_HUB_BOARD", board.name))
 }
 
 fn package(arguments: &[String]) -> Result<(), Failed> {

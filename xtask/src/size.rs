@@ -1,11 +1,18 @@
-//! `cargo xtask size`: flash and static RAM of an image against their limits.
+//! `cargo xtask size`: flash and static RAM of images against their limits.
 
-use crate::board;
+use crate::board::{self, Board};
 use crate::tool::{Failed, command, output};
 use std::path::Path;
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
-    let board = board::named(arguments)?;
+    let boards = match arguments {
+        [] => &board::ALL[..],
+        _ => std::slice::from_ref(board::named(arguments)?),
+    };
+    boards.iter().try_for_each(check)
+}
+
+fn check(board: &Board) -> Result<(), Failed> {
     let image = board.build()?;
     let table = output(command(llvm_size()?).arg(image))?;
     let [text, data, bss] = sections(&table).ok_or_else(|| Failed(format!("llvm-size says\n{table}")))?;
@@ -13,13 +20,14 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         ("flash (text + data)", text + data, board.flash),
         ("static RAM (data + bss)", data + bss, board.ram),
     ];
+    println!("{}", board.name);
     for (what, size, limit) in rows {
-        println!("{what:24}{size:>8} of {limit:>7} bytes");
+        println!("  {what:24}{size:>8} of {limit:>7} bytes");
     }
     if rows.iter().all(|(_, size, limit)| size <= limit) {
         Ok(())
     } else {
-        Err(Failed("the image is too large".to_owned()))
+        Err(Failed(format!("the image of {} is too large", board.name)))
     }
 }
 

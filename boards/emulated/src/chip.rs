@@ -1,39 +1,78 @@
-//! The emulated STM32F427 as this board has it: rail, calibration words, no clock from outside, and two models that
-//! can be taken out: TIM1's comparators, which nothing on the chip reads, and a converter that died. One is put in:
-//! of the EXTI, which the emulator lacks, the line of the voltage detector.
-//!
-//! The F427 has the registers of the F429 (one reference manual, RM0090); the F429 adds a display
-//! controller that the firmware does not use.
+//! The emulated chip as a board has it: rail, calibration words, no clock from outside, and models that can be taken
+//! out or are put in. What the bench wants of any chip is [`Part`]; each chip has a room of its own.
 
-use std::num::{NonZeroU32, NonZeroU64};
-use std::path::Path;
+/// What is written the same for every chip, of types that are each chip's own: `self.part`, its slots `timer_slot` and
+/// `port_slots`, and the registers `Tim1` and `Gpio`.
+macro_rules! same_on_every_chip {
+    () => {
+        fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>) {
+            self.part.drive_port(at, port, |port, r, c| port.drive(pin, level, r, c));
+        }
 
-use rigless::cpu::armv7m::windows;
-use rigless::device::{Device, ErasedDevice, ResetCause};
+        fn pin_level(&self, port: usize, pin: Pin) -> Level {
+            let registers = self.bus().slots()[self.port_slots[port]].registers();
+            self.part.gpio[port].level(pin, registers)
+        }
+
+        fn port(&self, port: usize) -> Port {
+            let registers = self.bus().slots()[self.port_slots[port]].registers();
+            let [modes, outputs] = words(registers, [Gpio::Moder, Gpio::Odr]);
+            Port { modes, outputs }
+        }
+
+        fn pwm(&self) -> Registers {
+            let registers = self.bus().slots()[self.timer_slot].registers();
+            let [cr1, psc, arr, bdtr, ccer] =
+                words(registers, [Tim1::Cr1, Tim1::Psc, Tim1::Arr, Tim1::Bdtr, Tim1::Ccer]);
+            let ccmr = words(registers, [Tim1::Ccmr1Output, Tim1::Ccmr2Output]);
+            let ccr = words(registers, [Tim1::Ccr1, Tim1::Ccr2, Tim1::Ccr3, Tim1::Ccr4]);
+            Registers { cr1, psc, arr, bdtr, ccer, ccmr, ccr }
+        }
+
+        fn pulse(&mut self, channel: Channel) -> Option<(u64, u64)> {
+            let (timer, registers) = self.part.advanced_timer(0);
+            timer.pulse(channel, registers).map(|pulse| (pulse.width.0, pulse.period.0))
+        }
+
+        fn attach(&mut self, terminal: Terminal) {
+            self.part.usart[wiring::HOST_LINK].attach(terminal);
+        }
+
+        fn terminal(&mut self) -> Option<&mut Terminal> {
+            self.part.usart[wiring::HOST_LINK].chip_mut()
+        }
+
+        fn line_errors(&mut self) -> &mut Errors {
+            self.part.usart[wiring::HOST_LINK].errors_mut()
+        }
+    };
+}
+
+mod f427;
+mod guard;
+mod h743;
+mod watchdog;
+
+use std::fmt::Debug;
+use std::num::NonZeroU32;
+
+use rigless::chip::uart::Errors;
+use rigless::device::{Level, RegisterFile};
 use rigless::image::Image;
-use rigless::machine::armv7m::{Core, Fpu, MpuRegions, Variant};
-use rigless::machine::{Board, Target};
-use rigless::mcu::{Mcu, Operate};
+use rigless::machine::{Board as Machine, Target};
+use rigless::mcu::Mcu;
 use rigless::snapshot::Store;
-use rigless::soc::stm32f427::Stm32f427;
-use rigless::soc::stm32f427::generated::pwr::{self, csr};
-use rigless::soc::stm32f427::generated::{adc1, exti, tim1};
-use rigless::soc::{Bus, Error};
+use rigless::soc::st::gpio::Pin;
+use rigless::soc::st::tim::Channel;
+use rigless::soc::{Error, Layout};
 use rigless::time::VirtualNanos;
 
-/// The core clock that the firmware sets up; one instruction per cycle, so times of code are those of
-/// a core without wait states.
-pub(crate) const CORE_HZ: u64 = 168_000_000;
+use crate::board::Board;
+use crate::pwm::Registers;
+use crate::serial::Terminal;
 
 /// The rail, mV.
 const RAIL_MV: u32 = 3_300;
-
-/// Unique device number, flash size in kB, and the converter's calibration words (RM0090 39.1 and
-/// 39.2, STM32F429 data sheet, "internal reference voltage calibration values").
-const FACTORY_WORDS_AT: u64 = 0x1FFF_7A10;
-
-/// 1.21 V, which the emulator's VREFINT is, read on a 3.3 V rail.
-pub(crate) const VREFINT_CALIBRATION: u16 = 1501;
 
 /// How much of TIM1 is emulated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,164 +86,142 @@ pub enum Pwm {
 }
 
 /// A peripheral that only remembers what is written to it.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Remembers<R>(core::marker::PhantomData<R>);
 
-impl Device for Remembers<tim1::Register> {
-    type Register = tim1::Register;
-}
-
-impl Device for Remembers<adc1::Register> {
-    type Register = adc1::Register;
-}
-
-impl Device for Remembers<exti::Register> {
-    type Register = exti::Register;
-}
-
-/// EXTI line 16 is the voltage detector's (RM0090 12.2.5).
-const DETECTOR_LINE: u64 = 1 << 16;
-/// The detector's interrupt, as the emulator's PWR lists it.
-const DETECTOR_INTERRUPT: usize = 0;
-
-/// The microcontroller.
-#[derive(Debug)]
-pub(crate) struct Chip {
-    pub(crate) part: Stm32f427,
-    pwm: Pwm,
-    pub(crate) adc_dead: bool,
-    plain_timer: Remembers<tim1::Register>,
-    plain_converter: Remembers<adc1::Register>,
-    plain_exti: Remembers<exti::Register>,
-    timer_slot: usize,
-    converter_slot: usize,
-    exti_slot: usize,
-    /// The detector's interrupt is pending.
-    supply_fell: bool,
-}
-
-impl Chip {
-    /// Another rail, mV; the converters' reference stays.
-    pub(crate) fn set_rail(&mut self, at: VirtualNanos, millivolts: u32) {
-        self.part.set_supply(millivolts);
-        self.follow_detector(at);
+impl<R> Default for Remembers<R> {
+    fn default() -> Self {
+        Self(core::marker::PhantomData)
     }
+}
+
+impl<R: Layout> rigless::device::Device for Remembers<R> {
+    type Register = R;
+}
+
+/// What a port does with its pins.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Port {
+    modes: u32,
+    outputs: u32,
+}
+
+impl Port {
+    const fn is_mode(self, pin: u8, mode: u32) -> bool {
+        self.modes >> (2 * pin) & 3 == mode
+    }
+
+    /// Whether the pin is driven high (RM0090 8.4.1, RM0433 11.4.1: mode 1 is an output).
+    pub(crate) const fn drives_high(self, pin: u8) -> bool {
+        self.is_mode(pin, 1) && self.outputs >> pin & 1 != 0
+    }
+
+    /// Whether a peripheral has the pin.
+    pub(crate) const fn is_function(self, pin: u8) -> bool {
+        self.is_mode(pin, 2)
+    }
+}
+
+/// A microcontroller with what the bench does to it. Motors are by number, ports from A as 0.
+pub(crate) trait Part: Mcu + Debug + Send {
+    /// What runs on it.
+    fn target(&mut self) -> Target<'_>;
+
+    /// Another rail, mV; the converters' reference stays.
+    fn set_rail(&mut self, at: VirtualNanos, millivolts: u32);
 
     /// Rail, detector or EXTI may have changed: an output of the detector that rises is the interrupt PVD, if its
     /// line is unmasked.
-    pub(crate) fn follow_detector(&mut self, at: VirtualNanos) {
-        let low = csr::PVDO.is_set(self.part.power().1.get(pwr::Register::Csr));
-        let exti = self.part.bus().slots()[self.exti_slot].registers();
-        let lines = exti.get(exti::Register::Imr) & exti.get(exti::Register::Rtsr);
-        let fell = low && lines & DETECTOR_LINE != 0;
-        if fell != self.supply_fell {
-            self.supply_fell = fell;
-            self.part.drive_power(at, |_, _, context| context.interrupt(DETECTOR_INTERRUPT, fell.into()));
-        }
-    }
+    fn follow_detector(&mut self, at: VirtualNanos);
+
+    /// The voltage on the battery's pin, mV.
+    fn set_battery(&mut self, millivolts: u32);
+
+    /// The battery's converter takes orders and does nothing, or works again.
+    fn set_dead(&mut self, dead: bool);
+
+    /// Puts a level on an input of a motor's counter.
+    fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level);
+
+    /// Puts a level on a pin, or lets go of it.
+    fn drive_pin(&mut self, at: VirtualNanos, port: usize, pin: Pin, level: Option<Level>);
+
+    /// What a wire on a pin would see.
+    fn pin_level(&self, port: usize, pin: Pin) -> Level;
+
+    /// What a port does.
+    fn port(&self, port: usize) -> Port;
+
+    /// TIM1's registers.
+    fn pwm(&self) -> Registers;
+
+    /// TIM1's clock, Hz.
+    fn pwm_hz(&mut self) -> u64;
+
+    /// The pulse that the emulator's own TIM1 makes: high time and period, ns.
+    fn pulse(&mut self, channel: Channel) -> Option<(u64, u64)>;
+
+    /// Connects the far end of the host's line.
+    fn attach(&mut self, terminal: Terminal);
+
+    /// The far end of the host's line.
+    fn terminal(&mut self) -> Option<&mut Terminal>;
+
+    /// What becomes of words on their way to the chip.
+    fn line_errors(&mut self) -> &mut Errors;
 }
 
-impl Mcu for Chip {
-    fn bus(&self) -> &Bus {
-        self.part.bus()
-    }
-
-    fn bus_mut(&mut self) -> &mut Bus {
-        self.part.bus_mut()
-    }
-
-    fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
-        self.part.reset(at, cause);
-    }
-
-    fn poll(&mut self, now: VirtualNanos) {
-        self.part.poll(now);
-    }
-
-    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-        if slot == self.timer_slot && self.pwm == Pwm::Registers {
-            (self.part.bus_mut(), Some(&mut self.plain_timer))
-        } else if slot == self.converter_slot && self.adc_dead {
-            (self.part.bus_mut(), Some(&mut self.plain_converter))
-        } else if slot == self.exti_slot {
-            (self.part.bus_mut(), Some(&mut self.plain_exti))
-        } else {
-            self.part.split(slot)
-        }
-    }
+/// What registers hold.
+fn words<const N: usize>(registers: &RegisterFile, of: [impl Layout; N]) -> [u32; N] {
+    of.map(|register| registers.get(register) as u32)
 }
+
+/// Priorities and the system timer's divider are the same on both cores (PM0214 4.3, RM0433 19.1).
+const PRIORITY_BITS: u8 = 4;
+const REFCLK_DIVIDER: NonZeroU32 = NonZeroU32::new(8).expect("a divider");
 
 /// The board as the emulator sees it. What is on its pins is the driver's.
 #[derive(Debug)]
 pub(crate) struct Nucleo {
-    pub(crate) chip: Chip,
+    pub(crate) chip: Box<dyn Part>,
+    board: Board,
 }
 
 impl Nucleo {
-    pub(crate) fn new(pwm: Pwm) -> Result<Self, Error> {
-        let mut part = Stm32f427::new()?;
-        part.set_supply(RAIL_MV);
-        for converter in &mut part.adc {
-            converter.set_reference(RAIL_MV);
-            converter.set_backup_battery(RAIL_MV);
-        }
-        let timer_slot = part.bus().slot("TIM1")?;
-        let converter_slot = part.bus().slot("ADC1")?;
-        let exti_slot = part.bus().slot("EXTI")?;
-        let chip = Chip {
-            part,
-            pwm,
-            adc_dead: false,
-            plain_timer: Remembers(core::marker::PhantomData),
-            plain_converter: Remembers(core::marker::PhantomData),
-            plain_exti: Remembers(core::marker::PhantomData),
-            timer_slot,
-            converter_slot,
-            exti_slot,
-            supply_fell: false,
+    pub(crate) fn new(board: Board, pwm: Pwm) -> Result<Self, Error> {
+        let chip: Box<dyn Part> = match board {
+            Board::NucleoF429zi => Box::new(f427::Chip::new(pwm)?),
+            Board::NucleoH743zi2 => Box::new(h743::Chip::new(pwm)?),
         };
-        Ok(Self { chip })
+        Ok(Self { chip, board })
     }
 
     /// The words that the factory writes.
-    pub(crate) fn factory_image() -> Result<Image, rigless::image::Error> {
-        let mut words = [0_u8; 32];
-        words[0x12..0x14].copy_from_slice(&2048_u16.to_le_bytes());
-        words[0x1A..0x1C].copy_from_slice(&VREFINT_CALIBRATION.to_le_bytes());
-        Image::new(Path::new("factory words"), words.to_vec(), Some(FACTORY_WORDS_AT))
+    pub(crate) fn factory_image(board: Board) -> Result<Image, rigless::image::Error> {
+        match board {
+            Board::NucleoF429zi => f427::factory_image(),
+            Board::NucleoH743zi2 => h743::factory_image(),
+        }
     }
 }
 
 /// Runs start from reset: a plant has no place in the emulator's snapshots.
 impl Store for Nucleo {}
 
-impl Board for Nucleo {
+impl Machine for Nucleo {
     fn name(&self) -> &'static str {
-        "nucleo-f429zi"
+        self.board.name()
     }
 
     fn target_names(&self) -> Vec<&'static str> {
-        vec!["stm32f427"]
+        vec![self.board.name()]
     }
 
     fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
-        (target == 0).then_some(&mut self.chip)
+        (target == 0).then_some(&mut *self.chip)
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
-        const HZ: NonZeroU64 = NonZeroU64::new(CORE_HZ).expect("a running clock");
-        let lines = u32::from(self.chip.cpu().interrupt_lines);
-        let core = Core {
-            variant: Variant::M4,
-            clock_hz: HZ,
-            interrupt_lines: NonZeroU32::new(lines).expect("a part with interrupts"),
-            // PM0214 4.3 and 4.5.
-            priority_bits: 4,
-            refclk_divider: NonZeroU32::new(8).expect("a divider"),
-            instructions_per_second: HZ,
-            boot: "flash",
-        }
-        .spec_with_parts(&windows(self.chip.bus()), Fpu::FpV4Sp, MpuRegions::Eight);
-        vec![Target::new("stm32f427", &mut self.chip, core)]
+        vec![self.chip.target()]
     }
 }

@@ -17,6 +17,8 @@ use std::sync::OnceLock;
 
 use object::{Object, ObjectSymbol};
 
+use crate::board::Board;
+
 const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Builds a package for the chip, as it is flashed, and returns its ELF. Quick when it is fresh; once per
@@ -29,15 +31,15 @@ pub fn build(package: &str) -> PathBuf {
     build_as(package, package, &[], &[])
 }
 
-/// The hub's firmware with another control period, in milliseconds.
+/// A board's firmware with another control period, in milliseconds.
 ///
 /// # Panics
 /// If it does not build.
 #[must_use]
-pub fn hub_with_period(ms: u32) -> PathBuf {
-    let (image, period) = (format!("nucleo-f429zi-{ms}-ms"), ms.to_string());
+pub fn hub_with_period(board: Board, ms: u32) -> PathBuf {
+    let (image, period) = (format!("{board}-{ms}-ms"), ms.to_string());
     // The feature makes it a build of its own, of the last crate alone, so that neither makes the other stale.
-    build_as(&image, "nucleo-f429zi", &["--features", "own-period"], &[("CONTROL_PERIOD_MS", &period)])
+    build_as(&image, board.name(), &["--features", "own-period"], &[("CONTROL_PERIOD_MS", &period)])
 }
 
 /// Builds, and copies the ELF to a name of its own: variants of a package have one place in the target folder.
@@ -104,13 +106,12 @@ pub fn check_named() -> Result<(), ImageError> {
     if sound { Ok(()) } else { Err(ImageError::NoFirmware { place }) }
 }
 
-/// The hub's firmware, built if it is not fresh. `MOTOR_HUB_ELF` names another image to run instead.
+/// A board's firmware, built if it is not fresh. `MOTOR_HUB_ELF` names another image to run instead.
 #[must_use]
-pub fn hub() -> &'static Path {
-    static ELF: OnceLock<PathBuf> = OnceLock::new();
-    ELF.get_or_init(|| {
-        std::env::var_os("MOTOR_HUB_ELF").map_or_else(|| build("nucleo-f429zi"), PathBuf::from)
-    })
+pub fn hub(board: Board) -> PathBuf {
+    static BUILT: [OnceLock<PathBuf>; Board::ALL.len()] = [const { OnceLock::new() }; Board::ALL.len()];
+    let named = || std::env::var_os("MOTOR_HUB_ELF").map(PathBuf::from);
+    BUILT[board as usize].get_or_init(|| named().unwrap_or_else(|| build(board.name()))).clone()
 }
 
 /// A function or variable.

@@ -12,11 +12,10 @@ use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::soc::st::gpio::Pin;
 use rigless::soc::st::tim::Channel;
-use rigless::soc::stm32f427::generated::gpioi;
-use rigless::soc::stm32f427::peripherals::{adc, rcc::Apb};
 use rigless::time::VirtualNanos;
 use simulated::encoder::{Disturbances, Encoder, Wire};
 
+use crate::board::Board;
 use crate::chip::Nucleo;
 use crate::pins::{Lines, Recorder};
 use crate::pwm::Timer;
@@ -48,6 +47,7 @@ pub(crate) enum Order {
 
 /// Everything round the chip.
 pub(crate) struct Lab {
+    board: Board,
     pub(crate) shafts: Shafts,
     pub(crate) recorder: Recorder,
     encoders: Vec<Connection>,
@@ -75,6 +75,7 @@ const START_UP: u64 = 500_000;
 
 impl Lab {
     pub(crate) fn new(
+        board: Board,
         battery: Battery,
         motors: Vec<Mounting>,
         rtt: Option<u64>,
@@ -83,6 +84,7 @@ impl Lab {
     ) -> Self {
         let count = motors.len();
         Self {
+            board,
             shafts: Shafts::new(battery, motors),
             recorder: Recorder::new(wiring::BRIDGES),
             encoders: vec![Connection::default(); count],
@@ -124,23 +126,17 @@ impl Lab {
 
     /// The chip may have changed its pins at `at`.
     fn follow_pins(&mut self, session: &mut Session<Nucleo>, at: u64, by_reset: bool) {
-        let part = &mut session.board_mut().chip.part;
+        let chip = &mut session.board_mut().chip;
         let before = self.timer.grid();
-        let mut lines = [Lines::FLOATING; wiring::BRIDGES];
-        for (channel, lines) in lines.iter_mut().enumerate() {
-            let function = is_mode(part.port(wiring::PWM_PORT).1, wiring::PWM_PINS[channel], 2);
-            if function {
-                lines.pwm = self.timer.output(channel, part.advanced_timer(0).1);
+        let [pwm, direction] = [wiring::PWM_PORT, wiring::LINE_PORT].map(|port| chip.port(port));
+        let registers = chip.pwm();
+        for bridge in 0..wiring::BRIDGES {
+            let mut lines = Lines::FLOATING;
+            if pwm.is_function(wiring::PWM_PINS[bridge]) {
+                lines.pwm = self.timer.output(bridge, &registers);
             }
-        }
-        let (_, registers) = part.port(wiring::LINE_PORT);
-        for (bridge, lines) in lines.iter_mut().enumerate() {
             let (ina, inb) = wiring::LINE_PINS[bridge];
-            let high =
-                |pin| is_mode(registers, pin, 1) && registers.get(gpioi::Register::Odr) >> pin & 1 != 0;
-            (lines.ina, lines.inb) = (high(ina), high(inb));
-        }
-        for (bridge, lines) in lines.into_iter().enumerate() {
+            (lines.ina, lines.inb) = (direction.drives_high(ina), direction.drives_high(inb));
             if self.recorder.set(at, bridge, lines, (before, self.timer.grid()), by_reset)
                 && bridge < self.shafts.len()
             {
@@ -150,14 +146,12 @@ impl Lab {
     }
 
     fn timer_written(&mut self, session: &mut Session<Nucleo>, at: u64, access: &Access) {
-        let part = &mut session.board_mut().chip.part;
-        self.pwm_hz = {
-            let (rcc, registers) = part.clocks();
-            rcc.timer_clock(registers, Apb::Two)
-        };
+        let chip = &mut session.board_mut().chip;
+        let (registers, hz) = (chip.pwm(), chip.pwm_hz());
+        self.pwm_hz = hz;
         let update = access.address == wiring::PWM_TIMER + wiring::EGR && access.value & 1 != 0;
         let before = self.timer.grid();
-        self.timer.written(at, update, part.advanced_timer(0).1, self.pwm_hz);
+        self.timer.written(at, update, &registers, hz);
         if let Some(grid) = self.timer.grid()
             && before != Some(grid)
         {
@@ -178,18 +172,9 @@ impl Lab {
     fn show(&self, session: &mut Session<Nucleo>, motor: usize, at: u64) {
         let Connection { encoder, disturbed, .. } = self.encoders[motor];
         let [a, b] = encoder.levels(self.shown[motor], disturbed);
-        let part = &mut session.board_mut().chip.part;
-        let at = VirtualNanos(at);
         for (channel, high) in [(1, a), (2, b)] {
             let (channel, level) = (Channel::new(channel).expect("1 or 2"), Level::from(high));
-            match wiring::ENCODERS[motor] {
-                wiring::Counter::General(nth) => {
-                    part.drive_timer(at, nth, |t, r, c| t.drive_input(channel, level, r, c));
-                }
-                wiring::Counter::Advanced(nth) => {
-                    part.drive_advanced_timer(at, nth, |t, r, c| t.drive_input(channel, level, r, c));
-                }
-            }
+            session.board_mut().chip.drive_encoder(VirtualNanos(at), motor, channel, level);
         }
     }
 
@@ -221,18 +206,13 @@ impl Lab {
         let pin = Pin::new(wiring::BUTTON.1).expect("a pin of a port");
         let level = Some(Level::from(pressed));
         let at = VirtualNanos(self.now);
-        session
-            .board_mut()
-            .chip
-            .part
-            .drive_port(at, wiring::BUTTON.0, |port, r, c| port.drive(pin, level, r, c));
+        session.board_mut().chip.drive_pin(at, wiring::BUTTON.0, pin, level);
     }
 
     /// Puts the battery's voltage on the converter's pin.
     fn show_battery(&self, session: &mut Session<Nucleo>) {
         let millivolts = self.shafts.voltage() * 1000.0 * wiring::DIVIDER;
-        let channel = adc::Channel::new(wiring::BATTERY_CHANNEL).expect("a channel on a pin");
-        session.board_mut().chip.part.adc[0].set_input(channel, millivolts.round() as u32);
+        session.board_mut().chip.set_battery(millivolts.round() as u32);
     }
 
     /// Puts back on the pins what a reset of the emulated part let go of.
@@ -264,7 +244,8 @@ impl Lab {
         self.show_edges(session, now);
         if self.timer.update_at.is_some_and(|at| at <= now) {
             let hz = self.pwm_hz;
-            self.timer.update(now, session.board_mut().chip.part.advanced_timer(0).1, hz);
+            let registers = session.board_mut().chip.pwm();
+            self.timer.update(now, &registers, hz);
             self.follow_pins(session, now, false);
         }
         while self.shafts.cell_end <= now {
@@ -283,26 +264,22 @@ impl Lab {
     }
 }
 
-/// Whether `pin` of a port is in this mode (RM0090 8.4.1).
-fn is_mode(registers: &rigless::device::RegisterFile, pin: u8, mode: u64) -> bool {
-    registers.get(gpioi::Register::Moder) >> (2 * pin) & 3 == mode
-}
-
 impl Driver<Nucleo> for Lab {
     fn on_settled(&mut self, session: &mut Session<Nucleo>, _host: &mut dyn Host, settled: Settled) {
         match settled {
             Settled::Access { access, .. } if access.kind == AccessKind::Write => {
                 let at = access.virtual_time.0;
                 let block = access.address & !0x3FF;
+                let is_port = |port| block == wiring::port_at(self.board, port);
                 if block == wiring::PWM_TIMER {
                     self.now = at;
                     self.show_edges(session, at);
                     self.timer_written(session, at, &access);
-                } else if block == wiring::LINE_PORT_AT || block == wiring::PWM_PORT_AT {
+                } else if is_port(wiring::LINE_PORT) || is_port(wiring::PWM_PORT) {
                     self.now = at;
                     self.show_edges(session, at);
                     self.follow_pins(session, at, false);
-                } else if access.address == wiring::POWER {
+                } else if access.address == wiring::power_at(self.board) {
                     session.board_mut().chip.follow_detector(access.virtual_time);
                 } else if access.address == wiring::TIME_DRIVER + wiring::EGR && access.value & 1 != 0 {
                     // The emulator also sets the compare flags on a software update of a stopped timer,
@@ -359,7 +336,5 @@ impl Driver<Nucleo> for Lab {
 
 /// The serial line's far end.
 pub(crate) fn terminal(session: &mut Session<Nucleo>) -> &mut Terminal {
-    session.board_mut().chip.part.usart[wiring::HOST_LINK]
-        .chip_mut::<Terminal>()
-        .expect("the terminal is attached")
+    session.board_mut().chip.terminal().expect("the terminal is attached")
 }

@@ -1,5 +1,5 @@
-//! The image that is flashed, run against the physics: the `nucleo-f429zi` firmware, unmodified, on an
-//! emulated STM32F427, its pins wired to the motors of `motor_hub::model`.
+//! The image that is flashed, run against the physics: the firmware of a [`Board`], unmodified, on its emulated chip,
+//! an STM32F427 or an STM32H743, its pins wired to the motors of `motor_hub::model`.
 //!
 //! ```text
 //!          +---------------- emulated chip -----------------+
@@ -12,10 +12,11 @@
 //! A test builds a [`Bench`], lets it run, looks, injects a fault, and at the end calls
 //! [`Bench::assert_sound`], which fails if the emulator had a gap or a bridge went an illegal way.
 //!
-//! Times are virtual. The core retires one instruction per 168 MHz cycle, without the wait states of the
+//! Times are virtual. The core retires one instruction per cycle, without the wait states of the
 //! real flash: instruction counts are exact, times of code are a lower bound.
 
 mod bench;
+mod board;
 mod chip;
 pub mod elf;
 mod lab;
@@ -32,6 +33,7 @@ pub mod talk;
 mod wiring;
 
 pub use bench::{Bench, Reset, SerialByte, Setup};
+pub use board::{Board, UnknownBoard};
 pub use chip::Pwm;
 pub use pins::{Lines, Transition};
 pub use pwm::{Grid, Output};

@@ -2,10 +2,7 @@
 //!
 //! This is the light model of the timer. It needs no events of its own while nothing is written: a
 //! waveform is a level, or "high for so many ticks of each period". RM0090 section numbers are given
-//! where a rule comes from.
-
-use rigless::device::RegisterFile;
-use rigless::soc::stm32f427::generated::tim1::Register;
+//! where a rule comes from; the timer of RM0433 chapter 38 does the same with them.
 
 /// Channels of the timer.
 pub(crate) const CHANNELS: usize = 4;
@@ -52,9 +49,21 @@ impl Grid {
     }
 }
 
+/// What of the timer's registers shapes the waveforms.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Registers {
+    pub(crate) cr1: u32,
+    pub(crate) psc: u32,
+    pub(crate) arr: u32,
+    pub(crate) bdtr: u32,
+    pub(crate) ccer: u32,
+    pub(crate) ccmr: [u32; 2],
+    pub(crate) ccr: [u32; CHANNELS],
+}
+
 #[derive(Clone, Copy, Debug, Default)]
 struct Channel {
-    mode: u64,
+    mode: u32,
     shadow: u32,
     /// The reference's level when the mode became "frozen".
     frozen: bool,
@@ -71,10 +80,10 @@ pub(crate) struct Timer {
 }
 
 /// Output compare modes (17.4.7, OCxM).
-const FROZEN: u64 = 0;
-const FORCE_LOW: u64 = 4;
-const FORCE_HIGH: u64 = 5;
-const PWM_1: u64 = 6;
+const FROZEN: u32 = 0;
+const FORCE_LOW: u32 = 4;
+const FORCE_HIGH: u32 = 5;
+const PWM_1: u32 = 6;
 
 impl Timer {
     /// The counter's periods, if it runs.
@@ -83,13 +92,13 @@ impl Timer {
     }
 
     /// Something was written at `at`; `update` if it was EGR.UG. `hz` is the timer's clock.
-    pub(crate) fn written(&mut self, at: u64, update: bool, registers: &RegisterFile, hz: u64) {
+    pub(crate) fn written(&mut self, at: u64, update: bool, registers: &Registers, hz: u64) {
         let was = self.levels(at, registers);
-        let control = registers.get(Register::Cr1);
+        let control = registers.cr1;
         let buffered_reload = control & (1 << 7) != 0;
-        let prescaler = registers.get(Register::Psc) as u32 + 1;
+        let prescaler = registers.psc + 1;
         if update || !buffered_reload {
-            self.reload = registers.get(Register::Arr) as u32;
+            self.reload = registers.arr;
         }
         let ticks = (self.reload + 1) * prescaler;
         let counting = control & 1 != 0;
@@ -98,10 +107,10 @@ impl Timer {
         } else if !counting {
             self.running = None;
         }
-        let mut pending = self.reload != registers.get(Register::Arr) as u32;
+        let mut pending = self.reload != registers.arr;
         for (index, (channel, was)) in self.channels.iter_mut().zip(was).enumerate() {
             let (mode, buffered) = output_mode(index, registers);
-            let compare = compare(index, registers);
+            let compare = registers.ccr[index];
             if update || !buffered {
                 channel.shadow = compare;
             }
@@ -115,28 +124,28 @@ impl Timer {
     }
 
     /// The update event at `at`: preloaded values take over (17.3.2).
-    pub(crate) fn update(&mut self, at: u64, registers: &RegisterFile, hz: u64) {
+    pub(crate) fn update(&mut self, at: u64, registers: &Registers, hz: u64) {
         for (index, channel) in self.channels.iter_mut().enumerate() {
-            channel.shadow = compare(index, registers);
+            channel.shadow = registers.ccr[index];
         }
-        let reload = registers.get(Register::Arr) as u32;
+        let reload = registers.arr;
         self.update_at = None;
         if reload != self.reload {
             self.reload = reload;
-            let ticks = (reload + 1) * (registers.get(Register::Psc) as u32 + 1);
+            let ticks = (reload + 1) * (registers.psc + 1);
             self.running = Some(Grid { epoch: at, ticks, hz });
         }
     }
 
     /// The level of every channel's reference at `at`.
-    fn levels(&self, at: u64, registers: &RegisterFile) -> [bool; CHANNELS] {
+    fn levels(&self, at: u64, registers: &Registers) -> [bool; CHANNELS] {
         core::array::from_fn(|index| level(self.output(index, registers), self.running, at))
     }
 
     /// What the timer puts on the pin of channel `index`.
-    pub(crate) fn output(&self, index: usize, registers: &RegisterFile) -> Output {
-        let enables = registers.get(Register::Ccer) >> (4 * index);
-        let main_output = registers.get(Register::Bdtr) & (1 << 15) != 0;
+    pub(crate) fn output(&self, index: usize, registers: &Registers) -> Output {
+        let enables = registers.ccer >> (4 * index);
+        let main_output = registers.bdtr & (1 << 15) != 0;
         if !main_output || enables & 1 == 0 {
             // Off, or idle at its idle level, which the firmware leaves low (17.4.9, OSSI).
             return Output::Level(false);
@@ -172,12 +181,7 @@ pub(crate) fn level(output: Output, grid: Option<Grid>, at: u64) -> bool {
 }
 
 /// OCxM and OCxPE of a channel.
-fn output_mode(index: usize, registers: &RegisterFile) -> (u64, bool) {
-    let register = if index < 2 { Register::Ccmr1Output } else { Register::Ccmr2Output };
-    let bits = registers.get(register) >> (8 * (index % 2));
+const fn output_mode(index: usize, registers: &Registers) -> (u32, bool) {
+    let bits = registers.ccmr[index / 2] >> (8 * (index % 2));
     (bits >> 4 & 0b111, bits >> 3 & 1 != 0)
-}
-
-fn compare(index: usize, registers: &RegisterFile) -> u32 {
-    registers.get([Register::Ccr1, Register::Ccr2, Register::Ccr3, Register::Ccr4][index]) as u32
 }

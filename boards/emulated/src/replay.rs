@@ -5,11 +5,11 @@
 //! should lie between two control ticks, so that the line has time to carry them: see [`on_a_line`].
 //!
 //! ```no_run
-//! use emulated::replay;
+//! use emulated::{Board, replay};
 //! use simulated::scenario::Scenario;
 //!
 //! let scenario = replay::on_a_line(Scenario::default_one()?);
-//! let trace = replay::run(&scenario, &mut |_| ())?;
+//! let trace = replay::run(&scenario, Board::NucleoF429zi, &mut |_| ())?;
 //! println!("{} control ticks of the image that is flashed", trace.ticks.len());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -32,6 +32,7 @@ use simulated::scenario::{Motor, Scenario};
 use simulated::trace::{Sample, Tick, Trace};
 
 use crate::bench::{self, Bench};
+use crate::board::Board;
 use crate::pwm::Output;
 use crate::rtt::LogLine;
 use crate::shafts::{Look, Mounting};
@@ -95,14 +96,14 @@ pub fn on_a_line(mut scenario: Scenario) -> Scenario {
     scenario
 }
 
-/// Runs a scenario on the emulated chip; `progress` is told the virtual time in seconds.
+/// Runs a scenario by a board's image on the emulated chip; `progress` is told the virtual time in seconds.
 ///
 /// # Errors
 /// If the scenario cannot be run on the chip, or if the emulator had a gap.
 ///
 /// # Panics
 /// If the firmware does not obey.
-pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, ReplayError> {
+pub fn run(scenario: &Scenario, board: Board, progress: &mut dyn FnMut(f64)) -> Result<Trace, ReplayError> {
     if scenario.period != Period::DEFAULT {
         let (asked, image) = (scenario.period.as_millis(), Period::DEFAULT.as_millis());
         return Err(ReplayError::Period { asked, image });
@@ -113,7 +114,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
     if !scenario.groups.is_empty() {
         return Err(ReplayError::Groups);
     }
-    let mut bench = Bench::new(stand(scenario));
+    let mut bench = Bench::new(stand(scenario, board));
     let mut talk = Talk::default();
     let mut orders = orders(scenario).into_iter().peekable();
     let period_s = f64::from(scenario.period.as_millis()) * 1e-3;
@@ -148,16 +149,14 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
 }
 
 /// The scenario's motors, loads and battery.
-pub(crate) fn stand(scenario: &Scenario) -> bench::Setup {
+pub(crate) fn stand(scenario: &Scenario, board: Board) -> bench::Setup {
     let motors = scenario.motors.iter().map(|motor| Mounting {
         motor: motor.constants,
         load: motor.load,
         bridge: motor.bridge.into(),
         stops: None,
     });
-    let mut stand = bench::Setup::new(motors.collect());
-    stand.battery = scenario.battery;
-    stand
+    bench::Setup { board, battery: scenario.battery, ..bench::Setup::new(motors.collect()) }
 }
 
 fn run_to(bench: &mut Bench, at_s: f64) {

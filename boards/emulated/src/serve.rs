@@ -1,11 +1,11 @@
 //! The image in real time, its serial line on this machine.
 //!
 //! ```no_run
-//! use emulated::serve;
+//! use emulated::{Board, serve};
 //! use simulated::serve::Line;
 //!
 //! let line = Line::tcp("127.0.0.1:7070")?;
-//! serve::run(&serve::scenario()?, line, &mut |_| true)?;
+//! serve::run(&serve::scenario()?, Board::NucleoF429zi, line, &mut |_| true)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -18,6 +18,7 @@ use simulated::scenario::{Scenario, ScenarioError};
 use simulated::serve::{Line, Moment, line_on, pace};
 
 use crate::bench::Bench;
+use crate::board::Board;
 use crate::replay::{ReplayError, drive, stand};
 use crate::talk::Talk;
 
@@ -48,17 +49,18 @@ pub fn scenario() -> Result<Scenario, ScenarioError> {
     Ok(scenario)
 }
 
-/// Serves the image with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves
+/// Serves a board's image with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves
 /// the simulated board.
 ///
 /// # Errors
 /// If the emulator had a gap.
 pub fn run(
     scenario: &Scenario,
+    board: Board,
     mut line: Line,
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), ReplayError> {
-    let mut bench = Bench::new(stand(scenario));
+    let mut bench = Bench::new(stand(scenario, board));
     let mut chunk = [0; 512];
     let mut reply: Vec<u8> = Vec::new();
     bench.run(BOOT);

@@ -1,15 +1,18 @@
-//! What is connected to which pin: the NUCLEO-F429ZI hub's allocation, as its README says.
+//! What is connected to which pin, on all boards the same: as their READMEs say.
 //!
-//! Peripherals are named by their place in the emulator's lists and by their addresses (RM0090 2.3).
+//! Peripherals are named by their place in the emulator's lists and by their addresses (RM0090 2.3, RM0433 2.3).
+
+use crate::board::Board;
 
 /// Bridges.
 pub(crate) const BRIDGES: usize = 4;
 
 /// TIM1.
 pub(crate) const PWM_TIMER: u64 = 0x4001_0000;
-/// Port E, as place and address.
+/// Ports, by their place.
+pub(crate) const PORTS: [&str; 6] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF"];
+/// Port E.
 pub(crate) const PWM_PORT: usize = 4;
-pub(crate) const PWM_PORT_AT: u64 = 0x4002_1000;
 /// PE9, PE11, PE13, PE14: TIM1 CH1 to CH4.
 pub(crate) const PWM_PINS: [u8; BRIDGES] = [9, 11, 13, 14];
 
@@ -18,7 +21,6 @@ pub(crate) const DIAG_PINS: [u8; BRIDGES] = [2, 4, 5, 6];
 
 /// Port D.
 pub(crate) const LINE_PORT: usize = 3;
-pub(crate) const LINE_PORT_AT: u64 = 0x4002_0C00;
 /// INA and INB by bridge.
 pub(crate) const LINE_PINS: [(u8, u8); BRIDGES] = [(0, 1), (2, 3), (4, 5), (6, 7)];
 
@@ -36,8 +38,23 @@ pub(crate) const ENCODERS: [Counter; BRIDGES] =
 
 /// TIM5, which keeps embassy's time.
 pub(crate) const TIME_DRIVER: u64 = 0x4000_0C00;
-/// PWR, whose CR switches the voltage detector on.
-pub(crate) const POWER: u64 = 0x4000_7000;
+
+/// Where a port's registers are.
+pub(crate) const fn port_at(board: Board, port: usize) -> u64 {
+    let first = match board {
+        Board::NucleoF429zi => 0x4002_0000,
+        Board::NucleoH743zi2 => 0x5802_0000,
+    };
+    first + 0x400 * port as u64
+}
+
+/// PWR, whose first register switches the voltage detector on.
+pub(crate) const fn power_at(board: Board) -> u64 {
+    match board {
+        Board::NucleoF429zi => 0x4000_7000,
+        Board::NucleoH743zi2 => 0x5802_4800,
+    }
+}
 
 /// Offsets of a timer's registers.
 pub(crate) const SR: u64 = 0x10;
@@ -53,7 +70,5 @@ pub(crate) const DIGITAL_PINS: [u8; 2] = [14, 15];
 /// USART3, in the emulator's list.
 pub(crate) const HOST_LINK: usize = 2;
 
-/// ADC1_IN3 is PA3.
-pub(crate) const BATTERY_CHANNEL: u8 = 3;
 /// 82 kohm to the battery, 10 kohm to ground: the board as it is soldered, not as its firmware has it.
 pub(crate) const DIVIDER: f64 = 10.0 / 92.0;

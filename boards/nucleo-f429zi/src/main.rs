@@ -45,19 +45,7 @@ const PINS: usize = 2;
 const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
 
 /// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.
-const PERIOD: Period = {
-    let ms = match option_env!("CONTROL_PERIOD_MS") {
-        None => 50,
-        Some(text) => match u32::from_str_radix(text, 10) {
-            Ok(ms) => ms,
-            Err(_) => panic!("CONTROL_PERIOD_MS must be a whole number of milliseconds"),
-        },
-    };
-    match Period::from_millis(ms) {
-        Ok(period) => period,
-        Err(_) => panic!("CONTROL_PERIOD_MS must be 1 to 100"),
-    }
-};
+const PERIOD: Period = motor_hub_stm32::period(option_env!("CONTROL_PERIOD_MS"));
 
 /// Every task runs in the one executor in thread mode, so no channel needs to mask interrupts.
 type Wires = tasks::Wires<ThreadModeRawMutex, MOTORS>;

@@ -4,7 +4,7 @@
 //! instead of counting noise.
 //!
 //! They are filtered too (RM0090 18.4.7, IC1F and IC2F): a level counts once eight samples in a row, one every
-//! 128 clocks of the timer, agree. On a timer at 84 MHz that takes 12.2 us, at 168 MHz 6.1 us, which the ringing of a
+//! 128 clocks of the timer, agree. On a timer at 84 MHz that takes 12.2 us, at 168 MHz 6.1 us, at 200 MHz 5.1 us, which the ringing of a
 //! bridge's edges on a neighbouring wire does not last. At 10 000 counts/s a level lasts 200 us, 16 times as long, and
 //! an edge of A and the next of B are 100 us apart, of which the two filters can eat one sample, 1.5 us. From about
 //! 140 000 counts/s on nothing would be counted.

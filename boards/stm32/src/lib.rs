@@ -26,3 +26,24 @@ pub mod serial;
 pub mod status;
 pub mod vnh5019;
 pub mod watchdog;
+
+use motor_hub::units::Period;
+
+/// The control period that an image is built for: 50 ms, or what a variable says, 1 to 100 ms.
+///
+/// # Panics
+/// When the image is built, if it says something else.
+#[must_use]
+pub const fn period(milliseconds: Option<&str>) -> Period {
+    let ms = match milliseconds {
+        None => 50,
+        Some(text) => match u32::from_str_radix(text, 10) {
+            Ok(ms) => ms,
+            Err(_) => panic!("CONTROL_PERIOD_MS must be a whole number of milliseconds"),
+        },
+    };
+    match Period::from_millis(ms) {
+        Ok(period) => period,
+        Err(_) => panic!("CONTROL_PERIOD_MS must be 1 to 100"),
+    }
+}

@@ -1,7 +1,7 @@
 //! `motor-hub emulate`.
 
 use crate::output::{Failure, Folder, drawn, print};
-use emulated::{elf, replay};
+use emulated::{Board, elf, replay};
 use indicatif::ProgressBar;
 use simulated::scenario::Scenario;
 use simulated::sim;
@@ -12,8 +12,8 @@ use studies::overlay::Overlay;
 pub(crate) const HELP: &str = "\
 The flashed image on an emulated chip, over the same core on the simulated board
 
-A scenario twice: by the image of nucleo-f429zi, unmodified, on an emulated STM32F427 whose pins drive the
-motors, and by the same core on the simulated board. The image is built first if it is not fresh;
+A scenario twice: by the image of a board, unmodified, on its emulated chip (nucleo-f429zi: STM32F427,
+nucleo-h743zi2: STM32H743) whose pins drive the motors, and by the same core on the simulated board. The image is built first if it is not fresh;
 MOTOR_HUB_ELF names another one. Set-points come half a control period late, as the line needs time.";
 
 /// Options of `emulate`.
@@ -22,6 +22,9 @@ pub(crate) struct Options {
     /// Scenario file (TOML) instead of the default scenario
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
+    /// Whose image: nucleo-f429zi or nucleo-h743zi2
+    #[arg(long, value_name = "BOARD", default_value_t)]
+    board: Board,
     /// Folder for the chart
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/emulate")]
     out: PathBuf,
@@ -38,10 +41,10 @@ impl Options {
         let folder = Folder::new(&self.out)?;
         let bar = ProgressBar::new((2000.0 * scenario.duration_s) as u64).with_message("virtual ms");
         let at = |s: f64| bar.set_position((1000.0 * s) as u64);
-        let emulated = replay::run(&scenario, &mut |s| at(s)).map_err(Failure::work)?;
+        let emulated = replay::run(&scenario, self.board, &mut |s| at(s)).map_err(Failure::work)?;
         let simulated = sim::run(&scenario, &mut |s| at(scenario.duration_s + s)).map_err(Failure::work)?;
         bar.finish_and_clear();
-        let overlay = Overlay::new(scenario, emulated, simulated);
+        let overlay = Overlay::new(scenario, self.board.chip(), emulated, simulated);
         print(&overlay.tables())?;
         let files = folder.write_all(drawn(&[("overlay".to_owned(), overlay.figure())])?)?;
         print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())

@@ -6,7 +6,7 @@ mod notices;
 
 use crate::output::{Failure, print};
 use crate::parse::{address, seconds};
-use emulated::elf;
+use emulated::{Board, elf};
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
 use notices::Notices;
@@ -44,13 +44,18 @@ pub(crate) struct Options {
     /// fresh. Its address is 2
     #[arg(long, conflicts_with = "address")]
     emulated: bool,
+    /// Whose image: nucleo-f429zi or nucleo-h743zi2
+    #[arg(long, value_name = "BOARD", default_value_t, requires = "emulated")]
+    board: Board,
 }
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         if self.emulated {
             elf::check_named().map_err(Failure::input)?;
-            return self.serving.execute(emulated::serve::scenario, emulated::serve::run);
+            return self.serving.execute(emulated::serve::scenario, |scenario, line, show| {
+                emulated::serve::run(scenario, self.board, line, show)
+            });
         }
         self.serving.execute(Scenario::to_serve, |scenario, line, show| {
             serve::run(scenario, self.address, line, show)

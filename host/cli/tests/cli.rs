@@ -279,6 +279,16 @@ fn a_folder_that_cannot_be_written_to_is_found_before_any_work() {
 }
 
 #[test]
+fn a_board_that_there_is_not_is_refused_with_those_that_there_are() {
+    for command in [&["emulate"][..], &["serve", "--emulated", "--pty"]] {
+        let output = motor_hub(&[command, &["--board", "nucleo-f103rb"]].concat());
+        assert_eq!(output.status.code(), Some(2), "{command:?}");
+        let says = "there is no board nucleo-f103rb; there are nucleo-f429zi, nucleo-h743zi2";
+        assert!(err(&output).contains(says), "{}", err(&output));
+    }
+}
+
+#[test]
 fn a_battery_in_volts_is_not_taken_for_one_in_millivolts() {
     for (given, says) in [
         ("12", "1000 to 65535 mV; did you mean 12000?"),

@@ -8,7 +8,7 @@
 //! let scenario = Scenario { duration_s: 0.5, ..Scenario::default_one()? };
 //! let trace = sim::run(&scenario, &mut |_| ())?;
 //! // A run lies over itself.
-//! let overlay = Overlay::new(scenario, trace.clone(), trace);
+//! let overlay = Overlay::new(scenario, "STM32F427", trace.clone(), trace);
 //! assert!(overlay.apart().iter().all(|apart| apart.worst_cps == 0.0 && apart.worst_counts == 0));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -22,6 +22,7 @@ use simulated::trace::{Sample, Trace};
 /// Two traces of a scenario.
 pub struct Overlay {
     scenario: Scenario,
+    chip: &'static str,
     emulated: Trace,
     simulated: Trace,
 }
@@ -39,10 +40,10 @@ pub struct Apart {
 }
 
 impl Overlay {
-    /// Compares the traces of a scenario's two runs.
+    /// Compares the traces of a scenario's two runs, the first on this emulated chip.
     #[must_use]
-    pub const fn new(scenario: Scenario, emulated: Trace, simulated: Trace) -> Self {
-        Self { scenario, emulated, simulated }
+    pub const fn new(scenario: Scenario, chip: &'static str, emulated: Trace, simulated: Trace) -> Self {
+        Self { scenario, chip, emulated, simulated }
     }
 
     /// How far the two are apart, by motor.
@@ -134,8 +135,10 @@ impl Overlay {
         }
         Figure {
             title: self.scenario.name.clone(),
-            subtitle: "the flashed image on the emulated STM32F427, and the same core on the simulated board"
-                .into(),
+            subtitle: format!(
+                "the flashed image on the emulated {}, and the same core on the simulated board",
+                self.chip
+            ),
             x_label: "time, s".into(),
             x_range: Some((0.0, self.scenario.duration_s)),
             panels,

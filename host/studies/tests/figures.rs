@@ -37,7 +37,7 @@ fn of_runs() -> Vec<NamedFigure> {
     let scenario = Scenario::default_one().expect("it is valid");
     let run = |scenario: &Scenario| sim::run(scenario, &mut |_| ()).expect("it runs");
     let (as_set, without) = (run(&scenario), run(&scenario.without_braking()));
-    let overlay = Overlay::new(scenario.clone(), without.clone(), as_set.clone());
+    let overlay = Overlay::new(scenario.clone(), "STM32F427", without.clone(), as_set.clone());
     let mut figures = report::RunReport::new(scenario, as_set, without).figures();
     figures.push(("overlay".to_owned(), overlay.figure()));
     let compared = compare::Comparison::new(true, &mut |_, _| ()).expect("it runs");

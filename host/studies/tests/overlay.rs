@@ -1,6 +1,6 @@
 //! The flashed image on the emulated chip does what the same core does on the simulated board.
 
-use emulated::replay;
+use emulated::{Board, replay};
 use simulated::scenario::Scenario;
 use simulated::sim;
 use studies::overlay::Overlay;
@@ -8,12 +8,14 @@ use studies::overlay::Overlay;
 /// One count in a control period of 50 ms.
 const ONE_COUNT_CPS: f64 = 20.0;
 
+/// On the board that `MOTOR_HUB_BOARD` names, or the first.
 #[test]
 fn the_image_and_the_simulation_agree() {
     let scenario = replay::on_a_line(Scenario::default_one().expect("it is valid"));
-    let emulated = replay::run(&scenario, &mut |_| ()).expect("the image runs");
+    let board = Board::of_environment().expect("a board");
+    let emulated = replay::run(&scenario, board, &mut |_| ()).expect("the image runs");
     let simulated = sim::run(&scenario, &mut |_| ()).expect("the simulation runs");
-    let overlay = Overlay::new(scenario, emulated, simulated);
+    let overlay = Overlay::new(scenario, board.chip(), emulated, simulated);
     for (motor, apart) in overlay.apart().into_iter().enumerate() {
         println!("motor {motor}: {apart:?}");
         assert!(apart.worst_cps <= ONE_COUNT_CPS, "motor {motor}: {apart:?}");

@@ -1,18 +1,20 @@
 //! The scenarios in `tests/scenarios` that say `emulated = true`, run by the flashed image on the emulated
-//! chip, are as they expect.
+//! chip, are as they expect: on the board that `MOTOR_HUB_BOARD` names, or the first.
 
 mod scenario_files;
 
-use emulated::replay;
+use emulated::{Board, replay};
 use studies::expectations::judge;
 
 #[test]
 fn every_scenario_for_the_chip_is_as_it_expects() {
+    let board = Board::of_environment().expect("a board");
     let mut unmet = Vec::new();
     let mut run = 0;
     for (file, scenario) in scenario_files::all().into_iter().filter(|(_, scenario)| scenario.emulated) {
         let scenario = replay::on_a_line(scenario);
-        let trace = replay::run(&scenario, &mut |_| ()).unwrap_or_else(|error| panic!("{file}: {error}"));
+        let trace =
+            replay::run(&scenario, board, &mut |_| ()).unwrap_or_else(|error| panic!("{file}: {error}"));
         unmet.extend(scenario_files::unmet(&file, &judge(&scenario, &trace)));
         run += 1;
     }

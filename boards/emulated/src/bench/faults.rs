@@ -20,7 +20,7 @@ impl Bench {
     /// framing error.
     pub fn garble_serial(&mut self, per_million: u32, seed: u64) {
         self.at_stop(move |_, session, _| {
-            let errors = session.board_mut().chip.part.usart[wiring::HOST_LINK].errors_mut();
+            let errors = session.board_mut().chip.line_errors();
             errors.seed = seed;
             for (rate, name) in [(&mut errors.noise, "noise"), (&mut errors.framing, "framing")] {
                 rate.name = name;
@@ -40,8 +40,7 @@ impl Bench {
             let pin = Pin::new(wiring::DIAG_PINS[motor]).expect("a pin of a port");
             let at = VirtualNanos(lab.now);
             let level = low.then_some(Level::Low);
-            let part = &mut session.board_mut().chip.part;
-            part.drive_port(at, wiring::PWM_PORT, |port, r, c| port.drive(pin, level, r, c));
+            session.board_mut().chip.drive_pin(at, wiring::PWM_PORT, pin, level);
         });
     }
 
@@ -51,8 +50,7 @@ impl Bench {
             let pin = Pin::new(wiring::DIGITAL_PINS[pin]).expect("a pin of a port");
             let at = VirtualNanos(lab.now);
             let level = level.map(Level::from);
-            let part = &mut session.board_mut().chip.part;
-            part.drive_port(at, wiring::DIGITAL_PORT, |port, r, c| port.drive(pin, level, r, c));
+            session.board_mut().chip.drive_pin(at, wiring::DIGITAL_PORT, pin, level);
         });
     }
 
@@ -60,8 +58,7 @@ impl Bench {
     pub fn pin_level(&mut self, pin: usize) -> bool {
         self.at_stop(move |_, session, _| {
             let pin = Pin::new(wiring::DIGITAL_PINS[pin]).expect("a pin of a port");
-            let (port, registers) = session.board_mut().chip.part.port(wiring::DIGITAL_PORT);
-            port.level(pin, registers) == Level::High
+            session.board_mut().chip.pin_level(wiring::DIGITAL_PORT, pin) == Level::High
         })
     }
 
@@ -98,7 +95,7 @@ impl Bench {
 
     /// The converter takes orders and does nothing, or works again.
     pub fn kill_adc(&mut self, dead: bool) {
-        self.at_stop(move |_, session, _| session.board_mut().chip.adc_dead = dead);
+        self.at_stop(move |_, session, _| session.board_mut().chip.set_dead(dead));
     }
 
     /// The core's next access to this range fails with a bus error.

@@ -29,8 +29,7 @@ impl Bench {
     pub fn emulated_pulse(&mut self, motor: usize) -> Option<(u64, u64)> {
         self.at_stop(move |_, session, _| {
             let channel = Channel::new(u8::try_from(motor + 1).ok()?)?;
-            let (timer, registers) = session.board_mut().chip.part.advanced_timer(0);
-            timer.pulse(channel, registers).map(|pulse| (pulse.width.0, pulse.period.0))
+            session.board_mut().chip.pulse(channel)
         })
     }
 

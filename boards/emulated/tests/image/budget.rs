@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::common::ms;
+use crate::common::{board, ms};
 use addr2line::Context;
 use addr2line::gimli::{self, Dwarf, EndianSlice, LittleEndian, SectionId};
 use emulated::elf::{self, Symbol};
@@ -160,7 +160,7 @@ fn profile_of_a_step() {
 fn profile_of_the_hub() {
     const MILLISECONDS: u64 = 100;
     for regulator in [Kind::Pid, Kind::Model] {
-        let image = elf::hub_with_period(1);
+        let image = elf::hub_with_period(board(), 1);
         let mut bench = crate::boot::at_speed(&image, regulator);
         let counts = bench.profile(ms(MILLISECONDS));
         println!("\n{regulator:?}, 1 ms: instructions a motor and ms");

@@ -1,12 +1,40 @@
 //! What the tests put on the bench, and how they read what happened there.
 
+use std::cell::Cell;
+use std::ops::Range;
 use std::time::Duration;
 
-use emulated::{Bench, Mounting, Setup, Transition};
+use emulated::{Bench, Board, Mounting, Setup, Transition};
 use motor_hub::model::catalogue::find;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{KgM2, Kilograms, Metres, Ohms, Volts};
 use motor_hub::model::switching::Bridge;
+
+thread_local! {
+    static BOARD: Cell<Option<Board>> = const { Cell::new(None) };
+}
+
+/// The board that a test is run on: that of the environment, unless it is run [`on`] another.
+pub(crate) fn board() -> Board {
+    let named = || Board::of_environment().unwrap_or_else(|error| panic!("MOTOR_HUB_BOARD: {error}"));
+    BOARD.get().unwrap_or_else(named)
+}
+
+/// Runs a test, or a part of one, on this board.
+pub(crate) fn on<T>(board: Board, test: impl FnOnce() -> T) -> T {
+    let before = BOARD.replace(Some(board));
+    let result = test();
+    BOARD.set(before);
+    result
+}
+
+/// These motors on that board.
+pub(crate) fn setup(motors: Vec<Mounting>) -> Setup {
+    Setup { board: board(), ..Setup::new(motors) }
+}
+
+/// TIM2's counter, which is read every millisecond (RM0090 2.3 and 18.4.10, RM0433 2.3 and 39.4.10).
+pub(crate) const COUNTER: Range<u64> = 0x4000_0024..0x4000_0028;
 
 /// The drop of a diode and the resistance of a switch in a VNH5019A-E (data sheet, typical).
 const BRIDGE: Bridge = Bridge::lossy(Volts(0.6), Ohms(0.009));
@@ -34,7 +62,7 @@ pub(crate) const fn ms(ms: u64) -> Duration {
 
 /// Powered on, first control ticks over.
 pub(crate) fn booted(motors: Vec<Mounting>) -> Bench {
-    let mut bench = Bench::new(Setup::new(motors));
+    let mut bench = Bench::new(setup(motors));
     bench.run(ms(300));
     bench
 }

@@ -82,7 +82,7 @@ fn a_hard_stop_is_not_taken_for_an_unplugged_encoder() {
 }
 
 #[test]
-fn a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named() {
+pub(crate) fn a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named() {
     let mut bench = turning(four_loads());
     let at = bench.now();
     bench.pull_diag(1, true);

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use crate::common::{am60, booted, four_loads, ms, open_since};
+use crate::common::{am60, board, booted, four_loads, ms, open_since, setup};
+use emulated::Bench;
 use emulated::talk::Talk;
-use emulated::{Bench, Setup};
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::{Bulk, Reply};
 use motor_hub::protocol::motor::RunMode;
@@ -86,7 +86,7 @@ fn a_reversal_goes_over_braking_and_never_an_illegal_way() {
 const REPLY_S: f64 = 0.002;
 
 #[test]
-fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
+pub(crate) fn power_and_letting_go_reach_the_bridge_within_two_milliseconds() {
     let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
     let mut slowest = Duration::ZERO;
     talk.power(&mut bench, 0, 8_000);
@@ -243,7 +243,7 @@ fn masking(bench: &mut Bench) -> [Vec<u64>; 2] {
 
 #[test]
 fn interrupts_are_masked_for_less_than_a_byte_of_the_line_whatever_is_logged() {
-    let mut bench = Bench::new(Setup::new(four_loads()));
+    let mut bench = Bench::new(setup(four_loads()));
     bench.run(ms(300));
     let [masks, restores] = masking(&mut bench);
     let log = ["_defmt_acquire", "_defmt_release"].map(|name| bench.address(name));
@@ -270,9 +270,9 @@ fn interrupts_are_masked_for_less_than_a_byte_of_the_line_whatever_is_logged() {
     }
     println!("{lines} log lines of up to {slowest} instructions; interrupts masked for {longest} at most");
     assert!(lines >= 10 && longest > 0, "{lines}, {longest}");
-    // A byte takes 21.7 us, 3645 cycles. On flash with 5 wait states an instruction takes 6 cycles if every one misses
-    // the caches.
-    assert!(6 * longest < 168_000_000 / 46_080, "{longest}");
+    // A byte takes 21.7 us: 3645 cycles at 168 MHz, where on flash with 5 wait states an instruction takes 6 of them if
+    // every one misses the caches.
+    assert!(6 * longest < board().core_hz() / 46_080, "{longest}");
     assert!(crate::common::log(&mut bench).contains("encoder: Some(Stuck)"));
 }
 
@@ -339,7 +339,7 @@ fn a_silent_host_stops_all_motors_after_two_and_a_half_seconds() {
 }
 
 #[test]
-fn digital_pins_are_read_and_driven() {
+pub(crate) fn digital_pins_are_read_and_driven() {
     let (mut bench, mut talk) = (booted(vec![am60()]), Talk::default());
     // Nothing is connected.
     assert_eq!(talk.bulk(&mut bench).digital, 0xFF);

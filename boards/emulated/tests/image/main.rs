@@ -4,6 +4,7 @@ mod boot;
 mod budget;
 mod common;
 mod faults;
+mod h743;
 mod link;
 mod matrix;
 mod pressed;

@@ -1,11 +1,11 @@
 //! The light model of TIM1 against the emulator's own.
 
-use crate::common::{four_loads, ms};
+use crate::common::{four_loads, ms, setup};
 use emulated::{Bench, Encoder, Output, Pwm, Setup};
 
 /// Speeds up, is disturbed, brakes, loses an encoder, is reset in mid-run, and starts again.
 fn story(pwm: Pwm) -> Bench {
-    let mut bench = Bench::new(Setup { pwm, ..Setup::new(four_loads()) });
+    let mut bench = Bench::new(Setup { pwm, ..setup(four_loads()) });
     bench.run(ms(300));
     bench.press(true);
     bench.run(ms(900));
@@ -41,7 +41,7 @@ fn both_models_of_the_timer_make_the_same_run_to_the_last_edge() {
 
 #[test]
 fn the_emulators_timer_puts_the_same_pulse_on_every_pin() {
-    let mut bench = Bench::new(Setup { pwm: Pwm::Emulated, ..Setup::new(four_loads()) });
+    let mut bench = Bench::new(Setup { pwm: Pwm::Emulated, ..setup(four_loads()) });
     bench.run(ms(300));
     bench.press(true);
     let mut compared = 0;

@@ -1,7 +1,7 @@
 //! The closed loop on the chip, by the button: it needs no host.
 
-use crate::common::{am60, four_loads, log, ms, turning};
-use emulated::{Bench, Setup, Transition};
+use crate::common::{am60, four_loads, log, ms, setup, turning};
+use emulated::{Bench, Transition};
 use motor_hub::bridge::State;
 
 /// The order in which a bridge went through its modes, by its direction lines and what its PWM did.
@@ -22,7 +22,7 @@ fn modes(transitions: &[Transition], motor: usize) -> Vec<&'static str> {
 }
 
 #[test]
-fn four_motors_with_different_loads_reach_their_speed_and_stand_still_again() {
+pub(crate) fn four_motors_with_different_loads_reach_their_speed_and_stand_still_again() {
     let mut bench = turning(four_loads());
     bench.run(ms(1000));
     for motor in 0..4 {
@@ -48,7 +48,7 @@ fn four_motors_with_different_loads_reach_their_speed_and_stand_still_again() {
 }
 
 #[test]
-fn what_the_chip_measures_is_what_the_physics_does() {
+pub(crate) fn what_the_chip_measures_is_what_the_physics_does() {
     let mut bench = turning(four_loads());
     bench.run(ms(2500));
     let text = log(&mut bench);
@@ -95,7 +95,7 @@ fn a_release_goes_from_forward_over_braking_and_back_without_an_illegal_step() {
 #[test]
 fn the_same_image_runs_the_same_way_twice() {
     let run = || {
-        let mut bench = Bench::new(Setup::new(four_loads()));
+        let mut bench = Bench::new(setup(four_loads()));
         bench.run(ms(300));
         bench.press(true);
         bench.run(ms(700));

@@ -4,13 +4,13 @@
 
 use std::time::{Duration, Instant};
 
-use crate::common::{am60, ms};
+use crate::common::{am60, ms, setup};
 use emulated::talk::Talk;
 use emulated::{Bench, Pwm, Setup};
 
 /// Prints virtual seconds a second.
 fn rate(pwm: Pwm) {
-    let mut bench = Bench::new(Setup { pwm, ..Setup::new(vec![am60(); 4]) });
+    let mut bench = Bench::new(Setup { pwm, ..setup(vec![am60(); 4]) });
     let mut talk = Talk::default();
     bench.run(ms(300));
     for motor in 0..4 {

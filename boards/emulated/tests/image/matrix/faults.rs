@@ -6,7 +6,7 @@ use std::time::Duration;
 use emulated::talk::Talk;
 use emulated::{Bench, Encoder, Wire};
 
-use crate::common::ms;
+use crate::common::{COUNTER, ms};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Fault {
@@ -27,8 +27,6 @@ pub(crate) enum Fault {
     ResetPin,
 }
 
-/// TIM2's counter, which is read every millisecond.
-const COUNTER: std::ops::Range<u64> = 0x4000_0024..0x4000_0028;
 const NOMINAL: f64 = 12.0;
 const REQUEST_INTERVAL: Duration = ms(20);
 

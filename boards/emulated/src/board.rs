@@ -1,0 +1,95 @@
+//! The boards whose images can be run.
+
+use std::fmt;
+use std::ops::Range;
+use std::str::FromStr;
+
+/// A board, and with it a chip.
+///
+/// ```
+/// use emulated::Board;
+///
+/// assert_eq!("nucleo-h743zi2".parse(), Ok(Board::NucleoH743zi2));
+/// assert_eq!(Board::default().core_hz(), 168_000_000);
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Board {
+    /// An STM32F429; the emulated chip is the F427: the same manual (RM0090) and registers, but for a display
+    /// controller.
+    #[default]
+    NucleoF429zi,
+    /// An STM32H743, RM0433.
+    NucleoH743zi2,
+}
+
+impl Board {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::NucleoF429zi, Self::NucleoH743zi2];
+
+    /// Its package and its image.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NucleoF429zi => "nucleo-f429zi",
+            Self::NucleoH743zi2 => "nucleo-h743zi2",
+        }
+    }
+
+    /// The chip that is emulated.
+    #[must_use]
+    pub const fn chip(self) -> &'static str {
+        match self {
+            Self::NucleoF429zi => "STM32F427",
+            Self::NucleoH743zi2 => "STM32H743",
+        }
+    }
+
+    /// The core's clock as the firmware sets it up. One instruction retires in a cycle.
+    #[must_use]
+    pub const fn core_hz(self) -> u64 {
+        match self {
+            Self::NucleoF429zi => 168_000_000,
+            Self::NucleoH743zi2 => 400_000_000,
+        }
+    }
+
+    /// Addresses of the RAM that the image has its statics and its stack in.
+    #[must_use]
+    pub const fn ram(self) -> Range<u64> {
+        match self {
+            Self::NucleoF429zi => 0x2000_0000..0x2003_0000,
+            Self::NucleoH743zi2 => 0x2000_0000..0x2002_0000,
+        }
+    }
+
+    /// The board that `MOTOR_HUB_BOARD` names, or else the first: what tests run that are not of one board.
+    ///
+    /// # Errors
+    /// If there is none of that name.
+    pub fn of_environment() -> Result<Self, UnknownBoard> {
+        std::env::var("MOTOR_HUB_BOARD").map_or(Ok(Self::default()), |name| name.parse())
+    }
+}
+
+impl fmt::Display for Board {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// There is no such board.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no board {name}; there are {}", Board::ALL.map(Board::name).join(", "))]
+pub struct UnknownBoard {
+    /// What was asked for.
+    pub name: String,
+}
+
+impl FromStr for Board {
+    type Err = UnknownBoard;
+
+    fn from_str(name: &str) -> Result<Self, UnknownBoard> {
+        let named = Self::ALL.into_iter().find(|board| board.name() == name);
+        named.ok_or_else(|| UnknownBoard { name: name.to_owned() })
+    }
+}

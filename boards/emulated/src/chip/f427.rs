@@ -1,0 +1,191 @@
+//! The STM32F427, for the F429 of its board: one reference manual, RM0090, and the same registers but for a display
+//! controller that the firmware does not use. Of the EXTI, which the emulator lacks, the line of the voltage detector
+//! is put in.
+
+use std::num::{NonZeroU32, NonZeroU64};
+use std::path::Path;
+
+use rigless::chip::uart::Errors;
+use rigless::cpu::armv7m::windows;
+use rigless::device::{ErasedDevice, Level, ResetCause};
+use rigless::image::Image;
+use rigless::machine::Target;
+use rigless::machine::armv7m::{Core, Fpu, MpuRegions, Variant};
+use rigless::mcu::{Mcu, Operate};
+use rigless::soc::st::gpio::Pin;
+use rigless::soc::st::tim::Channel;
+use rigless::soc::stm32f427::Stm32f427;
+use rigless::soc::stm32f427::generated::pwr::{self, csr};
+use rigless::soc::stm32f427::generated::tim1::Register as Tim1;
+// All ports have the registers of port I.
+use rigless::soc::stm32f427::generated::gpioi::Register as Gpio;
+use rigless::soc::stm32f427::generated::{adc1, exti};
+use rigless::soc::stm32f427::peripherals::{adc, rcc::Apb};
+use rigless::soc::{Bus, Error};
+use rigless::time::VirtualNanos;
+
+use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
+use crate::board::Board;
+use crate::pwm::Registers;
+use crate::serial::Terminal;
+use crate::wiring;
+
+/// Unique device number, flash size in kB, and the converter's calibration words (RM0090 39.1 and
+/// 39.2, STM32F429 data sheet, "internal reference voltage calibration values").
+const FACTORY_WORDS_AT: u64 = 0x1FFF_7A10;
+
+/// 1.21 V, which the emulator's VREFINT is, read on a 3.3 V rail.
+const VREFINT_CALIBRATION: u16 = 1501;
+
+/// EXTI line 16 is the voltage detector's (RM0090 12.2.5).
+const DETECTOR_LINE: u64 = 1 << 16;
+/// The detector's interrupt, as the emulator's PWR lists it.
+const DETECTOR_INTERRUPT: usize = 0;
+
+/// The words that the factory writes.
+pub(super) fn factory_image() -> Result<Image, rigless::image::Error> {
+    let mut words = [0_u8; 32];
+    words[0x12..0x14].copy_from_slice(&2048_u16.to_le_bytes());
+    words[0x1A..0x1C].copy_from_slice(&VREFINT_CALIBRATION.to_le_bytes());
+    Image::new(Path::new("factory words"), words.to_vec(), Some(FACTORY_WORDS_AT))
+}
+
+/// The microcontroller.
+#[derive(Debug)]
+pub(super) struct Chip {
+    part: Stm32f427,
+    pwm: Pwm,
+    adc_dead: bool,
+    plain_timer: Remembers<Tim1>,
+    plain_converter: Remembers<adc1::Register>,
+    plain_exti: Remembers<exti::Register>,
+    timer_slot: usize,
+    converter_slot: usize,
+    exti_slot: usize,
+    port_slots: [usize; wiring::PORTS.len()],
+    /// The detector's interrupt is pending.
+    supply_fell: bool,
+}
+
+impl Chip {
+    pub(super) fn new(pwm: Pwm) -> Result<Self, Error> {
+        let mut part = Stm32f427::new()?;
+        part.set_supply(RAIL_MV);
+        for converter in &mut part.adc {
+            converter.set_reference(RAIL_MV);
+            converter.set_backup_battery(RAIL_MV);
+        }
+        let [timer_slot, converter_slot, exti_slot] =
+            [part.bus().slot("TIM1")?, part.bus().slot("ADC1")?, part.bus().slot("EXTI")?];
+        let mut port_slots = [0; wiring::PORTS.len()];
+        for (slot, name) in port_slots.iter_mut().zip(wiring::PORTS) {
+            *slot = part.bus().slot(name)?;
+        }
+        Ok(Self {
+            part,
+            pwm,
+            adc_dead: false,
+            plain_timer: Remembers::default(),
+            plain_converter: Remembers::default(),
+            plain_exti: Remembers::default(),
+            timer_slot,
+            converter_slot,
+            exti_slot,
+            port_slots,
+            supply_fell: false,
+        })
+    }
+}
+
+impl Mcu for Chip {
+    fn bus(&self) -> &Bus {
+        self.part.bus()
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        self.part.bus_mut()
+    }
+
+    fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
+        self.part.reset(at, cause);
+    }
+
+    fn poll(&mut self, now: VirtualNanos) {
+        self.part.poll(now);
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        if slot == self.timer_slot && self.pwm == Pwm::Registers {
+            (self.part.bus_mut(), Some(&mut self.plain_timer))
+        } else if slot == self.converter_slot && self.adc_dead {
+            (self.part.bus_mut(), Some(&mut self.plain_converter))
+        } else if slot == self.exti_slot {
+            (self.part.bus_mut(), Some(&mut self.plain_exti))
+        } else {
+            self.part.split(slot)
+        }
+    }
+}
+
+impl Part for Chip {
+    fn target(&mut self) -> Target<'_> {
+        let board = Board::NucleoF429zi;
+        let hz = NonZeroU64::new(board.core_hz()).expect("a running clock");
+        let lines = u32::from(self.cpu().interrupt_lines);
+        let core = Core {
+            variant: Variant::M4,
+            clock_hz: hz,
+            interrupt_lines: NonZeroU32::new(lines).expect("a part with interrupts"),
+            priority_bits: PRIORITY_BITS,
+            refclk_divider: REFCLK_DIVIDER,
+            instructions_per_second: hz,
+            boot: "flash",
+        }
+        .spec_with_parts(&windows(self.bus()), Fpu::FpV4Sp, MpuRegions::Eight);
+        Target::new(board.name(), self, core)
+    }
+
+    fn set_rail(&mut self, at: VirtualNanos, millivolts: u32) {
+        self.part.set_supply(millivolts);
+        self.follow_detector(at);
+    }
+
+    fn follow_detector(&mut self, at: VirtualNanos) {
+        let low = csr::PVDO.is_set(self.part.power().1.get(pwr::Register::Csr));
+        let exti = self.part.bus().slots()[self.exti_slot].registers();
+        let lines = exti.get(exti::Register::Imr) & exti.get(exti::Register::Rtsr);
+        let fell = low && lines & DETECTOR_LINE != 0;
+        if fell != self.supply_fell {
+            self.supply_fell = fell;
+            self.part.drive_power(at, |_, _, context| context.interrupt(DETECTOR_INTERRUPT, fell.into()));
+        }
+    }
+
+    fn pwm_hz(&mut self) -> u64 {
+        let (rcc, registers) = self.part.clocks();
+        rcc.timer_clock(registers, Apb::Two)
+    }
+
+    fn set_battery(&mut self, millivolts: u32) {
+        // ADC1_IN3 is PA3.
+        let channel = adc::Channel::new(3).expect("a channel on a pin");
+        self.part.adc[0].set_input(channel, millivolts);
+    }
+
+    fn set_dead(&mut self, dead: bool) {
+        self.adc_dead = dead;
+    }
+
+    fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {
+        match wiring::ENCODERS[motor] {
+            wiring::Counter::General(nth) => {
+                self.part.drive_timer(at, nth, |t, r, c| t.drive_input(channel, level, r, c));
+            }
+            wiring::Counter::Advanced(nth) => {
+                self.part.drive_advanced_timer(at, nth, |t, r, c| t.drive_input(channel, level, r, c));
+            }
+        }
+    }
+
+    same_on_every_chip!();
+}

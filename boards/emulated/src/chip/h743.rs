@@ -1,0 +1,232 @@
+//! The STM32H743, RM0433. What the emulator lacks and the firmware uses is put in: the [watchdog](super::watchdog), the
+//! converters' [analog watchdog](super::guard), and the wire from the voltage detector to the EXTI.
+
+use std::num::{NonZeroU32, NonZeroU64};
+use std::path::Path;
+
+use rigless::chip::uart::Errors;
+use rigless::cpu::armv7m::windows;
+use rigless::device::{Device, ErasedDevice, Level, ResetCause};
+use rigless::image::Image;
+use rigless::machine::Target;
+use rigless::machine::armv7m::{BranchPrediction, Caches, Config, Core, Fpu, MpuRegions, Variant};
+use rigless::mcu::{Mcu, Operate};
+use rigless::soc::st::gpio::Pin;
+use rigless::soc::st::tim::{Channel, Tim};
+use rigless::soc::stm32h743::Stm32h743;
+// All ports have the registers of port A.
+use rigless::soc::stm32h743::generated::gpioa::Register as Gpio;
+use rigless::soc::stm32h743::generated::pwr::{self, csr1};
+use rigless::soc::stm32h743::generated::tim1::Register as Tim1;
+use rigless::soc::stm32h743::peripherals::adc;
+use rigless::soc::stm32h743::peripherals::rcc::TimerBus;
+use rigless::soc::stm32h743::peripherals::tim::{ADVANCED_TIMERS, Stm32h743Family, TIMERS};
+use rigless::soc::{Bus, Error, Width};
+use rigless::time::VirtualNanos;
+
+use super::guard::Guarded;
+use super::watchdog::Watchdog;
+use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
+use crate::board::Board;
+use crate::pwm::Registers;
+use crate::serial::Terminal;
+use crate::wiring;
+
+/// VREFIN_CAL (DS12110, "internal reference voltage calibration values").
+const FACTORY_WORDS_AT: u64 = 0x1FF1_E860;
+
+/// 1.216 V, which the emulator's VREFINT is, read on a 3.3 V rail with 16 bits.
+const VREFINT_CALIBRATION: u16 = 24_148;
+
+/// SWIER1 of the EXTI triggers lines (RM0433 20.6.3); 16 is the voltage detector's (table 150).
+const EXTI_SWIER1: u64 = 0x5800_0008;
+const DETECTOR_LINE: u64 = 1 << 16;
+
+/// Where the vector table is at reset: BOOT_ADD0 as the factory programs it (RM0433 table 9).
+const VECTOR_TABLE: u32 = 0x0800_0000;
+
+/// A Cortex-M7 r1p1 (ES0392 2.1; PM0253 table 52).
+const CPUID: u32 = 0x411F_C271;
+
+/// 16 kB each for instructions and data (PM0253 tables 77 and 81). The emulator knows their registers and caches
+/// nothing.
+const CACHES: Caches = Caches { clidr: 0x0900_0003, ctr: 0x8303_C003, ccsidr: &[0xF00F_E019, 0xF01F_E009] };
+
+/// The words that the factory writes.
+pub(super) fn factory_image() -> Result<Image, rigless::image::Error> {
+    let word = u32::from(VREFINT_CALIBRATION).to_le_bytes();
+    Image::new(Path::new("factory words"), word.to_vec(), Some(FACTORY_WORDS_AT))
+}
+
+/// The microcontroller.
+#[derive(Debug)]
+pub(super) struct Chip {
+    part: Stm32h743,
+    pwm: Pwm,
+    plain_timer: Remembers<Tim1>,
+    watchdog: Watchdog,
+    /// ADC1.
+    converter: Guarded,
+    timer_slot: usize,
+    watchdog_slot: usize,
+    converter_slot: usize,
+    encoder_slots: [usize; wiring::BRIDGES],
+    port_slots: [usize; wiring::PORTS.len()],
+    supply_low: bool,
+}
+
+impl Chip {
+    pub(super) fn new(pwm: Pwm) -> Result<Self, Error> {
+        let mut part = Stm32h743::new()?;
+        part.set_supply(RAIL_MV);
+        part.set_analog_supply(RAIL_MV);
+        let mut converter = Guarded::new(adc::Converter::Adc1);
+        for converter in part.adc.iter_mut().chain([&mut converter.converter]) {
+            converter.set_reference(RAIL_MV);
+            converter.set_backup_battery(RAIL_MV);
+        }
+        let [timer_slot, watchdog_slot, converter_slot] =
+            [part.bus().slot("TIM1")?, part.bus().slot("IWDG")?, part.bus().slot("ADC1")?];
+        let mut encoder_slots = [0; wiring::BRIDGES];
+        for (slot, counter) in encoder_slots.iter_mut().zip(&wiring::ENCODERS) {
+            *slot = part.bus().slot(match *counter {
+                wiring::Counter::General(nth) => TIMERS[nth].instance,
+                wiring::Counter::Advanced(nth) => ADVANCED_TIMERS[nth].instance,
+            })?;
+        }
+        let mut port_slots = [0; wiring::PORTS.len()];
+        for (slot, name) in port_slots.iter_mut().zip(wiring::PORTS) {
+            *slot = part.bus().slot(name)?;
+        }
+        Ok(Self {
+            part,
+            pwm,
+            plain_timer: Remembers::default(),
+            watchdog: Watchdog::default(),
+            converter,
+            timer_slot,
+            watchdog_slot,
+            converter_slot,
+            encoder_slots,
+            port_slots,
+            supply_low: false,
+        })
+    }
+}
+
+impl Mcu for Chip {
+    fn bus(&self) -> &Bus {
+        self.part.bus()
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        self.part.bus_mut()
+    }
+
+    fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
+        self.part.reset(at, cause);
+        Device::reset(&mut self.watchdog);
+        Device::reset(&mut self.converter);
+    }
+
+    fn poll(&mut self, now: VirtualNanos) {
+        self.part.poll(now);
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        if slot == self.timer_slot && self.pwm == Pwm::Registers {
+            (self.part.bus_mut(), Some(&mut self.plain_timer))
+        } else if slot == self.converter_slot {
+            (self.part.bus_mut(), Some(&mut self.converter))
+        } else if slot == self.watchdog_slot {
+            (self.part.bus_mut(), Some(&mut self.watchdog))
+        } else {
+            self.part.split(slot)
+        }
+    }
+}
+
+/// Drives an input of a timer that has been taken out of the part, which has no way to do so.
+fn drive<F: Stm32h743Family>(
+    timer: &mut Tim<F>,
+    bus: &mut Bus,
+    (at, slot): (VirtualNanos, usize),
+    (channel, level): (Channel, Level),
+) {
+    let (registers, mut context) = bus.drive(at, slot);
+    timer.drive_input(channel, level, registers, &mut context);
+}
+
+impl Part for Chip {
+    fn target(&mut self) -> Target<'_> {
+        let board = Board::NucleoH743zi2;
+        let hz = NonZeroU64::new(board.core_hz()).expect("a running clock");
+        let lines = u32::from(self.cpu().interrupt_lines);
+        let core = Core {
+            variant: Variant::M7,
+            clock_hz: hz,
+            interrupt_lines: NonZeroU32::new(lines).expect("a part with interrupts"),
+            priority_bits: PRIORITY_BITS,
+            refclk_divider: REFCLK_DIVIDER,
+            instructions_per_second: hz,
+            boot: "flash",
+        };
+        let mut config = Config::new(core, &windows(self.bus()));
+        config.fpu = Fpu::FpV5Dp;
+        config.mpu_regions = MpuRegions::Sixteen;
+        config.cpuid = CPUID;
+        config.caches = Some(CACHES);
+        config.branch_prediction = BranchPrediction::Always;
+        config.vector_table = Some(VECTOR_TABLE);
+        let spec = config.spec();
+        Target::new(board.name(), self, spec)
+    }
+
+    fn set_rail(&mut self, at: VirtualNanos, millivolts: u32) {
+        self.part.set_supply(millivolts);
+        self.follow_detector(at);
+    }
+
+    fn follow_detector(&mut self, at: VirtualNanos) {
+        let low = csr1::PVDO.is_set(self.part.power().1.get(pwr::Register::Csr1));
+        let fell = low && !self.supply_low;
+        self.supply_low = low;
+        if fell {
+            self.write(at, EXTI_SWIER1, Width::W32, DETECTOR_LINE).expect("the EXTI's register");
+        }
+    }
+
+    fn pwm_hz(&mut self) -> u64 {
+        let (rcc, registers) = self.part.clocks();
+        rcc.timer_clock(registers, TimerBus::Apb2)
+    }
+
+    fn set_battery(&mut self, millivolts: u32) {
+        // ADC12_INP15 is PA3.
+        let channel = adc::Channel::new(15).expect("a channel on a pin");
+        self.converter.converter.set_input(channel, millivolts);
+    }
+
+    fn set_dead(&mut self, dead: bool) {
+        self.converter.dead = dead;
+    }
+
+    fn drive_encoder(&mut self, at: VirtualNanos, motor: usize, channel: Channel, level: Level) {
+        let place = (at, self.encoder_slots[motor]);
+        let part = &mut self.part;
+        match wiring::ENCODERS[motor] {
+            wiring::Counter::General(nth) => {
+                let mut timer = std::mem::replace(&mut part.tim[nth], Tim::new(TIMERS[nth]));
+                drive(&mut timer, part.bus_mut(), place, (channel, level));
+                part.tim[nth] = timer;
+            }
+            wiring::Counter::Advanced(nth) => {
+                let mut timer = std::mem::replace(&mut part.advanced[nth], Tim::new(ADVANCED_TIMERS[nth]));
+                drive(&mut timer, part.bus_mut(), place, (channel, level));
+                part.advanced[nth] = timer;
+            }
+        }
+    }
+
+    same_on_every_chip!();
+}

@@ -1,0 +1,98 @@
+//! The other board: what of all these tests is worth most on it, each time `cargo test` runs. `cargo xtask test
+//! nucleo-h743zi2` runs all of them there.
+
+use crate::common::{am60, booted, log, on};
+use crate::{boot, faults, link, matrix, running, supply};
+use emulated::Board;
+
+/// Bits `high..=low` of a word.
+fn bits(word: u32, high: u32, low: u32) -> u32 {
+    word >> low & ((1 << (high - low + 1)) - 1)
+}
+
+macro_rules! on_h743 {
+    ($($room:ident::$test:ident),+ $(,)?) => {
+        $(
+            #[test]
+            fn $test() {
+                on(Board::NucleoH743zi2, $room::$test);
+            }
+        )+
+    };
+}
+
+on_h743!(
+    boot::bridges_are_open_from_power_on_until_somebody_asks_for_something,
+    boot::pins_drive_their_idle_levels_within_a_millisecond_of_reset,
+    running::four_motors_with_different_loads_reach_their_speed_and_stand_still_again,
+    running::what_the_chip_measures_is_what_the_physics_does,
+    link::power_and_letting_go_reach_the_bridge_within_two_milliseconds,
+    link::digital_pins_are_read_and_driven,
+    faults::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,
+    supply::a_supply_that_falls_opens_all_bridges_before_the_flash_is_too_slow,
+    supply::a_battery_that_breaks_down_is_seen_at_once,
+    supply::a_halted_core_leaves_no_pwm_on,
+    supply::encoder_inputs_are_filtered,
+);
+
+#[test]
+fn faults_of_every_kind_end_as_they_should() {
+    on(Board::NucleoH743zi2, || {
+        matrix::rows_end_as_they_should(&[
+            "encoder unplugged",
+            "converter dead",
+            "4.5 V",
+            "a task hangs",
+            "bus error",
+            "reset",
+        ]);
+    });
+}
+
+#[test]
+fn the_whole_hub_needs_little_of_the_core() {
+    on(Board::NucleoH743zi2, || boot::the_whole_hub_needs_at_most(50, 1.0));
+}
+
+// RM0433, memory map and register descriptions.
+const RCC_CR: u64 = 0x5802_4400;
+const RCC_PLLCKSELR: u64 = 0x5802_4428;
+const RCC_PLL1DIVR: u64 = 0x5802_4430;
+const RCC_PLL2DIVR: u64 = 0x5802_4438;
+const FLASH_ACR: u64 = 0x5200_2000;
+
+#[test]
+fn nothing_outside_the_chip_makes_its_clock() {
+    // The bench has no oscillator on OSC_IN: a clock from there would be none.
+    let mut bench = on(Board::NucleoH743zi2, || booted(vec![am60()]));
+    // TIM1's.
+    assert!(log(&mut bench).contains("200000000 Hz"), "{}", log(&mut bench));
+    let control = bench.register(RCC_CR);
+    assert_eq!(bits(control, 16, 16), 0, "HSEON");
+    assert_eq!(
+        [24, 26, 28].map(|pll| bits(control, pll, pll)),
+        [1, 1, 0],
+        "PLL1 and PLL2 run, PLL3 does not"
+    );
+    let source = bench.register(RCC_PLLCKSELR);
+    assert_eq!(bits(source, 1, 0), 0, "PLLSRC is the HSI");
+    // DIVMx; DIVNx and DIVPx are one less than they divide by.
+    for (prediv, at, mhz) in [(9, RCC_PLL1DIVR, 400), (17, RCC_PLL2DIVR, 32)] {
+        let divider = bench.register(at);
+        let made =
+            64 / bits(source, prediv, prediv - 5) * (bits(divider, 8, 0) + 1) / (bits(divider, 15, 9) + 1);
+        assert_eq!(made, mhz, "MHz");
+    }
+    bench.assert_sound();
+}
+
+#[test]
+fn flash_has_its_wait_states_and_data_are_where_no_cache_is() {
+    let mut bench = on(Board::NucleoH743zi2, || booted(vec![am60()]));
+    let flash = bench.register(FLASH_ACR);
+    assert!(bits(flash, 3, 0) >= 2, "wait states at 200 MHz and VOS1 (RM0433 table 17): {flash:#x}");
+    // The DTCM.
+    let ram = Board::NucleoH743zi2.ram();
+    let statics: Vec<_> = bench.symbols().iter().filter(|s| s.address >= ram.start).cloned().collect();
+    assert!(statics.len() > 5 && statics.iter().all(|s| ram.contains(&s.address)), "{statics:?}");
+}

@@ -1,0 +1,22 @@
+//! Tells the linker where this image's sections go: cortex-m-rt's script round the memory map below, and defmt's.
+
+use std::path::PathBuf;
+
+/// RM0433 2.4. Of the RAMs the core's own, DTCM, without wait states and beside all caches: see
+/// docs/decisions/0014-caches-of-the-h743.md. DMA1 and DMA2 do not reach it.
+const MEMORY: &str = "MEMORY {
+    FLASH : ORIGIN = 0x08000000, LENGTH = 2048K
+    RAM   : ORIGIN = 0x20000000, LENGTH =  128K
+}
+";
+
+fn main() {
+    let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets it"));
+    std::fs::write(out.join("memory.x"), MEMORY).expect("the output directory is writable");
+    println!("cargo:rustc-link-search={}", out.display());
+    // Without page alignment, or the first segment would begin before the flash does.
+    println!("cargo:rustc-link-arg-bins=--nmagic");
+    println!("cargo:rustc-link-arg-bins=-Tlink.x");
+    println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
+    println!("cargo:rerun-if-changed=build.rs");
+}
