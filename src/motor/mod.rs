@@ -285,7 +285,7 @@ impl Motor {
             }
         };
         let flows = flows.map(|flows| self.after_change(flows, drive, velocity));
-        self.regulator.drive(flows, self.bounds.intervenes());
+        self.regulator.drive(flows);
         // Of a bridge that is open for want of current, the back EMF.
         let emf = || Voltage::from_volts(self.settings.winding.emf.emf(velocity).to_volts());
         self.identifier.drive(output.map(|_| flows.unwrap_or_else(emf)));
@@ -349,7 +349,7 @@ impl Motor {
         if let Some(at) = at.filter(|_| placement.drive != Drive::COAST) {
             let flows = self.portion().unwrap_or_else(|| self.placer.flows(at.placed, placement));
             let flows = self.after_change(flows, placement.drive, velocity);
-            self.regulator.drive(Some(flows), self.bounds.intervenes());
+            self.regulator.drive(Some(flows));
             self.identifier.drive(Some(flows));
         }
         self.mode = placement.drive.mode;

@@ -1,5 +1,4 @@
-//! What a voltage does to a motor, learned while it works: one of which only the back EMF is known, or one that may be
-//! heavier or lighter than it was told to be.
+//! What a voltage does to a motor of which only the back EMF is known, learned while it works.
 //!
 //! Over the [cells](super::cells) of the motion the voltage that is left beside the back EMF accelerates the
 //! motor, and so does its load:
@@ -12,7 +11,7 @@
 //! counts blur the change of a speed, the load may have changed since the last cell, and friction has when the motion
 //! turned. (It is the speed that is blurred, so it stands by itself on one side: an equation solved for the voltage
 //! would make every heavy motor a light one.) It begins with a light motor, which makes a heavy one answer slowly
-//! until it is known; the other way round it would swing. What was told is believed until it is clearly wrong.
+//! until it is known; the other way round it would swing.
 
 use super::cells::{Cells, Change};
 use super::loops::GUESSED_TIME_CONSTANT;
@@ -37,13 +36,6 @@ const LONGEST_CELL: f32 = 0.25;
 const COUNTING_NOISE: f32 = 0.7;
 /// Standard deviation of b, as a share, of what is no guess.
 const SURE: f32 = 0.5;
-/// The same of what was told. It is given up where what was learned is
-const TOLD_DOUBT: f32 = 0.25;
-/// known better than this,
-const TOLD_SURE: f32 = 0.1;
-/// and something else by so much, as a share, and by so many standard deviations.
-const TOLD_OFF: f32 = 0.12;
-const TOLD_DEVIATIONS: f32 = 2.0;
 /// Standard deviations, in volts: of what a bridge makes,
 const OF_VOLTAGE: f32 = 0.15;
 /// of the load, at first,
@@ -76,9 +68,7 @@ pub(super) struct Learner {
     voltage: f32,
     since: Micros,
     push: f32,
-    /// What b was told to be,
-    told: Option<f32>,
-    /// and what is believed of it.
+    /// What is known of b.
     gain: f32,
     /// What a volt accelerates the motor by, counts/s²,
     b: f32,
@@ -96,21 +86,10 @@ struct Variance {
 }
 
 impl Learner {
-    /// For a motor of this back EMF, volts per count/s.
-    pub(super) fn guessing(kappa: f32, period: Period) -> Self {
-        Self::new(kappa, None, period)
-    }
-
-    /// For a motor that was told to have this b, and to lose its speed at the rate q.
-    pub(super) fn told(b: f32, q: f32, period: Period) -> Self {
-        // Its drag is part of what brakes it.
-        Self::new(q / b, Some(b), period)
-    }
-
-    fn new(kappa: f32, told: Option<f32>, period: Period) -> Self {
+    pub(super) fn new(kappa: f32, period: Period) -> Self {
         let period = period.as_millis();
         let cell_ms = (CELL_MS / period * period).max(period);
-        let (b, doubt) = told.map_or((guess(kappa), 1.0), |told| (told, TOLD_DOUBT));
+        let b = guess(kappa);
         Self {
             kappa,
             // Half a millisecond less, for rounding.
@@ -121,16 +100,14 @@ impl Learner {
             voltage: 0.0,
             since: Micros::new(0),
             push: 0.0,
-            told,
             gain: b,
             b,
             load: 0.0,
-            variance: Variance { b: square(doubt * b), load: square(OF_LOAD * b), both: 0.0 },
+            variance: Variance { b: b * b, load: square(OF_LOAD * b), both: 0.0 },
         }
     }
 
-    /// Counts/s² per volt: as told, if that is not clearly wrong. Of what is in doubt the lighter end, but for a guess no
-    /// doubt is cast.
+    /// Counts/s² per volt: of what is in doubt the lighter end, but for a guess no doubt is cast.
     pub(super) const fn gain(&self) -> f32 {
         self.gain
     }
@@ -204,18 +181,9 @@ impl Learner {
             Some(change) => self.learn(&change),
             None => self.doubt_load(LOAD_CHANGE),
         }
-        self.gain = self.believed();
+        self.gain =
+            at_most(self.b + sqrtf(at_least(self.variance.b, 0.0)), at_least(self.b, guess(self.kappa)));
         true
-    }
-
-    fn believed(&self) -> f32 {
-        let doubt = sqrtf(at_least(self.variance.b, 0.0));
-        let Some(told) = self.told else {
-            return at_most(self.b + doubt, at_least(self.b, guess(self.kappa)));
-        };
-        let off = (self.b - told).abs();
-        let is_wrong = off > TOLD_OFF * told && off > TOLD_DEVIATIONS * doubt && doubt < TOLD_SURE * self.b;
-        if is_wrong { self.b } else { told }
     }
 
     /// The load may have changed by so many volts.
@@ -293,15 +261,12 @@ mod tests {
     const START: Reading = Reading { position: 0, edge_at: Micros::new(0), at: Micros::new(0) };
 
     fn learner(period: u32) -> Learner {
-        Learner::guessing(VOLTS_PER_SPEED, Period::from_millis(period).unwrap_or_default())
-    }
-
-    fn learned(period: u32, tau: f32, load: f32, volts: &[f32]) -> Learner {
-        taught(learner(period), period, tau, load, volts)
+        Learner::new(VOLTS_PER_SPEED, Period::from_millis(period).unwrap_or_default())
     }
 
     /// What is learned of a motor of this time constant and load under voltages that change every half second.
-    fn taught(mut learner: Learner, period: u32, tau: f32, load: f32, volts: &[f32]) -> Learner {
+    fn learned(period: u32, tau: f32, load: f32, volts: &[f32]) -> Learner {
+        let mut learner = learner(period);
         let b = 1.0 / (tau * VOLTS_PER_SPEED);
         let (mut x, mut w) = (0.5f64, 0.0f32);
         let mut reading = START;
@@ -342,34 +307,6 @@ mod tests {
         for load in [-2.0, 2.0] {
             let found = learned(20, 0.4, load, &[9.0, 3.0, 9.0]).gain() * VOLTS_PER_SPEED;
             assert!((found * 0.4 - 1.0).abs() < 0.25, "{found} with {load} V");
-        }
-    }
-
-    fn told(period: u32, tau: f32) -> Learner {
-        let q = 1.0 / tau;
-        Learner::told(q / VOLTS_PER_SPEED, q, Period::from_millis(period).unwrap_or_default())
-    }
-
-    #[test]
-    fn a_motor_that_is_lighter_or_heavier_than_told_is_found_to_be() {
-        for period in [1, 10, 50, 100] {
-            for lighter in [0.7, 1.4] {
-                let tau = 0.3 / lighter;
-                let found = taught(told(period, 0.3), period, tau, 0.5, &[9.0, 3.0, 9.0, 3.0]);
-                let found = 1.0 / (found.gain() * VOLTS_PER_SPEED);
-                assert!((found / tau - 1.0).abs() < 0.1, "{found}, not {tau} s at {period} ms");
-            }
-        }
-    }
-
-    #[test]
-    fn what_was_told_and_is_so_is_never_given_up() {
-        for (period, tau) in [(1, 0.1), (1, 1.0), (20, 0.05), (50, 0.3), (100, 0.1), (100, 2.0)] {
-            for load in [-1.5, 0.0, 3.0] {
-                let before = told(period, tau).gain();
-                let after = taught(told(period, tau), period, tau, load, &[9.0, -6.0, 4.0, 12.0, 0.0, 9.0]);
-                assert_eq!(after.gain().to_bits(), before.to_bits(), "{tau} s at {period} ms with {load} V");
-            }
         }
     }
 

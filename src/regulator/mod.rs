@@ -4,10 +4,8 @@
 //!   speed and load from sample to sample, and the voltage that brings the motor to the speed it should have
 //!   at the next tick follows in closed form. Nothing integrates and nothing winds up.
 //! * **PID**, where a host brings coefficients of its own, or nothing was told but the winding: the velocity
-//!   loop, and the position loop above it.
-//!
-//! How a motor answers to a voltage is learned while it works: for one that was not told, and for one that turns out to be
-//! lighter or heavier than told. The observer, the law and, where no host brings them, the coefficients go by it.
+//!   loop, and the position loop above it. How the motor answers to a voltage is learned while it works, for the
+//!   observer and, where no host brings them, for the coefficients.
 //!
 //! Both end in a control value, which S, T, Z and G judge; below that nothing knows which of them it was. A
 //! change of mode, of coefficients or from one to the other makes no step of current.
@@ -71,7 +69,7 @@ pub struct Regulator {
     config: Config,
     period: Period,
     motion: Motion,
-    /// Learns what a volt does to the motor.
+    /// Learns of a motor of which nobody told.
     learner: Learner,
     loops: Loops,
     last: Option<Reading>,
@@ -101,11 +99,7 @@ impl Motion {
     fn new(config: &Config, learner: &Learner, period: Period, observer: Observer) -> Self {
         let kappa = config.emf.to_volts();
         let (b, q, friction) = match config.dynamics {
-            Some(told) => {
-                // A motor that is lighter than told loses its speed as much sooner.
-                let lighter = learner.gain() / told.gain.to_f32();
-                (learner.gain(), told.decay.to_f32() * lighter, told.friction.to_volts())
-            }
+            Some(told) => (told.gain.to_f32(), told.decay.to_f32(), told.friction.to_volts()),
             None => (learner.gain(), learner.gain() * kappa, 0.0),
         };
         let plant = Plant::new(b, kappa, q, Law::filter(period));
@@ -117,7 +111,7 @@ impl Motion {
 impl Regulator {
     /// At rest, for a motor that is stepped every `period`.
     pub fn new(config: Config, period: Period) -> Self {
-        let learner = learner(&config, period);
+        let learner = Learner::new(config.emf.to_volts(), period);
         let motion = Motion::new(&config, &learner, period, Observer::new(0.0));
         Self {
             config,
@@ -139,8 +133,8 @@ impl Regulator {
         if config == self.config {
             return;
         }
-        if config.emf != self.config.emf || config.dynamics != self.config.dynamics {
-            self.learner = learner(&config, self.period);
+        if config.emf != self.config.emf {
+            self.learner = Learner::new(config.emf.to_volts(), self.period);
         }
         let mut new = Motion::new(&config, &self.learner, self.period, self.motion.observer);
         let voltage = self.voltage.map(Voltage::to_volts);
@@ -154,7 +148,7 @@ impl Regulator {
         self.loops.configure(&config, self.period, knowledge(&config, &self.learner));
     }
 
-    /// The regulator goes on with what was learned.
+    /// A motor that is not told: the regulator goes on with what it has learned.
     fn heed(&mut self) {
         let knowledge = knowledge(&self.config, &self.learner);
         if !self.loops.is_news(knowledge) {
@@ -213,7 +207,9 @@ impl Regulator {
         let silence = samples(before, reading.at);
         let passed = if self.followed == before { silence } else { samples(self.followed, reading.at) };
         self.go_on(passed, reading.at);
-        self.learner.sample(&reading);
+        if self.config.dynamics.is_none() {
+            self.learner.sample(&reading);
+        }
         let Motion { plant, observer, .. } = &mut self.motion;
         if silence > SILENCE_SAMPLES {
             *observer = Observer::new(within(1_000.0 * moved as f32 / silence as f32, FASTEST));
@@ -246,7 +242,7 @@ impl Regulator {
         if !(observer.speed() + observer.fraction()).is_finite() {
             *observer = Observer::new(0.0);
         }
-        let Some(newest) = self.last else { return };
+        let Some(newest) = self.last.filter(|_| self.config.dynamics.is_none()) else { return };
         if self.learner.step(newest) {
             self.heed();
         }
@@ -359,9 +355,8 @@ impl Regulator {
         }
     }
 
-    /// What the bridge does from now on: this voltage across the motor, or nothing. What the supply made it do, in
-    /// bursts and while the bus moves, is too rough to learn from.
-    pub fn drive(&mut self, voltage: Option<Voltage>, by_supply: bool) {
+    /// What the bridge does from now on: this voltage across the motor, or nothing.
+    pub fn drive(&mut self, voltage: Option<Voltage>) {
         if voltage.is_none() {
             self.retarget();
             self.loops.restart_position();
@@ -370,25 +365,17 @@ impl Regulator {
         }
         self.voltage = voltage;
         let volts = voltage.map(Voltage::to_volts);
-        self.learner.drive(volts.filter(|_| !by_supply), self.last);
+        self.learner.drive(volts, self.last);
         let Motion { plant, observer, .. } = &mut self.motion;
         observer.drive(plant, volts);
     }
 }
 
-/// Begins with what was told.
-fn learner(config: &Config, period: Period) -> Learner {
-    match config.dynamics {
-        Some(told) => Learner::told(told.gain.to_f32(), told.decay.to_f32(), period),
-        None => Learner::guessing(config.emf.to_volts(), period),
-    }
-}
-
 /// What a volt does to a motor, as told or as learned.
 fn knowledge(config: &Config, learner: &Learner) -> Knowledge {
-    let certainty =
-        if config.dynamics.is_some() || learner.is_sure() { Certainty::Known } else { Certainty::Guess };
-    Knowledge { gain: learner.gain(), certainty }
+    let told = config.dynamics.map(|told| told.gain.to_f32());
+    let certainty = if told.is_some() || learner.is_sure() { Certainty::Known } else { Certainty::Guess };
+    Knowledge { gain: told.unwrap_or_else(|| learner.gain()), certainty }
 }
 
 /// Whole samples from one time to another. (In 32 bits, whose division is the shorter one.)
