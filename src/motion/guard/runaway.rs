@@ -1,7 +1,7 @@
 //! A motor that turns the wrong way against all that control can do: does it slow down?
 
 use super::{DUE_COUNTS, EncoderFault, Evidence, Finding};
-use crate::units::Control;
+use crate::units::{Control, CountsPerSecond};
 use libm::sqrtf;
 
 /// Whether a runaway slows down is told from two times that follow each other: this,
@@ -43,6 +43,7 @@ impl Span {
 /// A motor that turns the wrong way against full effort: does it slow down?
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Runaway {
+    clockwise: bool,
     early: Span,
     /// While the bridge is in full reverse, if that is insisted on.
     late: Span,
@@ -52,6 +53,11 @@ pub(super) struct Runaway {
 impl Runaway {
     /// Another tick of it.
     pub(super) fn step(&mut self, tick: Span, evidence: &Evidence) -> Finding {
+        // What turns round has obeyed, even if it swings, and goes the wrong way again.
+        let clockwise = evidence.velocity >= CountsPerSecond::ZERO;
+        if clockwise != self.clockwise {
+            *self = Self { clockwise, ..Self::default() };
+        }
         let more_ms = slowness(evidence.gain);
         let control = evidence.control;
         let insist = Finding::Insist(if control < Control::ZERO { Control::MIN } else { Control::MAX });
@@ -69,7 +75,8 @@ impl Runaway {
             *self = Self::default();
             Finding::Sound
         } else if in_doubt {
-            *self = Self { early: self.early.plus(self.late), late: Span::default(), insisting: true };
+            *self =
+                Self { early: self.early.plus(self.late), late: Span::default(), insisting: true, clockwise };
             insist
         } else {
             Finding::Fault(EncoderFault::Reversed)
@@ -82,4 +89,45 @@ fn slowness(gain: Option<f32>) -> i64 {
     let Some(gain) = gain else { return 0 };
     let ms = (1_000.0 * sqrtf(2.0 * DUE_COUNTS / (DUE_VOLTS * gain))) as i64;
     if ms > QUICK_MS { ms.min(LONGEST_MS) } else { 0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::braking::Regime;
+
+    /// What comes of full reverse against these speeds, a tick of 50 ms each.
+    fn judged(speeds: impl Iterator<Item = i32>) -> Finding {
+        let mut runaway = Runaway::default();
+        let judge = |speed: i32| {
+            let velocity = CountsPerSecond::new(speed);
+            let evidence = Evidence {
+                control: if speed > 0 { Control::MIN } else { Control::MAX },
+                regime: Regime::Reverse,
+                push: if speed > 0 { -12.0 } else { 12.0 },
+                battery: 12.0,
+                gain: None,
+                target: CountsPerSecond::ZERO,
+                moved: speed / 20,
+                before: velocity,
+                velocity,
+                gentle: false,
+                probing: true,
+            };
+            runaway.step(Span { ms: 50, counts: i64::from(speed.abs() / 20) }, &evidence)
+        };
+        speeds.map(judge).find(|finding| *finding != Finding::Sound).unwrap_or(Finding::Sound)
+    }
+
+    #[test]
+    fn what_does_not_slow_down_has_a_reversed_encoder() {
+        for speed in [400, -400] {
+            assert_eq!(judged([speed; 8].into_iter()), Finding::Fault(EncoderFault::Reversed));
+        }
+    }
+
+    #[test]
+    fn what_swings_to_and_fro_by_full_reverse_obeys_it() {
+        assert_eq!(judged([400, 420, -400, -420].into_iter().cycle().take(80)), Finding::Sound);
+    }
 }
