@@ -8,12 +8,12 @@ use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::plant::{self, Plant};
 use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
-use motor_hub::motion::guard::{Evidence, Finding};
+use motor_hub::motion::guard::{Evidence, Finding, Order};
 use motor_hub::motion::{EncoderFault, Guard, Pidf, Reading, Tracker};
 use motor_hub::motor::{Motor as Controlled, Report, Setpoint, Settings};
 use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
 use motor_hub::supply::Battery;
-use motor_hub::units::{Coefficient, Control, CountsPerSecond, Duty, Micros, Millivolts, Period};
+use motor_hub::units::{Coefficient, Control, CountsPerSecond, Duty, Micros, Millivolts, Period, Voltage};
 
 const BRIDGE: Bridge = Bridge::new(BridgeConstants::VNH5019);
 
@@ -494,18 +494,22 @@ fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
     let judge = |moved: i32| {
         let mut guard = Guard::new(Period::from_millis(50).expect("period"));
         (0..40).any(|_| {
-            let evidence = Evidence {
+            let velocity = CountsPerSecond::new(-20 * moved);
+            let order = Order {
+                target: CountsPerSecond::new(1_000),
                 control: Control::MAX,
                 regime: Regime::Reverse,
-                push: 12.0,
+                push: Voltage::from_volts(12.0),
+                velocity,
+            };
+            let evidence = Evidence {
+                order,
+                moved: -moved,
+                velocity,
                 battery: 12.0,
                 gain: None,
-                probing: true,
-                target: CountsPerSecond::new(1_000),
-                moved: -moved,
-                before: CountsPerSecond::new(-20 * moved),
-                velocity: CountsPerSecond::new(-20 * moved),
                 gentle: false,
+                probing: true,
             };
             matches!(guard.step(evidence), Finding::Fault(_))
         })

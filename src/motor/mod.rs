@@ -46,7 +46,7 @@ pub use thermal::ThermalLimit;
 use crate::braking::{DutyRule, OperatingPoint, Placement, Placer, Regime, Returned, Scheme};
 use crate::bridge::{Drive, Mode, Sensed, Timing};
 use crate::motion::Reading;
-use crate::motion::guard::Finding;
+use crate::motion::guard::{Evidence, Finding, Order};
 use crate::regulator::identify::{Identifier, Refusal};
 use crate::regulator::{Demand, Regulator, Stage};
 use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Voltage};
@@ -56,7 +56,7 @@ use portions::Portions;
 pub(crate) use supply::Allowed;
 use supply::{Bounds, Points};
 use thermal::Thermal;
-use watch::{Circumstances, Order, Watch};
+use watch::Watch;
 
 /// A reading older than this is none: the counters are sampled every millisecond.
 pub const ENCODER_STALE_MICROS: u64 = 20_000;
@@ -503,16 +503,18 @@ impl Motor {
     ) -> Option<Output> {
         let velocity = self.regulator.velocity();
         let stage = Stage::new(&self.placer, at, battery);
-        let circumstances = Circumstances {
+        let evidence = self.watch.ordered().map(|order| Evidence {
+            order,
             moved,
             velocity,
             battery: battery.to_volts(),
             gain: self.regulator.least_gain(),
             gentle: matches!(self.settings.scheme, Scheme::C | Scheme::D(_)),
             probing: self.settings.probing,
-        };
+        });
+        let finding = evidence.map_or(Finding::Sound, |evidence| self.watch.step(evidence));
         let mut speed = self.regulator.wanted(demand);
-        let (mut control, mut placement) = match self.watch.step(circumstances) {
+        let (mut control, mut placement) = match finding {
             Finding::Fault(_) => return None,
             Finding::Insist(control) => (control, Placement::full_reverse(at)),
             Finding::Release => (Control::ZERO, Placement::full_braking(at)),

@@ -1,38 +1,9 @@
 //! A watch on the encoder of a regulated motor: what was ordered at the last tick, what came of it, and
 //! what the guard makes of that.
 
-use crate::braking::Regime;
-use crate::motion::guard::{Evidence, Finding};
+use crate::motion::guard::{Evidence, Finding, Order};
 use crate::motion::{EncoderFault, Guard};
-use crate::units::{Control, CountsPerSecond, Period, Voltage};
-
-/// What the bridge was told, and for what speed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Order {
-    pub(super) target: CountsPerSecond,
-    pub(super) control: Control,
-    pub(super) regime: Regime,
-    /// Across the motor.
-    pub(super) push: Voltage,
-    /// At that time.
-    pub(super) velocity: CountsPerSecond,
-}
-
-/// What is judged by besides.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Circumstances {
-    /// Counts since the last tick.
-    pub(super) moved: i32,
-    pub(super) velocity: CountsPerSecond,
-    /// Volts.
-    pub(super) battery: f32,
-    /// What a volt accelerates the motor by at least, in counts/s², if that is known.
-    pub(super) gain: Option<f32>,
-    /// The end of the control range may be less than full reverse.
-    pub(super) gentle: bool,
-    /// The motor may be driven the other way to find out.
-    pub(super) probing: bool,
-}
+use crate::units::Period;
 
 /// The watch on one motor.
 #[derive(Clone, Debug)]
@@ -50,26 +21,14 @@ impl Watch {
         Self { guard: Guard::new(period), ordered: None, stalled: false, fault: None }
     }
 
+    /// Of the last tick, if there was one to be judged by.
+    pub(super) const fn ordered(&self) -> Option<Order> {
+        self.ordered
+    }
+
     /// What the encoder's answer to the last tick's order says of the encoder.
-    pub(super) fn step(&mut self, circumstances: Circumstances) -> Finding {
-        let Some(Order { target, control, regime, push, velocity: before }) = self.ordered else {
-            return Finding::Sound;
-        };
-        let Circumstances { moved, velocity, battery, gain, gentle, probing } = circumstances;
-        let push = push.to_volts();
-        let finding = self.guard.step(Evidence {
-            control,
-            regime,
-            push,
-            battery,
-            gain,
-            target,
-            moved,
-            before,
-            velocity,
-            gentle,
-            probing,
-        });
+    pub(super) fn step(&mut self, evidence: Evidence) -> Finding {
+        let finding = self.guard.step(evidence);
         self.stalled = finding == Finding::Stalled;
         if let Finding::Fault(fault) = finding {
             self.fault = Some(fault);

@@ -97,7 +97,7 @@ impl Stall {
     fn step(&mut self, period: Period, evidence: &Evidence) -> bool {
         let moved = i64::from(evidence.moved);
         self.beyond += if self.clockwise { moved } else { -moved };
-        let asked = along(self.clockwise, evidence.target);
+        let asked = along(self.clockwise, evidence.order.target);
         let free = self.beyond >= MOVED_COUNTS && 2.0 * along(self.clockwise, evidence.velocity) >= asked;
         self.free_ms = if free { self.free_ms.saturating_add(period.as_millis()) } else { 0 };
         asked < 0.0 || (asked > 0.0 && self.free_ms >= FREE_MS)
@@ -181,15 +181,16 @@ impl Held {
     }
 
     fn watch(&self, due: Due, evidence: &Evidence) -> (Phase, Finding) {
-        let clockwise = evidence.push > 0.0;
-        let effort = evidence.push.abs() - HELD_VOLTS.min(HELD_SHARE * evidence.battery);
+        let push = evidence.order.push.to_volts();
+        let clockwise = push > 0.0;
+        let effort = push.abs() - HELD_VOLTS.min(HELD_SHARE * evidence.battery);
         // Speeds are compared as they are stored: this runs at every tick.
-        let asked = evidence.target.to_bits();
+        let asked = evidence.order.target.to_bits();
         let asked = if clockwise { asked } else { asked.saturating_neg() };
         if effort <= 0.0 || asked < COUNTING_SPEED.to_bits() {
             return (Phase::Watching(Due::default()), Finding::Sound);
         }
-        let turned = along(clockwise, evidence.before);
+        let turned = along(clockwise, evidence.order.velocity);
         let due = due.plus(self.period, evidence.moved, acceleration(evidence, effort), turned);
         if due.has_moved() {
             return (Phase::Watching(Due::default()), Finding::Sound);

@@ -21,20 +21,23 @@
 //!
 //! ```
 //! use motor_hub::braking::Regime;
-//! use motor_hub::motion::guard::{EncoderFault, Evidence, Finding, Guard};
-//! use motor_hub::units::{Control, CountsPerSecond, Period};
+//! use motor_hub::motion::guard::{EncoderFault, Evidence, Finding, Guard, Order};
+//! use motor_hub::units::{Control, CountsPerSecond, Period, Voltage};
 //!
 //! let mut guard = Guard::new(Period::DEFAULT);
-//! let no_counts = Evidence {
+//! let order = Order {
+//!     target: CountsPerSecond::new(1_000),
 //!     control: Control::MAX,
 //!     regime: Regime::Forward,
-//!     push: 12.0,
+//!     push: Voltage::from_volts(12.0),
+//!     velocity: CountsPerSecond::ZERO,
+//! };
+//! let no_counts = Evidence {
+//!     order,
+//!     moved: 0,
+//!     velocity: CountsPerSecond::ZERO,
 //!     battery: 12.0,
 //!     gain: Some(1_500.0),
-//!     target: CountsPerSecond::new(1_000),
-//!     moved: 0,
-//!     before: CountsPerSecond::ZERO,
-//!     velocity: CountsPerSecond::ZERO,
 //!     gentle: false,
 //!     probing: true,
 //! };
@@ -48,7 +51,7 @@ mod held;
 mod runaway;
 
 use crate::braking::Regime;
-use crate::units::{Control, CountsPerSecond, Period};
+use crate::units::{Control, CountsPerSecond, Period, Voltage};
 use held::Held;
 use runaway::{Runaway, Span};
 
@@ -69,27 +72,34 @@ pub enum EncoderFault {
     Reversed,
 }
 
-/// What a tick was, and what came of it.
+/// What the bridge was told at the last tick, and for what speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Order {
+    /// Speed that was asked for.
+    pub target: CountsPerSecond,
+    /// Control value,
+    pub control: Control,
+    /// its regime,
+    pub regime: Regime,
+    /// and the voltage across the motor that it meant.
+    pub push: Voltage,
+    /// Speed at that time.
+    pub velocity: CountsPerSecond,
+}
+
+/// What was ordered, and what came of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evidence {
-    /// Control value that was in force until now.
-    pub control: Control,
-    /// Its regime.
-    pub regime: Regime,
-    /// Voltage across the motor that it meant, in volts.
-    pub push: f32,
+    /// In force until now.
+    pub order: Order,
+    /// Counts that came meanwhile.
+    pub moved: i32,
+    /// Speed after them.
+    pub velocity: CountsPerSecond,
     /// Of the battery, in volts.
     pub battery: f32,
     /// What a volt accelerates the motor by at least, in counts/s², if that is known.
     pub gain: Option<f32>,
-    /// Speed that was asked for until now.
-    pub target: CountsPerSecond,
-    /// Counts that came meanwhile.
-    pub moved: i32,
-    /// Speed before them,
-    pub before: CountsPerSecond,
-    /// and after.
-    pub velocity: CountsPerSecond,
     /// The end of the control range may be less than full reverse.
     pub gentle: bool,
     /// A motor that does not turn may be driven the other way to find out why.
@@ -105,9 +115,10 @@ impl Evidence {
 
     /// The motor turns the wrong way, or at least twice as fast as asked, against all that control can do.
     fn runs_away(&self) -> bool {
-        let (velocity, target) = (i64::from(self.velocity.to_bits()), i64::from(self.target.to_bits()));
+        let Order { target, control, regime, .. } = self.order;
+        let (velocity, target) = (i64::from(self.velocity.to_bits()), i64::from(target.to_bits()));
         let astray = if velocity < 0 { 2 * target >= velocity } else { 2 * target <= velocity };
-        astray && self.regime == Regime::Reverse && self.control.get().abs() >= FULL_EFFORT
+        astray && regime == Regime::Reverse && control.get().abs() >= FULL_EFFORT
     }
 }
 

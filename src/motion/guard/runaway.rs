@@ -59,7 +59,7 @@ impl Runaway {
             *self = Self { clockwise, ..Self::default() };
         }
         let more_ms = slowness(evidence.gain);
-        let control = evidence.control;
+        let control = evidence.order.control;
         let insist = Finding::Insist(if control < Control::ZERO { Control::MIN } else { Control::MAX });
         let longer_ms = if evidence.gentle { 0 } else { (LONGER_BY_MS - tick.ms).max(0) };
         if self.early.ms < RUNAWAY_EARLY_MS + longer_ms + more_ms {
@@ -93,24 +93,29 @@ fn slowness(gain: Option<f32>) -> i64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Order;
     use super::*;
     use crate::braking::Regime;
+    use crate::units::Voltage;
 
     /// What comes of full reverse against these speeds, a tick of 50 ms each.
     fn judged(speeds: impl Iterator<Item = i32>) -> Finding {
         let mut runaway = Runaway::default();
         let judge = |speed: i32| {
             let velocity = CountsPerSecond::new(speed);
-            let evidence = Evidence {
+            let order = Order {
+                target: CountsPerSecond::ZERO,
                 control: if speed > 0 { Control::MIN } else { Control::MAX },
                 regime: Regime::Reverse,
-                push: if speed > 0 { -12.0 } else { 12.0 },
+                push: Voltage::from_volts(if speed > 0 { -12.0 } else { 12.0 }),
+                velocity,
+            };
+            let evidence = Evidence {
+                order,
+                moved: speed / 20,
+                velocity,
                 battery: 12.0,
                 gain: None,
-                target: CountsPerSecond::ZERO,
-                moved: speed / 20,
-                before: velocity,
-                velocity,
                 gentle: false,
                 probing: true,
             };
