@@ -5,18 +5,22 @@ use std::path::PathBuf;
 /// RM0433 2.4. Of the RAMs the core's own, DTCM, without wait states and beside all caches: see
 /// docs/decisions/0014-caches-of-the-h743.md. DMA1 and DMA2 do not reach it.
 const MEMORY: &str = "MEMORY {
-    FLASH : ORIGIN = 0x08000000, LENGTH = 2048K
-    RAM   : ORIGIN = 0x20000000, LENGTH =  128K
+    FLASH  : ORIGIN = 0x08000000, LENGTH = 2048K
+    STACK  : ORIGIN = 0x20000000, LENGTH = 32K
+    RAM    : ORIGIN = 0x20008000, LENGTH = 92K
+    RECORD : ORIGIN = 0x2001F000, LENGTH = 4K
 }
 ";
 
 fn main() {
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets it"));
-    std::fs::write(out.join("memory.x"), MEMORY).expect("the output directory is writable");
+    let map = [MEMORY, include_str!("../stm32/sections.x")].concat();
+    std::fs::write(out.join("memory.x"), map).expect("the output directory is writable");
     println!("cargo:rustc-link-search={}", out.display());
     // Without page alignment, or the first segment would begin before the flash does.
     println!("cargo:rustc-link-arg-bins=--nmagic");
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
     println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=../stm32/sections.x");
 }

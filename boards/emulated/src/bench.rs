@@ -91,6 +91,7 @@ pub struct Bench {
     reached: Receiver<()>,
     thread: Option<JoinHandle<Result<(), Stopped>>>,
     table: Option<Table>,
+    board: Board,
     symbols: Vec<elf::Symbol>,
     motors: usize,
     heard: usize,
@@ -118,11 +119,11 @@ impl Bench {
         ];
         let (orders, order_queue) = channel();
         let (reached_sender, reached) = sync_channel(0);
-        let motors = setup.motors.len();
+        let (board, motors) = (setup.board, setup.motors.len());
         assert!(motors <= wiring::BRIDGES, "the board has {} bridges", wiring::BRIDGES);
         let thread = std::thread::spawn(move || run(setup, &images, log_ring, order_queue, reached_sender));
         let mut bench =
-            Self { orders, reached, thread: Some(thread), table, symbols, motors, heard: 0, now: 0 };
+            Self { orders, reached, thread: Some(thread), table, board, symbols, motors, heard: 0, now: 0 };
         bench.wait();
         bench
     }

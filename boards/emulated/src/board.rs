@@ -53,13 +53,19 @@ impl Board {
         }
     }
 
-    /// Addresses of the RAM that the image has its statics and its stack in.
+    /// Addresses of the RAM that the image has its stack and its statics in, and at the end what a reset leaves alone.
     #[must_use]
     pub const fn ram(self) -> Range<u64> {
         match self {
             Self::NucleoF429zi => 0x2000_0000..0x2003_0000,
             Self::NucleoH743zi2 => 0x2000_0000..0x2002_0000,
         }
+    }
+
+    /// Addresses of the stack, without its guard.
+    #[must_use]
+    pub const fn stack(self) -> Range<u64> {
+        0x2000_2000..0x2000_8000
     }
 
     /// The board that `MOTOR_HUB_BOARD` names, or else the first: what tests run that are not of one board.

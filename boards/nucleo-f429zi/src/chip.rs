@@ -2,6 +2,7 @@
 //! bridges off while a debugger holds the core, and an end before the supply is too low to compute with.
 
 use embassy_stm32::{pac, rcc};
+use motor_hub_stm32::stack;
 
 /// EXTI line of the programmable voltage detector (RM0090 12.2.5).
 const PVD_LINE: usize = 16;
@@ -30,7 +31,7 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Fast flash, and bridges off while a debugger holds the core. To be called right after the HAL's initialisation,
+/// Fast flash, a guard under the stack, and bridges off while a debugger holds the core. To be called right after the HAL's initialisation,
 /// before the core sleeps for the first time.
 ///
 /// # Flash
@@ -48,6 +49,9 @@ pub(crate) fn set_up() {
         w.set_icen(true);
         w.set_dcen(true);
     });
+    if let Some(mut core) = cortex_m::Peripherals::take() {
+        stack::guard(&mut core.MPU);
+    }
     pac::DBGMCU.apb2fzr().modify(|w| w.set_tim1(true));
 }
 

@@ -3,6 +3,7 @@
 //! bridges' inputs.
 
 use embassy_stm32::{pac, rcc};
+use motor_hub_stm32::stack;
 
 /// EXTI line of the programmable voltage detector (RM0433 table 150).
 const PVD_LINE: usize = 16;
@@ -46,7 +47,7 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Code from the cache, and bridges off while a debugger holds the core. To be called right after the HAL's
+/// Code from the cache, a guard under the stack, and bridges off while a debugger holds the core. To be called right after the HAL's
 /// initialisation, before the core sleeps for the first time.
 ///
 /// # Caches
@@ -59,6 +60,7 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
 pub(crate) fn set_up() {
     if let Some(mut core) = cortex_m::Peripherals::take() {
         core.SCB.enable_icache();
+        stack::guard(&mut core.MPU);
     }
     pac::RCC.cr().modify(|w| w.set_pllon(2, false));
     pac::DBGMCU.apb2fzr1().modify(|w| w.set_tim1(true));

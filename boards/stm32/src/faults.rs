@@ -6,6 +6,8 @@ use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering};
 use defmt::{Display2Format, error};
 
+use crate::stack;
+
 /// Makes these ends those of a board's program. `$open` is a `fn()` that opens all bridges for good from any
 /// context, touching nothing but registers.
 ///
@@ -21,7 +23,7 @@ macro_rules! end_faults_with {
         #[::cortex_m_rt::exception]
         #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
         unsafe fn HardFault(frame: &::cortex_m_rt::ExceptionFrame) -> ! {
-            $crate::faults::hard_fault($open, frame.pc(), frame.lr())
+            $crate::faults::hard_fault($open, ::core::ptr::from_ref(frame).addr() as u32, frame.pc(), frame.lr())
         }
 
         #[::cortex_m_rt::exception]
@@ -53,9 +55,16 @@ pub fn panicked(open: fn(), info: &PanicInfo<'_>) -> ! {
     stop(open, || error!("{}; bridges off", Display2Format(info)))
 }
 
-/// The end of a HardFault.
-pub fn hard_fault(open: fn(), pc: u32, lr: u32) -> ! {
-    stop(open, || error!("HardFault at {=u32:#010x} from {=u32:#010x}; bridges off", pc, lr))
+/// The end of a HardFault, whose frame is at `stack`.
+pub fn hard_fault(open: fn(), stack: u32, pc: u32, lr: u32) -> ! {
+    stop(open, || {
+        if stack::overflowed(stack) {
+            // Its frame has not been written: the guard forbade it.
+            error!("stack overflow, down to {=u32:#010x}; bridges off", stack);
+        } else {
+            error!("HardFault at {=u32:#010x} from {=u32:#010x}; bridges off", pc, lr);
+        }
+    })
 }
 
 /// The end of a supply that falls, for the interrupt of a board's voltage detector.

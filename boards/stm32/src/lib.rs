@@ -12,6 +12,7 @@
 //! | [`lamp`] | the host's status LEDs: red, green, blue |
 //! | [`watchdog`] | the independent watchdog |
 //! | [`faults`] | panic and faults: bridges open first |
+//! | [`stack`] | a guard at its end |
 //! | [`demo`] | motors that turn while a button is held |
 //! | [`status`] | the log |
 #![no_std]
@@ -23,6 +24,7 @@ pub mod faults;
 pub mod lamp;
 pub mod pins;
 pub mod serial;
+pub mod stack;
 pub mod status;
 pub mod vnh5019;
 pub mod watchdog;

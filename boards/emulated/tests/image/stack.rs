@@ -1,7 +1,7 @@
-//! How deep the stack goes: all RAM above the statics is painted before the first instruction, and
-//! looked at after the busiest things that the firmware does.
+//! How deep the stack goes, and where it ends: it is painted before the first instruction, and looked at after the
+//! busiest things that the firmware does; and it is used up.
 
-use crate::common::{COUNTER, board, four_loads, ms, setup};
+use crate::common::{COUNTER, board, four_loads, log, ms, setup, time_to_safe, turning};
 use emulated::talk::Talk;
 use emulated::{Bench, Encoder};
 use motor_hub::protocol::Reply;
@@ -9,13 +9,11 @@ use motor_hub::protocol::Reply;
 const PAINT: u32 = 0xA5C3_5A3C;
 
 #[test]
-fn the_stack_stays_below_nine_kilobytes_and_a_tenth_of_what_is_free() {
+fn the_stack_stays_below_nine_of_its_24_kilobytes() {
     let mut bench = Bench::new(setup(four_loads()));
-    let ram = board().ram();
-    let statics = bench.symbols().iter().filter(|s| ram.contains(&s.address)).map(|s| s.address + s.size);
-    let bottom = statics.max().expect("statics").next_multiple_of(8);
-    let words = usize::try_from((ram.end - bottom) / 4).expect("fits");
-    bench.write_words(bottom, vec![PAINT; words]);
+    let stack = board().stack();
+    let words = usize::try_from((stack.end - stack.start) / 4).expect("fits");
+    bench.write_words(stack.start, vec![PAINT; words]);
 
     // Motors set up and regulated on a busy line, a fault, a bus error with its log line, and a watchdog reset.
     let mut talk = Talk::default();
@@ -35,9 +33,42 @@ fn the_stack_stays_below_nine_kilobytes_and_a_tenth_of_what_is_free() {
     bench.fail_next_access(COUNTER);
     bench.run(ms(1500));
 
-    let untouched = bench.read_words(bottom, words).into_iter().take_while(|&word| word == PAINT).count();
-    let (deepest, free) = (4 * (words - untouched), 4 * words);
-    println!("worst stack seen: {deepest} of {free} bytes");
+    let untouched = bench.read_words(stack.start, words).into_iter().take_while(|&word| word == PAINT).count();
+    let (deepest, size) = (4 * (words - untouched), 4 * words);
+    println!("worst stack seen: {deepest} of {size} bytes");
     assert!(!bench.resets().is_empty(), "the story includes a restart");
-    assert!(deepest < 9_000 && 10 * deepest < free, "{deepest} of {free} bytes");
+    assert!(deepest < 9_000 && size == 24 * 1024, "{deepest} of {size} bytes");
+}
+
+#[test]
+pub(crate) fn a_stack_that_overflows_ends_in_the_fault_path_with_all_bridges_open() {
+    let mut bench = turning(four_loads());
+    let at = bench.now();
+    bench.overflow_stack("capture", false);
+    bench.run(ms(50));
+    for motor in 0..4 {
+        let time = time_to_safe(&mut bench, motor, at);
+        println!("time to safe: {:8.3} ms  stack overflow, bridge {motor}", time.as_secs_f64() * 1e3);
+        // Up to a millisecond until the task is polled.
+        assert!(time <= ms(2), "{time:?}");
+    }
+    assert!(log(&mut bench).contains("stack overflow"), "{}", log(&mut bench));
+    bench.run(ms(1500));
+    assert_eq!(bench.resets().len(), 1, "the watchdog then starts the chip afresh");
+}
+
+/// What the guard cannot do: whoever jumps over it, with a frame larger than any of the image's, is stopped by the
+/// watchdog alone.
+#[test]
+fn a_frame_larger_than_the_guard_ends_with_the_watchdog() {
+    let mut bench = turning(four_loads());
+    let at = bench.now();
+    bench.overflow_stack("capture", true);
+    bench.run(ms(1500));
+    let reset = bench.resets().first().expect("a reset").at - at;
+    println!("time to safe: {:8.3} ms  stack overflow beyond the guard", reset.as_secs_f64() * 1e3);
+    assert!(reset < ms(600), "{reset:?}");
+    for motor in 0..4 {
+        assert!(bench.lines(motor).open());
+    }
 }
