@@ -17,6 +17,7 @@ use rigless::image::Image;
 use rigless::session::Session;
 use rigless::time::VirtualNanos;
 
+use crate::astray;
 use crate::board::Board;
 use crate::chip::{Nucleo, Pwm};
 use crate::elf;
@@ -91,7 +92,6 @@ pub struct Bench {
     reached: Receiver<()>,
     thread: Option<JoinHandle<Result<(), Stopped>>>,
     table: Option<Table>,
-    board: Board,
     symbols: Vec<elf::Symbol>,
     motors: usize,
     heard: usize,
@@ -115,15 +115,16 @@ impl Bench {
         let log_ring = elf::find(&symbols, "_SEGGER_RTT");
         let images = [
             Nucleo::factory_image(setup.board).expect("factory words"),
+            astray::image().expect("an image"),
             Image::new(image, bytes, None).expect("an image"),
         ];
         let (orders, order_queue) = channel();
         let (reached_sender, reached) = sync_channel(0);
-        let (board, motors) = (setup.board, setup.motors.len());
+        let motors = setup.motors.len();
         assert!(motors <= wiring::BRIDGES, "the board has {} bridges", wiring::BRIDGES);
         let thread = std::thread::spawn(move || run(setup, &images, log_ring, order_queue, reached_sender));
         let mut bench =
-            Self { orders, reached, thread: Some(thread), table, board, symbols, motors, heard: 0, now: 0 };
+            Self { orders, reached, thread: Some(thread), table, symbols, motors, heard: 0, now: 0 };
         bench.wait();
         bench
     }

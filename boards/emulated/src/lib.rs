@@ -15,6 +15,7 @@
 //! Times are virtual. The core retires one instruction per cycle, without the wait states of the
 //! real flash: instruction counts are exact, times of code are a lower bound.
 
+mod astray;
 mod bench;
 mod board;
 mod chip;

@@ -23,7 +23,12 @@ macro_rules! end_faults_with {
         #[::cortex_m_rt::exception]
         #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
         unsafe fn HardFault(frame: &::cortex_m_rt::ExceptionFrame) -> ! {
-            $crate::faults::hard_fault($open, ::core::ptr::from_ref(frame).addr() as u32, frame.pc(), frame.lr())
+            $crate::faults::hard_fault(
+                $open,
+                ::core::ptr::from_ref(frame).addr() as u32,
+                frame.pc(),
+                frame.lr(),
+            )
         }
 
         #[::cortex_m_rt::exception]

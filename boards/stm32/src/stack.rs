@@ -12,20 +12,39 @@ use cortex_m::peripheral::MPU;
 /// The lowest part of RAM: 8 kB, a power of two as the unit wants it.
 const GUARD: Range<u32> = 0x2000_0000..0x2000_2000;
 
-/// MPU_RASR: enabled, SIZE in bits less one, no access (AP 000), nothing executed.
-const NO_ACCESS: u32 = 1 << 28 | (GUARD.end - GUARD.start).ilog2() - 1 << 1 | 1;
+/// Regions as MPU_RBAR and MPU_RASR have them (PM0214 and PM0253 4.2): of two that overlap the higher number counts.
+const REGIONS: [(u32, u32); 3] = [
+    // The flash: normal memory, written through (TEX 0, C).
+    (0x0800_0000, region(2 << 20, FULL_ACCESS | 1 << 17)),
+    // RAM: normal memory, written back (TEX 1, C, B), of which nothing is executed.
+    (0x2000_0000, region(256 << 10, FULL_ACCESS | NEVER_EXECUTED | 1 << 19 | 1 << 17 | 1 << 16)),
+    (GUARD.start, region(GUARD.end - GUARD.start, NEVER_EXECUTED)),
+];
+
+const NEVER_EXECUTED: u32 = 1 << 28;
+const FULL_ACCESS: u32 = 0b011 << 24;
+
+/// An enabled region of so many bytes, a power of two.
+const fn region(bytes: u32, attributes: u32) -> u32 {
+    attributes | (bytes.ilog2() - 1) << 1 | 1
+}
 
 /// MPU_CTRL: enabled, with the chip's own map for everything else.
 const ON: u32 = 1 << 2 | 1;
 
-/// From here on nothing below [`GUARD`]'s end may be touched.
-#[expect(unsafe_code, reason = "a register that a wrong value would take memory away with has no safe access")]
+/// From here on nothing below [`GUARD`]'s end may be touched, and nothing in RAM be executed.
+#[expect(
+    unsafe_code,
+    reason = "a register that a wrong value would take memory away with has no safe access"
+)]
 pub fn guard(mpu: &mut MPU) {
     // SAFETY: no variable lies there, for the linker has put the stack there alone.
     unsafe {
-        mpu.rnr.write(0);
-        mpu.rbar.write(GUARD.start);
-        mpu.rasr.write(NO_ACCESS);
+        for (number, (base, attributes)) in (0..).zip(REGIONS) {
+            mpu.rnr.write(number);
+            mpu.rbar.write(base);
+            mpu.rasr.write(attributes);
+        }
         mpu.ctrl.write(ON);
     }
     asm::dsb();

@@ -12,6 +12,7 @@ use rigless::time::VirtualNanos;
 use simulated::encoder::Encoder;
 
 use super::Bench;
+use crate::astray::Astray;
 use crate::elf;
 use crate::wiring;
 
@@ -113,51 +114,31 @@ impl Bench {
     /// Lets a task loop for ever when it is next polled, as if it never returned.
     ///
     /// # Panics
-    /// If there is no such task, or no endless loop in the image.
+    /// If there is no such task.
     pub fn hang(&mut self, task: &str) {
-        let code = self.symbols.iter().filter(|s| (0x0800_0000..0x0820_0000).contains(&s.address));
-        let mut halves: Vec<u64> = code.flat_map(|s| (s.address..s.address + s.size).step_by(2)).collect();
-        halves.sort_unstable();
-        let jump = self.at_stop(move |_, _, host| {
-            // NOP; B back to it (ARMv7-M ARM A7.7.88, A7.7.12): the end of every fault handler.
-            halves
-                .into_iter()
-                .find(|&at| host.read(at, Width::W32).is_ok_and(|word| word == 0xE7FD_BF00))
-                .expect("an endless loop, as in the fault handlers")
-        });
-        self.divert(task, jump);
+        self.lead(task, Astray::Loops);
     }
 
-    /// Lets a task call itself for ever when it is next polled, until no stack is left: with the least frame there is,
-    /// or with one of 16 kB.
+    /// Lets a task call itself when it is next polled, until no stack is left: with the least frame there is, or with
+    /// one of 16 kB.
     ///
     /// # Panics
     /// If there is no such task.
     pub fn overflow_stack(&mut self, task: &str, large: bool) {
-        let code = if large {
-            // PUSH {LR}; SUB SP, SP, #16384; STR R0, [SP]; BL back to the first (ARMv7-M ARM A7.7).
-            vec![0xF5AD_B500, 0x9000_4D80, 0xFFFA_F7FF]
-        } else {
-            // PUSH {LR}; BL back to it.
-            vec![0xF7FF_B500, 0xBF00_FFFD]
-        };
-        // Below what the firmware keeps at RAM's end, and far above its variables.
-        let free = self.board.ram().end - 0x2000;
-        self.write_words(free, code);
-        self.divert(task, free);
+        self.lead(task, if large { Astray::OverflowsByMuch } else { Astray::Overflows });
     }
 
-    /// When it is next polled, a task runs what is at this address: its entry in the executor's memory then points
-    /// there.
-    fn divert(&mut self, task: &str, to: u64) {
+    /// When it is next polled, a task runs this: its entry in the executor's memory then points there.
+    fn lead(&mut self, task: &str, astray: Astray) {
         let pool = self.symbol(&format!("::{task}::POOL"));
-        // A function's address with the Thumb bit.
+        // Functions' addresses with the Thumb bit.
         let poll = self.address(&format!("TaskStorage..{task}_task..::poll")) as u32 | 1;
+        let to = astray.address() | 1;
         self.at_stop(move |_, _, host| {
             let mut found = false;
             for at in (pool.address..pool.address + pool.size).step_by(4) {
                 if host.read(at, Width::W32).expect("memory") as u32 == poll {
-                    host.write(at, Width::W32, to | 1).expect("memory");
+                    host.write(at, Width::W32, to).expect("memory");
                     found = true;
                 }
             }

@@ -2,7 +2,7 @@
 //! nucleo-h743zi2` runs all of them there.
 
 use crate::common::{am60, booted, log, on};
-use crate::{boot, faults, link, matrix, running, supply};
+use crate::{boot, faults, link, matrix, running, stack, supply};
 use emulated::Board;
 
 /// Bits `high..=low` of a word.
@@ -33,6 +33,7 @@ on_h743!(
     supply::a_battery_that_breaks_down_is_seen_at_once,
     supply::a_halted_core_leaves_no_pwm_on,
     supply::encoder_inputs_are_filtered,
+    stack::a_stack_that_overflows_ends_in_the_fault_path_with_all_bridges_open,
 );
 
 #[test]

@@ -33,7 +33,8 @@ fn the_stack_stays_below_nine_of_its_24_kilobytes() {
     bench.fail_next_access(COUNTER);
     bench.run(ms(1500));
 
-    let untouched = bench.read_words(stack.start, words).into_iter().take_while(|&word| word == PAINT).count();
+    let untouched =
+        bench.read_words(stack.start, words).into_iter().take_while(|&word| word == PAINT).count();
     let (deepest, size) = (4 * (words - untouched), 4 * words);
     println!("worst stack seen: {deepest} of {size} bytes");
     assert!(!bench.resets().is_empty(), "the story includes a restart");
