@@ -37,6 +37,7 @@
 //! | [`group`] | motors that move in step: where each of them should be now |
 //! | [`supply`] | ADC readings to battery voltage |
 //! | [`motor`], [`hub`] | one motor, N motors: `step(inputs) -> outputs` |
+//! | [`record`] | what happened: faults and resets with the ticks before them, in memory that a reset leaves alone |
 //! | [`protocol`] | the host's protocol as bytes, both ends of it: frames, requests, answers |
 //! | [`responder`] | the hub's end of it: what is remembered and decided; keep-alive, LED |
 //! | [`board`] | the traits that a board implements |
@@ -66,6 +67,7 @@ pub mod model;
 pub mod motion;
 pub mod motor;
 pub mod protocol;
+pub mod record;
 pub mod regulator;
 pub mod responder;
 pub mod supply;

@@ -25,6 +25,7 @@ use super::led::{Colour, LedPattern};
 use super::motor::ToMotor;
 use super::nack::Nack;
 use super::pins::ToPin;
+use super::record::ToRecord;
 use super::setup::{self, ToSetup};
 use super::table::requests;
 
@@ -161,6 +162,8 @@ pub enum Request {
     Group(u8, ToGroup),
     /// How the bus of battery and bridges is, on hubs of this project.
     Bus,
+    /// What happened, on hubs of this project.
+    Record(ToRecord),
 }
 
 impl Request {
@@ -193,6 +196,9 @@ impl Request {
             if number == bus::FUNCTION {
                 return Ok(Self::Bus);
             }
+            if ToRecord::NUMBERS.contains(&number) {
+                return ToRecord::read(number, fields).map(Self::Record);
+            }
             return Ok(Self::Setup(motor(fields)?, ToSetup::read(number, fields)?));
         }
         if Standard::NUMBERS.contains(&packet.id) {
@@ -206,7 +212,7 @@ impl Request {
         match self {
             Self::Standard(_) => None,
             Self::Hub(_) | Self::Motor(..) | Self::Pin(_) => Some(Interface::Motors),
-            Self::Setup(..) | Self::Group(..) | Self::Bus => Some(Interface::Setup),
+            Self::Setup(..) | Self::Group(..) | Self::Bus | Self::Record(_) => Some(Interface::Setup),
         }
     }
 
@@ -220,6 +226,7 @@ impl Request {
             Self::Setup(_, request) => request.number(),
             Self::Group(_, request) => request.number(),
             Self::Bus => bus::FUNCTION,
+            Self::Record(request) => request.number(),
         }
     }
 
@@ -240,6 +247,7 @@ impl Request {
             Self::Hub(request) => request.write(out),
             Self::Pin(request) => request.write(out),
             Self::Bus => (),
+            Self::Record(request) => request.write(out),
             Self::Motor(motor, request) => {
                 motor.write(out);
                 request.write(out);
@@ -277,6 +285,12 @@ impl From<ToHub> for Request {
 impl From<ToPin> for Request {
     fn from(request: ToPin) -> Self {
         Self::Pin(request)
+    }
+}
+
+impl From<ToRecord> for Request {
+    fn from(request: ToRecord) -> Self {
+        Self::Record(request)
     }
 }
 

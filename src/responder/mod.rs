@@ -64,8 +64,10 @@ use crate::protocol::bus::BusReport;
 use crate::protocol::fields::Text;
 use crate::protocol::group::{GroupMove, GroupState, ToGroup};
 use crate::protocol::motor::ToMotor;
+use crate::protocol::record::{Entries, Ticks, ToRecord};
 use crate::protocol::requests::{DISCOVERY, Request, Standard, ToHub};
 use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
+use crate::record::Record;
 use crate::supply::Seen;
 use crate::units::{Microjoules, Micros};
 use alive::Alive;
@@ -182,6 +184,17 @@ impl<const N: usize> Responder<N> {
     /// A packet came. `None` means that there is nothing to say to it: it is for another hub, or for
     /// all hubs and no discovery. Whatever is answered, even a refusal, shows that the host is there.
     pub fn receive(&mut self, packet: &Packet, now: Micros, snapshot: &Snapshot<N>) -> Option<Packet> {
+        self.receive_with(packet, now, snapshot, None)
+    }
+
+    /// The same of a hub that keeps a record of what happened.
+    pub fn receive_with(
+        &mut self,
+        packet: &Packet,
+        now: Micros,
+        snapshot: &Snapshot<N>,
+        record: Option<&mut Record<'_>>,
+    ) -> Option<Packet> {
         self.tick(now, snapshot);
         let address = self.address.get();
         let discovery = packet.destination == BROADCAST && packet.id == DISCOVERY;
@@ -189,8 +202,8 @@ impl<const N: usize> Responder<N> {
             return None;
         }
         self.alive.heard(now);
-        let answer =
-            Request::read(packet, N.min(CHANNELS)).and_then(|request| self.answer(request, now, snapshot));
+        let answer = Request::read(packet, N.min(CHANNELS))
+            .and_then(|request| self.answer(request, now, snapshot, record));
         let reply = match answer {
             Ok(Answer::Ack) => Reply::Ack { attention: self.alive.attention() },
             Ok(Answer::Data(payload)) => Reply::Data(payload),
@@ -234,7 +247,13 @@ impl<const N: usize> Responder<N> {
         self.pins.disable();
     }
 
-    fn answer(&mut self, request: Request, now: Micros, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
+    fn answer(
+        &mut self,
+        request: Request,
+        now: Micros,
+        snapshot: &Snapshot<N>,
+        record: Option<&mut Record<'_>>,
+    ) -> Result<Answer, Nack> {
         match request {
             Request::Standard(request) => Ok(self.standard(request, now, snapshot)),
             Request::Hub(request) => self.hub(request, snapshot),
@@ -242,6 +261,7 @@ impl<const N: usize> Responder<N> {
             Request::Motor(motor, request) => self.motor(motor, request, snapshot),
             Request::Group(motor, ToGroup::Move { wanted }) => self.lead(motor, wanted, snapshot),
             Request::Group(motor, ToGroup::State) => self.group(motor, snapshot),
+            Request::Record(request) => recall(request, record),
             Request::Bus => Ok(Answer::data(&self.bus_report(now, &snapshot.bus))),
             Request::Setup(motor, request) => {
                 let motor = usize::from(motor);
@@ -386,6 +406,25 @@ impl<const N: usize> Responder<N> {
             *over = channel.is_over_current(report);
         }
         bulk
+    }
+}
+
+/// What is on record.
+#[inline(never)]
+fn recall(request: ToRecord, record: Option<&mut Record<'_>>) -> Result<Answer, Nack> {
+    match (request, record) {
+        (ToRecord::Entries { .. }, None) => Ok(Answer::data(&Entries::default())),
+        (ToRecord::Entries { from, clear }, Some(record)) => {
+            let answer = Answer::data(&Entries::of(record, from));
+            if clear {
+                record.clear();
+            }
+            Ok(answer)
+        }
+        (ToRecord::Ticks { number, from }, record) => {
+            let ticks = record.and_then(|record| Ticks::of(record, number, from));
+            ticks.map(|ticks| Answer::data(&ticks)).ok_or(Nack::parameter(0))
+        }
     }
 }
 

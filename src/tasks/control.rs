@@ -58,6 +58,13 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         }
         let snapshot = hub.step(&inputs);
         wires.drives.signal(snapshot.drives());
+        wires.record.lock(|record| {
+            if let Ok(mut record) = record.try_borrow_mut()
+                && let Some(record) = record.as_mut()
+            {
+                record.tick(&snapshot);
+            }
+        });
         snapshots.send(snapshot);
         health.check_in(Task::Control);
 

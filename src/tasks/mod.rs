@@ -17,6 +17,8 @@
 //! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
 //! | sensed | [`Signal`]: the latest | of boards that hear their bridges; overwritten. The last one holds |
 //! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
+//! | record | of what happened, in a cell | written with each tick; the oldest entry makes room |
+//! | last words | likewise, for fault handlers | written once a run |
 //! | host spoke | a flag | set by the responder's task once a host has spoken, until reset |
 //!
 //! All of them are generic over the number of motors and over the board's traits, so an embassy
@@ -49,11 +51,12 @@ pub use health::{Health, Task};
 use crate::bridge::{Drive, Sensed};
 use crate::hub::{Command, Snapshot};
 use crate::motion::Newest;
+use crate::record::{Fault, LastWords, Record, SIZE};
 use crate::supply::{Battery, Seen};
 use crate::units::Micros;
 use core::cell::{Cell, RefCell};
-use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_sync::blocking_mutex::{CriticalSectionMutex, Mutex};
 use embassy_sync::channel::{Channel, TrySendError};
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::Watch;
@@ -85,6 +88,10 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
     /// From capture to control and anyone: positions, as of the newest samples; speeds are from control.
     pub newest: Mutex<M, RefCell<Newest<N>>>,
+    /// What happened, of control ticks and for the responder; `None` of a hub that keeps no record.
+    pub record: Mutex<M, RefCell<Option<Record<'static>>>>,
+    /// From whoever ends the run to the next one.
+    pub last_words: CriticalSectionMutex<RefCell<Option<LastWords<'static>>>>,
     /// From the responder to anyone: a host has spoken since reset.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -102,12 +109,32 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             sensed: Signal::new(),
             snapshot: Watch::new(),
             newest: Mutex::new(RefCell::new(Newest::new())),
+            record: Mutex::new(RefCell::new(None)),
+            last_words: CriticalSectionMutex::new(RefCell::new(None)),
             host_spoke: Mutex::new(Cell::new(false)),
         }
     }
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
+    /// Begins a run with a record in this memory; `cause` is of the reset that it began with.
+    pub fn remember(&self, memory: &'static mut [u8; SIZE], cause: Fault) {
+        let (record, last_words) = Record::open(memory, cause);
+        self.record.lock(|place| place.replace(Some(record)));
+        self.last_words.lock(|place| place.replace(Some(last_words)));
+    }
+
+    /// Says what ends the run, from any context. What fails while it is being said is not.
+    pub fn say_last(&self, fault: Fault, detail: [u32; 2]) {
+        self.last_words.lock(|place| {
+            if let Ok(mut place) = place.try_borrow_mut()
+                && let Some(last_words) = place.as_mut()
+            {
+                last_words.say(fault, detail);
+            }
+        });
+    }
+
     /// Tells a motor what to do: within a millisecond what can be done at once, at the next tick what is regulated.
     ///
     /// # Errors

@@ -61,7 +61,13 @@ pub async fn run<M: RawMutex, const N: usize>(
         while let Some(packet) = decoder.next(&mut input, came) {
             exchange(responder, &mut pins);
             responder.sense_bus(wires.bus.lock(Cell::get));
-            let Some(reply) = responder.receive(&packet, now(), &snapshot(wires)) else { continue };
+            let reply = wires.record.lock(|record| {
+                // Nobody holds it over an await.
+                let mut record = record.try_borrow_mut().ok();
+                let record = record.as_mut().and_then(|record| record.as_mut());
+                responder.receive_with(&packet, now(), &snapshot(wires), record)
+            });
+            let Some(reply) = reply else { continue };
             settle(responder, &mut pins, wires, &mut show);
             let frame = frame::encode(&reply);
             let write = async {

@@ -15,7 +15,9 @@ pub(crate) enum Astray {
     /// It calls itself until no stack is left, with the least frame there is.
     Overflows = 4,
     /// The same with frames of 16 kB.
-    OverflowsByMuch = 10,
+    OverflowsByMuch = 12,
+    /// It divides by zero, in line 77, column 7 of "bench.rs".
+    Panics = 24,
 }
 
 impl Astray {
@@ -25,14 +27,26 @@ impl Astray {
     }
 }
 
-/// All of them (ARMv7-M ARM A7.7).
-pub(crate) fn image() -> Result<Image, Error> {
-    let halves: [u16; 11] = [
-        0xBF00, 0xE7FD, // NOP; B back to it: as the end of every fault handler
-        0xB500, 0xF7FF, 0xFFFD, // PUSH {LR}; BL back to it
-        0xB500, 0xF5AD, 0x4D80, 0x9000, // PUSH {LR}; SUB SP, SP, #16384; STR R0, [SP]
-        0xF7FF, 0xFFFA, // BL back to the PUSH
+/// All of them (ARMv7-M ARM A7.7), for an image that divides by zero at this address.
+pub(crate) fn image(divides_by_zero: u64) -> Result<Image, Error> {
+    let [place, name] = [40, 56].map(|offset| AT as u32 + offset);
+    let words: [u32; 14] = [
+        0xE7FD_BF00, // NOP; B back to it: as the end of every fault handler
+        0xF7FF_B500, // PUSH {LR}; BL back to it
+        0xBF00_FFFD,
+        0xF5AD_B500, // PUSH {LR}; SUB SP, SP, #16384; STR R0, [SP]; BL back to the PUSH
+        0x9000_4D80,
+        0xFFFA_F7FF,
+        0x4902_4801, // LDR R0, place; LDR R1, what divides; BX R1
+        0xBF00_4708,
+        place,
+        divides_by_zero as u32 | 1,
+        // The place: a file's name and its length, with a zero at its end, line and column.
+        name,
+        9,
+        77,
+        7,
     ];
-    let bytes = halves.iter().flat_map(|half| half.to_le_bytes()).collect();
-    Image::new(Path::new("code of the bench"), bytes, Some(AT))
+    let code = words.into_iter().flat_map(u32::to_le_bytes);
+    Image::new(Path::new("code of the bench"), code.chain(*b"bench.rs\0").collect(), Some(AT))
 }

@@ -115,7 +115,8 @@ impl Bench {
         let log_ring = elf::find(&symbols, "_SEGGER_RTT");
         let images = [
             Nucleo::factory_image(setup.board).expect("factory words"),
-            astray::image().expect("an image"),
+            astray::image(elf::find(&symbols, "panic_const_div_by_zero").unwrap_or_default())
+                .expect("an image"),
             Image::new(image, bytes, None).expect("an image"),
         ];
         let (orders, order_queue) = channel();

@@ -62,6 +62,12 @@ impl Board {
         }
     }
 
+    /// Addresses of what no start-up clears.
+    #[must_use]
+    pub const fn record(self) -> Range<u64> {
+        self.ram().end - 0x1000..self.ram().end
+    }
+
     /// Addresses of the stack, without its guard.
     #[must_use]
     pub const fn stack(self) -> Range<u64> {

@@ -22,17 +22,19 @@ use motor_hub::bridge::BridgeConstants;
 use motor_hub::hub::Hub;
 use motor_hub::motor::Settings;
 use motor_hub::protocol::Address;
+use motor_hub::record::Fault;
 use motor_hub::responder::Responder;
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Task};
 use motor_hub::units::Period;
 use motor_hub_stm32::diag::DiagLines;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
+use motor_hub_stm32::faults::End;
 use motor_hub_stm32::lamp::Lamp;
 use motor_hub_stm32::pins::DigitalLines;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::watchdog::IndependentWatchdog;
-use motor_hub_stm32::{demo, faults, serial, status};
+use motor_hub_stm32::{demo, record, serial, status};
 use static_cell::StaticCell;
 
 /// Motors on this board.
@@ -59,7 +61,9 @@ bind_interrupts!(struct Irqs {
     USART3 => BufferedInterruptHandler<USART3>;
 });
 
-motor_hub_stm32::end_faults_with!(open_all_bridges);
+const END: End = End { open: open_all_bridges, say: |fault, detail| WIRES.say_last(fault, detail) };
+
+motor_hub_stm32::end_faults_with!(END);
 
 /// Opens all bridges for good, from any context: PWM low first, then all direction lines, PD0 to PD7.
 ///
@@ -72,17 +76,27 @@ fn open_all_bridges() {
     pac::GPIOD.bsrr().write(|w| (0..8).for_each(|pin| w.set_br(pin, true)));
 }
 
-/// Says so if it was the watchdog that started the chip: the last run ended in a fault or a hang.
-fn log_reset_cause() {
-    if pac::RCC.csr().read().wdgrstf() {
+/// Why the chip began anew. Says so if it was the watchdog: the last run ended in a fault or a hang.
+fn reset_cause() -> Fault {
+    let flags = pac::RCC.csr().read();
+    pac::RCC.csr().modify(|w| w.set_rmvf(true));
+    if flags.wdgrstf() {
         warn!("started by the watchdog");
     }
-    pac::RCC.csr().modify(|w| w.set_rmvf(true));
+    record::cause([
+        (flags.porrstf(), Fault::PowerOn),
+        (flags.borrstf(), Fault::BrownOut),
+        (flags.wdgrstf(), Fault::Watchdog),
+        (flags.sftrstf(), Fault::SoftwareReset),
+        (flags.wwdgrstf(), Fault::OtherReset),
+        (flags.lpwrrstf(), Fault::OtherReset),
+        (flags.padrstf(), Fault::ResetPin),
+    ])
 }
 
 #[interrupt]
 fn PVD() {
-    faults::supply_fell(open_all_bridges)
+    END.supply_fell()
 }
 
 #[embassy_executor::main]
@@ -93,7 +107,8 @@ async fn main(spawner: Spawner) {
     // Before anything else that could hang, and before a bridge can be anything but open.
     let watchdog = IndependentWatchdog::start(p.IWDG);
     info!("{=u32} Hz, {} motors every {=u32} ms", rcc::frequency::<TIM1>().0, MOTORS, PERIOD.as_millis());
-    log_reset_cause();
+    let cause = reset_cause();
+    WIRES.remember(unwrap!(record::memory()), cause);
     chip::watch_supply();
 
     let low = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low);

@@ -30,6 +30,7 @@ use embedded_io_async::{ErrorType, Read, Write};
 use motor_hub::bridge::Drive;
 use motor_hub::hub::Snapshot;
 use motor_hub::protocol::{Address, Colour};
+use motor_hub::record::{Fault, SIZE};
 use motor_hub::responder::Responder;
 use motor_hub::tasks::{Health, Task, responder};
 use std::cell::{Cell, RefCell};
@@ -104,6 +105,8 @@ pub fn run(
 ) -> Result<(), RunError> {
     MockDriver::get().reset();
     let (board, wires) = (sim::board(scenario), Wires::new());
+    // It lasts as long as the process: a simulated hub is never reset.
+    wires.remember(Box::leak(Box::new([0; SIZE])), Fault::PowerOn);
     let health = Health::new().expecting(Task::Responder);
     let mut snapshots = wires.snapshot.receiver().ok_or(RunError::Unobserved)?;
     let settings = sim::all_settings(&scenario.motors)?;

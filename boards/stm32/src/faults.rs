@@ -1,83 +1,97 @@
 //! Where the firmware ends: panic, HardFault, a failing supply and interrupts that nobody handles open all bridges,
-//! say what happened, and wait for the watchdog to start the chip afresh. (What comes while another line of the log
-//! is being written is not said: the log has no room for two at once.)
+//! leave last words for the record, say what happened, and wait for the watchdog to start the chip afresh. (What comes
+//! while another line of the log is being written is not said: the log has no room for two at once.)
 
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering};
+use cortex_m_rt::ExceptionFrame;
 use defmt::{Display2Format, error};
+use motor_hub::record::Fault;
 
 use crate::stack;
 
-/// Makes these ends those of a board's program. `$open` is a `fn()` that opens all bridges for good from any
-/// context, touching nothing but registers.
+/// Makes these ends those of a board's program: `$end` is its [`End`].
 ///
 /// The board's crate needs `cortex-m-rt`.
 #[macro_export]
 macro_rules! end_faults_with {
-    ($open:path) => {
+    ($end:path) => {
         #[panic_handler]
         fn panic(info: &::core::panic::PanicInfo<'_>) -> ! {
-            $crate::faults::panicked($open, info)
+            $end.panicked(info)
         }
 
         #[::cortex_m_rt::exception]
         #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
         unsafe fn HardFault(frame: &::cortex_m_rt::ExceptionFrame) -> ! {
-            $crate::faults::hard_fault(
-                $open,
-                ::core::ptr::from_ref(frame).addr() as u32,
-                frame.pc(),
-                frame.lr(),
-            )
+            $end.hard_fault(frame)
         }
 
         #[::cortex_m_rt::exception]
         #[allow(unsafe_code, reason = "cortex-m-rt asks for an unsafe fn; nothing in it is")]
         unsafe fn DefaultHandler(irqn: i16) -> ! {
-            $crate::faults::unhandled($open, irqn)
+            $end.unhandled(irqn)
         }
     };
 }
 
-/// Opens the bridges, and only then reports.
-fn stop(open: fn(), report: impl FnOnce()) -> ! {
-    open();
-    cortex_m::interrupt::disable();
-    // A fault inside the logger must not lead back into the logger. Nothing can come between these two:
-    // interrupts are masked. (Plain load and store do on every core.)
-    static REPORTED: AtomicBool = AtomicBool::new(false);
-    if !REPORTED.load(Ordering::Relaxed) {
-        REPORTED.store(true, Ordering::Relaxed);
-        report();
-    }
-    loop {
-        cortex_m::asm::nop();
-    }
+/// How a board's program ends.
+pub struct End {
+    /// Opens all bridges for good from any context, touching nothing but registers.
+    pub open: fn(),
+    /// Leaves word for the next run.
+    pub say: fn(Fault, [u32; 2]),
 }
 
-/// The end of a panic.
-pub fn panicked(open: fn(), info: &PanicInfo<'_>) -> ! {
-    stop(open, || error!("{}; bridges off", Display2Format(info)))
-}
-
-/// The end of a HardFault, whose frame is at `stack`.
-pub fn hard_fault(open: fn(), stack: u32, pc: u32, lr: u32) -> ! {
-    stop(open, || {
-        if stack::overflowed(stack) {
-            // Its frame has not been written: the guard forbade it.
-            error!("stack overflow, down to {=u32:#010x}; bridges off", stack);
-        } else {
-            error!("HardFault at {=u32:#010x} from {=u32:#010x}; bridges off", pc, lr);
+impl End {
+    /// Opens the bridges, and only then reports.
+    fn stop(&self, fault: Fault, detail: [u32; 2], report: impl FnOnce()) -> ! {
+        (self.open)();
+        cortex_m::interrupt::disable();
+        // A fault inside what follows must not lead back into it. Nothing can come between these two: interrupts are
+        // masked. (Plain load and store do on every core.)
+        static REPORTED: AtomicBool = AtomicBool::new(false);
+        if !REPORTED.load(Ordering::Relaxed) {
+            REPORTED.store(true, Ordering::Relaxed);
+            (self.say)(fault, detail);
+            report();
         }
-    })
-}
+        loop {
+            cortex_m::asm::nop();
+        }
+    }
 
-/// The end of a supply that falls, for the interrupt of a board's voltage detector.
-pub fn supply_fell(open: fn()) -> ! {
-    stop(open, || error!("the chip's supply fell; bridges off"))
-}
+    /// The end of a panic.
+    pub fn panicked(&self, info: &PanicInfo<'_>) -> ! {
+        let place = info.location().map_or([0; 2], |place| [place.line(), place.column()]);
+        self.stop(Fault::Panic, place, || error!("{}; bridges off", Display2Format(info)))
+    }
 
-/// The end of an interrupt that nobody handles.
-pub fn unhandled(open: fn(), irqn: i16) -> ! {
-    stop(open, || error!("interrupt {=i16} without a handler; bridges off", irqn))
+    /// The end of a HardFault.
+    pub fn hard_fault(&self, frame: &ExceptionFrame) -> ! {
+        let stack = core::ptr::from_ref(frame).addr() as u32;
+        if stack::overflowed(stack) {
+            // What the frame should say has not been written: the guard forbade it.
+            self.stop(Fault::StackOverflow, [stack, 0], || {
+                error!("stack overflow, down to {=u32:#010x}; bridges off", stack);
+            });
+        }
+        let (pc, lr) = (frame.pc(), frame.lr());
+        self.stop(Fault::HardFault, [pc, lr], || {
+            error!("HardFault at {=u32:#010x} from {=u32:#010x}; bridges off", pc, lr);
+        })
+    }
+
+    /// The end of a supply that falls, for the interrupt of a board's voltage detector.
+    pub fn supply_fell(&self) -> ! {
+        self.stop(Fault::SupplyFell, [0; 2], || error!("the chip's supply fell; bridges off"))
+    }
+
+    /// The end of an interrupt that nobody handles.
+    pub fn unhandled(&self, irqn: i16) -> ! {
+        let number = irqn as u16;
+        self.stop(Fault::UnhandledInterrupt, [number.into(), 0], || {
+            error!("interrupt {=i16} without a handler; bridges off", irqn);
+        })
+    }
 }

@@ -12,6 +12,7 @@
 //! | [`lamp`] | the host's status LEDs: red, green, blue |
 //! | [`watchdog`] | the independent watchdog |
 //! | [`faults`] | panic and faults: bridges open first |
+//! | [`record`] | memory that a reset leaves alone; what began a run |
 //! | [`stack`] | a guard at its end |
 //! | [`demo`] | motors that turn while a button is held |
 //! | [`status`] | the log |
@@ -23,6 +24,7 @@ pub mod encoders;
 pub mod faults;
 pub mod lamp;
 pub mod pins;
+pub mod record;
 pub mod serial;
 pub mod stack;
 pub mod status;

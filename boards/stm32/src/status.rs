@@ -11,8 +11,15 @@ const INTERVAL: Duration = Duration::from_secs(1);
 /// Runs for ever.
 pub async fn run<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> ! {
     let mut ticker = Ticker::every(INTERVAL);
+    let mut last = None;
     loop {
         ticker.next().await;
+        let newest = wires.record.lock(|record| record.try_borrow().ok()?.as_ref()?.heads().next());
+        if let Some(head) = newest.filter(|head| last != Some((head.number, head.times))) {
+            last = Some((head.number, head.times));
+            // docs/faults.md has a section for each number.
+            warn!("on record: fault {=u8}, {}", head.fault.number(), head);
+        }
         match wires.snapshot.try_get() {
             Some(snapshot) => log(&snapshot),
             None => warn!("no control tick yet"),

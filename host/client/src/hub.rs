@@ -19,8 +19,10 @@ use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::bus::BusReport;
 use motor_hub::protocol::fields::Text;
 use motor_hub::protocol::group::{GroupMove, GroupState, ToGroup};
+use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
 use motor_hub::protocol::{Address, Colour};
+use motor_hub::record::{Head, Tick};
 use motor_hub::units::{Milliamperes, Millivolts};
 use std::io::{Read, Write};
 
@@ -35,6 +37,48 @@ impl<L: Read + Write> Session<L> {
             Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
             Err(error) => Err(error),
         }
+    }
+
+    /// What happened, newest first, with the number of the run that this is; `None` of a hub that keeps no record, or has
+    /// no words for it.
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn recorded(&mut self) -> Result<Option<(u32, Vec<Head>)>, Error> {
+        let mut heads = Vec::new();
+        loop {
+            // A record has eight at most.
+            let entries = ToRecord::Entries { from: heads.len() as u8, clear: false };
+            let some: Entries = match self.ask(entries) {
+                Ok(some) => some,
+                Err(Error::Refused { .. } | Error::TooOld { .. }) => return Ok(None),
+                Err(error) => return Err(error),
+            };
+            if some.run == 0 {
+                return Ok(None);
+            }
+            heads.extend(&some.heads);
+            if some.heads.is_empty() || heads.len() >= usize::from(some.count) {
+                return Ok(Some((some.run, heads)));
+            }
+        }
+    }
+
+    /// The ticks of an entry of that, oldest first.
+    pub fn recorded_ticks(&mut self, number: u16) -> Result<Vec<Tick>, Error> {
+        let mut ticks = Vec::new();
+        loop {
+            let some: Ticks = self.ask(ToRecord::Ticks { number, from: ticks.len() as u8 })?;
+            ticks.extend(&some.ticks);
+            if some.ticks.is_empty() || ticks.len() >= usize::from(some.count) {
+                return Ok(ticks);
+            }
+        }
+    }
+
+    /// Makes the hub forget what happened.
+    pub fn forget_record(&mut self) -> Result<(), Error> {
+        self.ask(ToRecord::Entries { from: 0, clear: true }).map(|_: Entries| ())
     }
 
     /// Module status; `clear` makes the hub forget what it says.

@@ -3,6 +3,7 @@
 use motor_hub::protocol::Request;
 use motor_hub::protocol::group::ToGroup;
 use motor_hub::protocol::motor::ToMotor;
+use motor_hub::protocol::record::ToRecord;
 use motor_hub::protocol::requests::{BATTERY, Interface, Standard, ToHub};
 use motor_hub::protocol::setup::ToSetup;
 
@@ -28,6 +29,8 @@ pub(crate) fn words(request: &Request) -> String {
         Request::Group(motor, ToGroup::Move { .. }) => format!("move motor {motor} and others together"),
         Request::Group(motor, ToGroup::State) => format!("tell how far the group of motor {motor} is"),
         Request::Bus => "tell how its bus is".to_owned(),
+        Request::Record(ToRecord::Entries { .. }) => "tell what happened".to_owned(),
+        Request::Record(ToRecord::Ticks { number, .. }) => format!("tell the ticks of entry {number}"),
         Request::Pin(request) => format!("do function {} of its pins", request.number()),
     }
 }

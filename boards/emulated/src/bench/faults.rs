@@ -128,6 +128,14 @@ impl Bench {
         self.lead(task, if large { Astray::OverflowsByMuch } else { Astray::Overflows });
     }
 
+    /// Lets a task panic when it is next polled: it divides by zero, in line 77, column 7.
+    ///
+    /// # Panics
+    /// If there is no such task.
+    pub fn panic(&mut self, task: &str) {
+        self.lead(task, Astray::Panics);
+    }
+
     /// When it is next polled, a task runs this: its entry in the executor's memory then points there.
     fn lead(&mut self, task: &str, astray: Astray) {
         let pool = self.symbol(&format!("::{task}::POOL"));

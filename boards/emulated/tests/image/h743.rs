@@ -2,7 +2,7 @@
 //! nucleo-h743zi2` runs all of them there.
 
 use crate::common::{am60, booted, log, on};
-use crate::{boot, faults, link, matrix, running, stack, supply};
+use crate::{boot, faults, link, matrix, record, running, stack, supply};
 use emulated::Board;
 
 /// Bits `high..=low` of a word.
@@ -33,6 +33,11 @@ on_h743!(
     supply::a_battery_that_breaks_down_is_seen_at_once,
     supply::a_halted_core_leaves_no_pwm_on,
     supply::encoder_inputs_are_filtered,
+    record::a_bus_error_is_a_hard_fault_on_record_with_the_place_in_the_code,
+    record::a_panic_is_on_record_with_its_line,
+    record::a_task_that_hung_is_a_watchdog_reset_on_record,
+    record::an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after_a_reset,
+    record::whatever_memory_holds_after_power_on_the_record_is_empty,
     stack::a_stack_that_overflows_ends_in_the_fault_path_with_all_bridges_open,
 );
 

@@ -9,6 +9,7 @@ mod link;
 mod matrix;
 mod pressed;
 mod pwm;
+mod record;
 mod running;
 mod speed;
 mod stack;

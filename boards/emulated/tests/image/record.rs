@@ -1,0 +1,122 @@
+//! What a hub that began anew says of what happened before.
+
+use crate::common::{COUNTER, board, four_loads, ms, setup, turning};
+use emulated::talk::Talk;
+use emulated::{Bench, Encoder};
+use motor_hub::bridge::Drive;
+use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
+use motor_hub::record::{Fault, Head, Tick};
+
+fn entries(bench: &mut Bench) -> Vec<Head> {
+    let mut talk = Talk::default();
+    let all: Entries = talk.question(bench, ToRecord::Entries { from: 0, clear: false });
+    assert_eq!(usize::from(all.count), all.heads.len(), "no more than an answer holds");
+    all.heads.to_vec()
+}
+
+fn ticks(bench: &mut Bench, of: &Head) -> Vec<Tick> {
+    let mut talk = Talk::default();
+    let mut all = Vec::new();
+    while all.len() < usize::from(of.ticks) {
+        let request = ToRecord::Ticks { number: of.number, from: all.len() as u8 };
+        all.extend(talk.question::<Ticks>(bench, request).ticks);
+    }
+    all
+}
+
+/// Four motors turn at 1000 counts/s, something happens, and the watchdog starts the chip afresh: the one entry that
+/// there then is.
+fn after(happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
+    let mut bench = turning(four_loads());
+    let at = bench.now();
+    happens(&mut bench);
+    bench.run(ms(1500));
+    assert_eq!(bench.resets().len(), 1);
+    let all = entries(&mut bench);
+    let [head] = all[..] else { panic!("one entry: {all:?}") };
+    let seconds = f64::from(head.uptime_ms) / 1e3;
+    println!("{head:?}");
+    // The hub's clock is exact here; its last tick was up to 50 ms before.
+    assert!((at.as_secs_f64() - 0.06..at.as_secs_f64() + 0.06).contains(&seconds), "{at:?}: {head:?}");
+    let volts = f64::from(head.battery.expect("a battery").get()) / 1e3;
+    assert!((11.0..12.2).contains(&volts), "{head:?}");
+    let motor = head.motor.expect("a motor was driven");
+    let all = ticks(&mut bench, &head);
+    // Of 1.5 s 29 ticks or so at 50 ms.
+    assert!((25..64).contains(&all.len()), "{} ticks", all.len());
+    let last = all.last().expect("ticks");
+    assert!((900..1100).contains(&last.velocity), "motor {motor}: {last:?}");
+    assert_eq!(last.drive, head.drive);
+    assert_eq!((head.run, head.times), (1, 1));
+    (bench, head)
+}
+
+#[test]
+pub(crate) fn a_task_that_hung_is_a_watchdog_reset_on_record() {
+    let (_, head) = after(|bench| bench.hang("capture"));
+    assert_eq!((head.fault, head.detail), (Fault::Watchdog, [0; 2]));
+}
+
+#[test]
+pub(crate) fn a_bus_error_is_a_hard_fault_on_record_with_the_place_in_the_code() {
+    let (bench, head) = after(|bench| bench.fail_next_access(COUNTER));
+    assert_eq!(head.fault, Fault::HardFault);
+    let place = u64::from(head.detail[0]);
+    let function = bench.symbols().iter().find(|s| (s.address..s.address + s.size).contains(&place));
+    let name = &function.expect("a function").name;
+    assert!(name.contains("capture"), "{name}");
+}
+
+#[test]
+pub(crate) fn a_panic_is_on_record_with_its_line() {
+    let (_, head) = after(|bench| bench.panic("capture"));
+    assert_eq!((head.fault, head.detail), (Fault::Panic, [77, 7]));
+}
+
+#[test]
+fn a_stack_overflow_is_on_record_with_how_far_it_went() {
+    let (_, head) = after(|bench| bench.overflow_stack("capture", false));
+    assert_eq!(head.fault, Fault::StackOverflow);
+    // The guard's end, and an exception's frame below it.
+    assert!((0x2000_1F00..0x2000_2000).contains(&head.detail[0]), "{head:?}");
+}
+
+#[test]
+pub(crate) fn an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after_a_reset() {
+    let mut bench = turning(four_loads());
+    let at = bench.now();
+    bench.set_encoder(1, Encoder::Unplugged);
+    bench.run(ms(600));
+    let before = entries(&mut bench);
+    let [head] = before[..] else { panic!("one entry: {before:?}") };
+    assert_eq!((head.fault, head.motor), (Fault::EncoderStuck, Some(1)));
+    let seconds = f64::from(head.uptime_ms) / 1e3 - at.as_secs_f64();
+    assert!((0.0..0.35).contains(&seconds), "{seconds} s after it was unplugged");
+    bench.pull_reset(bench.now() + ms(10));
+    bench.run(ms(500));
+    let after = entries(&mut bench);
+    let [newest, same] = after[..] else { panic!("two entries: {after:?}") };
+    assert_eq!((newest.fault, newest.run), (Fault::ResetPin, 1));
+    assert_eq!(same, head);
+    // It turned, its counts stopped, the loop wound up, and it was let go.
+    let ticks = ticks(&mut bench, &head);
+    let stopped =
+        ticks.windows(2).rposition(|pair| pair[0].position != pair[1].position).expect("it turned") + 1;
+    assert!((ticks.len() - 8..ticks.len() - 3).contains(&stopped), "{ticks:?}");
+    let wound_up = ticks[stopped + 1..].iter().map(|tick| tick.control.get()).max().expect("ticks");
+    assert!(wound_up > 2 * ticks[stopped].control.get(), "{ticks:?}");
+    assert_eq!(ticks.last().expect("ticks").drive, Drive::COAST);
+}
+
+#[test]
+pub(crate) fn whatever_memory_holds_after_power_on_the_record_is_empty() {
+    let mut bench = Bench::new(setup(four_loads()));
+    let at = board().record();
+    let words = (at.end - at.start) / 4;
+    bench.write_words(
+        at.start,
+        (0..words as u32).map(|n| n.wrapping_mul(0x9E37_79B9) ^ 0x5A5A_0F0F).collect(),
+    );
+    bench.run(ms(400));
+    assert_eq!(entries(&mut bench), []);
+}

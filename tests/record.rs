@@ -1,0 +1,334 @@
+//! The record of what happened: it outlasts a reset at any byte, and what memory holds otherwise is no record.
+#![expect(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::indexing_slicing,
+    reason = "a failed access is a failed test"
+)]
+
+use motor_hub::bridge::{Drive, Mode};
+use motor_hub::hub::Snapshot;
+use motor_hub::motion::EncoderFault;
+use motor_hub::motor::{Faults, Report, Setpoint};
+use motor_hub::record::{Fault, HEADS, Head, PAGES, Record, SIZE, TICKS, Tick};
+use motor_hub::units::{Control, CountsPerSecond, Duty, Micros, Millivolts};
+use proptest::prelude::*;
+
+type Memory = [u8; SIZE];
+
+const DRIVE: Drive = Drive { mode: Mode::Cw98, duty: Duty::from_bits(0x3000) };
+
+/// Tick `tick` of four motors that turn, every 50 ms.
+fn turning(tick: u32) -> Snapshot<4> {
+    let mut snapshot = Snapshot::INITIAL;
+    snapshot.tick = tick;
+    snapshot.at = Micros::new(50_000 * u64::from(tick));
+    snapshot.battery = Some(Millivolts::new(12_000));
+    for (motor, report) in (0..).zip(&mut snapshot.motors) {
+        *report = Report {
+            setpoint: Setpoint::Velocity(CountsPerSecond::new(1000)),
+            position: 50 * tick as i32,
+            velocity: CountsPerSecond::new(1000 + motor),
+            control: Control::new(3_000 + motor as i16),
+            drive: DRIVE,
+            ..Report::INITIAL
+        };
+    }
+    snapshot
+}
+
+fn with_fault(mut snapshot: Snapshot<4>, motor: usize, faults: Faults) -> Snapshot<4> {
+    snapshot.motors[motor].faults = faults;
+    snapshot.motors[motor].drive = Drive::COAST;
+    snapshot
+}
+
+const STUCK: Faults = Faults { encoder: Some(EncoderFault::Stuck), ..Report::INITIAL.faults };
+const BRIDGE: Faults = Faults { bridge: true, ..Report::INITIAL.faults };
+const NO_BATTERY: Faults = Faults { battery_unknown: true, ..Report::INITIAL.faults };
+
+fn heads(memory: &Memory, cause: Fault) -> Vec<Head> {
+    Record::open(&mut memory.clone(), cause).0.heads().collect()
+}
+
+/// A run of so many ticks.
+fn run(record: &mut Record<'_>, ticks: u32) {
+    (1..=ticks).for_each(|tick| record.tick(&turning(tick)));
+}
+
+#[test]
+fn memory_as_it_is_after_power_on_is_an_empty_record() {
+    for memory in [[0; SIZE], [0xFF; SIZE], core::array::from_fn(|at| (at * 151 >> 3) as u8)] {
+        assert_eq!(heads(&memory, Fault::PowerOn), []);
+    }
+}
+
+#[test]
+fn a_watchdog_reset_leaves_when_what_and_the_ticks_of_the_motor_that_was_driven() {
+    let mut memory = [0; SIZE];
+    let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
+    for tick in 1..=100 {
+        let mut snapshot = turning(tick);
+        for motor in [0, 1, 3] {
+            snapshot.motors[motor].drive = Drive::COAST;
+        }
+        record.tick(&snapshot);
+    }
+    let (record, _) = Record::open(&mut memory, Fault::Watchdog);
+    let all: Vec<_> = record.heads().collect();
+    let expected = Head {
+        number: 1,
+        fault: Fault::Watchdog,
+        times: 1,
+        run: 1,
+        // The last tick was at 5 s; time is kept in steps of 1.024 ms.
+        uptime_ms: 4_999,
+        battery: Some(Millivolts::new(12_000)),
+        motor: Some(2),
+        drive: DRIVE,
+        detail: [0; 2],
+        ticks: 64,
+    };
+    assert_eq!(all, [expected]);
+    let ticks: Vec<Tick> = record.ticks(1).unwrap().collect();
+    let positions: Vec<u16> = ticks.iter().map(|tick| tick.position).collect();
+    assert_eq!(positions, (37..=100).map(|tick| 50 * tick).collect::<Vec<u16>>());
+    let last = Tick { position: 5000, velocity: 1002, control: Control::new(3002), drive: DRIVE };
+    assert_eq!(ticks[63], last);
+    assert_eq!(record.run(), 2);
+}
+
+#[test]
+fn last_words_say_more_than_the_reset_that_follows_them_and_are_said_once() {
+    let mut memory = [0; SIZE];
+    let (mut record, mut last_words) = Record::open(&mut memory, Fault::PowerOn);
+    run(&mut record, 3);
+    last_words.say(Fault::HardFault, [0x0800_1234, 0x0800_5679]);
+    let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);
+    run(&mut record, 3);
+    let faults: Vec<_> = heads(&memory, Fault::ResetPin).iter().map(|h| (h.fault, h.detail, h.run)).collect();
+    assert_eq!(faults, [(Fault::ResetPin, [0; 2], 2), (Fault::HardFault, [0x0800_1234, 0x0800_5679], 1)]);
+}
+
+#[test]
+fn a_run_that_ended_before_its_first_tick_has_no_motor_and_no_ticks() {
+    let mut memory = [0; SIZE];
+    run(&mut Record::open(&mut memory, Fault::PowerOn).0, 100);
+    drop(Record::open(&mut memory, Fault::SoftwareReset));
+    let (record, _) = Record::open(&mut memory, Fault::Watchdog);
+    let newest = record.heads().next().unwrap();
+    assert_eq!((newest.fault, newest.motor, newest.ticks, newest.uptime_ms), (Fault::Watchdog, None, 0, 0));
+    assert!(record.ticks(newest.number).is_none());
+}
+
+#[test]
+fn a_motors_fault_leaves_its_ticks_and_what_its_bridge_was_told_before() {
+    let mut memory = [0; SIZE];
+    let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
+    run(&mut record, 10);
+    record.tick(&with_fault(turning(11), 3, STUCK));
+    run(&mut record, 100);
+    let head = record.heads().next().unwrap();
+    assert_eq!((head.fault, head.motor, head.drive), (Fault::EncoderStuck, Some(3), DRIVE));
+    assert_eq!((head.uptime_ms, head.ticks, head.run), (549, 11, 1));
+    let ticks: Vec<Tick> = record.ticks(head.number).unwrap().collect();
+    assert_eq!((ticks[0].position, ticks[10].position), (50, 550));
+    assert_eq!(ticks[10].drive, Drive::COAST);
+    assert!(ticks.iter().all(|tick| tick.velocity == 1003));
+}
+
+#[test]
+fn a_fault_that_lasts_is_one_and_one_that_comes_again_is_counted() {
+    let mut memory = [0; SIZE];
+    let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
+    run(&mut record, 5);
+    for _ in 0..3 {
+        (6..=20).for_each(|tick| record.tick(&with_fault(turning(tick), 1, BRIDGE)));
+        record.tick(&turning(21));
+    }
+    record.tick(&with_fault(turning(22), 2, BRIDGE));
+    let seen: Vec<_> = record.heads().map(|head| (head.fault, head.motor, head.times)).collect();
+    assert_eq!(seen, [(Fault::BridgeOff, Some(2), 1), (Fault::BridgeOff, Some(1), 3)]);
+}
+
+#[test]
+fn a_battery_that_fails_is_one_fault_of_all_motors() {
+    let mut memory = [0; SIZE];
+    let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
+    run(&mut record, 5);
+    let mut snapshot = turning(6);
+    snapshot.battery = None;
+    (0..4).for_each(|motor| snapshot = with_fault(snapshot, motor, NO_BATTERY));
+    record.tick(&snapshot);
+    let seen: Vec<_> = record.heads().map(|head| (head.fault, head.motor, head.battery)).collect();
+    assert_eq!(seen, [(Fault::BatteryUnknown, Some(0), None)]);
+}
+
+#[test]
+fn what_keeps_a_motor_from_nothing_is_no_fault() {
+    let mut memory = [0; SIZE];
+    let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
+    for setpoint in [Setpoint::Disabled, Setpoint::FailSafe] {
+        let mut snapshot = with_fault(turning(1), 0, NO_BATTERY);
+        snapshot.motors[0].setpoint = setpoint;
+        record.tick(&snapshot);
+    }
+    assert_eq!(record.heads().count(), 0);
+}
+
+#[test]
+fn the_newest_entries_are_kept_and_the_ticks_of_the_newest_of_them() {
+    let mut memory = [0; SIZE];
+    drop(Record::open(&mut memory, Fault::PowerOn));
+    for ticks in 1..=20 {
+        let mut record = Record::open(&mut memory, Fault::ResetPin).0;
+        (1..=ticks).for_each(|tick| record.tick(&turning(tick + 100 * ticks)));
+    }
+    let (record, _) = Record::open(&mut memory, Fault::Watchdog);
+    let all: Vec<_> = record.heads().collect();
+    assert_eq!(all.len(), HEADS);
+    let numbers: Vec<u16> = all.iter().map(|head| head.number).collect();
+    assert_eq!(numbers, [21, 20, 19, 18, 17, 16, 15, 14]);
+    assert!(all[..PAGES].iter().map(|head| head.ticks).eq([20, 19, 18]));
+    assert!(all[PAGES..].iter().all(|head| head.ticks == 0 && record.ticks(head.number).is_none()));
+    assert!(record.ticks(13).is_none());
+}
+
+#[test]
+fn a_record_that_is_cleared_is_empty_and_goes_on() {
+    let mut memory = [0; SIZE];
+    run(&mut Record::open(&mut memory, Fault::PowerOn).0, 70);
+    let (mut record, _) = Record::open(&mut memory, Fault::ResetPin);
+    record.clear();
+    assert_eq!(record.heads().count(), 0);
+    run(&mut record, 70);
+    let all = heads(&memory, Fault::Watchdog);
+    assert_eq!(all.iter().map(|head| (head.fault, head.run)).collect::<Vec<_>>(), [(Fault::Watchdog, 2)]);
+}
+
+/// A record with two entries, the same after the tick in which a third is written, and what it then says.
+fn before_and_after() -> (Memory, Memory, Vec<(Head, Vec<Tick>)>) {
+    let mut memory = [0; SIZE];
+    run(&mut Record::open(&mut memory, Fault::PowerOn).0, 90);
+    run(&mut Record::open(&mut memory, Fault::ResetPin).0, 70);
+    run(&mut Record::open(&mut memory, Fault::Watchdog).0, 80);
+    let before = memory;
+    let mut memory = [0; SIZE];
+    run(&mut Record::open(&mut memory, Fault::PowerOn).0, 90);
+    run(&mut Record::open(&mut memory, Fault::ResetPin).0, 70);
+    let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);
+    run(&mut record, 80);
+    record.tick(&with_fault(turning(81), 2, STUCK));
+    let all = record.heads().map(|head| (head, record.ticks(head.number).unwrap().collect())).collect();
+    (before, memory, all)
+}
+
+/// What stands before the ring and the entries is written after these.
+#[test]
+fn an_entry_half_written_when_the_reset_came_is_not_taken_for_whole() {
+    let (before, after, all) = before_and_after();
+    // A word is written at once.
+    for cut in (0..SIZE).step_by(4) {
+        let mut memory = after;
+        memory[..cut].copy_from_slice(&before[..cut]);
+        let (record, _) = Record::open(&mut memory, Fault::BrownOut);
+        for head in record.heads() {
+            let kept: Option<Vec<Tick>> = record.ticks(head.number).map(Iterator::collect);
+            if head.fault == Fault::BrownOut {
+                let steps = kept.iter().flat_map(|kept| kept.windows(2));
+                let even =
+                    steps.map(|pair| pair[1].position.wrapping_sub(pair[0].position)).all(|step| step == 50);
+                assert!(even, "cut at {cut}: {kept:?}");
+            } else {
+                let known = all.iter().find(|(other, _)| Head { ticks: head.ticks, ..*other } == head);
+                let (_, ticks) = known.unwrap_or_else(|| panic!("cut at {cut}: {head:?}"));
+                assert!(kept.is_none_or(|kept| kept == *ticks), "cut at {cut}: {head:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn any_bit_that_flips_costs_an_entry_or_its_ticks_and_makes_up_none() {
+    let (_, memory, sound) = before_and_after();
+    for bit in 0..8 * SIZE {
+        let mut flipped = memory;
+        flipped[bit / 8] ^= 1 << (bit % 8);
+        let (record, _) = Record::open(&mut flipped, Fault::BrownOut);
+        for head in record.heads().filter(|head| head.fault != Fault::BrownOut) {
+            let (_, ticks) = sound
+                .iter()
+                .find(|(other, _)| Head { ticks: head.ticks, ..*other } == head)
+                .unwrap_or_else(|| panic!("bit {bit}: {head:?}"));
+            let kept: Option<Vec<Tick>> = record.ticks(head.number).map(Iterator::collect);
+            assert!(kept.is_none_or(|kept| kept == *ticks), "bit {bit}: {head:?}");
+        }
+    }
+}
+
+#[test]
+fn a_tick_that_a_reset_cut_short_is_in_none() {
+    let positions = |memory: Memory| -> Vec<u16> {
+        let mut memory = memory;
+        let (record, _) = Record::open(&mut memory, Fault::Watchdog);
+        record.ticks(1).unwrap().map(|tick| tick.position).collect()
+    };
+    let mut memory = [0; SIZE];
+    let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
+    run(&mut record, 100);
+    let before = memory;
+    // What stands before the ring is written last: that the tick is there.
+    for garbled in 0..=32 {
+        let mut memory = before;
+        let begun = &mut memory[40 + 32 * 35..][..32];
+        begun.iter_mut().take(garbled).for_each(|byte| *byte = !*byte);
+        assert_eq!(positions(memory), positions(before));
+        assert_eq!(positions(memory).len(), TICKS);
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_are_opened_read_and_written_without_a_panic(
+        bytes in prop::collection::vec(any::<u8>(), SIZE),
+        magic in any::<bool>(),
+        number in any::<u16>(),
+    ) {
+        let mut memory: Memory = bytes.try_into().expect("as many");
+        if magic {
+            // So that what follows is looked at: "MHR1", run 7.
+            memory[..12].copy_from_slice(&[0x4D, 0x48, 0x52, 0x31, 7, 0, 0, 0, 0xF8, 0xFF, 0xFF, 0xFF]);
+        }
+        let (mut record, mut last_words) = Record::open(&mut memory, Fault::Watchdog);
+        for head in record.heads() {
+            record.ticks(head.number).map(Iterator::count);
+        }
+        record.ticks(number).map(Iterator::count);
+        record.tick(&with_fault(turning(u32::from(number)), 1, STUCK));
+        last_words.say(Fault::Panic, [1, 2]);
+        prop_assert_eq!(record.heads().next().map(|head| head.fault), Some(Fault::EncoderStuck));
+    }
+}
+
+#[test]
+fn the_page_has_a_section_for_each_fault_and_for_nothing_else() {
+    let page =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/faults.md")).expect("the page");
+    let sections: Vec<&str> = page.lines().filter_map(|line| line.strip_prefix("## ")).collect();
+    let faults: Vec<String> =
+        Fault::ALL.iter().map(|fault| format!("{}: {}", fault.number(), fault.name())).collect();
+    assert_eq!(sections, faults);
+    for text in page.split("\n## ").skip(1) {
+        for part in ["**Means.**", "**The hub**", "**Look at**"] {
+            assert!(text.contains(part), "{part} in: {}", text.lines().next().unwrap());
+        }
+    }
+}
+
+#[test]
+fn a_number_is_one_fault() {
+    for number in 0..=u8::MAX {
+        assert!(Fault::from_number(number).is_none_or(|fault| fault.number() == number));
+    }
+    assert!(Fault::ALL.iter().all(|fault| Fault::from_number(fault.number()) == Some(*fault)));
+}
