@@ -1,7 +1,7 @@
 //! What one end writes, the other reads: every request and every answer.
 
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
-use motor_hub::bridge::Timing;
+use motor_hub::bridge::{Drive, Mode, Timing};
 use motor_hub::group::Halt;
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, ThermalLimit, ZeroPower};
@@ -12,14 +12,16 @@ use motor_hub::protocol::group::{GroupCourse, GroupMove, GroupState, ToGroup};
 use motor_hub::protocol::led::{LedPattern, STEPS, Step};
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::pins::ToPin;
+use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
 use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
 use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
+use motor_hub::record::{Fault, Head, Tick};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal};
 use motor_hub::supply::BusState;
 use motor_hub::units::{
-    Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, EmfConstant,
+    Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, Duty, EmfConstant,
     Inductance, Micros, Milliamperes, Millivolts, Resistance,
 };
 use proptest::collection::vec;
@@ -383,10 +385,53 @@ fn to_group() -> Vec<BoxedStrategy<Case>> {
     ]
 }
 
+fn to_record() -> Vec<BoxedStrategy<Case>> {
+    vec![
+        with(&[1, 1], any::<(u8, bool)>(), |(from, clear)| Request::from(ToRecord::Entries { from, clear })),
+        with(&[2, 1], any::<(u16, u8)>(), |(number, from)| Request::from(ToRecord::Ticks { number, from })),
+    ]
+}
+
+fn drive() -> impl Strategy<Value = Drive> {
+    let mode = prop_oneof![Just(Mode::Cw98), Just(Mode::Ccw62), Just(Mode::Brake50)];
+    // As fine as it is told.
+    (mode, 0..=8192u16).prop_map(|(mode, duty)| Drive { mode, duty: Duty::from_bits(4 * duty) })
+}
+
+fn head() -> impl Strategy<Value = Head> {
+    let fault = proptest::sample::select(Fault::ALL);
+    let battery = proptest::option::of((1..=u16::MAX).prop_map(Millivolts::new));
+    let motor = proptest::option::of(0..u8::MAX);
+    let numbers = any::<(u16, u8, u16, u32, [u32; 2], u8)>();
+    (fault, battery, motor, drive(), numbers).prop_map(
+        |(fault, battery, motor, drive, (number, times, run, uptime_ms, detail, ticks))| Head {
+            number,
+            fault,
+            times,
+            run,
+            uptime_ms,
+            battery,
+            motor,
+            drive,
+            detail,
+            ticks,
+        },
+    )
+}
+
+fn tick() -> impl Strategy<Value = Tick> {
+    (any::<(u16, i16)>(), control(), drive()).prop_map(|((position, velocity), control, drive)| Tick {
+        position,
+        velocity,
+        control,
+        drive,
+    })
+}
+
 fn any_request() -> impl Strategy<Value = Case> {
+    let bus = vec![plain(Request::Bus)];
     Union::new(
-        [standard(), to_hub(), to_pin(), to_motor(), to_setup(), to_group(), vec![plain(Request::Bus)]]
-            .concat(),
+        [standard(), to_hub(), to_pin(), to_motor(), to_setup(), to_group(), to_record(), bus].concat(),
     )
 }
 
@@ -400,6 +445,7 @@ fn no_request_is_left_out_of_these_tests() {
         (to_motor(), ToMotor::NUMBERS),
         (to_setup(), ToSetup::NUMBERS),
         (to_group(), ToGroup::NUMBERS),
+        (to_record(), ToRecord::NUMBERS),
         (vec![plain(Request::Bus)], &[bus::FUNCTION]),
     ] {
         let tried = strategies.iter().map(|s| s.new_tree(&mut runner).unwrap().current().0.number());
@@ -504,6 +550,16 @@ proptest! {
         prop_assert_eq!(read_back(&colour), Ok(colour));
         prop_assert_eq!(read_back(&pattern), Ok(pattern));
         prop_assert_eq!(read_back(&text), Ok(text.clone()));
+    }
+
+    #[test]
+    fn what_happened_is_read_as_it_was_written(
+        run: u32, count: u8, heads in vec(head(), 0..=3), ticks in vec(tick(), 0..=8),
+    ) {
+        let entries = Entries { run, count, heads: heads.into_iter().collect() };
+        prop_assert_eq!(read_back(&entries), Ok(entries.clone()));
+        let ticks = Ticks { count, ticks: ticks.into_iter().collect() };
+        prop_assert_eq!(read_back(&ticks), Ok(ticks.clone()));
     }
 
     #[test]

@@ -5,6 +5,7 @@ mod examples;
 mod groups;
 mod host;
 mod properties;
+mod record;
 mod setup;
 mod state;
 mod task;

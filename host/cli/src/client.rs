@@ -4,6 +4,7 @@ mod coefficients;
 mod course;
 mod drive;
 mod driven;
+mod faults;
 mod identify;
 mod interrupt;
 mod jog;
@@ -84,6 +85,9 @@ enum Command {
     Discover,
     /// Status, version, battery, LED, and what every motor is set to and does; those that run are disabled first
     Status(status::Options),
+    /// What happened: the last faults and resets, with the ticks before them, on hubs of this project
+    #[command(long_about = faults::HELP)]
+    Faults(faults::Options),
     #[command(flatten)]
     Drive(drive::Drive),
     /// Drives motors as the three above, and writes down what the hub says: CSV, and a chart of each motor
@@ -198,6 +202,7 @@ impl Command {
             // They need no session and are done above.
             Self::Ports | Self::Scan(_) | Self::Discover => return Ok(()),
             Self::Status(options) => return options.execute(&mut session),
+            Self::Faults(options) => return options.execute(&mut session),
             Self::Drive(drive) => return drive.execute(&mut session),
             Self::Record(options) => return options.execute(&mut session),
             Self::Jog(options) => return options.execute(&mut session),

@@ -1,0 +1,77 @@
+//! What a host hears of what happened.
+
+use crate::host::{Said, TestHost};
+use motor_hub::hub::Snapshot;
+use motor_hub::motor::{Report, Setpoint};
+use motor_hub::protocol::fields::{Field, Fields};
+use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
+use motor_hub::protocol::{Packet, Request};
+use motor_hub::record::{Fault, Head, Record, SIZE, Tick};
+use motor_hub::units::Control;
+
+#[test]
+fn a_hub_without_a_record_says_so() {
+    let mut host = TestHost::settled();
+    assert_eq!(host.ask(0x4D12, &[0, 0]), Said::Data(vec![0; 5]));
+    assert_eq!(host.ask(0x4D13, &[1, 0, 0]), Said::Nack(0));
+}
+
+fn ask<A: Field>(host: &mut TestHost, record: &mut Record<'_>, request: ToRecord) -> A {
+    let request = Request::from(request);
+    let packet: Packet = request.packet(crate::host::HUB, 1, request.id());
+    let reply =
+        host.responder.receive_with(&packet, host.now, &host.snapshot, Some(record)).expect("a reply");
+    assert_eq!(reply.id, request.id() | 0x8000, "{reply:?}");
+    A::read(&mut Fields::new(&reply.payload)).expect("an answer")
+}
+
+/// Runs that were reset: so many.
+fn resets(memory: &mut [u8; SIZE], count: i16) {
+    for run in 0..count {
+        let (mut record, _) = Record::open(memory, Fault::ResetPin);
+        for tick in 0..70 {
+            let control = Control::new(100 * run + tick);
+            let drive = motor_hub::bridge::Drive::BRAKE;
+            let report =
+                Report { setpoint: Setpoint::ConstantPower(control), control, drive, ..Report::INITIAL };
+            record.tick(&Snapshot { motors: [report; 4], ..Snapshot::INITIAL });
+        }
+    }
+}
+
+#[test]
+fn entries_come_three_at_a_time_and_ticks_eight() {
+    let mut memory = [0; SIZE];
+    resets(&mut memory, 5);
+    let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);
+    let mut host = TestHost::settled();
+    let mut heads: Vec<Head> = Vec::new();
+    for (from, expected) in [(0, 3), (3, 2), (5, 0)] {
+        let some: Entries = ask(&mut host, &mut record, ToRecord::Entries { from, clear: false });
+        assert_eq!((some.run, some.count, some.heads.len()), (6, 5, expected));
+        heads.extend(some.heads);
+    }
+    let numbers: Vec<u16> = heads.iter().map(|head| head.number).collect();
+    assert_eq!(numbers, [5, 4, 3, 2, 1]);
+    assert_eq!(heads[0].fault, Fault::Watchdog);
+    let mut ticks: Vec<Tick> = Vec::new();
+    for from in (0..64).step_by(8) {
+        let some: Ticks = ask(&mut host, &mut record, ToRecord::Ticks { number: 5, from });
+        assert_eq!((some.count, some.ticks.len()), (64, 8));
+        ticks.extend(some.ticks);
+    }
+    let controls: Vec<i16> = ticks.iter().map(|tick| tick.control.get()).collect();
+    assert_eq!(controls, (406..470).collect::<Vec<i16>>());
+}
+
+#[test]
+fn what_a_host_has_cleared_is_told_once_more_and_then_gone() {
+    let mut memory = [0; SIZE];
+    resets(&mut memory, 2);
+    let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);
+    let mut host = TestHost::settled();
+    let told: Entries = ask(&mut host, &mut record, ToRecord::Entries { from: 0, clear: true });
+    assert_eq!(told.count, 2);
+    let told: Entries = ask(&mut host, &mut record, ToRecord::Entries { from: 0, clear: false });
+    assert_eq!((told.run, told.count), (3, 0));
+}
