@@ -98,8 +98,13 @@ struct Served(Child, String);
 
 impl Served {
     fn new() -> Self {
+        Self::with(&[])
+    }
+
+    fn with(options: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_motor-hub"))
             .args(["serve", "--tcp", "127.0.0.1:0"])
+            .args(options)
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
@@ -130,6 +135,31 @@ fn the_client_prints_what_the_page_says() {
     let lines = motor_hub(&watch).stdout;
     let line = lines.split(|byte| *byte == b'\n').next().unwrap();
     assert_agree("client watch", &[serde_json::from_slice(line).expect("a document a line")]);
+}
+
+#[test]
+fn what_happened_is_printed_as_the_page_says() {
+    // The encoder of its first motor falls silent after two seconds.
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/scenarios/broken-encoders.toml");
+    let served = Served::with(&["--scenario", scenario.to_str().unwrap()]);
+    let client = |arguments: &[&str]| motor_hub(&[&["client", "--tcp", &served.1][..], arguments].concat());
+    client(&["velocity", "0", "1000", "--for-s", "3.5"]);
+    let document: Value = serde_json::from_slice(&client(&["faults", "--json"]).stdout).unwrap();
+    assert_agree("client faults", std::slice::from_ref(&document));
+    let entry = &document["entries"][0];
+    assert_eq!((&entry["fault"], &entry["motor"], &entry["run"]), (&2.into(), &0.into(), &1.into()));
+    let ticks = entry["ticks"].as_array().unwrap();
+    assert!(ticks.len() > 20 && ticks[0]["velocity"] != ticks[ticks.len() - 1]["velocity"], "{ticks:?}");
+
+    let words = |arguments: &[&str]| String::from_utf8(client(arguments).stdout).unwrap();
+    assert!(words(&["faults"]).contains("2 encoder does not count"), "{}", words(&["faults"]));
+    assert!(words(&["faults", "1"]).contains("last"), "{}", words(&["faults", "1"]));
+    let none = client(&["faults", "7"]);
+    let says = String::from_utf8_lossy(&none.stderr).into_owned();
+    assert!(says.contains("no ticks of an entry 7; there are those of 1"), "{says}");
+    assert_eq!(none.status.code(), Some(1));
+    client(&["faults", "--clear"]);
+    assert!(words(&["faults"]).contains("nothing happened"), "{}", words(&["faults"]));
 }
 
 #[test]
