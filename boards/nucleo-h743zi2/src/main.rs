@@ -108,7 +108,12 @@ async fn main(spawner: Spawner) {
     let watchdog = IndependentWatchdog::start(p.IWDG1);
     info!("{=u32} Hz, {} motors every {=u32} ms", rcc::frequency::<TIM1>().0, MOTORS, PERIOD.as_millis());
     let cause = reset_cause();
-    WIRES.remember(unwrap!(record::memory()), cause);
+    let memory = unwrap!(record::memory());
+    if cause == Fault::PowerOn {
+        // RAM has an error code here, which is of nothing until it is written: better not read.
+        memory.fill(0);
+    }
+    WIRES.remember(memory, cause);
     chip::watch_supply();
 
     let low = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low);

@@ -18,7 +18,11 @@ pub async fn run<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> ! {
         if let Some(head) = newest.filter(|head| last != Some((head.number, head.times))) {
             last = Some((head.number, head.times));
             // docs/faults.md has a section for each number.
-            warn!("on record: fault {=u8}, {}", head.fault.number(), head);
+            let (number, run) = (head.fault.number(), head.run);
+            warn!(
+                "on record: fault {=u8} in run {=u16} after {=u32} ms, motor {}",
+                number, run, head.uptime_ms, head.motor
+            );
         }
         match wires.snapshot.try_get() {
             Some(snapshot) => log(&snapshot),

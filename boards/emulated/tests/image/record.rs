@@ -1,6 +1,6 @@
 //! What a hub that began anew says of what happened before.
 
-use crate::common::{COUNTER, board, four_loads, ms, setup, turning};
+use crate::common::{COUNTER, board, four_loads, log, ms, setup, turning};
 use emulated::talk::Talk;
 use emulated::{Bench, Encoder};
 use motor_hub::bridge::Drive;
@@ -34,6 +34,8 @@ fn after(happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
     assert_eq!(bench.resets().len(), 1);
     let all = entries(&mut bench);
     let [head] = all[..] else { panic!("one entry: {all:?}") };
+    let said = format!("on record: fault {} in run 1", head.fault.number());
+    assert!(log(&mut bench).contains(&said), "{}", log(&mut bench));
     let seconds = f64::from(head.uptime_ms) / 1e3;
     println!("{head:?}");
     // The hub's clock is exact here; its last tick was up to 50 ms before.

@@ -157,11 +157,13 @@ impl Run {
     }
 }
 
-/// Open, or shorted for good.
+/// Open, or shorted for good, and not just for a tick or between two modes.
 fn off(bench: &mut Bench) -> [bool; 4] {
+    let (now, transitions) = (bench.now(), bench.transitions());
     MODES.map(|mode| {
         let lines = bench.lines(mode.motor());
-        lines.open() || lines.shorted()
+        let last = transitions.iter().rfind(|t| t.motor == mode.motor());
+        (lines.open() || lines.shorted()) && last.is_none_or(|last| now - last.at > ms(60))
     })
 }
 
