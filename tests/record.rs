@@ -58,7 +58,7 @@ fn run(record: &mut Record<'_>, ticks: u32) {
 
 #[test]
 fn memory_as_it_is_after_power_on_is_an_empty_record() {
-    for memory in [[0; SIZE], [0xFF; SIZE], core::array::from_fn(|at| (at * 151 >> 3) as u8)] {
+    for memory in [[0; SIZE], [0xFF; SIZE], core::array::from_fn(|at| ((at * 151) >> 3) as u8)] {
         assert_eq!(heads(&memory, Fault::PowerOn), []);
     }
 }
@@ -114,7 +114,7 @@ fn last_words_say_more_than_the_reset_that_follows_them_and_are_said_once() {
 fn a_run_that_ended_before_its_first_tick_has_no_motor_and_no_ticks() {
     let mut memory = [0; SIZE];
     run(&mut Record::open(&mut memory, Fault::PowerOn).0, 100);
-    drop(Record::open(&mut memory, Fault::SoftwareReset));
+    let _ = Record::open(&mut memory, Fault::SoftwareReset);
     let (record, _) = Record::open(&mut memory, Fault::Watchdog);
     let newest = record.heads().next().unwrap();
     assert_eq!((newest.fault, newest.motor, newest.ticks, newest.uptime_ms), (Fault::Watchdog, None, 0, 0));
@@ -179,7 +179,7 @@ fn what_keeps_a_motor_from_nothing_is_no_fault() {
 #[test]
 fn the_newest_entries_are_kept_and_the_ticks_of_the_newest_of_them() {
     let mut memory = [0; SIZE];
-    drop(Record::open(&mut memory, Fault::PowerOn));
+    let _ = Record::open(&mut memory, Fault::PowerOn);
     for ticks in 1..=20 {
         let mut record = Record::open(&mut memory, Fault::ResetPin).0;
         (1..=ticks).for_each(|tick| record.tick(&turning(tick + 100 * ticks)));

@@ -297,3 +297,11 @@ fn a_hub_that_has_no_words_for_its_bus_tells_nothing_of_it_and_that_is_no_failur
     assert_eq!(session.bus().unwrap(), None);
     assert_eq!(session.battery().unwrap().get(), 12_345, "it goes on");
 }
+
+#[test]
+fn a_hub_that_keeps_no_record_says_so() {
+    let mut session = session(Memory::new(Hub::new()));
+    assert!(session.recorded().unwrap().is_none());
+    let refused = session.recorded_ticks(1).unwrap_err().to_string();
+    assert!(refused.contains("refuses to tell the ticks of entry 1"), "{refused}");
+}
