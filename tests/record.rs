@@ -266,6 +266,22 @@ fn any_bit_that_flips_costs_an_entry_or_its_ticks_and_makes_up_none() {
     }
 }
 
+/// Which run it is and its last tick, 24 bytes.
+#[test]
+fn a_bit_that_flips_in_what_is_told_of_the_run_costs_that_or_the_record() {
+    let (_, memory, _) = before_and_after();
+    let sound = heads(&memory, Fault::BrownOut)[0];
+    assert_eq!((sound.fault, sound.ticks), (Fault::BrownOut, 64));
+    for bit in 0..8 * 24 {
+        let mut flipped = memory;
+        flipped[bit / 8] ^= 1 << (bit % 8);
+        let nothing =
+            Head { uptime_ms: 0, battery: None, motor: None, drive: Drive::COAST, ticks: 0, ..sound };
+        let newest = heads(&flipped, Fault::BrownOut).first().copied();
+        assert!([None, Some(nothing), Some(sound)].contains(&newest), "bit {bit}: {newest:?}");
+    }
+}
+
 #[test]
 fn a_tick_that_a_reset_cut_short_is_in_none() {
     let positions = |memory: Memory| -> Vec<u16> {
