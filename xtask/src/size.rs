@@ -27,7 +27,7 @@ fn check(board: &Board) -> Result<(), Failed> {
     let symbols = output(command(llvm("llvm-nm")?).arg(image))?;
     let rest = [
         ("stack, with its guard", "_stack_start", "_stack_end"),
-        ("record that a reset leaves", "_persistent_buff_end", "_persistent_buff_start"),
+        ("record, over resets", "_persistent_buff_end", "_persistent_buff_start"),
     ];
     for (what, end, start) in rest {
         let [end, start] = [end, start].map(|name| address(&symbols, name));

@@ -2,8 +2,8 @@
 //!
 //! The stack lies at RAM's low end (`sections.x`) and its lowest part may not be touched, by the memory protection
 //! unit's word. That unit is off while a HardFault is handled (HFNMIENA is 0; PM0214 and PM0253 4.2), so the handler
-//! finds there the stack it needs. A frame larger than the guard, which no function of the images has, passes it
-//! and leaves RAM: the core then locks up with its first fault, and the watchdog ends that.
+//! finds there the stack it needs. A frame larger than the guard could pass it and leave RAM: the core then locks up in its
+//! first fault, and the watchdog ends that.
 
 use core::ops::Range;
 use cortex_m::asm;

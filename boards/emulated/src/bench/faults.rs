@@ -119,13 +119,12 @@ impl Bench {
         self.lead(task, Astray::Loops);
     }
 
-    /// Lets a task call itself when it is next polled, until no stack is left: with the least frame there is, or with
-    /// one of 16 kB.
+    /// Lets a task call itself when it is next polled, with the least frame there is, until no stack is left.
     ///
     /// # Panics
     /// If there is no such task.
-    pub fn overflow_stack(&mut self, task: &str, large: bool) {
-        self.lead(task, if large { Astray::OverflowsByMuch } else { Astray::Overflows });
+    pub fn overflow_stack(&mut self, task: &str) {
+        self.lead(task, Astray::Overflows);
     }
 
     /// Lets a task panic when it is next polled: it divides by zero, in line 77, column 7.

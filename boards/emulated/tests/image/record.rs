@@ -77,7 +77,7 @@ pub(crate) fn a_panic_is_on_record_with_its_line() {
 
 #[test]
 fn a_stack_overflow_is_on_record_with_how_far_it_went() {
-    let (_, head) = after(|bench| bench.overflow_stack("capture", false));
+    let (_, head) = after(|bench| bench.overflow_stack("capture"));
     assert_eq!(head.fault, Fault::StackOverflow);
     // The guard's end, and an exception's frame below it.
     assert!((0x2000_1F00..0x2000_2000).contains(&head.detail[0]), "{head:?}");
