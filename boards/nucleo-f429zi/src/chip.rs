@@ -1,8 +1,10 @@
 //! What the hub wants of the chip beyond what the HAL sets up: clocks that nothing outside can stop, fast flash,
 //! bridges off while a debugger holds the core, and an end before the supply is too low to compute with.
 
+use defmt::warn;
 use embassy_stm32::{pac, rcc};
-use motor_hub_stm32::stack;
+use motor_hub::record::Fault;
+use motor_hub_stm32::{record, stack};
 
 /// EXTI line of the programmable voltage detector (RM0090 12.2.5).
 const PVD_LINE: usize = 16;
@@ -53,6 +55,24 @@ pub(crate) fn set_up() {
         stack::guard(&mut core.MPU);
     }
     pac::DBGMCU.apb2fzr().modify(|w| w.set_tim1(true));
+}
+
+/// Why the chip began anew. Says so if it was the watchdog: the last run ended in a fault or a hang.
+pub(crate) fn reset_cause() -> Fault {
+    let flags = pac::RCC.csr().read();
+    pac::RCC.csr().modify(|w| w.set_rmvf(true));
+    if flags.wdgrstf() {
+        warn!("started by the watchdog");
+    }
+    record::cause([
+        (flags.porrstf(), Fault::PowerOn),
+        (flags.borrstf(), Fault::BrownOut),
+        (flags.wdgrstf(), Fault::Watchdog),
+        (flags.sftrstf(), Fault::SoftwareReset),
+        (flags.wwdgrstf(), Fault::OtherReset),
+        (flags.lpwrrstf(), Fault::OtherReset),
+        (flags.padrstf(), Fault::ResetPin),
+    ])
 }
 
 /// From here on the interrupt PVD comes when the supply falls below 2.9 V, or at once if it is there already. It ends

@@ -9,7 +9,7 @@ mod adc;
 mod chip;
 
 use adc::BatteryAdc;
-use defmt::{info, unwrap, warn};
+use defmt::{info, unwrap};
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{AnyPin, Flex, Input, Level, Output, Pull, Speed};
@@ -22,7 +22,6 @@ use motor_hub::bridge::BridgeConstants;
 use motor_hub::hub::Hub;
 use motor_hub::motor::Settings;
 use motor_hub::protocol::Address;
-use motor_hub::record::Fault;
 use motor_hub::responder::Responder;
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::{self, Health, Task};
@@ -78,23 +77,6 @@ fn open_all_bridges() {
     pac::GPIOC.bsrr().write(|w| (0..4).for_each(|pin| w.set_br(pin, true)));
 }
 
-/// Why the chip began anew. Says so if it was the watchdog: the last run ended in a fault or a hang.
-fn reset_cause() -> Fault {
-    let flags = pac::RCC.csr().read();
-    pac::RCC.csr().modify(|w| w.set_rmvf(true));
-    if flags.iwdgrstf() {
-        warn!("started by the watchdog");
-    }
-    record::cause([
-        (flags.borrstf(), Fault::BrownOut),
-        (flags.iwdgrstf(), Fault::Watchdog),
-        (flags.sftrstf(), Fault::SoftwareReset),
-        (flags.wwdgrstf(), Fault::OtherReset),
-        (flags.lpwrrstf(), Fault::OtherReset),
-        (flags.pinrstf(), Fault::ResetPin),
-    ])
-}
-
 #[interrupt]
 fn PVD_PVM() {
     END.supply_fell()
@@ -108,7 +90,7 @@ async fn main(spawner: Spawner) {
     // Before anything else that could hang, and before a bridge can be anything but open.
     let watchdog = IndependentWatchdog::start(p.IWDG);
     info!("{=u32} Hz, {} motors every {=u32} ms", rcc::frequency::<TIM1>().0, MOTORS, PERIOD.as_millis());
-    let cause = reset_cause();
+    let cause = chip::reset_cause();
     WIRES.remember(unwrap!(record::memory()), cause);
     chip::watch_supply();
 

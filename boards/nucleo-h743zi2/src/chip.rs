@@ -2,8 +2,10 @@
 //! instruction cache, bridges off while a debugger holds the core, and an end before the supply is too low for the
 //! bridges' inputs.
 
+use defmt::warn;
 use embassy_stm32::{pac, rcc};
-use motor_hub_stm32::stack;
+use motor_hub::record::Fault;
+use motor_hub_stm32::{record, stack};
 
 /// EXTI line of the programmable voltage detector (RM0433 table 150).
 const PVD_LINE: usize = 16;
@@ -64,6 +66,24 @@ pub(crate) fn set_up() {
     }
     pac::RCC.cr().modify(|w| w.set_pllon(2, false));
     pac::DBGMCU.apb2fzr1().modify(|w| w.set_tim1(true));
+}
+
+/// Why the chip began anew. Says so if it was the watchdog: the last run ended in a fault or a hang.
+pub(crate) fn reset_cause() -> Fault {
+    let flags = pac::RCC.rsr().read();
+    pac::RCC.rsr().modify(|w| w.set_rmvf(true));
+    if flags.iwdg1rstf() {
+        warn!("started by the watchdog");
+    }
+    record::cause([
+        (flags.porrstf(), Fault::PowerOn),
+        (flags.borrstf(), Fault::BrownOut),
+        (flags.iwdg1rstf(), Fault::Watchdog),
+        (flags.sftrstf(), Fault::SoftwareReset),
+        (flags.wwdg1rstf(), Fault::OtherReset),
+        (flags.lpwrrstf(), Fault::OtherReset),
+        (flags.pinrstf(), Fault::ResetPin),
+    ])
 }
 
 /// From here on the interrupt PVD comes when the supply falls below 2.76 V, or at once if it is there already. It ends

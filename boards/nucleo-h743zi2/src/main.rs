@@ -9,7 +9,7 @@ mod adc;
 mod chip;
 
 use adc::BatteryAdc;
-use defmt::{info, unwrap, warn};
+use defmt::{info, unwrap};
 use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{AnyPin, Flex, Input, Level, Output, Pull, Speed};
@@ -76,24 +76,6 @@ fn open_all_bridges() {
     pac::GPIOD.bsrr().write(|w| (0..8).for_each(|pin| w.set_br(pin, true)));
 }
 
-/// Why the chip began anew. Says so if it was the watchdog: the last run ended in a fault or a hang.
-fn reset_cause() -> Fault {
-    let flags = pac::RCC.rsr().read();
-    pac::RCC.rsr().modify(|w| w.set_rmvf(true));
-    if flags.iwdg1rstf() {
-        warn!("started by the watchdog");
-    }
-    record::cause([
-        (flags.porrstf(), Fault::PowerOn),
-        (flags.borrstf(), Fault::BrownOut),
-        (flags.iwdg1rstf(), Fault::Watchdog),
-        (flags.sftrstf(), Fault::SoftwareReset),
-        (flags.wwdg1rstf(), Fault::OtherReset),
-        (flags.lpwrrstf(), Fault::OtherReset),
-        (flags.pinrstf(), Fault::ResetPin),
-    ])
-}
-
 #[interrupt]
 fn PVD_AVD() {
     END.supply_fell()
@@ -107,7 +89,7 @@ async fn main(spawner: Spawner) {
     // Before anything else that could hang, and before a bridge can be anything but open.
     let watchdog = IndependentWatchdog::start(p.IWDG1);
     info!("{=u32} Hz, {} motors every {=u32} ms", rcc::frequency::<TIM1>().0, MOTORS, PERIOD.as_millis());
-    let cause = reset_cause();
+    let cause = chip::reset_cause();
     let memory = unwrap!(record::memory());
     if cause == Fault::PowerOn {
         // RAM has an error code here, which is of nothing until it is written: better not read.
