@@ -122,6 +122,19 @@ fn a_run_that_ended_before_its_first_tick_has_no_motor_and_no_ticks() {
 }
 
 #[test]
+fn a_hub_that_fails_again_and_again_as_it_starts_keeps_what_came_before() {
+    let mut memory = [0; SIZE];
+    run(&mut Record::open(&mut memory, Fault::PowerOn).0, 20);
+    let _ = Record::open(&mut memory, Fault::BrownOut);
+    for _ in 0..300 {
+        Record::open(&mut memory, Fault::Watchdog).1.say(Fault::Panic, [12, 3]);
+    }
+    let seen: Vec<_> =
+        heads(&memory, Fault::Watchdog).iter().map(|head| (head.fault, head.times, head.ticks)).collect();
+    assert_eq!(seen, [(Fault::Panic, 255, 0), (Fault::Watchdog, 1, 0), (Fault::BrownOut, 1, 20)]);
+}
+
+#[test]
 fn a_motors_fault_leaves_its_ticks_and_what_its_bridge_was_told_before() {
     let mut memory = [0; SIZE];
     let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);

@@ -20,7 +20,7 @@ pub struct Head {
     pub number: u16,
     /// What it was.
     pub fault: Fault,
-    /// How often in a row; 255 is that or more.
+    /// How often in a row: in one run, or at the end of runs that had no tick. 255 is that or more.
     pub times: u8,
     /// In which run since the record began, from 1; wraps. A fault that ended a run is of that run.
     pub run: u16,

@@ -190,7 +190,10 @@ impl<'a> Record<'a> {
         if let Some((head, sum)) = self.newest().filter(|(head, _)| {
             // All motors are on one battery.
             let whose = head.motor == motor || fault == Fault::BatteryUnknown;
-            head.fault == fault && head.run == self.run as u16 && whose
+            // Runs that end in the same way before they have begun must not push out what came before them.
+            let stillborn = self.now.filled == 0 && head.ticks == 0;
+            let same = head.fault == fault && head.detail == detail && whose;
+            same && (head.run == self.run as u16 || stillborn)
         }) {
             return self.put(Head { times: head.times.saturating_add(1), ..head }, sum);
         }

@@ -31,8 +31,8 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Fast flash, a guard under the stack, and bridges off while a debugger holds the core. To be called right after the HAL's initialisation,
-/// before the core sleeps for the first time.
+/// Fast flash, a guard under the stack, and bridges off while a debugger holds the core. To be called right
+/// after the HAL's initialisation, before the core sleeps for the first time.
 ///
 /// # Flash
 /// Prefetch and both caches. They are between flash and core alone, so DMA does not know of them.

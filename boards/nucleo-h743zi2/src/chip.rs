@@ -49,8 +49,8 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Code from the cache, a guard under the stack, and bridges off while a debugger holds the core. To be called right after the HAL's
-/// initialisation, before the core sleeps for the first time.
+/// Code from the cache, a guard under the stack, and bridges off while a debugger holds the core. To be called right
+/// after the HAL's initialisation, before the core sleeps for the first time.
 ///
 /// # Caches
 /// Instructions only: see docs/decisions/0014-caches-of-the-h743.md. What is in the flash does not change while this
