@@ -1,5 +1,6 @@
 //! What the documents show is there: files that they link to, the code of the README, an example of each module.
 
+use motor_hub::record::Fault;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -101,4 +102,19 @@ fn every_public_module_opens_with_an_example() {
         }
     }
     assert!(without.is_empty(), "modules without an example:\n{}", without.join("\n"));
+}
+
+#[test]
+fn the_page_of_faults_has_a_section_for_each_and_for_nothing_else() {
+    let page =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/faults.md")).expect("the page");
+    let sections: Vec<&str> = page.lines().filter_map(|line| line.strip_prefix("## ")).collect();
+    let faults: Vec<String> =
+        Fault::ALL.iter().map(|fault| format!("{}: {}", fault.number(), fault.name())).collect();
+    assert_eq!(sections, faults);
+    for text in page.split("\n## ").skip(1) {
+        for part in ["**Means.**", "**The hub**", "**Look at**"] {
+            assert!(text.contains(part), "{part} in: {}", text.lines().next().unwrap_or_default());
+        }
+    }
 }
