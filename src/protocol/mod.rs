@@ -14,6 +14,7 @@
 //! | [`fields`] | values to payloads and back; ranges |
 //! | [`requests`] | every request: its number and its fields |
 //! | [`motor`], [`pins`], [`setup`], [`group`], [`led`] | the requests to one motor, to pins, to this hub's own interface, of groups among it; the LED's values |
+//! | [`store`] | the requests to what is stored |
 //! | [`answers`] | every answer's fields |
 //! | [`nack`] | why a request is refused, as a number and in words |
 //! | [`address`] | who is meant |
@@ -48,6 +49,7 @@ pub mod nack;
 pub mod pins;
 pub mod requests;
 pub mod setup;
+pub mod store;
 mod table;
 
 pub use address::{Address, BROADCAST, HOST};

@@ -26,6 +26,7 @@ use super::motor::ToMotor;
 use super::nack::Nack;
 use super::pins::ToPin;
 use super::setup::{self, ToSetup};
+use super::store::ToStore;
 use super::table::requests;
 
 /// The type of the motor interface's function 0, on hubs of this project.
@@ -161,6 +162,8 @@ pub enum Request {
     Group(u8, ToGroup),
     /// How the bus of battery and bridges is, on hubs of this project.
     Bus,
+    /// To where settings are stored, on hubs of this project.
+    Store(ToStore),
 }
 
 impl Request {
@@ -193,6 +196,9 @@ impl Request {
             if number == bus::FUNCTION {
                 return Ok(Self::Bus);
             }
+            if ToStore::NUMBERS.contains(&number) {
+                return ToStore::read(number, fields).map(Self::Store);
+            }
             return Ok(Self::Setup(motor(fields)?, ToSetup::read(number, fields)?));
         }
         if Standard::NUMBERS.contains(&packet.id) {
@@ -206,7 +212,7 @@ impl Request {
         match self {
             Self::Standard(_) => None,
             Self::Hub(_) | Self::Motor(..) | Self::Pin(_) => Some(Interface::Motors),
-            Self::Setup(..) | Self::Group(..) | Self::Bus => Some(Interface::Setup),
+            Self::Setup(..) | Self::Group(..) | Self::Bus | Self::Store(_) => Some(Interface::Setup),
         }
     }
 
@@ -220,6 +226,7 @@ impl Request {
             Self::Setup(_, request) => request.number(),
             Self::Group(_, request) => request.number(),
             Self::Bus => bus::FUNCTION,
+            Self::Store(request) => request.number(),
         }
     }
 
@@ -240,6 +247,7 @@ impl Request {
             Self::Hub(request) => request.write(out),
             Self::Pin(request) => request.write(out),
             Self::Bus => (),
+            Self::Store(request) => request.write(out),
             Self::Motor(motor, request) => {
                 motor.write(out);
                 request.write(out);
@@ -277,6 +285,12 @@ impl From<ToHub> for Request {
 impl From<ToPin> for Request {
     fn from(request: ToPin) -> Self {
         Self::Pin(request)
+    }
+}
+
+impl From<ToStore> for Request {
+    fn from(request: ToStore) -> Self {
+        Self::Store(request)
     }
 }
 

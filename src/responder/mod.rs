@@ -18,6 +18,7 @@
 //! | [`led`] | the status LED |
 //! | [`button`] | what a button on the board may do until a host has spoken |
 //! | [`pins`] | digital pins; PWM and servo outputs, which this hub only remembers |
+//! | `store` | settings that outlast power: which, and when they are written |
 //!
 //! While the battery is low ([`Snapshot::battery_low`]) motors cannot be enabled, and status word and LED say so;
 //! those that run go on with what the supply allows.
@@ -54,6 +55,7 @@ pub mod led;
 pub mod motor;
 pub mod pins;
 pub mod setup;
+mod store;
 
 pub use answer::Answer;
 
@@ -73,6 +75,7 @@ use group::Courses;
 use led::Led;
 use motor::MotorChannel;
 use pins::{DigitalLines, PinMemory};
+use store::Keeping;
 
 /// What the version commands say: first the version of the interface, for hosts that read from these numbers what they may
 /// ask for, and the hardware that they take it for; then this firmware's own.
@@ -104,6 +107,13 @@ pub struct Responder<const N: usize> {
     number: u8,
     alive: Alive,
     channels: [MotorChannel; N],
+    /// What the hub has without what is stored.
+    factory_address: Address,
+    factory: [Settings; N],
+    /// Something does, and will say so.
+    expects_store: bool,
+    /// `None` where nothing outlasts power.
+    keeping: Option<Keeping>,
     courses: Courses<N>,
     pins: PinMemory,
     bus: Seen,
@@ -121,6 +131,10 @@ impl<const N: usize> Responder<N> {
             number: 0,
             alive: Alive::new(),
             channels: settings.map(MotorChannel::new),
+            factory_address: address,
+            factory: settings,
+            expects_store: false,
+            keeping: None,
             courses: Courses::NONE,
             pins: PinMemory::default(),
             bus: Seen::NOTHING,
@@ -130,7 +144,7 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// The address in force; whoever wants to keep it over a reset stores it.
+    /// The address in force.
     pub const fn address(&self) -> Address {
         self.address
     }
@@ -243,6 +257,7 @@ impl<const N: usize> Responder<N> {
             Request::Group(motor, ToGroup::Move { wanted }) => self.lead(motor, wanted, snapshot),
             Request::Group(motor, ToGroup::State) => self.group(motor, snapshot),
             Request::Bus => Ok(Answer::data(&self.bus_report(now, &snapshot.bus))),
+            Request::Store(request) => self.receive_store(request, snapshot),
             Request::Setup(motor, request) => {
                 let motor = usize::from(motor);
                 let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
@@ -261,7 +276,10 @@ impl<const N: usize> Responder<N> {
                 self.disable();
                 self.alive.fail_safe();
             }
-            Standard::SetAddress { address } => self.address = address,
+            Standard::SetAddress { address } => {
+                self.address = address;
+                self.keep_address();
+            }
             Standard::SetLedColour { colour } => self.led.set_colour(colour),
             Standard::SetLedPattern { pattern } => self.led.set_pattern(pattern, now),
             Standard::Status { clear } => {

@@ -17,6 +17,7 @@
 //! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
 //! | sensed | [`Signal`]: the latest | of boards that hear their bridges; overwritten. The last one holds |
 //! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
+//! | store | two [`Signal`]s | an order at a time, and what became of it |
 //! | host spoke | a flag | set by the responder's task once a host has spoken, until reset |
 //!
 //! All of them are generic over the number of motors and over the board's traits, so an embassy
@@ -42,6 +43,7 @@ pub mod control;
 pub mod health;
 pub mod output;
 pub mod responder;
+pub mod store;
 pub mod supply;
 
 pub use health::{Health, Task};
@@ -85,6 +87,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
     /// From capture to control and anyone: positions, as of the newest samples; speeds are from control.
     pub newest: Mutex<M, RefCell<Newest<N>>>,
+    /// Between the responder and whoever has the memory for settings.
+    pub store: store::Shelf<M>,
     /// From the responder to anyone: a host has spoken since reset.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -102,6 +106,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             sensed: Signal::new(),
             snapshot: Watch::new(),
             newest: Mutex::new(RefCell::new(Newest::new())),
+            store: store::Shelf::new(),
             host_spoke: Mutex::new(Cell::new(false)),
         }
     }
