@@ -7,4 +7,5 @@ mod host;
 mod properties;
 mod setup;
 mod state;
+mod store;
 mod task;

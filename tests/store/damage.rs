@@ -1,9 +1,11 @@
 //! Bits that turn, memories that fail, motors that run.
 
-use crate::flash::{Flash, NoPower, block_on, keeper, read, write};
+use crate::flash::{Flash, NoPower, block_on, read, write};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use motor_hub::store::{Found, Order, Outcome, Record, Stored};
 use motor_hub::tasks::store::Keeper;
+use sequential_storage::cache::Cache;
+use sequential_storage::map::{MapConfig, MapStorage};
 
 fn record(number: u32) -> Record {
     let mut record = Record::new(number);
@@ -61,21 +63,91 @@ fn a_record_whose_both_copies_are_damaged_falls_back_on_the_one_before() {
     assert_eq!((found.stored, found.record), (Stored::Whole, record(1)));
 }
 
+/// Stores under the key of a copy what this firmware would not.
+fn store_as_is(flash: &mut Flash<4, 1024>, key: u8, value: &[u8]) {
+    let mut map = MapStorage::<u8, _, _>::new(flash, MapConfig::new(0..2048), Cache::new_uncached());
+    assert!(block_on(map.store_item(&mut [0; 1024], &key, &value)).is_ok());
+}
+
 #[test]
-fn a_later_version_is_kept_until_it_is_written_over() {
-    // As a firmware to come may have written it, with the same keys.
-    let mut flash = Flash::<4, 1024>::new();
-    write(&mut flash, &record(1), true);
-    let bytes = flash.bytes.clone();
-    let later = bytes.windows(6).position(|it| it[..6] == [1, 1, 1, 0, 0, 0]).expect("key 1, version 1, save 1");
-    let mut map = later_map(&mut flash);
-    let value: &[u8] = &[2, 1, 0, 0, 0, 42];
-    block_on(map.store_item(&mut [0; 64], &1, &value)).expect("room");
-    drop(map);
-    assert_eq!(flash.bytes[later], 1, "the old one is still there");
-    let found = read(&mut flash);
-    assert_eq!((found.stored, found.version, found.record.number()), (Stored::Later, 2, 0));
-    assert_eq!(block_on(later_map(&mut flash).fetch_item::<&[u8]>(&mut [0; 64], &1)), Ok(Some(value)).map_err(|()| unreachable()));
+fn a_later_version_is_told_and_stays_as_it_is() {
+    let later = [2, 1, 0, 0, 0, 42];
+    let longer = [1; 600];
+    for (value, version) in [(&later[..], 2), (&longer, 0)] {
+        let mut flash = Flash::<4, 1024>::new();
+        write(&mut flash, &record(1), true);
+        store_as_is(&mut flash, 1, value);
+        let before = flash.bytes.clone();
+        let found = read(&mut flash);
+        assert_eq!((found.stored, found.version, found.record.number()), (Stored::Later, version, 0));
+        assert_eq!(flash.bytes, before);
+    }
+}
+
+/// A memory that takes nothing and says so, or takes marks of pages only.
+struct Worn {
+    says_so: bool,
+    bytes: [u8; 2048],
+}
+
+impl Worn {
+    fn new(says_so: bool) -> Self {
+        Self { says_so, bytes: [0xFF; 2048] }
+    }
+}
+
+impl ErrorType for Worn {
+    type Error = NoPower;
+}
+
+impl ReadNorFlash for Worn {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NoPower> {
+        bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        2048
+    }
+}
+
+impl NorFlash for Worn {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = 1024;
+
+    async fn erase(&mut self, _: u32, _: u32) -> Result<(), NoPower> {
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, word: &[u8]) -> Result<(), NoPower> {
+        if self.says_so {
+            return Err(NoPower);
+        }
+        if word == [0; 4] {
+            self.bytes[offset as usize..][..4].fill(0);
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn a_memory_that_does_not_hold_what_is_written_is_told() {
+    for (says_so, outcome) in [(true, Outcome::Refused), (false, Outcome::Lost)] {
+        let mut keeper = Keeper::new(Worn::new(says_so), 0..2048).expect("two pages");
+        let order = Order { record: Some(record(1)), afresh: false, may_erase: true };
+        let done = block_on(keeper.carry_out(&order));
+        assert_eq!(done.outcome, outcome);
+        assert_eq!(done.found.map(|found| found.stored), Some(Stored::Nothing));
+    }
+}
+
+#[test]
+fn a_range_that_is_not_two_pages_is_refused() {
+    for range in [0..1024, 0..3072, 512..2560, 0..0] {
+        assert!(Keeper::new(Worn::new(true), range.clone()).is_none(), "{range:?}");
+    }
 }
 
 #[test]

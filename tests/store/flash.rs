@@ -108,7 +108,7 @@ impl<const WORD: usize, const PAGE: usize> NorFlash for &mut Flash<WORD, PAGE> {
     const ERASE_SIZE: usize = PAGE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), NoPower> {
-        assert_eq!((from % PAGE as u32, to - from), (0, PAGE as u32), "one page at a time");
+        assert_eq!([from % PAGE as u32, to % PAGE as u32], [0; 2], "whole pages");
         self.erased += 1;
         let cut = self.step()?;
         let page = &mut self.bytes[from as usize..to as usize];
@@ -127,9 +127,10 @@ impl<const WORD: usize, const PAGE: usize> NorFlash for &mut Flash<WORD, PAGE> {
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NoPower> {
-        assert_eq!((offset % WORD as u32, bytes.len()), (0, WORD), "one word at a time");
+        assert_eq!([offset as usize % WORD, bytes.len() % WORD], [0; 2], "whole words");
+        assert!(self.cut.is_none() || bytes.len() == WORD, "one at a time, with other tasks between two");
         let cut = self.step()?;
-        let word = &mut self.bytes[offset as usize..][..WORD];
+        let word = &mut self.bytes[offset as usize..][..bytes.len()];
         // A word of a flash with error correction is written once. A page's mark is always the same word: where power has
         // cut it, writing it again is what completes it.
         let mark = bytes.iter().all(|byte| *byte == 0);
