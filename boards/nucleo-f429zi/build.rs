@@ -1,7 +1,19 @@
-//! Tells the linker where this image's sections go: cortex-m-rt's script round the memory map that
-//! embassy-stm32 supplies for the chip, and defmt's.
+//! Tells the linker where this image's sections go: cortex-m-rt's script round the memory map below, and defmt's.
+
+use std::path::PathBuf;
+
+/// RM0090 2.3.1 and 3.4. Of the flash the first bank: the second has the settings, and may be written while the first is
+/// executed.
+const MEMORY: &str = "MEMORY {
+    FLASH : ORIGIN = 0x08000000, LENGTH = 1024K
+    RAM   : ORIGIN = 0x20000000, LENGTH =  192K
+}
+";
 
 fn main() {
+    let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets it"));
+    std::fs::write(out.join("memory.x"), MEMORY).expect("the output directory is writable");
+    println!("cargo:rustc-link-search={}", out.display());
     // Without page alignment, or the first segment would begin before the flash does.
     println!("cargo:rustc-link-arg-bins=--nmagic");
     println!("cargo:rustc-link-arg-bins=-Tlink.x");

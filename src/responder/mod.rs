@@ -110,6 +110,8 @@ pub struct Responder<const N: usize> {
     /// What the hub has without what is stored.
     factory_address: Address,
     factory: [Settings; N],
+    /// Something may have been set since power-on.
+    changed: bool,
     /// Something does, and will say so.
     expects_store: bool,
     /// `None` where nothing outlasts power.
@@ -133,6 +135,7 @@ impl<const N: usize> Responder<N> {
             channels: settings.map(MotorChannel::new),
             factory_address: address,
             factory: settings,
+            changed: false,
             expects_store: false,
             keeping: None,
             courses: Courses::NONE,
@@ -249,6 +252,11 @@ impl<const N: usize> Responder<N> {
     }
 
     fn answer(&mut self, request: Request, now: Micros, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
+        self.changed |= match request {
+            Request::Motor(..) | Request::Setup(..) => true,
+            Request::Standard(Standard::SetAddress { .. }) => true,
+            _ => false,
+        };
         match request {
             Request::Standard(request) => Ok(self.standard(request, now, snapshot)),
             Request::Hub(request) => self.hub(request, snapshot),

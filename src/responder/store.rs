@@ -5,7 +5,7 @@ use super::motor::MotorChannel;
 use super::{Answer, Responder};
 use crate::hub::Snapshot;
 use crate::motor::{Report, Setpoint, Settings};
-use crate::protocol::fields::Payload;
+use crate::protocol::fields::{Field, Payload};
 use crate::protocol::motor::{ChannelMode, Loop, ToMotor};
 use crate::protocol::requests::Standard;
 use crate::protocol::setup::{Motion, Protection, ToSetup};
@@ -13,6 +13,7 @@ use crate::protocol::store::{StoreReport, ToStore};
 use crate::protocol::{Address, Nack, Packet, Request};
 use crate::responder::setup;
 use crate::store::{Entry, Found, Full, Order, Outcome, Record, Stored};
+use heapless::Vec;
 
 /// Requests that together say all settings of a motor.
 const STEPS: usize = 8;
@@ -20,11 +21,14 @@ const STEPS: usize = 8;
 /// A request that is part of a record.
 struct Saying {
     request: Request,
-    /// Its first fields, which name what is set and not to what: as many bytes.
-    name: usize,
+    /// Its first bytes, which name what is set and not to what.
+    name: Name,
     /// A host has said it, or it always holds; otherwise it is not stored.
     holds: bool,
 }
+
+/// The motor, or the motor and its loop.
+type Name = Vec<u8, 2>;
 
 /// What is known of the memory; without one nobody ever tells.
 #[derive(Clone, Debug)]
@@ -111,6 +115,7 @@ impl<const N: usize> Responder<N> {
             ToStore::Reset => Wish::Reset,
         };
         if wish == Wish::Reset {
+            self.changed = true;
             self.put_in_force(&Record::new(0));
         }
         if let Some(keeping) = &mut self.keeping {
@@ -189,7 +194,7 @@ impl<const N: usize> Responder<N> {
             number: record.number(),
             at_work: keeping.wish != Wish::None,
             outcome: *outcome,
-            differs: self.differs(record),
+            differs: self.changed && (keeping.wish != Wish::None || self.differs(record)),
             unknown: *unknown,
             refused: *refused,
         }
@@ -252,17 +257,16 @@ impl<const N: usize> Responder<N> {
         if entry.id == address.id() {
             return Some(read_address(entry).is_some());
         }
-        (0..).zip(&self.channels).find_map(|(motor, channel)| {
-            let mut sayings = (0..STEPS).filter_map(|step| saying(channel, motor, step));
-            sayings.find(|saying| saying.is_said_by(entry)).map(|saying| saying.said_with(entry, N).is_ok())
-        })
+        let motor = *entry.payload.first()?;
+        let channel = self.channels.get(usize::from(motor))?;
+        let mut sayings = (0..STEPS).filter_map(|step| saying(channel, motor, step));
+        sayings.find(|saying| saying.is_said_by(entry)).map(|saying| saying.said_with(entry, N).is_ok())
     }
 }
 
 impl Saying {
     fn is_said_by(&self, entry: &Entry<'_>) -> bool {
-        let named = self.request.payload().get(..self.name) == entry.payload.get(..self.name);
-        entry.id == self.request.id() && named
+        entry.id == self.request.id() && entry.payload.starts_with(&self.name)
     }
 
     /// The request, if it is stored.
@@ -299,7 +303,11 @@ fn saying(channel: &MotorChannel, motor: u8, step: usize) -> Option<Saying> {
     let settings = channel.settings();
     let coefficients = |of| {
         let request = ToMotor::SetPidf { of, coefficients: channel.pidf(of) }.to(motor);
-        Saying { request, name: 2, holds: settings.coefficients.is_some() }
+        let mut name = Payload::new();
+        [motor].write(&mut name);
+        of.write(&mut name);
+        let name = name.iter().copied().collect();
+        Saying { request, name, holds: settings.coefficients.is_some() }
     };
     let request = match step {
         // Forgets motion and coefficients.
@@ -322,7 +330,7 @@ fn saying(channel: &MotorChannel, motor: u8, step: usize) -> Option<Saying> {
         7 => return Some(coefficients(Loop::Position)),
         _ => return None,
     };
-    Some(Saying { request, name: 1, holds: true })
+    Some(Saying { request, name: [motor].into_iter().collect(), holds: true })
 }
 
 /// None of these requests looks at a report, or is refused.

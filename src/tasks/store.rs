@@ -111,6 +111,8 @@ pub async fn run<M: RawMutex, const N: usize>(mut keeper: Keeper<impl NorFlash>,
 pub struct Keeper<F: NorFlash> {
     flash: Paced<F>,
     range: Range<u32>,
+    /// Nothing has gone wrong since the pages were last looked at.
+    sound: bool,
     buffer: [u8; BUFFER],
 }
 
@@ -122,7 +124,7 @@ impl<F: NorFlash> Keeper<F> {
     pub fn new(flash: F, range: Range<u32>) -> Option<Self> {
         MapConfig::<F>::try_new(range.clone()).ok().filter(|_| range.len() == 2 * F::ERASE_SIZE)?;
         let flash = Paced { flash, may_erase: true, shown: None };
-        Some(Self { flash, range, buffer: [0; BUFFER] })
+        Some(Self { flash, range, sound: false, buffer: [0; BUFFER] })
     }
 
     /// The map, of whose pages nothing is known yet, and a buffer for it.
@@ -135,6 +137,7 @@ impl<F: NorFlash> Keeper<F> {
     pub async fn read(&mut self) -> Found {
         self.flash.may_erase = true;
         let mended = self.mend().await;
+        self.sound = mended.is_ok();
         let copies = self.copies().await.and_then(|found| mended.map(|()| found).map_err(|_| NotRead::Damaged));
         copies.unwrap_or_else(|why| why.found().unwrap_or_else(|| Found::without_record(Stored::Damaged, 0)))
     }
@@ -192,7 +195,8 @@ impl<F: NorFlash> Keeper<F> {
     /// Writes, if that is ordered, and reads what is stored then.
     pub async fn carry_out(&mut self, order: &Order) -> Done {
         self.flash.may_erase = order.may_erase;
-        let written = match self.mend().await {
+        let mended = if self.sound { Ok(()) } else { self.mend().await };
+        let written = match mended {
             Ok(()) => self.write(order).await,
             Err(trouble) => trouble.outcome(),
         };
@@ -205,6 +209,7 @@ impl<F: NorFlash> Keeper<F> {
             Outcome::Done if !found.as_ref().is_some_and(reads_back) => Outcome::Lost,
             outcome => outcome,
         };
+        self.sound = outcome == Outcome::Done;
         Done { found, outcome }
     }
 

@@ -12,4 +12,5 @@ mod pwm;
 mod running;
 mod speed;
 mod stack;
+mod store;
 mod supply;
