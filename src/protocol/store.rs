@@ -26,6 +26,7 @@
 //! | bool | the settings in force are others than those stored |
 //! | u8 | entries that this firmware does not know, which are kept |
 //! | u8 | entries that it does not take: their settings are the firmware's |
+//! | u8 | motors for which a host gave coefficients, which are stored then: bit 0 is motor 0 |
 //!
 //! ```
 //! use motor_hub::protocol::Request;
@@ -87,6 +88,8 @@ pub struct StoreReport {
     pub unknown: u8,
     /// Entries that it does not take.
     pub refused: u8,
+    /// Bit 0 is motor 0: a host gave it coefficients, by which it is regulated.
+    pub coefficients: u8,
 }
 
 impl Field for StoreReport {
@@ -100,6 +103,7 @@ impl Field for StoreReport {
             differs: bool::read(fields)?,
             unknown: u8::read(fields)?,
             refused: u8::read(fields)?,
+            coefficients: u8::read(fields)?,
         })
     }
 
@@ -110,6 +114,6 @@ impl Field for StoreReport {
         self.at_work.write(payload);
         self.outcome.write(payload);
         self.differs.write(payload);
-        [self.unknown, self.refused].write(payload);
+        [self.unknown, self.refused, self.coefficients].write(payload);
     }
 }

@@ -10,7 +10,7 @@ use crate::protocol::motor::{ChannelMode, Loop, ToMotor};
 use crate::protocol::requests::Standard;
 use crate::protocol::setup::{Motion, Protection, ToSetup};
 use crate::protocol::store::{StoreReport, ToStore};
-use crate::protocol::{Address, Nack, Packet, Request};
+use crate::protocol::{Address, CHANNELS, Nack, Packet, Request};
 use crate::responder::setup;
 use crate::store::{Entry, Found, Full, Order, Outcome, Record, Stored};
 use heapless::Vec;
@@ -197,6 +197,9 @@ impl<const N: usize> Responder<N> {
             differs: self.changed && (keeping.wish != Wish::None || self.differs(record)),
             unknown: *unknown,
             refused: *refused,
+            coefficients: self.channels.iter().take(CHANNELS).enumerate().fold(0, |bits, (motor, channel)| {
+                bits | u8::from(channel.settings().coefficients.is_some()) << motor
+            }),
         }
     }
 
