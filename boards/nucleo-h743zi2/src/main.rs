@@ -7,12 +7,13 @@
 
 mod adc;
 mod chip;
+mod second_bank;
 
 use adc::BatteryAdc;
 use defmt::{info, unwrap, warn};
 use defmt_rtt as _;
 use embassy_executor::Spawner;
-use embassy_stm32::flash::{self, Async, Bank2Region, Flash};
+use embassy_stm32::flash::{self, Flash};
 use embassy_stm32::gpio::{AnyPin, Flex, Input, Level, Output, Pull, Speed};
 use embassy_stm32::peripherals::{IWDG1, TIM1, TIM2, TIM3, TIM4, TIM8, USART3};
 use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx, BufferedUartTx};
@@ -35,6 +36,7 @@ use motor_hub_stm32::pins::DigitalLines;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::watchdog::IndependentWatchdog;
 use motor_hub_stm32::{demo, faults, serial, status};
+use second_bank::SecondBank;
 use static_cell::StaticCell;
 
 /// Motors on this board.
@@ -136,8 +138,8 @@ async fn main(spawner: Spawner) {
     let (tx, rx) = unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, buffers));
     let lamp = Lamp { red: low(p.PB14.into()), green: low(p.PB0.into()), blue: low(p.PE1.into()) };
     let pins = DigitalLines::new([Flex::new(p.PF14), Flex::new(p.PF15)]);
-    let region = Flash::new(p.FLASH, Irqs).into_regions().bank2_region;
-    let keeper = Keeper::new(region, STORE);
+    let second_bank = SecondBank(Flash::new(p.FLASH, Irqs).into_regions().bank2_region);
+    let keeper = Keeper::new(second_bank, STORE);
     let has_store = keeper.is_some();
     if let Some(keeper) = keeper {
         spawner.spawn(unwrap!(store(keeper)));
@@ -207,7 +209,7 @@ async fn responder(
 }
 
 #[embassy_executor::task]
-async fn store(keeper: Keeper<Bank2Region<'static, Async>>) -> ! {
+async fn store(keeper: Keeper<SecondBank>) -> ! {
     tasks::store::run(keeper, &WIRES).await
 }
 
