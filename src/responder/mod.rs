@@ -252,11 +252,10 @@ impl<const N: usize> Responder<N> {
     }
 
     fn answer(&mut self, request: Request, now: Micros, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
-        self.changed |= match request {
-            Request::Motor(..) | Request::Setup(..) => true,
-            Request::Standard(Standard::SetAddress { .. }) => true,
-            _ => false,
-        };
+        self.changed |= matches!(
+            request,
+            Request::Motor(..) | Request::Setup(..) | Request::Standard(Standard::SetAddress { .. })
+        );
         match request {
             Request::Standard(request) => Ok(self.standard(request, now, snapshot)),
             Request::Hub(request) => self.hub(request, snapshot),

@@ -95,11 +95,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// Does what a request says.
-    pub(super) fn receive_store(
-        &mut self,
-        request: ToStore,
-        snapshot: &Snapshot<N>,
-    ) -> Result<Answer, Nack> {
+    pub(super) fn receive_store(&mut self, request: ToStore, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
         let runs = !self.is_off(snapshot);
         let keeping = self.keeping.as_ref().ok_or(Nack::UNSUPPORTED)?;
         let wish = match request {
@@ -197,9 +193,14 @@ impl<const N: usize> Responder<N> {
             differs: self.changed && (keeping.wish != Wish::None || self.differs(record)),
             unknown: *unknown,
             refused: *refused,
-            coefficients: self.channels.iter().take(CHANNELS).enumerate().fold(0, |bits, (motor, channel)| {
-                bits | u8::from(channel.settings().coefficients.is_some()) << motor
-            }),
+            coefficients: self
+                .channels
+                .iter()
+                .take(CHANNELS)
+                .enumerate()
+                .fold(0, |bits, (motor, channel)| {
+                    bits | u8::from(channel.settings().coefficients.is_some()) << motor
+                }),
         }
     }
 

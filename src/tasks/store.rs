@@ -58,7 +58,9 @@ use core::ops::Range;
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::signal::Signal;
-use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
 use sequential_storage::Error;
 use sequential_storage::cache::key_pointers::ArrayKeyPointers;
 use sequential_storage::cache::{Cache, Uncached};
@@ -138,7 +140,8 @@ impl<F: NorFlash> Keeper<F> {
         self.flash.may_erase = true;
         let mended = self.mend().await;
         self.sound = mended.is_ok();
-        let copies = self.copies().await.and_then(|found| mended.map(|()| found).map_err(|_| NotRead::Damaged));
+        let copies =
+            self.copies().await.and_then(|found| mended.map(|()| found).map_err(|_| NotRead::Damaged));
         copies.unwrap_or_else(|why| why.found().unwrap_or_else(|| Found::without_record(Stored::Damaged, 0)))
     }
 

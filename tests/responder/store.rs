@@ -74,13 +74,7 @@ fn set_everything(host: &mut TestHost) {
     let [p, i, d, f] = [10_i32, 3, -1, 7].map(|value| (value << 16).to_le_bytes());
     let pidf = |of| [&[2, of][..], &p, &i, &d, &f, &[1]].concat();
     let pid = [&[0, 2][..], &d, &i, &p].concat();
-    host.do_all(&[
-        (8, &[2, 1, 1]),
-        (12, &[2, 0x88, 0x13]),
-        (51, &pidf(1)),
-        (51, &pidf(2)),
-        (23, &pid),
-    ]);
+    host.do_all(&[(8, &[2, 1, 1]), (12, &[2, 0x88, 0x13]), (51, &pidf(1)), (51, &pidf(2)), (23, &pid)]);
 }
 
 #[test]
@@ -142,11 +136,11 @@ fn a_setup_that_is_as_stored_forgets_no_motion() {
     let known = {
         let mut host = empty();
         set_everything(&mut host);
-        let told = host.told().into_iter().filter_map(|command| match command.action {
+        let mut told = host.told().into_iter().filter_map(|command| match command.action {
             Action::Configure(settings) if command.motor == 2 => Some(settings),
             _ => None,
         });
-        Settings { coefficients: None, ..told.last().expect("configured") }
+        Settings { coefficients: None, ..told.next_back().expect("configured") }
     };
     let mut responder = Responder::new(Address::new(HUB).expect("an address"), [known; N]);
     let mut record = Record::new(1);

@@ -79,7 +79,12 @@ fn history<const WORD: usize, const PAGE: usize>(
                 let next = record(number + 1, &mut lots, longest);
                 again.steps = 0;
                 let done = write(&mut again, &next, true);
-                assert_eq!((done.outcome, done.found.map(|found| found.record)), (Outcome::Done, Some(next.clone())), "{}", what());
+                assert_eq!(
+                    (done.outcome, done.found.map(|found| found.record)),
+                    (Outcome::Done, Some(next.clone())),
+                    "{}",
+                    what()
+                );
                 if flash.erased > 0 {
                     let second = lots.below(again.steps);
                     let tear = [Tear::Before, Tear::Bits, Tear::Half, Tear::Ends][lots.below(4)];

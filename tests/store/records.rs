@@ -42,7 +42,13 @@ fn a_later_version_is_told_from_what_makes_no_sense() {
     for version in VERSION + 1..=u8::MAX {
         assert_eq!(Record::read(&[version, 1, 2, 3]), Err(Unreadable::Later(version)));
     }
-    for nonsense in [&[][..], &[0; 10], &[VERSION, 0, 0, 0], &[VERSION, 0, 0, 0, 0, 1, 2], &[VERSION, 0, 0, 0, 0, 1, 2, 3, 4, 5]] {
+    for nonsense in [
+        &[][..],
+        &[0; 10],
+        &[VERSION, 0, 0, 0],
+        &[VERSION, 0, 0, 0, 0, 1, 2],
+        &[VERSION, 0, 0, 0, 0, 1, 2, 3, 4, 5],
+    ] {
         assert_eq!(Record::read(nonsense), Err(Unreadable::Damaged), "{nonsense:?}");
     }
 }

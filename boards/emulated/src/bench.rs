@@ -51,14 +51,7 @@ impl Setup {
     #[must_use]
     pub fn new(motors: Vec<Mounting>) -> Self {
         let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-        Self {
-            board: Board::default(),
-            motors,
-            battery,
-            stored: Vec::new(),
-            pwm: Pwm::default(),
-            gdb: None,
-        }
+        Self { board: Board::default(), motors, battery, stored: Vec::new(), pwm: Pwm::default(), gdb: None }
     }
 }
 

@@ -118,9 +118,8 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
     let exported = settings(&hub, &["export"]);
     settings(&hub, &["reset"]);
     let factory = settings(&hub, &["export"]);
-    let line = |key: &str| -> String {
-        exported.lines().filter(|line| line.starts_with(key)).last().unwrap().to_owned()
-    };
+    let line =
+        |key: &str| -> String { exported.lines().rfind(|line| line.starts_with(key)).unwrap().to_owned() };
     let (resistance, mode, emf) = (line("resistance_ohm"), line("mode"), line("emf_mv_s_per_count"));
     for (from, to, says) in [
         (resistance.as_str(), "resistance_ohm = 0.0", "resistance"),
@@ -165,7 +164,9 @@ fn a_file_that_is_no_store_is_refused_and_left_alone() {
     let file = folder.join("letter.txt");
     std::fs::write(&file, "Dear hub,").unwrap();
     let path = file.display().to_string();
-    for (path, says) in [(path.as_str(), "is not a store of a hub's settings"), ("/nowhere/store", "/nowhere/store: ")] {
+    for (path, says) in
+        [(path.as_str(), "is not a store of a hub's settings"), ("/nowhere/store", "/nowhere/store: ")]
+    {
         let refused = motor_hub(&["serve", "--tcp", "127.0.0.1:0", "--store", path]);
         assert_eq!(refused.status.code(), Some(2), "{path}");
         assert!(err(&refused).contains(says), "{path}: {}", err(&refused));

@@ -60,7 +60,9 @@ impl<L: Read + Write> Session<L> {
         loop {
             match self.order(what.clone()) {
                 // One that has just been disabled stops at the next tick.
-                Err(Error::Refused { reason: Nack::MOTOR_ENABLED, .. }) if Instant::now() + STORING < end + STOPPING => {
+                Err(Error::Refused { reason: Nack::MOTOR_ENABLED, .. })
+                    if Instant::now() + STORING < end + STOPPING =>
+                {
                     std::thread::sleep(POLL);
                 }
                 Err(error) => return Err(error),

@@ -171,7 +171,10 @@ fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
     assert_eq!(state(&mut bench, &mut talk).number, number);
     // While a motor runs there is no room.
     talk.velocity(&mut bench, 0, 1000);
-    let capture = bench.symbols().iter().find(|symbol| symbol.name.contains("capture_task") && symbol.name.ends_with("::poll"));
+    let capture = bench
+        .symbols()
+        .iter()
+        .find(|symbol| symbol.name.contains("capture_task") && symbol.name.ends_with("::poll"));
     let capture = capture.expect("the task that samples every millisecond").address;
     bench.watch(vec![capture]);
     bench.take_instants();
@@ -183,12 +186,19 @@ fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
     assert_eq!((report.outcome, report.number, report.stored), (Outcome::Done, number + 1, Stored::Whole));
     let samples = bench.take_instants();
     let worst = samples.windows(2).map(|pair| pair[1] - pair[0]).max().expect("samples");
-    println!("a save that erases took {took:?}; of {} samples the latest came {worst:?} after the one before", samples.len());
+    println!(
+        "a save that erases took {took:?}; of {} samples the latest came {worst:?} after the one before",
+        samples.len()
+    );
     assert!(took > ms(1000), "an erasure of 128 KB takes a second at least (DS12110 table 55): {took:?}");
     assert!(worst < Duration::from_micros(1_200), "{worst:?}");
     assert_eq!(bench.resets(), []);
     let log = log(&mut bench);
-    assert!(log.contains("missed 0") && !log.lines().any(|line| line.contains("missed") && !line.contains("missed 0")), "{log}");
+    assert!(
+        log.contains("missed 0")
+            && !log.lines().any(|line| line.contains("missed") && !line.contains("missed 0")),
+        "{log}"
+    );
     bench.assert_sound();
 }
 

@@ -109,7 +109,8 @@ fn saved(session: &mut Session<Line>) -> Result<String, Trouble> {
 
 /// What a file says, as requests that put it in force.
 fn read(file: &Path) -> Result<Vec<Request>, Failure> {
-    let text = std::fs::read_to_string(file).map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
+    let text = std::fs::read_to_string(file)
+        .map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
     let document: Result<Document, _> = toml::from_str(&text);
     let requests = document.map_err(|error| error.to_string()).and_then(|document| document.requests());
     requests.map_err(|error| Failure::Input(format!("{}: {}", file.display(), error.trim_end())))
@@ -137,7 +138,9 @@ fn describe(report: &StoreReport) -> String {
         Stored::Nothing => "nothing".to_owned(),
         Stored::Whole => format!("save {number}"),
         Stored::OneCopy => format!("save {number}, of which one copy is damaged or older: save again"),
-        Stored::Later => format!("settings of a later firmware (version {version}), kept and not in force; `reset` drops them"),
+        Stored::Later => format!(
+            "settings of a later firmware (version {version}), kept and not in force; `reset` drops them"
+        ),
         Stored::Damaged => "something that makes no sense; `reset` clears it".to_owned(),
     }
 }
@@ -172,12 +175,18 @@ fn show(report: &StoreReport, json: bool) -> Result<(), Trouble> {
         return Ok(print_json(&document)?);
     }
     let mut table = table::new(&["stored", &describe(report)], 1);
-    table.add_row(["in force", if differs { "something else: it lasts until the next reset" } else { "the same" }]);
+    table.add_row([
+        "in force",
+        if differs { "something else: it lasts until the next reset" } else { "the same" },
+    ]);
     if unknown > 0 {
         table.add_row(["of another firmware", &format!("{unknown} entries, which are kept")]);
     }
     if refused > 0 {
-        table.add_row(["out of range", &format!("{refused} entries, for which the firmware's own are in force")]);
+        table.add_row([
+            "out of range",
+            &format!("{refused} entries, for which the firmware's own are in force"),
+        ]);
     }
     if let Err(Failure::Work(why) | Failure::Input(why)) = ended(report) {
         table.add_row(["last time", &why]);

@@ -11,7 +11,8 @@ use motor_hub::protocol::setup::{Motion, Protection, Setup, ToSetup};
 use motor_hub::protocol::{CHANNELS, Request};
 use motor_hub::regulator::Dynamics;
 use motor_hub::units::{
-    Acceleration, AccelerationPerVolt, Coefficient, DecayRate, EmfConstant, Inductance, Millivolts, Resistance,
+    Acceleration, AccelerationPerVolt, Coefficient, DecayRate, EmfConstant, Inductance, Millivolts,
+    Resistance,
 };
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
@@ -173,11 +174,13 @@ impl Motor {
         let Setup { emf, resistance, inductance, scheme, duty } = session.setup(number)?;
         let Motion { dynamics, acceleration } = session.motion(number)?;
         let Protection { on_fault, thermal } = session.protection(number)?;
-        let Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us } = session.timing(number)?;
+        let Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us } =
+            session.timing(number)?;
         let ChannelMode { mode, zero_power } = session.ask(ToMotor::Mode.to(number))?;
         let current_alert_ma = session.ask(ToMotor::CurrentAlert.to(number))?;
         let mut gains = |of| -> Result<Option<Gains>, Trouble> {
-            let gains: Option<Coefficients> = has_coefficients.then(|| session.ask(ToMotor::Pidf { of }.to(number))).transpose()?;
+            let gains: Option<Coefficients> =
+                has_coefficients.then(|| session.ask(ToMotor::Pidf { of }.to(number))).transpose()?;
             Ok(gains.map(Gains::from))
         };
         let (velocity_loop, position_loop) = (gains(Loop::Velocity)?, gains(Loop::Position)?);
@@ -216,9 +219,14 @@ impl Motor {
         let Self { number, mode, at_zero_power, current_alert_ma, .. } = *self;
         let Switches { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us } = self.bridge;
         let timing = Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us };
-        let thermal = self.thermal.as_ref().map(|it| ThermalLimit::new(it.continuous_current_ma, it.winding_s, it.case_s));
-        let protection =
-            Protection { on_fault: self.on_fault.into(), thermal: thermal.transpose().map_err(named("thermal"))? };
+        let thermal = self
+            .thermal
+            .as_ref()
+            .map(|it| ThermalLimit::new(it.continuous_current_ma, it.winding_s, it.case_s));
+        let protection = Protection {
+            on_fault: self.on_fault.into(),
+            thermal: thermal.transpose().map_err(named("thermal"))?,
+        };
         let limit = self.acceleration_limit_cps2.map(Acceleration::new).transpose();
         let motion = Motion {
             dynamics: self.dynamics.as_ref().map(Moves::dynamics).transpose()?,
@@ -282,7 +290,8 @@ impl SchemeText {
 
     fn scheme(self) -> Result<Scheme, String> {
         let name: SchemeName = self.scheme.parse().map_err(named("scheme"))?;
-        let blend: Option<BlendChoice> = self.blend.map(toml::Value::try_into).transpose().map_err(named("blend"))?;
+        let blend: Option<BlendChoice> =
+            self.blend.map(toml::Value::try_into).transpose().map_err(named("blend"))?;
         name.with_blend(blend).map_err(named("blend"))
     }
 }
