@@ -224,7 +224,7 @@ impl<const N: usize> Responder<N> {
         for (motor, channel) in (0..).zip(&self.channels) {
             for saying in (0..STEPS).filter_map(|step| saying(channel, motor, step)) {
                 if saying.holds {
-                    record.push(saying.request.id(), &saying.request.payload())?;
+                    record.push(saying.request.id(), &saying.stored_with(stored))?;
                 }
             }
         }
@@ -271,6 +271,15 @@ impl<const N: usize> Responder<N> {
 impl Saying {
     fn is_said_by(&self, entry: &Entry<'_>) -> bool {
         entry.id == self.request.id() && entry.payload.starts_with(&self.name)
+    }
+
+    /// Its fields, and behind them what a later firmware has stored that this one does not know.
+    fn stored_with(&self, stored: &Record) -> Payload {
+        let mut payload = self.request.payload();
+        let before = stored.entries().filter(|entry| self.is_said_by(entry)).last();
+        let more = before.and_then(|entry| entry.payload.get(payload.len()..)).unwrap_or_default();
+        payload.extend(more.iter().copied());
+        payload
     }
 
     /// The request, if it is stored.

@@ -184,18 +184,23 @@ fn what_is_unknown_is_kept_and_what_is_out_of_range_changes_nothing() {
     for (id, payload) in unknown {
         record.push(id, payload).expect("room");
     }
+    // Fields of a later firmware behind those of this one.
+    let longer = [2, 1, 0, 0, 0, 0, 0, 0, 77, 78];
+    record.push(FIRST_FUNCTION + 8, &longer).expect("room");
     // A fault that does what nobody knows, and no set-up at all.
     record.push(FIRST_FUNCTION + 8, &[0, 7, 0, 0, 0, 0, 0, 0]).expect("room");
     record.push(FIRST_FUNCTION, &[3, 0, 0, 0, 0]).expect("room");
     let mut host = powered_on(found(&record));
-    assert_eq!(all(&mut host), all(&mut TestHost::new()));
+    let mut fresh = TestHost::new();
+    fresh.ask(FIRST_FUNCTION + 8, &longer);
+    assert_eq!(all(&mut host), all(&mut fresh));
     assert_eq!(host.responder.enabled(), [false; N]);
     let StoreReport { unknown: kept, refused, .. } = report(&mut host);
     assert_eq!((kept, refused), (4, 2));
     host.ask(SAVE, &[]);
     let saved = carried_out(&mut host);
     assert_eq!(saved.number(), 7);
-    for (id, payload) in unknown {
+    for (id, payload) in unknown.into_iter().chain([(FIRST_FUNCTION + 8, &longer[..])]) {
         assert!(saved.entries().any(|entry| (entry.id, entry.payload) == (id, payload)), "{id:#x}");
     }
 }

@@ -47,7 +47,7 @@ const PINS: usize = 2;
 const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
 
 /// Where settings are stored, from the start of the second bank: its first two sectors. The code is in the other bank, so it
-/// runs on while these are written and erased (RM0090 3.6).
+/// runs on while these are written and erased (RM0090 3.6.5).
 const STORE: core::ops::Range<u32> = 0..32 * 1024;
 
 /// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.

@@ -10,7 +10,7 @@ use embassy_stm32::flash::{Async, Bank2Region, Error};
 use embassy_stm32::pac;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
-/// Of `SCB_CCR`: loads of a core whose faults are masked may fail (PM0253 4.3.7).
+/// Of `SCB_CCR`: loads of a core whose faults are masked may fail (PM0253, configuration and control register).
 const BFHFNMIGN: u32 = 1 << 8;
 
 /// Bytes that are written, and read, as one.

@@ -190,7 +190,7 @@ fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
         "a save that erases took {took:?}; of {} samples the latest came {worst:?} after the one before",
         samples.len()
     );
-    assert!(took > ms(1000), "an erasure of 128 KB takes a second at least (DS12110 table 55): {took:?}");
+    assert!(took > ms(1000), "an erasure of 128 KB takes a second at least (DS12110 table 140): {took:?}");
     assert!(worst < Duration::from_micros(1_200), "{worst:?}");
     assert_eq!(bench.resets(), []);
     let log = log(&mut bench);
