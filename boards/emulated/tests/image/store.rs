@@ -203,6 +203,22 @@ fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
 }
 
 #[test]
+fn an_erasure_that_power_has_cut_is_done_again_at_power_on_and_starves_nobody() {
+    let (mut stored, number) = full();
+    // The second page looks blank, and is not.
+    stored[128 * 1024 + 4096..][..64].fill(0x5A);
+    let mut bench = powered_on(stored);
+    bench.run(ms(2_200));
+    assert_eq!(bench.resets(), []);
+    assert!(bench.stored()[128 * 1024..].iter().all(|byte| *byte == 0xFF));
+    let report = state(&mut bench, &mut Talk::default());
+    assert_eq!((report.stored, report.number), (Stored::Whole, number));
+    let log = log(&mut bench);
+    assert!(log.contains("missed 0"), "{log}");
+    bench.assert_sound();
+}
+
+#[test]
 fn flash_that_drops_what_is_written_is_told_of() {
     let (mut bench, mut talk) = (on(Board::NucleoF429zi, || booted(vec![am60()])), Talk::default());
     assert_eq!(state(&mut bench, &mut talk), StoreReport::default());
