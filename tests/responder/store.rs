@@ -348,6 +348,8 @@ fn entry() -> impl Strategy<Value = (u16, Vec<u8>)> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     /// Whatever is stored, no motor runs for it, and what is in force can be saved and found again.
     #[test]
     fn any_record_is_survived(entries in prop::collection::vec(entry(), 0..12)) {

@@ -102,6 +102,8 @@ fn a_flash_that_holds_anything_is_read_without_an_end() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     /// No bytes make it panic, and what is a record says the same when it is read again.
     #[test]
     fn any_bytes_are_a_record_or_not(mut bytes in prop::collection::vec(any::<u8>(), 0..600), known in any::<bool>()) {

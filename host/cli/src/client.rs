@@ -130,7 +130,7 @@ enum Command {
         #[arg(value_parser = whole("a colour", 0..=u8::MAX, ""))]
         blue: u8,
     },
-    /// Gives the hub another address, 1 to 254
+    /// Gives the hub another address, 1 to 254, which it keeps if it can
     SetAddress {
         #[arg(value_name = "N", value_parser = address)]
         new: Address,

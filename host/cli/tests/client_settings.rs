@@ -6,7 +6,7 @@ mod conformance;
 mod output;
 
 use common::{folder, motor_hub};
-use conformance::Hub;
+use conformance::{Hub, conforms};
 use output::{err, out};
 use serde_json::Value;
 use std::path::PathBuf;
@@ -74,6 +74,9 @@ fn what_is_saved_outlasts_the_hub_and_what_is_not_does_not() {
     assert_eq!(settings(&hub, &["export"]), saved);
     // The address by itself, and at once.
     out(&client(&hub, &["set-address", "9"]));
+    // It is written once it has been answered.
+    let written = (0..20).any(|_| shown(&hub)["number"] == 2);
+    assert!(written, "{}", shown(&hub));
     drop(hub);
 
     let hub = served(&store);
@@ -85,6 +88,12 @@ fn what_is_saved_outlasts_the_hub_and_what_is_not_does_not() {
     let hub = served(&store);
     assert_eq!(settings(&hub, &["export"]), factory);
     assert!(out(&client(&hub, &["discover"])).contains('2'));
+}
+
+#[test]
+fn a_host_that_knows_nothing_of_it_finds_the_hub_as_it_was() {
+    let (_, store) = store("settings-unknown");
+    conforms(&mut served(&store).tcp());
 }
 
 #[test]
