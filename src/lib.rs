@@ -40,6 +40,7 @@
 //! | [`record`] | what happened: faults and resets with the ticks before them, in memory that a reset leaves alone |
 //! | [`protocol`] | the host's protocol as bytes, both ends of it: frames, requests, answers |
 //! | [`responder`] | the hub's end of it: what is remembered and decided; keep-alive, LED |
+//! | [`store`] | settings that outlast power: what is stored, and which of two copies counts |
 //! | [`board`] | the traits that a board implements |
 //! | `tasks` (feature `tasks`, on by default) | async shells round the above |
 //! | `model` (feature `model`) | physics in `f64`, for simulators and tests; knows nothing of the control |
@@ -70,6 +71,7 @@ pub mod protocol;
 pub mod record;
 pub mod regulator;
 pub mod responder;
+pub mod store;
 pub mod supply;
 #[cfg(feature = "tasks")]
 pub mod tasks;

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-/// RM0090 2.3.1 and 3. RAM is SRAM1 to 3; the core-coupled memory, which no DMA reaches, is left alone.
+/// RM0090 2.3.1, 3 and 3.4. Of the flash the first bank: the second has the settings, and may be written while the first is
+/// executed. RAM is SRAM1 to 3; the core-coupled memory, which no DMA reaches, is left alone.
 const MEMORY: &str = "MEMORY {
-    FLASH  : ORIGIN = 0x08000000, LENGTH = 2048K
+    FLASH  : ORIGIN = 0x08000000, LENGTH = 1024K
     STACK  : ORIGIN = 0x20000000, LENGTH = 32K
     RAM    : ORIGIN = 0x20008000, LENGTH = 156K
     RECORD : ORIGIN = 0x2002F000, LENGTH = 4K

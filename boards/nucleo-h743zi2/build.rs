@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-/// RM0433 2.4. Of the RAMs the core's own, DTCM, without wait states and beside all caches: see
+/// RM0433 2.4. Of the flash the first bank: the second has the settings, and may be written while the first is executed.
+/// Of the RAMs the core's own, DTCM, without wait states and beside all caches: see
 /// docs/decisions/0014-caches-of-the-h743.md. DMA1 and DMA2 do not reach it.
 const MEMORY: &str = "MEMORY {
-    FLASH  : ORIGIN = 0x08000000, LENGTH = 2048K
+    FLASH  : ORIGIN = 0x08000000, LENGTH = 1024K
     STACK  : ORIGIN = 0x20000000, LENGTH = 32K
     RAM    : ORIGIN = 0x20008000, LENGTH = 92K
     RECORD : ORIGIN = 0x2001F000, LENGTH = 4K

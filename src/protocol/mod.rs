@@ -15,6 +15,7 @@
 //! | [`requests`] | every request: its number and its fields |
 //! | [`motor`], [`pins`], [`setup`], [`group`], [`led`] | the requests to one motor, to pins, to this hub's own interface, of groups among it; the LED's values |
 //! | [`bus`], [`record`] | of the hub's own interface too: how the bus is, what happened |
+//! | [`store`] | the requests to what is stored |
 //! | [`answers`] | every answer's fields |
 //! | [`nack`] | why a request is refused, as a number and in words |
 //! | [`address`] | who is meant |
@@ -50,6 +51,7 @@ pub mod pins;
 pub mod record;
 pub mod requests;
 pub mod setup;
+pub mod store;
 mod table;
 
 pub use address::{Address, BROADCAST, HOST};

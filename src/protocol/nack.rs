@@ -27,6 +27,16 @@ impl Nack {
     pub const WRONG_MODE: Self = Self(51);
     /// The battery is too low to run a motor, or its voltage is not known.
     pub const BATTERY_LOW: Self = Self(52);
+    /// While a motor is enabled.
+    pub const MOTOR_ENABLED: Self = Self(60);
+    /// Settings are being stored or read.
+    pub const STORE_AT_WORK: Self = Self(61);
+    /// What is stored is a later firmware's.
+    pub const STORE_LATER: Self = Self(62);
+    /// What is stored makes no sense.
+    pub const STORE_DAMAGED: Self = Self(63);
+    /// There is no room for these settings beside those of another firmware.
+    pub const STORE_FULL: Self = Self(64);
     /// A known command for something that the hub does not have.
     pub const UNSUPPORTED: Self = Self(253);
     /// Not a command.
@@ -72,6 +82,11 @@ impl fmt::Display for Nack {
             50 => f.write_str("no target set for this mode"),
             51 => f.write_str("not in the motor's present mode"),
             52 => f.write_str("battery too low"),
+            60 => f.write_str("a motor is enabled"),
+            61 => f.write_str("settings are being stored or read"),
+            62 => f.write_str("what is stored is a later firmware's"),
+            63 => f.write_str("what is stored is damaged"),
+            64 => f.write_str("no room for these settings beside those of another firmware"),
             253 => f.write_str("this hub does not have it"),
             254 => f.write_str("known command, not routed"),
             255 => f.write_str("unknown command"),

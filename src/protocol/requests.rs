@@ -27,6 +27,7 @@ use super::nack::Nack;
 use super::pins::ToPin;
 use super::record::ToRecord;
 use super::setup::{self, ToSetup};
+use super::store::ToStore;
 use super::table::requests;
 
 /// The type of the motor interface's function 0, on hubs of this project.
@@ -164,6 +165,8 @@ pub enum Request {
     Bus,
     /// What happened, on hubs of this project.
     Record(ToRecord),
+    /// To where settings are stored, on hubs of this project.
+    Store(ToStore),
 }
 
 impl Request {
@@ -199,6 +202,9 @@ impl Request {
             if ToRecord::NUMBERS.contains(&number) {
                 return ToRecord::read(number, fields).map(Self::Record);
             }
+            if ToStore::NUMBERS.contains(&number) {
+                return ToStore::read(number, fields).map(Self::Store);
+            }
             return Ok(Self::Setup(motor(fields)?, ToSetup::read(number, fields)?));
         }
         if Standard::NUMBERS.contains(&packet.id) {
@@ -212,7 +218,7 @@ impl Request {
         match self {
             Self::Standard(_) => None,
             Self::Hub(_) | Self::Motor(..) | Self::Pin(_) => Some(Interface::Motors),
-            Self::Setup(..) | Self::Group(..) | Self::Bus | Self::Record(_) => Some(Interface::Setup),
+            Self::Setup(..) | Self::Group(..) | Self::Bus | Self::Record(_) | Self::Store(_) => Some(Interface::Setup),
         }
     }
 
@@ -227,6 +233,7 @@ impl Request {
             Self::Group(_, request) => request.number(),
             Self::Bus => bus::FUNCTION,
             Self::Record(request) => request.number(),
+            Self::Store(request) => request.number(),
         }
     }
 
@@ -248,6 +255,7 @@ impl Request {
             Self::Pin(request) => request.write(out),
             Self::Bus => (),
             Self::Record(request) => request.write(out),
+            Self::Store(request) => request.write(out),
             Self::Motor(motor, request) => {
                 motor.write(out);
                 request.write(out);
@@ -291,6 +299,12 @@ impl From<ToPin> for Request {
 impl From<ToRecord> for Request {
     fn from(request: ToRecord) -> Self {
         Self::Record(request)
+    }
+}
+
+impl From<ToStore> for Request {
+    fn from(request: ToStore) -> Self {
+        Self::Store(request)
     }
 }
 

@@ -1,7 +1,7 @@
 //! What the protocol has no words for: which motor a channel drives, and what its control values mean.
 //!
 //! An interface of this hub's own beside the one that hosts know; a host that does not ask for it by its
-//! name, `MOTOR_HUB`, never meets it. Nothing of it outlasts a reset.
+//! name, `MOTOR_HUB`, never meets it. Nothing of it outlasts a reset unless it is [stored](super::store).
 //!
 //! | function | payload | answer |
 //! |---|---|---|
@@ -19,6 +19,7 @@
 //! | 11 say how the motor's bridge switches | motor, then the fields of a [`Timing`] | ACK |
 //! | 12 read it back | motor | the fields |
 //! | 13 | of the bus, see [`bus`](super::bus) | |
+//! | 14 to 17 | of what is stored, see [`store`](super::store) | |
 //! | 18, 19 | of what happened, see [`record`](super::record) | |
 //!
 //! Function 4 is refused (51) unless the motor is enabled, in constant power of 0; any other target, mode or

@@ -34,6 +34,8 @@ macro_rules! requests {
                 number: u16,
                 fields: &mut $crate::protocol::fields::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
+                // Nobody reads from them where no request has any.
+                let _ = &fields;
                 Ok(match number {
                     $($number => Self::$request $({
                         $($field: <$type as $crate::protocol::fields::Field>::read(fields)?),+
@@ -44,6 +46,7 @@ macro_rules! requests {
 
             /// Appends the fields.
             pub(super) fn write(&self, payload: &mut $crate::protocol::fields::Payload) {
+                let _ = &payload;
                 match self {
                     $(Self::$request $({ $($field),+ })? => {
                         $($($crate::protocol::fields::Field::write($field, payload);)+)?

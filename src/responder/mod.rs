@@ -18,6 +18,7 @@
 //! | [`led`] | the status LED |
 //! | [`button`] | what a button on the board may do until a host has spoken |
 //! | [`pins`] | digital pins; PWM and servo outputs, which this hub only remembers |
+//! | `store` | settings that outlast power: which, and when they are written |
 //!
 //! While the battery is low ([`Snapshot::battery_low`]) motors cannot be enabled, and status word and LED say so;
 //! those that run go on with what the supply allows.
@@ -54,6 +55,7 @@ pub mod led;
 pub mod motor;
 pub mod pins;
 pub mod setup;
+mod store;
 
 pub use answer::Answer;
 
@@ -75,6 +77,7 @@ use group::Courses;
 use led::Led;
 use motor::MotorChannel;
 use pins::{DigitalLines, PinMemory};
+use store::Keeping;
 
 /// What the version commands say: first the version of the interface, for hosts that read from these numbers what they may
 /// ask for, and the hardware that they take it for; then this firmware's own.
@@ -106,6 +109,15 @@ pub struct Responder<const N: usize> {
     number: u8,
     alive: Alive,
     channels: [MotorChannel; N],
+    /// What the hub has without what is stored.
+    factory_address: Address,
+    factory: [Settings; N],
+    /// Something may have been set since power-on.
+    changed: bool,
+    /// Something does, and will say so.
+    expects_store: bool,
+    /// `None` where nothing outlasts power.
+    keeping: Option<Keeping>,
     courses: Courses<N>,
     pins: PinMemory,
     bus: Seen,
@@ -123,6 +135,11 @@ impl<const N: usize> Responder<N> {
             number: 0,
             alive: Alive::new(),
             channels: settings.map(MotorChannel::new),
+            factory_address: address,
+            factory: settings,
+            changed: false,
+            expects_store: false,
+            keeping: None,
             courses: Courses::NONE,
             pins: PinMemory::default(),
             bus: Seen::NOTHING,
@@ -132,7 +149,7 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// The address in force; whoever wants to keep it over a reset stores it.
+    /// The address in force.
     pub const fn address(&self) -> Address {
         self.address
     }
@@ -254,6 +271,10 @@ impl<const N: usize> Responder<N> {
         snapshot: &Snapshot<N>,
         record: Option<&mut Record<'_>>,
     ) -> Result<Answer, Nack> {
+        self.changed |= matches!(
+            request,
+            Request::Motor(..) | Request::Setup(..) | Request::Standard(Standard::SetAddress { .. })
+        );
         match request {
             Request::Standard(request) => Ok(self.standard(request, now, snapshot)),
             Request::Hub(request) => self.hub(request, snapshot),
@@ -263,6 +284,7 @@ impl<const N: usize> Responder<N> {
             Request::Group(motor, ToGroup::State) => self.group(motor, snapshot),
             Request::Record(request) => recall(request, record),
             Request::Bus => Ok(Answer::data(&self.bus_report(now, &snapshot.bus))),
+            Request::Store(request) => self.receive_store(request, snapshot),
             Request::Setup(motor, request) => {
                 let motor = usize::from(motor);
                 let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
@@ -281,7 +303,10 @@ impl<const N: usize> Responder<N> {
                 self.disable();
                 self.alive.fail_safe();
             }
-            Standard::SetAddress { address } => self.address = address,
+            Standard::SetAddress { address } => {
+                self.address = address;
+                self.keep_address();
+            }
             Standard::SetLedColour { colour } => self.led.set_colour(colour),
             Standard::SetLedPattern { pattern } => self.led.set_pattern(pattern, now),
             Standard::Status { clear } => {

@@ -132,10 +132,7 @@ impl MotorChannel {
                 self.set_pidf(of, Coefficients { pidf, algorithm: Algorithm::Legacy });
             }
             ToMotor::SetPidf { of, coefficients } => self.set_pidf(of, coefficients),
-            ToMotor::Mode => {
-                let (mode, zero_power) = (self.mode, self.settings.zero_power);
-                return Ok(Answer::data(&ChannelMode { mode, zero_power }));
-            }
+            ToMotor::Mode => return Ok(Answer::data(&self.mode())),
             ToMotor::Enable => return Ok(Answer::data(&self.enabled)),
             ToMotor::CurrentAlert => return Ok(Answer::data(&self.current_alert)),
             ToMotor::Power => return Ok(Answer::data(&self.power.unwrap_or_default())),
@@ -231,7 +228,7 @@ impl MotorChannel {
         self.pending.configure = true;
     }
 
-    fn pidf(&self, of: Loop) -> Coefficients {
+    pub(super) fn pidf(&self, of: Loop) -> Coefficients {
         let both = self.coefficients();
         let (pidf, algorithm) = match of {
             Loop::Velocity => (both.velocity, self.velocity_algorithm),
@@ -367,6 +364,25 @@ impl MotorChannel {
     /// Its settings, as the host has left them.
     pub const fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// What regulates it, and what zero means to it.
+    pub(super) const fn mode(&self) -> ChannelMode {
+        ChannelMode { mode: self.mode, zero_power: self.settings.zero_power }
+    }
+
+    /// In milliamperes; 0 for none.
+    pub(super) const fn current_alert(&self) -> u16 {
+        self.current_alert
+    }
+
+    /// What a host has set is forgotten, but for targets and where its counts begin. For a motor that is off.
+    pub(super) const fn forget_settings(&mut self, settings: Settings) {
+        self.settings = settings;
+        (self.velocity_algorithm, self.position_algorithm) = (Algorithm::Pidf, Algorithm::Pidf);
+        self.mode = RunMode::Power;
+        self.current_alert = 0;
+        self.pending.configure = true;
     }
 
     /// The last valid *set enable*, unless fail-safe came after it.

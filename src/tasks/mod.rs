@@ -19,6 +19,7 @@
 //! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
 //! | record | of what happened, in a cell | written with each tick; the oldest entry makes room |
 //! | last words | likewise, for fault handlers | written once a run |
+//! | store | two [`Signal`]s | an order at a time, and what became of it |
 //! | host spoke | a flag | set by the responder's task once a host has spoken, until reset |
 //!
 //! All of them are generic over the number of motors and over the board's traits, so an embassy
@@ -44,6 +45,7 @@ pub mod control;
 pub mod health;
 pub mod output;
 pub mod responder;
+pub mod store;
 pub mod supply;
 
 pub use health::{Health, Task};
@@ -92,6 +94,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub record: Mutex<M, RefCell<Option<Record<'static>>>>,
     /// From whoever ends the run to the next one.
     pub last_words: CriticalSectionMutex<RefCell<Option<LastWords<'static>>>>,
+    /// Between the responder and whoever has the memory for settings.
+    pub store: store::Shelf<M>,
     /// From the responder to anyone: a host has spoken since reset.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -111,6 +115,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             newest: Mutex::new(RefCell::new(Newest::new())),
             record: Mutex::new(RefCell::new(None)),
             last_words: CriticalSectionMutex::new(RefCell::new(None)),
+            store: store::Shelf::new(),
             host_spoke: Mutex::new(Cell::new(false)),
         }
     }

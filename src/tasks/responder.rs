@@ -1,6 +1,7 @@
 //! The hub's end of the host's protocol: bytes to packets, packets to commands and replies, digital pins, and the clock for
 //! the keep-alive timer and the status LED.
 
+use super::store::Done;
 use super::{Wires, micros};
 use crate::board::DigitalPins;
 use crate::hub::Snapshot;
@@ -29,6 +30,8 @@ const RECOVERY: Duration = Duration::from_millis(1);
 /// Talks to hosts until `rx` ends (reads nothing), which a serial line never does. Where connections
 /// come and go, [`attend`] to the responder between them: the keep-alive timer runs on.
 ///
+/// A responder that [expects a store](Responder::expecting_store) hears nothing before that has told what is in it.
+///
 /// Every reply is one `write_all`. A packet that is cut short or damaged by a line error goes
 /// unanswered, as does one whose reply cannot be written; hosts ask again. While a host does not take
 /// its reply, time goes on for the motors all the same.
@@ -43,6 +46,7 @@ pub async fn run<M: RawMutex, const N: usize>(
     wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) {
+    recall(responder, wires, &mut show).await;
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
     loop {
@@ -85,6 +89,26 @@ pub async fn run<M: RawMutex, const N: usize>(
     }
 }
 
+/// A memory that has not told so long after a reset what is in it never will: an erasure that power had cut, and that is
+/// done again, takes 4 s at the most.
+const RECALL: Duration = Duration::from_secs(5);
+
+/// Waits for what is stored, if there is a memory for it.
+async fn recall<M: RawMutex, const N: usize>(
+    responder: &mut Responder<N>,
+    wires: &Wires<M, N>,
+    mut show: impl FnMut(Colour),
+) {
+    let end = Instant::now() + RECALL;
+    while responder.awaits_store() && Instant::now() < end {
+        show(responder.led(now()));
+        let told = select(wires.store.done.wait(), Timer::after(REFRESH)).await;
+        if let Either::First(Done { found: Some(found), .. }) = told {
+            responder.restore(found);
+        }
+    }
+}
+
 /// All that does not depend on bytes: motors are told what they have not been told yet, the keep-alive
 /// timer runs, and the LED shows it. Runs for ever; dropping it loses nothing.
 pub async fn attend<M: RawMutex, const N: usize>(
@@ -115,8 +139,14 @@ fn settle<M: RawMutex, const N: usize>(
     wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) {
-    let now = now();
-    responder.tick(now, &snapshot(wires));
+    let (now, snapshot) = (now(), snapshot(wires));
+    responder.tick(now, &snapshot);
+    if let Some(Done { found, outcome }) = wires.store.done.try_take() {
+        responder.carried_out(found, outcome);
+    }
+    if let Some(order) = responder.order(&snapshot) {
+        wires.store.order.signal(order);
+    }
     wires.host_spoke.lock(|spoke| spoke.set(responder.host_spoke()));
     while let Some(command) = responder.pending() {
         if wires.try_send(command).is_err() {

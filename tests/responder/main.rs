@@ -8,4 +8,5 @@ mod properties;
 mod record;
 mod setup;
 mod state;
+mod store;
 mod task;

@@ -10,6 +10,8 @@ use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub::responder::Responder;
+use motor_hub::store::{Found, Outcome, Record, Stored};
+use motor_hub::tasks::store::Done;
 use motor_hub::tasks::{self, COMMANDS, Wires};
 use motor_hub::units::Millivolts;
 use std::cell::{Cell, RefCell};
@@ -390,4 +392,52 @@ fn between_connections_the_timer_runs_on() {
     });
     run_ms(&mut task, 2500);
     assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));
+}
+
+#[test]
+fn a_hub_with_a_store_listens_once_it_knows_what_is_in_it() {
+    let world = World::new();
+    let mut responder =
+        Responder::new(Address::new(HUB).expect("an address"), [settings(); N]).expecting_store();
+    let shown = Cell::new(0);
+    let mut task =
+        pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| {
+            shown.set(shown.get() + 1)
+        }));
+    // The current alert of motor 2.
+    world.call(13, &[2]);
+    run_ms(&mut task, 400);
+    assert_eq!((world.replies(), world.told()), (vec![], vec![]));
+    let mut record = Record::new(1);
+    record.push(0x100C, &[2, 7, 0]).expect("room");
+    let found = Some(Found { stored: Stored::Whole, version: 1, record });
+    world.wires.store.done.signal(Done { found, outcome: Outcome::None });
+    run_ms(&mut task, 2);
+    assert_eq!(world.replies(), [(0x900D, 7)]);
+    assert!(world.told().iter().all(|command| matches!(command.action, Action::Configure(_))));
+    // An order goes to whoever has the memory, and what became of it comes back.
+    world.send(&frame_to(HUB, 2, 0x4D0E, &[]));
+    run_ms(&mut task, 2);
+    let order = world.wires.store.order.try_take().expect("an order");
+    assert_eq!(order.record.map(|record| record.number()), Some(2));
+    assert_eq!(world.replies(), [(0x7F01, 1)]);
+    // Meanwhile the watchdog is looked after: whoever shows the LED checks in.
+    assert!(shown.get() >= 8, "{shown:?}");
+}
+
+#[test]
+fn a_store_that_never_tells_does_not_deafen_the_hub() {
+    let world = World::new();
+    let mut responder =
+        Responder::new(Address::new(HUB).expect("an address"), [settings(); N]).expecting_store();
+    let mut task =
+        pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| ()));
+    world.send(&frame_to(HUB, 1, 0x7F04, &[]));
+    run_ms(&mut task, 4_900);
+    assert_eq!(world.replies(), []);
+    run_ms(&mut task, 200);
+    assert_eq!(world.replies(), [(0x7F01, 1)]);
+    world.send(&frame_to(HUB, 2, 0x4D0E, &[]));
+    run_ms(&mut task, 2);
+    assert_eq!(world.replies(), [(0x7F02, 253)]);
 }

@@ -1,4 +1,4 @@
-//! `cargo xtask fuzz`: a minute of any bytes into the host link.
+//! `cargo xtask fuzz`: a minute of any bytes into the host link, and a minute of any bytes as what is stored.
 
 use crate::tool::{Failed, cargo, cargo_command, command, none, output, root, run};
 use std::fs;

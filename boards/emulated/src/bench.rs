@@ -39,6 +39,8 @@ pub struct Setup {
     pub motors: Vec<Mounting>,
     /// Their battery.
     pub battery: Battery,
+    /// What its memory for settings holds: that of [`Board::store`], or nothing for a blank one.
+    pub stored: Vec<u8>,
     /// How TIM1 is emulated.
     pub pwm: Pwm,
     /// Where to listen for GDB, if at all; the core then waits for it.
@@ -50,7 +52,7 @@ impl Setup {
     #[must_use]
     pub fn new(motors: Vec<Mounting>) -> Self {
         let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-        Self { board: Board::default(), motors, battery, pwm: Pwm::default(), gdb: None }
+        Self { board: Board::default(), motors, battery, stored: Vec::new(), pwm: Pwm::default(), gdb: None }
     }
 }
 
@@ -93,6 +95,7 @@ pub struct Bench {
     thread: Option<JoinHandle<Result<(), Stopped>>>,
     table: Option<Table>,
     symbols: Vec<elf::Symbol>,
+    board: Board,
     motors: usize,
     heard: usize,
     now: u64,
@@ -113,19 +116,23 @@ impl Bench {
         let table = Table::parse(&bytes).expect("the image's log strings are readable");
         let symbols = elf::symbols(&bytes);
         let log_ring = elf::find(&symbols, "_SEGGER_RTT");
-        let images = [
+        let mut images = vec![
             Nucleo::factory_image(setup.board).expect("factory words"),
             astray::image(elf::find(&symbols, "panic_const_div_by_zero").unwrap_or_default())
                 .expect("an image"),
             Image::new(image, bytes, None).expect("an image"),
         ];
+        if !setup.stored.is_empty() {
+            let at = Some(setup.board.store().start);
+            images.push(Image::new(Path::new("settings"), setup.stored.clone(), at).expect("an image"));
+        }
         let (orders, order_queue) = channel();
         let (reached_sender, reached) = sync_channel(0);
-        let motors = setup.motors.len();
+        let (board, motors) = (setup.board, setup.motors.len());
         assert!(motors <= wiring::BRIDGES, "the board has {} bridges", wiring::BRIDGES);
         let thread = std::thread::spawn(move || run(setup, &images, log_ring, order_queue, reached_sender));
         let mut bench =
-            Self { orders, reached, thread: Some(thread), table, symbols, motors, heard: 0, now: 0 };
+            Self { orders, reached, thread: Some(thread), table, symbols, board, motors, heard: 0, now: 0 };
         bench.wait();
         bench
     }

@@ -74,6 +74,15 @@ impl Board {
         0x2000_2000..0x2000_8000
     }
 
+    /// Addresses of the two pages of flash that its settings are stored in.
+    #[must_use]
+    pub const fn store(self) -> Range<u64> {
+        match self {
+            Self::NucleoF429zi => 0x0810_0000..0x0810_8000,
+            Self::NucleoH743zi2 => 0x081C_0000..0x0820_0000,
+        }
+    }
+
     /// The board that `MOTOR_HUB_BOARD` names, or else the first: what tests run that are not of one board.
     ///
     /// # Errors

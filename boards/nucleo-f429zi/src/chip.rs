@@ -40,7 +40,7 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
 /// Prefetch and both caches, without which each jump costs five cycles. Prefetch is also the cure of erratum 2.2.3
 /// (ES0206): with it off, and a debugger that keeps the core's clock on in sleep, what follows a WFE at an address
 /// that ends in 4 may be executed wrongly. (Who writes to one bank of the flash and goes on in the other must switch
-/// the data cache off meanwhile: erratum 2.2.15. Nothing here writes to it.)
+/// the data cache off meanwhile, erratum 2.2.15, which the HAL does.)
 ///
 /// # Debugger
 /// While the core is halted TIM1 stands still, and its outputs are off as after a break (RM0090 17.3.21): low, with
@@ -98,4 +98,11 @@ pub(crate) fn watch_supply() {
 fn unmask_pvd() {
     // SAFETY: the handler touches nothing but registers and atomics.
     unsafe { cortex_m::peripheral::NVIC::unmask(pac::Interrupt::PVD) }
+}
+
+/// False on chips whose second bank may be read wrongly, depending on the level of PA12, which is USB's here: those before
+/// revision 3 (ES0206, erratum 2.2.14). The HAL panics there.
+pub(crate) fn reads_second_bank() -> bool {
+    const REVISION_3: u16 = 0x2001;
+    pac::DBGMCU.idcode().read().rev_id() >= REVISION_3
 }

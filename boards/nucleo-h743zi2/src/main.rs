@@ -7,11 +7,13 @@
 
 mod adc;
 mod chip;
+mod second_bank;
 
 use adc::BatteryAdc;
 use defmt::{info, unwrap};
 use defmt_rtt as _;
 use embassy_executor::Spawner;
+use embassy_stm32::flash::{self, Flash};
 use embassy_stm32::gpio::{AnyPin, Flex, Input, Level, Output, Pull, Speed};
 use embassy_stm32::peripherals::{IWDG1, TIM1, TIM2, TIM3, TIM4, TIM8, USART3};
 use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx, BufferedUartTx};
@@ -25,6 +27,7 @@ use motor_hub::protocol::Address;
 use motor_hub::record::Fault;
 use motor_hub::responder::Responder;
 use motor_hub::supply::{Limits, Supply};
+use motor_hub::tasks::store::Keeper;
 use motor_hub::tasks::{self, Health, Task};
 use motor_hub::units::Period;
 use motor_hub_stm32::diag::DiagLines;
@@ -35,6 +38,7 @@ use motor_hub_stm32::pins::DigitalLines;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::watchdog::IndependentWatchdog;
 use motor_hub_stm32::{demo, record, serial, status};
+use second_bank::SecondBank;
 use static_cell::StaticCell;
 
 /// Motors on this board.
@@ -45,6 +49,10 @@ const PINS: usize = 2;
 
 /// Divider from the battery to PA3: 24 V, the highest that the bridges take, makes 2.61 V, and 30.3 V the full 3.3 V.
 const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
+
+/// Where settings are stored, from the start of the second bank: its last two sectors. The code is in the other bank, so it
+/// runs on while these are written and erased (RM0433 4.3.11).
+const STORE: core::ops::Range<u32> = 768 * 1024..1024 * 1024;
 
 /// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.
 const PERIOD: Period = motor_hub_stm32::period(option_env!("CONTROL_PERIOD_MS"));
@@ -58,6 +66,7 @@ static HEALTH: Health = Health::new().expecting(Task::Responder).expecting(Task:
 type Encoders = QuadratureCounters<(Counter<TIM2>, Counter<TIM3>, Counter<TIM4>, Counter<TIM8>)>;
 
 bind_interrupts!(struct Irqs {
+    FLASH => flash::InterruptHandler;
     USART3 => BufferedInterruptHandler<USART3>;
 });
 
@@ -131,7 +140,13 @@ async fn main(spawner: Spawner) {
     let (tx, rx) = unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, buffers));
     let lamp = Lamp { red: low(p.PB14.into()), green: low(p.PB0.into()), blue: low(p.PE1.into()) };
     let pins = DigitalLines::new([Flex::new(p.PF14), Flex::new(p.PF15)]);
-    spawner.spawn(unwrap!(responder(rx, tx, pins, lamp, settings)));
+    let second_bank = SecondBank(Flash::new(p.FLASH, Irqs).into_regions().bank2_region);
+    let keeper = Keeper::new(second_bank, STORE);
+    let has_store = keeper.is_some();
+    if let Some(keeper) = keeper {
+        spawner.spawn(unwrap!(store(keeper)));
+    }
+    spawner.spawn(unwrap!(responder(rx, tx, pins, lamp, settings, has_store)));
     spawner.spawn(unwrap!(button(Input::new(p.PC13, Pull::None))));
 }
 
@@ -181,14 +196,23 @@ async fn responder(
     pins: DigitalLines<PINS>,
     mut lamp: Lamp,
     settings: Settings,
+    has_store: bool,
 ) {
     let mut responder = Responder::new(Address::DEFAULT, [settings; MOTORS]);
+    if has_store {
+        responder = responder.expecting_store();
+    }
     // The lamp is shown at least every 100 ms, whatever the line does.
     let show = |colour| {
         lamp.show(colour);
         HEALTH.check_in(Task::Responder);
     };
     tasks::responder::run(rx, tx, pins, &mut responder, &WIRES, show).await;
+}
+
+#[embassy_executor::task]
+async fn store(keeper: Keeper<SecondBank>) -> ! {
+    tasks::store::run(keeper, &WIRES).await
 }
 
 #[embassy_executor::task]

@@ -11,20 +11,22 @@
 //!
 //! // Until the process ends: `motor-hub client --tcp 127.0.0.1:7070 status` finds it.
 //! let line = serve::Line::tcp("127.0.0.1:7070")?;
-//! serve::run(&Scenario::default_one()?, Address::DEFAULT, line, &mut |_| true)?;
+//! serve::run(&Scenario::default_one()?, Address::DEFAULT, line, None, &mut |_| true)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 mod line;
+mod memory;
 #[cfg(unix)]
 mod pty;
 mod tcp;
 
 pub use line::{Line, LineError};
+pub use memory::{Memory, MemoryError};
 
 use crate::scenario::Scenario;
 use crate::sim::{self, Executor, RunError, Wires};
-use embassy_futures::join::join;
+use embassy_futures::join::join3;
 use embassy_time::MockDriver;
 use embedded_io_async::{ErrorType, Read, Write};
 use motor_hub::bridge::Drive;
@@ -32,10 +34,10 @@ use motor_hub::hub::Snapshot;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub::record::{Fault, SIZE};
 use motor_hub::responder::Responder;
-use motor_hub::tasks::{Health, Task, responder};
+use motor_hub::tasks::{Health, Task, responder, store};
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
-use std::future::poll_fn;
+use std::future::{pending, poll_fn};
 use std::pin::pin;
 use std::task::Poll;
 use std::time::{Duration, Instant};
@@ -91,7 +93,8 @@ pub fn line_on(battery_v: f64, motors: impl Iterator<Item = (f64, Drive)>) -> St
     format!("{battery_v:.2} V{}", motors.collect::<String>())
 }
 
-/// Serves the hub of a scenario with its motors, loads and battery. Its set-points are left to the host.
+/// Serves the hub of a scenario with its motors, loads and battery. Its set-points are left to the host. With a `memory`
+/// its settings outlast the program.
 ///
 /// `show` is called every millisecond; false ends it.
 ///
@@ -101,6 +104,7 @@ pub fn run(
     scenario: &Scenario,
     address: Address,
     line: Line,
+    memory: Option<Memory>,
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), RunError> {
     MockDriver::get().reset();
@@ -114,15 +118,25 @@ pub fn run(
 
     let line = RefCell::new(line);
     let led = Cell::new(Colour::default());
+    let keeps = memory.is_some();
     let serve = async {
         let show = |colour| {
             led.set(colour);
             health.check_in(Task::Responder);
         };
         let mut hub = Responder::new(address, settings);
+        if keeps {
+            hub = hub.expecting_store();
+        }
         responder::run(End(&line), End(&line), board.clone(), &mut hub, &wires, show).await;
     };
-    let mut everything = pin!(join(tasks, serve));
+    let keep = async {
+        match memory.and_then(Memory::keeper) {
+            Some(keeper) => store::run(keeper, &wires).await,
+            None => pending().await,
+        }
+    };
+    let mut everything = pin!(join3(tasks, serve, keep));
 
     let executor = Executor::new();
     let mut snapshot = Snapshot::INITIAL;

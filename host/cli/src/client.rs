@@ -12,6 +12,7 @@ mod live;
 mod ports;
 mod record;
 mod scan;
+mod settings;
 mod setup;
 mod status;
 mod together;
@@ -106,8 +107,12 @@ enum Command {
     Coefficients(coefficients::Options),
     /// Shows or says which motor is connected and how it is controlled, on hubs of this project
     ///
-    /// Setting anything gives the motor the coefficients that go with it. Nothing of it outlasts a reset.
+    /// Setting anything gives the motor the coefficients that go with it. Nothing of it outlasts a reset unless it is
+    /// saved: see `settings`.
     Setup(setup::Options),
+    /// Settings that outlast power, on hubs of this project: shows, saves, resets, exports, imports
+    #[command(long_about = settings::HELP)]
+    Settings(settings::Options),
     /// Learns how a motor moves with its load, from a motion of some 3 s both ways, on hubs of this project
     ///
     /// The motor must stand, and be free to turn. It is disabled at the end, on Ctrl-C, and on any error.
@@ -129,7 +134,7 @@ enum Command {
         #[arg(value_parser = whole("a colour", 0..=u8::MAX, ""))]
         blue: u8,
     },
-    /// Gives the hub another address, 1 to 254
+    /// Gives the hub another address, 1 to 254, which it keeps if it can
     SetAddress {
         #[arg(value_name = "N", value_parser = address)]
         new: Address,
@@ -152,6 +157,7 @@ impl Options {
         match &self.command {
             Command::Drive(drive) => drop(drive.order()?),
             Command::Record(options) => options.check()?,
+            Command::Settings(options) => options.check()?,
             _ => (),
         }
         let timeout = Duration::from_millis(self.timeout);
@@ -209,6 +215,7 @@ impl Command {
             Self::Together(options) => return options.execute(&mut session),
             Self::Coefficients(options) => return options.execute(&mut session),
             Self::Setup(options) => return options.execute(&mut session),
+            Self::Settings(options) => return options.execute(&mut session),
             Self::Identify(options) => return options.execute(&mut session),
             Self::Tune(options) => return options.execute(&mut session),
             Self::Watch(options) => return options.execute(&mut session),

@@ -13,7 +13,7 @@ use notices::Notices;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register;
 use simulated::scenario::{Scenario, ScenarioError};
-use simulated::serve::{self, Line, LineError, Moment};
+use simulated::serve::{self, Line, LineError, Memory, Moment};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -40,9 +40,12 @@ pub(crate) struct Options {
     /// Address of the hub, 1 to 254
     #[arg(long, value_name = "N", default_value = "2", value_parser = address)]
     address: Address,
+    /// File that the hub stores its settings in, so that they outlast the program; made if there is none
+    #[arg(long, value_name = "FILE")]
+    store: Option<PathBuf>,
     /// The flashed image on an emulated chip instead of the simulated board. It is built first if it is not
     /// fresh. Its address is 2
-    #[arg(long, conflicts_with = "address")]
+    #[arg(long, conflicts_with_all = ["address", "store"])]
     emulated: bool,
     /// Whose image: nucleo-f429zi or nucleo-h743zi2
     #[arg(long, value_name = "BOARD", default_value_t, requires = "emulated")]
@@ -57,8 +60,9 @@ impl Options {
                 emulated::serve::run(scenario, self.board, line, show)
             });
         }
+        let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;
         self.serving.execute(Scenario::to_serve, |scenario, line, show| {
-            serve::run(scenario, self.address, line, show)
+            serve::run(scenario, self.address, line, memory, show)
         })
     }
 }

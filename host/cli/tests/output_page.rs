@@ -102,8 +102,11 @@ impl Served {
     }
 
     fn with(options: &[&str]) -> Self {
+        let store = folder("page-store");
+        std::fs::create_dir_all(&store).unwrap();
+        let store = store.join("store").display().to_string();
         let mut child = Command::new(env!("CARGO_BIN_EXE_motor-hub"))
-            .args(["serve", "--tcp", "127.0.0.1:0"])
+            .args(["serve", "--tcp", "127.0.0.1:0", "--store", &store])
             .args(options)
             .stdout(Stdio::piped())
             .spawn()
@@ -128,6 +131,7 @@ fn the_client_prints_what_the_page_says() {
         |arguments: &[&str]| json(&[&["client", "--tcp", &served.1][..], arguments, &["--json"]].concat());
     assert_agree("client status", &[client(&["status"])]);
     assert_agree("client setup", &[client(&["setup", "0", "--scheme", "D", "--continuous-current-a", "1"])]);
+    assert_agree("client settings show", &[client(&["settings", "show"])]);
     assert_agree("client coefficients", &[client(&["coefficients", "0", "velocity"])]);
     assert_agree("client identify", &[client(&["identify", "0"])]);
     assert_agree("client tune", &[client(&["tune", "1"])]);

@@ -21,10 +21,20 @@ use motor_hub::protocol::fields::Text;
 use motor_hub::protocol::group::{GroupMove, GroupState, ToGroup};
 use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
-use motor_hub::protocol::{Address, Colour};
+use motor_hub::protocol::store::{StoreReport, ToStore};
+use motor_hub::protocol::{Address, Colour, Nack};
 use motor_hub::record::{Head, Tick};
 use motor_hub::units::{Milliamperes, Millivolts};
 use std::io::{Read, Write};
+use std::time::{Duration, Instant};
+
+/// A save that erases takes some seconds at most.
+const STORING: Duration = Duration::from_secs(10);
+
+/// A control period is 100 ms at most.
+const STOPPING: Duration = Duration::from_millis(300);
+
+const POLL: Duration = Duration::from_millis(20);
 
 impl<L: Read + Write> Session<L> {
     /// How the bus of battery and bridges is; `None` of a hub that has no words for it: another maker's, or older than this.
@@ -79,6 +89,37 @@ impl<L: Read + Write> Session<L> {
     /// Makes the hub forget what happened.
     pub fn forget_record(&mut self) -> Result<(), Error> {
         self.ask(ToRecord::Entries { from: 0, clear: true }).map(|_: Entries| ())
+    }
+
+    /// What the hub has stored of its settings, and what became of the last save; of this project's own firmware, on a
+    /// board that can.
+    pub fn stored(&mut self) -> Result<StoreReport, Error> {
+        self.ask(ToStore::State)
+    }
+
+    /// Has the hub store its settings, put in force those that are stored, or forget them, and waits until that is over.
+    /// The report says how it ended.
+    pub fn store(&mut self, what: ToStore) -> Result<StoreReport, Error> {
+        let end = Instant::now() + STORING;
+        loop {
+            match self.order(what.clone()) {
+                // One that has just been disabled stops at the next tick.
+                Err(Error::Refused { reason: Nack::MOTOR_ENABLED, .. })
+                    if Instant::now() + STORING < end + STOPPING =>
+                {
+                    std::thread::sleep(POLL);
+                }
+                Err(error) => return Err(error),
+                Ok(()) => break,
+            }
+        }
+        loop {
+            let report = self.stored()?;
+            if !report.at_work || Instant::now() > end {
+                return Ok(report);
+            }
+            std::thread::sleep(POLL);
+        }
     }
 
     /// Module status; `clear` makes the hub forget what it says.

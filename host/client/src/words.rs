@@ -6,6 +6,7 @@ use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::record::ToRecord;
 use motor_hub::protocol::requests::{BATTERY, Interface, Standard, ToHub};
 use motor_hub::protocol::setup::ToSetup;
+use motor_hub::protocol::store::ToStore;
 
 /// What completes "the hub was asked to".
 pub(crate) fn words(request: &Request) -> String {
@@ -31,6 +32,10 @@ pub(crate) fn words(request: &Request) -> String {
         Request::Bus => "tell how its bus is".to_owned(),
         Request::Record(ToRecord::Entries { .. }) => "tell what happened".to_owned(),
         Request::Record(ToRecord::Ticks { number, .. }) => format!("tell the ticks of entry {number}"),
+        Request::Store(ToStore::Save) => "store its settings".to_owned(),
+        Request::Store(ToStore::Load) => "take its settings from where they are stored".to_owned(),
+        Request::Store(ToStore::Reset) => "forget its settings".to_owned(),
+        Request::Store(ToStore::State) => "tell what it has stored".to_owned(),
         Request::Pin(request) => format!("do function {} of its pins", request.number()),
     }
 }

@@ -93,6 +93,19 @@ impl Bench {
         })
     }
 
+    /// What the memory for settings holds, as the next one to be powered on may find it: [`Setup::stored`](super::Setup).
+    pub fn stored(&mut self) -> Vec<u8> {
+        let std::ops::Range { start, end } = self.board.store();
+        self.read_words(start, (end - start) as usize / 4).into_iter().flat_map(u32::to_le_bytes).collect()
+    }
+
+    /// The instants at which these instructions were arrived at so far.
+    pub fn take_instants(&mut self) -> Vec<Duration> {
+        self.at_stop(|lab, _, _| {
+            std::mem::take(&mut lab.hits).into_iter().map(|(_, _, at)| Duration::from_nanos(at)).collect()
+        })
+    }
+
     /// Writes words of the chip's memory.
     pub fn write_words(&mut self, address: u64, words: Vec<u32>) {
         self.at_stop(move |_, _, host| {

@@ -13,4 +13,5 @@ mod record;
 mod running;
 mod speed;
 mod stack;
+mod store;
 mod supply;

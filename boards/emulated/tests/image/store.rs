@@ -1,0 +1,229 @@
+//! Settings that outlast power, in the emulated flash. That of the H743 can be written and erased; that of the F427 drops
+//! stores silently, of which the hub must say so.
+
+use std::convert::Infallible;
+use std::time::Duration;
+
+use crate::common::{am60, booted, log, ms, on, setup};
+use embassy_futures::block_on;
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use emulated::talk::Talk;
+use emulated::{Bench, Board, Setup, elf};
+use motor_hub::motor::{OnFault, ThermalLimit};
+use motor_hub::protocol::Address;
+use motor_hub::protocol::motor::ToMotor;
+use motor_hub::protocol::requests::Standard;
+use motor_hub::protocol::setup::{Protection, ToSetup};
+use motor_hub::protocol::store::{StoreReport, ToStore};
+use motor_hub::store::{Order, Outcome, Record, Stored};
+use motor_hub::tasks::store::Keeper;
+
+const BOARD: Board = Board::NucleoH743zi2;
+
+fn powered_on(stored: Vec<u8>) -> Bench {
+    on(BOARD, || {
+        let mut bench = Bench::new(Setup { stored, ..setup(vec![am60(); 2]) });
+        bench.run(ms(300));
+        bench
+    })
+}
+
+fn protection(ma: u16) -> Protection {
+    Protection { on_fault: OnFault::Brake, thermal: ThermalLimit::new(ma, 20, 600).ok() }
+}
+
+fn protect(bench: &mut Bench, talk: &mut Talk, ma: u16) {
+    talk.order(bench, ToSetup::SetProtection { protection: protection(ma) }.to(1));
+}
+
+fn protected(bench: &mut Bench, talk: &mut Talk) -> Protection {
+    talk.question(bench, ToSetup::Protection.to(1))
+}
+
+fn state(bench: &mut Bench, talk: &mut Talk) -> StoreReport {
+    talk.question(bench, ToStore::State)
+}
+
+/// Saves, and waits until that is over; how long it took, at least.
+fn save(bench: &mut Bench, talk: &mut Talk) -> (StoreReport, Duration) {
+    let begun = bench.now();
+    talk.order(bench, ToStore::Save);
+    loop {
+        let report = state(bench, talk);
+        if !report.at_work {
+            return (report, bench.now() - begun);
+        }
+        assert!(bench.now() - begun < ms(6000), "{report:?}");
+    }
+}
+
+#[test]
+fn settings_are_there_again_after_the_power_was_gone() {
+    let (mut bench, mut talk) = (powered_on(Vec::new()), Talk::default());
+    assert_eq!(state(&mut bench, &mut talk), StoreReport::default());
+    protect(&mut bench, &mut talk, 1_234);
+    talk.order(&mut bench, ToMotor::SetCurrentAlert { milliamperes: 777 }.to(0));
+    let (report, took) = save(&mut bench, &mut talk);
+    println!("a save into blank flash took {took:?}");
+    assert_eq!((report.stored, report.number, report.outcome), (Stored::Whole, 1, Outcome::Done));
+    // The protocol's own command stores the address, and that alone.
+    protect(&mut bench, &mut talk, 4_321);
+    let address = Address::new(7).expect("an address");
+    talk.order(&mut bench, Standard::SetAddress { address });
+    bench.run(ms(200));
+    let stored = bench.stored();
+    bench.assert_sound();
+    drop(bench);
+
+    let (mut bench, mut talk) = (powered_on(stored), Talk::new(address));
+    let report = state(&mut bench, &mut talk);
+    assert_eq!((report.stored, report.number, report.differs), (Stored::Whole, 2, false));
+    assert_eq!(protected(&mut bench, &mut talk), protection(1_234));
+    let alert: u16 = talk.question(&mut bench, ToMotor::CurrentAlert.to(0));
+    assert_eq!(alert, 777);
+    bench.assert_sound();
+}
+
+#[test]
+fn power_that_goes_during_a_save_leaves_the_old_settings_or_the_new() {
+    let (mut bench, mut talk) = (powered_on(Vec::new()), Talk::default());
+    protect(&mut bench, &mut talk, 1_000);
+    save(&mut bench, &mut talk);
+    let mut seen = [0; 2];
+    // Cut by cut a save goes on; the flash of each is found by a hub that is powered on.
+    protect(&mut bench, &mut talk, 2_000);
+    talk.order(&mut bench, ToStore::Save);
+    for cut in 0..5_u32 {
+        let mut again = on(BOARD, || Bench::new(Setup { stored: bench.stored(), ..setup(vec![am60()]) }));
+        again.run(ms(60));
+        let found = protected(&mut again, &mut Talk::default());
+        let new = found == protection(2_000);
+        assert!(new || found == protection(1_000), "cut {cut}: {found:?}");
+        seen[usize::from(new)] += 1;
+        again.assert_sound();
+        bench.run(Duration::from_micros(1_300));
+    }
+    println!("old, new: {seen:?}");
+    assert!(seen[0] >= 1 && seen[1] >= 1, "{seen:?}");
+}
+
+/// The flash of the board before it is powered on, for what is written there on the host.
+struct Pages(Vec<u8>);
+
+impl ErrorType for &mut Pages {
+    type Error = Infallible;
+}
+
+impl ReadNorFlash for &mut Pages {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Infallible> {
+        bytes.copy_from_slice(&self.0[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.0.len()
+    }
+}
+
+impl NorFlash for &mut Pages {
+    const WRITE_SIZE: usize = 32;
+    const ERASE_SIZE: usize = 128 * 1024;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), Infallible> {
+        self.0[from as usize..to as usize].fill(0xFF);
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Infallible> {
+        self.0[offset as usize..][..bytes.len()].copy_from_slice(bytes);
+        Ok(())
+    }
+}
+
+/// Both pages in use, and no room for another save; the number of the last.
+fn full() -> (Vec<u8>, u32) {
+    let mut pages = Pages(vec![0xFF; 256 * 1024]);
+    let save = |pages: &mut Pages, number| {
+        let mut record = Record::new(number);
+        record.push(0x4D55, &[7; 100]).expect("room");
+        let order = Order { record: Some(record), afresh: false, may_erase: false };
+        block_on(Keeper::new(pages, 0..256 * 1024).expect("two pages").carry_out(&order)).outcome
+    };
+    let mut before = Vec::new();
+    for number in 1.. {
+        before.clone_from(&pages.0);
+        if save(&mut pages, number) == Outcome::NeedsErase {
+            return (before, number - 1);
+        }
+    }
+    unreachable!("a page is full at some time")
+}
+
+#[test]
+fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
+    let (stored, number) = full();
+    let image = elf::hub_with_period(BOARD, 1);
+    let mut bench = on(BOARD, || Bench::with_image(Setup { stored, ..setup(vec![am60()]) }, &image));
+    bench.run(ms(500));
+    let mut talk = Talk::default();
+    assert_eq!(state(&mut bench, &mut talk).number, number);
+    // While a motor runs there is no room.
+    talk.velocity(&mut bench, 0, 1000);
+    let capture = bench
+        .symbols()
+        .iter()
+        .find(|symbol| symbol.name.contains("capture_task") && symbol.name.ends_with("::poll"));
+    let capture = capture.expect("the task that samples every millisecond").address;
+    bench.watch(vec![capture]);
+    bench.take_instants();
+    let (report, _) = save(&mut bench, &mut talk);
+    assert_eq!((report.outcome, report.number), (Outcome::NeedsErase, number));
+    talk.enable(&mut bench, 0, false);
+    bench.run(ms(100));
+    let (report, took) = save(&mut bench, &mut talk);
+    assert_eq!((report.outcome, report.number, report.stored), (Outcome::Done, number + 1, Stored::Whole));
+    let samples = bench.take_instants();
+    let worst = samples.windows(2).map(|pair| pair[1] - pair[0]).max().expect("samples");
+    println!(
+        "a save that erases took {took:?}; of {} samples the latest came {worst:?} after the one before",
+        samples.len()
+    );
+    assert!(took > ms(1000), "an erasure of 128 KB takes a second at least (DS12110 table 140): {took:?}");
+    assert!(worst < Duration::from_micros(1_200), "{worst:?}");
+    assert_eq!(bench.resets(), []);
+    let log = log(&mut bench);
+    assert!(
+        log.contains("missed 0")
+            && !log.lines().any(|line| line.contains("missed") && !line.contains("missed 0")),
+        "{log}"
+    );
+    bench.assert_sound();
+}
+
+#[test]
+fn an_erasure_that_power_has_cut_is_done_again_at_power_on_and_starves_nobody() {
+    let (mut stored, number) = full();
+    // The second page looks blank, and is not.
+    stored[128 * 1024 + 4096..][..64].fill(0x5A);
+    let mut bench = powered_on(stored);
+    bench.run(ms(2_200));
+    assert_eq!(bench.resets(), []);
+    assert!(bench.stored()[128 * 1024..].iter().all(|byte| *byte == 0xFF));
+    let report = state(&mut bench, &mut Talk::default());
+    assert_eq!((report.stored, report.number), (Stored::Whole, number));
+    let log = log(&mut bench);
+    assert!(log.contains("missed 0"), "{log}");
+    bench.assert_sound();
+}
+
+#[test]
+fn flash_that_drops_what_is_written_is_told_of() {
+    let (mut bench, mut talk) = (on(Board::NucleoF429zi, || booted(vec![am60()])), Talk::default());
+    assert_eq!(state(&mut bench, &mut talk), StoreReport::default());
+    let (report, _) = save(&mut bench, &mut talk);
+    assert_eq!((report.stored, report.number), (Stored::Nothing, 0));
+    assert!(matches!(report.outcome, Outcome::Refused | Outcome::Lost), "{report:?}");
+    bench.assert_sound();
+}

@@ -1,0 +1,109 @@
+//! A file in the place of flash, for settings that outlast the program: two pages of 16 KB, as the NUCLEO-F429ZI has them.
+
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use motor_hub::tasks::store::Keeper;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+const PAGE: u32 = 16 * 1024;
+const SIZE: u32 = 2 * PAGE;
+
+/// Why a file cannot be what settings are stored in.
+#[derive(Debug, thiserror::Error)]
+pub enum MemoryError {
+    /// It cannot be opened, read or written.
+    #[error("{path}: {error}")]
+    File {
+        /// The file.
+        path: String,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// It is something else.
+    #[error("{path} is not a store of a hub's settings: it has {size} bytes, which would be {SIZE}")]
+    NotAStore {
+        /// The file.
+        path: String,
+        /// Its size, in bytes.
+        size: u64,
+    },
+}
+
+/// Where a served hub stores its settings.
+#[derive(Debug)]
+pub struct Memory(File);
+
+impl Memory {
+    /// A file that is made if there is none.
+    ///
+    /// # Errors
+    /// If it cannot be read and written, or is of another size.
+    pub fn open(path: &Path) -> Result<Self, MemoryError> {
+        let at = |error| MemoryError::File { path: path.display().to_string(), error };
+        let mut file =
+            OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path).map_err(at)?;
+        match file.metadata().map_err(at)?.len() {
+            0 => file.write_all(&[0xFF; SIZE as usize]).map_err(at)?,
+            size if size == u64::from(SIZE) => (),
+            size => return Err(MemoryError::NotAStore { path: path.display().to_string(), size }),
+        }
+        Ok(Self(file))
+    }
+
+    pub(super) fn keeper(self) -> Option<Keeper<Self>> {
+        Keeper::new(self, 0..SIZE)
+    }
+
+    fn at(&mut self, offset: u32) -> Result<&mut File, Unwritten> {
+        self.0.seek(SeekFrom::Start(offset.into()))?;
+        Ok(&mut self.0)
+    }
+}
+
+/// The system has refused.
+#[derive(Debug)]
+pub struct Unwritten;
+
+impl From<io::Error> for Unwritten {
+    fn from(_: io::Error) -> Self {
+        Self
+    }
+}
+
+impl NorFlashError for Unwritten {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl ErrorType for Memory {
+    type Error = Unwritten;
+}
+
+impl ReadNorFlash for Memory {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Unwritten> {
+        Ok(self.at(offset)?.read_exact(bytes)?)
+    }
+
+    fn capacity(&self) -> usize {
+        SIZE as usize
+    }
+}
+
+impl NorFlash for Memory {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = PAGE as usize;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), Unwritten> {
+        Ok(self.at(from)?.write_all(&vec![0xFF; to.saturating_sub(from) as usize])?)
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Unwritten> {
+        Ok(self.at(offset)?.write_all(bytes)?)
+    }
+}

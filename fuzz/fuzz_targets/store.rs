@@ -1,0 +1,48 @@
+//! What a hub finds stored, given anything: the same property as `any_record_is_survived` in `tests/responder/store.rs`.
+//! Whatever the bytes are, nothing panics and no motor runs, and what is in force then is found again when it is saved.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use motor_hub::braking::Winding;
+use motor_hub::hub::{Action, Snapshot};
+use motor_hub::motor::Settings;
+use motor_hub::protocol::store::ToStore;
+use motor_hub::protocol::{Address, Request};
+use motor_hub::responder::Responder;
+use motor_hub::store::{Copies, Found, VERSION};
+use motor_hub::units::Micros;
+
+/// A hub that has just been powered on with this in its memory, and the settings of its motors.
+fn powered_on(found: Found) -> (Responder<4>, Vec<Settings>) {
+    let mut responder = Responder::new(Address::DEFAULT, [Settings::new(Winding::NEVEREST_60); 4]);
+    responder.restore(found);
+    let mut settings = Vec::new();
+    while let Some(command) = responder.pending() {
+        let Action::Configure(of) = command.action else { panic!("a motor is told {command:?}") };
+        settings.push(of);
+        responder.told();
+    }
+    assert_eq!((responder.enabled(), settings.len()), ([false; 4], 4));
+    (responder, settings)
+}
+
+fuzz_target!(|copies: (Vec<u8>, Vec<u8>, bool)| {
+    let (mut first, second, known) = copies;
+    if let Some(version) = first.first_mut().filter(|_| known) {
+        *version = VERSION;
+    }
+    let mut found = Copies::default();
+    found.add(Some(&first));
+    found.add(Some(&second));
+    let (mut responder, settings) = powered_on(found.found());
+
+    let save = Request::from(ToStore::Save);
+    let packet = save.packet(responder.address().get(), 1, save.id());
+    responder.receive(&packet, Micros::new(0), &Snapshot::INITIAL);
+    let Some(saved) = responder.order(&Snapshot::INITIAL).and_then(|order| order.record) else { return };
+    let mut again = Copies::default();
+    again.add(Some(saved.bytes()));
+    again.add(Some(saved.bytes()));
+    let (other, found_again) = powered_on(again.found());
+    assert_eq!((other.address(), found_again), (responder.address(), settings));
+});

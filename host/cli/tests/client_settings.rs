@@ -1,0 +1,197 @@
+//! `motor-hub client settings` against a served hub that keeps its settings in a file.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+mod common;
+mod conformance;
+mod output;
+
+use common::{folder, motor_hub};
+use conformance::{Hub, conforms};
+use output::{err, out};
+use serde_json::Value;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
+
+/// An empty folder, and a hub that stores its settings in it.
+fn store(test: &str) -> (PathBuf, String) {
+    let folder = folder(test);
+    std::fs::create_dir_all(&folder).unwrap();
+    let file = folder.join("store").display().to_string();
+    (folder, file)
+}
+
+fn served(store: &str) -> Hub {
+    Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--store", store])
+}
+
+fn client(hub: &Hub, arguments: &[&str]) -> Output {
+    Command::new(PROGRAM).args(["client", "--tcp", &hub.place]).args(arguments).output().unwrap()
+}
+
+fn settings(hub: &Hub, arguments: &[&str]) -> String {
+    out(&client(hub, &[&["settings"], arguments].concat()))
+}
+
+fn shown(hub: &Hub) -> Value {
+    serde_json::from_str(&settings(hub, &["show", "--json"])).unwrap()
+}
+
+/// Of every kind something that a fresh hub does not have.
+fn set_much(hub: &Hub) {
+    for arguments in [
+        &["setup", "0", "--type", "AM 60 A", "--scheme", "D", "--blend", "0.25", "--on-fault", "brake"][..],
+        &["setup", "1", "--scheme", "none", "--duty", "linear-duty", "--bridge", "vnh5019"],
+        &["setup", "3", "--scheme", "D", "--continuous-current-a", "1.234"],
+        &["coefficients", "2", "velocity", "--p", "1.5", "--i", "-0.001", "--f", "7"],
+        &["identify", "0", "--apply"],
+    ] {
+        out(&client(hub, arguments));
+    }
+}
+
+#[test]
+fn what_is_saved_outlasts_the_hub_and_what_is_not_does_not() {
+    let (_, store) = store("settings-outlast");
+    let hub = served(&store);
+    let factory = settings(&hub, &["export"]);
+    assert_eq!((&shown(&hub)["stored"], &shown(&hub)["differs"]), (&"nothing".into(), &false.into()));
+    set_much(&hub);
+    assert_eq!(shown(&hub)["differs"], true);
+    assert!(settings(&hub, &["show"]).contains("something else: it lasts until the next reset"));
+    assert_eq!(settings(&hub, &["save"]), "stored: save 1\n");
+    let saved = settings(&hub, &["export"]);
+    assert_ne!(saved, factory);
+    out(&client(&hub, &["setup", "2", "--scheme", "B"]));
+    drop(hub);
+
+    let hub = served(&store);
+    assert_eq!(settings(&hub, &["export"]), saved);
+    assert_eq!((&shown(&hub)["number"], &shown(&hub)["differs"]), (&1.into(), &false.into()));
+    out(&client(&hub, &["setup", "2", "--scheme", "B"]));
+    assert!(settings(&hub, &["load"]).contains("save 1"));
+    assert_eq!(settings(&hub, &["export"]), saved);
+    // The address by itself, and at once.
+    out(&client(&hub, &["set-address", "9"]));
+    // It is written once it has been answered.
+    let written = (0..20).any(|_| shown(&hub)["number"] == 2);
+    assert!(written, "{}", shown(&hub));
+    drop(hub);
+
+    let hub = served(&store);
+    assert!(out(&client(&hub, &["discover"])).contains('9'));
+    assert_eq!(settings(&hub, &["export"]), saved);
+    settings(&hub, &["reset"]);
+    assert_eq!(settings(&hub, &["export"]), factory);
+    drop(hub);
+    let hub = served(&store);
+    assert_eq!(settings(&hub, &["export"]), factory);
+    assert!(out(&client(&hub, &["discover"])).contains('2'));
+}
+
+#[test]
+fn a_host_that_knows_nothing_of_it_finds_the_hub_as_it_was() {
+    let (_, store) = store("settings-unknown");
+    conforms(&mut served(&store).tcp());
+}
+
+#[test]
+fn exported_settings_are_imported_bit_by_bit() {
+    let (folder, store) = store("settings-round");
+    let file = folder.join("settings.toml").display().to_string();
+    let hub = served(&store);
+    set_much(&hub);
+    let exported = settings(&hub, &["export"]);
+    assert_eq!(settings(&hub, &["export", &file]), format!("wrote {file}\n"));
+    drop(hub);
+
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--store", &format!("{store}-2")]);
+    assert_ne!(settings(&hub, &["export"]), exported);
+    assert!(settings(&hub, &["import", &file, "--save"]).contains("stored: save 1"));
+    assert_eq!(settings(&hub, &["export"]), exported);
+    // A motor by itself, and without what is not said.
+    let one = exported.split("[[motor]]").take(2).collect::<Vec<_>>().join("[[motor]]");
+    assert!(one.contains("number = 0") && !one.contains("number = 1"), "{one}");
+    std::fs::write(&file, one).unwrap();
+    settings(&hub, &["import", &file]);
+    assert_eq!(settings(&hub, &["export"]), exported);
+}
+
+#[test]
+fn all_of_a_file_is_checked_before_anything_is_written() {
+    let (folder, store) = store("settings-checked");
+    let file = folder.join("settings.toml").display().to_string();
+    let hub = served(&store);
+    set_much(&hub);
+    let exported = settings(&hub, &["export"]);
+    settings(&hub, &["reset"]);
+    let factory = settings(&hub, &["export"]);
+    let line =
+        |key: &str| -> String { exported.lines().rfind(|line| line.starts_with(key)).unwrap().to_owned() };
+    let (resistance, mode, emf) = (line("resistance_ohm"), line("mode"), line("emf_mv_s_per_count"));
+    for (from, to, says) in [
+        (resistance.as_str(), "resistance_ohm = 0.0", "resistance"),
+        (&resistance, "resistance_ohm = 900.0", "resistance"),
+        (&emf, "emf_mv_s_per_count = 40.0", "emf_mv_s_per_count is above 0 and below 32"),
+        (&mode, "mode = \"sideways\"", "sideways"),
+        (&mode, "mood = \"power\"", "mood"),
+        ("number = 3", "number = 4", "number is 0 to 3"),
+        ("number = 3", "number = 0", "each once"),
+        ("schema_version = 1", "schema_version = 2", "schema_version is 2"),
+        ("continuous_current_ma = 1234", "continuous_current_ma = 0", "thermal"),
+        ("p = 1.5", "p = 1e9", "velocity_loop.p is -32768"),
+        ("blend = 0.25", "blend = 1.5", "blend"),
+    ] {
+        assert!(exported.contains(from), "{from}: {exported}");
+        // The last of them, so that all before it would have been written.
+        let at = exported.rfind(from).unwrap();
+        let text = format!("{}{to}{}", &exported[..at], &exported[at + from.len()..]);
+        std::fs::write(&file, text).unwrap();
+        let refused = client(&hub, &["settings", "import", &file]);
+        assert_eq!(refused.status.code(), Some(2), "{to}");
+        assert!(err(&refused).contains(says) && err(&refused).contains(&file), "{to}: {}", err(&refused));
+    }
+    assert_eq!(settings(&hub, &["export"]), factory);
+    let none = client(&hub, &["settings", "import", "/nowhere/at-all.toml"]);
+    assert!(none.status.code() == Some(2) && err(&none).contains("/nowhere/at-all.toml"), "{}", err(&none));
+}
+
+#[test]
+fn a_hub_without_a_store_says_so() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    for what in ["show", "save", "load", "reset", "export"] {
+        let refused = client(&hub, &["settings", what]);
+        assert_eq!(refused.status.code(), Some(1), "{what}");
+        assert!(err(&refused).contains("this hub does not have it"), "{what}: {}", err(&refused));
+    }
+}
+
+#[test]
+fn a_file_that_is_no_store_is_refused_and_left_alone() {
+    let (folder, _) = store("settings-no-store");
+    let file = folder.join("letter.txt");
+    std::fs::write(&file, "Dear hub,").unwrap();
+    let path = file.display().to_string();
+    for (path, says) in
+        [(path.as_str(), "is not a store of a hub's settings"), ("/nowhere/store", "/nowhere/store: ")]
+    {
+        let refused = motor_hub(&["serve", "--tcp", "127.0.0.1:0", "--store", path]);
+        assert_eq!(refused.status.code(), Some(2), "{path}");
+        assert!(err(&refused).contains(says), "{path}: {}", err(&refused));
+    }
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "Dear hub,");
+}
+
+#[test]
+fn a_store_that_makes_no_sense_is_told_and_can_be_cleared() {
+    let (_, store) = store("settings-nonsense");
+    // Both pages in the middle of things, with nothing that can be read.
+    let mut bytes = vec![0xFF; 32 * 1024];
+    bytes[..4].fill(0);
+    bytes[4..12].copy_from_slice(&[1, 2, 3, 4, 0xF0, 0x30, 0, 0]);
+    std::fs::write(&store, bytes).unwrap();
+    let hub = served(&store);
+    assert_eq!(shown(&hub)["stored"], "nothing");
+    assert_eq!(settings(&hub, &["save"]), "stored: save 1\n");
+}

@@ -1,0 +1,393 @@
+//! What a host finds again after power was gone.
+
+use crate::host::{HUB, N, Said, TestHost, settings};
+use motor_hub::hub::{Action, Command};
+use motor_hub::motor::{Setpoint, Settings};
+use motor_hub::protocol::Address;
+use motor_hub::protocol::fields::{Field, Fields};
+use motor_hub::protocol::setup::FIRST_FUNCTION;
+use motor_hub::protocol::store::StoreReport;
+use motor_hub::responder::Responder;
+use motor_hub::store::{Found, Order, Outcome, Record, Stored};
+use motor_hub::units::{Control, CountsPerSecond};
+use proptest::prelude::*;
+
+const SAVE: u16 = FIRST_FUNCTION + 14;
+const LOAD: u16 = FIRST_FUNCTION + 15;
+const RESET: u16 = FIRST_FUNCTION + 16;
+const STATE: u16 = FIRST_FUNCTION + 17;
+
+fn found(record: &Record) -> Found {
+    Found { stored: Stored::Whole, version: 1, record: record.clone() }
+}
+
+/// A hub that has just been powered on with this in its memory.
+fn powered_on(found: Found) -> TestHost {
+    let mut host = TestHost::new();
+    host.responder.restore(found);
+    host.told();
+    host
+}
+
+fn empty() -> TestHost {
+    powered_on(Found::without_record(Stored::Nothing, 0))
+}
+
+fn order(host: &mut TestHost) -> Order {
+    host.responder.order(&host.snapshot).expect("an order")
+}
+
+/// Carries out the order; what is stored then.
+fn carried_out(host: &mut TestHost) -> Record {
+    let record = order(host).record.expect("something to write");
+    host.responder.carried_out(Some(found(&record)), Outcome::Done);
+    record
+}
+
+fn report(host: &mut TestHost) -> StoreReport {
+    let Said::Data(payload) = host.ask(STATE, &[]) else { panic!("no report") };
+    StoreReport::read(&mut Fields::new(&payload)).expect("a report")
+}
+
+/// Everything of all motors that is stored, as a host reads it.
+fn all(host: &mut TestHost) -> Vec<Said> {
+    let mut all = Vec::new();
+    for motor in 0..N as u8 {
+        all.extend([1, 3, 9, 12].map(|function| host.ask(FIRST_FUNCTION + function, &[motor])));
+        all.extend([9, 13].map(|function| host.call(function, &[motor])));
+        all.extend([1, 2].map(|of| host.call(53, &[motor, of])));
+    }
+    all
+}
+
+/// Sets everything of motor 2 that can be set, and something of motor 0.
+fn set_everything(host: &mut TestHost) {
+    let set: [(u16, &[u8]); 4] = [
+        (0, &[2, 0x5F, 0xCA, 0x3F, 0, 0xE4, 0x0C, 0xB6, 2, 5, 0, 0x80, 1]),
+        (2, &[2, 0, 4, 0, 0, 0, 0, 3, 0, 100, 0, 0x10, 0x27, 0, 0]),
+        (8, &[2, 1, 0xD0, 0x07, 5, 0, 200, 0]),
+        (11, &[2, 1, 0, 2, 0, 3, 0, 4, 0, 5, 0]),
+    ];
+    for (function, payload) in set {
+        assert!(matches!(host.ask(FIRST_FUNCTION + function, payload), Said::Ack(_)), "{function}");
+    }
+    let [p, i, d, f] = [10_i32, 3, -1, 7].map(|value| (value << 16).to_le_bytes());
+    let pidf = |of| [&[2, of][..], &p, &i, &d, &f, &[1]].concat();
+    let pid = [&[0, 2][..], &d, &i, &p].concat();
+    host.do_all(&[(8, &[2, 1, 1]), (12, &[2, 0x88, 0x13]), (51, &pidf(1)), (51, &pidf(2)), (23, &pid)]);
+}
+
+#[test]
+fn a_board_without_a_memory_refuses_and_orders_nothing() {
+    let mut host = TestHost::new();
+    for function in [SAVE, LOAD, RESET, STATE] {
+        assert_eq!(host.ask(function, &[]), Said::Nack(253));
+    }
+    assert_eq!(host.responder.order(&host.snapshot), None);
+}
+
+#[test]
+fn what_is_saved_is_found_again_and_nothing_else_is() {
+    let mut host = empty();
+    set_everything(&mut host);
+    // Targets are no settings.
+    host.do_all(&[(17, &[2, 100, 0]), (10, &[2, 1])]);
+    let (before, told) = (all(&mut host), host.responder.enabled());
+    assert_eq!((told, report(&mut host).differs), ([false, false, true, false], true));
+    assert!(matches!(host.ask(SAVE, &[]), Said::Ack(_)));
+    assert!(report(&mut host).at_work);
+    let record = carried_out(&mut host);
+    let told = report(&mut host);
+    assert_eq!((told.stored, told.number, told.at_work), (Stored::Whole, 1, false));
+    assert_eq!((told.outcome, told.differs, told.unknown, told.refused), (Outcome::Done, false, 0, 0));
+
+    let mut again = TestHost::new();
+    again.responder.restore(found(&record));
+    assert_eq!(all(&mut again), before);
+    assert_eq!(again.responder.enabled(), [false; N]);
+    assert_eq!(again.call(18, &[2]), Said::Data(vec![0, 0]));
+    assert!(!report(&mut again).differs);
+    // The motors are told, and none is told to run.
+    let configured = |command: &Command| matches!(command.action, Action::Configure(_));
+    let told = again.told();
+    assert!(told.len() == N && told.iter().all(configured), "{told:?}");
+    // A second save of the same is the same, but for its number.
+    again.ask(SAVE, &[]);
+    let second = carried_out(&mut again);
+    assert_eq!(second.number(), 2);
+    assert!(second.entries().eq(record.entries()));
+}
+
+#[test]
+fn with_nothing_stored_a_hub_is_as_without_a_memory() {
+    let mut host = empty();
+    assert_eq!(all(&mut host), all(&mut TestHost::new()));
+    let StoreReport { stored, number, differs, .. } = report(&mut host);
+    assert_eq!((stored, number, differs), (Stored::Nothing, 0, false));
+    // Whatever a host does, nothing is written.
+    set_everything(&mut host);
+    host.do_all(&[(17, &[2, 100, 0]), (10, &[2, 1]), (10, &[2, 0])]);
+    assert_eq!(host.responder.order(&host.snapshot), None);
+}
+
+#[test]
+fn a_setup_that_is_as_stored_forgets_no_motion() {
+    // Of a hub that is told by its board how the motor moves.
+    let known = {
+        let mut host = empty();
+        set_everything(&mut host);
+        let mut told = host.told().into_iter().filter_map(|command| match command.action {
+            Action::Configure(settings) if command.motor == 2 => Some(settings),
+            _ => None,
+        });
+        Settings { coefficients: None, ..told.next_back().expect("configured") }
+    };
+    let mut responder = Responder::new(Address::new(HUB).expect("an address"), [known; N]);
+    let mut record = Record::new(1);
+    let mut host = TestHost::new();
+    std::mem::swap(&mut host.responder, &mut responder);
+    let Said::Data(setup) = host.ask(FIRST_FUNCTION + 1, &[1]) else { panic!("no set-up") };
+    record.push(FIRST_FUNCTION, &[&[1], &setup[..]].concat()).expect("room");
+    let before = all(&mut host);
+    host.responder.restore(found(&record));
+    assert_eq!(all(&mut host), before);
+}
+
+#[test]
+fn entries_that_are_missing_or_short_take_what_the_firmware_has() {
+    let mut host = empty();
+    set_everything(&mut host);
+    host.ask(SAVE, &[]);
+    let whole = carried_out(&mut host);
+    // As an older firmware would have written it, which knew no inductance, scheme or duty, and no protection at all.
+    let mut older = Record::new(1);
+    for entry in whole.entries().filter(|entry| entry.id != FIRST_FUNCTION + 8) {
+        let length = if entry.id == FIRST_FUNCTION { 7 } else { entry.payload.len() };
+        older.push(entry.id, &entry.payload[..length]).expect("room");
+    }
+    let mut again = powered_on(found(&older));
+    let Said::Data(setup) = again.ask(FIRST_FUNCTION + 1, &[2]) else { panic!("no set-up") };
+    let Said::Data(factory) = TestHost::new().ask(FIRST_FUNCTION + 1, &[2]) else { panic!("no set-up") };
+    assert_eq!(setup[..6], [0x5F, 0xCA, 0x3F, 0, 0xE4, 0x0C]);
+    assert_eq!(setup[6..], factory[6..]);
+    assert_eq!(again.ask(FIRST_FUNCTION + 9, &[2]), TestHost::new().ask(FIRST_FUNCTION + 9, &[2]));
+    assert_eq!(again.ask(FIRST_FUNCTION + 12, &[2]), host.ask(FIRST_FUNCTION + 12, &[2]));
+    let StoreReport { unknown, refused, .. } = report(&mut again);
+    assert_eq!((unknown, refused), (0, 0));
+}
+
+#[test]
+fn what_is_unknown_is_kept_and_what_is_out_of_range_changes_nothing() {
+    let mut record = Record::new(6);
+    let unknown: [(u16, &[u8]); 4] =
+        [(0x4D55, &[1, 2, 3]), (FIRST_FUNCTION + 8, &[9, 1]), (0x100A, &[0, 1]), (0x7F05, &[])];
+    for (id, payload) in unknown {
+        record.push(id, payload).expect("room");
+    }
+    // Fields of a later firmware behind those of this one.
+    let longer = [2, 1, 0, 0, 0, 0, 0, 0, 77, 78];
+    record.push(FIRST_FUNCTION + 8, &longer).expect("room");
+    // A fault that does what nobody knows, and no set-up at all.
+    record.push(FIRST_FUNCTION + 8, &[0, 7, 0, 0, 0, 0, 0, 0]).expect("room");
+    record.push(FIRST_FUNCTION, &[3, 0, 0, 0, 0]).expect("room");
+    let mut host = powered_on(found(&record));
+    let mut fresh = TestHost::new();
+    fresh.ask(FIRST_FUNCTION + 8, &longer);
+    assert_eq!(all(&mut host), all(&mut fresh));
+    assert_eq!(host.responder.enabled(), [false; N]);
+    let StoreReport { unknown: kept, refused, .. } = report(&mut host);
+    assert_eq!((kept, refused), (4, 2));
+    host.ask(SAVE, &[]);
+    let saved = carried_out(&mut host);
+    assert_eq!(saved.number(), 7);
+    for (id, payload) in unknown.into_iter().chain([(FIRST_FUNCTION + 8, &longer[..])]) {
+        assert!(saved.entries().any(|entry| (entry.id, entry.payload) == (id, payload)), "{id:#x}");
+    }
+}
+
+#[test]
+fn settings_that_leave_no_room_for_what_is_unknown_are_not_saved() {
+    let mut record = Record::new(1);
+    record.push(0x4D55, &[7; 240]).expect("room");
+    let mut host = powered_on(found(&record));
+    assert_eq!(host.ask(SAVE, &[]), Said::Nack(64));
+    assert_eq!(host.responder.order(&host.snapshot), None);
+}
+
+#[test]
+fn all_motors_with_all_settings_fit() {
+    let mut host = empty();
+    let pidf = |motor: u8, of: u8| [&[motor, of][..], &[1; 16], &[1]].concat();
+    for motor in 0..N as u8 {
+        host.do_all(&[(51, &pidf(motor, 1)), (51, &pidf(motor, 2))]);
+    }
+    host.ask(SAVE, &[]);
+    assert_eq!(carried_out(&mut host).bytes().len(), 469);
+}
+
+#[test]
+fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
+    let mut host = empty();
+    host.do_all(&[(15, &[1, 0, 0x10]), (10, &[1, 1])]);
+    assert_eq!([LOAD, RESET].map(|function| host.ask(function, &[])), [Said::Nack(60), Said::Nack(60)]);
+    assert!(matches!(host.ask(SAVE, &[]), Said::Ack(_)));
+    assert!(!order(&mut host).may_erase);
+    assert_eq!(host.ask(SAVE, &[]), Said::Nack(61));
+    host.responder.carried_out(None, Outcome::NeedsErase);
+    let StoreReport { outcome, stored, .. } = report(&mut host);
+    assert_eq!((outcome, stored), (Outcome::NeedsErase, Stored::Nothing));
+    // It is not tried again by itself.
+    assert_eq!(host.responder.order(&host.snapshot), None);
+    // Off, but not yet as far as the motors say, or by a button.
+    host.do_all(&[(10, &[1, 0])]);
+    for setpoint in [Setpoint::ConstantPower(Control::MAX), Setpoint::Velocity(CountsPerSecond::ZERO)] {
+        host.snapshot.motors[3].setpoint = setpoint;
+        assert_eq!(host.ask(LOAD, &[]), Said::Nack(60));
+    }
+    host.snapshot.motors[3].setpoint = Setpoint::Disabled;
+    host.ask(SAVE, &[]);
+    assert!(order(&mut host).may_erase);
+}
+
+#[test]
+fn loading_puts_in_force_what_is_stored_and_resetting_what_the_firmware_has() {
+    let mut host = empty();
+    set_everything(&mut host);
+    host.ask(SAVE, &[]);
+    let (record, saved) = (carried_out(&mut host), all(&mut host));
+    host.do_all(&[(8, &[2, 0, 0])]);
+    assert!(report(&mut host).differs);
+    host.told();
+
+    assert!(matches!(host.ask(LOAD, &[]), Said::Ack(_)));
+    assert_eq!(order(&mut host).record, None);
+    assert_ne!(all(&mut host), saved);
+    host.responder.carried_out(Some(found(&record)), Outcome::Done);
+    assert_eq!((all(&mut host), report(&mut host).differs), (saved, false));
+    assert!(host.told().iter().any(|command| command.motor == 2));
+
+    assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
+    assert_eq!(all(&mut host), all(&mut TestHost::new()));
+    let stored = carried_out(&mut host);
+    assert_eq!((stored.number(), stored.entries().count()), (2, 0));
+    assert!(!report(&mut host).differs);
+}
+
+#[test]
+fn a_later_firmwares_settings_are_refused_and_kept_until_they_are_reset() {
+    let mut host = powered_on(Found::without_record(Stored::Later, 3));
+    assert_eq!(all(&mut host), all(&mut TestHost::new()));
+    let StoreReport { stored, version, .. } = report(&mut host);
+    assert_eq!((stored, version), (Stored::Later, 3));
+    assert_eq!(host.ask(SAVE, &[]), Said::Nack(62));
+    // Not even the address.
+    host.ask(0x7F06, &[9]);
+    assert_eq!(host.responder.order(&host.snapshot), None);
+    let mut host = powered_on(Found::without_record(Stored::Later, 3));
+    assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
+    assert_eq!(order(&mut host), Order { record: Some(Record::new(1)), afresh: false, may_erase: true });
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_until_it_is_reset() {
+    let mut host = powered_on(Found::without_record(Stored::Damaged, 0));
+    assert_eq!(host.ask(SAVE, &[]), Said::Nack(63));
+    assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
+    assert_eq!(order(&mut host), Order { record: Some(Record::new(1)), afresh: true, may_erase: true });
+}
+
+#[test]
+fn the_address_is_stored_when_it_is_set_and_nothing_else_with_it() {
+    let mut host = empty();
+    set_everything(&mut host);
+    host.ask(SAVE, &[]);
+    let before = carried_out(&mut host);
+    host.do_all(&[(8, &[1, 2, 1])]);
+    host.ask(0x7F06, &[9]);
+    let record = carried_out(&mut host);
+    assert_eq!(record.number(), 2);
+    let others = |record: &Record| -> Vec<(u16, Vec<u8>)> {
+        let others = record.entries().filter(|entry| entry.id != 0x7F06);
+        others.map(|entry| (entry.id, entry.payload.to_vec())).collect()
+    };
+    assert_eq!(others(&record), others(&before));
+    assert_eq!(powered_on(found(&record)).responder.address().get(), 9);
+    // Once.
+    assert_eq!(host.responder.order(&host.snapshot), None);
+}
+
+#[test]
+fn an_address_that_has_no_room_waits_for_motors_to_be_off() {
+    let mut host = empty();
+    host.do_all(&[(15, &[1, 0, 0x10]), (10, &[1, 1])]);
+    host.ask(0x7F06, &[HUB + 1]);
+    assert!(!order(&mut host).may_erase);
+    host.responder.carried_out(None, Outcome::NeedsErase);
+    assert_eq!(host.responder.order(&host.snapshot), None);
+    host.responder.tick(motor_hub::units::Micros::new(60_000_000), &host.snapshot);
+    assert!(order(&mut host).may_erase);
+    // A memory that fails is not worn out by it.
+    host.responder.carried_out(None, Outcome::Refused);
+    assert_eq!(host.responder.order(&host.snapshot), None);
+}
+
+#[test]
+fn the_address_that_a_hub_has_anyway_is_not_stored() {
+    let mut host = empty();
+    host.ask(0x7F06, &[HUB]);
+    assert_eq!(host.responder.order(&host.snapshot), None);
+}
+
+fn entry() -> impl Strategy<Value = (u16, Vec<u8>)> {
+    let id = prop_oneof![
+        0x4D00u16..0x4D12,
+        prop::sample::select(vec![0x1008u16, 0x100A, 0x100C, 0x100F, 0x1033, 0x7F06]),
+        any::<u16>(),
+    ];
+    (id, prop::collection::vec(prop_oneof![0u8..4, any::<u8>()], 0..24))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever is stored, no motor runs for it, and what is in force can be saved and found again.
+    #[test]
+    fn any_record_is_survived(entries in prop::collection::vec(entry(), 0..12)) {
+        let mut record = Record::new(3);
+        for (id, payload) in &entries {
+            let _ = record.push(*id, payload);
+        }
+        let mut host = TestHost::new();
+        host.responder.restore(found(&record));
+        let told = host.told();
+        prop_assert!(told.iter().all(|command| matches!(command.action, Action::Configure(_))), "{:?}", told);
+        prop_assert_eq!(host.responder.enabled(), [false; N]);
+
+        let settings_in_force = |told: &[Command]| -> Vec<Settings> {
+            told.iter().filter_map(|c| match c.action { Action::Configure(it) => Some(it), _ => None }).collect()
+        };
+        let before = settings_in_force(&told);
+        prop_assert_eq!(before.len(), N);
+        let address = host.responder.address();
+        // Not by a host, which may not know the address.
+        let save = motor_hub::protocol::Request::from(motor_hub::protocol::store::ToStore::Save);
+        let packet = save.packet(address.get(), 1, save.id());
+        host.responder.receive(&packet, host.now, &host.snapshot);
+        if let Some(Order { record: Some(saved), .. }) = host.responder.order(&host.snapshot) {
+            let mut again = TestHost::new();
+            again.responder.restore(found(&saved));
+            prop_assert_eq!(settings_in_force(&again.told()), before);
+            prop_assert_eq!(again.responder.address(), address);
+        }
+    }
+}
+
+#[test]
+fn the_motors_of_a_fresh_hub_are_what_the_board_says() {
+    let mut host = empty();
+    set_everything(&mut host);
+    host.told();
+    host.ask(RESET, &[]);
+    let told = host.told();
+    assert!(told.contains(&Command { motor: 2, action: Action::Configure(settings()) }), "{told:?}");
+}

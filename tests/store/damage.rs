@@ -1,0 +1,175 @@
+//! Bits that turn, memories that fail, motors that run.
+
+use crate::flash::{Flash, NoPower, block_on, read, write};
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use motor_hub::store::{Found, Order, Outcome, Record, Stored};
+use motor_hub::tasks::store::Keeper;
+use sequential_storage::cache::Cache;
+use sequential_storage::map::{MapConfig, MapStorage};
+
+fn record(number: u32) -> Record {
+    let mut record = Record::new(number);
+    record.push(0x4D00, &[number as u8; 40]).expect("room");
+    record
+}
+
+/// Saves 1 and 2, and how far each has filled the first page.
+fn two_saves<const WORD: usize, const PAGE: usize>() -> (Flash<WORD, PAGE>, [usize; 3]) {
+    let mut flash = Flash::new();
+    let end = |flash: &Flash<WORD, PAGE>| {
+        flash.bytes[..PAGE].iter().rposition(|byte| *byte != 0xFF).expect("written").next_multiple_of(WORD)
+    };
+    write(&mut flash, &record(1), true);
+    let first = end(&flash);
+    write(&mut flash, &record(2), true);
+    let second = end(&flash);
+    (flash, [WORD, first, second])
+}
+
+fn each_bit_turned<const WORD: usize, const PAGE: usize>() {
+    let (whole, [_, first, second]) = two_saves::<WORD, PAGE>();
+    assert_eq!(read(&mut whole.clone()).stored, Stored::Whole);
+    let mut told = 0;
+    for bit in 8 * first..8 * second {
+        let mut flash = whole.clone();
+        flash.bytes[bit / 8] ^= 1 << (bit % 8);
+        let Found { stored, record: found, .. } = read(&mut flash);
+        // With a copy of it whole not even the latest is lost.
+        assert_eq!(found, record(2), "bit {bit}");
+        assert!(matches!(stored, Stored::Whole | Stored::OneCopy), "bit {bit}: {stored:?}");
+        told += usize::from(stored == Stored::OneCopy);
+        // The next save makes it good.
+        let done = write(&mut flash, &record(3), true);
+        assert_eq!((done.outcome, read(&mut flash).stored), (Outcome::Done, Stored::Whole), "bit {bit}");
+    }
+    // Those that are told are those of the item: its head of 8 bytes, its key, and the record; the rest is padding.
+    let item = 8 + 1 + record(2).bytes().len();
+    assert_eq!(told, 2 * 8 * item);
+}
+
+#[test]
+fn each_bit_that_turns_is_told_and_costs_nothing() {
+    each_bit_turned::<4, { 16 * 1024 }>();
+    each_bit_turned::<32, { 16 * 1024 }>();
+}
+
+#[test]
+fn a_record_whose_both_copies_are_damaged_falls_back_on_the_one_before() {
+    let (mut flash, [_, first, second]) = two_saves::<4, 1024>();
+    let half = (first + second) / 2;
+    flash.bytes[first + 20] ^= 4;
+    flash.bytes[half + 20] ^= 4;
+    let found = read(&mut flash);
+    assert_eq!((found.stored, found.record), (Stored::Whole, record(1)));
+}
+
+/// Stores under the key of a copy what this firmware would not.
+fn store_as_is(flash: &mut Flash<4, 1024>, key: u8, value: &[u8]) {
+    let mut map = MapStorage::<u8, _, _>::new(flash, MapConfig::new(0..2048), Cache::new_uncached());
+    assert!(block_on(map.store_item(&mut [0; 1024], &key, &value)).is_ok());
+}
+
+#[test]
+fn a_later_version_is_told_and_stays_as_it_is() {
+    let later = [2, 1, 0, 0, 0, 42];
+    let longer = [1; 600];
+    for (value, version) in [(&later[..], 2), (&longer, 0)] {
+        let mut flash = Flash::<4, 1024>::new();
+        write(&mut flash, &record(1), true);
+        store_as_is(&mut flash, 1, value);
+        let before = flash.bytes.clone();
+        let found = read(&mut flash);
+        assert_eq!((found.stored, found.version, found.record.number()), (Stored::Later, version, 0));
+        assert_eq!(flash.bytes, before);
+    }
+}
+
+/// A memory that takes nothing and says so, or takes marks of pages only.
+struct Worn {
+    says_so: bool,
+    bytes: [u8; 2048],
+}
+
+impl Worn {
+    fn new(says_so: bool) -> Self {
+        Self { says_so, bytes: [0xFF; 2048] }
+    }
+}
+
+impl ErrorType for Worn {
+    type Error = NoPower;
+}
+
+impl ReadNorFlash for Worn {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NoPower> {
+        bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        2048
+    }
+}
+
+impl NorFlash for Worn {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = 1024;
+
+    async fn erase(&mut self, _: u32, _: u32) -> Result<(), NoPower> {
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, word: &[u8]) -> Result<(), NoPower> {
+        if self.says_so {
+            return Err(NoPower);
+        }
+        if word == [0; 4] {
+            self.bytes[offset as usize..][..4].fill(0);
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn a_memory_that_does_not_hold_what_is_written_is_told() {
+    for (says_so, outcome) in [(true, Outcome::Refused), (false, Outcome::Lost)] {
+        let mut keeper = Keeper::new(Worn::new(says_so), 0..2048).expect("two pages");
+        let order = Order { record: Some(record(1)), afresh: false, may_erase: true };
+        let done = block_on(keeper.carry_out(&order));
+        assert_eq!(done.outcome, outcome);
+        assert_eq!(done.found.map(|found| found.stored), Some(Stored::Nothing));
+    }
+}
+
+#[test]
+fn a_range_that_is_not_two_pages_is_refused() {
+    for range in [0..1024, 0..3072, 512..2560, 0..0] {
+        assert!(Keeper::new(Worn::new(true), range.clone()).is_none(), "{range:?}");
+    }
+}
+
+#[test]
+fn nothing_is_erased_while_motors_run() {
+    let mut flash = Flash::<4, 1024>::new();
+    let mut refused = 0;
+    let mut last = Record::new(0);
+    for number in 1..=60 {
+        let before = flash.erased;
+        let done = write(&mut flash, &record(number), false);
+        assert_eq!(flash.erased, before, "save {number}");
+        if done.outcome == Outcome::Done {
+            last = record(number);
+            continue;
+        }
+        assert_eq!(done.outcome, Outcome::NeedsErase, "save {number}");
+        assert!(done.found.is_none_or(|found| found.record == last), "save {number}");
+        assert_eq!(read(&mut flash.clone()).record, last, "save {number}");
+        refused += 1;
+        let done = write(&mut flash, &record(number), true);
+        assert_eq!(done.outcome, Outcome::Done, "save {number}");
+        last = record(number);
+    }
+    assert!(refused >= 5, "{refused}");
+}

@@ -1,0 +1,168 @@
+//! A NOR flash in memory that loses power at a word of one's choice.
+
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use motor_hub::store::{Found, Order, Record};
+use motor_hub::tasks::store::{Done, Keeper};
+
+pub(crate) use embassy_futures::block_on;
+
+/// Numbers drawn by lot (splitmix64), the same each time from the same seed.
+pub(crate) struct Lots(pub(crate) u64);
+
+impl Lots {
+    pub(crate) fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^ mixed >> 31
+    }
+
+    pub(crate) fn below(&mut self, end: usize) -> usize {
+        (self.next() % end as u64) as usize
+    }
+
+    pub(crate) fn byte(&mut self) -> u8 {
+        self.next() as u8
+    }
+}
+
+/// What happens to the word, or page, at which power goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Tear {
+    /// Nothing yet.
+    Before,
+    /// Each bit has changed, or has not. Of an erasure they are those of the whole page.
+    Bits,
+    /// An erasure has got half way, from the front; a word is as with `Bits`.
+    Half,
+    /// An erasure has spared the words at both ends, by which a page's state is told; a word is as with `Bits`.
+    Ends,
+}
+
+/// Power is gone.
+#[derive(Debug)]
+pub(crate) struct NoPower;
+
+impl NorFlashError for NoPower {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+/// Two pages.
+#[derive(Clone)]
+pub(crate) struct Flash<const WORD: usize, const PAGE: usize> {
+    pub(crate) bytes: Vec<u8>,
+    /// Words written and pages erased so far.
+    pub(crate) steps: usize,
+    pub(crate) erased: usize,
+    /// The step at which power goes, and how.
+    pub(crate) cut: Option<(usize, Tear, u64)>,
+}
+
+impl<const WORD: usize, const PAGE: usize> Flash<WORD, PAGE> {
+    pub(crate) fn new() -> Self {
+        Self::with(vec![0xFF; 2 * PAGE])
+    }
+
+    pub(crate) fn with(bytes: Vec<u8>) -> Self {
+        Self { bytes, steps: 0, erased: 0, cut: None }
+    }
+
+    /// True if power goes now.
+    fn step(&mut self) -> Result<Option<(Tear, Lots)>, NoPower> {
+        let step = self.steps;
+        self.steps += 1;
+        match self.cut {
+            Some((at, ..)) if step > at => Err(NoPower),
+            Some((at, tear, seed)) if step == at => Ok(Some((tear, Lots(seed)))),
+            _ => Ok(None),
+        }
+    }
+}
+
+impl<const WORD: usize, const PAGE: usize> ErrorType for &mut Flash<WORD, PAGE> {
+    type Error = NoPower;
+}
+
+impl<const WORD: usize, const PAGE: usize> ReadNorFlash for &mut Flash<WORD, PAGE> {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NoPower> {
+        if self.cut.is_some_and(|(at, ..)| self.steps > at) {
+            return Err(NoPower);
+        }
+        bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.bytes.len()
+    }
+}
+
+impl<const WORD: usize, const PAGE: usize> NorFlash for &mut Flash<WORD, PAGE> {
+    const WRITE_SIZE: usize = WORD;
+    const ERASE_SIZE: usize = PAGE;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), NoPower> {
+        assert_eq!([from % PAGE as u32, to % PAGE as u32], [0; 2], "whole pages");
+        self.erased += 1;
+        let cut = self.step()?;
+        let page = &mut self.bytes[from as usize..to as usize];
+        let Some((tear, mut lots)) = cut else {
+            page.fill(0xFF);
+            return Ok(());
+        };
+        let half = page.len() / 2;
+        match tear {
+            Tear::Before => (),
+            Tear::Bits => page.iter_mut().for_each(|byte| *byte |= lots.byte()),
+            Tear::Half => page[..half].fill(0xFF),
+            Tear::Ends => page[WORD..PAGE - WORD].iter_mut().for_each(|byte| *byte |= lots.byte()),
+        }
+        Err(NoPower)
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NoPower> {
+        assert_eq!([offset as usize % WORD, bytes.len() % WORD], [0; 2], "whole words");
+        assert!(self.cut.is_none() || bytes.len() == WORD, "one at a time, with other tasks between two");
+        let cut = self.step()?;
+        let word = &mut self.bytes[offset as usize..][..bytes.len()];
+        // A word of a flash with error correction is written once. A page's mark is always the same word: where power has
+        // cut it, writing it again is what completes it.
+        let mark = bytes.iter().all(|byte| *byte == 0);
+        assert!(mark || word.iter().all(|byte| *byte == 0xFF), "written again at {offset}");
+        match cut {
+            None => word.copy_from_slice(bytes),
+            Some((Tear::Before, _)) => return Err(NoPower),
+            Some((_, mut lots)) => {
+                word.iter_mut().zip(bytes).for_each(|(old, new)| *old &= new | lots.byte());
+                return Err(NoPower);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// As at power-on.
+pub(crate) fn read<const WORD: usize, const PAGE: usize>(flash: &mut Flash<WORD, PAGE>) -> Found {
+    block_on(keeper(flash).read())
+}
+
+pub(crate) fn write<const WORD: usize, const PAGE: usize>(
+    flash: &mut Flash<WORD, PAGE>,
+    record: &Record,
+    may_erase: bool,
+) -> Done {
+    let order = Order { record: Some(record.clone()), afresh: false, may_erase };
+    block_on(keeper(flash).carry_out(&order))
+}
+
+pub(crate) fn keeper<const WORD: usize, const PAGE: usize>(
+    flash: &mut Flash<WORD, PAGE>,
+) -> Keeper<&mut Flash<WORD, PAGE>> {
+    Keeper::new(flash, 0..2 * PAGE as u32).expect("two pages")
+}

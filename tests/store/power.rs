@@ -1,0 +1,138 @@
+//! Power goes before, in and after every single write.
+
+use crate::flash::{Flash, Lots, Tear, read, write};
+use motor_hub::store::{Outcome, Record, Stored};
+
+/// Entries by lot, of so many bytes together at most.
+fn record(number: u32, lots: &mut Lots, most: usize) -> Record {
+    let mut record = Record::new(number);
+    let length = lots.below(most);
+    while record.bytes().len() < length {
+        let payload: Vec<u8> = (0..lots.below(20)).map(|_| lots.byte()).collect();
+        if record.push(lots.next() as u16, &payload).is_err() {
+            break;
+        }
+    }
+    record
+}
+
+/// How many cuts were tried.
+#[derive(Debug, Default)]
+struct Tally {
+    saves: usize,
+    erasures: usize,
+    cuts: usize,
+    second_cuts: usize,
+}
+
+/// What must hold when power comes back: old value or new, and the next save is as good as any.
+fn survives<const WORD: usize, const PAGE: usize>(
+    flash: &Flash<WORD, PAGE>,
+    (old, new): (&Record, &Record),
+    what: &dyn Fn() -> String,
+) -> (Flash<WORD, PAGE>, Record) {
+    let mut flash = Flash::with(flash.bytes.clone());
+    let found = read(&mut flash);
+    assert!(found.record == *old || found.record == *new, "{}: {found:?}", what());
+    (flash, found.record)
+}
+
+/// A history of saves; of each, power goes at the words that `which` names of so many, in every way.
+fn history<const WORD: usize, const PAGE: usize>(
+    saves: u32,
+    longest: usize,
+    which: impl Fn(&mut Lots, usize, bool) -> Vec<usize>,
+) -> Tally {
+    let mut lots = Lots(20_261_122);
+    let mut tally = Tally::default();
+    let mut flash = Flash::<WORD, PAGE>::new();
+    let mut old = Record::new(0);
+    for number in 1..=saves {
+        let new = record(number, &mut lots, longest);
+        let before = flash.bytes.clone();
+        (flash.steps, flash.erased) = (0, 0);
+        let done = write(&mut flash, &new, true);
+        assert_eq!(done.outcome, Outcome::Done, "save {number}");
+        let found = done.found.expect("motors are off");
+        assert_eq!((found.stored, &found.record), (Stored::Whole, &new), "save {number}");
+        tally.saves += 1;
+        tally.erasures += flash.erased;
+
+        for at in which(&mut lots, flash.steps, flash.erased > 0) {
+            for tear in [Tear::Before, Tear::Bits, Tear::Half, Tear::Ends] {
+                // Words have one way to be torn.
+                if flash.erased == 0 && matches!(tear, Tear::Half | Tear::Ends) {
+                    continue;
+                }
+                let seed = lots.next();
+                let what = || format!("save {number}, step {at} {tear:?} {seed:#x}");
+                let mut cut = Flash::<WORD, PAGE>::with(before.clone());
+                cut.cut = Some((at, tear, seed));
+                write(&mut cut, &new, true);
+                let (mut again, held) = survives(&cut, (&old, &new), &what);
+                tally.cuts += 1;
+                if flash.erased == 0 && tally.cuts % 16 != 0 {
+                    continue;
+                }
+                // On it goes, and may be cut once more.
+                let after = Flash::<WORD, PAGE>::with(again.bytes.clone());
+                let next = record(number + 1, &mut lots, longest);
+                again.steps = 0;
+                let done = write(&mut again, &next, true);
+                assert_eq!(
+                    (done.outcome, done.found.map(|found| found.record)),
+                    (Outcome::Done, Some(next.clone())),
+                    "{}",
+                    what()
+                );
+                if flash.erased > 0 {
+                    let second = lots.below(again.steps);
+                    let tear = [Tear::Before, Tear::Bits, Tear::Half, Tear::Ends][lots.below(4)];
+                    let mut twice = after;
+                    twice.cut = Some((second, tear, seed));
+                    write(&mut twice, &next, true);
+                    let what = || format!("{}, then step {second} {tear:?}", what());
+                    survives(&twice, (&held, &next), &what);
+                    tally.second_cuts += 1;
+                }
+            }
+        }
+        old = new;
+    }
+    println!("words of {WORD} bytes, pages of {PAGE}: {tally:?}");
+    tally
+}
+
+/// Some by lot: many of a save that erases, one of any other.
+fn some(lots: &mut Lots, steps: usize, erases: bool) -> Vec<usize> {
+    (0..if erases { 30 } else { 1 }).map(|_| lots.below(steps)).chain([steps - 1]).collect()
+}
+
+fn every(_: &mut Lots, steps: usize, _: bool) -> Vec<usize> {
+    (0..steps).collect()
+}
+
+// Words and pages of the boards.
+const F429: (usize, usize) = (4, 16 * 1024);
+const H743: (usize, usize) = (32, 128 * 1024);
+
+#[test]
+fn a_thousand_saves_on_the_f429_leave_the_old_value_or_the_new() {
+    let tally = history::<{ F429.0 }, { F429.1 }>(1_000, 300, some);
+    assert!(tally.erasures >= 20 && tally.cuts > 5_000 && tally.second_cuts > 2_000, "{tally:?}");
+}
+
+#[test]
+fn a_thousand_saves_on_the_h743_leave_the_old_value_or_the_new() {
+    let tally = history::<{ H743.0 }, { H743.1 }>(1_000, 500, some);
+    assert!(tally.erasures >= 3 && tally.cuts > 2_000 && tally.second_cuts > 100, "{tally:?}");
+}
+
+#[test]
+fn every_word_of_many_small_saves_may_be_the_last() {
+    // Pages as small as that are erased every few saves.
+    let tally = history::<4, 1024>(500, 70, every);
+    assert!(tally.erasures >= 50 && tally.cuts > 20_000 && tally.second_cuts > 5_000, "{tally:?}");
+    let tally = history::<32, 4096>(500, 200, every);
+    assert!(tally.erasures >= 30 && tally.cuts > 8_000 && tally.second_cuts > 2_000, "{tally:?}");
+}

@@ -1,0 +1,121 @@
+//! What bytes are a record.
+
+use crate::flash::{Flash, Lots, read, write};
+use motor_hub::store::{CAPACITY, Copies, Full, Outcome, Record, Stored, Unreadable, VERSION};
+use proptest::prelude::*;
+
+fn found(copies: &[Option<&[u8]>]) -> (Stored, u8, u32) {
+    let mut all = Copies::default();
+    copies.iter().for_each(|copy| all.add(*copy));
+    let found = all.found();
+    (found.stored, found.version, found.record.number())
+}
+
+#[test]
+fn what_was_pushed_is_read_in_its_order() {
+    let mut record = Record::new(0x0403_0201);
+    record.push(0x4D00, &[1, 2, 3]).expect("room");
+    record.push(0x7F06, &[]).expect("room");
+    assert_eq!(record.bytes(), [1, 1, 2, 3, 4, 0x00, 0x4D, 3, 1, 2, 3, 0x06, 0x7F, 0]);
+    let again = Record::read(record.bytes()).expect("a record");
+    assert_eq!((again.number(), again), (0x0403_0201, record.clone()));
+    let entries: Vec<_> = record.entries().map(|entry| (entry.id, entry.payload.to_vec())).collect();
+    assert_eq!(entries, [(0x4D00, vec![1, 2, 3]), (0x7F06, vec![])]);
+}
+
+#[test]
+fn what_does_not_fit_is_left_out_whole() {
+    let mut record = Record::new(1);
+    assert_eq!(record.push(1, &[0; 256]), Err(Full));
+    record.push(1, &[0; 255]).expect("room");
+    let rest = CAPACITY - record.bytes().len() - 3;
+    let before = record.clone();
+    assert_eq!(record.push(2, &vec![0; rest + 1]), Err(Full));
+    assert_eq!(record, before);
+    record.push(2, &vec![0; rest]).expect("room");
+    assert_eq!(record.bytes().len(), CAPACITY);
+    assert_eq!(record.push(3, &[]), Err(Full));
+}
+
+#[test]
+fn a_later_version_is_told_from_what_makes_no_sense() {
+    for version in VERSION + 1..=u8::MAX {
+        assert_eq!(Record::read(&[version, 1, 2, 3]), Err(Unreadable::Later(version)));
+    }
+    for nonsense in [
+        &[][..],
+        &[0; 10],
+        &[VERSION, 0, 0, 0],
+        &[VERSION, 0, 0, 0, 0, 1, 2],
+        &[VERSION, 0, 0, 0, 0, 1, 2, 3, 4, 5],
+    ] {
+        assert_eq!(Record::read(nonsense), Err(Unreadable::Damaged), "{nonsense:?}");
+    }
+}
+
+#[test]
+fn the_newer_of_two_copies_counts_and_a_later_version_above_all() {
+    let [old, new] = [Record::new(7), Record::new(8)];
+    let (old, new) = (Some(old.bytes()), Some(new.bytes()));
+    let later = Some(&[9, 0][..]);
+    let nonsense = Some(&[0][..]);
+    for (copies, what) in [
+        ([None, None], (Stored::Nothing, 0, 0)),
+        ([new, new], (Stored::Whole, 1, 8)),
+        ([new, old], (Stored::OneCopy, 1, 8)),
+        ([new, None], (Stored::OneCopy, 1, 8)),
+        ([new, nonsense], (Stored::OneCopy, 1, 8)),
+        ([nonsense, None], (Stored::Damaged, 0, 0)),
+        ([later, None], (Stored::Later, 9, 0)),
+        ([later, new], (Stored::Later, 9, 0)),
+    ] {
+        let [a, b] = copies;
+        assert_eq!(found(&[a, b]), what, "{copies:?}");
+        assert_eq!(found(&[b, a]), what, "{copies:?} the other way round");
+    }
+}
+
+#[test]
+fn a_flash_that_holds_anything_is_read_without_an_end() {
+    let mut lots = Lots(1);
+    let mut nothing = 0;
+    for round in 0..300 {
+        let mut flash = Flash::<4, 1024>::new();
+        let record = Record::new(5);
+        if round % 2 == 0 {
+            write(&mut flash, &record, true);
+        }
+        // From a few bytes to all of it.
+        let bytes = 1 << lots.below(12);
+        for _ in 0..bytes {
+            let at = lots.below(2048);
+            flash.bytes[at] = lots.byte();
+        }
+        let found = read(&mut flash);
+        nothing += u32::from(found.record.number() != 5);
+        // Whatever it was, it can be begun anew.
+        let order = motor_hub::store::Order { record: Some(record.clone()), afresh: true, may_erase: true };
+        let done = crate::flash::block_on(crate::flash::keeper(&mut flash).carry_out(&order));
+        assert_eq!((done.outcome, read(&mut flash).record), (Outcome::Done, record), "round {round}");
+    }
+    assert!(nothing > 100, "{nothing}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// No bytes make it panic, and what is a record says the same when it is read again.
+    #[test]
+    fn any_bytes_are_a_record_or_not(mut bytes in prop::collection::vec(any::<u8>(), 0..600), known in any::<bool>()) {
+        if let Some(first) = bytes.first_mut().filter(|_| known) {
+            *first = VERSION;
+        }
+        if let Ok(record) = Record::read(&bytes) {
+            let mut again = Record::new(record.number());
+            for entry in record.entries() {
+                again.push(entry.id, entry.payload).expect("it was there");
+            }
+            prop_assert_eq!(again, record);
+        }
+    }
+}
