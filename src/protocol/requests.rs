@@ -218,7 +218,9 @@ impl Request {
         match self {
             Self::Standard(_) => None,
             Self::Hub(_) | Self::Motor(..) | Self::Pin(_) => Some(Interface::Motors),
-            Self::Setup(..) | Self::Group(..) | Self::Bus | Self::Record(_) | Self::Store(_) => Some(Interface::Setup),
+            Self::Setup(..) | Self::Group(..) | Self::Bus | Self::Record(_) | Self::Store(_) => {
+                Some(Interface::Setup)
+            }
         }
     }
 
