@@ -14,6 +14,7 @@
 //! | [`fields`] | values to payloads and back; ranges |
 //! | [`requests`] | every request: its number and its fields |
 //! | [`motor`], [`pins`], [`setup`], [`group`], [`led`] | the requests to one motor, to pins, to this hub's own interface, of groups among it; the LED's values |
+//! | [`bus`], [`report`] | of that interface too: how the bus is; what all motors do, in one answer |
 //! | [`answers`] | every answer's fields |
 //! | [`nack`] | why a request is refused, as a number and in words |
 //! | [`address`] | who is meant |
@@ -46,6 +47,7 @@ pub mod led;
 pub mod motor;
 pub mod nack;
 pub mod pins;
+pub mod report;
 pub mod requests;
 pub mod setup;
 mod table;

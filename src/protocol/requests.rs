@@ -25,6 +25,7 @@ use super::led::{Colour, LedPattern};
 use super::motor::ToMotor;
 use super::nack::Nack;
 use super::pins::ToPin;
+use super::report;
 use super::setup::{self, ToSetup};
 use super::table::requests;
 
@@ -161,6 +162,8 @@ pub enum Request {
     Group(u8, ToGroup),
     /// How the bus of battery and bridges is, on hubs of this project.
     Bus,
+    /// What motors and bus do, on hubs of this project.
+    Report,
 }
 
 impl Request {
@@ -193,6 +196,9 @@ impl Request {
             if number == bus::FUNCTION {
                 return Ok(Self::Bus);
             }
+            if number == report::FUNCTION {
+                return Ok(Self::Report);
+            }
             return Ok(Self::Setup(motor(fields)?, ToSetup::read(number, fields)?));
         }
         if Standard::NUMBERS.contains(&packet.id) {
@@ -206,7 +212,7 @@ impl Request {
         match self {
             Self::Standard(_) => None,
             Self::Hub(_) | Self::Motor(..) | Self::Pin(_) => Some(Interface::Motors),
-            Self::Setup(..) | Self::Group(..) | Self::Bus => Some(Interface::Setup),
+            Self::Setup(..) | Self::Group(..) | Self::Bus | Self::Report => Some(Interface::Setup),
         }
     }
 
@@ -220,6 +226,7 @@ impl Request {
             Self::Setup(_, request) => request.number(),
             Self::Group(_, request) => request.number(),
             Self::Bus => bus::FUNCTION,
+            Self::Report => report::FUNCTION,
         }
     }
 
@@ -239,7 +246,7 @@ impl Request {
             Self::Standard(request) => request.write(out),
             Self::Hub(request) => request.write(out),
             Self::Pin(request) => request.write(out),
-            Self::Bus => (),
+            Self::Bus | Self::Report => (),
             Self::Motor(motor, request) => {
                 motor.write(out);
                 request.write(out);

@@ -19,6 +19,7 @@
 //! | 11 say how the motor's bridge switches | motor, then the fields of a [`Timing`] | ACK |
 //! | 12 read it back | motor | the fields |
 //! | 13 | of the bus, see [`bus`](super::bus) | |
+//! | 20 | of all motors at once, see [`report`](super::report) | |
 //!
 //! Function 4 is refused (51) unless the motor is enabled, in constant power of 0; any other target, mode or
 //! disabling ends the motion. From then on function 5 answers of that motion only. What is found is told, not put in force: that is function 2.
@@ -123,7 +124,7 @@ use crate::units::{
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const FUNCTION_COUNT: u16 = 14;
+pub const FUNCTION_COUNT: u16 = 21;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.

@@ -19,6 +19,7 @@ use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::bus::BusReport;
 use motor_hub::protocol::fields::Text;
 use motor_hub::protocol::group::{GroupMove, GroupState, ToGroup};
+use motor_hub::protocol::report::HubReport;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
 use motor_hub::protocol::{Address, Colour};
 use motor_hub::units::{Milliamperes, Millivolts};
@@ -33,6 +34,24 @@ impl<L: Read + Write> Session<L> {
         match self.ask(Request::Bus) {
             Ok(report) => Ok(Some(report)),
             Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// What all motors do, in one exchange; `None` of a hub that has no words for it: another maker's, or older than this.
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn report(&mut self) -> Result<Option<HubReport>, Error> {
+        if self.reports_nothing {
+            return Ok(None);
+        }
+        match self.ask(Request::Report) {
+            Ok(report) => Ok(Some(report)),
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => {
+                self.reports_nothing = true;
+                Ok(None)
+            }
             Err(error) => Err(error),
         }
     }

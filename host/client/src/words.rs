@@ -28,6 +28,7 @@ pub(crate) fn words(request: &Request) -> String {
         Request::Group(motor, ToGroup::Move { .. }) => format!("move motor {motor} and others together"),
         Request::Group(motor, ToGroup::State) => format!("tell how far the group of motor {motor} is"),
         Request::Bus => "tell how its bus is".to_owned(),
+        Request::Report => "tell what its motors do".to_owned(),
         Request::Pin(request) => format!("do function {} of its pins", request.number()),
     }
 }

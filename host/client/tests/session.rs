@@ -18,6 +18,7 @@ use motor_hub_client::{Error, Session};
 use std::cell::Cell;
 use std::io::{Read, Write};
 use std::rc::Rc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// Far more than a hub in memory needs.
@@ -296,4 +297,27 @@ fn a_hub_that_has_no_words_for_its_bus_tells_nothing_of_it_and_that_is_no_failur
     let mut session = session(Memory::new(foreign));
     assert_eq!(session.bus().unwrap(), None);
     assert_eq!(session.battery().unwrap().get(), 12_345, "it goes on");
+}
+
+#[test]
+fn what_all_motors_do_takes_one_exchange_and_a_foreign_hub_is_asked_once() {
+    let hub = Hub::new();
+    let requests = hub.requests.clone();
+    let mut ours = session(Memory::new(hub));
+    let report = ours.report().unwrap().unwrap();
+    assert_eq!((report.battery.map(Millivolts::get), report.motors.len()), (Some(12_345), 4));
+    let asked = requests.load(Ordering::Relaxed);
+    for _ in 0..10 {
+        ours.report().unwrap();
+    }
+    assert_eq!(requests.load(Ordering::Relaxed) - asked, 10, "one request each");
+
+    let mut foreign = Hub::new();
+    foreign.foreign = true;
+    let requests = foreign.requests.clone();
+    let mut foreign = session(Memory::new(foreign));
+    for _ in 0..10 {
+        assert_eq!(foreign.report().unwrap(), None);
+    }
+    assert_eq!(requests.load(Ordering::Relaxed), 1);
 }
