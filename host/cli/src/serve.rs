@@ -58,7 +58,7 @@ impl Options {
             });
         }
         self.serving.execute(Scenario::to_serve, |scenario, line, show| {
-            serve::run(scenario, self.address, line, show)
+            serve::run(scenario, self.address, line, &mut |_| (), show)
         })
     }
 }
@@ -146,7 +146,7 @@ impl Serving {
 }
 
 /// Set when the program is asked to end, which it then does in good order.
-fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
+pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
     let stopped = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         register(signal, Arc::clone(&stopped))
