@@ -70,7 +70,7 @@ fn pictures_of_the_page() {
     let mut tab = browser.open(&dashboard.url, 1280, 1000);
     drive(&mut tab, 1000);
     for nm in ["0.6", "1.2", "0.2"] {
-        tab.ask(&format!("dashboard.link.order('world', {{what: 'torque', motor: 0, nm: {nm}}})"));
+        tab.ask(&format!("dashboard.link.order('world', {{torque: {{motor: 0, nm: {nm}}}}})"));
         std::thread::sleep(Duration::from_secs(3));
     }
     tab.picture(&pictures().join("wide.png"), false);
@@ -85,6 +85,7 @@ fn pictures_of_the_page() {
     tab.picture(&pictures().join("phone.png"), true);
     println!("{}", tab.ask("(() => { const p = (a) => { const s = [...a].sort((x, y) => x - y); return [s[s.length >> 1], s[Math.floor(0.99 * s.length)], s.length] }; return JSON.stringify([p(dashboard.drawn.took), p(dashboard.drawn.apart)]) })()"));
     println!("{:#?}", tab.complaints());
+    println!("{}", tab.ask("new Promise((done) => { const at = []; const step = (now) => { at.push(now); at.length < 301 ? requestAnimationFrame(step) : done(at.slice(1).map((t, i) => t - at[i]).sort((a, b) => a - b).filter((_, i) => i % 20 === 0 || i > 295).join(' ')) }; requestAnimationFrame(step) })"));
     let _ = (ESCAPE, SPACE, Instant::now());
     let _ = wait_for("", || Some(()));
 }

@@ -1,12 +1,12 @@
-//! What a page may ask for: JSON objects with an `order`. Whatever is unknown, missing or out of range is refused in words.
+//! What a page may ask for: JSON objects of one key, the order, with its fields. Whatever is unknown, missing or out of range is refused in words.
 //!
 //! ```
 //! use dashboard::order::Order;
 //!
-//! let order: Order = serde_json::from_str(r#"{"order":"drive","motor":0,"mode":"velocity","value":800}"#).unwrap();
+//! let order: Order = serde_json::from_str(r#"{"drive":{"motor":0,"mode":"velocity","value":0.5}}"#).unwrap();
 //! assert!(order.is_for_the_controller());
-//! assert!(!serde_json::from_str::<Order>(r#"{"order":"stop"}"#).unwrap().is_for_the_controller());
-//! assert!(serde_json::from_str::<Order>(r#"{"order":"explode"}"#).is_err());
+//! assert!(!serde_json::from_str::<Order>(r#"{"stop":null}"#).unwrap().is_for_the_controller());
+//! assert!(serde_json::from_str::<Order>(r#"{"explode":null}"#).is_err());
 //! ```
 
 use crate::world::WorldOrder;
@@ -14,7 +14,7 @@ use serde::Deserialize;
 
 /// What a page asks for.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(tag = "order", rename_all = "kebab-case", rename_all_fields = "snake_case", deny_unknown_fields)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Order {
     /// It has shown this frame.
     Shown {

@@ -4,7 +4,7 @@
 //! use dashboard::world::{World, WorldOrder};
 //!
 //! let world = World::default();
-//! let order: WorldOrder = serde_json::from_str(r#"{"what":"hold","motor":1,"held":true}"#).unwrap();
+//! let order: WorldOrder = serde_json::from_str(r#"{"hold":{"motor":1,"held":true}}"#).unwrap();
 //! world.change(&order).unwrap();
 //! assert!(world.hands().motors[1].held);
 //! ```
@@ -28,7 +28,7 @@ pub struct World(Arc<Mutex<Hands>>);
 
 /// What is to be done to it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(tag = "what", rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum WorldOrder {
     /// The battery's voltage without load; nothing is the scenario's.
     Battery {

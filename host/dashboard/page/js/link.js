@@ -34,10 +34,10 @@ export class Link {
     if (message.kind === "frame" && message.number % EVERY === 0) this.order("shown", { number: message.number });
   }
 
-  /** @param {string} order @param {Record<string, any>} [fields] @returns {boolean} whether it went out */
-  order(order, fields = {}) {
+  /** @param {string} order @param {Record<string, any>|null} [fields] @returns {boolean} whether it went out */
+  order(order, fields = null) {
     if (this.socket?.readyState !== WebSocket.OPEN) return false;
-    this.socket.send(JSON.stringify({ order, ...fields }));
+    this.socket.send(JSON.stringify({ [order]: fields }));
     return true;
   }
 }

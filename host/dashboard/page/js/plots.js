@@ -26,7 +26,7 @@ const PLOTS = {
 };
 
 /** Drawing more often than this is not seen, in milliseconds. */
-const DRAW_MS = 38;
+const DRAW_MS = 30;
 
 /** Room round the values, and at least so much of it. @returns {number[]} */
 function around(/** @type {any} */ low, /** @type {any} */ high, /** @type {number} */ least) {

@@ -34,7 +34,7 @@ export class SmallPlot {
     const axis = { stroke: colour("muted"), grid: { stroke: colour("grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif" };
     this.plot ??= new uPlot({
       width, height: 200, legend: { show: false }, cursor: { drag: { x: false, y: false } }, padding: [8, 8, 0, 0],
-      scales: { x: { time: false } },
+      scales: { x: { time: false }, y: { range: (/** @type {any} */ _, /** @type {any} */ low, /** @type {any} */ high) => (low === null ? [0, 1000] : uPlot.rangeNum(low, high, 0.1, true)) } },
       axes: [{ ...axis, size: 40, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map((tick) => `${+tick.toFixed(2)} s`) }, { ...axis, size: 62 }],
       series: [{}, ...this.lines.map(({ colour: name, dash }) => ({ stroke: colour(name), width: 2, dash, points: { show: false } }))],
     }, this.data, this.host);

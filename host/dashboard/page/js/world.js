@@ -23,7 +23,7 @@ function slider({ label, min, max, step, words, send }) {
 
 /** @param {any} link */
 export function worldPanel(link) {
-  const change = (/** @type {string} */ what, /** @type {any} */ fields) => link.order("world", { what, ...fields });
+  const change = (/** @type {string} */ what, /** @type {any} */ fields) => link.order("world", { [what]: fields });
   const motor = () => state.chosen;
   const volts = slider({ label: "Battery without load, V", min: 0, max: 16, step: 0.1, words: (value) => `${number(value, 1)} V`, send: (value) => change("battery", { volts: value }) });
   const torque = slider({ label: "Torque on the output shaft, N m", min: -2, max: 2, step: 0.05, words: (value) => `${number(value, 2)} N m`, send: (value) => change("torque", { motor: motor(), nm: value }) });
@@ -35,7 +35,7 @@ export function worldPanel(link) {
     ["Winch: 0.8 N m pull", () => { link.order("drive", { motor: motor(), mode: "velocity", value: 800 }); link.order("enable", { motor: motor(), on: true }); change("torque", { motor: motor(), nm: 0.8 }); }],
     ["Unplug its encoder", () => change("encoder", { motor: motor(), is: "unplugged" })],
     ["Drop the battery to 7 V", () => change("battery", { volts: 7 })],
-    ["All as it was", () => change("reset", {})],
+    ["All as it was", () => change("reset", null)],
   ].map(([words, act]) => h("button", { type: "button", onclick: act }, words));
 
   function fill() {
