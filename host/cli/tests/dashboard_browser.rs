@@ -1,91 +1,264 @@
-//! `motor-hub dashboard` in a real browser.
-#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+//! `motor-hub dashboard` in a real browser: what somebody sees and does.
+#![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
 mod browser;
+mod page;
 
-use browser::{Browser, Tab, find, wait_for};
-use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::sync::Mutex;
+use browser::{Browser, Tab, find};
+use page::{ALONE, Dashboard, drive, live, motor, pictures, unobstructed};
 use std::time::{Duration, Instant};
 
-/// One browser at a time: what is measured in real time must not wait for another.
-static ALONE: Mutex<()> = Mutex::new(());
+const ESCAPE: (&str, u32) = ("Escape", 27);
+const SPACE: (&str, u32) = (" ", 32);
 
-const ESCAPE: u32 = 27;
-const SPACE: u32 = 32;
-
-/// The program, and its URL.
-struct Dashboard {
-    process: Child,
-    url: String,
+/// With a page of a simulated hub, at a desk's size; nothing may have been complained of in the end.
+fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
+    let Some(program) = find() else { return };
+    let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let dashboard = Dashboard::start(&[]);
+    let mut browser = Browser::start(&program, name);
+    let mut tab = browser.open(&dashboard.url, 1280, 1000);
+    live(&mut tab);
+    test(&mut tab);
+    assert_eq!(tab.complaints(), Vec::<String>::new());
 }
 
-impl Dashboard {
-    fn start(arguments: &[&str]) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_motor-hub"));
-        let mut process = command.arg("dashboard").args(arguments).stdout(Stdio::piped()).spawn().unwrap();
-        let mut url = String::new();
-        BufReader::new(process.stdout.take().unwrap()).read_line(&mut url).unwrap();
-        Self { process, url: url.trim().to_owned() }
-    }
-}
-
-impl Drop for Dashboard {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-    }
-}
-
-/// Where pictures go: `target/dashboard`.
-fn pictures() -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("dashboard");
-    std::fs::create_dir_all(&folder).unwrap();
-    folder
-}
-
-const LIVE: &str = "window.dashboard && dashboard.state.frame && dashboard.state.frame.number > 20 && dashboard.state.settings.length === 4";
-
-/// The newest frame's word on motor 0.
-fn motor0(what: &str) -> String {
-    format!("dashboard.state.frame.motors[0].{what}")
-}
-
-/// Motor 0 at a speed, by the page's own fields.
-fn drive(tab: &mut Tab<'_>, cps: i32) {
-    tab.wait(LIVE);
-    tab.fill("#motors .card:nth-child(1) input[type=number]", &cps.to_string());
-    tab.click("#motors .card:nth-child(1) .run");
-    tab.wait(&format!("Math.abs({} - {cps}) < {}", motor0("velocity"), cps.abs() / 20));
+/// Until motor 0 is off; how long that took.
+fn off(tab: &mut Tab<'_>, since: Instant) -> Duration {
+    tab.wait(&format!("{} === false", motor(0, "enabled")));
+    since.elapsed()
 }
 
 #[test]
-fn pictures_of_the_page() {
-    let Some(program) = find() else { return };
-    let _alone = ALONE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let dashboard = Dashboard::start(&[]);
-    let mut browser = Browser::start(&program, "pictures");
-    let mut tab = browser.open(&dashboard.url, 1280, 1000);
-    drive(&mut tab, 1000);
-    for nm in ["0.6", "1.2", "0.2"] {
-        tab.ask(&format!("dashboard.link.order('world', {{torque: {{motor: 0, nm: {nm}}}}})"));
-        std::thread::sleep(Duration::from_secs(3));
-    }
-    tab.picture(&pictures().join("wide.png"), false);
-    tab.ask("document.querySelector('#theme').click(), document.querySelector('#theme').click()");
-    for panel in ["tune", "learn", "setup", "group", "record", "world"] {
-        tab.click(&format!("#tab-{panel}"));
+fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() {
+    with_page("stop", |tab| {
+        for round in 0..5 {
+            drive(tab, 0, 900);
+            let since = Instant::now();
+            let how = match round {
+                0 => {
+                    tab.click("#stop");
+                    "a click"
+                }
+                1 => {
+                    tab.press(ESCAPE);
+                    "Escape"
+                }
+                2 => {
+                    tab.press(SPACE);
+                    "Space"
+                }
+                // In a field, where Space is a character but Escape stops.
+                3 => {
+                    tab.ask("document.querySelector('#motors input[type=number]').focus()");
+                    tab.press(ESCAPE);
+                    "Escape in a field"
+                }
+                // On a button, which Space would press otherwise.
+                _ => {
+                    tab.ask("document.querySelector('#pause').focus()");
+                    tab.press(SPACE);
+                    "Space on a button"
+                }
+            };
+            println!("stopped by {how} after {:.0} ms", off(tab, since).as_secs_f64() * 1e3);
+            assert_eq!(
+                tab.ask("document.querySelector('#pause').getAttribute('aria-pressed')"),
+                "false",
+                "{how}"
+            );
+            assert!(
+                tab.ask("document.querySelector('#notice').textContent") == "All motors are off: stopped.",
+                "{how}"
+            );
+            tab.wait(&format!("{} === 0", motor(0, "velocity")));
+        }
+    });
+}
+
+#[test]
+fn space_in_a_field_stops_nothing() {
+    with_page("space", |tab| {
+        drive(tab, 1, 500);
+        tab.ask("document.querySelector('#group-speed').focus()");
+        tab.click("#tab-group");
+        tab.ask("document.querySelector('#group-speed').focus()");
+        tab.press(SPACE);
+        std::thread::sleep(Duration::from_millis(300));
+        assert_eq!(tab.ask(&motor(1, "enabled")), true);
+    });
+}
+
+#[test]
+fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
+    with_page("boxes", |tab| {
+        drive(tab, 0, 800);
+        for (width, height, name) in [(1280, 1000, "wide"), (768, 1024, "tablet"), (390, 844, "phone")] {
+            tab.resize(width, height);
+            std::thread::sleep(Duration::from_millis(300));
+            for panel in ["tune", "learn", "setup", "group", "record", "world"] {
+                tab.click(&format!("#tab-{panel}"));
+                assert_eq!(unobstructed(tab), Vec::<String>::new(), "{width} wide, {panel}");
+            }
+            for share in [0.0, 0.5, 1.0] {
+                tab.ask(&format!("scrollTo(0, {share} * document.documentElement.scrollHeight)"));
+                let seen = "(() => { const b = document.querySelector('#stop').getBoundingClientRect(); \
+                            const e = document.elementFromPoint(b.x + b.width / 2, b.y + b.height / 2); \
+                            return b.top >= 0 && b.left >= 0 && b.bottom <= innerHeight && b.right <= innerWidth && e.id === 'stop' })()";
+                assert_eq!(tab.ask(seen), true, "STOP at {share} of the page, {width} wide");
+            }
+            tab.ask("scrollTo(0, 0)");
+            tab.picture(&pictures().join(format!("{name}.png")), name != "wide");
+        }
+    });
+}
+
+#[test]
+fn a_winch_is_seen_going_through_the_regimes() {
+    with_page("winch", |tab| {
+        drive(tab, 0, 1000);
+        let regime = |tab: &mut Tab<'_>, expected: &str| {
+            tab.wait(&format!(
+                "document.querySelector('#motors .pill').textContent.startsWith('{expected}')"
+            ));
+        };
+        regime(tab, "forward");
+        tab.click("#tab-world");
+        let pull = |tab: &mut Tab<'_>, nm: &str| {
+            tab.fill("#panel-world input[type=range]", nm);
+            std::thread::sleep(Duration::from_millis(2500));
+        };
+        for nm in ["0.2", "0.35", "0.5", "0.2"] {
+            pull(tab, nm);
+        }
+        regime(tab, "braking");
+        pull(tab, "-0.4");
+        regime(tab, "forward");
+        pull(tab, "0.25");
+        regime(tab, "braking");
+        tab.picture(&pictures().join("light.png"), false);
+        tab.click("#theme");
+        tab.click("#theme");
+        assert_eq!(tab.ask("document.documentElement.dataset.theme"), "dark");
         std::thread::sleep(Duration::from_millis(200));
-        tab.picture(&pictures().join(format!("{panel}.png")), true);
-    }
-    tab.resize(390, 844);
-    std::thread::sleep(Duration::from_millis(500));
-    tab.picture(&pictures().join("phone.png"), true);
-    println!("{}", tab.ask("(() => { const p = (a) => { const s = [...a].sort((x, y) => x - y); return [s[s.length >> 1], s[Math.floor(0.99 * s.length)], s.length] }; return JSON.stringify([p(dashboard.drawn.took), p(dashboard.drawn.apart)]) })()"));
-    println!("{:#?}", tab.complaints());
-    println!("{}", tab.ask("new Promise((done) => { const at = []; const step = (now) => { at.push(now); at.length < 301 ? requestAnimationFrame(step) : done(at.slice(1).map((t, i) => t - at[i]).sort((a, b) => a - b).filter((_, i) => i % 20 === 0 || i > 295).join(' ')) }; requestAnimationFrame(step) })"));
-    let _ = (ESCAPE, SPACE, Instant::now());
-    let _ = wait_for("", || Some(()));
+        tab.picture(&pictures().join("dark.png"), false);
+    });
+}
+
+#[test]
+fn why_a_motor_stands_is_said_in_words() {
+    with_page("why", |tab| {
+        let why = "document.querySelector('#motors .card:nth-child(2) .why').textContent";
+        assert_eq!(tab.ask(why), "Disabled.");
+        tab.press(("2", 50));
+        drive(tab, 1, 600);
+        tab.click("#tab-world");
+        tab.fill("#world-encoder", "unplugged");
+        tab.wait(&format!("{why}.startsWith('Its encoder does not count')"));
+        tab.fill("#world-encoder", "sound");
+        tab.press(ESCAPE);
+        tab.wait(&format!("{why} === 'Disabled.'"));
+        drive(tab, 1, 600);
+        // A battery at 7 V is too low to draw from.
+        tab.fill("#panel-world .stack:nth-child(2) input[type=range]", "5.5");
+        tab.wait(&format!("{why}.includes('battery')"));
+    });
+}
+
+#[test]
+fn a_step_is_laid_over_the_one_before_and_a_change_is_taken_back() {
+    with_page("step", |tab| {
+        tab.click("#tab-tune");
+        let step = |tab: &mut Tab<'_>| {
+            tab.click("#panel-tune button.primary");
+            tab.wait("document.querySelector('#panel-tune [role=status]').textContent === 'Done.'");
+        };
+        step(tab);
+        assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 1);
+        let regulator = "document.querySelector('#panel-tune b').textContent";
+        assert_eq!(tab.ask(regulator), "its model");
+        let undo = "#panel-tune .row button:nth-child(3)";
+        tab.click("#panel-tune .row button:nth-child(2)");
+        tab.wait(&format!("{regulator} === 'PID'"));
+        step(tab);
+        assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 2);
+        tab.picture(&pictures().join("tune.png"), true);
+        tab.click(undo);
+        tab.wait(&format!("{regulator} === 'its model'"));
+        assert_eq!(tab.ask(&format!("document.querySelector('{undo}').disabled")), true);
+    });
+}
+
+#[test]
+fn a_motor_is_identified_and_what_was_found_predicts_what_was_measured() {
+    with_page("identify", |tab| {
+        tab.click("#tab-learn");
+        tab.click("#panel-learn button.primary");
+        tab.wait("document.querySelector('#panel-learn [role=status]').textContent === 'Motor 0 is known.'");
+        // Both lines of the plot, as the page draws them.
+        let off = tab.ask("dashboard.learned().misfit").as_f64().unwrap();
+        println!("predicted is off by {:.1} % of what was measured", 100.0 * off);
+        assert!(off < 0.1, "predicted is off by {off} of what was measured");
+        tab.picture(&pictures().join("learn.png"), true);
+        tab.click("#panel-learn .row button:nth-child(2)");
+        tab.wait("dashboard.state.settings[0].undoable === 1");
+        assert_eq!(tab.ask(&motor(0, "enabled")), false);
+    });
+}
+
+#[test]
+fn a_recording_is_saved_and_looked_at_again() {
+    with_page("record", |tab| {
+        tab.click("#tab-record");
+        tab.click("#panel-record button.primary");
+        drive(tab, 0, 700);
+        tab.click("#panel-record button.primary");
+        // The file that would be saved, and the same taken in as a file that was chosen.
+        let rows = tab.ask(
+            "(async () => { \
+                let text; const make = URL.createObjectURL; \
+                URL.createObjectURL = (blob) => { text = blob.text(); return make.call(URL, new Blob([])); }; \
+                document.querySelector('#panel-record .row button:nth-child(2)').click(); \
+                URL.createObjectURL = make; \
+                const file = document.querySelector('#record-file'); const kept = new DataTransfer(); \
+                kept.items.add(new File([await text], 'run.csv')); file.files = kept.files; \
+                file.dispatchEvent(new Event('change')); \
+                return (await text).trim().split('\\n') })()",
+        );
+        let rows = rows.as_array().unwrap();
+        assert!(
+            rows.len() > 40 && rows[0].as_str().unwrap().starts_with("time_s,motor,battery_v,velocity"),
+            "{rows:?}"
+        );
+        tab.wait("document.querySelector('#panel-record [role=status]').textContent.startsWith('run.csv is shown')");
+        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Go on");
+        tab.click("#pause");
+        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Pause");
+    });
+}
+
+#[test]
+fn all_of_it_is_reached_by_keys() {
+    with_page("keys", |tab| {
+        let chosen = "document.querySelector('.card.chosen').getAttribute('aria-label')";
+        tab.press(("3", 51));
+        assert_eq!(tab.ask(chosen), "Motor 2");
+        // From the top, Tab comes to every control that can be seen.
+        tab.ask("document.activeElement.blur()");
+        let all = tab.ask("document.querySelectorAll('button, select, input').length").as_u64().unwrap();
+        let mut reached = std::collections::BTreeSet::new();
+        for _ in 0..all + 5 {
+            tab.press(("Tab", 9));
+            let at =
+                "[...document.querySelectorAll('button, select, input')].indexOf(document.activeElement)";
+            reached.extend(tab.ask(at).as_i64().filter(|at| *at >= 0));
+        }
+        let expected = tab.ask(
+            "[...document.querySelectorAll('button, select, input')].filter((e) => !e.disabled && e.tabIndex >= 0 && e.checkVisibility()).length",
+        );
+        assert_eq!(Some(reached.len() as u64), expected.as_u64());
+        tab.ask("document.querySelector('#motors .card:nth-child(4) .run').focus()");
+        tab.press(("Enter", 13));
+        tab.wait(&motor(3, "enabled"));
+    });
 }

@@ -3,13 +3,16 @@
 //!
 //! ```
 //! use dashboard::http::{Head, HeadError};
+//! use std::time::{Duration, Instant};
 //!
-//! let head = Head::read(&mut &b"GET /?token=1 HTTP/1.1\r\nHost: 127.0.0.1:8000\r\n\r\n"[..]).unwrap();
+//! let soon = Instant::now() + Duration::from_secs(1);
+//! let head = Head::read(&mut &b"GET /?token=1 HTTP/1.1\r\nHost: 127.0.0.1:8000\r\n\r\n"[..], soon).unwrap();
 //! assert_eq!((head.method.as_str(), head.target.as_str()), ("GET", "/?token=1"));
-//! assert!(matches!(Head::read(&mut &b"GET /"[..]), Err(HeadError::CutShort)));
+//! assert!(matches!(Head::read(&mut &b"GET /"[..], soon), Err(HeadError::CutShort)));
 //! ```
 
 use std::io::{self, Read, Write};
+use std::time::Instant;
 
 /// The longest head that is read.
 pub const LONGEST_HEAD: usize = 8 * 1024;
@@ -60,11 +63,11 @@ pub enum HeadError {
 }
 
 impl Head {
-    /// Reads up to the end of a head.
+    /// Reads up to the end of a head, which must have come by then.
     ///
     /// # Errors
     /// There is none.
-    pub fn read(stream: &mut impl Read) -> Result<Self, HeadError> {
+    pub fn read(stream: &mut impl Read, by: Instant) -> Result<Self, HeadError> {
         let mut bytes = Vec::new();
         let mut one = [0; 1];
         // One by one: what follows belongs to the socket.
@@ -73,7 +76,7 @@ impl Head {
                 return Err(HeadError::TooLong);
             }
             match stream.read(&mut one) {
-                Ok(1..) => bytes.extend(one),
+                Ok(1..) if Instant::now() < by => bytes.extend(one),
                 _ => return Err(HeadError::CutShort),
             }
         }

@@ -17,7 +17,7 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{self, Sender};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Connections at once; a page has one, and some more while it loads.
 const MOST: u32 = 48;
@@ -113,7 +113,7 @@ fn serve(
     if full {
         return refuse(&mut stream, "503 Service Unavailable", "too many connections");
     }
-    let head = match Head::read(&mut stream) {
+    let head = match Head::read(&mut stream, Instant::now() + PATIENCE) {
         Ok(head) => head,
         Err(HeadError::TooLong) => {
             return refuse(&mut stream, "431 Request Header Fields Too Large", "the request is too long");

@@ -169,9 +169,13 @@ impl Tab<'_> {
     }
 
     /// Presses a key and releases it.
-    pub(crate) fn press(&mut self, key: &str, code: u32) {
+    pub(crate) fn press(&mut self, (key, code): (&str, u32)) {
         for kind in ["rawKeyDown", "keyUp"] {
-            let event = json!({ "type": kind, "key": key, "code": if key == " " { "Space" } else { key }, "windowsVirtualKeyCode": code });
+            let mut event = json!({ "type": kind, "key": key, "code": if key == " " { "Space" } else { key }, "windowsVirtualKeyCode": code });
+            if kind == "rawKeyDown" && key == "Enter" {
+                event["type"] = "keyDown".into();
+                event["text"] = "\r".into();
+            }
             self.call("Input.dispatchKeyEvent", event);
         }
     }

@@ -1,6 +1,7 @@
 // The page: what the server says goes to who wants to know; what somebody does goes to the server.
 
 import { by, say } from "./dom.js";
+import { learned } from "./learn.js";
 import { Link } from "./link.js";
 import { startMotors } from "./motors.js";
 import { startPanels } from "./panels.js";
@@ -52,9 +53,15 @@ function hear(message) {
 
 /** @param {string} text */
 function notice(text) {
-  by("notice").hidden = false;
-  say(by("notice"), text[0].toUpperCase() + text.slice(1));
+  by("notice").classList.add("news");
+  say(by("notice"), `${text[0].toUpperCase()}${text.slice(1)}.`);
   noticeUntil = performance.now() + NOTICE_MS;
+}
+
+/** What stands there while there is nothing to say. */
+function hint() {
+  by("notice").classList.remove("news");
+  say(by("notice"), "Esc stops, anywhere, and so does Space outside of fields. Keys 1 to 4 choose a motor.");
 }
 
 function fact(/** @type {any} */ element, /** @type {boolean} */ bad, /** @type {string} */ text) {
@@ -78,7 +85,7 @@ function facts() {
   say(by("control"), !state.open ? "" : inControl() ? `You are in control${watched}` : state.controller ? "Another page is in control" : "Nobody is in control");
   by("take").hidden = !state.open || state.controller !== null;
   if (noticeUntil && performance.now() > noticeUntil) {
-    by("notice").hidden = true;
+    hint();
     noticeUntil = 0;
   }
 }
@@ -131,9 +138,10 @@ startMotors(link);
 startPlots();
 startPanels(link);
 theme(THEMES.includes(localStorage.getItem("theme") ?? "") ? /** @type {string} */ (localStorage.getItem("theme")) : "auto");
+hint();
 choose(0);
 for (const what of ["welcome", "line", "desk"]) on(what, facts);
 setInterval(facts, 250);
 // For whoever measures.
-Object.assign(window, { dashboard: { state, drawn, link } });
+Object.assign(window, { dashboard: { state, drawn, link, learned: () => learned } });
 

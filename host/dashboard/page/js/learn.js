@@ -29,6 +29,15 @@ export function predict(seen, found) {
   });
 }
 
+/** How far predicted speeds are from measured ones, as a share of these: for whoever checks what is drawn. */
+export const learned = { misfit: NaN };
+
+/** @param {number[]} measured @param {number[]} predicted */
+function misfit(measured, predicted) {
+  const sum = (/** @type {(i: number) => number} */ of) => measured.reduce((all, _, i) => all + of(i) ** 2, 0);
+  return Math.sqrt(sum((i) => predicted[i] - measured[i]) / sum((i) => measured[i]));
+}
+
 /** @param {any} link */
 export function learnPanel(link) {
   const travel = h("input", { type: "number", min: 1, step: 1, placeholder: "no limit", "aria-label": "Counts that it may turn at most, either way" });
@@ -41,6 +50,7 @@ export function learnPanel(link) {
   /** @type {{at: number, cps: number, volts: number}[]} */
   let seen = [];
   let motor = -1;
+  let [tick, volts] = [-1, 0];
   /** @type {any[]} by motor */
   const last = [];
 
@@ -57,11 +67,11 @@ export function learnPanel(link) {
     const of = frame.motors[motor];
     const settings = state.settings[motor];
     if (!of || of.told !== "identify" || !settings || of.current_a === undefined) return;
-    // The voltage across it, by the hub's own constants and its current; the bridge's switches are small beside.
-    const volts = (settings.emf_mv_s_per_count * of.velocity) / 1000 + (settings.resistance_ohm ?? 0) * of.current_a;
-    const at = frame.tick_ms / 1000;
-    if (seen.length && seen[seen.length - 1].at === at) Object.assign(seen[seen.length - 1], { cps: of.velocity });
-    else seen.push({ at, cps: of.velocity, volts });
+    // The voltage across it, by the hub's own constants and its current; the bridge's switches are small beside. From one
+    // control tick to the next it stays.
+    if (frame.tick_ms !== tick) volts = (settings.emf_mv_s_per_count * of.velocity) / 1000 + (settings.resistance_ohm ?? 0) * of.current_a;
+    tick = frame.tick_ms;
+    seen.push({ at: frame.at_s, cps: of.velocity, volts });
   });
 
   on("identification", (message) => {
@@ -99,7 +109,10 @@ export function learnPanel(link) {
     ];
     found.append(...rows.map(([name, value, note]) => h("tr", {}, h("th", {}, name), h("td", { class: "n" }, value), h("td", { class: "muted" }, note))));
     const start = of.seen[0]?.at ?? 0;
-    if (of.seen.length) plot.show([of.seen.map((/** @type {any} */ one) => one.at - start), of.seen.map((/** @type {any} */ one) => one.cps), predict(of.seen, is)]);
+    const measured = of.seen.map((/** @type {any} */ one) => one.cps);
+    const predicted = predict(of.seen, is);
+    learned.misfit = misfit(measured, predicted);
+    plot.show([of.seen.map((/** @type {any} */ one) => one.at - start), measured, predicted]);
   }
 
   function allow() {

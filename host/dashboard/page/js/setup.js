@@ -13,7 +13,7 @@ export function setupPanel(link) {
   const scheme = select(SCHEMES, { id: "setup-scheme" });
   const duty = select(DUTIES, { id: "setup-duty" });
   const facts = h("p", { class: "muted" });
-  const apply = h("button", { type: "button", class: "primary", onclick: () => link.order("set-up", { motor: state.chosen, name: name.value || null, scheme: scheme.value, duty: duty.value }) }, "Set up");
+  const apply = h("button", { type: "button", class: "primary", onclick: () => link.order("set-up", { motor: state.chosen, name: name.value === state.settings[state.chosen]?.name ? null : name.value || null, scheme: scheme.value, duty: duty.value }) }, "Set up");
   const undo = h("button", { type: "button", onclick: () => link.order("undo", { motor: state.chosen }) }, "Undo");
   const zero = h("button", { type: "button", onclick: () => link.order("reset-encoder", { motor: state.chosen }) }, "Here is 0 counts");
 
