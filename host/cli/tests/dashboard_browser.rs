@@ -4,8 +4,9 @@
 mod browser;
 mod page;
 
-use browser::{Browser, Tab, find};
-use page::{ALONE, Dashboard, drive, live, motor, pictures, unobstructed};
+use browser::page::{ALONE, drive, live, motor, pictures, unobstructed};
+use browser::{Browser, Tab, find, wait_for};
+use page::Dashboard;
 use std::time::{Duration, Instant};
 
 const ESCAPE: (&str, u32) = ("Escape", 27);
@@ -21,6 +22,54 @@ fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
     live(&mut tab);
     test(&mut tab);
     assert_eq!(tab.complaints(), Vec::<String>::new());
+}
+
+/// Two pages of one hub: what becomes of the motors of the first, as the second sees it.
+fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
+    let Some(program) = find() else { return };
+    let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let dashboard = Dashboard::start(&[]);
+    // A browser each: one that is busy answers for neither.
+    let mut first = Browser::start(&program, &format!("{name}-driver"));
+    let mut second = Browser::start(&program, &format!("{name}-viewer"));
+    let mut driver = first.open(&dashboard.url, 1280, 1000);
+    live(&mut driver);
+    let mut viewer = second.open(&dashboard.url, 1280, 1000);
+    live(&mut viewer);
+    drive(&mut driver, 0, 900);
+    assert_eq!(viewer.ask("document.querySelector('#control').textContent"), "Another page is in control");
+    let since = Instant::now();
+    end(driver);
+    let took = wait_for("a motor that is off", || {
+        (viewer.ask(&motor(0, "enabled")) == false).then(|| since.elapsed())
+    });
+    println!("{name}: off after {:.0} ms", took.as_secs_f64() * 1e3);
+    assert!(took < most, "{took:?}");
+    viewer.wait(&format!("document.querySelector('#notice').textContent.includes('{says}')"));
+    // Coasting: power and current are 0.
+    viewer.wait(&format!("{} === 0 && {} === 0", motor(0, "control"), motor(0, "current_a")));
+    viewer.wait("document.querySelector('#take').checkVisibility()");
+    viewer.click("#take");
+    viewer.wait("document.querySelector('#control').textContent.startsWith('You are in control')");
+    assert_eq!(viewer.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn a_tab_that_is_killed_loses_its_motors() {
+    let kill = |tab: Tab<'_>| tab.kill();
+    with_two_pages("killed", kill, "the page in control was closed", Duration::from_secs(2));
+}
+
+#[test]
+fn a_tab_that_is_closed_loses_its_motors() {
+    let close = |tab: Tab<'_>| tab.close();
+    with_two_pages("closed", close, "the page in control was closed", Duration::from_secs(2));
+}
+
+#[test]
+fn a_tab_that_hangs_loses_its_motors_after_a_second() {
+    let hang = |mut tab: Tab<'_>| tab.hang();
+    with_two_pages("hanging", hang, "showed nothing for a second", Duration::from_secs(3));
 }
 
 /// Until motor 0 is off; how long that took.
@@ -260,5 +309,30 @@ fn all_of_it_is_reached_by_keys() {
         tab.ask("document.querySelector('#motors .card:nth-child(4) .run').focus()");
         tab.press(("Enter", 13));
         tab.wait(&motor(3, "enabled"));
+    });
+}
+
+/// `cargo test --test dashboard_browser drawing -- --ignored --nocapture`
+#[test]
+#[ignore = "a report, not a test: times are this machine's"]
+fn drawing_of_full_plots() {
+    with_page("drawing", |tab| {
+        drive(tab, 0, 900);
+        // A minute of frames, as if it had gone by.
+        tab.ask(
+            "(() => { const { state } = dashboard; const frame = state.frame; \
+                for (let i = 3000; i > 0; i -= 1) { \
+                    const motors = frame.motors.map((motor) => ({ ...motor, velocity: 900 * Math.sin(i / 90), control: Math.sin(i / 60), current_a: Math.cos(i / 40) })); \
+                    state.history.push({ ...frame, at_s: frame.at_s - i / 50, motors }); \
+                } })()",
+        );
+        std::thread::sleep(Duration::from_millis(500));
+        let report = tab.ask(
+            "(async () => { const { drawn } = dashboard; drawn.took.length = 0; const at = []; \
+                await new Promise((done) => { const step = (now) => { at.push(now); at.length < 600 ? requestAnimationFrame(step) : done() }; requestAnimationFrame(step) }); \
+                const of = (all) => { const sorted = [...all].sort((a, b) => a - b); return { n: sorted.length, median: sorted[sorted.length >> 1], p99: sorted[Math.floor(0.99 * sorted.length)] } }; \
+                return { points: dashboard.state.history.time.last().length, drawing_ms: of(drawn.took), frame_ms: of(at.slice(1).map((now, i) => now - at[i])) } })()",
+        );
+        println!("{report:#}");
     });
 }

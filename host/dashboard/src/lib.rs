@@ -11,7 +11,7 @@
 //! | [`gate`] | which requests are let in |
 //! | [`http`], [`assets`] | requests as bytes, and the files of the page |
 //! | [`server`] | who listens; a thread a connection |
-//! | `viewer` | one page: its socket |
+//! | [`viewer`] | one page: its socket |
 //! | [`desk`] | who is in control, and whether they are still there |
 //! | [`pilot`] | the thread that has the hub: fifty frames a second, orders as they come |
 //! | [`order`], `perform` | what a page may ask for, and what is done about it |
@@ -45,7 +45,7 @@ pub mod order;
 mod perform;
 pub mod pilot;
 pub mod server;
-mod viewer;
+pub mod viewer;
 pub mod world;
 
 pub use pilot::Place;

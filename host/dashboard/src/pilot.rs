@@ -5,6 +5,7 @@ use crate::desk::{Desk, Gone};
 use crate::frame::{Found, Frame, Learned, Message, OfMotor, Welcome, refused};
 use crate::order::Order;
 use crate::perform::{Changed, Performer, Trouble, channel};
+use crate::viewer::Pen;
 use crate::world::World;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
@@ -15,7 +16,7 @@ use motor_hub_client::{Error, Line, Session};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use tungstenite::Utf8Bytes;
 
@@ -73,7 +74,7 @@ impl fmt::Debug for Place {
 #[derive(Debug)]
 pub enum Event {
     /// It is there, and this is how it is told.
-    Joined(u32, SyncSender<Utf8Bytes>),
+    Joined(u32, Pen),
     /// It is gone.
     Left(u32),
     /// It asks for something.
@@ -96,7 +97,7 @@ struct Learning {
 pub struct Pilot {
     place: Place,
     heard: Receiver<Event>,
-    pages: BTreeMap<u32, SyncSender<Utf8Bytes>>,
+    pages: BTreeMap<u32, Pen>,
     desk: Desk,
     session: Option<Session<Line>>,
     performer: Performer,
@@ -159,7 +160,7 @@ impl Pilot {
     fn hear(&mut self, event: Event) {
         let now = Instant::now();
         match event {
-            Event::Joined(id, say) => self.greet(id, say, now),
+            Event::Joined(id, pen) => self.greet(id, pen, now),
             Event::Left(id) => {
                 self.pages.remove(&id);
                 if let Some(gone) = self.desk.leave(id) {
@@ -171,17 +172,17 @@ impl Pilot {
         }
     }
 
-    fn greet(&mut self, id: u32, say: SyncSender<Utf8Bytes>, now: Instant) {
+    fn greet(&mut self, id: u32, pen: Pen, now: Instant) {
         self.desk.join(id, now);
         let welcome = Welcome::new(id, &self.place.name, self.place.world.is_some());
         let mut first = vec![Message::Welcome(welcome).text(), self.line.text()];
         first.extend(self.settings.values().cloned());
         first.extend(self.place.world.iter().map(|world| Message::World(world.is()).text()));
         for text in first {
-            // A new page has room for as many.
-            let _ = say.try_send(text);
+            // If it is gone already, that is heard next.
+            pen.tell(text);
         }
-        self.pages.insert(id, say);
+        self.pages.insert(id, pen);
         self.tell_desk();
     }
 
@@ -263,7 +264,7 @@ impl Pilot {
         self.frame.number += 1;
         self.desk.sent(self.frame.number, now);
         let text = Message::Frame(self.frame.clone()).text();
-        self.tell(&text);
+        self.pages.retain(|_, pen| pen.show(text.clone()));
         // Nobody is in control: nothing may run.
         if self.desk.controller().is_none() && self.frame.motors.iter().any(|motor| motor.enabled) {
             self.switch_off("motors ran, and nobody was in control");
@@ -457,16 +458,14 @@ impl Pilot {
         self.line = line;
     }
 
-    /// All pages; one that does not keep up misses it.
+    /// All pages.
     fn tell(&mut self, text: &Utf8Bytes) {
-        for say in self.pages.values() {
-            let _ = say.try_send(text.clone());
-        }
+        self.pages.retain(|_, pen| pen.tell(text.clone()));
     }
 
-    fn answer(&mut self, id: u32, why: &str) {
-        if let Some(say) = self.pages.get(&id) {
-            let _ = say.try_send(refused(why));
+    fn answer(&self, id: u32, why: &str) {
+        if let Some(pen) = self.pages.get(&id) {
+            pen.tell(refused(why));
         }
     }
 }

@@ -1,6 +1,8 @@
 //! A headless Chromium, driven over its DevTools protocol.
 #![allow(dead_code, reason = "each test uses its own part")]
 
+pub(crate) mod page;
+
 use serde_json::{Value, json};
 use std::io::{ErrorKind, Write};
 use std::net::TcpStream;
