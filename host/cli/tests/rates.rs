@@ -15,9 +15,9 @@ const ASKED: u32 = 500;
 fn rate(name: &str, arguments: &[&str]) {
     let hub = Hub::start(PROGRAM, arguments);
     let mut session = Session::open(&hub.place).unwrap();
-    // What the emulator executes for the first time takes it a while.
+    // What the emulator executes for the first time takes it a while, which is no answer then.
     for _ in 0..20 {
-        session.report().unwrap();
+        let _ = session.report();
     }
     let mut times: Vec<f64> = Vec::new();
     for _ in 0..ASKED {
