@@ -156,6 +156,7 @@ fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
                             return b.top >= 0 && b.left >= 0 && b.bottom <= innerHeight && b.right <= innerWidth && e.id === 'stop' })()";
                 assert_eq!(tab.ask(seen), true, "STOP at {share} of the page, {width} wide");
             }
+            assert_eq!(tab.ask(&motor(0, "enabled")), true, "nothing of that was a click on STOP");
             tab.ask("scrollTo(0, 0)");
             tab.picture(&pictures().join(format!("{name}.png")), name != "wide");
         }
@@ -185,6 +186,10 @@ fn a_winch_is_seen_going_through_the_regimes() {
         regime(tab, "forward");
         pull(tab, "0.25");
         regime(tab, "braking");
+        // Without what lies below the plots.
+        tab.ask("scrollTo(0, 0)");
+        tab.resize(1280, 900);
+        std::thread::sleep(Duration::from_millis(200));
         tab.picture(&pictures().join("light.png"), false);
         tab.click("#theme");
         tab.click("#theme");

@@ -1,11 +1,5 @@
 //! What pages are told: JSON objects with a `kind`. Shares of full control and of full duty are from -1 to 1, everything
 //! else has its unit in its name or is in counts and seconds.
-//!
-//! ```
-//! use dashboard::frame::refused;
-//!
-//! assert_eq!(refused("no").as_str(), r#"{"kind":"refused","why":"no"}"#);
-//! ```
 
 use crate::world::WorldIs;
 use motor_hub::braking::{DutyRule, Regime, Scheme};
@@ -25,7 +19,7 @@ use tungstenite::Utf8Bytes;
 /// Everything that a page may be told.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
-pub enum Message {
+pub(crate) enum Message {
     /// Once, when it comes.
     Welcome(Welcome),
     /// Fifty times a second.
@@ -68,20 +62,20 @@ pub enum Message {
 
 /// What a page is told first.
 #[derive(Clone, Debug, Serialize)]
-pub struct Welcome {
+pub(crate) struct Welcome {
     /// The page's own number.
-    pub you: u32,
+    pub(crate) you: u32,
     /// Where the hub is.
-    pub place: String,
+    pub(crate) place: String,
     /// It is a simulated one.
-    pub simulated: bool,
+    pub(crate) simulated: bool,
     /// Motors that may be connected.
-    pub catalogue: Vec<Known>,
+    pub(crate) catalogue: Vec<Known>,
 }
 
 /// A motor of the catalogue.
 #[derive(Clone, Debug, Serialize)]
-pub struct Known {
+pub(crate) struct Known {
     name: &'static str,
     /// Of the output shaft.
     counts_per_turn: f64,
@@ -93,48 +87,48 @@ pub struct Known {
 
 /// What the hub does at one instant.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Frame {
+pub(crate) struct Frame {
     /// Of the frame, from 1; a page returns it.
-    pub number: u64,
+    pub(crate) number: u64,
     /// Since the server's start.
-    pub at_s: f64,
+    pub(crate) at_s: f64,
     /// Since the hub's, of its control tick.
-    pub tick_ms: u32,
+    pub(crate) tick_ms: u32,
     /// Nothing if it is unknown.
-    pub battery_v: Option<f64>,
+    pub(crate) battery_v: Option<f64>,
     /// In one word; nothing of a hub that does not tell.
-    pub bus: Option<&'static str>,
+    pub(crate) bus: Option<&'static str>,
     /// How far braking motors burn what they would return, 0 to 1.
-    pub burning: f64,
+    pub(crate) burning: f64,
     /// By motor.
-    pub motors: Vec<OfMotor>,
+    pub(crate) motors: Vec<OfMotor>,
 }
 
 /// What a motor does. What a hub does not tell is left out.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct OfMotor {
+pub(crate) struct OfMotor {
     /// In one word.
-    pub told: &'static str,
+    pub(crate) told: &'static str,
     /// Share, counts/s or counts; nothing if there is none.
-    pub target: Option<f64>,
+    pub(crate) target: Option<f64>,
     /// Counts.
-    pub position: i32,
+    pub(crate) position: i32,
     /// Counts per second.
-    pub velocity: i16,
+    pub(crate) velocity: i16,
     /// It may run.
-    pub enabled: bool,
+    pub(crate) enabled: bool,
     /// It is where it should be.
-    pub at_target: bool,
+    pub(crate) at_target: bool,
     /// Why it stands.
-    pub why: Option<&'static str>,
+    pub(crate) why: Option<&'static str>,
     /// The rest.
     #[serde(flatten)]
-    pub more: Option<More>,
+    pub(crate) more: Option<More>,
 }
 
 /// What hubs of this project tell beside what all do.
 #[derive(Clone, Debug, Serialize)]
-pub struct More {
+pub(crate) struct More {
     regulator: &'static str,
     control: f64,
     regime: Option<&'static str>,
@@ -153,13 +147,13 @@ pub struct More {
 
 /// How a motor is set.
 #[derive(Clone, Debug, Serialize)]
-pub struct SettingsOf {
+pub(crate) struct SettingsOf {
     /// 0 to 3.
-    pub motor: usize,
+    pub(crate) motor: usize,
     /// By the catalogue, if it is one of them.
-    pub name: Option<&'static str>,
+    pub(crate) name: Option<&'static str>,
     /// Of the output shaft, of such a one.
-    pub counts_per_turn: Option<f64>,
+    pub(crate) counts_per_turn: Option<f64>,
     emf_mv_s_per_count: f64,
     resistance_ohm: Option<f64>,
     scheme: SchemeWords,
@@ -169,12 +163,12 @@ pub struct SettingsOf {
     velocity: [f64; 4],
     position: [f64; 4],
     /// Changes that can be taken back.
-    pub undoable: usize,
+    pub(crate) undoable: usize,
 }
 
 /// How a motor answers to a voltage.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Dynamics {
+pub(crate) struct Dynamics {
     /// In counts/s² per volt.
     gain: f64,
     /// In 1/s.
@@ -185,22 +179,22 @@ pub struct Dynamics {
 
 /// What comes of an identification.
 #[derive(Clone, Debug, Serialize)]
-pub struct Learned {
+pub(crate) struct Learned {
     /// 0 to 3.
-    pub motor: u8,
+    pub(crate) motor: u8,
     /// `running`, `found` or `refused`.
-    pub state: &'static str,
+    pub(crate) state: &'static str,
     /// Of a running one, 0 to 100.
-    pub percent: Option<u8>,
+    pub(crate) percent: Option<u8>,
     /// Of a refused one.
-    pub why: Option<String>,
+    pub(crate) why: Option<String>,
     /// Of one that was found.
-    pub found: Option<Found>,
+    pub(crate) found: Option<Found>,
 }
 
 /// What was found.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Found {
+pub(crate) struct Found {
     #[serde(flatten)]
     dynamics: Dynamics,
     /// In mV s/count, with drag.
@@ -215,7 +209,7 @@ pub struct Found {
 impl Message {
     /// As it goes over a socket.
     #[must_use]
-    pub fn text(&self) -> Utf8Bytes {
+    pub(crate) fn text(&self) -> Utf8Bytes {
         // Plain data, which always can be written.
         serde_json::to_string(self).unwrap_or_default().into()
     }
@@ -223,14 +217,14 @@ impl Message {
 
 /// An order was not carried out.
 #[must_use]
-pub fn refused(why: &str) -> Utf8Bytes {
+pub(crate) fn refused(why: &str) -> Utf8Bytes {
     Message::Refused { why: why.to_owned() }.text()
 }
 
 impl Welcome {
     /// With all motors of the catalogue.
     #[must_use]
-    pub fn new(you: u32, place: &str, simulated: bool) -> Self {
+    pub(crate) fn new(you: u32, place: &str, simulated: bool) -> Self {
         let known = motors().map(|motor| Known {
             name: motor.name,
             counts_per_turn: motor.counts_per_rev_output(),
@@ -245,7 +239,7 @@ impl Welcome {
 impl Frame {
     /// Of a hub that tells everything at once.
     #[must_use]
-    pub fn of(report: &HubReport) -> Self {
+    pub(crate) fn of(report: &HubReport) -> Self {
         let motors = report.motors.iter().enumerate();
         Self {
             tick_ms: report.at_ms,
@@ -306,7 +300,13 @@ impl More {
 impl SettingsOf {
     /// As the hub has them.
     #[must_use]
-    pub fn new(motor: usize, setup: &Setup, motion: &Motion, loops: [Pidf; 2], undoable: usize) -> Self {
+    pub(crate) fn new(
+        motor: usize,
+        setup: &Setup,
+        motion: &Motion,
+        loops: [Pidf; 2],
+        undoable: usize,
+    ) -> Self {
         let emf = f64::from(setup.emf.to_bits()) / f64::from(1 << 20);
         let resistance_ohm = setup.resistance.map(|resistance| f64::from(resistance.as_milliohms()) / 1e3);
         let known = resistance_ohm.and_then(|ohms| {

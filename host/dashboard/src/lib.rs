@@ -11,11 +11,11 @@
 //! | [`gate`] | which requests are let in |
 //! | [`http`], [`assets`] | requests as bytes, and the files of the page |
 //! | [`server`] | who listens; a thread a connection |
-//! | [`viewer`] | one page: its socket |
+//! | `viewer` | one page: its socket |
 //! | [`desk`] | who is in control, and whether they are still there |
-//! | [`pilot`] | the thread that has the hub: fifty frames a second, orders as they come |
+//! | `pilot` | the thread that has the hub: fifty frames a second, orders as they come |
 //! | [`order`], `perform` | what a page may ask for, and what is done about it |
-//! | [`frame`] | what pages are told |
+//! | `frame` | what pages are told |
 //! | [`world`] | what a page may do to a simulated hub's motors and battery |
 //!
 //! One page is in control, any number look on, and anyone may stop. A page proves that it is there by returning the numbers
@@ -38,14 +38,14 @@
 
 pub mod assets;
 pub mod desk;
-pub mod frame;
+mod frame;
 pub mod gate;
 pub mod http;
 pub mod order;
 mod perform;
-pub mod pilot;
+mod pilot;
 pub mod server;
-pub mod viewer;
+mod viewer;
 pub mod world;
 
 pub use pilot::Place;

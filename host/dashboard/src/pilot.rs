@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 use tungstenite::Utf8Bytes;
 
 /// Between frames.
-pub const INTERVAL: Duration = Duration::from_millis(20);
+pub(crate) const INTERVAL: Duration = Duration::from_millis(20);
 
 /// How long a hub's answer is waited for: a page that is gone, or a stop, cannot wait long.
 const PATIENCE: Duration = Duration::from_millis(300);
@@ -72,7 +72,7 @@ impl fmt::Debug for Place {
 
 /// What happens at a page.
 #[derive(Debug)]
-pub enum Event {
+pub(crate) enum Event {
     /// It is there, and this is how it is told.
     Joined(u32, Pen),
     /// It is gone.
@@ -94,7 +94,7 @@ struct Learning {
 
 /// Has the hub, and knows all pages.
 #[derive(Debug)]
-pub struct Pilot {
+pub(crate) struct Pilot {
     place: Place,
     heard: Receiver<Event>,
     pages: BTreeMap<u32, Pen>,
@@ -115,7 +115,7 @@ pub struct Pilot {
 impl Pilot {
     /// Of the hub at a place, for pages of which it hears.
     #[must_use]
-    pub fn new(place: Place, heard: Receiver<Event>) -> Self {
+    pub(crate) fn new(place: Place, heard: Receiver<Event>) -> Self {
         let now = Instant::now();
         let line = Message::Line { connected: false, why: "not connected yet".to_owned(), reports: true };
         Self {
@@ -136,7 +136,7 @@ impl Pilot {
     }
 
     /// Until `stop` is set; then all motors are off.
-    pub fn run(mut self, stop: &AtomicBool) {
+    pub(crate) fn run(mut self, stop: &AtomicBool) {
         let mut next = Instant::now();
         while !stop.load(Ordering::Relaxed) {
             let now = Instant::now();

@@ -27,7 +27,7 @@ const POLL: Duration = Duration::from_millis(3);
 
 /// How a page is told something.
 #[derive(Clone, Debug)]
-pub struct Pen {
+pub(crate) struct Pen {
     say: Sender<Utf8Bytes>,
     waiting: Arc<AtomicUsize>,
 }

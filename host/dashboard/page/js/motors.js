@@ -108,7 +108,7 @@ function show(/** @type {any} */ card, /** @type {any} */ motor) {
   const regime = motor.enabled ? motor.regime : null;
   card.pill.className = `pill ${regime ?? ""}`;
   say(card.pill, regime ? `${regime} ${motor.mode}, ${number(100 * motor.duty)} %` : motor.enabled && motor.regime !== undefined ? "bridge open" : motor.enabled ? motor.told : "off");
-  const words = motor.why ? motor.why[0].toUpperCase() + motor.why.slice(1) + "." : motor.told === "identify" ? "Being learned." : motor.regulator ? `Regulated ${motor.regulator === "model" ? "by its model" : "by PID"}${motor.derated ? "; its current is limited: hot" : ""}${motor.at_target ? "; at its target" : ""}.` : "";
+  const words = motor.why ? motor.why[0].toUpperCase() + motor.why.slice(1) + "." : motor.told === "identify" ? "Being learned." : !motor.enabled ? "Disabled; it runs down." : motor.regulator ? `Regulated ${motor.regulator === "model" ? "by its model" : "by PID"}${motor.derated ? "; its current is limited: hot" : ""}${motor.at_target ? "; at its target" : ""}.` : "";
   say(card.why, motor.told === "power" && !motor.why ? "Constant power." : words);
   card.why.classList.toggle("fault", Boolean(motor.fault || motor.stalled));
 }
