@@ -166,7 +166,9 @@ fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
 #[test]
 fn a_winch_is_seen_going_through_the_regimes() {
     with_page("winch", |tab| {
-        drive(tab, 0, 1000);
+        drive(tab, 1, 600);
+        drive(tab, 2, -400);
+        drive(tab, 0, 700);
         let regime = |tab: &mut Tab<'_>, expected: &str| {
             tab.wait(&format!(
                 "document.querySelector('#motors .pill').textContent.startsWith('{expected}')"
@@ -176,15 +178,23 @@ fn a_winch_is_seen_going_through_the_regimes() {
         tab.click("#tab-world");
         let pull = |tab: &mut Tab<'_>, nm: &str| {
             tab.fill("#panel-world input[type=range]", nm);
-            std::thread::sleep(Duration::from_millis(2500));
+            std::thread::sleep(Duration::from_millis(1500));
         };
-        for nm in ["0.2", "0.35", "0.5", "0.2"] {
-            pull(tab, nm);
-        }
+        let turn = |tab: &mut Tab<'_>, cps: &str| {
+            tab.fill("#motors .card:nth-child(1) input[type=number]", cps);
+            std::thread::sleep(Duration::from_millis(1500));
+        };
+        pull(tab, "0.3");
         regime(tab, "braking");
-        pull(tab, "-0.4");
+        turn(tab, "1600");
+        regime(tab, "braking");
+        pull(tab, "0.6");
+        turn(tab, "1000");
+        pull(tab, "-0.3");
         regime(tab, "forward");
-        pull(tab, "0.25");
+        turn(tab, "1800");
+        pull(tab, "0.4");
+        turn(tab, "1200");
         regime(tab, "braking");
         // Without what lies below the plots.
         tab.ask("scrollTo(0, 0)");

@@ -13,7 +13,7 @@ use crate::gate::{Gate, Wanted};
 use crate::http::{self, Head, HeadError};
 use crate::pilot::{Event, Pilot, Place};
 use crate::viewer;
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{self, Sender};
@@ -71,7 +71,7 @@ impl Server {
     /// What a browser is to open: it has the token in it.
     #[must_use]
     pub fn url(&self) -> String {
-        format!("http://{}/?token={}", self.address, self.gate.token())
+        format!("http://{}/?token={}", reachable(self.address), self.gate.token())
     }
 
     /// Serves the hub at a place until `stop` is set, then switches its motors off.
@@ -81,6 +81,21 @@ impl Server {
         std::thread::spawn(move || listen(&listener, &gate, &events));
         Pilot::new(place, heard).run(stop);
     }
+}
+
+/// The address by which others reach a server that listens at all addresses: the one from which this machine would talk to
+/// the world. Nothing is sent for it.
+fn reachable(address: SocketAddr) -> SocketAddr {
+    if !address.ip().is_unspecified() {
+        return address;
+    }
+    // An address that is nobody's (RFC 5737, RFC 3849).
+    let nobody = if address.is_ipv4() { "192.0.2.1:9" } else { "[2001:db8::1]:9" };
+    let own = UdpSocket::bind((address.ip(), 0)).and_then(|socket| {
+        socket.connect(nobody)?;
+        socket.local_addr()
+    });
+    own.map_or(address, |own| SocketAddr::new(own.ip(), address.port()))
 }
 
 fn listen(listener: &TcpListener, gate: &Gate, events: &Sender<Event>) {

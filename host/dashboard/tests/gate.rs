@@ -182,3 +182,28 @@ fn more_connections_than_pages_need_are_turned_away() {
     std::thread::sleep(Duration::from_millis(200));
     assert_eq!(status(&get(address, &request, &format!("Host: {address}\r\n"))), "200");
 }
+
+#[test]
+fn a_server_for_other_machines_names_an_address_that_they_reach_and_asks_for_the_token_all_the_same() {
+    let server = Server::bind("0.0.0.0:0").unwrap();
+    let (url, port) = (server.url(), server.address().port());
+    let (host, token) = url.strip_prefix("http://").and_then(|rest| rest.split_once("/?token=")).unwrap();
+    let (host, token) = (host.to_owned(), token.to_owned());
+    std::thread::spawn(move || {
+        server.run(Place::real("nowhere", || Err("there is none".to_owned())), &AtomicBool::new(false));
+    });
+    let local: SocketAddr = format!("127.0.0.1:{port}").parse().unwrap();
+    let named = |host: &str, query: &str| {
+        status(&get(local, &format!("/{query}"), &format!("Host: {host}\r\n"))).to_owned()
+    };
+    let query = format!("?token={token}");
+    assert_eq!(named(&local.to_string(), &query), "200");
+    assert_eq!(named(&local.to_string(), ""), "403");
+    assert_eq!(named("0.0.0.0", &query), "421");
+    assert_eq!(named(&format!("0.0.0.0:{port}"), &query), "421", "nobody connects to that");
+    // A machine without a network has no address to name.
+    if !host.starts_with("0.0.0.0") {
+        let answer = get(host.parse().unwrap(), &format!("/{query}"), &format!("Host: {host}\r\n"));
+        assert_eq!(status(&answer), "200");
+    }
+}

@@ -28,11 +28,20 @@ export function drawBands(u, points, colour) {
     ctx.fillStyle = colour(name);
     fill(u, time, points[low], points[high], first, last, step);
     ctx.globalAlpha = 1;
-    label(u, points[low], points[high], last, name, colour);
   }
   stroke(u, time, points.t, first, last, step, colour("reverse-edge"), [2, 3]);
   stroke(u, time, points.z, first, last, step, colour("forward-edge"), []);
   ctx.restore();
+}
+
+/** Names the bands, over the lines. @param {any} u @param {Record<string, (number|null)[]>} points @param {(name: string) => string} colour */
+export function nameBands(u, points, colour) {
+  const time = u.data[0];
+  if (!time.length || !points.s) return;
+  const last = Math.min(time.length - 1, lower(time, u.scales.x.max) + 1);
+  u.ctx.save();
+  for (const [low, high, name] of BANDS) label(u, points[low], points[high], last, name, colour);
+  u.ctx.restore();
 }
 
 /** The first index whose time is not before. */

@@ -1,7 +1,7 @@
 // Four plots over one time: speed, control, current, battery. One cursor for all; dragging zooms in; pausing keeps what is
 // seen while the hub goes on.
 
-import { drawBands } from "./bands.js";
+import { drawBands, nameBands } from "./bands.js";
 import { by, h, say } from "./dom.js";
 import { on, state } from "./state.js";
 import { fromCps, number, speedUnit } from "./units.js";
@@ -34,6 +34,9 @@ function around(/** @type {any} */ low, /** @type {any} */ high, /** @type {numb
   const room = Math.max(least, 0.12 * (high - low));
   return [low - room, high + room];
 }
+
+/** With the digits that it needs. */
+const tickWords = (/** @type {number} */ tick) => number(tick, [0, 1, 2].find((digits) => Math.abs(tick - Number(tick.toFixed(digits))) < 1e-9) ?? 3);
 
 let colours = new Map();
 function colour(/** @type {string} */ name) {
@@ -102,10 +105,11 @@ function build(/** @type {string} */ name, /** @type {Plot} */ { title, height, 
     width: Math.max(200, host.clientWidth), height, legend: { show: false }, padding: [6, 8, 0, 0],
     cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 7 } },
     scales: { x: { time: false, range: (/** @type {any} */ u, /** @type {number} */ low, /** @type {number} */ high) => view.zoom ?? [Math.max(low, high - view.window), Math.max(high, low + 1)] }, y: { range } },
-    axes: [{ ...axis, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60], space: 60, size: name === "battery" ? 40 : 18, values: name === "battery" ? (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map((tick) => `${number(tick, Number.isInteger(tick) ? 0 : 1)} s`) : () => [] }, { ...axis, size: 62 }],
+    axes: [{ ...axis, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60], space: 60, size: name === "battery" ? 40 : 18, values: name === "battery" ? (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map((tick) => `${number(tick, Number.isInteger(tick) ? 0 : 1)} s`) : () => [] }, { ...axis, size: 62, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(tickWords) }],
     series: [{}, ...lines.map((line) => ({ stroke: () => colour(line.colour), width: 2, dash: line.dash, points: { show: false }, spanGaps: false }))],
     hooks: {
       drawAxes: name === "control" ? [(/** @type {any} */ u) => drawBands(u, columns(), colour)] : [],
+      draw: name === "control" ? [(/** @type {any} */ u) => nameBands(u, columns(), colour)] : [],
       setSelect: [(/** @type {any} */ u) => zoom(u)],
       setCursor: [(/** @type {any} */ u) => { if (view.cursor !== u.cursor.idx) { view.cursor = u.cursor.idx; legends(); } }],
     },
