@@ -130,7 +130,8 @@ fn a_page_that_shows_nothing_for_a_second_loses_its_motors_and_not_before() {
     driver.alive = false;
     let silent = Instant::now();
     while viewer.frame["motors"][0]["enabled"] != false {
-        (driver.hear(), viewer.hear());
+        driver.hear();
+        viewer.hear();
         assert!(silent.elapsed() < PATIENCE);
         if silent.elapsed() < Duration::from_millis(800) {
             assert!(viewer.frame.is_null() || viewer.enabled(0), "off after {:?}", silent.elapsed());
@@ -279,10 +280,9 @@ fn a_hub_elsewhere_is_driven_and_left_with_its_motors_off_when_the_program_ends(
     let said = String::from_utf8_lossy(&status.stderr);
     assert!(status.status.success() && !said.contains("left running"), "{said}");
     let status: Value = serde_json::from_slice(&status.stdout).unwrap();
-    assert_eq!(
-        (&status["motors"][0]["enabled"], &status["motors"][0]["power"]),
-        (&json!(false), &json!(0.29999694814905244))
-    );
+    let motor = &status["motors"][0];
+    assert_eq!(motor["enabled"], false);
+    assert!((motor["power"].as_f64().unwrap() - 0.3).abs() < 1e-4, "its target is kept: {motor}");
 }
 
 #[test]
