@@ -127,7 +127,7 @@ pub fn run(
 
     let executor = Executor::new();
     let mut snapshot = Snapshot::INITIAL;
-    let mut hands = Hands::default();
+    let (mut hands, mut begun_s) = (Hands::default(), 0.0);
     pace(|step, lost| {
         let at_s = step as f64 * sim::STEP_S;
         // Bytes may have come, of which no waker tells.
@@ -136,9 +136,13 @@ pub fn run(
         let before = hands;
         meddle(&mut hands);
         hands.grip(&before, scenario, &board);
-        sim::change(scenario, &board, at_s);
+        if hands.restarts != before.restarts {
+            begun_s = at_s;
+        }
+        let scenario_s = at_s - begun_s;
+        sim::change(scenario, &board, scenario_s);
         hands.meddle(&board);
-        sim::pass(&board, &hands.torques(scenario, at_s));
+        sim::pass(&board, &hands.torques(scenario, scenario_s));
         if board.starved() {
             return Err(RunError::Starved);
         }

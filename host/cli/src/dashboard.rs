@@ -2,6 +2,7 @@
 
 use crate::output::{Failure, print, say};
 use crate::serve::stop_flag;
+use dashboard::script::Script;
 use dashboard::world::World;
 use dashboard::{Place, Server};
 use motor_hub::protocol::Address;
@@ -41,7 +42,7 @@ pub(crate) struct Options {
     /// Hub behind a TCP connection
     #[arg(long, value_name = "HOST:PORT", value_parser = host_and_port, conflicts_with = "scenario")]
     tcp: Option<String>,
-    /// Scenario file (TOML) whose motors, loads and battery the simulated hub has
+    /// Scenario file (TOML) whose motors, loads and battery the simulated hub has; the page can play it
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
     /// Where the page is served on this machine; port 0 is any that is free
@@ -110,6 +111,8 @@ fn simulate(file: Option<&Path>, stop: &Arc<AtomicBool>) -> Result<(Place, Simul
         None => Scenario::to_serve(),
     };
     let scenario = scenario.map_err(Failure::input)?;
+    // The motors of the default scenario are served otherwise than it has them.
+    let script = file.and_then(|_| Script::of(&scenario));
     let line = serve::Line::tcp("127.0.0.1:0").map_err(Failure::work)?;
     let address = line.to_string();
     let world = World::default();
@@ -126,7 +129,7 @@ fn simulate(file: Option<&Path>, stop: &Arc<AtomicBool>) -> Result<(Place, Simul
         session.keep_alive().map_err(|error: Error| error.to_string())?;
         Ok(session)
     };
-    Ok((Place::simulated(&name, world, open), simulation))
+    Ok((Place::simulated(&name, world, script, open), simulation))
 }
 
 /// Whatever this machine opens URLs with; without it there is the printed line.

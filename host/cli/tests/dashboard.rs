@@ -267,6 +267,27 @@ fn a_message_that_is_too_long_ends_its_page_and_no_other() {
 }
 
 #[test]
+fn a_scenario_is_played_from_its_beginning_and_leaves_its_motors_off() {
+    let winch = concat!(env!("CARGO_MANIFEST_DIR"), "/../../boards/simulated/scenarios/winch.toml");
+    let dashboard = Dashboard::start(&["--scenario", winch]);
+    let mut page = Page::ready(&dashboard);
+    page.order("play", Value::Null);
+    let winch = |page: &Page, what: &str| page.frame["motors"][0][what].clone();
+    page.until("its speed", |page, _| {
+        winch(page, "velocity").as_f64().is_some_and(|cps| (cps - 1360.0).abs() < 30.0)
+    });
+    assert_eq!(winch(&page, "regime"), "forward");
+    // From 4 to 8 s 0.8 N m drive it.
+    page.until("its load", |page, _| {
+        winch(page, "regime") == "braking" && winch(page, "load_a").as_f64() < Some(-0.5)
+    });
+    page.until("its end", |_, message| message["text"] == "all motors are off: the scenario is over");
+    let other = Dashboard::start(&[]);
+    let mut page = Page::ready(&other);
+    assert!(page.refused("play", Value::Null).contains("name one by --scenario"));
+}
+
+#[test]
 fn a_hub_elsewhere_is_driven_and_left_with_its_motors_off_when_the_program_ends() {
     let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
     let mut dashboard = Dashboard::start(&["--tcp", &hub.place]);

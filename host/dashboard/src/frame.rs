@@ -69,6 +69,8 @@ pub(crate) struct Welcome {
     pub(crate) place: String,
     /// It is a simulated one.
     pub(crate) simulated: bool,
+    /// Its scenario can be played.
+    pub(crate) playable: bool,
     /// Motors that may be connected.
     pub(crate) catalogue: Vec<Known>,
 }
@@ -224,7 +226,7 @@ pub(crate) fn refused(why: &str) -> Utf8Bytes {
 impl Welcome {
     /// With all motors of the catalogue.
     #[must_use]
-    pub(crate) fn new(you: u32, place: &str, simulated: bool) -> Self {
+    pub(crate) fn new(you: u32, place: &str, simulated: bool, playable: bool) -> Self {
         let known = motors().map(|motor| Known {
             name: motor.name,
             counts_per_turn: motor.counts_per_rev_output(),
@@ -232,7 +234,7 @@ impl Welcome {
             emf_mv_s_per_count: motor.ke_fw(),
             resistance_ohm: motor.r.0,
         });
-        Self { you, place: place.to_owned(), simulated, catalogue: known.collect() }
+        Self { you, place: place.to_owned(), simulated, playable, catalogue: known.collect() }
     }
 }
 

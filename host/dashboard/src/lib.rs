@@ -16,7 +16,7 @@
 //! | `pilot` | the thread that has the hub: fifty frames a second, orders as they come |
 //! | [`order`], `perform` | what a page may ask for, and what is done about it |
 //! | `frame` | what pages are told |
-//! | [`world`] | what a page may do to a simulated hub's motors and battery |
+//! | [`world`], [`script`] | what a page may do to a simulated hub's motors and battery; a scenario's set-points |
 //!
 //! One page is in control, any number look on, and anyone may stop. A page proves that it is there by returning the numbers
 //! of frames that it has shown: when the one in control is closed, is hidden for long or returns nothing for a second,
@@ -44,6 +44,7 @@ pub mod http;
 pub mod order;
 mod perform;
 mod pilot;
+pub mod script;
 pub mod server;
 mod viewer;
 pub mod world;

@@ -5,6 +5,7 @@ use crate::desk::{Desk, Gone};
 use crate::frame::{Found, Frame, Learned, Message, OfMotor, Welcome, refused};
 use crate::order::Order;
 use crate::perform::{Changed, Performer, Trouble, channel};
+use crate::script::{Playing, Script};
 use crate::viewer::Pen;
 use crate::world::World;
 use motor_hub::motor::ZeroPower;
@@ -45,22 +46,24 @@ const ENABLED: Duration = Duration::from_millis(200);
 pub struct Place {
     name: String,
     world: Option<World>,
+    script: Option<Script>,
     open: Box<dyn FnMut() -> Result<Session<Line>, String> + Send>,
 }
 
 impl Place {
     /// A hub that somebody has.
     pub fn real(name: &str, open: impl FnMut() -> Result<Session<Line>, String> + Send + 'static) -> Self {
-        Self { name: name.to_owned(), world: None, open: Box::new(open) }
+        Self { name: name.to_owned(), world: None, script: None, open: Box::new(open) }
     }
 
-    /// A simulated hub, whose world pages may change.
+    /// A simulated hub, whose world pages may change, and whose scenario they may play.
     pub fn simulated(
         name: &str,
         world: World,
+        script: Option<Script>,
         open: impl FnMut() -> Result<Session<Line>, String> + Send + 'static,
     ) -> Self {
-        Self { name: name.to_owned(), world: Some(world), open: Box::new(open) }
+        Self { name: name.to_owned(), world: Some(world), script, open: Box::new(open) }
     }
 }
 
@@ -102,6 +105,7 @@ pub(crate) struct Pilot {
     session: Option<Session<Line>>,
     performer: Performer,
     learning: Option<Learning>,
+    playing: Option<Playing>,
     /// The newest frame.
     frame: Frame,
     since: Instant,
@@ -126,6 +130,7 @@ impl Pilot {
             session: None,
             performer: Performer::default(),
             learning: None,
+            playing: None,
             frame: Frame::default(),
             since: now,
             connect_at: now,
@@ -174,7 +179,8 @@ impl Pilot {
 
     fn greet(&mut self, id: u32, pen: Pen, now: Instant) {
         self.desk.join(id, now);
-        let welcome = Welcome::new(id, &self.place.name, self.place.world.is_some());
+        let welcome =
+            Welcome::new(id, &self.place.name, self.place.world.is_some(), self.place.script.is_some());
         let mut first = vec![Message::Welcome(welcome).text(), self.line.text()];
         first.extend(self.settings.values().cloned());
         first.extend(self.place.world.iter().map(|world| Message::World(world.is()).text()));
@@ -224,6 +230,14 @@ impl Pilot {
                     Changed::Nothing
                 })
             }
+            Order::Play => match (&self.place.world, &self.place.script) {
+                (Some(world), Some(_)) => {
+                    world.restart();
+                    self.playing = Some(Script::begin());
+                    Ok(Changed::World)
+                }
+                _ => Err("there is no scenario to be played: name one by --scenario".into()),
+            },
             _ => self.performer.perform(session, self.place.world.as_ref(), order),
         };
         match done {
@@ -271,6 +285,22 @@ impl Pilot {
         }
         if let Err(Trouble::Hub(error)) = self.learn() {
             self.lose(&error.to_string());
+        }
+        self.play();
+    }
+
+    /// What is due of a scenario.
+    fn play(&mut self) {
+        let (Some(playing), Some(script), Some(session)) =
+            (&mut self.playing, &self.place.script, &mut self.session)
+        else {
+            return;
+        };
+        match script.go_on(playing, session) {
+            Ok(false) => (),
+            Ok(true) => self.switch_off("the scenario is over"),
+            Err(Trouble::Refused(why)) => self.switch_off(&why),
+            Err(Trouble::Hub(error)) => self.lose(&error.to_string()),
         }
     }
 
@@ -339,7 +369,7 @@ impl Pilot {
     /// The hub does not answer any more. It lets its motors go by itself.
     fn lose(&mut self, why: &str) {
         self.session = None;
-        self.learning = None;
+        (self.learning, self.playing) = (None, None);
         self.connect_at = Instant::now() + AGAIN;
         self.tell_line(Message::Line { connected: false, why: why.to_owned(), reports: true });
     }
@@ -350,6 +380,8 @@ impl Pilot {
 
     /// Whatever the last frame said: an order may have come since.
     fn switch_off_if_any(&mut self, why: &str) {
+        // Neither goes on and enables one.
+        (self.learning, self.playing) = (None, None);
         let ran = self.frame.motors.iter().any(|motor| motor.enabled);
         if ran {
             self.switch_off(why);
@@ -362,7 +394,7 @@ impl Pilot {
 
     /// Fail-safe, and everybody is told.
     fn switch_off(&mut self, why: &str) {
-        self.learning = None;
+        (self.learning, self.playing) = (None, None);
         let Some(session) = &mut self.session else {
             let text = format!(
                 "all motors were to be switched off ({why}), but the hub is not connected; it does so by itself 2.5 s after it last heard of its host"

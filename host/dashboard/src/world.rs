@@ -117,7 +117,7 @@ impl World {
     /// For pages.
     #[must_use]
     pub fn is(&self) -> WorldIs {
-        let Hands { emf_v, motors } = self.hands();
+        let Hands { emf_v, motors, .. } = self.hands();
         let encoder = |encoder| match encoder {
             Some(Encoder::Unplugged) => EncoderIs::Unplugged,
             Some(Encoder::Reversed) => EncoderIs::Reversed,
@@ -131,6 +131,12 @@ impl World {
             encoder: encoder(*of),
         };
         WorldIs { volts: emf_v, motors: motors.iter().map(motor).collect() }
+    }
+
+    /// The scenario begins anew, and nobody meddles with it.
+    pub(crate) fn restart(&self) {
+        let mut hands = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        *hands = Hands { restarts: hands.restarts.wrapping_add(1), ..Hands::default() };
     }
 
     /// Does what is asked for.
@@ -151,7 +157,7 @@ impl World {
             }
             WorldOrder::Hold { motor, held } => on(&mut wanted, motor)?.held = held,
             WorldOrder::Encoder { motor, is } => on(&mut wanted, motor)?.encoder = Some(is.into()),
-            WorldOrder::Reset => wanted = Hands::default(),
+            WorldOrder::Reset => wanted = Hands { restarts: wanted.restarts, ..Hands::default() },
         }
         *hands = wanted;
         Ok(())

@@ -27,6 +27,8 @@ pub struct Hands {
     pub emf_v: Option<f64>,
     /// By motor.
     pub motors: [OnMotor; MOTORS],
+    /// Whenever this changes, the scenario's time begins anew: its torques, its battery, its encoders.
+    pub restarts: u32,
 }
 
 /// What somebody does to one motor.

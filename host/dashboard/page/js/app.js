@@ -21,7 +21,7 @@ let heardAt = 0;
 function hear(message) {
   switch (message.kind) {
     case "welcome":
-      Object.assign(state, { you: message.you, place: message.place, simulated: message.simulated, catalogue: message.catalogue });
+      Object.assign(state, { you: message.you, place: message.place, simulated: message.simulated, playable: message.playable, catalogue: message.catalogue });
       break;
     case "line":
       Object.assign(state, { connected: message.connected, why: message.why, reports: message.reports });

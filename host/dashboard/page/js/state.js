@@ -12,6 +12,7 @@ export const state = {
   why: "",
   place: "",
   simulated: false,
+  /** The scenario can be played. */ playable: false,
   /** @type {any[]} */ catalogue: [],
   /** @type {any[]} by motor */ settings: [],
   /** The newest frame. */ frame: null,

@@ -38,6 +38,9 @@ export function worldPanel(link) {
     ["All as it was", () => change("reset", null)],
   ].map(([words, act]) => h("button", { type: "button", onclick: act }, words));
 
+  const play = h("button", { type: "button", class: "primary", id: "world-play", hidden: true, onclick: () => link.order("play") }, "Play the scenario");
+  on("welcome", () => { play.hidden = !state.playable; });
+
   function fill() {
     const { world } = state;
     say(of, `Motor ${state.chosen}`);
@@ -54,7 +57,7 @@ export function worldPanel(link) {
     encoder.value = at.encoder;
   }
   function allow() {
-    for (const element of [volts.input, torque.input, inertia.input, hold, encoder, ...buttons]) element.disabled = !inControl();
+    for (const element of [volts.input, torque.input, inertia.input, hold, encoder, play, ...buttons]) element.disabled = !inControl();
     fill();
   }
   for (const what of ["world", "chosen"]) on(what, fill);
@@ -64,6 +67,6 @@ export function worldPanel(link) {
       h("div", { class: "pair" }, h("span", {}, "Torque on its shaft"), torque.element, h("span", {}, "Load on its shaft"), inertia.element, h("label", { for: "world-encoder" }, "Its encoder"), encoder, h("span", {}, "A hand"), hold)),
     h("div", { class: "stack" }, h("h3", {}, "For all"),
       h("div", { class: "pair" }, h("span", {}, "Battery, no load"), volts.element),
-      h("div", { class: "row" }, ...buttons),
+      h("div", { class: "row" }, play, ...buttons),
       h("p", { class: "muted" }, "Let a motor hold a speed and pull its shaft along: its control sinks from forward through braking towards reverse, and the bands of the control plot show where it is.")));
 }
