@@ -74,13 +74,14 @@ fn the_code_of_the_readme_is_that_of_the_example_which_is_compiled() {
 }
 
 /// Whose public modules open with an example.
-const LIBRARIES: [&str; 6] = [
+const LIBRARIES: [&str; 7] = [
     "src",
     "boards/simulated/src",
     "boards/emulated/src",
     "host/client/src",
     "host/chart/src",
     "host/studies/src",
+    "host/dashboard/src",
 ];
 
 #[test]

@@ -92,6 +92,11 @@ impl Abscissa {
         self.to_bits().clamp(-FAR, FAR) as i32 as f32 / 256.0
     }
 
+    /// The nearest step.
+    pub const fn round(self) -> i64 {
+        (self.to_bits() + 128) >> 8
+    }
+
     /// Steps, for reports.
     pub fn to_f64(self) -> f64 {
         self.0.to_num()

@@ -151,6 +151,15 @@ struct Run {
     torque: f64,
 }
 
+/// In seconds.
+fn longest_window(motor: &Motor, shaft: &Shaft, period: f64) -> f64 {
+    let undamped = (motor.ke.0 * motor.kt.0 / (motor.l.0 * shaft.inertia.0)
+        + motor.cogging.stiffness() / shaft.inertia.0)
+        .sqrt();
+    let windows = (period * undamped / WINDOW_LIMIT).ceil().max(1.0);
+    period / windows
+}
+
 impl Plant {
     /// A plant at rest, without current, at angle 0 and the beginning of a PWM period.
     #[must_use]
@@ -158,11 +167,7 @@ impl Plant {
         let shaft = Shaft::new(&motor, &load);
         let circuit = Circuit::new(&motor, bridge);
         let period = 1.0 / pwm.0;
-        let undamped = (motor.ke.0 * motor.kt.0 / (motor.l.0 * shaft.inertia.0)
-            + motor.cogging.stiffness() / shaft.inertia.0)
-            .sqrt();
-        let windows = (period * undamped / WINDOW_LIMIT).ceil().max(1.0);
-        let longest_window = period / windows;
+        let longest_window = longest_window(&motor, &shaft, period);
         Self {
             motor,
             load,
@@ -180,6 +185,20 @@ impl Plant {
             mode: State::Coast,
             open_s: 0.0,
         }
+    }
+
+    /// Connects another load, which has the shaft's speed at once.
+    pub fn set_load(&mut self, load: Load) {
+        self.load = load;
+        self.shaft = Shaft::new(&self.motor, &load);
+        self.longest_window = longest_window(&self.motor, &self.shaft, self.period);
+        self.coefficients = Mechanics::new(&self.shaft, &self.circuit, self.longest_window);
+    }
+
+    /// Gives it another dry friction.
+    pub fn set_friction(&mut self, friction: Friction) {
+        self.motor.friction = friction;
+        self.rough = friction != Friction::NONE || self.motor.cogging != Cogging::NONE;
     }
 
     /// The motor.

@@ -14,8 +14,7 @@
 //! | [`fields`] | values to payloads and back; ranges |
 //! | [`requests`] | every request: its number and its fields |
 //! | [`motor`], [`pins`], [`setup`], [`group`], [`led`] | the requests to one motor, to pins, to this hub's own interface, of groups among it; the LED's values |
-//! | [`bus`], [`record`] | of the hub's own interface too: how the bus is, what happened |
-//! | [`store`] | the requests to what is stored |
+//! | [`bus`], [`record`], [`report`], [`store`] | of that interface too: how the bus is; what happened; what all motors do, in one answer; what is stored |
 //! | [`answers`] | every answer's fields |
 //! | [`nack`] | why a request is refused, as a number and in words |
 //! | [`address`] | who is meant |
@@ -49,6 +48,7 @@ pub mod motor;
 pub mod nack;
 pub mod pins;
 pub mod record;
+pub mod report;
 pub mod requests;
 pub mod setup;
 pub mod store;

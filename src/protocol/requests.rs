@@ -26,6 +26,7 @@ use super::motor::ToMotor;
 use super::nack::Nack;
 use super::pins::ToPin;
 use super::record::ToRecord;
+use super::report;
 use super::setup::{self, ToSetup};
 use super::store::ToStore;
 use super::table::requests;
@@ -167,6 +168,8 @@ pub enum Request {
     Record(ToRecord),
     /// To where settings are stored, on hubs of this project.
     Store(ToStore),
+    /// What motors and bus do, on hubs of this project.
+    Report,
 }
 
 impl Request {
@@ -205,6 +208,9 @@ impl Request {
             if ToStore::NUMBERS.contains(&number) {
                 return ToStore::read(number, fields).map(Self::Store);
             }
+            if number == report::FUNCTION {
+                return Ok(Self::Report);
+            }
             return Ok(Self::Setup(motor(fields)?, ToSetup::read(number, fields)?));
         }
         if Standard::NUMBERS.contains(&packet.id) {
@@ -218,9 +224,12 @@ impl Request {
         match self {
             Self::Standard(_) => None,
             Self::Hub(_) | Self::Motor(..) | Self::Pin(_) => Some(Interface::Motors),
-            Self::Setup(..) | Self::Group(..) | Self::Bus | Self::Record(_) | Self::Store(_) => {
-                Some(Interface::Setup)
-            }
+            Self::Setup(..)
+            | Self::Group(..)
+            | Self::Bus
+            | Self::Report
+            | Self::Record(_)
+            | Self::Store(_) => Some(Interface::Setup),
         }
     }
 
@@ -236,6 +245,7 @@ impl Request {
             Self::Bus => bus::FUNCTION,
             Self::Record(request) => request.number(),
             Self::Store(request) => request.number(),
+            Self::Report => report::FUNCTION,
         }
     }
 
@@ -255,7 +265,7 @@ impl Request {
             Self::Standard(request) => request.write(out),
             Self::Hub(request) => request.write(out),
             Self::Pin(request) => request.write(out),
-            Self::Bus => (),
+            Self::Bus | Self::Report => (),
             Self::Record(request) => request.write(out),
             Self::Store(request) => request.write(out),
             Self::Motor(motor, request) => {

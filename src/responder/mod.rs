@@ -54,6 +54,7 @@ mod group;
 pub mod led;
 pub mod motor;
 pub mod pins;
+mod report;
 pub mod setup;
 mod store;
 
@@ -67,11 +68,12 @@ use crate::protocol::fields::Text;
 use crate::protocol::group::{GroupMove, GroupState, ToGroup};
 use crate::protocol::motor::ToMotor;
 use crate::protocol::record::{Entries, Ticks, ToRecord};
+use crate::protocol::report::HubReport;
 use crate::protocol::requests::{DISCOVERY, Request, Standard, ToHub};
 use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
 use crate::record::Record;
 use crate::supply::Seen;
-use crate::units::{Microjoules, Micros};
+use crate::units::{Microjoules, Micros, Share};
 use alive::Alive;
 use group::Courses;
 use led::Led;
@@ -285,6 +287,7 @@ impl<const N: usize> Responder<N> {
             Request::Record(request) => recall(request, record),
             Request::Bus => Ok(Answer::data(&self.bus_report(now, &snapshot.bus))),
             Request::Store(request) => self.receive_store(request, snapshot),
+            Request::Report => Ok(Answer::data(&self.report(now, snapshot))),
             Request::Setup(motor, request) => {
                 let motor = usize::from(motor);
                 let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
@@ -407,9 +410,22 @@ impl<const N: usize> Responder<N> {
         BusReport {
             state,
             measured,
-            burning: (1_000.0 * bus.burn.to_f32()) as u16,
+            burning: per_mille(bus.burn),
             returned_mj: millijoules(bus.returned),
             burnt_mj: millijoules(bus.burnt),
+        }
+    }
+
+    /// What all motors do.
+    fn report(&self, now: Micros, snapshot: &Snapshot<N>) -> HubReport {
+        let battery = snapshot.battery;
+        let motors = self.channels.iter().zip(&snapshot.motors).take(CHANNELS);
+        HubReport {
+            at_ms: (snapshot.at.get() / 1_000) as u32,
+            battery,
+            bus: self.bus.by(now).state,
+            burning: per_mille(snapshot.bus.burn),
+            motors: motors.map(|(channel, report)| report::of_motor(channel, report, battery)).collect(),
         }
     }
 
@@ -451,6 +467,10 @@ fn recall(request: ToRecord, record: Option<&mut Record<'_>>) -> Result<Answer, 
             ticks.map(|ticks| Answer::data(&ticks)).ok_or(Nack::parameter(0))
         }
     }
+}
+
+fn per_mille(share: Share) -> u16 {
+    (1_000.0 * share.to_f32()) as u16
 }
 
 /// Bits 0 to 3: the encoder of motor 0 to 3 is not to be trusted. Bits 4 to 7: its bridge has switched itself off.

@@ -398,7 +398,12 @@ impl MotorChannel {
 
     /// The host's counts.
     pub const fn counts(&self, report: &Report) -> i32 {
-        report.position.wrapping_sub(self.offset)
+        self.told_counts(report.position)
+    }
+
+    /// Counts of the motor's in the host's.
+    pub(super) const fn told_counts(&self, counts: i32) -> i32 {
+        counts.wrapping_sub(self.offset)
     }
 
     /// In position mode and within the tolerance of the target, as far as the motor's last report

@@ -1,10 +1,10 @@
 //! What one end writes, the other reads: every request and every answer.
 
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Regime, Scheme};
 use motor_hub::bridge::{Drive, Mode, Timing};
 use motor_hub::group::Halt;
-use motor_hub::motion::Pidf;
-use motor_hub::motor::{OnFault, ThermalLimit, ZeroPower};
+use motor_hub::motion::{EncoderFault, Pidf};
+use motor_hub::motor::{Faults, OnFault, ThermalLimit, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
 use motor_hub::protocol::bus::{self, BusReport};
 use motor_hub::protocol::fields::{ByteIn, Field, Fields, Payload, Text, WordFrom};
@@ -13,12 +13,13 @@ use motor_hub::protocol::led::{LedPattern, STEPS, Step};
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
+use motor_hub::protocol::report::{self, HubReport, MotorReport, Told};
 use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
 use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::record::{Fault, Head, Tick};
-use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal};
+use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::supply::BusState;
 use motor_hub::units::{
     Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, Duty, EmfConstant,
@@ -168,6 +169,89 @@ fn bus_report() -> impl Strategy<Value = BusReport> {
         |(state, (mv, burning, returned_mj, burnt_mj))| {
             let measured = mv.map(Millivolts::new);
             BusReport { state, measured, burning, returned_mj, burnt_mj }
+        },
+    )
+}
+
+fn told() -> impl Strategy<Value = Told> {
+    prop_oneof![
+        Just(Told::Off),
+        Just(Told::FailSafe),
+        control().prop_map(Told::Power),
+        any::<i32>().prop_map(Told::Velocity),
+        any::<i32>().prop_map(Told::Position),
+        any::<i32>().prop_map(Told::Together),
+        any::<u32>().prop_map(Told::Identify),
+    ]
+}
+
+fn faults() -> impl Strategy<Value = Faults> {
+    let encoder =
+        prop_oneof![Just(None), Just(Some(EncoderFault::Stuck)), Just(Some(EncoderFault::Reversed))];
+    (encoder, any::<[bool; 4]>()).prop_map(
+        |(encoder, [battery_unknown, encoder_stale, overheated, bridge])| Faults {
+            battery_unknown,
+            encoder_stale,
+            encoder,
+            overheated,
+            bridge,
+        },
+    )
+}
+
+fn motor_report() -> impl Strategy<Value = MotorReport> {
+    let regime = prop_oneof![
+        Just(None),
+        Just(Some(Regime::Reverse)),
+        Just(Some(Regime::Braking)),
+        Just(Some(Regime::Forward)),
+    ];
+    let mode = prop_oneof![Just(Mode::Cw98), Just(Mode::Ccw62), Just(Mode::Brake50)];
+    let drive = (mode, 0u16..=1 << 15).prop_map(|(mode, duty)| Drive { mode, duty: Duty::from_bits(duty) });
+    let regulator = prop_oneof![Just(Kind::Model), Just(Kind::Pid)];
+    let amperes = || (-i32::from(i16::MAX)..=i16::MAX.into()).prop_map(Milliamperes::new);
+    let of_motion = (told(), any::<(i32, i16)>(), regulator, control(), regime, drive);
+    let of_current =
+        (amperes(), proptest::option::of(0u16..u16::MAX), proptest::option::of(amperes()), any::<u16>());
+    // All of them 0 is how unknown ones are written.
+    let points = proptest::option::of(
+        ([control(), control(), control()], 1i16..).prop_map(|([s, t, z], g)| [s, t, z, Control::new(g)]),
+    );
+    (of_motion, of_current, any::<[bool; 4]>(), faults(), points).prop_map(
+        |(motion, (current, measured_ma, load, heat), flags, faults, points)| {
+            let (told, (position, velocity), regulator, control, regime, drive) = motion;
+            let [enabled, at_target, stalled, derated] = flags;
+            MotorReport {
+                told,
+                position,
+                velocity,
+                regulator,
+                control,
+                regime,
+                drive,
+                current,
+                measured_ma,
+                load,
+                heat,
+                enabled,
+                at_target,
+                stalled,
+                derated,
+                faults,
+                points,
+            }
+        },
+    )
+}
+
+fn hub_report() -> impl Strategy<Value = HubReport> {
+    (any::<(u32, u16, u16)>(), bus_report(), vec(motor_report(), 0..=CHANNELS)).prop_map(
+        |((at_ms, mv, burning), BusReport { state, .. }, motors)| HubReport {
+            at_ms,
+            battery: (mv != 0).then_some(Millivolts::new(mv)),
+            bus: state,
+            burning,
+            motors: motors.into_iter().collect(),
         },
     )
 }
@@ -429,9 +513,18 @@ fn tick() -> impl Strategy<Value = Tick> {
 }
 
 fn any_request() -> impl Strategy<Value = Case> {
-    let bus = vec![plain(Request::Bus)];
     Union::new(
-        [standard(), to_hub(), to_pin(), to_motor(), to_setup(), to_group(), to_record(), bus].concat(),
+        [
+            standard(),
+            to_hub(),
+            to_pin(),
+            to_motor(),
+            to_setup(),
+            to_group(),
+            to_record(),
+            vec![plain(Request::Bus), plain(Request::Report)],
+        ]
+        .concat(),
     )
 }
 
@@ -447,6 +540,7 @@ fn no_request_is_left_out_of_these_tests() {
         (to_group(), ToGroup::NUMBERS),
         (to_record(), ToRecord::NUMBERS),
         (vec![plain(Request::Bus)], &[bus::FUNCTION]),
+        (vec![plain(Request::Report)], &[report::FUNCTION]),
     ] {
         let tried = strategies.iter().map(|s| s.new_tree(&mut runner).unwrap().current().0.number());
         assert_eq!(tried.collect::<BTreeSet<_>>(), numbers.iter().copied().collect());
@@ -560,6 +654,26 @@ proptest! {
         prop_assert_eq!(read_back(&entries), Ok(entries.clone()));
         let ticks = Ticks { count, ticks: ticks.into_iter().collect() };
         prop_assert_eq!(read_back(&ticks), Ok(ticks.clone()));
+    }
+
+    #[test]
+    fn what_all_motors_do_is_read_as_it_was_written_and_fits_a_frame(report in hub_report(), more in 0u8..4) {
+        prop_assert_eq!(read_back(&report), Ok(report.clone()));
+        // A newer hub tells more of each motor, and more behind them.
+        let mut payload = Payload::new();
+        report.write(&mut payload);
+        let (head, motors) = payload.split_at(12);
+        let stride = usize::from(head[2]);
+        prop_assert_eq!(motors.len(), stride * report.motors.len());
+        let mut longer = head.to_vec();
+        longer[0] += 1;
+        longer[2] += more;
+        for motor in motors.chunks(stride) {
+            longer.extend(motor);
+            longer.extend(vec![0xA5; more.into()]);
+        }
+        longer.extend([1, 2, 3]);
+        prop_assert_eq!(HubReport::read(&mut Fields::new(&longer)), Ok(report));
     }
 
     #[test]

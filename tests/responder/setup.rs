@@ -1,19 +1,20 @@
 //! A host says which motor is on a channel and what its control values mean.
 
 use crate::host::{HUB, N, Said, TestHost, settings};
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
-use motor_hub::bridge::BridgeConstants;
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points, Regime, Scheme, Winding};
+use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::hub::{Action, Bus, Command};
+use motor_hub::motion::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::Address;
 use motor_hub::protocol::setup::FIRST_FUNCTION;
-use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
+use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::responder::Responder;
 use motor_hub::supply::{BusState, Seen, Stage};
 use motor_hub::units::{
-    AccelerationPerVolt, Control, DecayRate, EmfConstant, Inductance, Microjoules, Micros, Milliamperes,
-    Millivolts, Resistance, Share,
+    AccelerationPerVolt, Control, CountsPerSecond, DecayRate, Duty, EmfConstant, Inductance, Microjoules,
+    Micros, Milliamperes, Millivolts, Resistance, Share,
 };
 
 /// An AM 40 C: 3.12 mV s/count.
@@ -46,7 +47,7 @@ fn set_up(host: &mut TestHost, motor: u8, fields: &[u8]) {
 #[test]
 fn the_interface_is_found_by_its_name() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 20, 0]));
+    assert_eq!(host.ask(0x7F07, b"MOTOR_HUB\0"), Said::Data(vec![0x00, 0x4D, 21, 0]));
 }
 
 #[test]
@@ -305,6 +306,61 @@ fn how_the_bus_is_is_told_as_it_was_seen_last_and_that_nobody_has_seen_it_for_to
     host.now = Micros::new(at.get() + 100_001);
     let Said::Data(told) = ask(&mut host) else { panic!("an answer") };
     assert_eq!(told[..4], [0; 4], "nothing new is measured");
+}
+
+#[test]
+fn what_all_motors_do_is_told_in_one_answer() {
+    let mut host = TestHost::settled();
+    host.do_all(&[(17, &[1, 0xE8, 3]), (8, &[1, 1, 0]), (10, &[1, 1])]);
+    host.snapshot.at = Micros::new(50_000);
+    host.snapshot.battery = Some(Millivolts::new(12_000));
+    host.snapshot.motors[1] = Report {
+        setpoint: Setpoint::Velocity(CountsPerSecond::new(1_000)),
+        position: 70_000,
+        velocity: CountsPerSecond::new(-1_505),
+        regulator: Kind::Model,
+        current: Milliamperes::new(-1_200),
+        measured: Some(Milliamperes::new(1_150)),
+        load: Some(Milliamperes::new(-40_000)),
+        heat: 800,
+        control: Control::new(20_000),
+        regime: Some(Regime::Reverse),
+        drive: Drive { mode: Mode::Cw98, duty: Duty::from_bits(0x4000) },
+        stalled: true,
+        faults: Faults { encoder_stale: true, encoder: Some(EncoderFault::Reversed), ..Faults::default() },
+        ..Report::INITIAL
+    };
+    let Said::Data(told) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    // Version, motors, bytes of each, time, 12 V, nothing is measured, nothing is burnt.
+    assert_eq!(told[..12], [1, 4, 36, 50, 0, 0, 0, 0xE0, 0x2E, 0, 0, 0]);
+    assert_eq!(told.len(), 12 + 4 * 36);
+    let motor = &told[12 + 36..][..36];
+    // Velocity, 1000; 70 000 counts, -1505 counts/s; by model; 20 000; reverse, 9/8, half; currents; heat; enabled and
+    // stalled; silent and reversed.
+    let expected = [
+        3, 0xE8, 3, 0, 0, 0x70, 0x11, 1, 0, 0x1F, 0xFA, 0, 0x20, 0x4E, 1, 0, 0, 0x40, 0x50, 0xFB, 0x7E, 4, 1,
+        0x80, 0x20, 3, 0b0101, 0b1010,
+    ];
+    assert_eq!(motor[..28], expected);
+    // Scheme A at half speed, backwards: S and T at their places, Z at half of the range, G at its end.
+    let points: Vec<i16> =
+        motor[28..].chunks(2).map(|point| i16::from_le_bytes([point[0], point[1]])).collect();
+    let mirrored = Points::new(
+        settings().scheme,
+        OperatingPoint::new(settings().winding.emf.emf(CountsPerSecond::new(1_505)), Millivolts::new(12_000))
+            .expect("a battery"),
+    );
+    let expected = [mirrored.s, mirrored.t, mirrored.z, mirrored.g]
+        .map(|point| (-point.to_f64().round()).clamp(-32_767.0, 32_767.0) as i16);
+    assert_eq!(points, expected);
+
+    host.snapshot.battery = None;
+    let Said::Data(told) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    assert_eq!(
+        (&told[7..9], &told[12 + 36 + 28..][..8]),
+        (&[0; 2][..], &[0; 8][..]),
+        "nothing without a battery"
+    );
 }
 
 #[test]

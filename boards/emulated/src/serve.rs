@@ -34,7 +34,7 @@ const OTHER: Address = Address::new(254).expect("in range");
 const PAUSE: Duration = Duration::from_micros(100);
 
 /// More than the longest reply.
-const LONGEST: usize = 128;
+const LONGEST: usize = 192;
 
 /// The scenario that is served by default, with the motors that the image is set up for.
 ///

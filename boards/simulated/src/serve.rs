@@ -11,16 +11,18 @@
 //!
 //! // Until the process ends: `motor-hub client --tcp 127.0.0.1:7070 status` finds it.
 //! let line = serve::Line::tcp("127.0.0.1:7070")?;
-//! serve::run(&Scenario::default_one()?, Address::DEFAULT, line, None, &mut |_| true)?;
+//! serve::run(&Scenario::default_one()?, Address::DEFAULT, line, None, &mut |_| (), &mut |_| true)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod hands;
 mod line;
 mod memory;
 #[cfg(unix)]
 mod pty;
 mod tcp;
 
+use hands::Hands;
 pub use line::{Line, LineError};
 pub use memory::{Memory, MemoryError};
 
@@ -96,7 +98,8 @@ pub fn line_on(battery_v: f64, motors: impl Iterator<Item = (f64, Drive)>) -> St
 /// Serves the hub of a scenario with its motors, loads and battery. Its set-points are left to the host. With a `memory`
 /// its settings outlast the program.
 ///
-/// `show` is called every millisecond; false ends it.
+/// `meddle` is called every millisecond and may change what somebody does to battery and motors, from the scenario's own on;
+/// then `show`, of which false ends it.
 ///
 /// # Errors
 /// If a motor's constants do not fit the firmware, or if the hub's watchdog was not fed.
@@ -105,6 +108,7 @@ pub fn run(
     address: Address,
     line: Line,
     memory: Option<Memory>,
+    meddle: &mut dyn FnMut(&mut Hands),
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), RunError> {
     MockDriver::get().reset();
@@ -140,12 +144,22 @@ pub fn run(
 
     let executor = Executor::new();
     let mut snapshot = Snapshot::INITIAL;
+    let (mut hands, mut begun_s) = (Hands::default(), 0.0);
     pace(|step, lost| {
         let at_s = step as f64 * sim::STEP_S;
         // Bytes may have come, of which no waker tells.
         executor.wake();
         executor.run(everything.as_mut());
-        sim::advance(scenario, &board, at_s, &sim::torques(scenario, at_s));
+        let before = hands;
+        meddle(&mut hands);
+        hands.grip(&before, scenario, &board);
+        if hands.restarts != before.restarts {
+            begun_s = at_s;
+        }
+        let scenario_s = at_s - begun_s;
+        sim::change(scenario, &board, scenario_s);
+        hands.meddle(&board);
+        sim::pass(&board, &hands.torques(scenario, scenario_s));
         if board.starved() {
             return Err(RunError::Starved);
         }

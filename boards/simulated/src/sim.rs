@@ -126,6 +126,11 @@ pub(crate) fn tasks<'a>(
 /// Lets [`STEP_S`] pass in the world and on the hub's clock, under these torques in newton metres.
 pub(crate) fn advance(scenario: &Scenario, board: &Board, now_s: f64, torques: &[f64]) -> Vec<Flow> {
     change(scenario, board, now_s);
+    pass(board, torques)
+}
+
+/// The same without what the scenario changes.
+pub(crate) fn pass(board: &Board, torques: &[f64]) -> Vec<Flow> {
     let flows = board.run(Seconds(STEP_S), torques);
     MockDriver::get().advance(Duration::from_millis(1));
     flows

@@ -25,6 +25,7 @@ use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::bus::{Bus, Shutdown};
 use motor_hub::model::catalogue::Motor;
+use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::{Flow, Influence, Plant};
 use motor_hub::model::rig::Rig;
@@ -133,6 +134,20 @@ impl Board {
     pub fn set_encoder(&self, motor: usize, encoder: Encoder) {
         if let Some(counter) = self.0.borrow_mut().counters.get_mut(motor) {
             counter.connect(encoder);
+        }
+    }
+
+    /// Connects another load to a motor, from now on.
+    pub fn set_load(&self, motor: usize, load: Load) {
+        if let Some(plant) = self.0.borrow_mut().rig.plants.get_mut(motor) {
+            plant.set_load(load);
+        }
+    }
+
+    /// Gives a motor's shaft another dry friction, from now on.
+    pub fn set_friction(&self, motor: usize, friction: Friction) {
+        if let Some(plant) = self.0.borrow_mut().rig.plants.get_mut(motor) {
+            plant.set_friction(friction);
         }
     }
 

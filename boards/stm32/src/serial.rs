@@ -17,7 +17,7 @@ use motor_hub::protocol::BAUD;
 const RECEIVED: usize = 512;
 
 /// The longest reply fits, so that it leaves in one burst.
-const SENT: usize = 128;
+const SENT: usize = 192;
 
 /// Room for what has not been read or sent yet: a static in a board.
 pub struct Buffers {

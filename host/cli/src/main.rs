@@ -11,6 +11,7 @@ mod client;
 mod compare;
 mod completions;
 mod constants;
+mod dashboard;
 mod emulate;
 mod eval;
 mod figures;
@@ -82,6 +83,9 @@ enum Command {
     /// A simulated hub in real time, for host software to talk to
     #[command(long_about = serve::HELP)]
     Serve(serve::Options),
+    /// A hub in a browser: four motors live, to be moved, tuned and stopped
+    #[command(long_about = dashboard::HELP)]
+    Dashboard(dashboard::Options),
     /// Commands for a hub on a serial port or TCP connection
     #[command(long_about = client::HELP)]
     Client(client::Options),
@@ -112,6 +116,7 @@ fn main() -> ExitCode {
         Command::Figures(options) => options.execute(),
         Command::Emulate(options) => options.execute(),
         Command::Serve(options) => options.execute(),
+        Command::Dashboard(options) => options.execute(),
         Command::Client(options) => options.execute(),
         Command::Eval(options) => options.execute(),
         Command::Completions(options) => options.execute(Cli::command()),

@@ -62,7 +62,7 @@ impl Options {
         }
         let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;
         self.serving.execute(Scenario::to_serve, |scenario, line, show| {
-            serve::run(scenario, self.address, line, memory, show)
+            serve::run(scenario, self.address, line, memory, &mut |_| (), show)
         })
     }
 }
@@ -150,7 +150,7 @@ impl Serving {
 }
 
 /// Set when the program is asked to end, which it then does in good order.
-fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
+pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
     let stopped = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         register(signal, Arc::clone(&stopped))

@@ -20,6 +20,7 @@ use motor_hub::protocol::bus::BusReport;
 use motor_hub::protocol::fields::Text;
 use motor_hub::protocol::group::{GroupMove, GroupState, ToGroup};
 use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
+use motor_hub::protocol::report::HubReport;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
 use motor_hub::protocol::store::{StoreReport, ToStore};
 use motor_hub::protocol::{Address, Colour, Nack};
@@ -119,6 +120,24 @@ impl<L: Read + Write> Session<L> {
                 return Ok(report);
             }
             std::thread::sleep(POLL);
+        }
+    }
+
+    /// What all motors do, in one exchange; `None` of a hub that has no words for it: another maker's, or older than this.
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn report(&mut self) -> Result<Option<HubReport>, Error> {
+        if self.reports_nothing {
+            return Ok(None);
+        }
+        match self.ask(Request::Report) {
+            Ok(report) => Ok(Some(report)),
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => {
+                self.reports_nothing = true;
+                Ok(None)
+            }
+            Err(error) => Err(error),
         }
     }
 

@@ -62,6 +62,8 @@ pub struct Session<L> {
     /// Types of the motor interface and of the hub's own, once asked.
     motors: Option<Functions>,
     setup: Option<Functions>,
+    /// It has said so: nobody need ask again, many times a second.
+    pub(crate) reports_nothing: bool,
 }
 
 #[cfg(feature = "serial")]
@@ -99,6 +101,7 @@ impl<L: Read + Write> Session<L> {
             address: address.get(),
             motors: None,
             setup: None,
+            reports_nothing: false,
         }
     }
 
@@ -132,6 +135,7 @@ impl<L: Read + Write> Session<L> {
     pub fn talk_to(&mut self, address: Address) {
         // Whose functions may have other numbers.
         (self.address, self.motors, self.setup) = (address.get(), None, None);
+        self.reports_nothing = false;
     }
 
     /// Every hub on the line, in the order of their answers.

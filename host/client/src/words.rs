@@ -36,6 +36,7 @@ pub(crate) fn words(request: &Request) -> String {
         Request::Store(ToStore::Load) => "take its settings from where they are stored".to_owned(),
         Request::Store(ToStore::Reset) => "forget its settings".to_owned(),
         Request::Store(ToStore::State) => "tell what it has stored".to_owned(),
+        Request::Report => "tell what its motors do".to_owned(),
         Request::Pin(request) => format!("do function {} of its pins", request.number()),
     }
 }

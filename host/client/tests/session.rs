@@ -18,6 +18,7 @@ use motor_hub_client::{Error, Session};
 use std::cell::Cell;
 use std::io::{Read, Write};
 use std::rc::Rc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 /// Far more than a hub in memory needs.
@@ -304,4 +305,27 @@ fn a_hub_that_keeps_no_record_says_so() {
     assert!(session.recorded().unwrap().is_none());
     let refused = session.recorded_ticks(1).unwrap_err().to_string();
     assert!(refused.contains("refuses to tell the ticks of entry 1"), "{refused}");
+}
+
+#[test]
+fn what_all_motors_do_takes_one_exchange_and_a_foreign_hub_is_asked_once() {
+    let hub = Hub::new();
+    let requests = hub.requests.clone();
+    let mut ours = session(Memory::new(hub));
+    let report = ours.report().unwrap().unwrap();
+    assert_eq!((report.battery.map(Millivolts::get), report.motors.len()), (Some(12_345), 4));
+    let asked = requests.load(Ordering::Relaxed);
+    for _ in 0..10 {
+        ours.report().unwrap();
+    }
+    assert_eq!(requests.load(Ordering::Relaxed) - asked, 10, "one request each");
+
+    let mut foreign = Hub::new();
+    foreign.foreign = true;
+    let requests = foreign.requests.clone();
+    let mut foreign = session(Memory::new(foreign));
+    for _ in 0..10 {
+        assert_eq!(foreign.report().unwrap(), None);
+    }
+    assert_eq!(requests.load(Ordering::Relaxed), 1);
 }

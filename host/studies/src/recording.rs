@@ -36,6 +36,10 @@ impl Told {
         }
     }
 
+    const fn power(self) -> Option<i16> {
+        if let Self::Power(steps) = self { Some(steps) } else { None }
+    }
+
     fn value(self) -> i32 {
         match self {
             Self::Power(value) | Self::Velocity(value) => value.into(),
@@ -57,6 +61,8 @@ pub struct Sample {
     pub position: i32,
     /// Counts per second.
     pub cps: i16,
+    /// Control steps, of hubs that tell.
+    pub control: Option<i16>,
     /// Magnitude of the motor's current in amperes, of hubs that tell.
     pub current_a: Option<f64>,
     /// By the hub, of a position.
@@ -81,8 +87,8 @@ impl Recording {
     /// Keeps a sample, and gives its row.
     pub fn push(&mut self, sample: Sample) -> String {
         self.samples.push(sample);
-        let Sample { at_s, motor, battery_v, position, cps, current_a, at_target } = sample;
-        let control = if let Told::Power(steps) = self.told { steps.to_string() } else { String::new() };
+        let Sample { at_s, motor, battery_v, position, cps, control, current_a, at_target } = sample;
+        let control = control.or(self.told.power()).map(|steps| steps.to_string()).unwrap_or_default();
         let current = current_a.map(|current| format!("{current:.3}")).unwrap_or_default();
         let (name, value) = (self.told.name(), self.told.value());
         format!(
@@ -123,14 +129,14 @@ impl Recording {
                 panels.push(panel("speed, counts/s", 170.0, vec![speed]));
             }
             Told::Velocity(_) => panels.push(panel("speed, counts/s", 170.0, vec![goal(), speed])),
-            Told::Power(_) => {
-                panels.push(panel("speed, counts/s", 170.0, vec![speed]));
-                let control = line("control", colour::BLUE, Style::Step, &told);
-                panels.push(Panel {
-                    y_range: Some((-36_000.0, 36_000.0)),
-                    ..panel("control, steps", 130.0, vec![control])
-                });
-            }
+            Told::Power(_) => panels.push(panel("speed, counts/s", 170.0, vec![speed])),
+        }
+        let is_told = self.samples.iter().any(|sample| sample.motor == motor && sample.control.is_some());
+        if is_told || self.told.power().is_some() {
+            let steps = |s: &Sample| s.control.or(self.told.power()).map_or(f64::NAN, f64::from);
+            let control = line("control", colour::BLUE, Style::Step, &steps);
+            let y_range = Some((-36_000.0, 36_000.0));
+            panels.push(Panel { y_range, ..panel("control, steps", 130.0, vec![control]) });
         }
         if self.samples.iter().any(|sample| sample.motor == motor && sample.current_a.is_some()) {
             let current = line("current", colour::BLUE, Style::Step, &|s| s.current_a.unwrap_or(f64::NAN));
@@ -176,5 +182,7 @@ mod tests {
         let row = recording.push(Sample { current_a: Some(1.5), ..Sample::default() });
         assert_eq!(row.matches(',').count(), HEADINGS.matches(',').count());
         assert!(row.contains(",-3,1.500,"), "{row}");
+        let row = recording.push(Sample { control: Some(7), ..Sample::default() });
+        assert!(row.contains(",7,,"), "what the hub tells: {row}");
     }
 }

@@ -174,7 +174,7 @@ fn a_saturated_line_does_not_move_the_control_ticks() {
 }
 
 /// Every kind of answer: (type, payload).
-const COMMANDS: [(u16, &[u8]); 12] = [
+const COMMANDS: [(u16, &[u8]); 13] = [
     (0x1000, &[]),
     (0x7F04, &[]),
     (0x7F03, &[0]),
@@ -187,6 +187,8 @@ const COMMANDS: [(u16, &[u8]); 12] = [
     (0x1025, &[0, 0x28, 0]),
     (0x102E, &[9; 101]),
     (0x1030, &[]),
+    // The longest answer: what all motors do.
+    (0x4D14, &[]),
 ];
 
 #[test]

@@ -4,9 +4,14 @@ use super::interrupt;
 use super::trouble::Trouble;
 use super::turn::shaft_speed;
 use crate::output::{Failure, print};
+use motor_hub::braking::Regime;
+use motor_hub::bridge::Drive;
 use motor_hub::protocol::answers::{Bulk, MotorAlert, Status};
-use motor_hub::units::Millivolts;
+use motor_hub::protocol::report::{HubReport, MotorReport};
+use motor_hub::regulator::Kind;
+use motor_hub::units::{Control, Milliamperes, Millivolts};
 use motor_hub_client::line::Line;
+use motor_hub_client::why::why_still;
 use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use std::io::IsTerminal;
@@ -19,17 +24,29 @@ pub(crate) struct Reading {
     pub(crate) bulk: Bulk,
     battery: Millivolts,
     pub(crate) status: Status,
+    /// `None` of a hub that has no words for it.
+    report: Option<HubReport>,
 }
 
 impl Reading {
     pub(crate) fn take(session: &mut Session<Line>, since: Instant) -> Result<Self, Error> {
         let bulk = session.bulk()?;
         let (battery, status) = (session.battery()?, session.status(false)?);
-        Ok(Self { at: since.elapsed(), bulk, battery, status })
+        let report = session.report()?;
+        Ok(Self { at: since.elapsed(), bulk, battery, status, report })
     }
 
     pub(crate) fn motors(&self, motors: &[u8]) -> impl Iterator<Item = (u8, i32, i16, bool)> {
         motors_of(&self.bulk, motors)
+    }
+
+    fn reported(&self, motor: u8) -> Option<&MotorReport> {
+        self.report.as_ref()?.motors.get(usize::from(motor))
+    }
+
+    /// Why a motor stands, if something is known to keep it.
+    fn why(&self, motor: u8) -> Option<&'static str> {
+        why_still(self.report.as_ref()?, motor.into())
     }
 
     fn battery_v(&self) -> f64 {
@@ -40,13 +57,20 @@ impl Reading {
     pub(crate) fn table(&self, motors: &[u8], turn: Option<f64>) -> String {
         let mut headings = vec!["motor", "position, counts", "velocity, counts/s", "at target"];
         headings.extend(turn.iter().flat_map(|_| ["rpm", "rad/s"]));
+        headings.extend(
+            self.report.iter().flat_map(|_| ["control, %", "bridge", "current, A", "stands because"]),
+        );
         let mut table = table::new(&headings, 0);
         for (motor, position, velocity, at_target) in self.motors(motors) {
             let at_target = if at_target { "yes" } else { "no" };
             let shaft = turn.map(|turn| shaft_speed(velocity, turn));
             let shaft = shaft.into_iter().flat_map(|(rpm, rad)| [format!("{rpm:.1}"), format!("{rad:.2}")]);
             let row = [motor.to_string(), position.to_string(), velocity.to_string(), at_target.into()];
-            table.add_row(row.into_iter().chain(shaft));
+            let told = self.reported(motor).map(|told| {
+                let why = self.why(motor).unwrap_or_default().to_owned();
+                [format!("{:.1}", percent(told)), bridge(told), format!("{:.2}", amperes(told.current)), why]
+            });
+            table.add_row(row.into_iter().chain(shaft).chain(told.into_iter().flatten()));
         }
         let (seconds, volts) = (self.at.as_secs_f64(), self.battery_v());
         format!("{seconds:.1} s, battery {volts:.2} V\n{}\n{table}\n", self.says())
@@ -83,6 +107,10 @@ impl Reading {
                     let (rpm, rad) = shaft_speed(velocity, turn);
                     object.extend([("rpm".to_owned(), json!(rpm)), ("rad_per_s".to_owned(), json!(rad))]);
                 }
+                if let (Some(object), Some(told)) = (of_motor.as_object_mut(), self.reported(motor)) {
+                    object.extend(told_json(told));
+                    object.insert("stands_because".to_owned(), self.why(motor).into());
+                }
                 of_motor
             })
             .collect();
@@ -95,6 +123,51 @@ impl Reading {
             "motors": motors,
         })
     }
+}
+
+/// Of full control.
+fn percent(told: &MotorReport) -> f64 {
+    100.0 * f64::from(told.control.get()) / f64::from(Control::MAX.get())
+}
+
+fn amperes(current: Milliamperes) -> f64 {
+    f64::from(current.get()) / 1e3
+}
+
+/// Regime, mode and duty.
+fn bridge(told: &MotorReport) -> String {
+    let Drive { mode, duty } = told.drive;
+    told.regime.map_or_else(
+        || "open".to_owned(),
+        |regime| format!("{} {} {:.0} %", regime_name(regime), mode.name(), 100.0 * duty.to_f64()),
+    )
+}
+
+const fn regime_name(regime: Regime) -> &'static str {
+    match regime {
+        Regime::Reverse => "reverse",
+        Regime::Braking => "braking",
+        Regime::Forward => "forward",
+    }
+}
+
+/// What hubs of this project tell of a motor beside what all of them do.
+fn told_json(told: &MotorReport) -> [(String, Value); 8] {
+    let regulator = match told.regulator {
+        Kind::Model => "model",
+        Kind::Pid => "pid",
+    };
+    [
+        ("enabled", json!(told.enabled)),
+        ("control", json!(told.control.get())),
+        ("regime", json!(told.regime.map(regime_name))),
+        ("mode", json!(told.regime.map(|_| told.drive.mode.name()))),
+        ("duty", json!(told.drive.duty.to_f64())),
+        ("current_a", json!(amperes(told.current))),
+        ("load_a", json!(told.load.map(amperes))),
+        ("regulator", json!(regulator)),
+    ]
+    .map(|(key, value)| (key.to_owned(), value))
 }
 
 /// Of these motors: motor, position, velocity, at target.

@@ -9,6 +9,8 @@ use super::trouble::Trouble;
 use crate::output::{Failure, Folder, drawn, print};
 use crate::parse::{whole, with_negative_numbers};
 use clap::{CommandFactory, FromArgMatches};
+use motor_hub::protocol::answers::Bulk;
+use motor_hub::protocol::report::HubReport;
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use std::fs::File;
@@ -24,8 +26,8 @@ in the end a chart (SVG, PNG) of each motor
 
   motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for-s 3
 
-The file has a row for each motor and reading; what the hub does not tell is left empty: the control value unless it
-is a constant power, the current of hubs that do not measure or model it. Whatever ends the drive, also Ctrl-C, leaves
+The file has a row for each motor and reading; what the hub does not tell is left empty: of hubs of other makers the
+control value unless it is a constant power, and the current if they do not measure or model it. Whatever ends the drive, also Ctrl-C, leaves
 whole rows and the charts of what there was.";
 
 /// What is driven, how often it is looked at, and where that goes.
@@ -156,15 +158,29 @@ impl Recorder {
         since: Instant,
         progress: &mut Progress,
     ) -> Result<bool, Trouble> {
-        let bulk = session.bulk()?;
+        let told = session.report()?;
+        let bulk = match &told {
+            Some(told) => bulk_of(told),
+            None => session.bulk()?,
+        };
         let at = since.elapsed();
-        let battery_v = f64::from(session.battery()?.get()) / 1e3;
+        let battery = match &told {
+            Some(told) => told.battery.unwrap_or_default(),
+            None => session.battery()?,
+        };
+        let battery_v = f64::from(battery.get()) / 1e3;
         let mut rows = String::new();
         for (motor, position, cps, at_target) in motors_of(&bulk, &order.motors) {
-            let current_a = self.current(session, motor)?;
+            let (control, current_a) =
+                match told.as_ref().and_then(|told| told.motors.get(usize::from(motor))) {
+                    Some(told) => {
+                        (Some(told.control.get()), Some(f64::from(told.best_current().get().abs()) / 1e3))
+                    }
+                    None => (None, self.current(session, motor)?),
+                };
             let at_s = at.as_secs_f64();
-            rows +=
-                &self.recording.push(Sample { at_s, motor, battery_v, position, cps, current_a, at_target });
+            let sample = Sample { at_s, motor, battery_v, position, cps, control, current_a, at_target };
+            rows += &self.recording.push(sample);
         }
         // At once and whole, so that nothing is lost whatever ends this.
         let written = self.file.write_all(rows.as_bytes());
@@ -200,6 +216,19 @@ impl Recorder {
             charts.len()
         ))
     }
+}
+
+/// What a hub that tells everything at once would say to a host that asks for less.
+fn bulk_of(told: &HubReport) -> Bulk {
+    let mut bulk = Bulk::default();
+    for (index, motor) in told.motors.iter().enumerate() {
+        let of =
+            (bulk.encoders.get_mut(index), bulk.velocities.get_mut(index), bulk.at_target.get_mut(index));
+        if let (Some(position), Some(velocity), Some(at_target)) = of {
+            (*position, *velocity, *at_target) = (motor.position, motor.velocity, motor.at_target);
+        }
+    }
+    bulk
 }
 
 /// How often the hub is asked whether the motors still run.

@@ -11,6 +11,7 @@ use motor_hub::units::{Micros, Millivolts};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
@@ -33,6 +34,8 @@ pub(crate) struct Hub {
     pub(crate) fail_safe_at_bulk: bool,
     /// It knows nothing of this project's own interface.
     pub(crate) foreign: bool,
+    /// Requests that it has heard.
+    pub(crate) requests: Arc<AtomicU32>,
     decoder: Decoder,
     since: Instant,
 }
@@ -51,6 +54,7 @@ impl Hub {
             first: FIRST_FUNCTION,
             fail_safe_at_bulk: false,
             foreign: false,
+            requests: Arc::default(),
             decoder: Decoder::new(),
             since: Instant::now(),
         }
@@ -65,6 +69,7 @@ impl Hub {
                 self.deaf_for -= 1;
                 continue;
             }
+            self.requests.fetch_add(1, Ordering::Relaxed);
             if self.foreign && packet.payload.starts_with(Interface::Setup.name()) {
                 packet.payload[0] = b'?';
             }

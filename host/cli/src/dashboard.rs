@@ -1,0 +1,148 @@
+//! `motor-hub dashboard`: a hub in a browser.
+
+use crate::output::{Failure, print, say};
+use crate::serve::stop_flag;
+use dashboard::script::Script;
+use dashboard::world::World;
+use dashboard::{Place, Server};
+use motor_hub::protocol::Address;
+use motor_hub_client::line::{Line, is_tcp};
+use motor_hub_client::{Error, Session};
+use simulated::scenario::Scenario;
+use simulated::serve;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Text of the long help.
+pub(crate) const HELP: &str = "\
+A hub in a browser: four motors live, to be moved, tuned and stopped
+
+The first line on standard output is the URL to open; whoever has it has the motors, for its token is in it. Without
+--port or --tcp it is a simulated hub, whose loads, battery and encoders can be played with.
+
+One page is in control, any number look on, and anyone may stop. When the page in control is closed, hidden for ten
+seconds, or shows nothing for a second, all motors are switched off; so they are when this program ends.";
+
+/// What the default scenario is called, whose set-points a page has in its place.
+const DEFAULT_NAME: &str = "four motors on a battery";
+
+/// How long a hub's answer is waited for while the line is opened.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Which hub, and where the page is served.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Serial port of the hub; without it and --tcp, a simulated hub
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["tcp", "scenario"])]
+    port: Option<String>,
+    /// Hub behind a TCP connection
+    #[arg(long, value_name = "HOST:PORT", value_parser = host_and_port, conflicts_with = "scenario")]
+    tcp: Option<String>,
+    /// Scenario file (TOML) whose motors, loads and battery the simulated hub has; the page can play it
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
+    /// Where the page is served on this machine; port 0 is any that is free
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
+    http: String,
+    /// Where it is served for other machines, such as a phone: everyone on the network who has the URL
+    #[arg(long, value_name = "ADDR:PORT", conflicts_with = "http")]
+    listen: Option<String>,
+    /// Opens it in this machine's browser
+    #[arg(long)]
+    open: bool,
+}
+
+fn host_and_port(text: &str) -> Result<String, String> {
+    if is_tcp(text) { Ok(text.to_owned()) } else { Err("give HOST:PORT, such as 127.0.0.1:7070".to_owned()) }
+}
+
+impl Options {
+    pub(crate) fn execute(self) -> Result<(), Failure> {
+        let stop = stop_flag()?;
+        let server = Server::bind(self.listen.as_ref().unwrap_or(&self.http)).map_err(Failure::input)?;
+        if self.listen.is_none() && !server.address().ip().is_loopback() {
+            let why = format!(
+                "--http {}: that is not this machine alone; to let other machines in, give --listen {}",
+                self.http, self.http
+            );
+            return Err(Failure::Input(why));
+        }
+        let (place, simulation) = match self.port.as_ref().or(self.tcp.as_ref()) {
+            Some(place) => (real(place), None),
+            None => {
+                let (place, simulation) = simulate(self.scenario.as_deref(), &stop)?;
+                (place, Some(simulation))
+            }
+        };
+        let url = server.url();
+        print(&format!("{url}\n"))?;
+        if self.listen.is_some() {
+            say("anyone on the network who has this URL can move the motors");
+        }
+        if self.open {
+            open(&url);
+        }
+        server.run(place, &stop);
+        // A hub that nobody asked to end has failed.
+        stop.store(true, Ordering::Relaxed);
+        match simulation.map(JoinHandle::join) {
+            Some(Ok(Err(error))) => Err(Failure::work(error)),
+            Some(Err(_)) => Err(Failure::Work("the simulated hub has ended in a panic".to_owned())),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn real(name: &str) -> Place {
+    let place = name.to_owned();
+    Place::real(name, move || Session::open(&place).map_err(|error| error.to_string()))
+}
+
+type Simulation = JoinHandle<Result<(), simulated::sim::RunError>>;
+
+/// A simulated hub in a thread of its own, on a TCP port of this machine.
+fn simulate(file: Option<&Path>, stop: &Arc<AtomicBool>) -> Result<(Place, Simulation), Failure> {
+    let scenario = match file {
+        Some(file) => Scenario::load_for_a_host(file),
+        None => Scenario::to_serve(),
+    };
+    let scenario = scenario.map_err(Failure::input)?;
+    // The motors of the default scenario are served otherwise than it has them.
+    let script = file.and_then(|_| Script::of(&scenario));
+    let line = serve::Line::tcp("127.0.0.1:0").map_err(Failure::work)?;
+    let address = line.to_string();
+    let world = World::default();
+    let (hands, stop) = (world.clone(), Arc::clone(stop));
+    let name = if file.is_some() { scenario.name.clone() } else { DEFAULT_NAME.to_owned() };
+    let simulation = std::thread::spawn(move || {
+        serve::run(&scenario, Address::DEFAULT, line, None, &mut |on| *on = hands.hands(), &mut |_| {
+            !stop.load(Ordering::Relaxed)
+        })
+    });
+    let open = move || -> Result<Session<Line>, String> {
+        let line = Line::tcp(&address, PATIENCE).map_err(|error| error.to_string())?;
+        let mut session = Session::new(line, Address::DEFAULT, PATIENCE);
+        session.keep_alive().map_err(|error: Error| error.to_string())?;
+        Ok(session)
+    };
+    Ok((Place::simulated(&name, world, script, open), simulation))
+}
+
+/// Whatever this machine opens URLs with; without it there is the printed line.
+fn open(url: &str) {
+    let program = if cfg!(target_os = "macos") {
+        "open"
+    } else if cfg!(windows) {
+        "explorer"
+    } else {
+        "xdg-open"
+    };
+    let started = Command::new(program).arg(url).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    if started.is_err() {
+        say("no browser could be started: open the URL above");
+    }
+}

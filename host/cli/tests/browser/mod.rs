@@ -1,0 +1,288 @@
+//! A headless Chromium, driven over its DevTools protocol.
+#![allow(dead_code, reason = "each test uses its own part")]
+
+pub(crate) mod page;
+
+use serde_json::{Value, json};
+use std::io::{ErrorKind, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tungstenite::{Error, Message, WebSocket, client};
+
+/// How long anything may take; two cores may have other work.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+
+const PROGRAMS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+
+/// The browser of this machine; without one, a test that says so and passes, unless it is a build server's.
+pub(crate) fn find() -> Option<PathBuf> {
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    let places = std::env::split_paths(&folders).flat_map(|folder| PROGRAMS.map(|name| folder.join(name)));
+    let found =
+        std::env::var_os("CHROMIUM").map(PathBuf::from).into_iter().chain(places).find(|path| path.exists());
+    if found.is_none() {
+        assert!(std::env::var_os("CI").is_none(), "there is no Chromium, which a build server must have");
+        // Past the test's own output, which nobody sees of a test that passes.
+        let _ = writeln!(
+            std::io::stderr(),
+            "SKIPPED: there is no Chromium on this machine (apt install chromium)"
+        );
+    }
+    found
+}
+
+/// A browser with an empty profile of its own.
+pub(crate) struct Browser {
+    process: Child,
+    folder: PathBuf,
+    socket: WebSocket<TcpStream>,
+    number: u64,
+    /// What has happened and was not looked at.
+    events: Vec<Value>,
+}
+
+impl Browser {
+    pub(crate) fn start(program: &Path, name: &str) -> Self {
+        let folder =
+            Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("browser-{name}-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&folder);
+        let process = Command::new(program)
+            .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
+            .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
+            .args(["--hide-scrollbars", "--force-color-profile=srgb", "--remote-debugging-port=0"])
+            .arg(format!("--user-data-dir={}", folder.display()))
+            .arg("about:blank")
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the browser starts");
+        let told = folder.join("DevToolsActivePort");
+        let told = wait_for("the browser's port", || {
+            let text = std::fs::read_to_string(&told).ok()?;
+            let (port, path) = text.split_once('\n')?;
+            Some((port.parse::<u16>().ok()?, path.trim().to_owned()))
+        });
+        let stream = TcpStream::connect(("127.0.0.1", told.0)).expect("the browser listens");
+        stream.set_nodelay(true).expect("at once");
+        let address = format!("ws://127.0.0.1:{}{}", told.0, told.1);
+        let (socket, _) = client(&address, stream).expect("a WebSocket");
+        socket.get_ref().set_read_timeout(Some(Duration::from_millis(20))).expect("a timeout");
+        Self { process, folder, socket, number: 0, events: Vec::new() }
+    }
+
+    /// A command, and its result.
+    pub(crate) fn call(&mut self, session: Option<&str>, method: &str, parameters: Value) -> Value {
+        self.number += 1;
+        let number = self.number;
+        let mut command = json!({ "id": number, "method": method, "params": parameters });
+        if let Some(session) = session {
+            command["sessionId"] = session.into();
+        }
+        self.socket.send(Message::text(command.to_string())).expect("the browser listens");
+        let end = Instant::now() + PATIENCE;
+        loop {
+            assert!(Instant::now() < end, "{method}: no answer");
+            if let Some(answer) = self.receive().filter(|message| message["id"] == number) {
+                assert!(answer.get("error").is_none(), "{method}: {}", answer["error"]);
+                return answer["result"].clone();
+            }
+        }
+    }
+
+    /// An answer; events are kept.
+    fn receive(&mut self) -> Option<Value> {
+        match self.socket.read() {
+            Ok(Message::Text(text)) => {
+                let message: Value = serde_json::from_str(&text).expect("JSON");
+                if message.get("id").is_some() {
+                    return Some(message);
+                }
+                self.events.push(message);
+                None
+            }
+            Ok(_) => None,
+            Err(Error::Io(error)) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                None
+            }
+            Err(error) => panic!("the browser is gone: {error}"),
+        }
+    }
+
+    /// A tab of this size, at an address.
+    pub(crate) fn open(&mut self, url: &str, width: u32, height: u32) -> Tab<'_> {
+        let target =
+            self.call(None, "Target.createTarget", json!({ "url": "about:blank" }))["targetId"].clone();
+        let attached =
+            self.call(None, "Target.attachToTarget", json!({ "targetId": target, "flatten": true }));
+        let session = attached["sessionId"].as_str().expect("a session").to_owned();
+        let mut tab = Tab { browser: self, session, target };
+        for domain in ["Page", "Runtime", "Log", "Network"] {
+            tab.call(&format!("{domain}.enable"), json!({}));
+        }
+        tab.resize(width, height);
+        tab.call("Page.navigate", json!({ "url": url }));
+        tab
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// A page.
+pub(crate) struct Tab<'a> {
+    browser: &'a mut Browser,
+    session: String,
+    target: Value,
+}
+
+impl Tab<'_> {
+    pub(crate) fn call(&mut self, method: &str, parameters: Value) -> Value {
+        let session = self.session.clone();
+        self.browser.call(Some(&session), method, parameters)
+    }
+
+    pub(crate) fn resize(&mut self, width: u32, height: u32) {
+        let size = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+        self.call("Emulation.setDeviceMetricsOverride", size);
+    }
+
+    /// What an expression is worth.
+    pub(crate) fn ask(&mut self, expression: &str) -> Value {
+        let parameters = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
+        let answer = self.call("Runtime.evaluate", parameters);
+        assert!(answer.get("exceptionDetails").is_none(), "{expression}: {}", answer["exceptionDetails"]);
+        answer["result"]["value"].clone()
+    }
+
+    /// Until an expression is true.
+    pub(crate) fn wait(&mut self, expression: &str) {
+        let end = Instant::now() + PATIENCE;
+        while self.ask(&format!("Boolean({expression})")) != true {
+            assert!(Instant::now() < end, "never: {expression}; {:#?}", self.complaints());
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// Presses a key and releases it.
+    pub(crate) fn press(&mut self, (key, code): (&str, u32)) {
+        for kind in ["rawKeyDown", "keyUp"] {
+            let mut event = json!({ "type": kind, "key": key, "code": if key == " " { "Space" } else { key }, "windowsVirtualKeyCode": code });
+            if kind == "rawKeyDown" && key == "Enter" {
+                event["type"] = "keyDown".into();
+                event["text"] = "\r".into();
+            }
+            self.call("Input.dispatchKeyEvent", event);
+        }
+    }
+
+    /// Clicks in the middle of an element.
+    pub(crate) fn click(&mut self, selector: &str) {
+        let place = self.ask(&format!(
+            "(() => {{ const e = document.querySelector('{selector}'); e.scrollIntoView({{block: 'nearest'}}); const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2] }})()"
+        ));
+        for kind in ["mousePressed", "mouseReleased"] {
+            let event =
+                json!({ "type": kind, "x": place[0], "y": place[1], "button": "left", "clickCount": 1 });
+            self.call("Input.dispatchMouseEvent", event);
+        }
+    }
+
+    /// Types a value into a field, and chooses it.
+    pub(crate) fn fill(&mut self, selector: &str, value: &str) {
+        self.ask(&format!(
+            "(() => {{ const e = document.querySelector('{selector}'); e.value = '{value}'; e.dispatchEvent(new Event('input', {{bubbles: true}})); e.dispatchEvent(new Event('change', {{bubbles: true}})); }})()"
+        ));
+    }
+
+    /// A picture of what is in sight, or of the whole page.
+    pub(crate) fn picture(&mut self, path: &Path, whole: bool) {
+        let picture =
+            self.call("Page.captureScreenshot", json!({ "format": "png", "captureBeyondViewport": whole }));
+        let bytes = decoded(picture["data"].as_str().expect("a picture"));
+        std::fs::write(path, bytes).expect("it can be written");
+    }
+
+    /// Everything that a console would show as an error or warning, and requests to anywhere else.
+    pub(crate) fn complaints(&mut self) -> Vec<String> {
+        // What has happened comes before an answer.
+        self.call("Runtime.evaluate", json!({ "expression": "0" }));
+        let own =
+            self.call("Runtime.evaluate", json!({ "expression": "location.host", "returnByValue": true }));
+        let own = own["result"]["value"].as_str().unwrap_or_default().to_owned();
+        let is_foreign = |url: &str| {
+            !["http", "ws"].iter().any(|scheme| url.starts_with(&format!("{scheme}://{own}/")))
+                && !["about:", "blob:", "data:"].iter().any(|scheme| url.starts_with(scheme))
+        };
+        let events = self.browser.events.iter().filter(|event| event["sessionId"] == *self.session);
+        events
+            .filter(|event| match event["method"].as_str().unwrap_or_default() {
+                "Runtime.exceptionThrown" => true,
+                "Runtime.consoleAPICalled" => {
+                    ["error", "warning", "assert"].iter().any(|kind| event["params"]["type"] == *kind)
+                }
+                "Log.entryAdded" => {
+                    ["error", "warning"].iter().any(|level| event["params"]["entry"]["level"] == *level)
+                }
+                "Network.requestWillBeSent" => {
+                    is_foreign(event["params"]["request"]["url"].as_str().unwrap_or_default())
+                }
+                "Network.webSocketCreated" => is_foreign(event["params"]["url"].as_str().unwrap_or_default()),
+                _ => false,
+            })
+            .map(Value::to_string)
+            .collect()
+    }
+
+    /// Ends the tab's process, as the system does when there is no memory left.
+    pub(crate) fn kill(self) {
+        // It has no time to answer.
+        let command = json!({ "id": 0, "method": "Page.crash", "params": {}, "sessionId": self.session });
+        self.browser.socket.send(Message::text(command.to_string())).expect("the browser listens");
+    }
+
+    /// Keeps the page's own thread busy, so that it can do nothing else.
+    pub(crate) fn hang(&mut self) {
+        let command = json!({ "id": 0, "method": "Runtime.evaluate", "params": { "expression": "for (;;);" }, "sessionId": self.session });
+        self.browser.socket.send(Message::text(command.to_string())).expect("the browser listens");
+    }
+
+    pub(crate) fn close(self) {
+        self.browser.call(None, "Target.closeTarget", json!({ "targetId": self.target }));
+    }
+}
+
+/// Until there is something.
+pub(crate) fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + PATIENCE;
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(Instant::now() < end, "never: {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Base64.
+fn decoded(text: &str) -> Vec<u8> {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let digits: Vec<u32> = text
+        .bytes()
+        .filter_map(|byte| DIGITS.iter().position(|digit| *digit == byte))
+        .map(|digit| digit as u32)
+        .collect();
+    digits
+        .chunks(4)
+        .flat_map(|four| {
+            let bits = four.iter().fold(0, |bits, digit| bits << 6 | digit) << (6 * (4 - four.len()));
+            bits.to_be_bytes()[1..four.len()].to_vec()
+        })
+        .collect()
+}

@@ -1,0 +1,331 @@
+//! The server of `motor-hub dashboard`, by sockets of its own: who may move motors, and who keeps them moving.
+#![expect(
+    clippy::unwrap_used,
+    clippy::indexing_slicing,
+    clippy::panic,
+    reason = "a failed access is a failed test"
+)]
+
+mod conformance;
+mod page;
+
+use conformance::Hub;
+use page::Dashboard;
+use serde_json::{Value, json};
+use std::io::ErrorKind;
+use std::net::TcpStream;
+use std::process::Command;
+use std::time::{Duration, Instant};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Error, Message, WebSocket, client};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// What a page says and hears, without a browser.
+struct Page {
+    socket: WebSocket<TcpStream>,
+    /// Returns the numbers of frames.
+    alive: bool,
+    frame: Value,
+}
+
+impl Page {
+    fn open(dashboard: &Dashboard) -> Self {
+        let address = dashboard.url.strip_prefix("http://").unwrap();
+        let (host, query) = address.split_once("/?").unwrap();
+        let mut request = format!("ws://{host}/ws?{query}").into_client_request().unwrap();
+        request.headers_mut().insert("Origin", format!("http://{host}").parse().unwrap());
+        let (socket, _) = client(request, TcpStream::connect(host).unwrap()).unwrap();
+        socket.get_ref().set_read_timeout(Some(Duration::from_millis(10))).unwrap();
+        socket.get_ref().set_nodelay(true).unwrap();
+        Self { socket, alive: true, frame: Value::Null }
+    }
+
+    /// One that is connected to a hub with a good battery.
+    fn ready(dashboard: &Dashboard) -> Self {
+        let mut page = Self::open(dashboard);
+        page.until("a battery", |page, _| page.frame["battery_v"].as_f64().is_some_and(|volts| volts > 11.0));
+        page
+    }
+
+    fn order(&mut self, order: &str, fields: Value) {
+        self.socket.send(Message::text(json!({ order: fields }).to_string())).unwrap();
+    }
+
+    /// What is said next, if something is.
+    fn hear(&mut self) -> Option<Value> {
+        match self.socket.read() {
+            Ok(Message::Text(text)) => {
+                let message: Value = serde_json::from_str(&text).unwrap();
+                if message["kind"] == "frame" {
+                    self.frame = message.clone();
+                    if self.alive && message["number"].as_u64().unwrap().is_multiple_of(5) {
+                        self.order("shown", json!({ "number": message["number"] }));
+                    }
+                }
+                Some(message)
+            }
+            Ok(_) => None,
+            Err(Error::Io(e)) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => None,
+            Err(error) => panic!("{error}"),
+        }
+    }
+
+    fn until(&mut self, what: &str, mut is: impl FnMut(&Self, &Value) -> bool) -> Value {
+        let end = Instant::now() + PATIENCE;
+        loop {
+            assert!(Instant::now() < end, "never: {what}; {}", self.frame);
+            if let Some(message) = self.hear()
+                && is(self, &message)
+            {
+                return message;
+            }
+        }
+    }
+
+    /// Goes on being there.
+    fn stay(&mut self, time: Duration) {
+        let end = Instant::now() + time;
+        while Instant::now() < end {
+            self.hear();
+        }
+    }
+
+    fn enabled(&self, motor: usize) -> bool {
+        self.frame["motors"][motor]["enabled"] == true
+    }
+
+    fn run(&mut self, motor: usize) {
+        self.order("drive", json!({ "motor": motor, "mode": "power", "value": 0.3 }));
+        self.order("enable", json!({ "motor": motor, "on": true }));
+        self.until("a motor that runs", |page, _| {
+            page.enabled(motor) && page.frame["motors"][motor]["velocity"].as_f64() > Some(100.0)
+        });
+    }
+
+    /// Until a notice that says so, and a motor that is off.
+    fn off(&mut self, says: &str) {
+        let mut told = false;
+        self.until(says, |page, message| {
+            told |= message["kind"] == "notice" && message["text"].as_str().unwrap().contains(says);
+            told && !page.enabled(0) && page.frame["motors"][0]["regime"].is_null()
+        });
+    }
+
+    fn refused(&mut self, order: &str, fields: Value) -> String {
+        self.order(order, fields);
+        self.until("a refusal", |_, message| message["kind"] == "refused")["why"].as_str().unwrap().to_owned()
+    }
+}
+
+#[test]
+fn a_page_that_shows_nothing_for_a_second_loses_its_motors_and_not_before() {
+    let dashboard = Dashboard::start(&[]);
+    let (mut driver, mut viewer) = (Page::ready(&dashboard), Page::open(&dashboard));
+    driver.run(0);
+    driver.stay(Duration::from_secs(2));
+    assert!(driver.enabled(0), "somebody watches");
+    // It hears, and returns nothing.
+    driver.alive = false;
+    let silent = Instant::now();
+    while viewer.frame["motors"][0]["enabled"] != false {
+        driver.hear();
+        viewer.hear();
+        assert!(silent.elapsed() < PATIENCE);
+        if silent.elapsed() < Duration::from_millis(800) {
+            assert!(viewer.frame.is_null() || viewer.enabled(0), "off after {:?}", silent.elapsed());
+        }
+    }
+    assert_eq!(driver.refused("enable", json!({ "motor": 0, "on": true })), "this page is not in control");
+}
+
+#[test]
+fn numbers_of_frames_that_were_never_sent_keep_nothing_running() {
+    let dashboard = Dashboard::start(&[]);
+    let mut driver = Page::ready(&dashboard);
+    driver.run(0);
+    driver.alive = false;
+    let old = driver.frame["number"].clone();
+    let end = Instant::now() + PATIENCE;
+    while driver.enabled(0) {
+        assert!(Instant::now() < end, "it runs on");
+        driver.order("shown", json!({ "number": u64::MAX }));
+        driver.order("shown", json!({ "number": old }));
+        driver.hear();
+    }
+}
+
+#[test]
+fn a_page_that_is_closed_loses_its_motors_at_once() {
+    let dashboard = Dashboard::start(&[]);
+    let (mut driver, mut viewer) = (Page::ready(&dashboard), Page::open(&dashboard));
+    driver.run(0);
+    viewer.until("a motor that runs", |page, _| page.enabled(0));
+    drop(driver);
+    viewer.off("the page in control was closed");
+}
+
+#[test]
+fn one_page_is_in_control_and_anyone_may_stop() {
+    let dashboard = Dashboard::start(&[]);
+    let (mut driver, mut viewer) = (Page::ready(&dashboard), Page::ready(&dashboard));
+    for (order, fields) in [
+        ("drive", json!({ "motor": 0, "mode": "power", "value": 0.1 })),
+        ("enable", json!({ "motor": 0, "on": true })),
+        ("world", json!({ "battery": { "volts": 7 } })),
+        ("set-up", json!({ "motor": 0, "scheme": "B", "duty": "linear-duty" })),
+        ("identify", json!({ "motor": 0 })),
+    ] {
+        assert_eq!(viewer.refused(order, fields), "this page is not in control", "{order}");
+    }
+    assert!(viewer.refused("take", Value::Null).contains("another page is in control"));
+    driver.run(0);
+    viewer.order("stop", Value::Null);
+    driver.off("stopped");
+    // Whoever gives it up leaves nothing running.
+    driver.run(0);
+    driver.order("release", Value::Null);
+    driver.off("control was released");
+    viewer.order("take", Value::Null);
+    viewer.until("control", |_, message| message["kind"] == "desk" && message["controller"] == 2);
+    viewer.run(0);
+    assert_eq!(driver.refused("enable", json!({ "motor": 0, "on": false })), "this page is not in control");
+}
+
+#[test]
+fn what_is_out_of_range_is_refused_with_what_is_allowed() {
+    let dashboard = Dashboard::start(&[]);
+    let mut page = Page::ready(&dashboard);
+    for (order, fields, says) in [
+        (
+            "drive",
+            json!({ "motor": 0, "mode": "power", "value": 1.5 }),
+            "a power of 1.5 is out of range; allowed is -1 to 1",
+        ),
+        ("drive", json!({ "motor": 0, "mode": "velocity", "value": 40_000 }), "allowed is -32768 to 32767"),
+        (
+            "drive",
+            json!({ "motor": 0, "mode": "position", "value": 3e9 }),
+            "a position in counts of 3000000000",
+        ),
+        (
+            "drive",
+            json!({ "motor": 4, "mode": "power", "value": 0 }),
+            "there is no motor 4; there are 0 to 3",
+        ),
+        ("drive", json!({ "motor": 0, "mode": "sideways", "value": 0 }), "unknown variant `sideways`"),
+        ("drive", json!({ "motor": 0, "mode": "power" }), "missing field `value`"),
+        ("enable", json!({ "motor": 0, "on": true, "more": 1 }), "unknown field `more`"),
+        ("enable", json!({ "motor": 0, "on": true }), "no target set"),
+        (
+            "coefficients",
+            json!({ "motor": 0, "of": "velocity", "pidf": [1e9, 0, 0, 0] }),
+            "a coefficient of 1000000000",
+        ),
+        ("acceleration", json!({ "motor": 0, "limit": 0 }), "an acceleration is 1 to"),
+        ("set-up", json!({ "motor": 0, "scheme": "E", "duty": "linear-duty" }), "unknown scheme `E`"),
+        ("set-up", json!({ "motor": 0, "name": "AM 61 A", "scheme": "A", "duty": "linear-duty" }), "AM 61 A"),
+        ("apply", json!({ "motor": 0 }), "nothing was learned"),
+        ("undo", json!({ "motor": 0 }), "nothing to take back"),
+        (
+            "together",
+            json!({ "to": [null, null, null, null], "speed": 1, "acceleration": 1 }),
+            "at least one motor",
+        ),
+        (
+            "together",
+            json!({ "to": [1, null, null, null], "speed": 0, "acceleration": 1 }),
+            "allowed is 1 to 1000000",
+        ),
+        (
+            "world",
+            json!({ "battery": { "volts": 99 } }),
+            "a battery of 99 V is out of range; allowed is 0 to 16 V",
+        ),
+        ("world", json!({ "hold": { "motor": 9, "held": true } }), "there is no motor 9"),
+        ("explode", Value::Null, "unknown variant `explode`"),
+    ] {
+        let why = page.refused(order, fields);
+        assert!(why.contains(says), "{order}: {why}");
+    }
+    page.socket.send(Message::text("{")).unwrap();
+    page.until("a refusal", |_, message| message["kind"] == "refused");
+    page.run(0);
+}
+
+#[test]
+fn a_message_that_is_too_long_ends_its_page_and_no_other() {
+    let dashboard = Dashboard::start(&[]);
+    let (mut driver, mut other) = (Page::ready(&dashboard), Page::ready(&dashboard));
+    driver.run(0);
+    // The server may hang up in the middle of it.
+    let _ = other.socket.send(Message::text("x".repeat(100_000)));
+    driver.until("one page", |_, message| message["kind"] == "desk" && message["pages"] == 1);
+    driver.stay(Duration::from_millis(500));
+    assert!(driver.enabled(0));
+}
+
+#[test]
+fn a_scenario_is_played_from_its_beginning_and_leaves_its_motors_off() {
+    let winch = concat!(env!("CARGO_MANIFEST_DIR"), "/../../boards/simulated/scenarios/winch.toml");
+    let dashboard = Dashboard::start(&["--scenario", winch]);
+    let mut page = Page::ready(&dashboard);
+    page.order("play", Value::Null);
+    let winch = |page: &Page, what: &str| page.frame["motors"][0][what].clone();
+    page.until("its speed", |page, _| {
+        winch(page, "velocity").as_f64().is_some_and(|cps| (cps - 1360.0).abs() < 30.0)
+    });
+    assert_eq!(winch(&page, "regime"), "forward");
+    // From 4 to 8 s 0.8 N m drive it.
+    page.until("its load", |page, _| {
+        winch(page, "regime") == "braking" && winch(page, "load_a").as_f64() < Some(-0.5)
+    });
+    page.until("its end", |_, message| message["text"] == "all motors are off: the scenario is over");
+    let other = Dashboard::start(&[]);
+    let mut page = Page::ready(&other);
+    assert!(page.refused("play", Value::Null).contains("name one by --scenario"));
+}
+
+#[test]
+fn a_hub_elsewhere_is_driven_and_left_with_its_motors_off_when_the_program_ends() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let mut dashboard = Dashboard::start(&["--tcp", &hub.place]);
+    let mut page = Page::ready(&dashboard);
+    page.run(0);
+    dashboard.end();
+    drop(page);
+    std::thread::sleep(Duration::from_millis(300));
+    let status =
+        Command::new(PROGRAM).args(["client", "--tcp", &hub.place, "status", "--json"]).output().unwrap();
+    let said = String::from_utf8_lossy(&status.stderr);
+    assert!(status.status.success() && !said.contains("left running"), "{said}");
+    let status: Value = serde_json::from_slice(&status.stdout).unwrap();
+    let motor = &status["motors"][0];
+    assert_eq!(motor["enabled"], false);
+    assert!((motor["power"].as_f64().unwrap() - 0.3).abs() < 1e-4, "its target is kept: {motor}");
+}
+
+#[test]
+fn a_hub_that_goes_away_is_said_to_be_gone_and_found_again() {
+    let mut hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let place = hub.place.clone();
+    let dashboard = Dashboard::start(&["--tcp", &place]);
+    let mut page = Page::ready(&dashboard);
+    Command::new("kill").arg(hub.id().to_string()).status().unwrap();
+    hub.wait();
+    page.until("a hub that is gone", |_, message| message["kind"] == "line" && message["connected"] == false);
+    assert_eq!(page.refused("enable", json!({ "motor": 0, "on": true })), "the hub is not connected");
+    let _again = Hub::start(PROGRAM, &["--tcp", &place]);
+    page.until("a hub", |_, message| message["kind"] == "line" && message["connected"] == true);
+}
+
+#[test]
+fn the_page_is_for_this_machine_alone_unless_it_is_asked_for_otherwise() {
+    let refused = Command::new(PROGRAM).args(["dashboard", "--http", "0.0.0.0:0"]).output().unwrap();
+    let says = String::from_utf8_lossy(&refused.stderr);
+    assert!(refused.status.code() == Some(2) && says.contains("give --listen 0.0.0.0:0"), "{says}");
+    let refused = Command::new(PROGRAM).args(["dashboard", "--http", "nowhere"]).output().unwrap();
+    let says = String::from_utf8_lossy(&refused.stderr);
+    assert!(refused.status.code() == Some(2) && says.contains("give HOST:PORT"), "{says}");
+}

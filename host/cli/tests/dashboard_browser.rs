@@ -1,0 +1,353 @@
+//! `motor-hub dashboard` in a real browser: what somebody sees and does.
+#![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
+
+mod browser;
+mod page;
+
+use browser::page::{ALONE, drive, live, motor, pictures, unobstructed};
+use browser::{Browser, Tab, find, wait_for};
+use page::Dashboard;
+use std::time::{Duration, Instant};
+
+const ESCAPE: (&str, u32) = ("Escape", 27);
+const SPACE: (&str, u32) = (" ", 32);
+
+/// With a page of a simulated hub, at a desk's size; nothing may have been complained of in the end.
+fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
+    let Some(program) = find() else { return };
+    let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let dashboard = Dashboard::start(&[]);
+    let mut browser = Browser::start(&program, name);
+    let mut tab = browser.open(&dashboard.url, 1280, 1000);
+    live(&mut tab);
+    test(&mut tab);
+    assert_eq!(tab.complaints(), Vec::<String>::new());
+}
+
+/// Two pages of one hub: what becomes of the motors of the first, as the second sees it.
+fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
+    let Some(program) = find() else { return };
+    let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let dashboard = Dashboard::start(&[]);
+    // A browser each: one that is busy answers for neither.
+    let mut first = Browser::start(&program, &format!("{name}-driver"));
+    let mut second = Browser::start(&program, &format!("{name}-viewer"));
+    let mut driver = first.open(&dashboard.url, 1280, 1000);
+    live(&mut driver);
+    let mut viewer = second.open(&dashboard.url, 1280, 1000);
+    live(&mut viewer);
+    drive(&mut driver, 0, 900);
+    assert_eq!(viewer.ask("document.querySelector('#control').textContent"), "Another page is in control");
+    let since = Instant::now();
+    end(driver);
+    let took = wait_for("a motor that is off", || {
+        (viewer.ask(&motor(0, "enabled")) == false).then(|| since.elapsed())
+    });
+    println!("{name}: off after {:.0} ms", took.as_secs_f64() * 1e3);
+    assert!(took < most, "{took:?}");
+    viewer.wait(&format!("document.querySelector('#notice').textContent.includes('{says}')"));
+    // Coasting: power and current are 0.
+    viewer.wait(&format!("{} === 0 && {} === 0", motor(0, "control"), motor(0, "current_a")));
+    viewer.wait("document.querySelector('#take').checkVisibility()");
+    viewer.click("#take");
+    viewer.wait("document.querySelector('#control').textContent.startsWith('You are in control')");
+    assert_eq!(viewer.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn a_tab_that_is_killed_loses_its_motors() {
+    let kill = |tab: Tab<'_>| tab.kill();
+    with_two_pages("killed", kill, "the page in control was closed", Duration::from_secs(2));
+}
+
+#[test]
+fn a_tab_that_is_closed_loses_its_motors() {
+    let close = |tab: Tab<'_>| tab.close();
+    with_two_pages("closed", close, "the page in control was closed", Duration::from_secs(2));
+}
+
+#[test]
+fn a_tab_that_hangs_loses_its_motors_after_a_second() {
+    let hang = |mut tab: Tab<'_>| tab.hang();
+    with_two_pages("hanging", hang, "showed nothing for a second", Duration::from_secs(3));
+}
+
+/// Until motor 0 is off; how long that took.
+fn off(tab: &mut Tab<'_>, since: Instant) -> Duration {
+    tab.wait(&format!("{} === false", motor(0, "enabled")));
+    since.elapsed()
+}
+
+#[test]
+fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() {
+    with_page("stop", |tab| {
+        for round in 0..5 {
+            drive(tab, 0, 900);
+            let since = Instant::now();
+            let how = match round {
+                0 => {
+                    tab.click("#stop");
+                    "a click"
+                }
+                1 => {
+                    tab.press(ESCAPE);
+                    "Escape"
+                }
+                2 => {
+                    tab.press(SPACE);
+                    "Space"
+                }
+                // In a field, where Space is a character but Escape stops.
+                3 => {
+                    tab.ask("document.querySelector('#motors input[type=number]').focus()");
+                    tab.press(ESCAPE);
+                    "Escape in a field"
+                }
+                // On a button, which Space would press otherwise.
+                _ => {
+                    tab.ask("document.querySelector('#pause').focus()");
+                    tab.press(SPACE);
+                    "Space on a button"
+                }
+            };
+            println!("stopped by {how} after {:.0} ms", off(tab, since).as_secs_f64() * 1e3);
+            assert_eq!(
+                tab.ask("document.querySelector('#pause').getAttribute('aria-pressed')"),
+                "false",
+                "{how}"
+            );
+            assert!(
+                tab.ask("document.querySelector('#notice').textContent") == "All motors are off: stopped.",
+                "{how}"
+            );
+            tab.wait(&format!("{} === 0", motor(0, "velocity")));
+        }
+    });
+}
+
+#[test]
+fn space_in_a_field_stops_nothing() {
+    with_page("space", |tab| {
+        drive(tab, 1, 500);
+        tab.ask("document.querySelector('#group-speed').focus()");
+        tab.click("#tab-group");
+        tab.ask("document.querySelector('#group-speed').focus()");
+        tab.press(SPACE);
+        std::thread::sleep(Duration::from_millis(300));
+        assert_eq!(tab.ask(&motor(1, "enabled")), true);
+    });
+}
+
+#[test]
+fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
+    with_page("boxes", |tab| {
+        drive(tab, 0, 800);
+        for (width, height, name) in [(1280, 1000, "wide"), (768, 1024, "tablet"), (390, 844, "phone")] {
+            tab.resize(width, height);
+            std::thread::sleep(Duration::from_millis(300));
+            for panel in ["tune", "learn", "setup", "group", "record", "world"] {
+                tab.click(&format!("#tab-{panel}"));
+                assert_eq!(unobstructed(tab), Vec::<String>::new(), "{width} wide, {panel}");
+            }
+            for share in [0.0, 0.5, 1.0] {
+                tab.ask(&format!("scrollTo(0, {share} * document.documentElement.scrollHeight)"));
+                let seen = "(() => { const b = document.querySelector('#stop').getBoundingClientRect(); \
+                            const e = document.elementFromPoint(b.x + b.width / 2, b.y + b.height / 2); \
+                            return b.top >= 0 && b.left >= 0 && b.bottom <= innerHeight && b.right <= innerWidth && e.id === 'stop' })()";
+                assert_eq!(tab.ask(seen), true, "STOP at {share} of the page, {width} wide");
+            }
+            assert_eq!(tab.ask(&motor(0, "enabled")), true, "nothing of that was a click on STOP");
+            tab.ask("scrollTo(0, 0)");
+            tab.picture(&pictures().join(format!("{name}.png")), name != "wide");
+        }
+    });
+}
+
+#[test]
+fn a_winch_is_seen_going_through_the_regimes() {
+    with_page("winch", |tab| {
+        drive(tab, 1, 600);
+        drive(tab, 2, -400);
+        drive(tab, 0, 700);
+        let regime = |tab: &mut Tab<'_>, expected: &str| {
+            tab.wait(&format!(
+                "document.querySelector('#motors .pill').textContent.startsWith('{expected}')"
+            ));
+        };
+        regime(tab, "forward");
+        tab.click("#tab-world");
+        let pull = |tab: &mut Tab<'_>, nm: &str| {
+            tab.fill("#panel-world input[type=range]", nm);
+            std::thread::sleep(Duration::from_millis(1500));
+        };
+        let turn = |tab: &mut Tab<'_>, cps: &str| {
+            tab.fill("#motors .card:nth-child(1) input[type=number]", cps);
+            std::thread::sleep(Duration::from_millis(1500));
+        };
+        pull(tab, "0.3");
+        regime(tab, "braking");
+        turn(tab, "1600");
+        regime(tab, "braking");
+        pull(tab, "0.6");
+        turn(tab, "1000");
+        pull(tab, "-0.3");
+        regime(tab, "forward");
+        turn(tab, "1800");
+        pull(tab, "0.4");
+        turn(tab, "1200");
+        regime(tab, "braking");
+        // Without what lies below the plots.
+        tab.ask("scrollTo(0, 0)");
+        tab.resize(1280, 900);
+        std::thread::sleep(Duration::from_millis(200));
+        tab.picture(&pictures().join("light.png"), false);
+        tab.click("#theme");
+        tab.click("#theme");
+        assert_eq!(tab.ask("document.documentElement.dataset.theme"), "dark");
+        std::thread::sleep(Duration::from_millis(200));
+        tab.picture(&pictures().join("dark.png"), false);
+    });
+}
+
+#[test]
+fn why_a_motor_stands_is_said_in_words() {
+    with_page("why", |tab| {
+        let why = "document.querySelector('#motors .card:nth-child(2) .why').textContent";
+        assert_eq!(tab.ask(why), "Disabled.");
+        tab.press(("2", 50));
+        drive(tab, 1, 600);
+        tab.click("#tab-world");
+        tab.fill("#world-encoder", "unplugged");
+        tab.wait(&format!("{why}.startsWith('Its encoder does not count')"));
+        tab.fill("#world-encoder", "sound");
+        tab.press(ESCAPE);
+        tab.wait(&format!("{why} === 'Disabled.'"));
+        drive(tab, 1, 600);
+        // A battery at 7 V is too low to draw from.
+        tab.fill("#panel-world .stack:nth-child(2) input[type=range]", "5.5");
+        tab.wait(&format!("{why}.includes('battery')"));
+    });
+}
+
+#[test]
+fn a_step_is_laid_over_the_one_before_and_a_change_is_taken_back() {
+    with_page("step", |tab| {
+        tab.click("#tab-tune");
+        let step = |tab: &mut Tab<'_>| {
+            tab.click("#panel-tune button.primary");
+            tab.wait("document.querySelector('#panel-tune [role=status]').textContent === 'Done.'");
+        };
+        step(tab);
+        assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 1);
+        let regulator = "document.querySelector('#panel-tune b').textContent";
+        assert_eq!(tab.ask(regulator), "its model");
+        let undo = "#panel-tune .row button:nth-child(3)";
+        tab.click("#panel-tune .row button:nth-child(2)");
+        tab.wait(&format!("{regulator} === 'PID'"));
+        step(tab);
+        assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 2);
+        tab.picture(&pictures().join("tune.png"), true);
+        tab.click(undo);
+        tab.wait(&format!("{regulator} === 'its model'"));
+        assert_eq!(tab.ask(&format!("document.querySelector('{undo}').disabled")), true);
+    });
+}
+
+#[test]
+fn a_motor_is_identified_and_what_was_found_predicts_what_was_measured() {
+    with_page("identify", |tab| {
+        tab.click("#tab-learn");
+        tab.click("#panel-learn button.primary");
+        tab.wait("document.querySelector('#panel-learn [role=status]').textContent === 'Motor 0 is known.'");
+        // Both lines of the plot, as the page draws them.
+        let off = tab.ask("dashboard.learned().misfit").as_f64().unwrap();
+        println!("predicted is off by {:.1} % of what was measured", 100.0 * off);
+        assert!(off < 0.1, "predicted is off by {off} of what was measured");
+        tab.picture(&pictures().join("learn.png"), true);
+        tab.click("#panel-learn .row button:nth-child(2)");
+        tab.wait("dashboard.state.settings[0].undoable === 1");
+        assert_eq!(tab.ask(&motor(0, "enabled")), false);
+    });
+}
+
+#[test]
+fn a_recording_is_saved_and_looked_at_again() {
+    with_page("record", |tab| {
+        tab.click("#tab-record");
+        tab.click("#panel-record button.primary");
+        drive(tab, 0, 700);
+        tab.click("#panel-record button.primary");
+        // The file that would be saved, and the same taken in as a file that was chosen.
+        let rows = tab.ask(
+            "(async () => { \
+                let text; const make = URL.createObjectURL; \
+                URL.createObjectURL = (blob) => { text = blob.text(); return make.call(URL, new Blob([])); }; \
+                document.querySelector('#panel-record .row button:nth-child(2)').click(); \
+                URL.createObjectURL = make; \
+                const file = document.querySelector('#record-file'); const kept = new DataTransfer(); \
+                kept.items.add(new File([await text], 'run.csv')); file.files = kept.files; \
+                file.dispatchEvent(new Event('change')); \
+                return (await text).trim().split('\\n') })()",
+        );
+        let rows = rows.as_array().unwrap();
+        assert!(
+            rows.len() > 40 && rows[0].as_str().unwrap().starts_with("time_s,motor,battery_v,velocity"),
+            "{rows:?}"
+        );
+        tab.wait("document.querySelector('#panel-record [role=status]').textContent.startsWith('run.csv is shown')");
+        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Go on");
+        tab.click("#pause");
+        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Pause");
+    });
+}
+
+#[test]
+fn all_of_it_is_reached_by_keys() {
+    with_page("keys", |tab| {
+        let chosen = "document.querySelector('.card.chosen').getAttribute('aria-label')";
+        tab.press(("3", 51));
+        assert_eq!(tab.ask(chosen), "Motor 2");
+        // From the top, Tab comes to every control that can be seen.
+        tab.ask("document.activeElement.blur()");
+        let all = tab.ask("document.querySelectorAll('button, select, input').length").as_u64().unwrap();
+        let mut reached = std::collections::BTreeSet::new();
+        for _ in 0..all + 5 {
+            tab.press(("Tab", 9));
+            let at =
+                "[...document.querySelectorAll('button, select, input')].indexOf(document.activeElement)";
+            reached.extend(tab.ask(at).as_i64().filter(|at| *at >= 0));
+        }
+        let expected = tab.ask(
+            "[...document.querySelectorAll('button, select, input')].filter((e) => !e.disabled && e.tabIndex >= 0 && e.checkVisibility()).length",
+        );
+        assert_eq!(Some(reached.len() as u64), expected.as_u64());
+        tab.ask("document.querySelector('#motors .card:nth-child(4) .run').focus()");
+        tab.press(("Enter", 13));
+        tab.wait(&motor(3, "enabled"));
+    });
+}
+
+/// `cargo test --test dashboard_browser drawing -- --ignored --nocapture`
+#[test]
+#[ignore = "a report, not a test: times are this machine's"]
+fn drawing_of_full_plots() {
+    with_page("drawing", |tab| {
+        drive(tab, 0, 900);
+        // A minute of frames, as if it had gone by.
+        tab.ask(
+            "(() => { const { state } = dashboard; const frame = state.frame; \
+                for (let i = 3000; i > 0; i -= 1) { \
+                    const motors = frame.motors.map((motor) => ({ ...motor, velocity: 900 * Math.sin(i / 90), control: Math.sin(i / 60), current_a: Math.cos(i / 40) })); \
+                    state.history.push({ ...frame, at_s: frame.at_s - i / 50, motors }); \
+                } })()",
+        );
+        std::thread::sleep(Duration::from_millis(500));
+        let report = tab.ask(
+            "(async () => { const { drawn } = dashboard; drawn.took.length = 0; const at = []; \
+                await new Promise((done) => { const step = (now) => { at.push(now); at.length < 600 ? requestAnimationFrame(step) : done() }; requestAnimationFrame(step) }); \
+                const of = (all) => { const sorted = [...all].sort((a, b) => a - b); return { n: sorted.length, median: sorted[sorted.length >> 1], p99: sorted[Math.floor(0.99 * sorted.length)] } }; \
+                return { points: dashboard.state.history.time.last().length, drawing_ms: of(drawn.took), frame_ms: of(at.slice(1).map((now, i) => now - at[i])) } })()",
+        );
+        println!("{report:#}");
+    });
+}

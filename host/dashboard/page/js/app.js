@@ -1,0 +1,147 @@
+// The page: what the server says goes to who wants to know; what somebody does goes to the server.
+
+import { by, say } from "./dom.js";
+import { learned } from "./learn.js";
+import { Link } from "./link.js";
+import { startMotors } from "./motors.js";
+import { startPanels } from "./panels.js";
+import { drawn, startPlots } from "./plots.js";
+import { choose, inControl, on, state, tell } from "./state.js";
+import { number, units } from "./units.js";
+
+const THEMES = ["auto", "light", "dark"];
+const NOTICE_MS = 8000;
+/** Without a frame for so long nothing that is shown is to be believed. */
+const STALE_MS = 500;
+
+let noticeUntil = 0;
+let heardAt = 0;
+
+/** @param {import("./link.js").Message} message */
+function hear(message) {
+  switch (message.kind) {
+    case "welcome":
+      Object.assign(state, { you: message.you, place: message.place, simulated: message.simulated, playable: message.playable, catalogue: message.catalogue });
+      break;
+    case "line":
+      Object.assign(state, { connected: message.connected, why: message.why, reports: message.reports });
+      break;
+    case "desk":
+      state.controller = message.controller;
+      state.pages = message.pages;
+      break;
+    case "settings":
+      state.settings[message.motor] = message;
+      break;
+    case "frame":
+      state.frame = message;
+      state.history.push(message);
+      heardAt = performance.now();
+      break;
+    case "world":
+      state.world = message;
+      break;
+    case "notice":
+      notice(message.text);
+      break;
+    case "refused":
+      notice(`Not done: ${message.why}`);
+      break;
+  }
+  tell(message.kind, message);
+}
+
+/** @param {string} text */
+function notice(text) {
+  by("notice").classList.add("news");
+  say(by("notice"), `${text[0].toUpperCase()}${text.slice(1)}.`);
+  noticeUntil = performance.now() + NOTICE_MS;
+}
+
+/** What stands there while there is nothing to say. */
+function hint() {
+  by("notice").classList.remove("news");
+  say(by("notice"), "Esc stops, anywhere, and so does Space outside of fields. Keys 1 to 4 choose a motor.");
+}
+
+function fact(/** @type {any} */ element, /** @type {boolean} */ bad, /** @type {string} */ text) {
+  say(element, text);
+  element.classList.toggle("bad", bad);
+}
+
+function facts() {
+  const stale = performance.now() - heardAt > STALE_MS;
+  say(by("place"), state.place || "motor-hub");
+  say(by("kind"), state.simulated ? "SIMULATED" : "HARDWARE");
+  by("kind").classList.toggle("simulated", state.simulated);
+  if (!state.open) fact(by("line"), true, "No connection to the server: what you see is old");
+  else if (!state.connected) fact(by("line"), true, `Hub not connected: ${state.why}`);
+  else if (stale) fact(by("line"), true, "The hub is silent");
+  else fact(by("line"), false, "Connected");
+  const volts = state.frame?.battery_v;
+  fact(by("battery"), state.connected && volts === null, volts ? `Battery ${number(volts, 1)} V` : "Battery unknown");
+  const others = (state.pages ?? 1) - 1;
+  const watched = others > 0 ? `, ${others} other page${others > 1 ? "s" : ""}` : "";
+  say(by("control"), !state.open ? "" : inControl() ? `You are in control${watched}` : state.controller ? "Another page is in control" : "Nobody is in control");
+  by("take").hidden = !state.open || state.controller !== null;
+  if (noticeUntil && performance.now() > noticeUntil) {
+    hint();
+    noticeUntil = 0;
+  }
+}
+
+function theme(/** @type {string} */ chosen) {
+  const dark = chosen === "dark" || (chosen === "auto" && matchMedia("(prefers-color-scheme: dark)").matches);
+  document.documentElement.dataset.theme = dark ? "dark" : "light";
+  say(by("theme"), { auto: "◐ auto", light: "○ light", dark: "● dark" }[chosen] ?? "");
+  by("theme").setAttribute("aria-label", chosen === "auto" ? "Theme: as the system's" : `Theme: ${chosen}`);
+  by("theme").dataset.chosen = chosen;
+  localStorage.setItem("theme", chosen);
+  tell("theme");
+}
+
+const link = new Link(hear, (open) => {
+  state.open = open;
+  if (!open) Object.assign(state, { controller: null, connected: false });
+  else state.history.clear();
+  facts();
+  tell("open");
+  tell("desk");
+});
+
+const stop = () => {
+  if (!link.order("stop")) notice("This page has no connection: STOP did not reach the server, which switches off what this page left running");
+};
+
+/** Fields in which Space is a character, or chooses. */
+const typing = (/** @type {any} */ target) => target.matches?.("input:not([type=range]), select, textarea");
+
+document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape" || (event.key === " " && !typing(event.target))) {
+    event.preventDefault();
+    stop();
+  } else if (/^[1-4]$/.test(event.key) && !typing(event.target) && !event.ctrlKey && !event.altKey && !event.metaKey) {
+    choose(Number(event.key) - 1);
+  }
+}, true);
+
+by("stop").addEventListener("click", stop);
+by("take").addEventListener("click", () => link.order("take"));
+by("unit").addEventListener("change", (/** @type {any} */ event) => {
+  units.chosen = event.target.value;
+  tell("unit");
+});
+by("theme").addEventListener("click", () => theme(THEMES[(THEMES.indexOf(by("theme").dataset.chosen) + 1) % THEMES.length]));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => theme(by("theme").dataset.chosen));
+
+startMotors(link);
+startPlots();
+startPanels(link);
+theme(THEMES.includes(localStorage.getItem("theme") ?? "") ? /** @type {string} */ (localStorage.getItem("theme")) : "auto");
+hint();
+choose(0);
+for (const what of ["welcome", "line", "desk"]) on(what, facts);
+setInterval(facts, 250);
+// For whoever measures.
+Object.assign(window, { dashboard: { state, drawn, link, learned: () => learned } });
+

@@ -1,0 +1,31 @@
+// Elements, in as few words as possible.
+
+/**
+ * @param {string} tag
+ * @param {Record<string, any>} [attributes] `on…` are listeners, `class` and others attributes; false leaves one out
+ * @param {...(Node|string)} children
+ * @returns {any} an element
+ */
+export function h(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key.startsWith("on")) element.addEventListener(key.slice(2), value);
+    else if (value === true) element.setAttribute(key, "");
+    else if (value !== false && value !== undefined && value !== null) element.setAttribute(key, String(value));
+  }
+  element.append(...children);
+  return element;
+}
+
+/** @param {string} id @returns {any} */
+export const by = (id) => document.getElementById(id);
+
+/** Sets a text only if it is another, so that screen readers are not told the same again. */
+export function say(/** @type {Element} */ element, /** @type {string} */ text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+/** A choice among words: `options` are [value, words]. */
+export function select(/** @type {string[][]} */ options, /** @type {Record<string, any>} */ attributes = {}) {
+  return h("select", attributes, ...options.map(([value, words]) => h("option", { value }, words)));
+}

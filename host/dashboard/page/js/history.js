@@ -1,0 +1,51 @@
+// What was seen in the last minutes, as plots want it: arrays of numbers, one for each quantity.
+
+/** Frames that are kept: a minute at fifty a second. */
+export const KEPT = 3000;
+
+/** Quantities of a motor. */
+export const OF_MOTOR = ["velocity", "target", "position", "control", "s", "t", "z", "g", "current", "load", "measured"];
+
+/** Numbers, null where nothing is known, of which the last KEPT are to be had. */
+class Column {
+  constructor() {
+    /** @type {(number|null)[]} */
+    this.values = [];
+  }
+  /** @param {number|null} value */
+  push(value) {
+    this.values.push(value);
+    // Moved together seldom.
+    if (this.values.length >= 2 * KEPT) this.values.splice(0, KEPT);
+  }
+  last() {
+    return this.values.slice(-KEPT);
+  }
+}
+
+export class History {
+  constructor() {
+    this.clear();
+  }
+
+  clear() {
+    this.time = new Column();
+    this.battery = new Column();
+    this.motors = [0, 1, 2, 3].map(() => Object.fromEntries(OF_MOTOR.map((name) => [name, new Column()])));
+    this.length = 0;
+  }
+
+  /** @param {any} frame */
+  push(frame) {
+    this.length += 1;
+    this.time.push(frame.at_s);
+    this.battery.push(frame.battery_v ?? null);
+    this.motors.forEach((columns, index) => {
+      const motor = frame.motors[index] ?? {};
+      const [s, t, z, g] = motor.points ?? [];
+      const target = motor.told === "velocity" ? motor.target : null;
+      const row = { velocity: motor.velocity, target, position: motor.position, control: motor.control, s, t, z, g, current: motor.current_a, load: motor.load_a, measured: motor.measured_a };
+      for (const name of OF_MOTOR) columns[name].push(row[name] ?? null);
+    });
+  }
+}

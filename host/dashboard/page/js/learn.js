@@ -1,0 +1,127 @@
+// Identification: the hub moves the motor for some seconds and learns how it answers to a voltage. What it found is laid over
+// what was measured, which is the proof of it.
+
+import { h, say } from "./dom.js";
+import { SmallPlot } from "./small.js";
+import { inControl, on, state } from "./state.js";
+import { number } from "./units.js";
+
+/**
+ * The speeds that a motor of these dynamics would have had, by the voltages that it was given.
+ * @param {{at: number, cps: number, volts: number}[]} seen @param {{gain: number, decay: number, friction_v: number}} found
+ */
+export function predict(seen, found) {
+  let cps = seen[0]?.cps ?? 0;
+  return seen.map((now, i) => {
+    if (i > 0) {
+      const before = seen[i - 1];
+      const steps = 10;
+      const dt = (now.at - before.at) / steps;
+      for (let k = 0; k < steps; k += 1) {
+        const push = found.gain * before.volts;
+        const rub = found.gain * found.friction_v;
+        // At rest friction holds what it can.
+        const driven = Math.abs(cps) < 1 && Math.abs(push) < rub ? -cps / dt : push - found.decay * cps - Math.sign(cps || push) * rub;
+        cps += dt * driven;
+      }
+    }
+    return cps;
+  });
+}
+
+/** How far predicted speeds are from measured ones, as a share of these: for whoever checks what is drawn. */
+export const learned = { misfit: NaN };
+
+/** @param {number[]} measured @param {number[]} predicted */
+function misfit(measured, predicted) {
+  const sum = (/** @type {(i: number) => number} */ of) => measured.reduce((all, _, i) => all + of(i) ** 2, 0);
+  return Math.sqrt(sum((i) => predicted[i] - measured[i]) / sum((i) => measured[i]));
+}
+
+/** @param {any} link */
+export function learnPanel(link) {
+  const travel = h("input", { type: "number", min: 1, step: 1, placeholder: "no limit", "aria-label": "Counts that it may turn at most, either way" });
+  const begin = h("button", { type: "button", class: "primary", onclick: () => start() }, "Identify");
+  const apply = h("button", { type: "button", onclick: () => link.order("apply", { motor: state.chosen }) }, "Apply what was found");
+  const progress = h("progress", { max: 100, value: 0, "aria-label": "How far it is" });
+  const says = h("p", { role: "status" }, "The motor turns both ways for some 3 s. It must stand, and be free to turn.");
+  const found = h("tbody", {});
+  const plot = new SmallPlot("Measured and predicted, counts/s", [{ words: "measured", colour: "speed" }, { words: "predicted by what was found", colour: "target", dash: [7, 5] }]);
+  /** @type {{at: number, cps: number, volts: number}[]} */
+  let seen = [];
+  let motor = -1;
+  let [tick, volts] = [-1, 0];
+  /** @type {any[]} by motor */
+  const last = [];
+
+  function start() {
+    [motor, seen] = [state.chosen, []];
+    last[motor] = null;
+    link.order("identify", { motor, travel: travel.value ? Number(travel.value) : null });
+    progress.value = 0;
+    say(says, "Waits until it stands …");
+    show();
+  }
+
+  on("frame", (frame) => {
+    const of = frame.motors[motor];
+    const settings = state.settings[motor];
+    if (!of || of.told !== "identify" || !settings || of.current_a === undefined) return;
+    // The voltage across it, by the hub's own constants and its current; the bridge's switches are small beside. From one
+    // control tick to the next it stays.
+    if (frame.tick_ms !== tick) volts = (settings.emf_mv_s_per_count * of.velocity) / 1000 + (settings.resistance_ohm ?? 0) * of.current_a;
+    tick = frame.tick_ms;
+    seen.push({ at: frame.at_s, cps: of.velocity, volts });
+  });
+
+  on("identification", (message) => {
+    if (message.state === "running") {
+      progress.value = message.percent;
+      if (message.motor === motor) say(says, `Moves: ${message.percent} %`);
+      return;
+    }
+    progress.value = message.state === "found" ? 100 : 0;
+    last[message.motor] = { ...message, seen: message.motor === motor ? seen : [] };
+    motor = -1;
+    show();
+  });
+  on("notice", ({ grave }) => {
+    if (grave && motor >= 0) {
+      motor = -1;
+      say(says, "It was stopped.");
+    }
+  });
+
+  function show() {
+    const of = last[state.chosen];
+    const is = of?.found;
+    apply.disabled = !inControl() || !is;
+    found.replaceChildren();
+    if (!of) return plot.show([[0, 3], [null, null], [null, null]]);
+    say(says, is ? `Motor ${of.motor} is known.` : `Motor ${of.motor} is not known: ${of.why}.`);
+    if (!is) return plot.show([[0, 3], [null, null], [null, null]]);
+    const rows = [
+      ["acceleration per volt", `${number(is.gain)} counts/s²/V`, `± ${number(100 * is.gain_error, 1)} %`],
+      ["decay", `${number(is.decay, 2)} /s`, `± ${number(100 * is.decay_error, 1)} %`],
+      ["friction", `${number(is.friction_v, 2)} V`, ""],
+      ["back EMF with drag", `${number(is.emf_mv_s_per_count, 3)} mV s/count`, ""],
+      ["left unexplained", `${number(100 * is.residual, 1)} %`, "of the changes of speed"],
+    ];
+    found.append(...rows.map(([name, value, note]) => h("tr", {}, h("th", {}, name), h("td", { class: "n" }, value), h("td", { class: "muted" }, note))));
+    const start = of.seen[0]?.at ?? 0;
+    const measured = of.seen.map((/** @type {any} */ one) => one.cps);
+    const predicted = predict(of.seen, is);
+    learned.misfit = misfit(measured, predicted);
+    plot.show([of.seen.map((/** @type {any} */ one) => one.at - start), measured, predicted]);
+  }
+
+  function allow() {
+    begin.disabled = travel.disabled = !(inControl() && state.connected && state.reports);
+    show();
+  }
+  for (const what of ["desk", "open", "line"]) on(what, allow);
+  on("chosen", show);
+  return h("div", { class: "columns" },
+    h("div", { class: "stack" }, says, h("div", { class: "pair" }, h("span", {}, "At most, counts"), travel), h("div", { class: "row" }, begin, apply), progress, h("table", {}, found)),
+    plot.element);
+}

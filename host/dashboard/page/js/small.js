@@ -1,0 +1,44 @@
+// A small plot of its own: lines over a time that has an end.
+
+import { h } from "./dom.js";
+import { on } from "./state.js";
+
+/** @typedef {{words: string, colour: string, dash?: number[]}} Line */
+
+export class SmallPlot {
+  /** @param {string} label @param {Line[]} lines */
+  constructor(label, lines) {
+    this.lines = lines;
+    this.host = h("div", { class: "chart", role: "img", "aria-label": label });
+    const names = lines.map(({ words, colour, dash }) => {
+      const span = h("span", {});
+      span.innerHTML = `<svg aria-hidden="true"><path d="M0 5H26" stroke="var(--${colour})" stroke-width="2.5"${dash ? ` stroke-dasharray="${dash.join(" ")}"` : ""}/></svg>${words}`;
+      return span;
+    });
+    this.element = h("div", {}, h("div", { class: "legend" }, h("h3", {}, label), ...names), this.host);
+    this.data = [[0, 1], ...lines.map(() => [null, null])];
+    new ResizeObserver(() => this.draw()).observe(this.host);
+    on("theme", () => { this.plot?.destroy(); this.plot = null; this.draw(); });
+  }
+
+  /** @param {any[]} data times in seconds, then the values of each line */
+  show(data) {
+    this.data = data;
+    this.draw();
+  }
+
+  draw() {
+    const width = this.host.clientWidth;
+    if (width < 50) return;
+    const colour = (/** @type {string} */ name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+    const axis = { stroke: colour("muted"), grid: { stroke: colour("grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif" };
+    this.plot ??= new uPlot({
+      width, height: 200, legend: { show: false }, cursor: { drag: { x: false, y: false } }, padding: [8, 8, 0, 0],
+      scales: { x: { time: false }, y: { range: (/** @type {any} */ _, /** @type {any} */ low, /** @type {any} */ high) => (low === null ? [0, 1000] : uPlot.rangeNum(low, high, 0.1, true)) } },
+      axes: [{ ...axis, size: 40, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map((tick) => `${+tick.toFixed(2)} s`) }, { ...axis, size: 62 }],
+      series: [{}, ...this.lines.map(({ colour: name, dash }) => ({ stroke: colour(name), width: 2, dash, points: { show: false } }))],
+    }, this.data, this.host);
+    if (this.plot.width !== width) this.plot.setSize({ width, height: 200 });
+    this.plot.setData(this.data);
+  }
+}

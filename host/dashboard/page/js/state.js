@@ -1,0 +1,43 @@
+// What the server has said last, and who wants to know.
+
+import { History } from "./history.js";
+
+/** @type {any} */
+export const state = {
+  /** This page's number. */ you: 0,
+  /** The page in control. */ controller: null,
+  open: false,
+  connected: false,
+  reports: true,
+  why: "",
+  place: "",
+  simulated: false,
+  /** The scenario can be played. */ playable: false,
+  /** @type {any[]} */ catalogue: [],
+  /** @type {any[]} by motor */ settings: [],
+  /** The newest frame. */ frame: null,
+  /** The motor that plots and panels are of. */ chosen: 0,
+  world: null,
+  history: new History(),
+};
+
+/** @type {Map<string, ((message: any) => void)[]>} */
+const listeners = new Map();
+
+/** @param {string} what @param {(message: any) => void} listener */
+export function on(what, listener) {
+  listeners.set(what, [...(listeners.get(what) ?? []), listener]);
+}
+
+/** @param {string} what @param {any} [message] */
+export function tell(what, message) {
+  for (const listener of listeners.get(what) ?? []) listener(message);
+}
+
+export const inControl = () => state.open && state.controller === state.you;
+
+/** @param {number} motor */
+export function choose(motor) {
+  state.chosen = motor;
+  tell("chosen");
+}

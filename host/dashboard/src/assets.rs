@@ -1,0 +1,62 @@
+//! The files of the page, as they are in `page/`. Nobody need build them.
+//!
+//! ```
+//! use dashboard::assets;
+//!
+//! assert!(assets::find("/").is_some_and(|page| page.kind.starts_with("text/html")));
+//! assert!(assets::find("/../Cargo.toml").is_none());
+//! ```
+
+/// A file.
+#[derive(Clone, Copy, Debug)]
+pub struct Asset {
+    /// As browsers ask for it.
+    pub path: &'static str,
+    /// Its media type.
+    pub kind: &'static str,
+    /// What is in it.
+    pub bytes: &'static [u8],
+}
+
+macro_rules! assets {
+    ($($path:literal $kind:ident $file:literal)+) => {
+        &[$(Asset { path: $path, kind: $kind, bytes: include_bytes!(concat!("../page/", $file)) }),+]
+    };
+}
+
+const HTML: &str = "text/html; charset=utf-8";
+const CSS: &str = "text/css; charset=utf-8";
+const JS: &str = "text/javascript; charset=utf-8";
+const SVG: &str = "image/svg+xml";
+
+/// All of them.
+pub const ALL: &[Asset] = assets! {
+    "/" HTML "index.html"
+    "/style.css" CSS "style.css"
+    "/favicon.svg" SVG "favicon.svg"
+    "/vendor/uPlot.min.css" CSS "vendor/uPlot.min.css"
+    "/vendor/uPlot.iife.min.js" JS "vendor/uPlot.iife.min.js"
+    "/js/app.js" JS "js/app.js"
+    "/js/bands.js" JS "js/bands.js"
+    "/js/dom.js" JS "js/dom.js"
+    "/js/group.js" JS "js/group.js"
+    "/js/history.js" JS "js/history.js"
+    "/js/learn.js" JS "js/learn.js"
+    "/js/link.js" JS "js/link.js"
+    "/js/motors.js" JS "js/motors.js"
+    "/js/panels.js" JS "js/panels.js"
+    "/js/plots.js" JS "js/plots.js"
+    "/js/record.js" JS "js/record.js"
+    "/js/setup.js" JS "js/setup.js"
+    "/js/small.js" JS "js/small.js"
+    "/js/state.js" JS "js/state.js"
+    "/js/tune.js" JS "js/tune.js"
+    "/js/units.js" JS "js/units.js"
+    "/js/world.js" JS "js/world.js"
+};
+
+/// The file of a path.
+#[must_use]
+pub fn find(path: &str) -> Option<&'static Asset> {
+    ALL.iter().find(|asset| asset.path == path)
+}

@@ -1,0 +1,146 @@
+//! Requests as bytes, and answers: as much of HTTP/1.1 as a browser needs for a page and a socket. Every answer ends its
+//! connection.
+//!
+//! ```
+//! use dashboard::http::{Head, HeadError};
+//! use std::time::{Duration, Instant};
+//!
+//! let soon = Instant::now() + Duration::from_secs(1);
+//! let head = Head::read(&mut &b"GET /?token=1 HTTP/1.1\r\nHost: 127.0.0.1:8000\r\n\r\n"[..], soon).unwrap();
+//! assert_eq!((head.method.as_str(), head.target.as_str()), ("GET", "/?token=1"));
+//! assert!(matches!(Head::read(&mut &b"GET /"[..], soon), Err(HeadError::CutShort)));
+//! ```
+
+use std::io::{self, Read, Write};
+use std::time::Instant;
+
+/// The longest head that is read.
+pub const LONGEST_HEAD: usize = 8 * 1024;
+const MOST_HEADERS: usize = 64;
+
+/// What every answer says besides. Nothing may come from elsewhere, be put in a frame, be kept, or tell others the URL
+/// with its token.
+const ALWAYS: &str = "Content-Security-Policy: default-src 'self'; base-uri 'none'; form-action 'none'; \
+frame-ancestors 'none'\r\n\
+X-Content-Type-Options: nosniff\r\n\
+Referrer-Policy: no-referrer\r\n\
+Cross-Origin-Resource-Policy: same-origin\r\n\
+Cross-Origin-Opener-Policy: same-origin\r\n\
+Cache-Control: no-store\r\n\
+Connection: close\r\n";
+
+/// What of a request matters here. Of headers that may be there once only, all are kept.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Head {
+    /// As it is written.
+    pub method: String,
+    /// Path and query.
+    pub target: String,
+    /// Every `Host`.
+    pub host: Vec<String>,
+    /// Every `Origin`.
+    pub origin: Vec<String>,
+    /// Every `Upgrade`, in lower case.
+    pub upgrade: Vec<String>,
+    /// Every `Sec-WebSocket-Version`.
+    pub version: Vec<String>,
+    /// Every `Sec-WebSocket-Key`.
+    pub key: Vec<String>,
+}
+
+/// Why there is no request.
+#[derive(Debug, thiserror::Error)]
+pub enum HeadError {
+    /// The connection ended, or was silent for too long.
+    #[error("the request was cut short")]
+    CutShort,
+    /// More than [`LONGEST_HEAD`] bytes, or too many headers.
+    #[error("the request is too long")]
+    TooLong,
+    /// No HTTP.
+    #[error("the request is no HTTP")]
+    Malformed,
+}
+
+impl Head {
+    /// Reads up to the end of a head, which must have come by then.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn read(stream: &mut impl Read, by: Instant) -> Result<Self, HeadError> {
+        let mut bytes = Vec::new();
+        let mut one = [0; 1];
+        // One by one: what follows belongs to the socket.
+        while !bytes.ends_with(b"\r\n\r\n") {
+            if bytes.len() >= LONGEST_HEAD {
+                return Err(HeadError::TooLong);
+            }
+            match stream.read(&mut one) {
+                Ok(1..) if Instant::now() < by => bytes.extend(one),
+                _ => return Err(HeadError::CutShort),
+            }
+        }
+        Self::parse(&bytes)
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Self, HeadError> {
+        let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
+        let mut request = httparse::Request::new(&mut headers);
+        match request.parse(bytes) {
+            Ok(httparse::Status::Complete(_)) => (),
+            Err(httparse::Error::TooManyHeaders) => return Err(HeadError::TooLong),
+            _ => return Err(HeadError::Malformed),
+        }
+        let mut head = Self {
+            method: request.method.unwrap_or_default().to_owned(),
+            target: request.path.unwrap_or_default().to_owned(),
+            ..Self::default()
+        };
+        for header in request.headers.iter() {
+            let value = std::str::from_utf8(header.value).map_err(|_| HeadError::Malformed)?.to_owned();
+            match header.name.to_ascii_lowercase().as_str() {
+                "host" => head.host.push(value),
+                "origin" => head.origin.push(value),
+                "upgrade" => head.upgrade.push(value.to_ascii_lowercase()),
+                "sec-websocket-version" => head.version.push(value),
+                "sec-websocket-key" => head.key.push(value),
+                _ => (),
+            }
+        }
+        Ok(head)
+    }
+
+    /// The key of a WebSocket handshake, if it is one.
+    #[must_use]
+    pub fn socket_key(&self) -> Option<String> {
+        let asks = self.upgrade == ["websocket"] && self.version == ["13"];
+        let [key] = self.key.as_slice() else { return None };
+        asks.then(|| key.clone())
+    }
+}
+
+/// Sends an answer with a body.
+///
+/// # Errors
+/// Nobody takes it.
+pub fn answer(stream: &mut impl Write, status: &str, kind: &str, body: &[u8]) -> io::Result<()> {
+    let length = body.len();
+    let head =
+        format!("HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n{ALWAYS}\r\n");
+    stream.write_all(head.as_bytes())?;
+    stream.write_all(body)?;
+    stream.flush()
+}
+
+/// Goes over to a WebSocket.
+///
+/// # Errors
+/// Nobody takes it.
+pub fn upgrade(stream: &mut impl Write, key: &str) -> io::Result<()> {
+    let accept = tungstenite::handshake::derive_accept_key(key.as_bytes());
+    let head = format!(
+        "HTTP/1.1 101 Switching Protocols\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
+    );
+    stream.write_all(head.as_bytes())?;
+    stream.flush()
+}

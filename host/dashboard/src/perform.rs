@@ -1,0 +1,373 @@
+//! What is done about an order: requests to the hub. Nothing is asked that the protocol could not say; what is out of
+//! range is refused before anything is sent.
+
+use crate::frame::{SettingsOf, scheme};
+use crate::order::{Duty, Loop, Mode, Order, Regulator, Zero};
+use crate::world::World;
+use motor_hub::braking::DutyRule;
+use motor_hub::model::catalogue::characterised;
+use motor_hub::motion::Pidf;
+use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::CHANNELS;
+use motor_hub::protocol::group::{GroupCourse, GroupMove};
+use motor_hub::protocol::motor::{self, RunMode};
+use motor_hub::protocol::setup::{Motion, Setup};
+use motor_hub::regulator::identify::Identified;
+use motor_hub::regulator::{Dynamics, Kind};
+use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
+use motor_hub_client::{Error, Line, Session};
+use simulated::hardware::winding;
+
+/// Counts within which a position is reached.
+const TOLERANCE: u16 = 10;
+
+/// Speed on the way to a position that nobody has set, in counts/s.
+const USUAL_SPEED: f64 = 1_000.0;
+
+/// The fastest that a group may be sent, in counts/s.
+const FASTEST_CPS: u32 = 1_000_000;
+
+/// Changes of a motor's settings that can be taken back.
+const UNDOABLE: usize = 20;
+
+/// Why an order was not carried out.
+#[derive(Debug)]
+pub(crate) enum Trouble {
+    /// It cannot be.
+    Refused(String),
+    /// The hub is to blame; it may be gone.
+    Hub(Error),
+}
+
+impl From<String> for Trouble {
+    fn from(why: String) -> Self {
+        Self::Refused(why)
+    }
+}
+
+impl From<&str> for Trouble {
+    fn from(why: &str) -> Self {
+        Self::Refused(why.to_owned())
+    }
+}
+
+impl From<Error> for Trouble {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Refused { .. } | Error::TooOld { .. } | Error::Unexpected { .. } => {
+                Self::Refused(error.to_string())
+            }
+            error => Self::Hub(error),
+        }
+    }
+}
+
+/// How a motor was set before it was changed.
+#[derive(Clone, Debug)]
+struct Before {
+    setup: Setup,
+    motion: Motion,
+    /// Velocity and position, of a motor that they regulated.
+    loops: Option<[Pidf; 2]>,
+}
+
+/// What is kept of each motor.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct OfMotor {
+    undo: Vec<Before>,
+    /// The last that was found, until another motor is connected.
+    pub(crate) found: Option<Identified>,
+    /// The last regulator that the hub reported.
+    pub(crate) regulator: Option<Kind>,
+    /// The last model by which it was regulated, to go back to.
+    known: Option<Dynamics>,
+}
+
+/// Carries out orders.
+#[derive(Debug, Default)]
+pub(crate) struct Performer {
+    pub(crate) motors: [OfMotor; CHANNELS],
+}
+
+/// What an order has changed, besides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Changed {
+    /// Nothing that is kept.
+    Nothing,
+    /// How a motor is set.
+    Settings(u8),
+    /// The world of a simulated hub.
+    World,
+}
+
+const LOOPS: [motor::Loop; 2] = [motor::Loop::Velocity, motor::Loop::Position];
+
+impl Performer {
+    /// Does what is asked for. What concerns pages, and identification, is the pilot's.
+    pub(crate) fn perform(
+        &mut self,
+        session: &mut Session<Line>,
+        world: Option<&World>,
+        order: &Order,
+    ) -> Result<Changed, Trouble> {
+        match *order {
+            Order::Drive { motor, mode, value, speed, zero } => {
+                drive(session, channel(motor)?, mode, value, speed, zero)?;
+            }
+            Order::Enable { motor, on } => session.enable(channel(motor)?, on)?,
+            Order::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
+            Order::Together { to, speed, acceleration } => together(session, to, speed, acceleration)?,
+            Order::World(ref order) => {
+                world.ok_or("this hub is no simulated one")?.change(order)?;
+                return Ok(Changed::World);
+            }
+            _ => return self.change(session, order),
+        }
+        Ok(Changed::Nothing)
+    }
+
+    /// Changes settings.
+    fn change(&mut self, session: &mut Session<Line>, order: &Order) -> Result<Changed, Trouble> {
+        let motor = match *order {
+            Order::Coefficients { motor, of, pidf } => {
+                let pidf = coefficients(pidf)?;
+                self.keep(session, motor)?;
+                let of = match of {
+                    Loop::Velocity => motor::Loop::Velocity,
+                    Loop::Position => motor::Loop::Position,
+                };
+                session.set_coefficients(motor, of, pidf)?;
+                motor
+            }
+            Order::Regulator { motor, kind } => {
+                self.regulate(session, motor, kind)?;
+                motor
+            }
+            Order::SetUp { motor, ref name, scheme: ref wanted, duty } => {
+                let setup = set_up(session.setup(channel(motor)?)?, name.as_deref(), wanted, duty)?;
+                self.keep(session, motor)?;
+                self.set_up(session, motor, setup, name.is_some())?;
+                motor
+            }
+            Order::Acceleration { motor, limit } => {
+                let limit = limit.map(Acceleration::new).transpose();
+                let acceleration = limit.map_err(|_| "an acceleration is 1 to 4294967295 counts/s²")?;
+                self.keep(session, motor)?;
+                let motion = session.motion(motor)?;
+                session.set_motion(motor, Motion { acceleration, ..motion })?;
+                motor
+            }
+            Order::Apply { motor } => {
+                let found = self.of(motor)?.found.ok_or("nothing was learned of this motor yet")?;
+                self.keep(session, motor)?;
+                self.regulate_by(session, motor, found.dynamics)?;
+                motor
+            }
+            Order::Undo { motor } => {
+                let before = self.of(motor)?.undo.pop().ok_or("there is nothing to take back")?;
+                restore(session, motor, &before)?;
+                motor
+            }
+            _ => return Err("this is no order to a motor".into()),
+        };
+        Ok(Changed::Settings(motor))
+    }
+
+    fn of(&mut self, motor: u8) -> Result<&mut OfMotor, Trouble> {
+        let motor = channel(motor)?;
+        self.motors.get_mut(usize::from(motor)).ok_or_else(|| "there are motors 0 to 3".into())
+    }
+
+    /// Remembers how a motor is set, to be taken back to.
+    fn keep(&mut self, session: &mut Session<Line>, motor: u8) -> Result<(), Trouble> {
+        let setup = session.setup(channel(motor)?)?;
+        let motion = session.motion(motor)?;
+        let of = self.of(motor)?;
+        let loops = match of.regulator {
+            Some(Kind::Model) => None,
+            _ => Some([session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?]),
+        };
+        of.known = motion.dynamics.or(of.known);
+        of.undo.push(Before { setup, motion, loops });
+        if of.undo.len() > UNDOABLE {
+            of.undo.remove(0);
+        }
+        Ok(())
+    }
+
+    /// Another motor, or the same with other control values: of the same, what is known of its motion stays.
+    fn set_up(
+        &mut self,
+        session: &mut Session<Line>,
+        motor: u8,
+        setup: Setup,
+        other: bool,
+    ) -> Result<(), Trouble> {
+        let motion = session.motion(motor)?;
+        session.set_up(motor, setup)?;
+        if other {
+            let of = self.of(motor)?;
+            (of.found, of.known) = (None, None);
+        } else {
+            session.set_motion(motor, motion)?;
+        }
+        Ok(())
+    }
+
+    fn regulate(&mut self, session: &mut Session<Line>, motor: u8, kind: Regulator) -> Result<(), Trouble> {
+        match kind {
+            Regulator::Model => {
+                let told = session.motion(channel(motor)?)?.dynamics;
+                let of = self.of(motor)?;
+                let known = told.or(of.found.map(|found| found.dynamics)).or(of.known);
+                let known = known.ok_or("nothing is known of this motor's motion: identify it first")?;
+                self.keep(session, motor)?;
+                self.regulate_by(session, motor, known)
+            }
+            Regulator::Pid => {
+                self.keep(session, motor)?;
+                let pidf = session.coefficients(motor, motor::Loop::Velocity)?;
+                Ok(session.set_coefficients(motor, motor::Loop::Velocity, pidf)?)
+            }
+        }
+    }
+
+    /// Coefficients come before a model, and only a set-up forgets them.
+    fn regulate_by(
+        &mut self,
+        session: &mut Session<Line>,
+        motor: u8,
+        dynamics: Dynamics,
+    ) -> Result<(), Trouble> {
+        let (setup, motion) = (session.setup(motor)?, session.motion(motor)?);
+        session.set_up(motor, setup)?;
+        Ok(session.set_motion(motor, Motion { dynamics: Some(dynamics), ..motion })?)
+    }
+
+    /// How a motor is set, for pages.
+    pub(crate) fn settings(&mut self, session: &mut Session<Line>, motor: u8) -> Result<SettingsOf, Error> {
+        let (setup, motion) = (session.setup(motor)?, session.motion(motor)?);
+        let loops = [session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?];
+        let index = usize::from(motor);
+        let undoable = self.motors.get(index).map_or(0, |of| of.undo.len());
+        Ok(SettingsOf::new(index, &setup, &motion, loops, undoable))
+    }
+}
+
+/// A motor's number.
+pub(crate) fn channel(motor: u8) -> Result<u8, Trouble> {
+    if usize::from(motor) < CHANNELS {
+        Ok(motor)
+    } else {
+        Err(format!("there is no motor {motor}; there are 0 to 3").into())
+    }
+}
+
+fn drive(
+    session: &mut Session<Line>,
+    motor: u8,
+    mode: Mode,
+    value: f64,
+    speed: Option<f64>,
+    zero: Zero,
+) -> Result<(), Trouble> {
+    let zero = match zero {
+        Zero::Brake => ZeroPower::Brake,
+        Zero::Float => ZeroPower::Float,
+    };
+    let mode = match mode {
+        Mode::Power => {
+            let share = within("a power", value, -1.0, 1.0)?;
+            let steps = (share * f64::from(Control::MAX.get())).round();
+            session.set_power(motor, Control::saturating(steps as i64))?;
+            RunMode::Power
+        }
+        Mode::Velocity => {
+            session.set_velocity(motor, cps(value)?)?;
+            RunMode::Velocity
+        }
+        Mode::Position => {
+            let counts = within("a position in counts", value, i32::MIN.into(), i32::MAX.into())?.round();
+            let speed = cps(speed.unwrap_or(USUAL_SPEED))?;
+            session.set_velocity(motor, speed)?;
+            session.set_position(motor, counts as i32, TOLERANCE)?;
+            RunMode::Position
+        }
+    };
+    Ok(session.set_mode(motor, mode, zero)?)
+}
+
+fn cps(value: f64) -> Result<i16, Trouble> {
+    Ok(within("a velocity in counts/s", value, i16::MIN.into(), i16::MAX.into())?.round() as i16)
+}
+
+fn within(what: &str, value: f64, least: f64, most: f64) -> Result<f64, Trouble> {
+    if (least..=most).contains(&value) {
+        return Ok(value);
+    }
+    Err(format!("{what} of {value} is out of range; allowed is {least} to {most}").into())
+}
+
+fn coefficients(pidf: [f64; 4]) -> Result<Pidf, Trouble> {
+    let mut bits = [Coefficient::ZERO; 4];
+    for (slot, value) in bits.iter_mut().zip(pidf) {
+        let value = within("a coefficient", value, -32_768.0, 32_767.999)?;
+        *slot = Coefficient::from_bits((value * 65_536.0).round() as i32);
+    }
+    let [p, i, d, f] = bits;
+    Ok(Pidf { p, i, d, f })
+}
+
+fn set_up(mut setup: Setup, name: Option<&str>, wanted: &str, duty: Duty) -> Result<Setup, Trouble> {
+    if let Some(name) = name {
+        let motor = characterised(name).map_err(|error| error.to_string())?;
+        let winding = winding(&motor).map_err(|error| error.to_string())?;
+        setup.emf = winding.emf;
+        setup.resistance = Some(winding.resistance);
+        setup.inductance = winding.inductance;
+    }
+    setup.scheme = scheme(wanted)?;
+    setup.duty = match duty {
+        Duty::LinearDuty => DutyRule::LinearDuty,
+        Duty::LinearCurrent => DutyRule::LinearCurrent,
+    };
+    if setup.duty == DutyRule::LinearCurrent && setup.resistance.is_none() {
+        return Err("linear current needs the motor's resistance: name the motor".into());
+    }
+    Ok(setup)
+}
+
+fn together(
+    session: &mut Session<Line>,
+    to: [Option<i32>; CHANNELS],
+    speed: u32,
+    acceleration: u32,
+) -> Result<(), Trouble> {
+    let members: Vec<u8> = (0..).zip(to).filter_map(|(motor, to)| to.map(|_| motor)).collect();
+    let first = *members.first().ok_or("a group has at least one motor")?;
+    if !(1..=FASTEST_CPS).contains(&speed) {
+        return Err(format!(
+            "a group's speed of {speed} counts/s is out of range; allowed is 1 to {FASTEST_CPS}"
+        )
+        .into());
+    }
+    let limit =
+        Acceleration::new(acceleration).map_err(|_| "an acceleration is 1 to 4294967295 counts/s²")?;
+    for &motor in &members {
+        // They stand, until the group moves.
+        session.set_power(motor, Control::ZERO)?;
+        session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
+        session.enable(motor, true)?;
+    }
+    let speed = CountsPerSecond::new(i32::try_from(speed).unwrap_or(i32::MAX));
+    Ok(session.move_together(first, GroupMove::new(GroupCourse::To(to), speed, limit))?)
+}
+
+fn restore(session: &mut Session<Line>, motor: u8, before: &Before) -> Result<(), Trouble> {
+    session.set_up(motor, before.setup)?;
+    session.set_motion(motor, before.motion)?;
+    for (of, pidf) in LOOPS.into_iter().zip(before.loops.into_iter().flatten()) {
+        session.set_coefficients(motor, of, pidf)?;
+    }
+    Ok(())
+}

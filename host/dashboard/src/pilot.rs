@@ -1,0 +1,540 @@
+//! The thread that has the hub. It asks fifty times a second what motors do, tells all pages, and does what they ask for as
+//! it comes. Motors run only while the page in control is there: see [`desk`](crate::desk).
+
+use crate::desk::{Desk, Gone};
+use crate::frame::{Found, Frame, Learned, Message, OfMotor, Welcome, refused};
+use crate::order::Order;
+use crate::perform::{Changed, Performer, Trouble, channel};
+use crate::script::{Playing, Script};
+use crate::viewer::Pen;
+use crate::world::World;
+use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::CHANNELS;
+use motor_hub::protocol::motor::RunMode;
+use motor_hub::regulator::identify::Identification;
+use motor_hub::units::Control;
+use motor_hub_client::{Error, Line, Session};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+use tungstenite::Utf8Bytes;
+
+/// Between frames.
+pub(crate) const INTERVAL: Duration = Duration::from_millis(20);
+
+/// How long a hub's answer is waited for: a page that is gone, or a stop, cannot wait long.
+const PATIENCE: Duration = Duration::from_millis(300);
+
+/// Until a lost hub is looked for again.
+const AGAIN: Duration = Duration::from_secs(1);
+
+/// Between questions how far an identification is.
+const LEARNING: Duration = Duration::from_millis(100);
+
+/// A motor that brakes for so long stands, unless something drives it.
+const LONGEST_REST: Duration = Duration::from_secs(5);
+
+/// Frames in which a motor that stands has not moved.
+const STANDING: u32 = 15;
+
+/// Between looks whether motors of a hub that does not report are enabled.
+const ENABLED: Duration = Duration::from_millis(200);
+
+/// Where a hub is, and how to get there.
+pub struct Place {
+    name: String,
+    world: Option<World>,
+    script: Option<Script>,
+    open: Box<dyn FnMut() -> Result<Session<Line>, String> + Send>,
+}
+
+impl Place {
+    /// A hub that somebody has.
+    pub fn real(name: &str, open: impl FnMut() -> Result<Session<Line>, String> + Send + 'static) -> Self {
+        Self { name: name.to_owned(), world: None, script: None, open: Box::new(open) }
+    }
+
+    /// A simulated hub, whose world pages may change, and whose scenario they may play.
+    pub fn simulated(
+        name: &str,
+        world: World,
+        script: Option<Script>,
+        open: impl FnMut() -> Result<Session<Line>, String> + Send + 'static,
+    ) -> Self {
+        Self { name: name.to_owned(), world: Some(world), script, open: Box::new(open) }
+    }
+}
+
+impl fmt::Debug for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Place").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+/// What happens at a page.
+#[derive(Debug)]
+pub(crate) enum Event {
+    /// It is there, and this is how it is told.
+    Joined(u32, Pen),
+    /// It is gone.
+    Left(u32),
+    /// It asks for something.
+    Said(u32, Order),
+}
+
+/// An identification that is under way.
+#[derive(Debug)]
+struct Learning {
+    motor: u8,
+    travel: u32,
+    since: Instant,
+    /// Frames in which the motor has not moved, until it is told to.
+    stands: Option<u32>,
+    asked: Instant,
+}
+
+/// Has the hub, and knows all pages.
+#[derive(Debug)]
+pub(crate) struct Pilot {
+    place: Place,
+    heard: Receiver<Event>,
+    pages: BTreeMap<u32, Pen>,
+    desk: Desk,
+    session: Option<Session<Line>>,
+    performer: Performer,
+    learning: Option<Learning>,
+    playing: Option<Playing>,
+    /// The newest frame.
+    frame: Frame,
+    since: Instant,
+    connect_at: Instant,
+    looked_at: Instant,
+    /// The last of these, for pages that come.
+    line: Message,
+    settings: BTreeMap<u8, Utf8Bytes>,
+}
+
+impl Pilot {
+    /// Of the hub at a place, for pages of which it hears.
+    #[must_use]
+    pub(crate) fn new(place: Place, heard: Receiver<Event>) -> Self {
+        let now = Instant::now();
+        let line = Message::Line { connected: false, why: "not connected yet".to_owned(), reports: true };
+        Self {
+            place,
+            heard,
+            pages: BTreeMap::new(),
+            desk: Desk::new(),
+            session: None,
+            performer: Performer::default(),
+            learning: None,
+            playing: None,
+            frame: Frame::default(),
+            since: now,
+            connect_at: now,
+            looked_at: now,
+            line,
+            settings: BTreeMap::new(),
+        }
+    }
+
+    /// Until `stop` is set; then all motors are off.
+    pub(crate) fn run(mut self, stop: &AtomicBool) {
+        let mut next = Instant::now();
+        while !stop.load(Ordering::Relaxed) {
+            let now = Instant::now();
+            match self.heard.recv_timeout(next.saturating_duration_since(now)) {
+                Ok(event) => self.hear(event),
+                Err(RecvTimeoutError::Timeout) => {
+                    self.tick();
+                    // A hub that is slow makes no burst afterwards.
+                    next = Instant::now().max(next + INTERVAL);
+                }
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            // However much pages have to say, the one in control must be there.
+            if next + INTERVAL < Instant::now() {
+                self.watch();
+            }
+        }
+        self.switch_off("the server ends");
+    }
+
+    fn hear(&mut self, event: Event) {
+        let now = Instant::now();
+        match event {
+            Event::Joined(id, pen) => self.greet(id, pen, now),
+            Event::Left(id) => {
+                self.pages.remove(&id);
+                if let Some(gone) = self.desk.leave(id) {
+                    self.abandon(gone);
+                }
+                self.tell_desk();
+            }
+            Event::Said(id, order) => self.obey(id, &order, now),
+        }
+    }
+
+    fn greet(&mut self, id: u32, pen: Pen, now: Instant) {
+        self.desk.join(id, now);
+        let welcome =
+            Welcome::new(id, &self.place.name, self.place.world.is_some(), self.place.script.is_some());
+        let mut first = vec![Message::Welcome(welcome).text(), self.line.text()];
+        first.extend(self.settings.values().cloned());
+        first.extend(self.place.world.iter().map(|world| Message::World(world.is()).text()));
+        for text in first {
+            // If it is gone already, that is heard next.
+            pen.tell(text);
+        }
+        self.pages.insert(id, pen);
+        self.tell_desk();
+    }
+
+    fn obey(&mut self, id: u32, order: &Order, now: Instant) {
+        match *order {
+            Order::Shown { number } => return self.desk.shown(id, number),
+            Order::Hidden { hidden } => return self.desk.hide(id, hidden, now),
+            Order::Stop => return self.switch_off("stopped"),
+            Order::Take => {
+                if !self.desk.take(id, now) {
+                    self.answer(id, "another page is in control; it must release it first");
+                }
+                return self.tell_desk();
+            }
+            Order::Release => {
+                if self.desk.gives_up(id) {
+                    self.switch_off_if_any("control was released");
+                }
+                return self.tell_desk();
+            }
+            _ => (),
+        }
+        if self.desk.controller() != Some(id) {
+            return self.answer(id, "this page is not in control");
+        }
+        if let Err(why) = self.carry_out(order) {
+            self.answer(id, &why);
+        }
+    }
+
+    /// An order of the page in control; in words why it is not done.
+    fn carry_out(&mut self, order: &Order) -> Result<(), String> {
+        let Some(session) = &mut self.session else { return Err("the hub is not connected".to_owned()) };
+        let done = match *order {
+            Order::Identify { motor, travel } => {
+                let begun = begin_to_learn(session, motor, travel);
+                begun.map(|learning| {
+                    self.learning = Some(learning);
+                    Changed::Nothing
+                })
+            }
+            Order::Play => match (&self.place.world, &self.place.script) {
+                (Some(world), Some(_)) => {
+                    world.restart();
+                    self.playing = Some(Script::begin());
+                    Ok(Changed::World)
+                }
+                _ => Err("there is no scenario to be played: name one by --scenario".into()),
+            },
+            _ => self.performer.perform(session, self.place.world.as_ref(), order),
+        };
+        match done {
+            Ok(Changed::Nothing) => (),
+            Ok(Changed::Settings(motor)) => self.tell_settings(motor),
+            Ok(Changed::World) => {
+                let world = self.place.world.as_ref().map(|world| Message::World(world.is()).text());
+                world.into_iter().for_each(|text| self.tell(&text));
+            }
+            Err(Trouble::Refused(why)) => {
+                // Part of it may have been done.
+                if let Some(motor) = motor_of(order) {
+                    self.tell_settings(motor);
+                }
+                return Err(why);
+            }
+            Err(Trouble::Hub(error)) => {
+                self.lose(&error.to_string());
+                return Err(error.to_string());
+            }
+        }
+        Ok(())
+    }
+
+    /// A frame.
+    fn tick(&mut self) {
+        self.watch();
+        if self.session.is_none() && Instant::now() >= self.connect_at {
+            self.connect();
+        }
+        match self.look() {
+            Ok(true) => (),
+            Ok(false) => return,
+            Err(error) => return self.lose(&error.to_string()),
+        }
+        let now = Instant::now();
+        self.frame.at_s = now.duration_since(self.since).as_secs_f64();
+        self.frame.number += 1;
+        self.desk.sent(self.frame.number, now);
+        let text = Message::Frame(self.frame.clone()).text();
+        self.pages.retain(|_, pen| pen.show(text.clone()));
+        // Nobody is in control: nothing may run.
+        if self.desk.controller().is_none() && self.frame.motors.iter().any(|motor| motor.enabled) {
+            self.switch_off("motors ran, and nobody was in control");
+        }
+        if let Err(Trouble::Hub(error)) = self.learn() {
+            self.lose(&error.to_string());
+        }
+        self.play();
+    }
+
+    /// What is due of a scenario.
+    fn play(&mut self) {
+        let (Some(playing), Some(script), Some(session)) =
+            (&mut self.playing, &self.place.script, &mut self.session)
+        else {
+            return;
+        };
+        match script.go_on(playing, session) {
+            Ok(false) => (),
+            Ok(true) => self.switch_off("the scenario is over"),
+            Err(Trouble::Refused(why)) => self.switch_off(&why),
+            Err(Trouble::Hub(error)) => self.lose(&error.to_string()),
+        }
+    }
+
+    fn watch(&mut self) {
+        if let Some(gone) = self.desk.review(Instant::now()) {
+            self.abandon(gone);
+            self.tell_desk();
+        }
+    }
+
+    /// True if there is something to tell.
+    fn look(&mut self) -> Result<bool, Error> {
+        let Some(session) = &mut self.session else { return Ok(false) };
+        let number = self.frame.number;
+        if let Some(report) = session.report()? {
+            for (of, motor) in self.performer.motors.iter_mut().zip(&report.motors) {
+                of.regulator = Some(motor.regulator);
+            }
+            self.frame = Frame { number, ..Frame::of(&report) };
+            return Ok(true);
+        }
+        // Another maker's hub: what all of them tell.
+        let (bulk, battery) = (session.bulk()?, session.battery()?);
+        let look = self.looked_at.elapsed() > ENABLED;
+        let before = std::mem::take(&mut self.frame.motors);
+        let mut motors = Vec::with_capacity(CHANNELS);
+        for (index, motor) in (0..).zip(0..CHANNELS) {
+            let known = before.get(motor).cloned().unwrap_or_default();
+            let known = if look || before.is_empty() { ask_foreign(session, index)? } else { known };
+            motors.push(OfMotor {
+                position: bulk.encoders.get(motor).copied().unwrap_or_default(),
+                velocity: bulk.velocities.get(motor).copied().unwrap_or_default(),
+                at_target: bulk.at_target.get(motor).copied().unwrap_or_default(),
+                ..known
+            });
+        }
+        if look {
+            self.looked_at = Instant::now();
+        }
+        let battery_v = Some(f64::from(battery.get()) / 1e3).filter(|volts| *volts > 0.0);
+        self.frame = Frame { number, battery_v, motors, ..Frame::default() };
+        Ok(true)
+    }
+
+    fn connect(&mut self) {
+        self.connect_at = Instant::now() + AGAIN;
+        let opened = (self.place.open)().and_then(|mut session| {
+            session.hurry(PATIENCE);
+            let reports = session.report().map_err(|error| error.to_string())?.is_some();
+            Ok((session, reports))
+        });
+        match opened {
+            Ok((session, reports)) => {
+                self.session = Some(session);
+                self.looked_at = Instant::now();
+                self.frame.motors.clear();
+                self.tell_line(Message::Line { connected: true, why: String::new(), reports });
+                (0..CHANNELS as u8).for_each(|motor| self.tell_settings(motor));
+            }
+            Err(why) => {
+                self.tell_line(Message::Line { connected: false, why, reports: true });
+            }
+        }
+    }
+
+    /// The hub does not answer any more. It lets its motors go by itself.
+    fn lose(&mut self, why: &str) {
+        self.session = None;
+        (self.learning, self.playing) = (None, None);
+        self.connect_at = Instant::now() + AGAIN;
+        self.tell_line(Message::Line { connected: false, why: why.to_owned(), reports: true });
+    }
+
+    fn abandon(&mut self, gone: Gone) {
+        self.switch_off_if_any(&gone.to_string());
+    }
+
+    /// Whatever the last frame said: an order may have come since.
+    fn switch_off_if_any(&mut self, why: &str) {
+        // Neither goes on and enables one.
+        (self.learning, self.playing) = (None, None);
+        let ran = self.frame.motors.iter().any(|motor| motor.enabled);
+        if ran {
+            self.switch_off(why);
+        } else if let Some(session) = &mut self.session
+            && let Err(error) = session.fail_safe()
+        {
+            self.lose(&error.to_string());
+        }
+    }
+
+    /// Fail-safe, and everybody is told.
+    fn switch_off(&mut self, why: &str) {
+        (self.learning, self.playing) = (None, None);
+        let Some(session) = &mut self.session else {
+            let text = format!(
+                "all motors were to be switched off ({why}), but the hub is not connected; it does so by itself 2.5 s after it last heard of its host"
+            );
+            return self.tell(&Message::Notice { text, grave: true }.text());
+        };
+        match session.fail_safe() {
+            Ok(()) => {
+                let text = format!("all motors are off: {why}");
+                self.tell(&Message::Notice { text, grave: true }.text());
+            }
+            Err(error) => {
+                let text = format!(
+                    "all motors were to be switched off ({why}), and the hub did not answer: {error}"
+                );
+                self.tell(&Message::Notice { text, grave: true }.text());
+                self.lose(&error.to_string());
+            }
+        }
+    }
+
+    /// One step of an identification.
+    fn learn(&mut self) -> Result<(), Trouble> {
+        let (Some(learning), Some(session)) = (&mut self.learning, &mut self.session) else { return Ok(()) };
+        let motor = learning.motor;
+        if let Some(stands) = &mut learning.stands {
+            let moves = self.frame.motors.get(usize::from(motor)).is_some_and(|motor| motor.velocity != 0);
+            *stands = if moves { 0 } else { *stands + 1 };
+            if *stands < STANDING && learning.since.elapsed() < LONGEST_REST {
+                return Ok(());
+            }
+            learning.stands = None;
+            learning.asked = Instant::now();
+            let refused = session.identify(motor, learning.travel).map(drop).map_err(Trouble::from);
+            if let Err(Trouble::Refused(why)) = refused {
+                self.finish_learning("refused", Some(why), None);
+                return Ok(());
+            }
+            return refused;
+        }
+        if learning.asked.elapsed() < LEARNING {
+            return Ok(());
+        }
+        learning.asked = Instant::now();
+        match session.identification(motor)? {
+            Identification::Running(percent) => {
+                let learned =
+                    Learned { motor, state: "running", percent: Some(percent), why: None, found: None };
+                self.tell(&Message::Identification(learned).text());
+            }
+            Identification::Found(found) => {
+                if let Some(of) = self.performer.motors.get_mut(usize::from(motor)) {
+                    of.found = Some(found);
+                }
+                self.finish_learning("found", None, Some(Found::of(&found)));
+            }
+            Identification::Refused(why) => self.finish_learning("refused", Some(why.to_string()), None),
+            Identification::None => {
+                self.finish_learning("refused", Some("it was interrupted".to_owned()), None)
+            }
+        }
+        Ok(())
+    }
+
+    fn finish_learning(&mut self, state: &'static str, why: Option<String>, found: Option<Found>) {
+        let (Some(Learning { motor, .. }), Some(session)) = (self.learning.take(), &mut self.session) else {
+            return;
+        };
+        let disabled = session.enable(motor, false);
+        self.tell(&Message::Identification(Learned { motor, state, percent: None, why, found }).text());
+        if let Err(error) = disabled {
+            self.lose(&error.to_string());
+        }
+    }
+
+    fn tell_settings(&mut self, motor: u8) {
+        let Some(session) = &mut self.session else { return };
+        // Another maker's hub has none to tell.
+        if let Ok(settings) = self.performer.settings(session, motor) {
+            let text = Message::Settings(settings).text();
+            self.tell(&text);
+            self.settings.insert(motor, text);
+        }
+    }
+
+    fn tell_desk(&mut self) {
+        let message = Message::Desk { controller: self.desk.controller(), pages: self.desk.pages() };
+        self.tell(&message.text());
+    }
+
+    fn tell_line(&mut self, line: Message) {
+        self.tell(&line.text());
+        self.line = line;
+    }
+
+    /// All pages.
+    fn tell(&mut self, text: &Utf8Bytes) {
+        self.pages.retain(|_, pen| pen.tell(text.clone()));
+    }
+
+    fn answer(&self, id: u32, why: &str) {
+        if let Some(pen) = self.pages.get(&id) {
+            pen.tell(refused(why));
+        }
+    }
+}
+
+/// The motor whose settings an order is to change.
+const fn motor_of(order: &Order) -> Option<u8> {
+    match *order {
+        Order::Coefficients { motor, .. }
+        | Order::Regulator { motor, .. }
+        | Order::SetUp { motor, .. }
+        | Order::Acceleration { motor, .. }
+        | Order::Apply { motor }
+        | Order::Undo { motor } => Some(motor),
+        _ => None,
+    }
+}
+
+/// The motor brakes until it stands.
+fn begin_to_learn(session: &mut Session<Line>, motor: u8, travel: Option<u32>) -> Result<Learning, Trouble> {
+    let motor = channel(motor)?;
+    session.set_power(motor, Control::ZERO)?;
+    session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
+    session.enable(motor, true)?;
+    let now = Instant::now();
+    Ok(Learning { motor, travel: travel.unwrap_or(u32::MAX), since: now, stands: Some(0), asked: now })
+}
+
+/// What another maker's hub keeps of a motor.
+fn ask_foreign(session: &mut Session<Line>, motor: u8) -> Result<OfMotor, Error> {
+    let state = session.motor(motor)?;
+    let share = f64::from(state.power.get()) / f64::from(Control::MAX.get());
+    let (told, target) = match (state.enabled, state.mode) {
+        (false, _) => ("off", None),
+        (true, RunMode::Power) => ("power", Some(share)),
+        (true, RunMode::Velocity) => ("velocity", Some(state.velocity.into())),
+        (true, RunMode::Position) => ("position", Some(state.position.counts.into())),
+    };
+    let why = (!state.enabled).then_some("disabled");
+    Ok(OfMotor { told, target, enabled: state.enabled, why, ..OfMotor::default() })
+}

@@ -1,0 +1,99 @@
+//! A scenario's set-points, given to the hub when their times come.
+//!
+//! ```
+//! use dashboard::script::Script;
+//! use simulated::scenario::Scenario;
+//!
+//! assert!(Script::of(&Scenario::default_one()?).is_some());
+//! # Ok::<(), simulated::scenario::ScenarioError>(())
+//! ```
+
+use crate::perform::Trouble;
+use motor_hub::hub::{Action, Command};
+use motor_hub::motor::{Setpoint, ZeroPower};
+use motor_hub::protocol::motor::RunMode;
+use motor_hub::units::CountsPerSecond;
+use motor_hub_client::{Line, Session};
+use simulated::scenario::{Scenario, Timed};
+use std::time::{Duration, Instant};
+
+/// Who is told what, and when; times ascending.
+#[derive(Clone, Debug)]
+pub struct Script {
+    length: Duration,
+    steps: Vec<(Duration, Step)>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    motor: u8,
+    zero: ZeroPower,
+    setpoint: Setpoint,
+}
+
+/// One that is under way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Playing {
+    since: Instant,
+    /// Steps that are done.
+    done: usize,
+}
+
+impl Script {
+    /// Of a scenario; `None` if it has no set-points, or one that a host cannot give so: motors in step.
+    #[must_use]
+    pub fn of(scenario: &Scenario) -> Option<Self> {
+        let step = |Timed { at_s, value: Command { motor, action } }: Timed<Command>| {
+            let Action::Set(setpoint) = action else { return None };
+            let zero = scenario.motors.get(motor)?.zero_power;
+            Some((Duration::from_secs_f64(at_s), Step { motor: u8::try_from(motor).ok()?, zero, setpoint }))
+        };
+        let steps: Option<Vec<_>> = scenario.commands().into_iter().map(step).collect();
+        let steps = steps.filter(|steps| !steps.is_empty())?;
+        Some(Self { length: Duration::from_secs_f64(scenario.duration_s), steps })
+    }
+
+    /// It begins.
+    pub(crate) fn begin() -> Playing {
+        Playing { since: Instant::now(), done: 0 }
+    }
+
+    /// Gives what is due; true once it is over.
+    pub(crate) fn go_on(&self, playing: &mut Playing, session: &mut Session<Line>) -> Result<bool, Trouble> {
+        let passed = playing.since.elapsed();
+        while let Some((_, step)) = self.steps.get(playing.done).filter(|(at, _)| *at <= passed) {
+            step.give(session)?;
+            playing.done += 1;
+        }
+        Ok(passed >= self.length)
+    }
+}
+
+impl Step {
+    fn give(&self, session: &mut Session<Line>) -> Result<(), Trouble> {
+        let motor = self.motor;
+        let mode = match self.setpoint {
+            Setpoint::ConstantPower(power) => {
+                session.set_power(motor, power)?;
+                RunMode::Power
+            }
+            Setpoint::Velocity(velocity) => {
+                session.set_velocity(motor, cps(velocity))?;
+                RunMode::Velocity
+            }
+            Setpoint::Position { target, tolerance, speed_limit } => {
+                session.set_velocity(motor, cps(speed_limit))?;
+                session.set_position(motor, target, tolerance)?;
+                RunMode::Position
+            }
+            // Scenarios have no others.
+            _ => return Ok(session.enable(motor, false)?),
+        };
+        session.set_mode(motor, mode, self.zero)?;
+        Ok(session.enable(motor, true)?)
+    }
+}
+
+fn cps(velocity: CountsPerSecond) -> i16 {
+    velocity.round().clamp(i16::MIN.into(), i16::MAX.into()) as i16
+}

@@ -1,0 +1,159 @@
+//! Listens, and gives every connection a thread of its own.
+//!
+//! ```
+//! use dashboard::Server;
+//!
+//! let server = Server::bind("127.0.0.1:0")?;
+//! assert!(server.url().starts_with("http://127.0.0.1:") && server.url().contains("/?token="));
+//! # Ok::<(), dashboard::BindError>(())
+//! ```
+
+use crate::assets;
+use crate::gate::{Gate, Wanted};
+use crate::http::{self, Head, HeadError};
+use crate::pilot::{Event, Pilot, Place};
+use crate::viewer;
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::mpsc::{self, Sender};
+use std::time::{Duration, Instant};
+
+/// Connections at once; a page has one, and some more while it loads.
+const MOST: u32 = 48;
+
+/// The longest that a request may take to come, or an answer to be taken.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// An address, and what is known of who may come in.
+#[derive(Debug)]
+pub struct Server {
+    listener: TcpListener,
+    address: SocketAddr,
+    gate: Gate,
+}
+
+/// Why nothing is served.
+#[derive(Debug, thiserror::Error)]
+pub enum BindError {
+    /// The address cannot be listened to.
+    #[error("{address} cannot be listened to: {error}; give HOST:PORT, such as 127.0.0.1:8080")]
+    Address {
+        /// As it was given.
+        address: String,
+        /// Why not.
+        error: std::io::Error,
+    },
+    /// No token can be drawn.
+    #[error("the system has no random numbers for a token: {0}")]
+    Random(getrandom::Error),
+}
+
+impl Server {
+    /// Listens at an address; port 0 is any that is free.
+    ///
+    /// # Errors
+    /// It cannot be listened to, or there is no token.
+    pub fn bind(address: &str) -> Result<Self, BindError> {
+        let fails = |error| BindError::Address { address: address.to_owned(), error };
+        let listener = TcpListener::bind(address).map_err(fails)?;
+        let address = listener.local_addr().map_err(fails)?;
+        let gate = Gate::random().map_err(BindError::Random)?;
+        Ok(Self { listener, address, gate })
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// What a browser is to open: it has the token in it.
+    #[must_use]
+    pub fn url(&self) -> String {
+        format!("http://{}/?token={}", reachable(self.address), self.gate.token())
+    }
+
+    /// Serves the hub at a place until `stop` is set, then switches its motors off.
+    pub fn run(self, place: Place, stop: &AtomicBool) {
+        let (events, heard) = mpsc::channel();
+        let Self { listener, gate, .. } = self;
+        std::thread::spawn(move || listen(&listener, &gate, &events));
+        Pilot::new(place, heard).run(stop);
+    }
+}
+
+/// The address by which others reach a server that listens at all addresses: the one from which this machine would talk to
+/// the world. Nothing is sent for it.
+fn reachable(address: SocketAddr) -> SocketAddr {
+    if !address.ip().is_unspecified() {
+        return address;
+    }
+    // An address that is nobody's (RFC 5737, RFC 3849).
+    let nobody = if address.is_ipv4() { "192.0.2.1:9" } else { "[2001:db8::1]:9" };
+    let own = UdpSocket::bind((address.ip(), 0)).and_then(|socket| {
+        socket.connect(nobody)?;
+        socket.local_addr()
+    });
+    own.map_or(address, |own| SocketAddr::new(own.ip(), address.port()))
+}
+
+fn listen(listener: &TcpListener, gate: &Gate, events: &Sender<Event>) {
+    let connections = Arc::new(AtomicU32::new(0));
+    let pages = Arc::new(AtomicU32::new(0));
+    for stream in listener.incoming().flatten() {
+        let (gate, events) = (gate.clone(), events.clone());
+        let (connections, pages) = (Arc::clone(&connections), Arc::clone(&pages));
+        let full = connections.fetch_add(1, Ordering::Relaxed) >= MOST;
+        std::thread::spawn(move || {
+            // Who goes away in the middle of it has no use for an error.
+            let _ = serve(stream, &gate, full, &events, &pages);
+            connections.fetch_sub(1, Ordering::Relaxed);
+        });
+    }
+}
+
+/// One request, and the socket if it is for that.
+fn serve(
+    mut stream: TcpStream,
+    gate: &Gate,
+    full: bool,
+    events: &Sender<Event>,
+    pages: &AtomicU32,
+) -> std::io::Result<()> {
+    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    stream.set_nodelay(true)?;
+    let local = stream.local_addr()?;
+    if full {
+        return refuse(&mut stream, "503 Service Unavailable", "too many connections");
+    }
+    let head = match Head::read(&mut stream, Instant::now() + PATIENCE) {
+        Ok(head) => head,
+        Err(HeadError::TooLong) => {
+            return refuse(&mut stream, "431 Request Header Fields Too Large", "the request is too long");
+        }
+        Err(error) => return refuse(&mut stream, "400 Bad Request", &error.to_string()),
+    };
+    match gate.admit(&head, local) {
+        Ok(Wanted::Socket(key)) => {
+            http::upgrade(&mut stream, &key)?;
+            viewer::attend(stream, 1 + pages.fetch_add(1, Ordering::Relaxed), events);
+            Ok(())
+        }
+        Ok(Wanted::Page) => send(&mut stream, "/"),
+        Ok(Wanted::Asset(path)) => send(&mut stream, &path),
+        Err(refusal) => refuse(&mut stream, refusal.status(), &refusal.to_string()),
+    }
+}
+
+fn send(stream: &mut TcpStream, path: &str) -> std::io::Result<()> {
+    match assets::find(path) {
+        Some(asset) => http::answer(stream, "200 OK", asset.kind, asset.bytes),
+        None => refuse(stream, "404 Not Found", "there is no such file"),
+    }
+}
+
+fn refuse(stream: &mut TcpStream, status: &str, why: &str) -> std::io::Result<()> {
+    http::answer(stream, status, "text/plain; charset=utf-8", format!("{why}\n").as_bytes())
+}

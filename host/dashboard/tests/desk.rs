@@ -1,0 +1,112 @@
+//! Who is in control, and for how long a page is taken to be there.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+use dashboard::desk::{Desk, Gone, HIDDEN, SILENCE};
+use std::time::{Duration, Instant};
+
+const MS: Duration = Duration::from_millis(1);
+
+/// With page 1 in control, and the time.
+fn desk() -> (Desk, Instant) {
+    let (mut desk, now) = (Desk::new(), Instant::now());
+    desk.join(1, now);
+    assert_eq!(desk.controller(), Some(1));
+    (desk, now)
+}
+
+/// Frames every 20 ms for so long, which page 1 shows so much later.
+fn watch(desk: &mut Desk, from: Instant, length: Duration, late: usize) -> Option<(Gone, Duration)> {
+    let frames = length.as_millis() as usize / 20;
+    for frame in 0..frames {
+        let now = from + 20 * frame as u32 * MS;
+        desk.sent(frame as u64, now);
+        if let Some(shown) = frame.checked_sub(late) {
+            desk.shown(1, shown as u64);
+        }
+        if let Some(gone) = desk.review(now) {
+            return Some((gone, now - from));
+        }
+    }
+    None
+}
+
+#[test]
+fn a_page_that_shows_frames_as_they_come_stays_in_control() {
+    let (mut desk, now) = desk();
+    assert_eq!(watch(&mut desk, now, 60 * SILENCE, 0), None);
+    assert_eq!(desk.controller(), Some(1));
+}
+
+#[test]
+fn a_page_that_is_fed_from_a_long_queue_is_gone_though_it_shows_something_all_the_time() {
+    let (mut ok, now) = desk();
+    assert_eq!(watch(&mut ok, now, 10 * SILENCE, 45), None, "0.9 s late");
+    let (mut late, now) = desk();
+    assert_eq!(watch(&mut late, now, 10 * SILENCE, 55).unwrap().0, Gone::Silent, "1.1 s late");
+    assert_eq!(late.controller(), None);
+}
+
+#[test]
+fn silence_is_counted_from_the_newest_frame_that_was_shown_and_said_once() {
+    let (mut desk, now) = desk();
+    desk.sent(1, now);
+    desk.sent(2, now + 500 * MS);
+    desk.shown(1, 2);
+    // An older one after it takes nothing back.
+    desk.shown(1, 1);
+    assert_eq!(desk.review(now + 500 * MS + SILENCE), None);
+    assert_eq!(desk.review(now + 501 * MS + SILENCE), Some(Gone::Silent));
+    assert_eq!(desk.review(now + 2 * SILENCE), None);
+}
+
+#[test]
+fn frames_that_were_never_sent_or_not_to_this_page_prove_nothing() {
+    let (mut desk, now) = desk();
+    desk.join(2, now);
+    desk.sent(1, now + 900 * MS);
+    desk.shown(1, 7);
+    desk.shown(2, 1);
+    desk.shown(3, 1);
+    assert_eq!(desk.review(now + SILENCE + MS), Some(Gone::Silent));
+}
+
+#[test]
+fn a_hidden_page_is_gone_after_a_while_and_one_that_is_seen_again_is_not() {
+    let (mut desk, start) = desk();
+    let at = |hidden: bool, after: Duration, desk: &mut Desk| {
+        let now = start + after;
+        desk.sent(after.as_millis() as u64, now);
+        desk.shown(1, after.as_millis() as u64);
+        desk.hide(1, hidden, now);
+        desk.review(now)
+    };
+    assert_eq!(at(true, MS, &mut desk), None);
+    assert_eq!(at(false, HIDDEN, &mut desk), None);
+    assert_eq!(at(true, 2 * HIDDEN, &mut desk), None);
+    assert_eq!(at(true, 3 * HIDDEN, &mut desk), None);
+    assert_eq!(at(true, 3 * HIDDEN + MS, &mut desk), Some(Gone::Hidden));
+}
+
+#[test]
+fn control_is_taken_only_where_nobody_has_it() {
+    let (mut desk, now) = desk();
+    desk.join(2, now);
+    assert_eq!((desk.controller(), desk.pages()), (Some(1), 2), "who comes later looks on");
+    assert!(!desk.take(2, now) && desk.take(1, now));
+    assert!(!desk.gives_up(2) && desk.gives_up(1));
+    assert!(desk.take(2, now));
+    assert_eq!(desk.leave(1), None, "it was not in control");
+    assert_eq!(desk.leave(2), Some(Gone::Closed));
+    assert_eq!((desk.controller(), desk.pages()), (None, 0));
+    assert!(!desk.take(9, now), "there is no such page");
+}
+
+#[test]
+fn who_takes_control_has_just_been_there() {
+    let (mut desk, now) = desk();
+    desk.gives_up(1);
+    let later = now + 60 * SILENCE;
+    assert!(desk.take(1, later));
+    assert_eq!(desk.review(later + SILENCE), None);
+    assert_eq!(desk.review(later + SILENCE + MS), Some(Gone::Silent));
+}

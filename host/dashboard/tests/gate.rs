@@ -1,0 +1,209 @@
+//! Who is let in, over real connections: what a page of another site, another machine or a broken program could send.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+use dashboard::{Place, Server, assets};
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// A server without a hub, and its token.
+fn served() -> (SocketAddr, String) {
+    let server = Server::bind("127.0.0.1:0").unwrap();
+    let (address, url) = (server.address(), server.url());
+    std::thread::spawn(move || {
+        server.run(Place::real("nowhere", || Err("there is none".to_owned())), &AtomicBool::new(false));
+    });
+    (address, url.split_once("token=").unwrap().1.to_owned())
+}
+
+/// What is answered to these bytes.
+fn ask(address: SocketAddr, request: &str) -> String {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut answer = Vec::new();
+    // What is left unread by the server may break the connection, after its answer.
+    let _ = stream.read_to_end(&mut answer);
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+fn get(address: SocketAddr, target: &str, headers: &str) -> String {
+    ask(address, &format!("GET {target} HTTP/1.1\r\n{headers}\r\n"))
+}
+
+fn status(answer: &str) -> &str {
+    answer.strip_prefix("HTTP/1.1 ").and_then(|rest| rest.get(..3)).unwrap_or(answer)
+}
+
+const HANDSHAKE: &str = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+
+#[test]
+fn the_page_is_for_who_knows_the_token() {
+    let (address, token) = served();
+    let host = format!("Host: {address}\r\n");
+    let page = get(address, &format!("/?token={token}"), &host);
+    assert!(status(&page) == "200" && page.contains("<!doctype html>"), "{page}");
+    let named = get(address, &format!("/?token={token}"), &format!("Host: localhost:{}\r\n", address.port()));
+    assert_eq!(status(&named), "200", "its other name");
+    let wrong = token.replace(|digit: char| digit.is_ascii_hexdigit(), "0");
+    let upper = token.to_uppercase();
+    for query in ["", "?", "?token=", &format!("?token={wrong}"), &format!("?token={}", &token[1..])] {
+        assert_eq!(status(&get(address, &format!("/{query}"), &host)), "403", "{query}");
+    }
+    for query in
+        [format!("?token={token}&token={token}"), format!("?Token={token}"), format!("?token={upper}X")]
+    {
+        assert_eq!(status(&get(address, &format!("/{query}"), &host)), "403", "{query}");
+    }
+    let (_, other) = served();
+    assert_ne!(token, other, "drawn anew each time");
+    assert!(token.len() == 32 && token.chars().all(|digit| digit.is_ascii_hexdigit()), "{token}");
+}
+
+#[test]
+fn only_the_address_that_was_connected_to_is_a_host() {
+    let (address, token) = served();
+    let (ip, port) = (address.ip(), address.port());
+    for target in
+        ["/".to_owned(), format!("/?token={token}"), "/style.css".to_owned(), format!("/ws?token={token}")]
+    {
+        for host in [
+            String::new(),
+            "Host: evil.example\r\n".to_owned(),
+            format!("Host: evil.example:{port}\r\n"),
+            format!("Host: {ip}\r\n"),
+            format!("Host: {ip}:{}\r\n", port ^ 1),
+            format!("Host: {address}.evil.example\r\n"),
+            format!("Host: [::1]:{port}\r\n"),
+            format!("Host: LOCALHOST.:{port}\r\n"),
+            format!("Host: {address}\r\nHost: {address}\r\n"),
+        ] {
+            let answer = get(address, &target, &format!("{host}{HANDSHAKE}Origin: http://{address}\r\n"));
+            assert_eq!(status(&answer), "421", "{target} {host}: {answer}");
+        }
+    }
+}
+
+#[test]
+fn the_socket_is_for_this_servers_own_page() {
+    let (address, token) = served();
+    let port = address.port();
+    let (host, own) = (format!("Host: {address}\r\n"), format!("Origin: http://{address}\r\n"));
+    let target = format!("/ws?token={token}");
+    for origin in [
+        String::new(),
+        "Origin: null\r\n".to_owned(),
+        "Origin: http://evil.example\r\n".to_owned(),
+        format!("Origin: https://{address}\r\n"),
+        format!("Origin: http://{}\r\n", address.ip()),
+        format!("Origin: http://localhost:{port}\r\n"),
+        format!("Origin: http://{address}/\r\n"),
+        format!("Origin: http://{address}.evil.example\r\n"),
+        format!("{own}{own}"),
+    ] {
+        let answer = get(address, &target, &format!("{host}{origin}{HANDSHAKE}"));
+        assert_eq!(status(&answer), "403", "{origin}: {answer}");
+    }
+    // Another site may not read the page either.
+    let answer = get(address, &format!("/?token={token}"), &format!("{host}Origin: http://evil.example\r\n"));
+    assert_eq!(status(&answer), "403");
+    for wrong in ["/ws", "/ws?token=", "/ws?token=00000000000000000000000000000000"] {
+        assert_eq!(status(&get(address, wrong, &format!("{host}{own}{HANDSHAKE}"))), "403", "{wrong}");
+    }
+    for (left_out, name) in
+        [("Upgrade: websocket\r\n", "upgrade"), ("Sec-WebSocket-Version: 13\r\n", "version")]
+    {
+        let answer = get(address, &target, &format!("{host}{own}{}", HANDSHAKE.replace(left_out, "")));
+        assert_eq!(status(&answer), "426", "{name}");
+    }
+    let mut stream = TcpStream::connect(address).unwrap();
+    write!(stream, "GET {target} HTTP/1.1\r\n{host}{own}{HANDSHAKE}\r\n").unwrap();
+    let mut answer = [0; 12];
+    stream.read_exact(&mut answer).unwrap();
+    assert_eq!(&answer, b"HTTP/1.1 101", "and so it is let in");
+}
+
+#[test]
+fn every_answer_forbids_what_a_page_does_not_need_and_allows_no_other_site() {
+    let (address, token) = served();
+    let host = format!("Host: {address}\r\n");
+    let paths = assets::ALL.iter().map(|asset| asset.path.to_owned());
+    let others =
+        ["/nothing", "/ws", "/../Cargo.toml", "/%2e%2e/Cargo.toml", "//etc/passwd"].map(str::to_owned);
+    for path in paths.chain([format!("/?token={token}")]).chain(others) {
+        let answer = get(address, &path, &host);
+        let (head, _) = answer.split_once("\r\n\r\n").unwrap();
+        let head = head.to_lowercase();
+        for says in [
+            "content-security-policy: default-src 'self';",
+            "frame-ancestors 'none'",
+            "x-content-type-options: nosniff",
+            "referrer-policy: no-referrer",
+            "cache-control: no-store",
+            "cross-origin-resource-policy: same-origin",
+        ] {
+            assert!(head.contains(says), "{path}: {says} is missing in {head}");
+        }
+        assert!(!head.contains("access-control-"), "{path}: {head}");
+        assert!(!head.contains("set-cookie"), "{path}: {head}");
+    }
+    for path in ["/nothing", "/../Cargo.toml", "/page/index.html"] {
+        assert_eq!(status(&get(address, path, &host)), "404", "{path}");
+    }
+}
+
+#[test]
+fn what_is_no_request_is_refused_and_the_server_goes_on() {
+    let (address, token) = served();
+    let host = format!("Host: {address}\r\n");
+    for method in ["POST", "PUT", "DELETE", "OPTIONS", "HEAD", "CONNECT"] {
+        let answer = ask(address, &format!("{method} /?token={token} HTTP/1.1\r\n{host}\r\n"));
+        assert_eq!(status(&answer), "405", "{method}");
+    }
+    assert_eq!(status(&ask(address, "\u{16}\u{3}\u{1}garbage\r\n\r\n")), "400");
+    assert_eq!(status(&ask(address, "GET / HTTP/1.1\r\nHost\r\n\r\n")), "400");
+    assert_eq!(status(&get(address, "/", &format!("X: {}\r\n", "x".repeat(10_000)))), "431");
+    assert_eq!(status(&get(address, "/", &"X: x\r\n".repeat(100))), "431");
+    // Gone in the middle of it.
+    drop(TcpStream::connect(address).unwrap());
+    TcpStream::connect(address).unwrap().write_all(b"GET /").unwrap();
+    assert_eq!(status(&get(address, &format!("/?token={token}"), &host)), "200");
+}
+
+#[test]
+fn more_connections_than_pages_need_are_turned_away() {
+    let (address, token) = served();
+    let held: Vec<TcpStream> = (0..48).map(|_| TcpStream::connect(address).unwrap()).collect();
+    std::thread::sleep(Duration::from_millis(200));
+    let request = format!("/?token={token}");
+    assert_eq!(status(&get(address, &request, &format!("Host: {address}\r\n"))), "503");
+    drop(held);
+    std::thread::sleep(Duration::from_millis(200));
+    assert_eq!(status(&get(address, &request, &format!("Host: {address}\r\n"))), "200");
+}
+
+#[test]
+fn a_server_for_other_machines_names_an_address_that_they_reach_and_asks_for_the_token_all_the_same() {
+    let server = Server::bind("0.0.0.0:0").unwrap();
+    let (url, port) = (server.url(), server.address().port());
+    let (host, token) = url.strip_prefix("http://").and_then(|rest| rest.split_once("/?token=")).unwrap();
+    let (host, token) = (host.to_owned(), token.to_owned());
+    std::thread::spawn(move || {
+        server.run(Place::real("nowhere", || Err("there is none".to_owned())), &AtomicBool::new(false));
+    });
+    let local: SocketAddr = format!("127.0.0.1:{port}").parse().unwrap();
+    let named = |host: &str, query: &str| {
+        status(&get(local, &format!("/{query}"), &format!("Host: {host}\r\n"))).to_owned()
+    };
+    let query = format!("?token={token}");
+    assert_eq!(named(&local.to_string(), &query), "200");
+    assert_eq!(named(&local.to_string(), ""), "403");
+    assert_eq!(named("0.0.0.0", &query), "421");
+    assert_eq!(named(&format!("0.0.0.0:{port}"), &query), "421", "nobody connects to that");
+    // A machine without a network has no address to name.
+    if !host.starts_with("0.0.0.0") {
+        let answer = get(host.parse().unwrap(), &format!("/{query}"), &format!("Host: {host}\r\n"));
+        assert_eq!(status(&answer), "200");
+    }
+}
