@@ -16,10 +16,12 @@ use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
 use motor_hub::protocol::report::{self, HubReport, MotorReport, Told};
 use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
 use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
+use motor_hub::protocol::store::{StoreReport, ToStore};
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::record::{Fault, Head, Tick};
 use motor_hub::regulator::identify::{Identification, Identified, Refusal};
 use motor_hub::regulator::{Dynamics, Kind};
+use motor_hub::store::{Outcome, Stored};
 use motor_hub::supply::BusState;
 use motor_hub::units::{
     Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, Duty, EmfConstant,
@@ -27,6 +29,7 @@ use motor_hub::units::{
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
+use proptest::sample::select;
 use proptest::strategy::{Union, ValueTree};
 use proptest::test_runner::TestRunner;
 use std::collections::BTreeSet;
@@ -301,7 +304,7 @@ fn identification() -> impl Strategy<Value = Identification> {
         Just(Identification::None),
         (0u8..100).prop_map(Identification::Running),
         found.prop_map(Identification::Found),
-        proptest::sample::select(refused.to_vec()).prop_map(Identification::Refused),
+        select(refused.to_vec()).prop_map(Identification::Refused),
     ]
 }
 
@@ -476,6 +479,23 @@ fn to_record() -> Vec<BoxedStrategy<Case>> {
     ]
 }
 
+fn to_store() -> Vec<BoxedStrategy<Case>> {
+    [ToStore::Save, ToStore::Load, ToStore::Reset, ToStore::State].map(|request| plain(request)).into()
+}
+
+fn store_report() -> impl Strategy<Value = StoreReport> {
+    use Outcome::{Done, Lost, NeedsErase, Refused};
+    use Stored::{Damaged, Later, Nothing, OneCopy, Whole};
+    let stored = select(vec![Nothing, Whole, OneCopy, Later, Damaged]);
+    let outcome = select(vec![Outcome::None, Done, NeedsErase, Refused, Lost]);
+    let told = any::<(u8, u32, bool, bool, u8, u8, u8)>();
+    (stored, outcome, told).prop_map(
+        |(stored, outcome, (version, number, at_work, differs, unknown, refused, coefficients))| {
+            StoreReport { stored, version, number, at_work, outcome, differs, unknown, refused, coefficients }
+        },
+    )
+}
+
 fn drive() -> impl Strategy<Value = Drive> {
     let mode = prop_oneof![Just(Mode::Cw98), Just(Mode::Ccw62), Just(Mode::Brake50)];
     // As fine as it is told.
@@ -483,7 +503,7 @@ fn drive() -> impl Strategy<Value = Drive> {
 }
 
 fn head() -> impl Strategy<Value = Head> {
-    let fault = proptest::sample::select(Fault::ALL);
+    let fault = select(Fault::ALL);
     let battery = proptest::option::of((1..=u16::MAX).prop_map(Millivolts::new));
     let motor = proptest::option::of(0..u8::MAX);
     let numbers = any::<(u16, u8, u16, u32, [u32; 2], u8)>();
@@ -522,6 +542,7 @@ fn any_request() -> impl Strategy<Value = Case> {
             to_setup(),
             to_group(),
             to_record(),
+            to_store(),
             vec![plain(Request::Bus), plain(Request::Report)],
         ]
         .concat(),
@@ -539,6 +560,7 @@ fn no_request_is_left_out_of_these_tests() {
         (to_setup(), ToSetup::NUMBERS),
         (to_group(), ToGroup::NUMBERS),
         (to_record(), ToRecord::NUMBERS),
+        (to_store(), ToStore::NUMBERS),
         (vec![plain(Request::Bus)], &[bus::FUNCTION]),
         (vec![plain(Request::Report)], &[report::FUNCTION]),
     ] {
@@ -644,6 +666,11 @@ proptest! {
         prop_assert_eq!(read_back(&colour), Ok(colour));
         prop_assert_eq!(read_back(&pattern), Ok(pattern));
         prop_assert_eq!(read_back(&text), Ok(text.clone()));
+    }
+
+    #[test]
+    fn what_is_stored_is_read_as_it_was_written(report in store_report()) {
+        prop_assert_eq!(read_back(&report), Ok(report));
     }
 
     #[test]

@@ -39,7 +39,7 @@ pub(crate) const ALL: [Board; 3] = [
         name: "nucleo-g474re",
         target: "thumbv7em-none-eabihf",
         chip: "STM32G474RETx",
-        flash: 128 * 1024,
+        flash: 160 * 1024,
         ram: 48 * 1024,
     },
 ];
