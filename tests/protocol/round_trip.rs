@@ -480,7 +480,7 @@ fn to_record() -> Vec<BoxedStrategy<Case>> {
 }
 
 fn to_store() -> Vec<BoxedStrategy<Case>> {
-    [ToStore::Save, ToStore::Load, ToStore::Reset, ToStore::State].map(|request| plain(request)).into()
+    [ToStore::Save, ToStore::Load, ToStore::Reset, ToStore::State].map(plain).into()
 }
 
 fn store_report() -> impl Strategy<Value = StoreReport> {
