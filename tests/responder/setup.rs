@@ -354,6 +354,13 @@ fn what_all_motors_do_is_told_in_one_answer() {
         .map(|point| (-point.to_f64().round()).clamp(-32_767.0, 32_767.0) as i16);
     assert_eq!(points, expected);
 
+    // Places are in the host's counts.
+    host.snapshot.motors[1].setpoint =
+        Setpoint::Position { target: 70_005, tolerance: 5, speed_limit: CountsPerSecond::new(100) };
+    host.do_all(&[(14, &[1])]);
+    let Said::Data(told) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    assert_eq!(told[12 + 36..][..9], [4, 5, 0, 0, 0, 0, 0, 0, 0]);
+
     host.snapshot.battery = None;
     let Said::Data(told) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
     assert_eq!(

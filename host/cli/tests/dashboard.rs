@@ -329,3 +329,21 @@ fn the_page_is_for_this_machine_alone_unless_it_is_asked_for_otherwise() {
     let says = String::from_utf8_lossy(&refused.stderr);
     assert!(refused.status.code() == Some(2) && says.contains("give HOST:PORT"), "{says}");
 }
+
+/// `cargo test --test dashboard frames -- --ignored --nocapture`
+#[test]
+#[ignore = "a report, not a test: times are this machine's"]
+fn frames_a_second_of_four_running_motors() {
+    let frames = |name: &str, dashboard: &Dashboard| {
+        let mut page = Page::ready(dashboard);
+        (0..4).for_each(|motor| page.run(motor));
+        let (begun, first) = (Instant::now(), page.frame["number"].as_u64().unwrap());
+        page.stay(Duration::from_secs(5));
+        let count = page.frame["number"].as_u64().unwrap() - first;
+        assert!((0..4).all(|motor| page.enabled(motor)));
+        println!("{name}: {:.1} frames a second", count as f64 / begun.elapsed().as_secs_f64());
+    };
+    frames("simulated", &Dashboard::start(&[]));
+    let chip = Hub::start(PROGRAM, &["--emulated", "--tcp", "127.0.0.1:0"]);
+    frames("emulated chip", &Dashboard::start(&["--tcp", &chip.place]));
+}

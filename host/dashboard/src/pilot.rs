@@ -24,6 +24,9 @@ use tungstenite::Utf8Bytes;
 /// Between frames.
 pub(crate) const INTERVAL: Duration = Duration::from_millis(20);
 
+/// Frames that come too late are made up for as far as this.
+const MADE_UP: Duration = Duration::from_millis(100);
+
 /// How long a hub's answer is waited for: a page that is gone, or a stop, cannot wait long.
 const PATIENCE: Duration = Duration::from_millis(300);
 
@@ -149,8 +152,9 @@ impl Pilot {
                 Ok(event) => self.hear(event),
                 Err(RecvTimeoutError::Timeout) => {
                     self.tick();
-                    // A hub that is slow makes no burst afterwards.
-                    next = Instant::now().max(next + INTERVAL);
+                    // What a hub that was slow for a moment has missed is made up for, but no more than that.
+                    next += INTERVAL;
+                    next = next.max(Instant::now().checked_sub(MADE_UP).unwrap_or(next));
                 }
                 Err(RecvTimeoutError::Disconnected) => break,
             }
