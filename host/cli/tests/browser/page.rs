@@ -61,6 +61,7 @@ const LOOK: &str = r"(() => {
     if (top.contains(a) !== top.contains(b)) continue;
     if (width > 1 && height > 1) wrong.push(`over each other: ${name(a)} | ${name(b)}`);
   }
+  if (document.querySelector('#top').offsetHeight > innerHeight / 4) wrong.push('the head takes more than a quarter of the window');
   if (document.documentElement.scrollWidth > document.documentElement.clientWidth) wrong.push('the page is wider than the window');
   return wrong;
 })()";
