@@ -9,7 +9,7 @@ use motor_hub::protocol::Address;
 use motor_hub_client::line::{Line, is_tcp};
 use motor_hub_client::{Error, Session};
 use simulated::scenario::Scenario;
-use simulated::serve;
+use simulated::serve::{self, Memory};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -45,6 +45,9 @@ pub(crate) struct Options {
     /// Scenario file (TOML) whose motors, loads and battery the simulated hub has; the page can play it
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
+    /// File that the simulated hub stores its settings in, so that they outlast the program; made if there is none
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "tcp"])]
+    store: Option<PathBuf>,
     /// Where the page is served on this machine; port 0 is any that is free
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
     http: String,
@@ -74,7 +77,8 @@ impl Options {
         let (place, simulation) = match self.port.as_ref().or(self.tcp.as_ref()) {
             Some(place) => (real(place), None),
             None => {
-                let (place, simulation) = simulate(self.scenario.as_deref(), &stop)?;
+                let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;
+                let (place, simulation) = simulate(self.scenario.as_deref(), memory, &stop)?;
                 (place, Some(simulation))
             }
         };
@@ -105,7 +109,11 @@ fn real(name: &str) -> Place {
 type Simulation = JoinHandle<Result<(), simulated::sim::RunError>>;
 
 /// A simulated hub in a thread of its own, on a TCP port of this machine.
-fn simulate(file: Option<&Path>, stop: &Arc<AtomicBool>) -> Result<(Place, Simulation), Failure> {
+fn simulate(
+    file: Option<&Path>,
+    memory: Option<Memory>,
+    stop: &Arc<AtomicBool>,
+) -> Result<(Place, Simulation), Failure> {
     let scenario = match file {
         Some(file) => Scenario::load_for_a_host(file),
         None => Scenario::to_serve(),
@@ -119,7 +127,7 @@ fn simulate(file: Option<&Path>, stop: &Arc<AtomicBool>) -> Result<(Place, Simul
     let (hands, stop) = (world.clone(), Arc::clone(stop));
     let name = if file.is_some() { scenario.name.clone() } else { DEFAULT_NAME.to_owned() };
     let simulation = std::thread::spawn(move || {
-        serve::run(&scenario, Address::DEFAULT, line, None, &mut |on| *on = hands.hands(), &mut |_| {
+        serve::run(&scenario, Address::DEFAULT, line, memory, &mut |on| *on = hands.hands(), &mut |_| {
             !stop.load(Ordering::Relaxed)
         })
     });

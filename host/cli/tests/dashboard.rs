@@ -288,6 +288,33 @@ fn a_scenario_is_played_from_its_beginning_and_leaves_its_motors_off() {
 }
 
 #[test]
+fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
+    let store = std::env::temp_dir().join(format!("motor-hub-dashboard-{}.store", std::process::id()));
+    let of_motor_1 = |message: &Value| message["kind"] == "settings" && message["motor"] == 1;
+    let mut dashboard = Dashboard::start(&["--store", store.to_str().unwrap()]);
+    let mut page = Page::ready(&dashboard);
+    page.order("set-up", json!({ "motor": 1, "name": "CoreHex A", "scheme": "C", "duty": "linear-duty" }));
+    page.until("another motor", |_, message| of_motor_1(message) && message["name"] == "CoreHex A");
+    page.order("save", Value::Null);
+    page.until("settings that are saved", |_, message| {
+        message["text"].as_str().is_some_and(|text| text.starts_with("settings are saved"))
+    });
+    dashboard.end();
+
+    let again = Dashboard::start(&["--store", store.to_str().unwrap()]);
+    let mut page = Page::open(&again);
+    let seen = page.until("its settings", |_, message| of_motor_1(message));
+    std::fs::remove_file(&store).unwrap();
+    assert_eq!((&seen["name"], &seen["duty"]), (&json!("CoreHex A"), &json!("linear-duty")), "{seen}");
+
+    let other = Dashboard::start(&[]);
+    let mut page = Page::open(&other);
+    let line = page.until("a hub", |_, message| message["kind"] == "line" && message["connected"] == true);
+    assert_eq!(line["stores"], false);
+    assert!(page.refused("save", Value::Null).contains("store its settings"));
+}
+
+#[test]
 fn a_hub_elsewhere_is_driven_and_left_with_its_motors_off_when_the_program_ends() {
     let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
     let mut dashboard = Dashboard::start(&["--tcp", &hub.place]);

@@ -214,7 +214,7 @@ fn why_a_motor_stands_is_said_in_words() {
     with_page("why", |tab| {
         let why = "document.querySelector('#motors .card:nth-child(2) .why').textContent";
         assert_eq!(tab.ask(why), "Disabled.");
-        tab.press(("2", 50));
+        tab.press(("1", 49));
         drive(tab, 1, 600);
         tab.click("#tab-world");
         tab.fill("#world-encoder", "unplugged");
@@ -305,7 +305,7 @@ fn a_recording_is_saved_and_looked_at_again() {
 fn all_of_it_is_reached_by_keys() {
     with_page("keys", |tab| {
         let chosen = "document.querySelector('.card.chosen').getAttribute('aria-label')";
-        tab.press(("3", 51));
+        tab.press(("2", 50));
         assert_eq!(tab.ask(chosen), "Motor 2");
         // From the top, Tab comes to every control that can be seen.
         tab.ask("document.activeElement.blur()");

@@ -13,7 +13,7 @@
 //! | [`hub`], [`motor`] | the protocol's commands, as methods of [`Session`] |
 //! | [`memory`] | a hub in memory, for tests of host programs |
 //! | [`error`] | what can go wrong |
-//! | [`why`] | why a motor does not turn |
+//! | [`why`] | why a motor does not turn, or settings were not stored |
 //!
 //! What the bytes are, [`motor_hub::protocol`] says, which a hub reads by the same definitions. A hub lets
 //! its motors go when it has heard nothing for 2.5 s: a host that keeps them running goes on asking.

@@ -1,4 +1,5 @@
-//! Why a motor does not turn, in words, from what its hub [reports](motor_hub::protocol::report).
+//! Why a motor does not turn, in words, from what its hub [reports](motor_hub::protocol::report); and why settings were not
+//! [stored](motor_hub::protocol::store).
 //!
 //! ```
 //! use motor_hub_client::motor_hub::protocol::report::{HubReport, MotorReport, Told};
@@ -13,11 +14,28 @@
 use motor_hub::motion::EncoderFault;
 use motor_hub::motor::Faults;
 use motor_hub::protocol::report::{HubReport, MotorReport, Told};
+use motor_hub::protocol::store::StoreReport;
+use motor_hub::store::Outcome;
 use motor_hub::supply::BusState;
 use motor_hub::units::Control;
 
 /// Slower than this, in counts per second, a motor is taken to stand.
 pub const STANDS_CPS: u16 = 3;
+
+/// Why an order to the store that is over did not end as it should; `None` if it did.
+#[must_use]
+pub const fn why_unsaved(report: &StoreReport) -> Option<&'static str> {
+    match report.outcome {
+        Outcome::Done | Outcome::None => None,
+        Outcome::NeedsErase => {
+            Some("it needs an erasure, and a motor runs: disable all motors and try again")
+        }
+        Outcome::Refused => Some("the hub's memory refused"),
+        Outcome::Lost => {
+            Some("what was written does not read back: the hub's memory is worn, or it has none")
+        }
+    }
+}
 
 /// What keeps a motor from turning as it is told, the most basic reason first; `None` of one that turns and of one
 /// that nothing keeps.

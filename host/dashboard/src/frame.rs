@@ -41,6 +41,8 @@ pub(crate) enum Message {
         why: String,
         /// It tells everything at once.
         reports: bool,
+        /// It can store its settings.
+        stores: bool,
     },
     /// Something that somebody should read.
     Notice {

@@ -118,6 +118,8 @@ pub enum Order {
         /// 0 to 3.
         motor: u8,
     },
+    /// Stores the settings that are in force, so that they outlast the hub's power.
+    Save,
     /// Plays the scenario of a simulated hub from its beginning.
     Play,
     /// Does something to a simulated hub's world.

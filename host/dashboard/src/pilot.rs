@@ -11,8 +11,10 @@ use crate::world::World;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
 use motor_hub::protocol::motor::RunMode;
+use motor_hub::protocol::store::ToStore;
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
+use motor_hub_client::why::why_unsaved;
 use motor_hub_client::{Error, Line, Session};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -35,6 +37,9 @@ const AGAIN: Duration = Duration::from_secs(1);
 
 /// Between questions how far an identification is.
 const LEARNING: Duration = Duration::from_millis(100);
+
+/// Between questions whether settings are stored.
+const SAVING: Duration = Duration::from_millis(100);
 
 /// A motor that brakes for so long stands, unless something drives it.
 const LONGEST_REST: Duration = Duration::from_secs(5);
@@ -109,6 +114,8 @@ pub(crate) struct Pilot {
     performer: Performer,
     learning: Option<Learning>,
     playing: Option<Playing>,
+    /// When the hub, which stores its settings, was asked last whether it has.
+    saving: Option<Instant>,
     /// The newest frame.
     frame: Frame,
     since: Instant,
@@ -124,7 +131,7 @@ impl Pilot {
     #[must_use]
     pub(crate) fn new(place: Place, heard: Receiver<Event>) -> Self {
         let now = Instant::now();
-        let line = Message::Line { connected: false, why: "not connected yet".to_owned(), reports: true };
+        let line = gone("not connected yet".to_owned());
         Self {
             place,
             heard,
@@ -134,6 +141,7 @@ impl Pilot {
             performer: Performer::default(),
             learning: None,
             playing: None,
+            saving: None,
             frame: Frame::default(),
             since: now,
             connect_at: now,
@@ -242,6 +250,10 @@ impl Pilot {
                 }
                 _ => Err("there is no scenario to be played: name one by --scenario".into()),
             },
+            Order::Save => session.order(ToStore::Save).map_err(Trouble::from).map(|()| {
+                self.saving = Some(Instant::now());
+                Changed::Nothing
+            }),
             _ => self.performer.perform(session, self.place.world.as_ref(), order),
         };
         match done {
@@ -287,7 +299,7 @@ impl Pilot {
         if self.desk.controller().is_none() && self.frame.motors.iter().any(|motor| motor.enabled) {
             self.switch_off("motors ran, and nobody was in control");
         }
-        if let Err(Trouble::Hub(error)) = self.learn() {
+        if let Err(Trouble::Hub(error)) = self.learn().and_then(|()| self.follow_save()) {
             self.lose(&error.to_string());
         }
         self.play();
@@ -354,18 +366,23 @@ impl Pilot {
         let opened = (self.place.open)().and_then(|mut session| {
             session.hurry(PATIENCE);
             let reports = session.report().map_err(|error| error.to_string())?.is_some();
-            Ok((session, reports))
+            let stores = match session.stored() {
+                Ok(_) => true,
+                Err(Error::Refused { .. } | Error::TooOld { .. }) => false,
+                Err(error) => return Err(error.to_string()),
+            };
+            Ok((session, reports, stores))
         });
         match opened {
-            Ok((session, reports)) => {
+            Ok((session, reports, stores)) => {
                 self.session = Some(session);
                 self.looked_at = Instant::now();
                 self.frame.motors.clear();
-                self.tell_line(Message::Line { connected: true, why: String::new(), reports });
+                self.tell_line(Message::Line { connected: true, why: String::new(), reports, stores });
                 (0..CHANNELS as u8).for_each(|motor| self.tell_settings(motor));
             }
             Err(why) => {
-                self.tell_line(Message::Line { connected: false, why, reports: true });
+                self.tell_line(gone(why));
             }
         }
     }
@@ -375,7 +392,8 @@ impl Pilot {
         self.session = None;
         (self.learning, self.playing) = (None, None);
         self.connect_at = Instant::now() + AGAIN;
-        self.tell_line(Message::Line { connected: false, why: why.to_owned(), reports: true });
+        self.saving = None;
+        self.tell_line(gone(why.to_owned()));
     }
 
     fn abandon(&mut self, gone: Gone) {
@@ -463,6 +481,26 @@ impl Pilot {
         Ok(())
     }
 
+    /// Whether the hub has stored its settings by now.
+    fn follow_save(&mut self) -> Result<(), Trouble> {
+        let (Some(asked), Some(session)) = (&mut self.saving, &mut self.session) else { return Ok(()) };
+        if asked.elapsed() < SAVING {
+            return Ok(());
+        }
+        *asked = Instant::now();
+        let report = session.stored()?;
+        if report.at_work {
+            return Ok(());
+        }
+        self.saving = None;
+        let text = match why_unsaved(&report) {
+            None => "settings are saved, for whenever the hub starts".to_owned(),
+            Some(why) => format!("settings are not saved: {why}"),
+        };
+        self.tell(&Message::Notice { text, grave: false }.text());
+        Ok(())
+    }
+
     fn finish_learning(&mut self, state: &'static str, why: Option<String>, found: Option<Found>) {
         let (Some(Learning { motor, .. }), Some(session)) = (self.learning.take(), &mut self.session) else {
             return;
@@ -504,6 +542,11 @@ impl Pilot {
             pen.tell(refused(why));
         }
     }
+}
+
+/// What pages are told of a hub that does not answer.
+const fn gone(why: String) -> Message {
+    Message::Line { connected: false, why, reports: true, stores: false }
 }
 
 /// The motor whose settings an order is to change.

@@ -10,6 +10,7 @@ use motor_hub::protocol::store::{StoreReport, ToStore};
 use motor_hub::store::{Outcome, Stored};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
+use motor_hub_client::why::why_unsaved;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use studies::table;
@@ -122,12 +123,10 @@ fn at(file: &Path, error: std::io::Error) -> Failure {
 
 /// How an order ended that the hub took.
 fn ended(report: &StoreReport) -> Result<(), Failure> {
-    let why = match report.outcome {
+    let why = match why_unsaved(report) {
         _ if report.at_work => "the hub is still at it",
-        Outcome::Done | Outcome::None => return Ok(()),
-        Outcome::NeedsErase => "it needs an erasure, and a motor runs: disable all motors and try again",
-        Outcome::Refused => "the hub's memory refused",
-        Outcome::Lost => "what was written does not read back: the hub's memory is worn, or it has none",
+        Some(why) => why,
+        None => return Ok(()),
     };
     Err(Failure::work(why))
 }

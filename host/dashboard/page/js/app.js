@@ -24,7 +24,7 @@ function hear(message) {
       Object.assign(state, { you: message.you, place: message.place, simulated: message.simulated, playable: message.playable, catalogue: message.catalogue });
       break;
     case "line":
-      Object.assign(state, { connected: message.connected, why: message.why, reports: message.reports });
+      Object.assign(state, { connected: message.connected, why: message.why, reports: message.reports, stores: message.stores });
       break;
     case "desk":
       state.controller = message.controller;
@@ -61,7 +61,7 @@ function notice(text) {
 /** What stands there while there is nothing to say. */
 function hint() {
   by("notice").classList.remove("news");
-  say(by("notice"), "Esc stops, anywhere, and so does Space outside of fields. Keys 1 to 4 choose a motor.");
+  say(by("notice"), "Esc stops, anywhere, and so does Space outside of fields. Keys 0 to 3 choose a motor.");
 }
 
 function fact(/** @type {any} */ element, /** @type {boolean} */ bad, /** @type {string} */ text) {
@@ -120,8 +120,8 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "Escape" || (event.key === " " && !typing(event.target))) {
     event.preventDefault();
     stop();
-  } else if (/^[1-4]$/.test(event.key) && !typing(event.target) && !event.ctrlKey && !event.altKey && !event.metaKey) {
-    choose(Number(event.key) - 1);
+  } else if (/^[0-3]$/.test(event.key) && !typing(event.target) && !event.ctrlKey && !event.altKey && !event.metaKey) {
+    choose(Number(event.key));
   }
 }, true);
 

@@ -15,6 +15,8 @@ export function setupPanel(link) {
   const facts = h("p", { class: "muted" });
   const apply = h("button", { type: "button", class: "primary", onclick: () => link.order("set-up", { motor: state.chosen, name: name.value === state.settings[state.chosen]?.name ? null : name.value || null, scheme: scheme.value, duty: duty.value }) }, "Set up");
   const undo = h("button", { type: "button", onclick: () => link.order("undo", { motor: state.chosen }) }, "Undo");
+  const save = h("button", { type: "button", id: "save", onclick: () => link.order("save") }, "Save settings");
+  const saving = h("p", { class: "muted" });
   const zero = h("button", { type: "button", onclick: () => link.order("reset-encoder", { motor: state.chosen }) }, "Here is 0 counts");
 
   function fill() {
@@ -29,6 +31,8 @@ export function setupPanel(link) {
   function allow() {
     const may = inControl() && state.connected;
     for (const element of [name, scheme, duty, apply, zero]) element.disabled = !may;
+    save.disabled = !may || !state.stores;
+    say(saving, state.stores || !state.connected ? "Settings of all motors are in force until the hub starts anew, unless they are saved." : "This hub stores no settings: they are in force until it starts anew.");
     fill();
   }
   on("welcome", () => name.replaceChildren(h("option", { value: "" }, "as it is"), ...state.catalogue.map((/** @type {any} */ motor) => h("option", { value: motor.name }, motor.name))));
@@ -37,6 +41,6 @@ export function setupPanel(link) {
   return h("div", { class: "columns" },
     h("div", { class: "stack" },
       h("div", { class: "pair" }, h("label", { for: "setup-name" }, "Motor"), name, h("label", { for: "setup-scheme" }, "Scheme"), scheme, h("label", { for: "setup-duty" }, "Duty"), duty),
-      h("div", { class: "row" }, apply, undo, zero)),
-    h("div", { class: "stack" }, facts, h("p", { class: "muted" }, "Another motor starts with what its own constants give: coefficients and what was known of its motion are forgotten. The scheme decides where S, T, Z and G lie: watch the bands of the control plot while you change it.")));
+      h("div", { class: "row" }, apply, undo, zero, save)),
+    h("div", { class: "stack" }, facts, saving, h("p", { class: "muted" }, "Another motor starts with what its own constants give: coefficients and what was known of its motion are forgotten. The scheme decides where S, T, Z and G lie: watch the bands of the control plot while you change it.")));
 }

@@ -9,6 +9,7 @@ export const state = {
   open: false,
   connected: false,
   reports: true,
+  /** The hub can store its settings. */ stores: false,
   why: "",
   place: "",
   simulated: false,
