@@ -1,0 +1,3 @@
+//! New firmware: what is taken of it, and that a cut of the power at any step leaves firmware that runs.
+
+mod steps;
