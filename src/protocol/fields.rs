@@ -22,7 +22,7 @@ use crate::motor::ZeroPower;
 use crate::units::{Coefficient, Control};
 use heapless::Vec;
 
-/// Payload bytes that are kept of a packet. The longest request has 101, the longest answer 64; what
+/// Payload bytes that are kept of a packet. The longest request has 109, the longest answer 64; what
 /// comes beyond a request's fields is to be ignored.
 pub const PAYLOAD_KEPT: usize = 112;
 

@@ -14,7 +14,7 @@
 //! | [`fields`] | values to payloads and back; ranges |
 //! | [`requests`] | every request: its number and its fields |
 //! | [`motor`], [`pins`], [`setup`], [`group`], [`led`] | the requests to one motor, to pins, to this hub's own interface, of groups among it; the LED's values |
-//! | [`store`] | the requests to what is stored |
+//! | [`store`], [`update`] | the requests to what is stored, and about new firmware |
 //! | [`answers`] | every answer's fields |
 //! | [`nack`] | why a request is refused, as a number and in words |
 //! | [`address`] | who is meant |
@@ -51,6 +51,7 @@ pub mod requests;
 pub mod setup;
 pub mod store;
 mod table;
+pub mod update;
 
 pub use address::{Address, BROADCAST, HOST};
 pub use answers::Reply;

@@ -28,6 +28,7 @@ use super::pins::ToPin;
 use super::setup::{self, ToSetup};
 use super::store::ToStore;
 use super::table::requests;
+use super::update::ToUpdate;
 
 /// The type of the motor interface's function 0, on hubs of this project.
 pub const FIRST_FUNCTION: u16 = 0x1000;
@@ -164,6 +165,8 @@ pub enum Request {
     Bus,
     /// To where settings are stored, on hubs of this project.
     Store(ToStore),
+    /// About new firmware, on hubs of this project.
+    Update(ToUpdate),
 }
 
 impl Request {
@@ -199,6 +202,9 @@ impl Request {
             if ToStore::NUMBERS.contains(&number) {
                 return ToStore::read(number, fields).map(Self::Store);
             }
+            if ToUpdate::NUMBERS.contains(&number) {
+                return ToUpdate::read(number, fields).map(Self::Update);
+            }
             return Ok(Self::Setup(motor(fields)?, ToSetup::read(number, fields)?));
         }
         if Standard::NUMBERS.contains(&packet.id) {
@@ -212,7 +218,9 @@ impl Request {
         match self {
             Self::Standard(_) => None,
             Self::Hub(_) | Self::Motor(..) | Self::Pin(_) => Some(Interface::Motors),
-            Self::Setup(..) | Self::Group(..) | Self::Bus | Self::Store(_) => Some(Interface::Setup),
+            Self::Setup(..) | Self::Group(..) | Self::Bus | Self::Store(_) | Self::Update(_) => {
+                Some(Interface::Setup)
+            }
         }
     }
 
@@ -227,6 +235,7 @@ impl Request {
             Self::Group(_, request) => request.number(),
             Self::Bus => bus::FUNCTION,
             Self::Store(request) => request.number(),
+            Self::Update(request) => request.number(),
         }
     }
 
@@ -248,6 +257,7 @@ impl Request {
             Self::Pin(request) => request.write(out),
             Self::Bus => (),
             Self::Store(request) => request.write(out),
+            Self::Update(request) => request.write(out),
             Self::Motor(motor, request) => {
                 motor.write(out);
                 request.write(out);
@@ -285,6 +295,12 @@ impl From<ToHub> for Request {
 impl From<ToPin> for Request {
     fn from(request: ToPin) -> Self {
         Self::Pin(request)
+    }
+}
+
+impl From<ToUpdate> for Request {
+    fn from(request: ToUpdate) -> Self {
+        Self::Update(request)
     }
 }
 

@@ -20,6 +20,7 @@
 //! | 12 read it back | motor | the fields |
 //! | 13 | of the bus, see [`bus`](super::bus) | |
 //! | 14 to 17 | of what is stored, see [`store`](super::store) | |
+//! | 21 to 26 | of new firmware, see [`update`](super::update) | |
 //!
 //! Function 4 is refused (51) unless the motor is enabled, in constant power of 0; any other target, mode or
 //! disabling ends the motion. From then on function 5 answers of that motion only. What is found is told, not put in force: that is function 2.
@@ -124,7 +125,7 @@ use crate::units::{
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const FUNCTION_COUNT: u16 = 18;
+pub const FUNCTION_COUNT: u16 = 27;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.

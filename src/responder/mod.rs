@@ -19,6 +19,7 @@
 //! | [`button`] | what a button on the board may do until a host has spoken |
 //! | [`pins`] | digital pins; PWM and servo outputs, which this hub only remembers |
 //! | `store` | settings that outlast power: which, and when they are written |
+//! | `update` | new firmware: what whoever has its slot is to do |
 //!
 //! While the battery is low ([`Snapshot::battery_low`]) motors cannot be enabled, and status word and LED say so;
 //! those that run go on with what the supply allows.
@@ -56,6 +57,7 @@ pub mod motor;
 pub mod pins;
 pub mod setup;
 mod store;
+mod update;
 
 pub use answer::Answer;
 
@@ -76,6 +78,7 @@ use led::Led;
 use motor::MotorChannel;
 use pins::{DigitalLines, PinMemory};
 use store::Keeping;
+use update::Updating;
 
 /// What the version commands say: first the version of the interface, for hosts that read from these numbers what they may
 /// ask for, and the hardware that they take it for; then this firmware's own.
@@ -116,6 +119,8 @@ pub struct Responder<const N: usize> {
     expects_store: bool,
     /// `None` where nothing outlasts power.
     keeping: Option<Keeping>,
+    /// `None` without a bootloader.
+    updating: Option<Updating>,
     courses: Courses<N>,
     pins: PinMemory,
     bus: Seen,
@@ -138,6 +143,7 @@ impl<const N: usize> Responder<N> {
             changed: false,
             expects_store: false,
             keeping: None,
+            updating: None,
             courses: Courses::NONE,
             pins: PinMemory::default(),
             bus: Seen::NOTHING,
@@ -265,6 +271,7 @@ impl<const N: usize> Responder<N> {
             Request::Group(motor, ToGroup::State) => self.group(motor, snapshot),
             Request::Bus => Ok(Answer::data(&self.bus_report(now, &snapshot.bus))),
             Request::Store(request) => self.receive_store(request, snapshot),
+            Request::Update(request) => self.receive_update(request, snapshot),
             Request::Setup(motor, request) => {
                 let motor = usize::from(motor);
                 let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;

@@ -18,6 +18,7 @@
 //! | sensed | [`Signal`]: the latest | of boards that hear their bridges; overwritten. The last one holds |
 //! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
 //! | store | two [`Signal`]s | an order at a time, and what became of it |
+//! | update | two [`Signal`]s | an order at a time, and what became of it |
 //! | host spoke | a flag | set by the responder's task once a host has spoken, until reset |
 //!
 //! All of them are generic over the number of motors and over the board's traits, so an embassy
@@ -45,6 +46,7 @@ pub mod output;
 pub mod responder;
 pub mod store;
 pub mod supply;
+pub mod update;
 
 pub use health::{Health, Task};
 
@@ -89,6 +91,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub newest: Mutex<M, RefCell<Newest<N>>>,
     /// Between the responder and whoever has the memory for settings.
     pub store: store::Shelf<M>,
+    /// Between the responder and whoever has the slot for new firmware.
+    pub update: update::Bay<M>,
     /// From the responder to anyone: a host has spoken since reset.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -107,6 +111,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             snapshot: Watch::new(),
             newest: Mutex::new(RefCell::new(Newest::new())),
             store: store::Shelf::new(),
+            update: update::Bay::new(),
             host_spoke: Mutex::new(Cell::new(false)),
         }
     }

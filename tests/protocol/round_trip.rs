@@ -14,6 +14,7 @@ use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, Run
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
 use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
+use motor_hub::protocol::update::ToUpdate;
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal};
@@ -383,10 +384,40 @@ fn to_group() -> Vec<BoxedStrategy<Case>> {
     ]
 }
 
+fn to_update() -> Vec<BoxedStrategy<Case>> {
+    vec![
+        (any::<u32>(), any::<u32>(), text())
+            .prop_map(|(length, crc, version)| {
+                let sizes = vec![4, 4, 1, version.bytes().len()];
+                (ToUpdate::Begin { length, crc, version }.into(), sizes)
+            })
+            .boxed(),
+        (any::<u32>(), text())
+            .prop_map(|(offset, bytes)| {
+                let sizes = vec![4, 1, bytes.bytes().len()];
+                (ToUpdate::Chunk { offset, bytes }.into(), sizes)
+            })
+            .boxed(),
+        plain(ToUpdate::Finish),
+        plain(ToUpdate::Restart),
+        plain(ToUpdate::Abandon),
+        plain(ToUpdate::State),
+    ]
+}
+
 fn any_request() -> impl Strategy<Value = Case> {
     Union::new(
-        [standard(), to_hub(), to_pin(), to_motor(), to_setup(), to_group(), vec![plain(Request::Bus)]]
-            .concat(),
+        [
+            standard(),
+            to_hub(),
+            to_pin(),
+            to_motor(),
+            to_setup(),
+            to_group(),
+            to_update(),
+            vec![plain(Request::Bus)],
+        ]
+        .concat(),
     )
 }
 
@@ -400,6 +431,7 @@ fn no_request_is_left_out_of_these_tests() {
         (to_motor(), ToMotor::NUMBERS),
         (to_setup(), ToSetup::NUMBERS),
         (to_group(), ToGroup::NUMBERS),
+        (to_update(), ToUpdate::NUMBERS),
         (vec![plain(Request::Bus)], &[bus::FUNCTION]),
     ] {
         let tried = strategies.iter().map(|s| s.new_tree(&mut runner).unwrap().current().0.number());

@@ -9,3 +9,4 @@ mod setup;
 mod state;
 mod store;
 mod task;
+mod update;
