@@ -3,17 +3,18 @@
 use std::path::PathBuf;
 
 /// RM0433 2.4. Of the flash the first bank: the second has the settings, and may be written while the first is executed.
+/// Behind a bootloader, the slot that it boots: `boot_h743zi2::layout::ACTIVE`.
 /// Of the RAMs the core's own, DTCM, without wait states and beside all caches: see
 /// docs/decisions/0014-caches-of-the-h743.md. DMA1 and DMA2 do not reach it.
-const MEMORY: &str = "MEMORY {
-    FLASH : ORIGIN = 0x08000000, LENGTH = 1024K
-    RAM   : ORIGIN = 0x20000000, LENGTH =  128K
-}
-";
+const FLASH: &str = "ORIGIN = 0x08000000, LENGTH = 1024K";
+const SLOT: &str = "ORIGIN = 0x08020000, LENGTH = 512K";
+const RAM: &str = "ORIGIN = 0x20000000, LENGTH = 128K";
 
 fn main() {
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets it"));
-    std::fs::write(out.join("memory.x"), MEMORY).expect("the output directory is writable");
+    let flash = if std::env::var_os("CARGO_FEATURE_BOOTLOADER").is_some() { SLOT } else { FLASH };
+    let memory = format!("MEMORY {{\n    FLASH : {flash}\n    RAM : {RAM}\n}}\n");
+    std::fs::write(out.join("memory.x"), memory).expect("the output directory is writable");
     println!("cargo:rustc-link-search={}", out.display());
     // Without page alignment, or the first segment would begin before the flash does.
     println!("cargo:rustc-link-arg-bins=--nmagic");
