@@ -14,3 +14,4 @@ mod speed;
 mod stack;
 mod store;
 mod supply;
+mod update;
