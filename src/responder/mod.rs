@@ -83,8 +83,16 @@ use update::Updating;
 /// What the version commands say: first the version of the interface, for hosts that read from these numbers what they may
 /// ask for, and the hardware that they take it for; then this firmware's own.
 const VERSION_TEXT: &[u8] =
-    concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION")).as_bytes();
+    without_last(concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION"), "\0").as_bytes());
 const _: () = assert!(VERSION_TEXT.len() <= LONGEST_VERSION);
+
+/// In the image a zero ends it, by which a host finds it there.
+const fn without_last(text: &[u8]) -> &[u8] {
+    match text.split_last() {
+        Some((_, text)) => text,
+        None => text,
+    }
+}
 
 /// Hosts have room for so many bytes.
 const LONGEST_VERSION: usize = 39;
