@@ -18,7 +18,7 @@ pub(crate) struct Board {
 }
 
 /// All of them; the first is meant when none is named.
-pub(crate) const ALL: [Board; 3] = [
+pub(crate) const ALL: [Board; 4] = [
     Board {
         name: "nucleo-f429zi",
         target: "thumbv7em-none-eabihf",
@@ -41,6 +41,14 @@ pub(crate) const ALL: [Board; 3] = [
         chip: "STM32G474RETx",
         flash: 128 * 1024,
         ram: 48 * 1024,
+    },
+    // Not a hub: the bootloader of the second.
+    Board {
+        name: "boot-h743zi2",
+        target: "thumbv7em-none-eabihf",
+        chip: "STM32H743ZITx",
+        flash: 16 * 1024,
+        ram: 1024,
     },
 ];
 
