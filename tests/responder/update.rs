@@ -1,13 +1,11 @@
 //! New firmware, as a host hears of it.
 
-use crate::host::{Said, TestHost};
+use crate::host::{SLOT, Said, TestHost};
 use motor_hub::hub::Snapshot;
 use motor_hub::protocol::Request;
 use motor_hub::protocol::fields::{Field, Fields, Text};
 use motor_hub::protocol::update::{ToUpdate, UpdateReport};
-use motor_hub::update::{Booted, CHUNK, Done, Order, Outcome, Phase, Slot};
-
-const SLOT: Slot = Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000) };
+use motor_hub::update::{Booted, CHUNK, Done, Order, Outcome, Phase};
 
 fn say(host: &mut TestHost, request: ToUpdate) -> Said {
     let request = Request::from(request);
