@@ -41,6 +41,7 @@
 //! | [`protocol`] | the host's protocol as bytes, both ends of it: frames, requests, answers |
 //! | [`responder`] | the hub's end of it: what is remembered and decided; keep-alive, LED |
 //! | [`store`] | settings that outlast power: what is stored, and which of two copies counts |
+//! | [`update`] | new firmware: what of an image is taken, and when it may be started |
 //! | [`board`] | the traits that a board implements |
 //! | `tasks` (feature `tasks`, on by default) | async shells round the above |
 //! | `model` (feature `model`) | physics in `f64`, for simulators and tests; knows nothing of the control |
@@ -76,3 +77,4 @@ pub mod supply;
 #[cfg(feature = "tasks")]
 pub mod tasks;
 pub mod units;
+pub mod update;

@@ -14,7 +14,7 @@
 //! | [`fields`] | values to payloads and back; ranges |
 //! | [`requests`] | every request: its number and its fields |
 //! | [`motor`], [`pins`], [`setup`], [`group`], [`led`] | the requests to one motor, to pins, to this hub's own interface, of groups among it; the LED's values |
-//! | [`bus`], [`record`], [`report`], [`store`] | of that interface too: how the bus is; what happened; what all motors do, in one answer; what is stored |
+//! | [`bus`], [`record`], [`report`], [`store`], [`update`] | of that interface too: how the bus is; what happened; what all motors do, in one answer; what is stored; new firmware |
 //! | [`answers`] | every answer's fields |
 //! | [`nack`] | why a request is refused, as a number and in words |
 //! | [`address`] | who is meant |
@@ -53,6 +53,7 @@ pub mod requests;
 pub mod setup;
 pub mod store;
 mod table;
+pub mod update;
 
 pub use address::{Address, BROADCAST, HOST};
 pub use answers::Reply;

@@ -37,6 +37,22 @@ impl Nack {
     pub const STORE_DAMAGED: Self = Self(63);
     /// There is no room for these settings beside those of another firmware.
     pub const STORE_FULL: Self = Self(64);
+    /// A chunk of new firmware is being written, or the firmware checked.
+    pub const UPDATE_AT_WORK: Self = Self(70);
+    /// The firmware that runs is on trial.
+    pub const UPDATE_ON_TRIAL: Self = Self(71);
+    /// New firmware waits for a restart.
+    pub const UPDATE_ARMED: Self = Self(72);
+    /// New firmware is longer than its slot, or empty.
+    pub const UPDATE_TOO_LONG: Self = Self(73);
+    /// No new firmware was announced, or the flash failed.
+    pub const UPDATE_NOT_BEGUN: Self = Self(74);
+    /// A chunk is missing before.
+    pub const UPDATE_GAP: Self = Self(75);
+    /// What was sent is no firmware for this chip and slot.
+    pub const UPDATE_NOT_AN_IMAGE: Self = Self(76);
+    /// No new firmware waits for a restart.
+    pub const UPDATE_NOT_ARMED: Self = Self(77);
     /// A known command for something that the hub does not have.
     pub const UNSUPPORTED: Self = Self(253);
     /// Not a command.
@@ -87,6 +103,14 @@ impl fmt::Display for Nack {
             62 => f.write_str("what is stored is a later firmware's"),
             63 => f.write_str("what is stored is damaged"),
             64 => f.write_str("no room for these settings beside those of another firmware"),
+            70 => f.write_str("new firmware is being written or checked"),
+            71 => f.write_str("the firmware that runs has not confirmed itself yet"),
+            72 => f.write_str("new firmware waits for a restart already"),
+            73 => f.write_str("the image is longer than its slot, or empty"),
+            74 => f.write_str("no new firmware was announced, or the flash failed"),
+            75 => f.write_str("a chunk is missing before this one"),
+            76 => f.write_str("the image is not for this chip, or not linked to its slot"),
+            77 => f.write_str("no new firmware waits for a restart"),
             253 => f.write_str("this hub does not have it"),
             254 => f.write_str("known command, not routed"),
             255 => f.write_str("unknown command"),

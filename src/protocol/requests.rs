@@ -30,6 +30,7 @@ use super::report;
 use super::setup::{self, ToSetup};
 use super::store::ToStore;
 use super::table::requests;
+use super::update::ToUpdate;
 
 /// The type of the motor interface's function 0, on hubs of this project.
 pub const FIRST_FUNCTION: u16 = 0x1000;
@@ -170,6 +171,8 @@ pub enum Request {
     Store(ToStore),
     /// What motors and bus do, on hubs of this project.
     Report,
+    /// About new firmware, on hubs of this project.
+    Update(ToUpdate),
 }
 
 impl Request {
@@ -211,6 +214,9 @@ impl Request {
             if number == report::FUNCTION {
                 return Ok(Self::Report);
             }
+            if ToUpdate::NUMBERS.contains(&number) {
+                return ToUpdate::read(number, fields).map(Self::Update);
+            }
             return Ok(Self::Setup(motor(fields)?, ToSetup::read(number, fields)?));
         }
         if Standard::NUMBERS.contains(&packet.id) {
@@ -229,7 +235,8 @@ impl Request {
             | Self::Bus
             | Self::Report
             | Self::Record(_)
-            | Self::Store(_) => Some(Interface::Setup),
+            | Self::Store(_)
+            | Self::Update(_) => Some(Interface::Setup),
         }
     }
 
@@ -246,6 +253,7 @@ impl Request {
             Self::Record(request) => request.number(),
             Self::Store(request) => request.number(),
             Self::Report => report::FUNCTION,
+            Self::Update(request) => request.number(),
         }
     }
 
@@ -268,6 +276,7 @@ impl Request {
             Self::Bus | Self::Report => (),
             Self::Record(request) => request.write(out),
             Self::Store(request) => request.write(out),
+            Self::Update(request) => request.write(out),
             Self::Motor(motor, request) => {
                 motor.write(out);
                 request.write(out);
@@ -311,6 +320,12 @@ impl From<ToPin> for Request {
 impl From<ToRecord> for Request {
     fn from(request: ToRecord) -> Self {
         Self::Record(request)
+    }
+}
+
+impl From<ToUpdate> for Request {
+    fn from(request: ToUpdate) -> Self {
+        Self::Update(request)
     }
 }
 

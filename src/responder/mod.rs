@@ -19,6 +19,7 @@
 //! | [`button`] | what a button on the board may do until a host has spoken |
 //! | [`pins`] | digital pins; PWM and servo outputs, which this hub only remembers |
 //! | `store` | settings that outlast power: which, and when they are written |
+//! | `update` | new firmware: what whoever has its slot is to do |
 //!
 //! While the battery is low ([`Snapshot::battery_low`]) motors cannot be enabled, and status word and LED say so;
 //! those that run go on with what the supply allows.
@@ -57,6 +58,7 @@ pub mod pins;
 mod report;
 pub mod setup;
 mod store;
+mod update;
 
 pub use answer::Answer;
 
@@ -80,12 +82,21 @@ use led::Led;
 use motor::MotorChannel;
 use pins::{DigitalLines, PinMemory};
 use store::Keeping;
+use update::Updating;
 
 /// What the version commands say: first the version of the interface, for hosts that read from these numbers what they may
 /// ask for, and the hardware that they take it for; then this firmware's own.
 const VERSION_TEXT: &[u8] =
-    concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION")).as_bytes();
+    without_last(concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION"), "\0").as_bytes());
 const _: () = assert!(VERSION_TEXT.len() <= LONGEST_VERSION);
+
+/// In the image a zero ends it, by which a host finds it there.
+const fn without_last(text: &[u8]) -> &[u8] {
+    match text.split_last() {
+        Some((_, text)) => text,
+        None => text,
+    }
+}
 
 /// Hosts have room for so many bytes.
 const LONGEST_VERSION: usize = 39;
@@ -120,6 +131,8 @@ pub struct Responder<const N: usize> {
     expects_store: bool,
     /// `None` where nothing outlasts power.
     keeping: Option<Keeping>,
+    /// `None` without a bootloader.
+    updating: Option<Updating>,
     courses: Courses<N>,
     pins: PinMemory,
     bus: Seen,
@@ -142,6 +155,7 @@ impl<const N: usize> Responder<N> {
             changed: false,
             expects_store: false,
             keeping: None,
+            updating: None,
             courses: Courses::NONE,
             pins: PinMemory::default(),
             bus: Seen::NOTHING,
@@ -288,6 +302,7 @@ impl<const N: usize> Responder<N> {
             Request::Bus => Ok(Answer::data(&self.bus_report(now, &snapshot.bus))),
             Request::Store(request) => self.receive_store(request, snapshot),
             Request::Report => Ok(Answer::data(&self.report(now, snapshot))),
+            Request::Update(request) => self.receive_update(request, snapshot),
             Request::Setup(motor, request) => {
                 let motor = usize::from(motor);
                 let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;

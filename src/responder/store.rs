@@ -177,7 +177,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// No host has a motor enabled, and none does anything.
-    fn is_off(&self, snapshot: &Snapshot<N>) -> bool {
+    pub(super) fn is_off(&self, snapshot: &Snapshot<N>) -> bool {
         let quiet = |report: &Report| report.setpoint == Setpoint::Disabled;
         !self.channels.iter().any(MotorChannel::enabled) && snapshot.motors.iter().all(quiet)
     }

@@ -32,6 +32,7 @@ pub struct Health {
     /// In a critical section, not an atomic: some cores can load and store but not read, modify and write.
     checked_in: CriticalSectionMutex<Cell<u8>>,
     expected: u8,
+    rounds: CriticalSectionMutex<Cell<u32>>,
 }
 
 impl Default for Health {
@@ -43,7 +44,8 @@ impl Default for Health {
 impl Health {
     /// Nobody has; the tasks that every board has are expected.
     pub const fn new() -> Self {
-        Self { checked_in: CriticalSectionMutex::new(Cell::new(0)), expected: ALWAYS }
+        let rounds = CriticalSectionMutex::new(Cell::new(0));
+        Self { checked_in: CriticalSectionMutex::new(Cell::new(0)), expected: ALWAYS, rounds }
     }
 
     /// Another task is expected besides.
@@ -55,6 +57,11 @@ impl Health {
     /// A task says that it has done its work.
     pub fn check_in(&self, task: Task) {
         self.checked_in.lock(|tasks| tasks.set(tasks.get() | task as u8 & self.expected));
+    }
+
+    /// How often all have checked in since reset.
+    pub fn rounds(&self) -> u32 {
+        self.rounds.lock(Cell::get)
     }
 
     /// True if all have checked in; the round then starts anew.
@@ -80,6 +87,7 @@ pub async fn run(mut watchdog: impl Watchdog, health: &Health) -> ! {
         ticker.next().await;
         if health.take_if_all() {
             watchdog.feed();
+            health.rounds.lock(|rounds| rounds.set(rounds.get().saturating_add(1)));
         }
     }
 }

@@ -20,6 +20,7 @@
 //! | record | of what happened, in a cell | written with each tick; the oldest entry makes room |
 //! | last words | likewise, for fault handlers | written once a run |
 //! | store | two [`Signal`]s | an order at a time, and what became of it |
+//! | update | two [`Signal`]s | an order at a time, and what became of it |
 //! | host spoke | a flag | set by the responder's task once a host has spoken, until reset |
 //!
 //! All of them are generic over the number of motors and over the board's traits, so an embassy
@@ -47,6 +48,7 @@ pub mod output;
 pub mod responder;
 pub mod store;
 pub mod supply;
+pub mod update;
 
 pub use health::{Health, Task};
 
@@ -96,6 +98,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub last_words: CriticalSectionMutex<RefCell<Option<LastWords<'static>>>>,
     /// Between the responder and whoever has the memory for settings.
     pub store: store::Shelf<M>,
+    /// Between the responder and whoever has the slot for new firmware.
+    pub update: update::Bay<M>,
     /// From the responder to anyone: a host has spoken since reset.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -116,6 +120,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             record: Mutex::new(RefCell::new(None)),
             last_words: CriticalSectionMutex::new(RefCell::new(None)),
             store: store::Shelf::new(),
+            update: update::Bay::new(),
             host_spoke: Mutex::new(Cell::new(false)),
         }
     }

@@ -65,6 +65,7 @@ pub async fn run<M: RawMutex, const N: usize>(
         while let Some(packet) = decoder.next(&mut input, came) {
             exchange(responder, &mut pins);
             responder.sense_bus(wires.bus.lock(Cell::get));
+            hear_slot(responder, wires);
             let reply = wires.record.lock(|record| {
                 // Nobody holds it over an await.
                 let mut record = record.try_borrow_mut().ok();
@@ -147,6 +148,10 @@ fn settle<M: RawMutex, const N: usize>(
     if let Some(order) = responder.order(&snapshot) {
         wires.store.order.signal(order);
     }
+    hear_slot(responder, wires);
+    if let Some(order) = responder.update_order() {
+        wires.update.order.signal(order);
+    }
     wires.host_spoke.lock(|spoke| spoke.set(responder.host_spoke()));
     while let Some(command) = responder.pending() {
         if wires.try_send(command).is_err() {
@@ -156,6 +161,13 @@ fn settle<M: RawMutex, const N: usize>(
     }
     exchange(responder, pins);
     show(responder.led(now));
+}
+
+/// What became of a chunk, before the next one is looked at.
+fn hear_slot<M: RawMutex, const N: usize>(responder: &mut Responder<N>, wires: &Wires<M, N>) {
+    if let Some(done) = wires.update.done.try_take() {
+        responder.update_done(done);
+    }
 }
 
 /// Digital pins are told what to do, and tell how they are.

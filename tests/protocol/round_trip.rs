@@ -17,6 +17,7 @@ use motor_hub::protocol::report::{self, HubReport, MotorReport, Told};
 use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
 use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
 use motor_hub::protocol::store::{StoreReport, ToStore};
+use motor_hub::protocol::update::ToUpdate;
 use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::record::{Fault, Head, Tick};
 use motor_hub::regulator::identify::{Identification, Identified, Refusal};
@@ -532,6 +533,27 @@ fn tick() -> impl Strategy<Value = Tick> {
     })
 }
 
+fn to_update() -> Vec<BoxedStrategy<Case>> {
+    vec![
+        (any::<u32>(), any::<u32>(), text())
+            .prop_map(|(length, crc, version)| {
+                let sizes = vec![4, 4, 1, version.bytes().len()];
+                (ToUpdate::Begin { length, crc, version }.into(), sizes)
+            })
+            .boxed(),
+        (any::<u32>(), text())
+            .prop_map(|(offset, bytes)| {
+                let sizes = vec![4, 1, bytes.bytes().len()];
+                (ToUpdate::Chunk { offset, bytes }.into(), sizes)
+            })
+            .boxed(),
+        plain(ToUpdate::Finish),
+        plain(ToUpdate::Restart),
+        plain(ToUpdate::Abandon),
+        plain(ToUpdate::State),
+    ]
+}
+
 fn any_request() -> impl Strategy<Value = Case> {
     Union::new(
         [
@@ -543,6 +565,7 @@ fn any_request() -> impl Strategy<Value = Case> {
             to_group(),
             to_record(),
             to_store(),
+            to_update(),
             vec![plain(Request::Bus), plain(Request::Report)],
         ]
         .concat(),
@@ -561,6 +584,7 @@ fn no_request_is_left_out_of_these_tests() {
         (to_group(), ToGroup::NUMBERS),
         (to_record(), ToRecord::NUMBERS),
         (to_store(), ToStore::NUMBERS),
+        (to_update(), ToUpdate::NUMBERS),
         (vec![plain(Request::Bus)], &[bus::FUNCTION]),
         (vec![plain(Request::Report)], &[report::FUNCTION]),
     ] {

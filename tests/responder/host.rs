@@ -9,9 +9,14 @@ use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
 use motor_hub::supply::Stage;
 use motor_hub::units::{Micros, Millivolts};
+use motor_hub::update::{Booted, Done, Slot};
 
 pub(crate) const N: usize = 4;
 pub(crate) const HUB: u8 = 3;
+
+/// A slot for new firmware.
+pub(crate) const SLOT: Slot =
+    Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000) };
 
 /// A NeveRest 60.
 pub(crate) fn settings() -> Settings {
@@ -161,6 +166,9 @@ pub(crate) enum Event {
 /// a frame enabled it, and in the end a keep-alive is answered.
 pub(crate) fn survive(events: &[Event]) {
     let mut host = TestHost::settled();
+    // As much as a hub can have.
+    host.responder = host.responder.with_slot(SLOT);
+    host.responder.update_done(Done::Booted(Booted::Confirmed));
     let mut stream = Vec::new();
     let mut told = Vec::new();
     for event in events {

@@ -10,3 +10,4 @@ mod setup;
 mod state;
 mod store;
 mod task;
+mod update;

@@ -18,13 +18,13 @@ pub(crate) struct Board {
 }
 
 /// All of them; the first is meant when none is named.
-pub(crate) const ALL: [Board; 3] = [
+pub(crate) const ALL: [Board; 4] = [
     Board {
         name: "nucleo-f429zi",
         target: "thumbv7em-none-eabihf",
         chip: "STM32F429ZITx",
         // Of 1 MB. What stores settings takes 29 kB of it.
-        flash: 160 * 1024,
+        flash: 192 * 1024,
         ram: 48 * 1024,
     },
     Board {
@@ -32,15 +32,23 @@ pub(crate) const ALL: [Board; 3] = [
         target: "thumbv7em-none-eabihf",
         chip: "STM32H743ZITx",
         // The same.
-        flash: 160 * 1024,
+        flash: 192 * 1024,
         ram: 48 * 1024,
     },
     Board {
         name: "nucleo-g474re",
         target: "thumbv7em-none-eabihf",
         chip: "STM32G474RETx",
-        flash: 160 * 1024,
+        flash: 192 * 1024,
         ram: 48 * 1024,
+    },
+    // Not a hub: the bootloader of the second.
+    Board {
+        name: "boot-h743zi2",
+        target: "thumbv7em-none-eabihf",
+        chip: "STM32H743ZITx",
+        flash: 16 * 1024,
+        ram: 1024,
     },
 ];
 

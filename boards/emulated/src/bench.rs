@@ -41,6 +41,8 @@ pub struct Setup {
     pub battery: Battery,
     /// What its memory for settings holds: that of [`Board::store`], or nothing for a blank one.
     pub stored: Vec<u8>,
+    /// The board's bootloader comes first, and starts the image that is built for it.
+    pub bootloader: bool,
     /// How TIM1 is emulated.
     pub pwm: Pwm,
     /// Where to listen for GDB, if at all; the core then waits for it.
@@ -52,7 +54,15 @@ impl Setup {
     #[must_use]
     pub fn new(motors: Vec<Mounting>) -> Self {
         let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
-        Self { board: Board::default(), motors, battery, stored: Vec::new(), pwm: Pwm::default(), gdb: None }
+        Self {
+            board: Board::default(),
+            motors,
+            battery,
+            stored: Vec::new(),
+            bootloader: false,
+            pwm: Pwm::default(),
+            gdb: None,
+        }
     }
 }
 
@@ -105,7 +115,7 @@ impl Bench {
     /// The hub's firmware, just powered on.
     #[must_use]
     pub fn new(setup: Setup) -> Self {
-        let image = elf::hub(setup.board);
+        let image = if setup.bootloader { elf::hub_in_slot(setup.board) } else { elf::hub(setup.board) };
         Self::with_image(setup, &image)
     }
 
@@ -122,6 +132,11 @@ impl Bench {
                 .expect("an image"),
             Image::new(image, bytes, None).expect("an image"),
         ];
+        if setup.bootloader {
+            let place = elf::bootloader(setup.board);
+            let bytes = std::fs::read(&place).unwrap_or_else(|error| panic!("{}: {error}", place.display()));
+            images.push(Image::new(&place, bytes, None).expect("an image"));
+        }
         if !setup.stored.is_empty() {
             let at = Some(setup.board.store().start);
             images.push(Image::new(Path::new("settings"), setup.stored.clone(), at).expect("an image"));

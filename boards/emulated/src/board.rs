@@ -83,6 +83,15 @@ impl Board {
         }
     }
 
+    /// The package of its bootloader, if it has one.
+    #[must_use]
+    pub const fn bootloader(self) -> Option<&'static str> {
+        match self {
+            Self::NucleoF429zi => None,
+            Self::NucleoH743zi2 => Some("boot-h743zi2"),
+        }
+    }
+
     /// The board that `MOTOR_HUB_BOARD` names, or else the first: what tests run that are not of one board.
     ///
     /// # Errors

@@ -72,6 +72,24 @@ fn build_as(image: &str, package: &str, options: &[&str], variables: &[(&str, &s
     place
 }
 
+/// A board's firmware as its bootloader starts it.
+///
+/// # Panics
+/// If it does not build.
+#[must_use]
+pub fn hub_in_slot(board: Board) -> PathBuf {
+    build_as(&format!("{board}-in-slot"), board.name(), &["--features", "bootloader"], &[])
+}
+
+/// A board's bootloader.
+///
+/// # Panics
+/// If it has none, or that does not build.
+#[must_use]
+pub fn bootloader(board: Board) -> PathBuf {
+    build(board.bootloader().unwrap_or_else(|| panic!("{board} has no bootloader")))
+}
+
 /// What is wrong with the image that `MOTOR_HUB_ELF` names.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {

@@ -5,7 +5,7 @@
 //! use simulated::serve::Line;
 //!
 //! let line = Line::tcp("127.0.0.1:7070")?;
-//! serve::run(&serve::scenario()?, Board::NucleoF429zi, line, &mut |_| true)?;
+//! serve::run(&serve::scenario()?, Board::NucleoF429zi, false, line, &mut |_| true)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -17,7 +17,7 @@ use motor_hub::protocol::requests::Standard;
 use simulated::scenario::{Scenario, ScenarioError};
 use simulated::serve::{Line, Moment, line_on, pace};
 
-use crate::bench::Bench;
+use crate::bench::{Bench, Setup};
 use crate::board::Board;
 use crate::replay::{ReplayError, drive, stand};
 use crate::talk::Talk;
@@ -49,7 +49,7 @@ pub fn scenario() -> Result<Scenario, ScenarioError> {
     Ok(scenario)
 }
 
-/// Serves a board's image with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves
+/// Serves a board's image, behind its bootloader or alone, with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves
 /// the simulated board.
 ///
 /// # Errors
@@ -57,10 +57,11 @@ pub fn scenario() -> Result<Scenario, ScenarioError> {
 pub fn run(
     scenario: &Scenario,
     board: Board,
+    bootloader: bool,
     mut line: Line,
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), ReplayError> {
-    let mut bench = Bench::new(stand(scenario, board));
+    let mut bench = Bench::new(Setup { bootloader, ..stand(scenario, board) });
     let mut chunk = [0; 512];
     let mut reply: Vec<u8> = Vec::new();
     bench.run(BOOT);

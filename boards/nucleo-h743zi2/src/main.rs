@@ -7,18 +7,21 @@
 
 mod adc;
 mod chip;
-mod second_bank;
 
 use adc::BatteryAdc;
+use boot_h743zi2::{Words, layout};
+use core::ops::Range;
 use defmt::{info, unwrap};
 use defmt_rtt as _;
+use embassy_embedded_hal::flash::partition::Partition;
 use embassy_executor::Spawner;
-use embassy_stm32::flash::{self, Flash};
+use embassy_stm32::flash::{self, Async, Bank2Region, Flash};
 use embassy_stm32::gpio::{AnyPin, Flex, Input, Level, Output, Pull, Speed};
 use embassy_stm32::peripherals::{IWDG1, TIM1, TIM2, TIM3, TIM4, TIM8, USART3};
 use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx, BufferedUartTx};
 use embassy_stm32::{Peri, bind_interrupts, interrupt, pac, rcc};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
+use embassy_sync::mutex::Mutex;
 use motor_hub::braking::Winding;
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::hub::Hub;
@@ -28,8 +31,10 @@ use motor_hub::record::Fault;
 use motor_hub::responder::Responder;
 use motor_hub::supply::{Limits, Supply};
 use motor_hub::tasks::store::Keeper;
+use motor_hub::tasks::update::Slots;
 use motor_hub::tasks::{self, Health, Task};
 use motor_hub::units::Period;
+use motor_hub::update::Slot;
 use motor_hub_stm32::diag::DiagLines;
 use motor_hub_stm32::encoders::{Counter, QuadratureCounters};
 use motor_hub_stm32::faults::End;
@@ -38,7 +43,6 @@ use motor_hub_stm32::pins::DigitalLines;
 use motor_hub_stm32::vnh5019::{Pwm, Vnh5019};
 use motor_hub_stm32::watchdog::IndependentWatchdog;
 use motor_hub_stm32::{demo, record, serial, status};
-use second_bank::SecondBank;
 use static_cell::StaticCell;
 
 /// Motors on this board.
@@ -50,9 +54,22 @@ const PINS: usize = 2;
 /// Divider from the battery to PA3: 24 V, the highest that the bridges take, makes 2.61 V, and 30.3 V the full 3.3 V.
 const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
 
-/// Where settings are stored, from the start of the second bank: its last two sectors. The code is in the other bank, so it
-/// runs on while these are written and erased (RM0433 4.3.11).
-const STORE: core::ops::Range<u32> = 768 * 1024..1024 * 1024;
+/// The flash's second bank, for settings and new firmware. The code is in the other bank, so it runs on while this one is
+/// written and erased (RM0433 4.3.9).
+type SecondBank = Words<Bank2Region<'static, Async>>;
+
+/// A part of it.
+type Part = Partition<'static, ThreadModeRawMutex, SecondBank>;
+
+/// A bootloader starts this image, and others like it.
+const HAS_BOOTLOADER: bool = cfg!(feature = "bootloader");
+
+/// Where it starts them from.
+const SLOT: Slot = Slot {
+    origin: layout::ORIGIN,
+    length: layout::ACTIVE.end - layout::ACTIVE.start,
+    ram: (layout::RAM.start, layout::RAM.end),
+};
 
 /// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.
 const PERIOD: Period = motor_hub_stm32::period(option_env!("CONTROL_PERIOD_MS"));
@@ -140,11 +157,17 @@ async fn main(spawner: Spawner) {
     let (tx, rx) = unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, buffers));
     let lamp = Lamp { red: low(p.PB14.into()), green: low(p.PB0.into()), blue: low(p.PE1.into()) };
     let pins = DigitalLines::new([Flex::new(p.PF14), Flex::new(p.PF15)]);
-    let second_bank = SecondBank(Flash::new(p.FLASH, Irqs).into_regions().bank2_region);
-    let keeper = Keeper::new(second_bank, STORE);
+    static SECOND_BANK: StaticCell<Mutex<ThreadModeRawMutex, SecondBank>> = StaticCell::new();
+    let second_bank = Words::new(Flash::new(p.FLASH, Irqs).into_regions().bank2_region, 1);
+    let second_bank = SECOND_BANK.init(Mutex::new(second_bank));
+    let part = |at: Range<u32>| Part::new(second_bank, at.start, at.end - at.start);
+    let keeper = Keeper::new(part(layout::STORE), 0..layout::STORE.end - layout::STORE.start);
     let has_store = keeper.is_some();
     if let Some(keeper) = keeper {
         spawner.spawn(unwrap!(store(keeper)));
+    }
+    if HAS_BOOTLOADER && let Some(slots) = Slots::new(part(layout::DOWNLOAD), part(layout::STATE)) {
+        spawner.spawn(unwrap!(update(slots)));
     }
     spawner.spawn(unwrap!(responder(rx, tx, pins, lamp, settings, has_store)));
     spawner.spawn(unwrap!(button(Input::new(p.PC13, Pull::None))));
@@ -202,6 +225,9 @@ async fn responder(
     if has_store {
         responder = responder.expecting_store();
     }
+    if HAS_BOOTLOADER {
+        responder = responder.with_slot(SLOT);
+    }
     // The lamp is shown at least every 100 ms, whatever the line does.
     let show = |colour| {
         lamp.show(colour);
@@ -211,8 +237,13 @@ async fn responder(
 }
 
 #[embassy_executor::task]
-async fn store(keeper: Keeper<SecondBank>) -> ! {
+async fn store(keeper: Keeper<Part>) -> ! {
     tasks::store::run(keeper, &WIRES).await
+}
+
+#[embassy_executor::task]
+async fn update(slots: Slots<Part, Part>) -> ! {
+    tasks::update::run(slots, &WIRES, &HEALTH, || cortex_m::peripheral::SCB::sys_reset()).await
 }
 
 #[embassy_executor::task]

@@ -19,6 +19,7 @@ mod together;
 mod trouble;
 mod tune;
 mod turn;
+mod update;
 mod watch;
 
 use crate::output::{Failure, print};
@@ -113,6 +114,9 @@ enum Command {
     /// Settings that outlast power, on hubs of this project: shows, saves, resets, exports, imports
     #[command(long_about = settings::HELP)]
     Settings(settings::Options),
+    /// New firmware for a hub with a bootloader: sends it, starts it, and waits until it has confirmed itself
+    #[command(long_about = update::HELP)]
+    Update(update::Options),
     /// Learns how a motor moves with its load, from a motion of some 3 s both ways, on hubs of this project
     ///
     /// The motor must stand, and be free to turn. It is disabled at the end, on Ctrl-C, and on any error.
@@ -158,6 +162,7 @@ impl Options {
             Command::Drive(drive) => drop(drive.order()?),
             Command::Record(options) => options.check()?,
             Command::Settings(options) => options.check()?,
+            Command::Update(options) => options.check()?,
             _ => (),
         }
         let timeout = Duration::from_millis(self.timeout);
@@ -216,6 +221,7 @@ impl Command {
             Self::Coefficients(options) => return options.execute(&mut session),
             Self::Setup(options) => return options.execute(&mut session),
             Self::Settings(options) => return options.execute(&mut session),
+            Self::Update(options) => return options.execute(&mut session),
             Self::Identify(options) => return options.execute(&mut session),
             Self::Tune(options) => return options.execute(&mut session),
             Self::Watch(options) => return options.execute(&mut session),

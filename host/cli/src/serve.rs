@@ -50,14 +50,20 @@ pub(crate) struct Options {
     /// Whose image: nucleo-f429zi or nucleo-h743zi2
     #[arg(long, value_name = "BOARD", default_value_t, requires = "emulated")]
     board: Board,
+    /// The board's bootloader comes first, so that new firmware can be sent to it; nucleo-h743zi2 has one
+    #[arg(long, requires = "emulated")]
+    bootloader: bool,
 }
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         if self.emulated {
             elf::check_named().map_err(Failure::input)?;
+            if self.bootloader && self.board.bootloader().is_none() {
+                return Err(Failure::Input(format!("{} has no bootloader; nucleo-h743zi2 has", self.board)));
+            }
             return self.serving.execute(emulated::serve::scenario, |scenario, line, show| {
-                emulated::serve::run(scenario, self.board, line, show)
+                emulated::serve::run(scenario, self.board, self.bootloader, line, show)
             });
         }
         let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;

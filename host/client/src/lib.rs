@@ -11,6 +11,7 @@
 //! | [`mod@line`] | serial port or TCP connection, as bytes with timeouts |
 //! | [`session`] | one request at a time: waiting, trying again, discovery |
 //! | [`hub`], [`motor`] | the protocol's commands, as methods of [`Session`] |
+//! | [`update`] | new firmware, sent and started |
 //! | [`memory`] | a hub in memory, for tests of host programs |
 //! | [`error`] | what can go wrong |
 //! | [`why`] | why a motor does not turn, or settings were not stored |
@@ -51,6 +52,7 @@ pub mod line;
 pub mod memory;
 pub mod motor;
 pub mod session;
+pub mod update;
 pub mod why;
 mod words;
 

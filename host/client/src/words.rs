@@ -7,6 +7,7 @@ use motor_hub::protocol::record::ToRecord;
 use motor_hub::protocol::requests::{BATTERY, Interface, Standard, ToHub};
 use motor_hub::protocol::setup::ToSetup;
 use motor_hub::protocol::store::ToStore;
+use motor_hub::protocol::update::ToUpdate;
 
 /// What completes "the hub was asked to".
 pub(crate) fn words(request: &Request) -> String {
@@ -37,6 +38,14 @@ pub(crate) fn words(request: &Request) -> String {
         Request::Store(ToStore::Reset) => "forget its settings".to_owned(),
         Request::Store(ToStore::State) => "tell what it has stored".to_owned(),
         Request::Report => "tell what its motors do".to_owned(),
+        Request::Update(ToUpdate::Begin { .. }) => "take new firmware".to_owned(),
+        Request::Update(ToUpdate::Chunk { offset, .. }) => {
+            format!("take the chunk of its firmware at byte {offset}")
+        }
+        Request::Update(ToUpdate::Finish) => "check its new firmware".to_owned(),
+        Request::Update(ToUpdate::Restart) => "restart with its new firmware".to_owned(),
+        Request::Update(ToUpdate::Abandon) => "forget its new firmware".to_owned(),
+        Request::Update(ToUpdate::State) => "tell how far its update is".to_owned(),
         Request::Pin(request) => format!("do function {} of its pins", request.number()),
     }
 }

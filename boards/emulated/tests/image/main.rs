@@ -15,3 +15,4 @@ mod speed;
 mod stack;
 mod store;
 mod supply;
+mod update;

@@ -1,12 +1,13 @@
-//! The second bank of the flash, for settings.
+//! A bank of the flash, word by word.
 //!
 //! Each word of 32 bytes has a code that corrects one bit of it. A word at which power went while it was written has none
 //! that fits: to read it is a bus error (RM0433 4.7.7), and would be one at each power-on from then on. Here it reads as zeros,
-//! which no checksum takes for a setting.
+//! which no checksum takes for a setting, and the bootloader for no state.
 
 use core::arch::asm;
 use cortex_m::peripheral::SCB;
-use embassy_stm32::flash::{Async, Bank2Region, Error};
+use embassy_futures::block_on;
+use embassy_stm32::flash::Error;
 use embassy_stm32::pac;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
@@ -16,14 +17,33 @@ const BFHFNMIGN: u32 = 1 << 8;
 /// Bytes that are written, and read, as one.
 const WORD: usize = 32;
 
-/// The bank.
-pub(crate) struct SecondBank(pub(crate) Bank2Region<'static, Async>);
+/// A bank.
+pub struct Words<F> {
+    flash: F,
+    /// 0 or 1.
+    bank: usize,
+}
 
-impl ErrorType for SecondBank {
+impl<F: NorFlash<Error = Error>> Words<F> {
+    /// The bank with this number, 0 or 1.
+    pub const fn new(flash: F, bank: usize) -> Self {
+        Self { flash, bank }
+    }
+
+    /// Flags of reads would be taken for those of the next write.
+    fn forget_errors(&self) {
+        pac::FLASH.bank(self.bank).ccr().write(|w| {
+            w.set_clr_dbeccerr(true);
+            w.set_clr_sneccerr(true);
+        });
+    }
+}
+
+impl<F: NorFlash<Error = Error>> ErrorType for Words<F> {
     type Error = Error;
 }
 
-impl ReadNorFlash for SecondBank {
+impl<F: NorFlash<Error = Error>> ReadNorFlash for Words<F> {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, mut bytes: &mut [u8]) -> Result<(), Error> {
@@ -32,44 +52,37 @@ impl ReadNorFlash for SecondBank {
             let rest = WORD - at as usize % WORD;
             let length = rest.min(bytes.len());
             let (piece, after) = bytes.split_at_mut(length);
-            forget_errors();
-            ignoring_bus_errors(|| self.0.blocking_read(at, piece))?;
-            if pac::FLASH.bank(1).sr().read().dbeccerr() {
+            self.forget_errors();
+            // Who reads flash never waits.
+            ignoring_bus_errors(|| block_on(self.flash.read(at, piece)))?;
+            if pac::FLASH.bank(self.bank).sr().read().dbeccerr() {
                 piece.fill(0);
             }
             at += length as u32;
             bytes = after;
         }
-        forget_errors();
+        self.forget_errors();
         Ok(())
     }
 
     fn capacity(&self) -> usize {
-        self.0.capacity()
+        self.flash.capacity()
     }
 }
 
-impl NorFlash for SecondBank {
+impl<F: NorFlash<Error = Error>> NorFlash for Words<F> {
     const WRITE_SIZE: usize = WORD;
-    const ERASE_SIZE: usize = <Bank2Region<'static, Async> as NorFlash>::ERASE_SIZE;
+    const ERASE_SIZE: usize = F::ERASE_SIZE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
-        forget_errors();
-        self.0.erase(from, to).await
+        self.forget_errors();
+        self.flash.erase(from, to).await
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Error> {
-        forget_errors();
-        self.0.write(offset, bytes).await
+        self.forget_errors();
+        self.flash.write(offset, bytes).await
     }
-}
-
-/// Flags of reads would be taken for those of the next write.
-fn forget_errors() {
-    pac::FLASH.bank(1).ccr().write(|w| {
-        w.set_clr_dbeccerr(true);
-        w.set_clr_sneccerr(true);
-    });
 }
 
 #[expect(unsafe_code, reason = "nothing else masks faults")]

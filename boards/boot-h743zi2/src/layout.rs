@@ -1,0 +1,35 @@
+//! Where what is in the flash: two banks of eight sectors of 128 kB (RM0433 4.3.4).
+//!
+//! | bank | sectors | |
+//! |---|---|---|
+//! | 1 | 0 | the bootloader |
+//! | 1 | 1 to 4 | the slot that is booted |
+//! | 1 | 5 to 7 | nothing |
+//! | 2 | 0 to 4 | the slot that new firmware is written to: one sector more, by way of which the two are swapped |
+//! | 2 | 5 | the bootloader's state |
+//! | 2 | 6, 7 | the hub's settings |
+//!
+//! All that the hub writes is in the second bank: to write or erase one stops whoever runs from it, an erasure for seconds.
+
+use core::ops::Range;
+
+/// Bytes of a sector, the least that can be erased.
+pub const SECTOR: u32 = 128 * 1024;
+
+/// The slot that is booted, from the first bank's start.
+pub const ACTIVE: Range<u32> = SECTOR..5 * SECTOR;
+
+/// Its first address. The hub's build.rs says the same to its linker.
+pub const ORIGIN: u32 = 0x0800_0000 + ACTIVE.start;
+
+/// The slot that new firmware is written to, from the second bank's start.
+pub const DOWNLOAD: Range<u32> = 0..5 * SECTOR;
+
+/// The bootloader's state, from the second bank's start.
+pub const STATE: Range<u32> = 5 * SECTOR..6 * SECTOR;
+
+/// The hub's settings, from the second bank's start.
+pub const STORE: Range<u32> = 6 * SECTOR..8 * SECTOR;
+
+/// The core's own RAM, where every image has its stack.
+pub const RAM: Range<u32> = 0x2000_0000..0x2002_0000;

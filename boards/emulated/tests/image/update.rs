@@ -1,0 +1,162 @@
+//! New firmware without a probe, on the emulated H743: the bootloader and the hub behind it, as they are flashed.
+
+use std::time::{Duration, Instant};
+
+use crate::common::{am60, ms, on, setup};
+use emulated::talk::Talk;
+use emulated::{Bench, Board, Setup};
+use motor_hub::protocol::answers::Reply;
+use motor_hub::protocol::fields::Text;
+use motor_hub::protocol::requests::ToHub;
+use motor_hub::protocol::update::{ToUpdate, UpdateReport};
+use motor_hub::protocol::{Nack, Request};
+use motor_hub::update::{Booted, CHUNK, Crc32, Outcome, Phase};
+
+const BOARD: Board = Board::NucleoH743zi2;
+
+fn powered_on() -> (Bench, Talk) {
+    let mut bench = on(BOARD, || Bench::new(Setup { bootloader: true, ..setup(vec![am60()]) }));
+    bench.run(ms(300));
+    (bench, Talk::default())
+}
+
+fn state(bench: &mut Bench, talk: &mut Talk) -> UpdateReport {
+    talk.question(bench, ToUpdate::State)
+}
+
+fn version(bench: &mut Bench, talk: &mut Talk) -> String {
+    let text: Text = talk.question(bench, ToHub::VersionText);
+    String::from_utf8_lossy(text.bytes()).into_owned()
+}
+
+/// An order that may have to wait until the hub has written what was before.
+fn persist(bench: &mut Bench, talk: &mut Talk, request: &ToUpdate) {
+    let request = Request::from(request.clone());
+    let end = bench.now() + ms(10_000);
+    loop {
+        match talk.ask(bench, request.id(), &request.payload()) {
+            Reply::Ack { .. } => return,
+            Reply::Nack(Nack::UPDATE_AT_WORK) if bench.now() < end => bench.run(ms(20)),
+            reply => panic!("{request:?}: {reply:?}"),
+        }
+    }
+}
+
+/// Announces an image.
+fn begin(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
+    let mut crc = Crc32::new();
+    crc.add(image);
+    let version = Text::new(b"a test").expect("short");
+    talk.order(bench, ToUpdate::Begin { length: image.len() as u32, crc: crc.get(), version });
+}
+
+/// Sends it, and has it checked and armed.
+fn send(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
+    for (offset, bytes) in (0..).step_by(CHUNK).zip(image.chunks(CHUNK)) {
+        let bytes = Text::new(bytes).expect("short");
+        persist(bench, talk, &ToUpdate::Chunk { offset, bytes });
+    }
+    persist(bench, talk, &ToUpdate::Finish);
+    let end = bench.now() + ms(10_000);
+    let report = loop {
+        let report = state(bench, talk);
+        if report.phase != Phase::Checking || bench.now() > end {
+            break report;
+        }
+        bench.run(ms(20));
+    };
+    assert_eq!((report.phase, report.outcome), (Phase::Armed, Outcome::Done));
+}
+
+/// Code that never gets anywhere: its stack, its entry, and a branch to itself (ARMv7-M ARM A7.7.12, B1.5.3).
+fn hangs(origin: u32) -> Vec<u8> {
+    let words = [0x2002_0000, origin + 9, 0xE7FE_E7FE];
+    words.into_iter().flat_map(u32::to_le_bytes).collect()
+}
+
+#[test]
+fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
+    let began = Instant::now();
+    let (mut bench, mut talk) = powered_on();
+    let before = version(&mut bench, &mut talk);
+    let report = state(&mut bench, &mut talk);
+    assert_eq!(
+        (report.booted, report.phase, report.origin),
+        (Booted::Confirmed, Phase::Nothing, 0x0802_0000)
+    );
+    let image = hangs(report.origin);
+    begin(&mut bench, &mut talk, &image);
+    send(&mut bench, &mut talk, &image);
+    talk.order(&mut bench, ToUpdate::Restart);
+    let started = bench.now();
+    // Swapped in, reset by the bootloader's watchdog, swapped back: 16 sectors of the flash are erased.
+    let back = bench.run_while(ms(500), ms(90_000), |bench| {
+        let packet = talk.packet(ToUpdate::State.number() + 0x4D00, &[]);
+        bench.send(&packet);
+        bench.run(ms(20));
+        !talk.arrivals(bench).is_empty()
+    });
+    assert!(back, "nobody answers");
+    println!(
+        "hung, and rolled back after {:?}; {:?} of this machine's time",
+        bench.now() - started,
+        began.elapsed()
+    );
+    bench.run(Duration::from_secs(1));
+    talk.arrivals(&mut bench);
+    assert_eq!(state(&mut bench, &mut talk).booted, Booted::WentBack);
+    assert_eq!(version(&mut bench, &mut talk), before);
+    let causes: Vec<_> = bench.resets().into_iter().map(|reset| reset.cause).collect();
+    println!("{causes:?}");
+    bench.assert_sound();
+}
+
+#[test]
+fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_restart() {
+    let (mut bench, mut talk) = powered_on();
+    let image = hangs(0x0802_0000);
+    let refused = |bench: &mut Bench, talk: &mut Talk, request: ToUpdate| {
+        let request = Request::from(request);
+        assert_eq!(talk.ask(bench, request.id(), &request.payload()), Reply::Nack(Nack::MOTOR_ENABLED));
+    };
+    talk.velocity(&mut bench, 0, 1000);
+    bench.run(ms(1000));
+    refused(&mut bench, &mut talk, ToUpdate::Begin { length: 12, crc: 0, version: Text::default() });
+    talk.enable(&mut bench, 0, false);
+    bench.run(ms(300));
+    begin(&mut bench, &mut talk, &image);
+    // A host may have it run again meanwhile; a page is erased for the first chunk, and the bootloader's state to arm the image.
+    talk.velocity(&mut bench, 0, 1000);
+    bench.run(ms(1000));
+    let symbols = bench.symbols().iter();
+    let mut capture = symbols.filter(|s| s.name.contains("capture_task") && s.name.ends_with("::poll"));
+    let capture = capture.next().expect("the task that samples every millisecond").address;
+    bench.watch(vec![capture]);
+    bench.take_instants();
+    let begun = bench.now();
+    send(&mut bench, &mut talk, &image);
+    let took = bench.now() - begun;
+    let samples = bench.take_instants();
+    let worst = samples.windows(2).map(|pair| pair[1] - pair[0]).max().expect("samples");
+    println!(
+        "written, checked and armed in {took:?}; of {} samples the latest came {worst:?} after the one before",
+        samples.len()
+    );
+    assert!(took > ms(2000), "two erasures of 128 kB take a second each at least: {took:?}");
+    assert!(worst < Duration::from_micros(1_200), "{worst:?}");
+    let speed = bench.look(0).counts_per_second;
+    assert!((speed - 1000.0).abs() < 30.0, "{speed} counts/s");
+    refused(&mut bench, &mut talk, ToUpdate::Restart);
+    // Abandoned, it is not started by the next reset either.
+    talk.order(&mut bench, ToUpdate::Abandon);
+    bench.run(ms(2_450));
+    talk.keep_alive(&mut bench);
+    bench.run(ms(2_000));
+    assert_eq!(state(&mut bench, &mut talk).phase, Phase::Nothing);
+    let at = bench.now() + ms(10);
+    bench.pull_reset(at);
+    bench.run(ms(400));
+    let report = state(&mut bench, &mut talk);
+    assert_eq!((report.booted, report.phase), (Booted::Confirmed, Phase::Nothing));
+    bench.assert_sound();
+}

@@ -1,0 +1,150 @@
+//! A firmware file as the bytes that are to be in the flash.
+
+use object::Endianness;
+use object::elf::PT_LOAD;
+use object::read::elf::{ElfFile32, ProgramHeader};
+use std::path::Path;
+
+/// An image for a hub of this project.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Image {
+    /// Where it is linked to; of a file that is no ELF nobody knows, but where its code begins.
+    pub(super) origin: Option<u32>,
+    pub(super) bytes: Vec<u8>,
+    /// What it answers who asks for its version.
+    pub(super) version: String,
+}
+
+/// More than any flash has.
+const LONGEST: usize = 4 << 20;
+
+/// What every version begins with, and the most bytes of one.
+const VERSION: &[u8] = b"HW: 20, Maj: ";
+const LONGEST_VERSION: usize = 40;
+
+impl Image {
+    /// Of an ELF file, or of raw bytes.
+    pub(super) fn open(file: &Path) -> Result<Self, String> {
+        let bytes = std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
+        Self::read(bytes).map_err(|why| format!("{}: {why}", file.display()))
+    }
+
+    fn read(file: Vec<u8>) -> Result<Self, String> {
+        let (origin, bytes) = if file.starts_with(b"\x7FELF") {
+            let (origin, bytes) = flash_of(&file)?;
+            (Some(origin), bytes)
+        } else {
+            (None, file)
+        };
+        let version = version_of(&bytes).ok_or("is no firmware of a motor hub: it has no version in it")?;
+        Ok(Self { origin, bytes, version })
+    }
+
+    /// Where its code begins, by its second vector.
+    pub(super) fn entry(&self) -> Option<u32> {
+        let word = self.bytes.get(4..8)?;
+        Some(u32::from_le_bytes(word.try_into().ok()?))
+    }
+}
+
+/// What an ELF file has in flash, from its lowest address on; blank between.
+fn flash_of(file: &[u8]) -> Result<(u32, Vec<u8>), String> {
+    let elf =
+        ElfFile32::<Endianness>::parse(file).map_err(|error| format!("is no ELF of 32 bits: {error}"))?;
+    let endian = elf.endian();
+    let mut pieces = Vec::new();
+    for header in elf.elf_program_headers() {
+        if header.p_type(endian) == PT_LOAD && header.p_filesz(endian) > 0 {
+            let data = header.data(endian, file).map_err(|()| "its segments are cut off".to_owned())?;
+            pieces.push((header.p_paddr(endian), data));
+        }
+    }
+    let origin = pieces.iter().map(|(at, _)| *at).min().ok_or("has nothing to load")?;
+    let mut bytes = Vec::new();
+    for (at, data) in pieces {
+        let from = (at - origin) as usize;
+        let to = from.saturating_add(data.len());
+        if to > LONGEST {
+            return Err(format!("has something at {at:#x} and at {origin:#x}, which is no flash"));
+        }
+        bytes.resize(bytes.len().max(to), 0xFF);
+        if let Some(place) = bytes.get_mut(from..to) {
+            place.copy_from_slice(data);
+        }
+    }
+    Ok((origin, bytes))
+}
+
+/// The text that a zero ends.
+fn version_of(bytes: &[u8]) -> Option<String> {
+    let at = bytes.windows(VERSION.len()).position(|window| window == VERSION)?;
+    let text = bytes.get(at..)?;
+    let end = text.iter().take(LONGEST_VERSION).position(|byte| *byte == 0)?;
+    let text = str::from_utf8(text.get(..end)?).ok()?;
+    text.chars().all(|c| !c.is_control()).then(|| text.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &[u8] = b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.2.3\0and more";
+
+    #[test]
+    fn raw_bytes_are_an_image_if_they_have_a_version() {
+        let mut bytes = vec![0, 0, 2, 0x20, 0x41, 0, 2, 8];
+        assert!(Image::read(bytes.clone()).unwrap_err().contains("no version"));
+        bytes.extend(TEXT);
+        let image = Image::read(bytes.clone()).unwrap();
+        assert_eq!((image.origin, image.entry()), (None, Some(0x0802_0041)));
+        assert_eq!((image.bytes, &*image.version), (bytes, "HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.2.3"));
+    }
+
+    /// An ELF with these segments: address in memory, address in flash, and bytes.
+    fn elf(segments: &[(u32, u32, &[u8])]) -> Vec<u8> {
+        let (head, each) = (52_u32, 32_u32);
+        let mut file = b"\x7FELF\x01\x01\x01".to_vec();
+        file.resize(16, 0);
+        // ARM, executable; its headers' places and sizes (ELF-32, figure 1-3).
+        file.extend([2_u16, 40].iter().flat_map(|half| half.to_le_bytes()));
+        file.extend([1_u32, 0, head, 0, 0].iter().flat_map(|word| word.to_le_bytes()));
+        let halves = [head as u16, each as u16, segments.len() as u16, 40, 0, 0];
+        file.extend(halves.iter().flat_map(|half| half.to_le_bytes()));
+        let mut at = head + each * segments.len() as u32;
+        for (virtual_at, physical, data) in segments {
+            let length = data.len() as u32;
+            let words = [PT_LOAD, at, *virtual_at, *physical, length, length + 8, 5, 4];
+            file.extend(words.iter().flat_map(|word| word.to_le_bytes()));
+            at += length;
+        }
+        segments.iter().for_each(|(.., data)| file.extend(*data));
+        file
+    }
+
+    #[test]
+    fn an_elf_is_what_it_has_in_flash() {
+        // Statics are in the RAM when they are used, and in the flash behind the code before.
+        let file = elf(&[
+            (0x2000_0000, 0x0802_0040, &[7; 4]),
+            (0x0802_0000, 0x0802_0000, TEXT),
+            (0x2000_0100, 0x0803_0000, &[]),
+        ]);
+        let image = Image::read(file).unwrap();
+        let blank = 0x40 - TEXT.len();
+        assert_eq!(image.origin, Some(0x0802_0000));
+        assert_eq!(image.bytes, [TEXT, &vec![0xFF; blank], &[7; 4]].concat());
+    }
+
+    #[test]
+    fn an_elf_that_is_not_for_a_flash_is_refused_by_name() {
+        for (file, why) in [
+            (b"\x7FELF".to_vec(), "is no ELF of 32 bits"),
+            (elf(&[]), "has nothing to load"),
+            (elf(&[(0, 0x0802_0000, TEXT), (0, 0x2000_0000, TEXT)]), "which is no flash"),
+            (elf(&[(0, 0x0802_0000, b"something")]), "has no version"),
+        ] {
+            let told = Image::read(file).unwrap_err();
+            assert!(told.contains(why), "{told}");
+        }
+    }
+}

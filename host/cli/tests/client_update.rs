@@ -1,0 +1,103 @@
+//! `motor-hub client update` over a pseudo-terminal, against the bootloader and the hub behind it on the emulated H743. In a
+//! program of its own: real time is at stake.
+#![cfg(unix)]
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+mod common;
+mod conformance;
+mod output;
+
+use common::{folder, motor_hub};
+use conformance::Hub;
+use emulated::{Board, elf};
+use output::{err, out};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::time::Instant;
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
+const BOARD: Board = Board::NucleoH743zi2;
+const SLOT: u32 = 0x0802_0000;
+
+/// What a version is in an image.
+const OLD: &[u8] = concat!("mh", env!("CARGO_PKG_VERSION"), "\0").as_bytes();
+const NEW: &[u8] = b"mh9.9.9\0";
+
+fn write(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
+    std::fs::create_dir_all(folder).unwrap();
+    let file = folder.join(name);
+    std::fs::write(&file, bytes).unwrap();
+    file
+}
+
+/// The hub's image, of another version.
+fn newer() -> Vec<u8> {
+    let mut image = std::fs::read(elf::hub_in_slot(BOARD)).unwrap();
+    assert_eq!(OLD.len(), NEW.len());
+    let places: Vec<usize> =
+        (0..image.len() - OLD.len()).filter(|at| image[*at..].starts_with(OLD)).collect();
+    let [place] = places.as_slice() else { panic!("a version once, not at {places:?}") };
+    image[*place..][..NEW.len()].copy_from_slice(NEW);
+    image
+}
+
+fn client(hub: &Hub, arguments: &[&str]) -> Output {
+    Command::new(PROGRAM).args(["client", "--port", &hub.place]).args(arguments).output().unwrap()
+}
+
+#[test]
+fn a_hub_is_given_new_firmware_over_its_line_and_says_so() {
+    let folder = folder("client-update");
+    let file = write(&folder, "newer.elf", &newer()).display().to_string();
+    let link = folder.join("hub").display().to_string();
+    let board = ["--emulated", "--board", "nucleo-h743zi2", "--bootloader", "--pty", "--link", &link];
+    let hub = Hub::start(PROGRAM, &board);
+    // What cannot be for this hub is refused before anything is sent: the image that a probe flashes without a bootloader, and
+    // raw bytes with the vectors of another chip.
+    let refused = client(&hub, &["update", &elf::hub(BOARD).display().to_string()]);
+    let why = "linked to 0x08000000, and this hub's begin at 0x08020000: build it for the bootloader";
+    assert!(err(&refused).contains(why), "{}", err(&refused));
+    let mut other = [0x2003_0000_u32, 0x0800_0199].map(u32::to_le_bytes).concat();
+    other.extend(b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.0.0\0");
+    let other = write(&folder, "other.bin", &other).display().to_string();
+    let refused = client(&hub, &["update", &other]);
+    assert!(err(&refused).contains("it is for another chip"), "{}", err(&refused));
+    other_stack_is_refused_by_the_hub(&hub, &folder);
+
+    let began = Instant::now();
+    let told = out(&client(&hub, &["update", &file]));
+    println!("updated in {:?}:\n{told}", began.elapsed());
+    assert!(told.contains("Eng: 2, mh9.9.9, confirmed"), "{told}");
+    let status = out(&client(&hub, &["status"]));
+    assert!(status.contains("mh9.9.9"), "{status}");
+}
+
+/// Its code is where it should be, its stack is another chip's: only the hub knows.
+fn other_stack_is_refused_by_the_hub(hub: &Hub, folder: &Path) {
+    let mut image = [0x2003_0000_u32, SLOT + 0x199].map(u32::to_le_bytes).concat();
+    image.extend(b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.0.0\0");
+    let file = write(folder, "stack.bin", &image).display().to_string();
+    let refused = client(hub, &["update", &file]);
+    assert!(err(&refused).contains("the image is not for this chip"), "{}", err(&refused));
+}
+
+#[test]
+fn a_hub_without_a_bootloader_says_so() {
+    let folder = folder("client-update-none");
+    let file = write(&folder, "newer.elf", &newer()).display().to_string();
+    let hub = Hub::start(PROGRAM, &["--pty", "--link", &folder.join("hub").display().to_string()]);
+    let refused = client(&hub, &["update", &file]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(err(&refused).contains("the hub has no bootloader"), "{}", err(&refused));
+}
+
+#[test]
+fn a_file_that_is_no_firmware_is_refused_before_a_hub_is_asked() {
+    let folder = folder("client-update-file");
+    let file = write(&folder, "a.bin", b"nothing").display().to_string();
+    for (file, why) in [(&*file, "no firmware of a motor hub"), ("/does/not/exist", "No such file")] {
+        let refused = motor_hub(&["client", "--port", "nowhere", "update", file]);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(err(&refused).contains(why), "{}", err(&refused));
+    }
+}

@@ -1,0 +1,318 @@
+//! A whole update, and a whole rollback, by the bootloader itself over a flash in memory that loses power before, in and after
+//! any of its writes and erasures, and once more in what follows: what boots then is the firmware before or the new one.
+
+use embassy_boot::{BootLoader, BootLoaderConfig};
+use embassy_futures::block_on;
+use embedded_storage::nor_flash as blocking;
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use motor_hub::tasks::update::{Marks, Slots};
+use motor_hub::update::{Booted, CHUNK, Crc32, Outcome};
+use std::cell::RefCell;
+use std::ops::Range;
+
+/// The words of an STM32H743, in smaller pages: as many words as the state of so many pages needs.
+const WORD: usize = 32;
+const PAGE: usize = 16 * WORD;
+
+/// Pages of the slot that is booted, of the one that is written, and of the state.
+const ACTIVE: Range<usize> = 0..3 * PAGE;
+const DOWNLOAD: Range<usize> = 3 * PAGE..7 * PAGE;
+const STATE: Range<usize> = 7 * PAGE..8 * PAGE;
+
+/// Bytes of both images: not whole pages, nor whole words.
+const LENGTH: usize = 2 * PAGE + 5 * WORD + 7;
+
+/// Numbers drawn by lot (splitmix64).
+struct Lots(u64);
+
+impl Lots {
+    fn byte(&mut self) -> u8 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        (mixed ^ mixed >> 27).to_le_bytes()[3]
+    }
+}
+
+/// What happens to the word, or page, at which power goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Tear {
+    /// Nothing yet.
+    Before,
+    /// Each bit has changed, or has not.
+    Bits,
+    /// An erasure has got half way, from the front; a word is as with `Bits`.
+    Half,
+    /// An erasure has spared the first word alone, and made all else blank; a word is as with `Bits`.
+    First,
+}
+
+const TEARS: [Tear; 4] = [Tear::Before, Tear::Bits, Tear::Half, Tear::First];
+
+#[derive(Debug)]
+struct NoPower;
+
+impl NorFlashError for NoPower {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+/// A chip's flash.
+#[derive(Clone)]
+struct Chip {
+    bytes: Vec<u8>,
+    /// Words with an error-correcting code that does not fit, which the board reads as zeros; none on a chip without.
+    torn: Vec<bool>,
+    corrects: bool,
+    steps: usize,
+    cut: Option<(usize, Tear)>,
+}
+
+impl Chip {
+    fn new(corrects: bool) -> RefCell<Self> {
+        let mut bytes = vec![0xFF; STATE.end];
+        bytes[ACTIVE][..LENGTH].copy_from_slice(&image(1));
+        RefCell::new(Self { bytes, torn: vec![false; STATE.end / WORD], corrects, steps: 0, cut: None })
+    }
+
+    fn alive(&self) -> Result<(), NoPower> {
+        if self.cut.is_some_and(|(at, _)| self.steps > at) { Err(NoPower) } else { Ok(()) }
+    }
+
+    /// How the next step is cut, if it is.
+    fn step(&mut self) -> Result<Option<(Tear, Lots)>, NoPower> {
+        self.alive()?;
+        let step = self.steps;
+        self.steps += 1;
+        Ok(self.cut.filter(|(at, _)| *at == step).map(|(_, tear)| (tear, Lots(step as u64))))
+    }
+
+    fn read(&self, at: usize, bytes: &mut [u8]) -> Result<(), NoPower> {
+        self.alive()?;
+        for (byte, at) in bytes.iter_mut().zip(at..) {
+            *byte = if self.torn[at / WORD] { 0 } else { self.bytes[at] };
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, at: usize, bytes: &[u8]) -> Result<(), NoPower> {
+        assert_eq!([at % WORD, bytes.len() % WORD], [0; 2], "whole words");
+        for (at, bytes) in (at..).step_by(WORD).zip(bytes.chunks(WORD)) {
+            let cut = self.step()?;
+            let word = &mut self.bytes[at..at + WORD];
+            let blank = word.iter().all(|byte| *byte == 0xFF);
+            assert!(blank || bytes.iter().all(|byte| *byte == 0), "written again at {at}");
+            match cut {
+                Some((Tear::Before, _)) => return Err(NoPower),
+                Some((_, mut lots)) => {
+                    word.iter_mut().zip(bytes).for_each(|(old, new)| *old &= new | lots.byte());
+                    self.torn[at / WORD] = self.corrects;
+                    return Err(NoPower);
+                }
+                None => word.copy_from_slice(bytes),
+            }
+            // Written twice, its code fits neither.
+            self.torn[at / WORD] |= self.corrects && !blank;
+        }
+        Ok(())
+    }
+
+    fn erase(&mut self, from: usize, to: usize) -> Result<(), NoPower> {
+        assert_eq!([from % PAGE, to % PAGE], [0; 2], "whole pages");
+        for at in (from..to).step_by(PAGE) {
+            let cut = self.step()?;
+            let page = &mut self.bytes[at..at + PAGE];
+            let torn = &mut self.torn[at / WORD..(at + PAGE) / WORD];
+            let Some((tear, mut lots)) = cut else {
+                page.fill(0xFF);
+                torn.fill(false);
+                continue;
+            };
+            match tear {
+                Tear::Before => (),
+                Tear::Bits => {
+                    page.iter_mut().for_each(|byte| *byte |= lots.byte());
+                    torn.fill(self.corrects);
+                }
+                Tear::Half => {
+                    page[..PAGE / 2].fill(0xFF);
+                    torn[..PAGE / 2 / WORD].fill(false);
+                }
+                Tear::First => {
+                    page[WORD..].fill(0xFF);
+                    torn[1..].fill(false);
+                }
+            }
+            return Err(NoPower);
+        }
+        Ok(())
+    }
+}
+
+/// A part of the chip's flash, for those who wait and for those who do not.
+#[derive(Clone)]
+struct Part<'a>(&'a RefCell<Chip>, Range<usize>);
+
+impl ErrorType for Part<'_> {
+    type Error = NoPower;
+}
+
+impl ReadNorFlash for Part<'_> {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NoPower> {
+        assert!(offset as usize + bytes.len() <= self.1.len());
+        self.0.borrow().read(self.1.start + offset as usize, bytes)
+    }
+
+    fn capacity(&self) -> usize {
+        self.1.len()
+    }
+}
+
+impl NorFlash for Part<'_> {
+    const WRITE_SIZE: usize = WORD;
+    const ERASE_SIZE: usize = PAGE;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), NoPower> {
+        assert!(to as usize <= self.1.len());
+        self.0.borrow_mut().erase(self.1.start + from as usize, self.1.start + to as usize)
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NoPower> {
+        assert!(offset as usize + bytes.len() <= self.1.len());
+        self.0.borrow_mut().write(self.1.start + offset as usize, bytes)
+    }
+}
+
+/// As the bootloader wants it.
+struct Waiting<F>(F);
+
+impl<F: ErrorType> blocking::ErrorType for Waiting<F> {
+    type Error = F::Error;
+}
+
+impl<F: NorFlash> blocking::ReadNorFlash for Waiting<F> {
+    const READ_SIZE: usize = F::READ_SIZE;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
+        block_on(self.0.read(offset, bytes))
+    }
+
+    fn capacity(&self) -> usize {
+        self.0.capacity()
+    }
+}
+
+impl<F: NorFlash> blocking::NorFlash for Waiting<F> {
+    const WRITE_SIZE: usize = F::WRITE_SIZE;
+    const ERASE_SIZE: usize = F::ERASE_SIZE;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), F::Error> {
+        block_on(self.0.erase(from, to))
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {
+        block_on(self.0.write(offset, bytes))
+    }
+}
+
+/// The firmware of this version.
+fn image(version: u8) -> Vec<u8> {
+    let mut lots = Lots(version.into());
+    (0..LENGTH).map(|_| lots.byte()).collect()
+}
+
+/// Power-on, or a reset: what the bootloader starts.
+fn boot(chip: &RefCell<Chip>) -> Result<u8, NoPower> {
+    let (active, dfu) = (Waiting(Part(chip, ACTIVE)), Waiting(Part(chip, DOWNLOAD)));
+    let config = BootLoaderConfig { active, dfu, state: Waiting(Marks(Part(chip, STATE))) };
+    let done = BootLoader::new(config).prepare_boot(&mut [0; 2 * WORD]);
+    chip.borrow().alive()?;
+    done.expect("only power fails");
+    let mut booted = vec![0; LENGTH];
+    chip.borrow().read(ACTIVE.start, &mut booted)?;
+    let version = (1..=2).find(|version| image(*version) == booted);
+    Ok(version.expect("what boots is the firmware before or the new one"))
+}
+
+/// From power-on until the hub runs the new firmware, which confirms itself, or, where that is not `good` and never does, the
+/// firmware before.
+fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
+    let mut version = boot(chip)?;
+    let mut tried = false;
+    let mut slots = Slots::new(Part(chip, DOWNLOAD), Part(chip, STATE)).expect("words that fit");
+    let done = |outcome| if outcome == Outcome::Done { Ok(()) } else { Err(NoPower) };
+    for _ in 0..8 {
+        let booted = block_on(slots.booted());
+        chip.borrow().alive()?;
+        match (booted, version) {
+            (Booted::OnTrial, 2) if good => done(block_on(slots.confirm()))?,
+            // It hangs, and the watchdog resets.
+            (Booted::OnTrial, 2) => version = boot(chip)?,
+            (Booted::OnTrial, _) => panic!("the firmware before is not on trial"),
+            (_, 2) => {
+                assert!(good, "what hangs is confirmed");
+                return Ok(());
+            }
+            (_, _) if tried && !good => return Ok(()),
+            _ => {
+                tried = true;
+                let new = image(2);
+                for (at, bytes) in (0..).step_by(CHUNK).zip(new.chunks(CHUNK)) {
+                    done(block_on(slots.write(at, bytes)))?;
+                }
+                let mut crc = Crc32::new();
+                crc.add(&new);
+                assert_eq!(block_on(slots.arm(LENGTH as u32, !crc.get())), Outcome::Mismatch);
+                done(block_on(slots.arm(LENGTH as u32, crc.get())))?;
+                version = boot(chip)?;
+            }
+        }
+    }
+    panic!("it comes to no end");
+}
+
+/// Cuts the power at every step of a life, and of the lives after that.
+fn cut_everywhere(good: bool, corrects: bool) -> (usize, usize) {
+    let whole = Chip::new(corrects);
+    live(&whole, good).expect("power");
+    let steps = whole.borrow().steps;
+    let (mut cuts, mut second_cuts) = (0, 0);
+    for (at, tear) in (0..steps).flat_map(|at| TEARS.map(|tear| (at, tear))) {
+        let chip = Chip::new(corrects);
+        chip.borrow_mut().cut = Some((at, tear));
+        live(&chip, good).expect_err("power goes");
+        cuts += 1;
+        let left = Chip { steps: 0, cut: None, ..chip.into_inner() };
+        let mended = RefCell::new(left.clone());
+        live(&mended, good).unwrap_or_else(|_| panic!("no life after {tear:?} at step {at}"));
+        // A second cut in what follows, by another tear.
+        let steps = mended.borrow().steps;
+        for again in (at % 17..steps).step_by(17) {
+            let tear = TEARS[(again + at) % TEARS.len()];
+            let chip = RefCell::new(Chip { cut: Some((again, tear)), ..left.clone() });
+            live(&chip, good).expect_err("power goes");
+            second_cuts += 1;
+            let mended = RefCell::new(Chip { steps: 0, cut: None, ..chip.into_inner() });
+            live(&mended, good).unwrap_or_else(|_| panic!("no life after {tear:?} at {at}, {again}"));
+        }
+    }
+    (cuts, second_cuts)
+}
+
+#[test]
+fn an_update_that_loses_power_anywhere_boots_the_firmware_before_or_the_new_one() {
+    for corrects in [true, false] {
+        println!("words corrected {corrects}: (cuts, second cuts) {:?}", cut_everywhere(true, corrects));
+    }
+}
+
+#[test]
+fn a_rollback_that_loses_power_anywhere_boots_one_of_both_and_ends_with_the_firmware_before() {
+    for corrects in [true, false] {
+        println!("words corrected {corrects}: (cuts, second cuts) {:?}", cut_everywhere(false, corrects));
+    }
+}

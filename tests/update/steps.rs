@@ -1,0 +1,247 @@
+//! What the hub takes of an image, step by step.
+
+use motor_hub::update::{Booted, CHUNK, Crc32, Done, Order, Outcome, Phase, Refusal, Slot, Update};
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+const SLOT: Slot = Slot { origin: 0x0802_0000, length: 4_096, ram: (0x2000_0000, 0x2002_0000) };
+
+fn confirmed() -> Update {
+    let mut update = Update::new(SLOT);
+    update.done(Done::Booted(Booted::Confirmed));
+    update
+}
+
+/// So many bytes that begin as an image does.
+fn image(length: usize) -> Vec<u8> {
+    let vectors = [0x2002_0000_u32, SLOT.origin + 0x299].map(u32::to_le_bytes);
+    vectors.into_iter().flatten().chain((0..).map(|byte: u32| byte as u8)).take(length).collect()
+}
+
+fn crc(bytes: &[u8]) -> u32 {
+    let mut crc = Crc32::new();
+    crc.add(bytes);
+    crc.get()
+}
+
+/// A slot in memory that does what it is ordered, and what it has armed.
+#[derive(Default)]
+struct Memory {
+    bytes: Vec<u8>,
+    armed: Option<Vec<u8>>,
+}
+
+impl Memory {
+    fn serve(&mut self, update: &mut Update) {
+        let Some(order) = update.order() else { return };
+        let outcome = match order {
+            Order::Write { offset, bytes } => {
+                if offset == 0 {
+                    // Its page is erased.
+                    self.bytes.clear();
+                }
+                self.bytes.resize(self.bytes.len().max(offset as usize + bytes.len()), 0xFF);
+                self.bytes[offset as usize..][..bytes.len()].copy_from_slice(&bytes);
+                Outcome::Done
+            }
+            Order::Arm { length, crc: announced } => {
+                let image = self.bytes.get(..length as usize).unwrap_or_default();
+                if crc(image) == announced {
+                    self.armed = Some(image.to_vec());
+                    Outcome::Done
+                } else {
+                    Outcome::Mismatch
+                }
+            }
+            Order::Disarm => {
+                self.armed = None;
+                Outcome::Done
+            }
+            Order::Restart => Outcome::Done,
+        };
+        update.done(Done::Carried(outcome));
+    }
+}
+
+fn send(update: &mut Update, memory: &mut Memory, image: &[u8]) {
+    for (index, bytes) in image.chunks(CHUNK).enumerate() {
+        update.chunk((index * CHUNK) as u32, bytes).expect("in order");
+        memory.serve(update);
+    }
+}
+
+#[test]
+fn an_image_that_came_whole_is_armed() {
+    for length in [8, 95, 96, 97, 1_000, 4_096] {
+        let (mut update, mut memory, image) = (confirmed(), Memory::default(), image(length));
+        update.begin(length as u32, crc(&image), false).expect("begun");
+        send(&mut update, &mut memory, &image);
+        update.finish().expect("all is there");
+        memory.serve(&mut update);
+        assert_eq!((update.phase(), memory.armed.as_ref()), (Phase::Armed, Some(&image)), "{length} bytes");
+        assert_eq!(update.restart(true), Err(Refusal::MotorEnabled));
+        update.restart(false).expect("armed");
+        assert_eq!(update.order(), Some(Order::Restart));
+    }
+}
+
+#[test]
+fn an_image_that_reads_back_otherwise_is_not_armed() {
+    let (mut update, mut memory, image) = (confirmed(), Memory::default(), image(1_000));
+    update.begin(1_000, crc(&image) ^ 1, false).expect("begun");
+    send(&mut update, &mut memory, &image);
+    update.finish().expect("all is there");
+    memory.serve(&mut update);
+    assert_eq!((update.phase(), update.outcome()), (Phase::Nothing, Outcome::Mismatch));
+    assert_eq!((update.restart(false), memory.armed), (Err(Refusal::NotArmed), None));
+}
+
+#[test]
+fn nothing_begins_while_it_would_harm() {
+    let mut update = Update::new(SLOT);
+    assert_eq!(update.begin(1_000, 0, false), Err(Refusal::OnTrial), "how it was started is not known");
+    update.done(Done::Booted(Booted::OnTrial));
+    assert_eq!(update.begin(1_000, 0, false), Err(Refusal::OnTrial), "the slot has the firmware before");
+    update.done(Done::Booted(Booted::WentBack));
+    assert_eq!(update.begin(1_000, 0, true), Err(Refusal::MotorEnabled));
+    for length in [0, 7, SLOT.length + 1, u32::MAX] {
+        assert_eq!(update.begin(length, 0, false), Err(Refusal::Length));
+    }
+    assert_eq!(update.begin(SLOT.length, 0, false), Ok(()));
+}
+
+#[test]
+fn an_image_for_another_chip_or_address_is_refused_at_its_first_chunk() {
+    let words = |stack: u32, reset: u32| {
+        let mut image = image(CHUNK);
+        image[..4].copy_from_slice(&stack.to_le_bytes());
+        image[4..8].copy_from_slice(&reset.to_le_bytes());
+        image
+    };
+    let (top, code) = (SLOT.ram.1, SLOT.origin + 1);
+    let cases = [
+        (words(top, code), true),
+        (words(top, SLOT.origin + SLOT.length - 1), true),
+        (words(SLOT.ram.0 + 8, code), true),
+        // An STM32F429 has its stack further up; and an image that is linked elsewhere.
+        (words(0x2003_0000, code), false),
+        (words(SLOT.ram.0, code), false),
+        (words(top - 4, code), false),
+        (words(top, 0x0800_0299), false),
+        (words(top, SLOT.origin), false),
+        (words(top, SLOT.origin + SLOT.length + 1), false),
+        (vec![0xFF; CHUNK], false),
+        (vec![0; CHUNK], false),
+    ];
+    for (image, taken) in cases {
+        let mut update = confirmed();
+        update.begin(CHUNK as u32, 0, false).expect("begun");
+        let expected = if taken { Ok(()) } else { Err(Refusal::NotAnImage) };
+        assert_eq!(update.chunk(0, &image), expected, "{:02x?}", &image[..8]);
+    }
+}
+
+#[test]
+fn a_repeated_chunk_changes_nothing_and_a_gap_is_refused() {
+    let (mut update, mut memory, image) = (confirmed(), Memory::default(), image(1_000));
+    assert_eq!(update.chunk(0, &image[..CHUNK]), Err(Refusal::NotBegun));
+    update.begin(1_000, crc(&image), false).expect("begun");
+    assert_eq!(update.chunk(96, &image[96..192]), Err(Refusal::Gap));
+    assert_eq!(update.chunk(0, &image[..95]), Err(Refusal::ChunkLength));
+    update.chunk(0, &image[..96]).expect("the first");
+    assert_eq!(update.chunk(96, &image[96..192]), Err(Refusal::AtWork), "the first is not written yet");
+    assert_eq!(update.finish(), Err(Refusal::Gap));
+    memory.serve(&mut update);
+    assert_eq!((update.chunk(0, &image[..96]), update.order()), (Ok(()), None));
+    assert_eq!(update.chunk(95, &image[95..191]), Err(Refusal::Gap));
+    assert_eq!(update.progress(), (96, 1_000));
+}
+
+#[test]
+fn a_flash_that_refuses_a_chunk_ends_the_update() {
+    let (mut update, image) = (confirmed(), image(1_000));
+    update.begin(1_000, crc(&image), false).expect("begun");
+    update.chunk(0, &image[..96]).expect("the first");
+    assert!(update.order().is_some());
+    update.done(Done::Carried(Outcome::Refused));
+    assert_eq!((update.phase(), update.outcome()), (Phase::Nothing, Outcome::Refused));
+    assert_eq!(update.chunk(96, &image[96..192]), Err(Refusal::NotBegun));
+}
+
+#[test]
+fn an_armed_image_is_started_or_abandoned_before_there_is_another() {
+    let (mut update, mut memory, image) = (confirmed(), Memory::default(), image(100));
+    update.begin(100, crc(&image), false).expect("begun");
+    send(&mut update, &mut memory, &image);
+    update.finish().expect("all is there");
+    memory.serve(&mut update);
+    assert_eq!(update.begin(100, 0, false), Err(Refusal::Armed), "its slot must not be erased");
+    update.abandon().expect("nothing is at work");
+    assert_eq!(update.restart(false), Err(Refusal::NotArmed));
+    memory.serve(&mut update);
+    assert_eq!((update.phase(), memory.armed), (Phase::Nothing, None));
+}
+
+/// What a host, and a line, may do.
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Begin {
+        motors_run: bool,
+    },
+    /// The chunk with this index, with or without a bit that turned on the way into the flash.
+    Chunk(usize),
+    Next,
+    Serve,
+    Damage(usize),
+    Finish,
+    Abandon,
+    /// Power goes.
+    Reset,
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        1 => any::<bool>().prop_map(|motors_run| Step::Begin { motors_run }),
+        2 => (0..8_usize).prop_map(Step::Chunk),
+        12 => Just(Step::Next),
+        12 => Just(Step::Serve),
+        1 => (0..700_usize).prop_map(Step::Damage),
+        4 => Just(Step::Finish),
+        1 => Just(Step::Abandon),
+        1 => Just(Step::Reset),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn whatever_a_host_does_nothing_is_armed_but_the_whole_image(steps in vec(step(), 0..200)) {
+        let (image, mut update, mut memory) = (image(650), confirmed(), Memory::default());
+        let chunk = |update: &mut Update, index: usize| {
+            let bytes = image.chunks(CHUNK).nth(index).unwrap_or_default();
+            let _ = update.chunk((index * CHUNK) as u32, bytes);
+        };
+        for step in steps {
+            match step {
+                Step::Begin { motors_run } => drop(update.begin(650, crc(&image), motors_run)),
+                Step::Chunk(index) => chunk(&mut update, index),
+                Step::Next => {
+                    let next = update.progress().0 as usize / CHUNK;
+                    chunk(&mut update, next);
+                }
+                Step::Serve => memory.serve(&mut update),
+                // The bootloader has it from here on.
+                Step::Damage(at) if memory.armed.is_none() => memory.bytes.iter_mut().skip(at).take(1).for_each(|byte| *byte ^= 4),
+                Step::Damage(_) => (),
+                Step::Finish => drop(update.finish()),
+                Step::Abandon => drop(update.abandon()),
+                Step::Reset => (update, memory.armed) = (confirmed(), None),
+            }
+            // What is armed is what is in the slot, still.
+            prop_assert!(memory.armed.is_none() || memory.bytes.starts_with(&image));
+            prop_assert!(memory.armed.as_ref().is_none_or(|armed| *armed == image));
+            prop_assert!(update.phase() != Phase::Armed || memory.armed.is_some());
+        }
+    }
+}
