@@ -2,6 +2,7 @@
 
 use super::trouble::Trouble;
 use crate::output::{Failure, print, print_json};
+use crate::parse::whole;
 use motor_hub::bridge::Drive;
 use motor_hub::record::{Fault, Head, Tick};
 use motor_hub::units::Control;
@@ -23,6 +24,7 @@ The hub keeps them in memory that a reset leaves alone; without supply they are 
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The ticks of this entry, by its number in the first column
+    #[arg(value_parser = whole("an entry", 0..=u16::MAX, ""))]
     entry: Option<u16>,
     /// JSON instead of tables, with all ticks that there are
     #[arg(long, conflicts_with = "entry")]
