@@ -18,7 +18,7 @@
 //! ```
 
 use super::CHANNELS;
-use super::fields::{Field, Fields, Payload};
+use super::fields::{Field, Fields, Payload, in_turn};
 use super::frame::Packet;
 use super::nack::Nack;
 use core::fmt;
@@ -98,16 +98,7 @@ impl Functions {
     }
 }
 
-impl Field for Functions {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        Ok(Self { first: u16::read(fields)?, count: u16::read(fields)? })
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        self.first.write(payload);
-        self.count.write(payload);
-    }
-}
+in_turn!(Functions { first, count });
 
 /// Module status.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -169,16 +160,7 @@ impl Status {
     }
 }
 
-impl Field for Status {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        Ok(Self { status: u8::read(fields)?, motor_alerts: u8::read(fields)? })
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        self.status.write(payload);
-        self.motor_alerts.write(payload);
-    }
-}
+in_turn!(Status { status, motor_alerts });
 
 /// Everything that changes while motors run, in one answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -243,20 +225,4 @@ pub struct Version {
     pub hardware: u32,
 }
 
-impl Field for Version {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        Ok(Self {
-            engineering: u8::read(fields)?,
-            minor: u8::read(fields)?,
-            major: u8::read(fields)?,
-            hardware_minor: u8::read(fields)?,
-            hardware_major: u8::read(fields)?,
-            hardware: u32::read(fields)?,
-        })
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        [self.engineering, self.minor, self.major, self.hardware_minor, self.hardware_major].write(payload);
-        self.hardware.write(payload);
-    }
-}
+in_turn!(Version { engineering, minor, major, hardware_minor, hardware_major, hardware });

@@ -269,6 +269,24 @@ macro_rules! codes {
 }
 pub(super) use codes;
 
+/// A struct as its fields, one after the other.
+macro_rules! in_turn {
+    ($type:ty { $($field:ident),+ }) => {
+        impl $crate::protocol::fields::Field for $type {
+            fn read(
+                fields: &mut $crate::protocol::fields::Fields<'_>,
+            ) -> Result<Self, $crate::protocol::Nack> {
+                Ok(Self { $($field: $crate::protocol::fields::Field::read(fields)?),+ })
+            }
+
+            fn write(&self, payload: &mut $crate::protocol::fields::Payload) {
+                $($crate::protocol::fields::Field::write(&self.$field, payload);)+
+            }
+        }
+    };
+}
+pub(super) use in_turn;
+
 /// Any byte: 0 brakes and 1 floats, and so does whatever else hosts send for it.
 impl Field for ZeroPower {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {

@@ -10,7 +10,7 @@
 //! assert_eq!(*request.payload(), [0, 0x18, 0xFC, 0xFF, 0xFF, 25, 0]);
 //! ```
 
-use super::fields::{Field, Fields, Payload, codes};
+use super::fields::{Field, Fields, Payload, codes, in_turn};
 use super::nack::Nack;
 use super::table::requests;
 use crate::motion::Pidf;
@@ -103,16 +103,7 @@ pub struct ChannelMode {
     pub zero_power: ZeroPower,
 }
 
-impl Field for ChannelMode {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        Ok(Self { mode: RunMode::read(fields)?, zero_power: ZeroPower::read(fields)? })
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        self.mode.write(payload);
-        self.zero_power.write(payload);
-    }
-}
+in_turn!(ChannelMode { mode, zero_power });
 
 /// Where to go.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -124,16 +115,7 @@ pub struct Target {
     pub tolerance: u16,
 }
 
-impl Field for Target {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        Ok(Self { counts: i32::read(fields)?, tolerance: u16::read(fields)? })
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        self.counts.write(payload);
-        self.tolerance.write(payload);
-    }
-}
+in_turn!(Target { counts, tolerance });
 
 /// A loop's coefficients: I and D by cycles of 50 ms, F for the battery's voltage, as [`Pidf`] says. They are read back bit
 /// for bit.

@@ -36,8 +36,7 @@
 //! assert_eq!((request.id(), request.payload().len()), (0x4D0E, 0));
 //! ```
 
-use super::fields::{Field, Fields, Payload, codes};
-use super::nack::Nack;
+use super::fields::{codes, in_turn};
 use super::table::requests;
 use crate::store::{Outcome, Stored};
 
@@ -92,28 +91,4 @@ pub struct StoreReport {
     pub coefficients: u8,
 }
 
-impl Field for StoreReport {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        Ok(Self {
-            stored: Stored::read(fields)?,
-            version: u8::read(fields)?,
-            number: u32::read(fields)?,
-            at_work: bool::read(fields)?,
-            outcome: Outcome::read(fields)?,
-            differs: bool::read(fields)?,
-            unknown: u8::read(fields)?,
-            refused: u8::read(fields)?,
-            coefficients: u8::read(fields)?,
-        })
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        self.stored.write(payload);
-        self.version.write(payload);
-        self.number.write(payload);
-        self.at_work.write(payload);
-        self.outcome.write(payload);
-        self.differs.write(payload);
-        [self.unknown, self.refused, self.coefficients].write(payload);
-    }
-}
+in_turn!(StoreReport { stored, version, number, at_work, outcome, differs, unknown, refused, coefficients });

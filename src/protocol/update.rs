@@ -37,8 +37,7 @@
 //! assert_eq!((request.id(), &*request.payload()), (0x4D16, &[96, 0, 0, 0, 2, 7, 8][..]));
 //! ```
 
-use super::fields::{Field, Fields, Payload, Text, codes};
-use super::nack::Nack;
+use super::fields::{Text, codes, in_turn};
 use super::table::requests;
 use crate::update::{Booted, Outcome, Phase};
 
@@ -101,27 +100,4 @@ pub struct UpdateReport {
     pub version: Text,
 }
 
-impl Field for UpdateReport {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        Ok(Self {
-            phase: Phase::read(fields)?,
-            outcome: Outcome::read(fields)?,
-            at_work: bool::read(fields)?,
-            booted: Booted::read(fields)?,
-            received: u32::read(fields)?,
-            length: u32::read(fields)?,
-            origin: u32::read(fields)?,
-            capacity: u32::read(fields)?,
-            version: Text::read(fields)?,
-        })
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        self.phase.write(payload);
-        self.outcome.write(payload);
-        self.at_work.write(payload);
-        self.booted.write(payload);
-        [self.received, self.length, self.origin, self.capacity].write(payload);
-        self.version.write(payload);
-    }
-}
+in_turn!(UpdateReport { phase, outcome, at_work, booted, received, length, origin, capacity, version });

@@ -60,10 +60,9 @@ pub(super) fn checksum(bytes: &[u8]) -> u32 {
 
 impl Tick {
     pub(super) fn of(report: &Report) -> Self {
-        let cps = report.velocity.round().clamp(i16::MIN.into(), i16::MAX.into());
         Self {
             position: report.position as u16,
-            velocity: cps as i16,
+            velocity: report.velocity.round_to_i16(),
             control: report.control,
             drive: report.drive,
         }

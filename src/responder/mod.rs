@@ -452,8 +452,7 @@ impl<const N: usize> Responder<N> {
         let answers = bulk.encoders.iter_mut().zip(&mut bulk.velocities).zip(&mut bulk.at_target);
         for ((channel, report), ((encoder, velocity), at_target)) in motors.zip(answers) {
             *encoder = channel.counts(report);
-            let cps = report.velocity.round();
-            *velocity = cps.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+            *velocity = report.velocity.round_to_i16();
             *at_target = channel.at_target(report);
         }
         for ((channel, report), over) in

@@ -11,11 +11,10 @@ use crate::units::{Control, Millivolts};
 pub(super) fn of_motor(channel: &MotorChannel, report: &Report, battery: Option<Millivolts>) -> MotorReport {
     let Report { regulator, control, regime, drive, current, load, heat, derated, stalled, faults, .. } =
         *report;
-    let velocity = report.velocity.round().clamp(i16::MIN.into(), i16::MAX.into()) as i16;
     MotorReport {
         told: told(channel, report.setpoint),
         position: channel.counts(report),
-        velocity,
+        velocity: report.velocity.round_to_i16(),
         regulator,
         control,
         regime,

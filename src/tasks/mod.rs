@@ -72,6 +72,21 @@ pub const COMMANDS: usize = 16;
 /// Receivers of snapshots.
 pub const OBSERVERS: usize = 4;
 
+/// Between the responder, which decides, and a task that does what takes time.
+pub struct Errand<M: RawMutex, O, D> {
+    /// What is to be done; one at a time.
+    pub order: Signal<M, O>,
+    /// What has been done.
+    pub done: Signal<M, D>,
+}
+
+impl<M: RawMutex, O, D> Errand<M, O, D> {
+    /// None.
+    const fn new() -> Self {
+        Self { order: Signal::new(), done: Signal::new() }
+    }
+}
+
 /// The channels between the tasks of a hub with N motors: one static in a board.
 pub struct Wires<M: RawMutex, const N: usize> {
     /// From capture to control.
@@ -97,9 +112,9 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// From whoever ends the run to the next one.
     pub last_words: CriticalSectionMutex<RefCell<Option<LastWords<'static>>>>,
     /// Between the responder and whoever has the memory for settings.
-    pub store: store::Shelf<M>,
+    pub store: Errand<M, crate::store::Order, store::Done>,
     /// Between the responder and whoever has the slot for new firmware.
-    pub update: update::Bay<M>,
+    pub update: Errand<M, crate::update::Order, crate::update::Done>,
     /// From the responder to anyone: a host has spoken since reset.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -119,8 +134,8 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             newest: Mutex::new(RefCell::new(Newest::new())),
             record: Mutex::new(RefCell::new(None)),
             last_words: CriticalSectionMutex::new(RefCell::new(None)),
-            store: store::Shelf::new(),
-            update: update::Bay::new(),
+            store: Errand::new(),
+            update: Errand::new(),
             host_spoke: Mutex::new(Cell::new(false)),
         }
     }

@@ -57,7 +57,6 @@ use crate::store::{CAPACITY, Copies, Found, Order, Outcome, Stored};
 use core::ops::Range;
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
-use embassy_sync::signal::Signal;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
@@ -75,22 +74,7 @@ const BUFFER: usize = (1 + CAPACITY).next_multiple_of(32);
 /// The longest word of any flash.
 const WORD: usize = 32;
 
-/// Between the responder, which decides, and whoever has the memory.
-pub struct Shelf<M: RawMutex> {
-    /// What is to be done; one at a time.
-    pub order: Signal<M, Order>,
-    /// What has been done, and once, at boot, what was found.
-    pub done: Signal<M, Done>,
-}
-
-impl<M: RawMutex> Shelf<M> {
-    /// Empty.
-    pub(super) const fn new() -> Self {
-        Self { order: Signal::new(), done: Signal::new() }
-    }
-}
-
-/// What has become of an order.
+/// What has become of an order; once, at boot, what was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Done {
     /// What is stored now; `None` if that cannot be told until motors are off, and is as it was.

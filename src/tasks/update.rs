@@ -19,7 +19,6 @@ use crate::update::{Booted, CHUNK, Crc32, Done, Order, Outcome};
 use embassy_boot::{FirmwareState, State};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
-use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
@@ -34,21 +33,6 @@ const FAREWELL: Duration = Duration::from_millis(50);
 
 /// The longest word of any flash.
 const WORD: usize = 32;
-
-/// Between the responder, which decides, and whoever has the slot.
-pub struct Bay<M: RawMutex> {
-    /// What is to be done; one at a time.
-    pub order: Signal<M, Order>,
-    /// What has been done, and how this firmware was started.
-    pub done: Signal<M, Done>,
-}
-
-impl<M: RawMutex> Bay<M> {
-    /// Empty.
-    pub(super) const fn new() -> Self {
-        Self { order: Signal::new(), done: Signal::new() }
-    }
-}
 
 /// Confirms this firmware when all tasks have checked in often enough, and then does what is ordered, for ever.
 pub async fn run<M: RawMutex, const N: usize>(
@@ -99,11 +83,17 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
         fits.then_some(Self { download, state: Marks(state) })
     }
 
+    /// The bootloader's state, read and written by this word, of which it takes as much as the flash does.
+    fn state<'a>(&'a mut self, word: &'a mut [u8; WORD]) -> FirmwareState<'a, &'a mut Marks<S>> {
+        // It is long enough, or there would be no slots.
+        let word = word.get_mut(..S::WRITE_SIZE.max(S::READ_SIZE)).unwrap_or_default();
+        FirmwareState::new(&mut self.state, word)
+    }
+
     /// How this firmware was started.
     pub async fn booted(&mut self) -> Booted {
         let mut word = [0; WORD];
-        let Some(word) = word.get_mut(..S::WRITE_SIZE.max(S::READ_SIZE)) else { return Booted::Unknown };
-        match FirmwareState::new(&mut self.state, word).get_state().await {
+        match self.state(&mut word).get_state().await {
             Ok(State::Swap) => Booted::OnTrial,
             Ok(State::Revert) => Booted::WentBack,
             Ok(State::Boot | State::DfuDetach) => Booted::Confirmed,
@@ -114,9 +104,7 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
     /// Lets the bootloader start what it started last.
     pub async fn confirm(&mut self) -> Outcome {
         let mut word = [0; WORD];
-        let Some(word) = word.get_mut(..S::WRITE_SIZE.max(S::READ_SIZE)) else { return Outcome::Refused };
-        let done = FirmwareState::new(&mut self.state, word).mark_booted().await;
-        done.map_or(Outcome::Refused, |()| Outcome::Done)
+        self.state(&mut word).mark_booted().await.map_or(Outcome::Refused, |()| Outcome::Done)
     }
 
     /// Writes a chunk, word by word, with all other tasks between two.
@@ -148,8 +136,7 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
             Ok(_) => (),
         }
         let mut word = [0; WORD];
-        let Some(word) = word.get_mut(..S::WRITE_SIZE.max(S::READ_SIZE)) else { return Outcome::Refused };
-        if FirmwareState::new(&mut self.state, word).mark_updated().await.is_err() {
+        if self.state(&mut word).mark_updated().await.is_err() {
             // Nobody will know of it, so it must not happen.
             self.confirm().await;
             return Outcome::Refused;

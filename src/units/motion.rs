@@ -83,6 +83,11 @@ impl CountsPerSecond {
         self.0.saturating_add(I24F8::from_bits(1 << 7)).to_num()
     }
 
+    /// The same as far as 16 bits go, either way.
+    pub fn round_to_i16(self) -> i16 {
+        self.round().clamp(i16::MIN.into(), i16::MAX.into()) as i16
+    }
+
     /// From counts per second, rounded towards 0; beyond the range its end, and 0 from what is no number.
     pub const fn from_f32(counts_per_second: f32) -> Self {
         Self::saturating_from_bits((256.0 * counts_per_second) as i32 as i64)
