@@ -23,6 +23,7 @@ use crate::chip::{Nucleo, Pwm};
 use crate::elf;
 use crate::lab::{Lab, Order, terminal};
 use crate::pins::{Lines, Transition};
+use crate::processor::{Code, Mpu};
 use crate::pwm::Grid;
 use crate::rtt::{self, LogLine};
 use crate::serial::Terminal;
@@ -45,6 +46,8 @@ pub struct Setup {
     pub bootloader: bool,
     /// How TIM1 is emulated.
     pub pwm: Pwm,
+    /// How the memory protection unit is emulated.
+    pub mpu: Mpu,
     /// Where to listen for GDB, if at all; the core then waits for it.
     pub gdb: Option<u16>,
 }
@@ -61,6 +64,7 @@ impl Setup {
             stored: Vec::new(),
             bootloader: false,
             pwm: Pwm::default(),
+            mpu: Mpu::default(),
             gdb: None,
         }
     }
@@ -368,7 +372,10 @@ fn run(
     orders: Receiver<Order>,
     reached: SyncSender<()>,
 ) -> Result<(), Stopped> {
-    let mut board = Nucleo::new(setup.board, setup.pwm)?;
+    // A bootloader puts other code into flash.
+    let lasts = !setup.bootloader;
+    let code = Code::new(setup.board, setup.mpu, images, lasts);
+    let mut board = Nucleo::new(setup.board, setup.pwm, code)?;
     board.chip.attach(Terminal::default());
     let lab = Lab::new(setup.board, setup.battery, setup.motors, log_ring, orders, reached);
     let session = Session::new(Box::new(board), 0, VirtualNanos(0))?;

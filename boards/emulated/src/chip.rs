@@ -68,6 +68,7 @@ use rigless::soc::{Error, Layout};
 use rigless::time::VirtualNanos;
 
 use crate::board::Board;
+use crate::processor::{self, Code, Mpu};
 use crate::pwm::Registers;
 use crate::serial::Terminal;
 
@@ -124,8 +125,8 @@ impl Port {
 
 /// A microcontroller with what the bench does to it. Motors are by number, ports from A as 0.
 pub(crate) trait Part: Mcu + Debug + Send {
-    /// What runs on it.
-    fn target(&mut self) -> Target<'_>;
+    /// What runs on it, with so much of its MPU.
+    fn target(&mut self, mpu: Mpu) -> Target<'_>;
 
     /// Another rail, mV; the converters' reference stays.
     fn set_rail(&mut self, at: VirtualNanos, millivolts: u32);
@@ -185,15 +186,16 @@ const REFCLK_DIVIDER: NonZeroU32 = NonZeroU32::new(8).expect("a divider");
 pub(crate) struct Nucleo {
     pub(crate) chip: Box<dyn Part>,
     board: Board,
+    code: Code,
 }
 
 impl Nucleo {
-    pub(crate) fn new(board: Board, pwm: Pwm) -> Result<Self, Error> {
+    pub(crate) fn new(board: Board, pwm: Pwm, code: Code) -> Result<Self, Error> {
         let chip: Box<dyn Part> = match board {
             Board::NucleoF429zi => Box::new(f427::Chip::new(pwm)?),
             Board::NucleoH743zi2 => Box::new(h743::Chip::new(pwm)?),
         };
-        Ok(Self { chip, board })
+        Ok(Self { chip, board, code })
     }
 
     /// The words that the factory writes.
@@ -222,6 +224,8 @@ impl Machine for Nucleo {
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
-        vec![self.chip.target()]
+        let mut target = self.chip.target(self.code.mpu());
+        processor::keep(&mut target.core, self.code);
+        vec![target]
     }
 }

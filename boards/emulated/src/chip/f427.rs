@@ -26,6 +26,7 @@ use rigless::time::VirtualNanos;
 
 use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
 use crate::board::Board;
+use crate::processor::Mpu;
 use crate::pwm::Registers;
 use crate::serial::Terminal;
 use crate::wiring;
@@ -128,7 +129,7 @@ impl Mcu for Chip {
 }
 
 impl Part for Chip {
-    fn target(&mut self) -> Target<'_> {
+    fn target(&mut self, mpu: Mpu) -> Target<'_> {
         let board = Board::NucleoF429zi;
         let hz = NonZeroU64::new(board.core_hz()).expect("a running clock");
         let lines = u32::from(self.cpu().interrupt_lines);
@@ -141,7 +142,11 @@ impl Part for Chip {
             instructions_per_second: hz,
             boot: "flash",
         }
-        .spec_with_parts(&windows(self.bus()), Fpu::FpV4Sp, MpuRegions::Eight);
+        .spec_with_parts(
+            &[windows(self.bus()), mpu.windows()].concat(),
+            Fpu::FpV4Sp,
+            MpuRegions::Eight,
+        );
         Target::new(board.name(), self, core)
     }
 

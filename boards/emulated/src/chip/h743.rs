@@ -28,6 +28,7 @@ use super::guard::Guarded;
 use super::watchdog::Watchdog;
 use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
 use crate::board::Board;
+use crate::processor::Mpu;
 use crate::pwm::Registers;
 use crate::serial::Terminal;
 use crate::wiring;
@@ -158,7 +159,7 @@ fn drive<F: Stm32h743Family>(
 }
 
 impl Part for Chip {
-    fn target(&mut self) -> Target<'_> {
+    fn target(&mut self, mpu: Mpu) -> Target<'_> {
         let board = Board::NucleoH743zi2;
         let hz = NonZeroU64::new(board.core_hz()).expect("a running clock");
         let lines = u32::from(self.cpu().interrupt_lines);
@@ -171,7 +172,7 @@ impl Part for Chip {
             instructions_per_second: hz,
             boot: "flash",
         };
-        let mut config = Config::new(core, &windows(self.bus()));
+        let mut config = Config::new(core, &[windows(self.bus()), mpu.windows()].concat());
         config.fpu = Fpu::FpV5Dp;
         config.mpu_regions = MpuRegions::Sixteen;
         config.cpuid = CPUID;

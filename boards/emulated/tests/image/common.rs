@@ -69,7 +69,13 @@ pub(crate) fn booted(motors: Vec<Mounting>) -> Bench {
 
 /// All motors at 1000 counts/s, by the button.
 pub(crate) fn turning(motors: Vec<Mounting>) -> Bench {
-    let mut bench = booted(motors);
+    turning_as(setup(motors))
+}
+
+/// The same with another setup.
+pub(crate) fn turning_as(setup: Setup) -> Bench {
+    let mut bench = Bench::new(setup);
+    bench.run(ms(300));
     bench.press(true);
     bench.run(ms(1500));
     for motor in 0..bench.motors() {

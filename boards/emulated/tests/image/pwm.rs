@@ -1,11 +1,11 @@
-//! The light model of TIM1 against the emulator's own.
+//! The light models of TIM1 and of the memory protection unit against the emulator's own.
 
 use crate::common::{four_loads, ms, setup};
-use emulated::{Bench, Encoder, Output, Pwm, Setup};
+use emulated::{Bench, Encoder, Mpu, Output, Pwm, Setup};
 
 /// Speeds up, is disturbed, brakes, loses an encoder, is reset in mid-run, and starts again.
-fn story(pwm: Pwm) -> Bench {
-    let mut bench = Bench::new(Setup { pwm, ..setup(four_loads()) });
+fn story(pwm: Pwm, mpu: Mpu) -> Bench {
+    let mut bench = Bench::new(Setup { pwm, mpu, ..setup(four_loads()) });
     bench.run(ms(300));
     bench.press(true);
     bench.run(ms(900));
@@ -25,9 +25,9 @@ fn story(pwm: Pwm) -> Bench {
 }
 
 #[test]
-fn both_models_of_the_timer_make_the_same_run_to_the_last_edge() {
-    let mut light = story(Pwm::Registers);
-    let mut full = story(Pwm::Emulated);
+fn light_models_of_timer_and_memory_protection_make_the_same_run_to_the_last_edge() {
+    let mut light = story(Pwm::Registers, Mpu::Registers);
+    let mut full = story(Pwm::Emulated, Mpu::Emulated);
     assert_eq!(light.transitions(), full.transitions());
     assert!(light.transitions().len() > 100);
     assert_eq!(light.log(), full.log());

@@ -1,8 +1,8 @@
 //! What a hub that began anew says of what happened before.
 
-use crate::common::{COUNTER, board, four_loads, log, ms, setup, turning};
+use crate::common::{COUNTER, board, four_loads, log, ms, setup, turning, turning_as};
 use emulated::talk::Talk;
-use emulated::{Bench, Encoder};
+use emulated::{Bench, Encoder, Mpu, Setup};
 use motor_hub::bridge::Drive;
 use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
 use motor_hub::record::{Fault, Head, Tick};
@@ -27,7 +27,11 @@ fn ticks(bench: &mut Bench, of: &Head) -> Vec<Tick> {
 /// Four motors turn at 1000 counts/s, something happens, and the watchdog starts the chip afresh: the one entry that
 /// there then is.
 fn after(happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
-    let mut bench = turning(four_loads());
+    after_with(Mpu::Registers, happens)
+}
+
+fn after_with(mpu: Mpu, happens: impl FnOnce(&mut Bench)) -> (Bench, Head) {
+    let mut bench = turning_as(Setup { mpu, ..setup(four_loads()) });
     let at = bench.now();
     happens(&mut bench);
     bench.run(ms(1500));
@@ -77,7 +81,7 @@ pub(crate) fn a_panic_is_on_record_with_its_line() {
 
 #[test]
 fn a_stack_overflow_is_on_record_with_how_far_it_went() {
-    let (_, head) = after(|bench| bench.overflow_stack("capture"));
+    let (_, head) = after_with(Mpu::Emulated, |bench| bench.overflow_stack("capture"));
     assert_eq!(head.fault, Fault::StackOverflow);
     // The guard's end, and an exception's frame below it.
     assert!((0x2000_1F00..0x2000_2000).contains(&head.detail[0]), "{head:?}");

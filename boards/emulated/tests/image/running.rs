@@ -101,5 +101,6 @@ fn the_same_image_runs_the_same_way_twice() {
         bench.run(ms(700));
         (bench.transitions(), bench.log(), bench.instructions(), bench.look(2))
     };
+    // The second time by a core that has translated it.
     assert_eq!(run(), run());
 }

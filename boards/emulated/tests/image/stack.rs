@@ -1,9 +1,9 @@
 //! How deep the stack goes, and where it ends: it is painted before the first instruction, and looked at after the
 //! busiest things that the firmware does; and it is used up.
 
-use crate::common::{COUNTER, board, four_loads, log, ms, setup, time_to_safe, turning};
+use crate::common::{COUNTER, board, four_loads, log, ms, setup, time_to_safe, turning_as};
 use emulated::talk::Talk;
-use emulated::{Bench, Encoder};
+use emulated::{Bench, Encoder, Mpu, Setup};
 use motor_hub::protocol::Reply;
 
 const PAINT: u32 = 0xA5C3_5A3C;
@@ -43,7 +43,7 @@ fn the_stack_stays_below_nine_of_its_24_kilobytes() {
 
 #[test]
 pub(crate) fn a_stack_that_overflows_ends_in_the_fault_path_with_all_bridges_open() {
-    let mut bench = turning(four_loads());
+    let mut bench = turning_as(Setup { mpu: Mpu::Emulated, ..setup(four_loads()) });
     let at = bench.now();
     bench.overflow_stack("capture");
     bench.run(ms(50));

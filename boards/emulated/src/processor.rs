@@ -1,0 +1,372 @@
+//! The chip's core, kept from one run to the next.
+//!
+//! The emulator translates the firmware to code of the host, block by block. Most of a short run was spent on that:
+//! a core that has run the same code before is therefore put on a shelf, and the next run begins with what it has
+//! translated. Nothing else is left of the run before: registers are those of power-on, and memory is the new run's.
+//!
+//! The emulator drops all of its translations when the memory protection unit changes, and translates accesses to
+//! memory into calls while it is on. So the MPU's registers [only remember](Mpu::Registers) what is written to them,
+//! unless a run is about the guard of the stack.
+
+use std::collections::hash_map::DefaultHasher;
+use std::hash::{Hash, Hasher};
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rigless::cpu::armv7m::Window;
+use rigless::emulator::{
+    Access, AccessKind, BitAlias, Checked, CoreBus, CoreSpec, DataModel, Error, Exit, HaltReason, HostCall,
+    InterruptLine, Processor, Queued,
+};
+use rigless::image::Image;
+use rigless::soc::{Endian, Width};
+use rigless::time::VirtualNanos;
+
+use crate::board::Board;
+
+/// How much of the memory protection unit is emulated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mpu {
+    /// Its registers alone: nothing is guarded. The same to firmware that keeps off its guarded memory, and several
+    /// times faster.
+    #[default]
+    Registers,
+    /// All of it.
+    Emulated,
+}
+
+/// The MPU's registers (PM0214 4.2, PM0253 4.6).
+const MPU: Range<u64> = 0xE000_ED90..0xE000_EDBC;
+
+impl Mpu {
+    /// What of the processor's own bus is not the processor's.
+    pub(crate) fn windows(self) -> Vec<Window> {
+        let registers = Window { base: MPU.start, size: MPU.end - MPU.start };
+        if self == Self::Registers { vec![registers] } else { Vec::new() }
+    }
+}
+
+/// What a core has run: no other can begin with what it has translated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Code {
+    board: Board,
+    mpu: Mpu,
+    images: u64,
+    lasts: bool,
+}
+
+impl Code {
+    /// These images on this board; whether they stay as they are for the whole run.
+    pub(crate) fn new(board: Board, mpu: Mpu, images: &[Image], lasts: bool) -> Self {
+        let mut hasher = DefaultHasher::new();
+        images.iter().for_each(|image| image.bytes().hash(&mut hasher));
+        Self { board, mpu, images: hasher.finish(), lasts }
+    }
+
+    pub(crate) const fn mpu(self) -> Mpu {
+        self.mpu
+    }
+}
+
+/// A core that waits for its next run, and its state at power-on.
+#[derive(Debug)]
+struct Translator {
+    processor: Box<dyn Processor>,
+    power_on: Vec<u8>,
+}
+
+/// Cores that wait, by what they have translated.
+static SHELF: Mutex<Vec<(Code, Translator)>> = Mutex::new(Vec::new());
+
+fn shelf() -> std::sync::MutexGuard<'static, Vec<(Code, Translator)>> {
+    // A panic elsewhere leaves a whole list.
+    SHELF.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Has a run take its core from the shelf, if there is one that has run `code`; and the core goes there when the run
+/// is over, if that has been all it ran.
+pub(crate) fn keep(spec: &mut CoreSpec, code: Code) {
+    let make = Arc::clone(&spec.processor);
+    spec.processor = Arc::new(move |endian| {
+        let waiting = {
+            let mut shelf = shelf();
+            let place = shelf.iter().position(|(of, _)| *of == code);
+            place.map(|place| shelf.swap_remove(place).1)
+        };
+        let translated = waiting.is_some();
+        let mut translator = match waiting {
+            Some(translator) => translator,
+            None => {
+                let processor = make(endian)?;
+                let power_on = processor.save();
+                Translator { processor, power_on }
+            }
+        };
+        if translated {
+            let processor = &mut translator.processor;
+            processor.take_reset_request();
+            processor.load(&translator.power_on)?;
+            // Only flash holds code of the images; what of RAM was executed went astray.
+            let Range { start, end } = code.board.ram();
+            processor.ask(Queued::Invalidate(start, end));
+        }
+        let core = Kept { translator: Some(translator), code, placing: Some(translated), as_new: code.lasts };
+        Ok(Box::new(core))
+    });
+}
+
+/// The emulator's core for one run.
+#[derive(Debug)]
+struct Kept {
+    /// Until it is dropped.
+    translator: Option<Translator>,
+    code: Code,
+    /// Whether the images that are being put into memory are those of the run before, as long as they are: then what
+    /// was translated from them stands.
+    placing: Option<bool>,
+    /// Nothing was asked of it that the next run would have to undo.
+    as_new: bool,
+}
+
+impl Kept {
+    fn processor(&self) -> &dyn Processor {
+        &*self.translator.as_ref().expect("until it is dropped").processor
+    }
+
+    fn processor_mut(&mut self) -> &mut dyn Processor {
+        &mut *self.translator.as_mut().expect("until it is dropped").processor
+    }
+
+    /// Whether the next run may begin where this leaves the core.
+    fn leaves_as_new(&self, queued: Queued) -> bool {
+        match queued {
+            Queued::Invalidate(start, end) => [self.code.board.ram(), self.code.board.store()]
+                .iter()
+                .any(|data| data.start <= start && end <= data.end),
+            Queued::Route(_) | Queued::Unroute(_) => false,
+            Queued::Line(..) | Queued::Return => true,
+        }
+    }
+}
+
+impl Drop for Kept {
+    fn drop(&mut self) {
+        let Some(translator) = self.translator.take() else { return };
+        if self.as_new && !std::thread::panicking() {
+            shelf().push((self.code, translator));
+        }
+    }
+}
+
+impl Processor for Kept {
+    fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        self.placing = None;
+        match self.code.mpu {
+            Mpu::Emulated => self.processor_mut().run(budget, bus),
+            Mpu::Registers => self.processor_mut().run(budget, &mut WithoutMpu(bus)),
+        }
+    }
+
+    fn ask(&mut self, queued: Queued) {
+        if let (Queued::Invalidate(..), Some(same)) = (queued, self.placing) {
+            if same {
+                return;
+            }
+        } else {
+            self.as_new &= self.leaves_as_new(queued);
+        }
+        self.processor_mut().ask(queued);
+    }
+
+    #[expect(unsafe_code, reason = "the emulator hands its memory over by address")]
+    unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
+        // SAFETY: what the caller promises is handed on. On the shelf a core runs nothing; before the first
+        // instruction of its next run all of the board's memory is mapped anew.
+        unsafe { self.processor_mut().map(start, length, host, writable) }
+    }
+
+    fn add_breakpoint(&mut self, address: u64) -> bool {
+        self.as_new = false;
+        self.processor_mut().add_breakpoint(address)
+    }
+
+    fn attach_debugger(&mut self, attached: bool) {
+        self.as_new &= !attached;
+        self.processor_mut().attach_debugger(attached);
+    }
+
+    fn hold_interrupts(&mut self, held: bool) {
+        self.as_new &= !held;
+        self.processor_mut().hold_interrupts(held);
+    }
+
+    fn check_reads(&mut self, every: bool) {
+        self.as_new &= !every;
+        self.processor_mut().check_reads(every);
+    }
+
+    fn check_words(&mut self, words: &[u64]) {
+        self.as_new &= words.is_empty();
+        self.processor_mut().check_words(words);
+    }
+
+    // The rest is the processor's own.
+
+    fn retired(&self) -> u64 {
+        self.processor().retired()
+    }
+
+    fn maps(&self, start: u64, length: u64) -> bool {
+        self.processor().maps(start, length)
+    }
+
+    fn page_size(&self) -> u64 {
+        self.processor().page_size()
+    }
+
+    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
+        self.processor_mut().boot(table, read);
+    }
+
+    fn reset(&mut self) {
+        self.processor_mut().reset();
+    }
+
+    fn take_reset_request(&mut self) -> bool {
+        self.processor_mut().take_reset_request()
+    }
+
+    fn next_event(&self) -> Option<VirtualNanos> {
+        self.processor().next_event()
+    }
+
+    fn on_event(&mut self, now: VirtualNanos) {
+        self.processor_mut().on_event(now);
+    }
+
+    fn waiting(&self) -> bool {
+        self.processor().waiting()
+    }
+
+    fn pc(&self) -> u64 {
+        self.processor().pc()
+    }
+
+    fn remove_breakpoint(&mut self, address: u64) {
+        self.processor_mut().remove_breakpoint(address);
+    }
+
+    fn pass_breakpoint(&mut self, address: u64) {
+        self.processor_mut().pass_breakpoint(address);
+    }
+
+    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
+        self.processor().gdb_register(number)
+    }
+
+    fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
+        self.processor_mut().set_gdb_register(number, bytes)
+    }
+
+    fn debugger_access(
+        &mut self,
+        write: Option<u64>,
+        address: u64,
+        width: Width,
+        now: VirtualNanos,
+    ) -> Option<u64> {
+        self.processor_mut().debugger_access(write, address, width, now)
+    }
+
+    fn take_debugger_trace(&mut self) -> Vec<u8> {
+        self.processor_mut().take_debugger_trace()
+    }
+
+    fn target_xml(&self) -> &'static str {
+        self.processor().target_xml()
+    }
+
+    fn data_model(&self) -> DataModel {
+        self.processor().data_model()
+    }
+
+    fn byte_order(&self, address: u64) -> Endian {
+        self.processor().byte_order(address)
+    }
+
+    fn save(&self) -> Vec<u8> {
+        self.processor().save()
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.processor_mut().load(bytes)
+    }
+
+    fn monitor_command(&mut self, command: &str) -> Option<String> {
+        self.processor_mut().monitor_command(command)
+    }
+
+    fn debugger_halted(&mut self, why: HaltReason) -> bool {
+        self.processor_mut().debugger_halted(why)
+    }
+
+    fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias> {
+        self.processor().bit_alias(address, width)
+    }
+
+    fn own_ranges(&self) -> Vec<Range<u64>> {
+        self.processor().own_ranges()
+    }
+
+    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
+        self.processor().host_call(read)
+    }
+
+    fn answer_host_call(&mut self, answer: Option<u64>) {
+        self.processor_mut().answer_host_call(answer);
+    }
+}
+
+/// The bus, with an MPU that is told and guards nothing. Who reads gets 0: the firmware does not.
+struct WithoutMpu<'a>(&'a mut dyn CoreBus);
+
+impl CoreBus for WithoutMpu<'_> {
+    fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
+        if MPU.contains(&access.address) {
+            return Some(if access.kind == AccessKind::Write { access.value } else { 0 });
+        }
+        self.0.access(access, from_code)
+    }
+
+    fn time(&self, instructions: u64) -> VirtualNanos {
+        self.0.time(instructions)
+    }
+
+    fn queued(&mut self) -> Vec<Queued> {
+        self.0.queued()
+    }
+
+    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
+        self.0.carry_on(instructions, event)
+    }
+
+    fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
+        self.0.acknowledge(line, instructions)
+    }
+
+    fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
+        self.0.read_checked(access, report)
+    }
+
+    fn write_checked(&mut self, access: Access) -> Option<bool> {
+        self.0.write_checked(access)
+    }
+
+    fn stops_before(&mut self, access: &Access) -> bool {
+        self.0.stops_before(access)
+    }
+
+    fn send_trace(&mut self, bytes: &[u8]) {
+        self.0.send_trace(bytes);
+    }
+}
