@@ -69,6 +69,16 @@ const SLOT: Slot = Slot {
     origin: layout::ORIGIN,
     length: layout::ACTIVE.end - layout::ACTIVE.start,
     ram: (layout::RAM.start, layout::RAM.end),
+    signer: SIGNER,
+};
+
+/// Who signs images, if they must be signed.
+#[cfg(not(feature = "signed"))]
+const SIGNER: Option<[u8; 32]> = None;
+#[cfg(feature = "signed")]
+const SIGNER: Option<[u8; 32]> = match motor_hub::update::public_key(include_bytes!(env!("UPDATE_KEY"))) {
+    None => panic!("UPDATE_KEY is no public key of Ed25519 in DER: openssl pkey -pubout -outform DER"),
+    key => key,
 };
 
 /// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.

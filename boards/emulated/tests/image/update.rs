@@ -1,16 +1,17 @@
 //! New firmware without a probe, on the emulated H743: the bootloader and the hub behind it, as they are flashed.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
-use crate::common::{am60, ms, on, setup};
+use crate::common::{am60, board, ms, on, setup};
 use emulated::talk::Talk;
-use emulated::{Bench, Board, Setup};
+use emulated::{Bench, Board, Setup, elf};
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::fields::Text;
 use motor_hub::protocol::requests::ToHub;
 use motor_hub::protocol::update::{ToUpdate, UpdateReport};
 use motor_hub::protocol::{Nack, Request};
-use motor_hub::update::{Booted, CHUNK, Crc32, Outcome, Phase};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase, public_key};
 
 const BOARD: Board = Board::NucleoH743zi2;
 
@@ -44,28 +45,31 @@ fn persist(bench: &mut Bench, talk: &mut Talk, request: &ToUpdate) {
 
 /// Announces an image.
 fn begin(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
-    let mut crc = Crc32::new();
-    crc.add(image);
     let version = Text::new(b"a test").expect("short");
-    talk.order(bench, ToUpdate::Begin { length: image.len() as u32, crc: crc.get(), version });
+    talk.order(bench, ToUpdate::Begin { length: image.len() as u32, crc: CRC.checksum(image), version });
 }
 
 /// Sends it, and has it checked and armed.
 fn send(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
+    let report = checked(bench, talk, image);
+    assert_eq!((report.phase, report.outcome), (Phase::Armed, Outcome::Done));
+}
+
+/// Sends it, and has it checked.
+fn checked(bench: &mut Bench, talk: &mut Talk, image: &[u8]) -> UpdateReport {
     for (offset, bytes) in (0..).step_by(CHUNK).zip(image.chunks(CHUNK)) {
         let bytes = Text::new(bytes).expect("short");
         persist(bench, talk, &ToUpdate::Chunk { offset, bytes });
     }
     persist(bench, talk, &ToUpdate::Finish);
     let end = bench.now() + ms(10_000);
-    let report = loop {
+    loop {
         let report = state(bench, talk);
         if report.phase != Phase::Checking || bench.now() > end {
-            break report;
+            return report;
         }
         bench.run(ms(20));
-    };
-    assert_eq!((report.phase, report.outcome), (Phase::Armed, Outcome::Done));
+    }
 }
 
 /// Code that never gets anywhere: its stack, its entry, and a branch to itself (ARMv7-M ARM A7.7.12, B1.5.3).
@@ -158,5 +162,45 @@ fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_
     bench.run(ms(400));
     let report = state(&mut bench, &mut talk);
     assert_eq!((report.booted, report.phase), (Booted::Confirmed, Phase::Nothing));
+    bench.assert_sound();
+}
+
+/// As OpenSSL has made them: a public key, and its owner's signature of what [`hangs`] at the slot's first address.
+const KEY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/update/signed/public.der");
+const SIGNATURE: &[u8; 64] = include_bytes!("hangs.sig");
+
+/// Only where this board is asked for: that is an image more to build.
+#[test]
+fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
+    if board() != BOARD {
+        return;
+    }
+    let image = elf::hub_that_asks_for_signatures(BOARD, Path::new(KEY));
+    let mut bench = Bench::with_image(Setup { bootloader: true, ..setup(vec![am60()]) }, &image);
+    bench.run(ms(300));
+    let mut talk = Talk::default();
+    let key = public_key(&std::fs::read(KEY).expect("a file")).expect("a key");
+    let image = hangs(0x0802_0000);
+    let refused = |bench: &mut Bench, talk: &mut Talk, request: ToUpdate, why: Nack| {
+        let request = Request::from(request);
+        assert_eq!(talk.ask(bench, request.id(), &request.payload()), Reply::Nack(why));
+    };
+    begin(&mut bench, &mut talk, &image);
+    let bytes = Text::new(&image).expect("short");
+    refused(&mut bench, &mut talk, ToUpdate::Chunk { offset: 0, bytes }, Nack::UPDATE_UNSIGNED);
+    let other = ToUpdate::Sign { key: [7; 32], signature: *SIGNATURE };
+    refused(&mut bench, &mut talk, other, Nack::UPDATE_OTHER_KEY);
+    for (turned, expected) in [
+        (1, (Phase::Nothing, Outcome::WrongSignature, Booted::Confirmed)),
+        (0, (Phase::Armed, Outcome::Done, Booted::Confirmed)),
+    ] {
+        begin(&mut bench, &mut talk, &image);
+        let mut signature = *SIGNATURE;
+        signature[40] ^= turned;
+        talk.order(&mut bench, ToUpdate::Sign { key, signature });
+        let report = checked(&mut bench, &mut talk, &image);
+        assert_eq!((report.phase, report.outcome, report.booted), expected);
+    }
+    assert_eq!(bench.resets(), []);
     bench.assert_sound();
 }
