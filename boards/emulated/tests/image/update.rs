@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use crate::boot::first_safe_output;
 use crate::common::{am60, board, ms, on, setup};
 use emulated::talk::Talk;
 use emulated::{Bench, Board, Setup, elf};
@@ -113,6 +114,19 @@ fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
     let causes: Vec<_> = bench.resets().into_iter().map(|reset| reset.cause).collect();
     println!("{causes:?}");
     bench.assert_sound();
+}
+
+#[test]
+fn behind_the_bootloader_pins_drive_their_idle_levels_within_three_milliseconds_of_reset() {
+    let safe = on(BOARD, || {
+        let mut bench = Bench::new(Setup { bootloader: true, ..setup(vec![am60()]) });
+        let safe = first_safe_output(&mut bench);
+        bench.run(ms(300));
+        bench.assert_sound();
+        safe
+    });
+    println!("first safe output behind the bootloader {:.3} ms after reset", safe.as_secs_f64() * 1e3);
+    assert!(safe < ms(3), "{safe:?}");
 }
 
 #[test]
