@@ -35,7 +35,9 @@ fn main() {
 fn name_key() {
     println!("cargo:rerun-if-env-changed=UPDATE_KEY");
     let Some(name) = std::env::var_os("UPDATE_KEY") else {
-        panic!("the feature `signed` wants UPDATE_KEY, the file of a public key: openssl pkey -pubout -outform DER");
+        panic!(
+            "the feature `signed` wants UPDATE_KEY, the file of a public key: openssl pkey -pubout -outform DER"
+        );
     };
     let file = Path::new("../..").join(name);
     let file = file.canonicalize().unwrap_or_else(|error| panic!("UPDATE_KEY: {}: {error}", file.display()));

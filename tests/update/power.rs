@@ -8,8 +8,8 @@ use embedded_storage_async::nor_flash::{
 };
 use motor_hub::tasks::update::{Marks, Slots, Waiting};
 use motor_hub::update::{Booted, CHUNK, CRC, Outcome};
-use std::future::ready;
 use std::cell::RefCell;
+use std::future::ready;
 use std::ops::Range;
 
 /// The words of an STM32H743, in smaller pages: as many words as the state of so many pages needs.

@@ -6,7 +6,10 @@ use motor_hub::tasks::update::Slots;
 use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Seal, public_key};
 use proptest::prelude::*;
 use salty::{Keypair, Sha512};
-use std::future::ready;
+use std::cell::Cell;
+use std::future::{Future, poll_fn, ready};
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
 
 /// Made by OpenSSL 3.0 as the client's help says, of the bytes below.
 const KEY: &[u8] = include_bytes!("signed/public.der");
@@ -68,6 +71,26 @@ fn another_key_signs_nothing() {
     assert_eq!(sent(&image(), Some(Seal { key, signature })), ARMED, "it is that one's own");
     // What is no point of the curve.
     assert_eq!(sent(&image(), Some(Seal { key: [2; 32], signature })), REFUSED);
+}
+
+#[test]
+fn nothing_is_armed_before_it_is_calm() {
+    let chip = Chip::new(true);
+    let mut slots = Slots::new(Part(&chip, DOWNLOAD), Part(&chip, STATE)).expect("words that fit");
+    for (at, bytes) in (0..).step_by(CHUNK).zip(image().chunks(CHUNK)) {
+        assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
+    }
+    let (seal, calm) = (Some(seal(*SIGNATURE)), Cell::new(false));
+    let until_calm = poll_fn(|_| if calm.get() { Poll::Ready(()) } else { Poll::Pending });
+    {
+        let mut arm = pin!(slots.arm(1000, CRC.checksum(&image()), seal, until_calm));
+        let mut context = Context::from_waker(Waker::noop());
+        // Each chunk is a pause.
+        assert!((0..100).all(|_| arm.as_mut().poll(&mut context).is_pending()));
+        calm.set(true);
+        assert_eq!(arm.as_mut().poll(&mut context), Poll::Ready(Outcome::Done));
+    }
+    assert_eq!(block_on(slots.booted()), Booted::OnTrial);
 }
 
 proptest! {

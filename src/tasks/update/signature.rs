@@ -9,7 +9,12 @@ use salty::{PublicKey, Sha512, Signature};
 
 impl<D: NorFlash, S: NorFlash> Slots<D, S> {
     /// Whether this is the signer's seal of what was written; `calm` is awaited before the core is held up by arithmetic.
-    pub(super) async fn verify(&mut self, length: u32, seal: &Seal, calm: impl Future<Output = ()>) -> Outcome {
+    pub(super) async fn verify(
+        &mut self,
+        length: u32,
+        seal: &Seal,
+        calm: impl Future<Output = ()>,
+    ) -> Outcome {
         let mut hash = Sha512::new();
         if self.each_chunk(length, |chunk| hash.update(chunk)).await.is_err() {
             return Outcome::Refused;

@@ -5,11 +5,11 @@ use std::time::Duration;
 use crate::common::{am60, board, booted, four_loads, ms, open_since, setup};
 use emulated::Bench;
 use emulated::talk::Talk;
-use motor_hub::protocol::frame::OVERHEAD;
-use motor_hub::protocol::{Nack, Request};
 use motor_hub::protocol::answers::{Bulk, Reply};
+use motor_hub::protocol::frame::OVERHEAD;
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::protocol::requests::{BATTERY, ToHub};
+use motor_hub::protocol::{Nack, Request};
 
 /// Runs with a sign of life every second.
 fn run(bench: &mut Bench, talk: &mut Talk, time: Duration) {
