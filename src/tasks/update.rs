@@ -21,7 +21,6 @@ mod waiting;
 pub use waiting::Waiting;
 
 use super::{Health, Wires};
-use crate::motor::Setpoint;
 use crate::update::{Booted, CHUNK, CRC, Done, Order, Outcome, Seal};
 use embassy_boot::{FirmwareState, State};
 use embassy_futures::yield_now;
@@ -78,11 +77,7 @@ pub async fn run<M: RawMutex, const N: usize>(
 
 /// Waits until no motor does anything.
 async fn motors_off<M: RawMutex, const N: usize>(wires: &Wires<M, N>) {
-    let off = |wires: &Wires<M, N>| {
-        let snapshot = wires.snapshot.try_get();
-        snapshot.is_none_or(|seen| seen.motors.iter().all(|motor| motor.setpoint == Setpoint::Disabled))
-    };
-    while !off(wires) {
+    while wires.snapshot.try_get().is_some_and(|snapshot| !snapshot.all_disabled()) {
         Timer::after(LOOK).await;
     }
 }
