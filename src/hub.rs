@@ -116,6 +116,11 @@ impl<const N: usize> Snapshot<N> {
         self.battery.is_some() && self.bus.stage != Stage::Full
     }
 
+    /// True if no motor is told to do anything.
+    pub fn all_disabled(&self) -> bool {
+        self.motors.iter().all(|motor| motor.setpoint == Setpoint::Disabled)
+    }
+
     /// What the bridges are told.
     pub fn drives(&self) -> [Drive; N] {
         self.motors.map(|motor| motor.drive)

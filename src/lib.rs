@@ -52,7 +52,8 @@
 //! positive control, counts and speed are one direction, called CW.
 //!
 //! # Features
-//! * `tasks` (on by default): the async tasks, on embassy. Without it the core has three small dependencies.
+//! * `tasks` (on by default): the async tasks, on embassy. Without it the core has four small dependencies.
+//! * `signed`: new firmware may have to be signed: [`update::Slot::signer`].
 //! * `model`: physics in `f64`, for simulators and tests; needs std.
 //! * `defmt`: `defmt::Format` for the types of the control path, for firmware.
 #![cfg_attr(not(feature = "model"), no_std)]

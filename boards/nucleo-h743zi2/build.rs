@@ -1,6 +1,6 @@
 //! Tells the linker where this image's sections go: cortex-m-rt's script round the memory map below, and defmt's.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// RM0433 2.4. Of the flash the first bank: the second has the settings, and may be written while the first is executed.
 /// Behind a bootloader, the slot that it boots: `boot_h743zi2::layout::ACTIVE`.
@@ -26,4 +26,21 @@ fn main() {
     println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-changed=../stm32/sections.x");
+    if std::env::var_os("CARGO_FEATURE_SIGNED").is_some() {
+        name_key();
+    }
+}
+
+/// Where the public key is, for `include_bytes`: absolute, or as seen from the repository's root.
+fn name_key() {
+    println!("cargo:rerun-if-env-changed=UPDATE_KEY");
+    let Some(name) = std::env::var_os("UPDATE_KEY") else {
+        panic!(
+            "the feature `signed` wants UPDATE_KEY, the file of a public key: openssl pkey -pubout -outform DER"
+        );
+    };
+    let file = Path::new("../..").join(name);
+    let file = file.canonicalize().unwrap_or_else(|error| panic!("UPDATE_KEY: {}: {error}", file.display()));
+    println!("cargo:rerun-if-changed={}", file.display());
+    println!("cargo:rustc-env=UPDATE_KEY={}", file.display());
 }

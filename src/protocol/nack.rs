@@ -53,6 +53,12 @@ impl Nack {
     pub const UPDATE_NOT_AN_IMAGE: Self = Self(76);
     /// No new firmware waits for a restart.
     pub const UPDATE_NOT_ARMED: Self = Self(77);
+    /// New firmware must be signed, and no signature was sent.
+    pub const UPDATE_UNSIGNED: Self = Self(78);
+    /// New firmware is signed by another key than the hub's.
+    pub const UPDATE_OTHER_KEY: Self = Self(79);
+    /// A signature for a hub that was built without a key, and checks none.
+    pub const UPDATE_NO_SIGNER: Self = Self(80);
     /// A known command for something that the hub does not have.
     pub const UNSUPPORTED: Self = Self(253);
     /// Not a command.
@@ -111,6 +117,9 @@ impl fmt::Display for Nack {
             75 => f.write_str("a chunk is missing before this one"),
             76 => f.write_str("the image is not for this chip, or not linked to its slot"),
             77 => f.write_str("no new firmware waits for a restart"),
+            78 => f.write_str("new firmware for this hub must be signed, and is not"),
+            79 => f.write_str("the signature is by another key than the hub's"),
+            80 => f.write_str("the hub was built without a key, and checks no signatures"),
             253 => f.write_str("this hub does not have it"),
             254 => f.write_str("known command, not routed"),
             255 => f.write_str("unknown command"),

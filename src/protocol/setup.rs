@@ -22,7 +22,7 @@
 //! | 14 to 17 | of what is stored, see [`store`](super::store) | |
 //! | 18, 19 | of what happened, see [`record`](super::record) | |
 //! | 20 | of all motors at once, see [`report`](super::report) | |
-//! | 21 to 26 | of new firmware, see [`update`](super::update) | |
+//! | 21 to 27 | of new firmware, see [`update`](super::update) | |
 //!
 //! Function 4 is refused (51) unless the motor is enabled, in constant power of 0; any other target, mode or
 //! disabling ends the motion. From then on function 5 answers of that motion only. What is found is told, not put in force: that is function 2.
@@ -127,7 +127,7 @@ use crate::units::{
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// Functions of the interface.
-pub const FUNCTION_COUNT: u16 = 27;
+pub const FUNCTION_COUNT: u16 = 28;
 
 requests! {
     /// A request to one motor, whose number goes before the fields.

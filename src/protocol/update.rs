@@ -8,12 +8,15 @@
 //! | 24 restart with the image that is armed | | ACK, and within 0.1 s a reset |
 //! | 25 abandon the update, an image that is armed too | | ACK |
 //! | 26 tell how far the update is | | the fields of an [`UpdateReport`] |
+//! | 27 say who signed the image, after 21 | 32 bytes, a public key of Ed25519; 64 bytes, its signature of the image's SHA-512 | ACK |
 //!
 //! They are refused (253) on a board without a bootloader. 21 and 24 are refused while a motor is enabled (60); all but 26 while
 //! the last chunk is being written, its page erased (2 s each 128 kB), or the image checked (70); 21 while the firmware that
 //! runs is on trial (71) or an image is armed (72), or if the image is longer than its slot (73); 22 and 23 if nothing was
 //! announced, or the flash failed (74), or if a chunk is missing before (75); 22 if the image's vectors do not point into
-//! this chip's RAM and the slot (76); 24 if no image is armed (77). A chunk that was taken already is acknowledged and
+//! this chip's RAM and the slot (76); 24 if no image is armed (77). A hub that was built with a signer's key refuses the first
+//! 22 if there was no 27 (78), and a 27 with another key (79); one without a key, any 27 (80). Whether the signature is one of the
+//! image is seen after 23, and told by the report. A chunk that was taken already is acknowledged and
 //! changes nothing.
 //!
 //! Of the report:
@@ -21,7 +24,7 @@
 //! | field | |
 //! |---|---|
 //! | u8 | 0 there is no update, 1 chunks are taken, 2 the image is being checked, 3 it is armed, 4 being disarmed |
-//! | u8 | what became of the last order: 0 there was none, 1 done, 2 the flash refused, 3 it reads back something else |
+//! | u8 | what became of the last order: 0 there was none, 1 done, 2 the flash refused, 3 it reads back something else, 4 the signature is not one of this image |
 //! | bool | something is being written or checked |
 //! | u8 | how the firmware that runs was started: 0 not known yet, 1 it stays, 2 on trial, 3 a newer one failed, this is the one before |
 //! | u32, u32 | bytes taken, of how many |
@@ -51,6 +54,7 @@ requests! {
         25 Abandon,
         /// Answered by an [`UpdateReport`].
         26 State,
+        27 Sign { key: [u8; 32], signature: [u8; 64] },
     }
 }
 
@@ -73,7 +77,8 @@ codes!(Outcome {
     0 = None,
     1 = Done,
     2 = Refused,
-    3 = Mismatch
+    3 = Mismatch,
+    4 = WrongSignature
 });
 
 /// How far an update is.

@@ -4,7 +4,7 @@
 use super::motor::MotorChannel;
 use super::{Answer, Responder};
 use crate::hub::Snapshot;
-use crate::motor::{Report, Setpoint, Settings};
+use crate::motor::{Report, Settings};
 use crate::protocol::fields::{Field, Payload};
 use crate::protocol::motor::{ChannelMode, Loop, ToMotor};
 use crate::protocol::requests::Standard;
@@ -178,8 +178,7 @@ impl<const N: usize> Responder<N> {
 
     /// No host has a motor enabled, and none does anything.
     pub(super) fn is_off(&self, snapshot: &Snapshot<N>) -> bool {
-        let quiet = |report: &Report| report.setpoint == Setpoint::Disabled;
-        !self.channels.iter().any(MotorChannel::enabled) && snapshot.motors.iter().all(quiet)
+        !self.channels.iter().any(MotorChannel::enabled) && snapshot.all_disabled()
     }
 
     fn store_report(&self, keeping: &Keeping) -> StoreReport {

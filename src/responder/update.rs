@@ -5,7 +5,7 @@ use crate::hub::Snapshot;
 use crate::protocol::Nack;
 use crate::protocol::fields::Text;
 use crate::protocol::update::{ToUpdate, UpdateReport};
-use crate::update::{Done, Order, Refusal, Slot, Update};
+use crate::update::{Done, Order, Refusal, Seal, Slot, Update};
 
 /// An update, and the version that was announced.
 #[derive(Clone, Debug)]
@@ -42,6 +42,7 @@ impl<const N: usize> Responder<N> {
                 }
                 begun
             }
+            ToUpdate::Sign { key, signature } => update.sign(Seal { key, signature }),
             ToUpdate::Chunk { offset, bytes } => update.chunk(offset, bytes.bytes()),
             ToUpdate::Finish => update.finish(),
             ToUpdate::Restart => update.restart(runs),
@@ -89,6 +90,9 @@ const fn nack(refusal: Refusal) -> Nack {
         Refusal::Gap => Nack::UPDATE_GAP,
         Refusal::NotAnImage => Nack::UPDATE_NOT_AN_IMAGE,
         Refusal::NotArmed => Nack::UPDATE_NOT_ARMED,
+        Refusal::Unsigned => Nack::UPDATE_UNSIGNED,
+        Refusal::OtherKey => Nack::UPDATE_OTHER_KEY,
+        Refusal::NoSigner => Nack::UPDATE_NO_SIGNER,
         Refusal::ChunkLength => Nack::parameter(1),
     }
 }

@@ -76,9 +76,10 @@ pub async fn run<M: RawMutex, const N: usize>(
             settle(responder, &mut pins, wires, &mut show);
             let frame = frame::encode(&reply);
             let write = async {
-                // Without a reply the host asks again.
-                let _ = tx.write_all(&frame).await;
-                let _ = tx.flush().await;
+                // Without a reply the host asks again. What was not taken whole may never be flushed.
+                if tx.write_all(&frame).await.is_ok() {
+                    let _ = tx.flush().await;
+                }
             };
             select(write, attend(responder, &mut pins, wires, &mut show)).await;
             // What is left had to wait for that, and whatever belongs to it still does.

@@ -14,8 +14,14 @@
 //! assert_eq!(state.0, "a flash");
 //! ```
 
+#[cfg(feature = "signed")]
+mod signature;
+mod waiting;
+
+pub use waiting::Waiting;
+
 use super::{Health, Wires};
-use crate::update::{Booted, CHUNK, Crc32, Done, Order, Outcome};
+use crate::update::{Booted, CHUNK, CRC, Done, Order, Outcome, Seal};
 use embassy_boot::{FirmwareState, State};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -57,7 +63,7 @@ pub async fn run<M: RawMutex, const N: usize>(
     loop {
         let outcome = match wires.update.order.wait().await {
             Order::Write { offset, bytes } => slots.write(offset, &bytes).await,
-            Order::Arm { length, crc } => slots.arm(length, crc).await,
+            Order::Arm { length, crc, seal } => slots.arm(length, crc, seal, motors_off(wires)).await,
             Order::Disarm => slots.confirm().await,
             Order::Restart => {
                 Timer::after(FAREWELL).await;
@@ -66,6 +72,13 @@ pub async fn run<M: RawMutex, const N: usize>(
             }
         };
         wires.update.done.signal(Done::Carried(outcome));
+    }
+}
+
+/// Waits until no motor does anything.
+async fn motors_off<M: RawMutex, const N: usize>(wires: &Wires<M, N>) {
+    while wires.snapshot.try_get().is_some_and(|snapshot| !snapshot.all_disabled()) {
+        Timer::after(LOOK).await;
     }
 }
 
@@ -128,12 +141,27 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
         self.download.write(at, word.get(..D::WRITE_SIZE).unwrap_or_default()).await
     }
 
-    /// Lets the next reset start what was written, if it reads back with this CRC-32.
-    pub async fn arm(&mut self, length: u32, crc: u32) -> Outcome {
-        match self.crc(length).await {
-            Err(_) => return Outcome::Refused,
-            Ok(found) if found != crc => return Outcome::Mismatch,
-            Ok(_) => (),
+    /// Lets the next reset start what was written, if it reads back with this CRC-32 and, where there is a seal, has that one.
+    /// A seal is looked at after `calm`: that holds the core up for some 10 ms.
+    pub async fn arm(
+        &mut self,
+        length: u32,
+        crc: u32,
+        seal: Option<Seal>,
+        calm: impl Future<Output = ()>,
+    ) -> Outcome {
+        let mut found = CRC.digest();
+        if self.each_chunk(length, |chunk| found.update(chunk)).await.is_err() {
+            return Outcome::Refused;
+        }
+        if found.finalize() != crc {
+            return Outcome::Mismatch;
+        }
+        if let Some(seal) = seal {
+            let genuine = self.verify(length, &seal, calm).await;
+            if genuine != Outcome::Done {
+                return genuine;
+            }
         }
         let mut word = [0; WORD];
         if self.state(&mut word).mark_updated().await.is_err() {
@@ -144,17 +172,24 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
         Outcome::Done
     }
 
-    async fn crc(&mut self, length: u32) -> Result<u32, D::Error> {
-        let (mut crc, mut chunk) = (Crc32::new(), [0; CHUNK]);
+    /// Without the arithmetic for it nothing is genuine.
+    #[cfg(not(feature = "signed"))]
+    async fn verify(&mut self, _: u32, _: &Seal, _: impl Future<Output = ()>) -> Outcome {
+        Outcome::WrongSignature
+    }
+
+    /// Shows what was written, piece by piece, with all other tasks between two.
+    async fn each_chunk(&mut self, length: u32, mut see: impl FnMut(&[u8])) -> Result<(), D::Error> {
+        let mut chunk = [0; CHUNK];
         for at in (0..length).step_by(CHUNK) {
             let left = length.saturating_sub(at).min(CHUNK as u32) as usize;
             // In whole pieces that the flash reads.
             let read = left.next_multiple_of(D::READ_SIZE).min(CHUNK);
             self.download.read(at, chunk.get_mut(..read).unwrap_or_default()).await?;
-            crc.add(chunk.get(..left).unwrap_or_default());
+            see(chunk.get(..left).unwrap_or_default());
             yield_now().await;
         }
-        Ok(crc.get())
+        Ok(())
     }
 }
 

@@ -4,10 +4,13 @@
 //! the flash that nothing runs from, and checked by what the flash reads back. Only then is it armed: a bootloader swaps it in
 //! at the next reset. Until then a hub that loses power, or its host, goes on with the firmware that it has.
 //!
+//! A hub that knows a [signer](Slot::signer) takes no chunk before it was told that one's signature, and arms nothing that
+//! it does not fit.
+//!
 //! ```
 //! use motor_hub::update::{Booted, CHUNK, Done, Order, Outcome, Phase, Slot, Update};
 //!
-//! let slot = Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000) };
+//! let slot = Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
 //! let mut update = Update::new(slot);
 //! update.done(Done::Booted(Booted::Confirmed));
 //! // A stack in the RAM, and code in the slot: the first bytes of an image.
@@ -19,18 +22,18 @@
 //! assert!(matches!(update.order(), Some(Order::Write { offset: 0, .. })));
 //! update.done(Done::Carried(Outcome::Done));
 //! update.finish()?;
-//! assert_eq!(update.order(), Some(Order::Arm { length: 96, crc: 0x1234_5678 }));
+//! assert_eq!(update.order(), Some(Order::Arm { length: 96, crc: 0x1234_5678, seal: None }));
 //! // The flash reads back something else.
 //! update.done(Done::Carried(Outcome::Mismatch));
 //! assert_eq!(update.phase(), Phase::Nothing);
 //! # Ok::<(), motor_hub::update::Refusal>(())
 //! ```
 
-mod crc;
-
-pub use crc::Crc32;
-
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
+
+/// The checksum of an image: CRC-32 as of Ethernet (IEEE 802.3).
+pub const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// Bytes of each chunk but the last: three of the longest words of a flash.
 pub const CHUNK: usize = 96;
@@ -44,6 +47,37 @@ pub struct Slot {
     pub length: u32,
     /// First address of the RAM, and the one behind it.
     pub ram: (u32, u32),
+    /// Whose signature images must have: a public key of Ed25519 (RFC 8032). `None` where any image is taken.
+    pub signer: Option<[u8; 32]>,
+}
+
+/// What says whose an image is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Seal {
+    /// The signer's public key (Ed25519, RFC 8032).
+    pub key: [u8; 32],
+    /// Its signature of the image's SHA-512.
+    pub signature: [u8; 64],
+}
+
+/// The public key in a file as `openssl pkey -pubout -outform DER` writes it, if it is one of Ed25519 (RFC 8410, section 4).
+///
+/// ```
+/// let mut file = [7; 44];
+/// file[..12].copy_from_slice(&[0x30, 0x2A, 0x30, 0x05, 0x06, 0x03, 0x2B, 0x65, 0x70, 0x03, 0x21, 0x00]);
+/// assert_eq!(motor_hub::update::public_key(&file), Some([7; 32]));
+/// assert_eq!(motor_hub::update::public_key(b"-----BEGIN PUBLIC KEY-----"), None);
+/// ```
+pub const fn public_key(file: &[u8]) -> Option<[u8; 32]> {
+    /// A sequence of the algorithm's number, 1.3.101.112, and a string of 32 bytes.
+    const HEAD: u128 = 0x302A_3005_0603_2B65_7003_2100;
+    let (Some(start), Some((_, key))) = (file.first_chunk(), file.split_first_chunk::<12>()) else {
+        return None;
+    };
+    match key.as_array() {
+        Some(key) if u128::from_be_bytes(*start) >> 32 == HEAD => Some(*key),
+        _ => None,
+    }
 }
 
 /// How far an update is.
@@ -91,6 +125,8 @@ pub enum Outcome {
     Refused,
     /// The flash reads back something else than was announced.
     Mismatch,
+    /// The signature is not one of this image.
+    WrongSignature,
 }
 
 /// Something for whoever has the slot to do.
@@ -103,12 +139,14 @@ pub enum Order {
         /// A chunk.
         bytes: Vec<u8, CHUNK>,
     },
-    /// Let the next reset start the image, if it has this CRC-32.
+    /// Let the next reset start the image, if it has this CRC-32, and this seal is its.
     Arm {
         /// Of the image, bytes.
         length: u32,
         /// As announced.
         crc: u32,
+        /// Where it must have one.
+        seal: Option<Seal>,
     },
     /// Let it not.
     Disarm,
@@ -149,6 +187,12 @@ pub enum Refusal {
     ChunkLength,
     /// Its vectors do not point into this chip's RAM and into the slot.
     NotAnImage,
+    /// The image must be signed, and no signature was sent.
+    Unsigned,
+    /// The signature is by another key.
+    OtherKey,
+    /// Signatures mean nothing here.
+    NoSigner,
 }
 
 impl core::fmt::Display for Refusal {
@@ -164,6 +208,9 @@ impl core::fmt::Display for Refusal {
             Self::Gap => "a chunk is missing before this one",
             Self::ChunkLength => "the chunk is too short or too long",
             Self::NotAnImage => "not an image for this hub",
+            Self::Unsigned => "the image must be signed",
+            Self::OtherKey => "the signature is by another key than the hub's",
+            Self::NoSigner => "the hub was built without a key, and checks no signatures",
         })
     }
 }
@@ -179,6 +226,7 @@ pub struct Update {
     length: u32,
     crc: u32,
     received: u32,
+    seal: Option<Seal>,
     outcome: Outcome,
     wish: Option<Order>,
     at_work: bool,
@@ -194,6 +242,7 @@ impl Update {
             length: 0,
             crc: 0,
             received: 0,
+            seal: None,
             outcome: Outcome::None,
             wish: None,
             at_work: false,
@@ -219,7 +268,23 @@ impl Update {
             return Err(Refusal::Length);
         }
         (self.phase, self.outcome) = (Phase::Receiving, Outcome::None);
-        (self.length, self.crc, self.received) = (length, crc, 0);
+        (self.length, self.crc, self.received, self.seal) = (length, crc, 0, None);
+        Ok(())
+    }
+
+    /// Takes the signature of the image that was announced, before its first chunk. Whether it is one is seen when all has come.
+    ///
+    /// # Errors
+    /// Why not.
+    pub fn sign(&mut self, seal: Seal) -> Result<(), Refusal> {
+        let signer = self.slot.signer.ok_or(Refusal::NoSigner)?;
+        if self.phase != Phase::Receiving {
+            return Err(Refusal::NotBegun);
+        }
+        if seal.key != signer {
+            return Err(Refusal::OtherKey);
+        }
+        self.seal = Some(seal);
         Ok(())
     }
 
@@ -230,6 +295,9 @@ impl Update {
     pub fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Refusal> {
         if self.phase != Phase::Receiving {
             return Err(Refusal::NotBegun);
+        }
+        if self.slot.signer.is_some() && self.seal.is_none() {
+            return Err(Refusal::Unsigned);
         }
         if offset < self.received && offset.is_multiple_of(CHUNK as u32) {
             return Ok(());
@@ -266,7 +334,7 @@ impl Update {
         }
         self.is_idle()?;
         self.phase = Phase::Checking;
-        self.wish = Some(Order::Arm { length: self.length, crc: self.crc });
+        self.wish = Some(Order::Arm { length: self.length, crc: self.crc, seal: self.seal });
         Ok(())
     }
 

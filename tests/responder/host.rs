@@ -16,7 +16,7 @@ pub(crate) const HUB: u8 = 3;
 
 /// A slot for new firmware.
 pub(crate) const SLOT: Slot =
-    Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000) };
+    Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
 
 /// A NeveRest 60.
 pub(crate) fn settings() -> Settings {

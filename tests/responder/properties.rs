@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 /// Types that mean something, and some that do not.
 fn id() -> impl Strategy<Value = u16> {
-    prop_oneof![0x7F00u16..=0x7F10, 0x1000u16..=0x103F, 0x4D00u16..=0x4D02, 0x4D15u16..=0x4D1A, any::<u16>()]
+    prop_oneof![0x7F00u16..=0x7F10, 0x1000u16..=0x103F, 0x4D00u16..=0x4D02, 0x4D15u16..=0x4D1B, any::<u16>()]
 }
 
 fn frame() -> impl Strategy<Value = Vec<u8>> {

@@ -15,7 +15,6 @@ use motor_hub::tasks::store::Done;
 use motor_hub::tasks::{self, COMMANDS, Wires};
 use motor_hub::units::Millivolts;
 use std::cell::{Cell, RefCell};
-use std::convert::Infallible;
 use std::future::{Future, poll_fn};
 use std::pin::{Pin, pin};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -31,22 +30,33 @@ struct Line {
     writes: RefCell<Vec<Vec<u8>>>,
     /// The host takes nothing.
     jammed: Cell<bool>,
+    /// The most bytes that are taken at once, if there is a limit.
+    piece: Cell<Option<usize>>,
+    /// What is longer is refused, and never flushed.
+    refuses: Cell<bool>,
+    stuck: Cell<bool>,
 }
 
 impl ErrorType for &Line {
-    type Error = Infallible;
+    type Error = ErrorKind;
 }
 
 impl Write for &Line {
-    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
         // Polled again and again, whatever the waker says.
         poll_fn(|_| if self.jammed.get() { Poll::Pending } else { Poll::Ready(()) }).await;
-        self.writes.borrow_mut().push(bytes.to_vec());
-        Ok(bytes.len())
+        let taken = bytes.len().min(self.piece.get().unwrap_or(usize::MAX));
+        let refused = self.refuses.get() && taken < bytes.len();
+        self.stuck.set(refused);
+        if refused {
+            return Err(ErrorKind::Other);
+        }
+        self.writes.borrow_mut().push(bytes[..taken].to_vec());
+        Ok(taken)
     }
 
-    async fn flush(&mut self) -> Result<(), Infallible> {
-        Ok(())
+    async fn flush(&mut self) -> Result<(), ErrorKind> {
+        poll_fn(|_| if self.stuck.get() { Poll::Pending } else { Poll::Ready(Ok(())) }).await
     }
 }
 
@@ -265,6 +275,33 @@ fn a_host_that_takes_no_replies_loses_its_motors_too() {
     run_ms(&mut task, 2500);
     assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));
     assert_eq!(world.shown.get(), Colour::BLUE);
+}
+
+#[test]
+fn a_reply_that_is_longer_than_the_lines_buffer_goes_out_in_pieces() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    world.line.piece.set(Some(16));
+    world.call(0, &[]);
+    run_ms(&mut task, 0);
+    let pieces = world.line.writes.take();
+    // 46 bytes: a bulk read's 35 and the frame's 11.
+    assert_eq!(pieces.iter().map(Vec::len).collect::<Vec<_>>(), [16, 16, 14]);
+    world.line.writes.borrow_mut().push(pieces.concat());
+    assert_eq!(world.replies().len(), 1);
+}
+
+#[test]
+fn a_line_that_refuses_a_reply_does_not_deafen_the_hub() {
+    let world = World::new();
+    let mut task = pin!(world.task());
+    world.line.piece.set(Some(16));
+    world.line.refuses.set(true);
+    // A bulk read, and what is answered by a short ACK.
+    world.call(0, &[]);
+    world.call(10, &[0, 0]);
+    run_ms(&mut task, 0);
+    assert_eq!(world.replies().len(), 1);
 }
 
 #[test]

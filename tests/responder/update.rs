@@ -5,7 +5,7 @@ use motor_hub::hub::Snapshot;
 use motor_hub::protocol::Request;
 use motor_hub::protocol::fields::{Field, Fields, Text};
 use motor_hub::protocol::update::{ToUpdate, UpdateReport};
-use motor_hub::update::{Booted, CHUNK, Done, Order, Outcome, Phase};
+use motor_hub::update::{Booted, CHUNK, Done, Order, Outcome, Phase, Seal, Slot};
 
 fn say(host: &mut TestHost, request: ToUpdate) -> Said {
     let request = Request::from(request);
@@ -30,8 +30,17 @@ fn report(host: &mut TestHost) -> UpdateReport {
 
 /// A hub with a bootloader.
 fn hub() -> TestHost {
+    with_slot(SLOT)
+}
+
+/// One that takes what the owner of a key has signed.
+fn signed_hub() -> TestHost {
+    with_slot(Slot { signer: Some([5; 32]), ..SLOT })
+}
+
+fn with_slot(slot: Slot) -> TestHost {
     let mut host = TestHost::settled();
-    host.responder = host.responder.with_slot(SLOT);
+    host.responder = host.responder.with_slot(slot);
     host.responder.update_done(Done::Booted(Booted::Confirmed));
     host.ask(0x7F03, &[1]);
     host
@@ -59,7 +68,7 @@ fn a_host_sends_an_image_and_has_it_started() {
     }
     assert_eq!(say(&mut host, ToUpdate::Restart), Said::Nack(77));
     assert_eq!(say(&mut host, ToUpdate::Finish), ACK);
-    assert_eq!(host.responder.update_order(), Some(Order::Arm { length: 192, crc: 7 }));
+    assert_eq!(host.responder.update_order(), Some(Order::Arm { length: 192, crc: 7, seal: None }));
     host.responder.update_done(Done::Carried(Outcome::Done));
     let told = report(&mut host);
     let version = Text::new(b"mh9.9.9").expect("short");
@@ -83,6 +92,34 @@ fn each_refusal_has_a_number_of_its_own() {
     assert_eq!(say(&mut host, ToUpdate::Chunk { offset: 0, bytes: blank }), Said::Nack(76));
     assert_eq!(say(&mut host, ToUpdate::Abandon), ACK);
     assert_eq!(chunk(&mut host, 0), Said::Nack(74));
+}
+
+#[test]
+fn signatures_are_asked_for_where_there_is_a_key_and_refused_where_there_is_none() {
+    let sign = |host: &mut TestHost, key| say(host, ToUpdate::Sign { key: [key; 32], signature: [9; 64] });
+    let mut host = hub();
+    begin(&mut host, 96);
+    assert_eq!(sign(&mut host, 5), Said::Nack(80));
+    let mut host = signed_hub();
+    assert_eq!(sign(&mut host, 5), Said::Nack(74));
+    assert_eq!(begin(&mut host, 96), ACK);
+    assert_eq!(chunk(&mut host, 0), Said::Nack(78));
+    assert_eq!(sign(&mut host, 6), Said::Nack(79));
+    assert_eq!(chunk(&mut host, 0), Said::Nack(78));
+    assert_eq!(sign(&mut host, 5), ACK);
+    assert_eq!(chunk(&mut host, 0), ACK);
+    host.responder.update_order().expect("a chunk to write");
+    host.responder.update_done(Done::Carried(Outcome::Done));
+    assert_eq!(say(&mut host, ToUpdate::Finish), ACK);
+    let seal = Some(Seal { key: [5; 32], signature: [9; 64] });
+    assert_eq!(host.responder.update_order(), Some(Order::Arm { length: 96, crc: 7, seal }));
+    host.responder.update_done(Done::Carried(Outcome::WrongSignature));
+    let told = report(&mut host);
+    assert_eq!((told.phase, told.outcome), (Phase::Nothing, Outcome::WrongSignature));
+    assert_eq!(say(&mut host, ToUpdate::Restart), Said::Nack(77));
+    // A signature is of one image.
+    assert_eq!(begin(&mut host, 96), ACK);
+    assert_eq!(chunk(&mut host, 0), Said::Nack(78));
 }
 
 #[test]

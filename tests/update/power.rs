@@ -3,13 +3,13 @@
 
 use embassy_boot::{BootLoader, BootLoaderConfig};
 use embassy_futures::block_on;
-use embedded_storage::nor_flash as blocking;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
-use motor_hub::tasks::update::{Marks, Slots};
-use motor_hub::update::{Booted, CHUNK, Crc32, Outcome};
+use motor_hub::tasks::update::{Marks, Slots, Waiting};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome};
 use std::cell::RefCell;
+use std::future::ready;
 use std::ops::Range;
 
 /// The words of an STM32H743, in smaller pages: as many words as the state of so many pages needs.
@@ -18,8 +18,8 @@ const PAGE: usize = 16 * WORD;
 
 /// Pages of the slot that is booted, of the one that is written, and of the state.
 const ACTIVE: Range<usize> = 0..3 * PAGE;
-const DOWNLOAD: Range<usize> = 3 * PAGE..7 * PAGE;
-const STATE: Range<usize> = 7 * PAGE..8 * PAGE;
+pub(crate) const DOWNLOAD: Range<usize> = 3 * PAGE..7 * PAGE;
+pub(crate) const STATE: Range<usize> = 7 * PAGE..8 * PAGE;
 
 /// Bytes of both images: not whole pages, nor whole words.
 const LENGTH: usize = 2 * PAGE + 5 * WORD + 7;
@@ -51,7 +51,7 @@ enum Tear {
 const TEARS: [Tear; 4] = [Tear::Before, Tear::Bits, Tear::Half, Tear::First];
 
 #[derive(Debug)]
-struct NoPower;
+pub(crate) struct NoPower;
 
 impl NorFlashError for NoPower {
     fn kind(&self) -> NorFlashErrorKind {
@@ -61,7 +61,7 @@ impl NorFlashError for NoPower {
 
 /// A chip's flash.
 #[derive(Clone)]
-struct Chip {
+pub(crate) struct Chip {
     bytes: Vec<u8>,
     /// Words with an error-correcting code that does not fit, which the board reads as zeros; none on a chip without.
     torn: Vec<bool>,
@@ -71,7 +71,7 @@ struct Chip {
 }
 
 impl Chip {
-    fn new(corrects: bool) -> RefCell<Self> {
+    pub(crate) fn new(corrects: bool) -> RefCell<Self> {
         let mut bytes = vec![0xFF; STATE.end];
         bytes[ACTIVE][..LENGTH].copy_from_slice(&image(1));
         RefCell::new(Self { bytes, torn: vec![false; STATE.end / WORD], corrects, steps: 0, cut: None })
@@ -153,7 +153,7 @@ impl Chip {
 
 /// A part of the chip's flash, for those who wait and for those who do not.
 #[derive(Clone)]
-struct Part<'a>(&'a RefCell<Chip>, Range<usize>);
+pub(crate) struct Part<'a>(pub(crate) &'a RefCell<Chip>, pub(crate) Range<usize>);
 
 impl ErrorType for Part<'_> {
     type Error = NoPower;
@@ -187,38 +187,6 @@ impl NorFlash for Part<'_> {
     }
 }
 
-/// As the bootloader wants it.
-struct Waiting<F>(F);
-
-impl<F: ErrorType> blocking::ErrorType for Waiting<F> {
-    type Error = F::Error;
-}
-
-impl<F: NorFlash> blocking::ReadNorFlash for Waiting<F> {
-    const READ_SIZE: usize = F::READ_SIZE;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
-        block_on(self.0.read(offset, bytes))
-    }
-
-    fn capacity(&self) -> usize {
-        self.0.capacity()
-    }
-}
-
-impl<F: NorFlash> blocking::NorFlash for Waiting<F> {
-    const WRITE_SIZE: usize = F::WRITE_SIZE;
-    const ERASE_SIZE: usize = F::ERASE_SIZE;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), F::Error> {
-        block_on(self.0.erase(from, to))
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {
-        block_on(self.0.write(offset, bytes))
-    }
-}
-
 /// The firmware of this version.
 fn image(version: u8) -> Vec<u8> {
     let mut lots = Lots(version.into());
@@ -227,8 +195,12 @@ fn image(version: u8) -> Vec<u8> {
 
 /// Power-on, or a reset: what the bootloader starts.
 fn boot(chip: &RefCell<Chip>) -> Result<u8, NoPower> {
-    let (active, dfu) = (Waiting(Part(chip, ACTIVE)), Waiting(Part(chip, DOWNLOAD)));
-    let config = BootLoaderConfig { active, dfu, state: Waiting(Marks(Part(chip, STATE))) };
+    let idle = || unreachable!("this flash is never busy");
+    let config = BootLoaderConfig {
+        active: Waiting { flash: Part(chip, ACTIVE), idle },
+        dfu: Waiting { flash: Part(chip, DOWNLOAD), idle },
+        state: Waiting { flash: Marks(Part(chip, STATE)), idle },
+    };
     let done = BootLoader::new(config).prepare_boot(&mut [0; 2 * WORD]);
     chip.borrow().alive()?;
     done.expect("only power fails");
@@ -264,10 +236,9 @@ fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
                 for (at, bytes) in (0..).step_by(CHUNK).zip(new.chunks(CHUNK)) {
                     done(block_on(slots.write(at, bytes)))?;
                 }
-                let mut crc = Crc32::new();
-                crc.add(&new);
-                assert_eq!(block_on(slots.arm(LENGTH as u32, !crc.get())), Outcome::Mismatch);
-                done(block_on(slots.arm(LENGTH as u32, crc.get())))?;
+                let mut arm = |crc| block_on(slots.arm(LENGTH as u32, crc, None, ready(())));
+                assert_eq!(arm(!CRC.checksum(&new)), Outcome::Mismatch);
+                done(arm(CRC.checksum(&new)))?;
                 version = boot(chip)?;
             }
         }

@@ -1,10 +1,10 @@
 //! What the hub takes of an image, step by step.
 
-use motor_hub::update::{Booted, CHUNK, Crc32, Done, Order, Outcome, Phase, Refusal, Slot, Update};
+use motor_hub::update::{Booted, CHUNK, CRC, Done, Order, Outcome, Phase, Refusal, Slot, Update};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-const SLOT: Slot = Slot { origin: 0x0802_0000, length: 4_096, ram: (0x2000_0000, 0x2002_0000) };
+const SLOT: Slot = Slot { origin: 0x0802_0000, length: 4_096, ram: (0x2000_0000, 0x2002_0000), signer: None };
 
 fn confirmed() -> Update {
     let mut update = Update::new(SLOT);
@@ -19,9 +19,7 @@ fn image(length: usize) -> Vec<u8> {
 }
 
 fn crc(bytes: &[u8]) -> u32 {
-    let mut crc = Crc32::new();
-    crc.add(bytes);
-    crc.get()
+    CRC.checksum(bytes)
 }
 
 /// A slot in memory that does what it is ordered, and what it has armed.
@@ -44,7 +42,7 @@ impl Memory {
                 self.bytes[offset as usize..][..bytes.len()].copy_from_slice(&bytes);
                 Outcome::Done
             }
-            Order::Arm { length, crc: announced } => {
+            Order::Arm { length, crc: announced, .. } => {
                 let image = self.bytes.get(..length as usize).unwrap_or_default();
                 if crc(image) == announced {
                     self.armed = Some(image.to_vec());

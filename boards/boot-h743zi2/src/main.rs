@@ -8,11 +8,8 @@
 #![deny(unsafe_code)]
 
 use boot_h743zi2::{Words, layout};
-use core::future::Future;
 use core::ops::Range;
 use core::panic::PanicInfo;
-use core::pin::pin;
-use core::task::{Context, Poll, Waker};
 use cortex_m::asm::wfe;
 use cortex_m::peripheral::SCB;
 use embassy_boot_stm32::{BootLoader, BootLoaderConfig};
@@ -22,9 +19,8 @@ use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{bind_interrupts, pac, rcc};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
-use embedded_storage::nor_flash as blocking;
-use embedded_storage_async::nor_flash::{ErrorType, NorFlash};
-use motor_hub::tasks::update::Marks;
+use embedded_storage_async::nor_flash::NorFlash;
+use motor_hub::tasks::update::{Marks, Waiting};
 
 bind_interrupts!(struct Irqs {
     FLASH => InterruptHandler;
@@ -43,9 +39,9 @@ fn main() -> ! {
     let first: Mutex<NoopRawMutex, _> = Mutex::new(Words::new(regions.bank1_region, 0));
     let second: Mutex<NoopRawMutex, _> = Mutex::new(Words::new(regions.bank2_region, 1));
     let config = BootLoaderConfig {
-        active: Waiting(part(&first, layout::ACTIVE)),
-        dfu: Waiting(part(&second, layout::DOWNLOAD)),
-        state: Waiting(Marks(part(&second, layout::STATE))),
+        active: waiting(part(&first, layout::ACTIVE)),
+        dfu: waiting(part(&second, layout::DOWNLOAD)),
+        state: waiting(Marks(part(&second, layout::STATE))),
     };
     let Ok(loader) = BootLoader::try_prepare::<_, _, _, BUFFER>(config) else {
         // What is booted may be half of each.
@@ -77,54 +73,9 @@ fn part<F: NorFlash>(flash: &Mutex<NoopRawMutex, F>, at: Range<u32>) -> Partitio
     Partition::new(flash, at.start, at.end - at.start)
 }
 
-/// A flash for who has nothing else to do.
-struct Waiting<F>(F);
-
-impl<F: ErrorType> blocking::ErrorType for Waiting<F> {
-    type Error = F::Error;
-}
-
-impl<F: NorFlash> blocking::ReadNorFlash for Waiting<F> {
-    const READ_SIZE: usize = F::READ_SIZE;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
-        wait(self.0.read(offset, bytes))
-    }
-
-    fn capacity(&self) -> usize {
-        self.0.capacity()
-    }
-}
-
-impl<F: NorFlash> blocking::NorFlash for Waiting<F> {
-    const WRITE_SIZE: usize = F::WRITE_SIZE;
-    const ERASE_SIZE: usize = F::ERASE_SIZE;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), F::Error> {
-        wait(self.0.erase(from, to))
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {
-        for (at, word) in (offset..).step_by(F::WRITE_SIZE).zip(bytes.chunks(F::WRITE_SIZE)) {
-            // Blank is what it is already.
-            if word.iter().any(|byte| *byte != 0xFF) {
-                wait(self.0.write(at, word))?;
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Sleeps until it is done: any interrupt is an event, also one just before the core sleeps.
-fn wait<T>(work: impl Future<Output = T>) -> T {
-    let mut work = pin!(work);
-    let mut context = Context::from_waker(Waker::noop());
-    loop {
-        if let Poll::Ready(done) = work.as_mut().poll(&mut context) {
-            return done;
-        }
-        wfe();
-    }
+/// Any interrupt is an event, also one just before the core sleeps.
+const fn waiting<F>(flash: F) -> Waiting<F> {
+    Waiting { flash, idle: wfe }
 }
 
 #[panic_handler]

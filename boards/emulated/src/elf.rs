@@ -81,6 +81,16 @@ pub fn hub_in_slot(board: Board) -> PathBuf {
     build_as(&format!("{board}-in-slot"), board.name(), &["--features", "bootloader"], &[])
 }
 
+/// The same, for one that takes only what the owner of the public key in this file has signed.
+///
+/// # Panics
+/// If it does not build.
+#[must_use]
+pub fn hub_that_asks_for_signatures(board: Board, key: &Path) -> PathBuf {
+    let key = key.display().to_string();
+    build_as(&format!("{board}-signed"), board.name(), &["--features", "signed"], &[("UPDATE_KEY", &key)])
+}
+
 /// A board's bootloader.
 ///
 /// # Panics

@@ -14,7 +14,7 @@ use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_stm32::gpio::{AnyPin, Flex, Input, Level, Output, Pull, Speed};
 use embassy_stm32::peripherals::{IWDG, LPUART1, TIM1, TIM2, TIM3, TIM4, TIM8};
-use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx, BufferedUartTx};
+use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx};
 use embassy_stm32::{Peri, bind_interrupts, interrupt, pac, rcc};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use motor_hub::braking::Winding;
@@ -174,7 +174,7 @@ async fn report() -> ! {
 #[embassy_executor::task]
 async fn responder(
     rx: BufferedUartRx<'static>,
-    tx: BufferedUartTx<'static>,
+    tx: serial::Sender,
     pins: DigitalLines<PINS>,
     mut lamp: Lamp,
     settings: Settings,

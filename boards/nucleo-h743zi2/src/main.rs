@@ -18,7 +18,7 @@ use embassy_executor::Spawner;
 use embassy_stm32::flash::{self, Async, Bank2Region, Flash};
 use embassy_stm32::gpio::{AnyPin, Flex, Input, Level, Output, Pull, Speed};
 use embassy_stm32::peripherals::{IWDG1, TIM1, TIM2, TIM3, TIM4, TIM8, USART3};
-use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx, BufferedUartTx};
+use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx};
 use embassy_stm32::{Peri, bind_interrupts, interrupt, pac, rcc};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::mutex::Mutex;
@@ -69,6 +69,16 @@ const SLOT: Slot = Slot {
     origin: layout::ORIGIN,
     length: layout::ACTIVE.end - layout::ACTIVE.start,
     ram: (layout::RAM.start, layout::RAM.end),
+    signer: SIGNER,
+};
+
+/// Who signs images, if they must be signed.
+#[cfg(not(feature = "signed"))]
+const SIGNER: Option<[u8; 32]> = None;
+#[cfg(feature = "signed")]
+const SIGNER: Option<[u8; 32]> = match motor_hub::update::public_key(include_bytes!(env!("UPDATE_KEY"))) {
+    None => panic!("UPDATE_KEY is no public key of Ed25519 in DER: openssl pkey -pubout -outform DER"),
+    key => key,
 };
 
 /// The control period: 50 ms, or what `CONTROL_PERIOD_MS` says when this is built, 1 to 100.
@@ -215,7 +225,7 @@ async fn report() -> ! {
 #[embassy_executor::task]
 async fn responder(
     rx: BufferedUartRx<'static>,
-    tx: BufferedUartTx<'static>,
+    tx: serial::Sender,
     pins: DigitalLines<PINS>,
     mut lamp: Lamp,
     settings: Settings,

@@ -8,16 +8,17 @@ use embassy_stm32::Peri;
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::interrupt::typelevel::Binding;
 use embassy_stm32::usart::{
-    BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError, Instance,
-    RxPin, TxPin,
+    BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config, ConfigError, Error,
+    Instance, RxPin, TxPin,
 };
+use embedded_io_async::{ErrorType, Write};
 use motor_hub::protocol::BAUD;
 
 /// Several of the longest requests that hosts send (112 bytes).
 const RECEIVED: usize = 512;
 
-/// The longest reply fits, so that it leaves in one burst.
-const SENT: usize = 192;
+/// All that hosts of the protocol are answered fits, so that it leaves in one burst; this hub's own reports go in two.
+const SENT: usize = 128;
 
 /// Room for what has not been read or sent yet: a static in a board.
 pub struct Buffers {
@@ -48,10 +49,31 @@ pub fn open<T: Instance>(
     rx: Peri<'static, impl RxPin<T>>,
     irqs: impl Binding<T::Interrupt, BufferedInterruptHandler<T>> + 'static,
     buffers: &'static mut Buffers,
-) -> Result<(BufferedUartTx<'static>, BufferedUartRx<'static>), ConfigError> {
+) -> Result<(Sender, BufferedUartRx<'static>), ConfigError> {
     let mut config = Config::default();
     config.baudrate = BAUD;
     // A line that nobody drives, as when the ST-LINK has no power, is idle and not noise.
     config.rx_pull = Pull::Up;
-    Ok(BufferedUart::new(usart, rx, tx, &mut buffers.sent, &mut buffers.received, irqs, config)?.split())
+    let line = BufferedUart::new(usart, rx, tx, &mut buffers.sent, &mut buffers.received, irqs, config)?;
+    let (sender, receiver) = line.split();
+    Ok((Sender(sender), receiver))
+}
+
+/// The line's sending half. embassy refuses what is longer than its buffer, and is flushed for ever after; for what does not
+/// fit yet it waits without being woken. So it is given what it can take at once.
+pub struct Sender(BufferedUartTx<'static>);
+
+impl ErrorType for Sender {
+    type Error = Error;
+}
+
+impl Write for Sender {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Error> {
+        Write::flush(&mut self.0).await?;
+        Write::write(&mut self.0, bytes.get(..SENT).unwrap_or(bytes)).await
+    }
+
+    async fn flush(&mut self) -> Result<(), Error> {
+        Write::flush(&mut self.0).await
+    }
 }

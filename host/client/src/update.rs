@@ -15,7 +15,7 @@ use crate::{Error, Session};
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::fields::{TEXT, Text};
 use motor_hub::protocol::update::{ToUpdate, UpdateReport};
-use motor_hub::update::{CHUNK, Crc32, Phase};
+use motor_hub::update::{CHUNK, CRC, Phase, Seal};
 use std::io::{Read, Write};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -38,7 +38,8 @@ impl<L: Read + Write> Session<L> {
     }
 
     /// Sends the bytes of an image, and has them checked and armed: the report says how that ended. The version is what
-    /// the hub tells of it meanwhile. `progress` is told the bytes that were sent, and stops it with an error of its own;
+    /// the hub tells of it meanwhile. A hub that was built with a signer's key wants that one's seal of the image, and one
+    /// without refuses any. `progress` is told the bytes that were sent, and stops it with an error of its own;
     /// what was sent is then abandoned, as on any error.
     ///
     /// # Errors
@@ -47,9 +48,10 @@ impl<L: Read + Write> Session<L> {
         &mut self,
         image: &[u8],
         version: &str,
+        seal: Option<Seal>,
         progress: impl FnMut(usize) -> Result<(), E>,
     ) -> Result<UpdateReport, E> {
-        let sent = self.send_chunks(image, version, progress);
+        let sent = self.send_chunks(image, version, seal, progress);
         if sent.is_err() {
             // It is forgotten at the next reset at the latest.
             let _ = self.abandon_update();
@@ -78,15 +80,17 @@ impl<L: Read + Write> Session<L> {
         &mut self,
         image: &[u8],
         version: &str,
+        seal: Option<Seal>,
         mut progress: impl FnMut(usize) -> Result<(), E>,
     ) -> Result<UpdateReport, E> {
-        let mut crc = Crc32::new();
-        crc.add(image);
         let length = u32::try_from(image.len()).unwrap_or(u32::MAX);
         let bytes = version.as_bytes();
         let version = Text::new(bytes.get(..TEXT).unwrap_or(bytes)).unwrap_or_default();
-        let begin = ToUpdate::Begin { length, crc: crc.get(), version };
+        let begin = ToUpdate::Begin { length, crc: CRC.checksum(image), version };
         self.persist(&begin, Nack::MOTOR_ENABLED, STOPPING)?;
+        if let Some(Seal { key, signature }) = seal {
+            self.order(ToUpdate::Sign { key, signature })?;
+        }
         for (index, chunk) in image.chunks(CHUNK).enumerate() {
             progress(index * CHUNK)?;
             let offset = u32::try_from(index * CHUNK).unwrap_or(u32::MAX);

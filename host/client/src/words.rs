@@ -39,6 +39,7 @@ pub(crate) fn words(request: &Request) -> String {
         Request::Store(ToStore::State) => "tell what it has stored".to_owned(),
         Request::Report => "tell what its motors do".to_owned(),
         Request::Update(ToUpdate::Begin { .. }) => "take new firmware".to_owned(),
+        Request::Update(ToUpdate::Sign { .. }) => "take the signature of its new firmware".to_owned(),
         Request::Update(ToUpdate::Chunk { offset, .. }) => {
             format!("take the chunk of its firmware at byte {offset}")
         }

@@ -1,16 +1,18 @@
 //! New firmware without a probe, on the emulated H743: the bootloader and the hub behind it, as they are flashed.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
-use crate::common::{am60, ms, on, setup};
+use crate::boot::first_safe_output;
+use crate::common::{am60, board, ms, on, setup};
 use emulated::talk::Talk;
-use emulated::{Bench, Board, Setup};
+use emulated::{Bench, Board, Setup, elf};
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::fields::Text;
 use motor_hub::protocol::requests::ToHub;
 use motor_hub::protocol::update::{ToUpdate, UpdateReport};
 use motor_hub::protocol::{Nack, Request};
-use motor_hub::update::{Booted, CHUNK, Crc32, Outcome, Phase};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase, public_key};
 
 const BOARD: Board = Board::NucleoH743zi2;
 
@@ -44,28 +46,56 @@ fn persist(bench: &mut Bench, talk: &mut Talk, request: &ToUpdate) {
 
 /// Announces an image.
 fn begin(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
-    let mut crc = Crc32::new();
-    crc.add(image);
     let version = Text::new(b"a test").expect("short");
-    talk.order(bench, ToUpdate::Begin { length: image.len() as u32, crc: crc.get(), version });
+    talk.order(bench, ToUpdate::Begin { length: image.len() as u32, crc: CRC.checksum(image), version });
 }
 
 /// Sends it, and has it checked and armed.
 fn send(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
+    let report = checked(bench, talk, image);
+    assert_eq!((report.phase, report.outcome), (Phase::Armed, Outcome::Done));
+}
+
+/// Sends it, and has it checked.
+fn checked(bench: &mut Bench, talk: &mut Talk, image: &[u8]) -> UpdateReport {
+    write(bench, talk, image);
+    settled(bench, talk)
+}
+
+/// Sends it, and says that this was all.
+fn write(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
     for (offset, bytes) in (0..).step_by(CHUNK).zip(image.chunks(CHUNK)) {
         let bytes = Text::new(bytes).expect("short");
         persist(bench, talk, &ToUpdate::Chunk { offset, bytes });
     }
     persist(bench, talk, &ToUpdate::Finish);
+}
+
+/// What comes of a check.
+fn settled(bench: &mut Bench, talk: &mut Talk) -> UpdateReport {
     let end = bench.now() + ms(10_000);
-    let report = loop {
+    loop {
         let report = state(bench, talk);
         if report.phase != Phase::Checking || bench.now() > end {
-            break report;
+            return report;
         }
         bench.run(ms(20));
-    };
-    assert_eq!((report.phase, report.outcome), (Phase::Armed, Outcome::Done));
+    }
+}
+
+/// Watches the task that samples every millisecond.
+fn watch_samples(bench: &mut Bench) {
+    let symbols = bench.symbols().iter();
+    let mut capture = symbols.filter(|s| s.name.contains("capture_task") && s.name.ends_with("::poll"));
+    let capture = capture.next().expect("that task").address;
+    bench.watch(vec![capture]);
+    bench.take_instants();
+}
+
+/// How long after the one before the latest sample came, since that was last asked.
+fn worst_sample(bench: &mut Bench) -> Duration {
+    let samples = bench.take_instants();
+    samples.windows(2).map(|pair| pair[1] - pair[0]).max().expect("samples")
 }
 
 /// Code that never gets anywhere: its stack, its entry, and a branch to itself (ARMv7-M ARM A7.7.12, B1.5.3).
@@ -112,6 +142,19 @@ fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
 }
 
 #[test]
+fn behind_the_bootloader_pins_drive_their_idle_levels_within_a_millisecond_of_reset() {
+    let safe = on(BOARD, || {
+        let mut bench = Bench::new(Setup { bootloader: true, ..setup(vec![am60()]) });
+        let safe = first_safe_output(&mut bench);
+        bench.run(ms(300));
+        bench.assert_sound();
+        safe
+    });
+    println!("first safe output behind the bootloader {:.3} ms after reset", safe.as_secs_f64() * 1e3);
+    assert!(safe < ms(1), "{safe:?}");
+}
+
+#[test]
 fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_restart() {
     let (mut bench, mut talk) = powered_on();
     let image = hangs(0x0802_0000);
@@ -128,20 +171,12 @@ fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_
     // A host may have it run again meanwhile; a page is erased for the first chunk, and the bootloader's state to arm the image.
     talk.velocity(&mut bench, 0, 1000);
     bench.run(ms(1000));
-    let symbols = bench.symbols().iter();
-    let mut capture = symbols.filter(|s| s.name.contains("capture_task") && s.name.ends_with("::poll"));
-    let capture = capture.next().expect("the task that samples every millisecond").address;
-    bench.watch(vec![capture]);
-    bench.take_instants();
+    watch_samples(&mut bench);
     let begun = bench.now();
     send(&mut bench, &mut talk, &image);
     let took = bench.now() - begun;
-    let samples = bench.take_instants();
-    let worst = samples.windows(2).map(|pair| pair[1] - pair[0]).max().expect("samples");
-    println!(
-        "written, checked and armed in {took:?}; of {} samples the latest came {worst:?} after the one before",
-        samples.len()
-    );
+    let worst = worst_sample(&mut bench);
+    println!("written, checked and armed in {took:?}; the latest sample came {worst:?} after the one before");
     assert!(took > ms(2000), "two erasures of 128 kB take a second each at least: {took:?}");
     assert!(worst < Duration::from_micros(1_200), "{worst:?}");
     let speed = bench.look(0).counts_per_second;
@@ -158,5 +193,62 @@ fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_
     bench.run(ms(400));
     let report = state(&mut bench, &mut talk);
     assert_eq!((report.booted, report.phase), (Booted::Confirmed, Phase::Nothing));
+    bench.assert_sound();
+}
+
+/// As OpenSSL has made them: a public key, and its owner's signature of what [`hangs`] at the slot's first address.
+const KEY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/update/signed/public.der");
+const SIGNATURE: &[u8; 64] = include_bytes!("hangs.sig");
+
+/// Only where this board is asked for: that is an image more to build.
+#[test]
+fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
+    if board() != BOARD {
+        return;
+    }
+    let image = elf::hub_that_asks_for_signatures(BOARD, Path::new(KEY));
+    let mut bench = Bench::with_image(Setup { bootloader: true, ..setup(vec![am60()]) }, &image);
+    bench.run(ms(300));
+    let mut talk = Talk::default();
+    let key = public_key(&std::fs::read(KEY).expect("a file")).expect("a key");
+    let image = hangs(0x0802_0000);
+    let refused = |bench: &mut Bench, talk: &mut Talk, request: ToUpdate, why: Nack| {
+        let request = Request::from(request);
+        assert_eq!(talk.ask(bench, request.id(), &request.payload()), Reply::Nack(why));
+    };
+    begin(&mut bench, &mut talk, &image);
+    let bytes = Text::new(&image).expect("short");
+    refused(&mut bench, &mut talk, ToUpdate::Chunk { offset: 0, bytes }, Nack::UPDATE_UNSIGNED);
+    let other = ToUpdate::Sign { key: [7; 32], signature: *SIGNATURE };
+    refused(&mut bench, &mut talk, other, Nack::UPDATE_OTHER_KEY);
+    let sign = |bench: &mut Bench, talk: &mut Talk, turned| {
+        begin(bench, talk, &image);
+        let mut signature = *SIGNATURE;
+        signature[40] ^= turned;
+        talk.order(bench, ToUpdate::Sign { key, signature });
+    };
+    let told = |report: &UpdateReport| (report.phase, report.outcome, report.booted);
+    watch_samples(&mut bench);
+    sign(&mut bench, &mut talk, 1);
+    let report = checked(&mut bench, &mut talk, &image);
+    assert_eq!(told(&report), (Phase::Nothing, Outcome::WrongSignature, Booted::Confirmed));
+    let worst = worst_sample(&mut bench);
+    println!("a signature was looked at, and a sample came {worst:?} after the one before");
+    assert!(worst < ms(40), "the watchdog waits 480 ms at the least: {worst:?}");
+    // While a motor runs nothing is held up.
+    sign(&mut bench, &mut talk, 0);
+    talk.velocity(&mut bench, 0, 1000);
+    bench.run(ms(500));
+    worst_sample(&mut bench);
+    write(&mut bench, &mut talk, &image);
+    bench.run(ms(2_000));
+    talk.keep_alive(&mut bench);
+    assert_eq!(state(&mut bench, &mut talk).phase, Phase::Checking);
+    let worst = worst_sample(&mut bench);
+    assert!(worst < Duration::from_micros(1_200), "{worst:?}");
+    talk.enable(&mut bench, 0, false);
+    let report = settled(&mut bench, &mut talk);
+    assert_eq!(told(&report), (Phase::Armed, Outcome::Done, Booted::Confirmed));
+    assert_eq!(bench.resets(), []);
     bench.assert_sound();
 }

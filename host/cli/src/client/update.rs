@@ -1,6 +1,7 @@
 //! `motor-hub client update`.
 
 mod image;
+mod seal;
 
 use super::interrupt;
 use super::trouble::Trouble;
@@ -9,7 +10,7 @@ use image::Image;
 use indicatif::ProgressBar;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::update::UpdateReport;
-use motor_hub::update::{Booted, Outcome, Phase};
+use motor_hub::update::{Booted, Outcome, Phase, Seal};
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use std::path::PathBuf;
@@ -22,7 +23,18 @@ Sends new firmware to a hub that has a bootloader, and starts it
 FILE is what the compiler made (ELF), or raw bytes from the slot's first address on. It is written beside the firmware that
 runs, checked by what the flash reads back (CRC-32), and swapped in by a restart, which takes some 20 s on a NUCLEO-H743ZI2.
 The new firmware confirms itself once all of its tasks are at work; if it never does, the hub goes back to the firmware before,
-and this says so. All motors must be off. A power cut at any step costs the update at most.";
+and this says so. All motors must be off. A power cut at any step costs the update at most.
+
+A hub that was built with a public key takes only what that key's owner has signed. With OpenSSL from 3.0 on, once:
+
+    openssl genpkey -algorithm ed25519 -out secret.pem
+    openssl pkey -in secret.pem -pubout -outform DER -out public.der
+
+and of each image, as raw bytes (llvm-objcopy -O binary hub.elf hub.bin), the signature of its SHA-512:
+
+    openssl dgst -sha512 -binary -out hub.sha512 hub.bin
+    openssl pkeyutl -sign -rawin -inkey secret.pem -in hub.sha512 -out hub.sig
+    motor-hub client update hub.bin --signature hub.sig --key public.der";
 
 /// The hub swaps, tries, and may swap back: 8 erasures of up to 4 s each way, and the watchdog's time.
 const RETURNING: Duration = Duration::from_secs(90);
@@ -37,23 +49,44 @@ pub(crate) struct Options {
     /// The firmware: an ELF file, or raw bytes
     #[arg(value_name = "FILE")]
     file: PathBuf,
+
+    /// The signature of FILE, which must be raw bytes then: 64 bytes, as openssl writes them
+    #[arg(long, value_name = "SIG", requires = "key")]
+    signature: Option<PathBuf>,
+
+    /// The signer's public key, as openssl writes it in DER
+    #[arg(long, value_name = "KEY", requires = "signature")]
+    key: Option<PathBuf>,
 }
 
 impl Options {
     /// What can be wrong before a hub is asked.
     pub(super) fn check(&self) -> Result<(), Failure> {
-        Image::open(&self.file).map(drop).map_err(Failure::Input)
+        self.read().map(drop)
+    }
+
+    fn read(&self) -> Result<(Image, Option<Seal>), Failure> {
+        let image = Image::open(&self.file).map_err(Failure::Input)?;
+        let (Some(signature), Some(key)) = (&self.signature, &self.key) else { return Ok((image, None)) };
+        if image.origin.is_some() {
+            let file = self.file.display();
+            return Err(Failure::Input(format!(
+                "{file} is an ELF file, and a signature is of raw bytes: make these with llvm-objcopy -O binary, and sign and send them"
+            )));
+        }
+        let seal = seal::open(signature, key).map_err(Failure::Input)?;
+        Ok((image, Some(seal)))
     }
 
     pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
-        let image = Image::open(&self.file).map_err(Failure::Input)?;
+        let (image, seal) = self.read()?;
         let report = session.update_state().map_err(no_bootloader)?;
         fits(&image, &report)?;
         if report.phase == Phase::Armed {
             session.abandon_update()?;
         }
         let before = session.version()?;
-        send(session, &image)?;
+        send(session, &image, seal)?;
         session.restart()?;
         let after = returned(session)?;
         let done = match after.booted {
@@ -113,11 +146,11 @@ fn fits(image: &Image, report: &UpdateReport) -> Result<(), Failure> {
     Ok(())
 }
 
-fn send(session: &mut Session<Line>, image: &Image) -> Result<(), Trouble> {
+fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Result<(), Trouble> {
     // Ended by a signal, the hub need not wait for the rest.
     interrupt::listen()?;
     let bar = ProgressBar::new(image.bytes.len() as u64).with_message("bytes");
-    let report = session.send_image(&image.bytes, &image.version, |sent| {
+    let report = session.send_image(&image.bytes, &image.version, seal, |sent| {
         bar.set_position(sent as u64);
         interrupt::wait(Instant::now()).map_err(Trouble::from)
     });
@@ -126,8 +159,9 @@ fn send(session: &mut Session<Line>, image: &Image) -> Result<(), Trouble> {
     let why = match (report.phase, report.outcome) {
         (Phase::Armed, _) => return Ok(()),
         (_, Outcome::Mismatch) => "what the hub's flash reads back is not what was sent",
+        (_, Outcome::WrongSignature) => "the signature is not one of this file by the hub's key",
         (_, Outcome::Refused) => "the hub's flash refused",
-        _ => "the hub is still at it",
+        _ => "the hub is still at it; it looks at a signature only while no motor runs",
     };
     Err(Failure::work(why).into())
 }

@@ -8,6 +8,7 @@ use motor_hub::protocol::requests::{FIRST_FUNCTION, Interface};
 use motor_hub::protocol::{Address, Decoder, frame};
 use motor_hub::responder::Responder;
 use motor_hub::units::{Micros, Millivolts};
+use motor_hub::update::{Done, Order, Outcome};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -34,6 +35,8 @@ pub(crate) struct Hub {
     pub(crate) fail_safe_at_bulk: bool,
     /// It knows nothing of this project's own interface.
     pub(crate) foreign: bool,
+    /// Whoever has the slot for new firmware, and restarts it.
+    pub(crate) flash: fn(&mut Responder<4>, Order),
     /// Requests that it has heard.
     pub(crate) requests: Arc<AtomicU32>,
     decoder: Decoder,
@@ -43,9 +46,8 @@ pub(crate) struct Hub {
 impl Hub {
     /// Just after its reset, with 12.345 V.
     pub(crate) fn new() -> Self {
-        let settings = Settings::new(Winding::NEVEREST_60);
         Self {
-            responder: Responder::new(Address::new(ADDRESS).unwrap(), [settings; 4]),
+            responder: responder(),
             snapshot: Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL },
             was_enabled: [false; 4],
             before: |_| Vec::new(),
@@ -54,6 +56,7 @@ impl Hub {
             first: FIRST_FUNCTION,
             fail_safe_at_bulk: false,
             foreign: false,
+            flash: |responder, _| responder.update_done(Done::Carried(Outcome::Done)),
             requests: Arc::default(),
             decoder: Decoder::new(),
             since: Instant::now(),
@@ -89,6 +92,9 @@ impl Hub {
             } else if reply.id & 0x8000 != 0 && reply.id < 0xFF00 {
                 reply.id += self.first - FIRST_FUNCTION;
             }
+            if let Some(order) = self.responder.update_order() {
+                (self.flash)(&mut self.responder, order);
+            }
             let now_enabled = self.responder.enabled();
             self.was_enabled.iter_mut().zip(now_enabled).for_each(|(was, is)| *was |= is);
             if self.lost_replies > 0 {
@@ -101,6 +107,11 @@ impl Hub {
         }
         out
     }
+}
+
+/// That of a hub just after its reset.
+pub(crate) fn responder() -> Responder<4> {
+    Responder::new(Address::new(ADDRESS).unwrap(), [Settings::new(Winding::NEVEREST_60); 4])
 }
 
 /// A line with the hub at its other end, in one process.

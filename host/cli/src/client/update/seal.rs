@@ -1,0 +1,21 @@
+//! A signature and the key that it is by, from files.
+
+use motor_hub::update::{Seal, public_key};
+use std::path::Path;
+
+/// Of a file with the signature alone, and one with the public key in DER.
+pub(super) fn open(signature: &Path, key: &Path) -> Result<Seal, String> {
+    let bytes = read(signature)?;
+    let length = bytes.len();
+    let signature = bytes.try_into().map_err(|_| {
+        format!("{}: has {length} bytes, and a signature of Ed25519 has 64", signature.display())
+    })?;
+    let key = public_key(&read(key)?).ok_or_else(|| {
+        format!("{}: is no public key of Ed25519 in DER (openssl pkey -pubout -outform DER)", key.display())
+    })?;
+    Ok(Seal { key, signature })
+}
+
+fn read(file: &Path) -> Result<Vec<u8>, String> {
+    std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))
+}

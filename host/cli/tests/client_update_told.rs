@@ -1,0 +1,166 @@
+//! What `motor-hub client update` says of how an update ends, against the hub's own side of the protocol with a made-up flash.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+mod common;
+#[path = "../../client/tests/hub_support/mod.rs"]
+mod hub_support;
+mod output;
+
+use common::folder;
+use hub_support::{Hub, Server, responder};
+use motor_hub::responder::Responder;
+use motor_hub::update::{Booted, Done, Order, Outcome, Seal, Slot, public_key};
+use output::{err, out};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const SLOT: Slot =
+    Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
+
+/// As OpenSSL writes it.
+const KEY: &[u8] = include_bytes!("../../../tests/update/signed/public.der");
+
+/// What the made-up flash takes for the owner's signature of any image.
+const SIGNATURE: [u8; 64] = [7; 64];
+
+/// A hub that was started like this, with this slot.
+fn started(slot: Slot, booted: Booted) -> Responder<4> {
+    let mut responder = responder().with_slot(slot);
+    responder.update_done(Done::Booted(booted));
+    responder
+}
+
+fn serve(slot: Slot, flash: fn(&mut Responder<4>, Order)) -> Server {
+    let mut hub = Hub::new();
+    (hub.responder, hub.flash) = (started(slot, Booted::Confirmed), flash);
+    Server::start(hub)
+}
+
+/// It carries out what it is told; a restart starts the new firmware, which stays.
+fn good(responder: &mut Responder<4>, order: Order) {
+    carry_out(responder, order, Booted::Confirmed);
+}
+
+/// A restart ends with the firmware before.
+fn goes_back(responder: &mut Responder<4>, order: Order) {
+    carry_out(responder, order, Booted::WentBack);
+}
+
+fn carry_out(responder: &mut Responder<4>, order: Order, restarted: Booted) {
+    let wrong = |seal: Seal| seal.signature != SIGNATURE;
+    match order {
+        Order::Restart => *responder = started(SLOT, restarted),
+        Order::Arm { seal: Some(seal), .. } if wrong(seal) => {
+            responder.update_done(Done::Carried(Outcome::WrongSignature));
+        }
+        _ => responder.update_done(Done::Carried(Outcome::Done)),
+    }
+}
+
+fn client(server: &Server, arguments: &[&str]) -> Output {
+    let program = env!("CARGO_BIN_EXE_motor-hub");
+    let hub = ["client", "--tcp", &server.address, "--address", "3"];
+    Command::new(program).args(hub).args(arguments).output().unwrap()
+}
+
+fn write(folder: &Path, name: &str, bytes: &[u8]) -> String {
+    std::fs::create_dir_all(folder).unwrap();
+    let file: PathBuf = folder.join(name);
+    std::fs::write(&file, bytes).unwrap();
+    file.display().to_string()
+}
+
+/// Raw bytes for the slot that say this version.
+fn image(version: &str) -> Vec<u8> {
+    let mut bytes = [0x2002_0000_u32, SLOT.origin + 0x199].map(u32::to_le_bytes).concat();
+    bytes.extend(format!("HW: 20, Maj: 1, Min: 8, Eng: 2, {version}\0").bytes());
+    bytes
+}
+
+const RUNS: &str = concat!("mh", env!("CARGO_PKG_VERSION"));
+
+#[test]
+fn an_update_that_was_rolled_back_says_so() {
+    let file = write(&folder("client-update-told-back"), "newer.bin", &image("mh9.9.9"));
+    let server = serve(SLOT, goes_back);
+    let told = client(&server, &["update", &file]);
+    assert_eq!(told.status.code(), Some(1));
+    let (new, old) = ("Eng: 2, mh9.9.9", format!("Eng: 2, {RUNS}"));
+    let why = err(&told);
+    let says = why.split_once(" did not confirm itself, and the hub went back to ");
+    assert!(says.is_some_and(|(before, after)| before.contains(new) && after.contains(&old)), "{why}");
+    // As does one whose hub says that its firmware stays, and is the one before.
+    let server = serve(SLOT, good);
+    let told = client(&server, &["update", &file]);
+    assert!(err(&told).contains(&format!("{RUNS}, and was sent HW")), "{}", err(&told));
+}
+
+#[test]
+fn an_update_that_stays_says_so() {
+    let file = write(&folder("client-update-told-stays"), "same.bin", &image(RUNS));
+    let told = out(&client(&serve(SLOT, good), &["update", &file]));
+    assert!(told.contains(&format!("Eng: 2, {RUNS}, confirmed")), "{told}");
+}
+
+#[test]
+fn a_hub_with_a_key_refuses_what_its_owner_has_not_signed_and_says_why() {
+    let folder = folder("client-update-told-signed");
+    let file = write(&folder, "same.bin", &image(RUNS));
+    let signature = write(&folder, "same.sig", &SIGNATURE);
+    let wrong = write(&folder, "wrong.sig", &[8; 64]);
+    let key = write(&folder, "public.der", KEY);
+    let mut other = KEY.to_vec();
+    other.iter_mut().skip(12).for_each(|byte| *byte ^= 1);
+    let other = write(&folder, "other.der", &other);
+    let server = serve(Slot { signer: public_key(KEY), ..SLOT }, good);
+    let refused = |arguments: &[&str], why: &str| {
+        let told = client(&server, &[&["update", &*file], arguments].concat());
+        assert_eq!(told.status.code(), Some(1), "{}", err(&told));
+        assert!(err(&told).contains(why), "{}", err(&told));
+    };
+    refused(&[], "new firmware for this hub must be signed, and is not (NACK 78)");
+    refused(
+        &["--signature", &signature, "--key", &other],
+        "the signature is by another key than the hub's (NACK 79)",
+    );
+    refused(
+        &["--signature", &wrong, "--key", &key],
+        "the signature is not one of this file by the hub's key",
+    );
+    let told = out(&client(&server, &["update", &file, "--signature", &signature, "--key", &key]));
+    assert!(told.contains("confirmed"), "{told}");
+}
+
+#[test]
+fn a_hub_without_a_key_refuses_signatures() {
+    let folder = folder("client-update-told-keyless");
+    let file = write(&folder, "same.bin", &image(RUNS));
+    let signature = write(&folder, "same.sig", &SIGNATURE);
+    let key = write(&folder, "public.der", KEY);
+    let told = client(&serve(SLOT, good), &["update", &file, "--signature", &signature, "--key", &key]);
+    assert!(err(&told).contains("built without a key, and checks no signatures (NACK 80)"), "{}", err(&told));
+}
+
+#[test]
+fn files_that_are_no_signature_and_no_key_are_refused_before_a_hub_is_asked() {
+    let folder = folder("client-update-told-files");
+    let file = write(&folder, "same.bin", &image(RUNS));
+    let signature = write(&folder, "same.sig", &SIGNATURE);
+    let short = write(&folder, "short.sig", &[7; 63]);
+    let key = write(&folder, "public.der", KEY);
+    let pem = write(&folder, "public.pem", b"-----BEGIN PUBLIC KEY-----\nMCowBQYDK2VwAyEA");
+    let program = env!("CARGO_BIN_EXE_motor-hub");
+    for (signature, key, why) in [
+        (&short, &key, "has 63 bytes, and a signature of Ed25519 has 64"),
+        (&signature, &pem, "is no public key of Ed25519 in DER"),
+    ] {
+        let arguments = ["client", "--port", "nowhere", "update", &*file];
+        let told = Command::new(program)
+            .args(arguments)
+            .args(["--signature", signature.as_str(), "--key", key.as_str()])
+            .output()
+            .unwrap();
+        assert_eq!(told.status.code(), Some(2));
+        assert!(err(&told).contains(why), "{}", err(&told));
+    }
+}

@@ -1,0 +1,64 @@
+//! A flash for who has nothing else to do.
+
+use core::future::Future;
+use core::pin::pin;
+use core::task::{Context, Poll, Waker};
+use embedded_storage::nor_flash as blocking;
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash};
+
+/// A flash whose reads, writes and erasures are waited for, as a bootloader has it: meanwhile `idle` is called again and again,
+/// which may sleep until an interrupt. What is blank is not written.
+pub struct Waiting<F> {
+    /// The flash.
+    pub flash: F,
+    /// What is done meanwhile.
+    pub idle: fn(),
+}
+
+impl<F> Waiting<F> {
+    fn wait<T>(idle: fn(), work: impl Future<Output = T>) -> T {
+        let mut work = pin!(work);
+        let mut context = Context::from_waker(Waker::noop());
+        loop {
+            if let Poll::Ready(done) = work.as_mut().poll(&mut context) {
+                return done;
+            }
+            idle();
+        }
+    }
+}
+
+impl<F: ErrorType> blocking::ErrorType for Waiting<F> {
+    type Error = F::Error;
+}
+
+impl<F: NorFlash> blocking::ReadNorFlash for Waiting<F> {
+    const READ_SIZE: usize = F::READ_SIZE;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
+        Self::wait(self.idle, self.flash.read(offset, bytes))
+    }
+
+    fn capacity(&self) -> usize {
+        self.flash.capacity()
+    }
+}
+
+impl<F: NorFlash> blocking::NorFlash for Waiting<F> {
+    const WRITE_SIZE: usize = F::WRITE_SIZE;
+    const ERASE_SIZE: usize = F::ERASE_SIZE;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), F::Error> {
+        Self::wait(self.idle, self.flash.erase(from, to))
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {
+        for (at, word) in (offset..).step_by(F::WRITE_SIZE).zip(bytes.chunks(F::WRITE_SIZE)) {
+            // Blank is what it is already.
+            if word.iter().any(|byte| *byte != 0xFF) {
+                Self::wait(self.idle, self.flash.write(at, word))?;
+            }
+        }
+        Ok(())
+    }
+}
