@@ -312,6 +312,12 @@ fn every_command_is_answered_and_bad_ones_change_nothing(host: &mut Host<impl Re
     for pin in 0..8 {
         host.order(DEKA + 3, &[pin, 0]);
     }
+    // How fast I2C buses are is remembered; transfers are refused when they are asked for.
+    for bus in 0..4 {
+        host.order(DEKA + 43, &[bus, 1]);
+        assert_eq!(host.data(DEKA + 47, &[bus]), [1]);
+        assert_eq!(host.ask(DEKA + 39, &[bus, 0x28]), Nack(253));
+    }
     // Every channel of the converter, in both of its units.
     for (channel, raw) in (0..15).flat_map(|channel| [(channel, 0), (channel, 1)]) {
         assert_eq!(host.data(DEKA + 7, &[channel, raw]).len(), 2, "{channel}");
