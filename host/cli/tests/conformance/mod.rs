@@ -158,7 +158,7 @@ impl<L: Read + Write> Host<L> {
         Some((kind & 0x7FFF, reply, bytes[6]))
     }
 
-    fn ask(&mut self, kind: u16, payload: &[u8]) -> Reply {
+    pub(crate) fn ask(&mut self, kind: u16, payload: &[u8]) -> Reply {
         self.number = self.number.wrapping_add(1);
         let number = self.number;
         self.ask_as(number, kind, payload)
