@@ -13,7 +13,7 @@ use common::{folder, motor_hub};
 use output::{err, out};
 use serde_json::Value;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Child, Command, Output, Stdio};
 
 fn json(output: &Output) -> Value {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -301,6 +301,20 @@ fn a_battery_in_volts_is_not_taken_for_one_in_millivolts() {
         assert_eq!(output.status.code(), Some(2), "{given}");
         assert!(err(&output).contains(says), "{}", err(&output));
     }
+}
+
+#[test]
+fn a_reader_that_has_had_enough_ends_a_command_without_a_word() {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let ended = Command::new(env!("CARGO_BIN_EXE_motor-hub"))
+        .arg("motors")
+        .stdout(writer)
+        .stderr(Stdio::piped())
+        .spawn()
+        .and_then(Child::wait_with_output)
+        .unwrap();
+    assert_eq!((ended.status.code(), err(&ended)), (Some(1), String::new()));
 }
 
 #[test]
