@@ -1,5 +1,5 @@
-//! Requests to digital pins, PWM and servo outputs, of which a motor hub may have few or none: host software sets them
-//! up whatever it finds.
+//! Requests to digital pins, PWM and servo outputs, and how fast I2C buses are, of which a motor hub may have few or none:
+//! host software sets them up whatever it finds.
 //!
 //! ```
 //! use motor_hub::protocol::Request;
@@ -23,9 +23,12 @@ pub type PwmOutput = ByteIn<0, 3>;
 /// A servo output.
 pub type ServoOutput = ByteIn<0, 5>;
 
+/// An I2C bus.
+pub type I2cBus = ByteIn<0, 3>;
+
 requests! {
     /// A request to a pin or output. Periods and widths are in microseconds, levels of all pins a bit
-    /// each; what is asked for is answered as it is set.
+    /// each, a fast bus has 400 kbit/s, another 100; what is asked for is answered as it is set.
     pub enum ToPin {
         1 SetOutput { pin: Pin, high: bool },
         2 SetOutputs { levels: u8 },
@@ -45,5 +48,7 @@ requests! {
         34 ServoWidth { servo: ServoOutput },
         35 SetServoEnable { servo: ServoOutput, on: bool },
         36 ServoEnable { servo: ServoOutput },
+        43 SetI2cSpeed { bus: I2cBus, fast: bool },
+        47 I2cSpeed { bus: I2cBus },
     }
 }

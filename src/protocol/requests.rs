@@ -194,8 +194,8 @@ impl Request {
             if ToPin::NUMBERS.contains(&number) {
                 return ToPin::read(number, fields).map(Self::Pin);
             }
-            // Not among them is I2C (37 to 43, 47, 52, 54, 55), which must be refused when a transfer is
-            // asked for, as hosts poll an accepted one for ever; and bulk output (56).
+            // Not among them are transfers by I2C (37 to 42, 52, 54, 55), which must be refused when they are asked
+            // for, as hosts poll an accepted one for ever; and bulk output (56).
             return ToHub::read(number, fields).map(Self::Hub);
         }
         if let Some(number) = Interface::Setup.functions().number(packet.id) {

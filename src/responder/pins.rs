@@ -1,8 +1,8 @@
-//! Digital pins, PWM and servo outputs.
+//! Digital pins, PWM and servo outputs, the speeds of I2C buses.
 //!
 //! Digital pins are inputs after a reset, pulled up: one that nothing is connected to reads 1, as does one that the board
 //! does not have. What is set of such a pin is remembered and read back, and moves nothing; so it is with all PWM and servo
-//! outputs, of which a motor hub has none: host software sets them up when it opens a hub.
+//! outputs and I2C buses, of which a motor hub has none: host software sets them up when it opens a hub.
 //!
 //! The level of an output is what a host sets, low before that. Fail-safe lets go of all outputs, which stay what they
 //! are, until they are set again; it switches PWM and servos off. Of all inputs at once, outputs read 0.
@@ -25,11 +25,12 @@
 
 use super::answer::Answer;
 use crate::protocol::Nack;
-use crate::protocol::pins::{Pin, PwmOutput, ServoOutput, ToPin};
+use crate::protocol::pins::{I2cBus, Pin, PwmOutput, ServoOutput, ToPin};
 
 /// Outputs of each kind.
 const PWM: usize = 4;
 const SERVOS: usize = 6;
+const I2C_BUSES: usize = 4;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Pulses {
@@ -59,6 +60,8 @@ pub struct PinMemory {
     sensed: u8,
     pwm: [Pulses; PWM],
     servos: [Pulses; SERVOS],
+    /// At 400 kbit/s.
+    fast_i2c: [bool; I2C_BUSES],
 }
 
 /// After a reset.
@@ -70,6 +73,7 @@ impl Default for PinMemory {
             sensed: u8::MAX,
             pwm: Default::default(),
             servos: Default::default(),
+            fast_i2c: [false; I2C_BUSES],
         }
     }
 }
@@ -124,12 +128,14 @@ impl PinMemory {
             ToPin::SetServoPeriod { servo, period } => self.servo(servo)?.period = period.get(),
             ToPin::SetServoWidth { servo, width } => self.servo(servo)?.width = width.get(),
             ToPin::SetServoEnable { servo, on } => self.servo(servo)?.on = on,
+            ToPin::SetI2cSpeed { bus, fast } => *self.fast_i2c(bus)? = fast,
             ToPin::PwmPeriod { pwm } => return Ok(Answer::data(&self.pwm(pwm)?.period)),
             ToPin::PwmWidth { pwm } => return Ok(Answer::data(&self.pwm(pwm)?.width)),
             ToPin::PwmEnable { pwm } => return Ok(Answer::data(&self.pwm(pwm)?.on)),
             ToPin::ServoPeriod { servo } => return Ok(Answer::data(&self.servo(servo)?.period)),
             ToPin::ServoWidth { servo } => return Ok(Answer::data(&self.servo(servo)?.width)),
             ToPin::ServoEnable { servo } => return Ok(Answer::data(&self.servo(servo)?.on)),
+            ToPin::I2cSpeed { bus } => return Ok(Answer::data(self.fast_i2c(bus)?)),
         }
         Ok(Answer::Ack)
     }
@@ -144,6 +150,10 @@ impl PinMemory {
 
     fn servo(&mut self, output: ServoOutput) -> Result<&mut Pulses, Nack> {
         self.servos.get_mut(usize::from(output.get())).ok_or(Nack::parameter(0))
+    }
+
+    fn fast_i2c(&mut self, bus: I2cBus) -> Result<&mut bool, Nack> {
+        self.fast_i2c.get_mut(usize::from(bus.get())).ok_or(Nack::parameter(0))
     }
 
     /// Fail-safe: nothing is enabled, and no pin is driven.

@@ -103,9 +103,11 @@ const FORMS: &[Form] = &[
     read(F + 34, &[1], &[5], 2, &[(&[6], 0)]),
     write(F + 35, &[1, 1], &[5, 1], &[(&[6, 1], 0), (&[5, 2], 1)]),
     read(F + 36, &[1], &[5], 1, &[(&[6], 0)]),
+    write(F + 43, &[1, 1], &[3, 1], &[(&[4, 1], 0), (&[3, 2], 1)]),
     write(F + 44, &[1], &[1], &[(&[2], 0)]),
     read(F + 45, &[], &[], 1, &[]),
     write(F + 46, &[1, 3], b"\x03abc", &[(&[101], 0), (&[5, 1, 2], 1)]),
+    read(F + 47, &[1], &[3], 1, NO_MOTOR),
     read(F + 48, &[], &[], 1 + VERSION.len(), &[]),
     write(F + 49, &[1], &[1], &[(&[2], 0)]),
     read(F + 50, &[], &[], 1, &[]),
@@ -154,7 +156,7 @@ fn everything(host: &mut TestHost) -> Vec<Said> {
     all.push(host.ask(0x7F03, &[0]));
     for index in 0..8 {
         all.extend([4, 5].map(|function| host.call(function, &[index])));
-        for function in [9, 11, 13, 16, 18, 20, 21, 22, 26, 28, 30, 32, 34, 36] {
+        for function in [9, 11, 13, 16, 18, 20, 21, 22, 26, 28, 30, 32, 34, 36, 47] {
             all.push(host.call(function, &[index]));
         }
         all.extend([1, 2].map(|of| host.call(53, &[index, of])));
@@ -238,9 +240,21 @@ fn every_function_that_is_announced_is_answered() {
 
 #[test]
 fn transfers_on_a_bus_are_refused_when_they_are_asked_for() {
-    for function in [37, 38, 39, 40, 41, 42, 43, 47, 52, 54, 55, 56] {
+    for function in [37, 38, 39, 40, 41, 42, 52, 54, 55, 56] {
         assert_eq!(host().call(function, &[0; 110]), Said::Nack(253), "{function}");
     }
+}
+
+#[test]
+fn the_speed_of_each_i2c_bus_is_read_back_as_it_was_set() {
+    let mut host = TestHost::settled();
+    let speeds = |host: &mut TestHost| [0, 1, 2, 3].map(|bus| host.call(47, &[bus]));
+    let slow = || Said::Data(vec![0]);
+    assert_eq!(speeds(&mut host), [slow(), slow(), slow(), slow()]);
+    host.do_all(&[(43, &[2, 1])]);
+    assert_eq!(speeds(&mut host), [slow(), slow(), Said::Data(vec![1]), slow()]);
+    host.do_all(&[(43, &[2, 0])]);
+    assert_eq!(host.call(47, &[2]), slow());
 }
 
 #[test]

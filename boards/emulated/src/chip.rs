@@ -112,9 +112,9 @@ impl Port {
         self.modes >> (2 * pin) & 3 == mode
     }
 
-    /// Whether the pin is driven high (RM0090 8.4.1, RM0433 11.4.1: mode 1 is an output).
-    pub(crate) const fn drives_high(self, pin: u8) -> bool {
-        self.is_mode(pin, 1) && self.outputs >> pin & 1 != 0
+    /// Whether the pin is driven high, if it is driven at all (RM0090 8.4.1, RM0433 11.4.1: mode 1 is an output).
+    pub(crate) fn drives(self, pin: u8) -> Option<bool> {
+        self.is_mode(pin, 1).then_some(self.outputs >> pin & 1 != 0)
     }
 
     /// Whether a peripheral has the pin.

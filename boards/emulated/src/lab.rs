@@ -53,6 +53,8 @@ pub(crate) struct Lab {
     encoders: Vec<Connection>,
     pub(crate) rtt: Rtt,
     pub(crate) button: bool,
+    /// Digital pins 0 and 1 are connected to each other.
+    wired: bool,
     /// Arrivals at watched instructions: address, instruction count, ns.
     pub(crate) hits: Vec<(u64, u64, u64)>,
     pub(crate) now: u64,
@@ -90,6 +92,7 @@ impl Lab {
             encoders: vec![Connection::default(); count],
             rtt: Rtt::new(rtt),
             button: false,
+            wired: false,
             hits: Vec::new(),
             now: 0,
             instructions: 0,
@@ -136,7 +139,7 @@ impl Lab {
                 lines.pwm = self.timer.output(bridge, &registers);
             }
             let (ina, inb) = wiring::LINE_PINS[bridge];
-            (lines.ina, lines.inb) = (direction.drives_high(ina), direction.drives_high(inb));
+            [lines.ina, lines.inb] = [ina, inb].map(|line| direction.drives(line) == Some(true));
             if self.recorder.set(at, bridge, lines, (before, self.timer.grid()), by_reset)
                 && bridge < self.shafts.len()
             {
@@ -209,6 +212,26 @@ impl Lab {
         session.board_mut().chip.drive_pin(at, wiring::BUTTON.0, pin, level);
     }
 
+    /// Connects the digital pins to each other.
+    pub(crate) fn wire_pins(&mut self, session: &mut Session<Nucleo>) {
+        self.wired = true;
+        self.follow_wire(session, self.now);
+    }
+
+    /// What the chip puts on one end of the wire between its digital pins, it finds at the other.
+    fn follow_wire(&self, session: &mut Session<Nucleo>, at: u64) {
+        if !self.wired {
+            return;
+        }
+        let [first, second] = wiring::DIGITAL_PINS;
+        let chip = &mut session.board_mut().chip;
+        for (from, to) in [(first, second), (second, first)] {
+            let level = chip.port(wiring::DIGITAL_PORT).drives(from).map(Level::from);
+            let to = Pin::new(to).expect("a pin of a port");
+            chip.drive_pin(VirtualNanos(at), wiring::DIGITAL_PORT, to, level);
+        }
+    }
+
     /// Puts the battery's voltage on the converter's pin.
     fn show_battery(&self, session: &mut Session<Nucleo>) {
         let millivolts = self.shafts.voltage() * 1000.0 * wiring::DIVIDER;
@@ -224,6 +247,7 @@ impl Lab {
         self.quiet_until = at + START_UP;
         let pressed = self.button;
         self.press(session, pressed);
+        self.follow_wire(session, at);
         for motor in 0..self.shafts.len() {
             self.show(session, motor, at);
         }
@@ -279,6 +303,8 @@ impl Driver<Nucleo> for Lab {
                     self.now = at;
                     self.show_edges(session, at);
                     self.follow_pins(session, at, false);
+                } else if is_port(wiring::DIGITAL_PORT) {
+                    self.follow_wire(session, at);
                 } else if access.address == wiring::power_at(self.board) {
                     session.board_mut().chip.follow_detector(access.virtual_time);
                 } else if access.address == wiring::TIME_DRIVER + wiring::EGR && access.value & 1 != 0 {

@@ -50,7 +50,7 @@ pub fn scenario() -> Result<Scenario, ScenarioError> {
 }
 
 /// Serves a board's image, behind its bootloader or alone, with the motors, loads and battery of a scenario, as [`simulated::serve::run`] serves
-/// the simulated board.
+/// the simulated board. A wire of the scenario is between digital pins 0 and 1, which are all that a board has.
 ///
 /// # Errors
 /// If the emulator had a gap.
@@ -64,6 +64,9 @@ pub fn run(
     let mut bench = Bench::new(Setup { bootloader, ..stand(scenario, board) });
     let mut chunk = [0; 512];
     let mut reply: Vec<u8> = Vec::new();
+    if scenario.wire.is_some() {
+        bench.wire_pins();
+    }
     bench.run(BOOT);
     // What the emulator executes for the first time takes it a while: a packet for another hub, before
     // anybody waits for an answer.

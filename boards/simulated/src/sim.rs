@@ -210,6 +210,9 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
         bus.one_way = known.one_way;
         board.set_bus(bus);
     }
+    if let Some(pins) = scenario.wire {
+        board.wire(pins.map(|pin| pin.get()));
+    }
     board
 }
 

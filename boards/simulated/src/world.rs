@@ -64,6 +64,8 @@ pub struct World {
     faults: [bool; MOTORS],
     /// Levels that something outside gives to digital pins: bit i is pin i, and pulled up where nothing does.
     outside: u8,
+    /// Digital pins that a wire connects, in the same way.
+    wired: u8,
     noise: fastrand::Rng,
     unfed_s: f64,
     starved: bool,
@@ -106,6 +108,7 @@ impl Board {
             counters,
             faults: [false; MOTORS],
             outside: u8::MAX,
+            wired: 0,
             noise: fastrand::Rng::with_seed(seed),
             unfed_s: 0.0,
             starved: false,
@@ -153,9 +156,14 @@ impl Board {
 
     /// Presses or releases something that connects a digital pin to ground, 0 to 7.
     pub fn press(&self, pin: u8, pressed: bool) {
-        let bit = 1u8.checked_shl(pin.into()).unwrap_or(0);
+        let bit = bit(pin);
         let outside = &mut self.0.borrow_mut().outside;
         *outside = if pressed { *outside & !bit } else { *outside | bit };
+    }
+
+    /// Connects digital pins by a wire, 0 to 7.
+    pub fn wire(&self, pins: [u8; 2]) {
+        self.0.borrow_mut().wired |= pins.map(bit).iter().fold(0, |wired, bit| wired | bit);
     }
 
     /// Lets time pass under external torques in newton metres, one for each motor.
@@ -271,8 +279,16 @@ fn takes_for_a_short_circuit(bridge: &BridgeConstants, duty: Duty) -> bool {
 /// All eight.
 impl DigitalPins for Board {
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
-        self.0.borrow().outside & !driven | levels & driven
+        let world = self.0.borrow();
+        let alone = world.outside & !driven | levels & driven;
+        // Whoever pulls a wire low wins.
+        if alone & world.wired == world.wired { alone } else { alone & !world.wired }
     }
+}
+
+/// That of a digital pin; none beyond the eighth.
+fn bit(pin: u8) -> u8 {
+    1u8.checked_shl(pin.into()).unwrap_or(0)
 }
 
 impl Watchdog for Board {

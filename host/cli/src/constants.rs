@@ -39,6 +39,11 @@ impl Constants {
     /// Back EMF, if it is given.
     pub(crate) fn emf(&self) -> Result<Option<EmfConstant>, Failure> {
         let (Some(ke), Some(counts)) = (self.ke, self.counts_per_rev) else { return Ok(None) };
+        if counts <= 0.0 {
+            return Err(Failure::Input(format!(
+                "--counts-per-rev {counts}: an encoder has more than 0 counts in a turn"
+            )));
+        }
         EmfConstant::from_ke(ke, counts)
             .map(Some)
             .map_err(|e| Failure::Input(format!("--ke-v-s-per-rad {ke}: {e}")))

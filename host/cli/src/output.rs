@@ -4,7 +4,7 @@ use chart::DrawError;
 use serde::Serialize;
 use serde_json::Value;
 use std::fmt;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use studies::{NamedFigure, SCHEMA_VERSION};
@@ -16,12 +16,16 @@ pub(crate) enum Failure {
     Input(String),
     /// Something went wrong while it was at work.
     Work(String),
+    /// Nobody reads standard output any more, as when `head` has had enough: nothing to be said.
+    Unread,
 }
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (Self::Input(text) | Self::Work(text)) = self;
-        f.write_str(text)
+        match self {
+            Self::Input(text) | Self::Work(text) => f.write_str(text),
+            Self::Unread => f.write_str("nobody reads standard output"),
+        }
     }
 }
 
@@ -41,6 +45,7 @@ impl Failure {
         let (text, code) = match self {
             Self::Input(text) => (text, 2),
             Self::Work(text) => (text, 1),
+            Self::Unread => return ExitCode::from(1),
         };
         say(&format!("error: {text}"));
         ExitCode::from(code)
@@ -87,7 +92,10 @@ pub(crate) fn versioned(document: &impl Serialize) -> Result<Value, Failure> {
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     let done = out.write_all(text.as_bytes()).and_then(|()| out.flush());
-    done.map_err(|e| Failure::Work(format!("standard output: {e}")))
+    done.map_err(|e| match e.kind() {
+        ErrorKind::BrokenPipe => Failure::Unread,
+        _ => Failure::Work(format!("standard output: {e}")),
+    })
 }
 
 /// Files that do not exist yet: their names and what will stand in them.

@@ -1,6 +1,7 @@
 //! Values of options that several commands have.
 
 use clap::{Arg, Command};
+use motor_hub::protocol::pins::Pin;
 use motor_hub::protocol::{Address, CHANNELS};
 use simulated::scenario::LONGEST_S;
 use std::fmt::Display;
@@ -24,6 +25,14 @@ pub(crate) fn with_negative_numbers(command: Command) -> Command {
 pub(crate) fn address(text: &str) -> Result<Address, String> {
     let address = text.parse().ok().and_then(Address::new);
     address.ok_or_else(|| "an address is a whole number from 1 to 254".to_owned())
+}
+
+/// Two digital pins, which a wire connects.
+pub(crate) fn wire(text: &str) -> Result<[Pin; 2], String> {
+    let pin = |text: &str| text.trim().parse().ok().and_then(Pin::new);
+    let ends = text.split_once(',').and_then(|(from, to)| Some([pin(from)?, pin(to)?]));
+    ends.filter(|[from, to]| from != to)
+        .ok_or_else(|| "a wire is between two digital pins, 0 to 7, such as 4,5".to_owned())
 }
 
 /// A motor of the protocol.

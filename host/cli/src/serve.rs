@@ -5,10 +5,11 @@ mod link;
 mod notices;
 
 use crate::output::{Failure, print};
-use crate::parse::{address, seconds};
+use crate::parse::{address, seconds, wire};
 use emulated::{Board, elf};
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
+use motor_hub::protocol::pins::Pin;
 use notices::Notices;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register;
@@ -62,6 +63,11 @@ impl Options {
             if self.bootloader && self.board.bootloader().is_none() {
                 return Err(Failure::Input(format!("{} has no bootloader; nucleo-h743zi2 has", self.board)));
             }
+            if let Some(pins) = self.serving.wire
+                && pins.iter().any(|pin| pin.get() > 1)
+            {
+                return Err(Failure::Input("--wire: an image has digital pins 0 and 1".to_owned()));
+            }
             return self.serving.execute(emulated::serve::scenario, |scenario, line, show| {
                 emulated::serve::run(scenario, self.board, self.bootloader, line, show)
             });
@@ -85,6 +91,10 @@ struct Serving {
     /// Scenario file (TOML) instead of the default scenario
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
+    /// A wire between two of the hub's digital pins, such as 4,5, for host software that tries them out; an image has 0
+    /// and 1
+    #[arg(long, value_name = "PIN,PIN", value_parser = wire)]
+    wire: Option<[Pin; 2]>,
     /// Ends after so many seconds
     #[arg(long = "for-s", alias = "for", value_name = "S", value_parser = seconds)]
     limit_s: Option<f64>,
@@ -112,7 +122,7 @@ impl Serving {
             Some(file) => Scenario::load_for_a_host(file),
             None => default(),
         };
-        let scenario = scenario.map_err(Failure::input)?;
+        let scenario = Scenario { wire: self.wire, ..scenario.map_err(Failure::input)? };
         let line = match &self.place.tcp {
             Some(address) => Line::tcp(address).map_err(Failure::input)?,
             None => Line::pty().map_err(no_pty)?,

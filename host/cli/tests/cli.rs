@@ -13,7 +13,7 @@ use common::{folder, motor_hub};
 use output::{err, out};
 use serde_json::Value;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Child, Command, Output, Stdio};
 
 fn json(output: &Output) -> Value {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -304,15 +304,29 @@ fn a_battery_in_volts_is_not_taken_for_one_in_millivolts() {
 }
 
 #[test]
-fn tables_are_no_wider_than_a_terminal_of_80_columns() {
+fn a_reader_that_has_had_enough_ends_a_command_without_a_word() {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let ended = Command::new(env!("CARGO_BIN_EXE_motor-hub"))
+        .arg("motors")
+        .stdout(writer)
+        .stderr(Stdio::piped())
+        .spawn()
+        .and_then(Child::wait_with_output)
+        .unwrap();
+    assert_eq!((ended.status.code(), err(&ended)), (Some(1), String::new()));
+}
+
+#[test]
+fn tables_and_words_are_no_wider_than_a_terminal_of_80_columns() {
     let out = folder("narrow");
     let out = ["--out", out.to_str().unwrap()];
     for command in [&["run", "--time-s", "0.2"][..], &["compare", "--quick"], &["paper"], &["identify"]] {
         let place = if command[0] == "paper" { &[][..] } else { &out };
         let tables = motor_hub(&[command, place].concat());
         assert!(tables.status.success(), "{}", err(&tables));
-        let rows = text(&tables.stdout).lines().filter(|line| line.starts_with(['│', '┌']));
-        for row in rows {
+        // But for the paths of what was written.
+        for row in text(&tables.stdout).lines().filter(|line| !line.contains(out[1])) {
             assert!(row.chars().count() <= 80, "{command:?}: {row}");
         }
     }

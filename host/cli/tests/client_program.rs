@@ -134,6 +134,7 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
         ),
         (&["--resistance-ohm", "0", "--on-fault", "brake"], "--resistance-ohm 0: resistance must be 0.001"),
         (&["--ke", "0.02"], "--counts-per-rev"),
+        (&["--ke", "0.02", "--counts-per-rev", "0"], "--counts-per-rev 0: an encoder has more than 0 counts"),
         (&["--ke", "0.02", "--counts-per-rev", "12", "--type", "AM 60 A"], "cannot be used with"),
     ] {
         let refused = client(&server, &[&show[..], wrong].concat());

@@ -195,7 +195,7 @@ fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
     assert!(row("/no/such/port").contains("No such file"), "{found}");
     let none = scan(&["/no/such/port"]);
     assert_eq!(none.status.code(), Some(1));
-    assert!(err(&none).contains("no hub at 1 places"), "{}", err(&none));
+    assert!(err(&none).contains("no hub at 1 place\n"), "{}", err(&none));
 }
 
 #[cfg(target_os = "linux")]

@@ -8,7 +8,7 @@
 
 mod conformance;
 
-use conformance::{HUB, Hub, KEEP_ALIVE, conforms, drive, packet};
+use conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, packet};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
@@ -59,6 +59,30 @@ fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
     says.read_line(&mut line).unwrap();
     assert_eq!(line, "the hub is taken, one host at a time: hung up on 1 that came meanwhile\n");
     assert!(first.enabled());
+    let third = Command::new(PROGRAM).args(["client", "--tcp", &hub.place, "status"]).output().unwrap();
+    let error = String::from_utf8(third.stderr).unwrap();
+    assert!(error.contains("one host at a time: is another one talking to it?"), "{error}");
+}
+
+#[test]
+fn a_wire_connects_two_digital_pins() {
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--wire", "4,5"]);
+    let mut host = hub.tcp();
+    let mut level = |order: u16, payload: [u8; 2]| {
+        host.order(0x1000 + order, &payload);
+        host.ask(0x1005, &[5])
+    };
+    assert_eq!((level(3, [4, 1]), level(1, [4, 1])), (Data(vec![0]), Data(vec![1])));
+    assert_eq!((level(1, [4, 0]), level(3, [4, 0])), (Data(vec![0]), Data(vec![1])));
+    for (options, says) in [
+        (&["--wire", "4,8"][..], "a wire is between two digital pins, 0 to 7, such as 4,5"),
+        (&["--wire", "4,4"], "a wire is between two digital pins"),
+        (&["--wire", "4,5", "--emulated"], "an image has digital pins 0 and 1"),
+    ] {
+        let output = Command::new(PROGRAM).args(["serve", "--pty"]).args(options).output().unwrap();
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && error.contains(says), "{error}");
+    }
 }
 
 #[cfg(unix)]

@@ -64,6 +64,18 @@ pub enum Error {
     },
 }
 
+impl Error {
+    /// Whether the other end has closed the connection.
+    pub fn is_hung_up(&self) -> bool {
+        use io::ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset};
+        match self {
+            Self::HungUp => true,
+            Self::Line(error) => matches!(error.kind(), BrokenPipe | ConnectionAborted | ConnectionReset),
+            _ => false,
+        }
+    }
+}
+
 /// Addresses of hubs, shown with commas between.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Addresses(pub Vec<u8>);

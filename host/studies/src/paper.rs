@@ -97,13 +97,16 @@ impl Document {
         }
         format!(
             "What the paper prints (AM 60 A)\n{numbers}\n\nWhere its text is wrong\n{misprints}\n\n\
-         A better current over a control period (the paper's second to-do)\n{estimates}\n\
-         The estimate allows for the change of speed within the period: i_inf + (i_q - i_inf) phi + \
-         (i0 - i_q) tau_e/P.\nIt scales all ordinates of a scheme alike and moves its abscissas only by \
-         Ke_eff/Ke, a few percent:\nmuch better as a current, hardly another control.\n"
+             A better current over a control period (the paper's second to-do)\n{estimates}\n{}\n",
+            table::paragraph(ESTIMATE)
         )
     }
 }
+
+const ESTIMATE: &str = "\
+The estimate allows for the change of speed within the period: i_inf + (i_q - i_inf) phi + (i0 - i_q) tau_e/P.
+It scales all ordinates of a scheme alike and moves its abscissas only by Ke_eff/Ke, a few percent: much better
+as a current, hardly another control.";
 
 /// To the last digit printed; a fraction to the last digit of a double.
 fn agrees(printed: &str, ours: f64) -> bool {

@@ -124,6 +124,25 @@ impl fmt::Display for Table {
     }
 }
 
+/// A paragraph of words, no wider than the terminal.
+pub fn paragraph(text: &str) -> String {
+    filled(text, usize::from(WIDTH.load(Ordering::Relaxed)))
+}
+
+fn filled(text: &str, room: usize) -> String {
+    let (mut out, mut column) = (String::with_capacity(text.len()), 0);
+    for word in text.split_whitespace() {
+        if column > 0 {
+            let fits = column + 1 + chars(word) <= room;
+            out.push(if fits { ' ' } else { '\n' });
+            column = if fits { column + 1 } else { 0 };
+        }
+        out.push_str(word);
+        column += chars(word);
+    }
+    out
+}
+
 /// On both sides of a cell together.
 const PADDING: usize = 2;
 
@@ -170,6 +189,14 @@ mod tests {
         let parts = table.parts(room).into_iter();
         let lines = parts.map(|columns| table.draw(&columns, room).to_string());
         lines.flat_map(|drawn| drawn.lines().map(chars).collect::<Vec<_>>()).max().unwrap_or(0)
+    }
+
+    #[test]
+    fn a_paragraph_fills_its_lines_and_is_no_wider_than_the_room_unless_a_word_is() {
+        assert_eq!(filled("one two\nthree four", 9), "one two\nthree\nfour");
+        assert_eq!(filled("one two three four", 10), "one two\nthree four");
+        assert_eq!(filled("a counterelectromotive force", 8), "a\ncounterelectromotive\nforce");
+        assert_eq!(filled(" ", 8), "");
     }
 
     #[test]

@@ -55,6 +55,11 @@ impl Bench {
         });
     }
 
+    /// Connects digital pins 0 and 1 to each other, from now on.
+    pub fn wire_pins(&mut self) {
+        self.at_stop(|lab, session, _| lab.wire_pins(session));
+    }
+
     /// What a wire on a digital pin, 0 or 1, would see.
     pub fn pin_level(&mut self, pin: usize) -> bool {
         self.at_stop(move |_, session, _| {

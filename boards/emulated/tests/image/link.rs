@@ -396,3 +396,22 @@ fn a_refused_command_changes_nothing() {
     bench.run(ms(200));
     assert_eq!(bench.transitions(), []);
 }
+
+#[test]
+pub(crate) fn a_wire_carries_the_level_of_one_digital_pin_to_the_other() {
+    let (mut bench, mut talk) = (booted(vec![am60()]), Talk::default());
+    bench.wire_pins();
+    assert_eq!(talk.bulk(&mut bench).digital, 0xFF, "both are pulled up");
+    for (from, to) in [(0, 1), (1, 0)] {
+        let mut order = |function: u16, payload: [u8; 2]| {
+            let reply = talk.ask(&mut bench, 0x1000 + function, &payload);
+            assert!(matches!(reply, Reply::Ack { .. }), "{reply:?}");
+            talk.bulk(&mut bench).digital >> to & 1
+        };
+        assert_eq!(order(3, [from, 1]), 0, "an output is low");
+        assert_eq!(order(1, [from, 1]), 1);
+        assert_eq!(order(1, [from, 0]), 0);
+        assert_eq!(order(3, [from, 0]), 1);
+    }
+    bench.assert_sound();
+}

@@ -11,6 +11,7 @@ use motor_hub::model::load::Load;
 use motor_hub::model::{battery::Battery, catalogue, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
+use motor_hub::protocol::pins::Pin;
 use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
 use motor_hub::supply::{Levels, Limits};
 use motor_hub::units::{Acceleration, Millivolts, Period, RangeError, constant};
@@ -53,6 +54,8 @@ pub struct Scenario {
     pub motors: Vec<Motor>,
     /// Motors that move in step.
     pub groups: Vec<Group>,
+    /// A wire from one of the hub's digital pins to another, for a host that tries them out.
+    pub wire: Option<[Pin; 2]>,
     /// As a test it is run on the emulated chip too.
     pub emulated: bool,
     /// What makes it a test.
@@ -175,6 +178,7 @@ impl Scenario {
             emf_over_time: Vec::new(),
             motors,
             groups: Vec::new(),
+            wire: None,
             emulated: false,
             expectations: Vec::new(),
         }

@@ -76,6 +76,7 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
         )?,
         motors,
         groups,
+        wire: None,
         emulated: file.emulated,
         expectations,
     })

@@ -44,3 +44,20 @@ fn digital_pins_are_pulled_up_unless_something_pulls_them_down_or_the_hub_drives
     board.press(3, false);
     assert_eq!(board.exchange(0, 0b10), 0xFF);
 }
+
+#[test]
+fn pins_that_a_wire_connects_have_one_level_low_if_either_is_pulled_low() {
+    let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
+    let motor = (characterised("AM 60 A").expect("known"), Load::NONE, BRIDGE);
+    let mut board = Board::new(battery, [motor].into_iter(), 1);
+    board.wire([4, 5]);
+    let (four, five) = (1 << 4, 1 << 5);
+    assert_eq!(board.exchange(0, 0), 0xFF, "both are pulled up");
+    for driven in [four, five] {
+        assert_eq!(board.exchange(driven, 0), 0xCF, "driven low");
+        assert_eq!(board.exchange(driven, driven), 0xFF, "driven high");
+    }
+    assert_eq!(board.exchange(1, 0), 0xFE, "another pin");
+    board.press(5, true);
+    assert_eq!(board.exchange(0, 0), 0xCF, "connected to ground");
+}

@@ -67,6 +67,7 @@ impl Options {
         }
         match (hubs, places.len()) {
             (0, 0) => Err(Failure::Work("this machine has no serial port; name a PLACE".to_owned())),
+            (0, 1) => Err(Failure::Work("no hub at 1 place".to_owned())),
             (0, looked) => Err(Failure::Work(format!("no hub at {looked} places"))),
             _ => Ok(()),
         }

@@ -158,7 +158,7 @@ impl<L: Read + Write> Host<L> {
         Some((kind & 0x7FFF, reply, bytes[6]))
     }
 
-    fn ask(&mut self, kind: u16, payload: &[u8]) -> Reply {
+    pub(crate) fn ask(&mut self, kind: u16, payload: &[u8]) -> Reply {
         self.number = self.number.wrapping_add(1);
         let number = self.number;
         self.ask_as(number, kind, payload)
@@ -311,6 +311,12 @@ fn every_command_is_answered_and_bad_ones_change_nothing(host: &mut Host<impl Re
     assert_eq!(host.ask(DEKA + 6, &[]), Nack(28));
     for pin in 0..8 {
         host.order(DEKA + 3, &[pin, 0]);
+    }
+    // How fast I2C buses are is remembered; transfers are refused when they are asked for.
+    for bus in 0..4 {
+        host.order(DEKA + 43, &[bus, 1]);
+        assert_eq!(host.data(DEKA + 47, &[bus]), [1]);
+        assert_eq!(host.ask(DEKA + 39, &[bus, 0x28]), Nack(253));
     }
     // Every channel of the converter, in both of its units.
     for (channel, raw) in (0..15).flat_map(|channel| [(channel, 0), (channel, 1)]) {

@@ -15,8 +15,9 @@ one control period to the next while the motor slows down, A. Limit cycle: peak 
 the last second, counts/s. Returned: energy into the battery, J. |error|: its integral, counts. Little jerk
 is no merit by itself: who brakes least has least. Fault: the load drove the motor on against full reverse of
 the bridge, so the hub took the encoder for reversed and let go. Model: regulated by the motor's model, with linear
-current; it has no coefficients, and is told the motor and its load as they are.
-";
+current; it has no coefficients, and is told the motor and its load as they are.";
+
+const SIGNS: &str = "Capitals are linear current, small letters linear duty, ' is by the motor's model; * is everybody, - nobody.";
 
 /// One round: its table, who wins where, and the scores.
 pub(super) fn round(round: &Round) -> String {
@@ -42,10 +43,16 @@ pub(super) fn round(round: &Round) -> String {
     }
     let tasks: String =
         round.tasks.iter().map(|result| format!("  {:12} {}\n", result.task.key, result.task.what)).collect();
+    let setting = format!(
+        "An AM 60 A (measured rotor inertia) with a 10 kg flywheel (0.05 kg m2), 50 ms, 12 V behind 0.05 ohm; {}; D = F = 0, f = \
+         32767 keFw / 12000 steps per count/s",
+        round.tuning.how
+    );
     format!(
-        "An AM 60 A (measured rotor inertia) with a 10 kg flywheel (0.05 kg m2), 50 ms, 12 V behind 0.05 ohm;\n\
-         {};\nD = F = 0, f = 32767 keFw / 12000 steps per count/s\n{tasks}{table}\n{DEFINITIONS}\nCapitals are linear current, small letters linear duty, ' is by the motor's model; * is everybody, - nobody.\n{}\n\n",
-        round.tuning.how,
+        "{}\n{tasks}{table}\n{}\n\n{}\n{}\n\n",
+        table::paragraph(&setting),
+        table::paragraph(DEFINITIONS),
+        table::paragraph(SIGNS),
         who_wins(round),
     )
 }
@@ -127,9 +134,10 @@ pub(super) fn verdict(rounds: &[Round]) -> String {
             score.wins.to_string(),
         ]);
     }
-    let mut out = format!(
-        "All of it, the least error first; the mean is geometric, over the tasks, to the least of all at each.\n{table}\n"
+    let mut out = table::paragraph(
+        "All of it, the least error first; the mean is geometric, over the tasks, to the least of all at each.",
     );
+    out.push_str(&format!("\n{table}\n"));
     let name = |score: &Score| match score.gains {
         Some(Gains { p, i }) => format!("{} with P = {p} f, I = {i} f", score.variant),
         None => score.variant.clone(),

@@ -37,7 +37,7 @@ pub(super) fn all(comparison: &RunReport) -> String {
         out.push_str(&table.to_string());
         out.push('\n');
     }
-    out.push_str(DEFINITIONS);
+    out.push_str(&table::paragraph(DEFINITIONS));
     out.push('\n');
     if !comparison.verdicts.is_empty() {
         out.push('\n');
