@@ -16,7 +16,7 @@ use crate::scenario::Scenario;
 use crate::sim::{self, RunError, STEP_S};
 use crate::world::View;
 use embassy_futures::block_on;
-use motor_hub::board::{BridgeFaults, Bridges, Encoders, SupplyAdc};
+use motor_hub::board::{BridgeFaults, Bridges, CurrentSense, Encoders, SupplyAdc};
 use motor_hub::bridge::{Drive, Sensed};
 use motor_hub::hub::{Command, Hub, Inputs, Snapshot};
 use motor_hub::model::si::Seconds;
@@ -75,11 +75,16 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             }
         }
         if ms.is_multiple_of(SENSE_INTERVAL.as_millis()) {
-            hub.sense(&board.faults().map(|fault| Sensed { current: None, fault }));
+            let mut sensed =
+                block_on(CurrentSense::sample(&mut board)).map(|current| Sensed { current, fault: false });
+            for (sensed, fault) in sensed.iter_mut().zip(board.faults()) {
+                sensed.fault = fault;
+            }
+            hub.sense(&sensed);
         }
         let alarm = supply.quiet().is_some_and(|quiet| board.has_left(&quiet));
         if alarm || ms >= look_ms {
-            let sample = supply.step(block_on(board.sample()), now);
+            let sample = supply.step(block_on(SupplyAdc::sample(&mut board)), now);
             battery = sample.or(battery);
             if let Some(changed) = sample.and_then(|sample| hub.watch_bus(sample)) {
                 drives = changed;
@@ -102,7 +107,8 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         each(Moment { ms, snapshot: &snapshot, battery_v, highest_v, shut_down, drives: &drives, motors });
         let now_s = ms as f64 * STEP_S;
         sim::change(scenario, &board, now_s);
-        board.run(Seconds(STEP_S), &sim::torques(scenario, now_s));
+        let torques = sim::torques(scenario, now_s);
+        board.run(Seconds(STEP_S), &torques);
     }
     Ok(())
 }
