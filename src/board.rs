@@ -62,15 +62,16 @@ pub trait BridgeFaults<const N: usize> {
     fn faults(&mut self) -> [bool; N];
 }
 
-/// Sensors of the motors' currents, such as a bridge's current-sense output behind a filter.
+/// Current-sense lines of bridges, each behind a filter of some tenths of a millisecond.
 #[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]
 pub trait CurrentSense<const N: usize> {
-    /// Magnitudes of the mean currents as measured now; `None` of a motor whose current is not measured, for whatever
-    /// reason: a zero is a measurement. Must end by itself in a few milliseconds.
+    /// What the lines show now, positive: the mean currents of their motors in 9/8 and 6/2, nothing in 5/0. `None` of a
+    /// motor without a line, or one whose converter does not answer: a zero is a measurement. Must end by itself in a few
+    /// milliseconds.
     async fn sample(&mut self) -> [Option<Milliamperes>; N];
 }
 
-/// No sensors.
+/// No lines: currents are modelled.
 impl<const N: usize> CurrentSense<N> for () {
     async fn sample(&mut self) -> [Option<Milliamperes>; N] {
         [None; N]

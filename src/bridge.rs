@@ -15,7 +15,7 @@
 //! right. Diode Dn lies antiparallel to Sn. What a state does to a motor is said, and compared with the
 //! paper's table, in `model::bridge_states`.
 
-use crate::units::{Duty, Milliamperes, RangeError};
+use crate::units::{Duty, Milliamperes, Millivolts, RangeError};
 
 /// The switches that are closed, of those sixteen patterns that a bridge may be commanded to: the seven
 /// short circuits have no value here.
@@ -130,10 +130,52 @@ impl Drive {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Sensed {
-    /// Magnitude of the motor's mean current; `None` where nothing measures it.
+    /// Mean of what its current-sense line shows, positive; `None` where there is none.
     pub current: Option<Milliamperes>,
     /// It has switched itself off, for whatever reason of its own.
     pub fault: bool,
+}
+
+/// How a converter's words say what current-sense lines show: a resistor to ground makes a voltage of their current.
+///
+/// ```
+/// use motor_hub::bridge::SenseScale;
+///
+/// // Half of 3.3 V by a converter of 12 bits: 1.65 V of 0.14 V/A.
+/// assert_eq!(SenseScale::VNH5019_CARRIER.current(2_048, 12).get(), 11_788);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SenseScale {
+    /// What the highest word stands for.
+    full_scale_ma: u32,
+}
+
+impl SenseScale {
+    /// The usual carriers of a VNH5019A-E: about 140 mV/A, their chip's ratio of 7000 into 1 kohm, for a converter of
+    /// 3.3 V. The ratio is 4670 to 10 110 at 3 A, 6060 to 8330 at 8 A (Doc ID 15701, table 9), which is more than a rail's
+    /// tolerance.
+    pub const VNH5019_CARRIER: Self = Self { full_scale_ma: 3_300 * 1_000 / 140 };
+
+    /// What the reference of the converter is, and what a line has per ampere, in millivolts.
+    ///
+    /// # Errors
+    /// [`RangeError::Sense`] if either is 0.
+    pub const fn new(reference: Millivolts, mv_per_a: u16) -> Result<Self, RangeError> {
+        if reference.get() == 0 || mv_per_a == 0 {
+            return Err(RangeError::Sense);
+        }
+        // 65 535 * 1000 is less than 2^32.
+        Ok(Self { full_scale_ma: reference.get() as u32 * 1_000 / mv_per_a as u32 })
+    }
+
+    /// What a word of so many bits, 1 to 16, stands for; of more bits the highest 16 count.
+    pub const fn current(self, word: u16, bits: u32) -> Milliamperes {
+        let highest = if bits >= 16 { u16::MAX } else { (1 << bits) - 1 };
+        let highest = if highest == 0 { 1 } else { highest };
+        let ma = self.full_scale_ma as u64 * word as u64 / highest as u64;
+        Milliamperes::new(if ma > i32::MAX as u64 { i32::MAX } else { ma as i32 })
+    }
 }
 
 /// How fast a bridge switches, and what it must be spared.

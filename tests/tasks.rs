@@ -553,6 +553,7 @@ fn what_bridges_say_of_themselves_comes_to_the_motors_and_is_expected_of_boards_
     let mut bridges: TaskFuture<'_> = Box::pin(async {
         tasks::bridges::run(Heard(&faults), Heard(&faults), &parts.wires, &parts.health).await;
     });
+    parts.send(0, HALF);
     let mut run = |board: &mut Board<'_>, ms| {
         for _ in 0..ms {
             let _ = bridges.as_mut().poll(&mut Context::from_waker(Waker::noop()));
@@ -560,7 +561,7 @@ fn what_bridges_say_of_themselves_comes_to_the_motors_and_is_expected_of_boards_
         }
         parts.wires.snapshot.try_get().expect("ticks").motors
     };
-    let motors = run(&mut board, 100);
+    let motors = run(&mut board, 250);
     assert!(!parts.world.fed.borrow().is_empty());
     assert_eq!(motors.map(|motor| motor.measured), [Some(Milliamperes::new(700)), None, None, None]);
     assert!(motors.iter().all(|motor| !motor.faults.bridge));

@@ -74,6 +74,9 @@ pub struct Flow {
     pub time: Seconds,
     /// Charge through the motor, positive clockwise.
     pub charge: Coulombs,
+    /// What of it a bridge shows that senses in its high-side switches: that through the one that is closed in 9/8 or 6/2,
+    /// at least 0.
+    pub charge_shown: Coulombs,
     /// Energy that left the battery, at least 0.
     pub energy_from_battery: Joules,
     /// Energy that went back into the battery, at least 0.
@@ -107,6 +110,7 @@ impl Flow {
     pub fn append(&mut self, next: &Self) {
         self.time.0 += next.time.0;
         self.charge.0 += next.charge.0;
+        self.charge_shown.0 += next.charge_shown.0;
         self.energy_from_battery.0 += next.energy_from_battery.0;
         self.energy_to_battery.0 += next.energy_to_battery.0;
         self.charge_from_battery.0 += next.charge_from_battery.0;
@@ -321,6 +325,7 @@ impl Plant {
         self.speed = turned.end;
 
         flow.charge.0 += sums.current;
+        flow.charge_shown.0 += shown(run.influence.off, sums.current);
         flow.charge_from_battery.0 += sums.from_battery;
         flow.charge_to_battery.0 += sums.to_battery;
         flow.energy_from_battery.0 += run.battery.0 * sums.from_battery;
@@ -374,6 +379,15 @@ impl Plant {
         let mut sums = Integrals::default();
         let end = self.circuit.part_of_period(part, Amps(self.current), at, &mut sums);
         (end.0, sums, sums.current / window)
+    }
+}
+
+/// What of a charge goes forward through the high-side switch that a mode keeps closed.
+const fn shown(state: State, charge: f64) -> f64 {
+    match state {
+        State::HighLeft | State::DriveCw => charge.max(0.0),
+        State::HighRight | State::DriveCcw => (-charge).max(0.0),
+        _ => 0.0,
     }
 }
 

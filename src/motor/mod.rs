@@ -32,6 +32,7 @@
 mod arrival;
 mod portions;
 mod report;
+mod sense_line;
 mod setpoint;
 mod settings;
 mod supply;
@@ -39,6 +40,7 @@ mod thermal;
 mod watch;
 
 pub use report::{Faults, Report};
+pub use sense_line::SenseLine;
 pub use setpoint::Setpoint;
 pub use settings::{OnFault, Settings, ZeroPower};
 pub use thermal::ThermalLimit;
@@ -53,6 +55,7 @@ use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, P
 use arrival::Arrival;
 use core::mem::discriminant;
 use portions::Portions;
+use sense_line::Line;
 pub(crate) use supply::Allowed;
 use supply::{Bounds, Points};
 use thermal::Thermal;
@@ -88,8 +91,10 @@ pub struct Motor {
     period: Period,
     /// What the bridge was told last.
     mode: Mode,
-    /// What the bridge said last.
-    sensed: Sensed,
+    /// What shows its current, where the board has it.
+    line: Line,
+    /// By its constants at the last tick, if it was known how fast it turns.
+    modelled: Option<Milliamperes>,
     /// It has said that it is at fault; latched.
     bridge_fault: bool,
 }
@@ -129,7 +134,8 @@ impl Motor {
             thermal: Thermal::new(period, settings.thermal),
             period,
             mode: Drive::COAST.mode,
-            sensed: Sensed::default(),
+            line: Line::default(),
+            modelled: None,
             bridge_fault: false,
         }
     }
@@ -208,8 +214,9 @@ impl Motor {
 
     /// Takes what the bridge says of itself, on a board that hears it.
     pub fn sense(&mut self, sensed: Sensed) {
-        self.sensed = sensed;
         self.bridge_fault |= sensed.fault;
+        let mode = self.bounds.portions().is_none().then_some(self.drive().mode);
+        self.line.step(sensed.current, mode, self.modelled);
     }
 
     /// One control tick. `reading` is the newest, whether or not it was a sample before.
@@ -218,7 +225,10 @@ impl Motor {
         self.regulator.wait(now);
         let Told { velocity, control, regime, drive, flows, heats } = self.tell(battery, moved);
         let current = flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
-        self.thermal.step(self.sensed.current.or(heats).unwrap_or(current));
+        let counts = moved.is_some() && self.watch.fault().is_none();
+        self.modelled = counts.then_some(current);
+        let measured = self.line.measured(drive.mode);
+        self.thermal.step(measured.or(heats).unwrap_or(current));
         let near = self.setpoint.reached(self.position);
         Report {
             setpoint: self.setpoint,
@@ -226,7 +236,8 @@ impl Motor {
             velocity,
             regulator: self.regulator.kind(),
             current,
-            measured: self.sensed.current,
+            measured,
+            sense_line: self.line.is(),
             heat: (1000.0 * self.thermal.heat()) as u16,
             derated: self.thermal.ceiling().is_some(),
             load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),

@@ -1,6 +1,6 @@
 //! What became of it: one tick of a motor, as a host would want to see it.
 
-use super::Setpoint;
+use super::{SenseLine, Setpoint};
 use crate::braking::Regime;
 use crate::bridge::Drive;
 use crate::motion::EncoderFault;
@@ -49,8 +49,11 @@ pub struct Report {
     /// Mean current of the winding by its constants and what the bridge is told; 0 while coasting. Positive
     /// turns the motor CW.
     pub current: Milliamperes,
-    /// Magnitude of the mean current as the board measures it; `None` of a board that does not.
+    /// Magnitude of the mean current as the board measures it; `None` of a board that does not, while the bridge is in 5/0,
+    /// where none can, and of a line that is not believed.
     pub measured: Option<Milliamperes>,
+    /// What is thought of the line that shows it.
+    pub sense_line: SenseLine,
     /// How hot the winding is by that current, or by the other: 1000 at its limit. 0 without one.
     pub heat: u16,
     /// It is so hot that its current is limited.
@@ -76,9 +79,11 @@ pub struct Report {
 }
 
 impl Report {
-    /// Its current as well as it is known: measured, else modelled.
+    /// Its current as well as it is known: measured, with the sign of the modelled one; else that.
     pub fn best_current(&self) -> Milliamperes {
-        self.measured.unwrap_or(self.current)
+        let signed =
+            |ma: Milliamperes| Milliamperes::new(ma.get() * if self.current.get() < 0 { -1 } else { 1 });
+        self.measured.map_or(self.current, signed)
     }
 
     /// A disabled motor of which nothing is known.
@@ -89,6 +94,7 @@ impl Report {
         regulator: Kind::Pid,
         current: Milliamperes::ZERO,
         measured: None,
+        sense_line: SenseLine::Absent,
         heat: 0,
         derated: false,
         load: None,

@@ -101,7 +101,7 @@ impl Settings {
     /// What the bridge takes from the bus by these constants, mean; negative for what it returns. It keeps no energy, so
     /// that is the current's share of the battery's voltage that stands across the motor: the duty while it drives.
     pub fn drawn(&self, report: &Report, battery: Millivolts) -> Milliamperes {
-        let amperes = 1e-3 * report.current.get() as f32;
+        let amperes = 1e-3 * report.best_current().get() as f32;
         let across = self.winding.emf.emf(report.velocity).to_volts() + amperes * self.ohms();
         // Nothing is known of the battery, and nothing flows.
         let share = if battery.get() == 0 { 0.0 } else { across / battery.to_volts() };

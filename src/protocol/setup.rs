@@ -78,6 +78,7 @@
 //! | bool | its current is limited because it is hot |
 //! | bool | it was switched off because it got too hot all the same |
 //! | bool | its bridge switched itself off |
+//! | u8 | its current-sense line: 0 none, 1 sound, 2 silent though a current is due, 3 stuck, 4 far above what could flow; of 2 and 3 nothing is measured |
 //!
 //! Of an identification, where what follows the code is left out unless the code asks for it:
 //!
@@ -115,7 +116,7 @@ use super::nack::Nack;
 use super::table::requests;
 use crate::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use crate::bridge::Timing;
-use crate::motor::{OnFault, ThermalLimit};
+use crate::motor::{OnFault, SenseLine, ThermalLimit};
 use crate::regulator::Dynamics;
 use crate::regulator::identify::{Identification, Identified, Refusal};
 use crate::units::{
@@ -205,7 +206,11 @@ pub struct Condition {
     pub overheated: bool,
     /// The bridge has switched itself off.
     pub bridge_fault: bool,
+    /// What is thought of its current-sense line.
+    pub sense_line: SenseLine,
 }
+
+codes!(SenseLine { 0 = Absent, 1 = Sound, 2 = Silent, 3 = Stuck, 4 = Excessive });
 
 codes!(OnFault { 0 = Coast, 1 = Brake });
 
@@ -336,7 +341,8 @@ impl Field for Condition {
         let heat = u16::read(fields)?;
         let [derated, overheated, bridge_fault] = <[bool; 3]>::read(fields)?;
         let measured_ma = is_measured.then_some(measured_ma);
-        Ok(Self { current, measured_ma, heat, derated, overheated, bridge_fault })
+        let sense_line = SenseLine::read(fields)?;
+        Ok(Self { current, measured_ma, heat, derated, overheated, bridge_fault, sense_line })
     }
 
     fn write(&self, payload: &mut Payload) {
@@ -344,6 +350,7 @@ impl Field for Condition {
         self.measured_ma.is_some().write(payload);
         [self.measured_ma.unwrap_or_default(), self.heat].write(payload);
         [self.derated, self.overheated, self.bridge_fault].write(payload);
+        self.sense_line.write(payload);
     }
 }
 

@@ -26,7 +26,7 @@ pub(super) fn settings(setup: Setup, present: &Settings) -> Settings {
 
 /// How a motor and its bridge are, by its report.
 pub(super) fn condition(report: &Report) -> Condition {
-    let Report { current, measured, heat, derated, faults, .. } = *report;
+    let Report { current, measured, sense_line, heat, derated, faults, .. } = *report;
     let measured_ma = measured.map(magnitude);
     Condition {
         current,
@@ -35,6 +35,7 @@ pub(super) fn condition(report: &Report) -> Condition {
         derated,
         overheated: faults.overheated,
         bridge_fault: faults.bridge,
+        sense_line,
     }
 }
 

@@ -13,21 +13,22 @@ const CLOSE_MICROS: u64 = 2_500;
 /// the energy of windings, which returns when a bridge leaves a full short to drive.
 const ALL_FROM: f32 = 0.5;
 
-/// A bus that was too high is watched for so long, for it is again as soon as a motor brakes; and burning goes on until it
-/// is half of the band below, for there to be room for what comes back then.
+/// Burning goes on for so long after a bus was too high, for it is again as soon as motors return anything. Then the bus is
+/// quiet, and is heard of the instant that it rises; were it only looked at every millisecond, it could rise in between by
+/// more than the band.
 const WATCHED_MICROS: u64 = 50_000;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Burning {
     last: Option<(Millivolts, Micros)>,
-    /// When it was too high last, while it is watched.
+    /// When it was too high last, while burning goes on for that.
     high: Option<Micros>,
 }
 
 impl Burning {
     pub(super) const NEW: Self = Self { last: None, high: None };
 
-    /// True if something is to be burnt, or was a short time ago.
+    /// True if something is to be burnt.
     pub(super) const fn is_on(&self) -> bool {
         self.high.is_some()
     }
@@ -41,13 +42,12 @@ impl Burning {
         };
         self.last = Some((voltage, now));
         let above = (u32::from(voltage.get()) + u32::from(rise)).saturating_sub(u32::from(burn.get()));
-        let band = burn_all.get().saturating_sub(burn.get());
         if above == 0 {
             self.high = self.high.filter(|high| now.since(*high) < WATCHED_MICROS);
-            let low = voltage.get() < burn.get().saturating_sub(band / 2);
-            return if low || self.high.is_none() { Share::NONE } else { Share::LEAST };
+            return if self.high.is_none() { Share::NONE } else { Share::LEAST };
         }
         self.high = Some(now);
+        let band = burn_all.get().saturating_sub(burn.get());
         Share::from_f32(above as f32 / (ALL_FROM * f32::from(band)))
     }
 }

@@ -1,12 +1,12 @@
 //! The control ticker: every sample of the encoders to the hub's observers, and with it what bridges say of themselves
-//! and what is new of the bus, which may change the drives at once, as may commands that need no regulator; every period,
-//! all commands in, one step of the hub, drives and snapshot out.
+//! and what is new of the bus, which may change the drives at once, as may commands that need no regulator; an alarm of the
+//! bus, which waits for no sample; every period, all commands in, one step of the hub, drives and snapshot out.
 
 use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
 use crate::motion::Newest;
-use embassy_futures::select::{Either, select};
+use embassy_futures::select::{Either3, select3};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
@@ -23,7 +23,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     let between = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
     loop {
-        if let Either::First(()) = select(wires.sampled.wait(), Timer::at(due)).await {
+        let event = select3(wires.sampled.wait(), wires.alarm.wait(), Timer::at(due)).await;
+        if let Either3::First(()) = event {
             look(wires, |newest| {
                 hub.sample(newest.readings());
                 if between {
@@ -39,6 +40,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             if let Some(sensed) = wires.sensed.try_take() {
                 hub.sense(&sensed);
             }
+        }
+        if !matches!(event, Either3::Third(())) {
             if wires.battery.signaled() {
                 inputs.battery = wires.battery.try_take();
                 if let Some(drives) = inputs.battery.and_then(|sample| hub.watch_bus(sample)) {

@@ -11,6 +11,7 @@
 //! | newest | the latest readings, in a cell | overwritten; one over 20 ms old counts as no encoder. A mutex that masks interrupts does so while the observers take it |
 //! | sampled | [`Signal`] | set with each of them |
 //! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
+//! | alarm | [`Signal`] | set with a sample of a bus that has just left its quiet voltages: it waits for no other |
 //! | bus | what was seen of it last, in a cell | overwritten; over 100 ms old it counts as nothing |
 //! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
 //! | urgent | a flag | set with a command that can be done at once: all that wait are taken within a millisecond |
@@ -93,6 +94,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub sampled: Signal<M, ()>,
     /// From supply to control.
     pub battery: Signal<M, Battery>,
+    /// From supply to control: look at the battery at once.
+    pub alarm: Signal<M, ()>,
     /// From supply to anyone: the bus as it was seen last.
     pub bus: Mutex<M, Cell<Seen>>,
     /// From anyone to control.
@@ -125,6 +128,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         Self {
             sampled: Signal::new(),
             battery: Signal::new(),
+            alarm: Signal::new(),
             bus: Mutex::new(Cell::new(Seen::NOTHING)),
             commands: Channel::new(),
             urgent: Mutex::new(Cell::new(false)),

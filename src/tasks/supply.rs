@@ -31,6 +31,9 @@ pub async fn run<M: RawMutex, const N: usize>(
         let voltage = adc.sample().await;
         if let Some(battery) = supply.step(voltage, micros(Instant::now())) {
             wires.battery.signal(battery);
+            if alarm {
+                wires.alarm.signal(());
+            }
         }
         wires.bus.lock(|bus| bus.set(supply.seen()));
         health.check_in(Task::Supply);

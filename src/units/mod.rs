@@ -128,6 +128,8 @@ pub enum RangeError {
     SupplyLevels,
     /// A bridge is out of the ranges stated with it.
     Bridge,
+    /// A current sense needs a reference and volts per ampere above 0.
+    Sense,
     /// A thermal limit needs a current and time constants above 0.
     Thermal,
     /// There is no motor with this index.
@@ -154,6 +156,7 @@ impl core::fmt::Display for RangeError {
             Self::Resolution => "a converter must have 1 to 16 bits",
             Self::SupplyLevels => "supply must have min <= cut < derate <= recover < burn < burn_all <= max",
             Self::Bridge => "diode drop must be up to 2000 mV, switch up to 4095 mohm, PWM 100 to 200000 Hz",
+            Self::Sense => "a current sense needs a reference and millivolts per ampere above 0",
             Self::Thermal => "a thermal limit needs a current above 0 mA and time constants above 0 s",
             Self::Motor => "no motor with this index",
         })

@@ -4,7 +4,7 @@ use motor_hub::braking::{Blend, BlendFraction, DutyRule, Regime, Scheme};
 use motor_hub::bridge::{Drive, Mode, Timing};
 use motor_hub::group::Halt;
 use motor_hub::motion::{EncoderFault, Pidf};
-use motor_hub::motor::{Faults, OnFault, ThermalLimit, ZeroPower};
+use motor_hub::motor::{Faults, OnFault, SenseLine, ThermalLimit, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
 use motor_hub::protocol::bus::{self, BusReport};
 use motor_hub::protocol::fields::{ByteIn, Field, Fields, Payload, Text, WordFrom};
@@ -151,10 +151,17 @@ fn timing() -> impl Strategy<Value = Timing> {
 }
 
 fn condition() -> impl Strategy<Value = Condition> {
-    any::<(i32, Option<u16>, u16, [bool; 3])>().prop_map(
-        |(ma, measured_ma, heat, [derated, overheated, bridge_fault])| {
+    let line = prop_oneof![
+        Just(SenseLine::Absent),
+        Just(SenseLine::Sound),
+        Just(SenseLine::Silent),
+        Just(SenseLine::Stuck),
+        Just(SenseLine::Excessive)
+    ];
+    (any::<(i32, Option<u16>, u16, [bool; 3])>(), line).prop_map(
+        |((ma, measured_ma, heat, [derated, overheated, bridge_fault]), sense_line)| {
             let current = Milliamperes::new(ma);
-            Condition { current, measured_ma, heat, derated, overheated, bridge_fault }
+            Condition { current, measured_ma, heat, derated, overheated, bridge_fault, sense_line }
         },
     )
 }

@@ -261,12 +261,13 @@ fn the_speed_of_each_i2c_bus_is_read_back_as_it_was_set() {
 fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
     let mut host = host();
     let current = |ma| Milliamperes::new(ma);
-    for (motor, ma) in [3_000, -2_000, 0, 90_000].into_iter().enumerate() {
+    for (motor, ma) in [3_000, -2_000, 90_000, -90_000].into_iter().enumerate() {
         host.snapshot.motors[motor].current = current(ma);
     }
     host.snapshot.motors[3].measured = Some(current(1_234));
-    // Inputs and currents that there are none of; the battery's, saturated; motors'; rail, battery, temperature.
-    let expected = [0, 0, 0, 0, 0, 0, 0, i16::MAX, 3_000, 2_000, 0, 1_234, 5_000, 12_345, 250];
+    // Inputs and currents that there are none of; the battery's, saturated; motors', one of them too; rail, battery,
+    // temperature.
+    let expected = [0, 0, 0, 0, 0, 0, 0, i16::MAX, 3_000, 2_000, i16::MAX, 1_234, 5_000, 12_345, 250];
     for (channel, expected) in (0..).zip(expected) {
         let answers = [(0, expected), (1, expected / 8)];
         for (raw, expected) in answers {
@@ -279,7 +280,7 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
     let resistance = 3.3 + 0.002 * f64::from(crate::host::settings().bridge.switch_mohm());
     let drawn = |host: &mut TestHost, ma: i32, cps: i32| {
         for motor in &mut host.snapshot.motors {
-            (motor.current, motor.velocity) = (current(0), CountsPerSecond::ZERO);
+            (motor.current, motor.measured, motor.velocity) = (current(0), None, CountsPerSecond::ZERO);
         }
         let motor = &mut host.snapshot.motors[2];
         (motor.current, motor.velocity) = (current(ma), CountsPerSecond::new(cps));

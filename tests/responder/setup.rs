@@ -5,7 +5,7 @@ use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points,
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::hub::{Action, Bus, Command};
 use motor_hub::motion::EncoderFault;
-use motor_hub::motor::{Faults, OnFault, Report, Setpoint, Settings, ThermalLimit, ZeroPower};
+use motor_hub::motor::{Faults, OnFault, Report, SenseLine, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::Address;
 use motor_hub::protocol::setup::FIRST_FUNCTION;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
@@ -269,16 +269,17 @@ fn what_a_fault_does_is_said_read_back_and_kept_by_another_set_up() {
 #[test]
 fn how_a_motor_and_its_bridge_are_is_told_as_of_the_last_tick() {
     let mut host = TestHost::settled();
-    assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(vec![0; 12]));
+    assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(vec![0; 13]));
     host.snapshot.motors[2] = Report {
         current: Milliamperes::new(-1_200),
         measured: Some(Milliamperes::new(1_150)),
+        sense_line: SenseLine::Excessive,
         heat: 1_050,
         derated: true,
         faults: Faults { overheated: true, bridge: true, ..Faults::default() },
         ..Report::INITIAL
     };
-    let told = [0x50, 0xFB, 0xFF, 0xFF, 1, 0x7E, 4, 0x1A, 4, 1, 1, 1];
+    let told = [0x50, 0xFB, 0xFF, 0xFF, 1, 0x7E, 4, 0x1A, 4, 1, 1, 1, 4];
     assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(told.to_vec()));
 }
 

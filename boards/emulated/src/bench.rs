@@ -16,6 +16,7 @@ use rigless::emulator::{Host, Start};
 use rigless::image::Image;
 use rigless::session::Session;
 use rigless::time::VirtualNanos;
+use simulated::current_line::CurrentLine;
 
 use crate::astray;
 use crate::board::Board;
@@ -27,7 +28,7 @@ use crate::processor::{Code, Mpu};
 use crate::pwm::Grid;
 use crate::rtt::{self, LogLine};
 use crate::serial::Terminal;
-use crate::shafts::{Look, Mounting};
+use crate::shafts::{Look, Mounting, Shafts};
 use crate::silence;
 use crate::wiring;
 
@@ -40,6 +41,8 @@ pub struct Setup {
     pub motors: Vec<Mounting>,
     /// Their battery.
     pub battery: Battery,
+    /// The current-sense lines of their bridges, by motor.
+    pub current_lines: Vec<CurrentLine>,
     /// What its memory for settings holds: that of [`Board::store`], or nothing for a blank one.
     pub stored: Vec<u8>,
     /// The board's bootloader comes first, and starts the image that is built for it.
@@ -53,12 +56,13 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// These motors on the first board, with a 12 V battery of 50 mohm.
+    /// These motors on the first board, with a 12 V battery of 50 mohm and sound current-sense lines.
     #[must_use]
     pub fn new(motors: Vec<Mounting>) -> Self {
         let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.05) };
         Self {
             board: Board::default(),
+            current_lines: vec![CurrentLine::Sound; motors.len()],
             motors,
             battery,
             stored: Vec::new(),
@@ -377,7 +381,8 @@ fn run(
     let code = Code::new(setup.board, setup.mpu, images, lasts);
     let mut board = Nucleo::new(setup.board, setup.pwm, code)?;
     board.chip.attach(Terminal::default());
-    let lab = Lab::new(setup.board, setup.battery, setup.motors, log_ring, orders, reached);
+    let shafts = Shafts::new(setup.battery, setup.motors);
+    let lab = Lab::new(setup.board, shafts, setup.current_lines, log_ring, (orders, reached));
     let session = Session::new(Box::new(board), 0, VirtualNanos(0))?;
     let listener = setup.gdb.map(|port| std::net::TcpListener::bind(("127.0.0.1", port))).transpose()?;
     let mut start = Start::new(images);

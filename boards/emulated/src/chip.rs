@@ -138,6 +138,9 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// The voltage on the battery's pin, mV.
     fn set_battery(&mut self, millivolts: u32);
 
+    /// The voltage on the pin of a motor's current-sense line, mV.
+    fn set_current(&mut self, motor: usize, millivolts: u32);
+
     /// The battery's converter takes orders and does nothing, or works again.
     fn set_dead(&mut self, dead: bool);
 

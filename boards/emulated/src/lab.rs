@@ -4,7 +4,6 @@
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, SyncSender};
 
-use motor_hub::model::battery::Battery;
 use rigless::device::Level;
 use rigless::emulator::{Access, AccessKind, Driver, Hit, Host, Settled, Stop};
 use rigless::mcu::Operate;
@@ -13,6 +12,7 @@ use rigless::soc::Width;
 use rigless::soc::st::gpio::Pin;
 use rigless::soc::st::tim::Channel;
 use rigless::time::VirtualNanos;
+use simulated::current_line::CurrentLine;
 use simulated::encoder::{Disturbances, Encoder, Wire};
 
 use crate::board::Board;
@@ -21,7 +21,7 @@ use crate::pins::{Lines, Recorder};
 use crate::pwm::Timer;
 use crate::rtt::Rtt;
 use crate::serial::Terminal;
-use crate::shafts::{Mounting, Shafts};
+use crate::shafts::Shafts;
 use crate::wiring;
 
 /// How an encoder is connected, since when, and which of its wires is disturbed at present.
@@ -51,6 +51,8 @@ pub(crate) struct Lab {
     pub(crate) shafts: Shafts,
     pub(crate) recorder: Recorder,
     encoders: Vec<Connection>,
+    /// By motor.
+    pub(crate) current_lines: Vec<CurrentLine>,
     pub(crate) rtt: Rtt,
     pub(crate) button: bool,
     /// Digital pins 0 and 1 are connected to each other.
@@ -78,18 +80,18 @@ const START_UP: u64 = 500_000;
 impl Lab {
     pub(crate) fn new(
         board: Board,
-        battery: Battery,
-        motors: Vec<Mounting>,
+        shafts: Shafts,
+        current_lines: Vec<CurrentLine>,
         rtt: Option<u64>,
-        orders: Receiver<Order>,
-        reached: SyncSender<()>,
+        (orders, reached): (Receiver<Order>, SyncSender<()>),
     ) -> Self {
-        let count = motors.len();
+        let count = shafts.len();
         Self {
             board,
-            shafts: Shafts::new(battery, motors),
+            shafts,
             recorder: Recorder::new(wiring::BRIDGES),
             encoders: vec![Connection::default(); count],
+            current_lines,
             rtt: Rtt::new(rtt),
             button: false,
             wired: false,
@@ -238,6 +240,14 @@ impl Lab {
         session.board_mut().chip.set_battery(millivolts.round() as u32);
     }
 
+    /// Puts what bridges sense on the converter's pins; a pin with nothing on it is on ground.
+    fn show_currents(&self, session: &mut Session<Nucleo>) {
+        for (motor, line) in self.current_lines.iter().enumerate() {
+            let volts = line.volts(self.shafts.sensed(motor)).unwrap_or(0.0);
+            session.board_mut().chip.set_current(motor, (1e3 * volts).round() as u32);
+        }
+    }
+
     /// Puts back on the pins what a reset of the emulated part let go of.
     fn after_reset(&mut self, session: &mut Session<Nucleo>, at: u64) {
         self.timer = Timer::default();
@@ -275,6 +285,7 @@ impl Lab {
         while self.shafts.cell_end <= now {
             self.shafts.next_cell();
             self.show_battery(session);
+            self.show_currents(session);
             if now >= self.quiet_until {
                 self.rtt.drain(now, host).expect("the log's ring is in memory");
             }

@@ -156,7 +156,8 @@ pub(crate) fn stand(scenario: &Scenario, board: Board) -> bench::Setup {
         bridge: motor.bridge.into(),
         stops: None,
     });
-    bench::Setup { board, battery: scenario.battery, ..bench::Setup::new(motors.collect()) }
+    let current_lines = scenario.motors.iter().map(|motor| motor.current_line).collect();
+    bench::Setup { board, battery: scenario.battery, current_lines, ..bench::Setup::new(motors.collect()) }
 }
 
 fn run_to(bench: &mut Bench, at_s: f64) {

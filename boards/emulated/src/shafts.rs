@@ -75,6 +75,8 @@ struct Shaft {
     edges: VecDeque<(u64, i64)>,
     /// The count that the encoder's lines show.
     shown: i64,
+    /// What its bridge sensed in the cell before, A.
+    sensed: f64,
 }
 
 impl Shaft {
@@ -91,6 +93,7 @@ impl Shaft {
             past: Flow::default(),
             edges: VecDeque::new(),
             shown: 0,
+            sensed: 0.0,
         }
     }
 
@@ -192,6 +195,11 @@ impl Shafts {
         self.current
     }
 
+    /// What the bridge of motor `index` sensed in the cell before, A: as its filter has it.
+    pub(crate) fn sensed(&self, index: usize) -> f64 {
+        self.shafts[index].sensed
+    }
+
     /// Another battery from the next cell on.
     pub(crate) fn set_battery(&mut self, battery: Battery) {
         self.battery = battery;
@@ -225,6 +233,9 @@ impl Shafts {
         self.cell_end += CELL;
         for shaft in &mut self.shafts {
             debug_assert!(shaft.edges.is_empty(), "an edge was left over");
+            if length > 0.0 {
+                shaft.sensed = shaft.flow.charge_shown.0 / length;
+            }
             shaft.base = shaft.ahead.clone();
             shaft.base_at = self.cell_from;
             shaft.base_flow = Flow::default();

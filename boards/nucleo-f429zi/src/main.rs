@@ -7,8 +7,10 @@
 
 mod adc;
 mod chip;
+mod current;
 
 use adc::BatteryAdc;
+use current::CurrentLines;
 use defmt::{info, unwrap};
 use defmt_rtt as _;
 use embassy_executor::Spawner;
@@ -19,7 +21,7 @@ use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx};
 use embassy_stm32::{Peri, bind_interrupts, interrupt, pac, rcc};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use motor_hub::braking::Winding;
-use motor_hub::bridge::BridgeConstants;
+use motor_hub::bridge::{BridgeConstants, SenseScale};
 use motor_hub::hub::Hub;
 use motor_hub::motor::Settings;
 use motor_hub::protocol::Address;
@@ -117,11 +119,12 @@ async fn main(spawner: Spawner) {
     let diag = |pin: Peri<'static, AnyPin>| Input::new(pin, Pull::Up);
     let diag = DiagLines([diag(p.PE2.into()), diag(p.PE4.into()), diag(p.PE5.into()), diag(p.PE6.into())]);
     let adc = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, DIVIDER_OHMS));
+    let lines = CurrentLines::new(p.ADC3, (p.PC0, p.PC3, p.PF3, p.PF5), SenseScale::VNH5019_CARRIER);
     // These bridges are real.
     let settings = Settings { bridge: BridgeConstants::VNH5019_TIMED, ..Settings::new(Winding::NEVEREST_60) };
 
     spawner.spawn(unwrap!(output(bridges)));
-    spawner.spawn(unwrap!(listen(diag)));
+    spawner.spawn(unwrap!(listen(diag, lines)));
     spawner.spawn(unwrap!(capture(encoders)));
     spawner.spawn(unwrap!(supply(adc, Supply::new(Limits::default()))));
     spawner.spawn(unwrap!(control(settings)));
@@ -147,10 +150,9 @@ async fn capture(encoders: Encoders) -> ! {
     tasks::capture::run(encoders, &WIRES, &HEALTH).await
 }
 
-/// Faults only: the current-sense outputs are not connected here.
 #[embassy_executor::task]
-async fn listen(diag: DiagLines<MOTORS>) -> ! {
-    tasks::bridges::run(diag, (), &WIRES, &HEALTH).await
+async fn listen(diag: DiagLines<MOTORS>, lines: CurrentLines) -> ! {
+    tasks::bridges::run(diag, lines, &WIRES, &HEALTH).await
 }
 
 #[embassy_executor::task]

@@ -67,41 +67,51 @@ impl BatteryAdc {
         // While all converters are disabled (RM0433 25.4.10).
         pac::ADC3_COMMON.ccr().modify(|w| w.set_vrefen(true));
         for (converter, _) in [BATTERY, VREFINT] {
-            converter.cr().modify(|w| {
-                w.set_boost(Boost::LT25);
-                w.set_deeppwd(false);
-                w.set_advregen(true);
-            });
+            power_up(converter);
         }
         Ok(Self { scale, vrefint: calibration.reading, _converters: (battery, reference), _pin: pin })
     }
 
     /// Takes some 11 ms; converts from then on. Of a converter that does not come to an end nothing is heard.
     pub(crate) async fn calibrate(&self) {
-        // The regulators take 10 us at most (DS12110).
-        Timer::after_micros(20).await;
-        for (converter, _) in [BATTERY, VREFINT] {
-            converter.cr().modify(|w| w.set_adcallin(true));
-            converter.cr().modify(|w| w.set_adcal(true));
-        }
-        for _ in 0..CALIBRATION_MS {
-            Timer::after_millis(1).await;
-            if ![BATTERY, VREFINT].iter().any(|(converter, _)| converter.cr().read().adcal()) {
-                break;
-            }
-        }
-        // Four cycles and more after that (RM0433 25.4.9), and the same before the first conversion.
-        Timer::after_micros(1).await;
-        for (converter, _) in [BATTERY, VREFINT] {
-            converter.cr().modify(|w| w.set_aden(true));
-        }
-        Timer::after_micros(20).await;
+        calibrate(&[BATTERY.0, VREFINT.0]).await;
         for (converter, channel) in [BATTERY, VREFINT] {
             set_up(converter, channel);
             start(converter);
         }
         unmask_watchdog();
     }
+}
+
+/// Switches the regulator of a converter on.
+pub(crate) fn power_up(converter: Adc) {
+    converter.cr().modify(|w| {
+        w.set_boost(Boost::LT25);
+        w.set_deeppwd(false);
+        w.set_advregen(true);
+    });
+}
+
+/// Calibrates converters that have been powered up, and enables them: ready for their first conversion.
+pub(crate) async fn calibrate(converters: &[Adc]) {
+    // The regulators take 10 us at most (DS12110).
+    Timer::after_micros(20).await;
+    for converter in converters {
+        converter.cr().modify(|w| w.set_adcallin(true));
+        converter.cr().modify(|w| w.set_adcal(true));
+    }
+    for _ in 0..CALIBRATION_MS {
+        Timer::after_millis(1).await;
+        if !converters.iter().any(|converter| converter.cr().read().adcal()) {
+            break;
+        }
+    }
+    // Four cycles and more after that (RM0433 25.4.9), and the same before the first conversion.
+    Timer::after_micros(1).await;
+    for converter in converters {
+        converter.cr().modify(|w| w.set_aden(true));
+    }
+    Timer::after_micros(20).await;
 }
 
 /// One channel again and again, the newest word in the data register.

@@ -1,6 +1,7 @@
 //! A scenario's run without tasks and clock: encoders, battery, hub and bridges one after the other, as the
 //! tasks of a board do it that is never late. Such runs need nothing of the process, so many may go on at once,
-//! each on a thread of its own; what comes of them is what [`sim::run`] gives.
+//! each on a thread of its own; what comes of them is what [`sim::run`] gives. But a bus that leaves its quiet voltages is
+//! looked at within a tenth of a millisecond, as on a chip, where the time driver of those tasks takes a whole one.
 //!
 //! ```
 //! use simulated::{direct, scenario::Scenario};
@@ -16,7 +17,7 @@ use crate::scenario::Scenario;
 use crate::sim::{self, RunError, STEP_S};
 use crate::world::View;
 use embassy_futures::block_on;
-use motor_hub::board::{BridgeFaults, Bridges, Encoders, SupplyAdc};
+use motor_hub::board::{BridgeFaults, Bridges, CurrentSense, Encoders, SupplyAdc};
 use motor_hub::bridge::{Drive, Sensed};
 use motor_hub::hub::{Command, Hub, Inputs, Snapshot};
 use motor_hub::model::si::Seconds;
@@ -25,6 +26,10 @@ use motor_hub::supply::Supply;
 use motor_hub::tasks::bridges::SENSE_INTERVAL;
 use motor_hub::tasks::supply::{SUPPLY_INTERVAL, WATCH_INTERVAL};
 use motor_hub::units::Micros;
+
+/// Into so many a millisecond is divided in which a bus may rise: a converter's own watchdog, and the tasks that it wakes,
+/// take less than one.
+const PARTS: u64 = 10;
 
 /// Everything at one millisecond.
 #[derive(Clone, Copy, Debug)]
@@ -75,11 +80,16 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             }
         }
         if ms.is_multiple_of(SENSE_INTERVAL.as_millis()) {
-            hub.sense(&board.faults().map(|fault| Sensed { current: None, fault }));
+            let mut sensed =
+                block_on(CurrentSense::sample(&mut board)).map(|current| Sensed { current, fault: false });
+            for (sensed, fault) in sensed.iter_mut().zip(board.faults()) {
+                sensed.fault = fault;
+            }
+            hub.sense(&sensed);
         }
         let alarm = supply.quiet().is_some_and(|quiet| board.has_left(&quiet));
         if alarm || ms >= look_ms {
-            let sample = supply.step(block_on(board.sample()), now);
+            let sample = supply.step(block_on(SupplyAdc::sample(&mut board)), now);
             battery = sample.or(battery);
             if let Some(changed) = sample.and_then(|sample| hub.watch_bus(sample)) {
                 drives = changed;
@@ -102,7 +112,21 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         each(Moment { ms, snapshot: &snapshot, battery_v, highest_v, shut_down, drives: &drives, motors });
         let now_s = ms as f64 * STEP_S;
         sim::change(scenario, &board, now_s);
-        board.run(Seconds(STEP_S), &sim::torques(scenario, now_s));
+        let torques = sim::torques(scenario, now_s);
+        // A battery that is no more than a resistance does not leave anything within a millisecond.
+        let parts = if scenario.bus.is_some() { PARTS } else { 1 };
+        for part in 1..=parts {
+            board.run(Seconds(STEP_S / parts as f64), &torques);
+            if part < parts && supply.quiet().is_some_and(|quiet| board.has_left(&quiet)) {
+                let now = Micros::new(1_000 * ms + 1_000 * part / parts);
+                let sample = supply.step(block_on(SupplyAdc::sample(&mut board)), now);
+                battery = sample.or(battery);
+                if let Some(changed) = sample.and_then(|sample| hub.watch_bus(sample)) {
+                    board.apply(&changed);
+                }
+                look_ms = ms + 1;
+            }
+        }
     }
     Ok(())
 }

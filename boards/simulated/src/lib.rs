@@ -9,6 +9,7 @@
 //! | room | what is decided there |
 //! |---|---|
 //! | [`hardware`] | what this board is made of, and what the firmware is told of it |
+//! | [`current_line`] | what a sound or broken current-sense line says of its bridge |
 //! | [`encoder`] | what a sound or broken encoder says of its shaft |
 //! | [`world`] | the board's traits over plants on a battery |
 //! | [`scheme`] | how people name schemes, blends and duty rules |
@@ -19,6 +20,7 @@
 //! | [`serve`] | a hub in real time, for host software |
 #![forbid(unsafe_code)]
 
+pub mod current_line;
 pub mod direct;
 pub mod encoder;
 pub mod hardware;

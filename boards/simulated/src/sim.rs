@@ -111,7 +111,7 @@ pub(crate) fn tasks<'a>(
     let supply = Supply::new(scenario.limits);
     Ok(async move {
         let mut hub = Hub::new(settings, period);
-        let bridges = tasks::bridges::run(board.clone(), (), wires, health);
+        let bridges = tasks::bridges::run(board.clone(), board.clone(), wires, health);
         let others = join5(
             tasks::capture::run(board.clone(), wires, health),
             tasks::supply::run(board.clone(), supply, wires, health),
@@ -212,6 +212,9 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
     }
     if let Some(pins) = scenario.wire {
         board.wire(pins.map(|pin| pin.get()));
+    }
+    for (index, motor) in scenario.motors.iter().enumerate() {
+        board.set_current_line(index, motor.current_line);
     }
     board
 }

@@ -17,11 +17,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use crate::current_line::CurrentLine;
 use crate::encoder::{Counter, Encoder};
 use crate::hardware::{BRIDGE, MOTORS};
 use embassy_time::Timer;
-use motor_hub::board::{BridgeFaults, Bridges, DigitalPins, Encoders, SupplyAdc, Watchdog};
-use motor_hub::bridge::{BridgeConstants, Drive};
+use motor_hub::board::{BridgeFaults, Bridges, CurrentSense, DigitalPins, Encoders, SupplyAdc, Watchdog};
+use motor_hub::bridge::{BridgeConstants, Drive, SenseScale};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::bus::{Bus, Shutdown};
 use motor_hub::model::catalogue::Motor;
@@ -32,7 +33,7 @@ use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
 use motor_hub::tasks::supply::WATCH_INTERVAL;
-use motor_hub::units::{Duty, Millivolts, constant};
+use motor_hub::units::{Duty, Milliamperes, Millivolts, constant};
 use std::cell::RefCell;
 use std::ops::RangeInclusive;
 use std::rc::Rc;
@@ -48,6 +49,8 @@ const CALIBRATION: VrefintCalibration =
 /// How this board reads its converter.
 const SCALE: VrefintScale = constant!(VrefintScale::new(DIVIDER_OHMS.0, DIVIDER_OHMS.1, CALIBRATION));
 const FULL_SCALE: f64 = 4095.0;
+/// And currents.
+const SENSE_SCALE: SenseScale = SenseScale::VNH5019_CARRIER;
 /// Standard deviation of a conversion, in counts.
 const NOISE: f64 = 1.5;
 
@@ -60,6 +63,8 @@ pub struct World {
     drives: [Drive; MOTORS],
     bridges: Vec<BridgeConstants>,
     counters: Vec<Counter>,
+    /// Current-sense lines, and the amperes that their bridges sensed in the last run.
+    lines: [(CurrentLine, f64); MOTORS],
     /// Bridges that have switched themselves off, until their lines go low.
     faults: [bool; MOTORS],
     /// Levels that something outside gives to digital pins: bit i is pin i, and pulled up where nothing does.
@@ -106,6 +111,7 @@ impl Board {
             drives: [Drive::COAST; MOTORS],
             bridges,
             counters,
+            lines: Default::default(),
             faults: [false; MOTORS],
             outside: u8::MAX,
             wired: 0,
@@ -137,6 +143,13 @@ impl Board {
     pub fn set_encoder(&self, motor: usize, encoder: Encoder) {
         if let Some(counter) = self.0.borrow_mut().counters.get_mut(motor) {
             counter.connect(encoder);
+        }
+    }
+
+    /// Connects a current-sense line differently, from now on.
+    pub fn set_current_line(&self, motor: usize, line: CurrentLine) {
+        if let Some((of, _)) = self.0.borrow_mut().lines.get_mut(motor) {
+            *of = line;
         }
     }
 
@@ -181,7 +194,10 @@ impl Board {
         world.unfed_s += time.0;
         world.starved |= world.unfed_s > WATCHDOG_S;
         let flows = world.rig.run(time, &commands).flows;
-        let World { counters, rig, .. } = &mut *world;
+        let World { counters, rig, lines, .. } = &mut *world;
+        for ((_, sensed), flow) in lines.iter_mut().zip(&flows) {
+            *sensed = if flow.time.0 > 0.0 { flow.charge_shown.0 / flow.time.0 } else { 0.0 };
+        }
         for (counter, plant) in counters.iter_mut().zip(&rig.plants) {
             counter.turn(plant.counts(), (1e9 * time.0).round() as u64);
         }
@@ -265,6 +281,16 @@ impl Bridges<MOTORS> for Board {
 impl BridgeFaults<MOTORS> for Board {
     fn faults(&mut self) -> [bool; MOTORS] {
         self.0.borrow().faults
+    }
+}
+
+impl CurrentSense<MOTORS> for Board {
+    async fn sample(&mut self) -> [Option<Milliamperes>; MOTORS] {
+        let mut world = self.0.borrow_mut();
+        world.lines.map(|(line, sensed)| {
+            let word = line.volts(sensed).map(|volts| world.convert(volts));
+            word.map(|word| SENSE_SCALE.current(word, 12))
+        })
     }
 }
 

@@ -9,6 +9,7 @@ use rigless::device::Level;
 use rigless::soc::Width;
 use rigless::soc::st::gpio::Pin;
 use rigless::time::VirtualNanos;
+use simulated::current_line::CurrentLine;
 use simulated::encoder::Encoder;
 
 use super::Bench;
@@ -33,6 +34,11 @@ impl Bench {
     /// Connects an encoder differently, from now on.
     pub fn set_encoder(&mut self, motor: usize, encoder: Encoder) {
         self.at_stop(move |lab, session, _| lab.connect(session, motor, encoder));
+    }
+
+    /// Connects a current-sense line differently, from now on.
+    pub fn set_current_line(&mut self, motor: usize, line: CurrentLine) {
+        self.at_stop(move |lab, _, _| lab.current_lines[motor] = line);
     }
 
     /// A bridge pulls its DIAG line low, as one does that has switched itself off, or lets go of it.

@@ -177,6 +177,12 @@ impl Part for Chip {
         self.part.adc[0].set_input(channel, millivolts);
     }
 
+    fn set_current(&mut self, motor: usize, millivolts: u32) {
+        // ADC3_IN10, IN13, IN9 and IN15 are PC0, PC3, PF3 and PF5.
+        let channel = adc::Channel::new([10, 13, 9, 15][motor]).expect("a channel on a pin");
+        self.part.adc[2].set_input(channel, millivolts);
+    }
+
     fn set_dead(&mut self, dead: bool) {
         self.adc_dead = dead;
     }

@@ -208,6 +208,12 @@ impl Part for Chip {
         self.converter.converter.set_input(channel, millivolts);
     }
 
+    fn set_current(&mut self, motor: usize, millivolts: u32) {
+        // ADC12_INP10, INP5, INP3 and INP19 are PC0, PB1, PA6 and PA5.
+        let channel = adc::Channel::new([10, 5, 3, 19][motor]).expect("a channel on a pin");
+        self.part.adc[1].set_input(channel, millivolts);
+    }
+
     fn set_dead(&mut self, dead: bool) {
         self.converter.dead = dead;
     }

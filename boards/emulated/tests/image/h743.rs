@@ -2,7 +2,7 @@
 //! nucleo-h743zi2` runs all of them there.
 
 use crate::common::{am60, booted, log, on};
-use crate::{boot, faults, link, matrix, record, running, stack, supply};
+use crate::{boot, currents, faults, link, matrix, record, running, stack, supply};
 use emulated::Board;
 
 /// Bits `high..=low` of a word.
@@ -26,6 +26,8 @@ on_h743!(
     boot::pins_drive_their_idle_levels_within_a_millisecond_of_reset,
     running::four_motors_with_different_loads_reach_their_speed_and_stand_still_again,
     running::what_the_chip_measures_is_what_the_physics_does,
+    currents::a_host_is_told_the_currents_that_flow_also_of_a_motor_that_is_another_than_it_said,
+    currents::a_line_that_is_broken_is_named_and_not_believed_and_another_one_is,
     link::power_and_letting_go_reach_the_bridge_within_two_milliseconds,
     link::digital_pins_are_read_and_driven,
     faults::a_bridge_that_switches_itself_off_stops_that_motor_alone_and_is_named,

@@ -3,6 +3,7 @@
 mod boot;
 mod budget;
 mod common;
+mod currents;
 mod faults;
 mod h743;
 mod link;

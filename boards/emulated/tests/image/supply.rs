@@ -1,8 +1,10 @@
 //! What the image makes of the chip: clocks, flash, pins, supply, and a log that nobody reads.
 
+use std::time::Duration;
+
 use crate::common::{am60, board, booted, four_loads, log, ms, on, setup, time_to_safe, turning};
 use emulated::talk::Talk;
-use emulated::{Bench, Board};
+use emulated::{Bench, Board, Lines};
 
 // RM0090 and RM0433, memory maps and register descriptions.
 const RCC_CR: u64 = 0x4002_3800;
@@ -161,6 +163,35 @@ fn runs_on_unread(bench: &mut Bench) {
             );
         }
     }
+}
+
+#[test]
+pub(crate) fn a_bus_that_rises_ends_what_a_braking_motor_returns_before_the_next_millisecond() {
+    let mut bench = booted(vec![am60()]);
+    let mut talk = Talk::default();
+    bench.set_torque(0, 0.8);
+    talk.velocity(&mut bench, 0, 1_000);
+    bench.run(ms(1_000));
+    for round in 0..6 {
+        talk.keep_alive(&mut bench);
+        // Each time at another place between two looks of the hub.
+        bench.run(ms(80) + Duration::from_micros(170) * round);
+        let from = bench.now();
+        bench.set_battery(15.0);
+        assert!(bench.run_while(Duration::from_micros(10), ms(5), |bench| bench.battery().0 > 14.5));
+        let rose = bench.now();
+        bench.run(ms(3));
+        // A portion of a short, or of driving beyond the back EMF.
+        let burns = |lines: Lines| lines.shorted() || lines.ina || lines.inb;
+        let burnt = bench.transitions().into_iter().find(|t| t.at > from && burns(t.lines));
+        let burnt = burnt.map(|transition| transition.at).expect("it burns what it would return");
+        let after = burnt.saturating_sub(rose);
+        println!("round {round}: burnt after {after:?}");
+        assert!(after < Duration::from_micros(200), "round {round}: {after:?}");
+        bench.set_battery(12.0);
+        bench.run(ms(300));
+    }
+    bench.assert_sound();
 }
 
 #[test]

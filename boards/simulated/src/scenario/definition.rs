@@ -1,6 +1,7 @@
 //! What a scenario is, once it has been checked.
 
 use super::expectation::Expectation;
+use crate::current_line::CurrentLine;
 use crate::encoder::Encoder;
 use crate::hardware::{BRIDGE, mechanics, winding};
 use motor_hub::braking::{DutyRule, Scheme, Winding};
@@ -94,6 +95,8 @@ pub struct Motor {
     pub on_fault: OnFault,
     /// By what it is driven; the hub is told so.
     pub bridge: BridgeConstants,
+    /// How the current-sense line of that is.
+    pub current_line: CurrentLine,
     /// What the hub is told of the heat that the winding stands; `None` for no limit.
     pub thermal: Option<ThermalLimit>,
     /// Largest acceleration that the hub may ask of it, if it is regulated by its model.
@@ -249,6 +252,7 @@ impl Motor {
             zero_power: ZeroPower::Brake,
             on_fault: OnFault::Coast,
             bridge: BRIDGE,
+            current_line: CurrentLine::Absent,
             thermal: None,
             acceleration: None,
             velocity: None,

@@ -11,6 +11,7 @@ mod tables;
 
 use super::definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion, UNLIMITED};
 use super::mistake::{Checked, Fault, Mistake, fault};
+use crate::current_line::CurrentLine;
 use crate::hardware::{BRIDGE, MOTORS, REAL_BRIDGE, thermal_limit};
 use crate::scheme::SchemeName;
 use encoders::check as check_encoder;
@@ -23,8 +24,8 @@ use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Peri
 use ranges::{FASTEST_CPS, HARDEST_CPS2, named, optional, timeline, within};
 use std::ops::RangeInclusive;
 use tables::{
-    BridgeWord, File, GainTable, Inertia, MotorTable, OnFaultWord, SetPointTable, ToldChoice, ToldTable,
-    ZeroPowerWord,
+    BridgeWord, CurrentLineWord, File, GainTable, Inertia, MotorTable, OnFaultWord, SetPointTable,
+    ToldChoice, ToldTable, ZeroPowerWord,
 };
 use toml::Spanned;
 
@@ -169,6 +170,12 @@ impl MotorTable {
             bridge: match self.bridge {
                 BridgeWord::Ideal => BRIDGE,
                 BridgeWord::Vnh5019 => REAL_BRIDGE,
+            },
+            current_line: match self.current_line {
+                CurrentLineWord::Absent => CurrentLine::Absent,
+                CurrentLineWord::Sound => CurrentLine::Sound,
+                CurrentLineWord::StuckLow => CurrentLine::StuckLow,
+                CurrentLineWord::StuckHigh => CurrentLine::StuckHigh,
             },
             thermal: self.check_thermal(&constants)?,
             acceleration: self.check_acceleration()?,

@@ -169,6 +169,18 @@ fn a_step_down_settles_as_soon_as_on_a_battery_that_sinks() {
 }
 
 #[test]
+fn motors_that_all_begin_to_brake_at_once_stay_below_the_upper_limit_between_two_looks() {
+    let scheme_c: &'static str = format!("{FLYWHEEL}scheme = \"C\"\n").leak();
+    let unknown: &'static str = format!("{FLYWHEEL}told = \"nothing\"\n").leak();
+    let real: &'static str = format!("{FLYWHEEL}scheme = \"C\"\nbridge = \"vnh5019\"\n").leak();
+    for (period_ms, motor) in [(1, scheme_c), (1, real), (50, scheme_c), (50, unknown), (100, unknown)] {
+        let seen = Run { motors: 4, bus: ONE_WAY, motor, seconds: 5.0 }.see_every(period_ms, 3_000);
+        assert!(seen.highest_v <= UPPER_V, "{period_ms} ms: {} V", seen.highest_v);
+        assert!(!seen.coasted && !seen.shut_down, "{period_ms} ms: a motor that brakes is not let go");
+    }
+}
+
+#[test]
 fn a_heavy_flywheel_that_is_braked_stays_below_the_upper_limit() {
     let heavy = WINCH.replace("0.05", "0.2").replace("torques = [{ at_s = 2.0, torque_nm = 0.8 }]", "");
     let heavy: &'static str = heavy

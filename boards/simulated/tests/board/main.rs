@@ -3,6 +3,7 @@
 
 mod bus;
 mod coefficients;
+mod currents;
 mod files;
 mod runs;
 mod scenarios;

@@ -8,7 +8,7 @@ use crate::parse::channel;
 use motor_hub::braking::DutyRule;
 use motor_hub::bridge::Timing;
 use motor_hub::model::catalogue::characterised;
-use motor_hub::motor::{OnFault, ThermalLimit};
+use motor_hub::motor::{OnFault, SenseLine, ThermalLimit};
 use motor_hub::protocol::setup::{Condition, Protection, Setup};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
@@ -197,6 +197,8 @@ impl Options {
                 "derated": condition.derated,
                 "overheated": condition.overheated,
                 "bridge_fault": condition.bridge_fault,
+                "measured_current_a": condition.measured_ma.map(|ma| f64::from(ma) / 1e3),
+                "current_line": line_word(condition.sense_line),
                 "continuous_current_a": amperes,
             });
             return Ok(print_json(&document)?);
@@ -223,5 +225,15 @@ impl Options {
                 &amperes.map_or_else(|| "no limit".to_owned(), |a| format!("{a:.3} A")),
             ]);
         Ok(print(&format!("{table}\n"))?)
+    }
+}
+
+const fn line_word(line: SenseLine) -> &'static str {
+    match line {
+        SenseLine::Absent => "absent",
+        SenseLine::Sound => "sound",
+        SenseLine::Silent => "silent",
+        SenseLine::Stuck => "stuck",
+        SenseLine::Excessive => "excessive",
     }
 }

@@ -3,7 +3,7 @@
 use super::live::alert_words;
 use super::trouble::Trouble;
 use crate::output::{print, print_json};
-use motor_hub::motor::ZeroPower;
+use motor_hub::motor::{SenseLine, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::bus::BusReport;
 use motor_hub::protocol::motor::RunMode;
@@ -212,7 +212,13 @@ fn condition_words(is: &Condition) -> String {
         Condition { derated: true, .. } => "derated: hot",
         _ => "well",
     };
-    format!("{state}{heat}")
+    let line = match is.sense_line {
+        SenseLine::Absent | SenseLine::Sound => "",
+        SenseLine::Silent => ", current-sense line or motor lead broken",
+        SenseLine::Stuck => ", current-sense line stuck",
+        SenseLine::Excessive => ", more current than the motor's constants allow",
+    };
+    format!("{state}{heat}{line}")
 }
 
 const MOTOR_HEADINGS: [&str; 11] = [

@@ -123,8 +123,8 @@ pub(crate) const ROWS: [Row; 24] = [
     row("16 V", Fault::Battery(16.0), &["bus: too high"], [turns(1_150.0, 1_350.0), WORKS, WORKS, WORKS]),
     row("6.5 V", Fault::Battery(6.5), &["battery low"], [turns(450.0, 650.0), WORKS, WORKS, WORKS]),
     row("4.5 V", Fault::Battery(4.5), &["battery low", "battery reads 0 V", "bus: too low"], BLIND),
-    // Bridges are asked every 55 ms.
-    row("bridge switched itself off", Fault::BridgesOff, &[], [off(115, BRIDGE); 4]),
+    // Bridges are asked every 25 ms.
+    row("bridge switched itself off", Fault::BridgesOff, &[], [off(85, BRIDGE); 4]),
     row("host silent", Fault::HostSilent, &["keep-alive timeout"], [off(2_555, &[]); 4]),
     row("2 % of its words garbled", Fault::HostGarbled(20_000), &[], [WORKS; 4]),
     row("all garbled", Fault::HostGarbled(1_000_000), &["keep-alive timeout"], [off(2_555, &[]); 4]),
@@ -169,7 +169,7 @@ pub(crate) const OF_MODEL_AND_BRAKE: [Row; 9] = [
     row("converter dead", Fault::ConverterDead, &["battery reads 0 V", "bus: silent"], BLIND),
     row("16 V", Fault::Battery(16.0), &["bus: too high"], [turns(1_150.0, 1_350.0), WORKS, WORKS, WORKS]),
     row("6.5 V", Fault::Battery(6.5), &["battery low"], [turns(450.0, 650.0), WORKS, WORKS, WORKS]),
-    row("bridge switched itself off", Fault::BridgesOff, &[], [off(115, BRIDGE); 4]),
+    row("bridge switched itself off", Fault::BridgesOff, &[], [off(85, BRIDGE); 4]),
     row("host silent", Fault::HostSilent, &["keep-alive timeout"], [brakes(2_555, &[]); 4]),
     row(
         "a task hangs",

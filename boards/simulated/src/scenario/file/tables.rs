@@ -80,6 +80,8 @@ pub(super) struct MotorTable {
     pub(super) thermal: Option<ThermalTable>,
     #[serde(default)]
     pub(super) bridge: BridgeWord,
+    #[serde(default)]
+    pub(super) current_line: CurrentLineWord,
     pub(super) acceleration_cps2: Option<Spanned<i64>>,
     #[serde(default)]
     pub(super) coefficients: CoefficientTables,
@@ -124,6 +126,16 @@ pub(super) enum BridgeWord {
     #[default]
     Ideal,
     Vnh5019,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum CurrentLineWord {
+    #[default]
+    Absent,
+    Sound,
+    StuckLow,
+    StuckHigh,
 }
 
 #[derive(Default, Deserialize)]

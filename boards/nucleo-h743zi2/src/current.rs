@@ -1,0 +1,77 @@
+//! The bridges' current-sense lines (PC0, PB1, PA6, PA5) on ADC2, converted when they are asked for. Four words have room
+//! in the FIFO of its data register (RM0433 25.4.27), so there is no DMA; ADC1 goes on watching the battery.
+
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::Flex;
+use embassy_stm32::pac;
+use embassy_stm32::pac::adc::vals::{Pcsel, SampleTime};
+use embassy_stm32::peripherals::{ADC2, PA5, PA6, PB1, PC0};
+use embassy_time::Timer;
+use motor_hub::board::CurrentSense;
+use motor_hub::bridge::SenseScale;
+use motor_hub::units::Milliamperes;
+
+use crate::MOTORS;
+use crate::adc::{calibrate, power_up};
+
+/// ADC12_INP10, INP5, INP3, INP19 (STM32H743 data sheet, pin definitions), by motor.
+const CHANNELS: [u8; MOTORS] = [10, 5, 3, 19];
+
+/// Four conversions of 64.5 + 8.5 cycles at 16 MHz take 18 us.
+const WAIT_MICROS: u64 = 40;
+
+/// ADC2 with its pins.
+pub(crate) struct CurrentLines {
+    scale: SenseScale,
+    _adc: Peri<'static, ADC2>,
+    _pins: [Flex<'static>; MOTORS],
+}
+
+impl CurrentLines {
+    /// Not before ADC1 is set up: clock and reset of one are those of both. Converts nothing before it is
+    /// [calibrated](Self::calibrate).
+    pub(crate) fn new(
+        adc: Peri<'static, ADC2>,
+        (first, second, third, fourth): (
+            Peri<'static, PC0>,
+            Peri<'static, PB1>,
+            Peri<'static, PA6>,
+            Peri<'static, PA5>,
+        ),
+        scale: SenseScale,
+    ) -> Self {
+        let mut pins = [Flex::new(first), Flex::new(second), Flex::new(third), Flex::new(fourth)];
+        pins.iter_mut().for_each(Flex::set_as_analog);
+        power_up(pac::ADC2);
+        Self { scale, _adc: adc, _pins: pins }
+    }
+
+    /// Takes some 11 ms. Of a converter that does not come to an end nothing is heard.
+    pub(crate) async fn calibrate(&self) {
+        calibrate(&[pac::ADC2]).await;
+        for channel in CHANNELS {
+            // 4 us behind the filter's 33 nF.
+            let (register, place) = (usize::from(channel) / 10, usize::from(channel) % 10);
+            pac::ADC2.smpr(register).modify(|w| w.set_smp(place, SampleTime::CYCLES64_5));
+            pac::ADC2.pcsel().modify(|w| w.set_pcsel(usize::from(channel), Pcsel::PRESELECTED));
+        }
+        pac::ADC2.sqr1().write(|w| {
+            w.set_l(3);
+            for (place, channel) in CHANNELS.into_iter().enumerate() {
+                w.set_sq(place, channel);
+            }
+        });
+    }
+}
+
+impl CurrentSense<MOTORS> for CurrentLines {
+    async fn sample(&mut self) -> [Option<Milliamperes>; MOTORS] {
+        pac::ADC2.isr().write(|w| w.set_eos(true));
+        pac::ADC2.cr().modify(|w| w.set_adstart(true));
+        Timer::after_micros(WAIT_MICROS).await;
+        if !pac::ADC2.isr().read().eos() {
+            return [None; MOTORS];
+        }
+        core::array::from_fn(|_| Some(self.scale.current(pac::ADC2.dr().read().rdata(), 16)))
+    }
+}

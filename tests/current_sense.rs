@@ -1,0 +1,239 @@
+//! Current-sense lines: what of a motor's current they show, and which of them a hub believes.
+
+use motor_hub::braking::Winding;
+use motor_hub::bridge::{BridgeConstants, Drive, Mode, SenseScale, Sensed};
+use motor_hub::model::catalogue::characterised;
+use motor_hub::model::load::Load;
+use motor_hub::model::plant::{Influence, Plant};
+use motor_hub::model::si::{Hertz, KgM2, Seconds, Volts};
+use motor_hub::motion::Reading;
+use motor_hub::motor::{Motor, Report, SenseLine, Setpoint, Settings};
+use motor_hub::units::{Control, Micros, Milliamperes, Millivolts, Period, RangeError};
+use proptest::prelude::*;
+
+const HALF: Control = Control::new(16_384);
+
+/// A motor that a stop holds, on a line of which a test says what it shows.
+struct Held {
+    motor: Motor,
+    ms: u64,
+    /// Counts up to now, and in a millisecond.
+    counts: i32,
+    turns: i32,
+    report: Report,
+}
+
+impl Held {
+    fn new() -> Self {
+        let motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);
+        Self { motor, ms: 0, counts: 0, turns: 0, report: Report::INITIAL }
+    }
+
+    /// A sample every 25 ms, and a tick every 50.
+    fn run(&mut self, ms: u64, shown_ma: Option<i32>) -> &Report {
+        for _ in 0..ms {
+            self.ms += 1;
+            self.counts += self.turns;
+            let at = Micros::new(1_000 * self.ms);
+            let reading = Reading { position: self.counts, edge_at: at, at };
+            self.motor.sample(reading);
+            if self.ms.is_multiple_of(25) {
+                let current = shown_ma.map(Milliamperes::new);
+                self.motor.sense(Sensed { current, fault: false });
+            }
+            if self.ms.is_multiple_of(50) {
+                self.report = self.motor.step(at, Some(reading), Some(Millivolts::new(12_000)));
+            }
+        }
+        &self.report
+    }
+
+    fn power(&mut self, power: Control) {
+        self.motor.set(Setpoint::ConstantPower(power));
+    }
+}
+
+fn told(report: &Report) -> (SenseLine, Option<i32>) {
+    (report.sense_line, report.measured.map(Milliamperes::get))
+}
+
+#[test]
+fn a_motor_without_a_line_is_told_by_its_model() {
+    let mut held = Held::new();
+    held.power(HALF);
+    let report = held.run(500, None);
+    assert_eq!(told(report), (SenseLine::Absent, None));
+    assert!(report.current.get() > 1_500 && report.best_current() == report.current, "{:?}", report.current);
+}
+
+#[test]
+fn a_line_is_believed_in_9_8_and_6_2_with_the_sign_of_the_model() {
+    for (power, sign) in [(HALF, 1), (Control::new(-16_384), -1)] {
+        let mut held = Held::new();
+        held.power(power);
+        let report = held.run(500, Some(1_234));
+        assert_eq!(told(report), (SenseLine::Sound, Some(1_234)));
+        assert_eq!(report.best_current().get(), sign * 1_234);
+    }
+}
+
+#[test]
+fn in_5_0_a_line_shows_nothing_and_the_model_goes_on() {
+    let mut held = Held::new();
+    held.power(HALF);
+    held.run(500, Some(1_800));
+    held.turns = -2;
+    held.power(Control::ZERO);
+    let report = held.run(500, Some(0));
+    assert_eq!(report.drive, Drive::BRAKE);
+    assert_eq!(told(report), (SenseLine::Sound, None));
+    assert!(report.best_current() == report.current && report.current.get() > 1_000, "{:?}", report.current);
+}
+
+#[test]
+fn a_sample_of_another_mode_is_not_the_current_of_this_one() {
+    let mut held = Held::new();
+    held.power(HALF);
+    held.run(500, Some(1_800));
+    held.power(Control::ZERO);
+    // The tick at 550 ms shorts it; the sample of 525 ms was of 9/8.
+    assert_eq!(told(held.run(50, Some(1_800))), (SenseLine::Sound, None));
+    held.power(HALF);
+    assert_eq!(told(held.run(50, Some(0))), (SenseLine::Sound, None));
+    // And the first one in it may be of before.
+    assert_eq!(told(held.run(50, Some(1_800))), (SenseLine::Sound, Some(1_800)));
+}
+
+#[test]
+fn nothing_where_an_ampere_is_due_is_a_broken_line_but_little_is_another_motor() {
+    for (ma, line) in [(0, SenseLine::Silent), (40, SenseLine::Silent), (60, SenseLine::Sound)] {
+        let mut held = Held::new();
+        held.power(HALF);
+        assert_eq!(held.run(500, Some(ma)).sense_line, line, "{ma} mA");
+    }
+    // Of one that takes a few hundred milliamperes nobody can say.
+    let mut held = Held::new();
+    held.power(Control::new(4_000));
+    assert_eq!(held.run(500, Some(0)).sense_line, SenseLine::Sound);
+}
+
+#[test]
+fn without_its_encoder_nobody_knows_what_is_due() {
+    let mut held = Held::new();
+    held.power(HALF);
+    let battery = Some(Millivolts::new(12_000));
+    for tick in 1..40 {
+        held.motor.sense(Sensed { current: Some(Milliamperes::new(0)), fault: false });
+        held.report = held.motor.step(Micros::new(50_000 * tick), None, battery);
+    }
+    assert!(held.report.faults.encoder_stale);
+    assert_eq!(told(&held.report), (SenseLine::Sound, Some(0)));
+}
+
+#[test]
+fn a_line_that_shows_a_current_where_the_bridge_can_show_none_is_stuck_until_it_shows_none_there() {
+    let mut held = Held::new();
+    assert_eq!(told(held.run(300, Some(23_571))), (SenseLine::Stuck, None));
+    held.power(HALF);
+    // Driving it proves nothing, whatever it shows.
+    assert_eq!(told(held.run(500, Some(1_800))), (SenseLine::Stuck, None));
+    held.power(Control::ZERO);
+    assert_eq!(held.run(300, Some(0)).sense_line, SenseLine::Sound);
+    held.power(HALF);
+    assert_eq!(told(held.run(100, Some(1_800))), (SenseLine::Sound, Some(1_800)));
+}
+
+#[test]
+fn a_silent_line_that_is_mended_is_believed_again_by_what_it_shows() {
+    let mut held = Held::new();
+    held.power(HALF);
+    assert_eq!(held.run(500, Some(0)).sense_line, SenseLine::Silent);
+    held.power(Control::ZERO);
+    assert_eq!(held.run(500, Some(0)).sense_line, SenseLine::Silent, "nothing is what it should show here");
+    held.power(HALF);
+    assert_eq!(told(held.run(500, Some(1_700))), (SenseLine::Sound, Some(1_700)));
+}
+
+#[test]
+fn far_more_than_could_flow_is_told_and_believed() {
+    let mut held = Held::new();
+    held.power(HALF);
+    let modelled = held.run(100, Some(1_800)).current.get();
+    assert_eq!(held.run(500, Some(2 * modelled)).sense_line, SenseLine::Sound, "a chip of the worst ratio");
+    assert_eq!(told(held.run(500, Some(12_000))), (SenseLine::Excessive, Some(12_000)));
+    assert_eq!(held.run(500, Some(1_800)).sense_line, SenseLine::Sound);
+}
+
+#[test]
+fn a_spike_convinces_nobody() {
+    let mut held = Held::new();
+    held.power(HALF);
+    for _ in 0..10 {
+        held.run(100, Some(1_800));
+        assert_eq!(held.run(50, Some(0)).sense_line, SenseLine::Sound);
+    }
+}
+
+#[test]
+fn a_converter_that_dies_leaves_the_model() {
+    let mut held = Held::new();
+    held.power(HALF);
+    assert_eq!(told(held.run(500, Some(1_800))), (SenseLine::Sound, Some(1_800)));
+    assert_eq!(told(held.run(50, None)), (SenseLine::Absent, None));
+    assert_eq!(told(held.run(50, Some(1_800))), (SenseLine::Sound, Some(1_800)));
+}
+
+#[test]
+fn a_scale_needs_a_reference_and_volts_per_ampere() {
+    assert_eq!(SenseScale::new(Millivolts::new(0), 140), Err(RangeError::Sense));
+    assert_eq!(SenseScale::new(Millivolts::new(3_300), 0), Err(RangeError::Sense));
+    assert_eq!(SenseScale::new(Millivolts::new(3_300), 140), Ok(SenseScale::VNH5019_CARRIER));
+}
+
+proptest! {
+    #[test]
+    fn a_word_is_its_share_of_full_scale_and_any_word_some_current(
+        mv in 1..=u16::MAX, mv_per_a in 1..=u16::MAX, word: u16, bits in 1_u32..=16,
+    ) {
+        let scale = SenseScale::new(Millivolts::new(mv), mv_per_a).expect("in range");
+        let highest = f64::from((1_u32 << bits) - 1);
+        let ma = 1e3 * f64::from(mv) / f64::from(mv_per_a) * f64::from(word) / highest;
+        let told = f64::from(scale.current(word, bits).get());
+        if f64::from(word) <= highest {
+            prop_assert!((told - ma).abs() <= 2.0, "{told} for {ma}");
+        }
+        prop_assert!(told >= 0.0);
+    }
+}
+
+/// What flows and what a bridge shows of it, A, after a tenth of a second in a mode at a duty, from a speed on.
+fn shown(mode: Mode, duty: f64, speed: f64) -> (f64, f64) {
+    let motor = characterised("AM 60 A").expect("known").with_measured_rotor_inertia();
+    let heavy = Load { inertia_after: KgM2(1e3), ..Load::NONE };
+    let mut plant = Plant::new(motor, heavy, BridgeConstants::VNH5019.into(), Hertz(20_000.0));
+    let free = 12.0 / motor.ke.0;
+    plant.place(Default::default(), motor_hub::model::si::RadPerSec(speed * free), 0.0);
+    let run = |plant: &mut Plant| plant.run(Seconds(0.1), Influence::pwm(mode, duty), Volts(12.0));
+    run(&mut plant);
+    let flow = run(&mut plant);
+    (flow.mean_current().0, flow.charge_shown.0 / flow.time.0)
+}
+
+#[test]
+fn a_bridge_shows_the_whole_current_of_9_8_and_6_2_and_none_of_5_0() {
+    for duty in [0.0, 0.1, 0.5, 1.0] {
+        for speed in [0.0, 0.3, 0.8] {
+            let (flows, shows) = shown(Mode::Cw98, duty, speed);
+            // A motor that turns faster than 9/8 drives it gives back through a diode: what is not forward is not shown.
+            let expected = flows.max(0.0);
+            assert!((shows - expected).abs() < 1e-3, "9/8 {duty} at {speed}: {shows} of {flows} A");
+            let (flows, shows) = shown(Mode::Ccw62, duty, speed);
+            assert!(
+                flows <= 1e-9 && (shows + flows).abs() < 1e-3,
+                "6/2 {duty} at {speed}: {shows} of {flows} A"
+            );
+            let (flows, shows) = shown(Mode::Brake50, duty, speed);
+            assert!(shows == 0.0 && flows <= 1e-9, "5/0 {duty} at {speed}: {shows} of {flows} A");
+        }
+    }
+}
