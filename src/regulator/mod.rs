@@ -81,6 +81,8 @@ pub struct Regulator {
     held_ms: u32,
     /// It turned as fast as it should.
     steady: bool,
+    /// It should turn at some speed, or with others.
+    turning: bool,
     /// What the bridge makes of the motor; `None` while it is open.
     voltage: Option<Voltage>,
 }
@@ -124,6 +126,7 @@ impl Regulator {
             anchor: None,
             held_ms: 0,
             steady: true,
+            turning: false,
             voltage: None,
         }
     }
@@ -136,7 +139,7 @@ impl Regulator {
         if config.emf != self.config.emf {
             self.learner = Learner::new(config.emf.to_volts(), self.period);
         }
-        let mut new = Motion::new(&config, &self.learner, self.period, self.motion.observer);
+        let mut new = Motion::new(&config, &self.learner, self.period, self.seen());
         let voltage = self.voltage.map(Voltage::to_volts);
         if self.config.dynamics != config.dynamics && self.steady {
             // What was load by other constants is not by these.
@@ -154,7 +157,7 @@ impl Regulator {
         if !self.loops.is_news(knowledge) {
             return;
         }
-        let mut new = Motion::new(&self.config, &self.learner, self.period, self.motion.observer);
+        let mut new = Motion::new(&self.config, &self.learner, self.period, self.seen());
         let voltage = self.voltage.map(Voltage::to_volts);
         new.observer.relearn(&self.motion.plant, &new.plant, voltage);
         self.motion = Motion { state: self.motion.state, ..new };
@@ -214,7 +217,7 @@ impl Regulator {
         if silence > SILENCE_SAMPLES {
             *observer = Observer::new(within(1_000.0 * moved as f32 / silence as f32, FASTEST));
         } else {
-            observer.see(plant, moved);
+            observer.see(plant, moved, self.turning);
         }
     }
 
@@ -248,16 +251,24 @@ impl Regulator {
         }
     }
 
+    /// What is known of the motion at this moment.
+    fn seen(&self) -> Observer {
+        let Motion { plant, observer, .. } = &self.motion;
+        // Of what no sample was taken no count is late.
+        let sampled = self.last.is_some_and(|last| last.at == self.followed);
+        if sampled { observer.seen(plant) } else { *observer }
+    }
+
     /// Estimated.
     pub fn velocity(&self) -> CountsPerSecond {
-        speed(self.motion.observer.speed())
+        speed(self.seen().speed())
     }
 
     /// The voltage that would keep the speed against what loads the motor, drag and friction among it, beyond
     /// its back EMF; `None` where that is not known.
     pub fn load(&self) -> Option<Voltage> {
-        let Motion { plant, observer, .. } = &self.motion;
-        self.config.dynamics.map(|_| Voltage::from_volts(-observer.load(plant) / plant.b))
+        let plant = &self.motion.plant;
+        self.config.dynamics.map(|_| Voltage::from_volts(-self.seen().load(plant) / plant.b))
     }
 
     /// What a volt accelerates the motor by, in counts/s², if it is heavier than told, or than what has turned out to
@@ -295,28 +306,33 @@ impl Regulator {
     /// The control value for this tick. `moved` is the counts since the last one.
     pub fn step(&mut self, demand: Demand, moved: i32, stage: &Stage<'_>) -> Request {
         let demand = self.anchored(demand);
+        self.turning = !matches!(demand, Demand::Position { .. });
         let kind = self.kind();
         let position = self.position();
         let velocity = self.velocity();
         // What keeps the current of the last tick, where a loop begins with it.
         let steady =
             if self.loops.is_running() { Voltage::from_volts(0.0) } else { self.steady_voltage(velocity) };
+        let mut seen = self.seen();
+        let load = seen.disturbance();
         let Motion { plant, law, observer, state } = &mut self.motion;
         let request = match kind {
             Kind::Model => match demand {
-                Demand::Velocity(target) => law.velocity(state, observer, plant, target.to_f32(), stage),
+                Demand::Velocity(target) => law.velocity(state, &mut seen, plant, target.to_f32(), stage),
                 Demand::Follow(reference) => {
                     let speeds = (reference.speed.to_f32(), reference.next.to_f32());
-                    law.follow(state, observer, plant, reference.from(position), speeds, stage)
+                    law.follow(state, &mut seen, plant, reference.from(position), speeds, stage)
                 }
                 Demand::Position { target, speed_limit } => {
                     let distance = target.wrapping_sub(position);
                     let limit = speed_limit.to_f32().abs();
-                    law.position(state, observer, plant, distance, limit, stage)
+                    law.position(state, &mut seen, plant, distance, limit, stage)
                 }
             },
             Kind::Pid => self.loops.step(demand, position, velocity, steady, stage),
         };
+        // Friction that has turned round stays so.
+        observer.add_load(seen.disturbance() - load);
         let astray = request.speed.to_f32() - velocity.to_f32();
         self.steady = self.config.emf.emf(speed(astray)).to_volts().abs() < STEADY_VOLTS;
         let due = request.speed.to_bits().unsigned_abs() >= COUNTING_SPEED.to_bits().unsigned_abs();
@@ -327,8 +343,8 @@ impl Regulator {
 
     /// The voltage that lets flow what the load takes, as far as that is known.
     fn steady_voltage(&self, velocity: CountsPerSecond) -> Voltage {
-        let Motion { plant, observer, .. } = &self.motion;
-        let carried = if self.loops.starts_afresh() { 0.0 } else { -observer.load(plant) / plant.b };
+        let plant = &self.motion.plant;
+        let carried = if self.loops.starts_afresh() { 0.0 } else { -self.seen().load(plant) / plant.b };
         Voltage::from_volts(self.config.emf.emf(velocity).to_volts() + carried)
     }
 
@@ -362,6 +378,7 @@ impl Regulator {
             self.loops.restart_position();
             self.loops.resume();
             self.steady = true;
+            self.turning = false;
         }
         self.voltage = voltage;
         let volts = voltage.map(Voltage::to_volts);

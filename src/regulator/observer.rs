@@ -5,6 +5,11 @@
 //! shaft is, and so does one without; only what lies outside is corrected, to the nearer end. (To correct towards
 //! the middle makes noise: at 1000 counts/s every sample sees one count, wherever in it the shaft is.)
 //!
+//! What a count says when it comes at last is more than what every sample said that waited for it: not that the motor
+//! crept along the count's edge, but how long it took for the way. So a late count corrects nothing until it comes;
+//! who looks meanwhile [sees](Observer::seen) the state as if it came now. Once it is late by a whole one it may not come
+//! at all: from then on every sample without a count says that the motor does not move, as it does of one that should stand.
+//!
 //! The gains grow with the time that such news took: they are those of a filter with three equal poles at
 //! `exp(-wo t)`, t after the last news, so a motor at 5 counts/s is followed as surely as one at 5000.
 //!
@@ -22,6 +27,8 @@ pub(super) const SAMPLE: f32 = 1e-3;
 /// No load accelerates a motor by more than so many times what the battery's 12 V do; a filter that believes so
 /// was given nonsense.
 const HEAVIEST_LOAD: f32 = 20.0 * 12.0;
+/// By so many counts a state may be ahead of an encoder that says nothing.
+const LATE: f32 = 1.0;
 /// Counts/s: beyond what any encoder's timer could count, and far within what a single can add 1/1000 to.
 pub(super) const FASTEST: f32 = 1e6;
 
@@ -76,7 +83,7 @@ fn gains(rate: f32) -> (f32, f32) {
 /// What is known of the motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observer {
-    /// Within the present count, 0 to 1 as far as is known.
+    /// Within the present count, 0 to 1; beyond it while the next is late.
     x: f32,
     /// Speed, counts/s.
     w: f32,
@@ -90,12 +97,14 @@ pub(super) struct Observer {
     age: f32,
     /// and exp(-wo age).
     z: f32,
+    /// A count was late by a whole one, and none has come since.
+    silent: bool,
 }
 
 impl Observer {
     /// In the middle of a count, at this speed, without acceleration under the voltage that acts.
     pub(super) fn new(w: f32) -> Self {
-        Self { x: 0.5, w, d: 0.0, acceleration: 0.0, coasting: true, age: 0.0, z: 1.0 }
+        Self { x: 0.5, w, d: 0.0, acceleration: 0.0, coasting: true, age: 0.0, z: 1.0, silent: false }
     }
 
     /// One sample later.
@@ -114,16 +123,34 @@ impl Observer {
         self.z = at_least(self.z * plant.fade, plant.floor);
     }
 
-    /// Since the last of these the encoder has moved by so many counts.
-    pub(super) fn see(&mut self, plant: &Plant, moved: i32) {
+    /// Since the last of these the encoder has moved by so many counts. Of a motor that should turn a late count is waited
+    /// for.
+    pub(super) fn see(&mut self, plant: &Plant, moved: i32, turning: bool) {
+        if moved == 0 {
+            let late = if turning && !self.silent { LATE } else { 0.0 };
+            if !(-late..=1.0 + late).contains(&self.x) {
+                self.silent = true;
+                self.confine(plant, 0.0, 1.0);
+            }
+            return;
+        }
+        self.silent = false;
         self.x -= moved as f32;
         // A count came at some time since the last sample; how far the shaft went since then is not known.
         let since = at_most(self.w.abs() * SAMPLE, 1.0);
-        let (least, most) = match moved.signum() {
-            1 => (0.0, since),
-            -1 => (1.0 - since, 1.0),
-            _ => (0.0, 1.0),
-        };
+        let (least, most) = if moved > 0 { (0.0, since) } else { (1.0 - since, 1.0) };
+        self.confine(plant, least, most);
+    }
+
+    /// As if a count that is late came now: what is known of the motion at this moment.
+    pub(super) fn seen(&self, plant: &Plant) -> Self {
+        let mut seen = *self;
+        seen.confine(plant, 0.0, 1.0);
+        seen
+    }
+
+    /// The shaft is between these two places.
+    fn confine(&mut self, plant: &Plant, least: f32, most: f32) {
         if self.x < least {
             self.correct(plant, least - self.x);
         } else if self.x > most {
@@ -217,7 +244,7 @@ mod tests {
             }
             let now = position(f64::from(sample) * 1e-3).floor() as i32;
             observer.predict(&plant);
-            observer.see(&plant, now - last);
+            observer.see(&plant, now - last, true);
             last = now;
         }
         observer
@@ -237,6 +264,34 @@ mod tests {
             let found = observer.disturbance();
             assert!((found + load).abs() < 0.1 * load, "{found} for {load} at {speed}");
         }
+    }
+
+    /// 20 counts/s for 4 s and 0.3 counts, then not a count more.
+    fn held(seconds: f32) -> (Observer, Plant) {
+        let (b, _, q) = PLANT;
+        let voltage = q * 20.0 / b;
+        (follow(4.0 + seconds, voltage, |t| 20.0 * t.min(4.0) + 0.3), plant())
+    }
+
+    #[test]
+    fn a_count_that_is_late_slows_the_motor_in_the_eyes_of_who_looks_and_nothing_else_before_it_comes() {
+        let (observer, plant) = held(0.075);
+        assert!((observer.speed() - 20.0).abs() < 1.0, "{}", observer.speed());
+        // A count was due after 35 ms.
+        let seen = observer.seen(&plant).speed();
+        assert!(seen < observer.speed() - 0.5, "{seen} of {}", observer.speed());
+    }
+
+    #[test]
+    fn a_motor_that_is_held_is_known_to_stand_and_by_which_load() {
+        let (observer, plant) = held(1.0);
+        let seen = observer.seen(&plant);
+        // Within its count it may still wander.
+        assert!(seen.speed().abs() < 3.0, "{}", seen.speed());
+        // q w kept it turning; the same holds it now.
+        let (_, _, q) = PLANT;
+        let load = seen.disturbance();
+        assert!((load + 20.0 * q).abs() < 30.0, "{load} for {}", -20.0 * q);
     }
 
     #[test]
