@@ -592,8 +592,10 @@ fn a_bus_that_rises_between_two_ticks_reaches_the_bridges_at_once() {
     parts.world.sample.set(Some(Millivolts::new(15_500)));
     turn(&mut board, 2);
     assert_eq!(parts.world.last_drives(), [Drive::BRAKE, Drive::COAST, Drive::COAST, Drive::COAST]);
-    // And back, when the bus is down.
+    // And back, when the bus has been down for the time that burning lasts.
     parts.world.sample.set(Some(GOOD));
-    turn(&mut board, 2);
-    assert_eq!(parts.world.last_drives(), braking);
+    turn(&mut board, 110);
+    let drives = parts.world.last_drives();
+    assert_eq!(drives[0].mode, Mode::Brake50);
+    assert!(drives[0] != Drive::COAST && drives[0] != Drive::BRAKE, "{drives:?}");
 }

@@ -81,7 +81,7 @@ pub struct Regulator {
     held_ms: u32,
     /// It turned as fast as it should.
     steady: bool,
-    /// It should turn at some speed, or with others.
+    /// It should turn at some speed, wherever it is.
     turning: bool,
     /// What the bridge makes of the motor; `None` while it is open.
     voltage: Option<Voltage>,
@@ -251,7 +251,7 @@ impl Regulator {
         }
     }
 
-    /// What is known of the motion at this moment.
+    /// What is known of the motion at this moment: what the observer says, unless a count is late.
     fn seen(&self) -> Observer {
         let Motion { plant, observer, .. } = &self.motion;
         // Of what no sample was taken no count is late.
@@ -261,14 +261,22 @@ impl Regulator {
 
     /// Estimated.
     pub fn velocity(&self) -> CountsPerSecond {
-        speed(self.seen().speed())
+        let observer = &self.motion.observer;
+        // After every sample somebody asks; a copy is made where it says something else.
+        speed(if observer.is_late() { self.seen().speed() } else { observer.speed() })
+    }
+
+    /// The load that is known of at this moment.
+    fn carried(&self) -> f32 {
+        let Motion { plant, observer, .. } = &self.motion;
+        if observer.is_late() { self.seen().load(plant) } else { observer.load(plant) }
     }
 
     /// The voltage that would keep the speed against what loads the motor, drag and friction among it, beyond
     /// its back EMF; `None` where that is not known.
     pub fn load(&self) -> Option<Voltage> {
         let plant = &self.motion.plant;
-        self.config.dynamics.map(|_| Voltage::from_volts(-self.seen().load(plant) / plant.b))
+        self.config.dynamics.map(|_| Voltage::from_volts(-self.carried() / plant.b))
     }
 
     /// What a volt accelerates the motor by, in counts/s², if it is heavier than told, or than what has turned out to
@@ -306,33 +314,17 @@ impl Regulator {
     /// The control value for this tick. `moved` is the counts since the last one.
     pub fn step(&mut self, demand: Demand, moved: i32, stage: &Stage<'_>) -> Request {
         let demand = self.anchored(demand);
-        self.turning = !matches!(demand, Demand::Position { .. });
+        self.turning = matches!(demand, Demand::Velocity(_));
         let kind = self.kind();
         let position = self.position();
         let velocity = self.velocity();
         // What keeps the current of the last tick, where a loop begins with it.
         let steady =
             if self.loops.is_running() { Voltage::from_volts(0.0) } else { self.steady_voltage(velocity) };
-        let mut seen = self.seen();
-        let load = seen.disturbance();
-        let Motion { plant, law, observer, state } = &mut self.motion;
         let request = match kind {
-            Kind::Model => match demand {
-                Demand::Velocity(target) => law.velocity(state, &mut seen, plant, target.to_f32(), stage),
-                Demand::Follow(reference) => {
-                    let speeds = (reference.speed.to_f32(), reference.next.to_f32());
-                    law.follow(state, &mut seen, plant, reference.from(position), speeds, stage)
-                }
-                Demand::Position { target, speed_limit } => {
-                    let distance = target.wrapping_sub(position);
-                    let limit = speed_limit.to_f32().abs();
-                    law.position(state, &mut seen, plant, distance, limit, stage)
-                }
-            },
+            Kind::Model => self.by_model(demand, position, stage),
             Kind::Pid => self.loops.step(demand, position, velocity, steady, stage),
         };
-        // Friction that has turned round stays so.
-        observer.add_load(seen.disturbance() - load);
         let astray = request.speed.to_f32() - velocity.to_f32();
         self.steady = self.config.emf.emf(speed(astray)).to_volts().abs() < STEADY_VOLTS;
         let due = request.speed.to_bits().unsigned_abs() >= COUNTING_SPEED.to_bits().unsigned_abs();
@@ -341,10 +333,31 @@ impl Regulator {
         request
     }
 
+    fn by_model(&mut self, demand: Demand, position: i32, stage: &Stage<'_>) -> Request {
+        let mut seen = self.seen();
+        let load = seen.disturbance();
+        let Motion { plant, law, observer, state } = &mut self.motion;
+        let request = match demand {
+            Demand::Velocity(target) => law.velocity(state, &mut seen, plant, target.to_f32(), stage),
+            Demand::Follow(reference) => {
+                let speeds = (reference.speed.to_f32(), reference.next.to_f32());
+                law.follow(state, &mut seen, plant, reference.from(position), speeds, stage)
+            }
+            Demand::Position { target, speed_limit } => {
+                let distance = target.wrapping_sub(position);
+                let limit = speed_limit.to_f32().abs();
+                law.position(state, &mut seen, plant, distance, limit, stage)
+            }
+        };
+        // Friction that has turned round stays so.
+        observer.add_load(seen.disturbance() - load);
+        request
+    }
+
     /// The voltage that lets flow what the load takes, as far as that is known.
     fn steady_voltage(&self, velocity: CountsPerSecond) -> Voltage {
         let plant = &self.motion.plant;
-        let carried = if self.loops.starts_afresh() { 0.0 } else { -self.seen().load(plant) / plant.b };
+        let carried = if self.loops.starts_afresh() { 0.0 } else { -self.carried() / plant.b };
         Voltage::from_volts(self.config.emf.emf(velocity).to_volts() + carried)
     }
 

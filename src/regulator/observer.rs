@@ -142,6 +142,11 @@ impl Observer {
         self.confine(plant, least, most);
     }
 
+    /// The next count is late.
+    pub(super) fn is_late(&self) -> bool {
+        !(0.0..=1.0).contains(&self.x)
+    }
+
     /// As if a count that is late came now: what is known of the motion at this moment.
     pub(super) fn seen(&self, plant: &Plant) -> Self {
         let mut seen = *self;

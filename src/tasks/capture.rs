@@ -34,7 +34,7 @@ pub async fn run<M: RawMutex, const N: usize>(
                 newest.sample(read);
             }
         });
-        wires.sampled.signal(());
+        wires.news.signal(());
         health.check_in(Task::Capture);
         // What is late by more than an interval is left out. (The division takes some chips as long as all of this.)
         due += CAPTURE_INTERVAL;

@@ -6,7 +6,7 @@ use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::hub::{Hub, Inputs};
 use crate::motion::Newest;
-use embassy_futures::select::{Either3, select3};
+use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
@@ -23,8 +23,8 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     let between = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
     loop {
-        let event = select3(wires.sampled.wait(), wires.alarm.wait(), Timer::at(due)).await;
-        if let Either3::First(()) = event {
+        if let Either::First(()) = select(wires.news.wait(), Timer::at(due)).await {
+            // After an alarm of the bus these are those of before, of which nothing follows.
             look(wires, |newest| {
                 hub.sample(newest.readings());
                 if between {
@@ -40,8 +40,6 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             if let Some(sensed) = wires.sensed.try_take() {
                 hub.sense(&sensed);
             }
-        }
-        if !matches!(event, Either3::Third(())) {
             if wires.battery.signaled() {
                 inputs.battery = wires.battery.try_take();
                 if let Some(drives) = inputs.battery.and_then(|sample| hub.watch_bus(sample)) {
@@ -52,7 +50,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
         }
         // Capture is due at the same time; its sample goes first.
         yield_now().await;
-        wires.sampled.reset();
+        wires.news.reset();
         look(wires, |newest| inputs.readings = *newest.readings());
         inputs.now = micros(Instant::now());
         obey(hub, wires);

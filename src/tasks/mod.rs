@@ -9,9 +9,8 @@
 //! | channel | kind | when full, or when nothing new comes |
 //! |---|---|---|
 //! | newest | the latest readings, in a cell | overwritten; one over 20 ms old counts as no encoder. A mutex that masks interrupts does so while the observers take it |
-//! | sampled | [`Signal`] | set with each of them |
+//! | news | [`Signal`] | set with each of them, and with a sample of a bus that has just left its quiet voltages: it waits for no other |
 //! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
-//! | alarm | [`Signal`] | set with a sample of a bus that has just left its quiet voltages: it waits for no other |
 //! | bus | what was seen of it last, in a cell | overwritten; over 100 ms old it counts as nothing |
 //! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
 //! | urgent | a flag | set with a command that can be done at once: all that wait are taken within a millisecond |
@@ -90,12 +89,10 @@ impl<M: RawMutex, O, D> Errand<M, O, D> {
 
 /// The channels between the tasks of a hub with N motors: one static in a board.
 pub struct Wires<M: RawMutex, const N: usize> {
-    /// From capture to control.
-    pub sampled: Signal<M, ()>,
+    /// From capture, and of an alarm from supply, to control: there is something to look at.
+    pub news: Signal<M, ()>,
     /// From supply to control.
     pub battery: Signal<M, Battery>,
-    /// From supply to control: look at the battery at once.
-    pub alarm: Signal<M, ()>,
     /// From supply to anyone: the bus as it was seen last.
     pub bus: Mutex<M, Cell<Seen>>,
     /// From anyone to control.
@@ -126,9 +123,8 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
     /// Empty channels.
     pub const fn new() -> Self {
         Self {
-            sampled: Signal::new(),
+            news: Signal::new(),
             battery: Signal::new(),
-            alarm: Signal::new(),
             bus: Mutex::new(Cell::new(Seen::NOTHING)),
             commands: Channel::new(),
             urgent: Mutex::new(Cell::new(false)),

@@ -32,7 +32,7 @@ pub async fn run<M: RawMutex, const N: usize>(
         if let Some(battery) = supply.step(voltage, micros(Instant::now())) {
             wires.battery.signal(battery);
             if alarm {
-                wires.alarm.signal(());
+                wires.news.signal(());
             }
         }
         wires.bus.lock(|bus| bus.set(supply.seen()));

@@ -390,6 +390,8 @@ fn to_pin() -> Vec<BoxedStrategy<Case>> {
         with(&[1], byte_in(), |servo| ToPin::ServoWidth { servo }),
         with(&[1, 1], (byte_in(), flag), |(servo, on)| ToPin::SetServoEnable { servo, on }),
         with(&[1], byte_in(), |servo| ToPin::ServoEnable { servo }),
+        with(&[1, 1], (byte_in(), flag), |(bus, fast)| ToPin::SetI2cSpeed { bus, fast }),
+        with(&[1], byte_in(), |bus| ToPin::I2cSpeed { bus }),
     ]
 }
 
@@ -558,6 +560,10 @@ fn to_update() -> Vec<BoxedStrategy<Case>> {
         plain(ToUpdate::Restart),
         plain(ToUpdate::Abandon),
         plain(ToUpdate::State),
+        with(&[1; 96], (any::<[u8; 32]>(), any::<[u8; 64]>()), |(key, signature)| ToUpdate::Sign {
+            key,
+            signature,
+        }),
     ]
 }
 

@@ -147,7 +147,10 @@ pub(crate) fn a_battery_that_breaks_down_is_seen_at_once() {
 
 /// Four motors keep their speed for longer than the log's buffer lasts, with duties that are renewed in every second.
 fn runs_on_unread(bench: &mut Bench) {
-    for _ in 0..15 {
+    for second in 0..15 {
+        // Something for the regulator to do.
+        let load = if second % 2 == 0 { 0.1 } else { -0.1 };
+        (0..4).for_each(|motor| bench.set_torque(motor, load));
         let (from, changes) = (bench.now(), bench.transitions().len());
         let counts: [i64; 4] = std::array::from_fn(|motor| bench.look(motor).counts);
         bench.run(ms(1000));

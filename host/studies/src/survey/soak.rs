@@ -2,7 +2,7 @@
 //! keep the watchdog waiting; nothing may panic.
 //!
 //! Scenario by scenario the hub is told everything, wrong inertias, or nothing (see [`Knowledge`]), and every other
-//! four have bridges with the timing of real ones.
+//! four have bridges with the timing of real ones. Dry friction is up to 40 % of the stall torque, four times the survey's.
 //!
 //! ```
 //! use studies::survey::soak::Soak;
@@ -14,6 +14,8 @@
 
 use super::{Knowledge, circumstances, random};
 use crate::StudyError;
+use motor_hub::model::friction::Friction;
+use motor_hub::model::si::NewtonMetres;
 use motor_hub::motor::Faults;
 use serde::Serialize;
 use simulated::hardware::REAL_BRIDGE;
@@ -116,6 +118,9 @@ fn scenario(seed: u64, number: u64) -> (Scenario, Knowledge) {
     let knowledge = Knowledge::ALL.into_iter().cycle().nth((number % 4) as usize).unwrap_or(Knowledge::Exact);
     for motor in &mut scenario.motors {
         motor.told = knowledge.told();
+        // From at most 10 % of the stall torque to at most 40.
+        motor.constants.friction =
+            Friction::with_coulomb(NewtonMetres(4.0 * motor.constants.friction.coulomb.0));
         if number % 8 >= 4 {
             motor.bridge = REAL_BRIDGE;
         }
