@@ -19,7 +19,6 @@ mod astray;
 mod bench;
 mod board;
 mod chip;
-
 pub mod elf;
 mod lab;
 mod pins;
