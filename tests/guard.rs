@@ -466,6 +466,7 @@ fn open_loop_power_ends_every_suspicion() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn no_scheme_takes_a_load_that_drives_the_motor_for_a_reversed_encoder() {
     for settings in ways() {
         // Up to 0.6 of the stall torque, which is more than Schemes C and D can set against a load by

@@ -196,10 +196,10 @@ fn every_motor_of_the_catalogue_is_known_within_10_percent() {
     }
 }
 
-/// For the record: `cargo test --test identify -- --ignored --nocapture`.
+/// For the record: `cargo test --test identify report -- --ignored --nocapture`.
 #[test]
-#[ignore = "prints a table"]
-fn what_all_of_the_catalogue_comes_to() {
+#[ignore = "a report, not a test"]
+fn report_of_what_all_of_the_catalogue_comes_to() {
     for (period_ms, emf, ohms, limit) in [
         (1, 12.6, 0.0, u32::MAX),
         (10, 12.6, 0.0, u32::MAX),

@@ -537,8 +537,8 @@ fn plants_on_one_battery_share_its_sag_and_its_gain() {
 }
 
 #[test]
-#[ignore = "prints how fast the plant runs; meant for an optimised build"]
-fn plant_speed() {
+#[ignore = "a report, not a test; meant for an optimised build"]
+fn report_of_the_plant_s_speed() {
     for (name, motor) in [("rotor inertia", am60()), ("paper inertia", motor("AM 60 A"))] {
         for frequency in [1e3, 20e3] {
             for mode in MODES {

@@ -117,12 +117,22 @@ const F429: (usize, usize) = (4, 16 * 1024);
 const H743: (usize, usize) = (32, 128 * 1024);
 
 #[test]
+fn a_hundred_saves_on_either_board_leave_the_old_value_or_the_new() {
+    let tally = history::<{ F429.0 }, { F429.1 }>(100, 300, some);
+    assert!(tally.erasures >= 2 && tally.cuts > 300 && tally.second_cuts > 100, "{tally:?}");
+    let tally = history::<{ H743.0 }, { H743.1 }>(100, 500, some);
+    assert!(tally.cuts > 150, "{tally:?}");
+}
+
+#[test]
+#[ignore = "long: cargo xtask long"]
 fn a_thousand_saves_on_the_f429_leave_the_old_value_or_the_new() {
     let tally = history::<{ F429.0 }, { F429.1 }>(1_000, 300, some);
     assert!(tally.erasures >= 20 && tally.cuts > 5_000 && tally.second_cuts > 2_000, "{tally:?}");
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_thousand_saves_on_the_h743_leave_the_old_value_or_the_new() {
     let tally = history::<{ H743.0 }, { H743.1 }>(1_000, 500, some);
     assert!(tally.erasures >= 3 && tally.cuts > 2_000 && tally.second_cuts > 100, "{tally:?}");

@@ -12,7 +12,7 @@ mod size;
 mod tool;
 
 use std::process::ExitCode;
-use tool::{Failed, cargo, cargo_command, run};
+use tool::{Failed, REPORTS, cargo, cargo_command, run};
 
 /// A task: its name, its arguments, what it does, and how.
 struct Task {
@@ -22,7 +22,7 @@ struct Task {
     start: fn(&[String]) -> Result<(), Failed>,
 }
 
-const TASKS: [Task; 9] = [
+const TASKS: [Task; 10] = [
     Task {
         name: "check",
         arguments: "",
@@ -32,8 +32,14 @@ const TASKS: [Task; 9] = [
     Task {
         name: "test",
         arguments: "[BOARD]",
-        does: "everything that can be tested without hardware; or all that runs this board's image",
+        does: "what `cargo test` does; or all that runs this board's image, long tests too",
         start: test,
+    },
+    Task {
+        name: "long",
+        arguments: "",
+        does: "the tests that `cargo test` leaves out, for they take minutes",
+        start: long,
     },
     Task {
         name: "figures",
@@ -118,7 +124,13 @@ fn test(arguments: &[String]) -> Result<(), Failed> {
     let board = board::named(arguments)?;
     // Without naming their packages, which would build everything once more with fewer features.
     let images = ["test", "--test", "image", "--test", "overlay", "--test", "scenarios_emulated"];
-    run(cargo_command(&[&images[..], &["--", "--nocapture"]].concat()).env("MOTOR_HUB_BOARD", board.name))
+    let all = ["--", "--nocapture", "--include-ignored", "--skip", REPORTS];
+    run(cargo_command(&[&images[..], &all].concat()).env("MOTOR_HUB_BOARD", board.name))
+}
+
+fn long(arguments: &[String]) -> Result<(), Failed> {
+    tool::none(arguments)?;
+    cargo(&["test", "--tests", "--", "--ignored", "--skip", REPORTS])
 }
 
 fn package(arguments: &[String]) -> Result<(), Failed> {

@@ -1,13 +1,14 @@
 //! `cargo xtask numbers`: prints the numbers that the documents quote, and fails where one is not what the
 //! tests allow.
 
-use crate::tool::{Failed, cargo, cargo_command, motor_hub, none, output};
+use crate::tool::{Failed, REPORTS, cargo, cargo_command, motor_hub, none, output};
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     none(arguments)?;
     // Without naming their packages, which would build everything once more with fewer features.
     cargo(&["test", "--test", "linear_current", "--", "--nocapture"])?;
-    cargo(&["test", "--test", "image", "--", "--nocapture", "boot::", "budget::"])?;
+    let instructions = ["boot::", "budget::", "--include-ignored", "--skip", REPORTS];
+    cargo(&[&["test", "--test", "image", "--", "--nocapture"][..], &instructions].concat())?;
     for command in ["paper", "figures", "compare"] {
         motor_hub(&[command])?;
     }

@@ -4,6 +4,9 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+/// What the names of those tests begin with that are ignored because they only print.
+pub(crate) const REPORTS: &str = "report_";
+
 /// Why a task did not succeed, in words.
 pub(crate) struct Failed(pub(crate) String);
 

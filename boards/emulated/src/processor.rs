@@ -110,7 +110,13 @@ pub(crate) fn keep(spec: &mut CoreSpec, code: Code) {
             let Range { start, end } = code.board.ram();
             processor.ask(Queued::Invalidate(start, end));
         }
-        let core = Kept { translator: Some(translator), code, placing: Some(translated), as_new: code.lasts };
+        let core = Kept {
+            translator: Some(translator),
+            code,
+            placing: Some(translated),
+            as_new: code.lasts,
+            breakpoints: Vec::new(),
+        };
         Ok(Box::new(core))
     });
 }
@@ -126,6 +132,8 @@ struct Kept {
     placing: Option<bool>,
     /// Nothing was asked of it that the next run would have to undo.
     as_new: bool,
+    /// Where it stops, as often as that was asked: taken back when the run is over.
+    breakpoints: Vec<u64>,
 }
 
 impl Kept {
@@ -151,7 +159,10 @@ impl Kept {
 
 impl Drop for Kept {
     fn drop(&mut self) {
-        let Some(translator) = self.translator.take() else { return };
+        let Some(mut translator) = self.translator.take() else { return };
+        for &address in &self.breakpoints {
+            translator.processor.remove_breakpoint(address);
+        }
         if self.as_new && !std::thread::panicking() {
             shelf().push((self.code, translator));
         }
@@ -186,7 +197,7 @@ impl Processor for Kept {
     }
 
     fn add_breakpoint(&mut self, address: u64) -> bool {
-        self.as_new = false;
+        self.breakpoints.push(address);
         self.processor_mut().add_breakpoint(address)
     }
 
@@ -253,6 +264,10 @@ impl Processor for Kept {
     }
 
     fn remove_breakpoint(&mut self, address: u64) {
+        // Each is counted, and taken back as often.
+        if let Some(place) = self.breakpoints.iter().position(|&asked| asked == address) {
+            self.breakpoints.swap_remove(place);
+        }
         self.processor_mut().remove_breakpoint(address);
     }
 

@@ -60,6 +60,7 @@ fn the_tasks_of_the_reference_are_done_as_well_as_there() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn every_bare_motor_settles_at_every_period() {
     let cells = cells::run(&mut |_, _| ()).expect("it runs");
     let settled = |verdicts: &[Verdict; 2]| verdicts.iter().all(|verdict| verdict.settling_s.is_some());
@@ -87,6 +88,7 @@ fn a_drawn_scenario_is_its_own_file_again() {
 
 // The only test here that needs the process's clock.
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn motors_that_the_hub_knows_raise_no_alarm_and_no_watchdog_starves() {
     // Of the ten hours that `motor-hub soak --hours 10` runs. Motors of which it is told nothing do raise some there: slow
     // ones that turn back.

@@ -118,6 +118,7 @@ fn share(image: &Path, regulator: Kind) -> f64 {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn the_whole_hub_needs_little_of_the_core() {
     the_whole_hub_needs_at_most(50, 2.0);
     the_whole_hub_needs_at_most(1, 10.0);

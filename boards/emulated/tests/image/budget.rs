@@ -81,6 +81,7 @@ fn mean(counts: &[u64]) -> u64 {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
     println!("instructions of one motor's control step, and of a sample of its encoder between steps");
     println!(
@@ -141,10 +142,10 @@ fn room(function: &str) -> String {
     ours.map_or_else(|| "what they call of others".to_owned(), str::to_owned)
 }
 
-/// `cargo test --test image profile -- --ignored --nocapture`: where the instructions of a step go.
+/// `cargo test --test image report -- --ignored --nocapture`: where the instructions of a step go.
 #[test]
 #[ignore = "a report, not a test"]
-fn profile_of_a_step() {
+fn report_of_a_step() {
     for (way, mode) in ways().into_iter().flat_map(|way| MODES.map(|mode| (way, mode))) {
         let recording = record(mode, way, 50, 200);
         let mut chip = OnChip::new(&recording);
@@ -157,7 +158,7 @@ fn profile_of_a_step() {
 /// The same for all that the hub does, by motor and millisecond.
 #[test]
 #[ignore = "a report, not a test"]
-fn profile_of_the_hub() {
+fn report_of_the_hub() {
     const MILLISECONDS: u64 = 100;
     for regulator in [Kind::Pid, Kind::Model] {
         let image = elf::hub_with_period(board(), 1);

@@ -34,8 +34,8 @@ fn rate(pwm: Pwm) {
 }
 
 #[test]
-#[ignore = "a measurement, not a test"]
-fn virtual_time_passes_so_much_faster_than_real_time() {
+#[ignore = "a report, not a test"]
+fn report_of_virtual_time_against_real_time() {
     for pwm in [Pwm::Registers, Pwm::Emulated] {
         rate(pwm);
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crate::boot::first_safe_output;
-use crate::common::{am60, board, ms, on, setup};
+use crate::common::{am60, ms, on, setup};
 use emulated::talk::Talk;
 use emulated::{Bench, Board, Setup, elf};
 use motor_hub::protocol::answers::Reply;
@@ -105,6 +105,7 @@ fn hangs(origin: u32) -> Vec<u8> {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
     let began = Instant::now();
     let (mut bench, mut talk) = powered_on();
@@ -142,6 +143,7 @@ fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn behind_the_bootloader_pins_drive_their_idle_levels_within_a_millisecond_of_reset() {
     let safe = on(BOARD, || {
         let mut bench = Bench::new(Setup { bootloader: true, ..setup(vec![am60()]) });
@@ -155,6 +157,7 @@ fn behind_the_bootloader_pins_drive_their_idle_levels_within_a_millisecond_of_re
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_restart() {
     let (mut bench, mut talk) = powered_on();
     let image = hangs(0x0802_0000);
@@ -200,14 +203,12 @@ fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_
 const KEY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/update/signed/public.der");
 const SIGNATURE: &[u8; 64] = include_bytes!("hangs.sig");
 
-/// Only where this board is asked for: that is an image more to build.
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
-    if board() != BOARD {
-        return;
-    }
     let image = elf::hub_that_asks_for_signatures(BOARD, Path::new(KEY));
-    let mut bench = Bench::with_image(Setup { bootloader: true, ..setup(vec![am60()]) }, &image);
+    let mut bench =
+        on(BOARD, || Bench::with_image(Setup { bootloader: true, ..setup(vec![am60()]) }, &image));
     bench.run(ms(300));
     let mut talk = Talk::default();
     let key = public_key(&std::fs::read(KEY).expect("a file")).expect("a key");

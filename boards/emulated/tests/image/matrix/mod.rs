@@ -44,11 +44,13 @@ fn complaints(row: &Row, seen: &Seen) -> Vec<String> {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn every_fault_in_every_mode_ends_as_it_should() {
     run_rows(Setup::AsTheyCome, &ROWS.iter().collect::<Vec<_>>());
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn faults_of_motors_that_are_known_and_brake_end_as_they_should() {
     run_rows(Setup::ByModelBraking, &OF_MODEL_AND_BRAKE.iter().collect::<Vec<_>>());
 }

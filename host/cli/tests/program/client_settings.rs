@@ -1,13 +1,9 @@
 //! `motor-hub client settings` against a served hub that keeps its settings in a file.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-mod common;
-mod conformance;
-mod output;
-
-use common::{folder, motor_hub};
-use conformance::{Hub, conforms};
-use output::{err, out};
+use crate::common::{folder, motor_hub};
+use crate::conformance::{Hub, conforms};
+use crate::output::{err, out};
 use serde_json::Value;
 use std::path::PathBuf;
 use std::process::{Command, Output};

@@ -1,6 +1,5 @@
 //! A host that checks every rule of the protocol that hosts rely on, from outside and in real time. Written
 //! apart from the hub's and the client's codecs, so that each checks the other.
-#![allow(dead_code, reason = "each test uses its own part")]
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;

@@ -6,9 +6,7 @@
     reason = "a failed access is a failed test"
 )]
 
-mod common;
-
-use common::{folder, motor_hub};
+use crate::common::{folder, motor_hub};
 use serde_json::Value;
 use std::path::Path;
 use std::sync::LazyLock;

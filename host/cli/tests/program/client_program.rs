@@ -6,15 +6,10 @@
     reason = "a failed access is a failed test"
 )]
 
-mod common;
-#[path = "../../client/tests/hub_support/mod.rs"]
-mod hub_support;
-mod output;
-
-use hub_support::{Hub, Server};
+use crate::hub_support::{Hub, Server};
+use crate::output::{err, out};
 use motor_hub::supply::Stage;
 use motor_hub::units::{CountsPerSecond, Milliamperes, Millivolts};
-use output::{err, out};
 use serde_json::Value;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -149,7 +144,7 @@ fn a_recording_has_the_current_of_hubs_that_tell_it() {
     let mut hub = Hub::new();
     hub.snapshot.motors[1].measured = Some(Milliamperes::new(1_250));
     let server = Server::start(hub);
-    let folder = common::folder("current");
+    let folder = crate::common::folder("current");
     let to = folder.to_str().unwrap();
     out(&client(
         &server,

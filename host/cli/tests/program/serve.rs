@@ -6,9 +6,7 @@
     reason = "a failed access is a failed test"
 )]
 
-mod conformance;
-
-use conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, packet};
+use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, packet};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
@@ -133,7 +131,7 @@ fn what_one_host_leaves_unread_is_not_for_the_next() {
         std::thread::sleep(Duration::from_millis(50));
         let mut next = hub.serial();
         std::thread::sleep(Duration::from_millis(20));
-        assert_eq!(next.hear(), [], "{linger_ms} ms");
+        assert_eq!(next.hear(), Vec::<u8>::new(), "{linger_ms} ms");
         assert!(!next.enabled());
     }
 }

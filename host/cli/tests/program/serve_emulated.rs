@@ -1,18 +1,13 @@
 //! The flashed image in real time, its serial line on this machine: the same host, and the same rules, as for
-//! the simulated hub. In a program of its own, so that nothing else is at work meanwhile: real time is at stake.
-#![expect(
-    clippy::unwrap_used,
-    clippy::indexing_slicing,
-    clippy::panic,
-    reason = "a failed access is a failed test"
-)]
+//! the simulated hub.
 
-mod conformance;
-
-use conformance::{Hub, conforms};
+use crate::common::alone;
+use crate::conformance::{Hub, conforms};
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn the_image_conforms_over_its_serial_line() {
+    let _alone = alone();
     let program = env!("CARGO_BIN_EXE_motor-hub");
     conforms(&mut Hub::start(program, &["--emulated", "--tcp", "127.0.0.1:0"]).tcp());
 }

@@ -6,11 +6,8 @@
     reason = "a failed access is a failed test"
 )]
 
-mod common;
-mod output;
-
-use common::{folder, motor_hub};
-use output::{err, out};
+use crate::common::{folder, motor_hub};
+use crate::output::{err, out};
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};

@@ -1,5 +1,4 @@
 //! The program `motor-hub dashboard`, for tests.
-#![allow(dead_code, reason = "each test uses its own part")]
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};

@@ -2,11 +2,8 @@
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-mod conformance;
-mod output;
-
-use conformance::Hub;
-use output::{err, out};
+use crate::conformance::Hub;
+use crate::output::{err, out};
 use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, tcgetattr};

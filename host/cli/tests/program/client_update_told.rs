@@ -1,16 +1,11 @@
 //! What `motor-hub client update` says of how an update ends, against the hub's own side of the protocol with a made-up flash.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-mod common;
-#[path = "../../client/tests/hub_support/mod.rs"]
-mod hub_support;
-mod output;
-
-use common::folder;
-use hub_support::{Hub, Server, responder};
+use crate::common::folder;
+use crate::hub_support::{Hub, Server, responder};
+use crate::output::{err, out};
 use motor_hub::responder::Responder;
 use motor_hub::update::{Booted, Done, Order, Outcome, Seal, Slot, public_key};
-use output::{err, out};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -18,7 +13,7 @@ const SLOT: Slot =
     Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
 
 /// As OpenSSL writes it.
-const KEY: &[u8] = include_bytes!("../../../tests/update/signed/public.der");
+const KEY: &[u8] = include_bytes!("../../../../tests/update/signed/public.der");
 
 /// What the made-up flash takes for the owner's signature of any image.
 const SIGNATURE: [u8; 64] = [7; 64];

@@ -6,11 +6,8 @@
     reason = "a failed access is a failed test"
 )]
 
-mod conformance;
-mod page;
-
-use conformance::Hub;
-use page::Dashboard;
+use crate::conformance::Hub;
+use crate::page::Dashboard;
 use serde_json::{Value, json};
 use std::io::ErrorKind;
 use std::net::TcpStream;
@@ -267,6 +264,7 @@ fn a_message_that_is_too_long_ends_its_page_and_no_other() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_scenario_is_played_from_its_beginning_and_leaves_its_motors_off() {
     let winch = concat!(env!("CARGO_MANIFEST_DIR"), "/../../boards/simulated/scenarios/winch.toml");
     let dashboard = Dashboard::start(&["--scenario", winch]);
@@ -357,10 +355,10 @@ fn the_page_is_for_this_machine_alone_unless_it_is_asked_for_otherwise() {
     assert!(refused.status.code() == Some(2) && says.contains("give HOST:PORT"), "{says}");
 }
 
-/// `cargo test --test dashboard frames -- --ignored --nocapture`
+/// `cargo test --test program report_of_frames -- --ignored --nocapture`
 #[test]
 #[ignore = "a report, not a test: times are this machine's"]
-fn frames_a_second_of_four_running_motors() {
+fn report_of_frames_a_second_of_four_running_motors() {
     let frames = |name: &str, dashboard: &Dashboard| {
         let mut page = Page::ready(dashboard);
         (0..4).for_each(|motor| page.run(motor));

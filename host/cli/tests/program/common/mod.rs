@@ -1,8 +1,8 @@
 //! The program, and a place for what it writes.
-#![allow(dead_code, reason = "each test uses its own part")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Runs the program to its end.
 pub(crate) fn motor_hub(arguments: &[&str]) -> Output {
@@ -14,4 +14,10 @@ pub(crate) fn folder(test: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
     let _ = std::fs::remove_dir_all(&folder);
     folder
+}
+
+/// One such test at a time: what is measured in real time must not wait for another browser, nor for an emulated chip.
+pub(crate) fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -6,16 +6,14 @@
     reason = "a failed access is a failed test"
 )]
 
-mod common;
-
-use common::{folder, motor_hub};
+use crate::common::{folder, motor_hub};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-const PAGE: &str = include_str!("../../../docs/output.md");
+const PAGE: &str = include_str!("../../../../docs/output.md");
 
 /// Fields in the table of a section.
 fn documented(section: &str) -> BTreeSet<String> {

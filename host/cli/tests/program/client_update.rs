@@ -1,16 +1,12 @@
-//! `motor-hub client update` over a pseudo-terminal, against the bootloader and the hub behind it on the emulated H743. In a
-//! program of its own: real time is at stake.
+//! `motor-hub client update` over a pseudo-terminal, against the bootloader and the hub behind it on the emulated
+//! H743.
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-mod common;
-mod conformance;
-mod output;
-
-use common::{folder, motor_hub};
-use conformance::Hub;
+use crate::common::{alone, folder, motor_hub};
+use crate::conformance::Hub;
+use crate::output::{err, out};
 use emulated::{Board, elf};
-use output::{err, out};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::Instant;
@@ -46,7 +42,9 @@ fn client(hub: &Hub, arguments: &[&str]) -> Output {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_hub_is_given_new_firmware_over_its_line_and_says_so() {
+    let _alone = alone();
     let folder = folder("client-update");
     let file = write(&folder, "newer.elf", &newer()).display().to_string();
     let link = folder.join("hub").display().to_string();
@@ -82,7 +80,9 @@ fn other_stack_is_refused_by_the_hub(hub: &Hub, folder: &Path) {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_hub_without_a_bootloader_says_so() {
+    let _alone = alone();
     let folder = folder("client-update-none");
     let file = write(&folder, "newer.elf", &newer()).display().to_string();
     let hub = Hub::start(PROGRAM, &["--pty", "--link", &folder.join("hub").display().to_string()]);
@@ -92,7 +92,9 @@ fn a_hub_without_a_bootloader_says_so() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_file_that_is_no_firmware_is_refused_before_a_hub_is_asked() {
+    let _alone = alone();
     let folder = folder("client-update-file");
     let file = write(&folder, "a.bin", b"nothing").display().to_string();
     for (file, why) in [(&*file, "no firmware of a motor hub"), ("/does/not/exist", "No such file")] {

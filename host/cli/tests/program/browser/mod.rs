@@ -1,5 +1,4 @@
 //! A headless Chromium, driven over its DevTools protocol.
-#![allow(dead_code, reason = "each test uses its own part")]
 
 pub(crate) mod page;
 

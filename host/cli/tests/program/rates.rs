@@ -1,11 +1,10 @@
 //! How often a hub can be asked what all its motors do.
 //!
-//! `cargo test --test rates -- --ignored --nocapture --test-threads 1`
+//! `cargo test --test program report_of_four -- --ignored --nocapture`
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-mod conformance;
-
-use conformance::Hub;
+use crate::common::alone;
+use crate::conformance::Hub;
 use motor_hub_client::Session;
 use std::time::Instant;
 
@@ -38,7 +37,8 @@ fn rate(name: &str, arguments: &[&str]) {
 
 #[test]
 #[ignore = "a report, not a test: times are this machine's"]
-fn four_motors_and_the_battery_over_every_line() {
+fn report_of_four_motors_and_the_battery_over_every_line() {
+    let _alone = alone();
     rate("TCP", &["--tcp", "127.0.0.1:0"]);
     #[cfg(unix)]
     rate("pseudo-terminal", &["--pty"]);

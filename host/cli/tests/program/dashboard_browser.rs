@@ -1,12 +1,10 @@
 //! `motor-hub dashboard` in a real browser: what somebody sees and does.
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
-mod browser;
-mod page;
-
-use browser::page::{ALONE, drive, live, motor, pictures, unobstructed};
-use browser::{Browser, Tab, find, wait_for};
-use page::Dashboard;
+use crate::browser::page::{drive, live, motor, pictures, unobstructed};
+use crate::browser::{Browser, Tab, find, wait_for};
+use crate::common::alone;
+use crate::page::Dashboard;
 use std::time::{Duration, Instant};
 
 const ESCAPE: (&str, u32) = ("Escape", 27);
@@ -15,7 +13,7 @@ const SPACE: (&str, u32) = (" ", 32);
 /// With a page of a simulated hub, at a desk's size; nothing may have been complained of in the end.
 fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
     let Some(program) = find() else { return };
-    let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let _alone = alone();
     let dashboard = Dashboard::start(&[]);
     let mut browser = Browser::start(&program, name);
     let mut tab = browser.open(&dashboard.url, 1280, 1000);
@@ -27,7 +25,7 @@ fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
 /// Two pages of one hub: what becomes of the motors of the first, as the second sees it.
 fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
     let Some(program) = find() else { return };
-    let _alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let _alone = alone();
     let dashboard = Dashboard::start(&[]);
     // A browser each: one that is busy answers for neither.
     let mut first = Browser::start(&program, &format!("{name}-driver"));
@@ -61,12 +59,14 @@ fn a_tab_that_is_killed_loses_its_motors() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_tab_that_is_closed_loses_its_motors() {
     let close = |tab: Tab<'_>| tab.close();
     with_two_pages("closed", close, "the page in control was closed", Duration::from_secs(2));
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_tab_that_hangs_loses_its_motors_after_a_second() {
     let hang = |mut tab: Tab<'_>| tab.hang();
     with_two_pages("hanging", hang, "showed nothing for a second", Duration::from_secs(3));
@@ -126,6 +126,7 @@ fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() 
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn space_in_a_field_stops_nothing() {
     with_page("space", |tab| {
         drive(tab, 1, 500);
@@ -139,6 +140,7 @@ fn space_in_a_field_stops_nothing() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
     with_page("boxes", |tab| {
         drive(tab, 0, 800);
@@ -164,6 +166,7 @@ fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_winch_is_seen_going_through_the_regimes() {
     with_page("winch", |tab| {
         drive(tab, 1, 600);
@@ -210,6 +213,7 @@ fn a_winch_is_seen_going_through_the_regimes() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn why_a_motor_stands_is_said_in_words() {
     with_page("why", |tab| {
         let why = "document.querySelector('#motors .card:nth-child(2) .why').textContent";
@@ -230,6 +234,7 @@ fn why_a_motor_stands_is_said_in_words() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_step_is_laid_over_the_one_before_and_a_change_is_taken_back() {
     with_page("step", |tab| {
         tab.click("#tab-tune");
@@ -254,6 +259,7 @@ fn a_step_is_laid_over_the_one_before_and_a_change_is_taken_back() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_motor_is_identified_and_what_was_found_predicts_what_was_measured() {
     with_page("identify", |tab| {
         tab.click("#tab-learn");
@@ -271,6 +277,7 @@ fn a_motor_is_identified_and_what_was_found_predicts_what_was_measured() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn a_recording_is_saved_and_looked_at_again() {
     with_page("record", |tab| {
         tab.click("#tab-record");
@@ -302,6 +309,7 @@ fn a_recording_is_saved_and_looked_at_again() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn all_of_it_is_reached_by_keys() {
     with_page("keys", |tab| {
         let chosen = "document.querySelector('.card.chosen').getAttribute('aria-label')";
@@ -327,10 +335,10 @@ fn all_of_it_is_reached_by_keys() {
     });
 }
 
-/// `cargo test --test dashboard_browser drawing -- --ignored --nocapture`
+/// `cargo test --test program report_of_drawing -- --ignored --nocapture`
 #[test]
 #[ignore = "a report, not a test: times are this machine's"]
-fn drawing_of_full_plots() {
+fn report_of_drawing_full_plots() {
     with_page("drawing", |tab| {
         drive(tab, 0, 900);
         // A minute of frames, as if it had gone by.

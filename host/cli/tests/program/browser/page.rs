@@ -2,10 +2,6 @@
 
 use super::Tab;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-
-/// One browser at a time: what is measured in real time must not wait for another.
-pub(crate) static ALONE: Mutex<()> = Mutex::new(());
 
 /// Where pictures go: `target/dashboard`.
 pub(crate) fn pictures() -> PathBuf {

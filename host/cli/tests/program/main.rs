@@ -1,0 +1,25 @@
+//! The program motor-hub, as somebody starts it. One program of tests, for most of them wait: for motors to turn, in real
+//! time, side by side.
+
+mod browser;
+mod client_jog;
+mod client_program;
+mod client_served;
+mod client_settings;
+mod client_update;
+mod client_update_told;
+mod command_line;
+mod common;
+mod compare;
+mod conformance;
+mod dashboard;
+mod dashboard_browser;
+mod eval;
+#[path = "../../../client/tests/hub_support/mod.rs"]
+mod hub_support;
+mod output;
+mod output_page;
+mod page;
+mod rates;
+mod serve;
+mod serve_emulated;
