@@ -7,6 +7,7 @@ use emulated::{Board, replay};
 use studies::expectations::judge;
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn every_scenario_for_the_chip_is_as_it_expects() {
     let board = Board::of_environment().expect("a board");
     let mut unmet = Vec::new();

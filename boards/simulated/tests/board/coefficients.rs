@@ -141,6 +141,7 @@ fn settles(name: &str, set: Velocity, judged: fn(usize) -> bool) {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn legacy_coefficients_settle_at_every_period_and_in_every_scheme() {
     settles("P 10, I 3", LEGACY, |_| true);
 }
@@ -159,6 +160,7 @@ fn coefficients_with_feed_forward_settle_at_every_period_and_in_every_scheme() {
 /// Of full control at full speed P is 0.042 and I, in a cycle, 0.0106: a time constant of 1.042 / 0.0106 cycles, or 4.9 s,
 /// for the three quarters that are missing by F.
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn coefficients_that_are_small_for_a_motor_take_the_time_that_they_stand_for() {
     let fastest = fastest();
     for ms in PERIODS_MS {
@@ -174,6 +176,7 @@ fn coefficients_that_are_small_for_a_motor_take_the_time_that_they_stand_for() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn positions_are_reached_and_held_by_what_hosts_set() {
     const TARGET: i64 = 2_000;
     const TOLERANCE: u16 = 5;
