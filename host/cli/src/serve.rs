@@ -5,7 +5,7 @@ mod link;
 mod notices;
 
 use crate::output::{Failure, print};
-use crate::parse::{address, seconds, wire};
+use crate::parse::{address, host_and_port, seconds, wire};
 use emulated::{Board, elf};
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
@@ -23,11 +23,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub(crate) const HELP: &str = "\
 A simulated hub in real time behind the REV Hub Serial Protocol, for host software to talk to
 
-The first line on standard output is what hosts open: the path of a serial port, or an address and port.
-The motors, their loads and the battery are those of a scenario; its set-points are left to the host, and there need
-not be any. Nothing pulls on the default scenario's motors, all of them are under Scheme A, and dry friction of 6 % of
-the stall torque stops them; the torques of a scenario that is named act from the start.
-One host at a time: a second one on a TCP port is hung up on, and standard error says so. It also says so whenever this
+The first line on standard output is what hosts open: the path of a serial port, or an address and port. \
+The motors, their loads and the battery are those of a scenario; its set-points are left to the host, and there need \
+not be any. Nothing pulls on the default scenario's motors, all of them are under Scheme A, and dry friction of 6 % of \
+the stall torque stops them; the torques of a scenario that is named act from the start. \
+One host at a time: a second one on a TCP port is hung up on, and standard error says so. It also says so whenever this \
 machine is too slow for real time. It runs until it is stopped (Ctrl-C).";
 
 /// A hub is up after so many seconds, whatever its battery does.
@@ -107,7 +107,7 @@ struct Place {
     #[arg(long)]
     pty: bool,
     /// On a TCP port; port 0 is any that is free
-    #[arg(long, value_name = "HOST:PORT")]
+    #[arg(long, value_name = "HOST:PORT", value_parser = host_and_port)]
     tcp: Option<String>,
 }
 
