@@ -142,6 +142,14 @@ fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
     let says = err(&asked);
     assert!(says.contains("warning: motor 0 turns at") && says.contains("30000 are asked for"), "{says}");
     assert!(says.contains("not at 30000 counts/s after 0.6 s: motor 0 at"), "{says}");
+    assert!(says.starts_with("warning") && says.contains("\ndisabled motor 0\n"), "{says}");
+    let folder = common::folder("not-reached");
+    let record = ["record", "--out", folder.to_str().unwrap(), "--"];
+    let recorded = [&record[..], &["velocity", "0,2", "30000", "--for", "0.3"]].concat();
+    let recorded = client(&hub, &recorded).output().unwrap();
+    assert_eq!(recorded.status.code(), Some(1));
+    assert!(err(&recorded).contains("\ndisabled motors 0, 2\n"), "{}", err(&recorded));
+    assert!(!rows(&folder).is_empty() && folder.join("motor-2.svg").exists());
     let rpm = ["velocity", "0", "20rpm", "--type", "AM 60 A", "--for", "1.5"];
     let reached = client(&hub, &rpm).output().unwrap();
     assert!(out(&reached).contains(" rpm, 2."), "{}", out(&reached));
@@ -167,6 +175,7 @@ fn motors_move_in_step_to_where_they_are_sent() {
     out(&client(&hub, &["together", "0=300", "2=300", "--on", "--for", "0.5"]).output().unwrap());
     let late = client(&hub, &["together", "0=90000", "--for", "0.3"]).output().unwrap();
     assert_eq!(late.status.code(), Some(1));
+    assert!(err(&late).contains("disabled motor 0\n"), "{}", err(&late));
     assert!(err(&late).contains("not there after 0.3 s"), "{}", err(&late));
 }
 
