@@ -26,6 +26,7 @@ mod parse;
 mod points;
 mod run;
 mod serve;
+mod served;
 mod soak;
 mod source;
 mod survey;
