@@ -352,6 +352,13 @@ fn tables_and_words_are_no_wider_than_a_terminal_of_80_columns() {
 }
 
 #[test]
+fn what_is_recorded_has_a_help_page_of_its_own() {
+    let page = out(&motor_hub(&["client", "record", "--", "velocity", "--help"]));
+    assert!(page.contains("Usage: velocity [OPTIONS] <MOTOR> <SPEED>"), "{page}");
+    assert!(page.lines().all(|line| line.chars().count() <= 80), "{page}");
+}
+
+#[test]
 fn every_command_has_a_manual_page_and_shells_can_complete_it() {
     let out = folder("man");
     assert!(motor_hub(&["man", "--out", out.to_str().unwrap()]).status.success());

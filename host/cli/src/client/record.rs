@@ -47,7 +47,7 @@ pub(super) struct Options {
 
 /// The command that is recorded.
 #[derive(clap::Parser)]
-#[command(name = "record --", no_binary_name = true, disable_help_subcommand = true)]
+#[command(name = "record --", no_binary_name = true, disable_help_subcommand = true, max_term_width = 80)]
 struct Recorded {
     #[command(subcommand)]
     drive: Drive,
@@ -60,6 +60,10 @@ impl Options {
         let parsed = command.try_get_matches_from_mut(&self.drive);
         let parsed = parsed.and_then(|mut matches| Recorded::from_arg_matches_mut(&mut matches));
         let parsed = parsed.map_err(|error| {
+            if !error.use_stderr() {
+                // Help, which was asked for.
+                error.exit();
+            }
             let text = error.to_string();
             Failure::input(text.strip_prefix("error: ").unwrap_or(&text).trim_end())
         })?;
