@@ -98,7 +98,8 @@ pub fn run(
                 .collect();
             line_on(bench.battery().0, motors.into_iter())
         };
-        Ok(show(Moment { at_s, awake: true, lost, turned_away: line.turned_away(), describe }))
+        let (taken, turned_away) = (line.is_taken(), line.turned_away());
+        Ok(show(Moment { at_s, awake: true, taken, lost, turned_away, describe }))
     })?;
     let gaps = bench.gaps();
     if gaps.is_empty() { Ok(()) } else { Err(ReplayError::Gaps(gaps)) }

@@ -79,6 +79,8 @@ pub struct Moment<'a> {
     pub at_s: f64,
     /// Motors can be enabled.
     pub awake: bool,
+    /// A host is on the line: see [`Line::is_taken`].
+    pub taken: bool,
     /// Real time that was lost so far because this machine was too slow.
     pub lost: Duration,
     /// Hosts that found another one on the line, and were hung up on.
@@ -171,7 +173,8 @@ pub fn run(
             format!("LED #{red:02x}{green:02x}{blue:02x}, {}", line_on(battery_v, motors))
         };
         let (awake, turned_away) = (snapshot.battery.is_some(), line.borrow().turned_away());
-        Ok(show(Moment { at_s, awake, lost, turned_away, describe }))
+        let taken = line.borrow().is_taken();
+        Ok(show(Moment { at_s, awake, taken, lost, turned_away, describe }))
     })
 }
 

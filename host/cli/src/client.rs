@@ -23,10 +23,11 @@ mod update;
 mod watch;
 
 use crate::output::{Failure, print};
-use crate::parse::{address, channel, whole};
+use crate::parse::{address, channel, host_and_port, whole};
+use clap::builder::NonEmptyStringValueParser;
 use driven::stop_abandoned;
 use motor_hub::protocol::{Address, Colour};
-use motor_hub_client::line::{Line, is_tcp};
+use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use std::time::Duration;
 use studies::table;
@@ -36,15 +37,15 @@ use trouble::Trouble;
 pub(crate) const HELP: &str = "\
 Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
 
-Reads and sets what the protocol knows of motors: power, velocity, position, coefficients, encoders,
+Reads and sets what the protocol knows of motors: power, velocity, position, coefficients, encoders, \
 status, LED. Without --address the hub is found by discovery, which takes 0.25 s.
 
-Commands that run motors disable them when they are over, on Ctrl-C, SIGTERM, SIGQUIT, SIGHUP (a closed terminal), on an error
-and on a panic, and say so on standard error. If the program is killed (SIGKILL), the hub hears nothing, and after its
+Commands that run motors disable them when they are over, on Ctrl-C, SIGTERM, SIGQUIT, SIGHUP (a closed terminal), on an error \
+and on a panic, and say so on standard error. If the program is killed (SIGKILL), the hub hears nothing, and after its \
 keep-alive timeout of 2.5 s it lets all motors coast. `stop` does so at once.
 
-Every packet, even a question, counts as a sign of life to the hub. So that no command prolongs a motion that it did not
-begin, each of them, `status` and `watch` too, first disables motors that it finds enabled, and says so: a line has
+Every packet, even a question, counts as a sign of life to the hub. So that no command prolongs a motion that it did not \
+begin, each of them, `status` and `watch` too, first disables motors that it finds enabled, and says so: a line has \
 one host at a time, so whoever enabled them is gone.
 
 Exit codes: 0 done; 1 no answer, a refusal, or a position or velocity that was not reached; 2 wrong options.";
@@ -53,7 +54,7 @@ Exit codes: 0 done; 1 no answer, a refusal, or a position or velocity that was n
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Serial port of the hub, or a pseudo-terminal (460800 baud, 8N1)
-    #[arg(long, value_name = "PATH", global = true, help_heading = "Hub")]
+    #[arg(long, value_name = "PATH", global = true, help_heading = "Hub", value_parser = NonEmptyStringValueParser::new())]
     port: Option<String>,
     /// Hub behind a TCP connection, in the place of --port
     #[arg(long, value_name = "HOST:PORT", global = true, help_heading = "Hub", value_parser = host_and_port)]
@@ -247,8 +248,4 @@ impl Command {
         };
         Ok(print(&format!("{done}\n"))?)
     }
-}
-
-fn host_and_port(text: &str) -> Result<String, String> {
-    if is_tcp(text) { Ok(text.to_owned()) } else { Err("give HOST:PORT, such as 127.0.0.1:7070".to_owned()) }
 }

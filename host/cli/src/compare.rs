@@ -9,11 +9,11 @@ use studies::compare::Comparison;
 pub(crate) const HELP: &str = "\
 The same tasks under every scheme, with linear duty and with linear current
 
-An AM 60 A with a 10 kg flywheel steps down, is driven by its load, reverses, crawls, holds a load at
-standstill, works from a sagging battery, and steps down with another flywheel or while the hub is wrong
-about R or Ke; under forward and reverse driving only (none) and under schemes A to D (D with automatic
-blend), each with linear duty, as in the paper, and with linear current. By PID twice: with the same PI
-coefficients for all, and with each variant's best of a small grid, chosen on the first task; and by the
+An AM 60 A with a 10 kg flywheel steps down, is driven by its load, reverses, crawls, holds a load at \
+standstill, works from a sagging battery, and steps down with another flywheel or while the hub is wrong \
+about R or Ke; under forward and reverse driving only (none) and under schemes A to D (D with automatic \
+blend), each with linear duty, as in the paper, and with linear current. By PID twice: with the same PI \
+coefficients for all, and with each variant's best of a small grid, chosen on the first task; and by the \
 motor's model, which has no coefficients.";
 
 /// Options of `compare`.

@@ -1,12 +1,13 @@
 //! `motor-hub dashboard`: a hub in a browser.
 
 use crate::output::{Failure, print, say};
+use crate::parse::host_and_port;
 use crate::serve::stop_flag;
 use dashboard::script::Script;
 use dashboard::world::World;
 use dashboard::{Place, Server};
 use motor_hub::protocol::Address;
-use motor_hub_client::line::{Line, is_tcp};
+use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use simulated::scenario::Scenario;
 use simulated::serve::{self, Memory};
@@ -21,10 +22,10 @@ use std::time::Duration;
 pub(crate) const HELP: &str = "\
 A hub in a browser: four motors live, to be moved, tuned and stopped
 
-The first line on standard output is the URL to open; whoever has it has the motors, for its token is in it. Without
+The first line on standard output is the URL to open; whoever has it has the motors, for its token is in it. Without \
 --port or --tcp it is a simulated hub, whose loads, battery and encoders can be played with.
 
-One page is in control, any number look on, and anyone may stop. When the page in control is closed, hidden for ten
+One page is in control, any number look on, and anyone may stop. When the page in control is closed, hidden for ten \
 seconds, or shows nothing for a second, all motors are switched off; so they are when this program ends.";
 
 /// What the default scenario is called, whose set-points a page has in its place.
@@ -49,18 +50,14 @@ pub(crate) struct Options {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "tcp"])]
     store: Option<PathBuf>,
     /// Where the page is served on this machine; port 0 is any that is free
-    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0", value_parser = host_and_port)]
     http: String,
     /// Where it is served for other machines, such as a phone: everyone on the network who has the URL
-    #[arg(long, value_name = "ADDR:PORT", conflicts_with = "http")]
+    #[arg(long, value_name = "ADDR:PORT", conflicts_with = "http", value_parser = host_and_port)]
     listen: Option<String>,
     /// Opens it in this machine's browser
     #[arg(long)]
     open: bool,
-}
-
-fn host_and_port(text: &str) -> Result<String, String> {
-    if is_tcp(text) { Ok(text.to_owned()) } else { Err("give HOST:PORT, such as 127.0.0.1:7070".to_owned()) }
 }
 
 impl Options {

@@ -12,8 +12,8 @@ use studies::overlay::Overlay;
 pub(crate) const HELP: &str = "\
 The flashed image on an emulated chip, over the same core on the simulated board
 
-A scenario twice: by the image of a board, unmodified, on its emulated chip (nucleo-f429zi: STM32F427,
-nucleo-h743zi2: STM32H743) whose pins drive the motors, and by the same core on the simulated board. The image is built first if it is not fresh;
+A scenario twice: by the image of a board, unmodified, on its emulated chip (nucleo-f429zi: STM32F427, \
+nucleo-h743zi2: STM32H743) whose pins drive the motors, and by the same core on the simulated board. The image is built first if it is not fresh; \
 MOTOR_HUB_ELF names another one. Set-points come half a control period late, as the line needs time.";
 
 /// Options of `emulate`.

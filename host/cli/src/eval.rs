@@ -9,10 +9,10 @@ use studies::eval::{Answers, answers};
 pub(crate) const HELP: &str = "\
 The scripting interface: computes cases of a JSON document
 
-The document is an object with `cases`, a list of objects with `id`, `formula` and `inputs`, and
-`motors`, an object of motor constants by name: R, L, N, eta, Ke, Kt, B, J (SI units, before the
-gearbox). Standard output gets {\"results\": [{\"id\", \"outputs\"}]} in the order of the cases. A case
-with an unknown formula or bad inputs gets {\"id\", \"error\"} instead of outputs; all others are
+The document is an object with `cases`, a list of objects with `id`, `formula` and `inputs`, and \
+`motors`, an object of motor constants by name: R, L, N, eta, Ke, Kt, B, J (SI units, before the \
+gearbox). Standard output gets {\"results\": [{\"id\", \"outputs\"}]} in the order of the cases. A case \
+with an unknown formula or bad inputs gets {\"id\", \"error\"} instead of outputs; all others are \
 still answered, and the exit code is 1.
 
 Answered by the fixed-point core that the firmware runs:
@@ -34,8 +34,8 @@ Answered by the model in double precision:
   reverse0           motor, Vbat, Vd, Omega, cMax
   paper_printed      name
 
-The values for which a table has rows are a list in the case's inputs under the name of the first
-column; else the first column of the case's own outputs.rows, if it has any; else a default.
+The values for which a table has rows are a list in the case's inputs under the name of the first \
+column; else the first column of the case's own outputs.rows, if it has any; else a default. \
 A null among the outputs stands for infinity.
 
 Example:

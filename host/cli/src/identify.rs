@@ -13,9 +13,9 @@ use studies::identify::{self, Identifications};
 pub(crate) const HELP: &str = "\
 What the hub learns of the motors on a simulated board from a motion of a few seconds, beside what they are
 
-All motors of the scenario are identified at once, on one battery; its set-points are left out. What the hub
-is told of winding and back EMF, and how wrong that is, the scenario says. Nothing pulls on the default scenario's
-motors; the torques of a scenario that is named act from the start, and a motor that they pull on is refused.
+All motors of the scenario are identified at once, on one battery; its set-points are left out. What the hub \
+is told of winding and back EMF, and how wrong that is, the scenario says. Nothing pulls on the default scenario's \
+motors; the torques of a scenario that is named act from the start, and a motor that they pull on is refused. \
 For a hub on a line there is `motor-hub client identify`.
 
 Exit codes: 0 all motors are known; 1 one is not; 2 wrong options.";

@@ -26,6 +26,7 @@ mod parse;
 mod points;
 mod run;
 mod serve;
+mod served;
 mod soak;
 mod source;
 mod survey;
@@ -43,7 +44,7 @@ use studies::table;
 ///
 /// Tables are as wide as the terminal, or as the variable COLUMNS says; else 80 columns.
 #[derive(Parser)]
-#[command(name = "motor-hub", version, args_conflicts_with_subcommands = true)]
+#[command(name = "motor-hub", version, args_conflicts_with_subcommands = true, max_term_width = 80)]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
@@ -70,8 +71,10 @@ enum Command {
     /// The motors that are known: names, aliases, counts, speeds, currents
     Motors(motors::Options),
     /// The points S, T, Z, G at an operating point, computed by the firmware's core
+    #[command(override_usage = points::USAGE)]
     Points(points::Options),
     /// What the firmware does with a control value at an operating point
+    #[command(override_usage = map::USAGE)]
     Map(map::Options),
     /// Every number that the paper prints beside ours, and where its text is wrong
     Paper(paper::Options),
@@ -160,6 +163,30 @@ mod tests {
         for inner in command.get_subcommands() {
             complaints(&[path, &[inner.get_name().to_owned()]].concat(), inner, all);
         }
+    }
+
+    /// Of each command its help, short and long.
+    fn pages(path: &str, command: &mut Clap, all: &mut Vec<(String, String)>) {
+        let both = [command.render_help(), command.render_long_help()];
+        all.extend(both.map(|page| (path.to_owned(), page.to_string())));
+        for inner in command.get_subcommands_mut() {
+            pages(&format!("{path} {}", inner.get_name()), inner, all);
+        }
+    }
+
+    #[test]
+    fn every_help_page_fits_80_columns() {
+        let mut command = with_negative_numbers(Cli::command());
+        command.build();
+        let mut all = Vec::new();
+        pages("motor-hub", &mut command, &mut all);
+        assert!(all.len() > 80, "{} pages", all.len());
+        let wide: Vec<String> = all
+            .iter()
+            .flat_map(|(path, page)| page.lines().map(move |line| format!("{path}: {line}")))
+            .filter(|line| line.split_once(": ").is_some_and(|(_, line)| line.chars().count() > 80))
+            .collect();
+        assert!(wide.is_empty(), "{}", wide.join("\n"));
     }
 
     #[test]

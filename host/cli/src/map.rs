@@ -7,6 +7,11 @@ use motor_hub::units::Control;
 use studies::points::PlacedDrive;
 use studies::table;
 
+/// In two lines: a terminal has 80 columns.
+pub(crate) const USAGE: &str = "\
+motor-hub map [OPTIONS] --scheme <SCHEME>
+           --speed-cps <V> --battery-mv <MV> --control-steps <STEPS>";
+
 /// Options of `map`.
 #[derive(clap::Args)]
 pub(crate) struct Options {

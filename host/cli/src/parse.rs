@@ -3,6 +3,7 @@
 use clap::{Arg, Command};
 use motor_hub::protocol::pins::Pin;
 use motor_hub::protocol::{Address, CHANNELS};
+use motor_hub_client::line::is_tcp;
 use simulated::scenario::LONGEST_S;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -25,6 +26,11 @@ pub(crate) fn with_negative_numbers(command: Command) -> Command {
 pub(crate) fn address(text: &str) -> Result<Address, String> {
     let address = text.parse().ok().and_then(Address::new);
     address.ok_or_else(|| "an address is a whole number from 1 to 254".to_owned())
+}
+
+/// A place on a network, which is not looked for yet.
+pub(crate) fn host_and_port(text: &str) -> Result<String, String> {
+    if is_tcp(text) { Ok(text.to_owned()) } else { Err("give HOST:PORT, such as 127.0.0.1:7070".to_owned()) }
 }
 
 /// Two digital pins, which a wire connects.

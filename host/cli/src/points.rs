@@ -5,6 +5,11 @@ use crate::output::{Failure, Folder, drawn, print, print_json};
 use std::path::PathBuf;
 use studies::table;
 
+/// In two lines: a terminal has 80 columns.
+pub(crate) const USAGE: &str = "\
+motor-hub points [OPTIONS] --scheme <SCHEME>
+           --speed-cps <V> --battery-mv <MV>";
+
 /// Options of `points`.
 #[derive(clap::Args)]
 pub(crate) struct Options {

@@ -4,8 +4,12 @@
 mod link;
 mod notices;
 
+#[cfg(unix)]
+use crate::output::say;
 use crate::output::{Failure, print};
-use crate::parse::{address, seconds, wire};
+use crate::parse::{address, host_and_port, seconds, wire};
+#[cfg(unix)]
+use crate::served::Note;
 use emulated::{Board, elf};
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
@@ -15,6 +19,8 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register;
 use simulated::scenario::{Scenario, ScenarioError};
 use simulated::serve::{self, Line, LineError, Memory, Moment};
+#[cfg(unix)]
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,11 +29,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub(crate) const HELP: &str = "\
 A simulated hub in real time behind the REV Hub Serial Protocol, for host software to talk to
 
-The first line on standard output is what hosts open: the path of a serial port, or an address and port.
-The motors, their loads and the battery are those of a scenario; its set-points are left to the host, and there need
-not be any. Nothing pulls on the default scenario's motors, all of them are under Scheme A, and dry friction of 6 % of
-the stall torque stops them; the torques of a scenario that is named act from the start.
-One host at a time: a second one on a TCP port is hung up on, and standard error says so. It also says so whenever this
+The first line on standard output is what hosts open: the path of a serial port, or an address and port. \
+The motors, their loads and the battery are those of a scenario; its set-points are left to the host, and there need \
+not be any. Nothing pulls on the default scenario's motors, all of them are under Scheme A, and dry friction of 6 % of \
+the stall torque stops them; the torques of a scenario that is named act from the start. \
+`motor-hub client scan` finds it, by a note in a folder of the user (motor-hub in XDG_RUNTIME_DIR, else in the folder \
+for temporary files) that is removed in the end. One host at a time: a second one on a TCP port is hung up on, and standard error says so. It also says so whenever this \
 machine is too slow for real time. It runs until it is stopped (Ctrl-C).";
 
 /// A hub is up after so many seconds, whatever its battery does.
@@ -107,7 +114,7 @@ struct Place {
     #[arg(long)]
     pty: bool,
     /// On a TCP port; port 0 is any that is free
-    #[arg(long, value_name = "HOST:PORT")]
+    #[arg(long, value_name = "HOST:PORT", value_parser = host_and_port)]
     tcp: Option<String>,
 }
 
@@ -136,26 +143,33 @@ impl Serving {
             }
             None => None,
         };
+        #[cfg(unix)]
+        let (named, mut note) = (self.named(&line)?, None::<Option<Note>>);
         let stopped = stop_flag()?;
         let mut notices = Notices::new();
         let mut said_so = Ok(());
         let bar = ProgressBar::new_spinner();
         let mut shown_s = 0.0;
-        let served = run(&scenario, line, &mut |Moment { at_s, awake, lost, turned_away, describe }| {
-            // Not before a motor can be enabled, unless the battery is at fault.
-            if awake || at_s > AWAKE_S {
-                said_so = place.take().map_or(Ok(()), |place| print(&place));
-            }
-            if at_s > shown_s && !bar.is_hidden() {
-                shown_s = at_s + 0.2;
-                bar.set_message(format!("{at_s:.0} s, {}", describe()));
-            }
-            for notice in notices.due(at_s, lost, turned_away) {
-                bar.suspend(|| eprintln!("{notice}"));
-            }
-            let goes_on = self.limit_s.is_none_or(|limit_s| at_s < limit_s);
-            said_so.is_ok() && goes_on && !stopped.load(Ordering::Relaxed)
-        });
+        let served =
+            run(&scenario, line, &mut |Moment { at_s, awake, taken, lost, turned_away, describe }| {
+                // Not before a motor can be enabled, unless the battery is at fault.
+                if awake || at_s > AWAKE_S {
+                    said_so = place.take().map_or(Ok(()), |place| print(&place));
+                    #[cfg(unix)]
+                    if let Some(note) = note.get_or_insert_with(|| bar.suspend(|| leave_note(&named))) {
+                        note.tell(taken);
+                    }
+                }
+                if at_s > shown_s && !bar.is_hidden() {
+                    shown_s = at_s + 0.2;
+                    bar.set_message(format!("{at_s:.0} s, {}", describe()));
+                }
+                for notice in notices.due(at_s, lost, turned_away) {
+                    bar.suspend(|| eprintln!("{notice}"));
+                }
+                let goes_on = self.limit_s.is_none_or(|limit_s| at_s < limit_s);
+                said_so.is_ok() && goes_on && !stopped.load(Ordering::Relaxed)
+            });
         bar.finish_and_clear();
         served.map_err(Failure::work)?;
         for notice in notices.rest() {
@@ -163,6 +177,37 @@ impl Serving {
         }
         said_so
     }
+}
+
+impl Serving {
+    /// What hosts on this machine open, wherever they are.
+    #[cfg(unix)]
+    fn named(&self, line: &Line) -> Result<String, Failure> {
+        if let Some(link) = &self.link {
+            let path = std::path::absolute(link).map_err(Failure::input)?;
+            return Ok(path.display().to_string());
+        }
+        let place = line.to_string();
+        Ok(place.parse().map_or(place, |address: SocketAddr| here(address).to_string()))
+    }
+}
+
+/// The same address, but for one that stands for all of this machine's.
+#[cfg(unix)]
+fn here(address: SocketAddr) -> SocketAddr {
+    let ip = match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
+        ip => ip,
+    };
+    SocketAddr::new(ip, address.port())
+}
+
+/// For `client scan`; a hub without one is served all the same.
+#[cfg(unix)]
+fn leave_note(place: &str) -> Option<Note> {
+    let left = Note::leave(place);
+    left.map_err(|error| say(&format!("note: `client scan` will not find this hub unnamed: {error}"))).ok()
 }
 
 /// Set when the program is asked to end, which it then does in good order.

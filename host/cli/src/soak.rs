@@ -9,8 +9,8 @@ use studies::survey::soak::{self, Soak};
 pub(crate) const HELP: &str = "\
 Hours of scenarios by lot in virtual time, run by the hub's own tasks: false alarms and starved watchdogs are counted
 
-Scenarios are those of the survey: any motor, load, battery, period and scheme; told everything, wrong inertias or
-nothing; half of them on bridges with the timing of real ones. All of it is sound, so every fault that the hub reports
+Scenarios are those of the survey: any motor, load, battery, period and scheme; told everything, wrong inertias or \
+nothing; half of them on bridges with the timing of real ones. All of it is sound, so every fault that the hub reports \
 is a false alarm. `survey --seed SEED --dump NUMBER` writes one as a file, which has ideal bridges and is told everything.
 
 Exit codes: 0 nothing of the kind; 1 something; 2 wrong options.";

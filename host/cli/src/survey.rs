@@ -12,12 +12,12 @@ use studies::survey::{Survey, cells, chart, random, reference, text, toml};
 pub(crate) const HELP: &str = "\
 How well motors are regulated: reference tasks, bare motors, scenarios by lot
 
-Three parts, each by the model and, beside it, by PID for a motor of which nothing is told:
-the tasks of the reference at six control periods; every motor of the catalogue without a load, told to turn and
-told to go somewhere, at four; and any number of scenarios drawn by lot, with inertia told exactly, 0.7 and 1.4
-times, and dry friction of up to 10 % of the stall torque in half of the motors. Of the last those responses are
-counted that can be settled: 1.5 times the ideal time of full voltage (95 % of what the battery keeps with all motors
-stalled, within the scheme's range) plus 0.3 s, six control periods and three counts fit into nine tenths of the time,
+Three parts, each by the model and, beside it, by PID for a motor of which nothing is told: \
+the tasks of the reference at six control periods; every motor of the catalogue without a load, told to turn and \
+told to go somewhere, at four; and any number of scenarios drawn by lot, with inertia told exactly, 0.7 and 1.4 \
+times, and dry friction of up to 10 % of the stall torque in half of the motors. Of the last those responses are \
+counted that can be settled: 1.5 times the ideal time of full voltage (95 % of what the battery keeps with all motors \
+stalled, within the scheme's range) plus 0.3 s, six control periods and three counts fit into nine tenths of the time, \
 and a tenth of the voltage is left at the end.
 
 A scenario is known by seed and number; --dump writes it as a file that `motor-hub run` takes.";

@@ -81,6 +81,16 @@ impl Line {
         }
     }
 
+    /// A host is there: connected, or on a pseudo-terminal heard within the hub's keep-alive time of 2.5 s and, on
+    /// Linux, not gone since.
+    pub fn is_taken(&self) -> bool {
+        match &self.0 {
+            #[cfg(unix)]
+            Kind::Pty(pty) => pty.is_taken(),
+            Kind::Tcp(tcp) => tcp.is_taken(),
+        }
+    }
+
     /// Hosts that found another one here, and were hung up on.
     pub const fn turned_away(&self) -> u32 {
         match &self.0 {

@@ -6,7 +6,13 @@ use rustix::fs::{Mode, OFlags, fcntl_setfl};
 use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{self, OptionalActions};
+#[cfg(target_os = "linux")]
+use std::mem::MaybeUninit;
 use std::os::fd::OwnedFd;
+use std::time::{Duration, Instant};
+
+/// A host that has motors run speaks more often than this: the hub's keep-alive time.
+const KEEP_ALIVE: Duration = Duration::from_millis(2500);
 
 #[derive(Debug)]
 pub(super) struct Pty {
@@ -15,6 +21,8 @@ pub(super) struct Pty {
     /// forgotten, and reading the other end of it fails.
     theirs: OwnedFd,
     path: String,
+    /// When a host was heard last, unless it has closed the port since.
+    heard: Option<Instant>,
     /// Tells when somebody opens or closes the port, if the system can.
     #[cfg(target_os = "linux")]
     comings: Option<OwnedFd>,
@@ -39,21 +47,29 @@ impl Pty {
             #[cfg(target_os = "linux")]
             comings: watch(&path).ok(),
             path,
+            heard: None,
         })
     }
 
     /// What one host has left unread is nothing to the next: it is thrown away when the port is closed, and for what
     /// was sent meanwhile again when it is opened. (A host that shares the port with another may miss a reply by that.)
-    /// Systems other than Linux keep it.
-    fn forget_what_was_left(&self) {
+    /// Systems other than Linux keep it. True if somebody has closed the port, and nobody opened it since.
+    fn forget_what_was_left(&self) -> bool {
         #[cfg(target_os = "linux")]
         if let Some(comings) = &self.comings {
             // They come one by one or in bunches; how many there were does not matter.
-            let mut buffer = [0; 512];
-            if rustix::io::read(comings, &mut buffer).is_ok_and(|length| length > 0) {
+            let mut buffer = [MaybeUninit::uninit(); 512];
+            let mut events = inotify::Reader::new(comings, &mut buffer);
+            let mut last = None;
+            while let Ok(event) = events.next() {
+                last = Some(event.events());
+            }
+            if let Some(last) = last {
                 let _ = termios::tcflush(&self.theirs, termios::QueueSelector::IFlush);
+                return !last.contains(inotify::ReadFlags::OPEN);
             }
         }
+        false
     }
 
     pub(super) fn path(&self) -> &str {
@@ -61,11 +77,22 @@ impl Pty {
     }
 
     /// Bytes that have come; 0 if there are none now.
-    pub(super) fn receive(&self, bytes: &mut [u8]) -> usize {
-        self.forget_what_was_left();
+    pub(super) fn receive(&mut self, bytes: &mut [u8]) -> usize {
+        let closed = self.forget_what_was_left();
         // A host that was killed while it had the port to itself would keep the next one out.
         let _ = termios::ioctl_tiocnxcl(&self.theirs);
-        rustix::io::read(&self.ours, bytes).unwrap_or(0)
+        let received = rustix::io::read(&self.ours, bytes).unwrap_or(0);
+        if received > 0 {
+            self.heard = Some(Instant::now());
+        }
+        if closed {
+            self.heard = None;
+        }
+        received
+    }
+
+    pub(super) fn is_taken(&self) -> bool {
+        self.heard.is_some_and(|heard| heard.elapsed() < KEEP_ALIVE)
     }
 
     /// How many bytes were taken; 0 if the line is busy.

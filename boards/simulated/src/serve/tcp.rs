@@ -32,6 +32,10 @@ impl Tcp {
         self.turned_away
     }
 
+    pub(super) const fn is_taken(&self) -> bool {
+        self.host.is_some()
+    }
+
     /// Bytes that have come; 0 if there are none now.
     pub(super) fn receive(&mut self, bytes: &mut [u8]) -> usize {
         if self.host.is_none() {

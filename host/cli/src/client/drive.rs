@@ -135,12 +135,17 @@ impl Drive {
         let mut progress = Progress::new(&order);
         let arrived = Driven::run(session, |driven| {
             order.begin(driven)?;
-            follow(driven, &order, turn, |reading| progress.observe(reading.at, &reading.bulk))
+            let arrived =
+                follow(driven, &order, turn, |reading| progress.observe(reading.at, &reading.bulk))?;
+            if !arrived {
+                progress.judge(order.length)?;
+            }
+            Ok(arrived)
         })?;
         if arrived {
-            return Ok(print("at target\n")?);
+            print("at target\n")?;
         }
-        Ok(progress.judge(order.length)?)
+        Ok(())
     }
 }
 

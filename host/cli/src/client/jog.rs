@@ -30,7 +30,7 @@ Drives motors by keys, for as long as a key is held
   right, l, >    faster             q, Ctrl-C   ends, all motors off
   left, h, <     slower
 
-A terminal repeats a key that is held. A motor that has had no key for --hold-s seconds is regulated to a stop, so that a
+A terminal repeats a key that is held. A motor that has had no key for --hold-s seconds is regulated to a stop, so that a \
 connection which hangs stops it. The terminal is put back as it was however this ends, but for SIGKILL.";
 
 /// How fast, and for how long.

@@ -21,13 +21,13 @@ use studies::recording::{HEADINGS, Recording, Sample, Told};
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
-Drives motors as `power`, `velocity` or `position` do, and writes down what the hub says: a CSV file as it goes, and
+Drives motors as `power`, `velocity` or `position` do, and writes down what the hub says: a CSV file as it goes, and \
 in the end a chart (SVG, PNG) of each motor
 
   motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for-s 3
 
-The file has a row for each motor and reading; what the hub does not tell is left empty: of hubs of other makers the
-control value unless it is a constant power, and the current if they do not measure or model it. Whatever ends the drive, also Ctrl-C, leaves
+The file has a row for each motor and reading; what the hub does not tell is left empty: of hubs of other makers the \
+control value unless it is a constant power, and the current if they do not measure or model it. Whatever ends the drive, also Ctrl-C, leaves \
 whole rows and the charts of what there was.";
 
 /// What is driven, how often it is looked at, and where that goes.
@@ -47,7 +47,7 @@ pub(super) struct Options {
 
 /// The command that is recorded.
 #[derive(clap::Parser)]
-#[command(name = "record --", no_binary_name = true, disable_help_subcommand = true)]
+#[command(name = "record --", no_binary_name = true, disable_help_subcommand = true, max_term_width = 80)]
 struct Recorded {
     #[command(subcommand)]
     drive: Drive,
@@ -60,6 +60,10 @@ impl Options {
         let parsed = command.try_get_matches_from_mut(&self.drive);
         let parsed = parsed.and_then(|mut matches| Recorded::from_arg_matches_mut(&mut matches));
         let parsed = parsed.map_err(|error| {
+            if !error.use_stderr() {
+                // Help, which was asked for.
+                error.exit();
+            }
             let text = error.to_string();
             Failure::input(text.strip_prefix("error: ").unwrap_or(&text).trim_end())
         })?;
@@ -80,10 +84,13 @@ impl Options {
         let interval = Duration::from_secs(1) / self.rate;
         let done = Driven::run(session, |driven| {
             order.begin(driven)?;
-            recorder.run(driven, &order, &mut progress, interval)
+            if !recorder.run(driven, &order, &mut progress, interval)? {
+                progress.judge(order.length)?;
+            }
+            Ok(())
         });
         recorder.finish(&self.out)?;
-        if done? { Ok(()) } else { Ok(progress.judge(order.length)?) }
+        done
     }
 }
 

@@ -3,20 +3,25 @@
 use super::driven::stop_abandoned;
 use super::ports;
 use crate::output::{Failure, print, say};
+use crate::served::{self, Served};
+use clap::builder::NonEmptyStringValueParser;
 use motor_hub::protocol::Address;
-use motor_hub_client::line::{self, Line};
+use motor_hub_client::line::{self, Line, is_tcp};
 use motor_hub_client::{Error, OpenError, Session};
+use std::net::ToSocketAddrs;
+use std::path::PathBuf;
 use std::thread;
 use std::time::Duration;
 use studies::table;
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
-Looks for hubs on all serial ports of this machine, and at places that are named: paths, such as a link that a
-served hub keeps, or HOST:PORT
+Looks for hubs on all serial ports of this machine, where this user serves one (`motor-hub serve`), and at places \
+that are named: paths, such as a link that a served hub keeps, or HOST:PORT
 
-Every port is opened and asked by a discovery, 11 bytes at 460800 baud: name --only where something else that is
-connected might not like that. Motors of a hub that are found enabled are disabled.
+Every port is opened and asked by a discovery, 11 bytes at 460800 baud: name --only where something else that is \
+connected might not like that. Motors of a hub that are found enabled are disabled. A served hub that has a host is \
+listed as taken, and not disturbed.
 
 Exit codes: 0 a hub was found; 1 none was.";
 
@@ -24,11 +29,24 @@ Exit codes: 0 a hub was found; 1 none was.";
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// Serial ports that the system does not list, links to ports, or HOST:PORT
-    #[arg(value_name = "PLACE")]
+    #[arg(value_name = "PLACE", value_parser = NonEmptyStringValueParser::new())]
     places: Vec<String>,
-    /// Not on the serial ports that the system lists
-    #[arg(long, requires = "places")]
+    /// Not on the serial ports that the system lists: only where a hub is served, and at the places that are named
+    #[arg(long)]
     only: bool,
+}
+
+/// Where to look, and what is known before.
+struct Place {
+    name: String,
+    /// A hub is served there; true if it has a host.
+    served: Option<bool>,
+}
+
+impl From<String> for Place {
+    fn from(name: String) -> Self {
+        Self { name, served: None }
+    }
 }
 
 impl Options {
@@ -38,11 +56,21 @@ impl Options {
         named: impl Iterator<Item = String>,
         timeout: Duration,
     ) -> Result<(), Failure> {
-        let mut places: Vec<String> = named.chain(self.places.iter().cloned()).collect();
+        let mut places: Vec<Place> = named.chain(self.places.iter().cloned()).map(Place::from).collect();
         if !self.only {
             let ports = line::ports();
             let ports = ports.map_err(|e| Failure::Work(format!("the serial ports of this machine: {e}")))?;
-            places.extend(ports.into_iter().map(|port| port.path));
+            places.extend(ports.into_iter().map(|port| port.path.into()));
+        }
+        let served = served::all().unwrap_or_else(|error| {
+            say(&format!("note: hubs that are served here are not known: {error}"));
+            Vec::new()
+        });
+        for Served { place: name, taken } in served {
+            match places.iter_mut().find(|place| is_same(&place.name, &name)) {
+                Some(place) => place.served = Some(taken),
+                None => places.push(Place { name, served: Some(taken) }),
+            }
         }
         // Together they take no longer than the slowest.
         let asked: Vec<_> = thread::scope(|scope| {
@@ -55,18 +83,24 @@ impl Options {
         });
         let mut table = table::new(&["place", "address", "hub"], 3);
         let mut hubs = 0;
-        for (place, asked) in places.iter().zip(asked) {
-            let rows = asked.unwrap_or_else(|silence| vec![[String::new(), silence.words(place)]]);
+        for (Place { name, .. }, asked) in places.iter().zip(asked) {
+            hubs += match &asked {
+                Ok(rows) => rows.len(),
+                Err(silence) => usize::from(matches!(silence, Silence::Taken)),
+            };
+            let rows = asked.unwrap_or_else(|silence| vec![[String::new(), silence.words(name)]]);
             for [address, words] in rows {
-                hubs += usize::from(!address.is_empty());
-                table.add_row([place, &address, &words]);
+                table.add_row([name, &address, &words]);
             }
         }
         if !places.is_empty() {
             print(&format!("{table}\n"))?;
         }
         match (hubs, places.len()) {
-            (0, 0) => Err(Failure::Work("this machine has no serial port; name a PLACE".to_owned())),
+            (0, 0) if self.only => Err(Failure::Work("no hub is served here; name a PLACE".to_owned())),
+            (0, 0) => Err(Failure::Work(
+                "this machine has no serial port, and no hub is served here; name a PLACE".to_owned(),
+            )),
             (0, 1) => Err(Failure::Work("no hub at 1 place".to_owned())),
             (0, looked) => Err(Failure::Work(format!("no hub at {looked} places"))),
             _ => Ok(()),
@@ -74,27 +108,55 @@ impl Options {
     }
 }
 
+/// Two names of one place: asked twice at once, it would refuse one of the two.
+fn is_same(one: &str, other: &str) -> bool {
+    let (of_one, of_other) = (meant(one), meant(other));
+    one == other || of_one.is_some() && of_one == of_other
+}
+
+/// What a name leads to, if it leads anywhere.
+fn meant(name: &str) -> Option<PathBuf> {
+    if is_tcp(name) {
+        return name.to_socket_addrs().ok()?.next().map(|address| address.to_string().into());
+    }
+    std::fs::canonicalize(name).ok()
+}
+
 /// Why a place has no hub to show.
 enum Silence {
     Unopened(OpenError),
     NoAnswer,
+    HungUp,
+    /// There is a hub, which another host has.
+    Taken,
     Failed(Error),
 }
 
 impl From<Error> for Silence {
     fn from(error: Error) -> Self {
         match error {
-            Error::NoHub | Error::HungUp => Self::NoAnswer,
+            Error::NoHub => Self::NoAnswer,
+            error if error.is_hung_up() => Self::HungUp,
             error => Self::Failed(error),
         }
     }
 }
 
 impl Silence {
+    /// The same of a place where a hub is served for one host at a time.
+    fn of_served(self) -> Self {
+        match self {
+            Self::HungUp | Self::Unopened(OpenError::InUse) => Self::Taken,
+            other => other,
+        }
+    }
+
     /// In a few words; what helps goes to standard error.
     fn words(self, place: &str) -> String {
         match self {
             Self::NoAnswer => "none answers".to_owned(),
+            Self::HungUp => "hangs up: does another host talk to it?".to_owned(),
+            Self::Taken => "taken: another host talks to it".to_owned(),
             Self::Failed(error) => error.to_string(),
             Self::Unopened(error) => {
                 if matches!(error, OpenError::Denied) {
@@ -107,7 +169,15 @@ impl Silence {
 }
 
 /// The hubs at a place: address, and which kind and version.
-fn ask(place: &str, timeout: Duration) -> Result<Vec<[String; 2]>, Silence> {
+fn ask(place: &Place, timeout: Duration) -> Result<Vec<[String; 2]>, Silence> {
+    match place.served {
+        Some(true) => Err(Silence::Taken),
+        Some(false) => hubs_at(&place.name, timeout).map_err(Silence::of_served),
+        None => hubs_at(&place.name, timeout),
+    }
+}
+
+fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<[String; 2]>, Silence> {
     let line = Line::open(place, timeout).map_err(Silence::Unopened)?;
     let mut session = Session::new(line, Address::DEFAULT, timeout);
     let mut rows = Vec::new();

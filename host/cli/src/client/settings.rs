@@ -19,11 +19,11 @@ use studies::table;
 pub(super) const HELP: &str = "\
 Settings that outlast power, on hubs of this project: shows, saves, resets, exports, imports
 
-Whatever else sets something (setup, coefficients, identify --apply, tune --apply, import) puts it in force until the next
-reset; `save` makes it last. Of each motor that is its set-up, how it moves, what protects it, how its bridge switches, its
+Whatever else sets something (setup, coefficients, identify --apply, tune --apply, import) puts it in force until the next \
+reset; `save` makes it last. Of each motor that is its set-up, how it moves, what protects it, how its bridge switches, its \
 mode, its current alert, and the coefficients that a host gave; of the hub its address, which set-address stores by itself.
 
-A power cut during a save leaves what was stored before, or all of the new. A save now and then erases flash, for
+A power cut during a save leaves what was stored before, or all of the new. A save now and then erases flash, for \
 which all motors must be off; this program has them off.";
 
 #[derive(clap::Args)]

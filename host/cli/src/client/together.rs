@@ -72,16 +72,17 @@ impl Options {
         let arrived = Driven::run(session, |driven| {
             let wanted = self.wanted(driven, values)?;
             stand(driven, &motors)?;
-            self.lead(driven, &motors, wanted)
+            let arrived = self.lead(driven, &motors, wanted)?;
+            if !arrived && !self.on {
+                let seconds = self.length.unwrap_or_default().as_secs_f64();
+                return Err(Failure::Work(format!("not there after {seconds} s")).into());
+            }
+            Ok(arrived)
         })?;
         if arrived {
-            return Ok(print("all have arrived\n")?);
+            print("all have arrived\n")?;
         }
-        if self.on {
-            return Ok(());
-        }
-        let seconds = self.length.unwrap_or_default().as_secs_f64();
-        Err(Failure::Work(format!("not there after {seconds} s")).into())
+        Ok(())
     }
 
     /// What is given, by motor.

@@ -18,12 +18,12 @@ use studies::table;
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
-Learns how a motor moves with its load, as `identify` does, shows that beside the motor of the catalogue that the hub
+Learns how a motor moves with its load, as `identify` does, shows that beside the motor of the catalogue that the hub \
 takes it for, and proposes settings, on hubs of this project
 
-Proposed are the motion that was found, by which the hub then regulates, and as largest acceleration half of what the
-battery gives a motor that stands: it can be had up to half of the free speed, so that a motor follows its set-point
-instead of lagging. Say first which motor it is (`setup 0 --type NAME`): what is found follows from its winding.
+Proposed are the motion that was found, by which the hub then regulates, and as largest acceleration half of what the \
+battery gives a motor that stands: it can be had up to half of the free speed, so that a motor follows its set-point \
+instead of lagging. Say first which motor it is (`setup 0 --type NAME`): what is found follows from its winding. \
 The motor must stand, and be free to turn. With --apply the settings are written; the hub keeps them until its reset.";
 
 /// The same as of `identify`.

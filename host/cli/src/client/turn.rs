@@ -62,6 +62,9 @@ impl FromStr for Speed {
 const WRONG: &str =
     "a velocity is a whole number from -32768 to 32767, in counts/s, or a number with rpm or rad/s";
 
+const TURN_UNKNOWN: &str = "rpm and rad/s need the encoder counts in a turn of the output shaft, which no hub can tell: all that it is told of \
+a motor is by the count; give --counts-per-turn COUNTS or --type NAME";
+
 impl Speed {
     /// In counts per second, with so many counts in a turn.
     pub(super) fn cps(self, turn: Option<f64>) -> Result<i16, Failure> {
@@ -70,8 +73,7 @@ impl Speed {
             Self::Turns(turns) => turns,
         };
         let Some(turn) = turn else {
-            let why = "rpm and rad/s need the counts of a turn: give --counts-per-turn COUNTS or --type NAME";
-            return Err(Failure::input(why));
+            return Err(Failure::input(TURN_UNKNOWN));
         };
         let cps = (turns * turn).round();
         if (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&cps) {

@@ -20,9 +20,9 @@ use std::time::{Duration, Instant};
 pub(super) const HELP: &str = "\
 Sends new firmware to a hub that has a bootloader, and starts it
 
-FILE is what the compiler made (ELF), or raw bytes from the slot's first address on. It is written beside the firmware that
-runs, checked by what the flash reads back (CRC-32), and swapped in by a restart, which takes some 20 s on a NUCLEO-H743ZI2.
-The new firmware confirms itself once all of its tasks are at work; if it never does, the hub goes back to the firmware before,
+FILE is what the compiler made (ELF), or raw bytes from the slot's first address on. It is written beside the firmware that \
+runs, checked by what the flash reads back (CRC-32), and swapped in by a restart, which takes some 20 s on a NUCLEO-H743ZI2. \
+The new firmware confirms itself once all of its tasks are at work; if it never does, the hub goes back to the firmware before, \
 and this says so. All motors must be off. A power cut at any step costs the update at most.
 
 A hub that was built with a public key takes only what that key's owner has signed. With OpenSSL from 3.0 on, once:

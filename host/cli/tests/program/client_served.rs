@@ -138,6 +138,14 @@ fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
     let says = err(&asked);
     assert!(says.contains("warning: motor 0 turns at") && says.contains("30000 are asked for"), "{says}");
     assert!(says.contains("not at 30000 counts/s after 0.6 s: motor 0 at"), "{says}");
+    assert!(says.starts_with("warning") && says.contains("\ndisabled motor 0\n"), "{says}");
+    let folder = common::folder("not-reached");
+    let record = ["record", "--out", folder.to_str().unwrap(), "--"];
+    let recorded = [&record[..], &["velocity", "0,2", "30000", "--for", "0.3"]].concat();
+    let recorded = client(&hub, &recorded).output().unwrap();
+    assert_eq!(recorded.status.code(), Some(1));
+    assert!(err(&recorded).contains("\ndisabled motors 0, 2\n"), "{}", err(&recorded));
+    assert!(!rows(&folder).is_empty() && folder.join("motor-2.svg").exists());
     let rpm = ["velocity", "0", "20rpm", "--type", "AM 60 A", "--for", "1.5"];
     let reached = client(&hub, &rpm).output().unwrap();
     assert!(out(&reached).contains(" rpm, 2."), "{}", out(&reached));
@@ -163,6 +171,7 @@ fn motors_move_in_step_to_where_they_are_sent() {
     out(&client(&hub, &["together", "0=300", "2=300", "--on", "--for", "0.5"]).output().unwrap());
     let late = client(&hub, &["together", "0=90000", "--for", "0.3"]).output().unwrap();
     assert_eq!(late.status.code(), Some(1));
+    assert!(err(&late).contains("disabled motor 0\n"), "{}", err(&late));
     assert!(err(&late).contains("not there after 0.3 s"), "{}", err(&late));
 }
 
@@ -178,6 +187,8 @@ fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
         Command::new(PROGRAM)
             .args(["client", "--timeout", "500", "scan", "--only"])
             .args(places)
+            .env("XDG_RUNTIME_DIR", "/no/such/folder")
+            .env("TMPDIR", common::folder("no-notes"))
             .output()
             .unwrap()
     };
@@ -192,6 +203,71 @@ fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
     let none = scan(&["/no/such/port"]);
     assert_eq!(none.status.code(), Some(1));
     assert!(err(&none).contains("no hub at 1 place\n"), "{}", err(&none));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
+    use std::io::Read;
+    let notes = common::folder("scan-notes");
+    std::fs::create_dir_all(&notes).unwrap();
+    let left = || std::fs::read_dir(notes.join("motor-hub")).unwrap().count();
+    let link = notes.join("hub");
+    let link = link.to_str().unwrap();
+    let mut tcp = Command::new(PROGRAM)
+        .args(["serve", "--tcp", "127.0.0.1:0"])
+        .env("XDG_RUNTIME_DIR", &notes)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let (mut place, mut says) = (String::new(), tcp.stderr.take().unwrap());
+    BufReader::new(tcp.stdout.take().unwrap()).read_line(&mut place).unwrap();
+    let tcp = Hub::of(tcp, &place);
+    let mut pty = Hub::start_in(&notes, PROGRAM, &["--pty", "--link", link]);
+    let scan = |more: &[&str]| {
+        let mut scan = Command::new(PROGRAM);
+        // Not on the ports of whose machine this is.
+        scan.args(["client", "--timeout-ms", "500", "scan", "--only"]).args(more);
+        scan.env("XDG_RUNTIME_DIR", &notes).env("COLUMNS", "300").output().unwrap()
+    };
+    let rows = |place: &str, more: &[&str]| {
+        let found = out(&scan(more));
+        let rows = found.lines().filter(|line| line.contains(place));
+        rows.map(|row| row.split_whitespace().collect::<Vec<_>>().join(" ")).collect::<Vec<_>>()
+    };
+    let row = |place: &str| rows(place, &[]).concat();
+    assert!(row(&tcp.place).contains("2 ┆ parent"), "{}", row(&tcp.place));
+    assert!(row(link).contains("2 ┆ parent"), "{}", row(link));
+    // By another name it is the same hub, and asked once.
+    let port = tcp.place.strip_prefix("127.0.0.1").unwrap();
+    let both = rows(port, &[&format!("localhost{port}")]);
+    assert!(both.len() == 1 && both.concat().contains("2 ┆ parent"), "{both:?}");
+
+    let (mut of_tcp, mut of_pty) = (tcp.tcp(), pty.serial());
+    assert!(!of_tcp.enabled() && !of_pty.enabled());
+    for place in [&*tcp.place, link] {
+        assert!(row(place).contains("┆ taken: another host talks to it"), "{}", row(place));
+    }
+    assert!(!of_tcp.enabled() && !of_pty.enabled());
+    drop((of_tcp, of_pty));
+    std::thread::sleep(std::time::Duration::from_millis(100));
+    assert!(row(link).contains("2 ┆ parent") && row(&tcp.place).contains("2 ┆ parent"));
+
+    assert_eq!(left(), 2);
+    // Killed, it has no time to clear up.
+    drop(tcp);
+    let mut said = String::new();
+    says.read_to_string(&mut said).unwrap();
+    assert_eq!(said, "", "nobody was turned away");
+    assert!(left() == 2 && row(&place).is_empty() && row(link).contains("2 ┆ parent"));
+    assert_eq!(left(), 1);
+    assert!(Command::new("kill").args(["-TERM", &pty.id().to_string()]).status().unwrap().success());
+    assert!(pty.wait().success());
+    assert_eq!(left(), 0);
+    let none = scan(&[]);
+    assert_eq!(none.status.code(), Some(1));
+    assert!(err(&none).contains("no hub is served here; name a PLACE"), "{}", err(&none));
 }
 
 #[cfg(target_os = "linux")]

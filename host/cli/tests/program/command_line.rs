@@ -286,6 +286,25 @@ fn a_board_that_there_is_not_is_refused_with_those_that_there_are() {
 }
 
 #[test]
+fn the_image_of_either_board_runs_a_scenario_over_the_simulation() {
+    let folder = folder("emulated");
+    let scenario = folder.with_extension("toml");
+    let text = "name = \"a moment\"\nduration_s = 0.4\n[battery]\nemf_v = 12\nresistance_ohm = 0.1\n\
+                [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\nsetpoints = [{ at_s = 0, power = 0.5 }]\n";
+    std::fs::write(&scenario, text).unwrap();
+    for (board, chip) in [("nucleo-f429zi", "STM32F427"), ("nucleo-h743zi2", "STM32H743")] {
+        let run = ["emulate", "--board", board, "--scenario", scenario.to_str().unwrap(), "--out"];
+        let tables = out(&motor_hub(&[&run[..], &[folder.to_str().unwrap()]].concat()));
+        let apart = tables.split_once("Apart by at most ").expect("how far apart they are").1;
+        let apart: f64 = apart.split(' ').next().unwrap().parse().unwrap();
+        // One count in a control period of 50 ms.
+        assert!(apart <= 20.0 && tables.contains("emulated chip"), "{board}: {tables}");
+        let chart = std::fs::read_to_string(folder.join("overlay.svg")).unwrap();
+        assert!(chart.contains(chip) && folder.join("overlay.png").is_file(), "{board}");
+    }
+}
+
+#[test]
 fn a_battery_in_volts_is_not_taken_for_one_in_millivolts() {
     for (given, says) in [
         ("12", "1000 to 65535 mV; did you mean 12000?"),
@@ -327,6 +346,13 @@ fn tables_and_words_are_no_wider_than_a_terminal_of_80_columns() {
             assert!(row.chars().count() <= 80, "{command:?}: {row}");
         }
     }
+}
+
+#[test]
+fn what_is_recorded_has_a_help_page_of_its_own() {
+    let page = out(&motor_hub(&["client", "record", "--", "velocity", "--help"]));
+    assert!(page.contains("Usage: velocity [OPTIONS] <MOTOR> <SPEED>"), "{page}");
+    assert!(page.lines().all(|line| line.chars().count() <= 80), "{page}");
 }
 
 #[test]

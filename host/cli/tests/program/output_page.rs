@@ -107,6 +107,7 @@ impl Served {
         let mut child = Command::new(env!("CARGO_BIN_EXE_motor-hub"))
             .args(["serve", "--tcp", "127.0.0.1:0", "--store", &store])
             .args(options)
+            .env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();

@@ -40,6 +40,7 @@ fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
     use std::io::{BufRead, BufReader, Read};
     let mut process = Command::new(PROGRAM)
         .args(["serve", "--tcp", "127.0.0.1:0"])
+        .env("XDG_RUNTIME_DIR", conformance::notes())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -190,6 +191,7 @@ fn wrong_options_are_refused() {
         (&[][..], 2, "--pty"),
         (&["--pty", "--tcp", "127.0.0.1:0"], 2, "--tcp"),
         (&["--tcp", "nowhere"], 2, "127.0.0.1:7070"),
+        (&["--tcp", ""], 2, "give HOST:PORT, such as 127.0.0.1:7070"),
         (&["--pty", "--address", "255"], 2, "1 to 254"),
         (&["--tcp", "127.0.0.1:0", "--link", "here"], 2, "--link"),
         (&["--pty", "--for", "-1"], 2, "more than 0"),

@@ -3,6 +3,7 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -19,6 +20,13 @@ const GET_ENABLE: u16 = DEKA + 11;
 const SET_POWER: u16 = DEKA + 15;
 const ENCODER: u16 = DEKA + 22;
 
+/// Where hubs of tests leave notes, so that no `scan` of a user finds them.
+pub(crate) fn notes() -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("notes");
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
 /// A hub in a process of its own, and what it said where it is.
 pub(crate) struct Hub {
     process: Child,
@@ -27,8 +35,14 @@ pub(crate) struct Hub {
 
 impl Hub {
     pub(crate) fn start(program: &str, arguments: &[&str]) -> Self {
-        let mut process =
-            Command::new(program).arg("serve").args(arguments).stdout(Stdio::piped()).spawn().unwrap();
+        Self::start_in(&notes(), program, arguments)
+    }
+
+    /// One that leaves its note in a folder.
+    pub(crate) fn start_in(notes: &Path, program: &str, arguments: &[&str]) -> Self {
+        let mut served = Command::new(program);
+        served.arg("serve").args(arguments).env("XDG_RUNTIME_DIR", notes);
+        let mut process = served.stdout(Stdio::piped()).spawn().unwrap();
         let mut place = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut place).unwrap();
         Self::of(process, &place)
@@ -75,6 +89,8 @@ impl Drop for Hub {
     fn drop(&mut self) {
         let _ = self.process.kill();
         let _ = self.process.wait();
+        // Which it had no time for.
+        let _ = std::fs::remove_file(notes().join("motor-hub").join(self.id().to_string()));
     }
 }
 

@@ -1,0 +1,196 @@
+//! Where hubs are served on this machine: notes that `serve` leaves, and by which `client scan` finds hubs that nobody names.
+//!
+//! A note is a file in a folder that is its user's alone. It has one line: whether the hub has a host, and where it is. Its
+//! program has it locked for as long as it lives, so one that can be locked was left by a program that was killed. Systems
+//! other than Unix have none.
+
+/// A hub that is served.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Served {
+    /// What hosts open: HOST:PORT or a path.
+    pub(crate) place: String,
+    /// A host talks to it.
+    pub(crate) taken: bool,
+}
+
+#[cfg(not(unix))]
+pub(crate) fn all() -> std::io::Result<Vec<Served>> {
+    Ok(Vec::new())
+}
+
+#[cfg(unix)]
+pub(crate) use unix::{Note, all};
+
+#[cfg(unix)]
+mod unix {
+    use super::Served;
+    use std::fs::{self, DirBuilder, File, TryLockError};
+    use std::io::{self, ErrorKind};
+    use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
+    use std::path::{Path, PathBuf};
+
+    /// As long as each other, so that one takes the other's place at one stroke.
+    const FREE: &str = "free ";
+    const TAKEN: &str = "taken";
+
+    /// A note of this program, for as long as this lives.
+    pub(crate) struct Note {
+        path: PathBuf,
+        file: File,
+        taken: bool,
+    }
+
+    impl Note {
+        /// That a hub is at `place`, and has no host.
+        pub(crate) fn leave(place: &str) -> io::Result<Self> {
+            Self::leave_in(&folder(), place)
+        }
+
+        pub(super) fn leave_in(folder: &Path, place: &str) -> io::Result<Self> {
+            match DirBuilder::new().mode(0o700).create(folder) {
+                Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(error),
+                _ => check(folder)?,
+            }
+            let path = folder.join(std::process::id().to_string());
+            // Under another name until it is locked: nobody takes it for a leftover.
+            let unlocked = path.with_extension("new");
+            let file = File::create(&unlocked)?;
+            file.try_lock()?;
+            file.write_all_at(format!("{FREE} {place}\n").as_bytes(), 0)?;
+            fs::rename(&unlocked, &path)?;
+            Ok(Self { path, file, taken: false })
+        }
+
+        /// Whether the hub has a host.
+        pub(crate) fn tell(&mut self, taken: bool) {
+            if taken != self.taken {
+                self.taken = taken;
+                // Who looks is told by the hub as well, at a worse moment.
+                let _ = self.file.write_all_at(if taken { TAKEN } else { FREE }.as_bytes(), 0);
+            }
+        }
+    }
+
+    impl Drop for Note {
+        fn drop(&mut self) {
+            // There is nobody left to be told; what stays is not locked.
+            let _ = fs::remove_file(&self.path);
+        }
+    }
+
+    /// Where notes are: a folder of the user's.
+    fn folder() -> PathBuf {
+        let of_session = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+        match of_session.filter(|folder| folder.is_absolute() && folder.is_dir()) {
+            Some(folder) => folder.join("motor-hub"),
+            None => std::env::temp_dir().join(format!("motor-hub-{}", rustix::process::getuid().as_raw())),
+        }
+    }
+
+    /// What another user can write in might send hosts anywhere.
+    fn check(folder: &Path) -> io::Result<()> {
+        let found = fs::symlink_metadata(folder)?;
+        let is_ours = found.uid() == rustix::process::getuid().as_raw();
+        if found.is_dir() && is_ours && found.mode() & 0o077 == 0 {
+            return Ok(());
+        }
+        let why = format!("{} is not a folder of this user alone (mode 700)", folder.display());
+        Err(io::Error::new(ErrorKind::PermissionDenied, why))
+    }
+
+    /// Hubs that are served just now. Notes of others are thrown away.
+    pub(crate) fn all() -> io::Result<Vec<Served>> {
+        all_in(&folder())
+    }
+
+    pub(super) fn all_in(folder: &Path) -> io::Result<Vec<Served>> {
+        match check(folder) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+            checked => checked?,
+        }
+        let mut served = Vec::new();
+        for note in fs::read_dir(folder)? {
+            let path = note?.path();
+            if path.extension().is_none() {
+                served.extend(read(&path)?);
+            }
+        }
+        served.sort_by(|a, b| a.place.cmp(&b.place));
+        Ok(served)
+    }
+
+    /// What a note says, unless it is left over.
+    fn read(path: &Path) -> io::Result<Option<Served>> {
+        let file = match File::open(path) {
+            // Its program has just ended.
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            file => file?,
+        };
+        // Shared, so that two who look at once do not take each other for the program.
+        match file.try_lock_shared() {
+            Ok(()) => {
+                let _ = fs::remove_file(path);
+                return Ok(None);
+            }
+            Err(TryLockError::WouldBlock) => (),
+            Err(TryLockError::Error(error)) => return Err(error),
+        }
+        let text = io::read_to_string(file)?;
+        let says = |word: &str, taken| {
+            text.strip_prefix(word).map(|place| Served { place: place.trim().to_owned(), taken })
+        };
+        Ok(says(FREE, false).or_else(|| says(TAKEN, true)))
+    }
+}
+
+#[cfg(all(test, unix))]
+#[expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+mod tests {
+    use super::unix::{Note, all_in};
+    use super::*;
+    use std::fs;
+    use std::os::unix::fs::PermissionsExt;
+
+    fn folder(test: &str) -> std::path::PathBuf {
+        let folder = std::env::temp_dir().join(format!("motor-hub-test-{test}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        folder
+    }
+
+    #[test]
+    fn a_note_says_where_and_whether_and_goes_with_its_program() {
+        let folder = folder("note");
+        assert_eq!(all_in(&folder).unwrap(), []);
+        let mut note = Note::leave_in(&folder, "/dev/pts/7").unwrap();
+        let served = |taken| [Served { place: "/dev/pts/7".to_owned(), taken }];
+        assert_eq!(all_in(&folder).unwrap(), served(false));
+        note.tell(true);
+        assert_eq!(all_in(&folder).unwrap(), served(true));
+        note.tell(false);
+        assert_eq!(all_in(&folder).unwrap(), served(false));
+        drop(note);
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+        // As one that was killed leaves it.
+        fs::write(folder.join("1"), "free  /dev/pts/8\n").unwrap();
+        assert_eq!(all_in(&folder).unwrap(), []);
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 0, "it is forgotten");
+        fs::remove_dir(&folder).unwrap();
+    }
+
+    #[test]
+    fn notes_are_in_a_folder_that_is_the_users_alone_or_nowhere() {
+        let folder = folder("folder");
+        drop(Note::leave_in(&folder, "127.0.0.1:7070").unwrap());
+        assert_eq!(fs::metadata(&folder).unwrap().permissions().mode() & 0o777, 0o700);
+        fs::set_permissions(&folder, fs::Permissions::from_mode(0o770)).unwrap();
+        for refused in [Note::leave_in(&folder, "here").map(drop), all_in(&folder).map(drop)] {
+            assert!(refused.unwrap_err().to_string().contains("not a folder of this user alone"));
+        }
+        fs::remove_dir_all(&folder).unwrap();
+        let elsewhere = folder.with_extension("link");
+        let _ = fs::remove_file(&elsewhere);
+        std::os::unix::fs::symlink(std::env::temp_dir(), &elsewhere).unwrap();
+        assert!(Note::leave_in(&elsewhere, "here").is_err());
+        fs::remove_file(&elsewhere).unwrap();
+    }
+}
