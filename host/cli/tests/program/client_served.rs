@@ -139,7 +139,7 @@ fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
     assert!(says.contains("warning: motor 0 turns at") && says.contains("30000 are asked for"), "{says}");
     assert!(says.contains("not at 30000 counts/s after 0.6 s: motor 0 at"), "{says}");
     assert!(says.starts_with("warning") && says.contains("\ndisabled motor 0\n"), "{says}");
-    let folder = common::folder("not-reached");
+    let folder = crate::common::folder("not-reached");
     let record = ["record", "--out", folder.to_str().unwrap(), "--"];
     let recorded = [&record[..], &["velocity", "0,2", "30000", "--for", "0.3"]].concat();
     let recorded = client(&hub, &recorded).output().unwrap();
@@ -188,7 +188,7 @@ fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
             .args(["client", "--timeout", "500", "scan", "--only"])
             .args(places)
             .env("XDG_RUNTIME_DIR", "/no/such/folder")
-            .env("TMPDIR", common::folder("no-notes"))
+            .env("TMPDIR", crate::common::folder("no-notes"))
             .output()
             .unwrap()
     };
@@ -209,7 +209,7 @@ fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
 #[test]
 fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     use std::io::Read;
-    let notes = common::folder("scan-notes");
+    let notes = crate::common::folder("scan-notes");
     std::fs::create_dir_all(&notes).unwrap();
     let left = || std::fs::read_dir(notes.join("motor-hub")).unwrap().count();
     let link = notes.join("hub");

@@ -286,6 +286,7 @@ fn a_board_that_there_is_not_is_refused_with_those_that_there_are() {
 }
 
 #[test]
+#[ignore = "long: cargo xtask long"]
 fn the_image_of_either_board_runs_a_scenario_over_the_simulation() {
     let folder = folder("emulated");
     let scenario = folder.with_extension("toml");

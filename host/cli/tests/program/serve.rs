@@ -40,7 +40,7 @@ fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
     use std::io::{BufRead, BufReader, Read};
     let mut process = Command::new(PROGRAM)
         .args(["serve", "--tcp", "127.0.0.1:0"])
-        .env("XDG_RUNTIME_DIR", conformance::notes())
+        .env("XDG_RUNTIME_DIR", crate::conformance::notes())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
