@@ -30,6 +30,9 @@ struct Saying {
 /// The motor, or the motor and its loop.
 type Name = Vec<u8, 2>;
 
+/// The most bytes of an entry: more than a message holds, as a later firmware may store more behind a setting's fields.
+const LONGEST_ENTRY: usize = u8::MAX as usize;
+
 /// What is known of the memory; without one nobody ever tells.
 #[derive(Clone, Debug)]
 pub(super) struct Keeping {
@@ -273,12 +276,11 @@ impl Saying {
     }
 
     /// Its fields, and behind them what a later firmware has stored that this one does not know.
-    fn stored_with(&self, stored: &Record) -> Payload {
-        let mut payload = self.request.payload();
+    fn stored_with(&self, stored: &Record) -> Vec<u8, LONGEST_ENTRY> {
+        let fields = self.request.payload();
         let before = stored.entries().filter(|entry| self.is_said_by(entry)).last();
-        let more = before.and_then(|entry| entry.payload.get(payload.len()..)).unwrap_or_default();
-        payload.extend(more.iter().copied());
-        payload
+        let more = before.and_then(|entry| entry.payload.get(fields.len()..)).unwrap_or_default();
+        fields.iter().chain(more).copied().take(LONGEST_ENTRY).collect()
     }
 
     /// The request, if it is stored.

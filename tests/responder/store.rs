@@ -206,6 +206,26 @@ fn what_is_unknown_is_kept_and_what_is_out_of_range_changes_nothing() {
 }
 
 #[test]
+fn more_behind_a_settings_fields_than_a_message_holds_is_kept_or_the_save_refused() {
+    // Of the longer one there is not room for all.
+    for (length, fits) in [(161, true), (255, false)] {
+        let mut longer = vec![2, 1, 0, 0, 0, 0, 0, 0];
+        longer.resize(length, 77);
+        let mut record = Record::new(6);
+        record.push(FIRST_FUNCTION + 8, &longer).expect("room");
+        let mut host = powered_on(found(&record));
+        let said = host.ask(SAVE, &[]);
+        if fits {
+            let saved = carried_out(&mut host);
+            assert!(saved.entries().any(|entry| entry.payload == longer), "{saved:?}");
+        } else {
+            assert_eq!(said, Said::Nack(64));
+            assert_eq!(host.responder.order(&host.snapshot), None);
+        }
+    }
+}
+
+#[test]
 fn settings_that_leave_no_room_for_what_is_unknown_are_not_saved() {
     let mut record = Record::new(1);
     record.push(0x4D55, &[7; 240]).expect("room");
@@ -344,7 +364,9 @@ fn entry() -> impl Strategy<Value = (u16, Vec<u8>)> {
         prop::sample::select(vec![0x1008u16, 0x100A, 0x100C, 0x100F, 0x1033, 0x7F06]),
         any::<u16>(),
     ];
-    (id, prop::collection::vec(prop_oneof![0u8..4, any::<u8>()], 0..24))
+    // Now and then longer than any message.
+    let length = prop_oneof![9 => 0usize..24, 1 => 0usize..=255];
+    (id, length.prop_flat_map(|length| prop::collection::vec(prop_oneof![0u8..4, any::<u8>()], length)))
 }
 
 proptest! {
