@@ -494,8 +494,10 @@ fn no_scheme_takes_a_load_that_drives_the_motor_for_a_reversed_encoder() {
 fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
     let judge = |moved: i32| {
         let mut guard = Guard::new(Period::from_millis(50).expect("period"));
-        (0..40).any(|_| {
+        (0..40).any(|tick| {
             let velocity = CountsPerSecond::new(-20 * moved);
+            let at = Micros::new(50_000 * tick);
+            guard.sample(&Reading { position: -moved * tick as i32, edge_at: at, at }, 0.0);
             let order = Order {
                 target: CountsPerSecond::new(1_000),
                 control: Control::MAX,
@@ -509,6 +511,8 @@ fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
                 velocity,
                 battery: 12.0,
                 gain: None,
+                volt: 1_500.0,
+                emf: Winding::NEVEREST_60.emf,
                 gentle: false,
                 probing: true,
             };

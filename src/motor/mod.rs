@@ -210,6 +210,7 @@ impl Motor {
     pub fn sample(&mut self, reading: Reading) {
         self.identifier.sample(&reading);
         self.regulator.sample(reading);
+        self.watch.sample(&reading, self.regulator.disturbance());
     }
 
     /// Takes what the bridge says of itself, on a board that hears it.
@@ -520,6 +521,8 @@ impl Motor {
             velocity,
             battery: battery.to_volts(),
             gain: self.regulator.least_gain(),
+            volt: self.regulator.gain(),
+            emf: self.settings.winding.emf,
             gentle: matches!(self.settings.scheme, Scheme::C | Scheme::D(_)),
             probing: self.settings.probing,
         });
@@ -529,7 +532,10 @@ impl Motor {
             Finding::Fault(_) => return None,
             Finding::Insist(control) => (control, Placement::full_reverse(at)),
             Finding::Release => (Control::ZERO, Placement::full_braking(at)),
-            Finding::Probe(control) => self.place(at, control),
+            // At whatever speed: how fast it turns is what is in doubt.
+            Finding::Probe(control) => {
+                self.spare(at, (control, self.placer.place_duty(Scheme::ForwardReverse, at, control)))
+            }
             Finding::Sound | Finding::Stalled => {
                 let request = self.regulator.step(demand, moved, &stage);
                 speed = request.speed;

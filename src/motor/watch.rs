@@ -2,7 +2,7 @@
 //! what the guard makes of that.
 
 use crate::motion::guard::{Evidence, Finding, Order};
-use crate::motion::{EncoderFault, Guard};
+use crate::motion::{EncoderFault, Guard, Reading};
 use crate::units::Period;
 
 /// The watch on one motor.
@@ -24,6 +24,11 @@ impl Watch {
     /// Of the last tick, if there was one to be judged by.
     pub(super) const fn ordered(&self) -> Option<Order> {
         self.ordered
+    }
+
+    /// Takes a sample of the encoder, and the load that is thought of then, in counts/s².
+    pub(super) fn sample(&mut self, reading: &Reading, load: f32) {
+        self.guard.sample(reading, load);
     }
 
     /// What the encoder's answer to the last tick's order says of the encoder.

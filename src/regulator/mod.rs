@@ -279,6 +279,17 @@ impl Regulator {
         self.config.dynamics.map(|_| Voltage::from_volts(-self.carried() / plant.b))
     }
 
+    /// What besides the bridge accelerates the motor, drag among it, in counts/s²: as of the last count.
+    pub fn disturbance(&self) -> f32 {
+        let Motion { plant, observer, .. } = &self.motion;
+        observer.load(plant)
+    }
+
+    /// What a volt accelerates the motor by, as told, learned or guessed, in counts/s².
+    pub const fn gain(&self) -> f32 {
+        self.motion.plant.b
+    }
+
     /// What a volt accelerates the motor by, in counts/s², if it is heavier than told, or than what has turned out to
     /// be a heavy one; `None` where that is not known.
     pub fn least_gain(&self) -> Option<f32> {
@@ -301,7 +312,7 @@ impl Regulator {
             Demand::Follow(reference) => reference.next,
             Demand::Position { target, speed_limit } => {
                 let limit = speed_limit.to_f32().abs();
-                let distance = target.wrapping_sub(self.position());
+                let distance = target.saturating_sub(self.position());
                 speed(limit * distance.signum() as f32)
             }
         }
@@ -344,7 +355,7 @@ impl Regulator {
                 law.follow(state, &mut seen, plant, reference.from(position), speeds, stage)
             }
             Demand::Position { target, speed_limit } => {
-                let distance = target.wrapping_sub(position);
+                let distance = target.saturating_sub(position);
                 let limit = speed_limit.to_f32().abs();
                 law.position(state, &mut seen, plant, distance, limit, stage)
             }

@@ -21,6 +21,9 @@ pub(crate) struct Options {
     /// What the scenarios follow from
     #[arg(long, default_value_t = 1, value_parser = whole("a seed", 0..=u64::MAX, ""))]
     seed: u64,
+    /// Instead of a lot every motor, inertia, scheme, duty rule, friction, voltage and period, told and not: 12 hours
+    #[arg(long, conflicts_with_all = ["seed", "hours"])]
+    sweep: bool,
     /// Hours of virtual time, 0 to 1000
     #[arg(long, default_value_t = 1.0, value_parser = hours)]
     hours: f64,
@@ -36,9 +39,17 @@ fn hours(text: &str) -> Result<f64, String> {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        let seconds = 3600.0 * self.hours;
-        let bar = ProgressBar::new(seconds as u64).with_message("virtual seconds");
-        let soak = Soak::new(self.seed, seconds, &mut |done| bar.set_position(done as u64));
+        let bar = ProgressBar::new(0);
+        let soak = if self.sweep {
+            Soak::sweep(1, &mut |done, of| {
+                bar.set_length(of as u64);
+                bar.set_position(done as u64);
+            })
+        } else {
+            let seconds = 3600.0 * self.hours;
+            bar.set_length(seconds as u64);
+            Soak::new(self.seed, seconds, &mut |done| bar.set_position(done as u64))
+        };
         let soak = soak.map_err(Failure::work)?;
         bar.finish_and_clear();
         if self.json {

@@ -24,6 +24,7 @@ mod pool;
 pub mod random;
 pub mod reference;
 pub mod soak;
+mod sweep;
 pub mod text;
 
 pub use dump::toml;

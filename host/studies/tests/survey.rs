@@ -2,7 +2,7 @@
 
 use motor_hub::braking::DutyRule;
 use studies::survey::soak::{self, Soak};
-use studies::survey::{Knowledge, Response, Survey, Verdict, cells, random, reference, toml};
+use studies::survey::{Response, Survey, Verdict, cells, random, reference, toml};
 
 fn never(responses: &[&Response], knowledge: usize) -> f64 {
     let never = responses.iter().filter(|response| response.verdicts[knowledge].settling_s.is_none()).count();
@@ -89,12 +89,19 @@ fn a_drawn_scenario_is_its_own_file_again() {
 // The only test here that needs the process's clock.
 #[test]
 #[ignore = "long: cargo xtask long"]
-fn motors_that_the_hub_knows_raise_no_alarm_and_no_watchdog_starves() {
-    // Of the ten hours that `motor-hub soak --hours 10` runs. Motors of which it is told nothing do raise some there: slow
-    // ones that turn back.
+fn no_sound_encoder_is_doubted_and_no_watchdog_starves() {
+    // Of the hours that `motor-hub soak --hours 10` runs.
     let soak = Soak::new(2, 180.0, &mut |_| ()).expect("it runs");
-    assert!(soak.alarms.iter().all(|alarm| alarm.told == Knowledge::Nothing), "{}", soak::text(&soak));
-    assert_eq!(soak.starved, [0; 0]);
+    assert!(soak.is_clean(), "{}", soak::text(&soak));
     // 180 s at 100 ms, at least.
     assert!(soak.ticks > 1_800, "{soak:?}");
+}
+
+#[test]
+#[ignore = "long: cargo xtask long"]
+fn no_motor_s_sound_encoder_is_doubted_however_it_is_regulated() {
+    // Every seventh of what `motor-hub soak --sweep` runs.
+    let soak = Soak::sweep(7, &mut |_, _| ()).expect("it runs");
+    assert!(soak.is_clean(), "{}", soak::text(&soak));
+    assert!(soak.motors > 4_000, "{soak:?}");
 }

@@ -7,20 +7,22 @@
 //!   torque. In Schemes C and D the end of the range may be less than full reverse, and a load may
 //!   overpower that: there, after 100 ms, the bridge is put in full reverse for another 100 ms, which
 //!   slows down a well-wired motor, and drives on one whose encoder is reversed.
-//! * **Stuck:** the motor does not turn though it should, by what the bridge was told, the motor's acceleration
-//!   and the heaviest friction: see `held`. An unplugged encoder, one with a broken wire, or a motor held by a stop:
+//! * **Stuck:** the motor does not turn though it should, by what the bridge was told, the motor's acceleration,
+//!   and the heaviest friction; or it turned evenly and falls silent, though under the load that it had it would have gone
+//!   on: see `held`. An unplugged encoder, one with a broken wire, or a motor held by a stop:
 //!   it is released, if there is time for that, and then driven the other way, once, to find out. A motor that is *stalled* is reported,
 //!   which is no fault.
 //!
-//! All times are longer for a motor that is so slow that its counts take longer.
+//! A motor that turns evenly and whose encoder falls silent is judged within 250 ms, at every control period; so is a clear
+//! case of any other, from when it is given all that it has. It takes longer where counts take longer, and of a motor of
+//! which nothing is known: 1 s if it was last heard turning the wrong way, for it may be that slow to turn back, and some
+//! 4 s if it has fewer than 1000 counts/s at 12 V.
 //!
-//! Either is decided within 250 ms of a clear case, at every control period; but of a motor that is not known and was last
-//! heard turning the wrong way, a silent encoder within 1 s: it may be that slow to turn back. Open-loop power needs no encoder and
-//! is not watched; neither is a motor that holds its position, from which no count is due, nor one that all of a low
-//! battery might not turn against friction.
+//! Open-loop power needs no encoder and is not watched; neither is a motor that holds its position, from which no count is
+//! due, nor one at rest that all of a low battery might not turn against friction.
 //!
 //! ```
-//! use motor_hub::braking::Regime;
+//! use motor_hub::braking::{Regime, Winding};
 //! use motor_hub::motion::guard::{EncoderFault, Evidence, Finding, Guard, Order};
 //! use motor_hub::units::{Control, CountsPerSecond, Period, Voltage};
 //!
@@ -38,6 +40,10 @@
 //!     velocity: CountsPerSecond::ZERO,
 //!     battery: 12.0,
 //!     gain: Some(1_500.0),
+//!     volt: 1_500.0,
+//!     emf: Winding::NEVEREST_60.emf,
+//!     volt: 1_500.0,
+//!     emf: Winding::NEVEREST_60.emf,
 //!     gentle: false,
 //!     probing: true,
 //! };
@@ -47,11 +53,13 @@
 //! assert_eq!(guard.step(no_counts), Finding::Fault(EncoderFault::Stuck));
 //! ```
 
+mod heard;
 mod held;
 mod runaway;
 
 use crate::braking::Regime;
-use crate::units::{Control, CountsPerSecond, Period, Voltage};
+use crate::motion::Reading;
+use crate::units::{Control, CountsPerSecond, EmfConstant, Period, Voltage};
 use held::Held;
 use runaway::{Runaway, Span};
 
@@ -100,6 +108,10 @@ pub struct Evidence {
     pub battery: f32,
     /// What a volt accelerates the motor by at least, in counts/s², if that is known.
     pub gain: Option<f32>,
+    /// What a volt is thought to accelerate it by, in counts/s².
+    pub volt: f32,
+    /// Its back EMF.
+    pub emf: EmfConstant,
     /// The end of the control range may be less than full reverse.
     pub gentle: bool,
     /// A motor that does not turn may be driven the other way to find out why.
@@ -153,6 +165,12 @@ impl Guard {
         Self { period, held: Held::new(period), runaway: Runaway::default() }
     }
 
+    /// Takes a sample of the encoder between two ticks and at them, best every millisecond, and what besides the bridge is
+    /// thought to accelerate the motor then, in counts/s².
+    pub fn sample(&mut self, reading: &Reading, load: f32) {
+        self.held.sample(reading, load);
+    }
+
     /// What a tick says of the encoder, together with those before it.
     pub fn step(&mut self, evidence: Evidence) -> Finding {
         if evidence.runs_away() {
@@ -179,6 +197,7 @@ impl Guard {
 
     /// Suspects nothing any more, as when the motor is no longer regulated.
     pub fn reset(&mut self) {
-        *self = Self::new(self.period);
+        self.held.reset();
+        self.runaway = Runaway::default();
     }
 }

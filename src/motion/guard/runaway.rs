@@ -95,7 +95,7 @@ fn slowness(gain: Option<f32>) -> i64 {
 mod tests {
     use super::super::Order;
     use super::*;
-    use crate::braking::Regime;
+    use crate::braking::{Regime, Winding};
     use crate::units::Voltage;
 
     /// What comes of full reverse against these speeds, a tick of 50 ms each.
@@ -116,6 +116,8 @@ mod tests {
                 velocity,
                 battery: 12.0,
                 gain: None,
+                volt: 1_500.0,
+                emf: Winding::NEVEREST_60.emf,
                 gentle: false,
                 probing: true,
             };

@@ -8,4 +8,5 @@ mod files;
 mod runs;
 mod scenarios;
 mod scheme;
+mod wires;
 mod world;

@@ -3,6 +3,7 @@
 //!
 //! Scenario by scenario the hub is told everything, wrong inertias, or nothing (see [`Knowledge`]), and every other
 //! four have bridges with the timing of real ones. Dry friction is up to 40 % of the stall torque, four times the survey's.
+//! Besides what is drawn there is a sweep over every motor and everything that it may be regulated by.
 //!
 //! ```
 //! use studies::survey::soak::Soak;
@@ -12,12 +13,13 @@
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 
-use super::{Knowledge, circumstances, random};
+use super::{Knowledge, circumstances, pool, random, sweep};
 use crate::StudyError;
 use motor_hub::model::friction::Friction;
 use motor_hub::model::si::NewtonMetres;
 use motor_hub::motor::Faults;
 use serde::Serialize;
+use simulated::direct;
 use simulated::hardware::REAL_BRIDGE;
 use simulated::scenario::Scenario;
 use simulated::sim::{self, RunError};
@@ -26,8 +28,8 @@ use std::fmt::Write;
 /// What became of the scenarios.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Soak {
-    /// What they follow from.
-    pub seed: u64,
+    /// What they follow from, if they were drawn by lot.
+    pub seed: Option<u64>,
     /// How many there were.
     pub scenarios: u64,
     /// Virtual time of all of them.
@@ -38,6 +40,8 @@ pub struct Soak {
     pub ticks: usize,
     /// Faults that were reported of sound motors, the first of each motor.
     pub alarms: Vec<Alarm>,
+    /// Motors that were reported as stalled: none meets a stop, but friction and load together hold some for a while.
+    pub stalled: usize,
     /// Scenarios in which the watchdog was not fed in time.
     pub starved: Vec<u64>,
 }
@@ -65,9 +69,9 @@ impl Soak {
     /// # Errors
     /// If a motor does not fit the firmware.
     pub fn new(seed: u64, seconds: f64, progress: &mut dyn FnMut(f64)) -> Result<Self, StudyError> {
-        let mut soak = Self { seed, ..Self::default() };
+        let mut soak = Self { seed: Some(seed), ..Self::default() };
         while soak.seconds < seconds {
-            soak.add(soak.scenarios)?;
+            soak.add(seed, soak.scenarios)?;
             progress(soak.seconds);
         }
         Ok(soak)
@@ -79,8 +83,8 @@ impl Soak {
     }
 
     /// Runs one more.
-    fn add(&mut self, number: u64) -> Result<(), StudyError> {
-        let (scenario, knowledge) = scenario(self.seed, number);
+    fn add(&mut self, seed: u64, number: u64) -> Result<(), StudyError> {
+        let (scenario, knowledge) = scenario(seed, number);
         self.scenarios += 1;
         self.seconds += scenario.duration_s;
         self.motors += scenario.motors.len();
@@ -94,22 +98,75 @@ impl Soak {
         self.ticks += trace.ticks.len();
         for motor in 0..scenario.motors.len() {
             let samples = trace.ticks.iter().filter_map(|tick| Some((tick.at_s, tick.motors.get(motor)?)));
+            self.stalled += usize::from(samples.clone().any(|(_, sample)| sample.report.stalled));
             // The battery is measured before the first tick.
             let mut faults = samples.map(|(at_s, sample)| (at_s, sample.report.faults));
             if let Some((at_s, faults)) = faults.find(|(_, faults)| faults.any()) {
-                let circumstances = format!("{}, {}", circumstances(&scenario, motor), knowledge.name());
-                self.alarms.push(Alarm {
-                    scenario: number,
-                    motor,
-                    at_s,
-                    what: words(faults),
-                    told: knowledge,
-                    circumstances,
-                });
+                self.alarms.push(Alarm::new((&scenario, number), motor, at_s, faults, knowledge));
             }
         }
         Ok(())
     }
+
+    /// Every motor, inertia, scheme, duty rule, friction, voltage and period, told and not, or each `every`th scenario of
+    /// these; without tasks, so no watchdog is looked at. `progress` is told how many of how many scenarios are done.
+    ///
+    /// # Errors
+    /// If a motor does not fit the firmware.
+    pub fn sweep(every: usize, progress: &mut dyn FnMut(usize, usize)) -> Result<Self, StudyError> {
+        let cases = sweep::scenarios(every);
+        let numbers: Vec<u64> = (0..).take(cases.len()).collect();
+        let runs = pool::map(
+            &numbers,
+            |&number| cases.get(number as usize).map(|(scenario, told)| looked_at(scenario, number, *told)),
+            |done| progress(done, cases.len()),
+        );
+        let mut soak = Self { scenarios: cases.len() as u64, ..Self::default() };
+        for (run, (scenario, _)) in runs.into_iter().flatten().zip(&cases) {
+            let (alarms, stalled) = run?;
+            soak.alarms.extend(alarms);
+            soak.stalled += stalled;
+            soak.seconds += scenario.duration_s;
+            soak.motors += scenario.motors.len();
+            soak.ticks += (1e3 * scenario.duration_s) as usize / scenario.period.as_millis() as usize;
+        }
+        Ok(soak)
+    }
+}
+
+impl Alarm {
+    fn new(
+        (scenario, number): (&Scenario, u64),
+        motor: usize,
+        at_s: f64,
+        faults: Faults,
+        told: Knowledge,
+    ) -> Self {
+        let circumstances = format!("{}, {}", circumstances(scenario, motor), told.name());
+        Self { scenario: number, motor, at_s, what: format!("{faults:?}"), told, circumstances }
+    }
+}
+
+/// The alarms of a scenario that is run without tasks, and how many of its motors were taken for stalled.
+fn looked_at(scenario: &Scenario, number: u64, told: Knowledge) -> Result<(Vec<Alarm>, usize), StudyError> {
+    let mut first: Vec<(Option<(f64, Faults)>, bool)> = vec![(None, false); scenario.motors.len()];
+    direct::run(scenario, |moment| {
+        // The battery is measured before the first tick.
+        if moment.snapshot.tick == 0 {
+            return;
+        }
+        for ((fault, stalled), report) in first.iter_mut().zip(&moment.snapshot.motors) {
+            *stalled |= report.stalled;
+            if fault.is_none() && report.faults.any() {
+                *fault = Some((moment.ms as f64 / 1e3, report.faults));
+            }
+        }
+    })?;
+    let stalled = first.iter().filter(|(_, stalled)| *stalled).count();
+    let alarm = |(motor, (fault, _)): (usize, (Option<(f64, Faults)>, bool))| {
+        fault.map(|(at_s, faults)| Alarm::new((scenario, number), motor, at_s, faults, told))
+    };
+    Ok((first.into_iter().enumerate().filter_map(alarm).collect(), stalled))
 }
 
 /// The scenario of this number, and what the hub knows there.
@@ -128,16 +185,13 @@ fn scenario(seed: u64, number: u64) -> (Scenario, Knowledge) {
     (scenario, knowledge)
 }
 
-fn words(faults: Faults) -> String {
-    format!("{faults:?}")
-}
-
 /// What happened, for people.
 pub fn text(soak: &Soak) -> String {
-    let Soak { seed, scenarios, seconds, motors, ticks, alarms, starved } = soak;
+    let Soak { seed, scenarios, seconds, motors, ticks, alarms, stalled, starved } = soak;
+    let by_lot = seed.map_or_else(String::new, |seed| format!(" by lot (seed {seed})"));
     let mut out = format!(
-        "{:.3} h of virtual time: {scenarios} scenarios by lot (seed {seed}), {motors} motors, {ticks} control ticks\n\
-         {} false alarms, the watchdog starved in {} scenarios\n",
+        "{:.3} h of virtual time: {scenarios} scenarios{by_lot}, {motors} motors, {ticks} control ticks\n\
+         {} false alarms, {stalled} motors taken for stalled for a while, the watchdog starved in {} scenarios\n",
         seconds / 3600.0,
         alarms.len(),
         starved.len()

@@ -1,0 +1,96 @@
+//! Every motor of the catalogue, bare, with either of its inertias, under every scheme and duty rule, with friction of up
+//! to 40 % of its stall torque, on a battery of 6.5 to 14.5 V, every 1 to 100 ms, told as it is and not at all: sound
+//! encoders, of which none may be doubted.
+
+use super::Knowledge;
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::model::battery::Battery;
+use motor_hub::model::catalogue;
+use motor_hub::model::friction::Friction;
+use motor_hub::model::load::Load;
+use motor_hub::model::si::{NewtonMetres, Ohms, Volts};
+use motor_hub::motor::Setpoint;
+use motor_hub::units::{CountsPerSecond, Period};
+use simulated::hardware::{MOTORS, REAL_BRIDGE};
+use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
+
+const PERIODS_MS: [u32; 4] = [1, 10, 50, 100];
+const VOLTS: [f64; 3] = [6.5, 12.0, 14.5];
+const FRICTION_PERCENT: [f64; 3] = [0.0, 20.0, 40.0];
+const KNOWLEDGE: [Knowledge; 2] = [Knowledge::Exact, Knowledge::Nothing];
+const HALF_WAY: BlendFraction = match BlendFraction::from_bits(1 << 15) {
+    Ok(blend) => blend,
+    Err(_) => BlendFraction::ZERO,
+};
+const SCHEMES: [Scheme; 6] = [
+    Scheme::ForwardReverse,
+    Scheme::A,
+    Scheme::B,
+    Scheme::C,
+    Scheme::D(Blend::Automatic),
+    Scheme::D(Blend::Fixed(HALF_WAY)),
+];
+const DUTIES: [DutyRule; 2] = [DutyRule::LinearCurrent, DutyRule::LinearDuty];
+const DURATION_S: f64 = 6.0;
+
+/// One of so many scenarios, four motors each, and what the hub is told there; the `every`th of all.
+pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
+    let mut all = Vec::new();
+    for (period_ms, volts) in
+        PERIODS_MS.into_iter().flat_map(|period_ms| VOLTS.map(|volts| (period_ms, volts)))
+    {
+        for knowledge in KNOWLEDGE {
+            for motors in motors(volts).chunks(MOTORS) {
+                let mut motors = motors.to_vec();
+                for motor in &mut motors {
+                    motor.told = knowledge.told();
+                    if all.len() % 2 == 1 {
+                        motor.bridge = REAL_BRIDGE;
+                    }
+                }
+                let battery = Battery { emf: Volts(volts), resistance: Ohms(0.0) };
+                let period = Period::from_millis(period_ms).unwrap_or_default();
+                let scenario = Scenario::new("sweep", DURATION_S, battery, motors);
+                all.push((Scenario { period, limits: UNLIMITED, ..scenario }, knowledge));
+            }
+        }
+    }
+    all.into_iter().step_by(every.max(1)).collect()
+}
+
+/// All of them on such a battery.
+fn motors(volts: f64) -> Vec<Motor> {
+    let mut all = Vec::new();
+    for constants in catalogue::motors().flat_map(|motor| [motor, motor.with_measured_rotor_inertia()]) {
+        for (scheme, duty) in SCHEMES.into_iter().flat_map(|scheme| DUTIES.map(|duty| (scheme, duty))) {
+            for percent in FRICTION_PERCENT {
+                let mut constants = constants;
+                let coulomb = percent / 100.0 * constants.stall_torque(Volts(12.0)).0;
+                constants.friction = Friction::with_coulomb(NewtonMetres(coulomb));
+                let setpoints = course(1e3 * volts / constants.ke_fw());
+                let label = format!("{} {}", constants.name, all.len());
+                all.push(Motor { label, scheme, duty, setpoints, ..Motor::new(constants, Load::NONE) });
+            }
+        }
+    }
+    all
+}
+
+/// From rest to half of this speed, back, slowly on, to rest, away, and slowly on again.
+fn course(free: f64) -> Vec<Timed<Setpoint>> {
+    let velocity = |speed: f64| Setpoint::Velocity(CountsPerSecond::new(speed as i32));
+    let position = |turns: f64| Setpoint::Position {
+        target: (turns * free) as i32,
+        tolerance: 10,
+        speed_limit: CountsPerSecond::new(free as i32),
+    };
+    let stations = [
+        (0.1, velocity(0.5 * free)),
+        (1.2, velocity(-0.3 * free)),
+        (2.2, velocity(60.0)),
+        (3.2, velocity(0.0)),
+        (3.7, position(-0.3)),
+        (5.0, velocity(-0.1 * free)),
+    ];
+    stations.map(|(at_s, value)| Timed { at_s, value }).to_vec()
+}
