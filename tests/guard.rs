@@ -497,7 +497,7 @@ fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
         (0..40).any(|tick| {
             let velocity = CountsPerSecond::new(-20 * moved);
             let at = Micros::new(50_000 * tick);
-            guard.sample(&Reading { position: -moved * tick as i32, edge_at: at, at }, 0.0);
+            guard.sample(&Reading { position: -moved * tick as i32, edge_at: at, at }, || 0.0);
             let order = Order {
                 target: CountsPerSecond::new(1_000),
                 control: Control::MAX,
@@ -516,7 +516,7 @@ fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
                 gentle: false,
                 probing: true,
             };
-            matches!(guard.step(evidence), Finding::Fault(_))
+            matches!(guard.step(&evidence), Finding::Fault(_))
         })
     };
     // 140 and 160 counts/s.

@@ -72,3 +72,25 @@ fn the_farthest_target_is_ahead_wherever_the_motor_is() {
         }
     }
 }
+
+#[test]
+fn a_motor_that_has_rolled_out_is_known_to_rest() {
+    for friction in [500.0, 2_000.0, 6_000.0] {
+        let mut motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);
+        let (mut tracker, mut x, mut w) = (Tracker::default(), 0.3f64, 1_000.0f64);
+        for ms in 0..6_000u64 {
+            let now = Micros::new(1_000 * ms);
+            if ms > 500 {
+                w = (w - friction * 1e-3).max(0.0);
+            }
+            x += w * 1e-3;
+            let reading = tracker.step(x as u16, now);
+            motor.sample(reading);
+            if ms % 50 == 0 {
+                let report = motor.step(now, Some(reading), Some(Millivolts::new(12_000)));
+                let speed = report.velocity.to_f64();
+                assert!(ms < 3_500 || speed.abs() < 0.5, "{speed} counts/s after {ms} ms of {friction}");
+            }
+        }
+    }
+}

@@ -210,7 +210,8 @@ impl Motor {
     pub fn sample(&mut self, reading: Reading) {
         self.identifier.sample(&reading);
         self.regulator.sample(reading);
-        self.watch.sample(&reading, self.regulator.disturbance());
+        let Self { watch, regulator, .. } = self;
+        watch.sample(&reading, || regulator.disturbance());
     }
 
     /// Takes what the bridge says of itself, on a board that hears it.
@@ -526,7 +527,7 @@ impl Motor {
             gentle: matches!(self.settings.scheme, Scheme::C | Scheme::D(_)),
             probing: self.settings.probing,
         });
-        let finding = evidence.map_or(Finding::Sound, |evidence| self.watch.step(evidence));
+        let finding = evidence.map_or(Finding::Sound, |evidence| self.watch.step(&evidence));
         let mut speed = self.regulator.wanted(demand);
         let (mut control, mut placement) = match finding {
             Finding::Fault(_) => return None,

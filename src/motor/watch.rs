@@ -27,12 +27,12 @@ impl Watch {
     }
 
     /// Takes a sample of the encoder, and the load that is thought of then, in counts/s².
-    pub(super) fn sample(&mut self, reading: &Reading, load: f32) {
+    pub(super) fn sample(&mut self, reading: &Reading, load: impl FnOnce() -> f32) {
         self.guard.sample(reading, load);
     }
 
     /// What the encoder's answer to the last tick's order says of the encoder.
-    pub(super) fn step(&mut self, evidence: Evidence) -> Finding {
+    pub(super) fn step(&mut self, evidence: &Evidence) -> Finding {
         let finding = self.guard.step(evidence);
         self.stalled = finding == Finding::Stalled;
         if let Finding::Fault(fault) = finding {

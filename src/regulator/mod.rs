@@ -54,6 +54,8 @@ use observer::{FASTEST, Observer, Plant};
 const SILENCE_SAMPLES: u32 = 300;
 /// So long a motor that should move does not before it counts as held.
 const HELD_MS: u32 = 100;
+/// A motor whose bridge is open, and of which no count came for so long, rests.
+const REST_MICROS: u64 = 300_000;
 /// Speed asked for at which counts are due in that time.
 const COUNTING_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
 
@@ -244,6 +246,10 @@ impl Regulator {
         // By constants that are no motor's, numbers grow until they are none.
         if !(observer.speed() + observer.fraction()).is_finite() {
             *observer = Observer::new(0.0);
+        }
+        let still = |last: &Reading| last.at.since(last.edge_at) >= REST_MICROS;
+        if self.voltage.is_none() && self.last.as_ref().is_some_and(still) {
+            observer.rest();
         }
         let Some(newest) = self.last.filter(|_| self.config.dynamics.is_none()) else { return };
         if self.learner.step(newest) {

@@ -29,8 +29,6 @@ pub(super) const SAMPLE: f32 = 1e-3;
 const HEAVIEST_LOAD: f32 = 20.0 * 12.0;
 /// By so many counts a state may be ahead of an encoder that says nothing.
 const LATE: f32 = 1.0;
-/// A motor whose bridge is open, and of which no count came for so many samples, rests.
-const RESTS: u32 = 300;
 /// Counts/s: beyond what any encoder's timer could count, and far within what a single can add 1/1000 to.
 pub(super) const FASTEST: f32 = 1e6;
 
@@ -101,24 +99,12 @@ pub(super) struct Observer {
     z: f32,
     /// A count was late by a whole one, and none has come since.
     silent: bool,
-    /// Samples since the last count.
-    still: u32,
 }
 
 impl Observer {
     /// In the middle of a count, at this speed, without acceleration under the voltage that acts.
     pub(super) fn new(w: f32) -> Self {
-        Self {
-            x: 0.5,
-            w,
-            d: 0.0,
-            acceleration: 0.0,
-            coasting: true,
-            age: 0.0,
-            z: 1.0,
-            silent: false,
-            still: 0,
-        }
+        Self { x: 0.5, w, d: 0.0, acceleration: 0.0, coasting: true, age: 0.0, z: 1.0, silent: false }
     }
 
     /// One sample later.
@@ -141,11 +127,6 @@ impl Observer {
     /// for.
     pub(super) fn see(&mut self, plant: &Plant, moved: i32, turning: bool) {
         if moved == 0 {
-            self.still = self.still.saturating_add(1);
-            if self.coasting && self.still >= RESTS {
-                // Nothing would end its wandering to and fro within the count.
-                (self.w, self.d, self.acceleration) = (0.0, 0.0, 0.0);
-            }
             let late = if turning && !self.silent { LATE } else { 0.0 };
             if !(-late..=1.0 + late).contains(&self.x) {
                 self.silent = true;
@@ -153,7 +134,7 @@ impl Observer {
             }
             return;
         }
-        (self.silent, self.still) = (false, 0);
+        self.silent = false;
         self.x -= moved as f32;
         // A count came at some time since the last sample; how far the shaft went since then is not known.
         let since = at_most(self.w.abs() * SAMPLE, 1.0);
@@ -197,6 +178,11 @@ impl Observer {
         self.acceleration = within(self.acceleration + of_load - plant.q * of_speed, fastest);
         self.age = 0.0;
         self.z = 1.0;
+    }
+
+    /// It stands, and nothing pulls on it: by itself what is thought of it would wander to and fro within its count.
+    pub(super) const fn rest(&mut self) {
+        (self.w, self.d, self.acceleration) = (0.0, 0.0, 0.0);
     }
 
     /// From now on the bridge makes this voltage of the motor; `None` if it is open.
@@ -322,29 +308,5 @@ mod tests {
     fn a_motor_at_rest_is_known_to_rest() {
         let observer = follow(2.0, 0.0, |_| 0.3);
         assert!(observer.speed().abs() < 0.5, "{}", observer.speed());
-    }
-
-    #[test]
-    fn a_motor_that_has_rolled_out_is_known_to_rest() {
-        for friction in [500.0, 2_000.0, 6_000.0] {
-            let plant = plant();
-            let mut observer = Observer::new(0.0);
-            observer.drive(&plant, Some(4.7));
-            let (mut x, mut w, mut last) = (0.3f64, 1_000.0f64, 0);
-            for ms in 0..5_000 {
-                if ms == 500 {
-                    observer.drive(&plant, None);
-                }
-                if ms >= 500 {
-                    w = (w - friction * 1e-3).max(0.0);
-                }
-                x += w * 1e-3;
-                let now = x.floor() as i32;
-                observer.predict(&plant);
-                observer.see(&plant, now - last, false);
-                last = now;
-            }
-            assert!(observer.speed().abs() < 0.01, "{} after {friction}", observer.speed());
-        }
     }
 }

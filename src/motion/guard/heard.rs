@@ -6,12 +6,14 @@
 
 use crate::motion::Reading;
 
+/// So often, in microseconds, it is listened to: at every sample nothing more would be known.
+const HEARS_US: u32 = 4_000;
 /// A motor that is heard so long, in microseconds, with no longer gap, turns by itself and was not thrown.
 const STEADY_US: u32 = 200_000;
 const GAP_US: u32 = 50_000;
 /// The pace is taken over so many counts and so long, at least.
 const PACE_COUNTS: u32 = 4;
-const PACE_US: u32 = 10_000;
+const PACE_US: u32 = 48_000;
 
 /// A motor that is about to stop becomes slower by more than this from one pace to the next.
 const EVEN: f32 = 0.75;
@@ -19,8 +21,8 @@ const EVEN: f32 = 0.75;
 /// What was heard of a motor.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Heard {
-    /// In the middle of where it may tremble; `None` before the first sample.
-    centre: Option<i32>,
+    /// In the middle of where it may tremble.
+    centre: i32,
     /// Times in microseconds, of which the low bits are enough: of the newest sample,
     newest: u32,
     /// of the last one in which it was heard,
@@ -34,8 +36,9 @@ pub(super) struct Heard {
     pace: f32,
     pace_before: f32,
     clockwise: Option<bool>,
-    /// What accelerated it besides the bridge, in counts/s².
+    /// What was thought to accelerate it besides the bridge when its paces were taken, in counts/s².
     load: f32,
+    load_before: f32,
     /// Since somebody asked last.
     lately: bool,
 }
@@ -52,22 +55,21 @@ pub(super) struct Turned {
 }
 
 impl Heard {
-    /// Takes a sample, and the load that is thought of then.
-    pub(super) fn sample(&mut self, reading: &Reading, load: f32) {
+    /// Takes a sample; asks for the load that is thought of then only now and then.
+    pub(super) fn sample(&mut self, reading: &Reading, load: impl FnOnce() -> f32) {
         self.newest = reading.at.get() as u32;
-        let centre = *self.centre.get_or_insert(reading.position);
-        let away = reading.position.wrapping_sub(centre);
+        if self.silent_us() < HEARS_US {
+            return;
+        }
+        let away = reading.position.wrapping_sub(self.centre);
         if !(-1..=1).contains(&away) {
-            let clockwise = away > 0;
-            let counts = away.unsigned_abs() - 1;
-            self.centre = Some(reading.position.wrapping_sub(if clockwise { 1 } else { -1 }));
-            self.hear(clockwise, counts);
-            self.load = load;
+            self.centre = reading.position.wrapping_sub(away.signum());
+            self.hear(away > 0, away.unsigned_abs() - 1, load);
         }
     }
 
-    fn hear(&mut self, clockwise: bool, counts: u32) {
-        if self.clockwise != Some(clockwise) || self.newest.wrapping_sub(self.at) > GAP_US {
+    fn hear(&mut self, clockwise: bool, counts: u32, load: impl FnOnce() -> f32) {
+        if self.clockwise != Some(clockwise) || self.silent_us() > GAP_US {
             (self.since, self.counted_since, self.counted) = (self.newest, self.newest, 0);
             (self.clockwise, self.pace_before, self.pace) = (Some(clockwise), 0.0, 0.0);
         } else {
@@ -76,6 +78,7 @@ impl Heard {
             if self.counted >= PACE_COUNTS && took >= PACE_US {
                 (self.pace_before, self.pace) = (self.pace, per_second(self.counted, took));
                 (self.counted_since, self.counted) = (self.newest, 0);
+                (self.load_before, self.load) = (self.load, load());
             }
         }
         self.at = self.newest;
@@ -87,9 +90,9 @@ impl Heard {
         core::mem::replace(&mut self.lately, false)
     }
 
-    /// For how long it has been silent.
-    pub(super) const fn silent_ms(&self) -> u32 {
-        self.newest.wrapping_sub(self.at) / 1_000
+    /// For how many microseconds it has been silent, or nothing has been due.
+    pub(super) const fn silent_us(&self) -> u32 {
+        self.newest.wrapping_sub(self.at)
     }
 
     /// Which way it turned last.
@@ -102,18 +105,19 @@ impl Heard {
         if self.clockwise != Some(clockwise) || self.at.wrapping_sub(self.since) < STEADY_US {
             return None;
         }
-        // It may have become slower since its pace was taken.
-        let took = self.at.wrapping_sub(self.counted_since);
+        // It may have become slower since its pace was taken, but for what trembles when a wire breaks.
+        let took = self.at.wrapping_sub(self.counted_since).saturating_sub(2 * HEARS_US);
         let slower = self.counted > 0 && took > 0;
         let pace = if slower { self.pace.min(per_second(self.counted + 1, took)) } else { self.pace };
         let along = |value: f32| if clockwise { value } else { -value };
-        let turned = Turned { pace, load: along(self.load), push: along(push) };
+        // What is thought of the load just after a wire has broken is wrong.
+        let turned = Turned { pace, load: along(self.load_before), push: along(push) };
         (pace >= EVEN * self.pace_before).then_some(turned)
     }
 
     /// What it did says nothing any more of what it should do.
     pub(super) const fn forget(&mut self) {
-        self.since = self.at;
+        (self.since, self.at) = (self.newest, self.newest);
     }
 }
 
@@ -130,7 +134,7 @@ mod tests {
     fn heard(counts: impl Iterator<Item = i32>) -> Heard {
         let mut heard = Heard::default();
         for (at, position) in (1u64..).map(|ms| Micros::new(1_000 * ms)).zip(counts) {
-            heard.sample(&Reading { position, edge_at: at, at }, 0.0);
+            heard.sample(&Reading { position, edge_at: at, at }, || 0.0);
         }
         heard
     }
@@ -144,7 +148,7 @@ mod tests {
 
     #[test]
     fn a_count_to_and_fro_is_not_heard() {
-        let mut trembles = heard([7, 8, 7, 6].into_iter().cycle().take(500));
+        let mut trembles = heard([0, 1, 0, -1].into_iter().cycle().take(500));
         assert!(!trembles.lately());
         assert_eq!(trembles.clockwise(), None);
     }
@@ -157,8 +161,8 @@ mod tests {
             assert!((pace / cps.abs() - 1.0).abs() < 0.2, "{pace} of {cps}");
             assert!(heard.turned(cps < 0.0, 0.0).is_none());
             // The last count may have come some time before, and the first of the trembling may be heard.
-            let since = (77..=82 + (1e3 / cps.abs()) as u32).contains(&heard.silent_ms());
-            assert!(since, "{} ms of {cps}", heard.silent_ms());
+            let silent_ms = heard.silent_us() / 1_000;
+            assert!((74..=82 + (1e3 / cps.abs()) as u32).contains(&silent_ms), "{silent_ms} ms of {cps}");
         }
     }
 

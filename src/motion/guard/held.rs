@@ -24,8 +24,10 @@ use crate::units::{Control, CountsPerSecond, Period};
 /// Speed asked for from which on counts are due: 40 counts/s.
 const COUNTING_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
 /// Time without the way that is due, in milliseconds: of a motor of which something is known, and of any other.
-const STUCK_MS: u32 = 50;
+const STUCK_MS: u32 = 46;
 const ANYWAY_MS: u32 = 140;
+/// A motor that was heard within so many microseconds is not silent.
+const QUIET_US: u32 = 10_000;
 /// Of a back EMF of more than this, in volts per count/s, a motor has fewer than 1000 counts/s at 12 V: those have gears
 /// before their encoder, or heavy rotors, and take so long.
 const FEW_COUNTS: f32 = 0.012;
@@ -233,7 +235,7 @@ impl Held {
     }
 
     /// Takes a sample of the encoder, and the load that is thought of then.
-    pub(super) fn sample(&mut self, reading: &Reading, load: f32) {
+    pub(super) fn sample(&mut self, reading: &Reading, load: impl FnOnce() -> f32) {
         self.heard.sample(reading, load);
     }
 
@@ -244,8 +246,7 @@ impl Held {
             self.push_when_heard = evidence.order.push.to_volts();
         }
         let (phase, finding) = match self.phase {
-            Phase::Watching(_) if heard => self.fell_silent(evidence),
-            Phase::Watching(due) => self.watch(due, self.period.as_millis(), evidence.moved, evidence),
+            Phase::Watching(due) => self.listen(if heard { Due::NONE } else { due }, evidence),
             Phase::Releasing(suspect, due) => self.release(suspect, due, heard, evidence),
             Phase::Reversing(suspect, due) => self.reverse(suspect, due, heard, evidence),
             Phase::Stalled(mut stall) => {
@@ -261,13 +262,18 @@ impl Held {
         finding
     }
 
-    /// The motor was heard since the last tick, and may have been silent since.
-    fn fell_silent(&mut self, evidence: &Evidence) -> (Phase, Finding) {
-        let ms = self.heard.silent_ms().min(self.period.as_millis());
-        if ms == 0 {
-            return (Phase::Watching(Due::NONE), Finding::Sound);
+    /// Is the motor silent? This runs at every tick.
+    fn listen(&mut self, due: Due, evidence: &Evidence) -> (Phase, Finding) {
+        let silent_us = self.heard.silent_us();
+        if silent_us < QUIET_US {
+            return (Phase::Watching(due), Finding::Sound);
         }
-        self.watch(Due::NONE, ms, 0, evidence)
+        let period = self.period.as_millis();
+        if due.ms == 0 {
+            self.watch(due, (silent_us / 1_000).min(period + QUIET_US / 1_000), 0, evidence)
+        } else {
+            self.watch(due, period, evidence.moved, evidence)
+        }
     }
 
     /// The motor was silent for so long.

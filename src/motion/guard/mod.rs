@@ -24,7 +24,8 @@
 //! ```
 //! use motor_hub::braking::{Regime, Winding};
 //! use motor_hub::motion::guard::{EncoderFault, Evidence, Finding, Guard, Order};
-//! use motor_hub::units::{Control, CountsPerSecond, Period, Voltage};
+//! use motor_hub::motion::Reading;
+//! use motor_hub::units::{Control, CountsPerSecond, Micros, Period, Voltage};
 //!
 //! let mut guard = Guard::new(Period::DEFAULT);
 //! let order = Order {
@@ -42,15 +43,17 @@
 //!     gain: Some(1_500.0),
 //!     volt: 1_500.0,
 //!     emf: Winding::NEVEREST_60.emf,
-//!     volt: 1_500.0,
-//!     emf: Winding::NEVEREST_60.emf,
 //!     gentle: false,
 //!     probing: true,
 //! };
-//! assert_eq!(guard.step(no_counts), Finding::Sound);
-//! assert_eq!(guard.step(no_counts), Finding::Release);
-//! assert!(matches!(guard.step(no_counts), Finding::Probe(_)));
-//! assert_eq!(guard.step(no_counts), Finding::Fault(EncoderFault::Stuck));
+//! let findings = [40, 90, 140, 190].map(|ms| {
+//!     let at = Micros::new(1_000 * ms);
+//!     guard.sample(&Reading { position: 0, edge_at: Micros::new(0), at }, || 0.0);
+//!     guard.step(&no_counts)
+//! });
+//! assert_eq!(findings[..2], [Finding::Sound, Finding::Release]);
+//! assert!(matches!(findings[2], Finding::Probe(_)));
+//! assert_eq!(findings[3], Finding::Fault(EncoderFault::Stuck));
 //! ```
 
 mod heard;
@@ -167,22 +170,22 @@ impl Guard {
 
     /// Takes a sample of the encoder between two ticks and at them, best every millisecond, and what besides the bridge is
     /// thought to accelerate the motor then, in counts/s².
-    pub fn sample(&mut self, reading: &Reading, load: f32) {
+    pub fn sample(&mut self, reading: &Reading, load: impl FnOnce() -> f32) {
         self.held.sample(reading, load);
     }
 
     /// What a tick says of the encoder, together with those before it.
-    pub fn step(&mut self, evidence: Evidence) -> Finding {
+    pub fn step(&mut self, evidence: &Evidence) -> Finding {
         if evidence.runs_away() {
             let tick = Span { ms: self.period.as_millis().into(), counts: evidence.counts() };
-            let finding = self.runaway.step(tick, &evidence);
+            let finding = self.runaway.step(tick, evidence);
             if finding != Finding::Sound {
                 return finding;
             }
         } else {
             self.runaway = Runaway::default();
         }
-        self.held.step(&evidence)
+        self.held.step(evidence)
     }
 
     /// Another thing is asked of the motor: one that is being examined is not driven on because of that. Returns
