@@ -34,7 +34,7 @@ const FEW_COUNTS: f32 = 0.012;
 const FEW_COUNTS_MS: u32 = 3_000;
 /// Time constants are no longer than this, in seconds: of those, and of any other.
 const LONGEST_OF_FEW_COUNTS: f32 = 50.0;
-const LONGEST_TIME_CONSTANT: f32 = 3.0;
+const LONGEST_TIME_CONSTANT: f32 = 2.5;
 /// The same of one that is not known and was last heard turning the wrong way: it may be that slow to turn back.
 const TURNING_BACK_MS: u32 = 800;
 /// How long the motor is released, and driven the other way, at least,

@@ -3,7 +3,7 @@
 use crate::common::{COUNTER, board, four_loads, log, ms, setup, turning, turning_as};
 use emulated::talk::Talk;
 use emulated::{Bench, Encoder, Mpu, Setup};
-use motor_hub::bridge::Drive;
+use motor_hub::bridge::{Drive, Mode};
 use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
 use motor_hub::record::{Fault, Head, Tick};
 
@@ -105,13 +105,16 @@ pub(crate) fn an_unplugged_encoder_is_on_record_with_the_ticks_before_also_after
     let [newest, same] = after[..] else { panic!("two entries: {after:?}") };
     assert_eq!((newest.fault, newest.run), (Fault::ResetPin, 1));
     assert_eq!(same, head);
-    // It turned, its counts stopped, the loop wound up, and it was let go.
+    // It turned, its counts stopped; it was released, driven the other way, and let go.
     let ticks = ticks(&mut bench, &head);
     let stopped =
         ticks.windows(2).rposition(|pair| pair[0].position != pair[1].position).expect("it turned") + 1;
-    assert!((ticks.len() - 8..ticks.len() - 3).contains(&stopped), "{ticks:?}");
-    let wound_up = ticks[stopped + 1..].iter().map(|tick| tick.control.get()).max().expect("ticks");
-    assert!(wound_up > 2 * ticks[stopped].control.get(), "{ticks:?}");
+    assert!((ticks.len() - 8..=ticks.len() - 3).contains(&stopped), "{ticks:?}");
+    let since = &ticks[stopped + 1..];
+    let released = since.iter().position(|tick| tick.drive == Drive::BRAKE).expect("it was released");
+    let driven_back =
+        since.iter().position(|tick| tick.drive.mode == Mode::Ccw62).expect("it was driven back");
+    assert!(released < driven_back && driven_back + 1 < since.len(), "{ticks:?}");
     assert_eq!(ticks.last().expect("ticks").drive, Drive::COAST);
 }
 
