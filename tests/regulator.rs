@@ -57,23 +57,6 @@ fn samples_that_are_early_or_late_or_missing_tell_the_same_speed() {
 }
 
 #[test]
-fn the_farthest_target_is_ahead_wherever_the_motor_is() {
-    for (position, target, forward) in
-        [(-1_438, i32::MAX, true), (500, i32::MIN, false), (-1, i32::MIN, false)]
-    {
-        for settings in [known(), Settings::new(Winding::NEVEREST_60)] {
-            let mut motor = Motor::new(settings, Period::DEFAULT);
-            motor.set(Setpoint::Position { target, tolerance: 20, speed_limit: CountsPerSecond::new(1_000) });
-            let at = Micros::new(50_000);
-            let reading = Reading { position, edge_at: at, at };
-            let report = motor.step(at, Some(reading), Some(Millivolts::new(12_000)));
-            assert_eq!(report.control.get() > 0, forward, "{target} from {position}: {report:?}");
-            assert!(!report.at_target);
-        }
-    }
-}
-
-#[test]
 fn a_motor_that_has_rolled_out_is_known_to_rest() {
     for friction in [500.0, 2_000.0, 6_000.0] {
         let mut motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);

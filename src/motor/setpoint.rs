@@ -51,7 +51,9 @@ impl Setpoint {
     /// True if this is a target, and `position` within the tolerance of it.
     pub(super) const fn reached(self, position: i32) -> bool {
         match self {
-            Self::Position { target, tolerance, .. } => target.abs_diff(position) <= tolerance as u32,
+            Self::Position { target, tolerance, .. } => {
+                target.wrapping_sub(position).unsigned_abs() <= tolerance as u32
+            }
             _ => false,
         }
     }

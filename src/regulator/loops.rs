@@ -286,11 +286,11 @@ impl Loops {
 
     /// The velocity at which to go to a position now: no more than can be braked from.
     fn approach(&mut self, target: i32, position: i32, speed_limit: CountsPerSecond) -> CountsPerSecond {
-        let distance = target.saturating_sub(position);
+        let distance = target.wrapping_sub(position);
         let stoppable = sqrtf(self.knowledge.gain * BRAKING_VOLTS * distance.unsigned_abs() as f32);
         let limit = speed_limit.to_bits().unsigned_abs().min((256.0 * stoppable) as u32);
         let input = PidInput {
-            // 8 million counts are as good as more.
+            // The short way round; 8 million counts are as good as more.
             error: Value::saturating_from_num(distance),
             measured: Value::wrapping_from_num(position),
             feed_forward: Value::ZERO,

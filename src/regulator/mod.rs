@@ -318,7 +318,7 @@ impl Regulator {
             Demand::Follow(reference) => reference.next,
             Demand::Position { target, speed_limit } => {
                 let limit = speed_limit.to_f32().abs();
-                let distance = target.saturating_sub(self.position());
+                let distance = target.wrapping_sub(self.position());
                 speed(limit * distance.signum() as f32)
             }
         }
@@ -361,7 +361,7 @@ impl Regulator {
                 law.follow(state, &mut seen, plant, reference.from(position), speeds, stage)
             }
             Demand::Position { target, speed_limit } => {
-                let distance = target.saturating_sub(position);
+                let distance = target.wrapping_sub(position);
                 let limit = speed_limit.to_f32().abs();
                 law.position(state, &mut seen, plant, distance, limit, stage)
             }
