@@ -73,7 +73,8 @@ impl Heard {
             (self.since, self.counted_since, self.counted) = (self.newest, self.newest, 0);
             (self.clockwise, self.pace_before, self.pace) = (Some(clockwise), 0.0, 0.0);
         } else {
-            self.counted += counts;
+            // A wild sample makes a wild pace, once.
+            self.counted = self.counted.wrapping_add(counts);
             let took = self.newest.wrapping_sub(self.counted_since);
             if self.counted >= PACE_COUNTS && took >= PACE_US {
                 (self.pace_before, self.pace) = (self.pace, per_second(self.counted, took));
@@ -108,7 +109,8 @@ impl Heard {
         // It may have become slower since its pace was taken, but for what trembles when a wire breaks.
         let took = self.at.wrapping_sub(self.counted_since).saturating_sub(2 * HEARS_US);
         let slower = self.counted > 0 && took > 0;
-        let pace = if slower { self.pace.min(per_second(self.counted + 1, took)) } else { self.pace };
+        let pace =
+            if slower { self.pace.min(per_second(self.counted.saturating_add(1), took)) } else { self.pace };
         let along = |value: f32| if clockwise { value } else { -value };
         // What is thought of the load just after a wire has broken is wrong.
         let turned = Turned { pace, load: along(self.load_before), push: along(push) };

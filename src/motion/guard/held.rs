@@ -19,7 +19,7 @@ use super::heard::{Heard, Turned};
 use super::{DUE_COUNTS, EncoderFault, Evidence, Finding};
 use crate::braking::Regime;
 use crate::motion::Reading;
-use crate::units::{Control, CountsPerSecond, Period};
+use crate::units::{Control, CountsPerSecond, Period, Voltage};
 
 /// Speed asked for from which on counts are due: 40 counts/s.
 const COUNTING_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
@@ -75,8 +75,8 @@ pub(super) struct Held {
     period: Period,
     phase: Phase,
     heard: Heard,
-    /// What the bridge made of the motor when it was heard last, in volts.
-    push_when_heard: f32,
+    /// What the bridge made of the motor when it was heard last.
+    push_when_heard: Voltage,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -220,7 +220,12 @@ impl Evidence {
 
 impl Held {
     pub(super) fn new(period: Period) -> Self {
-        Self { period, phase: Phase::Watching(Due::NONE), heard: Heard::default(), push_when_heard: 0.0 }
+        Self {
+            period,
+            phase: Phase::Watching(Due::NONE),
+            heard: Heard::default(),
+            push_when_heard: Voltage::from_volts(0.0),
+        }
     }
 
     /// Nothing is due yet. Where the motor is stays known.
@@ -243,7 +248,7 @@ impl Held {
     pub(super) fn step(&mut self, evidence: &Evidence) -> Finding {
         let heard = self.heard.lately();
         if heard {
-            self.push_when_heard = evidence.order.push.to_volts();
+            self.push_when_heard = evidence.order.push;
         }
         let (phase, finding) = match self.phase {
             Phase::Watching(due) => self.listen(if heard { Due::NONE } else { due }, evidence),
@@ -291,7 +296,7 @@ impl Held {
         let asked = along(clockwise, evidence.order.target);
         let turned = self
             .heard
-            .turned(clockwise, self.push_when_heard)
+            .turned(clockwise, self.push_when_heard.to_volts())
             .filter(|turned| turned.pace <= AS_ASKED * asked);
         let (due, counts) = match turned {
             Some(turned) => (due.turning_on(ms, moved, &turned, push, evidence), GOING_ON_COUNTS),

@@ -182,7 +182,7 @@ impl Guard {
             if finding != Finding::Sound {
                 return finding;
             }
-        } else {
+        } else if self.runaway.has_begun() {
             self.runaway = Runaway::default();
         }
         self.held.step(evidence)

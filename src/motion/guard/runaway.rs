@@ -51,6 +51,11 @@ pub(super) struct Runaway {
 }
 
 impl Runaway {
+    /// There was a tick of it.
+    pub(super) const fn has_begun(&self) -> bool {
+        self.early.ms != 0
+    }
+
     /// Another tick of it.
     pub(super) fn step(&mut self, tick: Span, evidence: &Evidence) -> Finding {
         // What turns round has obeyed, even if it swings, and goes the wrong way again.
