@@ -19,7 +19,7 @@ pub enum Setpoint {
     Velocity(CountsPerSecond),
     /// Regulated position: a position loop above the velocity loop.
     Position {
-        /// Where to go, in counts.
+        /// Where to go, in counts, the short way round the ring of 2^32 of them.
         target: i32,
         /// At target is reported of a motor that stands within this many counts.
         tolerance: u16,

@@ -53,14 +53,14 @@ impl<const N: usize> Courses<N> {
     }
 }
 
-/// What a host's course is in the counts of the motors, `place` of a motor's number and a position of the host's.
-pub(super) fn together(wanted: GroupMove, place: impl Fn(usize, i32) -> i32) -> Together {
+/// What a host's course is in the counts of the motors, `goal` of a motor's number and a target of the host's.
+pub(super) fn together(wanted: GroupMove, goal: impl Fn(usize, i32) -> i32) -> Together {
     let GroupMove { course, speed, acceleration, lag, tolerance, halt } = wanted;
     let course = match course {
         GroupCourse::To(counts) => {
             let mut places = by_motor(counts);
             for (motor, counts) in places.iter_mut().enumerate() {
-                *counts = counts.map(|counts| place(motor, counts));
+                *counts = counts.map(|counts| goal(motor, counts));
             }
             Course::To(places)
         }

@@ -378,10 +378,11 @@ impl<const N: usize> Responder<N> {
     /// A group is sent somewhere.
     fn lead(&mut self, motor: u8, wanted: GroupMove, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
         let leader = usize::from(motor);
-        let place = |motor: usize, counts: i32| {
-            self.channels.get(motor).map_or(counts, |channel| channel.place(counts))
+        let goal = |motor: usize, counts: i32| {
+            let of = self.channels.get(motor).zip(snapshot.motors.get(motor));
+            of.map_or(counts, |(channel, report)| channel.goal(counts, report.position))
         };
-        let together = group::together(wanted, place);
+        let together = group::together(wanted, goal);
         let members = together.course.members();
         let mut others = members.iter().skip(N);
         if members.get(leader) != Some(&true) || others.any(|member| *member) {

@@ -32,6 +32,10 @@ use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts, Period};
 /// been set: the largest that one could set.
 pub const SPEED_LIMIT: i16 = i16::MAX;
 
+/// How far away a motor is sent at most: half of the ring of its counts, less what a load may push it back on the
+/// way before the other half is the shorter one.
+const FARTHEST: i32 = i32::MAX - (1 << 24);
+
 /// One motor channel.
 #[derive(Clone, Debug)]
 pub struct MotorChannel {
@@ -52,6 +56,8 @@ pub struct MotorChannel {
     joined_at: Option<u32>,
     /// The motor's counts where the host's are 0.
     offset: i32,
+    /// The motor's counts when the host last spoke of it.
+    seen: i32,
     /// In milliamperes; 0 for none.
     current_alert: u16,
     pending: Pending,
@@ -91,6 +97,7 @@ impl MotorChannel {
             identify_at: None,
             joined_at: None,
             offset: 0,
+            seen: 0,
             current_alert: 0,
             pending: Pending { release: None, configure: false, set: false },
         }
@@ -101,6 +108,7 @@ impl MotorChannel {
     /// # Errors
     /// Why the request is refused; nothing has changed then.
     pub fn receive(&mut self, request: ToMotor, report: &Report, battery_good: bool) -> Result<Answer, Nack> {
+        self.seen = report.position;
         match request {
             ToMotor::SetMode { mode, zero_power } => {
                 self.mode = mode;
@@ -299,7 +307,7 @@ impl MotorChannel {
             RunMode::Position => self.position.map(|Target { counts, tolerance }| {
                 let speed_limit = i32::from(self.velocity.unwrap_or(SPEED_LIMIT)).abs();
                 Setpoint::Position {
-                    target: counts.wrapping_add(self.offset),
+                    target: self.goal(counts, self.seen),
                     tolerance,
                     speed_limit: CountsPerSecond::new(speed_limit),
                 }
@@ -356,9 +364,17 @@ impl MotorChannel {
         self.pending.set || self.urgent()
     }
 
-    /// A position of the host's in the motor's counts.
-    pub(super) const fn place(&self, counts: i32) -> i32 {
-        counts.wrapping_add(self.offset)
+    /// A target of the host's in the motor's counts, of a motor that is at `position`.
+    ///
+    /// The motor takes the short way round the ring of its counts. What the host's numbers say to be ahead is sent no
+    /// farther than that is the way ahead; only between the two ends of the numbers, where they jump, is the short
+    /// way the one that is meant.
+    pub(super) fn goal(&self, counts: i32, position: i32) -> i32 {
+        let from = self.told_counts(position);
+        let short_way = counts.wrapping_sub(from);
+        let across_the_ends = counts.checked_sub(from).is_none() && short_way.unsigned_abs() < 1 << 30;
+        let distance = if across_the_ends { short_way } else { counts.saturating_sub(from) };
+        position.wrapping_add(distance.clamp(-FARTHEST, FARTHEST))
     }
 
     /// Its settings, as the host has left them.

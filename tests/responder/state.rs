@@ -124,6 +124,42 @@ fn a_reset_encoder_reads_0_and_targets_are_in_its_counts() {
 }
 
 #[test]
+fn a_target_is_ahead_where_the_hosts_numbers_say_so_however_far_it_is() {
+    const QUARTER: i64 = 1 << 30;
+    let places = [i32::MIN, i32::MIN + 50, -QUARTER as i32, -3_179, -1, 0, 1, 5_000, i32::MAX - 50, i32::MAX];
+    for offset in [0, 5_000, i32::MAX, i32::MIN] {
+        for (from, to) in places.iter().flat_map(|&from| places.map(|to| (from, to))) {
+            let mut host = TestHost::settled();
+            host.snapshot.motors[0].position = offset;
+            host.do_all(&[(14, &[0]), (8, &[0, 2, 0])]);
+            host.snapshot.motors[0].position = offset.wrapping_add(from);
+            let [a, b, c, d] = to.to_le_bytes();
+            host.do_all(&[(19, &[0, a, b, c, d, 0, 0]), (10, &[0, 1])]);
+            assert_eq!(host.call(20, &[0]), Said::Data(vec![a, b, c, d, 0, 0]));
+            let told = host.told();
+            let Some(Action::Set(Setpoint::Position { target, .. })) = told.last().map(|c| c.action) else {
+                panic!("{told:?}")
+            };
+            let ahead = i64::from(to) - i64::from(from);
+            // The ends of the numbers are neighbours on the way of a motor that counts through them.
+            let round = ahead - ahead.signum() * 4 * QUARTER;
+            let meant = if round.abs() < QUARTER { round } else { ahead };
+            for pushed in [0, -1_000_000, 1_000_000] {
+                let here = offset.wrapping_add(from).wrapping_add(pushed);
+                let way = i64::from(target.wrapping_sub(here));
+                let case = format!("from {from} to {to}, reset at {offset}, pushed by {pushed}");
+                if meant.abs() > 1_000_000 {
+                    assert_eq!(way.signum(), meant.signum(), "{case}");
+                }
+                if meant.abs() <= QUARTER {
+                    assert_eq!(way, meant - i64::from(pushed), "{case}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn at_target_is_about_the_target_just_set_not_about_an_older_report() {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0]), (10, &[0, 1])]);
