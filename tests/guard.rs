@@ -1,6 +1,6 @@
 //! An encoder that is unplugged or reversed is noticed; a motor that is merely held is not taken for it.
 
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Regime, Scheme, Winding};
+use motor_hub::braking::{DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
 use motor_hub::model::catalogue::{self, Motor};
@@ -166,18 +166,8 @@ fn position(target: i32) -> Setpoint {
 
 /// Every way to give control values a meaning.
 fn ways() -> impl Iterator<Item = Settings> {
-    let half = BlendFraction::from_bits(1 << 15).expect("in range");
-    let schemes = [
-        Scheme::ForwardReverse,
-        Scheme::A,
-        Scheme::B,
-        Scheme::C,
-        Scheme::D(Blend::Fixed(half)),
-        Scheme::D(Blend::Automatic),
-    ];
-    let rules = [DutyRule::LinearDuty, DutyRule::LinearCurrent];
-    schemes.into_iter().flat_map(move |scheme| {
-        rules.map(|duty| Settings { duty, ..Settings::for_scheme(Winding::NEVEREST_60, scheme) })
+    Scheme::EACH.into_iter().flat_map(|scheme| {
+        DutyRule::EACH.map(|duty| Settings { duty, ..Settings::for_scheme(Winding::NEVEREST_60, scheme) })
     })
 }
 

@@ -206,9 +206,9 @@ fn a_motor_without_a_limit_is_stalled_for_ever_and_one_with_is_derated_to_what_i
 
 #[test]
 fn every_scheme_derates_a_motor_that_is_held() {
-    use motor_hub::braking::{Blend, DutyRule, Scheme};
-    for scheme in [Scheme::ForwardReverse, Scheme::A, Scheme::B, Scheme::C, Scheme::D(Blend::Automatic)] {
-        for duty in [DutyRule::LinearCurrent, DutyRule::LinearDuty] {
+    use motor_hub::braking::{DutyRule, Scheme};
+    for scheme in Scheme::EACH {
+        for duty in DutyRule::EACH {
             for power in [Control::MAX, Control::MIN] {
                 let settings = Settings { scheme, duty, ..limited(OnFault::Coast) };
                 let (amperes, _) = stalled(settings, Setpoint::ConstantPower(power), 200);

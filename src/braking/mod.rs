@@ -85,6 +85,11 @@ pub enum DutyRule {
     LinearCurrent,
 }
 
+impl DutyRule {
+    /// Both of them.
+    pub const EACH: [Self; 2] = [Self::LinearCurrent, Self::LinearDuty];
+}
+
 /// A motor's scheme and duty rule, with what they need prepared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -3,8 +3,8 @@
 //! ```
 //! use motor_hub::braking::{Blend, BlendFraction, Scheme};
 //!
-//! let half_way = BlendFraction::from_bits(1 << 15)?;
-//! let scheme = Scheme::D(Blend::Fixed(half_way));
+//! let a_quarter = BlendFraction::from_bits(1 << 14)?;
+//! let scheme = Scheme::D(Blend::Fixed(a_quarter));
 //! assert_ne!(scheme, Scheme::D(Blend::Automatic));
 //! assert!(BlendFraction::from_bits((1 << 16) + 1).is_err());
 //! # Ok::<(), motor_hub::units::RangeError>(())
@@ -30,6 +30,18 @@ pub enum Scheme {
     D(Blend),
 }
 
+impl Scheme {
+    /// One of each kind; of D that which is half-way, and that which goes as far as it may.
+    pub const EACH: [Self; 6] = [
+        Self::ForwardReverse,
+        Self::A,
+        Self::B,
+        Self::C,
+        Self::D(Blend::Automatic),
+        Self::D(Blend::Fixed(BlendFraction::HALF)),
+    ];
+}
+
 /// How far Scheme D goes from B to C.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -48,6 +60,8 @@ pub struct BlendFraction(u32);
 impl BlendFraction {
     /// Scheme B.
     pub const ZERO: Self = Self(0);
+    /// Half-way.
+    pub const HALF: Self = Self(1 << 15);
     /// Scheme C.
     pub const ONE: Self = Self(1 << 16);
 

@@ -6,7 +6,7 @@
 //! held against what the new demand justifies. Cells that fail are printed as a table.
 
 use crate::bench::{BATTERY, Bench, Constants, Tick, Told};
-use crate::table::{Demand, Event, Motion, Placed, SCHEMES, State, enter, happen, scheme_name, under_way};
+use crate::table::{Demand, Event, Motion, Placed, State, enter, happen, scheme_name, under_way};
 use motor_hub::braking::Scheme;
 use motor_hub::units::Period;
 use std::collections::BTreeMap;
@@ -293,7 +293,7 @@ fn every_column(nth: usize) {
     let mut columns = vec![];
     for motion in Motion::ALL {
         for told in [Told::Model, Told::Nothing, Told::Coefficients] {
-            for scheme in SCHEMES {
+            for scheme in Scheme::EACH {
                 for ms in [1, 10, 50, 100] {
                     columns.push((motion, told, scheme, ms));
                 }

@@ -1,14 +1,11 @@
 //! What hosts set the loops to while the motor runs.
 
 use crate::bench::{Bench, Told};
-use motor_hub::braking::{Blend, DutyRule, Scheme};
+use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::Setpoint;
 use motor_hub::regulator::Coefficients;
 use motor_hub::units::{Coefficient, CountsPerSecond, Period};
-
-const SCHEMES: [Scheme; 5] =
-    [Scheme::ForwardReverse, Scheme::A, Scheme::B, Scheme::C, Scheme::D(Blend::Automatic)];
 
 fn velocity(values: [f64; 4]) -> Coefficients {
     let [p, i, d, f] = values.map(|value| Coefficient::from_bits((65_536.0 * value) as i32));
@@ -24,8 +21,8 @@ fn mean(bench: &mut Bench, ms: u32) -> f64 {
 #[test]
 fn a_motor_that_is_given_other_coefficients_while_it_runs_goes_on_as_it_was() {
     let sets = [[1.2, 0.12, 0.0, 12.0], [10.0, 3.0, 0.0, 0.0], [2.0, 0.5, 0.1, 11.1], [10.0, 3.0, 0.1, 11.1]];
-    for scheme in SCHEMES {
-        for duty in [DutyRule::LinearCurrent, DutyRule::LinearDuty] {
+    for scheme in Scheme::EACH {
+        for duty in DutyRule::EACH {
             for ms in [1, 10, 50, 100] {
                 let period = Period::from_millis(ms).expect("in range");
                 let mut bench = Bench::new(Told::Model, scheme, period, 0.0);

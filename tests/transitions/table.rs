@@ -1,7 +1,7 @@
 //! The table's margins: what a motor may be doing, what may happen to it, and what is asked of it from then on.
 
 use crate::bench::{BATTERY, Bench, Constants, Told};
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::braking::{self, Blend, DutyRule, Scheme};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::units::{Control, CountsPerSecond, Period};
 
@@ -120,19 +120,12 @@ pub(crate) enum Event {
     EncoderGap,
 }
 
-pub(crate) const HALF: Blend = match BlendFraction::from_bits(1 << 15) {
-    Ok(half) => Blend::Fixed(half),
-    Err(_) => panic!("in range"),
-};
-pub(crate) const SCHEMES: [Scheme; 6] =
-    [Scheme::A, Scheme::B, Scheme::C, Scheme::D(Blend::Automatic), Scheme::D(HALF), Scheme::ForwardReverse];
-
 impl Event {
     pub(crate) fn all() -> Vec<Self> {
         use Event::*;
         let mut all = vec![Disable, Float, Brake, Power, Velocity, Zero, Back, Here, Far, Behind];
         all.extend([GiveCoefficients, TakeCoefficients, TellDynamics, ForgetDynamics]);
-        all.extend(SCHEMES.map(Scheme));
+        all.extend(braking::Scheme::EACH.map(Scheme));
         all.extend([LinearDuty, BatteryGap, EncoderBlink, EncoderGap]);
         all
     }

@@ -39,8 +39,8 @@ fn torque(tick: usize) -> f64 {
 const MODES: [&str; 2] = ["velocity", "position"];
 
 fn ways() -> [Way; 4] {
-    let rules = [DutyRule::LinearCurrent, DutyRule::LinearDuty];
-    let [model, pid] = [Kind::Model, Kind::Pid].map(|regulator| rules.map(|rule| Way { rule, regulator }));
+    let [model, pid] =
+        [Kind::Model, Kind::Pid].map(|regulator| DutyRule::EACH.map(|rule| Way { rule, regulator }));
     [model[0], model[1], pid[0], pid[1]]
 }
 

@@ -1,7 +1,7 @@
 //! What hosts set their motors' loops to, on the motors that are served: half of the free speed, and a position, at every
 //! control period, under every scheme and both duty rules.
 
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::Setpoint;
 use motor_hub::units::{Coefficient, Control, CountsPerSecond, Period};
@@ -10,19 +10,6 @@ use simulated::scenario::{Motor, Scenario, Timed};
 use std::thread;
 
 const PERIODS_MS: [u32; 4] = [1, 10, 50, 100];
-const HALF_WAY: BlendFraction = match BlendFraction::from_bits(1 << 15) {
-    Ok(blend) => blend,
-    Err(_) => BlendFraction::ZERO,
-};
-const SCHEMES: [Scheme; 6] = [
-    Scheme::ForwardReverse,
-    Scheme::A,
-    Scheme::B,
-    Scheme::C,
-    Scheme::D(Blend::Automatic),
-    Scheme::D(Blend::Fixed(HALF_WAY)),
-];
-const DUTIES: [DutyRule; 2] = [DutyRule::LinearCurrent, DutyRule::LinearDuty];
 
 fn pidf(values: [f64; 4]) -> Pidf {
     let [p, i, d, f] = values.map(|value| Coefficient::from_bits((65_536.0 * value).round() as i32));
@@ -100,7 +87,7 @@ type Line = ((Scheme, DutyRule, u32), Vec<f64>);
 
 /// All schemes, duty rules and periods, a line each.
 fn all(run: impl Fn(Scheme, DutyRule, u32) -> Vec<f64> + Sync) -> Vec<Line> {
-    let rules = SCHEMES.iter().flat_map(|&scheme| DUTIES.map(|duty| (scheme, duty)));
+    let rules = Scheme::EACH.iter().flat_map(|&scheme| DutyRule::EACH.map(|duty| (scheme, duty)));
     let cells: Vec<_> = rules.flat_map(|(scheme, duty)| PERIODS_MS.map(|ms| (scheme, duty, ms))).collect();
     let line = |&(scheme, duty, ms): &(Scheme, DutyRule, u32)| ((scheme, duty, ms), run(scheme, duty, ms));
     let (some, others) = cells.split_at(cells.len() / 2);

@@ -3,7 +3,7 @@
 //! encoders, of which none may be doubted.
 
 use super::Knowledge;
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
+use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
 use motor_hub::model::friction::Friction;
@@ -18,19 +18,6 @@ const PERIODS_MS: [u32; 4] = [1, 10, 50, 100];
 const VOLTS: [f64; 3] = [6.5, 12.0, 14.5];
 const FRICTION_PERCENT: [f64; 3] = [0.0, 20.0, 40.0];
 const KNOWLEDGE: [Knowledge; 2] = [Knowledge::Exact, Knowledge::Nothing];
-const HALF_WAY: BlendFraction = match BlendFraction::from_bits(1 << 15) {
-    Ok(blend) => blend,
-    Err(_) => BlendFraction::ZERO,
-};
-const SCHEMES: [Scheme; 6] = [
-    Scheme::ForwardReverse,
-    Scheme::A,
-    Scheme::B,
-    Scheme::C,
-    Scheme::D(Blend::Automatic),
-    Scheme::D(Blend::Fixed(HALF_WAY)),
-];
-const DUTIES: [DutyRule; 2] = [DutyRule::LinearCurrent, DutyRule::LinearDuty];
 const DURATION_S: f64 = 6.0;
 
 /// One of so many scenarios, four motors each, and what the hub is told there; the `every`th of all.
@@ -62,7 +49,9 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
 fn motors(volts: f64) -> Vec<Motor> {
     let mut all = Vec::new();
     for constants in catalogue::motors().flat_map(|motor| [motor, motor.with_measured_rotor_inertia()]) {
-        for (scheme, duty) in SCHEMES.into_iter().flat_map(|scheme| DUTIES.map(|duty| (scheme, duty))) {
+        for (scheme, duty) in
+            Scheme::EACH.into_iter().flat_map(|scheme| DutyRule::EACH.map(|duty| (scheme, duty)))
+        {
             for percent in FRICTION_PERCENT {
                 let mut constants = constants;
                 let coulomb = percent / 100.0 * constants.stall_torque(Volts(12.0)).0;
