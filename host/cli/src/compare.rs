@@ -1,7 +1,6 @@
 //! `motor-hub compare`.
 
-use crate::output::{Failure, Folder, drawn, print, print_json};
-use indicatif::ProgressBar;
+use crate::output::{Failure, Folder, drawn, print, print_json, progress};
 use std::path::PathBuf;
 use studies::compare::Comparison;
 
@@ -33,7 +32,7 @@ pub(crate) struct Options {
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         let folder = Folder::new(&self.out)?;
-        let bar = ProgressBar::no_length().with_message("runs");
+        let bar = progress(None, "runs");
         let mut progress = |done: usize, total: usize| {
             bar.set_length(total as u64);
             bar.set_position(done as u64);

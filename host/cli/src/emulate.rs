@@ -1,8 +1,7 @@
 //! `motor-hub emulate`.
 
-use crate::output::{Failure, Folder, drawn, print};
+use crate::output::{Failure, Folder, drawn, print, progress};
 use emulated::{Board, elf, replay};
-use indicatif::ProgressBar;
 use simulated::scenario::Scenario;
 use simulated::sim;
 use std::path::PathBuf;
@@ -39,7 +38,7 @@ impl Options {
         };
         let scenario = replay::on_a_line(scenario.map_err(Failure::input)?);
         let folder = Folder::new(&self.out)?;
-        let bar = ProgressBar::new((2000.0 * scenario.duration_s) as u64).with_message("virtual ms");
+        let bar = progress(Some((2000.0 * scenario.duration_s) as u64), "virtual ms");
         let at = |s: f64| bar.set_position((1000.0 * s) as u64);
         let emulated = replay::run(&scenario, self.board, &mut |s| at(s)).map_err(Failure::work)?;
         let simulated = sim::run(&scenario, &mut |s| at(scenario.duration_s + s)).map_err(Failure::work)?;

@@ -1,6 +1,7 @@
 //! What goes out: standard output, files, and the words in which a command says why it failed.
 
 use chart::DrawError;
+use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use serde_json::Value;
 use std::fmt;
@@ -96,6 +97,15 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
         ErrorKind::BrokenPipe => Failure::Unread,
         _ => Failure::Work(format!("standard output: {e}")),
     })
+}
+
+/// How much of long work is done, in these units, on standard error if that is a terminal.
+pub(crate) fn progress(length: Option<u64>, units: &'static str) -> ProgressBar {
+    let bar = length.map_or_else(ProgressBar::no_length, ProgressBar::new).with_message(units);
+    match ProgressStyle::with_template("{wide_bar} {pos} of {len} {msg}, {eta} left") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
 }
 
 /// Files that do not exist yet: their names and what will stand in them.

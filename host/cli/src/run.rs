@@ -1,10 +1,9 @@
 //! `motor-hub run`.
 
 use crate::choice::Choice;
-use crate::output::{Failure, Folder, drawn, print, print_json};
+use crate::output::{Failure, Folder, drawn, print, print_json, progress};
 use crate::parse::{run_seconds, whole};
 use crate::source::Source;
-use indicatif::ProgressBar;
 use simulated::scenario::Scenario;
 use simulated::sim::{self, RunError};
 use std::path::PathBuf;
@@ -75,7 +74,7 @@ impl Options {
 
 /// Runs the scenario twice, with a progress bar if standard error is a terminal.
 fn simulate(scenario: Scenario) -> Result<RunReport, RunError> {
-    let bar = ProgressBar::new((2000.0 * scenario.duration_s) as u64).with_message("virtual ms");
+    let bar = progress(Some((2000.0 * scenario.duration_s) as u64), "virtual ms");
     let at = |s: f64| bar.set_position((1000.0 * s) as u64);
     let as_set = sim::run(&scenario, &mut |s| at(s))?;
     let without = sim::run(&scenario.without_braking(), &mut |s| at(scenario.duration_s + s))?;

@@ -1,8 +1,7 @@
 //! `motor-hub soak`.
 
-use crate::output::{Failure, print, print_json};
+use crate::output::{Failure, print, print_json, progress};
 use crate::parse::whole;
-use indicatif::ProgressBar;
 use studies::survey::soak::{self, Soak};
 
 /// The long help of the command.
@@ -39,19 +38,18 @@ fn hours(text: &str) -> Result<f64, String> {
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
-        let bar = ProgressBar::new(0);
         let soak = if self.sweep {
+            let bar = progress(None, "scenarios");
             Soak::sweep(1, &mut |done, of| {
                 bar.set_length(of as u64);
                 bar.set_position(done as u64);
             })
         } else {
             let seconds = 3600.0 * self.hours;
-            bar.set_length(seconds as u64);
+            let bar = progress(Some(seconds as u64), "virtual seconds");
             Soak::new(self.seed, seconds, &mut |done| bar.set_position(done as u64))
         };
         let soak = soak.map_err(Failure::work)?;
-        bar.finish_and_clear();
         if self.json {
             print_json(&soak)?;
         } else {

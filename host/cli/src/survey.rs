@@ -1,8 +1,7 @@
 //! `motor-hub survey`.
 
-use crate::output::{Failure, Folder, drawn, print, print_json};
+use crate::output::{Failure, Folder, drawn, print, print_json, progress};
 use crate::parse::whole;
-use indicatif::ProgressBar;
 use serde_json::json;
 use std::path::PathBuf;
 use studies::NamedFigure;
@@ -69,7 +68,7 @@ impl Options {
             return files.iter().try_for_each(|file| print(&format!("{}\n", file.display())));
         }
         let wanted = |part| self.only.is_none_or(|only| only == part);
-        let bar = ProgressBar::no_length().with_message("runs");
+        let bar = progress(None, "runs");
         let mut progress = |done: usize, total: usize| {
             bar.set_length(total as u64);
             bar.set_position(done as u64);

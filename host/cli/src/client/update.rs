@@ -5,7 +5,7 @@ mod seal;
 
 use super::interrupt;
 use super::trouble::Trouble;
-use crate::output::{Failure, print};
+use crate::output::{Failure, print, progress};
 use image::Image;
 use indicatif::ProgressBar;
 use motor_hub::protocol::Nack;
@@ -149,7 +149,7 @@ fn fits(image: &Image, report: &UpdateReport) -> Result<(), Failure> {
 fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Result<(), Trouble> {
     // Ended by a signal, the hub need not wait for the rest.
     interrupt::listen()?;
-    let bar = ProgressBar::new(image.bytes.len() as u64).with_message("bytes");
+    let bar = progress(Some(image.bytes.len() as u64), "bytes");
     let report = session.send_image(&image.bytes, &image.version, seal, |sent| {
         bar.set_position(sent as u64);
         interrupt::wait(Instant::now()).map_err(Trouble::from)
