@@ -21,5 +21,6 @@ mod output;
 mod output_page;
 mod page;
 mod rates;
+mod readme;
 mod serve;
 mod serve_emulated;
