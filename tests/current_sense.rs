@@ -127,7 +127,33 @@ fn without_its_encoder_nobody_knows_what_is_due() {
         held.report = held.motor.step(Micros::new(50_000 * tick), None, battery);
     }
     assert!(held.report.faults.encoder_stale);
-    assert_eq!(told(&held.report), (SenseLine::Sound, Some(0)));
+    assert_eq!(told(&held.report), (SenseLine::Sound, None));
+}
+
+#[test]
+fn a_line_to_ground_measures_nothing_however_little_the_motor_takes() {
+    let mut held = Held::new();
+    held.power(Control::new(4_000));
+    let report = held.run(1_000, Some(0));
+    assert_eq!(told(report), (SenseLine::Sound, None), "nothing has been due yet");
+    assert!(report.best_current() == report.current && report.current.get() > 200, "{:?}", report.current);
+    held.power(HALF);
+    assert_eq!(told(held.run(500, Some(0))), (SenseLine::Silent, None));
+    // What it takes when it has come to its speed is no proof that the line is mended.
+    held.power(Control::new(4_000));
+    let report = held.run(2_000, Some(0));
+    assert_eq!(told(report), (SenseLine::Silent, None));
+    assert!(report.best_current().get() > 200, "{:?}", report.current);
+}
+
+#[test]
+fn a_line_that_has_shown_a_current_may_show_none() {
+    let mut held = Held::new();
+    held.power(Control::new(4_000));
+    held.run(200, Some(600));
+    assert_eq!(told(held.run(500, Some(10))), (SenseLine::Sound, Some(10)), "it slips");
+    assert_eq!(told(held.run(500, None)), (SenseLine::Absent, None));
+    assert_eq!(told(held.run(500, Some(0))), (SenseLine::Sound, None), "it may be another line");
 }
 
 #[test]

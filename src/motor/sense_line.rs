@@ -50,6 +50,8 @@ pub(super) struct Line {
     /// Of the bridge at the last sample.
     mode: Option<Mode>,
     shown: Option<Milliamperes>,
+    /// It has shown a current. A line that has not may be one to ground: nothing is no measurement of it.
+    alive: bool,
 }
 
 impl Line {
@@ -65,7 +67,7 @@ impl Line {
         let settled = mode.filter(|_| mode == self.mode);
         (self.mode, self.shown) = (mode, None);
         let Some(current) = shown else {
-            (self.is, self.doubts) = (SenseLine::Absent, 0);
+            (self.is, self.doubts, self.alive) = (SenseLine::Absent, 0, false);
             return;
         };
         if self.is == SenseLine::Absent {
@@ -76,8 +78,9 @@ impl Line {
         let seems = if mode == Mode::Brake50 {
             Some(at_rest(magnitude))
         } else {
-            self.shown = shown;
-            modelled.map(|modelled| driving(magnitude, modelled.get().unsigned_abs()))
+            self.alive |= magnitude >= NOTHING_MA;
+            self.shown = shown.filter(|_| self.alive);
+            modelled.and_then(|modelled| driving(magnitude, modelled.get().unsigned_abs()))
         };
         if let Some(seems) = seems {
             self.weigh(seems, mode == Mode::Brake50);
@@ -109,6 +112,7 @@ impl Line {
         self.doubts += 1;
         if self.doubts >= CONVINCED {
             (self.is, self.doubts) = (seems, 0);
+            self.alive &= matches!(seems, SenseLine::Sound | SenseLine::Excessive);
         }
     }
 }
@@ -118,13 +122,13 @@ const fn at_rest(ma: u32) -> SenseLine {
     if ma > LEAKAGE_MA { SenseLine::Stuck } else { SenseLine::Sound }
 }
 
-/// A motor that takes less than it should may be another one; only nothing at all is a broken line.
-const fn driving(ma: u32, modelled_ma: u32) -> SenseLine {
-    if ma < NOTHING_MA && modelled_ma >= DUE_MA {
-        SenseLine::Silent
-    } else if ma > most(modelled_ma) {
-        SenseLine::Excessive
-    } else {
-        SenseLine::Sound
+/// A motor that takes less than it should may be another one; only nothing at all is a broken line, and where little is due
+/// it proves nothing.
+const fn driving(ma: u32, modelled_ma: u32) -> Option<SenseLine> {
+    match (ma < NOTHING_MA, modelled_ma >= DUE_MA) {
+        (true, true) => Some(SenseLine::Silent),
+        (true, false) => None,
+        (false, _) if ma > most(modelled_ma) => Some(SenseLine::Excessive),
+        (false, _) => Some(SenseLine::Sound),
     }
 }
