@@ -21,7 +21,7 @@ use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, ThermalLimit, ZeroPower};
 use motor_hub::supply::Limits;
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Period};
-use ranges::{FASTEST_CPS, HARDEST_CPS2, named, optional, timeline, within};
+use ranges::{FASTEST_CPS, HARDEST_CPS2, Whole, named, optional, timeline, within};
 use std::ops::RangeInclusive;
 use tables::{
     BridgeWord, CurrentLineWord, File, GainTable, Inertia, MotorTable, OnFaultWord, SetPointTable,
@@ -43,10 +43,7 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
     }
     check_emulated(&file)?;
     let period = match &file.control_period_ms {
-        Some(ms) => {
-            let checked = within(ms, "control_period_ms", 1..=100)?;
-            Period::from_millis(checked as u32).unwrap_or_default()
-        }
+        Some(ms) => Period::from_millis(ranges::whole(ms, "control_period_ms", 1..=100)?).unwrap_or_default(),
         None => Period::DEFAULT,
     };
     let mut expectations = Vec::new();
@@ -57,7 +54,7 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
         name: named(&file.name, "name")?,
         duration_s,
         period,
-        seed: file.seed.unwrap_or(1).into(),
+        seed: file.seed.as_ref().map_or(Ok(1), |seed| ranges::whole(seed, "seed", 0..=u32::MAX))?.into(),
         battery: Battery {
             emf: si::Volts(within(&file.battery.emf_v, "emf_v", EMF)?),
             resistance: si::Ohms(within(&file.battery.resistance_ohm, "resistance_ohm", 0.0..=1.0)?),
@@ -190,8 +187,8 @@ impl MotorTable {
     /// What the table leaves out is as for a motor of which nobody knows better.
     fn check_thermal(&self, motor: &catalogue::Motor) -> Checked<Option<ThermalLimit>> {
         let Some(table) = &self.thermal else { return Ok(None) };
-        let seconds = |value: &Option<Spanned<i64>>, key, usual| {
-            value.as_ref().map_or(Ok(usual), |value| within(value, key, 1..=65_535).map(|s| s as u16))
+        let seconds = |value: &Option<Spanned<Whole>>, key, usual| {
+            value.as_ref().map_or(Ok(usual), |value| ranges::whole(value, key, 1..=u16::MAX))
         };
         let winding_s = seconds(&table.winding_s, "winding_s", ThermalLimit::USUAL_WINDING_S)?;
         let case_s = seconds(&table.case_s, "case_s", ThermalLimit::USUAL_CASE_S)?;
@@ -204,8 +201,8 @@ impl MotorTable {
 
     fn check_acceleration(&self) -> Checked<Option<Acceleration>> {
         let Some(value) = &self.acceleration_cps2 else { return Ok(None) };
-        let limit = within(value, "acceleration_cps2", 1..=HARDEST_CPS2)?;
-        Ok(u32::try_from(limit).ok().and_then(|limit| Acceleration::new(limit).ok()))
+        let limit = ranges::whole(value, "acceleration_cps2", 1..=HARDEST_CPS2)?;
+        Ok(Acceleration::new(limit).ok())
     }
 
     /// The load's own torque holds from the start, until the first change.
@@ -281,13 +278,13 @@ impl SetPointTable {
             return Err(fault(whole, Mistake::SetpointKind));
         }
         let (tolerance, limit) = (&self.tolerance_counts, &self.speed_limit_cps);
-        if let Some(counts) = self.position_counts {
+        if let Some(counts) = &self.position_counts {
             let (Some(tolerance), Some(limit)) = (tolerance, limit) else {
                 return Err(fault(whole, Mistake::PositionAlone));
             };
             return Ok(Setpoint::Position {
-                target: counts,
-                tolerance: *tolerance.get_ref(),
+                target: ranges::whole(counts, "position_counts", i32::MIN..=i32::MAX)?,
+                tolerance: ranges::whole(tolerance, "tolerance_counts", 0..=u16::MAX)?,
                 speed_limit: speed(limit, "speed_limit_cps", 1)?,
             });
         }
@@ -308,6 +305,6 @@ impl SetPointTable {
     }
 }
 
-fn speed(value: &Spanned<i64>, key: &'static str, lowest: i64) -> Checked<CountsPerSecond> {
-    within(value, key, lowest..=FASTEST_CPS).map(|cps| CountsPerSecond::new(cps as i32))
+fn speed(value: &Spanned<Whole>, key: &'static str, lowest: i32) -> Checked<CountsPerSecond> {
+    ranges::whole(value, key, lowest..=FASTEST_CPS).map(CountsPerSecond::new)
 }

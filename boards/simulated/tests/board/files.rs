@@ -107,6 +107,11 @@ fn numbers_out_of_range_name_the_range() {
     refused("0.05 }", "-0.05 }", "11:26", "inertia_kg_m2 = -0.05");
     refused("p = 10.0", "p = -1.0", "12:31", "0 to 32767");
     refused("velocity_cps = 1000", "velocity_cps = 2000000", "14:34", "-1000000 to 1000000");
+    refused("velocity_cps = 1000", "velocity_cps = 9e9", "14:34", "velocity_cps = 9000000000 is out of range");
+    refused("velocity_cps = 1000", "velocity_cps = 0.5", "14:34", "expected a whole number");
+    refused("velocity_cps = 1000", "velocity_cps = nan", "14:34", "expected a whole number");
+    refused("position_counts = 10", "position_counts = 3000000000", "15:37", "-2147483648 to 2147483647");
+    refused("tolerance_counts = 5", "tolerance_counts = -1", "15:60", "0 to 65535");
     refused("velocity_cps = 1000", "power = 1.5", "14:27", "-1 to 1");
     refused("speed_limit_cps = 500", "speed_limit_cps = 0", "15:81", "1 to 1000000");
     refused("torque_nm = 0.1", "torque_nm = nan", "17:38", "torque_nm");

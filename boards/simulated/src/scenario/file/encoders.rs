@@ -1,6 +1,6 @@
 //! How a motor's encoder is.
 
-use super::ranges::within;
+use super::ranges;
 use super::tables::{EncoderTable, EncoderWord};
 use crate::encoder::{Encoder, Wire};
 use crate::scenario::mistake::{Checked, Mistake, fault};
@@ -8,14 +8,14 @@ use std::num::NonZeroU32;
 use toml::Spanned;
 
 /// A glitch lasts for up to 0.5 us.
-const MOST_GLITCHES: i64 = 100_000;
-const MOST_SLOTS: i64 = 10_000;
+const MOST_GLITCHES: u32 = 100_000;
+const MOST_SLOTS: u32 = 10_000;
 
 /// One of a word, a rate of glitches, a number of slots.
 pub(super) fn check(table: &EncoderTable, whole: &Spanned<EncoderTable>) -> Checked<Encoder> {
     let number = |value, key, most| {
-        let checked = within(value, key, 1..=most)?;
-        Ok(u32::try_from(checked).ok().and_then(NonZeroU32::new).unwrap_or(NonZeroU32::MIN))
+        let checked = ranges::whole(value, key, 1..=most)?;
+        Ok(NonZeroU32::new(checked).unwrap_or(NonZeroU32::MIN))
     };
     match (table.is, &table.glitches_per_s, &table.slot_missing_of) {
         (Some(word), None, None) => Ok(named(word)),

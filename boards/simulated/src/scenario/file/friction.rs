@@ -1,6 +1,6 @@
 //! The keys `friction` and `cogging` of a motor, in percent of its stall torque at 12 V.
 
-use super::ranges::within;
+use super::ranges::{Whole, whole, within};
 use crate::scenario::mistake::Checked;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::{Cogging, Friction};
@@ -19,7 +19,7 @@ pub(super) struct FrictionTable {
 #[serde(deny_unknown_fields)]
 pub(super) struct CoggingTable {
     amplitude_percent: Spanned<f64>,
-    per_turn: Spanned<i64>,
+    per_turn: Spanned<Whole>,
 }
 
 fn share(motor: &Motor, percent: f64) -> NewtonMetres {
@@ -41,7 +41,7 @@ impl FrictionTable {
 impl CoggingTable {
     pub(super) fn check(&self, motor: &Motor) -> Checked<Cogging> {
         let amplitude = within(&self.amplitude_percent, "amplitude_percent", 0.0..=100.0)?;
-        let per_turn = within(&self.per_turn, "per_turn", 1..=1000)?;
-        Ok(Cogging { amplitude: share(motor, amplitude), per_turn: per_turn as u16 })
+        let per_turn = whole(&self.per_turn, "per_turn", 1..=1000)?;
+        Ok(Cogging { amplitude: share(motor, amplitude), per_turn })
     }
 }

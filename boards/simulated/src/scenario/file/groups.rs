@@ -1,11 +1,12 @@
 //! The tables `[[groups]]`: which motors move in step, and where to.
 
-use super::ranges::{FASTEST_CPS, HARDEST_CPS2, named, timeline, within};
+use super::ranges::{self, FASTEST_CPS, HARDEST_CPS2, Whole, named, timeline, within};
 use crate::scenario::definition::{Group, Motor};
 use crate::scenario::mistake::{Checked, Mistake, fault};
 use motor_hub::group::{Course, DriveBase, Halt, Together};
 use motor_hub::units::{Acceleration, CountsPerSecond, RangeError};
 use serde::Deserialize;
+use std::ops::RangeInclusive;
 use toml::Spanned;
 
 #[derive(Deserialize)]
@@ -39,15 +40,15 @@ struct BaseTable {
 #[serde(deny_unknown_fields)]
 struct CourseTable {
     at_s: Spanned<f64>,
-    by_counts: Option<Spanned<Vec<i32>>>,
-    to_counts: Option<Spanned<Vec<i32>>>,
-    on_cps: Option<Spanned<Vec<Spanned<i64>>>>,
+    by_counts: Option<Spanned<Vec<Spanned<Whole>>>>,
+    to_counts: Option<Spanned<Vec<Spanned<Whole>>>>,
+    on_cps: Option<Spanned<Vec<Spanned<Whole>>>>,
     straight_mm: Option<Spanned<f64>>,
     turn_degrees: Option<Spanned<f64>>,
-    speed_cps: Option<Spanned<i64>>,
-    acceleration_cps2: Spanned<i64>,
-    lag_counts: Option<u16>,
-    tolerance_counts: Option<u16>,
+    speed_cps: Option<Spanned<Whole>>,
+    acceleration_cps2: Spanned<Whole>,
+    lag_counts: Option<Spanned<Whole>>,
+    tolerance_counts: Option<Spanned<Whole>>,
 }
 
 /// A way or a base, in millimetres, or a turn in degrees.
@@ -131,13 +132,16 @@ impl BaseTable {
 impl CourseTable {
     fn check(&self, whole: &Spanned<Self>, members: &[usize], base: Option<&DriveBase>) -> Checked<Together> {
         let course = self.course(whole, members, base)?;
-        let limit = within(&self.acceleration_cps2, "acceleration_cps2", 1..=HARDEST_CPS2)?;
+        let limit = ranges::whole(&self.acceleration_cps2, "acceleration_cps2", 1..=HARDEST_CPS2)?;
         let too_long = |_: RangeError| fault(whole, Mistake::CourseTooLong);
-        let acceleration = Acceleration::new(limit as u32).map_err(too_long)?;
+        let acceleration = Acceleration::new(limit).map_err(too_long)?;
         let usual = Together::new(course, self.speed(whole, &course)?, acceleration);
+        let counts = |given: &Option<Spanned<Whole>>, key, usual| {
+            given.as_ref().map_or(Ok(usual), |given| ranges::whole(given, key, 0..=u16::MAX))
+        };
         Ok(Together {
-            lag: self.lag_counts.unwrap_or(usual.lag),
-            tolerance: self.tolerance_counts.unwrap_or(usual.tolerance),
+            lag: counts(&self.lag_counts, "lag_counts", usual.lag)?,
+            tolerance: counts(&self.tolerance_counts, "tolerance_counts", usual.tolerance)?,
             ..usual
         })
     }
@@ -150,9 +154,7 @@ impl CourseTable {
                 Ok(largest.copied().unwrap_or_default())
             }
             (Some(speed), Course::On(_)) => Err(fault(speed, Mistake::CourseSpeeds)),
-            (Some(speed), _) => {
-                within(speed, "speed_cps", 1..=FASTEST_CPS).map(|cps| CountsPerSecond::new(cps as i32))
-            }
+            (Some(speed), _) => ranges::whole(speed, "speed_cps", 1..=FASTEST_CPS).map(CountsPerSecond::new),
             (None, _) => Err(fault(whole, Mistake::CourseSpeed)),
         }
     }
@@ -167,18 +169,16 @@ impl CourseTable {
         let known =
             |course: Result<Course, RangeError>| course.map_err(|_| fault(whole, Mistake::CourseTooLong));
         if let Some(counts) = &self.by_counts {
-            return known(Course::by(&by_member(counts, "by_counts", members)?));
+            return known(Course::by(&by_member(counts, "by_counts", members, i32::MIN..=i32::MAX)?));
         }
         if let Some(counts) = &self.to_counts {
-            return known(Course::to(&by_member(counts, "to_counts", members)?));
+            return known(Course::to(&by_member(counts, "to_counts", members, i32::MIN..=i32::MAX)?));
         }
         if let Some(speeds) = &self.on_cps {
-            let check = |cps: &Spanned<i64>| {
-                let cps = within(cps, "on_cps", -FASTEST_CPS..=FASTEST_CPS)?;
-                Ok(CountsPerSecond::new(cps as i32))
-            };
-            let checked = speeds.get_ref().iter().map(check).collect::<Checked<Vec<_>>>()?;
-            return known(Course::on(&by_member(&Spanned::new(speeds.span(), checked), "on_cps", members)?));
+            let speeds = by_member(speeds, "on_cps", members, -FASTEST_CPS..=FASTEST_CPS)?;
+            let speeds: Vec<_> =
+                speeds.into_iter().map(|(motor, cps)| (motor, CountsPerSecond::new(cps))).collect();
+            return known(Course::on(&speeds));
         }
         let base = base.ok_or_else(|| fault(whole, Mistake::BaseMissing))?;
         let part = |given: &Option<Spanned<f64>>, key| {
@@ -192,14 +192,17 @@ impl CourseTable {
 }
 
 /// A number for each member, in the order of the group's motors.
-fn by_member<T: Copy>(
-    numbers: &Spanned<Vec<T>>,
+fn by_member(
+    numbers: &Spanned<Vec<Spanned<Whole>>>,
     key: &'static str,
     members: &[usize],
-) -> Checked<Vec<(usize, T)>> {
+    range: RangeInclusive<i32>,
+) -> Checked<Vec<(usize, i32)>> {
     let (given, wanted) = (numbers.get_ref().len(), members.len());
     if given != wanted {
         return Err(fault(numbers, Mistake::CourseLength { key, numbers: given, members: wanted }));
     }
-    Ok(members.iter().copied().zip(numbers.get_ref().iter().copied()).collect())
+    let number =
+        |(motor, number): (&usize, &Spanned<Whole>)| Ok((*motor, ranges::whole(number, key, range.clone())?));
+    members.iter().zip(numbers.get_ref()).map(number).collect()
 }

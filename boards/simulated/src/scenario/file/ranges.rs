@@ -2,13 +2,15 @@
 
 use crate::scenario::definition::Timed;
 use crate::scenario::mistake::{Checked, Mistake, fault};
+use serde::de::{Deserialize, Deserializer, Error, Unexpected, Visitor};
+use std::fmt::{self, Formatter};
 use std::ops::RangeInclusive;
 use toml::Spanned;
 
 /// In counts per second, ten times what any known motor does.
-pub(super) const FASTEST_CPS: i64 = 1_000_000;
+pub(super) const FASTEST_CPS: i32 = 1_000_000;
 /// In counts/s², which takes a motor to that in a millisecond.
-pub(super) const HARDEST_CPS2: i64 = 1_000_000_000;
+pub(super) const HARDEST_CPS2: u32 = 1_000_000_000;
 
 /// Checks a list of things that happen: each after the one before, within the run.
 pub(super) fn timeline<F, T>(
@@ -40,33 +42,59 @@ pub(super) fn named(text: &Spanned<String>, key: &'static str) -> Checked<String
 }
 
 /// Not a number is in no range.
-pub(super) fn within<T>(value: &Spanned<T>, key: &'static str, range: RangeInclusive<T>) -> Checked<T>
-where
-    T: Copy + PartialOrd + ToFloat,
-{
+pub(super) fn within(value: &Spanned<f64>, key: &'static str, range: RangeInclusive<f64>) -> Checked<f64> {
     let number = *value.get_ref();
     if range.contains(&number) {
         return Ok(number);
     }
-    let [value_as, low, high] = [number, *range.start(), *range.end()].map(ToFloat::to_float);
-    Err(fault(value, Mistake::OutOfRange { key, value: value_as, low, high }))
+    let (low, high) = range.into_inner();
+    Err(fault(value, Mistake::OutOfRange { key, value: number, low, high }))
 }
 
-/// A number of the file, for messages.
-pub(super) trait ToFloat {
-    fn to_float(self) -> f64;
-}
+/// A whole number of the file, of any size; [`whole`] says what is allowed.
+#[derive(Clone, Copy)]
+pub(super) struct Whole(i64);
 
-impl ToFloat for f64 {
-    fn to_float(self) -> f64 {
-        self
+impl<'de> Deserialize<'de> for Whole {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Number;
+        impl Visitor<'_> for Number {
+            type Value = Whole;
+
+            fn expecting(&self, f: &mut Formatter<'_>) -> fmt::Result {
+                f.write_str("a whole number")
+            }
+
+            fn visit_i64<E: Error>(self, number: i64) -> Result<Whole, E> {
+                Ok(Whole(number))
+            }
+
+            /// As 1e3, too; those that are too large stay so.
+            fn visit_f64<E: Error>(self, number: f64) -> Result<Whole, E> {
+                if number.fract() == 0.0 || number.is_infinite() {
+                    Ok(Whole(number as i64))
+                } else {
+                    Err(E::invalid_type(Unexpected::Float(number), &self))
+                }
+            }
+        }
+        deserializer.deserialize_any(Number)
     }
 }
 
-impl ToFloat for i64 {
-    fn to_float(self) -> f64 {
-        self as f64
-    }
+/// As [`within`], of a whole number.
+pub(super) fn whole<T>(value: &Spanned<Whole>, key: &'static str, range: RangeInclusive<T>) -> Checked<T>
+where
+    T: Into<i64> + TryFrom<i64>,
+{
+    let Whole(number) = *value.get_ref();
+    let (low, high) = range.into_inner();
+    let (low, high): (i64, i64) = (low.into(), high.into());
+    let allowed = Some(number).filter(|number| (low..=high).contains(number));
+    allowed.and_then(|number| T::try_from(number).ok()).ok_or_else(|| {
+        let [number, low, high] = [number, low, high].map(|number| number as f64);
+        fault(value, Mistake::OutOfRange { key, value: number, low, high })
+    })
 }
 
 /// As [`within`], 0 when absent.

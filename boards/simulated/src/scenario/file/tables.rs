@@ -4,6 +4,7 @@ use super::constants::ConstantsTable;
 use super::expect::ExpectTable;
 use super::friction::{CoggingTable, FrictionTable};
 use super::groups::GroupTable;
+use super::ranges::Whole;
 use crate::scheme::{BlendChoice, DutyWord, SchemeName};
 use motor_hub::braking::DutyRule;
 use serde::Deserialize;
@@ -14,8 +15,8 @@ use toml::Spanned;
 pub(super) struct File {
     pub(super) name: Spanned<String>,
     pub(super) duration_s: Spanned<f64>,
-    pub(super) control_period_ms: Option<Spanned<i64>>,
-    pub(super) seed: Option<u32>,
+    pub(super) control_period_ms: Option<Spanned<Whole>>,
+    pub(super) seed: Option<Spanned<Whole>>,
     #[serde(default)]
     pub(super) emulated: bool,
     pub(super) battery: BatteryTable,
@@ -82,7 +83,7 @@ pub(super) struct MotorTable {
     pub(super) bridge: BridgeWord,
     #[serde(default)]
     pub(super) current_line: CurrentLineWord,
-    pub(super) acceleration_cps2: Option<Spanned<i64>>,
+    pub(super) acceleration_cps2: Option<Spanned<Whole>>,
     #[serde(default)]
     pub(super) coefficients: CoefficientTables,
     #[serde(default)]
@@ -116,8 +117,8 @@ pub(super) enum ZeroPowerWord {
 #[serde(deny_unknown_fields)]
 pub(super) struct ThermalTable {
     pub(super) continuous_a: Option<Spanned<f64>>,
-    pub(super) winding_s: Option<Spanned<i64>>,
-    pub(super) case_s: Option<Spanned<i64>>,
+    pub(super) winding_s: Option<Spanned<Whole>>,
+    pub(super) case_s: Option<Spanned<Whole>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -224,10 +225,10 @@ pub(super) struct GainTable {
 pub(super) struct SetPointTable {
     pub(super) at_s: Spanned<f64>,
     pub(super) power: Option<Spanned<f64>>,
-    pub(super) velocity_cps: Option<Spanned<i64>>,
-    pub(super) position_counts: Option<i32>,
-    pub(super) tolerance_counts: Option<Spanned<u16>>,
-    pub(super) speed_limit_cps: Option<Spanned<i64>>,
+    pub(super) velocity_cps: Option<Spanned<Whole>>,
+    pub(super) position_counts: Option<Spanned<Whole>>,
+    pub(super) tolerance_counts: Option<Spanned<Whole>>,
+    pub(super) speed_limit_cps: Option<Spanned<Whole>>,
     pub(super) disable: Option<Spanned<bool>>,
 }
 
@@ -243,8 +244,8 @@ pub(super) struct TorqueTable {
 pub(super) struct EncoderTable {
     pub(super) at_s: Spanned<f64>,
     pub(super) is: Option<EncoderWord>,
-    pub(super) glitches_per_s: Option<Spanned<i64>>,
-    pub(super) slot_missing_of: Option<Spanned<i64>>,
+    pub(super) glitches_per_s: Option<Spanned<Whole>>,
+    pub(super) slot_missing_of: Option<Spanned<Whole>>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
