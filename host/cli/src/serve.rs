@@ -15,6 +15,8 @@ use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
 use motor_hub::protocol::pins::Pin;
 use notices::Notices;
+#[cfg(unix)]
+use signal_hook::consts::{SIGHUP, SIGQUIT};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register;
 use simulated::scenario::{Scenario, ScenarioError};
@@ -213,7 +215,11 @@ fn leave_note(place: &str) -> Option<Note> {
 /// Set when the program is asked to end, which it then does in good order.
 pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
     let stopped = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
+    #[cfg(unix)]
+    let signals = [SIGINT, SIGTERM, SIGHUP, SIGQUIT];
+    #[cfg(not(unix))]
+    let signals = [SIGINT, SIGTERM];
+    for signal in signals {
         register(signal, Arc::clone(&stopped))
             .map_err(|error| Failure::Work(format!("Ctrl-C cannot be listened for: {error}")))?;
     }

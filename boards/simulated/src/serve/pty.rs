@@ -23,6 +23,10 @@ pub(super) struct Pty {
     path: String,
     /// When a host was heard last, unless it has closed the port since.
     heard: Option<Instant>,
+    /// Somebody has closed the port, and nobody has opened it since or been heard: replies go nowhere.
+    shut: bool,
+    /// What is read may have been written before that.
+    backlog: bool,
     /// Tells when somebody opens or closes the port, if the system can.
     #[cfg(target_os = "linux")]
     comings: Option<OwnedFd>,
@@ -48,13 +52,14 @@ impl Pty {
             comings: watch(&path).ok(),
             path,
             heard: None,
+            shut: false,
+            backlog: false,
         })
     }
 
-    /// What one host has left unread is nothing to the next: it is thrown away when the port is closed, and for what
-    /// was sent meanwhile again when it is opened. (A host that shares the port with another may miss a reply by that.)
-    /// Systems other than Linux keep it. True if somebody has closed the port, and nobody opened it since.
-    fn forget_what_was_left(&self) -> bool {
+    /// What one host has left unread is nothing to the next: it is thrown away when the port is closed. (A host that
+    /// shares the port with another may miss a reply by that.) Systems other than Linux keep it.
+    fn forget_what_was_left(&mut self) {
         #[cfg(target_os = "linux")]
         if let Some(comings) = &self.comings {
             // They come one by one or in bunches; how many there were does not matter.
@@ -66,10 +71,10 @@ impl Pty {
             }
             if let Some(last) = last {
                 let _ = termios::tcflush(&self.theirs, termios::QueueSelector::IFlush);
-                return !last.contains(inotify::ReadFlags::OPEN);
+                self.shut = !last.contains(inotify::ReadFlags::OPEN);
+                self.backlog = self.shut;
             }
         }
-        false
     }
 
     pub(super) fn path(&self) -> &str {
@@ -78,14 +83,18 @@ impl Pty {
 
     /// Bytes that have come; 0 if there are none now.
     pub(super) fn receive(&mut self, bytes: &mut [u8]) -> usize {
-        let closed = self.forget_what_was_left();
+        self.forget_what_was_left();
         // A host that was killed while it had the port to itself would keep the next one out.
         let _ = termios::ioctl_tiocnxcl(&self.theirs);
         let received = rustix::io::read(&self.ours, bytes).unwrap_or(0);
-        if received > 0 {
+        if received == 0 {
+            self.backlog = false;
+        } else if !self.backlog {
+            // One that shared the port with whoever closed it.
+            self.shut = false;
             self.heard = Some(Instant::now());
         }
-        if closed {
+        if self.shut {
             self.heard = None;
         }
         received
@@ -95,8 +104,11 @@ impl Pty {
         self.heard.is_some_and(|heard| heard.elapsed() < KEEP_ALIVE)
     }
 
-    /// How many bytes were taken; 0 if the line is busy.
+    /// How many bytes were taken; 0 if the line is busy. Without a host they go nowhere.
     pub(super) fn send(&self, bytes: &[u8]) -> usize {
+        if self.shut {
+            return bytes.len();
+        }
         rustix::io::write(&self.ours, bytes).unwrap_or(0)
     }
 }

@@ -11,6 +11,8 @@ const GRACE: Duration = Duration::from_millis(200);
 pub(super) struct Tcp {
     listener: TcpListener,
     host: Option<TcpStream>,
+    /// It takes no more replies. What it has sent before it hung up is still to be read: it may be what stops motors.
+    deaf: bool,
     /// Another one, and since when it waits.
     waiting: Option<(TcpStream, Instant)>,
     turned_away: u32,
@@ -20,7 +22,7 @@ impl Tcp {
     pub(super) fn listen(address: &str) -> std::io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
-        Ok(Self { listener, host: None, waiting: None, turned_away: 0 })
+        Ok(Self { listener, host: None, deaf: false, waiting: None, turned_away: 0 })
     }
 
     pub(super) fn address(&self) -> std::io::Result<SocketAddr> {
@@ -41,7 +43,7 @@ impl Tcp {
         if self.host.is_none() {
             self.host = self.waiting.take().map(|(stream, _)| stream).or_else(|| self.accept());
         }
-        let received = self.done(|stream| stream.read(bytes));
+        let received = self.read(bytes);
         if self.host.is_some() {
             self.look_for_another();
         }
@@ -61,10 +63,11 @@ impl Tcp {
 
     /// How many bytes were taken; 0 if the line is busy. Without a host they go nowhere.
     pub(super) fn send(&mut self, bytes: &[u8]) -> usize {
-        if self.host.is_none() {
-            return bytes.len();
-        }
-        self.done(|stream| stream.write(bytes))
+        let Some(stream) = self.host.as_mut().filter(|_| !self.deaf) else { return bytes.len() };
+        moved(stream.write(bytes)).unwrap_or_else(|| {
+            self.deaf = true;
+            bytes.len()
+        })
     }
 
     fn accept(&self) -> Option<TcpStream> {
@@ -74,16 +77,21 @@ impl Tcp {
         (stream.set_nonblocking(true).is_ok() && stream.set_nodelay(true).is_ok()).then_some(stream)
     }
 
-    /// Bytes moved; a host that has hung up, or whose connection is broken, is forgotten.
-    fn done(&mut self, action: impl FnOnce(&mut TcpStream) -> std::io::Result<usize>) -> usize {
+    /// A host that has hung up, or whose connection is broken, is forgotten once all that it sent is read.
+    fn read(&mut self, bytes: &mut [u8]) -> usize {
         let Some(stream) = &mut self.host else { return 0 };
-        match action(stream) {
-            Ok(moved) if moved > 0 => moved,
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => 0,
-            Ok(_) | Err(_) => {
-                self.host = None;
-                0
-            }
-        }
+        moved(stream.read(bytes)).unwrap_or_else(|| {
+            (self.host, self.deaf) = (None, false);
+            0
+        })
+    }
+}
+
+/// Bytes moved, 0 if the connection is busy; `None` if it is at its end.
+fn moved(done: std::io::Result<usize>) -> Option<usize> {
+    match done {
+        Ok(moved) => Some(moved).filter(|moved| *moved > 0),
+        Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => Some(0),
+        Err(_) => None,
     }
 }
