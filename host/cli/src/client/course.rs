@@ -45,10 +45,10 @@ impl Course {
         }
     }
 
-    /// The fastest that it wants a motor to turn, in counts per second.
-    const fn speed(self) -> Option<u16> {
+    /// How fast it wants a motor to turn, in counts per second; on its way to a position that is a limit, no wish.
+    const fn speed(self) -> Option<u32> {
         match self {
-            Self::Velocity(cps) => Some(cps.unsigned_abs()),
+            Self::Velocity(cps) => Some(cps.unsigned_abs() as u32),
             Self::Power(_) | Self::Position { .. } => None,
         }
     }
@@ -65,39 +65,16 @@ pub(super) struct Order {
 impl Order {
     /// Sets the motors going.
     pub(super) fn begin(&self, driven: &mut Driven<'_, Line>) -> Result<(), Trouble> {
-        self.warn(driven)?;
+        if let Some(speed) = self.course.speed() {
+            let speeds: Vec<_> = self.motors.iter().map(|motor| (*motor, speed)).collect();
+            warn_of(driven, &speeds)?;
+        }
         for &motor in &self.motors {
             driven.set_mode(motor, self.course.mode(), self.zero)?;
             self.course.set(driven, motor)?;
         }
         for &motor in &self.motors {
             driven.enable(motor)?;
-        }
-        Ok(())
-    }
-
-    /// Of speeds that no voltage there is gives; of hubs that tell what they know of their motors.
-    fn warn(&self, session: &mut Session<Line>) -> Result<(), Error> {
-        let Some(wanted) = self.course.speed() else { return Ok(()) };
-        let battery = session.battery()?;
-        // Of a battery that the hub does not know nothing follows.
-        if battery == Millivolts::default() {
-            return Ok(());
-        }
-        for &motor in &self.motors {
-            let setup = match session.setup(motor) {
-                Ok(setup) => setup,
-                Err(Error::Refused { .. } | Error::TooOld { .. }) => return Ok(()),
-                Err(error) => return Err(error),
-            };
-            let free = free_speed(setup.emf, battery);
-            if f64::from(wanted) > free {
-                let volts = f64::from(battery.get()) / 1e3;
-                say(&format!(
-                    "warning: motor {motor} turns at {free:.0} counts/s at most with {volts:.1} V, by what the hub \
-                     knows of it; {wanted} are asked for"
-                ));
-            }
         }
         Ok(())
     }
@@ -113,6 +90,32 @@ impl Order {
         }
         Ok(())
     }
+}
+
+/// Says which of these motors, by number and speed in counts per second, no voltage there is can make as fast; of hubs
+/// that tell what they know of their motors.
+pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Result<(), Error> {
+    let battery = session.battery()?;
+    // Of a battery that the hub does not know nothing follows.
+    if battery == Millivolts::default() {
+        return Ok(());
+    }
+    for &(motor, wanted) in speeds {
+        let setup = match session.setup(motor) {
+            Ok(setup) => setup,
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => return Ok(()),
+            Err(error) => return Err(error),
+        };
+        let free = free_speed(setup.emf, battery);
+        if f64::from(wanted) > free {
+            let volts = f64::from(battery.get()) / 1e3;
+            say(&format!(
+                "warning: motor {motor} turns at {free:.0} counts/s at most with {volts:.1} V, by what the hub \
+                 knows of it; {wanted} are asked for"
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// The speed at which back EMF is all of the voltage, in counts per second.

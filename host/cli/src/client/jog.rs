@@ -4,6 +4,7 @@ mod keys;
 #[cfg(unix)]
 mod terminal;
 
+use super::course::warn_of;
 use super::drive::{ALL, power};
 use super::driven::Driven;
 use super::interrupt;
@@ -66,6 +67,10 @@ impl Options {
         let level = self.power.map_or(self.speed, Control::get);
         let mut jog = Jog::new(level, self.hold);
         Driven::run(session, |driven| {
+            if self.power.is_none() {
+                let speed = u32::from(self.speed.unsigned_abs());
+                warn_of(driven, &ALL.map(|motor| (motor, speed)))?;
+            }
             print(&format!("{HELP}\n\n"))?;
             let (_raw, keys) = open()?;
             self.follow(driven, &mut jog, &keys)

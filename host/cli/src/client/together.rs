@@ -1,5 +1,6 @@
 //! `motor-hub client together`: motors that move in step.
 
+use super::course::warn_of;
 use super::drive;
 use super::driven::Driven;
 use super::live::{Live, Reading, repeat};
@@ -70,6 +71,11 @@ impl Options {
         let values = self.values()?;
         let motors: Vec<u8> = drive::ALL.into_iter().zip(values).filter_map(|(m, v)| v.map(|_| m)).collect();
         let arrived = Driven::run(session, |driven| {
+            if self.on {
+                let speeds = drive::ALL.into_iter().zip(values);
+                let speeds = speeds.filter_map(|(motor, cps)| Some((motor, cps?.unsigned_abs())));
+                warn_of(driven, &speeds.collect::<Vec<_>>())?;
+            }
             let wanted = self.wanted(driven, values)?;
             stand(driven, &motors)?;
             let arrived = self.lead(driven, &motors, wanted)?;
