@@ -97,7 +97,7 @@ enum Command {
     #[command(long_about = record::HELP)]
     Record(record::Options),
     /// Drives motors by keys, for as long as a key is held
-    #[command(long_about = jog::HELP, verbatim_doc_comment)]
+    #[command(long_about = jog::help(), verbatim_doc_comment)]
     Jog(jog::Options),
     /// Moves motors in step to positions, or on at speeds, and disables them in the end, on hubs of this project
     ///
@@ -162,6 +162,9 @@ impl Options {
         match &self.command {
             Command::Drive(drive) => drop(drive.order()?),
             Command::Record(options) => options.check()?,
+            Command::Together(options) => options.check()?,
+            Command::Coefficients(options) => options.check()?,
+            Command::Setup(options) => options.check()?,
             Command::Settings(options) => options.check()?,
             Command::Update(options) => options.check()?,
             _ => (),

@@ -6,27 +6,37 @@ use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::si::{Drag, EmfConstant as Ke, Henries, KgM2, Ohms, TorqueConstant};
 use motor_hub::units::{EmfConstant, Inductance, Resistance};
+use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
 
 /// Of the motor's own shaft, before the gearbox, as data sheets have them.
 #[derive(Clone, clap::Args)]
 pub(crate) struct Constants {
     /// Back-EMF constant; with the encoder counts in a turn of the same shaft
     #[arg(long = "ke-v-s-per-rad", alias = "ke", value_name = "V_S_PER_RAD", requires = "counts_per_rev")]
-    #[arg(help_heading = CATALOGUE_LACKS, value_parser = number("a back-EMF constant", "V s/rad"))]
+    #[arg(help_heading = CATALOGUE_LACKS, value_parser = number("a back-EMF constant", KE, "V s/rad"))]
     ke: Option<f64>,
     /// Encoder counts in a turn of the shaft that --ke-v-s-per-rad is of: usually the motor's, before the gearbox
     #[arg(long, value_name = "COUNTS", requires = "ke", help_heading = CATALOGUE_LACKS)]
-    #[arg(value_parser = number("an encoder's resolution", "counts"))]
+    #[arg(value_parser = number("an encoder's resolution", COUNTS, "counts in a turn"))]
     counts_per_rev: Option<f64>,
     /// Resistance of the winding
     #[arg(long, value_name = "OHM", help_heading = CATALOGUE_LACKS)]
-    #[arg(value_parser = number("a resistance", "ohm"))]
+    #[arg(value_parser = number("a resistance", THOUSANDTHS, "ohm"))]
     resistance_ohm: Option<f64>,
     /// Inductance of the winding
     #[arg(long, value_name = "MH", help_heading = CATALOGUE_LACKS)]
-    #[arg(value_parser = number("an inductance", "mH"))]
+    #[arg(value_parser = number("an inductance", THOUSANDTHS, "mH"))]
     inductance_mh: Option<f64>,
 }
+
+/// What [`EmfConstant`] ends below.
+const LARGEST_V_S_PER_COUNT: f64 = 0.032;
+/// As in scenarios.
+const KE: RangeInclusive<f64> = 1e-5..=10.0;
+const COUNTS: RangeInclusive<f64> = 1.0..=1e6;
+/// What the hub can hold.
+const THOUSANDTHS: RangeInclusive<f64> = 0.001..=65.535;
 
 const CATALOGUE_LACKS: &str = "A motor that the catalogue lacks";
 
@@ -39,14 +49,12 @@ impl Constants {
     /// Back EMF, if it is given.
     pub(crate) fn emf(&self) -> Result<Option<EmfConstant>, Failure> {
         let (Some(ke), Some(counts)) = (self.ke, self.counts_per_rev) else { return Ok(None) };
-        if counts <= 0.0 {
-            return Err(Failure::Input(format!(
-                "--counts-per-rev {counts}: an encoder has more than 0 counts in a turn"
-            )));
-        }
-        EmfConstant::from_ke(ke, counts)
-            .map(Some)
-            .map_err(|e| Failure::Input(format!("--ke-v-s-per-rad {ke}: {e}")))
+        EmfConstant::from_ke(ke, counts).map(Some).map_err(|_| {
+            let most = LARGEST_V_S_PER_COUNT * counts / TAU;
+            Failure::Input(format!(
+                "--ke-v-s-per-rad {ke}: with --counts-per-rev {counts} it is above 0 and below {most:.4} V s/rad"
+            ))
+        })
     }
 
     /// Resistance, if it is given.

@@ -99,8 +99,22 @@ impl Options {
 }
 
 fn real(name: &str) -> Place {
-    let place = name.to_owned();
-    Place::real(name, move || Session::open(&place).map_err(|error| error.to_string()))
+    let (place, mut said) = (name.to_owned(), None);
+    Place::real(name, move || match Session::open(&place) {
+        Ok(session) => {
+            said = None;
+            Ok(session)
+        }
+        Err(error) => {
+            let why = error.to_string();
+            // It is tried again and again, which is told once.
+            if said.as_ref() != Some(&why) {
+                say(&format!("{place}: {why}; the page waits for it"));
+                said = Some(why.clone());
+            }
+            Err(why)
+        }
+    })
 }
 
 type Simulation = JoinHandle<Result<(), simulated::sim::RunError>>;

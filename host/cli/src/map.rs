@@ -37,6 +37,7 @@ impl Options {
         ] {
             table.add_row([rule.to_owned(), (*regime).into(), (*mode).into(), format!("{duty:.5}")]);
         }
-        print(&format!("{}, control {}\n{table}\n", report.heading(), placed.control))
+        let heading = format!("{}, control {}", report.heading(), placed.control);
+        print(&format!("{}\n{table}\n", table::paragraph(&heading)))
     }
 }

@@ -3,7 +3,7 @@
 use chart::DrawError;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fmt;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -83,10 +83,21 @@ pub(crate) fn print_json(document: &impl Serialize) -> Result<(), Failure> {
 /// The document with the version of its schema.
 pub(crate) fn versioned(document: &impl Serialize) -> Result<Value, Failure> {
     let mut document = serde_json::to_value(document).map_err(Failure::work)?;
+    without_negative_zero(&mut document);
     if let Some(object) = document.as_object_mut() {
         object.insert("schema_version".to_owned(), SCHEMA_VERSION.into());
     }
     Ok(document)
+}
+
+/// A zero has no sign for those who read.
+fn without_negative_zero(value: &mut Value) {
+    match value {
+        Value::Number(number) if number.as_f64() == Some(0.0) && number.is_f64() => *value = json!(0.0),
+        Value::Array(values) => values.iter_mut().for_each(without_negative_zero),
+        Value::Object(fields) => fields.values_mut().for_each(without_negative_zero),
+        _ => (),
+    }
 }
 
 /// Prints to standard output; a reader that has gone away is a failure, not a panic.
@@ -127,6 +138,10 @@ pub(crate) struct Folder(PathBuf);
 impl Folder {
     /// Makes the folder if need be, and tries it, so that no work is done in vain.
     pub(crate) fn new(path: &Path) -> Result<Self, Failure> {
+        if path.exists() && !path.is_dir() {
+            let why = "this is no folder, and files are to be written into one";
+            return Err(Failure::Input(format!("{}: {why}", path.display())));
+        }
         let trial = path.join(format!(".motor-hub-{}", std::process::id()));
         let tried = std::fs::create_dir_all(path)
             .and_then(|()| std::fs::write(&trial, []))

@@ -79,9 +79,16 @@ pub(crate) fn whole<T: FromStr + PartialOrd + Display + Clone>(
     }
 }
 
-/// A parser of numbers whose range is another's to check; `what` names the quantity.
-pub(crate) fn number(what: &'static str, unit: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
-    move |text| within(text, f64::MIN..=f64::MAX).ok_or_else(|| format!("{what} is a number of {unit}"))
+/// A parser of numbers: `what` names the quantity ("a resistance").
+pub(crate) fn number(
+    what: &'static str,
+    allowed: RangeInclusive<f64>,
+    unit: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let (low, high) = (allowed.start(), allowed.end());
+        within(text, allowed.clone()).ok_or_else(|| format!("{what} is a number from {low} to {high} {unit}"))
+    }
 }
 
 /// Below this a number of millivolts is one of volts, or a mistake.

@@ -37,7 +37,7 @@ impl Options {
             let (x, y) = (format!("{:.2}", point.control), format!("{:.4}", point.y));
             table.add_row([point.name.to_owned(), x, y]);
         }
-        print(&format!("{}\n{table}\n", report.heading()))?;
+        print(&format!("{}\n{table}\n", table::paragraph(&report.heading())))?;
         draw()?;
         folder.map_or(Ok(()), |folder| print(&format!("The chart is in {folder}\n")))
     }

@@ -37,7 +37,7 @@ pub struct Server {
 #[derive(Debug, thiserror::Error)]
 pub enum BindError {
     /// The address cannot be listened to.
-    #[error("{address} cannot be listened to: {error}; give HOST:PORT, such as 127.0.0.1:8080")]
+    #[error("{address} cannot be listened to: {error}")]
     Address {
         /// As it was given.
         address: String,

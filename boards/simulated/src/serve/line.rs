@@ -16,7 +16,7 @@ pub enum LineError {
     #[error("this system has no pseudo-terminals")]
     NoPtys,
     /// The address cannot be listened to.
-    #[error("{address} cannot be listened to: {error}; give HOST:PORT, such as 127.0.0.1:7070")]
+    #[error("{address} cannot be listened to: {error}")]
     Tcp {
         /// As it was given.
         address: String,

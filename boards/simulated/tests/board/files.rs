@@ -107,7 +107,12 @@ fn numbers_out_of_range_name_the_range() {
     refused("0.05 }", "-0.05 }", "11:26", "inertia_kg_m2 = -0.05");
     refused("p = 10.0", "p = -1.0", "12:31", "0 to 32767");
     refused("velocity_cps = 1000", "velocity_cps = 2000000", "14:34", "-1000000 to 1000000");
-    refused("velocity_cps = 1000", "velocity_cps = 9e9", "14:34", "velocity_cps = 9000000000 is out of range");
+    refused(
+        "velocity_cps = 1000",
+        "velocity_cps = 9e9",
+        "14:34",
+        "velocity_cps = 9000000000 is out of range",
+    );
     refused("velocity_cps = 1000", "velocity_cps = 0.5", "14:34", "expected a whole number");
     refused("velocity_cps = 1000", "velocity_cps = nan", "14:34", "expected a whole number");
     refused("position_counts = 10", "position_counts = 3000000000", "15:37", "-2147483648 to 2147483647");

@@ -1,7 +1,7 @@
 //! `motor-hub client coefficients`.
 
 use super::trouble::Trouble;
-use crate::output::{print, print_json};
+use crate::output::{Failure, print, print_json, say};
 use crate::parse::channel;
 use motor_hub::motion::Pidf;
 use motor_hub::protocol::motor::Loop;
@@ -59,6 +59,16 @@ fn decimal(coefficient: Coefficient) -> f64 {
 }
 
 impl Options {
+    /// What can be wrong before a hub is asked.
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        match (&self.of, self.f) {
+            (LoopName::Position, Some(f)) if f != Coefficient::ZERO => {
+                Err(Failure::input("--f: a position has no feed-forward; it goes with velocity"))
+            }
+            _ => Ok(()),
+        }
+    }
+
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let of = match self.of {
             LoopName::Velocity => Loop::Velocity,
@@ -66,6 +76,9 @@ impl Options {
         };
         let mut pidf = session.coefficients(self.motor, of)?;
         if [self.p, self.i, self.d, self.f].iter().any(Option::is_some) {
+            if [self.p, self.i].iter().flatten().any(|coefficient| coefficient.to_bits() < 0) {
+                say("warning: with P or I below 0 a motor runs away from its set-point");
+            }
             let Pidf { p, i, d, f } = pidf;
             let (p, i) = (self.p.unwrap_or(p), self.i.unwrap_or(i));
             let (d, f) = (self.d.unwrap_or(d), self.f.unwrap_or(f));

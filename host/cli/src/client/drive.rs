@@ -43,10 +43,11 @@ struct Common {
 struct Motors(Vec<u8>);
 
 fn motors(text: &str) -> Result<Motors, String> {
-    if text == "all" {
+    if text.eq_ignore_ascii_case("all") {
         return Ok(Motors(ALL.to_vec()));
     }
-    let motors: BTreeSet<u8> = text.split(',').map(channel).collect::<Result<_, _>>()?;
+    let motors = text.split(',').map(channel).collect::<Result<BTreeSet<u8>, _>>();
+    let motors = motors.map_err(|why| format!("{why}, several as 0,2 or all"))?;
     Ok(Motors(motors.into_iter().collect()))
 }
 

@@ -81,8 +81,8 @@ impl<'a, L: Read + Write> Driven<'a, L> {
     }
 }
 
-/// Says what became of motors when something went wrong.
-fn tell(stopped: Result<Vec<u8>, Failure>) {
+/// Says what became of motors that no order's end has stopped.
+pub(super) fn tell(stopped: Result<Vec<u8>, Failure>) {
     match stopped {
         Ok(motors) if motors.is_empty() => (),
         Ok(motors) => say(&format!("disabled {}", names(&motors))),
@@ -136,7 +136,7 @@ pub(super) fn stop_abandoned(session: &mut Session<impl Read + Write>) -> Result
         }
     }
     if !found.is_empty() {
-        say(&format!("disabled {}, left running by a host that is gone", names(&found)));
+        say(&format!("disabled {}, left running by another host", names(&found)));
     }
     Ok(())
 }

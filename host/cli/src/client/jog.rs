@@ -6,9 +6,9 @@ mod terminal;
 
 use super::course::warn_of;
 use super::drive::{ALL, power};
-use super::driven::Driven;
+use super::driven::{Driven, tell};
 use super::interrupt;
-use super::live::motors_of;
+use super::live::{Live, motors_of};
 use super::trouble::Trouble;
 use crate::output::{Failure, print};
 use crate::parse::whole;
@@ -21,18 +21,22 @@ use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
+use studies::table;
 
-/// Text of the long help.
-pub(super) const HELP: &str = "\
-Drives motors by keys, for as long as a key is held
-
+const KEYS: &str = "\
   up, k, +       forward            0 to 3, a   which motor; all
   down, j, -     backward           space       all motors off
   right, l, >    faster             q, Ctrl-C   ends, all motors off
-  left, h, <     slower
+  left, h, <     slower";
 
+const WORDS: &str = "\
 A terminal repeats a key that is held. A motor that has had no key for --hold-s seconds is regulated to a stop, so that a \
 connection which hangs stops it. The terminal is put back as it was however this ends, but for SIGKILL.";
+
+/// Text of the long help.
+pub(super) fn help() -> String {
+    format!("Drives motors by keys, for as long as a key is held\n\n{KEYS}\n\n{WORDS}")
+}
 
 /// How fast, and for how long.
 #[derive(clap::Args)]
@@ -66,16 +70,18 @@ impl Options {
     pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let level = self.power.map_or(self.speed, Control::get);
         let mut jog = Jog::new(level, self.hold);
-        Driven::run(session, |driven| {
+        let stopped = Driven::run(session, |driven| {
             if self.power.is_none() {
                 let speed = u32::from(self.speed.unsigned_abs());
                 warn_of(driven, &ALL.map(|motor| (motor, speed)))?;
             }
-            print(&format!("{HELP}\n\n"))?;
+            print(&format!("{KEYS}\n\n{}\n\n", table::paragraph(WORDS)))?;
             let (_raw, keys) = open()?;
-            self.follow(driven, &mut jog, &keys)
+            self.follow(driven, &mut jog, &keys)?;
+            Ok(driven.stop()?)
         })?;
-        Ok(print("\n")?)
+        tell(Ok(stopped));
+        Ok(())
     }
 
     fn follow(
@@ -85,6 +91,7 @@ impl Options {
         keys: &Receiver<Vec<u8>>,
     ) -> Result<(), Trouble> {
         let mut told = [None; ALL.len()];
+        let mut live = Live::new();
         loop {
             let now = Instant::now();
             match keys.recv_timeout(LOOK) {
@@ -112,7 +119,8 @@ impl Options {
                     return Err(Failure::Work(says).into());
                 }
             }
-            print(&format!("\r{}\x1b[K", self.line(jog, &driven.bulk()?)))?;
+            // A terminal whose keys are raw takes a line's end as it is.
+            live.redraw(&self.text(jog, &driven.bulk()?).replace('\n', "\r\n"))?;
         }
     }
 
@@ -136,15 +144,17 @@ impl Options {
         if before.is_none() { driven.enable(motor) } else { Ok(()) }
     }
 
-    fn line(&self, jog: &Jog, bulk: &Bulk) -> String {
-        let driven = jog.motors();
-        let motors = motors_of(bulk, &driven);
-        let motors = motors.map(|(motor, counts, cps, _)| format!(" | {motor}: {counts}, {cps}/s"));
+    /// A line for the level, and one for each motor that keys drive.
+    fn text(&self, jog: &Jog, bulk: &Bulk) -> String {
         let level = match self.power {
             Some(_) => format!("power {:.2}", f64::from(jog.level()) / f64::from(Control::MAX.get())),
             None => format!("{} counts/s", jog.level()),
         };
-        level + &motors.collect::<String>()
+        let driven = jog.motors();
+        let motors = motors_of(bulk, &driven);
+        let motors =
+            motors.map(|(motor, counts, cps, _)| format!("motor {motor}: {counts} counts, {cps} counts/s\n"));
+        format!("{level}\n{}", motors.collect::<String>())
     }
 }
 

@@ -4,11 +4,9 @@ use super::interrupt;
 use super::trouble::Trouble;
 use super::turn::shaft_speed;
 use crate::output::{Failure, print};
-use motor_hub::braking::Regime;
 use motor_hub::bridge::Drive;
 use motor_hub::protocol::answers::{Bulk, MotorAlert, Status};
 use motor_hub::protocol::report::{HubReport, MotorReport};
-use motor_hub::regulator::Kind;
 use motor_hub::units::{Control, Milliamperes, Millivolts};
 use motor_hub_client::line::Line;
 use motor_hub_client::why::why_still;
@@ -16,6 +14,7 @@ use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
+use studies::points::{regime_name, regulator_name};
 use studies::table;
 
 /// What a hub does at one instant. To take it keeps the hub's motors alive.
@@ -143,20 +142,9 @@ fn bridge(told: &MotorReport) -> String {
     )
 }
 
-const fn regime_name(regime: Regime) -> &'static str {
-    match regime {
-        Regime::Reverse => "reverse",
-        Regime::Braking => "braking",
-        Regime::Forward => "forward",
-    }
-}
-
 /// What hubs of this project tell of a motor beside what all of them do.
 fn told_json(told: &MotorReport) -> [(String, Value); 8] {
-    let regulator = match told.regulator {
-        Kind::Model => "model",
-        Kind::Pid => "pid",
-    };
+    let regulator = regulator_name(told.regulator);
     [
         ("enabled", json!(told.enabled)),
         ("control", json!(told.control.get())),

@@ -112,9 +112,14 @@ fn saved(session: &mut Session<Line>) -> Result<String, Trouble> {
 fn read(file: &Path) -> Result<Vec<Request>, Failure> {
     let text = std::fs::read_to_string(file)
         .map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
-    let document: Result<Document, _> = toml::from_str(&text);
-    let requests = document.map_err(|error| error.to_string()).and_then(|document| document.requests());
-    requests.map_err(|error| Failure::Input(format!("{}: {}", file.display(), error.trim_end())))
+    let document: Document = toml::from_str(&text).map_err(|error| {
+        // As files of scenarios are told of: where, and what.
+        let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+        let line = before.matches('\n').count() + 1;
+        let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+        Failure::Input(format!("{}:{line}:{column}: {}", file.display(), error.message()))
+    })?;
+    document.requests().map_err(|error| Failure::Input(format!("{}: {}", file.display(), error.trim_end())))
 }
 
 fn at(file: &Path, error: std::io::Error) -> Failure {

@@ -88,6 +88,15 @@ impl From<OnFaultWord> for OnFault {
 }
 
 impl Options {
+    /// What can be wrong before a hub is asked.
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        if let Some(name) = &self.name {
+            characterised(name).map_err(Failure::input)?;
+        }
+        self.choice.scheme()?;
+        self.constants.emf().map(drop)
+    }
+
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let before = session.protection(self.motor)?;
         let protection = self.protect(before)?;

@@ -67,6 +67,11 @@ fn acceleration(text: &str) -> Result<Acceleration, String> {
 const FASTEST_CPS: i32 = 1_000_000;
 
 impl Options {
+    /// What can be wrong before a hub is asked.
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        self.values().map(drop)
+    }
+
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let values = self.values()?;
         let motors: Vec<u8> = drive::ALL.into_iter().zip(values).filter_map(|(m, v)| v.map(|_| m)).collect();

@@ -50,6 +50,7 @@ impl FromStr for Speed {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let number = |text: &str| text.trim().parse().ok().filter(|value: &f64| value.is_finite());
+        let text = text.to_ascii_lowercase();
         let turns = match (text.strip_suffix("rpm"), text.strip_suffix("rad/s")) {
             (Some(rpm), _) => number(rpm).map(|rpm| rpm / 60.0),
             (_, Some(rad)) => number(rad).map(|rad| rad / TAU),
@@ -97,7 +98,7 @@ mod tests {
     fn speeds_are_counts_or_turns_of_the_shaft() {
         let cps = |text: &str| text.parse::<Speed>().unwrap().cps(Some(1680.0)).unwrap();
         assert_eq!(
-            [cps("-300"), cps("100rpm"), cps("-100 rpm"), cps("6.2831853rad/s")],
+            [cps("-300"), cps("100rpm"), cps("-100 RPM"), cps("6.2831853rad/s")],
             [-300, 2800, -2800, 1680]
         );
         assert!("30".parse::<Speed>().unwrap().cps(None).is_ok());

@@ -125,11 +125,17 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
     for (wrong, says) in [
         (
             &["--ke", "9", "--counts-per-rev", "12"][..],
-            "--ke-v-s-per-rad 9: back-EMF constant must be above 0 and below 32",
+            "--ke-v-s-per-rad 9: with --counts-per-rev 12 it is above 0 and below 0.0611 V s/rad",
         ),
-        (&["--resistance-ohm", "0", "--on-fault", "brake"], "--resistance-ohm 0: resistance must be 0.001"),
+        (
+            &["--resistance-ohm", "0", "--on-fault", "brake"],
+            "a resistance is a number from 0.001 to 65.535 ohm",
+        ),
         (&["--ke", "0.02"], "--counts-per-rev"),
-        (&["--ke", "0.02", "--counts-per-rev", "0"], "--counts-per-rev 0: an encoder has more than 0 counts"),
+        (
+            &["--ke", "0.02", "--counts-per-rev", "0"],
+            "an encoder's resolution is a number from 1 to 1000000 counts in a turn",
+        ),
         (&["--ke", "0.02", "--counts-per-rev", "12", "--type", "AM 60 A"], "cannot be used with"),
     ] {
         let refused = client(&server, &[&show[..], wrong].concat());
@@ -342,7 +348,7 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["--timeout", "0", "status"], "a timeout is a whole number from 10 to 60000 ms"),
         (&["power", "0", "1.01"], "-1 to 1"),
         (&["power", "0", "nan"], "-1 to 1"),
-        (&["power", "4", "0"], "0 to 3"),
+        (&["power", "4", "0"], "0 to 3, several as 0,2 or all"),
         (&["power", "0,", "0"], "0 to 3"),
         (&["velocity", "0", "32768"], "32768"),
         (&["velocity", "0", "1.5"], "whole number"),
@@ -369,6 +375,11 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["together", "0"], "such as 0=1000"),
         (&["together", "4=0"], "0 to 3"),
         (&["together", "0=x"], "whole number"),
+        (&["together", "0=1", "0=2"], "motor 0 is named twice"),
+        (&["setup", "0", "--type", "AM 61"], "AM 60 A"),
+        (&["setup", "0", "--blend", "0.5"], "give --scheme D"),
+        (&["setup", "0", "--inductance-mh", "nan"], "0.001 to 65.535 mH"),
+        (&["coefficients", "0", "position", "--f", "1"], "a position has no feed-forward"),
         (&["together", "0=1", "--acceleration", "0"], "1 to 4294967295"),
         (&["together", "0=1", "--speed", "0"], "from 1 to 1000000 counts/s"),
         (&["together", "0=1", "--on", "--by"], "--by"),

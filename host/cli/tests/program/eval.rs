@@ -35,6 +35,9 @@ fn answered(golden: &Value, formula: &str) -> Vec<(Value, Value)> {
     let cases: Vec<Value> = all.iter().filter(|case| case["formula"] == formula).cloned().collect();
     let output = eval(&json!({ "motors": golden["motors"], "cases": cases }).to_string());
     assert!(output.status.success(), "{formula}: {}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8_lossy(&output.stdout);
+    let signed_zero = text.lines().find(|line| line.trim_end_matches(',').ends_with(" -0.0"));
+    assert_eq!(signed_zero, None, "{formula}");
     let results = results(&output);
     assert_eq!(results.len(), cases.len(), "{formula}");
     for (case, result) in cases.iter().zip(&results) {

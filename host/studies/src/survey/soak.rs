@@ -15,6 +15,7 @@
 
 use super::{Knowledge, circumstances, pool, random, sweep};
 use crate::StudyError;
+use crate::table::paragraph;
 use motor_hub::model::friction::Friction;
 use motor_hub::model::si::NewtonMetres;
 use motor_hub::motor::Faults;
@@ -189,13 +190,16 @@ fn scenario(seed: u64, number: u64) -> (Scenario, Knowledge) {
 pub fn text(soak: &Soak) -> String {
     let Soak { seed, scenarios, seconds, motors, ticks, alarms, stalled, starved } = soak;
     let by_lot = seed.map_or_else(String::new, |seed| format!(" by lot (seed {seed})"));
-    let mut out = format!(
-        "{:.3} h of virtual time: {scenarios} scenarios{by_lot}, {motors} motors, {ticks} control ticks\n\
-         {} false alarms, {stalled} motors taken for stalled for a while, the watchdog starved in {} scenarios\n",
-        seconds / 3600.0,
+    let hours = seconds / 3600.0;
+    let ran = format!(
+        "{hours:.3} h of virtual time: {scenarios} scenarios{by_lot}, {motors} motors, {ticks} control ticks"
+    );
+    let found = format!(
+        "{} false alarms, {stalled} motors taken for stalled for a while, the watchdog starved in {} scenarios",
         alarms.len(),
         starved.len()
     );
+    let mut out = format!("{}\n{}\n", paragraph(&ran), paragraph(&found));
     for Alarm { scenario, motor, at_s, what, circumstances, .. } in alarms {
         // Writing to a string does not fail.
         let _ = writeln!(out, "scenario {scenario}, motor {motor}, {at_s:.3} s: {what}; {circumstances}");

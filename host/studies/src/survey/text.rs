@@ -64,10 +64,11 @@ pub fn cells(cells: &[Cell]) -> String {
         }
     }
     let all = cells.len() * cells::PERIODS.len();
-    format!(
-        "Bare motors, default settings: {} of {all} settle by the model. What does not, by the model or by PID:\n{table}\n",
+    let settle = format!(
+        "Bare motors, default settings: {} of {all} settle by the model. What does not, by the model or by PID:",
         all - failed
-    )
+    );
+    format!("{}\n{table}\n", table::paragraph(&settle))
 }
 
 fn in_short(verdict: &Verdict) -> String {
