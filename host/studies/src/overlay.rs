@@ -113,23 +113,26 @@ impl Overlay {
     pub fn figure(&self) -> Figure {
         let mut panels = Vec::new();
         for (index, motor) in self.scenario.motors.iter().enumerate() {
-            let both = |style, value: fn(&Sample) -> f64| {
+            // Dashed and on top: where they are one, both are seen.
+            let both = |[style, dashed]: [Style; 2], value: fn(&Sample) -> f64| {
                 vec![
-                    line("simulated board", colour::RED, style, &self.simulated, index, value),
                     line("emulated chip", colour::BLUE, style, &self.emulated, index, value),
+                    line("simulated board", colour::RED, dashed, &self.simulated, index, value),
                 ]
             };
             panels.push(Panel {
                 y_label: format!("{}: speed, counts/s", motor.label),
                 height: 110.0,
-                series: both(Style::Line, |sample| sample.speed_cps),
+                series: both([Style::Line, Style::Dashed], |sample| sample.speed_cps),
                 ..Panel::default()
             });
             panels.push(Panel {
                 y_label: "duty, %".into(),
                 height: 50.0,
                 y_range: Some((0.0, 104.0)),
-                series: both(Style::Step, |sample| 100.0 * sample.report.drive.duty.to_f64()),
+                series: both([Style::Step, Style::DashedStep], |sample| {
+                    100.0 * sample.report.drive.duty.to_f64()
+                }),
                 ..Panel::default()
             });
         }

@@ -1,6 +1,7 @@
 //! `motor-hub client setup`.
 
 use super::trouble::Trouble;
+use super::tune;
 use crate::choice::Choice;
 use crate::constants::Constants;
 use crate::output::{Failure, print, print_json};
@@ -9,7 +10,7 @@ use motor_hub::braking::DutyRule;
 use motor_hub::bridge::Timing;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::{OnFault, SenseLine, ThermalLimit};
-use motor_hub::protocol::setup::{Condition, Protection, Setup};
+use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::json;
@@ -116,7 +117,8 @@ impl Options {
             setup = session.setup(self.motor)?;
         }
         let condition = session.condition(self.motor)?;
-        self.show(setup, protection, timing, condition)
+        let motion = session.motion(self.motor)?;
+        self.show(setup, motion, protection, timing, condition)
     }
 
     fn change(&self, mut setup: Setup) -> Result<Setup, Failure> {
@@ -161,6 +163,7 @@ impl Options {
     fn show(
         &self,
         setup: Setup,
+        motion: Motion,
         protection: Protection,
         timing: Timing,
         condition: Condition,
@@ -209,6 +212,7 @@ impl Options {
                 "measured_current_a": condition.measured_ma.map(|ma| f64::from(ma) / 1e3),
                 "current_line": line_word(condition.sense_line),
                 "continuous_current_a": amperes,
+                "motion": tune::settings(motion),
             });
             return Ok(print_json(&document)?);
         }
@@ -233,6 +237,9 @@ impl Options {
                 "current for ever",
                 &amperes.map_or_else(|| "no limit".to_owned(), |a| format!("{a:.3} A")),
             ]);
+        for (name, value) in tune::rows(motion) {
+            table.add_row([name, &value]);
+        }
         Ok(print(&format!("{table}\n"))?)
     }
 }

@@ -132,7 +132,7 @@ fn inertia(bare: &Dynamics, found: &Dynamics) -> f64 {
 }
 
 /// A motion in words.
-fn rows(of: Motion) -> [(&'static str, String); 4] {
+pub(super) fn rows(of: Motion) -> [(&'static str, String); 4] {
     let known = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
     let dynamics = of.dynamics;
     [
@@ -144,7 +144,7 @@ fn rows(of: Motion) -> [(&'static str, String); 4] {
 }
 
 /// A motion for programs.
-fn settings(of: Motion) -> Value {
+pub(super) fn settings(of: Motion) -> Value {
     json!({
         "acceleration_per_volt": of.dynamics.map(|d| d.gain.to_f32()),
         "decay_per_s": of.dynamics.map(|d| d.decay.to_f32()),

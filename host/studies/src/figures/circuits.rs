@@ -33,7 +33,7 @@ pub fn circuits() -> String {
     drawing.path(&[(40.0, 60.0), (76.0, 60.0)], colour::BLUE, false, 9);
     drawing.words((86.0, 64.5), 14.0, "first state, for the duty");
     drawing.path(&[(300.0, 60.0), (336.0, 60.0)], colour::RED, true, 9);
-    drawing.words((346.0, 64.5), 14.0, "second state, until the inductance has no current left");
+    drawing.words((346.0, 64.5), 14.0, "second state, for as long as a current flows");
     for (row, clockwise) in [true, false].into_iter().enumerate() {
         let (with, against) = if clockwise { (Mode::Cw98, Mode::Ccw62) } else { (Mode::Ccw62, Mode::Cw98) };
         let regimes = [("forward", with), ("braking", Mode::Brake50), ("reverse", against)];
