@@ -186,7 +186,7 @@ impl Options {
                 Failure::Work(format!("{name}: {error}; name one by --address"))
             }
             Trouble::Hub(error) if self.tcp.is_some() && error.is_hung_up() => Failure::Work(format!(
-                "{name}: {error}; a served hub has one host at a time: is another one talking to it?"
+                "{name}: {error}; a served hub has one host at a time: is another one talking to it, or has it ended?"
             )),
             Trouble::Hub(error) => Failure::Work(format!("{name}: {error}")),
             Trouble::Other(failure) => failure,
