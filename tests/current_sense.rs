@@ -136,6 +136,9 @@ fn a_line_to_ground_measures_nothing_however_little_the_motor_takes() {
     held.power(Control::new(4_000));
     let report = held.run(1_000, Some(0));
     assert_eq!(told(report), (SenseLine::Sound, None), "nothing has been due yet");
+    held.run(25, Some(80));
+    let report = held.run(1_000, Some(0));
+    assert_eq!(told(report), (SenseLine::Sound, None), "a spike is no current");
     assert!(report.best_current() == report.current && report.current.get() > 200, "{:?}", report.current);
     held.power(HALF);
     assert_eq!(told(held.run(500, Some(0))), (SenseLine::Silent, None));

@@ -50,8 +50,9 @@ pub(super) struct Line {
     /// Of the bridge at the last sample.
     mode: Option<Mode>,
     shown: Option<Milliamperes>,
-    /// It has shown a current. A line that has not may be one to ground: nothing is no measurement of it.
-    alive: bool,
+    /// So often, up to [`CONVINCED`], it has shown a current. A line that has not may be one to ground: nothing is no
+    /// measurement of it.
+    shows: u8,
 }
 
 impl Line {
@@ -67,7 +68,7 @@ impl Line {
         let settled = mode.filter(|_| mode == self.mode);
         (self.mode, self.shown) = (mode, None);
         let Some(current) = shown else {
-            (self.is, self.doubts, self.alive) = (SenseLine::Absent, 0, false);
+            (self.is, self.doubts, self.shows) = (SenseLine::Absent, 0, 0);
             return;
         };
         if self.is == SenseLine::Absent {
@@ -78,8 +79,9 @@ impl Line {
         let seems = if mode == Mode::Brake50 {
             Some(at_rest(magnitude))
         } else {
-            self.alive |= magnitude >= NOTHING_MA;
-            self.shown = shown.filter(|_| self.alive);
+            let shows = magnitude >= NOTHING_MA;
+            self.shows = CONVINCED.min(self.shows + u8::from(shows));
+            self.shown = shown.filter(|_| shows || self.shows == CONVINCED);
             modelled.and_then(|modelled| driving(magnitude, modelled.get().unsigned_abs()))
         };
         if let Some(seems) = seems {
@@ -112,7 +114,9 @@ impl Line {
         self.doubts += 1;
         if self.doubts >= CONVINCED {
             (self.is, self.doubts) = (seems, 0);
-            self.alive &= matches!(seems, SenseLine::Sound | SenseLine::Excessive);
+            if matches!(seems, SenseLine::Silent | SenseLine::Stuck) {
+                self.shows = 0;
+            }
         }
     }
 }
