@@ -283,6 +283,8 @@ fn a_recording_is_saved_and_looked_at_again() {
         tab.click("#tab-record");
         tab.click("#panel-record button.primary");
         drive(tab, 0, 700);
+        // It is there after some ten readings.
+        std::thread::sleep(Duration::from_millis(500));
         tab.click("#panel-record button.primary");
         // The file that would be saved, and the same taken in as a file that was chosen.
         let rows = tab.ask(
