@@ -81,7 +81,7 @@ impl<'a, L: Read + Write> Driven<'a, L> {
     }
 }
 
-/// Says what became of motors that no order's end has stopped.
+/// Says which motors were disabled, or that they could not be.
 pub(super) fn tell(stopped: Result<Vec<u8>, Failure>) {
     match stopped {
         Ok(motors) if motors.is_empty() => (),
