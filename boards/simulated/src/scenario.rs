@@ -25,7 +25,7 @@ use motor_hub::model::si::{NewtonMetres, Volts};
 use std::path::Path;
 
 pub use definition::{Bus, Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion, UNLIMITED};
-pub use mistake::{Mistake, ScenarioError};
+pub use mistake::{Mistake, ScenarioError, line_and_column};
 
 /// Dry friction of motors that are served, of their stall torque at 12 V.
 const SERVED_FRICTION: f64 = 0.06;

@@ -6,7 +6,7 @@ mod drive;
 mod driven;
 mod faults;
 mod identify;
-mod interrupt;
+pub(crate) mod interrupt;
 mod jog;
 mod live;
 mod ports;

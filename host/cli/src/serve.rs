@@ -4,6 +4,7 @@
 mod link;
 mod notices;
 
+use crate::client::interrupt::SIGNALS;
 #[cfg(unix)]
 use crate::output::say;
 use crate::output::{Failure, print};
@@ -15,9 +16,6 @@ use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
 use motor_hub::protocol::pins::Pin;
 use notices::Notices;
-#[cfg(unix)]
-use signal_hook::consts::{SIGHUP, SIGQUIT};
-use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register;
 use simulated::scenario::{Scenario, ScenarioError};
 use simulated::serve::{self, Line, LineError, Memory, Moment};
@@ -215,12 +213,8 @@ fn leave_note(place: &str) -> Option<Note> {
 /// Set when the program is asked to end, which it then does in good order.
 pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
     let stopped = Arc::new(AtomicBool::new(false));
-    #[cfg(unix)]
-    let signals = [SIGINT, SIGTERM, SIGHUP, SIGQUIT];
-    #[cfg(not(unix))]
-    let signals = [SIGINT, SIGTERM];
-    for signal in signals {
-        register(signal, Arc::clone(&stopped))
+    for (signal, _) in SIGNALS {
+        register(*signal, Arc::clone(&stopped))
             .map_err(|error| Failure::Work(format!("Ctrl-C cannot be listened for: {error}")))?;
     }
     Ok(stopped)

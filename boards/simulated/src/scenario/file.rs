@@ -54,7 +54,7 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
         name: named(&file.name, "name")?,
         duration_s,
         period,
-        seed: file.seed.as_ref().map_or(Ok(1), |seed| ranges::whole(seed, "seed", 0..=u32::MAX))?.into(),
+        seed: ranges::whole_or(&file.seed, "seed", 0..=u32::MAX, 1)?.into(),
         battery: Battery {
             emf: si::Volts(within(&file.battery.emf_v, "emf_v", EMF)?),
             resistance: si::Ohms(within(&file.battery.resistance_ohm, "resistance_ohm", 0.0..=1.0)?),
@@ -187,11 +187,10 @@ impl MotorTable {
     /// What the table leaves out is as for a motor of which nobody knows better.
     fn check_thermal(&self, motor: &catalogue::Motor) -> Checked<Option<ThermalLimit>> {
         let Some(table) = &self.thermal else { return Ok(None) };
-        let seconds = |value: &Option<Spanned<Whole>>, key, usual| {
-            value.as_ref().map_or(Ok(usual), |value| ranges::whole(value, key, 1..=u16::MAX))
-        };
-        let winding_s = seconds(&table.winding_s, "winding_s", ThermalLimit::USUAL_WINDING_S)?;
-        let case_s = seconds(&table.case_s, "case_s", ThermalLimit::USUAL_CASE_S)?;
+        let seconds = 1..=u16::MAX;
+        let usual = (ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S);
+        let winding_s = ranges::whole_or(&table.winding_s, "winding_s", seconds.clone(), usual.0)?;
+        let case_s = ranges::whole_or(&table.case_s, "case_s", seconds, usual.1)?;
         let continuous_ma = match &table.continuous_a {
             Some(amperes) => (1e3 * within(amperes, "continuous_a", 0.001..=65.535)?).round() as u16,
             None => thermal_limit(motor).map_or(u16::MAX, |usual| usual.continuous_ma()),

@@ -215,14 +215,16 @@ impl Fault {
 
     /// With line and column, counted from 1.
     pub(super) fn in_file(self, file: &str, text: &str) -> ScenarioError {
-        let before = text.get(..self.span.start).unwrap_or(text);
-        ScenarioError::Wrong {
-            file: file.to_owned(),
-            line: before.matches('\n').count() + 1,
-            column: before.rsplit('\n').next().unwrap_or("").chars().count() + 1,
-            mistake: self.mistake,
-        }
+        let (line, column) = line_and_column(text, self.span.start);
+        ScenarioError::Wrong { file: file.to_owned(), line, column, mistake: self.mistake }
     }
+}
+
+/// Of a byte of a text, both counted from 1, columns in characters; of its end, if it is not so long.
+pub fn line_and_column(text: &str, at: usize) -> (usize, usize) {
+    let before = text.get(..at).unwrap_or(text);
+    let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
+    (before.matches('\n').count() + 1, column)
 }
 
 pub(super) fn fault<T>(at: &Spanned<T>, mistake: Mistake) -> Fault {

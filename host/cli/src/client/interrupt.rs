@@ -11,7 +11,8 @@ use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-const SIGNALS: &[(i32, &str)] = &[
+/// What ends a program in good order, and what it is called.
+pub(crate) const SIGNALS: &[(i32, &str)] = &[
     (SIGINT, "Ctrl-C"),
     (SIGTERM, "SIGTERM"),
     #[cfg(unix)]

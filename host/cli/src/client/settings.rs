@@ -12,6 +12,7 @@ use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use motor_hub_client::why::why_unsaved;
 use serde_json::json;
+use simulated::scenario::line_and_column;
 use std::path::{Path, PathBuf};
 use studies::table;
 
@@ -113,10 +114,7 @@ fn read(file: &Path) -> Result<Vec<Request>, Failure> {
     let text = std::fs::read_to_string(file)
         .map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
     let document: Document = toml::from_str(&text).map_err(|error| {
-        // As files of scenarios are told of: where, and what.
-        let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
-        let line = before.matches('\n').count() + 1;
-        let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+        let (line, column) = line_and_column(&text, error.span().unwrap_or_default().start);
         Failure::Input(format!("{}:{line}:{column}: {}", file.display(), error.message()))
     })?;
     document.requests().map_err(|error| Failure::Input(format!("{}: {}", file.display(), error.trim_end())))

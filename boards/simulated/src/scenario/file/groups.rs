@@ -136,12 +136,14 @@ impl CourseTable {
         let too_long = |_: RangeError| fault(whole, Mistake::CourseTooLong);
         let acceleration = Acceleration::new(limit).map_err(too_long)?;
         let usual = Together::new(course, self.speed(whole, &course)?, acceleration);
-        let counts = |given: &Option<Spanned<Whole>>, key, usual| {
-            given.as_ref().map_or(Ok(usual), |given| ranges::whole(given, key, 0..=u16::MAX))
-        };
         Ok(Together {
-            lag: counts(&self.lag_counts, "lag_counts", usual.lag)?,
-            tolerance: counts(&self.tolerance_counts, "tolerance_counts", usual.tolerance)?,
+            lag: ranges::whole_or(&self.lag_counts, "lag_counts", 0..=u16::MAX, usual.lag)?,
+            tolerance: ranges::whole_or(
+                &self.tolerance_counts,
+                "tolerance_counts",
+                0..=u16::MAX,
+                usual.tolerance,
+            )?,
             ..usual
         })
     }

@@ -97,6 +97,19 @@ where
     })
 }
 
+/// As [`whole`], with a value for when it is absent.
+pub(super) fn whole_or<T>(
+    value: &Option<Spanned<Whole>>,
+    key: &'static str,
+    range: RangeInclusive<T>,
+    absent: T,
+) -> Checked<T>
+where
+    T: Into<i64> + TryFrom<i64>,
+{
+    value.as_ref().map_or(Ok(absent), |value| whole(value, key, range))
+}
+
 /// As [`within`], 0 when absent.
 pub(super) fn optional(
     value: &Option<Spanned<f64>>,
