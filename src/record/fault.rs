@@ -1,15 +1,15 @@
-//! Every fault by its number, the same in the record, on the link, in logs and in `docs/faults.md`.
+//! Every fault by its number, the same in the record, on the link, in logs and in `docs/reference/fault-numbers.md`.
 
 use crate::motion::EncoderFault;
 use crate::motor::Faults;
 
 macro_rules! faults {
     ($($number:literal $fault:ident $name:literal,)+) => {
-        /// What went wrong, or why the chip began anew. `docs/faults.md` has a section for each.
+        /// What went wrong, or why the chip began anew. `docs/reference/fault-numbers.md` has a section for each.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
-        #[expect(missing_docs, reason = "each is named below, and explained in docs/faults.md")]
+        #[expect(missing_docs, reason = "each is named below, and explained in docs/reference/fault-numbers.md")]
         pub enum Fault {
             $($fault = $number,)+
         }

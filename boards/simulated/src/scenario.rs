@@ -1,6 +1,6 @@
 //! Scenarios: which motors with which loads are told what, and when.
 //!
-//! A scenario is a TOML file; `docs/scenarios.md` lists its keys. [`Scenario::parse`] reads it and refuses
+//! A scenario is a TOML file; `docs/reference/scenarios.md` lists its keys. [`Scenario::parse`] reads it and refuses
 //! what is unknown, out of range or contradictory, with file, line and column; a `Scenario` that exists can
 //! be run. With expectations it is a test.
 //!

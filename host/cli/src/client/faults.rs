@@ -15,7 +15,7 @@ use studies::table;
 pub(crate) const HELP: &str = "\
 What happened: the last faults and resets of a hub of this project, newest first
 
-Each has a number, of which docs/faults.md says what it means, what the hub does and what to look at. With the number of an \
+Each has a number, of which docs/reference/fault-numbers.md says what it means, what the hub does and what to look at. With the number of an \
 entry: its last 64 control ticks, of the motor at fault or, when the hub itself was, of the one that was driven most.
 
 The hub keeps them in memory that a reset leaves alone; without supply they are gone.";
@@ -95,7 +95,7 @@ fn list(run: u32, heads: &[Head]) -> String {
             head.ticks.to_string(),
         ]);
     }
-    format!("{table}\nThis is run {run}. What each fault means: docs/faults.md\n")
+    format!("{table}\nThis is run {run}. What each fault means: docs/reference/fault-numbers.md\n")
 }
 
 fn ticks(head: &Head, ticks: &[Tick]) -> String {

@@ -1,4 +1,4 @@
-//! docs/output.md names every field of what programs read, and nothing else.
+//! docs/reference/output.md names every field of what programs read, and nothing else.
 #![expect(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -13,12 +13,12 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-const PAGE: &str = include_str!("../../../../docs/output.md");
+const PAGE: &str = include_str!("../../../../docs/reference/output.md");
 
 /// Fields in the table of a section.
 fn documented(section: &str) -> BTreeSet<String> {
     let heading = format!("\n## {section}\n");
-    let from = PAGE.find(&heading).unwrap_or_else(|| panic!("docs/output.md has no {section}"));
+    let from = PAGE.find(&heading).unwrap_or_else(|| panic!("docs/reference/output.md has no {section}"));
     let text = &PAGE[from + heading.len()..];
     let text = &text[..text.find("\n## ").unwrap_or(text.len())];
     let rows = text.lines().filter_map(|line| line.strip_prefix("| `"));
@@ -53,11 +53,11 @@ fn assert_agree(section: &str, documents: &[Value]) {
     };
     let unsaid: Vec<&String> =
         said.iter().filter(|field| !hollow(field) && !page.iter().any(|row| covers(row, field))).collect();
-    assert!(unsaid.is_empty(), "docs/output.md, {section}, lacks {unsaid:?}");
+    assert!(unsaid.is_empty(), "docs/reference/output.md, {section}, lacks {unsaid:?}");
     let below = |row: &str| said.iter().any(|field| row.starts_with(field.trim_end_matches("[]")));
     let gone: Vec<&String> =
         page.iter().filter(|row| !below(row) && !said.iter().any(|field| covers(row, field))).collect();
-    assert!(gone.is_empty(), "docs/output.md, {section}, has {gone:?}, which nothing prints");
+    assert!(gone.is_empty(), "docs/reference/output.md, {section}, has {gone:?}, which nothing prints");
 }
 
 fn json(arguments: &[&str]) -> Value {
