@@ -39,12 +39,12 @@ impl Options {
         };
         let comparison = Comparison::new(self.quick, &mut progress).map_err(Failure::work)?;
         bar.finish_and_clear();
-        let draw = || folder.write_all(drawn(&comparison.figures())?);
+        let draw = || folder.write_all(drawn(&comparison.figures()));
         if self.json {
             return print_json(&comparison.json(&draw()?));
         }
         print(&comparison.text())?;
         draw()?;
-        print(&format!("\nCharts (SVG, PNG) are in {folder}\n"))
+        print(&format!("\nCharts (SVG) are in {folder}\n"))
     }
 }

@@ -78,7 +78,7 @@ enum Command {
     Map(map::Options),
     /// Every number that the paper prints beside ours, and where its text is wrong
     Paper(paper::Options),
-    /// The paper's figures, and what becomes of a control value, as SVG and PNG
+    /// The paper's figures, and what becomes of a control value, as SVG
     Figures(figures::Options),
     /// The flashed image on an emulated chip, over the same core on the simulated board
     #[command(long_about = emulate::HELP)]

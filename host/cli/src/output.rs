@@ -1,6 +1,5 @@
 //! What goes out: standard output, files, and the words in which a command says why it failed.
 
-use chart::DrawError;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -122,14 +121,9 @@ pub(crate) fn progress(length: Option<u64>, units: &'static str) -> ProgressBar 
 /// Files that do not exist yet: their names and what will stand in them.
 pub(crate) type Files = Vec<(String, Vec<u8>)>;
 
-/// Charts as files: each as SVG and as PNG.
-pub(crate) fn drawn(figures: &[NamedFigure]) -> Result<Files, Failure> {
-    let draw = |(name, figure): &NamedFigure| -> Result<[(String, Vec<u8>); 2], DrawError> {
-        let svg = figure.svg();
-        Ok([(format!("{name}.png"), chart::png(&svg)?), (format!("{name}.svg"), svg.into_bytes())])
-    };
-    let pairs: Result<Vec<_>, _> = figures.iter().map(draw).collect();
-    Ok(pairs.map_err(Failure::work)?.into_iter().flatten().collect())
+/// Charts as SVG files.
+pub(crate) fn drawn(figures: &[NamedFigure]) -> Files {
+    figures.iter().map(|(name, figure)| (format!("{name}.svg"), figure.svg().into_bytes())).collect()
 }
 
 /// A folder for output that can be written to.

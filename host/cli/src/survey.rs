@@ -87,7 +87,7 @@ impl Options {
             survey.as_ref().map(chart::survey),
         ];
         let figures: Vec<NamedFigure> = figures.into_iter().flatten().collect();
-        let draw = || folder.write_all(drawn(&figures)?);
+        let draw = || folder.write_all(drawn(&figures));
         if self.json {
             let document =
                 json!({ "reference": reference, "cells": cells, "survey": survey, "files": draw()? });
@@ -100,6 +100,6 @@ impl Options {
         ];
         parts.into_iter().flatten().try_for_each(|part| print(&part))?;
         draw()?;
-        print(&format!("\nCharts (SVG, PNG) are in {folder}\n"))
+        print(&format!("\nCharts (SVG) are in {folder}\n"))
     }
 }
