@@ -129,5 +129,5 @@ fn without_a_terminal_nothing_is_driven() {
     let mut command = Command::new(PROGRAM);
     let output = command.args(["client", "--tcp", &hub.place, "jog"]).stdin(Stdio::null()).output().unwrap();
     assert_eq!(output.status.code(), Some(1));
-    assert!(err(&output).contains("no terminal"), "{}", err(&output));
+    assert!(err(&output).contains("not a terminal"), "{}", err(&output));
 }

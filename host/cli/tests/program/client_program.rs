@@ -42,7 +42,7 @@ fn the_program_finds_a_hub_and_shows_its_status() {
     assert_eq!(status["motors"][3]["mode"], "power");
 
     let text = out(&client(&server, &["status"]));
-    for says in ["all well", "12.345 V", "brake", "target velocity", "Maj: 1"] {
+    for says in ["no alerts", "12.345 V", "brake", "target velocity", "Maj: 1"] {
         assert!(text.contains(says), "{says}: {text}");
     }
 }
@@ -195,7 +195,7 @@ fn a_position_ends_at_its_target_or_fails_in_time() {
 
     let late = client(&server, &["position", "1", "-2000", "--tolerance", "0", "--for", "0.2"]);
     assert_eq!(late.status.code(), Some(1));
-    assert!(err(&late).contains("not at the target after 0.2 s"), "{}", err(&late));
+    assert!(err(&late).contains("target not reached after 0.2 s"), "{}", err(&late));
     assert_eq!(server.hub().responder.enabled(), [false; 4]);
 }
 
@@ -207,7 +207,7 @@ fn a_motor_that_the_hub_lets_go_ends_the_command() {
     let output = client(&server, &["power", "1", "0.5"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(
-        err(&output).contains("let motor 1 go") && err(&output).contains("fail-safe"),
+        err(&output).contains("disabled motor 1") && err(&output).contains("fail-safe"),
         "{}",
         err(&output)
     );
@@ -348,11 +348,11 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["--timeout", "0", "status"], "a timeout is a whole number from 10 to 60000 ms"),
         (&["power", "0", "1.01"], "-1 to 1"),
         (&["power", "0", "nan"], "-1 to 1"),
-        (&["power", "4", "0"], "0 to 3, several as 0,2 or all"),
+        (&["power", "4", "0"], "0 to 3, several as 0,2, or all"),
         (&["power", "0,", "0"], "0 to 3"),
         (&["velocity", "0", "32768"], "32768"),
         (&["velocity", "0", "1.5"], "whole number"),
-        (&["velocity", "0", "30rpm"], "a turn of the output shaft, which no hub can tell"),
+        (&["velocity", "0", "30rpm"], "a turn of the output shaft, which a hub does not know"),
         (&["velocity", "0", "30rpm"], "give --counts-per-turn COUNTS or --type NAME"),
         (&["--port", "", "status"], "a value is required for '--port"),
         (&["velocity", "0", "30rpm", "--type", "AM 61"], "AM 60 A"),
@@ -375,7 +375,7 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["together", "0"], "such as 0=1000"),
         (&["together", "4=0"], "0 to 3"),
         (&["together", "0=x"], "whole number"),
-        (&["together", "0=1", "0=2"], "motor 0 is named twice"),
+        (&["together", "0=1", "0=2"], "motor 0 is given twice"),
         (&["setup", "0", "--type", "AM 61"], "AM 60 A"),
         (&["setup", "0", "--blend", "0.5"], "give --scheme D"),
         (&["setup", "0", "--inductance-mh", "nan"], "0.001 to 65.535 mH"),

@@ -32,7 +32,7 @@ fn a_motor_is_identified_and_what_was_found_is_put_in_force() {
     for says in ["turns at most", " %\n", "acceleration per volt, b", "decay, q", "q / b", "friction, c"] {
         assert!(shown.contains(says), "{says}: {shown}");
     }
-    assert!(shown.contains("regulates it by that"), "{shown}");
+    assert!(shown.contains("regulates the motor by this result"), "{shown}");
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
     // What was found before is no answer to what is asked now.
     let again = client(&hub, &["identify", "0", "--json"]).output().unwrap();
@@ -50,7 +50,7 @@ fn a_motor_that_cannot_be_known_is_refused_with_the_reason_and_disabled() {
     let says = String::from_utf8(refused.stdout.clone()).unwrap();
     assert!(says.contains("at most 3 counts"), "{says}");
     assert!(
-        err(&refused).contains("motor 1 is not known") && err(&refused).contains("travel"),
+        err(&refused).contains("motor 1 was not identified") && err(&refused).contains("travel"),
         "{}",
         err(&refused)
     );
@@ -136,8 +136,11 @@ fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
     let asked = client(&hub, &["velocity", "0", "30000", "--for", "0.6"]).output().unwrap();
     assert_eq!(asked.status.code(), Some(1));
     let says = err(&asked);
-    assert!(says.contains("warning: motor 0 turns at") && says.contains("30000 are asked for"), "{says}");
-    assert!(says.contains("not at 30000 counts/s after 0.6 s: motor 0 at"), "{says}");
+    assert!(
+        says.contains("warning: motor 0: 30000 counts/s requested") && says.contains("free speed"),
+        "{says}"
+    );
+    assert!(says.contains("30000 counts/s not reached after 0.6 s: motor 0 at"), "{says}");
     assert!(says.starts_with("warning") && says.contains("\ndisabled motor 0\n"), "{says}");
     let folder = crate::common::folder("not-reached");
     let record = ["record", "--out", folder.to_str().unwrap(), "--"];
@@ -160,7 +163,7 @@ fn motors_move_in_step_to_where_they_are_sent() {
         [0, 2].map(|motor: usize| motors[motor]["position"].as_i64().unwrap())
     };
     let shown = out(&client(&hub, &["together", "0=800", "2=-400", "--speed", "1600"]).output().unwrap());
-    assert!(shown.ends_with("all have arrived\n"), "{shown}");
+    assert!(shown.ends_with("all motors at target\n"), "{shown}");
     let [first, second] = positions(&hub);
     // Disabled, they may roll on.
     assert!((first - 800).abs() < 50 && (second + 400).abs() < 50, "{first} {second}");
@@ -172,7 +175,7 @@ fn motors_move_in_step_to_where_they_are_sent() {
     let late = client(&hub, &["together", "0=90000", "--for", "0.3"]).output().unwrap();
     assert_eq!(late.status.code(), Some(1));
     assert!(err(&late).contains("disabled motor 0\n"), "{}", err(&late));
-    assert!(err(&late).contains("not there after 0.3 s"), "{}", err(&late));
+    assert!(err(&late).contains("targets not reached after 0.3 s"), "{}", err(&late));
 }
 
 #[cfg(unix)]
@@ -202,7 +205,7 @@ fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
     assert!(row("/no/such/port").contains("No such file"), "{found}");
     let none = scan(&["/no/such/port"]);
     assert_eq!(none.status.code(), Some(1));
-    assert!(err(&none).contains("no hub at 1 place\n"), "{}", err(&none));
+    assert!(err(&none).contains("no hub found at 1 place\n"), "{}", err(&none));
 }
 
 #[cfg(unix)]
@@ -247,7 +250,7 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     let (mut of_tcp, mut of_pty) = (tcp.tcp(), pty.serial());
     assert!(!of_tcp.enabled() && !of_pty.enabled());
     for place in [&*tcp.place, link] {
-        assert!(row(place).contains("┆ taken: another host talks to it"), "{}", row(place));
+        assert!(row(place).contains("┆ in use by another host"), "{}", row(place));
     }
     assert!(!of_tcp.enabled() && !of_pty.enabled());
     drop((of_tcp, of_pty));
@@ -267,7 +270,7 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     assert_eq!(left(), 0);
     let none = scan(&[]);
     assert_eq!(none.status.code(), Some(1));
-    assert!(err(&none).contains("no hub is served here; name a PLACE"), "{}", err(&none));
+    assert!(err(&none).contains("no hub is served on this machine; give a PLACE"), "{}", err(&none));
 }
 
 #[cfg(target_os = "linux")]
@@ -365,7 +368,7 @@ fn a_motor_is_tuned_beside_the_catalogue_and_settings_are_written_only_when_aske
     let tune = |more: &[&str]| client(&hub, &[&["tune", "0"], more].concat()).output().unwrap();
     let shown = out(&tune(&[]));
     for says in
-        ["AM 20 A", "off by", "times the inertia of an AM 20 A alone", "largest acceleration", "With --apply"]
+        ["AM 20 A", "off by", "times the inertia of a bare AM 20 A", "largest acceleration", "--apply puts"]
     {
         assert!(shown.contains(says), "{says}: {shown}");
     }

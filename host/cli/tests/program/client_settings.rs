@@ -55,7 +55,7 @@ fn what_is_saved_outlasts_the_hub_and_what_is_not_does_not() {
     assert_eq!((&shown(&hub)["stored"], &shown(&hub)["differs"]), (&"nothing".into(), &false.into()));
     set_much(&hub);
     assert_eq!(shown(&hub)["differs"], true);
-    assert!(settings(&hub, &["show"]).contains("something else: it lasts until the next reset"));
+    assert!(settings(&hub, &["show"]).contains("other settings, until the next reset"));
     assert_eq!(settings(&hub, &["save"]), "stored: save 1\n");
     let saved = settings(&hub, &["export"]);
     assert_ne!(saved, factory);
@@ -133,7 +133,7 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
         (&mode, "mode = \"sideways\"", "sideways"),
         (&mode, "mood = \"power\"", "mood"),
         ("number = 3", "number = 4", "number is 0 to 3"),
-        ("number = 3", "number = 0", "each once"),
+        ("number = 3", "number = 0", "occurs once"),
         ("schema_version = 1", "schema_version = 2", "schema_version is 2"),
         ("continuous_current_ma = 1234", "continuous_current_ma = 0", "thermal"),
         ("p = 1.5", "p = 1e9", "velocity_loop.p is -32768"),

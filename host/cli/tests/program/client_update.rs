@@ -53,13 +53,13 @@ fn a_hub_is_given_new_firmware_over_its_line_and_says_so() {
     // What cannot be for this hub is refused before anything is sent: the image that a probe flashes without a bootloader, and
     // raw bytes with the vectors of another chip.
     let refused = client(&hub, &["update", &elf::hub(BOARD).display().to_string()]);
-    let why = "linked to 0x08000000, and this hub's begin at 0x08020000: build it for the bootloader";
+    let why = "linked to 0x08000000, but this hub's images begin at 0x08020000";
     assert!(err(&refused).contains(why), "{}", err(&refused));
     let mut other = [0x2003_0000_u32, 0x0800_0199].map(u32::to_le_bytes).concat();
     other.extend(b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.0.0\0");
     let other = write(&folder, "other.bin", &other).display().to_string();
     let refused = client(&hub, &["update", &other]);
-    assert!(err(&refused).contains("it is for another chip"), "{}", err(&refused));
+    assert!(err(&refused).contains("the image is for another chip"), "{}", err(&refused));
     other_stack_is_refused_by_the_hub(&hub, &folder);
 
     let began = Instant::now();
@@ -97,7 +97,7 @@ fn a_file_that_is_no_firmware_is_refused_before_a_hub_is_asked() {
     let _alone = alone();
     let folder = folder("client-update-file");
     let file = write(&folder, "a.bin", b"nothing").display().to_string();
-    for (file, why) in [(&*file, "no firmware of a motor hub"), ("/does/not/exist", "No such file")] {
+    for (file, why) in [(&*file, "not a motor-hub firmware"), ("/does/not/exist", "No such file")] {
         let refused = motor_hub(&["client", "--port", "nowhere", "update", file]);
         assert_eq!(refused.status.code(), Some(2));
         assert!(err(&refused).contains(why), "{}", err(&refused));

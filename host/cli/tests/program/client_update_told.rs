@@ -82,12 +82,12 @@ fn an_update_that_was_rolled_back_says_so() {
     assert_eq!(told.status.code(), Some(1));
     let (new, old) = ("Eng: 2, mh9.9.9", format!("Eng: 2, {RUNS}"));
     let why = err(&told);
-    let says = why.split_once(" did not confirm itself, and the hub went back to ");
+    let says = why.split_once(" did not confirm itself, and the hub returned to ");
     assert!(says.is_some_and(|(before, after)| before.contains(new) && after.contains(&old)), "{why}");
     // As does one whose hub says that its firmware stays, and is the one before.
     let server = serve(SLOT, good);
     let told = client(&server, &["update", &file]);
-    assert!(err(&told).contains(&format!("{RUNS}, and was sent HW")), "{}", err(&told));
+    assert!(err(&told).contains(&format!("{RUNS}, but the image sent is HW")), "{}", err(&told));
 }
 
 #[test]
@@ -118,10 +118,7 @@ fn a_hub_with_a_key_refuses_what_its_owner_has_not_signed_and_says_why() {
         &["--signature", &signature, "--key", &other],
         "the signature is by another key than the hub's (NACK 79)",
     );
-    refused(
-        &["--signature", &wrong, "--key", &key],
-        "the signature is not one of this file by the hub's key",
-    );
+    refused(&["--signature", &wrong, "--key", &key], "the signature is not of this file by the hub's key");
     let told = out(&client(&server, &["update", &file, "--signature", &signature, "--key", &key]));
     assert!(told.contains("confirmed"), "{told}");
 }
@@ -146,8 +143,8 @@ fn files_that_are_no_signature_and_no_key_are_refused_before_a_hub_is_asked() {
     let pem = write(&folder, "public.pem", b"-----BEGIN PUBLIC KEY-----\nMCowBQYDK2VwAyEA");
     let program = env!("CARGO_BIN_EXE_motor-hub");
     for (signature, key, why) in [
-        (&short, &key, "has 63 bytes, and a signature of Ed25519 has 64"),
-        (&signature, &pem, "is no public key of Ed25519 in DER"),
+        (&short, &key, "has 63 bytes; an Ed25519 signature has 64"),
+        (&signature, &pem, "is not an Ed25519 public key in DER"),
     ] {
         let arguments = ["client", "--port", "nowhere", "update", &*file];
         let told = Command::new(program)

@@ -209,7 +209,7 @@ fn what_is_out_of_range_is_refused_with_what_is_allowed() {
         (
             "drive",
             json!({ "motor": 4, "mode": "power", "value": 0 }),
-            "there is no motor 4; there are 0 to 3",
+            "there is no motor 4; allowed is 0 to 3",
         ),
         ("drive", json!({ "motor": 0, "mode": "sideways", "value": 0 }), "unknown variant `sideways`"),
         ("drive", json!({ "motor": 0, "mode": "power" }), "missing field `value`"),
@@ -223,8 +223,8 @@ fn what_is_out_of_range_is_refused_with_what_is_allowed() {
         ("acceleration", json!({ "motor": 0, "limit": 0 }), "an acceleration is 1 to"),
         ("set-up", json!({ "motor": 0, "scheme": "E", "duty": "linear-duty" }), "unknown scheme `E`"),
         ("set-up", json!({ "motor": 0, "name": "AM 61 A", "scheme": "A", "duty": "linear-duty" }), "AM 61 A"),
-        ("apply", json!({ "motor": 0 }), "nothing was learned"),
-        ("undo", json!({ "motor": 0 }), "nothing to take back"),
+        ("apply", json!({ "motor": 0 }), "not identified yet"),
+        ("undo", json!({ "motor": 0 }), "nothing to undo"),
         (
             "together",
             json!({ "to": [null, null, null, null], "speed": 1, "acceleration": 1 }),
@@ -279,10 +279,10 @@ fn a_scenario_is_played_from_its_beginning_and_leaves_its_motors_off() {
     page.until("its load", |page, _| {
         winch(page, "regime") == "braking" && winch(page, "load_a").as_f64() < Some(-0.5)
     });
-    page.until("its end", |_, message| message["text"] == "all motors are off: the scenario is over");
+    page.until("its end", |_, message| message["text"] == "all motors are disabled: the scenario is over");
     let other = Dashboard::start(&[]);
     let mut page = Page::ready(&other);
-    assert!(page.refused("play", Value::Null).contains("name one by --scenario"));
+    assert!(page.refused("play", Value::Null).contains("start the dashboard with --scenario"));
 }
 
 #[test]

@@ -69,7 +69,7 @@ fn a_tab_that_is_closed_loses_its_motors() {
 #[ignore = "long: cargo xtask long"]
 fn a_tab_that_hangs_loses_its_motors_after_a_second() {
     let hang = |mut tab: Tab<'_>| tab.hang();
-    with_two_pages("hanging", hang, "showed nothing for a second", Duration::from_secs(3));
+    with_two_pages("hanging", hang, "showed no new values for 1 s", Duration::from_secs(3));
 }
 
 /// Until motor 0 is off; how long that took.
@@ -117,7 +117,8 @@ fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() 
                 "{how}"
             );
             assert!(
-                tab.ask("document.querySelector('#notice').textContent") == "All motors are off: stopped.",
+                tab.ask("document.querySelector('#notice').textContent")
+                    == "All motors are disabled: stopped.",
                 "{how}"
             );
             tab.wait(&format!("{} === 0", motor(0, "velocity")));
@@ -222,7 +223,7 @@ fn why_a_motor_stands_is_said_in_words() {
         drive(tab, 1, 600);
         tab.click("#tab-world");
         tab.fill("#world-encoder", "unplugged");
-        tab.wait(&format!("{why}.startsWith('Its encoder does not count')"));
+        tab.wait(&format!("{why}.startsWith('No counts although driven')"));
         tab.fill("#world-encoder", "sound");
         tab.press(ESCAPE);
         tab.wait(&format!("{why} === 'Disabled.'"));
@@ -245,7 +246,7 @@ fn a_step_is_laid_over_the_one_before_and_a_change_is_taken_back() {
         step(tab);
         assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 1);
         let regulator = "document.querySelector('#panel-tune b').textContent";
-        assert_eq!(tab.ask(regulator), "its model");
+        assert_eq!(tab.ask(regulator), "the motor model");
         let undo = "#panel-tune .row button:nth-child(3)";
         tab.click("#panel-tune .row button:nth-child(2)");
         tab.wait(&format!("{regulator} === 'PID'"));
@@ -253,7 +254,7 @@ fn a_step_is_laid_over_the_one_before_and_a_change_is_taken_back() {
         assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 2);
         tab.picture(&pictures().join("tune.png"), true);
         tab.click(undo);
-        tab.wait(&format!("{regulator} === 'its model'"));
+        tab.wait(&format!("{regulator} === 'the motor model'"));
         assert_eq!(tab.ask(&format!("document.querySelector('{undo}').disabled")), true);
     });
 }
@@ -264,7 +265,9 @@ fn a_motor_is_identified_and_what_was_found_predicts_what_was_measured() {
     with_page("identify", |tab| {
         tab.click("#tab-learn");
         tab.click("#panel-learn button.primary");
-        tab.wait("document.querySelector('#panel-learn [role=status]').textContent === 'Motor 0 is known.'");
+        tab.wait(
+            "document.querySelector('#panel-learn [role=status]').textContent === 'Motor 0 is identified.'",
+        );
         // Both lines of the plot, as the page draws them.
         let off = tab.ask("dashboard.learned().misfit").as_f64().unwrap();
         println!("predicted is off by {:.1} % of what was measured", 100.0 * off);
@@ -304,7 +307,7 @@ fn a_recording_is_saved_and_looked_at_again() {
             "{rows:?}"
         );
         tab.wait("document.querySelector('#panel-record [role=status]').textContent.startsWith('run.csv is shown')");
-        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Go on");
+        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Resume");
         tab.click("#pause");
         assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Pause");
     });

@@ -76,11 +76,11 @@ fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
     assert_eq!(second.read(&mut [0; 8]).unwrap(), 0, "nothing comes but the end");
     let mut line = String::new();
     says.read_line(&mut line).unwrap();
-    assert_eq!(line, "the hub is taken, one host at a time: hung up on 1 that came meanwhile\n");
+    assert_eq!(line, "the hub accepts one host at a time: closed 1 further connection\n");
     assert!(first.enabled());
     let third = Command::new(PROGRAM).args(["client", "--tcp", &hub.place, "status"]).output().unwrap();
     let error = String::from_utf8(third.stderr).unwrap();
-    assert!(error.contains("one host at a time: is another one talking to it"), "{error}");
+    assert!(error.contains("one host at a time: check that no other host uses it"), "{error}");
 }
 
 #[test]
@@ -96,7 +96,7 @@ fn a_wire_connects_two_digital_pins() {
     for (options, says) in [
         (&["--wire", "4,8"][..], "a wire is between two digital pins, 0 to 7, such as 4,5"),
         (&["--wire", "4,4"], "a wire is between two digital pins"),
-        (&["--wire", "4,5", "--emulated"], "an image has digital pins 0 and 1"),
+        (&["--wire", "4,5", "--emulated"], "digital pins 0 and 1 only"),
     ] {
         let output = Command::new(PROGRAM).args(["serve", "--pty"]).args(options).output().unwrap();
         let error = String::from_utf8(output.stderr).unwrap();
@@ -132,7 +132,7 @@ fn a_link_names_the_port_until_the_program_ends() {
     drop(Hub::start(PROGRAM, &["--pty", "--link", path]));
     remove_file(&link).unwrap();
     write(&link, "somebody's").unwrap();
-    refused("no link");
+    refused("not a link");
     assert_eq!(std::fs::read(&link).unwrap(), b"somebody's");
     remove_file(&link).unwrap();
     std::os::unix::fs::symlink("/dev/null", &link).unwrap();
