@@ -179,10 +179,12 @@ fn show(report: &StoreReport, json: bool) -> Result<(), Trouble> {
         return Ok(print_json(&document)?);
     }
     let mut table = table::new(&["stored", &describe(report)], 1);
-    table.add_row([
-        "in force",
-        if differs { "other settings, until the next reset" } else { "the stored settings" },
-    ]);
+    let in_force = match stored {
+        _ if differs => "other settings, until the next reset",
+        Stored::Whole | Stored::OneCopy => "the stored settings",
+        Stored::Nothing | Stored::Later | Stored::Damaged => "the firmware's defaults",
+    };
+    table.add_row(["in force", in_force]);
     if unknown > 0 {
         table.add_row(["of another firmware", &format!("{unknown} entries, kept")]);
     }
