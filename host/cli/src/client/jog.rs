@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 use studies::table;
 
 const KEYS: &str = "\
-  up, k, +       forward            0 to 3, a   choose a motor; all
+\x20 up, k, +       forward            0 to 3, a   choose a motor; all
   down, j, -     backward           space, Esc  disable all motors
   right, l, >    faster             q, Ctrl-C   disable all motors, end
   left, h, <     slower";
