@@ -116,9 +116,10 @@ enum Command {
     /// Sends new firmware to a hub with a bootloader, starts it, and waits until it has confirmed itself
     #[command(long_about = update::HELP)]
     Update(update::Options),
-    /// Measures how a motor moves with its load, by turning it both ways for some 3 s, on hubs of this project
+    /// Measures how a motor moves with its load, by turning it both ways, on hubs of this project
     ///
-    /// The motor must stand, and be free to turn. It is disabled at the end, on Ctrl-C, and on any error.
+    /// The motion takes some 3 s. The motor must stand, and be free to turn. It is disabled at the end, on Ctrl-C, and on any
+    /// error.
     Identify(identify::Options),
     /// Identifies a motor, compares it with the catalogue, and proposes settings, on hubs of this project
     #[command(long_about = tune::HELP)]

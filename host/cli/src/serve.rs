@@ -33,8 +33,8 @@ The first line on standard output is the place for hosts to open: the path of a 
 runs until it is stopped by Ctrl-C.
 
 Motors, loads and battery are those of a scenario. Its set-points are ignored, and may be missing: the host gives set-points. \
-The torques of a scenario act from the start. In the default scenario no load acts on the motors, all of them use Scheme A, \
-and dry friction is 6 % of the stall torque.
+The torques of a scenario act from the start. In the default scenario no load acts on the motors, and dry friction \
+is 6 % of the stall torque. All motors use Scheme A.
 
 The hub accepts one host at a time. It closes a second TCP connection, and reports that on standard error. Standard error also \
 reports when this machine is too slow for real time.

@@ -1,8 +1,8 @@
 //! Decides which page is in control, and whether that page is still open. Pure: events and times are arguments.
 //!
 //! Frames are numbered, and a page returns the number of each frame that it has shown. The page in control counts as open
-//! while its newest shown frame was sent less than [`SILENCE`] ago, and while it has not been hidden for [`HIDDEN`]. A dead
-//! tab, and a tab that shows old frames from a long queue, therefore count as gone.
+//! while its newest shown frame was sent less than [`SILENCE`] ago. A page that is hidden for [`HIDDEN`] counts as gone. A
+//! dead tab, and a tab that shows old frames from a long queue, therefore count as gone.
 //!
 //! ```
 //! use dashboard::desk::{Desk, Gone, SILENCE};

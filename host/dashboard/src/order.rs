@@ -63,7 +63,7 @@ pub enum Order {
     Together {
         /// Target by motor in counts; `None` for a motor that does not take part.
         to: [Option<i32>; 4],
-        /// Speed of the motor with the longest way, in counts/s.
+        /// Speed of the motor with the longest distance, in counts/s.
         speed: u32,
         /// Largest acceleration of any motor, in counts/s².
         acceleration: u32,

@@ -29,7 +29,7 @@ pub(crate) struct Options {
     /// Targets are speeds in counts per second, which the motors then hold
     #[arg(long, conflicts_with_all = ["by", "speed"])]
     on: bool,
-    /// Speed of the motor with the longest way, in counts per second
+    /// Speed of the motor with the longest distance, in counts per second
     #[arg(long = "speed-cps", alias = "speed", value_name = "CPS", default_value_t = 1000)]
     #[arg(value_parser = whole("a speed", 1..=FASTEST_CPS, "counts/s"))]
     speed: i32,

@@ -18,8 +18,7 @@ use studies::table;
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
-Identifies a motor with its load, as `identify` does, compares the result with the configured motor of the catalogue, and \
-proposes settings, on hubs of this project
+Identifies a motor with its load, compares it with the catalogue, and proposes settings, on hubs of this project
 
 Configure the motor first, for example by `setup 0 --type \"NeveRest 60\"`: the result depends on its winding. The motor must \
 stand, and be free to turn.
