@@ -80,8 +80,8 @@ const fn fault(motor: &MotorReport) -> Option<&'static str> {
              check both, disable the motor, then enable it again",
         ),
         Faults { encoder: Some(EncoderFault::Reversed), .. } => Some(
-            "counts go against the drive voltage: the load exceeds the motor's stall torque, or motor leads or \
-             encoder wires are swapped; check both, disable the motor, then enable it again",
+            "counts go against the drive voltage: the load exceeds the stall torque, or motor leads or encoder wires are \
+             swapped; check load and wiring, disable the motor, then enable it again",
         ),
         Faults { battery_unknown: true, .. } if motor.enabled => {
             Some("the battery voltage is unknown: check the battery and its switch")
