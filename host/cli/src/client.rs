@@ -33,36 +33,34 @@ use std::time::Duration;
 use studies::table;
 use trouble::Trouble;
 
-/// What `--help` says.
+/// Text of the long help.
 pub(crate) const HELP: &str = "\
 Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
 
-Reads and sets what the protocol knows of motors: power, velocity, position, coefficients, encoders, \
-status, LED. Without --address the hub is found by discovery, which takes 0.25 s.
+Without --address the hub is found by discovery, which takes 0.25 s.
 
-Commands that run motors disable them when they are over, on Ctrl-C, SIGTERM, SIGQUIT, SIGHUP (a closed terminal), on an error \
-and on a panic, and say so on standard error. If the program is killed (SIGKILL), the hub hears nothing, and after its \
-keep-alive timeout of 2.5 s it lets all motors coast. `stop` does so at once.
+A command that runs motors disables them when it ends: normally, after an error, after a panic, or by Ctrl-C, SIGTERM, \
+SIGQUIT or SIGHUP (closed terminal). It reports that on standard error, unless it ended normally. After SIGKILL the hub \
+receives nothing more, and disables all motors after its keep-alive timeout of 2.5 s. `stop` disables all motors immediately.
 
-Every packet, even a question, counts as a sign of life to the hub. So that no command prolongs a motion that it did not \
-begin, each of them, `status` and `watch` too, first disables motors that it finds enabled, and says so: a line has \
-one host at a time, so whoever enabled them is gone.
+Any packet resets the hub's keep-alive. Each command, also `status` and `watch`, therefore first disables motors that it \
+finds enabled, and reports that. A line has one host at a time, so the host that enabled them is gone.
 
 Exit codes: 0 done; 1 no answer, a refusal, or a position or velocity that was not reached; 2 wrong options.";
 
-/// Where the hub is, and what is asked of it.
+/// Line and address of the hub, and the command.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Serial port of the hub, or a pseudo-terminal (460800 baud, 8N1)
     #[arg(long, value_name = "PATH", global = true, help_heading = "Hub", value_parser = NonEmptyStringValueParser::new())]
     port: Option<String>,
-    /// Hub behind a TCP connection, in the place of --port
+    /// TCP address of the hub, instead of --port
     #[arg(long, value_name = "HOST:PORT", global = true, help_heading = "Hub", value_parser = host_and_port)]
     tcp: Option<String>,
-    /// Address of the hub, 1 to 254; otherwise it is found by discovery
+    /// Address of the hub, 1 to 254 [default: found by discovery]
     #[arg(long, value_name = "N", global = true, help_heading = "Hub", value_parser = address)]
     address: Option<Address>,
-    /// How long an answer is waited for, with the request sent up to three times, in milliseconds
+    /// Time-out for an answer in milliseconds; within it a request is sent up to three times
     #[arg(
         long = "timeout-ms",
         alias = "timeout",
@@ -79,50 +77,51 @@ pub(crate) struct Options {
 
 #[derive(clap::Subcommand)]
 enum Command {
-    /// The serial ports of this machine
+    /// Lists the serial ports of this machine
     Ports,
-    /// Looks for hubs on all serial ports of this machine and at places that are named
+    /// Looks for hubs on all serial ports of this machine and at given places
     #[command(long_about = scan::HELP)]
     Scan(scan::Options),
-    /// All hubs on the line
+    /// Lists all hubs on the line
     Discover,
-    /// Status, version, battery, LED, and what every motor is set to and does; those that run are disabled first
+    /// Shows status, version, battery, LED and all motors; disables running motors first
     Status(status::Options),
-    /// What happened: the last faults and resets, with the ticks before them, on hubs of this project
+    /// Lists the last faults and resets, on hubs of this project
     #[command(long_about = faults::HELP)]
     Faults(faults::Options),
     #[command(flatten)]
     Drive(drive::Drive),
-    /// Drives motors as the three above, and writes down what the hub says: CSV, and a chart of each motor
+    /// Drives motors as the three commands above, and records the values: CSV, and a chart of each motor
     #[command(long_about = record::HELP)]
     Record(record::Options),
-    /// Drives motors by keys, for as long as a key is held
+    /// Drives motors by keys, while a key is held
     #[command(long_about = jog::help(), verbatim_doc_comment)]
     Jog(jog::Options),
-    /// Moves motors in step to positions, or on at speeds, and disables them in the end, on hubs of this project
+    /// Moves motors in step to positions, or at speeds, then disables them, on hubs of this project
     ///
-    /// All are on their way in proportion; one that lags is waited for.
+    /// All motors travel in proportion. If a motor lags, the others wait for it.
     Together(together::Options),
-    /// Fail-safe: all motors off at once
+    /// Disables all motors immediately (fail-safe)
     Stop,
-    /// Reads a loop's coefficients, or sets those that are given and keeps the others
+    /// Reads a loop's coefficients, or sets the given ones and keeps the others
     Coefficients(coefficients::Options),
-    /// Shows or says which motor is connected and how it is controlled, on hubs of this project
+    /// Shows or configures the connected motor and its control, on hubs of this project
     ///
-    /// Setting anything gives the motor the coefficients that go with it. Nothing of it outlasts a reset unless it is
-    /// saved: see `settings`.
+    /// A change of motor, constants, scheme or duty also resets coefficients and motion to that motor's defaults. Settings
+    /// are lost at a reset unless they are saved: see `settings`.
     Setup(setup::Options),
-    /// Settings that outlast power, on hubs of this project: shows, saves, resets, exports, imports
+    /// Shows, saves, loads, resets, exports or imports stored settings, on hubs of this project
     #[command(long_about = settings::HELP)]
     Settings(settings::Options),
-    /// New firmware for a hub with a bootloader: sends it, starts it, and waits until it has confirmed itself
+    /// Sends new firmware to a hub with a bootloader, starts it, and waits until it has confirmed itself
     #[command(long_about = update::HELP)]
     Update(update::Options),
-    /// Learns how a motor moves with its load, from a motion of some 3 s both ways, on hubs of this project
+    /// Measures how a motor moves with its load, by turning it both ways, on hubs of this project
     ///
-    /// The motor must stand, and be free to turn. It is disabled at the end, on Ctrl-C, and on any error.
+    /// The motion takes some 3 s. The motor must stand, and be free to turn. It is disabled at the end, on Ctrl-C, and on any
+    /// error.
     Identify(identify::Options),
-    /// Learns how a motor moves, beside the catalogue, and proposes settings, on hubs of this project
+    /// Identifies a motor, compares it with the catalogue, and proposes settings, on hubs of this project
     #[command(long_about = tune::HELP)]
     Tune(tune::Options),
     /// Makes a motor's present position 0
@@ -139,12 +138,12 @@ enum Command {
         #[arg(value_parser = whole("a colour", 0..=u8::MAX, ""))]
         blue: u8,
     },
-    /// Gives the hub another address, 1 to 254, which it keeps if it can
+    /// Changes the hub's address, 1 to 254; a hub that stores settings keeps it
     SetAddress {
         #[arg(value_name = "N", value_parser = address)]
         new: Address,
     },
-    /// Positions, velocities, battery and status as they change; motors that run are disabled first
+    /// Shows positions, velocities, battery and status repeatedly; disables running motors first
     Watch(watch::Options),
 }
 
@@ -158,7 +157,7 @@ impl Options {
             }
             _ => (),
         }
-        // Before anything is sent.
+        // Check the options before anything is sent.
         match &self.command {
             Command::Drive(drive) => drop(drive.order()?),
             Command::Record(options) => options.check()?,
@@ -176,17 +175,17 @@ impl Options {
             (Some(_), Some(_)) => return Err(Failure::Input("--port and --tcp exclude each other".into())),
             (None, None) => {
                 let found = ports::list().unwrap_or_default();
-                let text = format!("where is the hub? Give --port PATH or --tcp HOST:PORT.\n{found}");
+                let text = format!("no hub given: give --port PATH or --tcp HOST:PORT\n{found}");
                 return Err(Failure::Input(text.trim_end().to_owned()));
             }
         };
         let line = line.map_err(|error| Failure::Work(ports::unopened(name, &error)))?;
         self.command.execute(line, self.address, timeout).map_err(|trouble| match trouble {
             Trouble::Hub(error @ Error::Parents { .. }) => {
-                Failure::Work(format!("{name}: {error}; name one by --address"))
+                Failure::Work(format!("{name}: {error}; choose a hub by --address"))
             }
             Trouble::Hub(error) if self.tcp.is_some() && error.is_hung_up() => Failure::Work(format!(
-                "{name}: {error}; a served hub has one host at a time: is another one talking to it, or has it ended?"
+                "{name}: {error}; a served hub accepts one host at a time: check that no other host uses it, and that it still runs"
             )),
             Trouble::Hub(error) => Failure::Work(format!("{name}: {error}")),
             Trouble::Other(failure) => failure,
@@ -217,7 +216,7 @@ impl Command {
             stop_abandoned(&mut session)?;
         }
         let done = match self {
-            // They need no session and are done above.
+            // These commands need no session and returned above.
             Self::Ports | Self::Scan(_) | Self::Discover => return Ok(()),
             Self::Status(options) => return options.execute(&mut session),
             Self::Faults(options) => return options.execute(&mut session),
@@ -234,7 +233,7 @@ impl Command {
             Self::Watch(options) => return options.execute(&mut session),
             Self::Stop => {
                 session.fail_safe()?;
-                "all motors are off".to_owned()
+                "all motors are disabled".to_owned()
             }
             Self::ResetEncoder { motor } => {
                 session.reset_encoder(motor)?;

@@ -1,4 +1,4 @@
-//! `motor-hub dashboard`: a hub in a browser.
+//! `motor-hub dashboard`: shows a hub in a browser.
 
 use crate::output::{Failure, print, say};
 use crate::parse::host_and_port;
@@ -20,42 +20,42 @@ use std::time::Duration;
 
 /// Text of the long help.
 pub(crate) const HELP: &str = "\
-A hub in a browser: four motors live, to be moved, tuned and stopped
+Shows a hub in a browser: four motors live, to be moved, tuned and stopped
 
-The first line on standard output is the URL to open; whoever has it has the motors, for its token is in it. Without \
---port or --tcp it is a simulated hub, whose loads, battery and encoders can be played with.
+The first line on standard output is the URL to open. The URL contains a token: anyone who has the URL can move the motors. \
+Without --port or --tcp the hub is simulated, and its loads, battery and encoders can be changed in the page.
 
-One page is in control, any number look on, and anyone may stop. When the page in control is closed, hidden for ten \
-seconds, or shows nothing for a second, all motors are switched off; so they are when this program ends.";
+One page is in control, any number of pages watch, and any page can stop. All motors are disabled when the page in control is \
+closed, is hidden for 10 s, or shows no new values for 1 s. They are also disabled when this program ends.";
 
-/// What the default scenario is called, whose set-points a page has in its place.
+/// Name of the default scenario. Its set-points are not used; the page gives set-points.
 const DEFAULT_NAME: &str = "four motors on a battery";
 
-/// How long a hub's answer is waited for while the line is opened.
+/// Time-out of answers while the line is opened.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Which hub, and where the page is served.
+/// Hub, and address of the page.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Serial port of the hub; without it and --tcp, a simulated hub
+    /// Serial port of the hub [default without --tcp: a simulated hub]
     #[arg(long, value_name = "PATH", conflicts_with_all = ["tcp", "scenario"])]
     port: Option<String>,
-    /// Hub behind a TCP connection
+    /// TCP address of the hub
     #[arg(long, value_name = "HOST:PORT", value_parser = host_and_port, conflicts_with = "scenario")]
     tcp: Option<String>,
-    /// Scenario file (TOML) whose motors, loads and battery the simulated hub has; the page can play it
+    /// Scenario file (TOML) with motors, loads and battery of the simulated hub; the page can play its set-points
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// File that the simulated hub stores its settings in, so that they outlast the program; made if there is none
+    /// File for the simulated hub's stored settings, which outlast the program; created if it does not exist
     #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "tcp"])]
     store: Option<PathBuf>,
-    /// Where the page is served on this machine; port 0 is any that is free
+    /// Address of the page on this machine; port 0 chooses a free port
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0", value_parser = host_and_port)]
     http: String,
-    /// Where it is served for other machines, such as a phone: everyone on the network who has the URL
+    /// Address of the page for other machines too, such as a phone; anyone on the network who has the URL has access
     #[arg(long, value_name = "ADDR:PORT", conflicts_with = "http", value_parser = host_and_port)]
     listen: Option<String>,
-    /// Opens it in this machine's browser
+    /// Opens the page in this machine's browser
     #[arg(long)]
     open: bool,
 }
@@ -66,7 +66,7 @@ impl Options {
         let server = Server::bind(self.listen.as_ref().unwrap_or(&self.http)).map_err(Failure::input)?;
         if self.listen.is_none() && !server.address().ip().is_loopback() {
             let why = format!(
-                "--http {}: that is not this machine alone; to let other machines in, give --listen {}",
+                "--http {}: other machines could reach this address; to allow that, give --listen {}",
                 self.http, self.http
             );
             return Err(Failure::Input(why));
@@ -82,17 +82,17 @@ impl Options {
         let url = server.url();
         print(&format!("{url}\n"))?;
         if self.listen.is_some() {
-            say("anyone on the network who has this URL can move the motors");
+            say("warning: anyone on the network who has this URL can move the motors");
         }
         if self.open {
             open(&url);
         }
         server.run(place, &stop);
-        // A hub that nobody asked to end has failed.
+        // The simulated hub ends with the server; an error before that is reported here.
         stop.store(true, Ordering::Relaxed);
         match simulation.map(JoinHandle::join) {
             Some(Ok(Err(error))) => Err(Failure::work(error)),
-            Some(Err(_)) => Err(Failure::Work("the simulated hub has ended in a panic".to_owned())),
+            Some(Err(_)) => Err(Failure::Work("the simulated hub has panicked".to_owned())),
             _ => Ok(()),
         }
     }
@@ -107,9 +107,9 @@ fn real(name: &str) -> Place {
         }
         Err(error) => {
             let why = error.to_string();
-            // It is tried again and again, which is told once.
+            // The line is tried repeatedly; the same error is printed once.
             if said.as_ref() != Some(&why) {
-                say(&format!("{place}: {why}; the page waits for it"));
+                say(&format!("{place}: {why}; trying again every second"));
                 said = Some(why.clone());
             }
             Err(why)
@@ -119,7 +119,7 @@ fn real(name: &str) -> Place {
 
 type Simulation = JoinHandle<Result<(), simulated::sim::RunError>>;
 
-/// A simulated hub in a thread of its own, on a TCP port of this machine.
+/// Runs a simulated hub in its own thread, on a TCP port of this machine.
 fn simulate(
     file: Option<&Path>,
     memory: Option<Memory>,
@@ -130,7 +130,7 @@ fn simulate(
         None => Scenario::to_serve(),
     };
     let scenario = scenario.map_err(Failure::input)?;
-    // The motors of the default scenario are served otherwise than it has them.
+    // The served default scenario has no set-points to play.
     let script = file.and_then(|_| Script::of(&scenario));
     let line = serve::Line::tcp("127.0.0.1:0").map_err(Failure::work)?;
     let address = line.to_string();
@@ -151,7 +151,7 @@ fn simulate(
     Ok((Place::simulated(&name, world, script, open), simulation))
 }
 
-/// Whatever this machine opens URLs with; without it there is the printed line.
+/// Opens the URL with this machine's program for URLs. If that fails, the user opens the printed URL.
 fn open(url: &str) {
     let program = if cfg!(target_os = "macos") {
         "open"

@@ -1,15 +1,15 @@
-//! `motor-hub emulate`.
+//! `motor-hub emulate`: runs a scenario on an emulated chip and on the simulated board.
 
 use crate::output::Failure;
 use std::path::PathBuf;
 
 /// The long help of the command.
 pub(crate) const HELP: &str = "\
-The flashed image on an emulated chip, over the same core on the simulated board
+Runs a scenario twice, on an emulated chip and on the simulated board, and compares the two
 
-A scenario twice: by the image of a board, unmodified, on its emulated chip (nucleo-f429zi: STM32F427, \
-nucleo-h743zi2: STM32H743) whose pins drive the motors, and by the same core on the simulated board. The image is built first if it is not fresh; \
-MOTOR_HUB_ELF names another one. Set-points come half a control period late, as the line needs time.";
+The emulated chip (nucleo-f429zi: STM32F427, nucleo-h743zi2: STM32H743) runs the board's unmodified image; its pins drive the \
+motors. The simulated board runs the same library. The image is built first if it is out of date; MOTOR_HUB_ELF names another \
+image. Set-points take effect half a control period late, because the line needs time.";
 
 /// Options of `emulate`.
 #[derive(clap::Args)]
@@ -18,7 +18,7 @@ pub(crate) struct Options {
     /// Scenario file (TOML) instead of the default scenario
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// Whose image: nucleo-f429zi or nucleo-h743zi2
+    /// Board of the image: nucleo-f429zi or nucleo-h743zi2
     #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi")]
     board: String,
     /// Folder for the chart

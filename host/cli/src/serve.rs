@@ -1,4 +1,4 @@
-//! `motor-hub serve`: the simulated board, or the flashed image on the emulated chip.
+//! `motor-hub serve`: serves the simulated board, or a board's image on an emulated chip.
 
 #[cfg(unix)]
 mod link;
@@ -26,20 +26,25 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Text of the long help.
 pub(crate) const HELP: &str = "\
-A simulated hub in real time behind the REV Hub Serial Protocol, for host software to talk to
+Serves a simulated hub in real time, for host software that speaks the REV Hub Serial Protocol
 
-The first line on standard output is what hosts open: the path of a serial port, or an address and port. \
-The motors, their loads and the battery are those of a scenario; its set-points are left to the host, and there need \
-not be any. Nothing pulls on the default scenario's motors, all of them are under Scheme A, and dry friction of 6 % of \
-the stall torque stops them; the torques of a scenario that is named act from the start. \
-`motor-hub client scan` finds it, by a note in a folder of the user (motor-hub in XDG_RUNTIME_DIR, else in the folder \
-for temporary files) that is removed in the end. One host at a time: a second one on a TCP port is hung up on, and standard error says so. It also says so whenever this \
-machine is too slow for real time. It runs until it is stopped (Ctrl-C).";
+The first line on standard output is the place for hosts to open: the path of a serial port, or an address and port. The hub \
+runs until it is stopped by Ctrl-C.
 
-/// A hub is up after so many seconds, whatever its battery does.
+Motors, loads and battery are those of a scenario. Its set-points are ignored, and may be missing: the host gives set-points. \
+The torques of a scenario act from the start. In the default scenario no load acts on the motors, and dry friction \
+is 6 % of the stall torque. All motors use Scheme A.
+
+The hub accepts one host at a time. It closes a second TCP connection, and reports that on standard error. Standard error also \
+reports when this machine is too slow for real time.
+
+`motor-hub client scan` finds the hub by a note in a folder of this user: motor-hub in XDG_RUNTIME_DIR, else in the folder for \
+temporary files. The note is removed at the end.";
+
+/// Time in seconds after which the hub counts as started, even if its battery prevents that motors are enabled.
 const AWAKE_S: f64 = 0.5;
 
-/// Where, and which hub.
+/// Line, and hub to serve.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
@@ -47,21 +52,21 @@ pub(crate) struct Options {
     /// Address of the hub, 1 to 254
     #[arg(long, value_name = "N", default_value = "2", value_parser = address)]
     address: Address,
-    /// File that the hub stores its settings in, so that they outlast the program; made if there is none
+    /// File for the hub's stored settings, which outlast the program; created if it does not exist
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
-    /// The flashed image on an emulated chip instead of the simulated board. It is built first if it is not
-    /// fresh. Its address is 2
+    /// Serves a board's image on an emulated chip instead of the simulated board; builds the image first if it is out of
+    /// date; the hub's address is 2
     #[arg(long, conflicts_with_all = ["address", "store"])]
     emulated: bool,
-    /// Whose image: nucleo-f429zi or nucleo-h743zi2
+    /// Board of the image: nucleo-f429zi or nucleo-h743zi2
     #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi", requires = "emulated")]
     #[cfg_attr(
         not(feature = "emulated"),
         expect(dead_code, reason = "read only where there is an emulator")
     )]
     board: String,
-    /// The board's bootloader comes first, so that new firmware can be sent to it; nucleo-h743zi2 has one
+    /// Starts the board's bootloader first, so that `client update` works; nucleo-h743zi2 only
     #[arg(long, requires = "emulated")]
     #[cfg_attr(
         not(feature = "emulated"),
@@ -93,12 +98,16 @@ impl Options {
         let board: Board = self.board.parse().map_err(Failure::input)?;
         elf::check_named().map_err(Failure::input)?;
         if self.bootloader && board.bootloader().is_none() {
-            return Err(Failure::Input(format!("{board} has no bootloader; nucleo-h743zi2 has")));
+            return Err(Failure::Input(format!(
+                "--bootloader: {board} has no bootloader; give --board nucleo-h743zi2"
+            )));
         }
         if let Some(pins) = self.serving.wire
             && pins.iter().any(|pin| pin.get() > 1)
         {
-            return Err(Failure::Input("--wire: an image has digital pins 0 and 1".to_owned()));
+            return Err(Failure::Input(
+                "--wire: an emulated board has digital pins 0 and 1 only; give --wire 0,1".to_owned(),
+            ));
         }
         self.serving.execute(emulated::serve::scenario, |scenario, line, show| {
             emulated::serve::run(scenario, board, self.bootloader, line, show)
@@ -106,23 +115,22 @@ impl Options {
     }
 }
 
-/// How a hub is served, whatever runs it.
+/// Options that the simulated and the emulated hub share.
 #[derive(clap::Args)]
 struct Serving {
     #[command(flatten)]
     place: Place,
-    /// A symbolic link to the serial port, so that it has the same name every time; removed in the end
+    /// Symbolic link to the serial port, for a name that stays the same; removed at the end
     #[cfg(unix)]
     #[arg(long, value_name = "PATH", conflicts_with = "tcp")]
     link: Option<PathBuf>,
     /// Scenario file (TOML) instead of the default scenario
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// A wire between two of the hub's digital pins, such as 4,5, for host software that tries them out; an image has 0
-    /// and 1
+    /// Connects two of the hub's digital pins, such as 4,5, for tests of host software; with --emulated 0,1 only
     #[arg(long, value_name = "PIN,PIN", value_parser = wire)]
     wire: Option<[Pin; 2]>,
-    /// Ends after so many seconds
+    /// Duration in seconds [default: until Ctrl-C]
     #[arg(long = "for-s", alias = "for", value_name = "S", value_parser = seconds)]
     limit_s: Option<f64>,
 }
@@ -130,16 +138,16 @@ struct Serving {
 #[derive(clap::Args)]
 #[group(required = true, multiple = false)]
 struct Place {
-    /// On a pseudo-terminal, which hosts open as a serial port
+    /// Serves on a pseudo-terminal, which hosts open as a serial port
     #[arg(long)]
     pty: bool,
-    /// On a TCP port; port 0 is any that is free
+    /// Serves on a TCP port; port 0 chooses a free port
     #[arg(long, value_name = "HOST:PORT", value_parser = host_and_port)]
     tcp: Option<String>,
 }
 
 impl Serving {
-    /// Says where the hub is as soon as it is awake, and serves it.
+    /// Serves the hub, and prints its place once it has started.
     fn execute<E: std::error::Error>(
         self,
         default: impl FnOnce() -> Result<Scenario, ScenarioError>,
@@ -172,7 +180,7 @@ impl Serving {
         let mut shown_s = 0.0;
         let served =
             run(&scenario, line, &mut |Moment { at_s, awake, taken, lost, turned_away, describe }| {
-                // Not before a motor can be enabled, unless the battery is at fault.
+                // The place is printed once motors can be enabled, or after AWAKE_S if the battery prevents that.
                 if awake || at_s > AWAKE_S {
                     said_so = place.take().map_or(Ok(()), |place| print(&place));
                     #[cfg(unix)]
@@ -200,7 +208,7 @@ impl Serving {
 }
 
 impl Serving {
-    /// What hosts on this machine open, wherever they are.
+    /// Place that hosts on this machine open, from any working directory.
     #[cfg(unix)]
     fn named(&self, line: &Line) -> Result<String, Failure> {
         if let Some(link) = &self.link {
@@ -212,7 +220,7 @@ impl Serving {
     }
 }
 
-/// The same address, but for one that stands for all of this machine's.
+/// The address itself, or the loopback address if it stands for all addresses of this machine.
 #[cfg(unix)]
 fn here(address: SocketAddr) -> SocketAddr {
     let ip = match address.ip() {
@@ -223,19 +231,22 @@ fn here(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip, address.port())
 }
 
-/// For `client scan`; a hub without one is served all the same.
+/// Leaves a note for `client scan`. A hub without a note is served too.
 #[cfg(unix)]
 fn leave_note(place: &str) -> Option<Note> {
     let left = Note::leave(place);
-    left.map_err(|error| say(&format!("note: `client scan` will not find this hub unnamed: {error}"))).ok()
+    left.map_err(|error| {
+        say(&format!("note: `client scan` will not find this hub unless its place is given: {error}"))
+    })
+    .ok()
 }
 
-/// Set when the program is asked to end, which it then does in good order.
+/// A flag that signals set, for the program to end in good order.
 pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
     let stopped = Arc::new(AtomicBool::new(false));
     for (signal, _) in SIGNALS {
         register(*signal, Arc::clone(&stopped))
-            .map_err(|error| Failure::Work(format!("Ctrl-C cannot be listened for: {error}")))?;
+            .map_err(|error| Failure::Work(format!("no handler for Ctrl-C could be installed: {error}")))?;
     }
     Ok(stopped)
 }

@@ -1,15 +1,15 @@
-//! Where hubs are served on this machine: notes that `serve` leaves, and by which `client scan` finds hubs that nobody names.
+//! Notes of the hubs served on this machine: `serve` leaves them, and `client scan` finds hubs by them.
 //!
-//! A note is a file in a folder that is its user's alone. It has one line: whether the hub has a host, and where it is. Its
-//! program has it locked for as long as it lives, so one that can be locked was left by a program that was killed. Systems
-//! other than Unix have none.
+//! A note is a file in a folder that only its user can access. It has one line: whether the hub has a host, and its place.
+//! The serving program keeps the file locked, so a note that can be locked was left by a killed program. There are notes on
+//! Unix only.
 
-/// A hub that is served.
+/// A served hub.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Served {
-    /// What hosts open: HOST:PORT or a path.
+    /// Place that hosts open: HOST:PORT or a path.
     pub(crate) place: String,
-    /// A host talks to it.
+    /// True if a host uses the hub.
     pub(crate) taken: bool,
 }
 
@@ -29,11 +29,11 @@ mod unix {
     use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
     use std::path::{Path, PathBuf};
 
-    /// As long as each other, so that one takes the other's place at one stroke.
+    /// The two states of a note. They have the same length, so that one write replaces one by the other.
     const FREE: &str = "free ";
     const TAKEN: &str = "taken";
 
-    /// A note of this program, for as long as this lives.
+    /// A note of this program, removed when dropped.
     pub(crate) struct Note {
         path: PathBuf,
         file: File,
@@ -41,7 +41,7 @@ mod unix {
     }
 
     impl Note {
-        /// That a hub is at `place`, and has no host.
+        /// Leaves a note of a hub at `place` that has no host.
         pub(crate) fn leave(place: &str) -> io::Result<Self> {
             Self::leave_in(&folder(), place)
         }
@@ -52,7 +52,7 @@ mod unix {
                 _ => check(folder)?,
             }
             let path = folder.join(std::process::id().to_string());
-            // Under another name until it is locked: nobody takes it for a leftover.
+            // The file has another name until it is locked, so that no program takes it for a leftover.
             let unlocked = path.with_extension("new");
             let file = File::create(&unlocked)?;
             file.try_lock()?;
@@ -61,11 +61,11 @@ mod unix {
             Ok(Self { path, file, taken: false })
         }
 
-        /// Whether the hub has a host.
+        /// Writes whether the hub has a host.
         pub(crate) fn tell(&mut self, taken: bool) {
             if taken != self.taken {
                 self.taken = taken;
-                // Who looks is told by the hub as well, at a worse moment.
+                // If this fails, a scan finds out by connecting to the hub.
                 let _ = self.file.write_all_at(if taken { TAKEN } else { FREE }.as_bytes(), 0);
             }
         }
@@ -73,12 +73,12 @@ mod unix {
 
     impl Drop for Note {
         fn drop(&mut self) {
-            // There is nobody left to be told; what stays is not locked.
+            // A file that cannot be removed stays unlocked, and counts as a leftover.
             let _ = fs::remove_file(&self.path);
         }
     }
 
-    /// Where notes are: a folder of the user's.
+    /// The user's folder for notes.
     fn folder() -> PathBuf {
         let of_session = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
         match of_session.filter(|folder| folder.is_absolute() && folder.is_dir()) {
@@ -87,18 +87,18 @@ mod unix {
         }
     }
 
-    /// What another user can write in might send hosts anywhere.
+    /// Checks that only this user can write to the folder: another user's note could lead hosts to any address.
     fn check(folder: &Path) -> io::Result<()> {
         let found = fs::symlink_metadata(folder)?;
         let is_ours = found.uid() == rustix::process::getuid().as_raw();
         if found.is_dir() && is_ours && found.mode() & 0o077 == 0 {
             return Ok(());
         }
-        let why = format!("{} is not a folder of this user alone (mode 700)", folder.display());
+        let why = format!("{} must be a folder that only this user can access (mode 700)", folder.display());
         Err(io::Error::new(ErrorKind::PermissionDenied, why))
     }
 
-    /// Hubs that are served just now. Notes of others are thrown away.
+    /// The hubs served at present. Leftover notes are removed.
     pub(crate) fn all() -> io::Result<Vec<Served>> {
         all_in(&folder())
     }
@@ -119,14 +119,14 @@ mod unix {
         Ok(served)
     }
 
-    /// What a note says, unless it is left over.
+    /// Reads a note; `None` if it is a leftover.
     fn read(path: &Path) -> io::Result<Option<Served>> {
         let file = match File::open(path) {
-            // Its program has just ended.
+            // The serving program has just ended.
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             file => file?,
         };
-        // Shared, so that two who look at once do not take each other for the program.
+        // The lock is shared, so that two scans at the same time do not take each other for the serving program.
         match file.try_lock_shared() {
             Ok(()) => {
                 let _ = fs::remove_file(path);
@@ -170,7 +170,7 @@ mod tests {
         assert_eq!(all_in(&folder).unwrap(), served(false));
         drop(note);
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
-        // As one that was killed leaves it.
+        // The note of a killed program.
         fs::write(folder.join("1"), "free  /dev/pts/8\n").unwrap();
         assert_eq!(all_in(&folder).unwrap(), []);
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 0, "it is forgotten");
@@ -184,7 +184,7 @@ mod tests {
         assert_eq!(fs::metadata(&folder).unwrap().permissions().mode() & 0o777, 0o700);
         fs::set_permissions(&folder, fs::Permissions::from_mode(0o770)).unwrap();
         for refused in [Note::leave_in(&folder, "here").map(drop), all_in(&folder).map(drop)] {
-            assert!(refused.unwrap_err().to_string().contains("not a folder of this user alone"));
+            assert!(refused.unwrap_err().to_string().contains("a folder that only this user can access"));
         }
         fs::remove_dir_all(&folder).unwrap();
         let elsewhere = folder.with_extension("link");

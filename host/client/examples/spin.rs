@@ -11,7 +11,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     hub.set_velocity(0, 500)?;
     hub.enable(0, true)?;
     for _ in 0..30 {
-        println!("{} counts", hub.bulk()?.encoders[0]); // any request tells the hub that its host is there
+        println!("{} counts", hub.bulk()?.encoders[0]); // any request resets the hub's keep-alive
         sleep(Duration::from_millis(100));
     }
     Ok(hub.enable(0, false)?)

@@ -1,10 +1,10 @@
-//! What can go wrong.
+//! Errors of requests to a hub, and of opening a line.
 //!
 //! ```
 //! use motor_hub_client::Error;
 //!
 //! let error = Error::Silent { address: 2 };
-//! assert!(error.to_string().starts_with("hub 2 does not answer; check its address"));
+//! assert!(error.to_string().starts_with("hub 2 does not answer: check its address"));
 //! ```
 
 use crate::words::words;
@@ -12,60 +12,60 @@ use motor_hub::protocol::{BAUD, Nack, Request};
 use std::fmt;
 use std::io;
 
-/// Why a request has no answer.
+/// Why a request to a hub failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The line itself is broken.
+    /// Reading or writing the line failed.
     #[error("{0}")]
     Line(#[from] io::Error),
-    /// The hub, or what is between, has hung up.
-    #[error("the hub has hung up")]
+    /// The other end has closed the connection.
+    #[error("the hub closed the connection")]
     HungUp,
-    /// Nobody answered a discovery.
+    /// No hub answered a discovery.
     #[error(
-        "no hub answers a discovery; check its power, its baud rate ({BAUD}), the port, and that no other host talks to it"
+        "no hub answers a discovery: check the hub's power, its baud rate ({BAUD}), the port, and that no other host uses the hub"
     )]
     NoHub,
-    /// Hubs answered a discovery, but not one of them as parent.
-    #[error("{found} hubs answer as parent, which must be one (those that answer: {addresses})")]
+    /// Hubs answered a discovery, but not exactly one of them as parent.
+    #[error("{found} hubs answer as parent; exactly one must (addresses that answer: {addresses})")]
     Parents {
-        /// Hubs that say they are parents.
+        /// Number of hubs that answered as parent.
         found: usize,
-        /// All that answered.
+        /// Addresses of all hubs that answered.
         addresses: Addresses,
     },
-    /// The hub did not answer, however often it was asked.
+    /// The hub answered none of the [`TRIES`](crate::session::TRIES).
     #[error(
-        "hub {address} does not answer; check its address, its power, its baud rate ({BAUD}), and that no other host talks to it"
+        "hub {address} does not answer: check its address, its power, its baud rate ({BAUD}), and that no other host uses it"
     )]
     Silent {
-        /// The hub's.
+        /// The hub's address.
         address: u8,
     },
-    /// NACK.
+    /// The hub answered NACK.
     #[error("the hub refuses to {}: {reason}", words(.request))]
     Refused {
-        /// What it was asked to do.
+        /// The refused request.
         request: Box<Request>,
-        /// Why not.
+        /// The hub's reason.
         reason: Nack,
     },
-    /// An answer of another kind or length than the protocol has for the request.
-    #[error("the hub was asked to {} and gives an answer that the protocol does not know", words(.request))]
+    /// The answer has another kind or length than the protocol defines for the request.
+    #[error("the hub was asked to {}; the protocol does not define its answer", words(.request))]
     Unexpected {
-        /// What it was asked to do.
+        /// The request.
         request: Box<Request>,
     },
-    /// The hub's firmware has fewer functions.
+    /// The hub's firmware has no such function.
     #[error("the hub's firmware is too old to {}", words(.request))]
     TooOld {
-        /// What it was to be asked to do.
+        /// The request, which was not sent.
         request: Box<Request>,
     },
 }
 
 impl Error {
-    /// Whether the other end has closed the connection.
+    /// True if the other end has closed the connection.
     pub fn is_hung_up(&self) -> bool {
         use io::ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset};
         match self {
@@ -76,7 +76,7 @@ impl Error {
     }
 }
 
-/// Addresses of hubs, shown with commas between.
+/// Addresses of hubs, displayed with commas between them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Addresses(pub Vec<u8>);
 
@@ -87,25 +87,25 @@ impl fmt::Display for Addresses {
     }
 }
 
-/// Why there is no line, or no hub on it.
+/// Why a line could not be opened, or why no hub answered on it.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// A file of another kind.
+    /// The file is not a serial port.
     #[error("is not a serial port")]
     NotASerialPort,
-    /// A serial port is for one program at a time.
+    /// Another program has the serial port open.
     #[error("another program has it open")]
     InUse,
-    /// The user may not open it.
+    /// The user has no permission to open the serial port.
     #[error("permission denied")]
     Denied,
-    /// No address goes by the name.
+    /// The host name has no address.
     #[error("no such host")]
     NoSuchHost,
-    /// There is a line, but no hub that answers as it should.
+    /// The line is open, but finding the hub failed.
     #[error("{0}")]
     Hub(#[from] Error),
-    /// What the system says.
+    /// Any other error of the operating system.
     #[error("{0}")]
     System(#[from] io::Error),
 }

@@ -29,16 +29,18 @@ use motor_hub::units::{Milliamperes, Millivolts};
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
-/// A save that erases takes some seconds at most.
+/// Time-out of a save, which takes some seconds if flash must be erased.
 const STORING: Duration = Duration::from_secs(10);
 
-/// A control period is 100 ms at most.
+/// Time-out for a disabled motor to stop: a control period is at most 100 ms.
 const STOPPING: Duration = Duration::from_millis(300);
 
+/// Interval between two questions to a hub that is busy.
 const POLL: Duration = Duration::from_millis(20);
 
 impl<L: Read + Write> Session<L> {
-    /// How the bus of battery and bridges is; `None` of a hub that has no words for it: another maker's, or older than this.
+    /// State of the bus between battery and bridges; `None` if the hub does not report it (another maker's, or older
+    /// firmware).
     ///
     /// # Errors
     /// See [`Session::ask`], as for all commands.
@@ -50,15 +52,14 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// What happened, newest first, with the number of the run that this is; `None` of a hub that keeps no record, or has
-    /// no words for it.
+    /// Number of the present run and the recorded faults and resets, newest first; `None` if the hub keeps no record.
     ///
     /// # Errors
     /// See [`Session::ask`], as for all commands.
     pub fn recorded(&mut self) -> Result<Option<(u32, Vec<Head>)>, Error> {
         let mut heads = Vec::new();
         loop {
-            // A record has eight at most.
+            // A record has at most eight entries.
             let entries = ToRecord::Entries { from: heads.len() as u8, clear: false };
             let some: Entries = match self.ask(entries) {
                 Ok(some) => some,
@@ -75,7 +76,7 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// The ticks of an entry of that, oldest first.
+    /// The control ticks of one entry of [`recorded`](Self::recorded), oldest first.
     pub fn recorded_ticks(&mut self, number: u16) -> Result<Vec<Tick>, Error> {
         let mut ticks = Vec::new();
         loop {
@@ -87,24 +88,23 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Makes the hub forget what happened.
+    /// Clears the hub's record of faults and resets.
     pub fn forget_record(&mut self) -> Result<(), Error> {
         self.ask(ToRecord::Entries { from: 0, clear: true }).map(|_: Entries| ())
     }
 
-    /// What the hub has stored of its settings, and what became of the last save; of this project's own firmware, on a
-    /// board that can.
+    /// State of the stored settings, and result of the last save. Needs this project's firmware on a board that stores
+    /// settings.
     pub fn stored(&mut self) -> Result<StoreReport, Error> {
         self.ask(ToStore::State)
     }
 
-    /// Has the hub store its settings, put in force those that are stored, or forget them, and waits until that is over.
-    /// The report says how it ended.
+    /// Stores, loads or resets the hub's settings, and waits until the hub has finished. The report says with what result.
     pub fn store(&mut self, what: ToStore) -> Result<StoreReport, Error> {
         let end = Instant::now() + STORING;
         loop {
             match self.order(what.clone()) {
-                // One that has just been disabled stops at the next tick.
+                // A motor that has just been disabled stops at the next control tick.
                 Err(Error::Refused { reason: Nack::MOTOR_ENABLED, .. })
                     if Instant::now() + STORING < end + STOPPING =>
                 {
@@ -123,7 +123,7 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// What all motors do, in one exchange; `None` of a hub that has no words for it: another maker's, or older than this.
+    /// State of all motors in one exchange; `None` if the hub does not report it (another maker's, or older firmware).
     ///
     /// # Errors
     /// See [`Session::ask`], as for all commands.
@@ -141,7 +141,7 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Module status; `clear` makes the hub forget what it says.
+    /// Module status; `clear` clears the status word after the hub has read it.
     ///
     /// # Errors
     /// See [`Session::ask`], as for all commands.
@@ -149,23 +149,23 @@ impl<L: Read + Write> Session<L> {
         self.ask(Standard::Status { clear })
     }
 
-    /// Says that the host is there, which any other command says too.
+    /// Resets the hub's keep-alive timer, as any other request does.
     pub fn keep_alive(&mut self) -> Result<(), Error> {
         self.order(Standard::KeepAlive)
     }
 
-    /// All motors off; modes, targets and encoders are kept.
+    /// Disables all motors; modes, targets and encoder positions are kept.
     pub fn fail_safe(&mut self) -> Result<(), Error> {
         self.order(Standard::FailSafe)
     }
 
-    /// Gives the hub another address, at which this session goes on.
+    /// Gives the hub another address, which this session then uses.
     pub fn set_address(&mut self, address: Address) -> Result<(), Error> {
         let before = self.address;
         let done = self.order(Standard::SetAddress { address });
         self.address = address.get();
         match done {
-            // The answer may be lost, or come from the new address: then the hub is there by now.
+            // The answer may be lost, or come from the new address: then the hub answers at the new address.
             Err(Error::Silent { .. }) if self.status(false).is_ok() => Ok(()),
             Err(error) => {
                 self.address = before;
@@ -185,39 +185,39 @@ impl<L: Read + Write> Session<L> {
         self.order(Standard::SetLedColour { colour })
     }
 
-    /// Everything that changes while motors run.
+    /// All values that change while motors run.
     pub fn bulk(&mut self) -> Result<Bulk, Error> {
         self.ask(ToHub::Bulk)
     }
 
-    /// Battery voltage; 0 if the hub does not know it.
+    /// Battery voltage in mV; 0 if unknown.
     pub fn battery(&mut self) -> Result<Millivolts, Error> {
         let mv: i16 = self.ask(ToHub::Adc { channel: BATTERY, raw: false })?;
         Ok(Millivolts::new(u16::try_from(mv).unwrap_or_default()))
     }
 
-    /// Magnitude of a motor's current, of hubs that measure or model it.
+    /// Magnitude of a motor's current in mA. Hubs that neither measure nor model current refuse.
     pub fn current(&mut self, motor: u8) -> Result<Milliamperes, Error> {
         let channel = AdcChannel::new(FIRST_CURRENT.get().saturating_add(motor)).unwrap_or(FIRST_CURRENT);
         let ma: i16 = self.ask(ToHub::Adc { channel, raw: false })?;
         Ok(Milliamperes::new(ma.into()))
     }
 
-    /// Sends motors off in step, of which `motor` is one, instead of whatever each of them was to do. All of them
-    /// must be enabled. This project's own firmware does that.
+    /// Moves a group of motors in step; `motor` is a member of the group. The move replaces each motor's set-point. All
+    /// members must be enabled. Needs this project's firmware.
     pub fn move_together(&mut self, motor: u8, wanted: GroupMove) -> Result<(), Error> {
         self.order(ToGroup::Move { wanted }.to(motor))
     }
 
-    /// How far the group is in which a motor moves; this project's own firmware tells.
+    /// State of the group in which a motor moves. Needs this project's firmware.
     pub fn group_state(&mut self, motor: u8) -> Result<GroupState, Error> {
         self.ask(ToGroup::State.to(motor))
     }
 
-    /// Hardware and firmware, in the hub's own words.
+    /// The hub's version text: hardware and firmware.
     pub fn version(&mut self) -> Result<String, Error> {
         let text: Text = self.ask(ToHub::VersionText)?;
-        // What a hub says may end in zeros, and goes to a terminal.
+        // The text may end in zeros. Control characters must not reach a terminal.
         let text = String::from_utf8_lossy(text.bytes());
         Ok(text.chars().filter(|c| !c.is_control()).collect())
     }

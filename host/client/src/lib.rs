@@ -1,4 +1,4 @@
-//! The host's end of the REV Hub Serial Protocol: a [`Session`] with one hub, real or simulated, over a
+//! Host side of the REV Hub Serial Protocol: a [`Session`] with one hub, real or simulated, over a
 //! serial port, a TCP connection or any line of bytes.
 //!
 //! ```text
@@ -6,18 +6,18 @@
 //!             <--answer--            <--bytes--
 //! ```
 //!
-//! | room | what is decided there |
+//! | module | contents |
 //! |---|---|
 //! | [`mod@line`] | serial port or TCP connection, as bytes with timeouts |
-//! | [`session`] | one request at a time: waiting, trying again, discovery |
+//! | [`session`] | one request at a time: waiting, retransmission, discovery |
 //! | [`hub`], [`motor`] | the protocol's commands, as methods of [`Session`] |
-//! | [`update`] | new firmware, sent and started |
+//! | [`update`] | sending and starting new firmware |
 //! | [`memory`] | a hub in memory, for tests of host programs |
-//! | [`error`] | what can go wrong |
-//! | [`why`] | why a motor does not turn, or settings were not stored |
+//! | [`error`] | errors |
+//! | [`why`] | reasons why a motor does not turn, or settings were not stored |
 //!
-//! What the bytes are, [`motor_hub::protocol`] says, which a hub reads by the same definitions. A hub lets
-//! its motors go when it has heard nothing for 2.5 s: a host that keeps them running goes on asking.
+//! [`motor_hub::protocol`] defines the bytes, for host and hub. A hub that receives nothing for 2.5 s releases its motors:
+//! a host that keeps motors running must keep sending requests.
 //!
 //! # Features
 //! `serial` (on by default): serial ports.
@@ -29,7 +29,7 @@
 //! use motor_hub_client::motor_hub::protocol::Address;
 //! use std::time::Duration;
 //!
-//! // In its place, Session::open("/dev/ttyACM0")? or Session::open("127.0.0.1:7070")?.
+//! // For a real or served hub: Session::open("/dev/ttyACM0")? or Session::open("127.0.0.1:7070")?.
 //! let line = MemoryHub::default();
 //! let mut session = Session::with_parent(line, Duration::from_secs(1))?;
 //! assert_eq!(session.address(), Address::DEFAULT.get());
@@ -41,7 +41,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
-/// The README, whose example is compiled.
+/// Compiles the example of the README.
 #[cfg(all(doctest, feature = "serial"))]
 #[doc = include_str!("../README.md")]
 pub struct Readme;
@@ -60,5 +60,5 @@ pub use error::{Error, OpenError};
 pub use line::Line;
 pub use session::Session;
 
-/// Whose types the commands take and give.
+/// The firmware's library, whose types the commands use.
 pub use motor_hub;

@@ -8,7 +8,7 @@
 //! let listener = TcpListener::bind("127.0.0.1:0")?;
 //! let address = listener.local_addr()?.to_string();
 //! assert!(Line::tcp(&address, Duration::from_secs(1)).is_ok());
-//! // Nobody listens there any more.
+//! // After this no program listens at the address.
 //! drop(listener);
 //! assert!(Line::tcp(&address, Duration::from_secs(1)).is_err());
 //! # Ok::<(), std::io::Error>(())
@@ -23,7 +23,7 @@ use std::io::{self, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
-/// The longest that a read waits for a byte; what is longer is for the session to decide.
+/// Longest time that one read waits for a byte. The session decides about longer waits.
 pub const POLL: Duration = Duration::from_millis(5);
 
 /// Bytes to and from a hub. A read without bytes fails within [`POLL`] as `TimedOut` or `WouldBlock`.
@@ -37,27 +37,27 @@ pub enum Line {
 }
 
 impl Line {
-    /// Opens what a user names: `HOST:PORT` for a TCP connection, else a serial port.
+    /// Opens a TCP connection if `place` is `HOST:PORT`, else a serial port.
     ///
     /// # Errors
-    /// As those of [`tcp`](Self::tcp) and [`serial`](Self::serial).
+    /// The errors of [`tcp`](Self::tcp) and [`serial`](Self::serial).
     #[cfg(feature = "serial")]
     pub fn open(place: &str, timeout: Duration) -> Result<Self, OpenError> {
         if is_tcp(place) { Self::tcp(place, timeout) } else { Self::serial(place) }
     }
 
-    /// Opens a serial port, for this process alone.
+    /// Opens a serial port exclusively.
     ///
     /// # Errors
-    /// No such port, or somebody else has it.
+    /// The port does not exist, another program has it open, or the user has no permission.
     #[cfg(feature = "serial")]
     pub fn serial(path: &str) -> Result<Self, OpenError> {
         let port = serialport::new(path, BAUD).timeout(POLL).open().map_err(|error| {
-            // What the system says of it is not what it means.
-            let told = error.to_string();
-            match &*told {
+            // The system's texts for these two errors mislead users.
+            let text = error.to_string();
+            match &*text {
                 "Not a typewriter" => OpenError::NotASerialPort,
-                _ if told.contains("exclusive lock") => OpenError::InUse,
+                _ if text.contains("exclusive lock") => OpenError::InUse,
                 _ if error.kind == ErrorKind::Io(io::ErrorKind::PermissionDenied) => OpenError::Denied,
                 _ => OpenError::System(error.into()),
             }
@@ -68,7 +68,7 @@ impl Line {
     /// Connects to `host:port` within `timeout`.
     ///
     /// # Errors
-    /// No such host, or nobody listens there.
+    /// The host does not exist, or no program listens at the port.
     pub fn tcp(address: &str, timeout: Duration) -> Result<Self, OpenError> {
         let mut failure = OpenError::NoSuchHost;
         for address in address.to_socket_addrs()? {
@@ -76,7 +76,7 @@ impl Line {
                 Ok(stream) => {
                     stream.set_read_timeout(Some(POLL))?;
                     stream.set_write_timeout(Some(timeout))?;
-                    // A request is one small write that should go now.
+                    // A request is one small write, to be sent without delay.
                     stream.set_nodelay(true)?;
                     return Ok(Self::Tcp(stream));
                 }
@@ -87,7 +87,7 @@ impl Line {
     }
 }
 
-/// True for `HOST:PORT`, which no serial port is called.
+/// True for `HOST:PORT`. No serial port has such a name.
 #[must_use]
 pub fn is_tcp(place: &str) -> bool {
     let parts = place.rsplit_once(':');
@@ -126,16 +126,16 @@ impl Write for Line {
 #[cfg(feature = "serial")]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Port {
-    /// What to open it by.
+    /// Path by which [`Line::serial`] opens the port.
     pub path: String,
-    /// Kind and, for USB, who made it.
+    /// Kind of port and, for USB, its identifiers, maker, product and serial number.
     pub description: String,
 }
 
-/// The serial ports of this machine, by path.
+/// The serial ports of this machine, sorted by path.
 ///
 /// # Errors
-/// The system does not tell.
+/// The system does not list them.
 #[cfg(feature = "serial")]
 pub fn ports() -> io::Result<Vec<Port>> {
     let mut ports: Vec<Port> = serialport::available_ports()?.into_iter().map(Port::from).collect();

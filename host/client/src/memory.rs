@@ -1,7 +1,7 @@
-//! A hub in this process's memory, so that host programs can be tried and tested without one.
+//! A hub in this process's memory, for trying and testing host programs without hardware.
 //!
-//! It is the end of the protocol that this project's hubs run. It remembers and answers what it is told, but
-//! nothing turns, and its time stands still: it never lets its motors go.
+//! It runs the same protocol code as this project's hubs. It stores settings and answers requests, but no motor
+//! turns. Its clock stands still, so it never releases its motors.
 //!
 //! ```
 //! use motor_hub_client::Session;
@@ -29,7 +29,7 @@ use std::io::{ErrorKind, Read, Result, Write};
 /// A hub with four NeveRest 60 at [`Address::DEFAULT`], and the line to it.
 #[derive(Debug)]
 pub struct MemoryHub {
-    /// What it says of battery and motors.
+    /// Battery and motor values that the hub answers with.
     pub snapshot: Snapshot<4>,
     responder: Responder<4>,
     decoder: Decoder,
@@ -37,7 +37,7 @@ pub struct MemoryHub {
 }
 
 impl Default for MemoryHub {
-    /// As after a reset, without a battery.
+    /// The hub as after a reset, with the battery voltage unknown.
     fn default() -> Self {
         let settings = [Settings::new(Winding::NEVEREST_60); 4];
         Self {

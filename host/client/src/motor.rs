@@ -8,7 +8,7 @@
 //! use std::time::Duration;
 //!
 //! let mut hub = MemoryHub::default();
-//! // Without a battery no motor is enabled.
+//! // A hub enables no motor while its battery voltage is unknown.
 //! hub.snapshot.battery = Some(Millivolts::new(12_000));
 //! let mut session = Session::new(hub, Address::DEFAULT, Duration::from_secs(1));
 //! session.set_mode(0, RunMode::Velocity, ZeroPower::Brake)?;
@@ -30,25 +30,25 @@ use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use std::io::{Read, Write};
 
-/// What a hub keeps of a motor for its host, as the host set it.
+/// Mode, enable and targets of one motor, as a host has set them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotorState {
-    /// What regulates it.
+    /// Constant power, regulated velocity or regulated position.
     pub mode: RunMode,
-    /// What zero means to it.
+    /// Whether the motor brakes or floats at zero.
     pub zero_power: ZeroPower,
-    /// It may run.
+    /// True if the motor is enabled.
     pub enabled: bool,
-    /// Target of constant power.
+    /// Target in constant power.
     pub power: Control,
-    /// Target of regulated velocity, in counts per second.
+    /// Target in regulated velocity, in counts per second.
     pub velocity: i16,
-    /// Target of regulated position.
+    /// Target in regulated position, in counts.
     pub position: Target,
 }
 
 impl<L: Read + Write> Session<L> {
-    /// Everything that is kept of a motor.
+    /// Mode, enable and all targets of a motor.
     ///
     /// # Errors
     /// See [`Session::ask`], as for all commands.
@@ -64,104 +64,105 @@ impl<L: Read + Write> Session<L> {
         })
     }
 
-    /// How the motor is regulated, and what zero means to it.
+    /// Sets the mode of a motor, and whether it brakes or floats at zero.
     pub fn set_mode(&mut self, motor: u8, mode: RunMode, zero_power: ZeroPower) -> Result<(), Error> {
         self.order(ToMotor::SetMode { mode, zero_power }.to(motor))
     }
 
-    /// Lets the motor run, or float.
+    /// Enables or disables a motor. A disabled motor floats.
     pub fn enable(&mut self, motor: u8, on: bool) -> Result<(), Error> {
         self.order(ToMotor::SetEnable { on }.to(motor))
     }
 
-    /// False if the motor floats.
+    /// True if the motor is enabled.
     pub fn enabled(&mut self, motor: u8) -> Result<bool, Error> {
         self.ask(ToMotor::Enable.to(motor))
     }
 
-    /// Here is 0.
+    /// Makes the motor's present position 0 counts.
     pub fn reset_encoder(&mut self, motor: u8) -> Result<(), Error> {
         self.order(ToMotor::ResetEncoder.to(motor))
     }
 
-    /// Target of constant power: share of full duty.
+    /// Sets the target of constant power.
     pub fn set_power(&mut self, motor: u8, power: Control) -> Result<(), Error> {
         self.order(ToMotor::SetPower { power }.to(motor))
     }
 
-    /// Target of regulated velocity, and the speed limit of regulated position, in counts per second.
+    /// Sets the target of regulated velocity, which is also the speed limit of regulated position, in counts per second.
     pub fn set_velocity(&mut self, motor: u8, cps: i16) -> Result<(), Error> {
         self.order(ToMotor::SetVelocity { cps }.to(motor))
     }
 
-    /// Target of regulated position: counts, reached within `tolerance` counts.
+    /// Sets the target of regulated position, in counts. The motor is at its target within `tolerance` counts.
     pub fn set_position(&mut self, motor: u8, counts: i32, tolerance: u16) -> Result<(), Error> {
         self.order(ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor))
     }
 
-    /// Which motor it is, and how it is controlled; this project's own firmware tells.
+    /// Configured motor constants, scheme and duty rule. Needs this project's firmware.
     pub fn setup(&mut self, motor: u8) -> Result<Setup, Error> {
         self.ask(ToSetup::Setup.to(motor))
     }
 
-    /// Says which motor it is, and how to control it. Its coefficients become those that go with it.
+    /// Configures motor constants, scheme and duty rule. The coefficients become the defaults of that motor.
     pub fn set_up(&mut self, motor: u8, setup: Setup) -> Result<(), Error> {
         self.order(ToSetup::SetUp { setup }.to(motor))
     }
 
-    /// How it moves and may, as far as the hub knows; this project's own firmware tells.
+    /// Configured dynamics and acceleration limit. Needs this project's firmware.
     pub fn motion(&mut self, motor: u8) -> Result<Motion, Error> {
         self.ask(ToSetup::Motion.to(motor))
     }
 
-    /// Says how it moves, and how it may.
+    /// Configures dynamics and acceleration limit.
     pub fn set_motion(&mut self, motor: u8, motion: Motion) -> Result<(), Error> {
         self.order(ToSetup::SetMotion { motion }.to(motor))
     }
 
-    /// What protects it; this project's own firmware tells.
+    /// Configured behaviour at faults, and thermal limit. Needs this project's firmware.
     pub fn protection(&mut self, motor: u8) -> Result<Protection, Error> {
         self.ask(ToSetup::Protection.to(motor))
     }
 
-    /// How its bridge switches, and what that must be spared; this project's own firmware tells.
+    /// Configured timing of the motor's bridge. Needs this project's firmware.
     pub fn timing(&mut self, motor: u8) -> Result<Timing, Error> {
         self.ask(ToSetup::Timing.to(motor))
     }
 
-    /// Says how its bridge switches, and what that must be spared.
+    /// Configures the timing of the motor's bridge, which limits its duties.
     pub fn set_timing(&mut self, motor: u8, timing: Timing) -> Result<(), Error> {
         self.order(ToSetup::SetTiming { timing }.to(motor))
     }
 
-    /// How it and its bridge are: current, heat, what has switched it off; this project's own firmware tells.
+    /// Current, heat and faults of the motor and its bridge. Needs this project's firmware.
     pub fn condition(&mut self, motor: u8) -> Result<Condition, Error> {
         self.ask(ToSetup::Condition.to(motor))
     }
 
-    /// Says what protects it: what becomes of it at a fault, and when this host falls silent; what its winding stands.
+    /// Configures the motor's protection: whether it coasts or brakes at a fault or when the host is silent, and its
+    /// thermal limit.
     pub fn set_protection(&mut self, motor: u8, protection: Protection) -> Result<(), Error> {
         self.order(ToSetup::SetProtection { protection }.to(motor))
     }
 
-    /// Makes the hub learn how an enabled motor that stands in constant power of 0 moves, within so many counts
-    /// either way; returns how many it will take at most.
+    /// Starts an identification. The motor must be enabled, at rest, with a constant power of 0. It turns at most
+    /// `travel_limit` counts either way. Returns the limit in counts that the hub applies.
     pub fn identify(&mut self, motor: u8, travel_limit: u32) -> Result<u32, Error> {
         self.ask(ToSetup::Identify { travel_limit }.to(motor))
     }
 
-    /// What came of that.
+    /// State or result of the last identification.
     pub fn identification(&mut self, motor: u8) -> Result<Identification, Error> {
         self.ask(ToSetup::Identification.to(motor))
     }
 
-    /// A loop's coefficients.
+    /// The coefficients of a loop.
     pub fn coefficients(&mut self, motor: u8, of: Loop) -> Result<Pidf, Error> {
         let Coefficients { pidf, .. } = self.ask(ToMotor::Pidf { of }.to(motor))?;
         Ok(pidf)
     }
 
-    /// Sets a loop's coefficients.
+    /// Sets the coefficients of a loop.
     pub fn set_coefficients(&mut self, motor: u8, of: Loop, pidf: Pidf) -> Result<(), Error> {
         let coefficients = Coefficients { pidf, algorithm: Algorithm::Pidf };
         self.order(ToMotor::SetPidf { of, coefficients }.to(motor))

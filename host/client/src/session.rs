@@ -1,4 +1,4 @@
-//! One request at a time over a line: waiting for its answer, trying again, finding hubs.
+//! Sends one request at a time over a line, waits for the answer, retransmits, and discovers hubs.
 //!
 //! ```
 //! use motor_hub_client::motor_hub::protocol::Address;
@@ -6,7 +6,7 @@
 //! use std::io::Cursor;
 //! use std::time::Duration;
 //!
-//! // Any bytes to read and write are a line; these end at once.
+//! // Anything that reads and writes bytes is a line; this one ends immediately.
 //! let mut session = Session::new(Cursor::new(Vec::new()), Address::DEFAULT, Duration::from_millis(100));
 //! assert!(matches!(session.discover(), Err(Error::HungUp)));
 //! ```
@@ -24,15 +24,14 @@ use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
-/// How often a request is sent before the hub counts as silent. A hub may have executed one whose
-/// answer was lost; none of the requests here does more when it is executed again.
+/// Transmissions of a request before the hub counts as silent. A hub may have executed a request whose
+/// answer was lost. Executing any of these requests again has no further effect.
 pub const TRIES: u32 = 3;
 
-/// How long further hubs have to answer a discovery after the first one.
+/// Time for further hubs to answer a discovery, after the first hub's answer.
 pub const CHAIN: Duration = Duration::from_millis(250);
 
-/// The longest that stale input is read away, where there may be any: a line that is never silent must not stop a
-/// request.
+/// Longest time spent on reading and dropping stale input. A line that is never silent must not block a request.
 const STALE: Duration = Duration::from_millis(50);
 
 /// A hub that answered a discovery.
@@ -40,38 +39,39 @@ const STALE: Duration = Duration::from_millis(50);
 pub struct Found {
     /// 1 to 254.
     pub address: u8,
-    /// True if it is on this line, false if it is behind another hub.
+    /// True if the hub is on this line, false if it is behind another hub.
     pub parent: bool,
 }
 
-/// A host's talk with one hub. Reads of the line must not block for long: see [`crate::line::POLL`].
+/// A host's session with one hub. Reads of the line must not block for long: see [`crate::line::POLL`].
 #[derive(Debug)]
 pub struct Session<L> {
     line: L,
     decoder: Decoder,
-    /// Packets that came together with others and have not been looked at.
+    /// Received packets that have not been read yet.
     arrived: VecDeque<Packet>,
-    /// The last request was answered at once, so nothing can be on its way any more. Waiting to see whether something
-    /// is costs several times what an exchange does.
+    /// True if the first transmission of the last request was answered, so no stale input can follow. Waiting for stale
+    /// input takes several times as long as an exchange.
     quiet: bool,
     since: Instant,
     timeout: Duration,
-    /// Of the last request.
+    /// Message number of the last request.
     number: u8,
     pub(crate) address: u8,
-    /// Types of the motor interface and of the hub's own, once asked.
+    /// Packet types of the motor interface; `None` until the hub was asked.
     motors: Option<Functions>,
+    /// Packet types of the hub's own interface; `None` until the hub was asked.
     setup: Option<Functions>,
-    /// It has said so: nobody need ask again, many times a second.
+    /// True once the hub has refused [`Session::report`], so that later calls need not ask again.
     pub(crate) reports_nothing: bool,
 }
 
 #[cfg(feature = "serial")]
 impl Session<Line> {
-    /// With the hub at a place: `HOST:PORT`, or else a serial port. An answer is waited for a second at most.
+    /// Opens a session with the hub at `place`: `HOST:PORT`, or else a serial port. The time-out is 1 s.
     ///
     /// # Errors
-    /// The line cannot be opened, or no hub answers as parent, or more than one.
+    /// The line cannot be opened, or not exactly one hub answers as parent.
     ///
     /// ```no_run
     /// use motor_hub_client::Session;
@@ -87,8 +87,7 @@ impl Session<Line> {
 }
 
 impl<L: Read + Write> Session<L> {
-    /// With the hub at `address`. An answer is waited for as long as `timeout`, in which the request is
-    /// sent [`TRIES`] times.
+    /// A session with the hub at `address`. A request is sent [`TRIES`] times within `timeout`.
     pub fn new(line: L, address: Address, timeout: Duration) -> Self {
         Self {
             line,
@@ -105,10 +104,10 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// With the hub that answers a discovery as parent.
+    /// A session with the hub that answers a discovery as parent.
     ///
     /// # Errors
-    /// None does, or more than one.
+    /// Not exactly one hub answers as parent.
     pub fn with_parent(line: L, timeout: Duration) -> Result<Self, Error> {
         let mut session = Self::new(line, Address::DEFAULT, timeout);
         let found = session.discover()?;
@@ -126,19 +125,19 @@ impl<L: Read + Write> Session<L> {
         self.address
     }
 
-    /// From now on answers are waited for so long at the most.
+    /// Shortens the time-out of later requests to at most `timeout`.
     pub fn hurry(&mut self, timeout: Duration) {
         self.timeout = self.timeout.min(timeout);
     }
 
-    /// Goes on with another hub on the same line.
+    /// Continues with another hub on the same line.
     pub fn talk_to(&mut self, address: Address) {
-        // Whose functions may have other numbers.
+        // Another hub may number its functions differently.
         (self.address, self.motors, self.setup) = (address.get(), None, None);
         self.reports_nothing = false;
     }
 
-    /// Every hub on the line, in the order of their answers.
+    /// All hubs on the line, in the order of their answers.
     ///
     /// # Errors
     /// [`Error::NoHub`] if none answers within the timeout.
@@ -163,11 +162,10 @@ impl<L: Read + Write> Session<L> {
         if found.is_empty() { Err(Error::NoHub) } else { Ok(found) }
     }
 
-    /// Asks until there is an answer, and reads it as what the request's line in
-    /// [`requests`](motor_hub::protocol::requests) says that it is.
+    /// Sends a request and reads its answer, whose type [`requests`](motor_hub::protocol::requests) defines.
     ///
     /// # Errors
-    /// The line is broken, or the hub silent, or it refuses, or it answers something else.
+    /// The line fails, the hub is silent, the hub refuses, or the answer has another type.
     pub fn ask<A: Field>(&mut self, request: impl Into<Request>) -> Result<A, Error> {
         let request = request.into();
         if let Reply::Data(payload) = self.exchange(&request)?
@@ -178,10 +176,10 @@ impl<L: Read + Write> Session<L> {
         Err(Error::Unexpected { request: Box::new(request) })
     }
 
-    /// Asks for something that is acknowledged.
+    /// Sends a request whose answer is an acknowledgement.
     ///
     /// # Errors
-    /// As [`ask`](Self::ask).
+    /// The errors of [`ask`](Self::ask).
     pub fn order(&mut self, request: impl Into<Request>) -> Result<(), Error> {
         let request = request.into();
         match self.exchange(&request)? {
@@ -190,10 +188,10 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Sends a request until it is answered; a refusal is an error.
+    /// Sends a request until the hub answers; a refusal is an error.
     fn exchange(&mut self, request: &Request) -> Result<Reply, Error> {
         let (id, address) = (self.id(request)?, self.address);
-        // Retransmitted unchanged, so a late answer to the first try counts.
+        // The retransmitted packet is unchanged, so a late answer to the first transmission is accepted.
         self.count();
         for tried in 0..TRIES {
             let end = Instant::now() + self.timeout / TRIES;
@@ -209,7 +207,7 @@ impl<L: Read + Write> Session<L> {
         Err(Error::Silent { address })
     }
 
-    /// The type of a request: hubs are free to number their functions.
+    /// Packet type of a request. Each hub numbers its functions as it likes.
     fn id(&mut self, request: &Request) -> Result<u16, Error> {
         let Some(interface) = request.interface() else { return Ok(request.id()) };
         let known = match interface {
@@ -247,8 +245,8 @@ impl<L: Read + Write> Session<L> {
         Ok(())
     }
 
-    /// The next packet to this host that refers to the last request and that `read` makes something of;
-    /// `None` if there is none until `end`.
+    /// The next packet to this host that refers to the last request and that `read` accepts;
+    /// `None` if none arrives before `end`.
     fn next<T>(
         &mut self,
         end: Instant,
@@ -274,7 +272,7 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Bytes that are there, or come soon.
+    /// Number of bytes read within [`POLL`](crate::line::POLL); 0 if none arrived.
     fn receive(&mut self, bytes: &mut [u8]) -> Result<usize, Error> {
         match self.line.read(bytes) {
             Ok(0) => Err(Error::HungUp),

@@ -1,4 +1,4 @@
-//! New firmware, sent to a hub that has a bootloader, and started.
+//! Sends new firmware to a hub with a bootloader, and starts it.
 //!
 //! ```
 //! use motor_hub_client::motor_hub::protocol::Address;
@@ -6,9 +6,9 @@
 //! use std::time::Duration;
 //!
 //! let mut session = Session::new(MemoryHub::default(), Address::DEFAULT, Duration::from_secs(1));
-//! // It has none.
+//! // The hub in memory has no bootloader.
 //! let refused = session.update_state().unwrap_err().to_string();
-//! assert_eq!(refused, "the hub refuses to tell how far its update is: this hub does not have it (NACK 253)");
+//! assert_eq!(refused, "the hub refuses to report its update: this hub does not have it (NACK 253)");
 //! ```
 
 use crate::{Error, Session};
@@ -20,16 +20,17 @@ use std::io::{Read, Write};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// A page is erased within 4 s, and the bootloader's state too.
+/// Time-out of a write: erasing a page takes up to 4 s, erasing the bootloader's state another 4 s.
 const WRITING: Duration = Duration::from_secs(10);
 
-/// A control period is 100 ms at most, for motors that have just been disabled.
+/// Time-out for disabled motors to stop: a control period is at most 100 ms.
 const STOPPING: Duration = Duration::from_millis(300);
 
+/// Interval between two questions to a hub that is busy.
 const POLL: Duration = Duration::from_millis(20);
 
 impl<L: Read + Write> Session<L> {
-    /// How far an update is, how the firmware that runs was started, and where images go.
+    /// Progress of an update, how the present firmware was started, and the slot's address and size.
     ///
     /// # Errors
     /// See [`Session::ask`], as for all commands.
@@ -37,13 +38,14 @@ impl<L: Read + Write> Session<L> {
         self.ask(ToUpdate::State)
     }
 
-    /// Sends the bytes of an image, and has them checked and armed: the report says how that ended. The version is what
-    /// the hub tells of it meanwhile. A hub that was built with a signer's key wants that one's seal of the image, and one
-    /// without refuses any. `progress` is told the bytes that were sent, and stops it with an error of its own;
-    /// what was sent is then abandoned, as on any error.
+    /// Sends the bytes of an image; the hub then checks and arms the image. The report says with what result.
+    ///
+    /// The hub reports `version` until the update is finished. A hub that was built with a public key accepts only an
+    /// image with a `seal` by that key. A hub without a key refuses any seal. `progress` receives the number of bytes sent
+    /// so far; an error of `progress` ends the transfer. On any error the hub forgets the image.
     ///
     /// # Errors
-    /// As those of all commands, or `progress`'s.
+    /// The errors of all commands, or the error of `progress`.
     pub fn send_image<E: From<Error>>(
         &mut self,
         image: &[u8],
@@ -53,24 +55,24 @@ impl<L: Read + Write> Session<L> {
     ) -> Result<UpdateReport, E> {
         let sent = self.send_chunks(image, version, seal, progress);
         if sent.is_err() {
-            // It is forgotten at the next reset at the latest.
+            // Should this fail too, the hub forgets the image at its next reset.
             let _ = self.abandon_update();
         }
         sent
     }
 
-    /// Restarts the hub with the image that is armed; a motor that is enabled is in the way.
+    /// Restarts the hub with the armed image. All motors must be disabled.
     ///
     /// # Errors
-    /// As those of all commands.
+    /// The errors of all commands.
     pub fn restart(&mut self) -> Result<(), Error> {
         self.persist(&ToUpdate::Restart, Nack::MOTOR_ENABLED, STOPPING)
     }
 
-    /// Has the hub forget an image, one that is armed too.
+    /// Makes the hub forget an image, even an armed one.
     ///
     /// # Errors
-    /// As those of all commands.
+    /// The errors of all commands.
     pub fn abandon_update(&mut self) -> Result<UpdateReport, Error> {
         self.persist(&ToUpdate::Abandon, Nack::UPDATE_AT_WORK, WRITING)?;
         self.update_settled()
@@ -102,7 +104,7 @@ impl<L: Read + Write> Session<L> {
         Ok(self.update_settled()?)
     }
 
-    /// Says it until it is not refused for this reason, or for so long.
+    /// Repeats a request while the hub refuses it with `unless`, for at most `limit`.
     fn persist(&mut self, request: &ToUpdate, unless: Nack, limit: Duration) -> Result<(), Error> {
         let end = Instant::now() + limit;
         loop {
@@ -113,7 +115,7 @@ impl<L: Read + Write> Session<L> {
         }
     }
 
-    /// Waits until nothing is written or checked any more.
+    /// Waits until the hub neither writes nor checks.
     fn update_settled(&mut self) -> Result<UpdateReport, Error> {
         let end = Instant::now() + WRITING;
         loop {

@@ -1,5 +1,5 @@
-//! Why a motor does not turn, in words, from what its hub [reports](motor_hub::protocol::report); and why settings were not
-//! [stored](motor_hub::protocol::store).
+//! Reasons as text: why a motor does not turn, by its hub's [report](motor_hub::protocol::report), and why settings were
+//! not [stored](motor_hub::protocol::store).
 //!
 //! ```
 //! use motor_hub_client::motor_hub::protocol::report::{HubReport, MotorReport, Told};
@@ -8,7 +8,7 @@
 //!
 //! let motor = MotorReport { enabled: true, told: Told::Velocity(500), stalled: true, ..MotorReport::default() };
 //! let hub = HubReport { bus: BusState::Quiet, motors: [motor].into_iter().collect(), ..HubReport::default() };
-//! assert_eq!(why_still(&hub, 0), Some("held: it is driven and does not turn"));
+//! assert_eq!(why_still(&hub, 0), Some("stalled: the motor is driven and does not turn"));
 //! ```
 
 use motor_hub::motion::EncoderFault;
@@ -19,26 +19,24 @@ use motor_hub::store::Outcome;
 use motor_hub::supply::BusState;
 use motor_hub::units::Control;
 
-/// Slower than this, in counts per second, a motor is taken to stand.
+/// Highest speed of a motor that counts as standing, in counts per second.
 pub const STANDS_CPS: u16 = 3;
 
-/// Why an order to the store that is over did not end as it should; `None` if it did.
+/// Why the last save, load or reset failed; `None` if it succeeded.
 #[must_use]
 pub const fn why_unsaved(report: &StoreReport) -> Option<&'static str> {
     match report.outcome {
         Outcome::Done | Outcome::None => None,
         Outcome::NeedsErase => {
-            Some("it needs an erasure, and a motor runs: disable all motors and try again")
+            Some("the hub must erase flash first, and a motor is enabled: disable all motors and try again")
         }
-        Outcome::Refused => Some("the hub's memory refused"),
-        Outcome::Lost => {
-            Some("what was written does not read back: the hub's memory is worn, or it has none")
-        }
+        Outcome::Refused => Some("the hub's memory refused the write"),
+        Outcome::Lost => Some("the written data does not read back: the hub's memory is worn or missing"),
     }
 }
 
-/// What keeps a motor from turning as it is told, the most basic reason first; `None` of one that turns and of one
-/// that nothing keeps.
+/// Why a motor does not turn; if there are several reasons, the most basic one. `None` if the motor turns, or if no reason
+/// is known.
 #[must_use]
 pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
     let motor = hub.motors.get(motor)?;
@@ -49,21 +47,21 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
         return None;
     }
     match motor.told {
-        Told::FailSafe => return Some("let go: its host was gone"),
+        Told::FailSafe => return Some("fail-safe: the host was silent, and the hub disabled the motor"),
         _ if !motor.enabled => return Some("disabled"),
-        Told::Off => return Some("no target yet for its mode"),
+        Told::Off => return Some("no target set for this mode"),
         _ => (),
     }
     if let Some(supply) = supply(hub.bus) {
         return Some(supply);
     }
     match motor.told {
-        Told::Power(Control::ZERO) => Some("told to stand: power 0"),
-        Told::Velocity(0) => Some("told to stand: velocity 0"),
+        Told::Power(Control::ZERO) => Some("the set-point is power 0"),
+        Told::Velocity(0) => Some("the set-point is speed 0"),
         Told::Position(_) | Told::Together(_) if motor.at_target => Some("at its target"),
         Told::Identify(_) => None,
-        _ if motor.stalled => Some("held: it is driven and does not turn"),
-        _ if motor.derated => Some("its winding is hot, and its current limited"),
+        _ if motor.stalled => Some("stalled: the motor is driven and does not turn"),
+        _ if motor.derated => Some("derated: the winding is hot, and the current is limited"),
         _ => None,
     }
 }
@@ -71,28 +69,34 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
 const fn fault(motor: &MotorReport) -> Option<&'static str> {
     let regulated = matches!(motor.told, Told::Velocity(_) | Told::Position(_) | Told::Together(_));
     match motor.faults {
-        Faults { bridge: true, .. } => Some("its bridge switched itself off: disable it, then try again"),
+        Faults { bridge: true, .. } => {
+            Some("the bridge switched itself off: disable the motor, then enable it again")
+        }
         Faults { overheated: true, .. } => {
-            Some("switched off, its winding is too hot: let it cool, disable it")
+            Some("the winding is too hot: disable the motor, and let it cool before enabling it again")
         }
-        Faults { encoder: Some(EncoderFault::Stuck), .. } => {
-            Some("its encoder does not count: look at its plug, then disable it")
+        Faults { encoder: Some(EncoderFault::Stuck), .. } => Some(
+            "no counts although driven: the shaft is held, or the encoder is unplugged; \
+             check both, disable the motor, then enable it again",
+        ),
+        Faults { encoder: Some(EncoderFault::Reversed), .. } => Some(
+            "counts go against the drive voltage: the load exceeds the stall torque, or motor leads or encoder wires are \
+             swapped; check load and wiring, disable the motor, then enable it again",
+        ),
+        Faults { battery_unknown: true, .. } if motor.enabled => {
+            Some("the battery voltage is unknown: check the battery and its switch")
         }
-        Faults { encoder: Some(EncoderFault::Reversed), .. } => {
-            Some("its encoder counts the wrong way: swap the motor's leads, then disable it")
-        }
-        Faults { battery_unknown: true, .. } if motor.enabled => Some("no battery: its voltage is not known"),
-        Faults { encoder_stale: true, .. } if regulated => Some("its encoder is not read"),
+        Faults { encoder_stale: true, .. } if regulated => Some("the hub gets no reading from the encoder"),
         _ => None,
     }
 }
 
 const fn supply(bus: BusState) -> Option<&'static str> {
     match bus {
-        BusState::Silent => Some("no battery: its voltage is not known"),
-        BusState::TooLow => Some("the battery is below what bridges work at"),
-        BusState::Cut => Some("the battery is too low: nothing is drawn from it"),
-        BusState::TooHigh => Some("the bus is too high, lifted by something else than these motors"),
+        BusState::Silent => Some("the battery voltage is unknown: check the battery and its switch"),
+        BusState::TooLow => Some("the battery voltage is below what the bridges need"),
+        BusState::Cut => Some("the battery voltage is too low: the hub draws no current"),
+        BusState::TooHigh => Some("the bus voltage is too high, raised by another source than these motors"),
         BusState::Derated | BusState::Quiet | BusState::Burning => None,
     }
 }

@@ -21,14 +21,14 @@ use std::rc::Rc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-/// Far more than a hub in memory needs.
+/// Time-out of requests, far longer than a hub in memory needs.
 const TIMEOUT: Duration = Duration::from_secs(3);
 
 fn session(memory: Memory) -> Session<Memory> {
     Session::new(memory, Address::new(ADDRESS).unwrap(), TIMEOUT)
 }
 
-/// A frame with some bytes replaced, and a good checksum.
+/// A frame with some bytes replaced, and a correct checksum.
 fn with(frame: &[u8], bytes: &[(usize, u8)]) -> Vec<u8> {
     let mut frame = frame.to_vec();
     bytes.iter().for_each(|(at, byte)| frame[*at] = *byte);
@@ -68,7 +68,7 @@ fn requests_are_the_bytes_of_the_protocol() {
 #[test]
 fn discovery_finds_the_parent_among_all_hubs() {
     let mut hub = Hub::new();
-    // From address 9, as a child.
+    // A reply from address 9, as a child.
     hub.before = |reply| with(reply, &[(5, 9), (10, 0)]);
     let mut session = Session::with_parent(Memory::new(hub), TIMEOUT).unwrap();
     assert_eq!(session.address(), ADDRESS);
@@ -150,7 +150,7 @@ fn stray_bytes_before_a_reply_do_no_harm() {
         |_: &[u8]| vec![0x44],
         |_: &[u8]| vec![0, 0xFF, 0x44, 0x4B, 0x20, 0],
         |reply: &[u8]| {
-            // The beginning of a reply that never ends.
+            // The first bytes of a reply that is never completed.
             reply[..8].to_vec()
         },
     ] {
@@ -240,7 +240,7 @@ fn functions_are_numbered_from_where_the_hub_says() {
     assert_eq!(session.motor(0).unwrap().velocity, 5);
 }
 
-/// A line that counts the reads that found nothing, each of which costs a wait.
+/// A line that counts empty reads. Each empty read costs a wait.
 struct Waits(Memory, Rc<Cell<u32>>);
 
 impl Read for Waits {
@@ -304,7 +304,7 @@ fn a_hub_that_keeps_no_record_says_so() {
     let mut session = session(Memory::new(Hub::new()));
     assert!(session.recorded().unwrap().is_none());
     let refused = session.recorded_ticks(1).unwrap_err().to_string();
-    assert!(refused.contains("refuses to tell the ticks of entry 1"), "{refused}");
+    assert!(refused.contains("refuses to report the ticks of entry 1"), "{refused}");
 }
 
 #[test]

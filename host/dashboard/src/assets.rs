@@ -1,4 +1,4 @@
-//! The files of the page, as they are in `page/`. Nobody need build them.
+//! The files of the page, embedded from `page/`. They need no build step.
 //!
 //! ```
 //! use dashboard::assets;
@@ -7,14 +7,14 @@
 //! assert!(assets::find("/../Cargo.toml").is_none());
 //! ```
 
-/// A file.
+/// A file of the page.
 #[derive(Clone, Copy, Debug)]
 pub struct Asset {
-    /// As browsers ask for it.
+    /// Path of the URL.
     pub path: &'static str,
-    /// Its media type.
+    /// Media type.
     pub kind: &'static str,
-    /// What is in it.
+    /// Contents.
     pub bytes: &'static [u8],
 }
 
@@ -29,7 +29,7 @@ const CSS: &str = "text/css; charset=utf-8";
 const JS: &str = "text/javascript; charset=utf-8";
 const SVG: &str = "image/svg+xml";
 
-/// All of them.
+/// All files of the page.
 pub const ALL: &[Asset] = assets! {
     "/" HTML "index.html"
     "/style.css" CSS "style.css"
@@ -55,7 +55,7 @@ pub const ALL: &[Asset] = assets! {
     "/js/world.js" JS "js/world.js"
 };
 
-/// The file of a path.
+/// The file with this path of the URL.
 #[must_use]
 pub fn find(path: &str) -> Option<&'static Asset> {
     ALL.iter().find(|asset| asset.path == path)

@@ -1,8 +1,8 @@
-//! Who is in control, and whether they are still there. Pure: it is told what happens and when.
+//! Decides which page is in control, and whether that page is still open. Pure: events and times are arguments.
 //!
-//! Frames are numbered, and a page returns the number of each that it has shown. The page in control is there as long
-//! as it has shown one that was sent less than [`SILENCE`] ago, and was not hidden for [`HIDDEN`]. So neither a dead tab
-//! nor one that is fed from a long queue is taken for somebody who watches.
+//! Frames are numbered, and a page returns the number of each frame that it has shown. The page in control counts as open
+//! while its newest shown frame was sent less than [`SILENCE`] ago. A page that is hidden for [`HIDDEN`] counts as gone. A
+//! dead tab, and a tab that shows old frames from a long queue, therefore count as gone.
 //!
 //! ```
 //! use dashboard::desk::{Desk, Gone, SILENCE};
@@ -23,30 +23,30 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 
-/// A page that has shown nothing newer than this is gone.
+/// Age of the newest shown frame from which a page counts as gone.
 pub const SILENCE: Duration = Duration::from_secs(1);
 
-/// A page that was not to be seen for so long is gone.
+/// Time after which a hidden page counts as gone.
 pub const HIDDEN: Duration = Duration::from_secs(10);
 
-/// Frames of which it is known when they were sent: more than [`SILENCE`] of them.
+/// Number of frames whose times of sending are kept: more than are sent in [`SILENCE`].
 const REMEMBERED: usize = 128;
 
-/// Why the page in control is taken to be gone.
+/// Why the page in control counts as gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Gone {
-    /// Its socket is closed.
+    /// The page's socket is closed.
     #[error("the page in control was closed")]
     Closed,
-    /// It has shown nothing.
-    #[error("the page in control showed nothing for a second")]
+    /// The page has shown no new frame for [`SILENCE`].
+    #[error("the page in control showed no new values for 1 s")]
     Silent,
-    /// It was not to be seen.
-    #[error("the page in control was hidden for ten seconds")]
+    /// The page was hidden for [`HIDDEN`].
+    #[error("the page in control was hidden for 10 s")]
     Hidden,
 }
 
-/// Pages, and which of them is in control.
+/// All pages, and which of them is in control.
 #[derive(Clone, Debug, Default)]
 pub struct Desk {
     pages: BTreeMap<u32, Page>,
@@ -56,64 +56,64 @@ pub struct Desk {
 
 #[derive(Clone, Copy, Debug)]
 struct Page {
-    /// When the newest frame that it has shown was sent.
+    /// Time at which the newest shown frame was sent.
     fresh_at: Instant,
     hidden_since: Option<Instant>,
 }
 
 impl Desk {
-    /// Nobody is there.
+    /// A desk without pages.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// A page comes. It is in control if no other is.
+    /// Adds a page. The page is in control if no other page is.
     pub fn join(&mut self, id: u32, now: Instant) {
         self.pages.insert(id, Page { fresh_at: now, hidden_since: None });
         self.controller = self.controller.or(Some(id));
     }
 
-    /// A page is gone; says so if it was in control.
+    /// Removes a page; returns [`Gone::Closed`] if the page was in control.
     pub fn leave(&mut self, id: u32) -> Option<Gone> {
         self.pages.remove(&id);
         self.gives_up(id).then_some(Gone::Closed)
     }
 
-    /// It wants to be in control; false if another is.
+    /// Puts a page in control; false if another page is in control.
     pub fn take(&mut self, id: u32, now: Instant) -> bool {
         if self.controller.is_some_and(|other| other != id) {
             return false;
         }
         let Some(page) = self.pages.get_mut(&id) else { return false };
         if self.controller.is_none() {
-            // Somebody has just touched it.
+            // The user has just clicked in this page.
             page.fresh_at = now;
         }
         self.controller = Some(id);
         true
     }
 
-    /// It wants to be in control no more; true if it was.
+    /// Ends a page's control; true if the page was in control.
     pub fn gives_up(&mut self, id: u32) -> bool {
         let was = self.controller == Some(id);
         self.controller = self.controller.filter(|controller| *controller != id);
         was
     }
 
-    /// Who is in control.
+    /// Number of the page in control.
     #[must_use]
     pub const fn controller(&self) -> Option<u32> {
         self.controller
     }
 
-    /// How many pages there are.
+    /// Number of pages.
     #[must_use]
     pub fn pages(&self) -> usize {
         self.pages.len()
     }
 
-    /// A frame goes out to all.
+    /// Notes that a frame was sent to all pages.
     pub fn sent(&mut self, number: u64, now: Instant) {
         self.sent.push_back((number, now));
         if self.sent.len() > REMEMBERED {
@@ -121,7 +121,7 @@ impl Desk {
         }
     }
 
-    /// A page has shown a frame. One that was never sent, or too long ago, is none.
+    /// Notes that a page has shown a frame. Numbers that were not sent recently are ignored.
     pub fn shown(&mut self, id: u32, number: u64) {
         let at = self.sent.iter().rev().find(|(sent, _)| *sent == number).map(|(_, at)| *at);
         if let (Some(page), Some(at)) = (self.pages.get_mut(&id), at) {
@@ -129,14 +129,14 @@ impl Desk {
         }
     }
 
-    /// A page is hidden, or is seen again.
+    /// Notes that a page is hidden or visible.
     pub fn hide(&mut self, id: u32, hidden: bool, now: Instant) {
         if let Some(page) = self.pages.get_mut(&id) {
             page.hidden_since = hidden.then(|| page.hidden_since.unwrap_or(now));
         }
     }
 
-    /// Says once that the page in control is gone, which then is in control no more.
+    /// Ends the control of a page that counts as gone, and returns why.
     pub fn review(&mut self, now: Instant) -> Option<Gone> {
         let id = self.controller?;
         let page = self.pages.get(&id)?;

@@ -1,5 +1,5 @@
-//! What pages are told: JSON objects with a `kind`. Shares of full control and of full duty are from -1 to 1, everything
-//! else has its unit in its name or is in counts and seconds.
+//! Messages to pages: JSON objects with a `kind`. Control values and duties are shares of full control and of full duty, from
+//! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
 use crate::world::WorldIs;
 use motor_hub::braking::{DutyRule, Regime, Scheme};
@@ -16,64 +16,64 @@ use serde::Serialize;
 use simulated::scheme::SchemeWords;
 use tungstenite::Utf8Bytes;
 
-/// Everything that a page may be told.
+/// All messages to pages.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub(crate) enum Message {
-    /// Once, when it comes.
+    /// Sent once to a new page.
     Welcome(Welcome),
-    /// Fifty times a second.
+    /// Sent 50 times per second.
     Frame(Frame),
-    /// When it changes.
+    /// Sent when the settings of a motor have changed.
     Settings(SettingsOf),
-    /// When it changes.
+    /// Sent when the page in control or the number of pages has changed.
     Desk {
-        /// The number of the page in control.
+        /// Number of the page in control.
         controller: Option<u32>,
-        /// How many there are.
+        /// Number of pages.
         pages: usize,
     },
-    /// When it changes: whether the hub answers, and in words why not.
+    /// Sent when the hub has been connected or lost.
     Line {
-        /// It does.
+        /// True if the hub answers.
         connected: bool,
-        /// Why it does not.
+        /// Why the hub does not answer.
         why: String,
-        /// It tells everything at once.
+        /// True if the hub answers [`HubReport`] requests.
         reports: bool,
-        /// It can store its settings.
+        /// True if the hub can store its settings.
         stores: bool,
     },
-    /// Something that somebody should read.
+    /// A notice for the user.
     Notice {
-        /// In words.
+        /// Text of the notice.
         text: String,
-        /// Motors were switched off for it.
+        /// True if motors were disabled.
         grave: bool,
     },
-    /// An order was not carried out.
+    /// Sent to a page whose order was not executed.
     Refused {
-        /// In words.
+        /// Why the order was not executed.
         why: String,
     },
-    /// What comes of an identification.
+    /// Progress or result of an identification.
     Identification(Learned),
-    /// When it changes, of a simulated hub.
+    /// Sent when a simulated hub's world has changed.
     World(WorldIs),
 }
 
-/// What a page is told first.
+/// First message to a page.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Welcome {
-    /// The page's own number.
+    /// Number of this page.
     pub(crate) you: u32,
-    /// Where the hub is.
+    /// Place of the hub.
     pub(crate) place: String,
-    /// It is a simulated one.
+    /// True for a simulated hub.
     pub(crate) simulated: bool,
-    /// Its scenario can be played.
+    /// True if the hub's scenario can be played.
     pub(crate) playable: bool,
-    /// Motors that may be connected.
+    /// All motors of the catalogue.
     pub(crate) catalogue: Vec<Known>,
 }
 
@@ -81,56 +81,56 @@ pub(crate) struct Welcome {
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Known {
     name: &'static str,
-    /// Of the output shaft.
+    /// Encoder counts in a turn of the output shaft.
     counts_per_turn: f64,
-    /// In counts/s at 12 V.
+    /// Free speed at 12 V, in counts/s.
     free_cps: f64,
     emf_mv_s_per_count: f64,
     resistance_ohm: f64,
 }
 
-/// What the hub does at one instant.
+/// State of the hub at one instant.
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct Frame {
-    /// Of the frame, from 1; a page returns it.
+    /// Number of the frame, from 1; a page returns it.
     pub(crate) number: u64,
-    /// Since the server's start.
+    /// Time since the server's start.
     pub(crate) at_s: f64,
-    /// Since the hub's, of its control tick.
+    /// Time of the hub's control tick, since the hub's start.
     pub(crate) tick_ms: u32,
-    /// Nothing if it is unknown.
+    /// Battery voltage; `None` if unknown.
     pub(crate) battery_v: Option<f64>,
-    /// In one word; nothing of a hub that does not tell.
+    /// State of the bus; `None` if the hub does not report it.
     pub(crate) bus: Option<&'static str>,
-    /// How far braking motors burn what they would return, 0 to 1.
+    /// Share of the braking energy that is dissipated instead of returned, 0 to 1.
     pub(crate) burning: f64,
-    /// By motor.
+    /// State by motor.
     pub(crate) motors: Vec<OfMotor>,
 }
 
-/// What a motor does. What a hub does not tell is left out.
+/// State of a motor. Values that the hub does not report are left out.
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct OfMotor {
-    /// In one word.
+    /// Kind of the set-point.
     pub(crate) told: &'static str,
-    /// Share, counts/s or counts; nothing if there is none.
+    /// Set-point as a share of power, in counts/s or in counts; `None` without one.
     pub(crate) target: Option<f64>,
-    /// Counts.
+    /// Position in counts.
     pub(crate) position: i32,
-    /// Counts per second.
+    /// Speed in counts per second.
     pub(crate) velocity: i16,
-    /// It may run.
+    /// True if the motor is enabled.
     pub(crate) enabled: bool,
-    /// It is where it should be.
+    /// True if the motor is at its target.
     pub(crate) at_target: bool,
-    /// Why it stands.
+    /// Why the motor stands.
     pub(crate) why: Option<&'static str>,
-    /// The rest.
+    /// Values that only hubs of this project report.
     #[serde(flatten)]
     pub(crate) more: Option<More>,
 }
 
-/// What hubs of this project tell beside what all do.
+/// Values of a motor that only hubs of this project report.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct More {
     regulator: &'static str,
@@ -145,18 +145,18 @@ pub(crate) struct More {
     stalled: bool,
     derated: bool,
     fault: bool,
-    /// S, T, Z and G.
+    /// The points S, T, Z and G.
     points: Option<[f64; 4]>,
 }
 
-/// How a motor is set.
+/// Settings of a motor.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct SettingsOf {
-    /// 0 to 3.
+    /// Motor, 0 to 3.
     pub(crate) motor: usize,
-    /// By the catalogue, if it is one of them.
+    /// Name in the catalogue; `None` for other constants.
     pub(crate) name: Option<&'static str>,
-    /// Of the output shaft, of such a one.
+    /// Encoder counts in a turn of the output shaft; `None` for a motor that is not in the catalogue.
     pub(crate) counts_per_turn: Option<f64>,
     emf_mv_s_per_count: f64,
     resistance_ohm: Option<f64>,
@@ -166,67 +166,68 @@ pub(crate) struct SettingsOf {
     acceleration: Option<u32>,
     velocity: [f64; 4],
     position: [f64; 4],
-    /// Changes that can be taken back.
+    /// Number of changes that can be undone.
     pub(crate) undoable: usize,
 }
 
-/// How a motor answers to a voltage.
+/// Response of a motor to a voltage.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct Dynamics {
-    /// In counts/s² per volt.
+    /// Acceleration per volt, in counts/s² per volt.
     gain: f64,
-    /// In 1/s.
+    /// Decay in 1/s.
     decay: f64,
-    /// In volts.
+    /// Friction in volts.
     friction_v: f64,
 }
 
-/// What comes of an identification.
+/// Progress or result of an identification.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Learned {
-    /// 0 to 3.
+    /// Motor, 0 to 3.
     pub(crate) motor: u8,
     /// `running`, `found` or `refused`.
     pub(crate) state: &'static str,
-    /// Of a running one, 0 to 100.
+    /// Progress of a running identification, 0 to 100.
     pub(crate) percent: Option<u8>,
-    /// Of a refused one.
+    /// Why an identification was refused.
     pub(crate) why: Option<String>,
-    /// Of one that was found.
+    /// Result of a successful identification.
     pub(crate) found: Option<Found>,
 }
 
-/// What was found.
+/// Result of an identification.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct Found {
     #[serde(flatten)]
     dynamics: Dynamics,
-    /// In mV s/count, with drag.
+    /// Back EMF with drag, in mV s/count.
     emf_mv_s_per_count: f64,
-    /// Standard errors, in shares.
+    /// Standard error of the acceleration per volt, as a share.
     gain_error: f64,
+    /// Standard error of the decay, as a share.
     decay_error: f64,
-    /// What is left of the changes of speed, in shares of them.
+    /// Changes of speed that are not explained, as a share of all.
     residual: f64,
 }
 
 impl Message {
-    /// As it goes over a socket.
+    /// The message as JSON.
     #[must_use]
     pub(crate) fn text(&self) -> Utf8Bytes {
-        // Plain data, which always can be written.
+        // Serializing plain data cannot fail.
         serde_json::to_string(self).unwrap_or_default().into()
     }
 }
 
-/// An order was not carried out.
+/// Message to a page whose order was not executed.
 #[must_use]
 pub(crate) fn refused(why: &str) -> Utf8Bytes {
     Message::Refused { why: why.to_owned() }.text()
 }
 
 impl Welcome {
-    /// With all motors of the catalogue.
+    /// A welcome with all motors of the catalogue.
     #[must_use]
     pub(crate) fn new(you: u32, place: &str, simulated: bool, playable: bool) -> Self {
         let known = motors().map(|motor| Known {
@@ -241,7 +242,7 @@ impl Welcome {
 }
 
 impl Frame {
-    /// Of a hub that tells everything at once.
+    /// The frame of a hub's report.
     #[must_use]
     pub(crate) fn of(report: &HubReport) -> Self {
         let motors = report.motors.iter().enumerate();
@@ -302,7 +303,7 @@ impl More {
 }
 
 impl SettingsOf {
-    /// As the hub has them.
+    /// The settings as the hub reports them.
     #[must_use]
     pub(crate) fn new(
         motor: usize,
@@ -373,7 +374,7 @@ const fn bus_word(bus: BusState) -> &'static str {
     }
 }
 
-/// -1 to 1.
+/// Control value as a share of full control, -1 to 1.
 fn share(control: Control) -> f64 {
     f64::from(control.get()) / f64::from(Control::MAX.get())
 }
@@ -382,7 +383,7 @@ fn amperes(current: Milliamperes) -> f64 {
     f64::from(current.get()) / 1e3
 }
 
-/// Of a scheme, by its name.
+/// The scheme of this name.
 pub(crate) fn scheme(name: &str) -> Result<Scheme, String> {
     let name: simulated::scheme::SchemeName =
         name.parse().map_err(|error: simulated::scheme::UnknownScheme| error.to_string())?;

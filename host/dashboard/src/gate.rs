@@ -1,7 +1,8 @@
-//! Which requests are let in. A page of another site that is open in the same browser can send requests here too, and its
-//! name may even resolve to this machine: so the name that was asked for must be the address that was connected to,
-//! the socket must be asked for by this server's own page, and both page and socket need the token that only whoever
-//! read the printed URL knows.
+//! Decides which requests the server admits.
+//!
+//! A page of another site in the same browser can also send requests to this server, and its name may even resolve to this
+//! machine. Therefore the Host of a request must be the address that was connected to. The Origin of a socket must be this
+//! server's own page. Page and socket both need the token, which only readers of the printed URL know.
 //!
 //! ```
 //! use dashboard::gate::{Gate, Refusal, Wanted};
@@ -20,51 +21,51 @@
 use crate::http::Head;
 use std::net::SocketAddr;
 
-/// Bytes of a token, before they are written as hexadecimal digits.
+/// Number of random bytes in a token, which is written as hexadecimal digits.
 const TOKEN_BYTES: usize = 16;
 
 /// The path of the socket.
 pub const SOCKET: &str = "/ws";
 
-/// Knows the token.
+/// Admits requests with the right token.
 #[derive(Clone, Debug)]
 pub struct Gate {
     token: String,
 }
 
-/// What is asked for.
+/// The resource that an admitted request asks for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Wanted {
     /// The page itself.
     Page,
-    /// What it is made of, none of it secret.
+    /// A file of the page, which is not secret.
     Asset(String),
     /// The socket, with the key of its handshake.
     Socket(String),
 }
 
-/// Why a request is not let in.
+/// Why a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
-    /// Something else than GET.
-    #[error("only GET is answered here")]
+    /// The method is not GET.
+    #[error("only GET requests are allowed")]
     Method,
-    /// None, several, or another name than the address that was connected to.
-    #[error("the Host must be the address and port of this server")]
+    /// The Host is missing, repeated, or not the address that was connected to.
+    #[error("the Host header must be the address and port of this server")]
     Host,
-    /// Another site asks.
-    #[error("the Origin must be this server")]
+    /// The request comes from a page of another site.
+    #[error("the Origin header must be this server")]
     Origin,
-    /// None, or another.
+    /// The token is missing, repeated or wrong.
     #[error("the token is missing or wrong: open the whole URL that `motor-hub dashboard` printed")]
     Token,
-    /// The socket, by something that is no WebSocket handshake of version 13.
-    #[error("this is a WebSocket: its handshake must ask for an upgrade, version 13, with a key")]
+    /// A request for the socket is not a WebSocket handshake of version 13.
+    #[error("this path is a WebSocket: request an upgrade, version 13, with a key")]
     Handshake,
 }
 
 impl Refusal {
-    /// Of the answer.
+    /// HTTP status of the answer.
     #[must_use]
     pub const fn status(self) -> &'static str {
         match self {
@@ -77,13 +78,13 @@ impl Refusal {
 }
 
 impl Gate {
-    /// Lets in who knows this token.
+    /// Admits requests with this token.
     #[must_use]
     pub const fn new(token: String) -> Self {
         Self { token }
     }
 
-    /// With a token of 128 random bits.
+    /// Makes a token of 128 random bits.
     ///
     /// # Errors
     /// The system has no random numbers.
@@ -93,16 +94,16 @@ impl Gate {
         Ok(Self::new(bytes.iter().map(|byte| format!("{byte:02x}")).collect()))
     }
 
-    /// Its token.
+    /// The token.
     #[must_use]
     pub fn token(&self) -> &str {
         &self.token
     }
 
-    /// What a request that came in at `local` is let in for.
+    /// Checks a request that arrived at the address `local`, and returns the resource that it asks for.
     ///
     /// # Errors
-    /// Why it is not.
+    /// The reason of the refusal.
     pub fn admit(&self, head: &Head, local: SocketAddr) -> Result<Wanted, Refusal> {
         if head.method != "GET" {
             return Err(Refusal::Method);
@@ -115,7 +116,7 @@ impl Gate {
         let own = |origin: &String| *origin == format!("http://{host}");
         let (path, query) = head.target.split_once('?').unwrap_or((&head.target, ""));
         if path == SOCKET {
-            // Browsers always say it; who does not is none.
+            // Browsers always send an Origin with a WebSocket handshake.
             let [origin] = head.origin.as_slice() else { return Err(Refusal::Origin) };
             if !own(origin) {
                 return Err(Refusal::Origin);
@@ -142,7 +143,7 @@ impl Gate {
     }
 }
 
-/// In a time that does not tell where they differ.
+/// Compares in constant time, so that the time does not reveal where the two differ.
 fn is_same(one: &[u8], other: &[u8]) -> bool {
     one.len() == other.len()
         && one.iter().zip(other).fold(0, |differs, (one, other)| differs | (one ^ other)) == 0

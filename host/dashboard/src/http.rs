@@ -1,5 +1,5 @@
-//! Requests as bytes, and answers: as much of HTTP/1.1 as a browser needs for a page and a socket. Every answer ends its
-//! connection.
+//! Reads requests and writes answers: the part of HTTP/1.1 that a browser needs for a page and a socket. The connection is
+//! closed after each answer.
 //!
 //! ```
 //! use dashboard::http::{Head, HeadError};
@@ -14,12 +14,13 @@
 use std::io::{self, Read, Write};
 use std::time::Instant;
 
-/// The longest head that is read.
+/// Longest head of a request, in bytes.
 pub const LONGEST_HEAD: usize = 8 * 1024;
+/// Largest number of headers in a request.
 const MOST_HEADERS: usize = 64;
 
-/// What every answer says besides. Nothing may come from elsewhere, be put in a frame, be kept, or tell others the URL
-/// with its token.
+/// Headers of every answer. The page loads nothing from other servers, cannot be put in a frame, and is not cached. Its URL
+/// with the token is not sent to other sites.
 const ALWAYS: &str = "Content-Security-Policy: default-src 'self'; base-uri 'none'; form-action 'none'; \
 frame-ancestors 'none'\r\n\
 X-Content-Type-Options: nosniff\r\n\
@@ -29,48 +30,48 @@ Cross-Origin-Opener-Policy: same-origin\r\n\
 Cache-Control: no-store\r\n\
 Connection: close\r\n";
 
-/// What of a request matters here. Of headers that may be there once only, all are kept.
+/// The parts of a request that the server uses. Repeated headers are all kept, so that the gate can refuse them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Head {
-    /// As it is written.
+    /// Method, as sent.
     pub method: String,
     /// Path and query.
     pub target: String,
-    /// Every `Host`.
+    /// Values of all `Host` headers.
     pub host: Vec<String>,
-    /// Every `Origin`.
+    /// Values of all `Origin` headers.
     pub origin: Vec<String>,
-    /// Every `Upgrade`, in lower case.
+    /// Values of all `Upgrade` headers, in lower case.
     pub upgrade: Vec<String>,
-    /// Every `Sec-WebSocket-Version`.
+    /// Values of all `Sec-WebSocket-Version` headers.
     pub version: Vec<String>,
-    /// Every `Sec-WebSocket-Key`.
+    /// Values of all `Sec-WebSocket-Key` headers.
     pub key: Vec<String>,
 }
 
-/// Why there is no request.
+/// Why a request could not be read.
 #[derive(Debug, thiserror::Error)]
 pub enum HeadError {
-    /// The connection ended, or was silent for too long.
-    #[error("the request was cut short")]
+    /// The connection ended or timed out before the end of the head.
+    #[error("the request is incomplete")]
     CutShort,
-    /// More than [`LONGEST_HEAD`] bytes, or too many headers.
+    /// The head has more than [`LONGEST_HEAD`] bytes, or too many headers.
     #[error("the request is too long")]
     TooLong,
-    /// No HTTP.
-    #[error("the request is no HTTP")]
+    /// The head is not HTTP.
+    #[error("the request is not HTTP")]
     Malformed,
 }
 
 impl Head {
-    /// Reads up to the end of a head, which must have come by then.
+    /// Reads a head, which must be complete at the time `by`.
     ///
     /// # Errors
-    /// There is none.
+    /// The head is incomplete, too long, or not HTTP.
     pub fn read(stream: &mut impl Read, by: Instant) -> Result<Self, HeadError> {
         let mut bytes = Vec::new();
         let mut one = [0; 1];
-        // One by one: what follows belongs to the socket.
+        // Bytes are read one by one, because bytes after the head belong to the socket.
         while !bytes.ends_with(b"\r\n\r\n") {
             if bytes.len() >= LONGEST_HEAD {
                 return Err(HeadError::TooLong);
@@ -110,7 +111,7 @@ impl Head {
         Ok(head)
     }
 
-    /// The key of a WebSocket handshake, if it is one.
+    /// The key of a WebSocket handshake; `None` for any other request.
     #[must_use]
     pub fn socket_key(&self) -> Option<String> {
         let asks = self.upgrade == ["websocket"] && self.version == ["13"];
@@ -122,7 +123,7 @@ impl Head {
 /// Sends an answer with a body.
 ///
 /// # Errors
-/// Nobody takes it.
+/// The connection fails.
 pub fn answer(stream: &mut impl Write, status: &str, kind: &str, body: &[u8]) -> io::Result<()> {
     let length = body.len();
     let head =
@@ -132,10 +133,10 @@ pub fn answer(stream: &mut impl Write, status: &str, kind: &str, body: &[u8]) ->
     stream.flush()
 }
 
-/// Goes over to a WebSocket.
+/// Sends the answer that switches the connection to a WebSocket.
 ///
 /// # Errors
-/// Nobody takes it.
+/// The connection fails.
 pub fn upgrade(stream: &mut impl Write, key: &str) -> io::Result<()> {
     let accept = tungstenite::handshake::derive_accept_key(key.as_bytes());
     let head = format!(

@@ -1,27 +1,27 @@
-//! A hub in a browser: one page that shows four motors live, moves, tunes and stops them, and the server between it and
-//! the hub. What the page is made of is within the program; nothing is fetched from elsewhere.
+//! A hub in a browser: a page that shows four motors live, moves, tunes and stops them, and the server between page and hub.
+//! The files of the page are part of the program. The page loads nothing from other servers.
 //!
 //! ```text
 //! page --orders--> viewer --Event--> pilot --requests--> hub
 //! page <--frames-- viewer <--text--- pilot <--answers--- hub
 //! ```
 //!
-//! | room | what is decided there |
+//! | module | contents |
 //! |---|---|
-//! | [`gate`] | which requests are let in |
-//! | [`http`], [`assets`] | requests as bytes, and the files of the page |
-//! | [`server`] | who listens; a thread a connection |
-//! | `viewer` | one page: its socket |
-//! | [`desk`] | who is in control, and whether they are still there |
-//! | `pilot` | the thread that has the hub: fifty frames a second, orders as they come |
-//! | [`order`], `perform` | what a page may ask for, and what is done about it |
-//! | `frame` | what pages are told |
-//! | [`world`], [`script`] | what a page may do to a simulated hub's motors and battery; a scenario's set-points |
+//! | [`gate`] | which requests are admitted |
+//! | [`http`], [`assets`] | requests and answers as bytes; the files of the page |
+//! | [`server`] | listener, with a thread for each connection |
+//! | `viewer` | the socket of one page |
+//! | [`desk`] | which page is in control, and whether that page is still open |
+//! | `pilot` | the thread that owns the hub: sends 50 frames per second and executes orders |
+//! | [`order`], `perform` | orders of pages, and their execution |
+//! | `frame` | messages to pages |
+//! | [`world`], [`script`] | changes to a simulated hub's motors and battery; a scenario's set-points |
 //!
-//! One page is in control, any number look on, and anyone may stop. A page proves that it is there by returning the numbers
-//! of frames that it has shown: when the one in control is closed, is hidden for long or returns nothing for a second,
-//! all motors are switched off. So they are when the program ends; and if it is killed, the hub hears nothing and does
-//! so by itself.
+//! One page is in control, any number of pages watch, and any page may stop. A page proves that it is open by returning the
+//! numbers of frames that it has shown. All motors are disabled when the page in control is closed, is hidden for 10 s, or
+//! returns no new number for 1 s. They are also disabled when the program ends. If the program is killed, the hub receives
+//! nothing more and disables them itself.
 //!
 //! ```no_run
 //! use dashboard::{Place, Server};

@@ -1,4 +1,5 @@
-//! What a page may ask for: JSON objects of one key, the order, with its fields. Whatever is unknown, missing or out of range is refused in words.
+//! Orders of pages: JSON objects with one key, the order, whose value has its fields. Unknown, missing or out-of-range fields
+//! are refused with a text.
 //!
 //! ```
 //! use dashboard::order::Order;
@@ -12,177 +13,177 @@
 use crate::world::WorldOrder;
 use serde::Deserialize;
 
-/// What a page asks for.
+/// An order of a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Order {
-    /// It has shown this frame.
+    /// The page has shown this frame.
     Shown {
-        /// The frame's.
+        /// Number of the frame.
         number: u64,
     },
-    /// It cannot be seen, or can again.
+    /// The page has been hidden, or is visible again.
     Hidden {
-        /// It cannot.
+        /// True if the page is hidden.
         hidden: bool,
     },
-    /// All motors off; anybody may.
+    /// Disables all motors. Any page may stop.
     Stop,
-    /// To be in control.
+    /// Takes control.
     Take,
-    /// To be in control no more.
+    /// Releases control.
     Release,
-    /// What a motor is to do once it is enabled.
+    /// Set-point of a motor, applied once the motor is enabled.
     Drive {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
-        /// How it is regulated.
+        /// Power, velocity or position.
         mode: Mode,
         /// Share of full power from -1 to 1, counts/s, or counts.
         value: f64,
-        /// On the way to a position, in counts/s.
+        /// Speed limit towards a position, in counts/s.
         speed: Option<f64>,
-        /// What zero means.
+        /// Behaviour at zero.
         #[serde(default)]
         zero: Zero,
     },
-    /// Lets a motor run, or float.
+    /// Enables or disables a motor.
     Enable {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
-        /// Run.
+        /// True to enable.
         on: bool,
     },
     /// Makes a motor's present position 0.
     ResetEncoder {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
     },
-    /// Sends motors to positions in step.
+    /// Moves motors to positions in step.
     Together {
-        /// By motor: counts, or nothing for who stays.
+        /// Target by motor in counts; `None` for a motor that does not take part.
         to: [Option<i32>; 4],
-        /// Of the motor that moves most, in counts/s.
+        /// Speed of the motor with the longest distance, in counts/s.
         speed: u32,
-        /// Largest of any motor, in counts/s².
+        /// Largest acceleration of any motor, in counts/s².
         acceleration: u32,
     },
-    /// Gives a loop coefficients; from then on the motor is regulated by PID.
+    /// Sets the coefficients of a loop; from then on the motor is regulated by PID.
     Coefficients {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
-        /// Which loop.
+        /// Loop to set.
         of: Loop,
-        /// Proportional, integral, derivative, feed forward: -32768 to 32767 each.
+        /// Proportional, integral, derivative, feed-forward: -32768 to 32767 each.
         pidf: [f64; 4],
     },
-    /// Chooses the regulator; by the model only of a motor that is known.
+    /// Chooses the regulator. The model needs a motor with known dynamics.
     Regulator {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
-        /// Which.
+        /// Regulator to use.
         kind: Regulator,
     },
-    /// Says which motor is connected, and how control values are given their meaning.
+    /// Configures the connected motor, the scheme and the duty rule.
     SetUp {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
-        /// A motor of the catalogue; nothing leaves it.
+        /// Name in the catalogue; `None` keeps the configured motor.
         name: Option<String>,
-        /// `none`, `A` to `D`.
+        /// Scheme: `none`, `A` to `D`.
         scheme: String,
-        /// How duties are found.
+        /// Duty rule.
         duty: Duty,
     },
     /// Limits a motor's acceleration.
     Acceleration {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
-        /// In counts/s²; nothing is what the battery gives.
+        /// Limit in counts/s²; `None` for the acceleration that the battery gives.
         limit: Option<u32>,
     },
-    /// Makes the hub learn how a motor moves.
+    /// Identifies a motor.
     Identify {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
-        /// Counts that it may turn at most, either way.
+        /// Longest travel either way, in counts.
         travel: Option<u32>,
     },
-    /// Puts in force what was learned.
+    /// Applies the result of the last identification.
     Apply {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
     },
-    /// Takes back the last change of a motor's settings.
+    /// Undoes the last change of a motor's settings.
     Undo {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
     },
-    /// Stores the settings that are in force, so that they outlast the hub's power.
+    /// Stores the settings in force permanently.
     Save,
     /// Plays the scenario of a simulated hub from its beginning.
     Play,
-    /// Does something to a simulated hub's world.
+    /// Changes a simulated hub's world.
     World(WorldOrder),
 }
 
 impl Order {
-    /// True of what only the page in control may.
+    /// True for orders that only the page in control may give.
     #[must_use]
     pub const fn is_for_the_controller(&self) -> bool {
         !matches!(self, Self::Shown { .. } | Self::Hidden { .. } | Self::Stop | Self::Take | Self::Release)
     }
 }
 
-/// How a motor is regulated.
+/// Mode of a motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
-    /// Not at all.
+    /// Constant power.
     Power,
-    /// To a speed.
+    /// Regulated velocity.
     Velocity,
-    /// To a place.
+    /// Regulated position.
     Position,
 }
 
-/// What zero means.
+/// Behaviour of a motor at zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Zero {
-    /// Full dynamic braking, or held.
+    /// Full dynamic braking, or regulated to stand.
     #[default]
     Brake,
-    /// The bridge is open.
+    /// Open bridge.
     Float,
 }
 
-/// Which loop of two.
+/// A loop of the PID regulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Loop {
-    /// Of the velocity.
+    /// Velocity loop.
     Velocity,
-    /// Of the position, above it.
+    /// Position loop, whose output is the velocity loop's set-point.
     Position,
 }
 
-/// Which regulator of two.
+/// A regulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Regulator {
-    /// By the motor's own equation.
+    /// The motor model.
     Model,
-    /// By coefficients.
+    /// PID, by coefficients.
     Pid,
 }
 
-/// How duties are found.
+/// Duty rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Duty {
-    /// As in the paper.
+    /// Duty linear in the control value, as in the paper.
     LinearDuty,
-    /// Such that current is linear.
+    /// Mean current linear in the control value.
     LinearCurrent,
 }

@@ -1,5 +1,4 @@
-//! What is done about an order: requests to the hub. Nothing is asked that the protocol could not say; what is out of
-//! range is refused before anything is sent.
+//! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
 
 use crate::frame::{SettingsOf, scheme};
 use crate::order::{Duty, Loop, Mode, Order, Regulator, Zero};
@@ -18,24 +17,24 @@ use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::{Error, Line, Session};
 use simulated::hardware::winding;
 
-/// Counts within which a position is reached.
+/// Tolerance of a position, in counts.
 const TOLERANCE: u16 = 10;
 
-/// Speed on the way to a position that nobody has set, in counts/s.
+/// Default speed limit towards a position, in counts/s.
 const USUAL_SPEED: f64 = 1_000.0;
 
-/// The fastest that a group may be sent, in counts/s.
+/// Highest speed of a group, in counts/s.
 const FASTEST_CPS: u32 = 1_000_000;
 
-/// Changes of a motor's settings that can be taken back.
+/// Number of changes of a motor's settings that can be undone.
 const UNDOABLE: usize = 20;
 
-/// Why an order was not carried out.
+/// Why an order was not executed.
 #[derive(Debug)]
 pub(crate) enum Trouble {
-    /// It cannot be.
+    /// The server or the hub refuses the order.
     Refused(String),
-    /// The hub is to blame; it may be gone.
+    /// The exchange with the hub failed; the hub may be gone.
     Hub(Error),
 }
 
@@ -62,39 +61,39 @@ impl From<Error> for Trouble {
     }
 }
 
-/// How a motor was set before it was changed.
+/// Settings of a motor before a change.
 #[derive(Clone, Debug)]
 struct Before {
     setup: Setup,
     motion: Motion,
-    /// Velocity and position, of a motor that they regulated.
+    /// Coefficients of velocity and position loop; `None` if the motor was regulated by its model.
     loops: Option<[Pidf; 2]>,
 }
 
-/// What is kept of each motor.
+/// What the server keeps of each motor.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct OfMotor {
     undo: Vec<Before>,
-    /// The last that was found, until another motor is connected.
+    /// Result of the last identification, until another motor is configured.
     pub(crate) found: Option<Identified>,
-    /// The last regulator that the hub reported.
+    /// Regulator that the hub reported last.
     pub(crate) regulator: Option<Kind>,
-    /// The last model by which it was regulated, to go back to.
+    /// Dynamics that were configured last, for a return to the model.
     known: Option<Dynamics>,
 }
 
-/// Carries out orders.
+/// Executes orders.
 #[derive(Debug, Default)]
 pub(crate) struct Performer {
     pub(crate) motors: [OfMotor; CHANNELS],
 }
 
-/// What an order has changed, besides.
+/// What an order has changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Changed {
-    /// Nothing that is kept.
+    /// Neither settings nor world.
     Nothing,
-    /// How a motor is set.
+    /// Settings of a motor.
     Settings(u8),
     /// The world of a simulated hub.
     World,
@@ -103,7 +102,7 @@ pub(crate) enum Changed {
 const LOOPS: [motor::Loop; 2] = [motor::Loop::Velocity, motor::Loop::Position];
 
 impl Performer {
-    /// Does what is asked for. What concerns pages, and identification, is the pilot's.
+    /// Executes an order. The pilot executes orders about pages and identifications.
     pub(crate) fn perform(
         &mut self,
         session: &mut Session<Line>,
@@ -118,7 +117,7 @@ impl Performer {
             Order::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
             Order::Together { to, speed, acceleration } => together(session, to, speed, acceleration)?,
             Order::World(ref order) => {
-                world.ok_or("this hub is no simulated one")?.change(order)?;
+                world.ok_or("this hub is not simulated: its world cannot be changed")?.change(order)?;
                 return Ok(Changed::World);
             }
             _ => return self.change(session, order),
@@ -126,7 +125,7 @@ impl Performer {
         Ok(Changed::Nothing)
     }
 
-    /// Changes settings.
+    /// Executes an order that changes settings.
     fn change(&mut self, session: &mut Session<Line>, order: &Order) -> Result<Changed, Trouble> {
         let motor = match *order {
             Order::Coefficients { motor, of, pidf } => {
@@ -158,27 +157,28 @@ impl Performer {
                 motor
             }
             Order::Apply { motor } => {
-                let found = self.of(motor)?.found.ok_or("nothing was learned of this motor yet")?;
+                let found =
+                    self.of(motor)?.found.ok_or("this motor was not identified yet: run Identify first")?;
                 self.keep(session, motor)?;
                 self.regulate_by(session, motor, found.dynamics)?;
                 motor
             }
             Order::Undo { motor } => {
-                let before = self.of(motor)?.undo.pop().ok_or("there is nothing to take back")?;
+                let before = self.of(motor)?.undo.pop().ok_or("there is nothing to undo")?;
                 restore(session, motor, &before)?;
                 motor
             }
-            _ => return Err("this is no order to a motor".into()),
+            _ => return Err("this order is not for a motor".into()),
         };
         Ok(Changed::Settings(motor))
     }
 
     fn of(&mut self, motor: u8) -> Result<&mut OfMotor, Trouble> {
         let motor = channel(motor)?;
-        self.motors.get_mut(usize::from(motor)).ok_or_else(|| "there are motors 0 to 3".into())
+        self.motors.get_mut(usize::from(motor)).ok_or_else(|| "a motor is 0 to 3".into())
     }
 
-    /// Remembers how a motor is set, to be taken back to.
+    /// Keeps the present settings of a motor for undo.
     fn keep(&mut self, session: &mut Session<Line>, motor: u8) -> Result<(), Trouble> {
         let setup = session.setup(channel(motor)?)?;
         let motion = session.motion(motor)?;
@@ -195,7 +195,7 @@ impl Performer {
         Ok(())
     }
 
-    /// Another motor, or the same with other control values: of the same, what is known of its motion stays.
+    /// Configures a motor. If `other` is false, the motor is the same one, and its motion is kept.
     fn set_up(
         &mut self,
         session: &mut Session<Line>,
@@ -217,10 +217,10 @@ impl Performer {
     fn regulate(&mut self, session: &mut Session<Line>, motor: u8, kind: Regulator) -> Result<(), Trouble> {
         match kind {
             Regulator::Model => {
-                let told = session.motion(channel(motor)?)?.dynamics;
+                let configured = session.motion(channel(motor)?)?.dynamics;
                 let of = self.of(motor)?;
-                let known = told.or(of.found.map(|found| found.dynamics)).or(of.known);
-                let known = known.ok_or("nothing is known of this motor's motion: identify it first")?;
+                let known = configured.or(of.found.map(|found| found.dynamics)).or(of.known);
+                let known = known.ok_or("this motor's dynamics are not configured: run Identify first")?;
                 self.keep(session, motor)?;
                 self.regulate_by(session, motor, known)
             }
@@ -232,7 +232,7 @@ impl Performer {
         }
     }
 
-    /// Coefficients come before a model, and only a set-up forgets them.
+    /// Configures dynamics. Coefficients would override the model, so the set-up is sent again, which drops them.
     fn regulate_by(
         &mut self,
         session: &mut Session<Line>,
@@ -244,7 +244,7 @@ impl Performer {
         Ok(session.set_motion(motor, Motion { dynamics: Some(dynamics), ..motion })?)
     }
 
-    /// How a motor is set, for pages.
+    /// Settings of a motor, as a message to pages.
     pub(crate) fn settings(&mut self, session: &mut Session<Line>, motor: u8) -> Result<SettingsOf, Error> {
         let (setup, motion) = (session.setup(motor)?, session.motion(motor)?);
         let loops = [session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?];
@@ -254,12 +254,12 @@ impl Performer {
     }
 }
 
-/// A motor's number.
+/// Checks a motor's number.
 pub(crate) fn channel(motor: u8) -> Result<u8, Trouble> {
     if usize::from(motor) < CHANNELS {
         Ok(motor)
     } else {
-        Err(format!("there is no motor {motor}; there are 0 to 3").into())
+        Err(format!("there is no motor {motor}; allowed is 0 to 3").into())
     }
 }
 
@@ -332,7 +332,7 @@ fn set_up(mut setup: Setup, name: Option<&str>, wanted: &str, duty: Duty) -> Res
         Duty::LinearCurrent => DutyRule::LinearCurrent,
     };
     if setup.duty == DutyRule::LinearCurrent && setup.resistance.is_none() {
-        return Err("linear current needs the motor's resistance: name the motor".into());
+        return Err("linear current needs the winding's resistance: choose the motor".into());
     }
     Ok(setup)
 }
@@ -344,7 +344,7 @@ fn together(
     acceleration: u32,
 ) -> Result<(), Trouble> {
     let members: Vec<u8> = (0..).zip(to).filter_map(|(motor, to)| to.map(|_| motor)).collect();
-    let first = *members.first().ok_or("a group has at least one motor")?;
+    let first = *members.first().ok_or("a group needs at least one motor: enter a distance")?;
     if !(1..=FASTEST_CPS).contains(&speed) {
         return Err(format!(
             "a group's speed of {speed} counts/s is out of range; allowed is 1 to {FASTEST_CPS}"
@@ -354,7 +354,7 @@ fn together(
     let limit =
         Acceleration::new(acceleration).map_err(|_| "an acceleration is 1 to 4294967295 counts/s²")?;
     for &motor in &members {
-        // They stand, until the group moves.
+        // The motors brake with power 0 until the group moves.
         session.set_power(motor, Control::ZERO)?;
         session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
         session.enable(motor, true)?;

@@ -1,5 +1,5 @@
-//! The thread that has the hub. It asks fifty times a second what motors do, tells all pages, and does what they ask for as
-//! it comes. Motors run only while the page in control is there: see [`desk`](crate::desk).
+//! The thread that owns the hub. It reads the motors' state 50 times per second, sends frames to all pages, and executes
+//! orders as they arrive. Motors run only while the page in control is open: see [`desk`](crate::desk).
 
 use crate::desk::{Desk, Gone};
 use crate::frame::{Found, Frame, Learned, Message, OfMotor, Welcome, refused};
@@ -23,34 +23,34 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use tungstenite::Utf8Bytes;
 
-/// Between frames.
+/// Interval between frames.
 pub(crate) const INTERVAL: Duration = Duration::from_millis(20);
 
-/// Frames that come too late are made up for as far as this.
+/// Longest delay of frames that is caught up by sending later frames sooner.
 const MADE_UP: Duration = Duration::from_millis(100);
 
-/// How long a hub's answer is waited for: a page that is gone, or a stop, cannot wait long.
+/// Time-out of the hub's answers. It is short, so that a stop or the loss of a page is handled soon.
 const PATIENCE: Duration = Duration::from_millis(300);
 
-/// Until a lost hub is looked for again.
+/// Interval between attempts to connect to a lost hub.
 const AGAIN: Duration = Duration::from_secs(1);
 
-/// Between questions how far an identification is.
+/// Interval between questions about a running identification.
 const LEARNING: Duration = Duration::from_millis(100);
 
-/// Between questions whether settings are stored.
+/// Interval between questions about a running save.
 const SAVING: Duration = Duration::from_millis(100);
 
-/// A motor that brakes for so long stands, unless something drives it.
+/// Longest wait for a braked motor to stand. A motor that still turns is driven by its load.
 const LONGEST_REST: Duration = Duration::from_secs(5);
 
-/// Frames in which a motor that stands has not moved.
+/// Number of frames without motion after which a motor counts as standing.
 const STANDING: u32 = 15;
 
-/// Between looks whether motors of a hub that does not report are enabled.
+/// Interval between questions whether motors are enabled, to a hub without reports.
 const ENABLED: Duration = Duration::from_millis(200);
 
-/// Where a hub is, and how to get there.
+/// A hub, and how to open a session with it.
 pub struct Place {
     name: String,
     world: Option<World>,
@@ -59,12 +59,12 @@ pub struct Place {
 }
 
 impl Place {
-    /// A hub that somebody has.
+    /// A hub on a serial port or TCP connection.
     pub fn real(name: &str, open: impl FnMut() -> Result<Session<Line>, String> + Send + 'static) -> Self {
         Self { name: name.to_owned(), world: None, script: None, open: Box::new(open) }
     }
 
-    /// A simulated hub, whose world pages may change, and whose scenario they may play.
+    /// A simulated hub. Pages may change its world and play its scenario.
     pub fn simulated(
         name: &str,
         world: World,
@@ -81,60 +81,61 @@ impl fmt::Debug for Place {
     }
 }
 
-/// What happens at a page.
+/// An event of a page, with the page's number.
 #[derive(Debug)]
 pub(crate) enum Event {
-    /// It is there, and this is how it is told.
+    /// The page was opened; the pen sends texts to it.
     Joined(u32, Pen),
-    /// It is gone.
+    /// The page was closed.
     Left(u32),
-    /// It asks for something.
+    /// The page has sent an order.
     Said(u32, Order),
 }
 
-/// An identification that is under way.
+/// A running identification.
 #[derive(Debug)]
 struct Learning {
     motor: u8,
     travel: u32,
     since: Instant,
-    /// Frames in which the motor has not moved, until it is told to.
+    /// Number of frames without motion; `None` once the identification has started.
     stands: Option<u32>,
     asked: Instant,
 }
 
-/// Has the hub, and knows all pages.
+/// Owns the session with the hub, and sends to all pages.
 #[derive(Debug)]
 pub(crate) struct Pilot {
     place: Place,
-    heard: Receiver<Event>,
+    events: Receiver<Event>,
     pages: BTreeMap<u32, Pen>,
     desk: Desk,
     session: Option<Session<Line>>,
     performer: Performer,
     learning: Option<Learning>,
     playing: Option<Playing>,
-    /// When the hub, which stores its settings, was asked last whether it has.
+    /// Time of the last question about a running save; `None` without a save.
     saving: Option<Instant>,
     /// The newest frame.
     frame: Frame,
     since: Instant,
     connect_at: Instant,
     looked_at: Instant,
-    /// The last of these, for pages that come.
+    /// Newest message about the line, for new pages.
     line: Message,
+    /// Newest settings by motor, for new pages.
     settings: BTreeMap<u8, Utf8Bytes>,
 }
 
 impl Pilot {
-    /// Of the hub at a place, for pages of which it hears.
+    /// Serves the hub at `place` to pages, whose events arrive by `events`.
     #[must_use]
-    pub(crate) fn new(place: Place, heard: Receiver<Event>) -> Self {
+    pub(crate) fn new(place: Place, events: Receiver<Event>) -> Self {
         let now = Instant::now();
         let line = gone("not connected yet".to_owned());
         Self {
             place,
-            heard,
+            events,
             pages: BTreeMap::new(),
             desk: Desk::new(),
             session: None,
@@ -151,27 +152,27 @@ impl Pilot {
         }
     }
 
-    /// Until `stop` is set; then all motors are off.
+    /// Runs until `stop` is set, then disables all motors.
     pub(crate) fn run(mut self, stop: &AtomicBool) {
         let mut next = Instant::now();
         while !stop.load(Ordering::Relaxed) {
             let now = Instant::now();
-            match self.heard.recv_timeout(next.saturating_duration_since(now)) {
+            match self.events.recv_timeout(next.saturating_duration_since(now)) {
                 Ok(event) => self.hear(event),
                 Err(RecvTimeoutError::Timeout) => {
                     self.tick();
-                    // What a hub that was slow for a moment has missed is made up for, but no more than that.
+                    // After a short delay of the hub the missed frames are caught up, but at most MADE_UP.
                     next += INTERVAL;
                     next = next.max(Instant::now().checked_sub(MADE_UP).unwrap_or(next));
                 }
                 Err(RecvTimeoutError::Disconnected) => break,
             }
-            // However much pages have to say, the one in control must be there.
+            // Many events must not delay the check of the page in control.
             if next + INTERVAL < Instant::now() {
                 self.watch();
             }
         }
-        self.switch_off("the server ends");
+        self.switch_off("the server has ended");
     }
 
     fn hear(&mut self, event: Event) {
@@ -197,7 +198,7 @@ impl Pilot {
         first.extend(self.settings.values().cloned());
         first.extend(self.place.world.iter().map(|world| Message::World(world.is()).text()));
         for text in first {
-            // If it is gone already, that is heard next.
+            // If the page is gone already, the next event says so.
             pen.tell(text);
         }
         self.pages.insert(id, pen);
@@ -211,7 +212,7 @@ impl Pilot {
             Order::Stop => return self.switch_off("stopped"),
             Order::Take => {
                 if !self.desk.take(id, now) {
-                    self.answer(id, "another page is in control; it must release it first");
+                    self.answer(id, "another page is in control; close that page first");
                 }
                 return self.tell_desk();
             }
@@ -231,7 +232,10 @@ impl Pilot {
         }
     }
 
-    /// An order of the page in control; in words why it is not done.
+    /// Executes an order of the page in control.
+    ///
+    /// # Errors
+    /// A text that says why the order is not executed.
     fn carry_out(&mut self, order: &Order) -> Result<(), String> {
         let Some(session) = &mut self.session else { return Err("the hub is not connected".to_owned()) };
         let done = match *order {
@@ -248,7 +252,7 @@ impl Pilot {
                     self.playing = Some(Script::begin());
                     Ok(Changed::World)
                 }
-                _ => Err("there is no scenario to be played: name one by --scenario".into()),
+                _ => Err("there is no scenario to play: start the dashboard with --scenario FILE".into()),
             },
             Order::Save => session.order(ToStore::Save).map_err(Trouble::from).map(|()| {
                 self.saving = Some(Instant::now());
@@ -264,7 +268,7 @@ impl Pilot {
                 world.into_iter().for_each(|text| self.tell(&text));
             }
             Err(Trouble::Refused(why)) => {
-                // Part of it may have been done.
+                // Part of the order may have been executed.
                 if let Some(motor) = motor_of(order) {
                     self.tell_settings(motor);
                 }
@@ -278,7 +282,7 @@ impl Pilot {
         Ok(())
     }
 
-    /// A frame.
+    /// Reads the hub's state, and sends a frame.
     fn tick(&mut self) {
         self.watch();
         if self.session.is_none() && Instant::now() >= self.connect_at {
@@ -295,9 +299,9 @@ impl Pilot {
         self.desk.sent(self.frame.number, now);
         let text = Message::Frame(self.frame.clone()).text();
         self.pages.retain(|_, pen| pen.show(text.clone()));
-        // Nobody is in control: nothing may run.
+        // Without a page in control no motor may run.
         if self.desk.controller().is_none() && self.frame.motors.iter().any(|motor| motor.enabled) {
-            self.switch_off("motors ran, and nobody was in control");
+            self.switch_off("motors ran, but no page was in control");
         }
         if let Err(Trouble::Hub(error)) = self.learn().and_then(|()| self.follow_save()) {
             self.lose(&error.to_string());
@@ -305,7 +309,7 @@ impl Pilot {
         self.play();
     }
 
-    /// What is due of a scenario.
+    /// Sends the set-points of a played scenario that are due.
     fn play(&mut self) {
         let (Some(playing), Some(script), Some(session)) =
             (&mut self.playing, &self.place.script, &mut self.session)
@@ -327,7 +331,7 @@ impl Pilot {
         }
     }
 
-    /// True if there is something to tell.
+    /// Reads the hub's state into the frame; false if the hub is not connected.
     fn look(&mut self) -> Result<bool, Error> {
         let Some(session) = &mut self.session else { return Ok(false) };
         let number = self.frame.number;
@@ -338,7 +342,7 @@ impl Pilot {
             self.frame = Frame { number, ..Frame::of(&report) };
             return Ok(true);
         }
-        // Another maker's hub: what all of them tell.
+        // Another maker's hub: read the values that all hubs report.
         let (bulk, battery) = (session.bulk()?, session.battery()?);
         let look = self.looked_at.elapsed() > ENABLED;
         let before = std::mem::take(&mut self.frame.motors);
@@ -387,7 +391,7 @@ impl Pilot {
         }
     }
 
-    /// The hub does not answer any more. It lets its motors go by itself.
+    /// Drops the session with a hub that no longer answers. The hub's keep-alive disables its motors.
     fn lose(&mut self, why: &str) {
         self.session = None;
         (self.learning, self.playing) = (None, None);
@@ -400,9 +404,10 @@ impl Pilot {
         self.switch_off_if_any(&gone.to_string());
     }
 
-    /// Whatever the last frame said: an order may have come since.
+    /// Disables all motors, even if the last frame showed none enabled: an order may have come since. Pages get a notice only
+    /// if motors were enabled.
     fn switch_off_if_any(&mut self, why: &str) {
-        // Neither goes on and enables one.
+        // Neither an identification nor a scenario may enable a motor again.
         (self.learning, self.playing) = (None, None);
         let ran = self.frame.motors.iter().any(|motor| motor.enabled);
         if ran {
@@ -414,23 +419,23 @@ impl Pilot {
         }
     }
 
-    /// Fail-safe, and everybody is told.
+    /// Disables all motors, and sends a notice to all pages.
     fn switch_off(&mut self, why: &str) {
         (self.learning, self.playing) = (None, None);
         let Some(session) = &mut self.session else {
             let text = format!(
-                "all motors were to be switched off ({why}), but the hub is not connected; it does so by itself 2.5 s after it last heard of its host"
+                "motors could not be disabled ({why}): the hub is not connected; it disables them itself 2.5 s after the last packet"
             );
             return self.tell(&Message::Notice { text, grave: true }.text());
         };
         match session.fail_safe() {
             Ok(()) => {
-                let text = format!("all motors are off: {why}");
+                let text = format!("all motors are disabled: {why}");
                 self.tell(&Message::Notice { text, grave: true }.text());
             }
             Err(error) => {
                 let text = format!(
-                    "all motors were to be switched off ({why}), and the hub did not answer: {error}"
+                    "motors could not be disabled ({why}): {error}; the hub disables them itself 2.5 s after the last packet"
                 );
                 self.tell(&Message::Notice { text, grave: true }.text());
                 self.lose(&error.to_string());
@@ -438,7 +443,7 @@ impl Pilot {
         }
     }
 
-    /// One step of an identification.
+    /// Continues a running identification.
     fn learn(&mut self) -> Result<(), Trouble> {
         let (Some(learning), Some(session)) = (&mut self.learning, &mut self.session) else { return Ok(()) };
         let motor = learning.motor;
@@ -475,13 +480,13 @@ impl Pilot {
             }
             Identification::Refused(why) => self.finish_learning("refused", Some(why.to_string()), None),
             Identification::None => {
-                self.finish_learning("refused", Some("it was interrupted".to_owned()), None)
+                self.finish_learning("refused", Some("the identification was interrupted".to_owned()), None)
             }
         }
         Ok(())
     }
 
-    /// Whether the hub has stored its settings by now.
+    /// Asks about a running save, and sends a notice when it has ended.
     fn follow_save(&mut self) -> Result<(), Trouble> {
         let (Some(asked), Some(session)) = (&mut self.saving, &mut self.session) else { return Ok(()) };
         if asked.elapsed() < SAVING {
@@ -494,7 +499,7 @@ impl Pilot {
         }
         self.saving = None;
         let text = match why_unsaved(&report) {
-            None => "settings are saved, for whenever the hub starts".to_owned(),
+            None => "settings are saved".to_owned(),
             Some(why) => format!("settings are not saved: {why}"),
         };
         self.tell(&Message::Notice { text, grave: false }.text());
@@ -514,7 +519,7 @@ impl Pilot {
 
     fn tell_settings(&mut self, motor: u8) {
         let Some(session) = &mut self.session else { return };
-        // Another maker's hub has none to tell.
+        // Another maker's hub does not report settings.
         if let Ok(settings) = self.performer.settings(session, motor) {
             let text = Message::Settings(settings).text();
             self.tell(&text);
@@ -532,7 +537,7 @@ impl Pilot {
         self.line = line;
     }
 
-    /// All pages.
+    /// Sends a text to all pages.
     fn tell(&mut self, text: &Utf8Bytes) {
         self.pages.retain(|_, pen| pen.tell(text.clone()));
     }
@@ -544,12 +549,12 @@ impl Pilot {
     }
 }
 
-/// What pages are told of a hub that does not answer.
+/// Message about a hub that does not answer.
 const fn gone(why: String) -> Message {
     Message::Line { connected: false, why, reports: true, stores: false }
 }
 
-/// The motor whose settings an order is to change.
+/// The motor whose settings an order changes.
 const fn motor_of(order: &Order) -> Option<u8> {
     match *order {
         Order::Coefficients { motor, .. }
@@ -562,7 +567,7 @@ const fn motor_of(order: &Order) -> Option<u8> {
     }
 }
 
-/// The motor brakes until it stands.
+/// Starts an identification: enables the motor with power 0, so that it brakes until it stands.
 fn begin_to_learn(session: &mut Session<Line>, motor: u8, travel: Option<u32>) -> Result<Learning, Trouble> {
     let motor = channel(motor)?;
     session.set_power(motor, Control::ZERO)?;
@@ -572,7 +577,7 @@ fn begin_to_learn(session: &mut Session<Line>, motor: u8, travel: Option<u32>) -
     Ok(Learning { motor, travel: travel.unwrap_or(u32::MAX), since: now, stands: Some(0), asked: now })
 }
 
-/// What another maker's hub keeps of a motor.
+/// State of a motor, as another maker's hub reports it.
 fn ask_foreign(session: &mut Session<Line>, motor: u8) -> Result<OfMotor, Error> {
     let state = session.motor(motor)?;
     let share = f64::from(state.power.get()) / f64::from(Control::MAX.get());

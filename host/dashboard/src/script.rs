@@ -1,4 +1,4 @@
-//! A scenario's set-points, given to the hub when their times come.
+//! Sends a scenario's set-points to the hub at their times.
 //!
 //! ```
 //! use dashboard::script::Script;
@@ -17,7 +17,7 @@ use motor_hub_client::{Line, Session};
 use simulated::scenario::{Scenario, Timed};
 use std::time::{Duration, Instant};
 
-/// Who is told what, and when; times ascending.
+/// Set-points of a scenario, by ascending times.
 #[derive(Clone, Debug)]
 pub struct Script {
     length: Duration,
@@ -31,16 +31,16 @@ struct Step {
     setpoint: Setpoint,
 }
 
-/// One that is under way.
+/// State of a script that is being played.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Playing {
     since: Instant,
-    /// Steps that are done.
+    /// Number of steps that were sent.
     done: usize,
 }
 
 impl Script {
-    /// Of a scenario; `None` if it has no set-points, or one that a host cannot give so: motors in step.
+    /// The script of a scenario; `None` if the scenario has no set-points, or moves motors in step.
     #[must_use]
     pub fn of(scenario: &Scenario) -> Option<Self> {
         let step = |Timed { at_s, value: Command { motor, action } }: Timed<Command>| {
@@ -53,16 +53,16 @@ impl Script {
         Some(Self { length: Duration::from_secs_f64(scenario.duration_s), steps })
     }
 
-    /// It begins.
+    /// Starts playing.
     pub(crate) fn begin() -> Playing {
         Playing { since: Instant::now(), done: 0 }
     }
 
-    /// Gives what is due; true once it is over.
+    /// Sends the set-points that are due; true once the scenario is over.
     pub(crate) fn go_on(&self, playing: &mut Playing, session: &mut Session<Line>) -> Result<bool, Trouble> {
         let passed = playing.since.elapsed();
         while let Some((_, step)) = self.steps.get(playing.done).filter(|(at, _)| *at <= passed) {
-            step.give(session)?;
+            step.send(session)?;
             playing.done += 1;
         }
         Ok(passed >= self.length)
@@ -70,7 +70,7 @@ impl Script {
 }
 
 impl Step {
-    fn give(&self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    fn send(&self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let motor = self.motor;
         let mode = match self.setpoint {
             Setpoint::ConstantPower(power) => {
@@ -86,7 +86,7 @@ impl Step {
                 session.set_position(motor, target, tolerance)?;
                 RunMode::Position
             }
-            // Scenarios have no others.
+            // Scenarios have no other set-points.
             _ => return Ok(session.enable(motor, false)?),
         };
         session.set_mode(motor, mode, self.zero)?;

@@ -1,4 +1,4 @@
-//! Listens, and gives every connection a thread of its own.
+//! Listens for connections, and serves each one in its own thread.
 //!
 //! ```
 //! use dashboard::Server;
@@ -19,13 +19,13 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{self, Sender};
 use std::time::{Duration, Instant};
 
-/// Connections at once; a page has one, and some more while it loads.
+/// Largest number of simultaneous connections; a page has one, and some more while it loads.
 const MOST: u32 = 48;
 
-/// The longest that a request may take to come, or an answer to be taken.
+/// Time-out for receiving a request, and for sending an answer.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// An address, and what is known of who may come in.
+/// The server of the page: its listener, and the gate that admits requests.
 #[derive(Debug)]
 pub struct Server {
     listener: TcpListener,
@@ -33,27 +33,27 @@ pub struct Server {
     gate: Gate,
 }
 
-/// Why nothing is served.
+/// Why the server could not start.
 #[derive(Debug, thiserror::Error)]
 pub enum BindError {
-    /// The address cannot be listened to.
-    #[error("{address} cannot be listened to: {error}")]
+    /// Listening at the address failed.
+    #[error("cannot listen at {address}: {error}")]
     Address {
-        /// As it was given.
+        /// Address as given.
         address: String,
-        /// Why not.
+        /// Error of the operating system.
         error: std::io::Error,
     },
-    /// No token can be drawn.
-    #[error("the system has no random numbers for a token: {0}")]
+    /// The system gave no random numbers for a token.
+    #[error("the system gives no random numbers for a token: {0}")]
     Random(getrandom::Error),
 }
 
 impl Server {
-    /// Listens at an address; port 0 is any that is free.
+    /// Listens at an address; port 0 chooses a free port.
     ///
     /// # Errors
-    /// It cannot be listened to, or there is no token.
+    /// Listening fails, or the system gives no random numbers.
     pub fn bind(address: &str) -> Result<Self, BindError> {
         let fails = |error| BindError::Address { address: address.to_owned(), error };
         let listener = TcpListener::bind(address).map_err(fails)?;
@@ -62,19 +62,19 @@ impl Server {
         Ok(Self { listener, address, gate })
     }
 
-    /// Where it listens.
+    /// Address at which the server listens.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What a browser is to open: it has the token in it.
+    /// URL of the page, with the token.
     #[must_use]
     pub fn url(&self) -> String {
         format!("http://{}/?token={}", reachable(self.address), self.gate.token())
     }
 
-    /// Serves the hub at a place until `stop` is set, then switches its motors off.
+    /// Serves the hub at a place until `stop` is set, then disables its motors.
     pub fn run(self, place: Place, stop: &AtomicBool) {
         let (events, heard) = mpsc::channel();
         let Self { listener, gate, .. } = self;
@@ -83,16 +83,16 @@ impl Server {
     }
 }
 
-/// The address by which others reach a server that listens at all addresses: the one from which this machine would talk to
-/// the world. Nothing is sent for it.
+/// An address that other machines can reach. For a server that listens at all addresses it is the source address of packets
+/// to the internet. No packet is sent to find it.
 fn reachable(address: SocketAddr) -> SocketAddr {
     if !address.ip().is_unspecified() {
         return address;
     }
-    // An address that is nobody's (RFC 5737, RFC 3849).
-    let nobody = if address.is_ipv4() { "192.0.2.1:9" } else { "[2001:db8::1]:9" };
+    // Addresses reserved for documentation (RFC 5737, RFC 3849).
+    let outside = if address.is_ipv4() { "192.0.2.1:9" } else { "[2001:db8::1]:9" };
     let own = UdpSocket::bind((address.ip(), 0)).and_then(|socket| {
-        socket.connect(nobody)?;
+        socket.connect(outside)?;
         socket.local_addr()
     });
     own.map_or(address, |own| SocketAddr::new(own.ip(), address.port()))
@@ -106,14 +106,14 @@ fn listen(listener: &TcpListener, gate: &Gate, events: &Sender<Event>) {
         let (connections, pages) = (Arc::clone(&connections), Arc::clone(&pages));
         let full = connections.fetch_add(1, Ordering::Relaxed) >= MOST;
         std::thread::spawn(move || {
-            // Who goes away in the middle of it has no use for an error.
+            // An error means that the client has closed the connection.
             let _ = serve(stream, &gate, full, &events, &pages);
             connections.fetch_sub(1, Ordering::Relaxed);
         });
     }
 }
 
-/// One request, and the socket if it is for that.
+/// Serves one request, and the WebSocket if the request asks for it.
 fn serve(
     mut stream: TcpStream,
     gate: &Gate,
@@ -126,7 +126,7 @@ fn serve(
     stream.set_nodelay(true)?;
     let local = stream.local_addr()?;
     if full {
-        return refuse(&mut stream, "503 Service Unavailable", "too many connections");
+        return refuse(&mut stream, "503 Service Unavailable", "too many connections: close other pages");
     }
     let head = match Head::read(&mut stream, Instant::now() + PATIENCE) {
         Ok(head) => head,
@@ -150,7 +150,7 @@ fn serve(
 fn send(stream: &mut TcpStream, path: &str) -> std::io::Result<()> {
     match assets::find(path) {
         Some(asset) => http::answer(stream, "200 OK", asset.kind, asset.bytes),
-        None => refuse(stream, "404 Not Found", "there is no such file"),
+        None => refuse(stream, "404 Not Found", "no such file"),
     }
 }
 

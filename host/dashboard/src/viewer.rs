@@ -1,4 +1,4 @@
-//! One page: what comes in at its socket goes to the pilot, and what the pilot says goes out.
+//! The socket of one page: passes orders to the pilot, and messages of the pilot to the page.
 
 use crate::frame::refused;
 use crate::order::Order;
@@ -12,20 +12,20 @@ use std::time::Duration;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Error, Message, Utf8Bytes, WebSocket};
 
-/// Texts that wait for a page before frames are left out. Less than a second's, so that a page is not taken to be there by
-/// what it is shown late.
+/// Number of waiting texts from which frames to a page are skipped. It is less than one second's frames, so that the page
+/// never shows frames as old as [`SILENCE`](crate::desk::SILENCE).
 const BACKLOG: usize = 25;
 
-/// A page for which so much waits is given up.
+/// Number of waiting texts from which a page is dropped.
 const MOST: usize = 500;
 
-/// The longest order, in bytes.
+/// Longest order in bytes.
 const LONGEST: usize = 16 * 1024;
 
-/// The longest that a frame waits for a page to say something.
+/// Longest wait for an order before waiting texts are sent.
 const POLL: Duration = Duration::from_millis(3);
 
-/// How a page is told something.
+/// Sends texts to a page.
 #[derive(Clone, Debug)]
 pub(crate) struct Pen {
     say: Sender<Utf8Bytes>,
@@ -33,18 +33,18 @@ pub(crate) struct Pen {
 }
 
 impl Pen {
-    /// False if the page is to be given up.
+    /// Sends a text; false if the page must be dropped.
     pub(crate) fn tell(&self, text: Utf8Bytes) -> bool {
         self.waiting.fetch_add(1, Ordering::Relaxed) < MOST && self.say.send(text).is_ok()
     }
 
-    /// The same of a frame, which a page that does not keep up misses.
+    /// Sends a frame, which is skipped if the page is too slow; false if the page must be dropped.
     pub(crate) fn show(&self, text: Utf8Bytes) -> bool {
         self.waiting.load(Ordering::Relaxed) >= BACKLOG || self.tell(text)
     }
 }
 
-/// Until the page goes away, or the pilot does.
+/// Serves the socket of a page until the page or the pilot ends.
 pub(crate) fn attend(stream: TcpStream, id: u32, events: &Sender<Event>) {
     if stream.set_read_timeout(Some(POLL)).is_err() {
         return;
@@ -63,12 +63,12 @@ pub(crate) fn attend(stream: TcpStream, id: u32, events: &Sender<Event>) {
     let _ = socket.close(None);
 }
 
-/// False if the page is gone.
+/// Reads an order and passes it to the pilot; false if the page is gone.
 fn hear(socket: &mut WebSocket<TcpStream>, id: u32, events: &Sender<Event>) -> bool {
     match socket.read() {
         Ok(Message::Text(text)) => match serde_json::from_str::<Order>(&text) {
             Ok(order) => events.send(Event::Said(id, order)).is_ok(),
-            Err(error) => socket.send(Message::Text(refused(&format!("this is no order: {error}")))).is_ok(),
+            Err(error) => socket.send(Message::Text(refused(&format!("not an order: {error}")))).is_ok(),
         },
         Ok(Message::Close(_)) => false,
         Ok(_) => true,
@@ -77,7 +77,7 @@ fn hear(socket: &mut WebSocket<TcpStream>, id: u32, events: &Sender<Event>) -> b
     }
 }
 
-/// False if the page is gone.
+/// Sends all waiting texts; false if the page is gone.
 fn tell(socket: &mut WebSocket<TcpStream>, said: &Receiver<Utf8Bytes>, waiting: &AtomicUsize) -> bool {
     loop {
         match said.try_recv() {

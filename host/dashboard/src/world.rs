@@ -1,4 +1,4 @@
-//! What a page may do to a simulated hub's motors and battery, while it runs.
+//! Changes that a page may make to a simulated hub's motors and battery while the hub runs.
 //!
 //! ```
 //! use dashboard::world::{World, WorldOrder};
@@ -15,69 +15,69 @@ use simulated::serve::hands::{Hands, OnMotor};
 use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Battery voltages that may be asked for, in volts.
+/// Allowed battery voltages, in volts.
 pub const BATTERY_V: RangeInclusive<f64> = 0.0..=16.0;
-/// Torques, in newton metres.
+/// Allowed torques, in newton metres.
 pub const TORQUE_NM: RangeInclusive<f64> = -5.0..=5.0;
-/// Moments of inertia, in kg m².
+/// Allowed moments of inertia, in kg m².
 pub const INERTIA_KG_M2: RangeInclusive<f64> = 0.0..=0.05;
 
-/// Shared by the page's server and whoever runs the simulated hub.
+/// The changes in force, shared by the page's server and the simulation.
 #[derive(Clone, Debug, Default)]
 pub struct World(Arc<Mutex<Hands>>);
 
-/// What is to be done to it.
+/// An order that changes the world.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum WorldOrder {
-    /// The battery's voltage without load; nothing is the scenario's.
+    /// Sets the battery's voltage without load.
     Battery {
-        /// In volts.
+        /// Voltage in volts; `None` for the value of the scenario.
         volts: Option<f64>,
     },
-    /// An external torque on a motor's output shaft; nothing is the scenario's.
+    /// Sets an external torque on a motor's output shaft.
     Torque {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
-        /// In newton metres, positive clockwise.
+        /// Torque in newton metres, positive clockwise; `None` for the value of the scenario.
         nm: Option<f64>,
     },
-    /// What a motor's output shaft turns; nothing is the scenario's.
+    /// Sets the moment of inertia on a motor's output shaft.
     Inertia {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
-        /// In kg m².
+        /// Moment of inertia in kg m²; `None` for the value of the scenario.
         kg_m2: Option<f64>,
     },
-    /// Holds a shaft, or lets it go.
+    /// Holds or releases a shaft.
     Hold {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
-        /// So that it cannot turn.
+        /// True if the shaft cannot turn.
         held: bool,
     },
-    /// How a motor's encoder is.
+    /// Sets the state of a motor's encoder.
     Encoder {
-        /// 0 to 3.
+        /// Motor, 0 to 3.
         motor: u8,
-        /// Which way.
+        /// State of the encoder.
         is: EncoderIs,
     },
-    /// All as the scenario has it.
+    /// Resets everything to the scenario.
     Reset,
 }
 
-/// How an encoder is.
+/// State of an encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EncoderIs {
-    /// As it should be.
+    /// The encoder works.
     Sound,
     /// No wire is connected.
     Unplugged,
-    /// Its wires have changed places.
+    /// The wires A and B are swapped.
     Reversed,
-    /// A wire makes contact now and then.
+    /// A wire has contact only at times.
     Loose,
 }
 
@@ -92,7 +92,7 @@ impl From<EncoderIs> for Encoder {
     }
 }
 
-/// As pages are told it.
+/// State of the world, as sent to pages.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WorldIs {
     volts: Option<f64>,
@@ -108,13 +108,13 @@ struct MotorIs {
 }
 
 impl World {
-    /// As it is now.
+    /// The changes in force.
     #[must_use]
     pub fn hands(&self) -> Hands {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// For pages.
+    /// State of the world, as sent to pages.
     #[must_use]
     pub fn is(&self) -> WorldIs {
         let Hands { emf_v, motors, .. } = self.hands();
@@ -133,16 +133,16 @@ impl World {
         WorldIs { volts: emf_v, motors: motors.iter().map(motor).collect() }
     }
 
-    /// The scenario begins anew, and nobody meddles with it.
+    /// Restarts the scenario and drops all changes.
     pub(crate) fn restart(&self) {
         let mut hands = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         *hands = Hands { restarts: hands.restarts.wrapping_add(1), ..Hands::default() };
     }
 
-    /// Does what is asked for.
+    /// Applies an order.
     ///
     /// # Errors
-    /// What is out of range, and what is allowed.
+    /// A text with the value that is out of range, and the allowed range.
     pub fn change(&self, order: &WorldOrder) -> Result<(), String> {
         let mut hands = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mut wanted = *hands;
@@ -168,7 +168,7 @@ fn on(hands: &mut Hands, motor: u8) -> Result<&mut OnMotor, String> {
     hands
         .motors
         .get_mut(usize::from(motor))
-        .ok_or_else(|| format!("there is no motor {motor}; there are 0 to 3"))
+        .ok_or_else(|| format!("there is no motor {motor}; allowed is 0 to 3"))
 }
 
 fn within(

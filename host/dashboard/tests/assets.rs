@@ -1,4 +1,4 @@
-//! The files of the page: all of them are served, none is fetched from elsewhere, and the plots are those that were looked at.
+//! The files of the page: the server has all of them, the page loads nothing from other servers, and uPlot is unmodified.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use dashboard::assets;
@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// uPlot 1.6.32, as its makers publish it.
+/// Checksum of uPlot 1.6.32 as published.
 const UPLOT: [(&str, &str); 2] = [
     ("/vendor/uPlot.iife.min.js", "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f"),
     ("/vendor/uPlot.min.css", "df630c6a8d6f8eeaff264b50f73ce5b114f646ffd9a0bb74f049b0a00135fa04"),

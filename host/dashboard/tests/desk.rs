@@ -1,4 +1,4 @@
-//! Who is in control, and for how long a page is taken to be there.
+//! Which page is in control, and when a page counts as gone.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use dashboard::desk::{Desk, Gone, HIDDEN, SILENCE};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 const MS: Duration = Duration::from_millis(1);
 
-/// With page 1 in control, and the time.
+/// A desk with page 1 in control, and the present time.
 fn desk() -> (Desk, Instant) {
     let (mut desk, now) = (Desk::new(), Instant::now());
     desk.join(1, now);
@@ -14,7 +14,7 @@ fn desk() -> (Desk, Instant) {
     (desk, now)
 }
 
-/// Frames every 20 ms for so long, which page 1 shows so much later.
+/// Sends frames every 20 ms for a time; page 1 shows each frame after a delay.
 fn watch(desk: &mut Desk, from: Instant, length: Duration, late: usize) -> Option<(Gone, Duration)> {
     let frames = length.as_millis() as usize / 20;
     for frame in 0..frames {
@@ -52,7 +52,7 @@ fn silence_is_counted_from_the_newest_frame_that_was_shown_and_said_once() {
     desk.sent(1, now);
     desk.sent(2, now + 500 * MS);
     desk.shown(1, 2);
-    // An older one after it takes nothing back.
+    // An older frame shown later has no effect.
     desk.shown(1, 1);
     assert_eq!(desk.review(now + 500 * MS + SILENCE), None);
     assert_eq!(desk.review(now + 501 * MS + SILENCE), Some(Gone::Silent));

@@ -1,4 +1,4 @@
-//! A hub of another maker, which has only what all hosts know: the page says what it cannot show, and drives it all the same.
+//! A hub of another maker, which has only the published functions: the page says what it cannot show, and drives the hub.
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
 use dashboard::{Place, Server};
@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket, client};
 
-/// Answers as a hub that has never heard of this project.
+/// Answers like a hub without this project's own interface.
 fn foreign_hub() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();

@@ -1,4 +1,4 @@
-//! Who is let in, over real connections: what a page of another site, another machine or a broken program could send.
+//! Which requests are admitted, over real connections: requests of a page of another site, another machine, or a broken program.
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
 use dashboard::{Place, Server, assets};
@@ -17,13 +17,13 @@ fn served() -> (SocketAddr, String) {
     (address, url.split_once("token=").unwrap().1.to_owned())
 }
 
-/// What is answered to these bytes.
+/// The answer to these bytes.
 fn ask(address: SocketAddr, request: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
     stream.write_all(request.as_bytes()).unwrap();
     let (mut answer, mut chunk) = (Vec::new(), [0; 4096]);
-    // What is left unread by the server may break the connection, after its answer; a socket does not end.
+    // Bytes that the server has not read may break the connection after its answer. A WebSocket does not end.
     while let Ok(count @ 1..) = stream.read(&mut chunk) {
         answer.extend_from_slice(&chunk[..count]);
         if answer.starts_with(b"HTTP/1.1 101") {
@@ -110,7 +110,7 @@ fn the_socket_is_for_this_servers_own_page() {
         let answer = get(address, &target, &format!("{host}{origin}{HANDSHAKE}"));
         assert_eq!(status(&answer), "403", "{origin}: {answer}");
     }
-    // Another site may not read the page either.
+    // A page of another site must not read this page.
     let answer = get(address, &format!("/?token={token}"), &format!("{host}Origin: http://evil.example\r\n"));
     assert_eq!(status(&answer), "403");
     for wrong in ["/ws", "/ws?token=", "/ws?token=00000000000000000000000000000000"] {
@@ -170,7 +170,7 @@ fn what_is_no_request_is_refused_and_the_server_goes_on() {
     assert_eq!(status(&ask(address, "GET / HTTP/1.1\r\nHost\r\n\r\n")), "400");
     assert_eq!(status(&get(address, "/", &format!("X: {}\r\n", "x".repeat(10_000)))), "431");
     assert_eq!(status(&get(address, "/", &"X: x\r\n".repeat(100))), "431");
-    // Gone in the middle of it.
+    // The client closes the connection in the middle of its request.
     drop(TcpStream::connect(address).unwrap());
     TcpStream::connect(address).unwrap().write_all(b"GET /").unwrap();
     assert_eq!(status(&get(address, &format!("/?token={token}"), &host)), "200");
@@ -206,7 +206,7 @@ fn a_server_for_other_machines_names_an_address_that_they_reach_and_asks_for_the
     assert_eq!(named(&local.to_string(), ""), "403");
     assert_eq!(named("0.0.0.0", &query), "421");
     assert_eq!(named(&format!("0.0.0.0:{port}"), &query), "421", "nobody connects to that");
-    // A machine without a network has no address to name.
+    // A machine without a network has no address for other machines.
     if !host.starts_with("0.0.0.0") {
         let answer = get(host.parse().unwrap(), &format!("/{query}"), &format!("Host: {host}\r\n"));
         assert_eq!(status(&answer), "200");

@@ -11,25 +11,25 @@ use motor_hub_client::line::Line;
 use serde_json::json;
 use studies::table;
 
-/// Of which loop, and those to set.
+/// Motor, loop, and the coefficients to set.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3
     #[arg(value_parser = channel)]
     motor: u8,
-    /// Loop that they belong to
+    /// Loop to read or set
     #[arg(value_name = "LOOP", ignore_case = true)]
     of: LoopName,
-    /// Proportional: steps (32767 are all there is) per count/s; of a position, counts/s per count
+    /// Proportional: control steps (full control is 32767) per count/s; for a position, counts/s per count
     #[arg(long, value_name = "X", value_parser = coefficient)]
     p: Option<Coefficient>,
-    /// Integral: the same, added in every 50 ms, whatever the control period of the hub
+    /// Integral: unit of P, added every 50 ms, independent of the hub's control period
     #[arg(long, value_name = "X", value_parser = coefficient)]
     i: Option<Coefficient>,
-    /// Derivative: the same per change in 50 ms
+    /// Derivative: unit of P, per change in 50 ms
     #[arg(long, value_name = "X", value_parser = coefficient)]
     d: Option<Coefficient>,
-    /// Feed-forward: steps per count/s of the target, which with it are of the battery's voltage; none for a position
+    /// Feed-forward: control steps per count/s of the target; full control is then the battery voltage. Velocity only
     #[arg(long, value_name = "X", value_parser = coefficient)]
     f: Option<Coefficient>,
     /// JSON instead of a table
@@ -44,7 +44,7 @@ enum LoopName {
     Position,
 }
 
-/// Steps of a coefficient, 2^-16.
+/// Steps of a coefficient per unit: a step is 2^-16.
 const STEPS: f64 = 65_536.0;
 
 fn coefficient(text: &str) -> Result<Coefficient, String> {
@@ -59,11 +59,11 @@ fn decimal(coefficient: Coefficient) -> f64 {
 }
 
 impl Options {
-    /// What can be wrong before a hub is asked.
+    /// Checks the options before anything is sent.
     pub(super) fn check(&self) -> Result<(), Failure> {
         match (&self.of, self.f) {
             (LoopName::Position, Some(f)) if f != Coefficient::ZERO => {
-                Err(Failure::input("--f: a position has no feed-forward; it goes with velocity"))
+                Err(Failure::input("--f: a position has no feed-forward; give --f with velocity only"))
             }
             _ => Ok(()),
         }
@@ -77,7 +77,7 @@ impl Options {
         let mut pidf = session.coefficients(self.motor, of)?;
         if [self.p, self.i, self.d, self.f].iter().any(Option::is_some) {
             if [self.p, self.i].iter().flatten().any(|coefficient| coefficient.to_bits() < 0) {
-                say("warning: with P or I below 0 a motor runs away from its set-point");
+                say("warning: with P or I below 0 the motor runs away from its set-point");
             }
             let Pidf { p, i, d, f } = pidf;
             let (p, i) = (self.p.unwrap_or(p), self.i.unwrap_or(i));

@@ -1,4 +1,4 @@
-//! What motors are told to do by `power`, `velocity` and `position`, and whether they do.
+//! Set-points of `power`, `velocity` and `position`, and whether motors reach them.
 
 use super::driven::Driven;
 use super::live::motors_of;
@@ -20,7 +20,7 @@ pub(super) enum Course {
     Power(Control),
     /// Counts per second.
     Velocity(i16),
-    /// Counts, and counts per second on the way.
+    /// Counts, and a speed limit in counts per second.
     Position { counts: i32, tolerance: u16, speed: i16 },
 }
 
@@ -33,7 +33,7 @@ impl Course {
         }
     }
 
-    /// Says it to a motor, which does it once it is enabled.
+    /// Sends the set-point to a motor, which applies it once enabled.
     pub(super) fn set(self, session: &mut Session<Line>, motor: u8) -> Result<(), Error> {
         match self {
             Self::Power(power) => session.set_power(motor, power),
@@ -45,7 +45,7 @@ impl Course {
         }
     }
 
-    /// How fast it wants a motor to turn, in counts per second; on its way to a position that is a limit, no wish.
+    /// Requested speed in counts per second; `None` for a power, and for a position, whose speed is only a limit.
     const fn speed(self) -> Option<u32> {
         match self {
             Self::Velocity(cps) => Some(cps.unsigned_abs() as u32),
@@ -54,7 +54,7 @@ impl Course {
     }
 }
 
-/// Motors, and what all of them are to do for how long.
+/// Motors, their common set-point, and how long it lasts.
 pub(super) struct Order {
     pub(super) motors: Vec<u8>,
     pub(super) course: Course,
@@ -63,7 +63,7 @@ pub(super) struct Order {
 }
 
 impl Order {
-    /// Sets the motors going.
+    /// Sets mode and set-point of all motors, then enables them.
     pub(super) fn begin(&self, driven: &mut Driven<'_, Line>) -> Result<(), Trouble> {
         if let Some(speed) = self.course.speed() {
             let speeds: Vec<_> = self.motors.iter().map(|motor| (*motor, speed)).collect();
@@ -79,12 +79,12 @@ impl Order {
         Ok(())
     }
 
-    /// Fails if the hub has let go of a motor: fail-safe, a reset, a fault.
+    /// Fails if the hub has disabled a motor: after a fail-safe, a reset or a fault.
     pub(super) fn check(&self, session: &mut Session<Line>) -> Result<(), Trouble> {
         for &motor in &self.motors {
             if !session.enabled(motor)? {
                 let words = session.status(false)?.words().join(", ");
-                let says = format!("the hub has let motor {motor} go; its status: {words}");
+                let says = format!("the hub has disabled motor {motor}; hub status: {words}");
                 return Err(Failure::Work(says).into());
             }
         }
@@ -92,11 +92,11 @@ impl Order {
     }
 }
 
-/// Says which of these motors, by number and speed in counts per second, no voltage there is can make as fast; of hubs
-/// that tell what they know of their motors.
+/// Warns of motors whose requested speed exceeds their free speed at the present battery voltage. `speeds` are pairs of
+/// motor and speed in counts per second. Hubs that do not report their motors' constants give no warning.
 pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Result<(), Error> {
     let battery = session.battery()?;
-    // Of a battery that the hub does not know nothing follows.
+    // Without a battery voltage there is no free speed.
     if battery == Millivolts::default() {
         return Ok(());
     }
@@ -110,35 +110,36 @@ pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Resu
         if f64::from(wanted) > free {
             let volts = f64::from(battery.get()) / 1e3;
             say(&format!(
-                "warning: motor {motor} turns at {free:.0} counts/s at most with {volts:.1} V, by what the hub \
-                 knows of it; {wanted} are asked for"
+                "warning: motor {motor}: {wanted} counts/s requested, but its free speed at {volts:.1} V is {free:.0} \
+                 counts/s by its configured constants"
             ));
         }
     }
     Ok(())
 }
 
-/// The speed at which back EMF is all of the voltage, in counts per second.
+/// Free speed in counts per second: the speed at which the back EMF equals the battery voltage.
 fn free_speed(emf: EmfConstant, battery: Millivolts) -> f64 {
     f64::from(battery.get()) * f64::from(1 << 20) / f64::from(emf.to_bits())
 }
 
-/// In a row, and no faster than this, so that a motor that rushes through its target is not taken for one
-/// that is there: two counts in the hub's control period.
+/// Time for which motors must stand at their target to have arrived. A motor that only passes its target has not arrived.
 const STANDING_TIME: Duration = Duration::from_millis(90);
+/// Highest speed of a motor that stands: two counts in a control period of 50 ms.
 const STANDING_CPS: u16 = 40;
 
-/// A motor is at its velocity if its mean over this time is within a twentieth of it, or within two counts in the
-/// hub's control period.
+/// Time over which a speed is averaged.
 const VELOCITY_TIME: Duration = Duration::from_millis(500);
+/// Allowed error of the mean speed, as a share of the requested speed.
 const VELOCITY_SHARE: f64 = 0.05;
+/// Allowed error of the mean speed at low speeds: two counts in a control period of 50 ms.
 const VELOCITY_CPS: f64 = 40.0;
 
-/// How far motors are.
+/// Progress of motors towards their set-point.
 pub(super) struct Progress {
     course: Course,
     motors: Vec<u8>,
-    /// Since when all motors stand at their target.
+    /// Time since which all motors stand at their target.
     standing: Option<Duration>,
     velocities: VecDeque<(Duration, [i16; 4])>,
 }
@@ -149,7 +150,7 @@ impl Progress {
         Self { course, motors: motors.clone(), standing: None, velocities: VecDeque::new() }
     }
 
-    /// Takes what the hub says at a time since the start; true once all motors have arrived at a position.
+    /// Takes a reading at a time since the start; true once all motors have arrived at a position.
     pub(super) fn observe(&mut self, at: Duration, bulk: &Bulk) -> bool {
         self.velocities.push_back((at, bulk.velocities));
         while self.velocities.front().is_some_and(|(then, _)| at.saturating_sub(*then) > VELOCITY_TIME) {
@@ -162,12 +163,12 @@ impl Progress {
         stands && at.saturating_sub(since) >= STANDING_TIME
     }
 
-    /// Fails, and says which motors are not where they were told to be or as fast, now that time is over.
+    /// Judges the motion when its time is over: fails, and names the motors that did not reach the set-point.
     pub(super) fn judge(&self, length: Option<Duration>) -> Result<(), Failure> {
         let seconds = length.unwrap_or_default().as_secs_f64();
         match self.course {
             Course::Power(_) => Ok(()),
-            Course::Position { .. } => Err(Failure::Work(format!("not at the target after {seconds} s"))),
+            Course::Position { .. } => Err(Failure::Work(format!("target not reached after {seconds} s"))),
             Course::Velocity(wanted) => {
                 let missed: Vec<String> =
                     self.motors.iter().filter_map(|m| self.missed(*m, wanted)).collect();
@@ -175,19 +176,19 @@ impl Progress {
                     return Ok(());
                 }
                 let missed = missed.join(", ");
-                Err(Failure::Work(format!("not at {wanted} counts/s after {seconds} s: {missed}")))
+                Err(Failure::Work(format!("{wanted} counts/s not reached after {seconds} s: {missed}")))
             }
         }
     }
 
-    /// How fast a motor is that is not as fast as it should be.
+    /// Text with a motor's mean speed in counts per second, if the motor has missed the requested speed.
     fn missed(&self, motor: u8, wanted: i16) -> Option<String> {
         let of_motor = self.velocities.iter().filter_map(|(_, all)| all.get(usize::from(motor)));
         let sum: f64 = of_motor.map(|cps| f64::from(*cps)).sum();
         let mean = sum / self.velocities.len().max(1) as f64;
         let allowed = (VELOCITY_SHARE * f64::from(wanted).abs()).max(VELOCITY_CPS);
         let off = (mean - f64::from(wanted)).abs() > allowed;
-        off.then(|| format!("motor {motor} at {mean:.0}"))
+        off.then(|| format!("motor {motor} at {mean:.0} counts/s"))
     }
 }
 
@@ -213,7 +214,7 @@ mod tests {
             let judged = progress(Course::Velocity(wanted), &[is; 9]).judge(None).is_ok();
             assert_eq!(judged, reached, "{wanted} {is}");
         }
-        // The way there does not count.
+        // The acceleration before does not count.
         assert!(progress(Course::Velocity(500), &[0, 200, 500, 500, 500, 500, 500, 500]).judge(None).is_ok());
     }
 

@@ -1,4 +1,4 @@
-//! `motor-hub client power`, `velocity` and `position`: motors that run while the command does.
+//! `motor-hub client power`, `velocity` and `position`: motors run while the command runs.
 
 use super::course::{Course, Order, Progress};
 use super::driven::Driven;
@@ -14,25 +14,25 @@ use motor_hub_client::line::Line;
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-/// The motors that the protocol knows.
+/// All motors of the protocol.
 pub(crate) const ALL: [u8; motor_hub::protocol::CHANNELS] = [0, 1, 2, 3];
 
-/// Ten readings a second, which are far more than the hub's keep-alive needs.
+/// Interval between readings, far shorter than the hub's keep-alive of 2.5 s.
 pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
 
-/// Readings a line, where output is no terminal.
+/// Readings per printed line, if output is not a terminal.
 pub(crate) const LINE: u32 = 10;
 
-/// Motors, and for how long.
+/// Options of all three commands.
 #[derive(clap::Args)]
 struct Common {
-    /// Motor 0 to 3, several as 0,2 or all
+    /// Motor 0 to 3, several as 0,2, or all
     #[arg(value_name = "MOTOR", value_parser = motors)]
     motors: Motors,
-    /// Ends after so many seconds
+    /// Longest duration in seconds [default: no limit]
     #[arg(long = "for-s", alias = "for", value_name = "S", value_parser = within_a_day)]
     length: Option<Duration>,
-    /// At zero the motors float; otherwise they brake
+    /// Motors float at zero [default: they brake]
     #[arg(long)]
     float: bool,
     #[command(flatten)]
@@ -47,7 +47,7 @@ fn motors(text: &str) -> Result<Motors, String> {
         return Ok(Motors(ALL.to_vec()));
     }
     let motors = text.split(',').map(channel).collect::<Result<BTreeSet<u8>, _>>();
-    let motors = motors.map_err(|why| format!("{why}, several as 0,2 or all"))?;
+    let motors = motors.map_err(|why| format!("{why}, several as 0,2, or all"))?;
     Ok(Motors(motors.into_iter().collect()))
 }
 
@@ -56,7 +56,7 @@ fn motors(text: &str) -> Result<Motors, String> {
 pub(crate) struct PowerOptions {
     #[command(flatten)]
     common: Common,
-    /// Share of full power, -1 to 1; positive counts up
+    /// Share of full power, -1 to 1; positive makes the encoder count up
     #[arg(value_name = "VALUE", value_parser = power)]
     value: Control,
 }
@@ -72,7 +72,7 @@ pub(super) fn power(text: &str) -> Result<Control, String> {
 pub(crate) struct VelocityOptions {
     #[command(flatten)]
     common: Common,
-    /// Counts per second, -32768 to 32767; or of the output shaft, as 30rpm or 3.1rad/s
+    /// Speed in counts per second, -32768 to 32767; or of the output shaft, as 30rpm or 3.1rad/s
     #[arg(value_name = "SPEED", allow_hyphen_values = true)]
     speed: Speed,
 }
@@ -82,33 +82,33 @@ pub(crate) struct VelocityOptions {
 pub(crate) struct PositionOptions {
     #[command(flatten)]
     common: Common,
-    /// Where to go
+    /// Target position in counts
     #[arg(value_name = "COUNTS", value_parser = whole("a position", i32::MIN..=i32::MAX, "counts"))]
     counts: i32,
-    /// Counts from there that are near enough
+    /// Largest distance in counts at which the target counts as reached
     #[arg(long = "tolerance-counts", alias = "tolerance", value_name = "COUNTS", default_value_t = 5)]
     #[arg(value_parser = whole("a tolerance", 0..=u16::MAX, "counts"))]
     tolerance: u16,
-    /// Speed limit on the way, in counts per second, or as 30rpm or 3.1rad/s
+    /// Speed limit in counts per second, or as 30rpm or 3.1rad/s
     #[arg(long, value_name = "SPEED", default_value = "1000", allow_hyphen_values = true)]
     speed: Speed,
 }
 
-/// What makes motors turn.
+/// The commands that make motors turn.
 #[derive(clap::Subcommand)]
 pub(crate) enum Drive {
-    /// Runs motors with constant power, disabled at the end
+    /// Runs motors with constant power, then disables them
     Power(PowerOptions),
-    /// Runs motors with regulated velocity, disabled at the end
+    /// Runs motors with regulated velocity, then disables them
     ///
-    /// With --for-s it fails (exit code 1) unless all motors have that speed in the end, within 5 %.
+    /// With --for-s the command fails (exit code 1) unless all motors have the speed at the end, within 5 %.
     Velocity(VelocityOptions),
-    /// Moves motors to a position and disables them there
+    /// Moves motors to a position, then disables them
     Position(PositionOptions),
 }
 
 impl Drive {
-    /// What is asked for, and the counts of a turn where they are known.
+    /// The requested motion, and the encoder counts in a turn if known.
     pub(super) fn order(&self) -> Result<(Order, Option<f64>), Failure> {
         let common = match self {
             Self::Power(options) => &options.common,
@@ -122,7 +122,10 @@ impl Drive {
             &Self::Position(PositionOptions { counts, tolerance, speed, .. }) => {
                 let speed = speed.cps(turn)?;
                 if speed < 1 {
-                    return Err(Failure::Input(format!("--speed is 1 to {} counts/s", i16::MAX)));
+                    return Err(Failure::Input(format!(
+                        "--speed: {speed} counts/s is out of range; allowed is 1 to {}",
+                        i16::MAX
+                    )));
                 }
                 Course::Position { counts, tolerance, speed }
             }
@@ -150,7 +153,7 @@ impl Drive {
     }
 }
 
-/// Shows what the motors do until `arrived` says true, or the time is over; true if they have arrived.
+/// Shows the motors until `arrived` returns true or the time is over; true if they have arrived.
 fn follow(
     session: &mut Session<Line>,
     order: &Order,
@@ -175,7 +178,7 @@ fn follow(
         order.check(session)?;
         Ok(arrived(reading))
     });
-    // The last reading is what it came to.
+    // The last reading is always printed.
     unsaid.map_or(Ok(()), |line| print(&line))?;
     done
 }

@@ -1,5 +1,5 @@
-//! Motors that a command has set going: however the command ends, they are disabled. And motors that nobody drives
-//! any more: they are disabled before a command does anything else.
+//! Disables motors that a command has enabled, however the command ends. Also disables motors that a former host left
+//! enabled, before a command does anything else.
 
 use super::drive::ALL;
 use super::interrupt;
@@ -10,22 +10,22 @@ use std::io::{Read, Write};
 use std::ops::{Deref, DerefMut};
 use std::time::{Duration, Instant};
 
-/// So long after it last heard of its host the hub lets motors go by itself.
+/// Keep-alive timeout of the hub: without a packet for this time the hub disables all motors.
 const KEEP_ALIVE: Duration = Duration::from_millis(2500);
 
-/// How long a motor's disabling is waited for before the next one is disabled, whatever else was asked for.
+/// Time-out for disabling one motor, before the next motor is disabled. It shortens a longer `--timeout-ms`.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// A session whose motors are disabled when it is dropped.
 pub(super) struct Driven<'a, L: Read + Write> {
     session: &'a mut Session<L>,
-    /// Those that may be enabled, even if the answer got lost.
+    /// Motors that may be enabled, also if the hub's answer was lost.
     motors: Vec<u8>,
 }
 
 impl<'a, L: Read + Write> Driven<'a, L> {
-    /// Does some work with motors and disables them, whether it was done, failed, panicked, or was ended by a
-    /// signal, which it finds by `interrupt::wait`. Says on standard error that it did when something went wrong.
+    /// Runs `work`, then disables the motors that it has enabled: after success, an error, a panic, or a signal. `work`
+    /// notices a signal by `interrupt::wait`. After anything but success, standard error names the disabled motors.
     pub(super) fn run<T>(
         session: &'a mut Session<L>,
         work: impl FnOnce(&mut Self) -> Result<T, Trouble>,
@@ -43,7 +43,7 @@ impl<'a, L: Read + Write> Driven<'a, L> {
         }
     }
 
-    /// Lets a motor run, until the work is done.
+    /// Enables a motor until the work is done.
     pub(super) fn enable(&mut self, motor: u8) -> Result<(), Error> {
         if !self.motors.contains(&motor) {
             self.motors.push(motor);
@@ -58,19 +58,19 @@ impl<'a, L: Read + Write> Driven<'a, L> {
         Ok(())
     }
 
-    /// Disables what was enabled; which that is.
+    /// Disables the motors that were enabled, and returns them.
     pub(super) fn stop(&mut self) -> Result<Vec<u8>, Failure> {
         let motors = std::mem::take(&mut self.motors);
         self.session.hurry(PATIENCE);
         let end = Instant::now() + KEEP_ALIVE;
         loop {
-            // All of them, whatever goes wrong with one.
+            // An error of one motor does not keep the others from being disabled.
             let stopped = motors.iter().map(|motor| self.session.enable(*motor, false));
             match stopped.fold(Ok(()), Result::and) {
                 Ok(()) => return Ok(motors),
                 Err(error) if Instant::now() > end || matches!(error, Error::HungUp | Error::Line(_)) => {
                     return Err(Failure::Work(format!(
-                        "{} could not be disabled: {error}; the hub lets go {} s after it last heard of its host",
+                        "{} could not be disabled: {error}; the hub disables all motors {} s after the last packet",
                         names(&motors),
                         KEEP_ALIVE.as_secs_f64()
                     )));
@@ -81,7 +81,7 @@ impl<'a, L: Read + Write> Driven<'a, L> {
     }
 }
 
-/// Says which motors were disabled, or that they could not be.
+/// Prints which motors were disabled, or that they could not be disabled.
 pub(super) fn tell(stopped: Result<Vec<u8>, Failure>) {
     match stopped {
         Ok(motors) if motors.is_empty() => (),
@@ -90,7 +90,7 @@ pub(super) fn tell(stopped: Result<Vec<u8>, Failure>) {
     }
 }
 
-/// As "motor 0" or "motors 0, 2".
+/// Text such as "motor 0" or "motors 0, 2".
 fn names(motors: &[u8]) -> String {
     let numbers: Vec<String> = motors.iter().map(u8::to_string).collect();
     format!("motor{} {}", if numbers.len() == 1 { "" } else { "s" }, numbers.join(", "))
@@ -98,7 +98,7 @@ fn names(motors: &[u8]) -> String {
 
 impl<L: Read + Write> Drop for Driven<'_, L> {
     fn drop(&mut self) {
-        // Nothing is left, unless the work panicked.
+        // Motors remain only if the work panicked.
         if !self.motors.is_empty() {
             tell(self.stop());
         }
@@ -119,8 +119,8 @@ impl<L: Read + Write> DerefMut for Driven<'_, L> {
     }
 }
 
-/// Disables motors that a host which is gone has left enabled, and says so: every packet, even a question, would
-/// keep them going. A line has one host at a time, so whoever enabled them is no longer there.
+/// Disables motors that a former host has left enabled, and reports that: any packet would reset the keep-alive that stops
+/// them. A line has one host at a time, so the host that enabled them is gone.
 pub(super) fn stop_abandoned(session: &mut Session<impl Read + Write>) -> Result<(), Error> {
     let mut found = Vec::new();
     for motor in ALL {

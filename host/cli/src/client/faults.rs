@@ -11,25 +11,26 @@ use motor_hub_client::line::Line;
 use serde_json::{Value, json};
 use studies::table;
 
-/// What `--help` says.
+/// Text of the long help.
 pub(crate) const HELP: &str = "\
-What happened: the last faults and resets of a hub of this project, newest first
+Lists the last faults and resets of a hub of this project, newest first
 
-Each has a number, of which docs/reference/fault-numbers.md says what it means, what the hub does and what to look at. With the number of an \
-entry: its last 64 control ticks, of the motor at fault or, when the hub itself was, of the one that was driven most.
+docs/reference/fault-numbers.md explains each fault number: meaning, reaction of the hub, and what to check. With the number \
+of an entry the command shows the 64 control ticks before the fault. They are those of the motor at fault or, for a fault of \
+the hub itself, of the motor with the largest control value.
 
-The hub keeps them in memory that a reset leaves alone; without supply they are gone.";
+The record survives a reset, but not a loss of power.";
 
-/// Of which entry, and in which form.
+/// Which entry to show, and in which form.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// The ticks of this entry, by its number in the first column
+    /// Shows the control ticks of this entry, by its number in the first column
     #[arg(value_parser = whole("an entry", 0..=u16::MAX, ""))]
     entry: Option<u16>,
-    /// JSON instead of tables, with all ticks that there are
+    /// JSON instead of tables, with the ticks of all entries
     #[arg(long, conflicts_with = "entry")]
     json: bool,
-    /// The hub forgets them after it has told them
+    /// Clears the hub's record afterwards
     #[arg(long)]
     clear: bool,
 }
@@ -37,7 +38,7 @@ pub(crate) struct Options {
 impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let Some((run, heads)) = session.recorded()? else {
-            return Err(Failure::Work("this hub keeps no record of what happened".to_owned()).into());
+            return Err(Failure::Work("this hub keeps no record of faults".to_owned()).into());
         };
         match self.entry {
             Some(number) => {
@@ -67,16 +68,16 @@ fn no_ticks(number: u16, heads: &[Head]) -> Trouble {
     let with: Vec<String> =
         heads.iter().filter(|head| head.ticks > 0).map(|head| head.number.to_string()).collect();
     let with = if with.is_empty() {
-        "none has".to_owned()
+        "no entry has ticks".to_owned()
     } else {
-        format!("there are those of {}", with.join(", "))
+        format!("entries with ticks: {}", with.join(", "))
     };
-    Failure::Work(format!("the hub has no ticks of an entry {number}; {with}")).into()
+    Failure::Work(format!("the hub has no ticks of entry {number}; {with}")).into()
 }
 
 fn list(run: u32, heads: &[Head]) -> String {
     if heads.is_empty() {
-        return format!("nothing happened; this is run {run} since the record began\n");
+        return format!("No faults or resets recorded. This is run {run} since the record began.\n");
     }
     let mut table =
         table::new(&["entry", "fault", "run", "after", "times", "motor", "drive", "battery", "ticks"], 2);
@@ -95,7 +96,9 @@ fn list(run: u32, heads: &[Head]) -> String {
             head.ticks.to_string(),
         ]);
     }
-    format!("{table}\nThis is run {run}. What each fault means: docs/reference/fault-numbers.md\n")
+    format!(
+        "{table}\nThis is run {run} since the record began. Faults are explained in docs/reference/fault-numbers.md\n"
+    )
 }
 
 fn ticks(head: &Head, ticks: &[Tick]) -> String {
@@ -111,7 +114,7 @@ fn ticks(head: &Head, ticks: &[Tick]) -> String {
     }
     let motor = head.motor.map_or_else(String::new, |motor| format!(", motor {motor}"));
     format!(
-        "{} {}{motor}; position in counts, its lower 16 bits; velocity in counts/s\n{table}\n",
+        "{} {}{motor}\nPosition in counts (lower 16 bits), velocity in counts/s, control -1 to 1\n{table}\n",
         head.fault.number(),
         head.fault.name()
     )
@@ -164,7 +167,7 @@ fn drive(drive: Drive) -> String {
     format!("{} {:.1} %", drive.mode.name(), 100.0 * drive.duty.to_f64())
 }
 
-/// -1 to 1.
+/// Control value as a share of full control, -1 to 1.
 fn share(control: Control) -> f64 {
     f64::from(control.get()) / f64::from(Control::MAX.get())
 }

@@ -18,22 +18,22 @@ use serde_json::json;
 use std::time::{Duration, Instant};
 use studies::identify::{self, found_table};
 
-/// A motor that brakes for so long stands, unless something drives it.
+/// Longest wait for a braked motor to stand. A motor that still turns is driven by its load.
 const LONGEST_REST: Duration = Duration::from_secs(5);
-/// The slowest motor is done in half of it.
+/// Time-out of an identification; the slowest motor needs half of it.
 const LONGEST: Duration = Duration::from_secs(30);
 
-/// Of which motor, within what, and what becomes of it.
+/// Motor, travel limit, and use of the result.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3
     #[arg(value_parser = channel)]
     pub(super) motor: u8,
-    /// Counts that it may turn at most, either way; fewer than it would make the motion shorter
+    /// Longest travel either way, in counts; a small limit makes the motion shorter [default: no limit]
     #[arg(long = "travel-counts", alias = "travel", value_name = "COUNTS", default_value_t = u32::MAX)]
     #[arg(hide_default_value = true, value_parser = whole("a travel", 0..=u32::MAX, "counts"))]
     travel: u32,
-    /// What was found is put in force, until the hub's reset; coefficients that a host gave are forgotten
+    /// Applies the result until the hub's reset; coefficients set by a host are dropped
     #[arg(long)]
     pub(super) apply: bool,
     /// JSON instead of a table
@@ -51,7 +51,7 @@ impl Options {
         self.show(outcome)
     }
 
-    /// Enables the motor, and has the hub learn how it moves.
+    /// Enables the motor, identifies it, and disables it.
     pub(super) fn learned(&self, session: &mut Session<Line>) -> Result<Identification, Trouble> {
         Driven::run(session, |driven| {
             driven.set_mode(self.motor, RunMode::Power, ZeroPower::Brake)?;
@@ -61,7 +61,7 @@ impl Options {
         })
     }
 
-    /// Waits until the motor, which brakes, stands; if it never does, the hub will say so.
+    /// Waits until the braked motor stands. If the motor never stands, the hub refuses the identification.
     fn rest(&self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let end = Instant::now() + LONGEST_REST;
         let mut last = None;
@@ -76,13 +76,13 @@ impl Options {
         Ok(())
     }
 
-    /// Sets the motor going, and follows it to the end.
+    /// Starts the identification, and follows it to its end.
     fn learn(&self, session: &mut Session<Line>) -> Result<Identification, Trouble> {
         self.rest(session)?;
         let motor = self.motor;
         let travel = session.identify(motor, self.travel)?;
         // The motor rests for 0.2 s before it turns.
-        self.say(&format!("motor {motor} turns at most {travel} counts either way, for some 3 s\n"))?;
+        self.say(&format!("motor {motor}: turns at most {travel} counts either way, for some 3 s\n"))?;
         let mut live = Live::new();
         let end = Instant::now() + LONGEST;
         for look in 1u32.. {
@@ -96,13 +96,15 @@ impl Options {
             }
             if Instant::now() > end {
                 let seconds = LONGEST.as_secs();
-                return Err(Failure::Work(format!("motor {motor} is not known after {seconds} s")).into());
+                return Err(
+                    Failure::Work(format!("motor {motor} was not identified within {seconds} s")).into()
+                );
             }
         }
         Ok(session.identification(motor)?)
     }
 
-    /// Unless only a program reads it.
+    /// Prints a text, unless the output is JSON.
     fn say(&self, text: &str) -> Result<(), Failure> {
         if self.json { Ok(()) } else { print(text) }
     }
@@ -119,7 +121,7 @@ impl Options {
         }
         let Identification::Found(found) = outcome else {
             let why = identify::words(outcome);
-            return Err(Failure::Work(format!("motor {motor} is not known: {why}")).into());
+            return Err(Failure::Work(format!("motor {motor} was not identified: {why}")).into());
         };
         self.say(&self.found(&found))?;
         Ok(())
@@ -129,15 +131,15 @@ impl Options {
         let table = found_table(&format!("motor {}", self.motor), found, None);
         let residual = f64::from(found.residual) / 10.0;
         let applied = if self.apply {
-            "the hub regulates it by that until its reset\n"
+            "Applied: the hub regulates the motor by this result until its reset\n"
         } else {
-            "nothing of it is in force; with --apply it would be\n"
+            "Not applied; --apply puts the result in force\n"
         };
-        format!("{table}\n{residual:.1} % of the changes of speed are not explained by that\n{applied}")
+        format!("{table}\nResidual: {residual:.1} % of the changes of speed are not explained\n{applied}")
     }
 }
 
-/// A set-up, even the one that there is, forgets coefficients, which would come before the model.
+/// Configures a motion. Coefficients set by a host would override the model, so the set-up is sent again, which drops them.
 pub(super) fn apply(session: &mut Session<Line>, motor: u8, motion: Motion) -> Result<(), Error> {
     let setup = session.setup(motor)?;
     session.set_up(motor, setup)?;

@@ -1,5 +1,5 @@
-//! Signals that end a command which drives motors: Ctrl-C, SIGTERM, a closed terminal. The command ends as on any
-//! error, by disabling what it has enabled; further signals do not keep it from that.
+//! Signals that end a command which drives motors: Ctrl-C, SIGTERM, SIGQUIT, a closed terminal. The command ends as after
+//! any error: it disables the motors that it has enabled. Further signals do not interrupt that.
 
 use crate::output::Failure;
 #[cfg(unix)]
@@ -11,28 +11,28 @@ use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// What ends a program in good order, and what it is called.
+/// Signals that end the program in good order, with their names for messages.
 pub(crate) const SIGNALS: &[(i32, &str)] = &[
     (SIGINT, "Ctrl-C"),
     (SIGTERM, "SIGTERM"),
     #[cfg(unix)]
-    (SIGHUP, "SIGHUP: its terminal is gone"),
+    (SIGHUP, "SIGHUP: the terminal is gone"),
     #[cfg(unix)]
     (SIGQUIT, "SIGQUIT"),
 ];
 
-/// How often signals are looked for.
+/// Interval between two checks for signals.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// A command that has not ended so long after a signal hangs, and the next signal ends it: by then the hub has
-/// missed its host.
+/// Time after a signal from which a command that has not ended counts as hanging. The next signal then ends the program;
+/// by that time the hub's keep-alive has disabled the motors.
 const HANGS: Duration = Duration::from_secs(3);
 
-/// What came, in words, and that it came.
+/// Name of the first signal received, and the condition variable that announces it.
 static CAUGHT: (Mutex<Option<&str>>, Condvar) = (Mutex::new(None), Condvar::new());
 static LISTENING: OnceLock<()> = OnceLock::new();
 
-/// From now on signals are noted instead of ending the program.
+/// Makes signals end the command in good order instead of ending the program.
 pub(super) fn listen() -> Result<(), Failure> {
     if LISTENING.set(()).is_err() {
         return Ok(());
@@ -40,7 +40,7 @@ pub(super) fn listen() -> Result<(), Failure> {
     let raised = Arc::new(AtomicUsize::new(0));
     for (place, (signal, _)) in (1..).zip(SIGNALS) {
         register_usize(*signal, Arc::clone(&raised), place)
-            .map_err(|error| Failure::Work(format!("signals cannot be listened for: {error}")))?;
+            .map_err(|error| Failure::Work(format!("no handler for signals could be installed: {error}")))?;
     }
     thread::spawn(move || watch(&raised));
     Ok(())
@@ -64,7 +64,7 @@ fn watch(raised: &AtomicUsize) {
     }
 }
 
-/// Waits until then; an error as soon as a signal has come.
+/// Waits until a time; fails as soon as a signal has been received.
 pub(super) fn wait(until: Instant) -> Result<(), Failure> {
     let length = until.saturating_duration_since(Instant::now());
     let caught = CAUGHT.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,4 +1,4 @@
-//! `motor-hub client jog`: keys drive motors.
+//! `motor-hub client jog`: drives motors by keys.
 
 mod keys;
 #[cfg(unix)]
@@ -24,46 +24,46 @@ use std::time::{Duration, Instant};
 use studies::table;
 
 const KEYS: &str = "\
-  up, k, +       forward            0 to 3, a   which motor; all
-  down, j, -     backward           space       all motors off
-  right, l, >    faster             q, Ctrl-C   ends, all motors off
+\x20 up, k, +       forward            0 to 3, a   choose a motor; all
+  down, j, -     backward           space, Esc  disable all motors
+  right, l, >    faster             q, Ctrl-C   disable all motors, end
   left, h, <     slower";
 
 const WORDS: &str = "\
-A terminal repeats a key that is held. A motor that has had no key for --hold-s seconds is regulated to a stop, so that a \
-connection which hangs stops it. The terminal is put back as it was however this ends, but for SIGKILL.";
+A terminal repeats a key that is held. After --hold-s seconds without a key the motors are regulated to a stop, also when a \
+remote connection hangs. The terminal is restored at the end, except after SIGKILL.";
 
 /// Text of the long help.
 pub(super) fn help() -> String {
-    format!("Drives motors by keys, for as long as a key is held\n\n{KEYS}\n\n{WORDS}")
+    format!("Drives motors by keys, while a key is held\n\n{KEYS}\n\n{WORDS}")
 }
 
-/// How fast, and for how long.
+/// Speed or power, and duration of a key press.
 #[derive(clap::Args)]
 pub(super) struct Options {
-    /// Speed to begin with, in counts per second
+    /// Initial speed in counts per second
     #[arg(long = "speed-cps", alias = "speed", value_name = "CPS", default_value_t = 300)]
     #[arg(value_parser = whole("a speed", 1..=i16::MAX, "counts/s"))]
     speed: i16,
-    /// Drives with constant power instead, a share above 0 up to 1, for motors whose encoders are in doubt
+    /// Drives with constant power instead, a share above 0 and at most 1; works without an encoder
     #[arg(long, value_name = "SHARE", conflicts_with = "speed", value_parser = some_power)]
     power: Option<Control>,
-    /// How long a key drives, in seconds, 0.1 to 5: longer than the terminal takes to repeat it
+    /// Time that a key press drives, 0.1 to 5 s; must exceed the terminal's delay of repeated keys
     #[arg(long = "hold-s", alias = "hold", value_name = "S", default_value = "0.7", value_parser = hold)]
     hold: Duration,
 }
 
 fn some_power(text: &str) -> Result<Control, String> {
     let some = power(text).ok().filter(|power| power.get() > 0);
-    some.ok_or_else(|| "a power to jog with is above 0 and at most 1".to_owned())
+    some.ok_or_else(|| "the power is a share above 0 and at most 1".to_owned())
 }
 
 fn hold(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|seconds| (0.1..=5.0).contains(seconds));
-    seconds.map(Duration::from_secs_f64).ok_or_else(|| "a key drives for 0.1 to 5 s".to_owned())
+    seconds.map(Duration::from_secs_f64).ok_or_else(|| "the time that a key drives is 0.1 to 5 s".to_owned())
 }
 
-/// Between two looks at hub and keys.
+/// Longest interval between two readings of hub and keys.
 const LOOK: Duration = Duration::from_millis(50);
 
 impl Options {
@@ -90,7 +90,7 @@ impl Options {
         jog: &mut Jog,
         keys: &Receiver<Vec<u8>>,
     ) -> Result<(), Trouble> {
-        let mut told = [None; ALL.len()];
+        let mut sent = [None; ALL.len()];
         let mut live = Live::new();
         loop {
             let now = Instant::now();
@@ -103,29 +103,29 @@ impl Options {
                         jog.press(key, Instant::now());
                     }
                 }
-                // Whoever held the keys is gone.
+                // The terminal is gone.
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
                 Err(RecvTimeoutError::Timeout) => (),
             }
             interrupt::wait(now)?;
             let wanted = jog.at(Instant::now());
-            for ((motor, told), wanted) in ALL.into_iter().zip(&mut told).zip(wanted) {
-                if *told != wanted {
-                    self.tell(driven, motor, *told, wanted)?;
-                    *told = wanted;
-                } else if told.is_some() && !driven.enabled(motor)? {
+            for ((motor, sent), wanted) in ALL.into_iter().zip(&mut sent).zip(wanted) {
+                if *sent != wanted {
+                    self.send(driven, motor, *sent, wanted)?;
+                    *sent = wanted;
+                } else if sent.is_some() && !driven.enabled(motor)? {
                     let words = driven.status(false)?.words().join(", ");
-                    let says = format!("the hub has let motor {motor} go; its status: {words}");
+                    let says = format!("the hub has disabled motor {motor}; hub status: {words}");
                     return Err(Failure::Work(says).into());
                 }
             }
-            // A terminal whose keys are raw takes a line's end as it is.
+            // A raw terminal does not add a carriage return to a line feed.
             live.redraw(&self.text(jog, &driven.bulk()?).replace('\n', "\r\n"))?;
         }
     }
 
-    /// A motor is to be this fast, or off.
-    fn tell(
+    /// Sends a motor its new level, or disables it if `wanted` is `None`.
+    fn send(
         &self,
         driven: &mut Driven<'_, Line>,
         motor: u8,
@@ -144,7 +144,7 @@ impl Options {
         if before.is_none() { driven.enable(motor) } else { Ok(()) }
     }
 
-    /// A line for the level, and one for each motor that keys drive.
+    /// Text with a line for the level, and a line for each chosen motor.
     fn text(&self, jog: &Jog, bulk: &Bulk) -> String {
         let level = match self.power {
             Some(_) => format!("power {:.2}", f64::from(jog.level()) / f64::from(Control::MAX.get())),
@@ -165,5 +165,5 @@ fn open() -> Result<(terminal::Raw, Receiver<Vec<u8>>), Failure> {
 
 #[cfg(not(unix))]
 fn open() -> Result<((), Receiver<Vec<u8>>), Failure> {
-    Err(Failure::work("keys are read on Unix only"))
+    Err(Failure::work("jog reads keys on Unix only"))
 }

@@ -1,4 +1,4 @@
-//! What a hub does just now, shown again and again: a table in one place of a terminal, lines elsewhere.
+//! Repeated readings of a hub: on a terminal a table that is redrawn, elsewhere lines.
 
 use super::interrupt;
 use super::trouble::Trouble;
@@ -17,13 +17,13 @@ use std::time::{Duration, Instant};
 use studies::points::{regime_name, regulator_name};
 use studies::table;
 
-/// What a hub does at one instant. To take it keeps the hub's motors alive.
+/// State of a hub at one instant. Taking a reading resets the hub's keep-alive.
 pub(crate) struct Reading {
     pub(crate) at: Duration,
     pub(crate) bulk: Bulk,
     battery: Millivolts,
     pub(crate) status: Status,
-    /// `None` of a hub that has no words for it.
+    /// `None` if the hub does not report it.
     report: Option<HubReport>,
 }
 
@@ -43,7 +43,7 @@ impl Reading {
         self.report.as_ref()?.motors.get(usize::from(motor))
     }
 
-    /// Why a motor stands, if something is known to keep it.
+    /// Why a motor stands, if a reason is known.
     fn why(&self, motor: u8) -> Option<&'static str> {
         why_still(self.report.as_ref()?, motor.into())
     }
@@ -52,35 +52,34 @@ impl Reading {
         f64::from(self.battery.get()) / 1000.0
     }
 
-    /// Lines of text for a terminal. With so many counts in a turn of the output shaft speeds are of that too.
+    /// Table for a terminal. With `turn`, the counts in a turn of the output shaft, the shaft's speed is shown too.
     pub(crate) fn table(&self, motors: &[u8], turn: Option<f64>) -> String {
         let mut headings = vec!["motor", "position, counts", "velocity, counts/s", "at target"];
         headings.extend(turn.iter().flat_map(|_| ["rpm", "rad/s"]));
-        headings.extend(
-            self.report.iter().flat_map(|_| ["control, %", "bridge", "current, A", "stands because"]),
-        );
+        headings
+            .extend(self.report.iter().flat_map(|_| ["control, %", "bridge", "current, A", "why it stands"]));
         let mut table = table::new(&headings, 0);
         for (motor, position, velocity, at_target) in self.motors(motors) {
             let at_target = if at_target { "yes" } else { "no" };
             let shaft = turn.map(|turn| shaft_speed(velocity, turn));
             let shaft = shaft.into_iter().flat_map(|(rpm, rad)| [format!("{rpm:.1}"), format!("{rad:.2}")]);
             let row = [motor.to_string(), position.to_string(), velocity.to_string(), at_target.into()];
-            let told = self.reported(motor).map(|told| {
+            let more = self.reported(motor).map(|of| {
                 let why = self.why(motor).unwrap_or_default().to_owned();
-                [format!("{:.1}", percent(told)), bridge(told), format!("{:.2}", amperes(told.current)), why]
+                [format!("{:.1}", percent(of)), bridge(of), format!("{:.2}", amperes(of.current)), why]
             });
-            table.add_row(row.into_iter().chain(shaft).chain(told.into_iter().flatten()));
+            table.add_row(row.into_iter().chain(shaft).chain(more.into_iter().flatten()));
         }
         let (seconds, volts) = (self.at.as_secs_f64(), self.battery_v());
         format!("{seconds:.1} s, battery {volts:.2} V\n{}\n{table}\n", self.says())
     }
 
-    /// Status and alerts in words.
+    /// Status and alerts as text.
     fn says(&self) -> String {
         let words = self.status.words().into_iter().map(str::to_owned);
         let words: Vec<String> = words.chain(alert_words(self.status)).collect();
         let attention = if self.bulk.attention == Some(true) { "attention: " } else { "status: " };
-        attention.to_owned() + &if words.is_empty() { "all well".to_owned() } else { words.join(", ") }
+        attention.to_owned() + &if words.is_empty() { "no alerts".to_owned() } else { words.join(", ") }
     }
 
     /// One line of text.
@@ -95,7 +94,7 @@ impl Reading {
         format!("{:.1} s, {:.2} V{motors}\n", self.at.as_secs_f64(), self.battery_v())
     }
 
-    /// For programs: seconds, volts, counts, counts per second; with the counts of a turn, the shaft's speed.
+    /// JSON for programs, in seconds, volts, counts and counts per second; with `turn`, also the shaft's speed.
     pub(crate) fn json(&self, motors: &[u8], turn: Option<f64>) -> Value {
         let motors: Vec<Value> = self
             .motors(motors)
@@ -106,8 +105,8 @@ impl Reading {
                     let (rpm, rad) = shaft_speed(velocity, turn);
                     object.extend([("rpm".to_owned(), json!(rpm)), ("rad_per_s".to_owned(), json!(rad))]);
                 }
-                if let (Some(object), Some(told)) = (of_motor.as_object_mut(), self.reported(motor)) {
-                    object.extend(told_json(told));
+                if let (Some(object), Some(report)) = (of_motor.as_object_mut(), self.reported(motor)) {
+                    object.extend(report_json(report));
                     object.insert("stands_because".to_owned(), self.why(motor).into());
                 }
                 of_motor
@@ -124,56 +123,56 @@ impl Reading {
     }
 }
 
-/// Of full control.
-fn percent(told: &MotorReport) -> f64 {
-    100.0 * f64::from(told.control.get()) / f64::from(Control::MAX.get())
+/// Control value in percent of full control.
+fn percent(report: &MotorReport) -> f64 {
+    100.0 * f64::from(report.control.get()) / f64::from(Control::MAX.get())
 }
 
 fn amperes(current: Milliamperes) -> f64 {
     f64::from(current.get()) / 1e3
 }
 
-/// Regime, mode and duty.
-fn bridge(told: &MotorReport) -> String {
-    let Drive { mode, duty } = told.drive;
-    told.regime.map_or_else(
+/// Regime, mode and duty of the bridge as text.
+fn bridge(report: &MotorReport) -> String {
+    let Drive { mode, duty } = report.drive;
+    report.regime.map_or_else(
         || "open".to_owned(),
         |regime| format!("{} {} {:.0} %", regime_name(regime), mode.name(), 100.0 * duty.to_f64()),
     )
 }
 
-/// What hubs of this project tell of a motor beside what all of them do.
-fn told_json(told: &MotorReport) -> [(String, Value); 8] {
-    let regulator = regulator_name(told.regulator);
+/// Values of a motor that only hubs of this project report.
+fn report_json(report: &MotorReport) -> [(String, Value); 8] {
+    let regulator = regulator_name(report.regulator);
     [
-        ("enabled", json!(told.enabled)),
-        ("control", json!(told.control.get())),
-        ("regime", json!(told.regime.map(regime_name))),
-        ("mode", json!(told.regime.map(|_| told.drive.mode.name()))),
-        ("duty", json!(told.drive.duty.to_f64())),
-        ("current_a", json!(amperes(told.current))),
-        ("load_a", json!(told.load.map(amperes))),
+        ("enabled", json!(report.enabled)),
+        ("control", json!(report.control.get())),
+        ("regime", json!(report.regime.map(regime_name))),
+        ("mode", json!(report.regime.map(|_| report.drive.mode.name()))),
+        ("duty", json!(report.drive.duty.to_f64())),
+        ("current_a", json!(amperes(report.current))),
+        ("load_a", json!(report.load.map(amperes))),
         ("regulator", json!(regulator)),
     ]
     .map(|(key, value)| (key.to_owned(), value))
 }
 
-/// Of these motors: motor, position, velocity, at target.
+/// Motor, position, velocity and at-target state of the given motors.
 pub(super) fn motors_of(bulk: &Bulk, motors: &[u8]) -> impl Iterator<Item = (u8, i32, i16, bool)> {
     let Bulk { encoders, velocities, at_target, .. } = *bulk;
     let all = (0..).zip(encoders).zip(velocities).zip(at_target);
     all.filter(|(((motor, _), _), _)| motors.contains(motor)).map(|(((m, p), v), t)| (m, p, v, t))
 }
 
-/// The motor alerts in words.
+/// The motor alerts as text.
 pub(super) fn alert_words(status: Status) -> Vec<String> {
     status.alerts().iter().map(MotorAlert::to_string).collect()
 }
 
-/// A place on standard output.
+/// A text on standard output that is redrawn in place.
 pub(crate) struct Live {
     pub(crate) terminal: bool,
-    /// Lines of the text that stands there.
+    /// Number of lines of the text shown last.
     height: usize,
 }
 
@@ -182,18 +181,18 @@ impl Live {
         Self { terminal: std::io::stdout().is_terminal(), height: 0 }
     }
 
-    /// Replaces what stands there.
+    /// Replaces the text shown last.
     pub(crate) fn redraw(&mut self, text: &str) -> Result<(), Failure> {
-        // Up to its first line, and clear to the end of the screen.
+        // Move to the first line of the old text, and clear to the end of the screen.
         let back = if self.height == 0 { String::new() } else { format!("\x1b[{}A\x1b[J", self.height) };
         self.height = text.lines().count();
-        // Meanwhile long lines are cut off: wrapped ones would not be counted.
+        // Line wrap is off meanwhile: wrapped lines would not be counted in `height`.
         print(&format!("{back}\x1b[?7l{text}\x1b[?7h"))
     }
 }
 
-/// Takes a reading at once and then every `interval`, until `each` says true, which ends in `Ok(true)`,
-/// or `length` is over: `Ok(false)`.
+/// Takes a reading immediately and then every `interval`. Ends with `Ok(true)` when `each` returns true, and with
+/// `Ok(false)` when `length` is over.
 pub(crate) fn repeat(
     session: &mut Session<Line>,
     interval: Duration,
@@ -208,7 +207,7 @@ pub(crate) fn repeat(
             return Ok(true);
         }
         let now = Instant::now();
-        // A reading that took too long does not make the next ones hurry.
+        // After a reading that took too long the interval is not shortened.
         next = now.max(next + interval);
         let end = length.map(|length| since + length);
         let until = end.map_or(next, |end| end.min(next));

@@ -1,15 +1,15 @@
-//! The serial ports of this machine in words, and why one cannot be opened.
+//! List of the serial ports of this machine, and messages for ports that cannot be opened.
 
 use crate::output::Failure;
 use motor_hub_client::OpenError;
 use motor_hub_client::line;
 
-/// What allows a port without membership of a group.
+/// Path of the udev rule that gives access to a port without membership of a group.
 const RULE: &str = "boards/nucleo-f429zi/70-motor-hub.rules";
 
-/// The serial ports of this machine, for a reader.
+/// The serial ports of this machine as text.
 pub(super) fn list() -> Result<String, Failure> {
-    let ports = line::ports().map_err(|e| Failure::Work(format!("the serial ports of this machine: {e}")))?;
+    let ports = line::ports().map_err(|e| Failure::Work(format!("serial ports cannot be listed: {e}")))?;
     if ports.is_empty() {
         return Ok("No serial ports found\n".to_owned());
     }
@@ -18,7 +18,7 @@ pub(super) fn list() -> Result<String, Failure> {
     Ok(format!("Serial ports found:\n{lines}"))
 }
 
-/// Why a place cannot be opened, and what helps.
+/// Message for a place that cannot be opened: why, and what to do.
 pub(super) fn unopened(place: &str, error: &OpenError) -> String {
     match error {
         OpenError::Denied => format!("{place}: {error}; {}", hint(group(place).as_deref())),
@@ -26,19 +26,21 @@ pub(super) fn unopened(place: &str, error: &OpenError) -> String {
     }
 }
 
-/// What gives a user a port of a group.
+/// How a user gets access to a port of a group.
 fn hint(group: Option<&str>) -> String {
     let rule = format!("the udev rule {RULE}");
     match group {
-        // Nobody should join that.
-        None | Some("root") => format!("it is root's alone: install {rule}, or run this with sudo"),
+        // Membership of the group root is no solution.
+        None | Some("root") => {
+            format!("only root may open it: install {rule}, or run this command with sudo")
+        }
         Some(group) => {
-            format!("join its group (sudo usermod -a -G {group} $USER, then log in anew), or install {rule}")
+            format!("join its group (sudo usermod -a -G {group} $USER, then log in again), or install {rule}")
         }
     }
 }
 
-/// The group that a file belongs to, by name.
+/// Name of the group that a file belongs to.
 #[cfg(unix)]
 fn group(path: &str) -> Option<String> {
     use std::os::unix::fs::MetadataExt;
@@ -51,7 +53,7 @@ fn group(_: &str) -> Option<String> {
     None
 }
 
-/// The name of a group in the text of `/etc/group`.
+/// Name of a group in the text of `/etc/group`, by its number.
 #[cfg(any(unix, test))]
 fn named(groups: &str, id: u32) -> Option<String> {
     let mut rows = groups.lines().map(|line| line.split(':'));

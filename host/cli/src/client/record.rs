@@ -1,4 +1,4 @@
-//! `motor-hub client record`: a drive, written down as it goes.
+//! `motor-hub client record`: drives motors and records the hub's values.
 
 use super::course::{Course, Order, Progress};
 use super::drive::Drive;
@@ -21,26 +21,26 @@ use studies::recording::{HEADINGS, Recording, Sample, Told};
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
-Drives motors as `power`, `velocity` or `position` do, and writes down what the hub says: a CSV file as it goes, and \
-in the end a chart (SVG) of each motor
+Drives motors as `power`, `velocity` or `position` do, and records the hub's values: a CSV file while motors run, and at the \
+end a chart (SVG) of each motor
 
   motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for-s 3
 
-The file has a row for each motor and reading; what the hub does not tell is left empty: of hubs of other makers the \
-control value unless it is a constant power, and the current if they do not measure or model it. Whatever ends the drive, also Ctrl-C, leaves \
-whole rows and the charts of what there was.";
+The file has a row for each motor and reading. A value that the hub does not report is left empty: other makers' hubs may \
+report no control value and no current. However the drive ends, also by Ctrl-C, the file has only complete rows, and the \
+charts are drawn.";
 
-/// What is driven, how often it is looked at, and where that goes.
+/// Drive to record, rate of readings, and folder.
 #[derive(clap::Args)]
 pub(super) struct Options {
-    /// Readings a second
+    /// Readings per second
     #[arg(long = "rate-hz", alias = "rate", value_name = "HZ", default_value_t = 50)]
     #[arg(value_parser = whole("a rate", 1..=500_u32, "Hz"))]
     rate: u32,
     /// Folder for record.csv and the charts
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/record")]
     out: PathBuf,
-    /// power, velocity or position, with their options
+    /// power, velocity or position, with its options
     #[arg(value_name = "DRIVE", required = true, trailing_var_arg = true, allow_hyphen_values = true)]
     drive: Vec<String>,
 }
@@ -54,14 +54,14 @@ struct Recorded {
 }
 
 impl Options {
-    /// What is to be done.
+    /// The drive to record.
     fn order(&self) -> Result<Order, Failure> {
         let mut command = with_negative_numbers(Recorded::command());
         let parsed = command.try_get_matches_from_mut(&self.drive);
         let parsed = parsed.and_then(|mut matches| Recorded::from_arg_matches_mut(&mut matches));
         let parsed = parsed.map_err(|error| {
             if !error.use_stderr() {
-                // Help, which was asked for.
+                // The user asked for help.
                 error.exit();
             }
             let text = error.to_string();
@@ -70,7 +70,7 @@ impl Options {
         Ok(parsed.drive.order()?.0)
     }
 
-    /// Before a hub is spoken to: what is to be done, and that the folder can be written to.
+    /// Checks the drive, and that the folder is writable, before anything is sent.
     pub(super) fn check(&self) -> Result<(), Failure> {
         self.order()?;
         Folder::new(&self.out).map(drop)
@@ -98,8 +98,8 @@ struct Recorder {
     path: PathBuf,
     file: File,
     recording: Recording,
-    /// The hub tells what current its motors have.
-    current_is_told: bool,
+    /// False once the hub has refused to report a current.
+    reports_current: bool,
     readings: u32,
     length: Duration,
     slowest: Duration,
@@ -112,7 +112,7 @@ impl Recorder {
         std::fs::create_dir_all(folder).map_err(failed)?;
         let mut file = File::create(&path).map_err(failed)?;
         file.write_all(HEADINGS.as_bytes()).map_err(failed)?;
-        let told = match order.course {
+        let requested = match order.course {
             Course::Power(power) => Told::Power(power.get()),
             Course::Velocity(cps) => Told::Velocity(cps),
             Course::Position { counts, .. } => Told::Position(counts),
@@ -120,15 +120,15 @@ impl Recorder {
         Ok(Self {
             path,
             file,
-            recording: Recording::new(words, told),
-            current_is_told: true,
+            recording: Recording::new(words, requested),
+            reports_current: true,
             readings: 0,
             length: Duration::ZERO,
             slowest: Duration::ZERO,
         })
     }
 
-    /// Reads until the motors have arrived, which is true, or the time is over.
+    /// Takes readings until the motors have arrived (true) or the time is over (false).
     fn run(
         &mut self,
         session: &mut Session<Line>,
@@ -149,7 +149,7 @@ impl Recorder {
                 order.check(session)?;
                 checked = Instant::now();
             }
-            // A reading that took too long does not make the next ones hurry.
+            // After a reading that took too long the interval is not shortened.
             next = Instant::now().max(next + interval);
             interrupt::wait(end.map_or(next, |end| end.min(next)))?;
             if end.is_some_and(|end| end <= Instant::now()) {
@@ -165,59 +165,59 @@ impl Recorder {
         since: Instant,
         progress: &mut Progress,
     ) -> Result<bool, Trouble> {
-        let told = session.report()?;
-        let bulk = match &told {
-            Some(told) => bulk_of(told),
+        let report = session.report()?;
+        let bulk = match &report {
+            Some(report) => bulk_of(report),
             None => session.bulk()?,
         };
         let at = since.elapsed();
-        let battery = match &told {
-            Some(told) => told.battery.unwrap_or_default(),
+        let battery = match &report {
+            Some(report) => report.battery.unwrap_or_default(),
             None => session.battery()?,
         };
         let battery_v = f64::from(battery.get()) / 1e3;
         let mut rows = String::new();
         for (motor, position, cps, at_target) in motors_of(&bulk, &order.motors) {
-            let (control, current_a) =
-                match told.as_ref().and_then(|told| told.motors.get(usize::from(motor))) {
-                    Some(told) => {
-                        (Some(told.control.get()), Some(f64::from(told.best_current().get().abs()) / 1e3))
-                    }
-                    None => (None, self.current(session, motor)?),
-                };
+            let (control, current_a) = match report
+                .as_ref()
+                .and_then(|report| report.motors.get(usize::from(motor)))
+            {
+                Some(of) => (Some(of.control.get()), Some(f64::from(of.best_current().get().abs()) / 1e3)),
+                None => (None, self.current(session, motor)?),
+            };
             let at_s = at.as_secs_f64();
             let sample = Sample { at_s, motor, battery_v, position, cps, control, current_a, at_target };
             rows += &self.recording.push(sample);
         }
-        // At once and whole, so that nothing is lost whatever ends this.
+        // Whole rows are written immediately, so that no row is lost however the program ends.
         let written = self.file.write_all(rows.as_bytes());
         written.map_err(|e| Failure::Work(format!("{}: {e}", self.path.display())))?;
         (self.readings, self.length) = (self.readings + 1, at);
         Ok(progress.observe(at, &bulk))
     }
 
-    /// The motor's, asked for until the hub refuses.
+    /// Current of a motor in amperes; `None` once the hub has refused to report it.
     fn current(&mut self, session: &mut Session<Line>, motor: u8) -> Result<Option<f64>, Error> {
-        if !self.current_is_told {
+        if !self.reports_current {
             return Ok(None);
         }
         match session.current(motor) {
             Ok(current) => Ok(Some(f64::from(current.get()) / 1e3)),
             Err(Error::Refused { .. }) => {
-                self.current_is_told = false;
+                self.reports_current = false;
                 Ok(None)
             }
             Err(error) => Err(error),
         }
     }
 
-    /// Draws what there is.
+    /// Draws the charts, and prints a summary.
     fn finish(&self, folder: &Path) -> Result<(), Failure> {
         let charts = Folder::new(folder)?.write_all(drawn(&self.recording.figures()))?;
         let rate = f64::from(self.readings.saturating_sub(1)) / self.length.as_secs_f64().max(1e-3);
         let slowest = self.slowest.as_secs_f64() * 1e3;
         print(&format!(
-            "{} readings, {rate:.1} a second, the slowest in {slowest:.1} ms: {} and {} charts\n",
+            "{} readings, {rate:.1} per second, slowest reading {slowest:.1} ms: {} and {} charts\n",
             self.readings,
             self.path.display(),
             charts.len()
@@ -225,10 +225,10 @@ impl Recorder {
     }
 }
 
-/// What a hub that tells everything at once would say to a host that asks for less.
-fn bulk_of(told: &HubReport) -> Bulk {
+/// The bulk answer that a hub with this report would give.
+fn bulk_of(report: &HubReport) -> Bulk {
     let mut bulk = Bulk::default();
-    for (index, motor) in told.motors.iter().enumerate() {
+    for (index, motor) in report.motors.iter().enumerate() {
         let of =
             (bulk.encoders.get_mut(index), bulk.velocities.get_mut(index), bulk.at_target.get_mut(index));
         if let (Some(position), Some(velocity), Some(at_target)) = of {
@@ -238,5 +238,5 @@ fn bulk_of(told: &HubReport) -> Bulk {
     bulk
 }
 
-/// How often the hub is asked whether the motors still run.
+/// Interval between two checks whether the motors are still enabled.
 const CHECK: Duration = Duration::from_millis(500);

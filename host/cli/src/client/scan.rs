@@ -1,4 +1,4 @@
-//! `motor-hub client scan`: where hubs are.
+//! `motor-hub client scan`: finds hubs.
 
 use super::driven::stop_abandoned;
 use super::ports;
@@ -16,30 +16,30 @@ use studies::table;
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
-Looks for hubs on all serial ports of this machine, where this user serves one (`motor-hub serve`), and at places \
-that are named: paths, such as a link that a served hub keeps, or HOST:PORT
+Looks for hubs on all serial ports of this machine, at hubs that this user serves (`motor-hub serve`), and at the given \
+places: paths, such as the --link of a served hub, or HOST:PORT
 
-Every port is opened and asked by a discovery, 11 bytes at 460800 baud: name --only where something else that is \
-connected might not like that. Motors of a hub that are found enabled are disabled. A served hub that has a host is \
-listed as taken, and not disturbed.
+The scan opens every serial port and sends a discovery of 11 bytes at 460800 baud. Give --only if these bytes might disturb \
+another connected device. Motors that are found enabled are disabled. A served hub that has a host is listed as in use, and \
+receives nothing.
 
-Exit codes: 0 a hub was found; 1 none was.";
+Exit codes: 0 a hub was found; 1 no hub was found.";
 
-/// Where to look.
+/// Places to scan.
 #[derive(clap::Args)]
 pub(super) struct Options {
     /// Serial ports that the system does not list, links to ports, or HOST:PORT
     #[arg(value_name = "PLACE", value_parser = NonEmptyStringValueParser::new())]
     places: Vec<String>,
-    /// Not on the serial ports that the system lists: only where a hub is served, and at the places that are named
+    /// Skips the serial ports that the system lists: scans only served hubs and the given places
     #[arg(long)]
     only: bool,
 }
 
-/// Where to look, and what is known before.
+/// A place to scan.
 struct Place {
     name: String,
-    /// A hub is served there; true if it has a host.
+    /// `None` if no hub is served there; else true if the served hub has a host.
     served: Option<bool>,
 }
 
@@ -50,7 +50,7 @@ impl From<String> for Place {
 }
 
 impl Options {
-    /// Looks at these places too.
+    /// Scans the places of the options and of `named`.
     pub(super) fn execute(
         &self,
         named: impl Iterator<Item = String>,
@@ -59,11 +59,11 @@ impl Options {
         let mut places: Vec<Place> = named.chain(self.places.iter().cloned()).map(Place::from).collect();
         if !self.only {
             let ports = line::ports();
-            let ports = ports.map_err(|e| Failure::Work(format!("the serial ports of this machine: {e}")))?;
+            let ports = ports.map_err(|e| Failure::Work(format!("serial ports cannot be listed: {e}")))?;
             places.extend(ports.into_iter().map(|port| port.path.into()));
         }
         let served = served::all().unwrap_or_else(|error| {
-            say(&format!("note: hubs that are served here are not known: {error}"));
+            say(&format!("note: served hubs of this machine cannot be listed: {error}"));
             Vec::new()
         });
         for Served { place: name, taken } in served {
@@ -72,7 +72,7 @@ impl Options {
                 None => places.push(Place { name, served: Some(taken) }),
             }
         }
-        // Together they take no longer than the slowest.
+        // All places are asked at the same time, so that the scan takes no longer than the slowest place.
         let asked: Vec<_> = thread::scope(|scope| {
             let threads: Vec<_> =
                 places.iter().map(|place| scope.spawn(move || ask(place, timeout))).collect();
@@ -97,24 +97,26 @@ impl Options {
             print(&format!("{table}\n"))?;
         }
         match (hubs, places.len()) {
-            (0, 0) if self.only => Err(Failure::Work("no hub is served here; name a PLACE".to_owned())),
+            (0, 0) if self.only => {
+                Err(Failure::Work("no hub is served on this machine; give a PLACE".to_owned()))
+            }
             (0, 0) => Err(Failure::Work(
-                "this machine has no serial port, and no hub is served here; name a PLACE".to_owned(),
+                "this machine has no serial port, and no hub is served on it; give a PLACE".to_owned(),
             )),
-            (0, 1) => Err(Failure::Work("no hub at 1 place".to_owned())),
-            (0, looked) => Err(Failure::Work(format!("no hub at {looked} places"))),
+            (0, 1) => Err(Failure::Work("no hub found at 1 place".to_owned())),
+            (0, looked) => Err(Failure::Work(format!("no hub found at {looked} places"))),
             _ => Ok(()),
         }
     }
 }
 
-/// Two names of one place: asked twice at once, it would refuse one of the two.
+/// True for two names of one place. A place accepts one host at a time, so it must not be asked twice.
 fn is_same(one: &str, other: &str) -> bool {
     let (of_one, of_other) = (meant(one), meant(other));
     one == other || of_one.is_some() && of_one == of_other
 }
 
-/// What a name leads to, if it leads anywhere.
+/// Address or path that a name resolves to, if it resolves.
 fn meant(name: &str) -> Option<PathBuf> {
     if is_tcp(name) {
         return name.to_socket_addrs().ok()?.next().map(|address| address.to_string().into());
@@ -122,12 +124,12 @@ fn meant(name: &str) -> Option<PathBuf> {
     std::fs::canonicalize(name).ok()
 }
 
-/// Why a place has no hub to show.
+/// Why a place shows no hub.
 enum Silence {
     Unopened(OpenError),
     NoAnswer,
     HungUp,
-    /// There is a hub, which another host has.
+    /// A hub is there, and another host uses it.
     Taken,
     Failed(Error),
 }
@@ -143,7 +145,7 @@ impl From<Error> for Silence {
 }
 
 impl Silence {
-    /// The same of a place where a hub is served for one host at a time.
+    /// The reason for a served hub: if it closes the connection, another host uses it.
     fn of_served(self) -> Self {
         match self {
             Self::HungUp | Self::Unopened(OpenError::InUse) => Self::Taken,
@@ -151,12 +153,12 @@ impl Silence {
         }
     }
 
-    /// In a few words; what helps goes to standard error.
+    /// The reason as a short text; advice goes to standard error.
     fn words(self, place: &str) -> String {
         match self {
-            Self::NoAnswer => "none answers".to_owned(),
-            Self::HungUp => "hangs up: does another host talk to it?".to_owned(),
-            Self::Taken => "taken: another host talks to it".to_owned(),
+            Self::NoAnswer => "no answer".to_owned(),
+            Self::HungUp => "closes the connection: check that no other host uses it".to_owned(),
+            Self::Taken => "in use by another host".to_owned(),
             Self::Failed(error) => error.to_string(),
             Self::Unopened(error) => {
                 if matches!(error, OpenError::Denied) {
@@ -168,7 +170,7 @@ impl Silence {
     }
 }
 
-/// The hubs at a place: address, and which kind and version.
+/// The hubs at a place: address, and text with kind and version.
 fn ask(place: &Place, timeout: Duration) -> Result<Vec<[String; 2]>, Silence> {
     match place.served {
         Some(true) => Err(Silence::Taken),

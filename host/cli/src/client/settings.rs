@@ -18,14 +18,16 @@ use studies::table;
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
-Settings that outlast power, on hubs of this project: shows, saves, resets, exports, imports
+Shows, saves, loads, resets, exports or imports the stored settings of a hub of this project
 
-Whatever else sets something (setup, coefficients, identify --apply, tune --apply, import) puts it in force until the next \
-reset; `save` makes it last. Of each motor that is its set-up, how it moves, what protects it, how its bridge switches, its \
-mode, its current alert, and the coefficients that a host gave; of the hub its address, which set-address stores by itself.
+Other commands (setup, coefficients, identify --apply, tune --apply, settings import) change settings until the next reset; \
+`save` stores them permanently.
 
-A power cut during a save leaves what was stored before, or all of the new. A save now and then erases flash, for \
-which all motors must be off; this program has them off.";
+Stored for each motor: set-up, motion, protection, bridge timing, mode, current alert, and coefficients that a host has set. \
+Stored for the hub: its address, which set-address saves without `save`.
+
+After a power cut during a save either the old or the new settings are complete. Some saves erase flash, for which all motors \
+must be disabled; this program disables them.";
 
 #[derive(clap::Args)]
 pub(crate) struct Options {
@@ -35,7 +37,7 @@ pub(crate) struct Options {
 
 #[derive(clap::Subcommand)]
 enum Command {
-    /// What is stored, and whether it is what is in force
+    /// Shows what is stored, and whether it differs from the settings in force
     Show {
         /// JSON instead of a table
         #[arg(long)]
@@ -43,27 +45,27 @@ enum Command {
     },
     /// Stores the settings in force
     Save,
-    /// Puts in force what is stored, but for the address
+    /// Puts the stored settings in force, except the address
     Load,
-    /// Puts in force what the firmware has, and stores that: nothing is left but the address until the next reset
+    /// Puts the firmware's defaults in force and stores them; the address becomes the default at the next reset
     Reset,
-    /// Writes the settings in force as TOML: to a file, or to standard output
+    /// Writes the settings in force as TOML to a file or to standard output
     Export {
         #[arg(value_name = "FILE")]
         file: Option<PathBuf>,
     },
-    /// Puts settings of a file in force, all of which are checked before any is written; the address is left
+    /// Puts the settings of a file in force, after checking all of them; the address is not changed
     Import {
         #[arg(value_name = "FILE")]
         file: PathBuf,
-        /// Stores them too
+        /// Also stores them
         #[arg(long)]
         save: bool,
     },
 }
 
 impl Options {
-    /// What can be wrong before a hub is asked.
+    /// Checks the options before anything is sent.
     pub(super) fn check(&self) -> Result<(), Failure> {
         match &self.command {
             Command::Import { file, .. } => read(file).map(drop),
@@ -78,11 +80,11 @@ impl Options {
             Command::Load => {
                 let report = session.store(ToStore::Load)?;
                 ended(&report)?;
-                format!("in force is what is stored: {}", describe(&report))
+                format!("the stored settings are in force: {}", describe(&report))
             }
             Command::Reset => {
                 ended(&session.store(ToStore::Reset)?)?;
-                "in force, and stored, is what the firmware has".to_owned()
+                "the firmware's defaults are in force and stored".to_owned()
             }
             Command::Export { file } => {
                 let text = Document::of(session)?.to_toml()?;
@@ -95,7 +97,7 @@ impl Options {
                 for request in requests {
                     session.order(request)?;
                 }
-                let in_force = format!("in force is what {} says", file.display());
+                let in_force = format!("the settings of {} are in force", file.display());
                 if save { format!("{in_force}\n{}", saved(session)?) } else { in_force }
             }
         };
@@ -109,7 +111,7 @@ fn saved(session: &mut Session<Line>) -> Result<String, Trouble> {
     Ok(format!("stored: {}", describe(&report)))
 }
 
-/// What a file says, as requests that put it in force.
+/// The requests that put the settings of a file in force.
 fn read(file: &Path) -> Result<Vec<Request>, Failure> {
     let text = std::fs::read_to_string(file)
         .map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
@@ -124,10 +126,10 @@ fn at(file: &Path, error: std::io::Error) -> Failure {
     Failure::Work(format!("{}: {error}", file.display()))
 }
 
-/// How an order ended that the hub took.
+/// Result of a save, load or reset that the hub has accepted.
 fn ended(report: &StoreReport) -> Result<(), Failure> {
     let why = match why_unsaved(report) {
-        _ if report.at_work => "the hub is still at it",
+        _ if report.at_work => "the hub has not finished; ask again with `settings show`",
         Some(why) => why,
         None => return Ok(()),
     };
@@ -139,11 +141,11 @@ fn describe(report: &StoreReport) -> String {
     match report.stored {
         Stored::Nothing => "nothing".to_owned(),
         Stored::Whole => format!("save {number}"),
-        Stored::OneCopy => format!("save {number}, of which one copy is damaged or older: save again"),
+        Stored::OneCopy => format!("save {number}; one of its two copies is damaged or older: save again"),
         Stored::Later => format!(
-            "settings of a later firmware (version {version}), kept and not in force; `reset` drops them"
+            "settings of a later firmware (version {version}), kept but not in force; `reset` erases them"
         ),
-        Stored::Damaged => "something that makes no sense; `reset` clears it".to_owned(),
+        Stored::Damaged => "damaged data; `reset` erases it".to_owned(),
     }
 }
 
@@ -177,21 +179,23 @@ fn show(report: &StoreReport, json: bool) -> Result<(), Trouble> {
         return Ok(print_json(&document)?);
     }
     let mut table = table::new(&["stored", &describe(report)], 1);
-    table.add_row([
-        "in force",
-        if differs { "something else: it lasts until the next reset" } else { "the same" },
-    ]);
+    let in_force = match stored {
+        _ if differs => "other settings, until the next reset",
+        Stored::Whole | Stored::OneCopy => "the stored settings",
+        Stored::Nothing | Stored::Later | Stored::Damaged => "the firmware's defaults",
+    };
+    table.add_row(["in force", in_force]);
     if unknown > 0 {
-        table.add_row(["of another firmware", &format!("{unknown} entries, which are kept")]);
+        table.add_row(["of another firmware", &format!("{unknown} entries, kept")]);
     }
     if refused > 0 {
         table.add_row([
             "out of range",
-            &format!("{refused} entries, for which the firmware's own are in force"),
+            &format!("{refused} entries; the firmware's defaults are in force instead"),
         ]);
     }
     if let Err(Failure::Work(why) | Failure::Input(why)) = ended(report) {
-        table.add_row(["last time", &why]);
+        table.add_row(["last result", &why]);
     }
     Ok(print(&format!("{table}\n"))?)
 }

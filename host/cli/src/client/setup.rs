@@ -18,26 +18,26 @@ use simulated::hardware::{thermal_limit, winding};
 use simulated::scheme::{SchemeWords, describe};
 use studies::table;
 
-/// Of which motor, and what to change.
+/// Motor, and settings to change.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Motor 0 to 3
     #[arg(value_parser = channel)]
     motor: u8,
-    /// What is connected: a motor of the catalogue, see `motor-hub motors`
+    /// Connected motor by its name in the catalogue, such as "NeveRest 60"; see `motor-hub motors`
     #[arg(long = "type", value_name = "NAME", conflicts_with_all = ["ke", "resistance_ohm", "inductance_mh"])]
     name: Option<String>,
     #[command(flatten)]
     constants: Constants,
     #[command(flatten)]
     choice: Choice,
-    /// What the motor does at a fault, and when its host falls silent
+    /// Behaviour of the motor at a fault, and when its host is silent
     #[arg(long, value_name = "WORD", ignore_case = true)]
     on_fault: Option<OnFaultWord>,
-    /// How the motor's bridge switches: what its duties must spare it
+    /// Timing of the motor's bridge, which limits its duties
     #[arg(long, value_name = "WORD", ignore_case = true)]
     bridge: Option<BridgeWord>,
-    /// Current that the winding stands for ever; 0 for no limit. With --type, if absent, a third of the stall current
+    /// Current that the winding tolerates continuously; 0 for no limit [default with --type: a third of the stall current]
     #[arg(long = "continuous-current-a", alias = "continuous-current", value_name = "A", value_parser = continuous_ma)]
     continuous_current: Option<u16>,
     /// JSON instead of a table
@@ -52,21 +52,21 @@ fn continuous_ma(text: &str) -> Result<u16, String> {
     amperes.ok_or_else(|| "a continuous current is 0.001 to 65.535 A, or 0 for no limit".to_owned())
 }
 
-/// How people name it.
+/// Behaviour at a fault, as a value of `--on-fault`.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum OnFaultWord {
-    /// The bridge is open
+    /// Opens the bridge
     Coast,
-    /// The winding is shorted
+    /// Shorts the winding
     Brake,
 }
 
-/// How people name a bridge's timing.
+/// Timing of a bridge, as a value of `--bridge`.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum BridgeWord {
-    /// At once, and any duty
+    /// Switches without delay, with any duty
     Ideal,
-    /// As a real one of the VNH5019 kind
+    /// Switches like a VNH5019
     Vnh5019,
 }
 
@@ -89,7 +89,7 @@ impl From<OnFaultWord> for OnFault {
 }
 
 impl Options {
-    /// What can be wrong before a hub is asked.
+    /// Checks the options before anything is sent.
     pub(super) fn check(&self) -> Result<(), Failure> {
         if let Some(name) = &self.name {
             characterised(name).map_err(Failure::input)?;
@@ -103,7 +103,7 @@ impl Options {
         let protection = self.protect(before)?;
         let changes = self.name.is_some() || !self.choice.is_empty() || !self.constants.is_empty();
         let mut setup = session.setup(self.motor)?;
-        // All of it is checked before any of it is written.
+        // All settings are checked before the first one is written.
         let wanted = changes.then(|| self.change(setup)).transpose()?;
         if protection != before {
             session.set_protection(self.motor, protection)?;
@@ -139,7 +139,7 @@ impl Options {
             setup.duty = duty;
         }
         if setup.duty == DutyRule::LinearCurrent && setup.resistance.is_none() {
-            let why = "linear current needs the motor's resistance: name the motor by --type, or give --resistance-ohm";
+            let why = "linear current needs the winding's resistance: give the motor by --type, or give --resistance-ohm";
             return Err(Failure::input(why));
         }
         Ok(setup)
@@ -187,10 +187,10 @@ impl Options {
         };
         let heat = protection.thermal.map(|_| f64::from(condition.heat) / 10.0);
         let state = match condition {
-            Condition { bridge_fault: true, .. } => "its bridge has switched itself off",
-            Condition { overheated: true, .. } => "off: its winding got too hot",
-            Condition { derated: true, .. } => "derated: its winding is hot",
-            _ => "as asked",
+            Condition { bridge_fault: true, .. } => "off: the bridge switched itself off",
+            Condition { overheated: true, .. } => "off: the winding is too hot",
+            Condition { derated: true, .. } => "derated: the winding is hot, and the current is limited",
+            _ => "normal",
         };
         let amperes = protection.thermal.map(|limit| f64::from(limit.continuous_ma()) / 1e3);
         if self.json {
@@ -217,7 +217,7 @@ impl Options {
             return Ok(print_json(&document)?);
         }
         let known = |value: Option<f64>, unit: &str| {
-            value.map_or_else(|| "unknown".to_owned(), |value| format!("{value:.3} {unit}"))
+            value.map_or_else(|| "not configured".to_owned(), |value| format!("{value:.3} {unit}"))
         };
         let mut table = table::new(&["motor", &self.motor.to_string()], 2);
         table
@@ -229,12 +229,15 @@ impl Options {
             .add_row(["bridge", bridge])
             .add_row([
                 "heat",
-                &heat.map_or_else(|| "unknown".to_owned(), |heat| format!("{heat:.1} % of its limit")),
+                &heat.map_or_else(
+                    || "no thermal limit configured".to_owned(),
+                    |heat| format!("{heat:.1} % of the thermal limit"),
+                ),
             ])
-            .add_row(["runs", state])
+            .add_row(["state", state])
             .add_row(["at a fault", on_fault])
             .add_row([
-                "current for ever",
+                "continuous current",
                 &amperes.map_or_else(|| "no limit".to_owned(), |a| format!("{a:.3} A")),
             ]);
         for (name, value) in tune::rows(motion) {

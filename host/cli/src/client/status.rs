@@ -17,21 +17,21 @@ use motor_hub_client::{Error, Session};
 use serde_json::{Value, json};
 use studies::table;
 
-/// In which form.
+/// Form of the output.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// JSON instead of tables
     #[arg(long)]
     json: bool,
-    /// The hub forgets what its status word says after it has said it
+    /// Clears the hub's status word afterwards
     #[arg(long)]
     clear: bool,
 }
 
-/// What a hub with fewer motors says: the first parameter is out of range.
+/// Answer of a hub that has no motor of this number: the first parameter is out of range.
 const NO_SUCH_MOTOR: Nack = Nack::parameter(0);
 
-/// All that a hub tells.
+/// All values that `status` shows.
 struct Everything {
     address: u8,
     status: Status,
@@ -40,9 +40,9 @@ struct Everything {
     led: Colour,
     motors: Vec<MotorState>,
     bulk: Bulk,
-    /// `None` of a hub that has no words for it.
+    /// `None` if the hub does not report its bus.
     bus: Option<BusReport>,
-    /// By motor, likewise.
+    /// Condition by motor; `None` if the hub does not report it.
     conditions: Vec<Option<Condition>>,
 }
 
@@ -60,7 +60,7 @@ impl Everything {
         let mut motors = Vec::new();
         for motor in (0..).take(CHANNELS) {
             match session.motor(motor) {
-                // A hub with fewer motors.
+                // The hub has fewer motors.
                 Err(Error::Refused { reason: NO_SUCH_MOTOR, .. }) => break,
                 state => motors.push(state?),
             }
@@ -71,12 +71,12 @@ impl Everything {
             Some(_) => (0..).zip(&motors).map(|(motor, _)| session.condition(motor).map(Some)).collect(),
             None => Ok(vec![None; motors.len()]),
         }?;
-        // Last, so that it is cleared only by a command that goes on to show it.
+        // The status is read last: it is cleared only if all other values could be read and will be shown.
         let status = session.status(clear)?;
         Ok(Self { address: session.address(), status, version, battery, led, motors, bulk, bus, conditions })
     }
 
-    /// Of each motor: number, channel, encoder, velocity, at target.
+    /// Number, mode and targets, encoder position, velocity and at-target state of each motor.
     fn motors(&self) -> impl Iterator<Item = (usize, &MotorState, i32, i16, bool)> {
         let Bulk { encoders, velocities, at_target, .. } = self.bulk;
         let motors = self.motors.iter().enumerate().zip(encoders).zip(velocities).zip(at_target);
@@ -95,11 +95,11 @@ impl Everything {
         let or = |words: String, none: &str| if words.is_empty() { none.to_owned() } else { words };
         let Colour { red, green, blue } = self.led;
         let mut head = table::new(&["hub", &self.address.to_string()], 2);
-        head.add_row(["status", &or(self.status.words().join(", "), "all well")])
+        head.add_row(["status", &or(self.status.words().join(", "), "no alerts")])
             .add_row(["motor alerts", &or(alert_words(self.status).join(", "), "none")])
             .add_row(["version", &self.version])
             .add_row(["battery", &format!("{:.3} V", self.battery_v())])
-            .add_row(["bus", &self.bus.map_or_else(|| UNTOLD.to_owned(), bus_words)])
+            .add_row(["bus", &self.bus.map_or_else(|| NOT_REPORTED.to_owned(), bus_words)])
             .add_row(["LED", &format!("red {red}, green {green}, blue {blue}")]);
         let mut rows = MOTOR_HEADINGS.map(|heading| vec![heading.to_owned()]);
         for (index, channel, encoder, velocity, at_target) in self.motors() {
@@ -114,7 +114,7 @@ impl Everything {
                 encoder.to_string(),
                 velocity.to_string(),
                 yes(at_target),
-                self.condition(index).map_or_else(|| UNTOLD.to_owned(), condition_words),
+                self.condition(index).map_or_else(|| NOT_REPORTED.to_owned(), condition_words),
             ];
             rows.iter_mut().zip(cells).for_each(|(row, cell)| row.push(cell));
         }
@@ -163,8 +163,8 @@ impl Everything {
     }
 }
 
-/// Of a hub that has no words for it.
-const UNTOLD: &str = "not told";
+/// Text for a value that the hub does not report.
+const NOT_REPORTED: &str = "not reported";
 
 const fn state(state: BusState) -> &'static str {
     match state {
@@ -180,18 +180,18 @@ const fn state(state: BusState) -> &'static str {
 
 fn bus_words(bus: BusReport) -> String {
     let meaning = match bus.state {
-        BusState::Silent => "nothing is measured, motors coast",
-        BusState::TooLow => "below what bridges work at, motors coast",
-        BusState::Cut => "nothing is drawn from it",
-        BusState::Derated => "less is drawn from it",
-        BusState::Quiet => "as it should be",
-        BusState::Burning => "it takes nothing back, braking motors burn it",
-        BusState::TooHigh => "lifted by something else than these motors",
+        BusState::Silent => "voltage unknown, motors coast",
+        BusState::TooLow => "below what the bridges need, motors coast",
+        BusState::Cut => "too low, motors draw no current",
+        BusState::Derated => "low, motors draw less current",
+        BusState::Quiet => "normal",
+        BusState::Burning => "takes no energy back, braking motors dissipate it",
+        BusState::TooHigh => "too high, raised by another source than these motors",
     };
     let [returned, burnt] = [bus.returned_mj, bus.burnt_mj].map(|mj| f64::from(mj) / 1e3);
     let volts =
-        bus.measured.map_or_else(|| "no".to_owned(), |mv| format!("{:.3}", f64::from(mv.get()) / 1e3));
-    format!("{volts} V: {meaning}\n{returned:.1} J returned by braking motors, {burnt:.1} J burnt")
+        bus.measured.map_or_else(|| "unknown".to_owned(), |mv| format!("{:.3} V", f64::from(mv.get()) / 1e3));
+    format!("{volts}: {meaning}\n{returned:.1} J returned by braking motors, {burnt:.1} J dissipated")
 }
 
 fn bus_json(bus: BusReport) -> Value {
@@ -205,18 +205,19 @@ fn bus_json(bus: BusReport) -> Value {
 }
 
 fn condition_words(is: &Condition) -> String {
-    let heat = if is.heat == 0 { String::new() } else { format!(", {:.1} % hot", f64::from(is.heat) / 10.0) };
+    let heat =
+        if is.heat == 0 { String::new() } else { format!(", heat {:.1} %", f64::from(is.heat) / 10.0) };
     let state = match is {
-        Condition { bridge_fault: true, .. } => "bridge off",
+        Condition { bridge_fault: true, .. } => "off: bridge fault",
         Condition { overheated: true, .. } => "off: too hot",
         Condition { derated: true, .. } => "derated: hot",
-        _ => "well",
+        _ => "normal",
     };
     let line = match is.sense_line {
         SenseLine::Absent | SenseLine::Sound => "",
         SenseLine::Silent => ", current-sense line or motor lead broken",
         SenseLine::Stuck => ", current-sense line stuck",
-        SenseLine::Excessive => ", more current than the motor's constants allow",
+        SenseLine::Excessive => ", more current than the configured motor can draw",
     };
     format!("{state}{heat}{line}")
 }
@@ -254,7 +255,7 @@ fn yes(yes: bool) -> String {
     if yes { "yes" } else { "no" }.to_owned()
 }
 
-/// -1 to 1.
+/// Power as a share of full power, -1 to 1.
 fn share(power: Control) -> f64 {
     f64::from(power.get()) / f64::from(Control::MAX.get())
 }

@@ -1,4 +1,4 @@
-//! `motor-hub client together`: motors that move in step.
+//! `motor-hub client together`: moves motors in step.
 
 use super::course::warn_of;
 use super::drive;
@@ -17,44 +17,44 @@ use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use std::time::Duration;
 
-/// Which motors, where to, and how.
+/// Motors, targets, and limits of the motion.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Each motor, 0 to 3, with the counts where it is to go, as 0=1000 1=-500
+    /// Motors 0 to 3 with their target positions in counts, as 0=1000 1=-500
     #[arg(value_name = "MOTOR=COUNTS", required = true, value_parser = member)]
     members: Vec<(u8, i32)>,
-    /// Counts are from where each motor is
+    /// Targets are relative to the present positions
     #[arg(long)]
     by: bool,
-    /// What is given are speeds in counts per second, at which the motors go on
+    /// Targets are speeds in counts per second, which the motors then hold
     #[arg(long, conflicts_with_all = ["by", "speed"])]
     on: bool,
-    /// Speed of the motor that moves most, in counts per second
+    /// Speed of the motor with the longest distance, in counts per second
     #[arg(long = "speed-cps", alias = "speed", value_name = "CPS", default_value_t = 1000)]
     #[arg(value_parser = whole("a speed", 1..=FASTEST_CPS, "counts/s"))]
     speed: i32,
     /// Largest acceleration of any motor, in counts per second squared
     #[arg(long = "acceleration-cps2", alias = "acceleration", value_name = "CPS2", default_value = "2000", value_parser = acceleration)]
     acceleration: Acceleration,
-    /// Counts by which a motor lags when all others wait for it; otherwise the way of 0.1 s, at least 24
+    /// Lag in counts from which the others wait for a motor [default: its distance in 0.1 s, at least 24]
     #[arg(long = "lag-counts", alias = "lag", value_name = "COUNTS")]
     #[arg(value_parser = whole("a lag", 0..=u16::MAX, "counts"))]
     lag: Option<u16>,
-    /// Counts from its end that are near enough for each motor
+    /// Largest distance in counts at which a motor's target counts as reached
     #[arg(long = "tolerance-counts", alias = "tolerance", value_name = "COUNTS", default_value_t = TOLERANCE)]
     #[arg(value_parser = whole("a tolerance", 0..=u16::MAX, "counts"))]
     tolerance: u16,
-    /// A fault of one motor disables all others; otherwise they stop in step
+    /// A fault of one motor disables all [default: the others stop in step]
     #[arg(long)]
     coast: bool,
-    /// Ends after so many seconds
+    /// Longest duration in seconds [default: no limit]
     #[arg(long = "for-s", alias = "for", value_name = "S", value_parser = within_a_day)]
     length: Option<Duration>,
 }
 
 fn member(text: &str) -> Result<(u8, i32), String> {
     let (motor, counts) = text.split_once('=').ok_or("give MOTOR=COUNTS, such as 0=1000")?;
-    let counts = counts.parse().map_err(|_| "counts are a whole number from -2147483648 to 2147483647")?;
+    let counts = counts.parse().map_err(|_| "COUNTS is a whole number from -2147483648 to 2147483647")?;
     Ok((channel(motor)?, counts))
 }
 
@@ -63,11 +63,11 @@ fn acceleration(text: &str) -> Result<Acceleration, String> {
     limit.ok_or_else(|| "an acceleration is a whole number from 1 to 4294967295 counts/s\u{b2}".to_owned())
 }
 
-/// Speeds that a step of 1/256 leaves room for.
+/// Highest speed of a group in counts per second; its fields have steps of 1/256.
 const FASTEST_CPS: i32 = 1_000_000;
 
 impl Options {
-    /// What can be wrong before a hub is asked.
+    /// Checks the options before anything is sent.
     pub(super) fn check(&self) -> Result<(), Failure> {
         self.values().map(drop)
     }
@@ -86,28 +86,28 @@ impl Options {
             let arrived = self.lead(driven, &motors, wanted)?;
             if !arrived && !self.on {
                 let seconds = self.length.unwrap_or_default().as_secs_f64();
-                return Err(Failure::Work(format!("not there after {seconds} s")).into());
+                return Err(Failure::Work(format!("targets not reached after {seconds} s")).into());
             }
             Ok(arrived)
         })?;
         if arrived {
-            print("all have arrived\n")?;
+            print("all motors at target\n")?;
         }
         Ok(())
     }
 
-    /// What is given, by motor.
+    /// Given target by motor.
     fn values(&self) -> Result<[Option<i32>; CHANNELS], Failure> {
         let mut values = [None; CHANNELS];
         for &(motor, value) in &self.members {
             if self.on && !(-FASTEST_CPS..=FASTEST_CPS).contains(&value) {
                 return Err(Failure::input(format!(
-                    "{motor}={value}: a speed is -{FASTEST_CPS} to {FASTEST_CPS}"
+                    "{motor}={value}: a speed is -{FASTEST_CPS} to {FASTEST_CPS} counts/s"
                 )));
             }
             let slot = values.get_mut(usize::from(motor));
             if slot.and_then(|slot| slot.replace(value)).is_some() {
-                return Err(Failure::input(format!("motor {motor} is named twice")));
+                return Err(Failure::input(format!("motor {motor} is given twice; give each motor once")));
             }
         }
         Ok(values)
@@ -126,7 +126,7 @@ impl Options {
         } else {
             let mut places = values;
             if self.by {
-                // Said as places, a request that is sent twice does no more than one.
+                // Absolute positions: if the request is sent twice, the second one has no further effect.
                 for (place, now) in places.iter_mut().zip(session.bulk()?.encoders) {
                     *place = place.map(|counts| now.wrapping_add(counts));
                 }
@@ -142,7 +142,7 @@ impl Options {
         })
     }
 
-    /// Sends them off and shows how they go; true when they have arrived, false when the time is over.
+    /// Starts the group and shows its motion; true if all motors have arrived, false if the time is over.
     fn lead(&self, session: &mut Session<Line>, motors: &[u8], wanted: GroupMove) -> Result<bool, Trouble> {
         let Some(&first) = motors.first() else { return Ok(false) };
         session.move_together(first, wanted)?;
@@ -157,7 +157,7 @@ impl Options {
             readings = readings.wrapping_add(1);
             if state == GroupState::Alone {
                 let words = reading.status.words().join(", ");
-                let why = format!("the hub has ended the group of motor {first}; its status: {words}");
+                let why = format!("the hub has ended the group of motor {first}; hub status: {words}");
                 return Err(Failure::Work(why).into());
             }
             Ok(state == GroupState::Arrived)
@@ -165,7 +165,7 @@ impl Options {
     }
 }
 
-/// Enables motors that hold where they are.
+/// Enables motors with power 0, so that they brake.
 fn stand(driven: &mut Driven<'_, Line>, motors: &[u8]) -> Result<(), Trouble> {
     for &motor in motors {
         driven.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;

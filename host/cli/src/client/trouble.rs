@@ -3,7 +3,7 @@
 use crate::output::Failure;
 use motor_hub_client::Error;
 
-/// Why a command did not do what it was asked; what the hub is to blame for is told with its port.
+/// Failure of a command. Errors of the hub are printed with its port.
 pub(super) enum Trouble {
     Hub(Error),
     Other(Failure),

@@ -18,22 +18,23 @@ use studies::table;
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
-Learns how a motor moves with its load, as `identify` does, shows that beside the motor of the catalogue that the hub \
-takes it for, and proposes settings, on hubs of this project
+Identifies a motor with its load, compares it with the catalogue, and proposes settings, on hubs of this project
 
-Proposed are the motion that was found, by which the hub then regulates, and as largest acceleration half of what the \
-battery gives a motor that stands: it can be had up to half of the free speed, so that a motor follows its set-point \
-instead of lagging. Say first which motor it is (`setup 0 --type NAME`): what is found follows from its winding. \
-The motor must stand, and be free to turn. With --apply the settings are written; the hub keeps them until its reset.";
+Configure the motor first, for example by `setup 0 --type \"NeveRest 60\"`: the result depends on its winding. The motor must \
+stand, and be free to turn.
 
-/// The same as of `identify`.
+Proposed are the identified motion, and a largest acceleration of half of what the battery gives the motor at rest. The motor \
+can reach that acceleration up to half of its free speed, so it does not lag behind its set-point. With --apply the settings \
+are in force until the hub's reset.";
+
+/// Options of `identify`.
 #[derive(clap::Args)]
 pub(super) struct Options {
     #[command(flatten)]
     identify: identify::Options,
 }
 
-/// Of what the battery gives a motor that stands.
+/// Proposed acceleration, as a share of the acceleration that the battery gives a motor at rest.
 const SHARE: f64 = 0.5;
 
 impl Options {
@@ -42,7 +43,7 @@ impl Options {
         let (setup, before, battery) = (session.setup(motor)?, session.motion(motor)?, session.battery()?);
         let outcome = self.identify.learned(session)?;
         let Identification::Found(found) = outcome else {
-            return Err(Failure::Work(format!("motor {motor} is not known: {}", words(outcome))).into());
+            return Err(Failure::Work(format!("motor {motor} was not identified: {}", words(outcome))).into());
         };
         let proposed = proposal(&found.dynamics, battery);
         if self.identify.apply {
@@ -66,20 +67,20 @@ impl Options {
         let learned = found_table(&format!("motor {}", self.identify.motor), found, beside);
         let load = match bare {
             Some((motor, dynamics)) => format!(
-                "With its load it has {:.2} times the inertia of an {} alone\n",
+                "With its load it has {:.2} times the inertia of a bare {}\n",
                 inertia(dynamics, &found.dynamics),
                 motor.name
             ),
-            None => "The catalogue has no motor with the constants that the hub was told\n".to_owned(),
+            None => "The catalogue has no motor with the configured constants\n".to_owned(),
         };
         let mut settings = table::new(&["setting", "now", "proposed"], 1);
         for ((name, now), (_, proposed)) in rows(before).into_iter().zip(rows(after)) {
             settings.add_row([name, &now, &proposed]);
         }
         let end = if self.identify.apply {
-            "They are in force until the hub's reset"
+            "Applied: the proposed settings are in force until the hub's reset"
         } else {
-            "With --apply they are written"
+            "Not applied; --apply puts the proposed settings in force"
         };
         format!("{learned}\n{load}\n{settings}\n{end}\n")
     }
@@ -105,7 +106,7 @@ impl Options {
     }
 }
 
-/// What suits a motor that moves like this.
+/// The motion proposed for a motor with these dynamics.
 fn proposal(dynamics: &Dynamics, battery: Millivolts) -> Motion {
     let volts = f64::from(battery.get().saturating_sub(dynamics.friction.get())) / 1e3;
     let limit = SHARE * volts * f64::from(dynamics.gain.to_f32());
@@ -113,12 +114,12 @@ fn proposal(dynamics: &Dynamics, battery: Millivolts) -> Motion {
     Motion { dynamics: Some(*dynamics), acceleration }
 }
 
-/// The motor of the catalogue that the hub was told, and how it moves alone.
+/// The configured motor of the catalogue, and its dynamics without a load.
 fn taken_for(setup: &Setup) -> Option<(Motor, Dynamics)> {
     motors().find_map(|motor| {
         let winding = winding(&motor).ok()?;
-        let told = (Some(winding.resistance), winding.inductance) == (setup.resistance, setup.inductance);
-        if !told || winding.emf != setup.emf {
+        let same = (Some(winding.resistance), winding.inductance) == (setup.resistance, setup.inductance);
+        if !same || winding.emf != setup.emf {
             return None;
         }
         let bare = motor.with_measured_rotor_inertia();
@@ -126,24 +127,27 @@ fn taken_for(setup: &Setup) -> Option<(Motor, Dynamics)> {
     })
 }
 
-/// How many times the inertia of one the other has: a volt accelerates it so much less.
+/// Inertia with load, divided by the inertia of the bare motor: the inverse ratio of their accelerations per volt.
 fn inertia(bare: &Dynamics, found: &Dynamics) -> f64 {
     f64::from(bare.gain.to_f32()) / f64::from(found.gain.to_f32())
 }
 
-/// A motion in words.
+/// A motion as rows of a table.
 pub(super) fn rows(of: Motion) -> [(&'static str, String); 4] {
-    let known = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
+    let known = |value: Option<String>| value.unwrap_or_else(|| "not configured".to_owned());
     let dynamics = of.dynamics;
     [
         ("acceleration per volt, counts/s²/V", known(dynamics.map(|d| format!("{:.1}", d.gain.to_f32())))),
         ("decay, 1/s", known(dynamics.map(|d| format!("{:.3}", d.decay.to_f32())))),
         ("friction, V", known(dynamics.map(|d| format!("{:.3}", f64::from(d.friction.get()) / 1e3)))),
-        ("largest acceleration, counts/s²", known(of.acceleration.map(|limit| limit.get().to_string()))),
+        (
+            "largest acceleration, counts/s²",
+            of.acceleration.map_or_else(|| "no limit".to_owned(), |limit| limit.get().to_string()),
+        ),
     ]
 }
 
-/// A motion for programs.
+/// A motion as JSON.
 pub(super) fn settings(of: Motion) -> Value {
     json!({
         "acceleration_per_volt": of.dynamics.map(|d| d.gain.to_f32()),

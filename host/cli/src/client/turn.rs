@@ -1,28 +1,28 @@
-//! Speeds of an output shaft: counts in a turn of it, and what rpm and rad/s are in counts per second.
+//! Speeds of the output shaft: encoder counts in a turn, and conversion of rpm and rad/s to counts per second.
 
 use crate::output::Failure;
 use motor_hub::model::catalogue::characterised;
 use std::f64::consts::TAU;
 use std::str::FromStr;
 
-/// How many counts a turn of the output shaft has, in one of two ways.
+/// Encoder counts in a turn of the output shaft, given as a number or by the motor.
 #[derive(Clone, clap::Args)]
 pub(super) struct Turn {
-    /// Encoder counts in a turn of the output shaft: speeds may be in rpm and rad/s, and are shown so too
+    /// Encoder counts in a turn of the output shaft: allows speeds in rpm and rad/s, and shows them
     #[arg(long, value_name = "COUNTS", value_parser = counts_per_turn)]
     counts_per_turn: Option<f64>,
-    /// The same by a motor of the catalogue: see `motor-hub motors`
+    /// Counts per turn by the motor's name, such as "NeveRest 60"; see `motor-hub motors`
     #[arg(long = "type", value_name = "NAME", conflicts_with = "counts_per_turn")]
     name: Option<String>,
 }
 
 fn counts_per_turn(text: &str) -> Result<f64, String> {
     let counts = text.parse().ok().filter(|counts| (1.0..=1e6).contains(counts));
-    counts.ok_or_else(|| "counts of a turn are 1 to 1000000".to_owned())
+    counts.ok_or_else(|| "counts per turn are a number from 1 to 1000000".to_owned())
 }
 
 impl Turn {
-    /// If they are given.
+    /// The encoder counts in a turn; `None` if neither option is given.
     pub(super) fn counts(&self) -> Result<Option<f64>, Failure> {
         let Some(name) = &self.name else { return Ok(self.counts_per_turn) };
         let motor = characterised(name).map_err(Failure::input)?;
@@ -30,18 +30,18 @@ impl Turn {
     }
 }
 
-/// Turns a minute, and radians a second, of a speed in counts per second.
+/// Speed of the output shaft in rpm and in rad/s, of a speed in counts per second.
 pub(super) fn shaft_speed(cps: i16, turn: f64) -> (f64, f64) {
     let turns = f64::from(cps) / turn;
     (60.0 * turns, TAU * turns)
 }
 
-/// A speed as it is typed.
+/// A speed as typed by a user.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Speed {
     /// Counts per second.
     Counts(i16),
-    /// Turns of the output shaft a second.
+    /// Turns of the output shaft per second.
     Turns(f64),
 }
 
@@ -61,13 +61,13 @@ impl FromStr for Speed {
 }
 
 const WRONG: &str =
-    "a velocity is a whole number from -32768 to 32767, in counts/s, or a number with rpm or rad/s";
+    "a speed is a whole number from -32768 to 32767 in counts/s, or a number with the unit rpm or rad/s";
 
-const TURN_UNKNOWN: &str = "rpm and rad/s need the encoder counts in a turn of the output shaft, which no hub can tell: all that it is told of \
-a motor is by the count; give --counts-per-turn COUNTS or --type NAME";
+const TURN_UNKNOWN: &str = "rpm and rad/s need the encoder counts in a turn of the output shaft, which a hub does not know; \
+give --counts-per-turn COUNTS or --type NAME";
 
 impl Speed {
-    /// In counts per second, with so many counts in a turn.
+    /// The speed in counts per second; `turn` is the number of encoder counts in a turn.
     pub(super) fn cps(self, turn: Option<f64>) -> Result<i16, Failure> {
         let turns = match self {
             Self::Counts(cps) => return Ok(cps),
@@ -80,7 +80,7 @@ impl Speed {
         if (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&cps) {
             return Ok(cps as i16);
         }
-        Err(Failure::input(format!("{cps} counts/s are out of range; allowed is -32768 to 32767")))
+        Err(Failure::input(format!("{cps} counts/s is out of range; allowed is -32768 to 32767")))
     }
 }
 

@@ -20,47 +20,51 @@ use std::time::{Duration, Instant};
 pub(super) const HELP: &str = "\
 Sends new firmware to a hub that has a bootloader, and starts it
 
-FILE is what the compiler made (ELF), or raw bytes from the slot's first address on. It is written beside the firmware that \
-runs, checked by what the flash reads back (CRC-32), and swapped in by a restart, which takes some 20 s on a NUCLEO-H743ZI2. \
-The new firmware confirms itself once all of its tasks are at work; if it never does, the hub goes back to the firmware before, \
-and this says so. All motors must be off. A power cut at any step costs the update at most.
+FILE is an ELF file, or raw bytes from the slot's first address on. The hub writes it to a second slot while the present \
+firmware runs, and checks it by reading the flash back (CRC-32). A restart then swaps the two, which takes some 20 s on a \
+NUCLEO-H743ZI2.
 
-A hub that was built with a public key takes only what that key's owner has signed. With OpenSSL from 3.0 on, once:
+The new firmware confirms itself once all its tasks run. If it does not, the hub returns to the former firmware, and this \
+command reports that. All motors must be disabled. After a power cut at any step at most the update is lost.
+
+A hub that was built with a public key accepts only images signed by that key. Make the keys once, with OpenSSL 3.0 or later:
 
     openssl genpkey -algorithm ed25519 -out secret.pem
     openssl pkey -in secret.pem -pubout -outform DER -out public.der
 
-and of each image, as raw bytes (llvm-objcopy -O binary hub.elf hub.bin), the signature of its SHA-512:
+Sign the SHA-512 of each image as raw bytes (llvm-objcopy -O binary hub.elf hub.bin):
 
     openssl dgst -sha512 -binary -out hub.sha512 hub.bin
     openssl pkeyutl -sign -rawin -inkey secret.pem -in hub.sha512 -out hub.sig
     motor-hub client update hub.bin --signature hub.sig --key public.der";
 
-/// The hub swaps, tries, and may swap back: 8 erasures of up to 4 s each way, and the watchdog's time.
+/// Time-out for the hub to answer after the restart. It swaps slots and may swap back: 8 erasures of up to 4 s each way, and
+/// the watchdog's time.
 const RETURNING: Duration = Duration::from_secs(90);
 
-/// It confirms itself, and erases for it.
+/// Time-out for the new firmware to confirm itself, which erases flash.
 const CONFIRMING: Duration = Duration::from_secs(15);
 
+/// Interval between two questions to the restarting hub.
 const LOOK: Duration = Duration::from_millis(200);
 
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// The firmware: an ELF file, or raw bytes
+    /// Firmware: an ELF file, or raw bytes
     #[arg(value_name = "FILE")]
     file: PathBuf,
 
-    /// The signature of FILE, which must be raw bytes then: 64 bytes, as openssl writes them
+    /// File with the signature of FILE: 64 bytes, as openssl writes them; FILE must be raw bytes
     #[arg(long, value_name = "SIG", requires = "key")]
     signature: Option<PathBuf>,
 
-    /// The signer's public key, as openssl writes it in DER
+    /// File with the signer's public key in DER, as openssl writes it
     #[arg(long, value_name = "KEY", requires = "signature")]
     key: Option<PathBuf>,
 }
 
 impl Options {
-    /// What can be wrong before a hub is asked.
+    /// Checks the files before anything is sent.
     pub(super) fn check(&self) -> Result<(), Failure> {
         self.read().map(drop)
     }
@@ -71,7 +75,7 @@ impl Options {
         if image.origin.is_some() {
             let file = self.file.display();
             return Err(Failure::Input(format!(
-                "{file} is an ELF file, and a signature is of raw bytes: make these with llvm-objcopy -O binary, and sign and send them"
+                "{file} is an ELF file, but a signature needs raw bytes: make them by llvm-objcopy -O binary, then sign and send them"
             )));
         }
         let seal = seal::open(signature, key).map_err(Failure::Input)?;
@@ -91,14 +95,14 @@ impl Options {
         let after = returned(session)?;
         let done = match after.booted {
             Booted::WentBack => Err(format!(
-                "{} did not confirm itself, and the hub went back to {}",
+                "{} did not confirm itself, and the hub returned to {}",
                 image.version,
                 session.version()?
             )),
             _ if after.phase == Phase::Armed => Err("the hub did not restart".to_owned()),
             Booted::Confirmed => Ok(session.version()?),
             Booted::OnTrial | Booted::Unknown => {
-                Err("the new firmware runs, and does not say that it stays".to_owned())
+                Err("the new firmware runs, but has not confirmed itself".to_owned())
             }
         };
         match done {
@@ -106,40 +110,41 @@ impl Options {
                 Ok(print(&format!("before: {before}\nnow:    {now}, confirmed\n"))?)
             }
             Ok(now) => {
-                Err(Failure::Work(format!("the hub runs {now}, and was sent {}", image.version)).into())
+                Err(Failure::Work(format!("the hub runs {now}, but the image sent is {}", image.version))
+                    .into())
             }
             Err(why) => Err(Failure::Work(why).into()),
         }
     }
 }
 
-/// A hub that knows no updates.
+/// Message for a hub that does not support updates.
 fn no_bootloader(error: Error) -> Trouble {
     match error {
         Error::Refused { reason: Nack::UNSUPPORTED | Nack::UNKNOWN, .. } | Error::TooOld { .. } => {
-            Failure::work("the hub has no bootloader: new firmware reaches it through its probe only").into()
+            Failure::work("the hub has no bootloader: flash new firmware through its debug probe").into()
         }
         error => error.into(),
     }
 }
 
-/// Whether the image can be for this hub.
+/// Checks that the image fits this hub's slot.
 fn fits(image: &Image, report: &UpdateReport) -> Result<(), Failure> {
     let UpdateReport { origin, capacity, .. } = *report;
     if let Some(linked) = image.origin.filter(|linked| *linked != origin) {
         return Err(Failure::Input(format!(
-            "the image is linked to {linked:#010x}, and this hub's begin at {origin:#010x}: build it for the bootloader"
+            "the image is linked to {linked:#010x}, but this hub's images begin at {origin:#010x}: build it for the bootloader"
         )));
     }
     if image.bytes.len() > capacity as usize {
         let length = image.bytes.len();
-        return Err(Failure::Input(format!("the image has {length} bytes, and the slot {capacity}")));
+        return Err(Failure::Input(format!("the image has {length} bytes; the hub's slot holds {capacity}")));
     }
     let entry = image.entry().unwrap_or_default();
     if entry.wrapping_sub(origin) >= capacity {
         return Err(Failure::Input(format!(
-            "the image's code begins at {entry:#010x}, and this hub's slot is {origin:#010x} to {:#010x}: \
-             it is for another chip, or not built for the bootloader",
+            "the image's code begins at {entry:#010x}, outside this hub's slot of {origin:#010x} to {:#010x}: \
+             the image is for another chip, or not built for the bootloader",
             origin.wrapping_add(capacity)
         )));
     }
@@ -147,7 +152,7 @@ fn fits(image: &Image, report: &UpdateReport) -> Result<(), Failure> {
 }
 
 fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Result<(), Trouble> {
-    // Ended by a signal, the hub need not wait for the rest.
+    // After a signal the transfer is abandoned, so that the hub does not wait for the rest.
     interrupt::listen()?;
     let bar = progress(Some(image.bytes.len() as u64), "bytes");
     let report = session.send_image(&image.bytes, &image.version, seal, |sent| {
@@ -158,25 +163,25 @@ fn send(session: &mut Session<Line>, image: &Image, seal: Option<Seal>) -> Resul
     let report = report?;
     let why = match (report.phase, report.outcome) {
         (Phase::Armed, _) => return Ok(()),
-        (_, Outcome::Mismatch) => "what the hub's flash reads back is not what was sent",
-        (_, Outcome::WrongSignature) => "the signature is not one of this file by the hub's key",
-        (_, Outcome::Refused) => "the hub's flash refused",
-        _ => "the hub is still at it; it looks at a signature only while no motor runs",
+        (_, Outcome::Mismatch) => "the hub's flash reads back other bytes than were sent",
+        (_, Outcome::WrongSignature) => "the signature is not of this file by the hub's key",
+        (_, Outcome::Refused) => "the hub's flash refused the write",
+        _ => "the hub has not finished the check; it checks a signature only while all motors are disabled",
     };
     Err(Failure::work(why).into())
 }
 
-/// Waits until the hub answers again, and has confirmed its firmware, or gone back.
+/// Waits until the hub answers again, and has confirmed the new firmware or returned to the former one.
 fn returned(session: &mut Session<Line>) -> Result<UpdateReport, Trouble> {
-    let (begun, mut heard) = (Instant::now(), None);
+    let (begun, mut answered) = (Instant::now(), None);
     let bar = ProgressBar::new_spinner().with_message("the hub swaps its firmware");
     loop {
         bar.tick();
         interrupt::wait(Instant::now() + LOOK)?;
         let report = session.update_state();
-        let waited = match (&report, heard) {
+        let waited = match (&report, answered) {
             (Ok(_), None) => {
-                heard = Some(Instant::now());
+                answered = Some(Instant::now());
                 false
             }
             (Ok(_), Some(since)) => since.elapsed() > CONFIRMING,
@@ -192,7 +197,7 @@ fn returned(session: &mut Session<Line>) -> Result<UpdateReport, Trouble> {
                 }
             }
             Err(error) if waited => return Err(error.into()),
-            Err(Error::Silent { .. } | Error::Unexpected { .. }) => heard = None,
+            Err(Error::Silent { .. } | Error::Unexpected { .. }) => answered = None,
             Err(error) => return Err(error.into()),
         }
     }

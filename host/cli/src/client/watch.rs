@@ -11,20 +11,20 @@ use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use std::time::{Duration, Instant};
 
-/// Motors that somebody has enabled meanwhile are looked for so often, well before the hub would miss their host.
+/// Interval between two checks for motors that another host has enabled; shorter than the hub's keep-alive of 2.5 s.
 const CHECK: Duration = Duration::from_secs(1);
 
-/// How often, how long, and in which form.
+/// Interval, duration, and form of the output.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Time between readings in milliseconds
     #[arg(long = "interval-ms", alias = "interval", value_name = "MS", default_value_t = 100)]
     #[arg(value_parser = whole("an interval", 10..=2000_u64, "ms"))]
     interval: u64,
-    /// Ends after so many seconds
+    /// Duration in seconds [default: until Ctrl-C]
     #[arg(long = "for-s", alias = "for", value_name = "S", value_parser = within_a_day)]
     length: Option<Duration>,
-    /// One JSON document per line, as it is where standard output is no terminal
+    /// One JSON document per line; the default if standard output is not a terminal
     #[arg(long)]
     json: bool,
     #[command(flatten)]

@@ -15,7 +15,7 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 const BOARD: Board = Board::NucleoH743zi2;
 const SLOT: u32 = 0x0802_0000;
 
-/// What a version is in an image.
+/// Version text of the present image.
 const OLD: &[u8] = concat!("mh", env!("CARGO_PKG_VERSION"), "\0").as_bytes();
 const NEW: &[u8] = b"mh9.9.9\0";
 
@@ -26,7 +26,7 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
     file
 }
 
-/// The hub's image, of another version.
+/// The hub's image with another version.
 fn newer() -> Vec<u8> {
     let mut image = std::fs::read(elf::hub_in_slot(BOARD)).unwrap();
     assert_eq!(OLD.len(), NEW.len());
@@ -50,16 +50,16 @@ fn a_hub_is_given_new_firmware_over_its_line_and_says_so() {
     let link = folder.join("hub").display().to_string();
     let board = ["--emulated", "--board", "nucleo-h743zi2", "--bootloader", "--pty", "--link", &link];
     let hub = Hub::start(PROGRAM, &board);
-    // What cannot be for this hub is refused before anything is sent: the image that a probe flashes without a bootloader, and
-    // raw bytes with the vectors of another chip.
+    // Images for other hubs are refused before anything is sent: an image built without bootloader, and raw bytes with the
+    // vectors of another chip.
     let refused = client(&hub, &["update", &elf::hub(BOARD).display().to_string()]);
-    let why = "linked to 0x08000000, and this hub's begin at 0x08020000: build it for the bootloader";
+    let why = "linked to 0x08000000, but this hub's images begin at 0x08020000";
     assert!(err(&refused).contains(why), "{}", err(&refused));
     let mut other = [0x2003_0000_u32, 0x0800_0199].map(u32::to_le_bytes).concat();
     other.extend(b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.0.0\0");
     let other = write(&folder, "other.bin", &other).display().to_string();
     let refused = client(&hub, &["update", &other]);
-    assert!(err(&refused).contains("it is for another chip"), "{}", err(&refused));
+    assert!(err(&refused).contains("the image is for another chip"), "{}", err(&refused));
     other_stack_is_refused_by_the_hub(&hub, &folder);
 
     let began = Instant::now();
@@ -70,7 +70,7 @@ fn a_hub_is_given_new_firmware_over_its_line_and_says_so() {
     assert!(status.contains("mh9.9.9"), "{status}");
 }
 
-/// Its code is where it should be, its stack is another chip's: only the hub knows.
+/// An image whose code fits the slot, and whose stack is in another chip's RAM. Only the hub can refuse it.
 fn other_stack_is_refused_by_the_hub(hub: &Hub, folder: &Path) {
     let mut image = [0x2003_0000_u32, SLOT + 0x199].map(u32::to_le_bytes).concat();
     image.extend(b"HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.0.0\0");
@@ -97,7 +97,7 @@ fn a_file_that_is_no_firmware_is_refused_before_a_hub_is_asked() {
     let _alone = alone();
     let folder = folder("client-update-file");
     let file = write(&folder, "a.bin", b"nothing").display().to_string();
-    for (file, why) in [(&*file, "no firmware of a motor hub"), ("/does/not/exist", "No such file")] {
+    for (file, why) in [(&*file, "not a motor-hub firmware"), ("/does/not/exist", "No such file")] {
         let refused = motor_hub(&["client", "--port", "nowhere", "update", file]);
         assert_eq!(refused.status.code(), Some(2));
         assert!(err(&refused).contains(why), "{}", err(&refused));

@@ -39,7 +39,7 @@ fn a_wire_between_pins_that_an_image_lacks_is_refused() {
     let output = motor_hub(&["serve", "--pty", "--emulated", "--wire", "4,5"]);
     let error = err(&output);
     assert!(
-        output.status.code() == Some(2) && error.contains("an image has digital pins 0 and 1"),
+        output.status.code() == Some(2) && error.contains("digital pins 0 and 1 only"),
         "{error}"
     );
 }

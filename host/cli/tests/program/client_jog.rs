@@ -1,4 +1,4 @@
-//! `motor-hub client jog` on a terminal of its own, against the simulated hub as it is served.
+//! `motor-hub client jog` on a pseudo-terminal, against the served simulated hub.
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 
-/// A terminal with the program on it.
+/// A pseudo-terminal on which the program runs.
 struct Terminal {
     master: File,
     slave: File,
@@ -35,7 +35,7 @@ impl Terminal {
         command.args(["client", "--tcp", &hub.place, "jog"]).args(arguments);
         command.stdin(slave.try_clone().unwrap()).stdout(slave.try_clone().unwrap()).stderr(Stdio::piped());
         let process = command.spawn().unwrap();
-        // What is shown is read away, or the program would wait.
+        // The output must be read, or the program would block.
         let mut shown = master.try_clone().unwrap();
         std::thread::spawn(move || while let Ok(1..) = shown.read(&mut [0; 1024]) {});
         let terminal = Self { master, slave, process };
@@ -47,7 +47,7 @@ impl Terminal {
         terminal
     }
 
-    /// As a shell wants it, and not as keys come one by one.
+    /// True if the terminal is in line mode, as shells need it.
     fn has_lines(&self) -> bool {
         tcgetattr(&self.slave)
             .unwrap()
@@ -59,7 +59,7 @@ impl Terminal {
         self.master.write_all(keys.as_bytes()).unwrap();
     }
 
-    /// The end of the program, which leaves the terminal as it found it.
+    /// Waits for the end of the program, which must restore the terminal.
     fn end(self) -> Output {
         let output = self.process.wait_with_output().unwrap();
         let modes = tcgetattr(&self.slave).unwrap().local_modes;
@@ -87,17 +87,17 @@ fn a_key_drives_a_motor_while_it_is_held_and_not_longer() {
         sleep(Duration::from_millis(100));
     }
     let pressed = begin.elapsed().as_secs_f64();
-    // Let go: it stands long before this is over.
+    // Without a key the motor stops long before this pause is over.
     sleep(Duration::from_millis(1500));
-    // Another one, backward, and off in the middle of it.
+    // Another motor turns backward, and is disabled while it turns.
     terminal.keys("2j");
     sleep(Duration::from_millis(200));
     terminal.keys(" q");
     assert!(terminal.end().status.success());
     let motors = motors(&hub);
     let (held, other) = (motors[0].0, motors[2].0);
-    // At 400 counts/s from the first key until 0.3 s after the last, with a moment for the hub to hear of it and stop:
-    // driven on for the 1.5 s that follow, it would be 500 counts farther.
+    // The motor turns at 400 counts/s from the first key until 0.3 s after the last one, plus the time to stop. If it were
+    // driven for the 1.5 s that follow, it would be 500 counts farther.
     let longest = 400.0 * (pressed + 0.3 + 0.4);
     assert!((300.0..longest).contains(&(held as f64)), "{pressed} s: {motors:?}");
     assert!(other < -10, "{motors:?}");
@@ -129,5 +129,5 @@ fn without_a_terminal_nothing_is_driven() {
     let mut command = Command::new(PROGRAM);
     let output = command.args(["client", "--tcp", &hub.place, "jog"]).stdin(Stdio::null()).output().unwrap();
     assert_eq!(output.status.code(), Some(1));
-    assert!(err(&output).contains("no terminal"), "{}", err(&output));
+    assert!(err(&output).contains("not a terminal"), "{}", err(&output));
 }

@@ -42,7 +42,7 @@ fn the_program_finds_a_hub_and_shows_its_status() {
     assert_eq!(status["motors"][3]["mode"], "power");
 
     let text = out(&client(&server, &["status"]));
-    for says in ["all well", "12.345 V", "brake", "target velocity", "Maj: 1"] {
+    for says in ["no alerts", "12.345 V", "brake", "target velocity", "Maj: 1"] {
         assert!(text.contains(says), "{says}: {text}");
     }
 }
@@ -71,11 +71,11 @@ fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
     assert_eq!((&after["scheme"], &after["blend"]), (&"D".into(), &0.5.into()));
     assert_ne!(after["emf_mv_s_per_count"], before["emf_mv_s_per_count"]);
     assert_eq!(json(&client(&server, &read)), after);
-    // Another scheme leaves the motor.
+    // Another scheme does not change the motor's constants.
     let duty = json(&client(&server, &["setup", "1", "--duty", "linear-duty", "--scheme", "B", "--json"]));
     assert_eq!((&duty["duty"], &duty["scheme"]), (&"linear-duty".into(), &"B".into()));
     assert_eq!(duty["emf_mv_s_per_count"], after["emf_mv_s_per_count"]);
-    // Nor does a rule that has no use for its winding.
+    // A duty rule that does not use the winding does not change them either.
     let back = json(&client(&server, &["setup", "1", "--duty", "linear-current", "--json"]));
     assert_eq!(back["duty"], "linear-current");
     for known in ["emf_mv_s_per_count", "resistance_ohm", "inductance_mh"] {
@@ -86,7 +86,7 @@ fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
     assert_eq!(braking["on_fault"], "brake");
     assert_eq!(braking["scheme"], "B");
     assert_eq!((&braking["heat_percent"], &braking["derated"]), (&0.0.into(), &false.into()));
-    // What the named motor's winding stands has outlasted all that; it can be taken back, and so can the bridge's timing.
+    // The named motor's continuous current is still configured. It can be reset, and so can the bridge's timing.
     assert_eq!(braking["continuous_current_a"], 1.904);
     let free = ["setup", "1", "--continuous-current", "0", "--bridge", "vnh5019", "--json"];
     let free = json(&client(&server, &free));
@@ -113,7 +113,7 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
     assert!((after["emf_mv_s_per_count"].as_f64().unwrap() - 10.471_976).abs() < 1e-5, "{after}");
     assert_eq!((&after["resistance_ohm"], &after["inductance_mh"]), (&2.5.into(), &0.8.into()));
     assert_eq!((&after["scheme"], &after["duty"]), (&before["scheme"], &before["duty"]));
-    // One alone leaves the others; a name of the catalogue may be what it is sold as.
+    // A single constant leaves the others. The name of a motor may be the name it is sold under.
     let ohms = json(&client(&server, &[&show[..], &["--resistance-ohm", "3"]].concat()));
     assert_eq!(
         (&ohms["emf_mv_s_per_count"], &ohms["resistance_ohm"]),
@@ -121,7 +121,7 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
     );
     let named = json(&client(&server, &[&show[..], &["--type", "neverest 60"]].concat()));
     assert_eq!(named["resistance_ohm"], 3.3);
-    // What is wrong changes nothing, not even what comes before it.
+    // A wrong option changes nothing, not even by options before it.
     for (wrong, says) in [
         (
             &["--ke", "9", "--counts-per-rev", "12"][..],
@@ -195,7 +195,7 @@ fn a_position_ends_at_its_target_or_fails_in_time() {
 
     let late = client(&server, &["position", "1", "-2000", "--tolerance", "0", "--for", "0.2"]);
     assert_eq!(late.status.code(), Some(1));
-    assert!(err(&late).contains("not at the target after 0.2 s"), "{}", err(&late));
+    assert!(err(&late).contains("target not reached after 0.2 s"), "{}", err(&late));
     assert_eq!(server.hub().responder.enabled(), [false; 4]);
 }
 
@@ -207,7 +207,7 @@ fn a_motor_that_the_hub_lets_go_ends_the_command() {
     let output = client(&server, &["power", "1", "0.5"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(
-        err(&output).contains("let motor 1 go") && err(&output).contains("fail-safe"),
+        err(&output).contains("disabled motor 1") && err(&output).contains("fail-safe"),
         "{}",
         err(&output)
     );
@@ -226,7 +226,7 @@ fn the_program_says_why_the_hub_refuses() {
     assert!(says.contains(&server.address), "{says}");
 }
 
-/// Starts a command that drives motor 0, lets the hub fall deaf, and asks it to end.
+/// Starts a command that drives motor 0, makes the hub ignore all requests, and signals the command to end.
 #[cfg(unix)]
 fn interrupted_on_a_deaf_hub(timeout: &str) -> (Server, std::process::Child) {
     let server = Server::start(Hub::new());
@@ -348,11 +348,11 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["--timeout", "0", "status"], "a timeout is a whole number from 10 to 60000 ms"),
         (&["power", "0", "1.01"], "-1 to 1"),
         (&["power", "0", "nan"], "-1 to 1"),
-        (&["power", "4", "0"], "0 to 3, several as 0,2 or all"),
+        (&["power", "4", "0"], "0 to 3, several as 0,2, or all"),
         (&["power", "0,", "0"], "0 to 3"),
         (&["velocity", "0", "32768"], "32768"),
         (&["velocity", "0", "1.5"], "whole number"),
-        (&["velocity", "0", "30rpm"], "a turn of the output shaft, which no hub can tell"),
+        (&["velocity", "0", "30rpm"], "a turn of the output shaft, which a hub does not know"),
         (&["velocity", "0", "30rpm"], "give --counts-per-turn COUNTS or --type NAME"),
         (&["--port", "", "status"], "a value is required for '--port"),
         (&["velocity", "0", "30rpm", "--type", "AM 61"], "AM 60 A"),
@@ -375,7 +375,7 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["together", "0"], "such as 0=1000"),
         (&["together", "4=0"], "0 to 3"),
         (&["together", "0=x"], "whole number"),
-        (&["together", "0=1", "0=2"], "motor 0 is named twice"),
+        (&["together", "0=1", "0=2"], "motor 0 is given twice"),
         (&["setup", "0", "--type", "AM 61"], "AM 60 A"),
         (&["setup", "0", "--blend", "0.5"], "give --scheme D"),
         (&["setup", "0", "--inductance-mh", "nan"], "0.001 to 65.535 mH"),

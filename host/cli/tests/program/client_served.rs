@@ -1,4 +1,4 @@
-//! `motor-hub client` against the simulated hub as it is served, whose motors turn.
+//! `motor-hub client` against the served simulated hub, whose motors turn.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::conformance::Hub;
@@ -26,15 +26,15 @@ fn status(hub: &Hub) -> Value {
 #[test]
 fn a_motor_is_identified_and_what_was_found_is_put_in_force() {
     let hub = served();
-    // A host's own coefficients would come before any model.
+    // Coefficients set by a host would override the model.
     out(&client(&hub, &["coefficients", "0", "velocity", "--p", "1"]).output().unwrap());
     let shown = out(&client(&hub, &["identify", "0", "--apply"]).output().unwrap());
     for says in ["turns at most", " %\n", "acceleration per volt, b", "decay, q", "q / b", "friction, c"] {
         assert!(shown.contains(says), "{says}: {shown}");
     }
-    assert!(shown.contains("regulates it by that"), "{shown}");
+    assert!(shown.contains("regulates the motor by this result"), "{shown}");
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
-    // What was found before is no answer to what is asked now.
+    // The result of a former identification must not be reported for this one.
     let again = client(&hub, &["identify", "0", "--json"]).output().unwrap();
     let document: Value = serde_json::from_str(&out(&again)).unwrap();
     assert_eq!((&document["outcome"], &document["applied"]), (&"found".into(), &false.into()));
@@ -50,15 +50,15 @@ fn a_motor_that_cannot_be_known_is_refused_with_the_reason_and_disabled() {
     let says = String::from_utf8(refused.stdout.clone()).unwrap();
     assert!(says.contains("at most 3 counts"), "{says}");
     assert!(
-        err(&refused).contains("motor 1 is not known") && err(&refused).contains("travel"),
+        err(&refused).contains("motor 1 was not identified") && err(&refused).contains("travel"),
         "{}",
         err(&refused)
     );
     assert_eq!(status(&hub)["motors"][1]["enabled"], false);
 }
 
-/// Starts a command that drives motor 0, and gives it back once it does, with its open standard output: closed, it
-/// would end the command for want of a reader.
+/// Starts a command that drives motor 0, and returns the process once the motor turns. The standard output stays open,
+/// because the command would end without a reader.
 #[cfg(unix)]
 fn driving(hub: &Hub, arguments: &[&str]) -> (Child, BufReader<ChildStdout>) {
     let mut command = client(hub, arguments);
@@ -83,7 +83,7 @@ fn every_signal_that_can_be_heard_stops_what_the_command_has_set_going() {
         (&["velocity", "0", "500"], &["-TERM"], "stopped by SIGTERM"),
         (&["power", "0", "0.3"], &["-HUP"], "terminal is gone"),
         (&["power", "0", "0.3"], &["-QUIT"], "stopped by SIGQUIT"),
-        // As a terminal and whoever waits for the program may send it.
+        // Terminal and parent process may both send a signal.
         (&["together", "0=300", "--on"], &["-INT", "-INT", "-TERM"], "stopped by"),
     ] {
         let (process, _reader) = driving(&hub, arguments);
@@ -92,7 +92,7 @@ fn every_signal_that_can_be_heard_stops_what_the_command_has_set_going() {
         assert_eq!(output.status.code(), Some(1), "{arguments:?} {signals:?}");
         let words = err(&output);
         assert!(words.contains(says) && words.contains("disabled motor 0"), "{arguments:?}: {words}");
-        // Long before the hub would have missed its host, and not by the command that asks.
+        // The motor is disabled long before the keep-alive ends, and not by the `status` command.
         let asked = client(&hub, &["status", "--json"]).output().unwrap();
         assert_eq!(err(&asked), "", "{arguments:?}");
         assert_eq!(serde_json::from_str::<Value>(&out(&asked)).unwrap()["motors"][0]["enabled"], false);
@@ -136,8 +136,11 @@ fn a_speed_that_a_motor_cannot_reach_is_warned_of_and_fails() {
     let asked = client(&hub, &["velocity", "0", "30000", "--for", "0.6"]).output().unwrap();
     assert_eq!(asked.status.code(), Some(1));
     let says = err(&asked);
-    assert!(says.contains("warning: motor 0 turns at") && says.contains("30000 are asked for"), "{says}");
-    assert!(says.contains("not at 30000 counts/s after 0.6 s: motor 0 at"), "{says}");
+    assert!(
+        says.contains("warning: motor 0: 30000 counts/s requested") && says.contains("free speed"),
+        "{says}"
+    );
+    assert!(says.contains("30000 counts/s not reached after 0.6 s: motor 0 at"), "{says}");
     assert!(says.starts_with("warning") && says.contains("\ndisabled motor 0\n"), "{says}");
     let folder = crate::common::folder("not-reached");
     let record = ["record", "--out", folder.to_str().unwrap(), "--"];
@@ -160,9 +163,9 @@ fn motors_move_in_step_to_where_they_are_sent() {
         [0, 2].map(|motor: usize| motors[motor]["position"].as_i64().unwrap())
     };
     let shown = out(&client(&hub, &["together", "0=800", "2=-400", "--speed", "1600"]).output().unwrap());
-    assert!(shown.ends_with("all have arrived\n"), "{shown}");
+    assert!(shown.ends_with("all motors at target\n"), "{shown}");
     let [first, second] = positions(&hub);
-    // Disabled, they may roll on.
+    // Disabled motors may roll on.
     assert!((first - 800).abs() < 50 && (second + 400).abs() < 50, "{first} {second}");
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
     out(&client(&hub, &["together", "0=-800", "2=400", "--by", "--speed", "1600"]).output().unwrap());
@@ -172,7 +175,7 @@ fn motors_move_in_step_to_where_they_are_sent() {
     let late = client(&hub, &["together", "0=90000", "--for", "0.3"]).output().unwrap();
     assert_eq!(late.status.code(), Some(1));
     assert!(err(&late).contains("disabled motor 0\n"), "{}", err(&late));
-    assert!(err(&late).contains("not there after 0.3 s"), "{}", err(&late));
+    assert!(err(&late).contains("targets not reached after 0.3 s"), "{}", err(&late));
 }
 
 #[cfg(unix)]
@@ -202,7 +205,7 @@ fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
     assert!(row("/no/such/port").contains("No such file"), "{found}");
     let none = scan(&["/no/such/port"]);
     assert_eq!(none.status.code(), Some(1));
-    assert!(err(&none).contains("no hub at 1 place\n"), "{}", err(&none));
+    assert!(err(&none).contains("no hub found at 1 place\n"), "{}", err(&none));
 }
 
 #[cfg(unix)]
@@ -227,7 +230,7 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     let mut pty = Hub::start_in(&notes, PROGRAM, &["--pty", "--link", link]);
     let scan = |more: &[&str]| {
         let mut scan = Command::new(PROGRAM);
-        // Not on the ports of whose machine this is.
+        // The serial ports of the developer's machine are not scanned.
         scan.args(["client", "--timeout-ms", "500", "scan", "--only"]).args(more);
         scan.env("XDG_RUNTIME_DIR", &notes).env("COLUMNS", "300").output().unwrap()
     };
@@ -239,7 +242,7 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     let row = |place: &str| rows(place, &[]).concat();
     assert!(row(&tcp.place).contains("2 ┆ parent"), "{}", row(&tcp.place));
     assert!(row(link).contains("2 ┆ parent"), "{}", row(link));
-    // By another name it is the same hub, and asked once.
+    // Two names of one hub are asked once.
     let port = tcp.place.strip_prefix("127.0.0.1").unwrap();
     let both = rows(port, &[&format!("localhost{port}")]);
     assert!(both.len() == 1 && both.concat().contains("2 ┆ parent"), "{both:?}");
@@ -247,7 +250,7 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     let (mut of_tcp, mut of_pty) = (tcp.tcp(), pty.serial());
     assert!(!of_tcp.enabled() && !of_pty.enabled());
     for place in [&*tcp.place, link] {
-        assert!(row(place).contains("┆ taken: another host talks to it"), "{}", row(place));
+        assert!(row(place).contains("┆ in use by another host"), "{}", row(place));
     }
     assert!(!of_tcp.enabled() && !of_pty.enabled());
     drop((of_tcp, of_pty));
@@ -255,7 +258,7 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     assert!(row(link).contains("2 ┆ parent") && row(&tcp.place).contains("2 ┆ parent"));
 
     assert_eq!(left(), 2);
-    // Killed, it has no time to clear up.
+    // A killed program cannot remove its note.
     drop(tcp);
     let mut said = String::new();
     says.read_to_string(&mut said).unwrap();
@@ -267,7 +270,7 @@ fn a_scan_finds_served_hubs_unnamed_and_leaves_those_alone_that_have_a_host() {
     assert_eq!(left(), 0);
     let none = scan(&[]);
     assert_eq!(none.status.code(), Some(1));
-    assert!(err(&none).contains("no hub is served here; name a PLACE"), "{}", err(&none));
+    assert!(err(&none).contains("no hub is served on this machine; give a PLACE"), "{}", err(&none));
 }
 
 #[cfg(target_os = "linux")]
@@ -279,7 +282,7 @@ fn a_port_that_is_not_permitted_hints_at_group_and_udev_rule() {
     std::fs::set_permissions(&port, std::fs::Permissions::from_mode(0o0)).unwrap();
     let root = std::fs::metadata("/proc/self").unwrap().uid() == 0;
     for command in ["status", "scan"] {
-        // Root may open anything, so it becomes nobody.
+        // Root may open any file, so the program runs as the user with id 65534.
         let mut denied = if root {
             let mut denied = Command::new("setpriv");
             denied.args(["--reuid=65534", "--clear-groups", PROGRAM]);
@@ -340,7 +343,7 @@ fn a_recording_that_is_interrupted_is_whole_and_drawn() {
     let record = ["record", "--out", folder.to_str().unwrap(), "power", "1", "0.3"];
     let process = client(&hub, &record).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let csv = folder.join("record.csv");
-    // Rows are there while it runs.
+    // Rows are written while the motor runs.
     let end = std::time::Instant::now() + std::time::Duration::from_secs(10);
     while std::fs::read_to_string(&csv).map_or(0, |text| text.lines().count()) < 20 {
         assert!(std::time::Instant::now() < end);
@@ -352,7 +355,7 @@ fn a_recording_that_is_interrupted_is_whole_and_drawn() {
     assert!(err(&output).contains("disabled motor 1"), "{}", err(&output));
     let rows = rows(&folder);
     assert!(rows.iter().all(|row| row["setpoint_value"] == "9830"), "{:?}", rows.last());
-    // Until the first tick it is 0.
+    // The control value is 0 until the first control tick.
     assert!(rows.iter().rev().take(10).all(|row| row["control"] == "9830"), "{:?}", rows.last());
     assert!(folder.join("motor-1.svg").exists());
 }
@@ -364,18 +367,18 @@ fn a_motor_is_tuned_beside_the_catalogue_and_settings_are_written_only_when_aske
     let tune = |more: &[&str]| client(&hub, &[&["tune", "0"], more].concat()).output().unwrap();
     let shown = out(&tune(&[]));
     for says in
-        ["AM 20 A", "off by", "times the inertia of an AM 20 A alone", "largest acceleration", "With --apply"]
+        ["AM 20 A", "off by", "times the inertia of a bare AM 20 A", "largest acceleration", "--apply puts"]
     {
         assert!(shown.contains(says), "{says}: {shown}");
     }
     assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
     let document: Value = serde_json::from_str(&out(&tune(&["--json", "--apply"]))).unwrap();
     assert_eq!((&document["catalogue"], &document["applied"]), (&"AM 20 A".into(), &true.into()));
-    // Nothing was written the first time.
+    // The first run did not apply its proposal.
     assert_eq!(document["now"]["acceleration_cps2"], Value::Null, "{document}");
     let proposed = &document["proposed"];
     let number = |of: &Value| of.as_f64().unwrap();
-    // Half of the battery's volts.
+    // Half of the battery voltage.
     let share = number(&proposed["acceleration_cps2"]) / number(&proposed["acceleration_per_volt"]);
     assert!((5.5..6.5).contains(&share), "{document}");
     let after: Value = serde_json::from_str(&out(&tune(&["--json"]))).unwrap();

@@ -34,7 +34,7 @@ fn shown(hub: &Hub) -> Value {
     serde_json::from_str(&settings(hub, &["show", "--json"])).unwrap()
 }
 
-/// Of every kind something that a fresh hub does not have.
+/// Changes a setting of every kind from its default.
 fn set_much(hub: &Hub) {
     for arguments in [
         &["setup", "0", "--type", "AM 60 A", "--scheme", "D", "--blend", "0.25", "--on-fault", "brake"][..],
@@ -55,7 +55,7 @@ fn what_is_saved_outlasts_the_hub_and_what_is_not_does_not() {
     assert_eq!((&shown(&hub)["stored"], &shown(&hub)["differs"]), (&"nothing".into(), &false.into()));
     set_much(&hub);
     assert_eq!(shown(&hub)["differs"], true);
-    assert!(settings(&hub, &["show"]).contains("something else: it lasts until the next reset"));
+    assert!(settings(&hub, &["show"]).contains("other settings, until the next reset"));
     assert_eq!(settings(&hub, &["save"]), "stored: save 1\n");
     let saved = settings(&hub, &["export"]);
     assert_ne!(saved, factory);
@@ -68,9 +68,9 @@ fn what_is_saved_outlasts_the_hub_and_what_is_not_does_not() {
     out(&client(&hub, &["setup", "2", "--scheme", "B"]));
     assert!(settings(&hub, &["load"]).contains("save 1"));
     assert_eq!(settings(&hub, &["export"]), saved);
-    // The address by itself, and at once.
+    // The address is stored immediately, without a save.
     out(&client(&hub, &["set-address", "9"]));
-    // It is written once it has been answered.
+    // The address is written after the hub has answered.
     let written = (0..20).any(|_| shown(&hub)["number"] == 2);
     assert!(written, "{}", shown(&hub));
     drop(hub);
@@ -106,7 +106,7 @@ fn exported_settings_are_imported_bit_by_bit() {
     assert_ne!(settings(&hub, &["export"]), exported);
     assert!(settings(&hub, &["import", &file, "--save"]).contains("stored: save 1"));
     assert_eq!(settings(&hub, &["export"]), exported);
-    // A motor by itself, and without what is not said.
+    // A file may have one motor only, without the optional keys.
     let one = exported.split("[[motor]]").take(2).collect::<Vec<_>>().join("[[motor]]");
     assert!(one.contains("number = 0") && !one.contains("number = 1"), "{one}");
     std::fs::write(&file, one).unwrap();
@@ -133,14 +133,14 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
         (&mode, "mode = \"sideways\"", "sideways"),
         (&mode, "mood = \"power\"", "mood"),
         ("number = 3", "number = 4", "number is 0 to 3"),
-        ("number = 3", "number = 0", "each once"),
+        ("number = 3", "number = 0", "occurs once"),
         ("schema_version = 1", "schema_version = 2", "schema_version is 2"),
         ("continuous_current_ma = 1234", "continuous_current_ma = 0", "thermal"),
         ("p = 1.5", "p = 1e9", "velocity_loop.p is -32768"),
         ("blend = 0.25", "blend = 1.5", "blend"),
     ] {
         assert!(exported.contains(from), "{from}: {exported}");
-        // The last of them, so that all before it would have been written.
+        // The last occurrence is changed, so that all settings before it would have been written.
         let at = exported.rfind(from).unwrap();
         let text = format!("{}{to}{}", &exported[..at], &exported[at + from.len()..]);
         std::fs::write(&file, text).unwrap();
@@ -182,7 +182,7 @@ fn a_file_that_is_no_store_is_refused_and_left_alone() {
 #[test]
 fn a_store_that_makes_no_sense_is_told_and_can_be_cleared() {
     let (_, store) = store("settings-nonsense");
-    // Both pages in the middle of things, with nothing that can be read.
+    // Both pages are in use, and hold unreadable data.
     let mut bytes = vec![0xFF; 32 * 1024];
     bytes[..4].fill(0);
     bytes[4..12].copy_from_slice(&[1, 2, 3, 4, 0xF0, 0x30, 0, 0]);

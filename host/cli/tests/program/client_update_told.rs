@@ -1,4 +1,4 @@
-//! What `motor-hub client update` says of how an update ends, against the hub's own side of the protocol with a made-up flash.
+//! Messages of `motor-hub client update` about the result of an update, against the hub's protocol code with a fake flash.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
 use crate::common::folder;
@@ -12,13 +12,13 @@ use std::process::{Command, Output};
 const SLOT: Slot =
     Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
 
-/// As OpenSSL writes it.
+/// Public key as OpenSSL writes it.
 const KEY: &[u8] = include_bytes!("../../../../tests/update/signed/public.der");
 
-/// What the made-up flash takes for the owner's signature of any image.
+/// Bytes that the fake flash accepts as the owner's signature of any image.
 const SIGNATURE: [u8; 64] = [7; 64];
 
-/// A hub that was started like this, with this slot.
+/// Protocol code of a hub that was started in this way, with this slot.
 fn started(slot: Slot, booted: Booted) -> Responder<4> {
     let mut responder = responder().with_slot(slot);
     responder.update_done(Done::Booted(booted));
@@ -31,12 +31,12 @@ fn serve(slot: Slot, flash: fn(&mut Responder<4>, Order)) -> Server {
     Server::start(hub)
 }
 
-/// It carries out what it is told; a restart starts the new firmware, which stays.
+/// A fake flash that executes all orders; a restart starts the new firmware, which confirms itself.
 fn good(responder: &mut Responder<4>, order: Order) {
     carry_out(responder, order, Booted::Confirmed);
 }
 
-/// A restart ends with the firmware before.
+/// A fake flash whose restart ends with the former firmware.
 fn goes_back(responder: &mut Responder<4>, order: Order) {
     carry_out(responder, order, Booted::WentBack);
 }
@@ -65,7 +65,7 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) -> String {
     file.display().to_string()
 }
 
-/// Raw bytes for the slot that say this version.
+/// Raw bytes for the slot, with this version text.
 fn image(version: &str) -> Vec<u8> {
     let mut bytes = [0x2002_0000_u32, SLOT.origin + 0x199].map(u32::to_le_bytes).concat();
     bytes.extend(format!("HW: 20, Maj: 1, Min: 8, Eng: 2, {version}\0").bytes());
@@ -82,12 +82,12 @@ fn an_update_that_was_rolled_back_says_so() {
     assert_eq!(told.status.code(), Some(1));
     let (new, old) = ("Eng: 2, mh9.9.9", format!("Eng: 2, {RUNS}"));
     let why = err(&told);
-    let says = why.split_once(" did not confirm itself, and the hub went back to ");
+    let says = why.split_once(" did not confirm itself, and the hub returned to ");
     assert!(says.is_some_and(|(before, after)| before.contains(new) && after.contains(&old)), "{why}");
-    // As does one whose hub says that its firmware stays, and is the one before.
+    // It also fails if the hub confirms, but runs the former firmware.
     let server = serve(SLOT, good);
     let told = client(&server, &["update", &file]);
-    assert!(err(&told).contains(&format!("{RUNS}, and was sent HW")), "{}", err(&told));
+    assert!(err(&told).contains(&format!("{RUNS}, but the image sent is HW")), "{}", err(&told));
 }
 
 #[test]
@@ -118,10 +118,7 @@ fn a_hub_with_a_key_refuses_what_its_owner_has_not_signed_and_says_why() {
         &["--signature", &signature, "--key", &other],
         "the signature is by another key than the hub's (NACK 79)",
     );
-    refused(
-        &["--signature", &wrong, "--key", &key],
-        "the signature is not one of this file by the hub's key",
-    );
+    refused(&["--signature", &wrong, "--key", &key], "the signature is not of this file by the hub's key");
     let told = out(&client(&server, &["update", &file, "--signature", &signature, "--key", &key]));
     assert!(told.contains("confirmed"), "{told}");
 }
@@ -146,8 +143,8 @@ fn files_that_are_no_signature_and_no_key_are_refused_before_a_hub_is_asked() {
     let pem = write(&folder, "public.pem", b"-----BEGIN PUBLIC KEY-----\nMCowBQYDK2VwAyEA");
     let program = env!("CARGO_BIN_EXE_motor-hub");
     for (signature, key, why) in [
-        (&short, &key, "has 63 bytes, and a signature of Ed25519 has 64"),
-        (&signature, &pem, "is no public key of Ed25519 in DER"),
+        (&short, &key, "has 63 bytes; an Ed25519 signature has 64"),
+        (&signature, &pem, "is not an Ed25519 public key in DER"),
     ] {
         let arguments = ["client", "--port", "nowhere", "update", &*file];
         let told = Command::new(program)

@@ -1,4 +1,4 @@
-//! The server of `motor-hub dashboard`, by sockets of its own: who may move motors, and who keeps them moving.
+//! The server of `motor-hub dashboard`, by sockets without a browser: which page may move motors, and when motors stop.
 #![expect(
     clippy::unwrap_used,
     clippy::indexing_slicing,
@@ -19,10 +19,10 @@ use tungstenite::{Error, Message, WebSocket, client};
 const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// What a page says and hears, without a browser.
+/// The socket of a page, without a browser.
 struct Page {
     socket: WebSocket<TcpStream>,
-    /// Returns the numbers of frames.
+    /// True if the page returns the numbers of frames.
     alive: bool,
     frame: Value,
 }
@@ -39,7 +39,7 @@ impl Page {
         Self { socket, alive: true, frame: Value::Null }
     }
 
-    /// One that is connected to a hub with a good battery.
+    /// A page that is connected to a hub with a good battery.
     fn ready(dashboard: &Dashboard) -> Self {
         let mut page = Self::open(dashboard);
         page.until("a battery", |page, _| page.frame["battery_v"].as_f64().is_some_and(|volts| volts > 11.0));
@@ -50,7 +50,7 @@ impl Page {
         self.socket.send(Message::text(json!({ order: fields }).to_string())).unwrap();
     }
 
-    /// What is said next, if something is.
+    /// The next message, if there is one.
     fn hear(&mut self) -> Option<Value> {
         match self.socket.read() {
             Ok(Message::Text(text)) => {
@@ -81,7 +81,7 @@ impl Page {
         }
     }
 
-    /// Goes on being there.
+    /// Acknowledges frames for a time.
     fn stay(&mut self, time: Duration) {
         let end = Instant::now() + time;
         while Instant::now() < end {
@@ -101,7 +101,7 @@ impl Page {
         });
     }
 
-    /// Until a notice that says so, and a motor that is off.
+    /// Waits for a notice with this text, and for motor 0 to be disabled.
     fn off(&mut self, says: &str) {
         let mut told = false;
         self.until(says, |page, message| {
@@ -123,7 +123,7 @@ fn a_page_that_shows_nothing_for_a_second_loses_its_motors_and_not_before() {
     driver.run(0);
     driver.stay(Duration::from_secs(2));
     assert!(driver.enabled(0), "somebody watches");
-    // It hears, and returns nothing.
+    // The page receives frames, and acknowledges none.
     driver.alive = false;
     let silent = Instant::now();
     while viewer.frame["motors"][0]["enabled"] != false {
@@ -180,7 +180,7 @@ fn one_page_is_in_control_and_anyone_may_stop() {
     driver.run(0);
     viewer.order("stop", Value::Null);
     driver.off("stopped");
-    // Whoever gives it up leaves nothing running.
+    // A page that releases control leaves no motor enabled.
     driver.run(0);
     driver.order("release", Value::Null);
     driver.off("control was released");
@@ -209,7 +209,7 @@ fn what_is_out_of_range_is_refused_with_what_is_allowed() {
         (
             "drive",
             json!({ "motor": 4, "mode": "power", "value": 0 }),
-            "there is no motor 4; there are 0 to 3",
+            "there is no motor 4; allowed is 0 to 3",
         ),
         ("drive", json!({ "motor": 0, "mode": "sideways", "value": 0 }), "unknown variant `sideways`"),
         ("drive", json!({ "motor": 0, "mode": "power" }), "missing field `value`"),
@@ -223,8 +223,8 @@ fn what_is_out_of_range_is_refused_with_what_is_allowed() {
         ("acceleration", json!({ "motor": 0, "limit": 0 }), "an acceleration is 1 to"),
         ("set-up", json!({ "motor": 0, "scheme": "E", "duty": "linear-duty" }), "unknown scheme `E`"),
         ("set-up", json!({ "motor": 0, "name": "AM 61 A", "scheme": "A", "duty": "linear-duty" }), "AM 61 A"),
-        ("apply", json!({ "motor": 0 }), "nothing was learned"),
-        ("undo", json!({ "motor": 0 }), "nothing to take back"),
+        ("apply", json!({ "motor": 0 }), "not identified yet"),
+        ("undo", json!({ "motor": 0 }), "nothing to undo"),
         (
             "together",
             json!({ "to": [null, null, null, null], "speed": 1, "acceleration": 1 }),
@@ -256,7 +256,7 @@ fn a_message_that_is_too_long_ends_its_page_and_no_other() {
     let dashboard = Dashboard::start(&[]);
     let (mut driver, mut other) = (Page::ready(&dashboard), Page::ready(&dashboard));
     driver.run(0);
-    // The server may hang up in the middle of it.
+    // The server may close the connection during the request.
     let _ = other.socket.send(Message::text("x".repeat(100_000)));
     driver.until("one page", |_, message| message["kind"] == "desk" && message["pages"] == 1);
     driver.stay(Duration::from_millis(500));
@@ -275,14 +275,14 @@ fn a_scenario_is_played_from_its_beginning_and_leaves_its_motors_off() {
         winch(page, "velocity").as_f64().is_some_and(|cps| (cps - 1360.0).abs() < 30.0)
     });
     assert_eq!(winch(&page, "regime"), "forward");
-    // From 4 to 8 s 0.8 N m drive it.
+    // From 4 to 8 s a load of 0.8 N m drives the motor.
     page.until("its load", |page, _| {
         winch(page, "regime") == "braking" && winch(page, "load_a").as_f64() < Some(-0.5)
     });
-    page.until("its end", |_, message| message["text"] == "all motors are off: the scenario is over");
+    page.until("its end", |_, message| message["text"] == "all motors are disabled: the scenario is over");
     let other = Dashboard::start(&[]);
     let mut page = Page::ready(&other);
-    assert!(page.refused("play", Value::Null).contains("name one by --scenario"));
+    assert!(page.refused("play", Value::Null).contains("start the dashboard with --scenario"));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! `motor-hub dashboard` in a real browser: what somebody sees and does.
+//! `motor-hub dashboard` in a real browser: what a user sees and does.
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
 use crate::browser::page::{drive, live, motor, pictures, unobstructed};
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 const ESCAPE: (&str, u32) = ("Escape", 27);
 const SPACE: (&str, u32) = (" ", 32);
 
-/// With a page of a simulated hub, at a desk's size; nothing may have been complained of in the end.
+/// Runs a test with a page of a simulated hub, in desktop size. The browser's console must have no errors at the end.
 fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
     let Some(program) = find() else { return };
     let _alone = alone();
@@ -22,12 +22,12 @@ fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
     assert_eq!(tab.complaints(), Vec::<String>::new());
 }
 
-/// Two pages of one hub: what becomes of the motors of the first, as the second sees it.
+/// Opens two pages of one hub, ends the first page, and checks in the second page that the motors are disabled.
 fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
     let Some(program) = find() else { return };
     let _alone = alone();
     let dashboard = Dashboard::start(&[]);
-    // A browser each: one that is busy answers for neither.
+    // Each page has its own browser, because a hanging browser would block both pages.
     let mut first = Browser::start(&program, &format!("{name}-driver"));
     let mut second = Browser::start(&program, &format!("{name}-viewer"));
     let mut driver = first.open(&dashboard.url, 1280, 1000);
@@ -44,7 +44,7 @@ fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Durat
     println!("{name}: off after {:.0} ms", took.as_secs_f64() * 1e3);
     assert!(took < most, "{took:?}");
     viewer.wait(&format!("document.querySelector('#notice').textContent.includes('{says}')"));
-    // Coasting: power and current are 0.
+    // A coasting motor has control 0 and current 0.
     viewer.wait(&format!("{} === 0 && {} === 0", motor(0, "control"), motor(0, "current_a")));
     viewer.wait("document.querySelector('#take').checkVisibility()");
     viewer.click("#take");
@@ -69,10 +69,10 @@ fn a_tab_that_is_closed_loses_its_motors() {
 #[ignore = "long: cargo xtask long"]
 fn a_tab_that_hangs_loses_its_motors_after_a_second() {
     let hang = |mut tab: Tab<'_>| tab.hang();
-    with_two_pages("hanging", hang, "showed nothing for a second", Duration::from_secs(3));
+    with_two_pages("hanging", hang, "showed no new values for 1 s", Duration::from_secs(3));
 }
 
-/// Until motor 0 is off; how long that took.
+/// Waits until motor 0 is disabled, and returns the time since `since`.
 fn off(tab: &mut Tab<'_>, since: Instant) -> Duration {
     tab.wait(&format!("{} === false", motor(0, "enabled")));
     since.elapsed()
@@ -97,13 +97,13 @@ fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() 
                     tab.press(SPACE);
                     "Space"
                 }
-                // In a field, where Space is a character but Escape stops.
+                // In a field Space enters a character, but Escape stops.
                 3 => {
                     tab.ask("document.querySelector('#motors input[type=number]').focus()");
                     tab.press(ESCAPE);
                     "Escape in a field"
                 }
-                // On a button, which Space would press otherwise.
+                // Space stops also on a button, which it would press otherwise.
                 _ => {
                     tab.ask("document.querySelector('#pause').focus()");
                     tab.press(SPACE);
@@ -117,7 +117,8 @@ fn a_motor_is_driven_to_a_speed_and_stopped_by_a_click_by_escape_and_by_space() 
                 "{how}"
             );
             assert!(
-                tab.ask("document.querySelector('#notice').textContent") == "All motors are off: stopped.",
+                tab.ask("document.querySelector('#notice').textContent")
+                    == "All motors are disabled: stopped.",
                 "{how}"
             );
             tab.wait(&format!("{} === 0", motor(0, "velocity")));
@@ -199,7 +200,7 @@ fn a_winch_is_seen_going_through_the_regimes() {
         pull(tab, "0.4");
         turn(tab, "1200");
         regime(tab, "braking");
-        // Without what lies below the plots.
+        // Without the panels below the plots.
         tab.ask("scrollTo(0, 0)");
         tab.resize(1280, 900);
         std::thread::sleep(Duration::from_millis(200));
@@ -222,12 +223,12 @@ fn why_a_motor_stands_is_said_in_words() {
         drive(tab, 1, 600);
         tab.click("#tab-world");
         tab.fill("#world-encoder", "unplugged");
-        tab.wait(&format!("{why}.startsWith('Its encoder does not count')"));
+        tab.wait(&format!("{why}.startsWith('No counts although driven')"));
         tab.fill("#world-encoder", "sound");
         tab.press(ESCAPE);
         tab.wait(&format!("{why} === 'Disabled.'"));
         drive(tab, 1, 600);
-        // A battery at 7 V is too low to draw from.
+        // At 5.5 V the battery is too low to draw current from.
         tab.fill("#panel-world .stack:nth-child(2) input[type=range]", "5.5");
         tab.wait(&format!("{why}.includes('battery')"));
     });
@@ -245,7 +246,7 @@ fn a_step_is_laid_over_the_one_before_and_a_change_is_taken_back() {
         step(tab);
         assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 1);
         let regulator = "document.querySelector('#panel-tune b').textContent";
-        assert_eq!(tab.ask(regulator), "its model");
+        assert_eq!(tab.ask(regulator), "the motor model");
         let undo = "#panel-tune .row button:nth-child(3)";
         tab.click("#panel-tune .row button:nth-child(2)");
         tab.wait(&format!("{regulator} === 'PID'"));
@@ -253,7 +254,7 @@ fn a_step_is_laid_over_the_one_before_and_a_change_is_taken_back() {
         assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 2);
         tab.picture(&pictures().join("tune.png"), true);
         tab.click(undo);
-        tab.wait(&format!("{regulator} === 'its model'"));
+        tab.wait(&format!("{regulator} === 'the motor model'"));
         assert_eq!(tab.ask(&format!("document.querySelector('{undo}').disabled")), true);
     });
 }
@@ -264,8 +265,10 @@ fn a_motor_is_identified_and_what_was_found_predicts_what_was_measured() {
     with_page("identify", |tab| {
         tab.click("#tab-learn");
         tab.click("#panel-learn button.primary");
-        tab.wait("document.querySelector('#panel-learn [role=status]').textContent === 'Motor 0 is known.'");
-        // Both lines of the plot, as the page draws them.
+        tab.wait(
+            "document.querySelector('#panel-learn [role=status]').textContent === 'Motor 0 is identified.'",
+        );
+        // Misfit of the two lines of the plot, as the page draws them.
         let off = tab.ask("dashboard.learned().misfit").as_f64().unwrap();
         println!("predicted is off by {:.1} % of what was measured", 100.0 * off);
         assert!(off < 0.1, "predicted is off by {off} of what was measured");
@@ -283,10 +286,10 @@ fn a_recording_is_saved_and_looked_at_again() {
         tab.click("#tab-record");
         tab.click("#panel-record button.primary");
         drive(tab, 0, 700);
-        // It is there after some ten readings.
+        // The recording has rows after some ten readings.
         std::thread::sleep(Duration::from_millis(500));
         tab.click("#panel-record button.primary");
-        // The file that would be saved, and the same taken in as a file that was chosen.
+        // Take the file that would be saved, and open it as a chosen file.
         let rows = tab.ask(
             "(async () => { \
                 let text; const make = URL.createObjectURL; \
@@ -304,7 +307,7 @@ fn a_recording_is_saved_and_looked_at_again() {
             "{rows:?}"
         );
         tab.wait("document.querySelector('#panel-record [role=status]').textContent.startsWith('run.csv is shown')");
-        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Go on");
+        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Resume");
         tab.click("#pause");
         assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Pause");
     });
@@ -317,7 +320,7 @@ fn all_of_it_is_reached_by_keys() {
         let chosen = "document.querySelector('.card.chosen').getAttribute('aria-label')";
         tab.press(("2", 50));
         assert_eq!(tab.ask(chosen), "Motor 2");
-        // From the top, Tab comes to every control that can be seen.
+        // From the top, Tab reaches every visible control.
         tab.ask("document.activeElement.blur()");
         let all = tab.ask("document.querySelectorAll('button, select, input').length").as_u64().unwrap();
         let mut reached = std::collections::BTreeSet::new();
@@ -343,7 +346,7 @@ fn all_of_it_is_reached_by_keys() {
 fn report_of_drawing_full_plots() {
     with_page("drawing", |tab| {
         drive(tab, 0, 900);
-        // A minute of frames, as if it had gone by.
+        // Fill the history with a minute of frames.
         tab.ask(
             "(() => { const { state } = dashboard; const frame = state.frame; \
                 for (let i = 3000; i > 0; i -= 1) { \

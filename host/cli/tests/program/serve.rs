@@ -1,4 +1,4 @@
-//! A host talks to the served hub over a serial port and over TCP.
+//! A host uses the served hub over a serial port and over TCP.
 #![expect(
     clippy::unwrap_used,
     clippy::indexing_slicing,
@@ -27,7 +27,7 @@ fn the_hub_conforms_over_a_serial_port() {
 fn hosts_come_and_go_while_time_goes_on() {
     let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
     drive(&mut hub.tcp());
-    // The first host has hung up; its motor turns on until the hub has missed it for 2.5 s.
+    // The first host has closed the connection. Its motor turns until the keep-alive of 2.5 s has ended.
     let mut second = hub.tcp();
     assert!(second.enabled());
     second.order(0x7F05, &[]);
@@ -46,7 +46,7 @@ fn what_a_host_sent_before_it_hung_up_is_done_though_it_takes_no_replies() {
     };
     let mut host = std::net::TcpStream::connect(&hub.place).unwrap();
     signal("-STOP");
-    // More than is read at once; the replies to the first of them find nobody.
+    // More bytes than one read takes; the replies to the first requests have no receiver.
     host.write_all(&packet(HUB, 3, KEEP_ALIVE, &[]).repeat(200)).unwrap();
     host.write_all(&packet(HUB, 4, 0x7F05, &[])).unwrap();
     drop(host);
@@ -76,11 +76,11 @@ fn a_second_host_is_hung_up_on_and_the_first_goes_on() {
     assert_eq!(second.read(&mut [0; 8]).unwrap(), 0, "nothing comes but the end");
     let mut line = String::new();
     says.read_line(&mut line).unwrap();
-    assert_eq!(line, "the hub is taken, one host at a time: hung up on 1 that came meanwhile\n");
+    assert_eq!(line, "the hub accepts one host at a time: closed 1 further connection\n");
     assert!(first.enabled());
     let third = Command::new(PROGRAM).args(["client", "--tcp", &hub.place, "status"]).output().unwrap();
     let error = String::from_utf8(third.stderr).unwrap();
-    assert!(error.contains("one host at a time: is another one talking to it"), "{error}");
+    assert!(error.contains("one host at a time: check that no other host uses it"), "{error}");
 }
 
 #[test]
@@ -120,18 +120,18 @@ fn a_link_names_the_port_until_the_program_ends() {
         let mut hub = Hub::start(PROGRAM, &["--pty", "--link", path]);
         assert_eq!(hub.place, path);
         assert!(!hub.serial().enabled());
-        // It is another's.
+        // The link belongs to another program.
         refused("in use");
         assert!(Command::new("kill").args([signal, &hub.id().to_string()]).status().unwrap().success());
         let ended = hub.wait();
         assert_eq!(ended.success(), signal != "-KILL", "{signal}");
         assert_eq!(read_link(&link).is_ok(), signal == "-KILL", "{signal}");
     }
-    // What was left by a program that was killed is no obstacle.
+    // The link of a killed program is replaced.
     drop(Hub::start(PROGRAM, &["--pty", "--link", path]));
     remove_file(&link).unwrap();
     write(&link, "somebody's").unwrap();
-    refused("no link");
+    refused("not a link");
     assert_eq!(std::fs::read(&link).unwrap(), b"somebody's");
     remove_file(&link).unwrap();
     std::os::unix::fs::symlink("/dev/null", &link).unwrap();
@@ -188,7 +188,7 @@ fn a_host_that_leaves_the_port_as_it_is_gets_bytes_not_lines() {
         let _ = heard.send(bytes[..length].to_vec());
     });
     let answer = answer.recv_timeout(std::time::Duration::from_secs(2)).unwrap();
-    // With attention; the hub's own number is not looked at.
+    // The attention bit is set; the hub's message number is ignored.
     let [start @ .., sum] = answer.as_slice() else { panic!("{answer:02x?}") };
     assert_eq!(start[..6], [0x44, 0x4B, 12, 0, 0, HUB]);
     assert_eq!(*sum, start.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)));

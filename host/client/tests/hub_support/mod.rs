@@ -21,30 +21,30 @@ pub(crate) const ADDRESS: u8 = 3;
 pub(crate) struct Hub {
     pub(crate) responder: Responder<4>,
     pub(crate) snapshot: Snapshot<4>,
-    /// Motors that have ever been enabled.
+    /// Motors that were enabled at least once.
     pub(crate) was_enabled: [bool; 4],
-    /// Bytes that go out before each reply.
+    /// Bytes sent before each reply.
     pub(crate) before: fn(&[u8]) -> Vec<u8>,
-    /// Requests that it does not hear.
+    /// Number of requests lost on the line.
     pub(crate) deaf_for: u32,
-    /// Replies that are lost on the line.
+    /// Number of replies lost on the line.
     pub(crate) lost_replies: u32,
-    /// Type of the first motor function.
+    /// Packet type of the first motor function.
     pub(crate) first: u16,
     /// Another host asks for fail-safe before each bulk read.
     pub(crate) fail_safe_at_bulk: bool,
-    /// It knows nothing of this project's own interface.
+    /// True for a hub without this project's own interface.
     pub(crate) foreign: bool,
-    /// Whoever has the slot for new firmware, and restarts it.
+    /// Keeper of the slot for new firmware, which also restarts the hub.
     pub(crate) flash: fn(&mut Responder<4>, Order),
-    /// Requests that it has heard.
+    /// Number of requests received.
     pub(crate) requests: Arc<AtomicU32>,
     decoder: Decoder,
     since: Instant,
 }
 
 impl Hub {
-    /// Just after its reset, with 12.345 V.
+    /// A hub just after its reset, with 12.345 V.
     pub(crate) fn new() -> Self {
         Self {
             responder: responder(),
@@ -63,7 +63,7 @@ impl Hub {
         }
     }
 
-    /// Bytes come, bytes go.
+    /// Takes bytes of the host and returns the bytes of the reply.
     fn exchange(&mut self, mut bytes: &[u8]) -> Vec<u8> {
         let now = Micros::new(self.since.elapsed().as_micros() as u64);
         let mut out = Vec::new();
@@ -109,12 +109,12 @@ impl Hub {
     }
 }
 
-/// That of a hub just after its reset.
+/// State of a hub just after its reset.
 pub(crate) fn responder() -> Responder<4> {
     Responder::new(Address::new(ADDRESS).unwrap(), [Settings::new(Winding::NEVEREST_60); 4])
 }
 
-/// A line with the hub at its other end, in one process.
+/// A line in memory with the hub at its other end.
 pub(crate) struct Memory {
     hub: Hub,
     replies: VecDeque<u8>,
@@ -161,7 +161,7 @@ impl Server {
         let shared = Arc::clone(&hub);
         std::thread::spawn(move || {
             for stream in listener.incoming() {
-                // A host that goes away, however it does.
+                // The host has closed the connection.
                 let _ = serve(stream.unwrap(), &shared);
             }
         });

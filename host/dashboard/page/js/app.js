@@ -1,4 +1,4 @@
-// The page: what the server says goes to who wants to know; what somebody does goes to the server.
+// The page: passes messages of the server to their listeners, and actions of the user to the server.
 
 import { by, say } from "./dom.js";
 import { learned } from "./learn.js";
@@ -11,7 +11,7 @@ import { number, units } from "./units.js";
 
 const THEMES = ["auto", "light", "dark"];
 const NOTICE_MS = 8000;
-/** Without a frame for so long nothing that is shown is to be believed. */
+/** Age of the newest frame from which shown values count as old. */
 const STALE_MS = 500;
 
 let noticeUntil = 0;
@@ -58,10 +58,10 @@ function notice(text) {
   noticeUntil = performance.now() + NOTICE_MS;
 }
 
-/** What stands there while there is nothing to say. */
+/** Text while there is no notice. */
 function hint() {
   by("notice").classList.remove("news");
-  say(by("notice"), "Esc stops, anywhere, and so does Space outside of fields. Keys 0 to 3 choose a motor.");
+  say(by("notice"), "Esc stops all motors from anywhere on the page; Space does so outside of input fields. Keys 0 to 3 choose a motor.");
 }
 
 function fact(/** @type {any} */ element, /** @type {boolean} */ bad, /** @type {string} */ text) {
@@ -74,15 +74,15 @@ function facts() {
   say(by("place"), state.place || "motor-hub");
   say(by("kind"), state.simulated ? "SIMULATED" : "HARDWARE");
   by("kind").classList.toggle("simulated", state.simulated);
-  if (!state.open) fact(by("line"), true, "No connection to the server: what you see is old");
+  if (!state.open) fact(by("line"), true, "No connection to the server: values are old");
   else if (!state.connected) fact(by("line"), true, `Hub not connected: ${state.why}`);
-  else if (stale) fact(by("line"), true, "The hub is silent");
+  else if (stale) fact(by("line"), true, "No new values from the hub");
   else fact(by("line"), false, "Connected");
   const volts = state.frame?.battery_v;
   fact(by("battery"), state.connected && volts === null, volts ? `Battery ${number(volts, 1)} V` : "Battery unknown");
   const others = (state.pages ?? 1) - 1;
   const watched = others > 0 ? `, ${others} other page${others > 1 ? "s" : ""}` : "";
-  say(by("control"), !state.open ? "" : inControl() ? `You are in control${watched}` : state.controller ? "Another page is in control" : "Nobody is in control");
+  say(by("control"), !state.open ? "" : inControl() ? `You are in control${watched}` : state.controller ? "Another page is in control" : "No page is in control");
   by("take").hidden = !state.open || state.controller !== null;
   if (noticeUntil && performance.now() > noticeUntil) {
     hint();
@@ -94,7 +94,7 @@ function theme(/** @type {string} */ chosen) {
   const dark = chosen === "dark" || (chosen === "auto" && matchMedia("(prefers-color-scheme: dark)").matches);
   document.documentElement.dataset.theme = dark ? "dark" : "light";
   say(by("theme"), { auto: "◐ auto", light: "○ light", dark: "● dark" }[chosen] ?? "");
-  by("theme").setAttribute("aria-label", chosen === "auto" ? "Theme: as the system's" : `Theme: ${chosen}`);
+  by("theme").setAttribute("aria-label", chosen === "auto" ? "Theme: same as the system" : `Theme: ${chosen}`);
   by("theme").dataset.chosen = chosen;
   localStorage.setItem("theme", chosen);
   tell("theme");
@@ -110,10 +110,10 @@ const link = new Link(hear, (open) => {
 });
 
 const stop = () => {
-  if (!link.order("stop")) notice("This page has no connection: STOP did not reach the server, which switches off what this page left running");
+  if (!link.order("stop")) notice("This page has no connection: STOP did not reach the server. The server disables all motors when the page in control is gone");
 };
 
-/** Fields in which Space is a character, or chooses. */
+/** Fields in which Space enters a character, or chooses. */
 const typing = (/** @type {any} */ target) => target.matches?.("input:not([type=range]), select, textarea");
 
 document.addEventListener("keydown", (event) => {
@@ -142,6 +142,6 @@ hint();
 choose(0);
 for (const what of ["welcome", "line", "desk"]) on(what, facts);
 setInterval(facts, 250);
-// For whoever measures.
+// For tests and measurements.
 Object.assign(window, { dashboard: { state, drawn, link, learned: () => learned } });
 

@@ -1,8 +1,8 @@
-// The paper, live: where reverse driving, proportional braking and forward driving begin and end at the speed of each moment.
-// Between S and T the motor is driven against its motion, between T and Z braked, between Z and G driven with it.
+// Bands behind the control plot: the regimes of the paper at the present speed. Between S and T the motor is driven against its
+// motion, between T and Z it brakes, and between Z and G it is driven with its motion.
 
 const BANDS = [["s", "t", "reverse"], ["t", "z", "braking"], ["z", "g", "forward"]];
-/** A band that is narrower than its name is not named, in pixels. */
+/** Smallest height in pixels of a band with a name. */
 const NAMED = 15;
 
 /**
@@ -17,7 +17,7 @@ export function drawBands(u, points, colour) {
   const { ctx, bbox } = u;
   const first = Math.max(0, lower(time, u.scales.x.min) - 1);
   const last = Math.min(time.length - 1, lower(time, u.scales.x.max) + 1);
-  // No finer than pixels.
+  // One point per pixel is enough.
   const step = Math.max(1, Math.floor((2 * (last - first)) / bbox.width));
   ctx.save();
   ctx.beginPath();
@@ -44,7 +44,7 @@ export function nameBands(u, points, colour) {
   u.ctx.restore();
 }
 
-/** The first index whose time is not before. */
+/** The first index whose time is not before `at`. */
 function lower(/** @type {number[]} */ time, /** @type {number} */ at) {
   let [low, high] = [0, time.length];
   while (low < high) {
@@ -61,7 +61,7 @@ function fill(u, time, low, high, first, last, step) {
   const x = (/** @type {number} */ i) => u.valToPos(time[i], "x", true);
   const y = (/** @type {number} */ value) => u.valToPos(value, "y", true);
   for (let i = first; i <= last; ) {
-    // One piece as long as the points are known.
+    // One polygon for each stretch of known points.
     while (i <= last && low[i] === null) i += 1;
     const from = i;
     while (i <= last && low[i] !== null) i += step;

@@ -1,8 +1,8 @@
-// Elements, in as few words as possible.
+// Short functions that create and change elements.
 
 /**
  * @param {string} tag
- * @param {Record<string, any>} [attributes] `on…` are listeners, `class` and others attributes; false leaves one out
+ * @param {Record<string, any>} [attributes] names with `on…` are listeners, all others attributes; a value of false leaves the attribute out
  * @param {...(Node|string)} children
  * @returns {any} an element
  */
@@ -20,12 +20,12 @@ export function h(tag, attributes = {}, ...children) {
 /** @param {string} id @returns {any} */
 export const by = (id) => document.getElementById(id);
 
-/** Sets a text only if it is another, so that screen readers are not told the same again. */
+/** Sets a text only if it has changed, so that screen readers do not read it again. */
 export function say(/** @type {Element} */ element, /** @type {string} */ text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-/** A choice among words: `options` are [value, words]. */
+/** A select element: `options` are pairs of value and label. */
 export function select(/** @type {string[][]} */ options, /** @type {Record<string, any>} */ attributes = {}) {
   return h("select", attributes, ...options.map(([value, words]) => h("option", { value }, words)));
 }

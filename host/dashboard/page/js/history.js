@@ -1,12 +1,12 @@
-// What was seen in the last minutes, as plots want it: arrays of numbers, one for each quantity.
+// Values of the last minute for the plots: an array of numbers for each quantity.
 
-/** Frames that are kept: a minute at fifty a second. */
+/** Number of frames kept: one minute at 50 frames per second. */
 export const KEPT = 3000;
 
 /** Quantities of a motor. */
 export const OF_MOTOR = ["velocity", "target", "position", "control", "s", "t", "z", "g", "current", "load", "measured"];
 
-/** Numbers, null where nothing is known, of which the last KEPT are to be had. */
+/** Values of one quantity, null where unknown; the last KEPT are available. */
 class Column {
   constructor() {
     /** @type {(number|null)[]} */
@@ -15,7 +15,7 @@ class Column {
   /** @param {number|null} value */
   push(value) {
     this.values.push(value);
-    // Moved together seldom.
+    // Old values are dropped in blocks, because dropping them singly would copy the array every time.
     if (this.values.length >= 2 * KEPT) this.values.splice(0, KEPT);
   }
   last() {

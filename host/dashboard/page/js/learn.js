@@ -1,5 +1,5 @@
-// Identification: the hub moves the motor for some seconds and learns how it answers to a voltage. What it found is laid over
-// what was measured, which is the proof of it.
+// Panel for identification: the hub moves the motor for some seconds and measures how it responds to a voltage. The speed
+// predicted by the result is plotted over the measured speed.
 
 import { h, say } from "./dom.js";
 import { SmallPlot } from "./small.js";
@@ -7,7 +7,7 @@ import { inControl, on, state } from "./state.js";
 import { number } from "./units.js";
 
 /**
- * The speeds that a motor of these dynamics would have had, by the voltages that it was given.
+ * Speeds of a motor with the dynamics found, by the voltages applied.
  * @param {{at: number, cps: number, volts: number}[]} seen @param {{gain: number, decay: number, friction_v: number}} found
  */
 export function predict(seen, found) {
@@ -18,18 +18,18 @@ export function predict(seen, found) {
       const steps = 10;
       const dt = (now.at - before.at) / steps;
       for (let k = 0; k < steps; k += 1) {
-        const push = found.gain * before.volts;
-        const rub = found.gain * found.friction_v;
-        // At rest friction holds what it can.
-        const driven = Math.abs(cps) < 1 && Math.abs(push) < rub ? -cps / dt : push - found.decay * cps - Math.sign(cps || push) * rub;
-        cps += dt * driven;
+        const drive = found.gain * before.volts;
+        const friction = found.gain * found.friction_v;
+        // At rest friction cancels a smaller drive.
+        const acceleration = Math.abs(cps) < 1 && Math.abs(drive) < friction ? -cps / dt : drive - found.decay * cps - Math.sign(cps || drive) * friction;
+        cps += dt * acceleration;
       }
     }
     return cps;
   });
 }
 
-/** How far predicted speeds are from measured ones, as a share of these: for whoever checks what is drawn. */
+/** RMS error of the predicted speeds, as a share of the measured speeds; for tests. */
 export const learned = { misfit: NaN };
 
 /** @param {number[]} measured @param {number[]} predicted */
@@ -40,13 +40,13 @@ function misfit(measured, predicted) {
 
 /** @param {any} link */
 export function learnPanel(link) {
-  const travel = h("input", { type: "number", min: 1, step: 1, placeholder: "no limit", "aria-label": "Counts that it may turn at most, either way" });
+  const travel = h("input", { type: "number", min: 1, step: 1, placeholder: "no limit", "aria-label": "Longest travel either way, counts" });
   const begin = h("button", { type: "button", class: "primary", onclick: () => start() }, "Identify");
-  const apply = h("button", { type: "button", onclick: () => link.order("apply", { motor: state.chosen }) }, "Apply what was found");
-  const progress = h("progress", { max: 100, value: 0, "aria-label": "How far it is" });
-  const says = h("p", { role: "status" }, "The motor turns both ways for some 3 s. It must stand, and be free to turn.");
+  const apply = h("button", { type: "button", onclick: () => link.order("apply", { motor: state.chosen }) }, "Apply the result");
+  const progress = h("progress", { max: 100, value: 0, "aria-label": "Progress of the identification" });
+  const says = h("p", { role: "status" }, "The motor turns both ways for some 3 s. It must stand before, and be free to turn.");
   const found = h("tbody", {});
-  const plot = new SmallPlot("Measured and predicted, counts/s", [{ words: "measured", colour: "speed" }, { words: "predicted by what was found", colour: "target", dash: [7, 5] }]);
+  const plot = new SmallPlot("Measured and predicted, counts/s", [{ words: "measured", colour: "speed" }, { words: "predicted by the result", colour: "target", dash: [7, 5] }]);
   /** @type {{at: number, cps: number, volts: number}[]} */
   let seen = [];
   let motor = -1;
@@ -59,7 +59,7 @@ export function learnPanel(link) {
     last[motor] = null;
     link.order("identify", { motor, travel: travel.value ? Number(travel.value) : null });
     progress.value = 0;
-    say(says, "Waits until it stands …");
+    say(says, "Waiting until the motor stands …");
     show();
   }
 
@@ -67,8 +67,8 @@ export function learnPanel(link) {
     const of = frame.motors[motor];
     const settings = state.settings[motor];
     if (!of || of.told !== "identify" || !settings || of.current_a === undefined) return;
-    // The voltage across it, by the hub's own constants and its current; the bridge's switches are small beside. From one
-    // control tick to the next it stays.
+    // Motor voltage by the hub's configured constants and the current; the drop across the bridge is small and left out. The
+    // voltage is constant between control ticks.
     if (frame.tick_ms !== tick) volts = (settings.emf_mv_s_per_count * of.velocity) / 1000 + (settings.resistance_ohm ?? 0) * of.current_a;
     tick = frame.tick_ms;
     seen.push({ at: frame.at_s, cps: of.velocity, volts });
@@ -77,7 +77,7 @@ export function learnPanel(link) {
   on("identification", (message) => {
     if (message.state === "running") {
       progress.value = message.percent;
-      if (message.motor === motor) say(says, `Moves: ${message.percent} %`);
+      if (message.motor === motor) say(says, `Moving: ${message.percent} %`);
       return;
     }
     progress.value = message.state === "found" ? 100 : 0;
@@ -88,7 +88,7 @@ export function learnPanel(link) {
   on("notice", ({ grave }) => {
     if (grave && motor >= 0) {
       motor = -1;
-      say(says, "It was stopped.");
+      say(says, "The identification was stopped.");
     }
   });
 
@@ -98,14 +98,14 @@ export function learnPanel(link) {
     apply.disabled = !inControl() || !is;
     found.replaceChildren();
     if (!of) return plot.show([[0, 3], [null, null], [null, null]]);
-    say(says, is ? `Motor ${of.motor} is known.` : `Motor ${of.motor} is not known: ${of.why}.`);
+    say(says, is ? `Motor ${of.motor} is identified.` : `Motor ${of.motor} is not identified: ${of.why}.`);
     if (!is) return plot.show([[0, 3], [null, null], [null, null]]);
     const rows = [
       ["acceleration per volt", `${number(is.gain)} counts/s²/V`, `± ${number(100 * is.gain_error, 1)} %`],
       ["decay", `${number(is.decay, 2)} /s`, `± ${number(100 * is.decay_error, 1)} %`],
       ["friction", `${number(is.friction_v, 2)} V`, ""],
       ["back EMF with drag", `${number(is.emf_mv_s_per_count, 3)} mV s/count`, ""],
-      ["left unexplained", `${number(100 * is.residual, 1)} %`, "of the changes of speed"],
+      ["residual", `${number(100 * is.residual, 1)} %`, "of the changes of speed are not explained"],
     ];
     found.append(...rows.map(([name, value, note]) => h("tr", {}, h("th", {}, name), h("td", { class: "n" }, value), h("td", { class: "muted" }, note))));
     const start = of.seen[0]?.at ?? 0;
@@ -122,6 +122,6 @@ export function learnPanel(link) {
   for (const what of ["desk", "open", "line"]) on(what, allow);
   on("chosen", show);
   return h("div", { class: "columns" },
-    h("div", { class: "stack" }, says, h("div", { class: "pair" }, h("span", {}, "At most, counts"), travel), h("div", { class: "row" }, begin, apply), progress, h("table", {}, found)),
+    h("div", { class: "stack" }, says, h("div", { class: "pair" }, h("span", {}, "Longest travel, counts"), travel), h("div", { class: "row" }, begin, apply), progress, h("table", {}, found)),
     plot.element);
 }

@@ -1,7 +1,7 @@
-// The socket to the server. It proves that this page is there by returning the numbers of frames: see `desk` on the
-// server's side. After a loss it tries again.
+// The socket to the server. It returns the numbers of shown frames, which proves that this page is open: see `desk` in the
+// server. After a loss the socket connects again.
 
-/** So many frames are returned one of: ten a second. */
+/** One of this many frames is acknowledged: ten per second. */
 const EVERY = 5;
 const AGAIN_MS = 1000;
 
@@ -34,7 +34,7 @@ export class Link {
     if (message.kind === "frame" && message.number % EVERY === 0) this.order("shown", { number: message.number });
   }
 
-  /** @param {string} order @param {Record<string, any>|null} [fields] @returns {boolean} whether it went out */
+  /** @param {string} order @param {Record<string, any>|null} [fields] @returns {boolean} true if the order was sent */
   order(order, fields = null) {
     if (this.socket?.readyState !== WebSocket.OPEN) return false;
     this.socket.send(JSON.stringify({ [order]: fields }));

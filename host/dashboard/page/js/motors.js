@@ -1,12 +1,12 @@
-// A card for each motor: what it does, why it does not, and what it is to do.
+// A card for each motor: state, reason why it stands, and set-point.
 
 import { by, h, say, select } from "./dom.js";
 import { choose, inControl, on, state } from "./state.js";
 import { fromCps, number, speed, speedUnit, toCps } from "./units.js";
 
-/** Orders of a slider that is dragged go out no oftener, in milliseconds. */
+/** Shortest interval between two set-points of a dragged slider, in milliseconds. */
 const DRAG_MS = 50;
-/** What a hub takes for a speed. */
+/** Highest speed that a hub accepts, in counts/s. */
 const MOST_CPS = 32767;
 
 /** @type {{order: (order: string, fields?: any) => boolean}} */
@@ -14,13 +14,13 @@ let link;
 /** @type {any[]} */
 const cards = [];
 
-/** The fastest that a motor goes at 12 V, in round numbers of the unit. */
+/** Free speed of a motor at 12 V, in the chosen unit. */
 function fastest(/** @type {any} */ settings) {
   const cps = Math.min(MOST_CPS, settings ? 12000 / settings.emf_mv_s_per_count : 3000);
   return fromCps(cps, settings);
 }
 
-/** What the slider of a mode goes from and to, in what steps, and in what unit. */
+/** Range, step and unit of the slider of a mode. */
 function scale(/** @type {string} */ mode, /** @type {any} */ settings) {
   if (mode === "power") return { most: 100, step: 1, unit: "%" };
   if (mode === "velocity") {
@@ -31,7 +31,7 @@ function scale(/** @type {string} */ mode, /** @type {any} */ settings) {
   return { most: Math.round(5 * (settings?.counts_per_turn ?? 1000)), step: 1, unit: "counts" };
 }
 
-/** In what the server takes. */
+/** The set-point in the server's unit. */
 function value(/** @type {any} */ card) {
   const given = Number(card.number.value) || 0;
   const mode = card.mode.value;
@@ -57,12 +57,12 @@ function build(/** @type {number} */ motor) {
   card.name = h("small", {});
   card.choose = h("button", { class: "choose", type: "button", "aria-pressed": "false", onclick: () => choose(motor) }, `Motor ${motor} `, card.name);
   card.pill = h("span", { class: "pill" }, "off");
-  card.run = h("button", { class: "run", type: "button", role: "switch", "aria-checked": "false", "aria-label": `Motor ${motor} runs`, onclick: () => run(card) }, "Run");
+  card.run = h("button", { class: "run", type: "button", role: "switch", "aria-checked": "false", "aria-label": `Enable motor ${motor}`, onclick: () => run(card) }, "Run");
   card.speed = h("b", {}, "–");
   card.speedUnit = h("span", {}, "");
   card.position = h("b", {}, "–");
   card.current = h("b", {}, "–");
-  card.mode = select([["power", "Power"], ["velocity", "Velocity"], ["position", "Position"]], { "aria-label": `What motor ${motor} is told` });
+  card.mode = select([["power", "Power"], ["velocity", "Velocity"], ["position", "Position"]], { "aria-label": `Mode of motor ${motor}` });
   card.mode.value = "velocity";
   card.slider = h("input", { type: "range", value: 0 });
   card.number = h("input", { type: "number", value: 0 });
@@ -108,7 +108,7 @@ function show(/** @type {any} */ card, /** @type {any} */ motor) {
   const regime = motor.enabled ? motor.regime : null;
   card.pill.className = `pill ${regime ?? ""}`;
   say(card.pill, regime ? `${regime} ${motor.mode}, ${number(100 * motor.duty)} %` : motor.enabled && motor.regime !== undefined ? "bridge open" : motor.enabled ? motor.told : "off");
-  const words = motor.why ? motor.why[0].toUpperCase() + motor.why.slice(1) + "." : motor.told === "identify" ? "Being learned." : !motor.enabled ? "Disabled; it runs down." : motor.regulator ? `Regulated ${motor.regulator === "model" ? "by its model" : "by PID"}${motor.derated ? "; its current is limited: hot" : ""}${motor.at_target ? "; at its target" : ""}.` : "";
+  const words = motor.why ? motor.why[0].toUpperCase() + motor.why.slice(1) + "." : motor.told === "identify" ? "Identification runs." : !motor.enabled ? "Disabled, still turning." : motor.regulator ? `Regulated ${motor.regulator === "model" ? "by the motor model" : "by PID"}${motor.derated ? "; derated: the winding is hot, and the current is limited" : ""}${motor.at_target ? "; at its target" : ""}.` : "";
   say(card.why, motor.told === "power" && !motor.why ? "Constant power." : words);
   card.why.classList.toggle("fault", Boolean(motor.fault || motor.stalled));
 }

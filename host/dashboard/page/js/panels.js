@@ -1,4 +1,4 @@
-// Tabs below the plots. A panel is built when the page starts and stays, so that nothing typed is lost.
+// Tabs below the plots. All panels are built at the start and only hidden, so that typed values are kept.
 
 import { by, h } from "./dom.js";
 import { groupPanel } from "./group.js";
@@ -33,7 +33,7 @@ export function startPanels(link) {
       by(`panel-${name}`).hidden = !is;
     });
   }
-  // Arrows go from tab to tab, as in other tab lists.
+  // Arrow keys choose the next tab, as usual for tab lists.
   by("tabs").addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
     const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
     if (!step) return;

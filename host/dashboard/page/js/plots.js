@@ -1,5 +1,5 @@
-// Four plots over one time: speed, control, current, battery. One cursor for all; dragging zooms in; pausing keeps what is
-// seen while the hub goes on.
+// Four plots over time: speed, control, current, battery. They share a cursor. Dragging zooms in. Pausing freezes the plots
+// while the hub continues.
 
 import { drawBands, nameBands } from "./bands.js";
 import { by, h, say } from "./dom.js";
@@ -15,27 +15,27 @@ const PLOTS = {
   speed: { title: "Speed", height: 170, range: speeds, lines: [
     { name: "velocity", words: "measured", colour: "speed", digits: 0 },
     { name: "target", words: "set-point", colour: "target", dash: [7, 5], digits: 0 }] },
-  control: { title: "Control, with its regimes", height: 190, range: () => [-1.05, 1.05], lines: [
+  control: { title: "Control and regimes", height: 190, range: () => [-1.05, 1.05], lines: [
     { name: "control", words: "control", colour: "control", digits: 2 }] },
   current: { title: "Current, A", height: 140, range: (_, low, high) => around(low, high, 0.2), lines: [
-    { name: "current", words: "by the model", colour: "current", digits: 2 },
+    { name: "current", words: "modelled", colour: "current", digits: 2 },
     { name: "load", words: "load", colour: "load", dash: [7, 5], digits: 2 },
     { name: "measured", words: "measured", colour: "measured", dash: [2, 3], digits: 2 }] },
   battery: { title: "Battery, V", height: 110, range: (_, low, high) => around(low, high, 0.25), lines: [
     { name: "battery", words: "at the hub", colour: "volts", digits: 2 }] },
 };
 
-/** Drawing more often than this is not seen, in milliseconds. */
+/** Shortest interval between two drawings, in milliseconds. */
 const DRAW_MS = 30;
 
-/** Room round the values, and at least so much of it. @returns {number[]} */
+/** Range of an axis: that of the values and a margin of at least `least`. @returns {number[]} */
 function around(/** @type {any} */ low, /** @type {any} */ high, /** @type {number} */ least) {
   if (low === null || high === null) return [-least, least];
   const room = Math.max(least, 0.12 * (high - low));
   return [low - room, high + room];
 }
 
-/** With the digits that it needs. */
+/** Text of a tick with as few digits as needed. */
 const tickWords = (/** @type {number} */ tick) => number(tick, [0, 1, 2].find((digits) => Math.abs(tick - Number(tick.toFixed(digits))) < 1e-9) ?? 3);
 
 let colours = new Map();
@@ -47,7 +47,7 @@ function colour(/** @type {string} */ name) {
 
 /** @type {Map<string, {plot: any, values: Map<string, Element>, host: any}>} */
 const charts = new Map();
-/** What is seen: nothing of it follows while it is paused or zoomed in. */
+/** State of the view. While paused or zoomed in, the plots do not follow the hub. */
 const view = { window: 60, paused: false, /** @type {number[]|null} */ zoom: null, /** @type {any} */ frozen: null, /** @type {number|null} */ cursor: null };
 /** Durations of the last drawings in milliseconds, and times between them; for measurements. */
 export const drawn = { /** @type {number[]} */ took: [], /** @type {number[]} */ apart: [] };
@@ -60,7 +60,7 @@ function columns() {
   return { ...Object.fromEntries(all), battery: history.battery.last(), time: history.time.last() };
 }
 
-/** A copy of everything, which time does not change. */
+/** Copies all values, so that new frames do not change the plots. */
 function freeze() {
   const chosen = state.chosen;
   const motors = [0, 1, 2, 3].map((motor) => {
@@ -71,7 +71,7 @@ function freeze() {
   view.frozen = { motors };
 }
 
-/** Speeds as people read them. */
+/** Converts speeds to the chosen unit. */
 function inUnits(/** @type {string} */ name, /** @type {any[]} */ values) {
   const factor = fromCps(1, state.settings[state.chosen]);
   return factor === 1 || (name !== "velocity" && name !== "target") ? values : values.map((value) => (value === null ? null : value * factor));
@@ -127,7 +127,7 @@ function zoom(/** @type {any} */ u) {
   draw();
 }
 
-/** What the lines are worth, at the cursor or at the end. */
+/** Shows the values of all lines, at the cursor or at the end. */
 function legends() {
   const of = columns();
   const at = view.cursor ?? of.time.length - 1;
@@ -145,7 +145,7 @@ function legends() {
 }
 
 let last = 0;
-/** Draws what is to be seen now. */
+/** Draws all plots. */
 export function draw() {
   const begun = performance.now();
   const of = columns();
@@ -167,7 +167,7 @@ function title() {
   if (heading) say(heading, `Speed, ${speedUnit(settings)}`);
 }
 
-/** A recording is looked at instead of the hub. */
+/** Shows a recording instead of the hub. */
 export function show(/** @type {any[]} */ motors) {
   view.frozen = { motors };
   pause(true);
@@ -178,7 +178,7 @@ function pause(/** @type {boolean} */ paused) {
   if (paused && !view.frozen) freeze();
   if (!paused) [view.frozen, view.zoom] = [null, null];
   by("pause").setAttribute("aria-pressed", String(paused));
-  say(by("pause"), paused ? "Go on" : "Pause");
+  say(by("pause"), paused ? "Resume" : "Pause");
   by("unzoom").disabled = view.zoom === null;
   draw();
 }
@@ -201,7 +201,7 @@ export function startPlots() {
   for (const what of ["chosen", "settings", "unit"]) on(what, () => { title(); draw(); });
   on("theme", () => { colours = new Map(); draw(); });
   on("line", () => { by("untold").hidden = state.reports; });
-  on("frame", (frame) => say(by("bus"), frame.bus ? `bus ${frame.bus}${frame.burning ? `, burns ${number(100 * frame.burning)} %` : ""}` : ""));
+  on("frame", (frame) => say(by("bus"), frame.bus ? `bus ${frame.bus}${frame.burning ? `, dissipates ${number(100 * frame.burning)} %` : ""}` : ""));
   const loop = (/** @type {number} */ now) => {
     if (!view.paused && !view.zoom && now - last >= DRAW_MS && state.history.length) draw();
     requestAnimationFrame(loop);

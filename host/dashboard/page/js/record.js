@@ -1,4 +1,4 @@
-// Recordings: what was seen, as CSV, and CSV to be looked at again.
+// Panel for recordings: saves values as CSV, and shows saved CSV files.
 
 import { h, say } from "./dom.js";
 import { OF_MOTOR } from "./history.js";
@@ -8,10 +8,10 @@ import { on } from "./state.js";
 /** The longest recording, in frames: half an hour. */
 const MOST = 90000;
 const HEADINGS = ["time_s", "motor", "battery_v", ...OF_MOTOR];
-/** What a record of a frame takes of a motor. */
+/** Columns of a recording, and the fields of a motor in a frame. */
 const VALUES = { velocity: "velocity", target: "target", position: "position", control: "control", current: "current_a", load: "load_a", measured: "measured_a" };
 
-/** Rows of a frame. */
+/** CSV rows of a frame. */
 function rows(/** @type {any} */ frame) {
   return frame.motors.map((/** @type {any} */ motor, /** @type {number} */ index) => {
     const [s, t, z, g] = motor.points ?? [];
@@ -20,18 +20,18 @@ function rows(/** @type {any} */ frame) {
   }).join("\n");
 }
 
-/** Columns by motor, of a file; throws what is wrong with it. */
+/** Columns of a CSV file by motor; throws an error that says what is wrong. */
 export function parse(/** @type {string} */ text) {
   const [head, ...lines] = text.trim().split(/\r?\n/);
   const names = head.split(",");
   const missing = HEADINGS.filter((name) => !names.includes(name));
-  if (missing.length) throw new Error(`this is no recording of this page: it has no column ${missing.join(", ")}`);
+  if (missing.length) throw new Error(`not a recording of this page: the file has no column ${missing.join(", ")}`);
   const motors = [0, 1, 2, 3].map(() => Object.fromEntries([...OF_MOTOR, "time", "battery"].map((name) => [name, /** @type {(number|null)[]} */ ([])])));
   lines.forEach((line, index) => {
     const cells = line.split(",");
     const value = (/** @type {string} */ name) => (cells[names.indexOf(name)] === "" ? null : Number(cells[names.indexOf(name)]));
     const of = motors[value("motor") ?? -1];
-    if (!of || cells.length !== names.length || [...cells.keys()].some((i) => Number.isNaN(Number(cells[i])))) throw new Error(`line ${index + 2} is no row of a recording`);
+    if (!of || cells.length !== names.length || [...cells.keys()].some((i) => Number.isNaN(Number(cells[i])))) throw new Error(`line ${index + 2} is not a row of a recording`);
     of.time.push(value("time_s") ?? 0);
     of.battery.push(value("battery_v"));
     for (const name of OF_MOTOR) of[name].push(value(name));
@@ -43,7 +43,7 @@ export function recordPanel() {
   /** @type {string[]} */
   let recorded = [];
   let recording = false;
-  const says = h("p", { role: "status" }, "Nothing is recorded yet.");
+  const says = h("p", { role: "status" }, "No recording yet.");
   const toggle = h("button", { type: "button", class: "primary", "aria-pressed": "false", onclick: () => {
     recording = !recording;
     if (recording) recorded = [];
@@ -62,15 +62,15 @@ export function recordPanel() {
     if (!chosen) return;
     try {
       show(parse(await chosen.text()));
-      say(says, `${chosen.name} is shown in the plots; Go on brings the hub back.`);
+      say(says, `${chosen.name} is shown in the plots; Resume shows the hub again.`);
     } catch (error) {
       say(says, `${chosen.name}: ${/** @type {Error} */ (error).message}`);
     }
   } });
-  const load = h("button", { type: "button", onclick: () => file.click() }, "Look at a recording");
+  const load = h("button", { type: "button", onclick: () => file.click() }, "Show a recording");
   function tell() {
     save.disabled = !recorded.length;
-    say(says, recording ? `Records: ${(recorded.length / 50).toFixed(0)} s` : recorded.length ? `${(recorded.length / 50).toFixed(0)} s are recorded, of all motors.` : "Nothing is recorded yet.");
+    say(says, recording ? `Recording: ${(recorded.length / 50).toFixed(0)} s` : recorded.length ? `${(recorded.length / 50).toFixed(0)} s of all motors are recorded.` : "No recording yet.");
   }
   on("frame", (frame) => {
     if (!recording) return;
@@ -78,5 +78,5 @@ export function recordPanel() {
     if (recorded.length % 50 === 0) tell();
     if (recorded.length >= MOST) toggle.click();
   });
-  return h("div", { class: "stack" }, h("div", { class: "row" }, toggle, save, load, file), says, h("p", { class: "muted" }, "A row for each motor and frame, fifty a second: time in s, battery in V, speeds in counts/s, control and points S, T, Z, G as shares, currents in A. Half an hour at most."));
+  return h("div", { class: "stack" }, h("div", { class: "row" }, toggle, save, load, file), says, h("p", { class: "muted" }, "A recording has a row for each motor and frame, 50 frames per second: time in s, battery in V, speeds in counts/s, control and points S, T, Z, G from -1 to 1, currents in A. It lasts half an hour at most."));
 }

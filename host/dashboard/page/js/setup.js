@@ -1,23 +1,23 @@
-// Which motor is connected, and what its control values mean.
+// Panel for the set-up: the connected motor, the scheme, and the duty rule.
 
 import { h, say, select } from "./dom.js";
 import { inControl, on, state } from "./state.js";
 import { number } from "./units.js";
 
-const SCHEMES = [["A", "A: control is a voltage"], ["B", "B: control is a current"], ["C", "C: braking as steep as driving"], ["D", "D: between B and C"], ["none", "No braking regime"]];
-const DUTIES = [["linear-current", "Current linear in control"], ["linear-duty", "Duty linear, as in the paper"]];
+const SCHEMES = [["A", "A: control is an equivalent voltage"], ["B", "B: control is a current"], ["C", "C: as B, with braking as steep as driving"], ["D", "D: between B and C"], ["none", "No braking regime"]];
+const DUTIES = [["linear-current", "Linear current"], ["linear-duty", "Linear duty, as in the paper"]];
 
 /** @param {any} link */
 export function setupPanel(link) {
-  const name = h("select", { id: "setup-name" }, h("option", { value: "" }, "as it is"));
+  const name = h("select", { id: "setup-name" }, h("option", { value: "" }, "unchanged"));
   const scheme = select(SCHEMES, { id: "setup-scheme" });
   const duty = select(DUTIES, { id: "setup-duty" });
   const facts = h("p", { class: "muted" });
-  const apply = h("button", { type: "button", class: "primary", onclick: () => link.order("set-up", { motor: state.chosen, name: name.value === state.settings[state.chosen]?.name ? null : name.value || null, scheme: scheme.value, duty: duty.value }) }, "Set up");
+  const apply = h("button", { type: "button", class: "primary", onclick: () => link.order("set-up", { motor: state.chosen, name: name.value === state.settings[state.chosen]?.name ? null : name.value || null, scheme: scheme.value, duty: duty.value }) }, "Apply");
   const undo = h("button", { type: "button", onclick: () => link.order("undo", { motor: state.chosen }) }, "Undo");
   const save = h("button", { type: "button", id: "save", onclick: () => link.order("save") }, "Save settings");
   const saving = h("p", { class: "muted" });
-  const zero = h("button", { type: "button", onclick: () => link.order("reset-encoder", { motor: state.chosen }) }, "Here is 0 counts");
+  const zero = h("button", { type: "button", onclick: () => link.order("reset-encoder", { motor: state.chosen }) }, "Set position to 0");
 
   function fill() {
     const settings = state.settings[state.chosen];
@@ -26,21 +26,21 @@ export function setupPanel(link) {
     name.value = settings.name ?? "";
     scheme.value = settings.scheme.scheme;
     duty.value = settings.duty;
-    say(facts, `Back EMF ${number(settings.emf_mv_s_per_count, 3)} mV s/count, winding ${settings.resistance_ohm === null ? "unknown" : `${number(settings.resistance_ohm, 2)} Ω`}${settings.counts_per_turn ? `, ${number(settings.counts_per_turn)} counts a turn` : ""}.`);
+    say(facts, `Back EMF ${number(settings.emf_mv_s_per_count, 3)} mV s/count, winding ${settings.resistance_ohm === null ? "not configured" : `${number(settings.resistance_ohm, 2)} Ω`}${settings.counts_per_turn ? `, ${number(settings.counts_per_turn)} counts per turn` : ""}.`);
   }
   function allow() {
     const may = inControl() && state.connected;
     for (const element of [name, scheme, duty, apply, zero]) element.disabled = !may;
     save.disabled = !may || !state.stores;
-    say(saving, state.stores || !state.connected ? "Settings of all motors are in force until the hub starts anew, unless they are saved." : "This hub stores no settings: they are in force until it starts anew.");
+    say(saving, state.stores || !state.connected ? "Settings of all motors last until the hub restarts, unless they are saved." : "This hub cannot store settings: they last until it restarts.");
     fill();
   }
-  on("welcome", () => name.replaceChildren(h("option", { value: "" }, "as it is"), ...state.catalogue.map((/** @type {any} */ motor) => h("option", { value: motor.name }, motor.name))));
+  on("welcome", () => name.replaceChildren(h("option", { value: "" }, "unchanged"), ...state.catalogue.map((/** @type {any} */ motor) => h("option", { value: motor.name }, motor.name))));
   for (const what of ["settings", "chosen"]) on(what, fill);
   for (const what of ["desk", "open", "line"]) on(what, allow);
   return h("div", { class: "columns" },
     h("div", { class: "stack" },
       h("div", { class: "pair" }, h("label", { for: "setup-name" }, "Motor"), name, h("label", { for: "setup-scheme" }, "Scheme"), scheme, h("label", { for: "setup-duty" }, "Duty"), duty),
       h("div", { class: "row" }, apply, undo, zero, save)),
-    h("div", { class: "stack" }, facts, saving, h("p", { class: "muted" }, "Another motor starts with what its own constants give: coefficients and what was known of its motion are forgotten. The scheme decides where S, T, Z and G lie: watch the bands of the control plot while you change it.")));
+    h("div", { class: "stack" }, facts, saving, h("p", { class: "muted" }, "Another motor starts with default coefficients for its constants; its dynamics are reset. The scheme determines the points S, T, Z and G: watch the bands of the control plot while you change it.")));
 }

@@ -1,4 +1,4 @@
-// A small plot of its own: lines over a time that has an end.
+// A small plot: lines over a fixed time.
 
 import { h } from "./dom.js";
 import { on } from "./state.js";

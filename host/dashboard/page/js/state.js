@@ -1,4 +1,4 @@
-// What the server has said last, and who wants to know.
+// The newest messages of the server, and the listeners to them.
 
 import { History } from "./history.js";
 
@@ -17,7 +17,7 @@ export const state = {
   /** @type {any[]} */ catalogue: [],
   /** @type {any[]} by motor */ settings: [],
   /** The newest frame. */ frame: null,
-  /** The motor that plots and panels are of. */ chosen: 0,
+  /** The motor shown in plots and panels. */ chosen: 0,
   world: null,
   history: new History(),
 };

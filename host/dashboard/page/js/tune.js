@@ -1,16 +1,16 @@
-// Coefficients, regulator, and a step that shows what they do: the step before is laid over the one after.
+// Panel for tuning: coefficients, regulator, and a step response, plotted over the step before.
 
 import { h, say } from "./dom.js";
 import { SmallPlot } from "./small.js";
 import { inControl, on, state } from "./state.js";
 import { number, speedUnit, toCps, fromCps } from "./units.js";
 
-/** A step is watched for so long, in seconds. */
+/** Time for which a step is recorded, in seconds. */
 const WATCHED_S = 2;
-/** Within so much of the step a motor has settled. */
+/** Largest error of a settled motor, as a share of the step. */
 const SETTLED = 0.05;
 
-/** What a step was like: `times` from the step on, `speeds` in counts/s. */
+/** Characteristics of a step response: `times` in seconds since the step, `speeds` in counts/s. */
 function judge(/** @type {number[]} */ times, /** @type {number[]} */ speeds, /** @type {number} */ from, /** @type {number} */ to) {
   const size = to - from;
   const share = speeds.map((speed) => (speed - from) / size);
@@ -30,7 +30,7 @@ export function tunePanel(link) {
   const regulator = h("b", {}, "–");
   const model = h("p", { class: "muted" });
   const undo = h("button", { type: "button", onclick: () => order("undo") }, "Undo");
-  const byModel = h("button", { type: "button", onclick: () => order("regulator", { kind: "model" }) }, "Regulate by its model");
+  const byModel = h("button", { type: "button", onclick: () => order("regulator", { kind: "model" }) }, "Regulate by the motor model");
   const byPid = h("button", { type: "button", onclick: () => order("regulator", { kind: "pid" }) }, "Regulate by PID");
   const limit = h("input", { type: "number", min: 1, step: 1, placeholder: "none", "aria-label": "Largest acceleration, counts/s²" });
   const setLimit = h("button", { type: "button", onclick: () => order("acceleration", { limit: limit.value ? Number(limit.value) : null }) }, "Set limit");
@@ -55,11 +55,11 @@ export function tunePanel(link) {
   function step() {
     const settings = state.settings[state.chosen];
     const [low, high] = [from, to].map((field) => toCps(Number(field.value) || 0, settings));
-    if (low === high) return say(says, "A step goes from one speed to another.");
+    if (low === high) return say(says, "Enter two different speeds for a step.");
     running = { motor: state.chosen, low, high, phase: "rest", until: state.frame.at_s + 1.2, times: [], speeds: [] };
     order("drive", { mode: "velocity", value: low });
     order("enable", { on: true });
-    say(says, "Comes to its first speed …");
+    say(says, "Reaching the first speed …");
   }
 
   function finish() {
@@ -70,7 +70,7 @@ export function tunePanel(link) {
     lay();
   }
 
-  /** The last two runs over each other. */
+  /** Shows the last two runs, one over the other. */
   function lay() {
     const settings = state.settings[state.chosen];
     const now = runs.at(-1);
@@ -86,17 +86,17 @@ export function tunePanel(link) {
 
   on("frame", (frame) => {
     const motor = frame.motors[state.chosen];
-    if (motor) say(regulator, motor.regulator === "model" ? "its model" : motor.regulator === "pid" ? "PID" : "not told");
+    if (motor) say(regulator, motor.regulator === "model" ? "the motor model" : motor.regulator === "pid" ? "PID" : "not reported");
     if (!running) return;
     if (!frame.motors[running.motor]?.enabled && frame.at_s > running.until - 0.9) {
       running = null;
-      return say(says, "The motor was switched off; this step does not count.");
+      return say(says, "The motor was disabled; this step is discarded.");
     }
     if (running.phase === "rest" && frame.at_s > running.until) {
       running.phase = "step";
       running.start = frame.at_s;
       link.order("drive", { motor: running.motor, mode: "velocity", value: running.high });
-      say(says, "Steps …");
+      say(says, "Recording the step …");
     } else if (running.phase === "step") {
       running.times.push(frame.at_s - running.start);
       running.speeds.push(frame.motors[running.motor].velocity);
@@ -112,7 +112,7 @@ export function tunePanel(link) {
     limit.value = settings?.acceleration ?? "";
     say(unit, speedUnit(settings));
     const known = settings?.dynamics;
-    say(model, known ? `Known: ${number(known.gain)} counts/s² per volt, decay ${number(known.decay, 2)} /s, friction ${number(known.friction_v, 2)} V` : "Nothing is known of its motion yet: Identify finds out.");
+    say(model, known ? `Dynamics: ${number(known.gain)} counts/s² per volt, decay ${number(known.decay, 2)} /s, friction ${number(known.friction_v, 2)} V` : "Dynamics are not configured: use Identify.");
   }
   function allow() {
     const may = inControl() && state.connected;
@@ -125,7 +125,7 @@ export function tunePanel(link) {
 
   return h("div", { class: "columns" },
     h("div", { class: "stack" },
-      h("p", {}, "Regulated by ", regulator, "."), model,
+      h("p", {}, "Regulator: ", regulator), model,
       h("div", { class: "row" }, byModel, byPid, undo),
       h("div", { class: "grid4" }, h("span", {}), ...["P", "I", "D", "F"].map((letter) => h("span", { class: "head" }, letter)), ...rows),
       h("div", { class: "row" }, ...apply),

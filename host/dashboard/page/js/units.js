@@ -1,9 +1,9 @@
-// Speeds as people want to read them; the hub counts.
+// Conversion of speeds from counts/s to the chosen unit.
 
 const PER_TURN = { cps: null, rpm: 60, rad: 2 * Math.PI };
 const NAMES = { cps: "counts/s", rpm: "rpm", rad: "rad/s" };
 
-/** What is chosen: of a motor whose counts of a turn are unknown, counts remain. */
+/** The chosen unit. Motors whose counts per turn are unknown keep counts/s. */
 export const units = { /** @type {"cps"|"rpm"|"rad"} */ chosen: "cps" };
 
 /** @param {{counts_per_turn?: number|null}|undefined} settings */
@@ -19,7 +19,7 @@ export const fromCps = (cps, settings) => cps * (factor(settings) ?? 1);
 /** @param {number} value @param {any} settings */
 export const toCps = (value, settings) => value / (factor(settings) ?? 1);
 
-/** With as many digits as can be read. @param {number|null|undefined} value @param {number} [digits] */
+/** Text of a number, with spaces between thousands; "–" if unknown. @param {number|null|undefined} value @param {number} [digits] */
 export function number(value, digits = 0) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   return value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1").replace("-", "−").replace(/\B(?=(\d{3})+(?!\d|.*\.\d))/g, value >= 1e4 || value <= -1e4 ? " " : "");

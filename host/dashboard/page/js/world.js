@@ -1,13 +1,13 @@
-// The simulated world: loads, torques, battery and faults to play with, so that it can be seen what the hub does about them.
+// Panel for a simulated hub: loads, torques, battery and faults, to see how the hub reacts.
 
 import { h, say, select } from "./dom.js";
 import { inControl, on, state } from "./state.js";
 import { number } from "./units.js";
 
-const ENCODERS = [["sound", "sound"], ["unplugged", "unplugged"], ["reversed", "wires changed places"], ["loose", "a loose contact"]];
+const ENCODERS = [["sound", "sound"], ["unplugged", "unplugged"], ["reversed", "wires swapped"], ["loose", "loose contact"]];
 const WAIT_MS = 50;
 
-/** A slider with its value in words. @param {{label: string, min: number, max: number, step: number, words: (value: number) => string, send: (value: number) => void}} of */
+/** A slider with its value as text. @param {{label: string, min: number, max: number, step: number, words: (value: number) => string, send: (value: number) => void}} of */
 function slider({ label, min, max, step, words, send }) {
   const input = h("input", { type: "range", min, max, step, "aria-label": label });
   const output = h("output", {}, "");
@@ -27,15 +27,15 @@ export function worldPanel(link) {
   const motor = () => state.chosen;
   const volts = slider({ label: "Battery without load, V", min: 0, max: 16, step: 0.1, words: (value) => `${number(value, 1)} V`, send: (value) => change("battery", { volts: value }) });
   const torque = slider({ label: "Torque on the output shaft, N m", min: -2, max: 2, step: 0.05, words: (value) => `${number(value, 2)} N m`, send: (value) => change("torque", { motor: motor(), nm: value }) });
-  const inertia = slider({ label: "Load on the output shaft, kg m²", min: 0, max: 0.02, step: 0.0005, words: (value) => `${number(1e3 * value, 1)} g m²`, send: (value) => change("inertia", { motor: motor(), kg_m2: value }) });
+  const inertia = slider({ label: "Inertia on the output shaft, kg m²", min: 0, max: 0.02, step: 0.0005, words: (value) => `${number(1e3 * value, 1)} g m²`, send: (value) => change("inertia", { motor: motor(), kg_m2: value }) });
   const hold = h("button", { type: "button", "aria-pressed": "false", onclick: () => change("hold", { motor: motor(), held: hold.getAttribute("aria-pressed") !== "true" }) }, "Hold the shaft");
   const encoder = select(ENCODERS, { id: "world-encoder", onchange: () => change("encoder", { motor: motor(), is: encoder.value }) });
   const of = h("h3", {}, "");
   const buttons = [
-    ["Winch: 0.8 N m pull", () => { link.order("drive", { motor: motor(), mode: "velocity", value: 800 }); link.order("enable", { motor: motor(), on: true }); change("torque", { motor: motor(), nm: 0.8 }); }],
-    ["Unplug its encoder", () => change("encoder", { motor: motor(), is: "unplugged" })],
+    ["Winch: load of 0.8 N m", () => { link.order("drive", { motor: motor(), mode: "velocity", value: 800 }); link.order("enable", { motor: motor(), on: true }); change("torque", { motor: motor(), nm: 0.8 }); }],
+    ["Unplug the encoder", () => change("encoder", { motor: motor(), is: "unplugged" })],
     ["Drop the battery to 7 V", () => change("battery", { volts: 7 })],
-    ["All as it was", () => change("reset", null)],
+    ["Reset all", () => change("reset", null)],
   ].map(([words, act]) => h("button", { type: "button", onclick: act }, words));
 
   const play = h("button", { type: "button", class: "primary", id: "world-play", hidden: true, onclick: () => link.order("play") }, "Play the scenario");
@@ -49,11 +49,11 @@ export function worldPanel(link) {
     if (document.activeElement !== volts.input) volts.set(world.volts ?? 12.6);
     if (document.activeElement !== torque.input) torque.set(at.nm ?? 0);
     if (document.activeElement !== inertia.input) inertia.set(at.kg_m2 ?? 0);
-    if (at.kg_m2 === null) say(/** @type {any} */ (inertia.element.lastChild), "as it is");
-    if (at.nm === null) say(/** @type {any} */ (torque.element.lastChild), "as it is");
-    if (world.volts === null) say(/** @type {any} */ (volts.element.lastChild), "as it is");
+    if (at.kg_m2 === null) say(/** @type {any} */ (inertia.element.lastChild), "scenario");
+    if (at.nm === null) say(/** @type {any} */ (torque.element.lastChild), "scenario");
+    if (world.volts === null) say(/** @type {any} */ (volts.element.lastChild), "scenario");
     hold.setAttribute("aria-pressed", String(at.held));
-    say(hold, at.held ? "Let the shaft go" : "Hold the shaft");
+    say(hold, at.held ? "Release the shaft" : "Hold the shaft");
     encoder.value = at.encoder;
   }
   function allow() {
@@ -64,9 +64,9 @@ export function worldPanel(link) {
   for (const what of ["desk", "open"]) on(what, allow);
   return h("div", { class: "columns" },
     h("div", { class: "stack" }, of,
-      h("div", { class: "pair" }, h("span", {}, "Torque on its shaft"), torque.element, h("span", {}, "Load on its shaft"), inertia.element, h("label", { for: "world-encoder" }, "Its encoder"), encoder, h("span", {}, "A hand"), hold)),
-    h("div", { class: "stack" }, h("h3", {}, "For all"),
+      h("div", { class: "pair" }, h("span", {}, "Torque on the shaft"), torque.element, h("span", {}, "Inertia on the shaft"), inertia.element, h("label", { for: "world-encoder" }, "Encoder"), encoder, h("span", {}, "Shaft"), hold)),
+    h("div", { class: "stack" }, h("h3", {}, "All motors"),
       h("div", { class: "pair" }, h("span", {}, "Battery, no load"), volts.element),
       h("div", { class: "row" }, play, ...buttons),
-      h("p", { class: "muted" }, "Let a motor hold a speed and pull its shaft along: its control sinks from forward through braking towards reverse, and the bands of the control plot show where it is.")));
+      h("p", { class: "muted" }, "Run a motor at a speed, and apply a torque in the direction of motion. Its control falls from forward through braking towards reverse; the bands of the control plot show the regime.")));
 }

@@ -1,31 +1,32 @@
-//! What keys mean, and what becomes of motors by them. No clock, no terminal.
+//! Meaning of keys, and the motor levels that follow from them. Pure: no clock, no terminal.
 
 use crate::client::drive::ALL;
 use std::time::{Duration, Instant};
 
-/// A key that means something.
+/// A key with a meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Key {
     Forward,
     Backward,
     Faster,
     Slower,
-    /// One motor.
+    /// Chooses one motor.
     One(u8),
+    /// Chooses all motors.
     All,
-    /// All off.
+    /// Disables all motors.
     Stop,
     Quit,
 }
 
-/// The keys in what a terminal sent at once; others are left out.
+/// The keys in the bytes of one read from a terminal; keys without a meaning are left out.
 pub(super) fn read(mut bytes: &[u8]) -> Vec<Key> {
     let mut keys = Vec::new();
     while let [first, rest @ ..] = bytes {
         let (key, rest) = match (*first, rest) {
-            // Arrows, in both modes that a terminal may be in.
+            // Arrow keys, in normal and in application mode of the terminal.
             (0x1B, [b'[' | b'O', arrow, rest @ ..]) => (escaped(*arrow), rest),
-            // Escape alone: whoever presses it wants out.
+            // Escape alone disables all motors.
             (0x1B, rest) => (Some(Key::Stop), rest),
             (byte, rest) => (plain(byte), rest),
         };
@@ -54,41 +55,41 @@ const fn plain(byte: u8) -> Option<Key> {
         b'a' => Some(Key::All),
         digit @ b'0'..=b'3' => Some(Key::One(digit - b'0')),
         b' ' => Some(Key::Stop),
-        // Ctrl-C, Ctrl-D and Ctrl-\ are keys here.
+        // A raw terminal sends Ctrl-C, Ctrl-D and Ctrl-\ as keys.
         b'q' | 0x03 | 0x04 | 0x1C => Some(Key::Quit),
         _ => None,
     }
 }
 
-/// What all motors are to do.
+/// Requested level of all motors, as a function of keys and time.
 #[derive(Clone, Debug)]
 pub(super) struct Jog {
     motors: [bool; ALL.len()],
     level: i16,
     hold: Duration,
-    /// Of each motor: off, or so fast.
+    /// Requested level by motor; `None` is disabled.
     wanted: [Option<i16>; ALL.len()],
-    /// When motors that turn are to stand, unless a key comes.
+    /// Time at which turning motors must stop, unless a key comes before.
     until: Option<Instant>,
 }
 
 impl Jog {
-    /// Motor 0, at this level while a key is held; a press holds for `hold`.
+    /// Starts with motor 0 chosen. A key press drives at `level` for `hold`.
     pub(super) const fn new(level: i16, hold: Duration) -> Self {
         Self { motors: [true, false, false, false], level, hold, wanted: [None; ALL.len()], until: None }
     }
 
-    /// Those that keys drive.
+    /// The chosen motors.
     pub(super) fn motors(&self) -> Vec<u8> {
         ALL.into_iter().zip(self.motors).filter_map(|(motor, chosen)| chosen.then_some(motor)).collect()
     }
 
-    /// How fast they are when they turn.
+    /// Level of motors that turn: counts per second, or steps of power.
     pub(super) const fn level(&self) -> i16 {
         self.level
     }
 
-    /// A key has been pressed.
+    /// Handles a key press.
     pub(super) fn press(&mut self, key: Key, now: Instant) {
         match key {
             Key::Forward => self.go(self.level, now),
@@ -101,7 +102,7 @@ impl Jog {
         }
     }
 
-    /// A fifth more or less.
+    /// Step of one key press: a fifth of the level, at least 1.
     fn step(&self) -> i16 {
         (self.level / 5).max(1)
     }
@@ -118,13 +119,13 @@ impl Jog {
         self.motors = motors;
     }
 
-    /// Motors that turn are to stand.
+    /// Sets the level of all enabled motors to 0.
     fn stand(&mut self) {
         self.wanted = self.wanted.map(|wanted| wanted.map(|_| 0));
         self.until = None;
     }
 
-    /// Of each motor, now: off, or so fast.
+    /// Requested level by motor at `now`; `None` is disabled.
     pub(super) fn at(&mut self, now: Instant) -> [Option<i16>; ALL.len()] {
         if self.until.is_some_and(|until| now >= until) {
             self.stand();
@@ -161,7 +162,7 @@ mod tests {
         assert_eq!(jog.at(begin + ms(1300)), [Some(0), None, None, None]);
         jog.press(Key::Backward, begin + ms(1400));
         assert_eq!(jog.at(begin + ms(1400)), [Some(-300), None, None, None]);
-        // Another motor: the first one stands, until it is switched off with all.
+        // With another motor chosen, the first one stands and stays enabled until Stop.
         jog.press(Key::One(2), begin + ms(1500));
         jog.press(Key::Faster, begin + ms(1500));
         jog.press(Key::Forward, begin + ms(1500));

@@ -1,17 +1,17 @@
-//! The terminal as keys instead of lines.
+//! Reads single keys from the terminal instead of lines.
 
 use crate::output::Failure;
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
 use std::io::{Read, stdin};
 use std::sync::mpsc::{Receiver, channel};
 
-/// Keys come one by one, unseen, and none of them is a signal, until this is dropped.
+/// Raw mode of the terminal until dropped: keys arrive one by one, are not echoed, and raise no signals.
 pub(super) struct Raw(Termios);
 
 impl Raw {
     pub(super) fn enter() -> Result<Self, Failure> {
         let before = tcgetattr(stdin())
-            .map_err(|_| Failure::Work("standard input is no terminal, whose keys could drive".to_owned()))?;
+            .map_err(|_| Failure::Work("standard input is not a terminal; jog needs its keys".to_owned()))?;
         let mut raw = before.clone();
         raw.make_raw();
         tcsetattr(stdin(), OptionalActions::Now, &raw).map_err(Failure::work)?;
@@ -21,12 +21,12 @@ impl Raw {
 
 impl Drop for Raw {
     fn drop(&mut self) {
-        // Where it fails the terminal is gone. Keys that are left over are not for the shell.
+        // This fails only if the terminal is gone. Flush drops unread keys, which are not for the shell.
         let _ = tcsetattr(stdin(), OptionalActions::Flush, &self.0);
     }
 }
 
-/// What is typed, until the terminal is gone.
+/// Bytes typed, until the terminal is gone.
 pub(super) fn keys() -> Receiver<Vec<u8>> {
     let (typed, keys) = channel();
     std::thread::spawn(move || {

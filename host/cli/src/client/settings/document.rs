@@ -1,4 +1,4 @@
-//! Settings as TOML: what a hub says, and the requests that say it again.
+//! Settings as TOML, read from a hub, and the requests that put them in force again.
 
 use super::super::trouble::Trouble;
 use crate::output::Failure;
@@ -28,7 +28,7 @@ pub(super) struct Document {
     motors: Vec<Motor>,
 }
 
-/// What this program writes and reads.
+/// Version of the document that this program writes and reads.
 const SCHEMA_VERSION: u32 = 1;
 
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
@@ -61,7 +61,7 @@ struct Motor {
     position_loop: Option<Gains>,
 }
 
-/// Words for a type of the firmware.
+/// Defines the names that an enum of the firmware has in the document.
 macro_rules! words {
     ($name:ident = $of:ident { $($word:literal $value:ident),+ }) => {
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -129,15 +129,15 @@ struct Gains {
     terms: Terms,
 }
 
-// Steps of the protocol's fields.
+// Steps of the protocol's fields per unit.
 const EMF_STEPS: f64 = 1_048_576.0;
 const COEFFICIENT_STEPS: f64 = 65_536.0;
 
 impl Document {
-    /// What is in force.
+    /// The settings in force.
     pub(super) fn of(session: &mut Session<Line>) -> Result<Self, Trouble> {
-        let given = session.stored()?.coefficients;
-        let motors = (0..CHANNELS as u8).map(|motor| Motor::of(session, motor, given >> motor & 1 != 0));
+        let set = session.stored()?.coefficients;
+        let motors = (0..CHANNELS as u8).map(|motor| Motor::of(session, motor, set >> motor & 1 != 0));
         Ok(Self { schema_version: SCHEMA_VERSION, motors: motors.collect::<Result<_, Trouble>>()? })
     }
 
@@ -146,10 +146,10 @@ impl Document {
         toml::to_string(self).map(|text| format!("{head}{text}")).map_err(Failure::work)
     }
 
-    /// What puts it in force, if all of it is in range.
+    /// The requests that put the settings in force, if all values are in range.
     ///
     /// # Errors
-    /// Which motor and key is wrong, and what is allowed.
+    /// A text that names the motor, the key, and the allowed values.
     pub(super) fn requests(&self) -> Result<Vec<Request>, String> {
         if self.schema_version != SCHEMA_VERSION {
             let version = self.schema_version;
@@ -160,7 +160,10 @@ impl Document {
         for motor in &self.motors {
             let number = motor.number;
             if usize::from(number) >= CHANNELS || numbers.contains(&number) {
-                return Err(format!("motor {number}: number is 0 to {}, each once", CHANNELS - 1));
+                return Err(format!(
+                    "motor {number}: number is 0 to {}, and each number occurs once",
+                    CHANNELS - 1
+                ));
             }
             numbers.push(number);
             requests.extend(motor.requests().map_err(|why| format!("motor {number}: {why}"))?);
@@ -214,7 +217,7 @@ impl Motor {
         })
     }
 
-    /// In an order in which none undoes another: a set-up forgets motion and coefficients.
+    /// The requests of one motor. The set-up comes first, because it resets motion and coefficients.
     fn requests(&self) -> Result<Vec<Request>, String> {
         let Self { number, mode, at_zero_power, current_alert_ma, .. } = *self;
         let Switches { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us } = self.bridge;
@@ -268,7 +271,7 @@ impl Motor {
     }
 }
 
-/// A scheme in words.
+/// Name and blend of a scheme.
 struct SchemeText {
     scheme: String,
     blend: Option<toml::Value>,
@@ -332,7 +335,7 @@ fn steps(value: f64, per_unit: f64) -> Option<i64> {
     (steps.abs() < 1e15).then_some(steps as i64)
 }
 
-/// An error with the key that it is about.
+/// Prefixes an error with the key that it belongs to.
 fn named<E: ToString>(key: &'static str) -> impl Fn(E) -> String {
     move |error| format!("{key}: {}", error.to_string())
 }

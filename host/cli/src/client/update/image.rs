@@ -1,4 +1,4 @@
-//! A firmware file as the bytes that are to be in the flash.
+//! Reads a firmware file as the bytes to be written to flash.
 
 use object::Endianness;
 use object::elf::PT_LOAD;
@@ -8,22 +8,23 @@ use std::path::Path;
 /// An image for a hub of this project.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Image {
-    /// Where it is linked to; of a file that is no ELF nobody knows, but where its code begins.
+    /// Address that the image is linked to; `None` for raw bytes.
     pub(super) origin: Option<u32>,
     pub(super) bytes: Vec<u8>,
-    /// What it answers who asks for its version.
+    /// Version text in the image.
     pub(super) version: String,
 }
 
-/// More than any flash has.
+/// Longest image in bytes: more than the flash of any supported chip.
 const LONGEST: usize = 4 << 20;
 
-/// What every version begins with, and the most bytes of one.
+/// First bytes of every version text.
 const VERSION: &[u8] = b"HW: 20, Maj: ";
+/// Longest version text in bytes.
 const LONGEST_VERSION: usize = 40;
 
 impl Image {
-    /// Of an ELF file, or of raw bytes.
+    /// Reads an ELF file, or raw bytes.
     pub(super) fn open(file: &Path) -> Result<Self, String> {
         let bytes = std::fs::read(file).map_err(|error| format!("{}: {error}", file.display()))?;
         Self::read(bytes).map_err(|why| format!("{}: {why}", file.display()))
@@ -36,36 +37,36 @@ impl Image {
         } else {
             (None, file)
         };
-        let version = version_of(&bytes).ok_or("is no firmware of a motor hub: it has no version in it")?;
+        let version = version_of(&bytes).ok_or("is not a motor-hub firmware: it has no version text")?;
         Ok(Self { origin, bytes, version })
     }
 
-    /// Where its code begins, by its second vector.
+    /// Address of the first instruction, by the image's second vector.
     pub(super) fn entry(&self) -> Option<u32> {
         let word = self.bytes.get(4..8)?;
         Some(u32::from_le_bytes(word.try_into().ok()?))
     }
 }
 
-/// What an ELF file has in flash, from its lowest address on; blank between.
+/// Address and bytes of an ELF file in flash, from the lowest address on. Gaps are filled with 0xFF.
 fn flash_of(file: &[u8]) -> Result<(u32, Vec<u8>), String> {
     let elf =
-        ElfFile32::<Endianness>::parse(file).map_err(|error| format!("is no ELF of 32 bits: {error}"))?;
+        ElfFile32::<Endianness>::parse(file).map_err(|error| format!("is not a 32-bit ELF file: {error}"))?;
     let endian = elf.endian();
     let mut pieces = Vec::new();
     for header in elf.elf_program_headers() {
         if header.p_type(endian) == PT_LOAD && header.p_filesz(endian) > 0 {
-            let data = header.data(endian, file).map_err(|()| "its segments are cut off".to_owned())?;
+            let data = header.data(endian, file).map_err(|()| "has truncated segments".to_owned())?;
             pieces.push((header.p_paddr(endian), data));
         }
     }
-    let origin = pieces.iter().map(|(at, _)| *at).min().ok_or("has nothing to load")?;
+    let origin = pieces.iter().map(|(at, _)| *at).min().ok_or("has no segment to load")?;
     let mut bytes = Vec::new();
     for (at, data) in pieces {
         let from = (at - origin) as usize;
         let to = from.saturating_add(data.len());
         if to > LONGEST {
-            return Err(format!("has something at {at:#x} and at {origin:#x}, which is no flash"));
+            return Err(format!("has segments at {at:#x} and at {origin:#x}, too far apart for one flash"));
         }
         bytes.resize(bytes.len().max(to), 0xFF);
         if let Some(place) = bytes.get_mut(from..to) {
@@ -75,7 +76,7 @@ fn flash_of(file: &[u8]) -> Result<(u32, Vec<u8>), String> {
     Ok((origin, bytes))
 }
 
-/// The text that a zero ends.
+/// The version text in an image, up to its terminating zero.
 fn version_of(bytes: &[u8]) -> Option<String> {
     let at = bytes.windows(VERSION.len()).position(|window| window == VERSION)?;
     let text = bytes.get(at..)?;
@@ -100,12 +101,12 @@ mod tests {
         assert_eq!((image.bytes, &*image.version), (bytes, "HW: 20, Maj: 1, Min: 8, Eng: 2, mh1.2.3"));
     }
 
-    /// An ELF with these segments: address in memory, address in flash, and bytes.
+    /// An ELF file with these segments: address in memory, address in flash, and bytes.
     fn elf(segments: &[(u32, u32, &[u8])]) -> Vec<u8> {
         let (head, each) = (52_u32, 32_u32);
         let mut file = b"\x7FELF\x01\x01\x01".to_vec();
         file.resize(16, 0);
-        // ARM, executable; its headers' places and sizes (ELF-32, figure 1-3).
+        // ARM, executable; offsets and sizes of its headers (ELF-32, figure 1-3).
         file.extend([2_u16, 40].iter().flat_map(|half| half.to_le_bytes()));
         file.extend([1_u32, 0, head, 0, 0].iter().flat_map(|word| word.to_le_bytes()));
         let halves = [head as u16, each as u16, segments.len() as u16, 40, 0, 0];
@@ -123,7 +124,7 @@ mod tests {
 
     #[test]
     fn an_elf_is_what_it_has_in_flash() {
-        // Statics are in the RAM when they are used, and in the flash behind the code before.
+        // Initial values of statics lie in flash behind the code.
         let file = elf(&[
             (0x2000_0000, 0x0802_0040, &[7; 4]),
             (0x0802_0000, 0x0802_0000, TEXT),
@@ -138,13 +139,13 @@ mod tests {
     #[test]
     fn an_elf_that_is_not_for_a_flash_is_refused_by_name() {
         for (file, why) in [
-            (b"\x7FELF".to_vec(), "is no ELF of 32 bits"),
-            (elf(&[]), "has nothing to load"),
-            (elf(&[(0, 0x0802_0000, TEXT), (0, 0x2000_0000, TEXT)]), "which is no flash"),
+            (b"\x7FELF".to_vec(), "is not a 32-bit ELF file"),
+            (elf(&[]), "has no segment to load"),
+            (elf(&[(0, 0x0802_0000, TEXT), (0, 0x2000_0000, TEXT)]), "too far apart"),
             (elf(&[(0, 0x0802_0000, b"something")]), "has no version"),
         ] {
-            let told = Image::read(file).unwrap_err();
-            assert!(told.contains(why), "{told}");
+            let error = Image::read(file).unwrap_err();
+            assert!(error.contains(why), "{error}");
         }
     }
 }

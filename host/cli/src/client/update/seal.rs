@@ -1,17 +1,20 @@
-//! A signature and the key that it is by, from files.
+//! Reads a signature and its public key from files.
 
 use motor_hub::update::{Seal, public_key};
 use std::path::Path;
 
-/// Of a file with the signature alone, and one with the public key in DER.
+/// Reads a file with the signature alone, and a file with the public key in DER.
 pub(super) fn open(signature: &Path, key: &Path) -> Result<Seal, String> {
     let bytes = read(signature)?;
     let length = bytes.len();
-    let signature = bytes.try_into().map_err(|_| {
-        format!("{}: has {length} bytes, and a signature of Ed25519 has 64", signature.display())
-    })?;
+    let signature = bytes
+        .try_into()
+        .map_err(|_| format!("{}: has {length} bytes; an Ed25519 signature has 64", signature.display()))?;
     let key = public_key(&read(key)?).ok_or_else(|| {
-        format!("{}: is no public key of Ed25519 in DER (openssl pkey -pubout -outform DER)", key.display())
+        format!(
+            "{}: is not an Ed25519 public key in DER; make it by openssl pkey -pubout -outform DER",
+            key.display()
+        )
     })?;
     Ok(Seal { key, signature })
 }
