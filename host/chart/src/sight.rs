@@ -53,12 +53,13 @@ fn assert_told_apart(colours: &[&str]) {
 
 #[test]
 fn bands_are_told_apart_by_deuteranopes() {
-    assert_told_apart(&[fill::YELLOW, fill::BLUE, fill::ROSE, "#ffffff"]);
+    assert_told_apart(&[fill::FORWARD, fill::BRAKING, fill::REVERSE, "#ffffff"]);
 }
 
 #[test]
 fn lines_are_told_apart_by_deuteranopes() {
     assert_told_apart(&[colour::INK, colour::BLUE, colour::RED, colour::GREEN]);
+    assert_told_apart(&[colour::INK, colour::FORWARD, colour::BRAKING, colour::REVERSE]);
 }
 
 #[test]

@@ -22,8 +22,8 @@
 //! use motor_hub::model::catalogue::characterised;
 //! use studies::points::OperatingReport;
 //!
-//! let report = OperatingReport::new(characterised("AM 60 A")?, Scheme::B, 1000, 12_000)?;
-//! assert!(report.heading().starts_with("AM 60 A at 1000 counts/s on 12.000 V, scheme B"));
+//! let report = OperatingReport::new(characterised("NeveRest 60")?, Scheme::B, 1000, 12_000)?;
+//! assert!(report.heading().starts_with("NeveRest 60 at 1000 counts/s on 12.000 V, scheme B"));
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 #![forbid(unsafe_code)]

@@ -96,7 +96,7 @@ impl Document {
             ]);
         }
         format!(
-            "What the paper prints (AM 60 A)\n{numbers}\n\nWhere its text is wrong\n{misprints}\n\n\
+            "What the paper prints of its AM 60, a NeveRest 60\n{numbers}\n\nWhere its text is wrong\n{misprints}\n\n\
              A better current over a control period (the paper's second to-do)\n{estimates}\n{}\n",
             table::paragraph(ESTIMATE)
         )
@@ -155,7 +155,7 @@ fn misprints(motor: &Motor) -> Vec<Misprint> {
             section: "1.2",
             printed: "discharges briefly, about 1 ms",
             right: format!(
-                "1 to 3 A of an AM 60 A take {:.0} us (1 A, free speed) to {:.0} us (3 A, standstill)",
+                "1 to 3 A of a NeveRest 60 take {:.0} us (1 A, free speed) to {:.0} us (3 A, standstill)",
                 decay_us(1.0, emf_of_free),
                 decay_us(3.0, 0.0)
             ),
@@ -209,10 +209,10 @@ fn misprints(motor: &Motor) -> Vec<Misprint> {
 fn estimates() -> Result<Vec<Estimate>, StudyError> {
     let mut rows = Vec::new();
     for (name, load_name, load) in [
-        ("AM 60 A", "10 kg flywheel", flywheel()),
-        ("AM 60 A", "none", Load::NONE),
-        ("AM 20 A", "none", Load::NONE),
-        ("AM 3.7 B", "none", Load::NONE),
+        ("NeveRest 60", "10 kg flywheel", flywheel()),
+        ("NeveRest 60", "none", Load::NONE),
+        ("NeveRest 20", "none", Load::NONE),
+        ("NeveRest 3.7", "none", Load::NONE),
     ] {
         let motor = characterised(name)?;
         let motor = if load == Load::NONE { motor.with_measured_rotor_inertia() } else { motor };

@@ -149,7 +149,7 @@ impl OperatingReport {
     /// The points and the lines between them, as far as control values reach.
     pub fn figure(&self) -> Figure {
         let points =
-            self.points.map(|p| Point { at: (p.control, p.y), name: p.name.into(), colour: colour::INK });
+            self.points.map(|p| Point { at: (p.control / f64::from(Control::MAX.get()), p.y), name: p.name.into(), colour: colour::INK });
         let look = chart::Look {
             counter_clockwise: self.at.counter_clockwise(),
             jump: self.scheme.0 == Scheme::ForwardReverse,
@@ -158,11 +158,19 @@ impl OperatingReport {
         Figure {
             title: "Where a control value falls".into(),
             subtitle: self.heading(),
-            x_label: chart::X_LABEL.into(),
-            x_range: Some(chart::X_RANGE),
+            x_label: "control".into(),
+            x_range: Some(CONTROL_RANGE),
             panels: vec![chart::panel(self.ordinate().into(), points, look)],
         }
     }
+}
+
+/// The axis of control values in charts: full scale and a little more.
+pub(crate) const CONTROL_RANGE: (f64, f64) = (-1.08, 1.08);
+
+/// A control value as a fraction of full scale, -1 to 1.
+pub(crate) fn fraction(steps: i16) -> f64 {
+    f64::from(steps) / f64::from(Control::MAX.get())
 }
 
 /// "model" or "PID".

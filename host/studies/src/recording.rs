@@ -9,6 +9,7 @@
 //! assert_eq!(recording.figures().len(), 1);
 //! ```
 
+use crate::points::{CONTROL_RANGE, fraction};
 use crate::{NamedFigure, SCHEMA_VERSION};
 use chart::{Figure, Panel, Series, Style, colour};
 
@@ -96,7 +97,7 @@ impl Recording {
         )
     }
 
-    /// A chart of each motor, with the panels that a simulated run has, as far as a hub tells.
+    /// A chart of each motor with the panels of a simulated run. Values that the hub does not report have no panel.
     #[must_use]
     pub fn figures(&self) -> Vec<NamedFigure> {
         let mut motors: Vec<u8> = self.samples.iter().map(|sample| sample.motor).collect();
@@ -133,15 +134,14 @@ impl Recording {
         }
         let is_told = self.samples.iter().any(|sample| sample.motor == motor && sample.control.is_some());
         if is_told || self.told.power().is_some() {
-            let steps = |s: &Sample| s.control.or(self.told.power()).map_or(f64::NAN, f64::from);
-            let control = line("control", colour::BLUE, Style::Step, &steps);
-            let y_range = Some((-36_000.0, 36_000.0));
-            panels.push(Panel { y_range, ..panel("control, steps", 130.0, vec![control]) });
+            let value = |s: &Sample| s.control.or(self.told.power()).map_or(f64::NAN, fraction);
+            let control = line("control", colour::BLUE, Style::Step, &value);
+            panels.push(Panel { y_range: Some(CONTROL_RANGE), ..panel("control", 130.0, vec![control]) });
         }
         if self.samples.iter().any(|sample| sample.motor == motor && sample.current_a.is_some()) {
             let current = line("current", colour::BLUE, Style::Step, &|s| s.current_a.unwrap_or(f64::NAN));
             panels.push(panel(
-                "magnitude of the motor current, A, as the hub tells it",
+                "magnitude of the motor current, A, as reported by the hub",
                 110.0,
                 vec![current],
             ));

@@ -94,7 +94,7 @@ fn unknown_and_missing_keys_name_the_known_ones() {
 
 #[test]
 fn an_unknown_motor_is_answered_with_the_known_ones() {
-    refused("AM 60 A", "AM 61 A", "8:9", "AM 60 A, AM 60 B");
+    refused("AM 60 A", "AM 61 A", "8:9", "NeveRest 60, NeveRest 60-B");
     refused("AM 60 A", "Tetrix", "8:9", "never characterised");
 }
 

@@ -2,7 +2,7 @@
 
 use super::error::CaseError;
 use motor_hub::bridge::Mode;
-use motor_hub::model::catalogue::Motor;
+use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::si::{Drag, EmfConstant, Henries, KgM2, Ohms, TorqueConstant};
 use serde_json::{Value, json};
@@ -96,12 +96,16 @@ impl<'a> Case<'a> {
         })
     }
 
-    /// Constants from the document's motors, or from the inputs themselves if they name no motor.
+    /// Constants of the motor that the inputs name: the document's, else the catalogue's. Without a name the inputs
+    /// themselves hold the constants.
     pub(super) fn motor(&self) -> Result<Motor, CaseError> {
         let named = self.has("motor");
         let constants = if named {
             let key = self.text("motor")?;
-            self.motors.get(key).ok_or_else(|| CaseError::NoMotor(key.to_owned()))?
+            match self.motors.get(key) {
+                Some(constants) => constants,
+                None => return Ok(characterised(key)?),
+            }
         } else {
             self.case.get("inputs").unwrap_or(&Value::Null)
         };

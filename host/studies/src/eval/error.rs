@@ -71,9 +71,6 @@ pub enum CaseError {
     /// A list that holds something else than numbers, or no list.
     #[error("{0} must be a list of numbers")]
     NotNumbers(String),
-    /// The document has no such motor.
-    #[error("the document has no motor {0:?}")]
-    NoMotor(String),
     /// A constant of a motor.
     #[error("motor constant {0} is missing or no number")]
     MotorConstant(String),
@@ -115,7 +112,7 @@ pub enum CaseError {
     /// A quantity that does not fit the firmware.
     #[error(transparent)]
     Range(#[from] RangeError),
-    /// The catalogue lacks a motor.
+    /// Neither the document nor the catalogue has the motor.
     #[error(transparent)]
     Motor(#[from] UnknownMotor),
 }

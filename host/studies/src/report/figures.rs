@@ -2,7 +2,7 @@
 
 use super::runs::{RunReport, WITHOUT};
 use crate::NamedFigure;
-use crate::points::regulator_name;
+use crate::points::{CONTROL_RANGE, fraction, regulator_name};
 use chart::{Band, Figure, Panel, Series, Style, colour, fill};
 use motor_hub::braking::Regime;
 use motor_hub::motor::Setpoint;
@@ -44,11 +44,11 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
         ..Panel::default()
     });
     panels.push(Panel {
-        y_label: "control, steps".into(),
+        y_label: "control".into(),
         height: 130.0,
-        y_range: Some((-36_000.0, 36_000.0)),
+        y_range: Some(CONTROL_RANGE),
         bands: bands.clone(),
-        series: vec![lines.line("control", colour::BLUE, Style::Step, |s| s.report.control.get().into())],
+        series: vec![lines.line("control", colour::BLUE, Style::Step, |s| fraction(s.report.control.get()))],
         ..Panel::default()
     });
     panels.push(Panel {
@@ -233,9 +233,9 @@ fn regimes(scenario: &Scenario, trace: &Trace, index: usize) -> Vec<Band> {
             last.to = first.at_s;
         }
         let (colour, name) = match regime(first) {
-            Some(Regime::Forward) => (fill::YELLOW, "forward"),
-            Some(Regime::Braking) => (fill::BLUE, "braking"),
-            Some(Regime::Reverse) => (fill::ROSE, "reverse"),
+            Some(Regime::Forward) => (fill::FORWARD, "forward"),
+            Some(Regime::Braking) => (fill::BRAKING, "braking"),
+            Some(Regime::Reverse) => (fill::REVERSE, "reverse"),
             None => ("#ffffff", "coast"),
         };
         bands.push(Band { from: first.at_s, to: scenario.duration_s, colour, name });
