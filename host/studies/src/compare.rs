@@ -1,6 +1,6 @@
 //! The same tasks under every scheme, with linear duty and with linear current: which controls better.
 //!
-//! One AM 60 A does a few tasks under each scheme with each duty rule: by the motor's model, and by PID once with
+//! One NeveRest 60 does a few tasks under each scheme with each duty rule: by the motor's model, and by PID once with
 //! the same coefficients for all and once with the best of a small grid for each, chosen on the first task. Scores
 //! say which wins where.
 //!
@@ -75,9 +75,14 @@ impl Comparison {
         Ok(Self { rounds })
     }
 
-    /// The tables for people.
+    /// The verdict and the tables, for a terminal.
     pub fn text(&self) -> String {
-        self.rounds.iter().map(text::round).chain([text::verdict(&self.rounds)]).collect()
+        text::measures(&self.rounds).terminal()
+    }
+
+    /// The verdict, and the tables that fit a page, as GitHub Markdown.
+    pub fn markdown(&self) -> String {
+        text::settling(&self.rounds).markdown()
     }
 
     /// The document for programs.

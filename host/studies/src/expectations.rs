@@ -252,7 +252,7 @@ impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { subject, window_s, wish, measured } = self;
         let Range { start, end } = window_s;
-        write!(f, "{subject}, {start} to {end} s: wanted {}, measured {measured}", Wanted(*wish))
+        write!(f, "{subject}, {start} to {end} s: expected {}, measured {measured}", Wanted(*wish))
     }
 }
 
@@ -270,7 +270,7 @@ impl fmt::Display for Wanted {
                 Quantity::Swing => write!(f, "swing {low} to {high} counts/s"),
                 Quantity::CurrentStep => write!(f, "steps of the braking current at most {high} A"),
                 Quantity::EnergyReturned => write!(f, "energy returned {low} to {high} J"),
-                Quantity::HeadingError => write!(f, "heading at most {high} degrees off"),
+                Quantity::HeadingError => write!(f, "heading error at most {high} degrees"),
                 Quantity::Bus => write!(f, "bus {low} to {high} V"),
             },
             Wish::Ever(regime) => write!(f, "{} at times", Name(&regime)),

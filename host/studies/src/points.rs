@@ -148,8 +148,11 @@ impl OperatingReport {
 
     /// The points and the lines between them, as far as control values reach.
     pub fn figure(&self) -> Figure {
-        let points =
-            self.points.map(|p| Point { at: (p.control / f64::from(Control::MAX.get()), p.y), name: p.name.into(), colour: colour::INK });
+        let points = self.points.map(|p| Point {
+            at: (p.control / f64::from(Control::MAX.get()), p.y),
+            name: p.name.into(),
+            colour: colour::INK,
+        });
         let look = chart::Look {
             counter_clockwise: self.at.counter_clockwise(),
             jump: self.scheme.0 == Scheme::ForwardReverse,

@@ -94,10 +94,10 @@ fn what_there_is_nothing_of_is_not_as_expected() {
 fn a_verdict_says_who_when_what_was_wanted_and_what_was() {
     let text = with("to_s = 0.5\nspeed_between_cps = [500, 600]").to_string();
     assert!(
-        text.starts_with("one, 0 to 0.5 s: wanted speed 500 to 600 counts/s, measured 0.00 to "),
+        text.starts_with("one, 0 to 0.5 s: expected speed 500 to 600 counts/s, measured 0.00 to "),
         "{text}"
     );
-    assert_eq!(with("fault = \"stuck\"").to_string(), "one, 0 to 3 s: wanted fault: stuck, measured none");
+    assert_eq!(with("fault = \"stuck\"").to_string(), "one, 0 to 3 s: expected fault: stuck, measured none");
 }
 
 /// Two wheels, the right one dragging behind its reference, with one expectation.

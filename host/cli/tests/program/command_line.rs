@@ -142,6 +142,7 @@ fn any_motor_of_the_catalogue_can_take_the_place_of_the_first() {
     let output = motor_hub(&arguments);
     assert!(output.status.success());
     let tables = text(&output.stdout);
+    assert!(tables.starts_with("Flywheel brought to ") && !tables.contains("inf s"), "{tables}");
     assert!(tables.contains("flywheel: Matrix 12 V-B") && tables.contains("scheme D, automatic"), "{tables}");
     assert!(!tables.contains("winch"));
     assert!(tables.contains(out.to_str().unwrap()));
@@ -172,13 +173,24 @@ fn a_control_value_is_mapped_as_the_firmware_maps_it() {
         ("-5099", "braking", "5/0", 0.5),
         ("-32767", "reverse", "6/2", 1.0),
     ] {
-        let map = ["map", "--scheme", "B", "--json", "--control", control];
+        let map = ["map", "--scheme", "B", "--json", "--control-steps", control];
         let document = json(&motor_hub(&[&map[..], &AT].concat()));
         assert_eq!((&document["regime"], &document["mode"]), (&regime.into(), &mode.into()));
         assert!((document["duty"].as_f64().unwrap() - duty).abs() < 1e-4, "{document}");
     }
-    let wrong = motor_hub(&[&["map", "--scheme", "B", "--control", "-32768"][..], &AT].concat());
-    assert_eq!(wrong.status.code(), Some(2));
+    let map = |control: &[&str]| motor_hub(&[&["map", "--scheme", "B"][..], &AT, control].concat());
+    assert_eq!(out(&map(&["--control", "0.5"])), out(&map(&["--control-steps", "16384"])));
+    assert!(out(&map(&["--control", "-1"])).contains("control -1.0000 (-32767 steps)"));
+    for (control, says) in [
+        (&[][..], &["--control <FRACTION>", "--control-steps <STEPS>"][..]),
+        (&["--control", "0.5", "--control-steps", "16384"], &["--control <FRACTION>", "--control-steps"]),
+        (&["--control-steps", "-32768"], &["-32768", "-32767 to 32767 steps"]),
+        (&["--control", "16384"], &["16384", "-1 to 1", "--control-steps"]),
+    ] {
+        let wrong = map(control);
+        assert_eq!(wrong.status.code(), Some(2), "{control:?}");
+        assert!(says.iter().all(|part| err(&wrong).contains(part)), "{control:?}: {}", err(&wrong));
+    }
 }
 
 #[test]
@@ -240,12 +252,20 @@ fn an_operating_point_may_be_of_a_motor_that_the_catalogue_lacks() {
         serde_json::from_str(&out(&motor_hub(&[&at[..], motor].concat()))).unwrap()
     };
     let named = points(&["--motor", "NeveRest 60"]);
+    assert_eq!((&named["motor"], &named), (&"NeveRest 60".into(), &points(&["--motor", "am 60 a"])));
     let ke = ["--ke", "0.017766666666666667", "--counts-per-rev", "28"];
     let given = points(&[&ke[..], &["--resistance-ohm", "3.3", "--inductance-mh", "0.694"]].concat());
     assert_eq!(named["points"], given["points"]);
     let without = motor_hub(&at);
     assert_eq!(without.status.code(), Some(2));
     assert!(err(&without).contains("--resistance-ohm"), "{}", err(&without));
+}
+
+#[test]
+fn files_are_listed_as_people_count() {
+    let list = out(&motor_hub(&["figures", "--out", folder("figures").to_str().unwrap()]));
+    let at = |name: &str| list.find(&format!("/{name}")).expect(name);
+    assert!(at("1-") < at("2-") && at("9-") < at("10-") && at("13-") < at("14-"), "{list}");
 }
 
 #[test]

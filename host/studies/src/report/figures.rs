@@ -96,7 +96,7 @@ fn currents(lines: &Lines) -> Vec<Series> {
     let current = lines.line("current", colour::BLUE, Style::Step, |s| s.flow.mean_current().0);
     let load = |s: &Sample| s.report.load.map_or(f64::NAN, |load| f64::from(load.get()) / 1e3);
     let observed = lines.trace.motor(lines.index).any(|(_, sample)| sample.report.load.is_some());
-    let load = observed.then(|| lines.line("load, as observed", colour::RED, Style::Step, load));
+    let load = observed.then(|| lines.line("load, observed", colour::RED, Style::Step, load));
     [current].into_iter().chain(load).collect()
 }
 
@@ -109,7 +109,7 @@ fn speed_lines(motor: &Motor, lines: &Lines) -> Vec<Series> {
     }
 }
 
-/// By what it was regulated, in words.
+/// What regulates the motor, in words.
 fn regulator(trace: &Trace, index: usize) -> &'static str {
     let last = trace.ticks.last().and_then(|tick| tick.motors.get(index));
     last.map_or("", |sample| regulator_name(sample.report.regulator))
@@ -119,7 +119,7 @@ fn has_velocity(motor: &Motor) -> bool {
     motor.setpoints.iter().any(|s| matches!(s.value, Setpoint::Velocity(_)))
 }
 
-/// It is told to be somewhere, by itself or in a group.
+/// The motor has position set-points, of its own or of a group.
 fn has_position(scenario: &Scenario, index: usize) -> bool {
     let position = |motor: &Motor| {
         motor.setpoints.iter().any(|setpoint| matches!(setpoint.value, Setpoint::Position { .. }))

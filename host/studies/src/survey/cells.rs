@@ -1,4 +1,4 @@
-//! Every motor of the catalogue without a load, told to turn and told to go somewhere, with nothing tuned.
+//! Every motor of the catalogue without a load, at a speed and to a position, with default settings.
 
 use super::judge::{Verdict, challenges, judge, watch};
 use super::{pool, time_constant};
@@ -33,7 +33,7 @@ pub struct Cell {
     pub mode: &'static str,
     /// By the model: two responses for each period.
     pub model: Vec<[Verdict; 2]>,
-    /// By PID, nothing told.
+    /// By PID, not configured.
     pub pid: Vec<[Verdict; 2]>,
 }
 

@@ -1,4 +1,4 @@
-//! Scenarios by lot: any motor, any load, any battery, any period, any scheme.
+//! Random scenarios: any motor, any load, any battery, any period, any scheme.
 
 use super::time_constant;
 use motor_hub::braking::{Blend, DutyRule, Scheme};

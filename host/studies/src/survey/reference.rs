@@ -55,7 +55,7 @@ pub struct Row {
     pub figure: Figure,
     /// By the model; in the order of [`PERIODS`].
     pub model: Vec<Verdict>,
-    /// By PID, nothing told.
+    /// By PID, not configured.
     pub pid: Vec<Verdict>,
     /// Speed that was asked for, in counts/s; 0 of a position.
     pub speed: f64,
@@ -89,7 +89,13 @@ pub fn tasks() -> Result<Vec<Task>, StudyError> {
     task("arm 4000 -> 500", "2.18/0", Settling, 1, arm.clone());
     task("arm 4000 -> 500, last error", "<= 1 count", Offset, 1, arm);
     task("0.5 kg m2 0 -> 5000", "4.08/0", Settling, 0, plan("AM 60 A", 0.5, &[position(0.5, 5000)])?);
-    task("Matrix 12 V bare 0 -> 3000", "1.36/0.1", Settling, 0, plan("Matrix A", 0.0, &[position(0.5, 3000)])?);
+    task(
+        "Matrix 12 V bare 0 -> 3000",
+        "1.36/0.1",
+        Settling,
+        0,
+        plan("Matrix A", 0.0, &[position(0.5, 3000)])?,
+    );
     task(
         "winch 0, +0.4 N m: offset",
         "14 counts",
