@@ -108,8 +108,7 @@ fn every_public_module_opens_with_an_example() {
 #[test]
 fn the_page_of_faults_has_a_section_for_each_and_for_nothing_else() {
     let page =
-        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reference/fault-numbers.md"))
-            .expect("the page");
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reference/fault-numbers.md")).expect("the page");
     let sections: Vec<&str> = page.lines().filter_map(|line| line.strip_prefix("## ")).collect();
     let faults: Vec<String> =
         Fault::ALL.iter().map(|fault| format!("{}: {}", fault.number(), fault.name())).collect();
