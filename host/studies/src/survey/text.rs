@@ -182,7 +182,7 @@ fn random(page: &mut Page, survey: &Survey, worst: usize) {
     };
     add("kind", &|response| (response.kind as usize, format!("{:?}", response.kind).to_lowercase()));
     add("dry friction", &|response| match response.friction_percent {
-        0.0 => (0, "none".to_owned()),
+        0.0 => (0, "no friction".to_owned()),
         percent if percent < 5.0 => (1, "below 5 % of the stall torque".to_owned()),
         _ => (2, "5 to 10 % of the stall torque".to_owned()),
     });
