@@ -38,8 +38,8 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Runs everything, or with `quick` the first three tasks with the same coefficients; `progress` is
-    /// told how many of how many runs are done.
+    /// Runs everything, or with `quick` the first three tasks with the same coefficients; `progress`
+    /// gets the number of runs that are done, and of all.
     ///
     /// # Errors
     /// If a run fails.

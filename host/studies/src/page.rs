@@ -65,7 +65,8 @@ impl Page {
                 Part::Heading(text) => out.push_str(&paragraph(text)),
                 Part::Text(text) => out.push_str(&format!("{}\n", paragraph(text))),
                 Part::List(lines) => {
-                    let lines: Vec<String> = lines.iter().map(|line| paragraph(line)).collect();
+                    let lines: Vec<String> =
+                        lines.iter().map(|line| paragraph(&format!("* {line}"))).collect();
                     out.push_str(&format!("{}\n", lines.join("\n")));
                 }
                 Part::Table(table) => out.push_str(&format!("{table}\n")),

@@ -95,18 +95,27 @@ impl Document {
                 format!("{:.4}", e.ke_ratio),
             ]);
         }
-        format!(
-            "What the paper prints of its AM 60, a NeveRest 60\n{numbers}\n\nWhere its text is wrong\n{misprints}\n\n\
-             A better current over a control period (the paper's second to-do)\n{estimates}\n{}\n",
-            table::paragraph(ESTIMATE)
-        )
+        let agree = self.numbers.iter().filter(|number| number.agrees).count();
+        let mut page = Page::new(format!(
+            "{agree} of {} numbers that the paper prints agree with ours; its text has {} misprints.",
+            self.numbers.len(),
+            self.misprints.len()
+        ));
+        page.table("Numbers of the paper (its AM 60 is a NeveRest 60)", numbers);
+        page.table("Misprints", misprints);
+        page.table(
+            "A better estimate of the current over a control period (the paper's second to-do)",
+            estimates,
+        );
+        page.text(ESTIMATE);
+        page.terminal()
     }
 }
 
 const ESTIMATE: &str = "\
-The estimate allows for the change of speed within the period: i_inf + (i_q - i_inf) phi + (i0 - i_q) tau_e/P.
-It scales all ordinates of a scheme alike and moves its abscissas only by Ke_eff/Ke, a few percent: much better
-as a current, hardly another control.";
+The estimate includes the change of speed within the period: i_inf + (i_q - i_inf) phi + (i0 - i_q) tau_e/P.
+It scales all ordinates of a scheme by one factor, and moves the abscissas by Ke_eff/Ke, which is a few percent. The
+current is much more accurate; the control value hardly changes.";
 
 /// To the last digit printed; a fraction to the last digit of a double.
 fn agrees(printed: &str, ours: f64) -> bool {

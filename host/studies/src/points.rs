@@ -1,4 +1,4 @@
-//! One motor at one speed on one battery: what the firmware's core makes of it, for people.
+//! One motor at one speed on one battery: points and duties that the firmware's core computes.
 //!
 //! ```
 //! use motor_hub::braking::Scheme;
@@ -55,7 +55,7 @@ pub struct PointReport {
     pub y: f64,
 }
 
-/// A control value's place, with the duty that the paper gives it.
+/// Regime, mode and duty of a control value by both duty rules.
 #[derive(Debug, PartialEq, Serialize)]
 pub struct Placed {
     /// Steps.
@@ -67,10 +67,10 @@ pub struct Placed {
     pub linear_current: PlacedDrive,
 }
 
-/// What the bridge is told, and why.
+/// The bridge's command, and its regime.
 #[derive(Debug, PartialEq, Serialize)]
 pub struct PlacedDrive {
-    /// Its regime, relative to the motion.
+    /// The regime, relative to the motion.
     pub regime: &'static str,
     /// The bridge's mode.
     pub mode: &'static str,
@@ -119,7 +119,7 @@ impl OperatingReport {
         })
     }
 
-    /// Where a control value lies.
+    /// Regime, mode and duty of a control value.
     pub fn place(&self, control: Control) -> Placed {
         let linear_current = braking::place_current(&self.current, self.scheme.0, self.at, control);
         Placed {
@@ -129,7 +129,7 @@ impl OperatingReport {
         }
     }
 
-    /// What the ordinate is.
+    /// The quantity of the ordinate, with its unit.
     pub fn ordinate(&self) -> &'static str {
         if self.y_unit == "V" { "equivalent voltage, V" } else { "current, A" }
     }
@@ -159,7 +159,7 @@ impl OperatingReport {
             height: 480.0,
         };
         Figure {
-            title: "Where a control value falls".into(),
+            title: "Control values and their regimes".into(),
             subtitle: self.heading(),
             x_label: "control".into(),
             x_range: Some(CONTROL_RANGE),

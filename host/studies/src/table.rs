@@ -12,13 +12,13 @@ use std::cmp::Ordering;
 use std::fmt;
 use std::sync::atomic::{self, AtomicU16};
 
-/// Columns of a terminal that nobody has told the width of.
+/// Columns of a terminal of unknown width.
 pub const USUAL_WIDTH: u16 = 80;
 
-/// One terminal, one width: every table of the process goes there.
+/// Width of the terminal in columns: one for all tables of the process.
 static WIDTH: AtomicU16 = AtomicU16::new(USUAL_WIDTH);
 
-/// Tells how many columns the terminal has; tables are no wider from now on.
+/// Sets the columns of the terminal. Tables are no wider from then on.
 pub fn fit(columns: u16) {
     WIDTH.store(columns, atomic::Ordering::Relaxed);
 }

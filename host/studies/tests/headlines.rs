@@ -88,7 +88,7 @@ fn a_comparison_begins_with_the_winner_and_fits_a_page() {
         "## Settling, PID, linear duty",
         "## Winners",
         "no braking regime",
-        " loses: ",
+        "The last is \"",
     ] {
         assert!(markdown.contains(part), "{part}: {markdown}");
     }

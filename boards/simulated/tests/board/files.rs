@@ -359,7 +359,11 @@ fn a_group_that_cannot_be_is_refused() {
     refused("group = \"base\"", "group = \"bases\"", "no group has the label \"bases\"; labels are base");
     refused("group = \"base\"", "group = \"base\"\nmotor = \"left\"", "not both");
     refused("group = \"base\"\n", "", "needs a group with a base");
-    refused("settles_within_s = 1.0", "fault = \"none\"", "allows settles_within_s and heading_error_below_degrees only");
+    refused(
+        "settles_within_s = 1.0",
+        "fault = \"none\"",
+        "allows settles_within_s and heading_error_below_degrees only",
+    );
 }
 
 #[test]

@@ -42,15 +42,15 @@ pub(super) fn settling(rounds: &[Round]) -> Page {
     let mut page = verdict(rounds);
     // The best coefficients are the last round.
     for (number, round) in rounds.iter().rev().enumerate() {
-        page.heading(&format!("With {}", round.tuning.key_in_words()));
-        page.text(&setting(round));
         // Models have no coefficients: their runs are the same in every round.
         let ways = WAYS.into_iter().filter(|(_, shown)| {
             number == 0 || Variant::ALL.iter().any(|variant| shown(variant) && variant.has_coefficients())
         });
         for (name, shown) in ways {
-            page.table(&format!("Settling, {name}"), settling_times(round, shown));
+            let caption = format!("Settling, {name}, with {}", round.tuning.key_in_words());
+            page.table(&caption, settling_times(round, shown));
         }
+        page.text(&setting(round));
         winners_of(&mut page, round);
     }
     page.text(DEFINITIONS);
@@ -73,28 +73,33 @@ fn verdict(rounds: &[Round]) -> Page {
     let near = || scores.iter().filter(|score| score.error_ratio <= NEAR * best.error_ratio);
     let lowest = |value: fn(&Score) -> f64| near().min_by(|a, b| value(a).total_cmp(&value(b)));
     let of_near = [
-        ("the least error at its worst task", lowest(|score| score.worst_ratio)),
-        ("the least jerk", lowest(|score| score.mean_jerk_a)),
+        ("Least error at its worst task", lowest(|score| score.worst_ratio)),
+        ("Least jerk", lowest(|score| score.mean_jerk_a)),
     ];
     let percent = 100.0 * (NEAR - 1.0);
     let near = of_near.into_iter().filter_map(|(what, score)| {
-        Some(format!("Of the variants within {percent:.0} % of it, {} has {what}.", with_gains(score?)))
+        Some(format!("{what}, among the variants within {percent:.0} % of it: {}.", with_gains(score?)))
     });
-    let loses = format!(
-        "{} loses: {:.1} times the least error on average; it does not settle at {} of {} tasks.",
-        with_gains(last),
-        last.error_ratio,
-        last.failures,
-        tasks.len()
-    );
-    page.list(near.chain([loses]));
+    let losses = |score: &Score| {
+        let all = tasks.len();
+        format!(
+            "{:.1} times the least error on average, not settled at {} of {all} tasks",
+            score.error_ratio, score.failures
+        )
+    };
+    let without = scores.iter().find(|score| score.variant.starts_with("none"));
+    let without = without.map(|score| {
+        format!("The best without a braking regime is \"{}\": {}.", with_gains(score), losses(score))
+    });
+    let loses = format!("The last is \"{}\": {}.", with_gains(last), losses(last));
+    page.list(near.chain(without).chain([loses]));
     page.table("Scores, the least error first", scores_table(&scores, tasks));
     page.text(
         "|error|, mean: geometric mean over the tasks of the ratio to the least |error| of all variants at the task. \
          Cells won: best in a column of a task, alone or with others.",
     );
     for round in rounds {
-        page.heading(&format!("With {}, best at most tasks:", round.tuning.key_in_words()));
+        page.heading(&format!("Best at most tasks, with {}", round.tuning.key_in_words()));
         let columns = ["settling", "overshoot", "rms error", "peak jerk", "limit cycle", "returned"];
         page.list(columns.map(|column| format!("{column}: {}", most_often(round, column))));
     }
@@ -143,13 +148,14 @@ fn scores_table(scores: &[Score], tasks: &[TaskResult]) -> Table {
     for score in scores {
         let [p, i] = words(score.gains);
         let worst = score.ratios.iter().zip(tasks).max_by(|a, b| a.0.total_cmp(b.0));
+        let worst = worst.filter(|(ratio, _)| **ratio >= 1.005);
         table.add_row([
             in_words(&score.variant),
             p,
             i,
             format!("{:.2}", score.error_ratio),
             format!("{:.2}", score.worst_ratio),
-            worst.map_or_else(String::new, |(_, result)| result.task.key.to_owned()),
+            worst.map_or("-", |(_, result)| result.task.key).to_owned(),
             format!("{:.2} A", score.mean_jerk_a),
             score.failures.to_string(),
             score.wins.to_string(),

@@ -37,7 +37,7 @@ pub struct Cell {
     pub pid: Vec<[Verdict; 2]>,
 }
 
-/// Runs all cells; `progress` is told how many of how many runs are done.
+/// Runs all cells; `progress` gets the number of runs that are done, and of all.
 ///
 /// # Errors
 /// If a run fails.
@@ -55,12 +55,15 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
         names.iter().map(|&(motor, mode)| scenario(motor, mode == "velocity")).collect();
     let cases: Vec<(&Scenario, bool, u32)> = scenarios
         .iter()
-        .flat_map(|scenario| [true, false].map(|told| (scenario, told)))
-        .flat_map(|(scenario, told)| PERIODS.map(|ms| (scenario, told, ms)))
+        .flat_map(|scenario| [true, false].map(|configured| (scenario, configured)))
+        .flat_map(|(scenario, configured)| PERIODS.map(|ms| (scenario, configured, ms)))
         .collect();
     let total = cases.len();
-    let verdicts =
-        pool::map(&cases, |&(scenario, told, ms)| both(scenario, told, ms), |done| progress(done, total));
+    let verdicts = pool::map(
+        &cases,
+        |&(scenario, configured, ms)| both(scenario, configured, ms),
+        |done| progress(done, total),
+    );
     let mut verdicts = verdicts.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter();
     let cell = |(motor, mode): (catalogue::Motor, _)| Cell {
         motor: motor.name,
@@ -93,10 +96,10 @@ fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
     Scenario::new("cell", 2.0 * length, battery, vec![motor])
 }
 
-fn both(scenario: &Scenario, told: bool, period_ms: u32) -> Result<[Verdict; 2], StudyError> {
+fn both(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<[Verdict; 2], StudyError> {
     let mut scenario = scenario.clone();
     scenario.period = Period::from_millis(period_ms)?;
-    if !told {
+    if !configured {
         scenario.motors.iter_mut().for_each(|motor| motor.told.motion = None);
     }
     let tracks = watch(&scenario)?;
