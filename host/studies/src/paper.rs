@@ -7,6 +7,7 @@
 
 pub(crate) mod printed;
 
+use crate::page::Page;
 use crate::{StudyError, table};
 use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::load::Load;
