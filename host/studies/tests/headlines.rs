@@ -110,9 +110,13 @@ fn a_survey_begins_with_what_settles_and_fits_a_page() {
         markdown.contains(&format!("{settled} of {all} random responses (not configured: ")),
         "{markdown}"
     );
-    for part in
-        ["## Reference tasks, control period 50 ms", "inertia x0.7", "not configured (PID)", "## The worst"]
-    {
+    for part in [
+        "## Reference tasks, control period 50 ms",
+        "inertia x0.7",
+        "The model settles ",
+        "not configured (PID)",
+        "## The worst",
+    ] {
         assert!(markdown.contains(part), "{part}: {markdown}");
     }
     assert_readable(&markdown);

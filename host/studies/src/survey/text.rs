@@ -80,12 +80,36 @@ fn reference(page: &mut Page, rows: &[Row]) {
         "Settling in s / largest error beyond the set-point in % of the step, or after a torque in % of the speed. \
          A last error is in counts; an rms error is in % of the speed.",
     );
+    let slower: Vec<String> = rows.iter().filter_map(where_the_model_is_slower).collect();
+    page.text(&if slower.is_empty() {
+        "The model settles at least as soon as PID at every task and period.".to_owned()
+    } else {
+        format!("The model settles later than PID by more than {LATER_S} s at: {}.", slower.join("; "))
+    });
     page.table("Reference tasks, the model configured exactly", by_period(rows, |row| &row.model));
     page.table("Reference tasks, PID, not configured", by_period(rows, |row| &row.pid));
 }
 
 /// The reference's own control period in milliseconds.
 const COMPARED_MS: u32 = 50;
+
+/// Differences of settling times up to this are none, in seconds.
+const LATER_S: f64 = 0.01;
+
+/// A task with the periods at which the model settles later than PID, or never where PID settles.
+fn where_the_model_is_slower(row: &Row) -> Option<String> {
+    if row.figure != Figure::Settling {
+        return None;
+    }
+    let slower = |model: &Verdict, pid: &Verdict| match (model.settling_s, pid.settling_s) {
+        (Some(model), Some(pid)) => model > pid + LATER_S,
+        (model, pid) => model.is_none() && pid.is_some(),
+    };
+    let periods = reference::PERIODS.iter().zip(row.model.iter().zip(&row.pid));
+    let periods: Vec<String> =
+        periods.filter(|(_, (model, pid))| slower(model, pid)).map(|(ms, _)| format!("{ms} ms")).collect();
+    (!periods.is_empty()).then(|| format!("{} ({})", row.name, periods.join(", ")))
+}
 
 fn by_period(rows: &[Row], verdicts: fn(&Row) -> &[Verdict]) -> Table {
     let periods = reference::PERIODS.map(|ms| format!("{ms} ms"));
