@@ -1,4 +1,4 @@
-//! What the documents show is there: files that they link to, the code of the README, an example of each module.
+//! What the documents show is there: files that they link to, the code of the guide to boards, an example of each module.
 
 use motor_hub::record::Fault;
 use std::fs;
@@ -59,15 +59,16 @@ fn links_lead_to_files_and_headings_that_are_there() {
 }
 
 #[test]
-fn the_code_of_the_readme_is_that_of_the_example_which_is_compiled() {
-    let (readme, example) = (read(&root().join("README.md")), read(&root().join("examples/two_motors.rs")));
-    let blocks: Vec<&str> = readme
+fn the_code_of_the_guide_to_boards_is_that_of_the_example_which_is_compiled() {
+    let guide = read(&root().join("docs/guides/port-a-board.md"));
+    let example = read(&root().join("examples/two_motors.rs"));
+    let blocks: Vec<&str> = guide
         .split("```rust\n")
         .skip(1)
         .filter_map(|rest| rest.split_once("```"))
         .map(|(code, _)| code)
         .collect();
-    assert!(!blocks.is_empty(), "README.md shows no code");
+    assert!(!blocks.is_empty(), "the guide shows no code");
     for block in blocks {
         assert!(example.contains(block), "not in examples/two_motors.rs:\n{block}");
     }
@@ -108,7 +109,8 @@ fn every_public_module_opens_with_an_example() {
 #[test]
 fn the_page_of_faults_has_a_section_for_each_and_for_nothing_else() {
     let page =
-        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reference/fault-numbers.md")).expect("the page");
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reference/fault-numbers.md"))
+            .expect("the page");
     let sections: Vec<&str> = page.lines().filter_map(|line| line.strip_prefix("## ")).collect();
     let faults: Vec<String> =
         Fault::ALL.iter().map(|fault| format!("{}: {}", fault.number(), fault.name())).collect();

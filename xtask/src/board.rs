@@ -1,7 +1,7 @@
 //! The boards that an image is made for.
 
-use crate::tool::{Failed, cargo, root};
-use std::path::PathBuf;
+use crate::tool::{Failed, cargo, command, llvm, root, run};
+use std::path::{Path, PathBuf};
 
 /// A board and what its image may take.
 pub(crate) struct Board {
@@ -58,6 +58,19 @@ pub(crate) const BENCHES: [(&str, &str); 1] = [("budget", "thumbv7em-none-eabihf
 /// What boards share, which builds only with one of them.
 pub(crate) const DRIVERS: &str = "motor-hub-stm32";
 
+/// The folder that cargo builds into.
+pub(crate) fn target_folder() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
+}
+
+/// `cargo xtask image`: an image as the USB drive of a NUCLEO takes it.
+pub(crate) fn image(arguments: &[String]) -> Result<(), Failed> {
+    let board = named(arguments)?;
+    let bin = board.raw(&board.build()?)?;
+    println!("copy {} to the USB drive of the board, with the battery off", bin.display());
+    Ok(())
+}
+
 /// The board that the arguments name.
 pub(crate) fn named(arguments: &[String]) -> Result<&'static Board, Failed> {
     match arguments {
@@ -74,8 +87,15 @@ impl Board {
     /// Builds the image as it is flashed; returns the ELF file.
     pub(crate) fn build(&self) -> Result<PathBuf, Failed> {
         cargo(&["build", "--package", self.name, "--target", self.target, "--profile", "firmware"])?;
-        let target =
-            std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
-        Ok(target.join(self.target).join("firmware").join(self.name))
+        Ok(target_folder().join(self.target).join("firmware").join(self.name))
+    }
+
+    /// Makes of an ELF file the raw bytes that the USB drive of a NUCLEO takes; returns their file.
+    pub(crate) fn raw(&self, elf: &Path) -> Result<PathBuf, Failed> {
+        let images = root().join("target/images");
+        std::fs::create_dir_all(&images).map_err(|error| Failed::at(&images, error))?;
+        let bin = images.join(format!("{}.bin", self.name));
+        run(command(llvm("llvm-objcopy")?).args(["--output-target", "binary"]).arg(elf).arg(&bin))?;
+        Ok(bin)
     }
 }

@@ -3,11 +3,13 @@
 #![forbid(unsafe_code)]
 
 mod board;
+mod build_time;
 mod check;
+mod dist;
 mod figures;
 mod flash;
 mod fuzz;
-mod numbers;
+mod results;
 mod size;
 mod tool;
 
@@ -22,7 +24,22 @@ struct Task {
     start: fn(&[String]) -> Result<(), Failed>,
 }
 
-const TASKS: [Task; 10] = [
+/// Tests of images on emulated chips. Both packages in one command, so that what they share is built once.
+pub(crate) const IMAGES: [&str; 11] = [
+    "test",
+    "--release",
+    "--package",
+    "emulated",
+    "--package",
+    "motor-hub-cli",
+    "--features",
+    "motor-hub-cli/emulated",
+    "--test",
+    "image",
+    "--test=emulated",
+];
+
+const TASKS: [Task; 13] = [
     Task {
         name: "check",
         arguments: "",
@@ -31,58 +48,71 @@ const TASKS: [Task; 10] = [
     },
     Task {
         name: "test",
-        arguments: "[BOARD]",
-        does: "what `cargo test` does; or all that runs this board's image, long tests too",
+        arguments: "[emulated|BOARD]",
+        does: "`cargo test`; or the short tests of images; or all tests of a board's image",
         start: test,
     },
     Task {
         name: "long",
         arguments: "",
-        does: "the tests that `cargo test` leaves out, for they take minutes",
+        does: "the tests that `cargo test` leaves out because they take minutes",
         start: long,
     },
     Task {
         name: "figures",
         arguments: "[--check]",
-        does: "draws docs/pictures anew, or only says which are stale",
+        does: "draws docs/pictures, or says which are stale",
         start: figures::task,
     },
     Task {
-        name: "numbers",
+        name: "results",
+        arguments: "[--check]",
+        does: "writes docs/results, or says which are stale",
+        start: results::task,
+    },
+    Task {
+        name: "build-time",
         arguments: "",
-        does: "what the documents quote: accuracy, instructions, paper, comparison",
-        start: numbers::task,
+        does: "seconds and crates of the README's two commands, from nothing",
+        start: build_time::task,
     },
     Task {
         name: "size",
         arguments: "[BOARD]",
-        does: "builds an image, or all; flash and static RAM against their limits",
+        does: "builds an image, or all: flash and static RAM against their limits",
         start: size::task,
+    },
+    Task {
+        name: "image",
+        arguments: "[BOARD]",
+        does: "builds an image as the USB drive of a NUCLEO takes it",
+        start: board::image,
     },
     Task {
         name: "flash",
         arguments: "[BOARD]",
-        does: "builds an image, flashes it and shows its log",
+        does: "builds an image, flashes it with probe-rs and shows its log",
         start: flash::task,
+    },
+    Task {
+        name: "dist",
+        arguments: "",
+        does: "the files that a release carries, in target/dist",
+        start: dist::task,
     },
     Task {
         name: "package",
         arguments: "",
-        does: "the two published packages, built as whoever downloads them would",
+        does: "the two published packages, built as their users build them",
         start: package,
     },
     Task {
         name: "fuzz",
         arguments: "",
-        does: "any bytes into the host link for a minute; needs a C++ compiler",
+        does: "random bytes into the host link for a minute; needs a C++ compiler",
         start: fuzz::task,
     },
-    Task {
-        name: "ci",
-        arguments: "",
-        does: "all of these but flash, and the README's two commands: .ci/run",
-        start: ci,
-    },
+    Task { name: "ci", arguments: "", does: "everything that must hold: .ci/run", start: ci },
 ];
 
 fn main() -> ExitCode {
@@ -107,7 +137,7 @@ fn main() -> ExitCode {
 fn list() -> String {
     let row = |task: &Task| {
         let call = format!("{} {}", task.name, task.arguments);
-        format!("  {call:20}{}\n", task.does)
+        format!("  {call:24}{}\n", task.does)
     };
     let boards: Vec<&str> = board::ALL.iter().map(|board| board.name).collect();
     let tasks: String = TASKS.iter().map(row).collect();
@@ -118,14 +148,15 @@ fn list() -> String {
 }
 
 fn test(arguments: &[String]) -> Result<(), Failed> {
-    if arguments.is_empty() {
-        return cargo(&["test"]);
+    match arguments {
+        [] => cargo(&["test"]),
+        [emulated] if emulated == "emulated" => cargo(&IMAGES),
+        _ => {
+            let board = board::named(arguments)?;
+            let all = ["--", "--nocapture", "--include-ignored", "--skip", REPORTS];
+            run(cargo_command(&[&IMAGES[..], &all].concat()).env("MOTOR_HUB_BOARD", board.name))
+        }
     }
-    let board = board::named(arguments)?;
-    // Without naming their packages, which would build everything once more with fewer features.
-    let images = ["test", "--test", "image", "--test", "overlay", "--test", "scenarios_emulated"];
-    let all = ["--", "--nocapture", "--include-ignored", "--skip", REPORTS];
-    run(cargo_command(&[&images[..], &all].concat()).env("MOTOR_HUB_BOARD", board.name))
 }
 
 fn long(arguments: &[String]) -> Result<(), Failed> {

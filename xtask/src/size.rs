@@ -1,18 +1,32 @@
 //! `cargo xtask size`: flash and static RAM of images against their limits, and what else of RAM is spoken for.
 
 use crate::board::{self, Board};
-use crate::tool::{Failed, command, output};
-use std::path::Path;
+use crate::tool::{Failed, command, llvm, output, root};
+use std::fmt::Write;
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     let boards = match arguments {
         [] => &board::ALL[..],
         _ => std::slice::from_ref(board::named(arguments)?),
     };
-    boards.iter().try_for_each(check)
+    let mut table = String::from(
+        "| image | flash, kB | limit, kB | static RAM, kB | limit, kB |\n|---|---|---|---|---|\n",
+    );
+    for board in boards {
+        let [flash, ram] = check(board)?;
+        let kilobytes = [flash, board.flash, ram, board.ram].map(|bytes| bytes.div_ceil(1024).to_string());
+        // Writing to a string does not fail.
+        let _ = writeln!(table, "| `{}` | {} |", board.name, kilobytes.join(" | "));
+    }
+    // For docs/results.
+    let file = root().join("target/results/size.md");
+    let written =
+        std::fs::create_dir_all(root().join("target/results")).and_then(|()| std::fs::write(&file, table));
+    written.map_err(|error| Failed::at(&file, error))
 }
 
-fn check(board: &Board) -> Result<(), Failed> {
+/// Prints flash and static RAM of an image, in bytes, and returns them.
+fn check(board: &Board) -> Result<[u32; 2], Failed> {
     let image = board.build()?;
     let table = output(command(llvm("llvm-size")?).arg(&image))?;
     let [text, data, bss] = sections(&table).ok_or_else(|| Failed(format!("llvm-size says\n{table}")))?;
@@ -36,19 +50,10 @@ fn check(board: &Board) -> Result<(), Failed> {
         }
     }
     if rows.iter().all(|(_, size, limit)| size <= limit) {
-        Ok(())
+        Ok([text + data, data + bss])
     } else {
         Err(Failed(format!("the image of {} is too large", board.name)))
     }
-}
-
-/// That of the toolchain (component llvm-tools).
-fn llvm(tool: &str) -> Result<std::path::PathBuf, Failed> {
-    let sysroot = output(command("rustc").args(["--print", "sysroot"]))?;
-    let about = output(command("rustc").arg("-vV"))?;
-    let host = about.lines().find_map(|line| line.strip_prefix("host: "));
-    let host = host.ok_or_else(|| Failed("rustc does not name its host".to_owned()))?;
-    Ok(Path::new(sysroot.trim()).join("lib/rustlib").join(host).join("bin").join(tool))
 }
 
 /// Of a symbol that the linker script defines.

@@ -68,6 +68,15 @@ pub(crate) fn motor_hub(arguments: &[&str]) -> Result<(), Failed> {
     cargo(&[&["run", "--release", "--quiet", "--"], arguments].concat())
 }
 
+/// A tool of the toolchain, from its component llvm-tools.
+pub(crate) fn llvm(tool: &str) -> Result<PathBuf, Failed> {
+    let sysroot = output(command("rustc").args(["--print", "sysroot"]))?;
+    let about = output(command("rustc").arg("-vV"))?;
+    let host = about.lines().find_map(|line| line.strip_prefix("host: "));
+    let host = host.ok_or_else(|| Failed("rustc does not name its host".to_owned()))?;
+    Ok(Path::new(sysroot.trim()).join("lib/rustlib").join(host).join("bin").join(tool))
+}
+
 /// For tasks without arguments.
 pub(crate) fn none(arguments: &[String]) -> Result<(), Failed> {
     match arguments.first() {

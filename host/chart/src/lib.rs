@@ -1,4 +1,4 @@
-//! Charts: stacked panels over one horizontal axis, as SVG text and PNG bytes.
+//! Charts: stacked panels over one horizontal axis, as SVG text.
 //!
 //! A [`Figure`] only says what is shown; where everything goes follows from the number of panels.
 //! Each panel has its legend in a column of its own on the right, so that no label covers data. Nothing
@@ -15,7 +15,6 @@
 #![forbid(unsafe_code)]
 
 mod drawing;
-mod png;
 mod scale;
 #[cfg(test)]
 mod sight;
@@ -25,7 +24,6 @@ use scale::Scale;
 use svg::{Anchor, Canvas, Stroke};
 
 pub use drawing::Drawing;
-pub use png::{DrawError, from_svg as png};
 
 /// Colours for lines, told apart by colour-blind readers too (Okabe and Ito's set), dark ones first.
 pub mod colour {
@@ -374,16 +372,5 @@ mod tests {
     #[test]
     fn a_step_holds_its_value() {
         assert_eq!(stepped(&[(0.0, 1.0), (2.0, 3.0)]), [(0.0, 1.0), (2.0, 1.0), (2.0, 3.0)]);
-    }
-
-    #[test]
-    fn a_figure_becomes_a_png() {
-        let figure = Figure {
-            title: "Speed & control".into(),
-            panels: vec![Panel { height: 100.0, ..Panel::default() }],
-            ..Figure::default()
-        };
-        let bytes = png(&figure.svg()).expect("a figure can be drawn");
-        assert!(bytes.starts_with(b"\x89PNG"));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-/// The text face; [`super::png()`] brings the first of these along.
+/// The text faces, in the order in which a viewer looks for them.
 const FONT: &str = "Ubuntu, 'DejaVu Sans', Verdana, sans-serif";
 
 /// How a text stands to its point.

@@ -43,7 +43,7 @@ impl Options {
         let comparison = Comparison::new(self.quick, &mut progress).map_err(Failure::work)?;
         bar.finish_and_clear();
         let draw = || {
-            let mut files = drawn(&comparison.figures())?;
+            let mut files = drawn(&comparison.figures());
             files.push(("tables.md".to_owned(), comparison.markdown().into_bytes()));
             folder.write_all(files)
         };
@@ -52,6 +52,6 @@ impl Options {
         }
         print(&comparison.text())?;
         draw()?;
-        print(&format!("Charts (SVG, PNG) and tables (Markdown) are in {folder}\n"))
+        print(&format!("Charts (SVG) and tables (Markdown) are in {folder}\n"))
     }
 }

@@ -1,11 +1,7 @@
 //! `motor-hub emulate`.
 
-use crate::output::{Failure, Folder, drawn, print, progress};
-use emulated::{Board, elf, replay};
-use simulated::scenario::Scenario;
-use simulated::sim;
+use crate::output::Failure;
 use std::path::PathBuf;
-use studies::overlay::Overlay;
 
 /// The long help of the command.
 pub(crate) const HELP: &str = "\
@@ -17,20 +13,34 @@ MOTOR_HUB_ELF names another one. Set-points come half a control period late, as 
 
 /// Options of `emulate`.
 #[derive(clap::Args)]
+#[cfg_attr(not(feature = "emulated"), expect(dead_code, reason = "read only where there is an emulator"))]
 pub(crate) struct Options {
     /// Scenario file (TOML) instead of the default scenario
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
     /// Whose image: nucleo-f429zi or nucleo-h743zi2
-    #[arg(long, value_name = "BOARD", default_value_t)]
-    board: Board,
+    #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi")]
+    board: String,
     /// Folder for the chart
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/emulate")]
     out: PathBuf,
 }
 
 impl Options {
+    #[cfg(not(feature = "emulated"))]
     pub(crate) fn execute(self) -> Result<(), Failure> {
+        Err(no_emulator("emulate"))
+    }
+
+    #[cfg(feature = "emulated")]
+    pub(crate) fn execute(self) -> Result<(), Failure> {
+        use crate::output::{Folder, drawn, print, progress};
+        use emulated::{Board, elf, replay};
+        use simulated::scenario::Scenario;
+        use simulated::sim;
+        use studies::overlay::Overlay;
+
+        let board: Board = self.board.parse().map_err(Failure::input)?;
         elf::check_named().map_err(Failure::input)?;
         let scenario = match &self.scenario {
             Some(file) => Scenario::load(file),
@@ -40,12 +50,21 @@ impl Options {
         let folder = Folder::new(&self.out)?;
         let bar = progress(Some((2000.0 * scenario.duration_s) as u64), "virtual ms");
         let at = |s: f64| bar.set_position((1000.0 * s) as u64);
-        let emulated = replay::run(&scenario, self.board, &mut |s| at(s)).map_err(Failure::work)?;
+        let emulated = replay::run(&scenario, board, &mut |s| at(s)).map_err(Failure::work)?;
         let simulated = sim::run(&scenario, &mut |s| at(scenario.duration_s + s)).map_err(Failure::work)?;
         bar.finish_and_clear();
-        let overlay = Overlay::new(scenario, self.board.chip(), emulated, simulated);
+        let overlay = Overlay::new(scenario, board.chip(), emulated, simulated);
         print(&overlay.tables())?;
-        let files = folder.write_all(drawn(&[("overlay".to_owned(), overlay.figure())])?)?;
+        let files = folder.write_all(drawn(&[("overlay".to_owned(), overlay.figure())]))?;
         print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())
     }
+}
+
+/// Says how to build the program so that it can do this.
+#[cfg(not(feature = "emulated"))]
+pub(crate) fn no_emulator(command: &str) -> Failure {
+    Failure::Input(format!(
+        "this program was built without the emulated chips, which take minutes to build; start it as\n    \
+         cargo run --release --features emulated -- {command}"
+    ))
 }

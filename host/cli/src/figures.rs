@@ -16,10 +16,8 @@ impl Options {
         let folder = Folder::new(&self.out)?;
         let figures = studies::figures::all().map_err(Failure::work)?;
         let circuits = studies::figures::circuits();
-        let picture = chart::png(&circuits).map_err(Failure::work)?;
-        let mut files = drawn(&figures)?;
-        files
-            .extend([("14-circuits.svg".into(), circuits.into_bytes()), ("14-circuits.png".into(), picture)]);
+        let mut files = drawn(&figures);
+        files.push(("14-circuits.svg".into(), circuits.into_bytes()));
         let files = folder.write_all(files)?;
         print(&files.iter().map(|file| format!("{}\n", file.display())).collect::<String>())
     }

@@ -52,9 +52,9 @@ impl Options {
         } else {
             print(&learned.tables())?;
         }
-        folder.write_all(drawn(&[("identify".to_owned(), learned.figure())])?)?;
+        folder.write_all(drawn(&[("identify".to_owned(), learned.figure())]))?;
         if !self.json {
-            print(&format!("The chart (SVG, PNG) is in {folder}\n"))?;
+            print(&format!("The chart (SVG) is in {folder}\n"))?;
         }
         let known = |outcome: &Identification| matches!(outcome, Identification::Found(_));
         match learned.outcomes().filter(|outcome| !known(outcome)).count() {

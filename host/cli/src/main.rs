@@ -78,7 +78,7 @@ enum Command {
     Map(map::Options),
     /// Compare every number that the paper prints with ours, and list its misprints
     Paper(paper::Options),
-    /// Draw the paper's figures, and the currents of control values, as SVG and PNG
+    /// Draw the paper's figures, and the currents of control values, as SVG
     Figures(figures::Options),
     /// The flashed image on an emulated chip, over the same core on the simulated board
     #[command(long_about = emulate::HELP)]

@@ -1,6 +1,5 @@
 //! Output: standard output, files, and the messages of commands that fail.
 
-use chart::DrawError;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -124,14 +123,9 @@ pub(crate) fn progress(length: Option<u64>, units: &'static str) -> ProgressBar 
 /// Files to write: their names and contents.
 pub(crate) type Files = Vec<(String, Vec<u8>)>;
 
-/// Charts as files: each as SVG and as PNG.
-pub(crate) fn drawn(figures: &[NamedFigure]) -> Result<Files, Failure> {
-    let draw = |(name, figure): &NamedFigure| -> Result<[(String, Vec<u8>); 2], DrawError> {
-        let svg = figure.svg();
-        Ok([(format!("{name}.png"), chart::png(&svg)?), (format!("{name}.svg"), svg.into_bytes())])
-    };
-    let pairs: Result<Vec<_>, _> = figures.iter().map(draw).collect();
-    Ok(pairs.map_err(Failure::work)?.into_iter().flatten().collect())
+/// Charts as SVG files.
+pub(crate) fn drawn(figures: &[NamedFigure]) -> Files {
+    figures.iter().map(|(name, figure)| (format!("{name}.svg"), figure.svg().into_bytes())).collect()
 }
 
 /// Sorts files as people count: "9.svg" before "10.svg".

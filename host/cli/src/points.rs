@@ -15,7 +15,7 @@ motor-hub points [OPTIONS] --scheme <SCHEME>
 pub(crate) struct Options {
     #[command(flatten)]
     at: OperatingOptions,
-    /// Also draw the points, as SVG and PNG in this folder
+    /// Also draw the points, as SVG in this folder
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
 }
@@ -26,7 +26,7 @@ impl Options {
         let folder = self.plot.as_deref().map(Folder::new).transpose()?;
         let draw = || -> Result<(), Failure> {
             let Some(folder) = &folder else { return Ok(()) };
-            folder.write_all(drawn(&[("points".to_owned(), report.figure())])?).map(drop)
+            folder.write_all(drawn(&[("points".to_owned(), report.figure())])).map(drop)
         };
         if self.at.json {
             print_json(&report)?;

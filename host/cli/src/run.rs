@@ -39,7 +39,7 @@ impl Options {
         let write = || {
             let traces = comparison.traces().map(|(name, text)| (name.to_owned(), text.into_bytes()));
             let mut files = folder.write_all(traces.into())?;
-            files.extend(folder.write_all(drawn(&comparison.figures())?)?);
+            files.extend(folder.write_all(drawn(&comparison.figures()))?);
             sort_by_name(&mut files);
             Ok(files)
         };
@@ -48,7 +48,7 @@ impl Options {
         } else {
             print(&comparison.tables())?;
             write()?;
-            print(&format!("\nCharts (SVG, PNG) and traces (CSV) are in {folder}\n"))?;
+            print(&format!("\nCharts (SVG) and traces (CSV) are in {folder}\n"))?;
         }
         let verdicts = comparison.verdicts();
         match verdicts.iter().filter(|verdict| !verdict.met()).count() {

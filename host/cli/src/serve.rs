@@ -11,7 +11,6 @@ use crate::output::{Failure, print};
 use crate::parse::{address, host_and_port, seconds, wire};
 #[cfg(unix)]
 use crate::served::Note;
-use emulated::{Board, elf};
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
 use motor_hub::protocol::pins::Pin;
@@ -56,32 +55,53 @@ pub(crate) struct Options {
     #[arg(long, conflicts_with_all = ["address", "store"])]
     emulated: bool,
     /// Whose image: nucleo-f429zi or nucleo-h743zi2
-    #[arg(long, value_name = "BOARD", default_value_t, requires = "emulated")]
-    board: Board,
+    #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi", requires = "emulated")]
+    #[cfg_attr(
+        not(feature = "emulated"),
+        expect(dead_code, reason = "read only where there is an emulator")
+    )]
+    board: String,
     /// The board's bootloader comes first, so that new firmware can be sent to it; nucleo-h743zi2 has one
     #[arg(long, requires = "emulated")]
+    #[cfg_attr(
+        not(feature = "emulated"),
+        expect(dead_code, reason = "read only where there is an emulator")
+    )]
     bootloader: bool,
 }
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         if self.emulated {
-            elf::check_named().map_err(Failure::input)?;
-            if self.bootloader && self.board.bootloader().is_none() {
-                return Err(Failure::Input(format!("{} has no bootloader; nucleo-h743zi2 has", self.board)));
-            }
-            if let Some(pins) = self.serving.wire
-                && pins.iter().any(|pin| pin.get() > 1)
-            {
-                return Err(Failure::Input("--wire: an image has digital pins 0 and 1".to_owned()));
-            }
-            return self.serving.execute(emulated::serve::scenario, |scenario, line, show| {
-                emulated::serve::run(scenario, self.board, self.bootloader, line, show)
-            });
+            return self.serve_an_image();
         }
         let memory = self.store.as_deref().map(Memory::open).transpose().map_err(Failure::input)?;
         self.serving.execute(Scenario::to_serve, |scenario, line, show| {
             serve::run(scenario, self.address, line, memory, &mut |_| (), show)
+        })
+    }
+
+    #[cfg(not(feature = "emulated"))]
+    fn serve_an_image(self) -> Result<(), Failure> {
+        Err(crate::emulate::no_emulator("serve --emulated"))
+    }
+
+    #[cfg(feature = "emulated")]
+    fn serve_an_image(self) -> Result<(), Failure> {
+        use emulated::{Board, elf};
+
+        let board: Board = self.board.parse().map_err(Failure::input)?;
+        elf::check_named().map_err(Failure::input)?;
+        if self.bootloader && board.bootloader().is_none() {
+            return Err(Failure::Input(format!("{board} has no bootloader; nucleo-h743zi2 has")));
+        }
+        if let Some(pins) = self.serving.wire
+            && pins.iter().any(|pin| pin.get() > 1)
+        {
+            return Err(Failure::Input("--wire: an image has digital pins 0 and 1".to_owned()));
+        }
+        self.serving.execute(emulated::serve::scenario, |scenario, line, show| {
+            emulated::serve::run(scenario, board, self.bootloader, line, show)
         })
     }
 }

@@ -96,7 +96,7 @@ impl Options {
             Parts { reference: reference.as_deref(), cells: cells.as_deref(), survey: survey.as_ref() };
         let page = text::page(parts, self.worst);
         let write = || {
-            let mut files = drawn(&figures)?;
+            let mut files = drawn(&figures);
             files.push(("tables.md".to_owned(), page.markdown().into_bytes()));
             folder.write_all(files)
         };
@@ -107,6 +107,6 @@ impl Options {
         }
         print(&page.terminal())?;
         write()?;
-        print(&format!("Charts (SVG, PNG) and tables (Markdown) are in {folder}\n"))
+        print(&format!("Charts (SVG) and tables (Markdown) are in {folder}\n"))
     }
 }

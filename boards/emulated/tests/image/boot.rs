@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use crate::common::{am60, board, booted, four_loads, log, ms, setup, turning};
+use crate::common::{am60, board, booted, four_loads, log, ms, publish, setup, turning};
 use emulated::talk::Talk;
 use emulated::{Bench, Board, elf, recording};
 use motor_hub::braking::Winding;
@@ -118,7 +118,7 @@ fn share(image: &Path, regulator: Kind) -> f64 {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_whole_hub_needs_little_of_the_core() {
     the_whole_hub_needs_at_most(50, 2.0);
     the_whole_hub_needs_at_most(1, 10.0);
@@ -127,15 +127,17 @@ fn the_whole_hub_needs_little_of_the_core() {
 /// So many percent of the core's instructions at this control period.
 pub(crate) fn the_whole_hub_needs_at_most(period_ms: u32, most: f64) {
     let board = board();
-    println!(
-        "four motors, tasks and log: share of {board}'s {} million instructions/s",
+    let mut table = format!(
+        "Share of the {} million instructions per second of {board}: four motors, all tasks and the log.\n\n\
+         | period, regulator | share |\n|---|---|\n",
         board.core_hz() / 1_000_000
     );
     let image =
         if period_ms == 50 { elf::build(board.name()) } else { elf::hub_with_period(board, period_ms) };
     for regulator in [Kind::Pid, Kind::Model] {
         let share = share(&image, regulator);
-        println!("every {period_ms} ms by {regulator:?}: {share:.2} %");
+        table += &format!("| {period_ms} ms, {regulator:?} | {share:.2} % |\n");
         assert!(share <= most, "every {period_ms} ms by {regulator:?}: {share} %");
     }
+    publish(&format!("hub-{period_ms}-ms"), &table);
 }

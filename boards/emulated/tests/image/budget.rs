@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::common::{board, ms};
+use crate::common::{board, ms, publish};
 use addr2line::Context;
 use addr2line::gimli::{self, Dwarf, EndianSlice, LittleEndian, SectionId};
 use emulated::elf::{self, Symbol};
@@ -81,12 +81,12 @@ fn mean(counts: &[u64]) -> u64 {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
-    println!("instructions of one motor's control step, and of a sample of its encoder between steps");
-    println!(
-        "{:10} {:6} {:13} {:>6} {:>6} {:>6} {:>6} {:>7} {:>6}",
-        "mode", "by", "rule", "period", "mean", "median", "worst", "sample", "worst"
+    let mut table = String::from(
+        "Instructions of one motor's control step, and of a sample of its encoder between steps.\n\n\
+         | set-point, regulator, duty rule | period | mean | median | worst | sample | worst |\n\
+         |---|---|---|---|---|---|---|\n",
     );
     for (ms, percent) in [(50, 2), (10, 2), (1, 10)] {
         for way in ways() {
@@ -98,9 +98,9 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
                 let sample = mean(&samples);
                 let (median, worst) = (steps[steps.len() / 2], steps[steps.len() - 1]);
                 let [name, by] = [format!("{:?}", way.rule), format!("{:?}", way.regulator)];
-                println!(
-                    "{mode:10} {by:6} {name:13} {ms:3} ms {step:6} {median:6} {worst:6} {sample:7} {:6}",
-                    samples.iter().max().unwrap_or(&0)
+                let worst_sample = samples.iter().max().unwrap_or(&0);
+                table += &format!(
+                    "| {mode}, {by}, {name} | {ms} ms | {step} | {median} | {worst} | {sample} | {worst_sample} |\n"
                 );
                 let per_period = step + u64::from(ms - 1) * sample;
                 let per_second = 4 * per_period * 1000 / u64::from(ms);
@@ -108,12 +108,16 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
             }
         }
     }
+    publish("step", &table);
 }
 
 /// The law and what it asks of the observer, as others count it: trajectory and observer without the bridge.
 #[test]
 fn the_model_regulator_by_itself_takes_at_most_700_instructions_a_step() {
-    println!("instructions of the regulator alone, by the model, in one motor's control step every 50 ms");
+    let mut table = String::from(
+        "Instructions of the model regulator alone, within one motor's control step every 50 ms.\n\n\
+         | set-point | mean | worst |\n|---|---|---|\n",
+    );
     for mode in MODES {
         let way = Way { rule: DutyRule::LinearCurrent, regulator: Kind::Model };
         let recording = record(mode, way, 50, 240);
@@ -121,9 +125,10 @@ fn the_model_regulator_by_itself_takes_at_most_700_instructions_a_step() {
         let counts = chip.count_within(&recording.inputs, "<motor_hub::regulator::Regulator>::step");
         assert_eq!(counts.len(), recording.answers.len());
         let (step, worst) = (mean(&counts), counts.iter().max().expect("steps"));
-        println!("{mode:10} {step:6} mean {worst:6} worst");
+        table += &format!("| {mode} | {step} | {worst} |\n");
         assert!(step <= 700, "{mode}: {step}");
     }
+    publish("regulator", &table);
 }
 
 /// Which address is which line.

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::ops::Range;
+use std::path::Path;
 use std::time::Duration;
 
 use emulated::{Bench, Board, Mounting, Setup, Transition};
@@ -26,6 +27,14 @@ pub(crate) fn on<T>(board: Board, test: impl FnOnce() -> T) -> T {
     let result = test();
     BOARD.set(before);
     result
+}
+
+/// Prints a table, and leaves it as a file for the page of `docs/results` that shows it.
+pub(crate) fn publish(name: &str, table: &str) {
+    print!("{table}");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/results").join(board().name());
+    std::fs::create_dir_all(&folder).expect("a folder for tables");
+    std::fs::write(folder.join(format!("{name}.md")), table).expect("a table as a file");
 }
 
 /// These motors on that board.

@@ -40,7 +40,7 @@ fn all_three_run_modes_at_once_with_different_loads() {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn regulated_velocity_holds_at_several_speeds() {
     let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
     for speeds in [[100, 300, 600, 1000], [1400, 1800, 2200, -2200], [-100, -400, -900, 0]] {
@@ -150,7 +150,7 @@ fn tick_offsets(bench: &mut Bench, from: Duration) -> Vec<u128> {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_saturated_line_does_not_move_the_control_ticks() {
     let (mut bench, mut talk) = (booted(vec![am60(); 4]), Talk::default());
     for motor in 0..4 {
@@ -195,7 +195,7 @@ const COMMANDS: [(u16, &[u8]); 13] = [
 ];
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn every_command_is_answered_within_5_ms_while_four_motors_are_regulated() {
     let (mut bench, mut talk) = (booted(four_loads()), Talk::default());
     for motor in 0..4 {

@@ -84,7 +84,7 @@ fn a_contact_that_bounces_starts_the_motors_once() {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_button_that_is_held_through_a_reset_starts_nothing_until_it_is_pressed_anew() {
     let mut bench = turning(vec![am60(); 4]);
     bench.pull_reset(bench.now());

@@ -25,7 +25,7 @@ fn story(pwm: Pwm, mpu: Mpu) -> Bench {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn light_models_of_timer_and_memory_protection_make_the_same_run_to_the_last_edge() {
     let mut light = story(Pwm::Registers, Mpu::Registers);
     let mut full = story(Pwm::Emulated, Mpu::Emulated);

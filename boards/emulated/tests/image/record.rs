@@ -80,7 +80,7 @@ pub(crate) fn a_panic_is_on_record_with_its_line() {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_stack_overflow_is_on_record_with_how_far_it_went() {
     let (_, head) = after_with(Mpu::Emulated, |bench| bench.overflow_stack("capture"));
     assert_eq!(head.fault, Fault::StackOverflow);

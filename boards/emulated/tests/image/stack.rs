@@ -9,7 +9,7 @@ use motor_hub::protocol::Reply;
 const PAINT: u32 = 0xA5C3_5A3C;
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_stack_stays_below_nine_of_its_24_kilobytes() {
     let mut bench = Bench::new(setup(four_loads()));
     let stack = board().stack();

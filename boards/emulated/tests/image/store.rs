@@ -85,7 +85,7 @@ fn settings_are_there_again_after_the_power_was_gone() {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn power_that_goes_during_a_save_leaves_the_old_settings_or_the_new() {
     let (mut bench, mut talk) = (powered_on(Vec::new()), Talk::default());
     protect(&mut bench, &mut talk, 1_000);
@@ -163,7 +163,7 @@ fn full() -> (Vec<u8>, u32) {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
     let (stored, number) = full();
     let image = elf::hub_with_period(BOARD, 1);
@@ -205,7 +205,7 @@ fn a_save_that_erases_waits_for_motors_to_be_off_and_holds_nobody_up() {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn an_erasure_that_power_has_cut_is_done_again_at_power_on_and_starves_nobody() {
     let (mut stored, number) = full();
     // The second page looks blank, and is not.

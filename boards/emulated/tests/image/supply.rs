@@ -198,7 +198,7 @@ pub(crate) fn a_bus_that_rises_ends_what_a_braking_motor_returns_before_the_next
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_log_that_is_abandoned_in_mid_run_stops_nothing_and_is_whole_when_somebody_reads_it_again() {
     let mut bench = turning(four_loads());
     bench.abandon_log(true);

@@ -105,7 +105,7 @@ fn hangs(origin: u32) -> Vec<u8> {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
     let began = Instant::now();
     let (mut bench, mut talk) = powered_on();
@@ -143,7 +143,7 @@ fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn behind_the_bootloader_pins_drive_their_idle_levels_within_a_millisecond_of_reset() {
     let safe = on(BOARD, || {
         let mut bench = Bench::new(Setup { bootloader: true, ..setup(vec![am60()]) });
@@ -157,7 +157,7 @@ fn behind_the_bootloader_pins_drive_their_idle_levels_within_a_millisecond_of_re
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_restart() {
     let (mut bench, mut talk) = powered_on();
     let image = hangs(0x0802_0000);
@@ -204,7 +204,7 @@ const KEY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/update/signe
 const SIGNATURE: &[u8; 64] = include_bytes!("hangs.sig");
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
     let image = elf::hub_that_asks_for_signatures(BOARD, Path::new(KEY));
     let mut bench =

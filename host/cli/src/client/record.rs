@@ -22,7 +22,7 @@ use studies::recording::{HEADINGS, Recording, Sample, Told};
 /// Text of the long help.
 pub(super) const HELP: &str = "\
 Drives motors as `power`, `velocity` or `position` do, and writes down what the hub says: a CSV file as it goes, and \
-in the end a chart (SVG, PNG) of each motor
+in the end a chart (SVG) of each motor
 
   motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for-s 3
 
@@ -213,7 +213,7 @@ impl Recorder {
 
     /// Draws what there is.
     fn finish(&self, folder: &Path) -> Result<(), Failure> {
-        let charts = Folder::new(folder)?.write_all(drawn(&self.recording.figures())?)?;
+        let charts = Folder::new(folder)?.write_all(drawn(&self.recording.figures()))?;
         let rate = f64::from(self.readings.saturating_sub(1)) / self.length.as_secs_f64().max(1e-3);
         let slowest = self.slowest.as_secs_f64() * 1e3;
         print(&format!(

@@ -42,7 +42,8 @@ fn report_of_four_motors_and_the_battery_over_every_line() {
     rate("TCP", &["--tcp", "127.0.0.1:0"]);
     #[cfg(unix)]
     rate("pseudo-terminal", &["--pty"]);
+    #[cfg(feature = "emulated")]
     rate("emulated chip, TCP", &["--emulated", "--tcp", "127.0.0.1:0"]);
-    #[cfg(unix)]
+    #[cfg(all(unix, feature = "emulated"))]
     rate("emulated chip, pseudo-terminal", &["--emulated", "--pty"]);
 }

@@ -96,7 +96,6 @@ fn a_wire_connects_two_digital_pins() {
     for (options, says) in [
         (&["--wire", "4,8"][..], "a wire is between two digital pins, 0 to 7, such as 4,5"),
         (&["--wire", "4,4"], "a wire is between two digital pins"),
-        (&["--wire", "4,5", "--emulated"], "an image has digital pins 0 and 1"),
     ] {
         let output = Command::new(PROGRAM).args(["serve", "--pty"]).args(options).output().unwrap();
         let error = String::from_utf8(output.stderr).unwrap();

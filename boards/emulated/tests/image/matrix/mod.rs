@@ -1,5 +1,5 @@
 //! The fault matrix: every fault in every mode. What the bridge does meanwhile, how long it takes until nothing is
-//! driven, what the hub says of it, and how the motor comes back. With `--nocapture` it prints the table.
+//! driven, what the hub says of it, and how the motor comes back. Its tables stand in `docs/results`.
 //!
 //! Four motors are four modes, so a row is one stretch of a run; rows share a chip as long as all is as expected.
 
@@ -12,7 +12,7 @@ mod table;
 use std::ops::RangeInclusive;
 use std::sync::Mutex;
 
-use crate::common::{board, ms, on};
+use crate::common::{board, ms, on, publish};
 use modes::{MODES, Setup};
 use rows::{Cell, During, OF_MODEL_AND_BRAKE, ROWS, Row};
 use run::{Run, Seen};
@@ -44,15 +44,19 @@ fn complaints(row: &Row, seen: &Seen) -> Vec<String> {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn every_fault_in_every_mode_ends_as_it_should() {
-    run_rows(Setup::AsTheyCome, &ROWS.iter().collect::<Vec<_>>());
+    let table = run_rows(Setup::AsTheyCome, &ROWS.iter().collect::<Vec<_>>());
+    let head = "Motors regulated by PID, as they come. A fault lets a motor coast.";
+    publish("matrix-as-they-come", &format!("{head}\n\n{table}"));
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn faults_of_motors_that_are_known_and_brake_end_as_they_should() {
-    run_rows(Setup::ByModelBraking, &OF_MODEL_AND_BRAKE.iter().collect::<Vec<_>>());
+    let table = run_rows(Setup::ByModelBraking, &OF_MODEL_AND_BRAKE.iter().collect::<Vec<_>>());
+    let head = "Motors regulated by the model, and configured to brake at a fault.";
+    publish("matrix-by-model-braking", &format!("{head}\n\n{table}"));
 }
 
 /// Those of these names.
@@ -62,7 +66,8 @@ pub(crate) fn rows_end_as_they_should(names: &[&str]) {
     run_rows(Setup::AsTheyCome, &names.iter().map(row).collect::<Vec<_>>());
 }
 
-fn run_rows(setup: Setup, rows: &[&Row]) {
+/// Runs rows and returns their table.
+fn run_rows(setup: Setup, rows: &[&Row]) -> String {
     let (seen, wrong) = (Mutex::new(Vec::new()), Mutex::new(Vec::new()));
     // Always the same rows share a chip, so that a run is the same every time.
     let board = board();
@@ -92,7 +97,8 @@ fn run_rows(setup: Setup, rows: &[&Row]) {
     });
     let mut seen = seen.into_inner().expect("no panic");
     seen.sort_by_key(|(place, _)| *place);
-    print!("{}", table::text(rows.iter().copied().zip(seen.iter().map(|(_, seen)| seen))));
+    let table = table::text(rows.iter().copied().zip(seen.iter().map(|(_, seen)| seen)));
     let wrong = wrong.into_inner().expect("no panic");
-    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+    assert!(wrong.is_empty(), "{table}\n{}", wrong.join("\n"));
+    table
 }

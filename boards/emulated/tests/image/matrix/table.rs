@@ -1,4 +1,4 @@
-//! The table as the README has it.
+//! The table as `docs/results` has it.
 
 use std::fmt::Write;
 

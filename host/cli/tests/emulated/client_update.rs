@@ -42,7 +42,7 @@ fn client(hub: &Hub, arguments: &[&str]) -> Output {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_hub_is_given_new_firmware_over_its_line_and_says_so() {
     let _alone = alone();
     let folder = folder("client-update");
@@ -80,7 +80,7 @@ fn other_stack_is_refused_by_the_hub(hub: &Hub, folder: &Path) {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_hub_without_a_bootloader_says_so() {
     let _alone = alone();
     let folder = folder("client-update-none");
@@ -92,7 +92,7 @@ fn a_hub_without_a_bootloader_says_so() {
 }
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_file_that_is_no_firmware_is_refused_before_a_hub_is_asked() {
     let _alone = alone();
     let folder = folder("client-update-file");

@@ -10,7 +10,7 @@ const ONE_COUNT_CPS: f64 = 20.0;
 
 /// On the board that `MOTOR_HUB_BOARD` names, or the first.
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_image_and_the_simulation_agree() {
     let scenario = replay::on_a_line(Scenario::default_one().expect("it is valid"));
     let board = Board::of_environment().expect("a board");

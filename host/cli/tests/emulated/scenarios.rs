@@ -1,13 +1,12 @@
 //! The scenarios in `tests/scenarios` that say `emulated = true`, run by the flashed image on the emulated
 //! chip, are as they expect: on the board that `MOTOR_HUB_BOARD` names, or the first.
 
-mod scenario_files;
-
+use crate::scenario_files;
 use emulated::{Board, replay};
 use studies::expectations::judge;
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn every_scenario_for_the_chip_is_as_it_expects() {
     let board = Board::of_environment().expect("a board");
     let mut unmet = Vec::new();

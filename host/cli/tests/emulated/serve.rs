@@ -5,7 +5,7 @@ use crate::common::alone;
 use crate::conformance::{Hub, conforms};
 
 #[test]
-#[ignore = "long: cargo xtask long"]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_image_conforms_over_its_serial_line() {
     let _alone = alone();
     let program = env!("CARGO_BIN_EXE_motor-hub");

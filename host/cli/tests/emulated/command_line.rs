@@ -1,0 +1,45 @@
+//! Commands about images, as somebody starts them.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+use crate::common::{folder, motor_hub};
+use crate::output::{err, out};
+
+#[test]
+fn a_board_that_there_is_not_is_refused_with_those_that_there_are() {
+    for command in [&["emulate"][..], &["serve", "--emulated", "--pty"]] {
+        let output = motor_hub(&[command, &["--board", "nucleo-f103rb"]].concat());
+        assert_eq!(output.status.code(), Some(2), "{command:?}");
+        let says = "there is no board nucleo-f103rb; there are nucleo-f429zi, nucleo-h743zi2";
+        assert!(err(&output).contains(says), "{}", err(&output));
+    }
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn the_image_of_either_board_runs_a_scenario_over_the_simulation() {
+    let folder = folder("emulated");
+    let scenario = folder.with_extension("toml");
+    let text = "name = \"a moment\"\nduration_s = 0.4\n[battery]\nemf_v = 12\nresistance_ohm = 0.1\n\
+                [[motors]]\nlabel = \"one\"\nmotor = \"AM 60 A\"\nsetpoints = [{ at_s = 0, power = 0.5 }]\n";
+    std::fs::write(&scenario, text).unwrap();
+    for (board, chip) in [("nucleo-f429zi", "STM32F427"), ("nucleo-h743zi2", "STM32H743")] {
+        let run = ["emulate", "--board", board, "--scenario", scenario.to_str().unwrap(), "--out"];
+        let tables = out(&motor_hub(&[&run[..], &[folder.to_str().unwrap()]].concat()));
+        let apart = tables.split_once("Apart by at most ").expect("how far apart they are").1;
+        let apart: f64 = apart.split(' ').next().unwrap().parse().unwrap();
+        // One count in a control period of 50 ms.
+        assert!(apart <= 20.0 && tables.contains("emulated chip"), "{board}: {tables}");
+        let chart = std::fs::read_to_string(folder.join("overlay.svg")).unwrap();
+        assert!(chart.contains(chip), "{board}");
+    }
+}
+
+#[test]
+fn a_wire_between_pins_that_an_image_lacks_is_refused() {
+    let output = motor_hub(&["serve", "--pty", "--emulated", "--wire", "4,5"]);
+    let error = err(&output);
+    assert!(
+        output.status.code() == Some(2) && error.contains("an image has digital pins 0 and 1"),
+        "{error}"
+    );
+}

@@ -1,0 +1,16 @@
+//! The program motor-hub with feature `emulated`: images of boards on emulated chips, over lines and in scenarios.
+
+mod client_update;
+mod command_line;
+#[path = "../program/common/mod.rs"]
+mod common;
+#[expect(dead_code, reason = "the tests of the program use more of it")]
+#[path = "../program/conformance/mod.rs"]
+mod conformance;
+#[path = "../program/output/mod.rs"]
+mod output;
+mod overlay;
+#[path = "../../../studies/tests/scenario_files/mod.rs"]
+mod scenario_files;
+mod scenarios;
+mod serve;

@@ -1,0 +1,48 @@
+//! `cargo xtask build-time`: how long the two commands of the README take on a fresh machine.
+
+use crate::tool::{Failed, command, none, output, root, run};
+use std::path::Path;
+use std::time::Instant;
+
+/// Builds and runs a fresh copy of the committed sources, without any earlier build.
+pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
+    none(arguments)?;
+    let place = root().join(format!("target/build-time-{}", std::process::id()));
+    let measured = measure(&place);
+    let removed = std::fs::remove_dir_all(&place).map_err(|error| Failed::at(&place, error));
+    measured.and(removed)
+}
+
+fn measure(place: &Path) -> Result<(), Failed> {
+    run(command("git").args(["clone", "--quiet", "."]).arg(place))?;
+    // Downloads are a matter of the line, not of this project.
+    run(command("cargo").arg("fetch").current_dir(place))?;
+    let mut seconds = Vec::new();
+    for arguments in [&["run", "--release"][..], &["test", "--no-run"], &["test"]] {
+        let begun = Instant::now();
+        let mut cargo = command("cargo");
+        // The programs of this build belong to the copy.
+        run(cargo.args(arguments).current_dir(place).env_remove("CARGO_TARGET_DIR"))?;
+        seconds.push((arguments.join(" "), begun.elapsed().as_secs()));
+    }
+    let crates = output(command("cargo").current_dir(place).args([
+        "tree",
+        "--edges",
+        "normal,build",
+        "--prefix",
+        "none",
+        "--format",
+        "{p}",
+        "--no-dedupe",
+    ]))?;
+    let mut names: Vec<&str> = crates.lines().filter(|line| !line.is_empty()).collect();
+    names.sort_unstable();
+    names.dedup();
+    println!("\ncrates in the default build: {}", names.len());
+    for (command, seconds) in seconds {
+        println!("cargo {command}: {seconds} s");
+    }
+    let cores = std::thread::available_parallelism().map_or(0, usize::from);
+    println!("on {cores} cores, from nothing; each command after the one before it");
+    Ok(())
+}

@@ -1,0 +1,133 @@
+//! `cargo xtask dist`: the files that a release carries, in `target/dist`.
+
+use crate::board;
+use crate::tool::{Failed, cargo, command, none, output, root, run};
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Computers that the program is built for. Static, so that it runs on every Linux.
+const COMPUTERS: [&str; 2] = ["x86_64-unknown-linux-musl", "aarch64-unknown-linux-musl"];
+
+/// Names of the files in which authors put their licences.
+const LICENCE_FILES: [&str; 5] = ["LICENSE", "LICENCE", "COPYING", "UNLICENSE", "NOTICE"];
+
+pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
+    none(arguments)?;
+    let dist = root().join("target/dist");
+    if dist.exists() {
+        fs::remove_dir_all(&dist).map_err(|error| Failed::at(&dist, error))?;
+    }
+    fs::create_dir_all(&dist).map_err(|error| Failed::at(&dist, error))?;
+    for computer in COMPUTERS {
+        let program = program(computer)?;
+        copy(&program, &dist.join(format!("motor-hub-{computer}")))?;
+    }
+    for board in &board::ALL {
+        let elf = board.build()?;
+        copy(&elf, &dist.join(format!("{}.elf", file_name(board.name))))?;
+        let bin = board.raw(&elf)?;
+        copy(&bin, &dist.join(format!("{}.bin", file_name(board.name))))?;
+    }
+    for licence in ["LICENSE-MIT", "LICENSE-APACHE"] {
+        copy(&root().join(licence), &dist.join(licence))?;
+    }
+    let licences = dist.join("THIRD-PARTY.md");
+    fs::write(&licences, third_party()?).map_err(|error| Failed::at(&licences, error))?;
+    let sums = checksums(&dist)?;
+    let file = dist.join("SHA256SUMS");
+    fs::write(&file, &sums).map_err(|error| Failed::at(&file, error))?;
+    print!("{sums}");
+    Ok(())
+}
+
+/// Name of a board's image among the files of a release.
+fn file_name(board: &str) -> String {
+    if board.starts_with("boot-") { board.to_owned() } else { format!("motor-hub-{board}") }
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), Failed> {
+    fs::copy(from, to).map(drop).map_err(|error| Failed::at(from, error))
+}
+
+/// Builds the program for a computer; the linker is the toolchain's own.
+fn program(computer: &str) -> Result<PathBuf, Failed> {
+    run(command("rustup").args(["target", "add", computer]))?;
+    let linker = format!("target.{computer}.linker=\"rust-lld\"");
+    cargo(&[
+        "build",
+        "--package",
+        "motor-hub-cli",
+        "--profile",
+        "dist",
+        "--target",
+        computer,
+        "--config",
+        &linker,
+    ])?;
+    Ok(board::target_folder().join(computer).join("dist/motor-hub"))
+}
+
+/// The sums of all files so far, as `sha256sum --check` reads them.
+fn checksums(folder: &Path) -> Result<String, Failed> {
+    let entries = fs::read_dir(folder).map_err(|error| Failed::at(folder, error))?;
+    let mut names: Vec<_> = entries.flatten().map(|entry| entry.file_name()).collect();
+    names.sort();
+    output(command("sha256sum").args(names).current_dir(folder))
+}
+
+/// Packages of others that the program and the images are made of, each with its licence.
+fn third_party() -> Result<String, Failed> {
+    let mut packages = tree(&["--package", "motor-hub-cli"])?;
+    for board in &board::ALL {
+        packages.extend(tree(&["--package", board.name, "--target", board.target])?);
+    }
+    let mut text = String::from(
+        "# Licences of the packages that this release is made of\n\n\
+         The page of the dashboard also carries uPlot 1.6.32, MIT, <https://github.com/leeoniya/uPlot>.\n",
+    );
+    for (name, version, licence) in packages {
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "\n## {name} {version}\n\n{licence}");
+        for file in licence_files(&name, &version)? {
+            let licence = fs::read_to_string(&file).map_err(|error| Failed::at(&file, error))?;
+            let _ = writeln!(text, "\n```text\n{}\n```", licence.trim_end().replace("```", "'''"));
+        }
+    }
+    Ok(text)
+}
+
+/// Name, version and licence of each package that something depends on, without the workspace's own.
+fn tree(of: &[&str]) -> Result<BTreeSet<(String, String, String)>, Failed> {
+    let format = ["tree", "--edges", "normal", "--prefix", "none", "--format", "{p}|{l}"];
+    let text =
+        output(crate::tool::cargo_command(&[&format[..], of].concat()).env("CARGO_TERM_COLOR", "never"))?;
+    let packages = text.lines().filter_map(|line| {
+        let (package, licence) = line.trim_end_matches(" (*)").split_once('|')?;
+        let mut words = package.split_whitespace();
+        let (name, version) = (words.next()?, words.next()?.strip_prefix('v')?);
+        // A path follows in brackets where a package is of this workspace; "(proc-macro)" does elsewhere.
+        let own = words.any(|word| word.starts_with("(/"));
+        (!own).then(|| (name.to_owned(), version.to_owned(), licence.to_owned()))
+    });
+    Ok(packages.collect())
+}
+
+/// The licence files in the sources that cargo has unpacked of a package.
+fn licence_files(name: &str, version: &str) -> Result<Vec<PathBuf>, Failed> {
+    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| Some(std::env::home_dir()?.join(".cargo")));
+    let sources = home.ok_or_else(|| Failed("neither CARGO_HOME nor a home folder".to_owned()))?;
+    let sources = sources.join("registry/src");
+    let registries = fs::read_dir(&sources).map_err(|error| Failed::at(&sources, error))?;
+    let folders = registries.flatten().map(|registry| registry.path().join(format!("{name}-{version}")));
+    let is_licence = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_uppercase();
+        path.is_file() && LICENCE_FILES.iter().any(|start| name.starts_with(start))
+    };
+    let files = folders.filter_map(|folder| fs::read_dir(folder).ok()).flatten().flatten();
+    let mut files: Vec<PathBuf> = files.map(|entry| entry.path()).filter(is_licence).collect();
+    files.sort();
+    Ok(files)
+}

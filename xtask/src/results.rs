@@ -1,0 +1,95 @@
+//! `cargo xtask results`: the pages of measured results in `docs/results`, written by the programs and tests that
+//! measure them.
+
+use crate::IMAGES;
+use crate::tool::{Failed, REPORTS, cargo, motor_hub, root};
+use std::fs;
+
+/// The folder of the pages.
+const SHOWN: &str = "docs/results";
+
+/// Where programs and tests leave their tables.
+const MADE: &str = "target/results";
+
+/// A page: its file, its heading, what measured it, and the files of which it consists.
+struct Page {
+    file: &'static str,
+    head: &'static str,
+    parts: &'static [&'static str],
+}
+
+const PAGES: [Page; 4] = [
+    Page {
+        file: "comparison.md",
+        head: "# Comparison of schemes, duty rules and regulators\n\nMade by `motor-hub compare`.",
+        parts: &["compare/tables.md"],
+    },
+    Page {
+        file: "survey.md",
+        head: "# How well motors are regulated\n\nMade by `motor-hub survey --seed 20261121`.",
+        parts: &["survey/tables.md"],
+    },
+    Page {
+        file: "fault-matrix.md",
+        head: "# Fault matrix\n\n\
+               Every fault in four modes at once, on the emulated chip of the NUCLEO-F429ZI. \
+               Times run from the fault until the bridge is open or the motor is shorted. Otherwise the cell gives \
+               the speed of the motor. Made by `cargo xtask test nucleo-f429zi`, tests `matrix`.",
+        parts: &["nucleo-f429zi/matrix-as-they-come.md", "nucleo-f429zi/matrix-by-model-braking.md"],
+    },
+    Page {
+        file: "budgets.md",
+        head: "# Budgets\n\n\
+               Instructions are counted on emulated chips, where each takes one cycle: they are no times of a real chip. \
+               Made by `cargo xtask size` and `cargo xtask test`, tests `budget` and `boot`.",
+        parts: &[
+            "size.md",
+            "nucleo-f429zi/hub-50-ms.md",
+            "nucleo-f429zi/hub-1-ms.md",
+            "nucleo-f429zi/step.md",
+            "nucleo-f429zi/regulator.md",
+        ],
+    },
+];
+
+pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
+    let check = match arguments {
+        [] => false,
+        [argument] if argument == "--check" => true,
+        _ => return Err(Failed("results takes --check or nothing".to_owned())),
+    };
+    for (command, out) in [(&["compare"][..], "compare"), (&["survey", "--seed", "20261121"], "survey")] {
+        motor_hub(&[command, &["--out", &format!("{MADE}/{out}")]].concat())?;
+    }
+    crate::size::task(&[])?;
+    let measured =
+        ["every_fault_in", "faults_of_motors", "within_the_budget", "by_itself_takes", "little_of_the_core"];
+    cargo(&[&IMAGES[..], &["--"], &measured, &["--include-ignored", "--skip", REPORTS]].concat())?;
+    let mut stale = Vec::new();
+    for page in &PAGES {
+        let mut text = format!("{}\nDo not edit: `cargo xtask results` writes this page.\n", page.head);
+        for part in page.parts {
+            let file = root().join(MADE).join(part);
+            let part = fs::read_to_string(&file).map_err(|error| Failed::at(&file, error))?;
+            text.push('\n');
+            text.push_str(&part);
+        }
+        let place = root().join(SHOWN).join(page.file);
+        // A page that does not exist is stale too.
+        if fs::read_to_string(&place).is_ok_and(|shown| shown == text) {
+            continue;
+        }
+        stale.push(format!("{SHOWN}/{}", page.file));
+        if !check {
+            fs::write(&place, text).map_err(|error| Failed::at(&place, error))?;
+        }
+    }
+    match (check, stale.is_empty()) {
+        (_, true) => println!("all {} pages in {SHOWN} are fresh", PAGES.len()),
+        (false, false) => println!("written: {}", stale.join(", ")),
+        (true, false) => {
+            return Err(Failed(format!("stale: {}; `cargo xtask results` writes them", stale.join(", "))));
+        }
+    }
+    Ok(())
+}
