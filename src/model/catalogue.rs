@@ -97,7 +97,7 @@ pub struct CatalogueEntry {
     pub name: &'static str,
     /// The author's name: product family, ratio, and a letter for the specimen, such as "AM 40 A".
     pub specimen: &'static str,
-    /// Vendor's part number, empty where it is that of the specimen above.
+    /// Vendor's part number; empty for further specimens of a product.
     pub part_number: &'static str,
     /// Encoder counts per turn of the motor.
     pub counts_per_rev_motor: f64,
@@ -227,7 +227,7 @@ pub fn find(name: &str) -> Option<&'static CatalogueEntry> {
 pub enum UnknownMotor {
     /// The catalogue has no such row.
     NotListed(String),
-    /// It has, but nobody has measured its constants.
+    /// The catalogue has the motor without constants.
     NeverCharacterised(String),
 }
 

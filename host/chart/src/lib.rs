@@ -25,7 +25,7 @@ use svg::{Anchor, Canvas, Stroke};
 
 pub use drawing::Drawing;
 
-/// Colours for lines, told apart by colour-blind readers too (Okabe and Ito's set), dark ones first.
+/// Colours for lines (Okabe and Ito's set), dark ones first. Colour-blind readers can distinguish them.
 pub mod colour {
     /// Near black.
     pub const INK: &str = "#222222";
@@ -127,7 +127,7 @@ pub enum Style {
     Dashed,
     /// Each value holds until the next sample.
     Step,
-    /// As `Step`, dashed: for what was asked, beside what came.
+    /// As `Step`, dashed: for set-points.
     DashedStep,
 }
 

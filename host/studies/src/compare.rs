@@ -1,7 +1,8 @@
 //! The same tasks under every scheme, with linear duty and with linear current: which controls better.
 //!
-//! One NeveRest 60 does a few tasks under each scheme with each duty rule: by the motor's model, and by PID once with
-//! the same coefficients for all and once with the best of a small grid for each, chosen on the first task. Scores
+//! One NeveRest 60 does a few tasks under each scheme with each duty rule. The motor's model regulates it, or PID:
+//! once with the same coefficients for all, and once with the best of a small grid for each, chosen on the first
+//! task. Scores
 //! say which wins where.
 //!
 //! ```no_run

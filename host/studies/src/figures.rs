@@ -70,7 +70,7 @@ fn line(name: &str, colour: &'static str, data: Vec<(f64, f64)>) -> Series {
     Series { name: name.to_owned(), colour, style: Style::Line, data }
 }
 
-/// Three lines, as far as the control range goes, and four points.
+/// Three lines within the control range, and four points.
 fn points_panel(points: &Points, y_label: String, height: f64) -> Panel {
     let corners = [points.s, points.t, points.z, points.g];
     let names = ["S", "T", "Z", "G"];

@@ -185,7 +185,7 @@ fn response(motor: &Motor, from_s: f64, to_s: f64, ticks: &[(f64, &Sample)]) -> 
         .collect();
     let before = motor.setpoints.iter().rev().find(|s| s.at_s < from_s).and_then(|s| Goal::of(s.value));
     let old = match before {
-        // A change of run mode begins wherever the motor is.
+        // A change of run mode begins at the motor's own value.
         Some(before) if before.unit() == goal.unit() => before.target(),
         _ => within.first()?.1,
     };

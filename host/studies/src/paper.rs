@@ -32,8 +32,8 @@ struct Misprint {
     right: String,
 }
 
-/// The paper's to-do: how far a current from `(v - Ke Omega)/R` is off over a control period, as rms
-/// over speeds and voltages, and the estimate that allows for the change of speed.
+/// The paper's to-do: the rms error over a control period of a current from `(v - Ke Omega)/R`, over speeds and
+/// voltages. The estimate includes the change of speed.
 #[derive(Serialize)]
 struct Estimate {
     motor: &'static str,
@@ -53,7 +53,7 @@ pub struct Document {
 }
 
 impl Document {
-    /// Computes everything anew.
+    /// Computes all numbers.
     ///
     /// # Errors
     /// If the catalogue lacks a motor of the paper's examples.

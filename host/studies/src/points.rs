@@ -146,7 +146,7 @@ impl OperatingReport {
         )
     }
 
-    /// The points and the lines between them, as far as control values reach.
+    /// The points and the lines between them within the control range.
     pub fn figure(&self) -> Figure {
         let points = self.points.map(|p| Point {
             at: (p.control / f64::from(Control::MAX.get()), p.y),
@@ -168,7 +168,7 @@ impl OperatingReport {
     }
 }
 
-/// The axis of control values in charts: full scale and a little more.
+/// The axis of control values in charts: full scale and a margin.
 pub(crate) const CONTROL_RANGE: (f64, f64) = (-1.08, 1.08);
 
 /// A control value as a fraction of full scale, -1 to 1.

@@ -117,7 +117,7 @@ pub struct Survey {
     pub seed: u64,
     /// Number of scenarios.
     pub scenarios: u64,
-    /// Number of responses, with those that cannot be settled.
+    /// Number of all responses.
     pub asked: usize,
     /// The responses that can be settled.
     pub responses: Vec<Response>,
@@ -146,7 +146,7 @@ impl Survey {
     }
 }
 
-/// How many responses a scenario asks for, and those that can be settled.
+/// The number of all responses of a scenario, and the responses that can be settled.
 fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyError> {
     let scenario = random::scenario(seed, number);
     let challenges = judge::challenges(&scenario);

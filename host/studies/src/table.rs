@@ -1,5 +1,5 @@
-//! Tables for a terminal, all in one look, no wider than it: text wraps at its words, and columns of numbers for
-//! which there is no room go into a further table below, beside the text again.
+//! Tables for a terminal, no wider than the terminal, or as Markdown. Text wraps at its words. Columns of numbers
+//! without room go into a further table below, beside the text again.
 //!
 //! ```
 //! let mut table = studies::table::new(&["motor", "counts/s"], 1);
@@ -27,7 +27,7 @@ pub fn fit(columns: u16) {
 #[derive(Clone, Debug)]
 pub struct Table {
     headings: Vec<String>,
-    /// So many columns are text, aligned left; all others are numbers.
+    /// Number of text columns, aligned left; all others are numbers.
     left: usize,
     rows: Vec<Vec<String>>,
     /// Characters that every column has at least, where there is room.
@@ -47,7 +47,7 @@ impl Table {
         self
     }
 
-    /// The table with columns of so many characters at least, so that several tables line up.
+    /// The table with columns of at least this many characters, so that several tables line up.
     #[must_use]
     pub fn at_least(self, narrowest: usize) -> Self {
         Self { narrowest, ..self }
@@ -74,7 +74,7 @@ impl Table {
         let heading = self.headings.get(index).map_or("", String::as_str);
         let most = self.column(index).chain([heading]).flat_map(str::lines).map(chars).max().unwrap_or(0);
         let words = |text: &'_ str| text.split_whitespace().map(chars).max().unwrap_or(0);
-        // Lines of one cell stand beside those of its neighbours.
+        // Lines of one cell stand beside the lines of its neighbours.
         let whole = |text: &str| {
             let wraps = index < self.left && !text.contains('\n');
             if wraps { words(text) } else { text.lines().map(chars).max().unwrap_or(0) }

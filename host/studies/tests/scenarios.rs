@@ -137,7 +137,7 @@ fn every_expectation_of_a_group_can_hold_can_fail_and_can_find_nothing() {
     for (wanted, met) in [
         ("to_s = 2.0\nsettles_within_s = 1.4", true),
         ("to_s = 2.0\nsettles_within_s = 0.5", false),
-        // It goes on for ever.
+        // The motion never ends.
         ("from_s = 1.9\nsettles_within_s = 300", false),
         ("heading_error_below_degrees = 5", true),
         ("heading_error_below_degrees = 0.01", false),

@@ -42,7 +42,7 @@ pub struct Scenario {
     pub period: Period,
     /// Seed of the measurement noise.
     pub seed: u64,
-    /// The supply as it is at the start.
+    /// The supply at the start.
     pub battery: Battery,
     /// The bus between battery and bridges; `None` for a wire.
     pub bus: Option<Bus>,
@@ -101,9 +101,9 @@ pub struct Motor {
     pub thermal: Option<ThermalLimit>,
     /// Largest acceleration of the model's profiles.
     pub acceleration: Option<Acceleration>,
-    /// Coefficients of the velocity loop; `None` for those of the board.
+    /// Coefficients of the velocity loop; `None` for the board's own.
     pub velocity: Option<Pidf>,
-    /// Coefficients of the position loop; `None` for those of the board.
+    /// Coefficients of the position loop; `None` for the board's own.
     pub position: Option<Pidf>,
     /// Set-points, times ascending; before the first the motor is disabled.
     pub setpoints: Vec<Timed<Setpoint>>,
@@ -167,7 +167,8 @@ pub struct Timed<T> {
 }
 
 impl Scenario {
-    /// These motors for so many seconds, every 50 ms, on a battery that stays as it is; nothing is expected.
+    /// These motors for a number of seconds, with a control period of 50 ms, on a constant battery; nothing is
+    /// expected.
     pub fn new(name: &str, duration_s: f64, battery: Battery, motors: Vec<Motor>) -> Self {
         Self {
             name: name.to_owned(),

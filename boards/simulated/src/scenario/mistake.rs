@@ -220,7 +220,7 @@ impl Fault {
     }
 }
 
-/// Line and column of a byte of a text, counted from 1, columns in characters. Past the end they are those of the end.
+/// Line and column of a byte of a text, counted from 1, columns in characters. Past the end, the end counts.
 pub fn line_and_column(text: &str, at: usize) -> (usize, usize) {
     let before = text.get(..at).unwrap_or(text);
     let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;

@@ -125,7 +125,7 @@ fn a_motor_that_the_catalogue_lacks_is_set_up_by_its_constants() {
     for (wrong, says) in [
         (
             &["--ke", "9", "--counts-per-rev", "12"][..],
-            "--ke-v-s-per-rad 9: with --counts-per-rev 12 it is above 0 and below 0.0611 V s/rad",
+            "--ke-v-s-per-rad 9 is out of range; with --counts-per-rev 12 allowed is above 0 and below 0.0611 V s/rad",
         ),
         (
             &["--resistance-ohm", "0", "--on-fault", "brake"],

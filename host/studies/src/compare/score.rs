@@ -35,7 +35,7 @@ pub(super) struct Winner {
     pub(super) task: &'static str,
     /// The column.
     pub(super) column: &'static str,
-    /// The best, and whoever is as good; empty if none succeeded.
+    /// The best variant, and all that tie with it; empty if none succeeded.
     pub(super) variants: Vec<String>,
 }
 
@@ -80,8 +80,8 @@ pub(super) fn winners(round: &Round) -> Vec<Winner> {
     winners
 }
 
-/// Every variant's score with every choice of coefficients, the least error first. The least of a task is
-/// that of all rounds given.
+/// Every variant's score with every choice of coefficients, the least error first. The least error of a task is the
+/// least of all rounds.
 pub(super) fn scores(rounds: &[Round]) -> Vec<Score> {
     let mut scores: Vec<Score> = Vec::new();
     for round in rounds {

@@ -29,7 +29,7 @@ pub(super) struct Task {
     pub(super) scenario: Scenario,
 }
 
-/// All of them; the first is the one that coefficients are chosen on.
+/// All of them; coefficients are chosen on the first.
 ///
 /// # Errors
 /// If the catalogue lacks the motor.

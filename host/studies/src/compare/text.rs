@@ -272,7 +272,7 @@ fn short(winner: &Winner, all: usize) -> String {
 
 /// The variants that win a column at most tasks.
 fn most_often(round: &Round, column: &str) -> String {
-    // Where all are equal, or none succeeds, nobody wins.
+    // A cell where all are equal, or none succeeds, has no winner.
     let decided = |w: &Winner| w.column == column && (1..Variant::ALL.len()).contains(&w.variants.len());
     let winners: Vec<Winner> = winners(round).into_iter().filter(decided).collect();
     let counted: Vec<(usize, String)> = Variant::ALL

@@ -16,7 +16,7 @@ pub(super) struct Look {
     pub(super) height: f64,
 }
 
-/// Lines from S over T and Z to G as far as control values reach; `points` in that order.
+/// Lines from S over T and Z to G within the control range; `points` in that order.
 pub(super) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
     let [s, t, z, g] = &points;
     let [forward, reverse] = if look.counter_clockwise { ["6/2", "9/8"] } else { ["9/8", "6/2"] };

@@ -91,7 +91,7 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
     }
 }
 
-/// The current as it was, and, where the hub observes it, the current that the load takes.
+/// The current, and the current of the load where the hub observes it.
 fn currents(lines: &Lines) -> Vec<Series> {
     let current = lines.line("current", colour::BLUE, Style::Step, |s| s.flow.mean_current().0);
     let load = |s: &Sample| s.report.load.map_or(f64::NAN, |load| f64::from(load.get()) / 1e3);

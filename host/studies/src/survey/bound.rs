@@ -13,7 +13,7 @@ use simulated::scenario::{Motor, Scenario};
 const COUNTED_ON: f64 = 0.95;
 /// Share of the usable voltage that must be left at the set-point.
 const RESERVE: f64 = 0.1;
-/// Largest difference of the needed voltage to that of some control value, as a share of the battery's voltage.
+/// Largest difference of the needed voltage to the nearest control value's, as a share of the battery's voltage.
 const GAP: f64 = 0.02;
 /// Granted multiple of the ideal time.
 const PATIENCE: f64 = 1.5;
@@ -179,15 +179,13 @@ struct Whereabouts {
     slack: f64,
 }
 
-/// For each challenge of a scenario, by motor and time, whether it can be settled in its time: by what the
-/// battery, the motor, its load and its scheme can give, whoever regulates.
+/// For each challenge of a scenario, by motor and time, whether any regulator can settle it in its time.
 ///
-/// The ideal time is that of all the voltage that a control value stands for, one way and then the other, at
-/// 95 % of the voltage that the battery keeps with all motors stalled. A challenge can be settled if 1.5 times
-/// that, 0.3 s, six periods and the time of three counts fit into the first nine tenths of its time, and if the
-/// speed (or standstill at a position) can be kept under its torque with a tenth of the voltage to spare and by
-/// some control value. A
-/// challenge after one that cannot be settled has no known beginning, and is not judged.
+/// The ideal time is of full voltage within the scheme's range, one way and then the other. The battery counts with
+/// 95 % of its voltage with all motors stalled. A challenge can be settled if 1.5 times the ideal time, 0.3 s, six
+/// periods and the time of three counts fit into the first nine tenths of its time. Some control value must keep the
+/// speed, or standstill at a position, under its torque with a tenth of the voltage to spare. After a challenge that
+/// cannot be settled the next has no known beginning, and is not judged.
 pub(super) fn settleable(scenario: &Scenario, challenges: &[Challenge]) -> Result<Vec<bool>, StudyError> {
     let mut all = Vec::with_capacity(challenges.len());
     for (index, motor) in scenario.motors.iter().enumerate() {

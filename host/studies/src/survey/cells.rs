@@ -44,7 +44,7 @@ pub struct Cell {
 pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyError> {
     let mut motors: Vec<catalogue::Motor> =
         catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()).collect();
-    // The measured inertia of the Core Hex motors is that of a motor that takes half a minute to start.
+    // With their measured inertia the Core Hex motors take half a minute to start.
     let slow =
         |motor: &catalogue::Motor| time_constant(&motor.with_measured_rotor_inertia(), &Load::NONE) > SLOW;
     motors.extend(catalogue::motors().filter(slow));
@@ -75,7 +75,8 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
     Ok(names.into_iter().map(cell).collect())
 }
 
-/// From rest to half of the free speed and on to a tenth of it; or as far as that takes in a second, and back.
+/// From rest to half of the free speed and on to a tenth of it; or the distance of half of the free speed in a
+/// second, and back.
 fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
     let electrical = constants.ke.0 * constants.kt.0 / constants.r.0;
     let time_constant = time_constant(&constants, &Load::NONE);

@@ -16,7 +16,7 @@ const POSITION_BAND: f64 = 10.0;
 const STANDSTILL_BAND: f64 = 3.0;
 /// Of the time to the next change this much must be left once a response has settled.
 pub(super) const REST: f64 = 0.1;
-/// In the last so many milliseconds of a response swings are looked for.
+/// Length of the end of a response in which swings are counted, in milliseconds.
 const SWING_MS: usize = 1_000;
 
 /// The set-point of a response.
@@ -164,7 +164,7 @@ pub struct Verdict {
     pub settling_s: Option<f64>,
     /// How far it went beyond its goal, in percent of the step; after another torque how far it was pushed away, in
     /// percent of the speed. `None` where there is no step to speak of: less than 60 counts/s or 60 counts, a
-    /// torque on a motor that crawls or holds a position; or where torque and speed change at once.
+    /// torque on a motor that crawls or holds a position; or where torque and speed change together.
     pub beyond_percent: Option<f64>,
     /// It swings about its goal, beyond the band on both sides within the last second.
     pub cycles: bool,

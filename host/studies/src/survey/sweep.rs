@@ -1,5 +1,6 @@
-//! Every motor of the catalogue, bare, with either of its inertias, under every scheme and duty rule, with friction of up
-//! to 40 % of its stall torque, on a battery of 6.5 to 14.5 V, every 1 to 100 ms, configured exactly and not at all. Every encoder is
+//! Every motor of the catalogue without a load, with both of its inertias, under every scheme and duty rule. Friction
+//! is up to 40 % of the stall torque, the battery has 6.5 to 14.5 V, the control period is 1 to 100 ms. The motion is
+//! configured exactly, or not at all. Every encoder is
 //! sound, so every fault is a false alarm.
 
 use super::Knowledge;
