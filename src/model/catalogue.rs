@@ -4,10 +4,14 @@
 //! file says which column stands where. They are measurements with known weaknesses: read
 //! [`CatalogueEntry::caveats`] before trusting a row.
 //!
+//! A motor is named as it is sold ("NeveRest 60"). The author's name for it ("AM 60 A") and the part number are
+//! accepted wherever a name is read.
+//!
 //! ```
 //! use motor_hub::model::catalogue::{catalogue, find};
 //!
-//! let entry = find("AM 60 A").expect("in the catalogue");
+//! let entry = find("NeveRest 60").expect("in the catalogue");
+//! assert_eq!(find("AM 60 A"), Some(entry));
 //! let motor = entry.motor.expect("characterised");
 //! assert_eq!((motor.gear_ratio, motor.counts_per_rev_motor), (60.0, 28.0));
 //! assert_eq!(catalogue().len(), 18);
@@ -21,7 +25,7 @@ use super::si::{Drag, EmfConstant, Henries, KgM2, NewtonMetres, Ohms, RadPerSec,
 /// Constants of a geared DC motor, all of the motor shaft, that is before the gearbox.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motor {
-    /// Name in the catalogue.
+    /// Name in the catalogue: what the motor is sold as.
     pub name: &'static str,
     /// Winding resistance. Measured at 1 kHz on a standing motor: uncertain by a factor of 2 to 3.
     pub r: Ohms,
@@ -88,9 +92,12 @@ impl Motor {
 /// One row of the catalogue.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CatalogueEntry {
-    /// Name: product family, ratio, and a letter for the specimen.
+    /// What the motor is sold as, such as "NeveRest 40". Of several specimens of a product, the one with the fewest
+    /// caveats has this name; the others have a letter after it, such as "NeveRest 40-A".
     pub name: &'static str,
-    /// Vendor's part number, empty where it is that of the specimen above.
+    /// The author's name: product family, ratio, and a letter for the specimen, such as "AM 40 A".
+    pub specimen: &'static str,
+    /// Vendor's part number; empty for further specimens of a product.
     pub part_number: &'static str,
     /// Encoder counts per turn of the motor.
     pub counts_per_rev_motor: f64,
@@ -143,7 +150,7 @@ fn fields(line: &str) -> Vec<&str> {
 fn motor(columns: &Columns<'_>, row: &[&'static str]) -> Option<Motor> {
     let number = |heading| columns.number(row, heading);
     Some(Motor {
-        name: columns.text(row, "name")?,
+        name: columns.text(row, "sold_as")?,
         r: Ohms(number("R_ohm")?),
         l: Henries(number("L_H")?),
         gear_ratio: number("N_gear_ratio")?,
@@ -161,7 +168,8 @@ fn motor(columns: &Columns<'_>, row: &[&'static str]) -> Option<Motor> {
 
 fn entry(columns: &Columns<'_>, row: &[&'static str]) -> Option<CatalogueEntry> {
     Some(CatalogueEntry {
-        name: columns.text(row, "name")?,
+        name: columns.text(row, "sold_as")?,
+        specimen: columns.text(row, "name")?,
         part_number: columns.text(row, "model")?,
         counts_per_rev_motor: columns.number(row, "encoder_counts_per_rev_motor")?,
         gear_ratio: columns.number(row, "N_gear_ratio")?,
@@ -182,23 +190,16 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
     &ENTRIES
 }
 
-/// What motors are sold as, and the specimen that stands for each: the one with fewest caveats.
-const ALIASES: [(&str, &str); 7] = [
-    ("NeveRest 20", "AM 20 A"),
-    ("NeveRest 40", "AM 40 C"),
-    ("NeveRest 60", "AM 60 A"),
-    ("NeveRest 3.7", "AM 3.7 B"),
-    ("Matrix 12 V", "Matrix A"),
-    ("Core Hex", "CoreHex A"),
-    ("REV Core Hex", "CoreHex A"),
-];
+/// Further names under which products are sold, and the names of their rows.
+const ALIASES: [(&str, &str); 1] = [("REV Core Hex", "Core Hex")];
 
 impl CatalogueEntry {
-    /// Other names that [`find`] knows it by: what it is sold as, and the part number.
+    /// Other names that [`find`] accepts: the author's, further names of the product, and the part number.
     pub fn aliases(&self) -> impl Iterator<Item = &'static str> {
-        let (name, part) = (self.name, self.part_number);
-        let sold_as = ALIASES.iter().filter(move |(_, row)| *row == name).map(|(alias, _)| *alias);
-        sold_as.chain((!part.is_empty()).then_some(part))
+        let &Self { name, specimen, part_number, .. } = self;
+        let products = ALIASES.iter().filter(move |(_, row)| *row == name).map(|(alias, _)| *alias);
+        let author = (specimen != name).then_some(specimen);
+        author.into_iter().chain(products).chain((!part_number.is_empty()).then_some(part_number))
     }
 }
 
@@ -207,8 +208,8 @@ pub fn motors() -> impl Iterator<Item = Motor> {
     catalogue().iter().filter_map(|entry| entry.motor)
 }
 
-/// The row of this name, alias or part number. Only letters and digits count, in either case: "am60a" finds "AM 60 A",
-/// and so does "NeveRest 60".
+/// The row of this name, alias or part number. Only letters and digits count, in either case: "neverest60" finds
+/// "NeveRest 60", and so does "AM 60 A".
 #[must_use]
 pub fn find(name: &str) -> Option<&'static CatalogueEntry> {
     let key = |text: &str| -> String {
@@ -226,7 +227,7 @@ pub fn find(name: &str) -> Option<&'static CatalogueEntry> {
 pub enum UnknownMotor {
     /// The catalogue has no such row.
     NotListed(String),
-    /// It has, but nobody has measured its constants.
+    /// The catalogue has the motor without constants.
     NeverCharacterised(String),
 }
 
@@ -248,7 +249,7 @@ impl core::error::Error for UnknownMotor {}
 /// ```
 /// use motor_hub::model::catalogue::characterised;
 ///
-/// assert_eq!(characterised("am60a")?.gear_ratio, 60.0);
+/// assert_eq!(characterised("neverest 60")?.gear_ratio, 60.0);
 /// # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
 /// ```
 ///
@@ -272,29 +273,35 @@ mod tests {
     }
 
     #[test]
-    fn names_are_found_without_regard_to_case_space_or_point() {
-        for (typed, name) in [("am60a", "AM 60 A"), ("AM 3.7 B", "AM 3.7 B"), ("am37b", "AM 3.7 B")] {
-            assert_eq!(find(typed).map(|e| e.name), Some(name));
+    fn names_are_unique_and_every_spelling_finds_its_row() {
+        let mut names: Vec<_> = catalogue().iter().map(|entry| entry.name).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), catalogue().len(), "{names:?}");
+        for entry in catalogue() {
+            assert_eq!(entry.motor.map_or(entry.name, |motor| motor.name), entry.name);
+            for spelling in [entry.name, entry.specimen].into_iter().chain(entry.aliases()) {
+                assert_eq!(find(spelling), Some(entry), "{spelling}");
+            }
         }
-        assert!(find("am 60").is_none());
     }
 
     #[test]
-    fn motors_are_found_by_what_they_are_sold_as_and_by_part_number() {
+    fn motors_are_found_by_product_author_s_name_and_part_number() {
         for (typed, name) in [
-            ("neverest 60", "AM 60 A"),
-            ("NeveRest 3.7", "AM 3.7 B"),
-            ("REV Core Hex", "CoreHex A"),
-            ("am-2964a", "AM 40 A"),
-            ("REV-41-1300", "CoreHex A"),
+            ("neverest 60", "NeveRest 60"),
+            ("am60a", "NeveRest 60"),
+            ("am37b", "NeveRest 3.7"),
+            ("AM 40 A", "NeveRest 40-A"),
+            ("am-2964a", "NeveRest 40-A"),
+            ("Matrix B", "Matrix 12 V-B"),
+            ("REV Core Hex", "Core Hex"),
+            ("CoreHex A", "Core Hex"),
+            ("REV-41-1300", "Core Hex"),
         ] {
             assert_eq!(find(typed).map(|e| e.name), Some(name), "{typed}");
         }
-        for (alias, row) in ALIASES {
-            assert!(
-                find(row).is_some_and(|entry| entry.motor.is_some() && entry.aliases().any(|a| a == alias))
-            );
-        }
+        assert!(find("am 60").is_none());
     }
 
     #[test]

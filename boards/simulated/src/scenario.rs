@@ -1,8 +1,7 @@
-//! Scenarios: which motors with which loads are told what, and when.
+//! Scenarios: motors with loads, and their set-points over time.
 //!
-//! A scenario is a TOML file; `docs/reference/scenarios.md` lists its keys. [`Scenario::parse`] reads it and refuses
-//! what is unknown, out of range or contradictory, with file, line and column; a `Scenario` that exists can
-//! be run. With expectations it is a test.
+//! A scenario is a TOML file; `docs/reference/scenarios.md` lists its keys. [`Scenario::parse`] reads a file. An error names
+//! file, line and column of what is unknown, out of range or contradictory. A `Scenario` with expectations is a test.
 //!
 //! ```
 //! use simulated::scenario::Scenario;
@@ -30,15 +29,16 @@ pub use mistake::{Mistake, ScenarioError, line_and_column};
 /// Dry friction of motors that are served, of their stall torque at 12 V.
 const SERVED_FRICTION: f64 = 0.06;
 
-/// What drives the fan when it is served. What hosts set velocity loops to is meant for motors that turn at some 2500 counts/s;
-/// the scenario's own AM 3.7 B turns at 650, and takes five seconds for P 2, I 0.5, F 11.1, with a load or without.
-const SERVED_FAN: &str = "AM 20 A";
+/// The motor of the fan when it is served. Hosts' usual coefficients of velocity loops suit motors of some 2500 counts/s.
+/// The scenario's own NeveRest 3.7 turns at 650 counts/s, and needs five seconds with P 2, I 0.5, F 11.1, with a load or
+/// without.
+const SERVED_FAN: &str = "NeveRest 20";
 
-/// What runs when no file is named.
+/// The scenario without a file.
 const DEFAULT: (&str, &str) = ("scenarios/default.toml", include_str!("../scenarios/default.toml"));
 
 impl Scenario {
-    /// Reads a scenario; `file` is what errors call it.
+    /// Reads a scenario; `file` is its name in errors.
     ///
     /// # Errors
     /// [`ScenarioError::Wrong`]; shown, it is one line.
@@ -55,7 +55,7 @@ impl Scenario {
         Self::parse(&file, &text)
     }
 
-    /// Reads a scenario file whose set-points are left to somebody else: there need not be any.
+    /// Reads a scenario file for a host that commands the motors: it needs no set-points.
     ///
     /// # Errors
     /// As [`Scenario::load`].
@@ -64,9 +64,8 @@ impl Scenario {
         file::read(&text, false).map_err(|fault| fault.in_file(&file, &text))
     }
 
-    /// What is served when no file is named: the motors and loads of the scenario that the program carries, for a host to
-    /// do something with. Nothing pulls on them, all are under Scheme A, dry friction stops them about as soon as
-    /// real gear motors, and an AM 20 A drives the fan.
+    /// The served scenario without a file: motors and loads of the default scenario, without torques, all under Scheme A.
+    /// Dry friction stops the motors about as soon as real gear motors. A NeveRest 20 drives the fan.
     ///
     /// # Errors
     /// None, as a test makes sure.
@@ -83,7 +82,7 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// The scenario that the program carries.
+    /// The program's own scenario.
     ///
     /// # Errors
     /// None, as a test makes sure.
@@ -93,7 +92,7 @@ impl Scenario {
     }
 }
 
-/// What errors call a file, and what is in it.
+/// The name of a file in errors, and its text.
 fn text_of(path: &Path) -> Result<(String, String), ScenarioError> {
     let file = path.display().to_string();
     match std::fs::read_to_string(path) {

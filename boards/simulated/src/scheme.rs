@@ -1,4 +1,4 @@
-//! How people name a scheme: `none`, `A` to `D`, and for D a blend; and a duty rule. Scenario files and the
+//! Names of a scheme: `none`, `A` to `D`, and for D a blend; and a duty rule. Scenario files and the
 //! command line share these words.
 //!
 //! ```
@@ -33,18 +33,18 @@ pub enum SchemeName {
     D,
 }
 
-/// What is said about the blend of scheme D.
+/// The blend of scheme D.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlendChoice(Blend);
 
 /// What is wrong with a blend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BlendError {
-    /// It is no number from 0 to 1, nor "auto".
+    /// The blend is neither a number from 0 to 1 nor "auto".
     #[error("a blend is a number from 0 (scheme B) to 1 (scheme C), or \"auto\"")]
     OutOfRange,
-    /// It goes with another scheme.
-    #[error("a blend goes with scheme D only")]
+    /// Another scheme has no blend.
+    #[error("a blend is allowed with scheme D only")]
     NotD,
 }
 
@@ -139,7 +139,7 @@ impl<'de> Deserialize<'de> for BlendChoice {
     }
 }
 
-/// A scheme as programs read it: `scheme` and `blend` as they are typed, of which the blend is null but for D.
+/// A scheme in JSON: `scheme` and `blend` as they are typed. The blend is null but for D.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SchemeWords(pub Scheme);
 
@@ -167,7 +167,7 @@ fn share(fraction: BlendFraction) -> f64 {
     f64::from(fraction.to_bits()) / f64::from(BlendFraction::ONE.to_bits())
 }
 
-/// How files name a [`DutyRule`]: `#[serde(with = "DutyWord")]`.
+/// A [`DutyRule`]'s name in files: `#[serde(with = "DutyWord")]`.
 #[derive(serde::Deserialize, serde::Serialize)]
 #[serde(remote = "DutyRule", rename_all = "kebab-case")]
 pub enum DutyWord {

@@ -25,7 +25,7 @@ use svg::{Anchor, Canvas, Stroke};
 
 pub use drawing::Drawing;
 
-/// Colours for lines, told apart by colour-blind readers too (Okabe and Ito's set), dark ones first.
+/// Colours for lines (Okabe and Ito's set), dark ones first. Colour-blind readers can distinguish them.
 pub mod colour {
     /// Near black.
     pub const INK: &str = "#222222";
@@ -39,16 +39,23 @@ pub mod colour {
     pub const PURPLE: &str = "#aa4499";
     /// Grey.
     pub const GREY: &str = "#888888";
+    /// The forward regime: the edge of its band on the dashboard's page.
+    pub const FORWARD: &str = "#2f87bd";
+    /// The braking regime: the colour of its band on the dashboard's page.
+    pub const BRAKING: &str = "#e69f00";
+    /// The reverse regime: the edge of its band on the dashboard's page.
+    pub const REVERSE: &str = "#a8497e";
 }
 
-/// Light colours for bands behind lines, told apart from each other and from the page by deuteranopes too.
+/// Light colours of the regimes' bands behind lines: the dashboard's colours mixed with white. Deuteranopes can tell the
+/// bands from each other and from the page.
 pub mod fill {
-    /// Pale yellow.
-    pub const YELLOW: &str = "#faeaa8";
-    /// Pale blue.
-    pub const BLUE: &str = "#bcd8f6";
-    /// Dusky rose.
-    pub const ROSE: &str = "#dcb4ac";
+    /// The forward regime: 40 % of sky blue, #56b4e9.
+    pub const FORWARD: &str = "#bbe1f6";
+    /// The braking regime: 45 % of orange, #e69f00.
+    pub const BRAKING: &str = "#f4d48c";
+    /// The reverse regime: 85 % of reddish purple, #cc79a7. A paler purple looks like the blue to a deuteranope.
+    pub const REVERSE: &str = "#d48db4";
 }
 
 const WIDTH: f64 = 1200.0;
@@ -120,7 +127,7 @@ pub enum Style {
     Dashed,
     /// Each value holds until the next sample.
     Step,
-    /// As `Step`, dashed: for what was asked, beside what came.
+    /// As `Step`, dashed: for set-points.
     DashedStep,
 }
 

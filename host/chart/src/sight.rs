@@ -1,4 +1,4 @@
-//! How colours look to a deuteranope: that bands are told apart by readers who see no green.
+//! Colours as a deuteranope sees them: readers who see no green can distinguish the bands.
 
 use super::{colour, fill};
 
@@ -10,7 +10,7 @@ const DEUTERANOPIA: [[f64; 3]; 3] = [
     [-0.011_820, 0.042_940, 0.968_881],
 ];
 
-/// Linear sRGB to CIE XYZ, each by that of white (D65).
+/// Linear sRGB to CIE XYZ, relative to white (D65).
 const XYZ: [[f64; 3]; 3] = [
     [0.4124 / 0.950_47, 0.3576 / 0.950_47, 0.1805 / 0.950_47],
     [0.2126, 0.7152, 0.0722],
@@ -53,12 +53,13 @@ fn assert_told_apart(colours: &[&str]) {
 
 #[test]
 fn bands_are_told_apart_by_deuteranopes() {
-    assert_told_apart(&[fill::YELLOW, fill::BLUE, fill::ROSE, "#ffffff"]);
+    assert_told_apart(&[fill::FORWARD, fill::BRAKING, fill::REVERSE, "#ffffff"]);
 }
 
 #[test]
 fn lines_are_told_apart_by_deuteranopes() {
     assert_told_apart(&[colour::INK, colour::BLUE, colour::RED, colour::GREEN]);
+    assert_told_apart(&[colour::INK, colour::FORWARD, colour::BRAKING, colour::REVERSE]);
 }
 
 #[test]

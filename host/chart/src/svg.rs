@@ -81,7 +81,7 @@ impl Canvas {
         self.element(format_args!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\" fill=\"{fill}\"/>"));
     }
 
-    /// A triangle whose tip is at `(x, y)`: `side` is -1 for one that points left, 1 for right.
+    /// A triangle whose tip is at `(x, y)`: `side` is -1 to point left, 1 to point right.
     pub(super) fn arrow_head(&mut self, (x, y): (f64, f64), side: f64, fill: &str) {
         let base = x - 11.0 * side;
         self.polygon(&[(x, y), (base, y - 6.0), (base, y + 6.0)], fill);

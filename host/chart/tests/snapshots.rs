@@ -37,9 +37,9 @@ fn styles() -> Figure {
 /// Bands that two panels share, each named once; one sticks out of the axis.
 fn bands() -> Figure {
     let bands = vec![
-        Band { from: -1.0, to: 0.5, colour: fill::YELLOW, name: "forward" },
-        Band { from: 0.5, to: 1.0, colour: fill::BLUE, name: "braking" },
-        Band { from: 1.0, to: 1.5, colour: fill::YELLOW, name: "forward" },
+        Band { from: -1.0, to: 0.5, colour: fill::FORWARD, name: "forward" },
+        Band { from: 0.5, to: 1.0, colour: fill::BRAKING, name: "braking" },
+        Band { from: 1.0, to: 1.5, colour: fill::FORWARD, name: "forward" },
     ];
     let line = || vec![series("speed", colour::PURPLE, Style::Line, &[(0.0, -2.5), (2.0, 7.5)])];
     let upper = Panel { bands: bands.clone(), ..panel("upper", line()) };

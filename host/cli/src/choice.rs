@@ -15,7 +15,7 @@ pub(crate) enum SchemeOption {
     /// Control is a current
     #[value(name = "B")]
     B,
-    /// As B, but braking is as steep as driving
+    /// As B, with braking as steep as driving
     #[value(name = "C")]
     C,
     /// Between B and C: see --blend
@@ -44,22 +44,22 @@ fn without_d(error: BlendError) -> Failure {
 /// How the duty is found within a regime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum DutyOption {
-    /// Such that the mean current is linear between the points, for the motor's own winding
+    /// The mean current is linear between the points, by the motor's winding
     LinearCurrent,
-    /// Linear between the points, as in the paper
+    /// The duty is linear between the points, as in the paper
     LinearDuty,
 }
 
 /// What is chosen.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct Choice {
-    /// Scheme
+    /// Scheme: the meaning of control values
     #[arg(long, ignore_case = true)]
     scheme: Option<SchemeOption>,
     /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
     #[arg(long, value_name = "0..1|auto")]
     blend: Option<BlendChoice>,
-    /// How duties are found
+    /// Rule for duties within a regime
     #[arg(long, ignore_case = true)]
     duty: Option<DutyOption>,
 }

@@ -8,23 +8,26 @@ use studies::compare::Comparison;
 pub(crate) const HELP: &str = "\
 The same tasks under every scheme, with linear duty and with linear current
 
-An AM 60 A with a 10 kg flywheel steps down, is driven by its load, reverses, crawls, holds a load at \
-standstill, works from a sagging battery, and steps down with another flywheel or while the hub is wrong \
-about R or Ke; under forward and reverse driving only (none) and under schemes A to D (D with automatic \
-blend), each with linear duty, as in the paper, and with linear current. By PID twice: with the same PI \
-coefficients for all, and with each variant's best of a small grid, chosen on the first task; and by the \
-motor's model, which has no coefficients.";
+The motor is a NeveRest 60 with a 10 kg flywheel. Tasks: a step down, a load that drives the motor, a \
+reversal, a crawl, a load at standstill, a sagging battery, the step with another flywheel, and the step with \
+R or Ke configured wrong. Variants: no braking regime (forward and reverse driving only) and schemes A to D \
+(D with automatic blend), each with linear duty, as in the paper, and with linear current. PID runs twice: \
+with the same PI coefficients for all, and with each variant's best of a small grid, chosen on the first task. \
+The motor's model has no coefficients.
+
+The output begins with the winner and the tasks at which another variant is better. The folder gets the charts, \
+and the tables as Markdown in tables.md.";
 
 /// Options of `compare`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only the first three tasks, with the same coefficients for all
+    /// Run only the first three tasks, with the same coefficients for all
     #[arg(long)]
     quick: bool,
-    /// Folder for the charts
+    /// Folder for the charts and tables.md
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/compare")]
     out: PathBuf,
-    /// One JSON document on standard output instead of tables
+    /// Print one JSON document instead of tables
     #[arg(long)]
     json: bool,
 }
@@ -39,12 +42,16 @@ impl Options {
         };
         let comparison = Comparison::new(self.quick, &mut progress).map_err(Failure::work)?;
         bar.finish_and_clear();
-        let draw = || folder.write_all(drawn(&comparison.figures()));
+        let draw = || {
+            let mut files = drawn(&comparison.figures());
+            files.push(("tables.md".to_owned(), comparison.markdown().into_bytes()));
+            folder.write_all(files)
+        };
         if self.json {
             return print_json(&comparison.json(&draw()?));
         }
         print(&comparison.text())?;
         draw()?;
-        print(&format!("\nCharts (SVG) are in {folder}\n"))
+        print(&format!("Charts (SVG) and tables (Markdown) are in {folder}\n"))
     }
 }

@@ -7,7 +7,7 @@ use clap_complete::Shell;
 /// Options of `completions`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Shell that is to complete commands
+    /// Shell that completes commands
     #[arg(value_name = "SHELL", ignore_case = true)]
     shell: Shell,
 }

@@ -1,4 +1,4 @@
-//! Options that say what a motor is which the catalogue lacks.
+//! Options for the constants of a motor that the catalogue lacks.
 
 use crate::output::Failure;
 use crate::parse::number;
@@ -9,14 +9,14 @@ use motor_hub::units::{EmfConstant, Inductance, Resistance};
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 
-/// Of the motor's own shaft, before the gearbox, as data sheets have them.
+/// Constants of the motor's own shaft, before the gearbox, as in data sheets.
 #[derive(Clone, clap::Args)]
 pub(crate) struct Constants {
-    /// Back-EMF constant; with the encoder counts in a turn of the same shaft
+    /// Back-EMF constant of the motor's shaft; needs --counts-per-rev of the same shaft
     #[arg(long = "ke-v-s-per-rad", alias = "ke", value_name = "V_S_PER_RAD", requires = "counts_per_rev")]
     #[arg(help_heading = CATALOGUE_LACKS, value_parser = number("a back-EMF constant", KE, "V s/rad"))]
     ke: Option<f64>,
-    /// Encoder counts in a turn of the shaft that --ke-v-s-per-rad is of: usually the motor's, before the gearbox
+    /// Encoder counts in a turn of the shaft of --ke-v-s-per-rad: usually the motor's, before the gearbox
     #[arg(long, value_name = "COUNTS", requires = "ke", help_heading = CATALOGUE_LACKS)]
     #[arg(value_parser = number("an encoder's resolution", COUNTS, "counts in a turn"))]
     counts_per_rev: Option<f64>,
@@ -30,12 +30,12 @@ pub(crate) struct Constants {
     inductance_mh: Option<f64>,
 }
 
-/// What [`EmfConstant`] ends below.
+/// [`EmfConstant`] is below this value.
 const LARGEST_V_S_PER_COUNT: f64 = 0.032;
 /// As in scenarios.
 const KE: RangeInclusive<f64> = 1e-5..=10.0;
 const COUNTS: RangeInclusive<f64> = 1.0..=1e6;
-/// What the hub can hold.
+/// The range of the hub's settings.
 const THOUSANDTHS: RangeInclusive<f64> = 0.001..=65.535;
 
 const CATALOGUE_LACKS: &str = "A motor that the catalogue lacks";
@@ -52,7 +52,7 @@ impl Constants {
         EmfConstant::from_ke(ke, counts).map(Some).map_err(|_| {
             let most = LARGEST_V_S_PER_COUNT * counts / TAU;
             Failure::Input(format!(
-                "--ke-v-s-per-rad {ke}: with --counts-per-rev {counts} it is above 0 and below {most:.4} V s/rad"
+                "--ke-v-s-per-rad {ke} is out of range; with --counts-per-rev {counts} allowed is above 0 and below {most:.4} V s/rad"
             ))
         })
     }
@@ -71,7 +71,7 @@ impl Constants {
         given.map(Some).map_err(|e| Failure::Input(format!("--inductance-mh {mh}: {e}")))
     }
 
-    /// A motor with these, as far as a bridge feels it: without gearbox, drag and inertia.
+    /// A motor with these constants, without gearbox, drag and inertia.
     pub(crate) fn motor(&self) -> Result<Motor, Failure> {
         let all = (self.emf()?, self.resistance()?, self.inductance()?);
         let (Some(ke), Some(counts), Some(ohms), Some(mh), (Some(_), Some(_), Some(_))) =

@@ -11,7 +11,7 @@ The scripting interface: computes cases of a JSON document
 
 The document is an object with `cases`, a list of objects with `id`, `formula` and `inputs`, and \
 `motors`, an object of motor constants by name: R, L, N, eta, Ke, Kt, B, J (SI units, before the \
-gearbox). Standard output gets {\"results\": [{\"id\", \"outputs\"}]} in the order of the cases. A case \
+gearbox). Other motors are of the catalogue, see `motor-hub motors`. Standard output gets {\"results\": [{\"id\", \"outputs\"}]} in the order of the cases. A case \
 with an unknown formula or bad inputs gets {\"id\", \"error\"} instead of outputs; all others are \
 still answered, and the exit code is 1.
 
@@ -34,9 +34,9 @@ Answered by the model in double precision:
   reverse0           motor, Vbat, Vd, Omega, cMax
   paper_printed      name
 
-The values for which a table has rows are a list in the case's inputs under the name of the first \
-column; else the first column of the case's own outputs.rows, if it has any; else a default. \
-A null among the outputs stands for infinity.
+A table has a row for each value of its first column. The values are a list in the inputs under the \
+column's name; else the first column of the case's own outputs.rows; else a default. A null in the \
+outputs is infinity.
 
 Example:
   echo '{\"cases\": [{\"id\": 1, \"formula\": \"keFw\", \"inputs\": {\"Ke\": 0.0178, \"countsPerRev\": 28}}]}' \\
@@ -62,7 +62,7 @@ impl Options {
         match failed {
             0 => Ok(()),
             n => Err(Failure::Work(format!(
-                "{n} of {cases} cases could not be answered; --help lists the formulas and their inputs"
+                "{n} of {cases} cases were not answered; --help lists the formulas and their inputs"
             ))),
         }
     }

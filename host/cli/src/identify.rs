@@ -11,28 +11,28 @@ use studies::identify::{self, Identifications};
 
 /// Text of the long help.
 pub(crate) const HELP: &str = "\
-What the hub learns of the motors on a simulated board from a motion of a few seconds, beside what they are
+Identifies the motors on a simulated board by a motion of a few seconds, and compares with their true values
 
-All motors of the scenario are identified at once, on one battery; its set-points are left out. What the hub \
-is told of winding and back EMF, and how wrong that is, the scenario says. Nothing pulls on the default scenario's \
-motors; the torques of a scenario that is named act from the start, and a motor that they pull on is refused. \
-For a hub on a line there is `motor-hub client identify`.
+All motors of the scenario are identified at once, on one battery, without the scenario's set-points. The scenario \
+says how winding and back EMF are configured. The default scenario has no torque on its motors. The torques of a \
+scenario file act from the start; a motor that a torque turns is refused. `motor-hub client identify` identifies a \
+motor on a real hub.
 
-Exit codes: 0 all motors are known; 1 one is not; 2 wrong options.";
+Exit codes: 0 all motors are identified; 1 a motor is not; 2 wrong options.";
 
-/// Which motors, and where the chart goes.
+/// Options of `identify`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
     source: Source,
-    /// Counts that each may turn at most, either way; fewer make the motion shorter
+    /// Largest travel of each motor in counts, in both directions; less travel makes the motion shorter
     #[arg(long = "travel-counts", alias = "travel", value_name = "COUNTS", default_value_t = u32::MAX)]
     #[arg(hide_default_value = true, value_parser = whole("a travel", 0..=u32::MAX, "counts"))]
     travel: u32,
     /// Folder for the chart
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/identify")]
     out: PathBuf,
-    /// JSON instead of tables
+    /// Print one JSON document instead of tables
     #[arg(long)]
     json: bool,
 }
@@ -59,7 +59,7 @@ impl Options {
         let known = |outcome: &Identification| matches!(outcome, Identification::Found(_));
         match learned.outcomes().filter(|outcome| !known(outcome)).count() {
             0 => Ok(()),
-            unknown => Err(Failure::Work(format!("{unknown} of the motors cannot be known in this way"))),
+            unknown => Err(Failure::Work(format!("{unknown} of the motors could not be identified"))),
         }
     }
 }

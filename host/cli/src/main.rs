@@ -54,31 +54,31 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Runs a scenario with and without braking regime: tables, charts, CSV
+    /// Run a scenario with and without a braking regime: tables, charts, CSV
     Run(run::Options),
-    /// The same tasks under every scheme, with linear duty and with linear current
+    /// Compare the schemes and duty rules at the same tasks
     #[command(long_about = compare::HELP)]
     Compare(compare::Options),
-    /// How well motors are regulated: reference tasks, bare motors, scenarios by lot
+    /// Measure how well motors are regulated: reference tasks, bare motors, random scenarios
     #[command(long_about = survey::HELP)]
     Survey(survey::Options),
-    /// Hours of scenarios by lot: counts false alarms and starved watchdogs
+    /// Run hours of random scenarios and count false alarms and starved watchdogs
     #[command(long_about = soak::HELP)]
     Soak(soak::Options),
-    /// What the hub learns of its motors from a short motion, beside what they are: tables and a chart
+    /// Identify simulated motors by a short motion, and compare with their true values
     #[command(long_about = identify::HELP)]
     Identify(identify::Options),
-    /// The motors that are known: names, aliases, counts, speeds, currents
+    /// List the motors of the catalogue: names, counts, speeds, currents
     Motors(motors::Options),
-    /// The points S, T, Z, G at an operating point, computed by the firmware's core
+    /// Compute the points S, T, Z, G at an operating point with the firmware's core
     #[command(override_usage = points::USAGE)]
     Points(points::Options),
-    /// What the firmware does with a control value at an operating point
+    /// Compute regime, mode and duty of a control value at an operating point
     #[command(override_usage = map::USAGE)]
     Map(map::Options),
-    /// Every number that the paper prints beside ours, and where its text is wrong
+    /// Compare every number that the paper prints with ours, and list its misprints
     Paper(paper::Options),
-    /// The paper's figures, and what becomes of a control value, as SVG
+    /// Draw the paper's figures, and the currents of control values, as SVG
     Figures(figures::Options),
     /// The flashed image on an emulated chip, over the same core on the simulated board
     #[command(long_about = emulate::HELP)]
@@ -92,12 +92,12 @@ enum Command {
     /// Commands for a hub on a serial port or TCP connection
     #[command(long_about = client::HELP)]
     Client(client::Options),
-    /// The scripting interface: computes cases of a JSON document
+    /// Compute the cases of a JSON document: the scripting interface
     #[command(long_about = eval::HELP)]
     Eval(eval::Options),
-    /// A script by which a shell completes commands and options, on standard output
+    /// Print a script with which a shell completes commands and options
     Completions(completions::Options),
-    /// Manual pages of all commands, as files
+    /// Write the manual pages of all commands
     Man(man::Options),
 }
 

@@ -2,31 +2,51 @@
 
 use crate::operating::OperatingOptions;
 use crate::output::{Failure, print, print_json};
-use crate::parse::whole;
+use crate::parse::{fraction, whole};
 use motor_hub::units::Control;
 use studies::points::PlacedDrive;
 use studies::table;
 
-/// In two lines: a terminal has 80 columns.
+/// In three lines: a terminal has 80 columns.
 pub(crate) const USAGE: &str = "\
 motor-hub map [OPTIONS] --scheme <SCHEME>
-           --speed-cps <V> --battery-mv <MV> --control-steps <STEPS>";
+           --speed-cps <CPS> --battery-mv <MV>
+           <--control <FRACTION>|--control-steps <STEPS>>";
 
 /// Options of `map`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
     at: OperatingOptions,
-    /// Control value
-    #[arg(long = "control-steps", alias = "control", value_name = "STEPS")]
+    #[command(flatten)]
+    control: ControlOptions,
+}
+
+/// A control value in one of two units.
+#[derive(clap::Args)]
+#[group(required = true, multiple = false)]
+struct ControlOptions {
+    /// Control value as a fraction of full scale, -1 to 1
+    #[arg(long, value_name = "FRACTION", value_parser = fraction)]
+    control: Option<f64>,
+    /// Control value in steps of the protocol, -32767 to 32767
+    #[arg(long, value_name = "STEPS")]
     #[arg(value_parser = whole("a control value", -32_767..=i16::MAX, "steps"))]
-    control: i16,
+    control_steps: Option<i16>,
+}
+
+impl ControlOptions {
+    /// The control value; one of the options is given.
+    fn value(&self) -> Control {
+        let steps = self.control.map(|fraction| (fraction * f64::from(Control::MAX.get())).round() as i16);
+        Control::new(steps.or(self.control_steps).unwrap_or_default())
+    }
 }
 
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         let report = self.at.report()?;
-        let placed = report.place(Control::new(self.control));
+        let placed = report.place(self.control.value());
         if self.at.json {
             return print_json(&placed);
         }
@@ -37,7 +57,12 @@ impl Options {
         ] {
             table.add_row([rule.to_owned(), (*regime).into(), (*mode).into(), format!("{duty:.5}")]);
         }
-        let heading = format!("{}, control {}", report.heading(), placed.control);
+        let heading = format!(
+            "{}, control {:.4} ({} steps)",
+            report.heading(),
+            f64::from(placed.control) / f64::from(Control::MAX.get()),
+            placed.control
+        );
         print(&format!("{}\n{table}\n", table::paragraph(&heading)))
     }
 }

@@ -7,23 +7,23 @@ use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use studies::table;
 
-/// On which battery, and in which form.
+/// Options of `motors`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Voltage for the speeds and currents, 1 to 60
+    /// Battery voltage for speeds, currents and torques, 1 to 60 V
     #[arg(long, value_name = "V", default_value = "12", value_parser = volts)]
     volts: f64,
-    /// JSON instead of a table
+    /// Print one JSON document instead of a table
     #[arg(long)]
     json: bool,
 }
 
 fn volts(text: &str) -> Result<f64, String> {
     let volts = text.parse().ok().filter(|volts| (1.0..=60.0).contains(volts));
-    volts.ok_or_else(|| "a voltage is 1 to 60 V".to_owned())
+    volts.ok_or_else(|| "a voltage is a number from 1 to 60 V".to_owned())
 }
 
-/// A motor on a battery, seen from its output shaft.
+/// Figures of a motor's output shaft on a battery.
 struct Figures {
     counts_per_turn: f64,
     cps: f64,
@@ -58,12 +58,12 @@ impl Options {
                 known.map(|(entry, motor, figures)| document(entry, &motor, &figures)).collect();
             return print_json(&json!({ "volts": self.volts, "motors": motors }));
         }
-        let headings = ["motor", "also", "a turn", "counts/s", "rpm", "rad/s", "stall A", "N m"];
+        let headings = ["motor", "also", "counts", "counts/s", "rpm", "rad/s", "stall A", "N m"];
         let mut table = table::new(&headings, 2);
         for (entry, _, of) in known {
             table.add_row([
                 entry.name.to_owned(),
-                entry.aliases().next().unwrap_or_default().to_owned(),
+                entry.aliases().collect::<Vec<_>>().join(", "),
                 format!("{:.0}", of.counts_per_turn),
                 format!("{:.0}", of.cps),
                 format!("{:.0}", of.rpm()),
@@ -73,9 +73,9 @@ impl Options {
             ]);
         }
         print(&format!(
-            "{table}\nOf the output shaft at {} V: counts, free speed, stall current and torque.\n\
-             Part numbers are names too (--json has them); case and spaces do not matter.\n\
-             A motor that is not here: `client setup --ke-v-s-per-rad ..`,\n\
+            "{table}\nOutput shaft at {} V: counts in a turn, free speed, stall current, stall torque.\n\
+             Every name under \"also\" is accepted; case and spaces do not matter.\n\
+             For a motor that is not listed: `client setup --ke-v-s-per-rad ..`,\n\
              or `constants` in a scenario.\n",
             self.volts
         ))

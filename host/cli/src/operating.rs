@@ -1,4 +1,4 @@
-//! The operating point that `points` and `map` ask about.
+//! The operating point of `points` and `map`.
 
 use crate::choice::SchemeOption;
 use crate::constants::Constants;
@@ -8,10 +8,10 @@ use motor_hub::model::catalogue::characterised;
 use simulated::scheme::BlendChoice;
 use studies::points::OperatingReport;
 
-/// A motor at a speed on a battery, and how control values are given their meaning.
+/// A motor at a speed on a battery, and the scheme of control values.
 #[derive(clap::Args)]
 pub(crate) struct OperatingOptions {
-    /// Scheme of the motor
+    /// Scheme: the meaning of control values
     #[arg(long, ignore_case = true)]
     scheme: SchemeOption,
     /// Blend of scheme D: 0 (as B) to 1 (as C), or auto
@@ -23,18 +23,18 @@ pub(crate) struct OperatingOptions {
     #[command(flatten)]
     constants: Constants,
     /// Speed of the encoder in counts per second, positive for CW
-    #[arg(long, value_name = "V", value_parser = whole("a speed", -1_000_000..=1_000_000, "counts/s"))]
+    #[arg(long, value_name = "CPS", value_parser = whole("a speed", -1_000_000..=1_000_000, "counts/s"))]
     speed_cps: i32,
     /// Battery voltage in millivolts
     #[arg(long, value_name = "MV", value_parser = battery_mv)]
     battery_mv: u16,
-    /// JSON instead of a table
+    /// Print one JSON document instead of a table
     #[arg(long)]
     pub(crate) json: bool,
 }
 
 impl OperatingOptions {
-    /// What the core makes of it.
+    /// The points that the core computes.
     pub(crate) fn report(&self) -> Result<OperatingReport, Failure> {
         let scheme = self.scheme.with_blend(self.blend)?;
         let motor = match &self.motor {

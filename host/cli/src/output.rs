@@ -1,4 +1,4 @@
-//! What goes out: standard output, files, and the words in which a command says why it failed.
+//! Output: standard output, files, and the messages of commands that fail.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
@@ -7,16 +7,17 @@ use std::fmt;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use studies::table::natural_order;
 use studies::{NamedFigure, SCHEMA_VERSION};
 
-/// Why a command did not do what it was asked.
+/// Why a command failed.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// The options or the input are wrong.
     Input(String),
-    /// Something went wrong while it was at work.
+    /// Something went wrong during the work.
     Work(String),
-    /// Nobody reads standard output any more, as when `head` has had enough: nothing to be said.
+    /// Standard output is closed, as by `head`. There is no message.
     Unread,
 }
 
@@ -24,23 +25,23 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Input(text) | Self::Work(text) => f.write_str(text),
-            Self::Unread => f.write_str("nobody reads standard output"),
+            Self::Unread => f.write_str("standard output is closed"),
         }
     }
 }
 
 impl Failure {
-    /// Whose fault it is that options or input are wrong.
+    /// Options or input are wrong.
     pub(crate) fn input(why: impl ToString) -> Self {
         Self::Input(why.to_string())
     }
 
-    /// Why the work could not be done.
+    /// The work failed.
     pub(crate) fn work(why: impl ToString) -> Self {
         Self::Work(why.to_string())
     }
 
-    /// Says so, and gives the process's exit code.
+    /// Prints the message on standard error, and returns the process's exit code.
     pub(crate) fn report(self) -> ExitCode {
         let (text, code) = match self {
             Self::Input(text) => (text, 2),
@@ -52,15 +53,16 @@ impl Failure {
     }
 }
 
-/// A line on standard error; a terminal that is gone is no reason to panic.
+/// Prints a line on standard error. A closed terminal is no error.
 pub(crate) fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Columns for tables: what COLUMNS says, else the terminal on standard output; none if there is no such thing.
+/// Columns for tables: the variable COLUMNS, else the width of the terminal on standard output. `None` if there is
+/// neither.
 pub(crate) fn columns() -> Option<u16> {
-    let told = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
-    told.filter(|columns| *columns > 0).or_else(terminal_columns)
+    let set = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
+    set.filter(|columns| *columns > 0).or_else(terminal_columns)
 }
 
 #[cfg(unix)]
@@ -89,7 +91,7 @@ pub(crate) fn versioned(document: &impl Serialize) -> Result<Value, Failure> {
     Ok(document)
 }
 
-/// A zero has no sign for those who read.
+/// Removes the sign of negative zeros.
 fn without_negative_zero(value: &mut Value) {
     match value {
         Value::Number(number) if number.as_f64() == Some(0.0) && number.is_f64() => *value = json!(0.0),
@@ -99,7 +101,7 @@ fn without_negative_zero(value: &mut Value) {
     }
 }
 
-/// Prints to standard output; a reader that has gone away is a failure, not a panic.
+/// Prints to standard output. A closed standard output is a failure.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     let done = out.write_all(text.as_bytes()).and_then(|()| out.flush());
@@ -109,7 +111,7 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
     })
 }
 
-/// How much of long work is done, in these units, on standard error if that is a terminal.
+/// A progress bar in these units, on standard error if that is a terminal.
 pub(crate) fn progress(length: Option<u64>, units: &'static str) -> ProgressBar {
     let bar = length.map_or_else(ProgressBar::no_length, ProgressBar::new).with_message(units);
     match ProgressStyle::with_template("{wide_bar} {pos} of {len} {msg}, {eta} left") {
@@ -118,7 +120,7 @@ pub(crate) fn progress(length: Option<u64>, units: &'static str) -> ProgressBar 
     }
 }
 
-/// Files that do not exist yet: their names and what will stand in them.
+/// Files to write: their names and contents.
 pub(crate) type Files = Vec<(String, Vec<u8>)>;
 
 /// Charts as SVG files.
@@ -126,15 +128,22 @@ pub(crate) fn drawn(figures: &[NamedFigure]) -> Files {
     figures.iter().map(|(name, figure)| (format!("{name}.svg"), figure.svg().into_bytes())).collect()
 }
 
+/// Sorts files as people count: "9.svg" before "10.svg".
+pub(crate) fn sort_by_name(files: &mut [PathBuf]) {
+    files.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
+}
+
 /// A folder for output that can be written to.
 pub(crate) struct Folder(PathBuf);
 
 impl Folder {
-    /// Makes the folder if need be, and tries it, so that no work is done in vain.
+    /// Makes the folder if there is none, and writes a file to it for trial before any work is done.
     pub(crate) fn new(path: &Path) -> Result<Self, Failure> {
         if path.exists() && !path.is_dir() {
-            let why = "this is no folder, and files are to be written into one";
-            return Err(Failure::Input(format!("{}: {why}", path.display())));
+            return Err(Failure::Input(format!(
+                "{}: not a folder; give a folder for the files",
+                path.display()
+            )));
         }
         let trial = path.join(format!(".motor-hub-{}", std::process::id()));
         let tried = std::fs::create_dir_all(path)
@@ -154,7 +163,7 @@ impl Folder {
             done.map_err(|e| Failure::Work(format!("{}: {e}", path.display())))?;
             written.push(path);
         }
-        written.sort();
+        sort_by_name(&mut written);
         Ok(written)
     }
 }

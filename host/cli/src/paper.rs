@@ -6,7 +6,7 @@ use studies::paper::Document;
 /// Options of `paper`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// JSON instead of tables
+    /// Print one JSON document instead of tables
     #[arg(long)]
     json: bool,
 }

@@ -1,4 +1,4 @@
-//! Values of options that several commands have.
+//! Parsers for the values of options.
 
 use clap::{Arg, Command};
 use motor_hub::protocol::pins::Pin;
@@ -13,7 +13,7 @@ use std::time::Duration;
 /// The longest time that a command of `client` runs by the clock: a day.
 const DAY_S: f64 = 86_400.0;
 
-/// The command with "-1" taken for a value wherever one is awaited, so that what is said of it is its range.
+/// The command with "-1" accepted as the value of an option, so that the error names the allowed range.
 pub(crate) fn with_negative_numbers(command: Command) -> Command {
     let values = |arg: Arg| {
         let some = arg.get_action().takes_values() && !arg.is_allow_hyphen_values_set();
@@ -28,12 +28,12 @@ pub(crate) fn address(text: &str) -> Result<Address, String> {
     address.ok_or_else(|| "an address is a whole number from 1 to 254".to_owned())
 }
 
-/// A place on a network, which is not looked for yet.
+/// HOST:PORT. The connection is made later.
 pub(crate) fn host_and_port(text: &str) -> Result<String, String> {
     if is_tcp(text) { Ok(text.to_owned()) } else { Err("give HOST:PORT, such as 127.0.0.1:7070".to_owned()) }
 }
 
-/// Two digital pins, which a wire connects.
+/// The two digital pins that a wire connects.
 pub(crate) fn wire(text: &str) -> Result<[Pin; 2], String> {
     let pin = |text: &str| text.trim().parse().ok().and_then(Pin::new);
     let ends = text.split_once(',').and_then(|(from, to)| Some([pin(from)?, pin(to)?]));
@@ -41,7 +41,7 @@ pub(crate) fn wire(text: &str) -> Result<[Pin; 2], String> {
         .ok_or_else(|| "a wire is between two digital pins, 0 to 7, such as 4,5".to_owned())
 }
 
-/// A motor of the protocol.
+/// A motor by its number.
 pub(crate) fn channel(text: &str) -> Result<u8, String> {
     let channel = text.parse().ok().filter(|channel| usize::from(*channel) < CHANNELS);
     channel.ok_or_else(|| format!("a motor is 0 to {}", CHANNELS - 1))
@@ -91,7 +91,7 @@ pub(crate) fn number(
     }
 }
 
-/// Below this a number of millivolts is one of volts, or a mistake.
+/// Least battery voltage. A smaller number is probably in volts.
 const LEAST_BATTERY_MV: u16 = 1000;
 
 /// A battery's voltage in millivolts.
@@ -103,6 +103,12 @@ pub(crate) fn battery_mv(text: &str) -> Result<u16, String> {
         let range = format!("a battery voltage is a whole number from {LEAST_BATTERY_MV} to {} mV", u16::MAX);
         range + &volts.unwrap_or_default()
     })
+}
+
+/// A control value as a fraction of full scale.
+pub(crate) fn fraction(text: &str) -> Result<f64, String> {
+    let value = within(text, -1.0..=1.0);
+    value.ok_or_else(|| "a control value is a number from -1 to 1; give steps by --control-steps".to_owned())
 }
 
 fn within(text: &str, allowed: RangeInclusive<f64>) -> Option<f64> {

@@ -8,14 +8,14 @@ use studies::table;
 /// In two lines: a terminal has 80 columns.
 pub(crate) const USAGE: &str = "\
 motor-hub points [OPTIONS] --scheme <SCHEME>
-           --speed-cps <V> --battery-mv <MV>";
+           --speed-cps <CPS> --battery-mv <MV>";
 
 /// Options of `points`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
     at: OperatingOptions,
-    /// Also draws the points, as SVG in this folder
+    /// Also draw the points, as SVG in this folder
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
 }

@@ -1,7 +1,7 @@
 //! `motor-hub run`.
 
 use crate::choice::Choice;
-use crate::output::{Failure, Folder, drawn, print, print_json, progress};
+use crate::output::{Failure, Folder, drawn, print, print_json, progress, sort_by_name};
 use crate::parse::{run_seconds, whole};
 use crate::source::Source;
 use simulated::scenario::Scenario;
@@ -9,7 +9,7 @@ use simulated::sim::{self, RunError};
 use std::path::PathBuf;
 use studies::report::RunReport;
 
-/// What is run, and where its output goes.
+/// Options of `run`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
@@ -17,16 +17,16 @@ pub(crate) struct Options {
     /// Length of the run in seconds
     #[arg(long = "time-s", alias = "time", value_name = "S", value_parser = run_seconds)]
     time: Option<f64>,
-    /// Of all motors
+    /// How all motors are controlled
     #[command(flatten)]
     choice: Choice,
-    /// What the noise of the measurements follows from
+    /// Seed of the measurement noise
     #[arg(long, value_parser = whole("a seed", 0..=u32::MAX, ""))]
     seed: Option<u32>,
     /// Folder for charts and CSV
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/run")]
     out: PathBuf,
-    /// One JSON document on standard output instead of tables
+    /// Print one JSON document instead of tables
     #[arg(long)]
     json: bool,
 }
@@ -40,7 +40,7 @@ impl Options {
             let traces = comparison.traces().map(|(name, text)| (name.to_owned(), text.into_bytes()));
             let mut files = folder.write_all(traces.into())?;
             files.extend(folder.write_all(drawn(&comparison.figures()))?);
-            files.sort();
+            sort_by_name(&mut files);
             Ok(files)
         };
         if self.json {

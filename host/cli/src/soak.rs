@@ -6,34 +6,36 @@ use studies::survey::soak::{self, Soak};
 
 /// The long help of the command.
 pub(crate) const HELP: &str = "\
-Hours of scenarios by lot in virtual time, run by the hub's own tasks: false alarms and starved watchdogs are counted
+Hours of random scenarios in virtual time, run by the hub's own tasks: counts false alarms and starved watchdogs
 
-Scenarios are those of the survey: any motor, load, battery, period and scheme; told everything, wrong inertias or \
-nothing; half of them on bridges with the timing of real ones. All of it is sound, so every fault that the hub reports \
-is a false alarm. `survey --seed SEED --dump NUMBER` writes one as a file, which has ideal bridges and is told everything.
+Scenarios are those of the survey: any motor, load, battery, period and scheme; configured exactly, with wrong \
+inertias, or not configured. Half of them have bridges with the timing of real ones. All hardware is sound, so every \
+fault that the hub reports is a false alarm. `survey --seed SEED --dump NUMBER` writes a scenario as a file, with ideal \
+bridges and configured exactly.
 
-Exit codes: 0 nothing of the kind; 1 something; 2 wrong options.";
+Exit codes: 0 no false alarm; 1 a false alarm or a starved watchdog; 2 wrong options.";
 
 /// Options of `soak`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// What the scenarios follow from
+    /// Seed of the random scenarios
     #[arg(long, default_value_t = 1, value_parser = whole("a seed", 0..=u64::MAX, ""))]
     seed: u64,
-    /// Instead of a lot every motor, inertia, scheme, duty rule, friction, voltage and period, told and not: 12 hours
+    /// Instead of random scenarios: every motor, inertia, scheme, duty rule, friction, voltage and period, configured and
+    /// not; 12 hours of virtual time
     #[arg(long, conflicts_with_all = ["seed", "hours"])]
     sweep: bool,
     /// Hours of virtual time, 0 to 1000
     #[arg(long, default_value_t = 1.0, value_parser = hours)]
     hours: f64,
-    /// One JSON document on standard output instead of text
+    /// Print one JSON document instead of text
     #[arg(long)]
     json: bool,
 }
 
 fn hours(text: &str) -> Result<f64, String> {
     let hours = text.parse().ok().filter(|hours| (0.0..=1000.0).contains(hours));
-    hours.ok_or_else(|| "how long is 0 to 1000 hours".to_owned())
+    hours.ok_or_else(|| "a time is a number from 0 to 1000 hours".to_owned())
 }
 
 impl Options {
@@ -55,10 +57,6 @@ impl Options {
         } else {
             print(&soak::text(&soak))?;
         }
-        if soak.is_clean() {
-            Ok(())
-        } else {
-            Err(Failure::Work("something was reported that was not so".to_owned()))
-        }
+        if soak.is_clean() { Ok(()) } else { Err(Failure::Work(soak::headline(&soak))) }
     }
 }

@@ -1,4 +1,4 @@
-//! Options that choose what is simulated: a scenario, motors in it, the control period.
+//! Options that choose what is simulated: the scenario, its motors, the control period.
 
 use crate::output::Failure;
 use crate::parse::whole;
@@ -8,14 +8,14 @@ use simulated::hardware::MOTORS;
 use simulated::scenario::Scenario;
 use std::path::PathBuf;
 
-/// Which scenario, and what of it is replaced.
+/// The scenario, and what is replaced in it.
 #[derive(clap::Args)]
 pub(crate) struct Source {
     /// Scenario file (TOML) instead of the default scenario
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// Motor of the catalogue in the place of the default scenario's first, second, ... motor, with
-    /// speeds and loads in proportion; up to four. The run has as many motors as are named
+    /// Motor of the catalogue that replaces the default scenario's first, second, ... motor, with speeds and loads in
+    /// proportion; given up to four times. The run has only the motors that are named
     #[arg(long, value_name = "NAME", conflicts_with = "scenario")]
     motor: Vec<String>,
     /// Control period in milliseconds
@@ -25,7 +25,7 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    /// The scenario that is named, or what `default` makes of the program's own, with the other options applied.
+    /// The scenario of the file, or the program's own after `default`, with the other options applied.
     pub(crate) fn scenario(&self, default: impl FnOnce(Scenario) -> Scenario) -> Result<Scenario, Failure> {
         let scenario = match &self.scenario {
             Some(path) => Scenario::load(path),
@@ -42,7 +42,7 @@ impl Source {
     fn replace_motors(&self, scenario: &mut Scenario) -> Result<(), Failure> {
         let times = self.motor.len();
         if times > MOTORS {
-            let why = format!("--motor is given {times} times; the hub drives 1 to {MOTORS}");
+            let why = format!("--motor is given {times} times; the hub drives at most {MOTORS} motors");
             return Err(Failure::Input(why));
         }
         if times > 0 {

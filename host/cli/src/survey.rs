@@ -5,55 +5,60 @@ use crate::parse::whole;
 use serde_json::json;
 use std::path::PathBuf;
 use studies::NamedFigure;
-use studies::survey::{Survey, cells, chart, random, reference, text, toml};
+use studies::survey::text::{self, Parts};
+use studies::survey::{Survey, cells, chart, random, reference, toml};
 
 /// The long help of the command.
 pub(crate) const HELP: &str = "\
-How well motors are regulated: reference tasks, bare motors, scenarios by lot
+How well motors are regulated: reference tasks, bare motors, random scenarios
 
-Three parts, each by the model and, beside it, by PID for a motor of which nothing is told: \
-the tasks of the reference at six control periods; every motor of the catalogue without a load, told to turn and \
-told to go somewhere, at four; and any number of scenarios drawn by lot, with inertia told exactly, 0.7 and 1.4 \
-times, and dry friction of up to 10 % of the stall torque in half of the motors. Of the last those responses are \
-counted that can be settled: 1.5 times the ideal time of full voltage (95 % of what the battery keeps with all motors \
-stalled, within the scheme's range) plus 0.3 s, six control periods and three counts fit into nine tenths of the time, \
-and a tenth of the voltage is left at the end.
+Every part runs with the model and with PID that is not configured.
 
-A scenario is known by seed and number; --dump writes it as a file that `motor-hub run` takes.";
+reference: tasks with known results, at six control periods.
+cells: every motor of the catalogue without a load, at a speed and to a position, at four control periods.
+random: scenarios with random motors, loads, batteries, periods and schemes. The inertia is configured exactly, \
+0.7 and 1.4 times. Half of the motors have dry friction of up to 10 % of the stall torque.
+
+A random response counts only if it can be settled. Its ideal time is that of full voltage: 95 % of the battery \
+voltage with all motors stalled, within the scheme's range. 1.5 times that time plus 0.3 s, six control periods and \
+three counts must fit into nine tenths of the time, with a tenth of the voltage to spare at the end.
+
+Seed and number identify a scenario; --dump writes it as a file for `motor-hub run`. The folder gets the charts, and \
+the tables as Markdown in tables.md.";
 
 /// A part of the survey.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Part {
-    /// The tasks of the reference
+    /// The reference tasks
     Reference,
-    /// Bare motors
+    /// Motors without a load
     Cells,
-    /// Scenarios by lot
+    /// Random scenarios
     Random,
 }
 
 /// Options of `survey`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Only this part
+    /// Run only this part
     #[arg(long, value_name = "PART")]
     only: Option<Part>,
-    /// What the scenarios follow from
+    /// Seed of the random scenarios
     #[arg(long, default_value_t = 1, value_parser = whole("a seed", 0..=u64::MAX, ""))]
     seed: u64,
-    /// How many scenarios
+    /// Number of random scenarios
     #[arg(long, default_value_t = 300, value_parser = whole("how many", 0..=1_000_000_u64, "scenarios"))]
     scenarios: u64,
-    /// How many of the worst responses to list
+    /// Number of worst responses to list
     #[arg(long, default_value_t = 10, value_parser = whole("how many to list", 0..=1_000_000_usize, "responses"))]
     worst: usize,
-    /// Write the scenario of this number to the folder, and run nothing
+    /// Write the random scenario of this number to the folder, and run nothing
     #[arg(long, value_name = "NUMBER", value_parser = whole("a scenario's number", 0..=u64::MAX, ""))]
     dump: Option<u64>,
-    /// Folder for charts, or for that scenario
+    /// Folder for charts and tables.md, or for the scenario of --dump
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/survey")]
     out: PathBuf,
-    /// One JSON document on standard output instead of tables
+    /// Print one JSON document instead of tables
     #[arg(long)]
     json: bool,
 }
@@ -87,19 +92,21 @@ impl Options {
             survey.as_ref().map(chart::survey),
         ];
         let figures: Vec<NamedFigure> = figures.into_iter().flatten().collect();
-        let draw = || folder.write_all(drawn(&figures));
+        let parts =
+            Parts { reference: reference.as_deref(), cells: cells.as_deref(), survey: survey.as_ref() };
+        let page = text::page(parts, self.worst);
+        let write = || {
+            let mut files = drawn(&figures);
+            files.push(("tables.md".to_owned(), page.markdown().into_bytes()));
+            folder.write_all(files)
+        };
         if self.json {
             let document =
-                json!({ "reference": reference, "cells": cells, "survey": survey, "files": draw()? });
+                json!({ "reference": reference, "cells": cells, "survey": survey, "files": write()? });
             return print_json(&document);
         }
-        let parts = [
-            reference.map(|rows| text::reference(&rows)),
-            cells.map(|cells| text::cells(&cells)),
-            survey.map(|survey| text::survey(&survey, self.worst)),
-        ];
-        parts.into_iter().flatten().try_for_each(|part| print(&part))?;
-        draw()?;
-        print(&format!("\nCharts (SVG) are in {folder}\n"))
+        print(&page.terminal())?;
+        write()?;
+        print(&format!("Charts (SVG) and tables (Markdown) are in {folder}\n"))
     }
 }

@@ -1,7 +1,8 @@
 //! The same tasks under every scheme, with linear duty and with linear current: which controls better.
 //!
-//! One AM 60 A does a few tasks under each scheme with each duty rule: by the motor's model, and by PID once with
-//! the same coefficients for all and once with the best of a small grid for each, chosen on the first task. Scores
+//! One NeveRest 60 does a few tasks under each scheme with each duty rule. The motor's model regulates it, or PID:
+//! once with the same coefficients for all, and once with the best of a small grid for each, chosen on the first
+//! task. Scores
 //! say which wins where.
 //!
 //! ```no_run
@@ -38,8 +39,8 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Runs everything, or with `quick` the first three tasks with the same coefficients; `progress` is
-    /// told how many of how many runs are done.
+    /// Runs everything, or with `quick` the first three tasks with the same coefficients; `progress`
+    /// gets the number of runs that are done, and of all.
     ///
     /// # Errors
     /// If a run fails.
@@ -75,9 +76,14 @@ impl Comparison {
         Ok(Self { rounds })
     }
 
-    /// The tables for people.
+    /// The verdict and the tables, for a terminal.
     pub fn text(&self) -> String {
-        self.rounds.iter().map(text::round).chain([text::verdict(&self.rounds)]).collect()
+        text::measures(&self.rounds).terminal()
+    }
+
+    /// The verdict, and the tables that fit a page, as GitHub Markdown.
+    pub fn markdown(&self) -> String {
+        text::settling(&self.rounds).markdown()
     }
 
     /// The document for programs.

@@ -1,6 +1,6 @@
-//! Whether a run is as its scenario expects: each expectation beside what was measured.
+//! Whether a run meets its scenario's expectations: each expectation beside its measurement.
 //!
-//! What there is nothing of cannot be as expected: no change of set-point to settle, no control tick in the
+//! An expectation without a measurement is not met: there was no change of set-point to settle, or no control tick in the
 //! window.
 //!
 //! ```
@@ -40,32 +40,32 @@ use simulated::trace::{Sample, Trace};
 use std::fmt;
 use std::ops::Range;
 
-/// An expectation and what came of it.
+/// An expectation and its measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
     /// The motor's or group's label, or "battery".
     pub subject: String,
-    /// When, in seconds.
+    /// The window in seconds.
     pub window_s: Range<f64>,
-    /// What was wanted.
+    /// The expected quantity, regime or fault.
     pub wish: Wish,
-    /// What was.
+    /// The measurement.
     pub measured: Measured,
 }
 
-/// What was measured for a wish.
+/// The measurement of an expectation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Measured {
-    /// There is nothing to measure.
+    /// Nothing was measured.
     Nothing,
     /// One number, in the quantity's unit; infinite if it never settled.
     Number(f64),
     /// Lowest and highest value, in the quantity's unit.
     Between(f64, f64),
-    /// Every regime that came.
+    /// Every regime that occurred.
     Regimes(Vec<RegimeName>),
-    /// Every fault that came.
+    /// Every fault that occurred.
     Faults(Vec<FaultName>),
 }
 
@@ -96,7 +96,7 @@ impl From<EncoderFault> for FaultName {
     }
 }
 
-/// Holds every expectation of a scenario against a run of it, in the order of the file.
+/// Judges every expectation of a scenario by a run of it, in the order of the file.
 #[must_use]
 pub fn judge(scenario: &Scenario, trace: &Trace) -> Vec<Verdict> {
     let verdict = |expectation: &Expectation| {
@@ -165,7 +165,7 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
     })
 }
 
-/// What of a group is asked for.
+/// The measurement of a group.
 fn of_group(group: &Group, trace: &Trace, expectation: &Expectation) -> Option<f64> {
     let Expectation { window_s, wish, .. } = expectation;
     match wish {
@@ -179,7 +179,7 @@ fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.map(|value| (value, value)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
-/// In the order of their first coming.
+/// Each value once, in the order of first occurrence.
 fn each_once<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
     let mut seen = Vec::new();
     for value in values {
@@ -208,7 +208,7 @@ fn faults(faults: Faults) -> impl Iterator<Item = FaultName> {
 }
 
 impl Verdict {
-    /// True if what was measured is what was wanted.
+    /// True if the measurement meets the expectation.
     #[must_use]
     pub fn met(&self) -> bool {
         match (self.wish, &self.measured) {
@@ -252,7 +252,7 @@ impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { subject, window_s, wish, measured } = self;
         let Range { start, end } = window_s;
-        write!(f, "{subject}, {start} to {end} s: wanted {}, measured {measured}", Wanted(*wish))
+        write!(f, "{subject}, {start} to {end} s: expected {}, measured {measured}", Wanted(*wish))
     }
 }
 
@@ -270,7 +270,7 @@ impl fmt::Display for Wanted {
                 Quantity::Swing => write!(f, "swing {low} to {high} counts/s"),
                 Quantity::CurrentStep => write!(f, "steps of the braking current at most {high} A"),
                 Quantity::EnergyReturned => write!(f, "energy returned {low} to {high} J"),
-                Quantity::HeadingError => write!(f, "heading at most {high} degrees off"),
+                Quantity::HeadingError => write!(f, "heading error at most {high} degrees"),
                 Quantity::Bus => write!(f, "bus {low} to {high} V"),
             },
             Wish::Ever(regime) => write!(f, "{} at times", Name(&regime)),

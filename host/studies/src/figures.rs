@@ -9,6 +9,7 @@
 
 mod circuits;
 
+use crate::points::{CONTROL_RANGE, fraction};
 use crate::{NamedFigure, StudyError};
 use chart::{Figure, Panel, Point, Series, Style, colour};
 use motor_hub::braking::{DutyRule, OperatingPoint, Placer, Scheme};
@@ -24,11 +25,9 @@ use simulated::hardware::{self, winding};
 
 pub use circuits::circuits;
 
-const CONTROL_MAX: f64 = 32_767.0;
+/// Full scale of control values in figures.
+const CONTROL_MAX: f64 = 1.0;
 const BATTERY: f64 = 12.0;
-const FORWARD: &str = colour::GREEN;
-const BRAKING: &str = colour::BLUE;
-const REVERSE: &str = colour::RED;
 const BRIDGE: Bridge = Bridge::new(hardware::BRIDGE);
 const RULES: [(&str, &str, DutyRule); 2] = [
     ("linear duty", colour::RED, DutyRule::LinearDuty),
@@ -71,11 +70,15 @@ fn line(name: &str, colour: &'static str, data: Vec<(f64, f64)>) -> Series {
     Series { name: name.to_owned(), colour, style: Style::Line, data }
 }
 
-/// Three lines, as far as the control range goes, and four points.
+/// Three lines within the control range, and four points.
 fn points_panel(points: &Points, y_label: String, height: f64) -> Panel {
     let corners = [points.s, points.t, points.z, points.g];
     let names = ["S", "T", "Z", "G"];
-    let lines = [("reverse (6/2)", REVERSE), ("braking (5/0)", BRAKING), ("forward (9/8)", FORWARD)];
+    let lines = [
+        ("reverse (6/2)", colour::REVERSE),
+        ("braking (5/0)", colour::BRAKING),
+        ("forward (9/8)", colour::FORWARD),
+    ];
     let pairs = corners.iter().zip(corners.iter().skip(1)).zip(lines);
     let series = pairs.filter_map(|((from, to), (name, colour))| {
         let inside = clipped((from.x, from.y), (to.x, to.y));
@@ -110,18 +113,18 @@ fn clipped(from: (f64, f64), to: (f64, f64)) -> Vec<(f64, f64)> {
 fn structure() -> Figure {
     let at = |x: f64, y: f64| paper::Point { x, y };
     let points = Points {
-        s: at(-32_767.0, -100.0),
-        t: at(-16_384.0, -70.0),
-        z: at(8_192.0, 30.0),
-        g: at(32_767.0, 92.0),
+        s: at(-1.0, -100.0),
+        t: at(-0.5, -70.0),
+        z: at(0.25, 30.0),
+        g: at(1.0, 92.0),
         u: 0.0,
         valid: true,
     };
     Figure {
         title: "Relative structure of the points".to_owned(),
         subtitle: "paper, section 1.3".to_owned(),
-        x_label: "control, steps".to_owned(),
-        x_range: Some((-36_000.0, 36_000.0)),
+        x_label: "control".to_owned(),
+        x_range: Some(CONTROL_RANGE),
         panels: vec![points_panel(&points, "y".to_owned(), 420.0)],
     }
 }
@@ -151,7 +154,7 @@ fn drop_figure(motor: &Motor, mean_zero: bool) -> Figure {
     Figure {
         title: format!("Current after the voltage drops to {goal}"),
         subtitle: format!(
-            "AM 60 A, 10 kg flywheel, from 1 rad/s at the output: {:.4} V to {:.4} V",
+            "NeveRest 60, 10 kg flywheel, from 1 rad/s at the output: {:.4} V to {:.4} V",
             drop.before.0, to.0
         ),
         x_label: "time, ms".to_owned(),
@@ -179,9 +182,9 @@ fn scheme_figure(motor: &Motor, title: &str, scheme: impl Fn(f64) -> paper::Sche
     };
     Figure {
         title: title.to_owned(),
-        subtitle: "AM 60 A on 12 V at 10, 50 and 90 % of its free speed".to_owned(),
-        x_label: "control, steps".to_owned(),
-        x_range: Some((-36_000.0, 36_000.0)),
+        subtitle: "NeveRest 60 on 12 V at 10, 50 and 90 % of its free speed".to_owned(),
+        x_label: "control".to_owned(),
+        x_range: Some(CONTROL_RANGE),
         panels: [0.1, 0.5, 0.9].into_iter().map(panel).collect(),
     }
 }
@@ -194,7 +197,7 @@ fn over_speed(motor: &Motor) -> Figure {
                 let emf = emf_at(motor, share);
                 let points = model_points(motor, scheme(emf / BATTERY), emf);
                 let x = of(&points);
-                (100.0 * share, if points.valid && x.abs() <= 40_000.0 { x } else { f64::NAN })
+                (100.0 * share, if points.valid && x.abs() <= 1.22 { x } else { f64::NAN })
             })
             .collect()
     };
@@ -202,17 +205,17 @@ fn over_speed(motor: &Motor) -> Figure {
     let blended = |u| paper::Scheme::D { blend: paper::blend_keeping_t_in_range(u) };
     Figure {
         title: "Where braking begins and ends, over speed".to_owned(),
-        subtitle: "AM 60 A on 12 V; the control range ends at +-32767".to_owned(),
+        subtitle: "NeveRest 60 on 12 V; the control range ends at +-1".to_owned(),
         x_label: "speed, % of free speed".to_owned(),
         x_range: Some((0.0, 110.0)),
         panels: vec![Panel {
-            y_label: "control, steps".to_owned(),
+            y_label: "control".to_owned(),
             height: 460.0,
-            y_range: Some((-40_000.0, 40_000.0)),
+            y_range: Some((-1.22, 1.22)),
             series: vec![
-                line("Z of scheme A", FORWARD, curve(&|_| paper::Scheme::A, |points| points.z.x)),
-                line("T of scheme B", BRAKING, curve(&|_| paper::Scheme::B, t)),
-                line("T of scheme C", REVERSE, curve(&|_| paper::Scheme::C, t)),
+                line("Z of scheme A", colour::GREEN, curve(&|_| paper::Scheme::A, |points| points.z.x)),
+                line("T of scheme B", colour::BLUE, curve(&|_| paper::Scheme::B, t)),
+                line("T of scheme C", colour::RED, curve(&|_| paper::Scheme::C, t)),
                 line("T of D, blend 1/4", colour::PURPLE, curve(&|_| paper::Scheme::D { blend: 0.25 }, t)),
                 line("T of D, automatic", colour::INK, curve(&blended, t)),
             ],
@@ -243,7 +246,7 @@ fn measured(
     let current = |control: i16| {
         let drive = placer.place(point, Control::new(control)).drive;
         let pwm = Pwm::new(drive.mode, drive.duty.to_f64(), Hertz(hertz));
-        (f64::from(control), circuit.steady(pwm, at).mean.0)
+        (fraction(control), circuit.steady(pwm, at).mean.0)
     };
     Ok((-511..=511).map(|n| current(64 * n)).collect())
 }
@@ -268,7 +271,7 @@ fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
     let emf = emf_at(motor, share);
     let mut panels = Vec::new();
     for (name, scheme) in [("A", Scheme::A), ("B", Scheme::B)] {
-        let straight = (-511..=511).map(|n| 64.0 * f64::from(n)).map(|c| (c, asked(motor, scheme, emf, c)));
+        let straight = (-511..=511).map(|n| fraction(64 * n)).map(|c| (c, asked(motor, scheme, emf, c)));
         let asked = line("asked for", colour::INK, straight.collect());
         let mut series = vec![Series { style: Style::Dashed, ..asked }];
         for (rule_name, colour, rule) in RULES {
@@ -282,13 +285,13 @@ fn currents(motor: &Motor, share: f64) -> Result<Figure, StudyError> {
     Ok(Figure {
         title: format!("What a control value becomes at {:.0} % of free speed", 100.0 * share),
         subtitle: format!(
-            "AM 60 A on {BATTERY} V, {} kHz, Vd {} V, Ron {} mohm; worst deviation in % of Vbat/R",
+            "NeveRest 60 on {BATTERY} V, {} kHz, Vd {} V, Ron {} mohm; worst deviation in % of Vbat/R",
             hertz / 1e3,
             BRIDGE.vd.0,
             hardware::BRIDGE.switch_mohm(),
         ),
-        x_label: "control, steps".to_owned(),
-        x_range: Some((-33_000.0, 33_000.0)),
+        x_label: "control".to_owned(),
+        x_range: Some((-1.01, 1.01)),
         panels,
     })
 }
@@ -318,9 +321,9 @@ fn by_frequency(motor: &Motor) -> Result<Figure, StudyError> {
     }
     Ok(Figure {
         title: "Deviation from the line asked for, by PWM frequency".to_owned(),
-        subtitle: "AM 60 A on 12 V at 50 % of free speed, scheme B, event-exact bridge".to_owned(),
-        x_label: "control, steps".to_owned(),
-        x_range: Some((-33_000.0, 33_000.0)),
+        subtitle: "NeveRest 60 on 12 V at 50 % of free speed, scheme B, event-exact bridge".to_owned(),
+        x_label: "control".to_owned(),
+        x_range: Some((-1.01, 1.01)),
         panels,
     })
 }

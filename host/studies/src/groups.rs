@@ -7,7 +7,7 @@ use simulated::trace::{Sample, Tick, Trace};
 use std::ops::Range;
 
 /// Seconds from a course that begins in the window until all members have arrived, up to the next course or the
-/// window's end: the longest. Infinite of one that does not arrive; `None` if there is no course.
+/// window's end: the longest. Infinite if a member does not arrive; `None` if there is no course.
 pub(crate) fn longest_arrival_s(group: &Group, trace: &Trace, window_s: &Range<f64>) -> Option<f64> {
     let starts = || group.courses.iter().map(|course| course.at_s).filter(|at_s| window_s.contains(at_s));
     let ends = starts().skip(1).chain([window_s.end]);
@@ -20,7 +20,7 @@ fn arrival_s(group: &Group, trace: &Trace, course_s: &Range<f64>) -> f64 {
         members.all(|sample| sample.is_some_and(|sample| sample.report.at_target))
     };
     let ticks: Vec<&Tick> = trace.ticks.iter().filter(|tick| course_s.contains(&tick.at_s)).collect();
-    // Whoever has arrived may have to wait for the next command to say otherwise.
+    // A motor at its target reports so until its next command.
     let last_away = ticks.iter().rposition(|tick| !at_target(tick));
     last_away
         .and_then(|last| ticks.get(last + 1))

@@ -55,7 +55,7 @@ pub fn longer(scenario: &Scenario, trace: &Trace) -> Option<Scenario> {
 pub struct Identifications {
     scenario: Scenario,
     trace: Trace,
-    told: Vec<Settings>,
+    configured: Vec<Settings>,
     truth: Vec<Dynamics>,
 }
 
@@ -64,13 +64,13 @@ impl Identifications {
     /// If a motor's constants do not fit the firmware's range.
     pub fn new(scenario: Scenario, trace: Trace) -> Result<Self, RangeError> {
         let settings = |motor: &Motor| motor.settings();
-        let told = scenario.motors.iter().map(settings).collect::<Result<_, _>>()?;
+        let configured = scenario.motors.iter().map(settings).collect::<Result<_, _>>()?;
         let truth = scenario.motors.iter().map(|motor| {
             let known = settings(&Motor { told: Told::TRUTH, ..motor.clone() })?;
             known.dynamics.ok_or(RangeError::AccelerationPerVolt)
         });
         let truth = truth.collect::<Result<_, _>>()?;
-        Ok(Self { scenario, trace, told, truth })
+        Ok(Self { scenario, trace, configured, truth })
     }
 
     /// By motor.
@@ -148,7 +148,7 @@ impl Identifications {
                 name: "predicted".into(),
                 colour: colour::RED,
                 style: Style::Dashed,
-                data: predicted(samples, &self.told[index], &found.dynamics),
+                data: predicted(samples, &self.configured[index], &found.dynamics),
             });
         }
         let verdict = match outcome {
@@ -165,10 +165,10 @@ impl Identifications {
 }
 
 /// Counts that a motor with these dynamics would have come to under the voltages that the hub reports.
-fn predicted(samples: &[(f64, &Sample)], told: &Settings, found: &Dynamics) -> Vec<(f64, f64)> {
+fn predicted(samples: &[(f64, &Sample)], configured: &Settings, found: &Dynamics) -> Vec<(f64, f64)> {
     const STEPS: u32 = 50;
-    let ohms = MV * f64::from(told.winding.resistance.as_milliohms())
-        + 2.0 * MV * f64::from(told.bridge.switch_mohm());
+    let ohms = MV * f64::from(configured.winding.resistance.as_milliohms())
+        + 2.0 * MV * f64::from(configured.bridge.switch_mohm());
     let (b, q) = (f64::from(found.gain.to_f32()), f64::from(found.decay.to_f32()));
     let friction = b * MV * f64::from(found.friction.get());
     let (mut x, mut w) = (0.0, 0.0_f64);
@@ -177,7 +177,7 @@ fn predicted(samples: &[(f64, &Sample)], told: &Settings, found: &Dynamics) -> V
         let [(at, sample), (next, _)] = pair else { continue };
         data.push((*at, x));
         let report = &sample.report;
-        let emf = told.winding.emf.emf(report.velocity).to_f64();
+        let emf = configured.winding.emf.emf(report.velocity).to_f64();
         let volts = MV * (f64::from(report.current.get()) * ohms + emf);
         let push = if report.regime.is_some() { b * volts } else { 0.0 };
         let dt = (next - at) / f64::from(STEPS);
@@ -213,15 +213,15 @@ pub fn found_table(title: &str, found: &Identified, beside: Option<(&str, &Dynam
     let (b, true_b) = of(|d| d.gain.to_f32().into());
     row("acceleration per volt, b", "counts/s²/V", 1, b, per_mille(found.gain_error), true_b);
     let (q, true_q) = of(|d| d.decay.to_f32().into());
-    let told = |error: u16| if found.emf_is_told { "as told".into() } else { per_mille(error) };
-    row("decay, q", "/s", 3, q, told(found.decay_error), true_q);
+    let configured = |error: u16| if found.emf_is_told { "configured".into() } else { per_mille(error) };
+    row("decay, q", "/s", 3, q, configured(found.decay_error), true_q);
     let (_, ratio) = of(|d| 1e3 * f64::from(d.decay.to_f32()) / f64::from(d.gain.to_f32()));
     row(
         "back EMF and drag, q / b",
         "mV s/count",
         4,
         volts_per_speed(found.emf),
-        told(found.emf_error),
+        configured(found.emf_error),
         ratio,
     );
     let (c, true_c) = of(|d| MV * f64::from(d.friction.get()));

@@ -1,18 +1,18 @@
-//! What runs of the hub and questions to its core tell: measures, comparisons, the paper's numbers and
-//! figures, answers to cases. Every study returns a document (text for people, JSON for programs, figures);
-//! none prints or writes anything.
+//! Studies of the hub: measures of runs, comparisons, the paper's numbers and figures, answers to cases. Every study
+//! returns a document (text for people, JSON for programs, figures); none prints or writes anything.
 //!
-//! | room | what it tells |
+//! | module | what it shows |
 //! |---|---|
-//! | [`measures`] | a run in numbers: settling, overshoot, jerk, energy |
-//! | [`expectations`] | whether a run is as its scenario expects |
+//! | [`measures`] | numbers of a run: settling, overshoot, jerk, energy |
+//! | [`expectations`] | whether a run meets its scenario's expectations |
 //! | [`report`] | a scenario with and without a braking regime |
-//! | [`recording`] | what a hub said while a host drove its motors |
+//! | [`recording`] | what a hub reported while a host drove its motors |
 //! | [`compare`] | the same tasks under every scheme and duty rule |
-//! | [`survey`] | how well motors are regulated: reference tasks, bare motors, scenarios by lot |
-//! | [`identify`] | what the hub learns of its motors, beside what they are |
+//! | [`survey`] | how well motors are regulated: reference tasks, bare motors, random scenarios |
+//! | [`identify`] | what the hub identifies of its motors, beside their true values |
 //! | [`overlay`] | the flashed image beside the same core on the simulated board |
-//! | [`points`] | S, T, Z, G at an operating point, and what becomes of a control value |
+//! | [`points`] | S, T, Z, G at an operating point, and the duty of a control value |
+//! | [`page`], [`table`] | sentences and tables for a terminal or as Markdown |
 //! | [`paper`] | every number that the paper prints beside ours, and where its text is wrong |
 //! | [`figures`] | the paper's figures and ours |
 //! | [`eval`] | cases of a JSON document, answered by core and model |
@@ -22,8 +22,8 @@
 //! use motor_hub::model::catalogue::characterised;
 //! use studies::points::OperatingReport;
 //!
-//! let report = OperatingReport::new(characterised("AM 60 A")?, Scheme::B, 1000, 12_000)?;
-//! assert!(report.heading().starts_with("AM 60 A at 1000 counts/s on 12.000 V, scheme B"));
+//! let report = OperatingReport::new(characterised("NeveRest 60")?, Scheme::B, 1000, 12_000)?;
+//! assert!(report.heading().starts_with("NeveRest 60 at 1000 counts/s on 12.000 V, scheme B"));
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 #![forbid(unsafe_code)]
@@ -36,6 +36,7 @@ mod groups;
 pub mod identify;
 pub mod measures;
 pub mod overlay;
+pub mod page;
 pub mod paper;
 pub mod points;
 pub mod recording;
@@ -48,8 +49,8 @@ use motor_hub::model::catalogue::UnknownMotor;
 use motor_hub::units::RangeError;
 use simulated::sim::RunError;
 
-/// Of the documents and files for programs. It changes when a field of them goes or means something else; fields may
-/// be added at any time.
+/// Version of the documents and files for programs. It changes when a field is removed or changes its meaning. Fields
+/// may be added at any time.
 pub const SCHEMA_VERSION: u32 = 1;
 
 /// Why a study could not be made.
@@ -61,13 +62,13 @@ pub enum StudyError {
     /// A quantity does not fit the firmware.
     #[error(transparent)]
     Range(#[from] RangeError),
-    /// A run came to no end.
+    /// A run did not finish.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// Without a supply nothing can be said of a bridge.
+    /// A bridge has no operating point without a supply.
     #[error("the battery voltage is 0")]
     NoBattery,
-    /// A task of a comparison has no motor, or nothing happens in it.
+    /// A task of a comparison has no motor, or no event.
     #[error("a task without an event")]
     NoEvent,
 }

@@ -24,6 +24,9 @@ use std::ops::Range;
 /// A velocity has settled when it stays this close, as a share of the larger of old and new speed.
 const BAND: f64 = 0.02;
 
+/// Share of the time to the next change for which a motor stays within the band once it has settled.
+const REST: f64 = 0.1;
+
 /// Everything measured of one motor in one run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Measures {
@@ -48,6 +51,9 @@ pub struct Response {
     pub at_s: f64,
     /// What changed, in words.
     pub change: String,
+    /// What the motor had to do, after its name: "held at its speed".
+    #[serde(skip)]
+    pub task: String,
     /// "counts/s" or "counts".
     pub unit: &'static str,
     /// Seconds until the motor stays within 2 % of the larger of old and new speed, or within the
@@ -179,7 +185,7 @@ fn response(motor: &Motor, from_s: f64, to_s: f64, ticks: &[(f64, &Sample)]) -> 
         .collect();
     let before = motor.setpoints.iter().rev().find(|s| s.at_s < from_s).and_then(|s| Goal::of(s.value));
     let old = match before {
-        // A change of run mode begins wherever the motor is.
+        // A change of run mode begins at the motor's own value.
         Some(before) if before.unit() == goal.unit() => before.target(),
         _ => within.first()?.1,
     };
@@ -196,6 +202,7 @@ fn response(motor: &Motor, from_s: f64, to_s: f64, ticks: &[(f64, &Sample)]) -> 
         None => Some(from_s),
         Some(index) => within.get(index + 1).map(|(at, _)| *at),
     };
+    let latest = to_s - REST * (to_s - from_s);
     let beyond =
         |value: f64| if stepped { (value - new) * (new - old).signum() } else { (value - new).abs() };
     let scale = if stepped { (new - old).abs() } else { new.abs() };
@@ -216,8 +223,9 @@ fn response(motor: &Motor, from_s: f64, to_s: f64, ticks: &[(f64, &Sample)]) -> 
         } else {
             format!("torque to {} N m", motor.torque_at(from_s))
         },
+        task: task(goal, stepped),
         unit: goal.unit(),
-        settling_s: settled_at.map(|at| at - from_s),
+        settling_s: settled_at.filter(|at| *at <= latest).map(|at| at - from_s),
         overshoot_percent: (scale > 0.0).then(|| 100.0 * farthest / scale + 0.0),
         residual_rms: rms(&errors_since(f64::midpoint(from_s, to_s))),
         rms_error: rms(&errors),
@@ -225,6 +233,18 @@ fn response(motor: &Motor, from_s: f64, to_s: f64, ticks: &[(f64, &Sample)]) -> 
         swing: last.iter().copied().reduce(f64::max).unwrap_or(0.0)
             - last.iter().copied().reduce(f64::min).unwrap_or(0.0),
     })
+}
+
+/// What a motor has to do after a change of its set-point, or of the torque on it.
+fn task(goal: Goal, stepped: bool) -> String {
+    match goal {
+        Goal::Velocity(0.0) if stepped => "brought to standstill".to_owned(),
+        Goal::Velocity(0.0) => "held at standstill".to_owned(),
+        Goal::Velocity(speed) if stepped => format!("brought to {speed:.0} counts/s"),
+        Goal::Velocity(_) => "held at its speed".to_owned(),
+        Goal::Position { counts, .. } if stepped => format!("moved to {counts:.0} counts"),
+        Goal::Position { .. } => "held at its position".to_owned(),
+    }
 }
 
 fn jerk(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Jerk {

@@ -7,6 +7,7 @@
 
 pub(crate) mod printed;
 
+use crate::page::Page;
 use crate::{StudyError, table};
 use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::load::Load;
@@ -31,8 +32,8 @@ struct Misprint {
     right: String,
 }
 
-/// The paper's to-do: how far a current from `(v - Ke Omega)/R` is off over a control period, as rms
-/// over speeds and voltages, and the estimate that allows for the change of speed.
+/// The paper's to-do: the rms error over a control period of a current from `(v - Ke Omega)/R`, over speeds and
+/// voltages. The estimate includes the change of speed.
 #[derive(Serialize)]
 struct Estimate {
     motor: &'static str,
@@ -52,7 +53,7 @@ pub struct Document {
 }
 
 impl Document {
-    /// Computes everything anew.
+    /// Computes all numbers.
     ///
     /// # Errors
     /// If the catalogue lacks a motor of the paper's examples.
@@ -95,18 +96,27 @@ impl Document {
                 format!("{:.4}", e.ke_ratio),
             ]);
         }
-        format!(
-            "What the paper prints (AM 60 A)\n{numbers}\n\nWhere its text is wrong\n{misprints}\n\n\
-             A better current over a control period (the paper's second to-do)\n{estimates}\n{}\n",
-            table::paragraph(ESTIMATE)
-        )
+        let agree = self.numbers.iter().filter(|number| number.agrees).count();
+        let mut page = Page::new(format!(
+            "{agree} of {} numbers that the paper prints agree with ours; its text has {} misprints.",
+            self.numbers.len(),
+            self.misprints.len()
+        ));
+        page.table("Numbers of the paper (its AM 60 is a NeveRest 60)", numbers);
+        page.table("Misprints", misprints);
+        page.table(
+            "A better estimate of the current over a control period (the paper's second to-do)",
+            estimates,
+        );
+        page.text(ESTIMATE);
+        page.terminal()
     }
 }
 
 const ESTIMATE: &str = "\
-The estimate allows for the change of speed within the period: i_inf + (i_q - i_inf) phi + (i0 - i_q) tau_e/P.
-It scales all ordinates of a scheme alike and moves its abscissas only by Ke_eff/Ke, a few percent: much better
-as a current, hardly another control.";
+The estimate includes the change of speed within the period: i_inf + (i_q - i_inf) phi + (i0 - i_q) tau_e/P.
+It scales all ordinates of a scheme by one factor, and moves the abscissas by Ke_eff/Ke, which is a few percent. The
+current is much more accurate; the control value hardly changes.";
 
 /// To the last digit printed; a fraction to the last digit of a double.
 fn agrees(printed: &str, ours: f64) -> bool {
@@ -155,7 +165,7 @@ fn misprints(motor: &Motor) -> Vec<Misprint> {
             section: "1.2",
             printed: "discharges briefly, about 1 ms",
             right: format!(
-                "1 to 3 A of an AM 60 A take {:.0} us (1 A, free speed) to {:.0} us (3 A, standstill)",
+                "1 to 3 A of a NeveRest 60 take {:.0} us (1 A, free speed) to {:.0} us (3 A, standstill)",
                 decay_us(1.0, emf_of_free),
                 decay_us(3.0, 0.0)
             ),
@@ -209,10 +219,10 @@ fn misprints(motor: &Motor) -> Vec<Misprint> {
 fn estimates() -> Result<Vec<Estimate>, StudyError> {
     let mut rows = Vec::new();
     for (name, load_name, load) in [
-        ("AM 60 A", "10 kg flywheel", flywheel()),
-        ("AM 60 A", "none", Load::NONE),
-        ("AM 20 A", "none", Load::NONE),
-        ("AM 3.7 B", "none", Load::NONE),
+        ("NeveRest 60", "10 kg flywheel", flywheel()),
+        ("NeveRest 60", "none", Load::NONE),
+        ("NeveRest 20", "none", Load::NONE),
+        ("NeveRest 3.7", "none", Load::NONE),
     ] {
         let motor = characterised(name)?;
         let motor = if load == Load::NONE { motor.with_measured_rotor_inertia() } else { motor };

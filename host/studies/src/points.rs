@@ -1,4 +1,4 @@
-//! One motor at one speed on one battery: what the firmware's core makes of it, for people.
+//! One motor at one speed on one battery: points and duties that the firmware's core computes.
 //!
 //! ```
 //! use motor_hub::braking::Scheme;
@@ -55,7 +55,7 @@ pub struct PointReport {
     pub y: f64,
 }
 
-/// A control value's place, with the duty that the paper gives it.
+/// Regime, mode and duty of a control value by both duty rules.
 #[derive(Debug, PartialEq, Serialize)]
 pub struct Placed {
     /// Steps.
@@ -67,10 +67,10 @@ pub struct Placed {
     pub linear_current: PlacedDrive,
 }
 
-/// What the bridge is told, and why.
+/// The bridge's command, and its regime.
 #[derive(Debug, PartialEq, Serialize)]
 pub struct PlacedDrive {
-    /// Its regime, relative to the motion.
+    /// The regime, relative to the motion.
     pub regime: &'static str,
     /// The bridge's mode.
     pub mode: &'static str,
@@ -119,7 +119,7 @@ impl OperatingReport {
         })
     }
 
-    /// Where a control value lies.
+    /// Regime, mode and duty of a control value.
     pub fn place(&self, control: Control) -> Placed {
         let linear_current = braking::place_current(&self.current, self.scheme.0, self.at, control);
         Placed {
@@ -129,7 +129,7 @@ impl OperatingReport {
         }
     }
 
-    /// What the ordinate is.
+    /// The quantity of the ordinate, with its unit.
     pub fn ordinate(&self) -> &'static str {
         if self.y_unit == "V" { "equivalent voltage, V" } else { "current, A" }
     }
@@ -146,23 +146,34 @@ impl OperatingReport {
         )
     }
 
-    /// The points and the lines between them, as far as control values reach.
+    /// The points and the lines between them within the control range.
     pub fn figure(&self) -> Figure {
-        let points =
-            self.points.map(|p| Point { at: (p.control, p.y), name: p.name.into(), colour: colour::INK });
+        let points = self.points.map(|p| Point {
+            at: (p.control / f64::from(Control::MAX.get()), p.y),
+            name: p.name.into(),
+            colour: colour::INK,
+        });
         let look = chart::Look {
             counter_clockwise: self.at.counter_clockwise(),
             jump: self.scheme.0 == Scheme::ForwardReverse,
             height: 480.0,
         };
         Figure {
-            title: "Where a control value falls".into(),
+            title: "Control values and their regimes".into(),
             subtitle: self.heading(),
-            x_label: chart::X_LABEL.into(),
-            x_range: Some(chart::X_RANGE),
+            x_label: "control".into(),
+            x_range: Some(CONTROL_RANGE),
             panels: vec![chart::panel(self.ordinate().into(), points, look)],
         }
     }
+}
+
+/// The axis of control values in charts: full scale and a margin.
+pub(crate) const CONTROL_RANGE: (f64, f64) = (-1.08, 1.08);
+
+/// A control value as a fraction of full scale, -1 to 1.
+pub(crate) fn fraction(steps: i16) -> f64 {
+    f64::from(steps) / f64::from(Control::MAX.get())
 }
 
 /// "model" or "PID".

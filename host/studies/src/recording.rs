@@ -1,4 +1,4 @@
-//! What a hub said while a host drove its motors: rows of comma-separated values, and the chart of a run.
+//! The reports of a hub while a host drove its motors: rows of comma-separated values, and the chart of a run.
 //!
 //! ```
 //! use studies::recording::{Recording, Sample, Told};
@@ -9,14 +9,15 @@
 //! assert_eq!(recording.figures().len(), 1);
 //! ```
 
+use crate::points::{CONTROL_RANGE, fraction};
 use crate::{NamedFigure, SCHEMA_VERSION};
 use chart::{Figure, Panel, Series, Style, colour};
 
-/// The first line of the file. Units are in the names; what is not known is left out.
+/// The first line of the file. Units are in the names; unknown values are empty.
 pub const HEADINGS: &str = "time_s,motor,battery_measured_v,setpoint,setpoint_value,position_counts,\
 speed_estimate_cps,control,current_a,at_target,schema_version\n";
 
-/// What all motors of a recording are told.
+/// The set-point of all motors of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Told {
     /// Control steps, -32767 to 32767.
@@ -48,28 +49,28 @@ impl Told {
     }
 }
 
-/// What a hub says of one motor at one instant.
+/// A hub's report of one motor at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
     /// Seconds since the start.
     pub at_s: f64,
-    /// As the hub counts them, from 0.
+    /// Number of the motor, from 0.
     pub motor: u8,
-    /// Of the hub's battery.
+    /// Battery voltage that the hub measures.
     pub battery_v: f64,
     /// Encoder counts.
     pub position: i32,
     /// Counts per second.
     pub cps: i16,
-    /// Control steps, of hubs that tell.
+    /// Control value in steps; `None` if the hub does not report it.
     pub control: Option<i16>,
-    /// Magnitude of the motor's current in amperes, of hubs that tell.
+    /// Magnitude of the motor's current in amperes; `None` if the hub does not report it.
     pub current_a: Option<f64>,
-    /// By the hub, of a position.
+    /// The hub reports that the motor is at its target position.
     pub at_target: bool,
 }
 
-/// A drive from beginning to end.
+/// A recorded run.
 #[derive(Clone, Debug)]
 pub struct Recording {
     subtitle: String,
@@ -78,13 +79,13 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Nothing yet; `of` is what charts say under their title.
+    /// An empty recording; `of` is the subtitle of its charts.
     #[must_use]
     pub fn new(of: &str, told: Told) -> Self {
         Self { subtitle: of.to_owned(), told, samples: Vec::new() }
     }
 
-    /// Keeps a sample, and gives its row.
+    /// Keeps a sample, and returns its row.
     pub fn push(&mut self, sample: Sample) -> String {
         self.samples.push(sample);
         let Sample { at_s, motor, battery_v, position, cps, control, current_a, at_target } = sample;
@@ -96,7 +97,7 @@ impl Recording {
         )
     }
 
-    /// A chart of each motor, with the panels that a simulated run has, as far as a hub tells.
+    /// A chart of each motor with the panels of a simulated run. Values that the hub does not report have no panel.
     #[must_use]
     pub fn figures(&self) -> Vec<NamedFigure> {
         let mut motors: Vec<u8> = self.samples.iter().map(|sample| sample.motor).collect();
@@ -131,17 +132,16 @@ impl Recording {
             Told::Velocity(_) => panels.push(panel("speed, counts/s", 170.0, vec![goal(), speed])),
             Told::Power(_) => panels.push(panel("speed, counts/s", 170.0, vec![speed])),
         }
-        let is_told = self.samples.iter().any(|sample| sample.motor == motor && sample.control.is_some());
-        if is_told || self.told.power().is_some() {
-            let steps = |s: &Sample| s.control.or(self.told.power()).map_or(f64::NAN, f64::from);
-            let control = line("control", colour::BLUE, Style::Step, &steps);
-            let y_range = Some((-36_000.0, 36_000.0));
-            panels.push(Panel { y_range, ..panel("control, steps", 130.0, vec![control]) });
+        let reported = self.samples.iter().any(|sample| sample.motor == motor && sample.control.is_some());
+        if reported || self.told.power().is_some() {
+            let value = |s: &Sample| s.control.or(self.told.power()).map_or(f64::NAN, fraction);
+            let control = line("control", colour::BLUE, Style::Step, &value);
+            panels.push(Panel { y_range: Some(CONTROL_RANGE), ..panel("control", 130.0, vec![control]) });
         }
         if self.samples.iter().any(|sample| sample.motor == motor && sample.current_a.is_some()) {
             let current = line("current", colour::BLUE, Style::Step, &|s| s.current_a.unwrap_or(f64::NAN));
             panels.push(panel(
-                "magnitude of the motor current, A, as the hub tells it",
+                "magnitude of the motor current, A, as reported by the hub",
                 110.0,
                 vec![current],
             ));

@@ -14,12 +14,14 @@
 
 mod csv;
 mod figures;
+mod headline;
 mod runs;
 mod tables;
 
 use crate::NamedFigure;
 use crate::expectations::Verdict;
 use crate::measures::Measures;
+use crate::table;
 use motor_hub::braking::DutyRule;
 use serde::Serialize;
 use serde_json::json;
@@ -42,14 +44,19 @@ struct MotorReport<'a> {
 }
 
 impl RunReport {
-    /// What was expected of the run as set, and whether it came so.
+    /// The scenario's expectations of the run as set, and whether they are met.
     pub fn verdicts(&self) -> &[Verdict] {
         &self.verdicts
     }
 
-    /// The tables for people.
+    /// The result in a sentence: where the run with braking differs most from that without.
+    pub fn headline(&self) -> String {
+        headline::headline(self)
+    }
+
+    /// The headline and the tables, for people.
     pub fn tables(&self) -> String {
-        tables::all(self)
+        format!("{}\n\n{}", table::paragraph(&self.headline()), tables::all(self))
     }
 
     /// The document for programs.
@@ -84,7 +91,7 @@ impl RunReport {
         ]
     }
 
-    /// A chart of each motor, and one of all of them with and without a braking regime.
+    /// A chart of each motor, and one of all motors with and without a braking regime.
     pub fn figures(&self) -> Vec<NamedFigure> {
         figures::all(self)
     }

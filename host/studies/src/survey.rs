@@ -1,11 +1,11 @@
-//! How well motors are regulated: the tasks of the [`mod@reference`], every motor of the catalogue in its [`cells`],
-//! and any number of scenarios drawn by lot ([`random`]), each told exactly, told wrongly, and told nothing. Hours of those,
-//! in which false alarms are counted, are [`soak`].
+//! How well motors are regulated: the tasks of the [`mod@reference`], every motor of the catalogue without a load
+//! ([`cells`]), and any number of [`random`] scenarios. The hub is configured exactly, configured with a wrong inertia, or
+//! not configured. [`soak`] runs hours of random scenarios and counts false alarms.
 //!
 //! Responses are judged by the true motion at every millisecond. A speed has settled when it stays within 2 % of
 //! the larger of old and new speed, at least 2 counts/s; a position within 10 counts; standstill within 3 of where it
-//! ends; to the end, with a tenth of the time to spare. Of the drawn responses those are counted that can be
-//! settled, whoever regulates.
+//! ends; each for at least the last tenth of its time. Of the random responses those are counted that can be
+//! settled by some regulator.
 //!
 //! ```no_run
 //! use studies::survey::reference;
@@ -41,17 +41,17 @@ use serde::Serialize;
 use simulated::scenario::{Motor, Scenario, Told, ToldMotion};
 use simulated::scheme::{DutyWord, SchemeWords, describe};
 
-/// What the hub is told of a motor's motion.
+/// How the motion of a motor is configured in the hub.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Knowledge {
-    /// Everything as it is.
+    /// The true inertia, drag and friction.
     Exact,
     /// 0.7 times the inertia.
     Lighter,
     /// 1.4 times the inertia.
     Heavier,
-    /// Nothing but the winding: PID.
+    /// Not configured but for the winding: PID.
     Nothing,
 }
 
@@ -62,14 +62,14 @@ impl Knowledge {
     /// In words.
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Exact => "told exactly",
-            Self::Lighter => "told 0.7 J",
-            Self::Heavier => "told 1.4 J",
-            Self::Nothing => "told nothing (PID)",
+            Self::Exact => "configured exactly",
+            Self::Lighter => "inertia x0.7",
+            Self::Heavier => "inertia x1.4",
+            Self::Nothing => "not configured (PID)",
         }
     }
 
-    fn told(self) -> Told {
+    fn configured(self) -> Told {
         let motion = |inertia| Some(ToldMotion { inertia, drag: 1.0, friction: 1.0 });
         let motion = match self {
             Self::Exact => motion(1.0),
@@ -81,7 +81,7 @@ impl Knowledge {
     }
 }
 
-/// A response that can be settled, and what came of it.
+/// A response that can be settled, and its verdicts.
 #[derive(Clone, Debug, Serialize)]
 pub struct Response {
     /// The scenario's number.
@@ -90,9 +90,9 @@ pub struct Response {
     pub motor: usize,
     /// Seconds from the scenario's start.
     pub at_s: f64,
-    /// What was asked for.
+    /// The kind of change.
     pub kind: Kind,
-    /// The same in words.
+    /// The change in words.
     pub what: String,
     /// The motor, its load, battery, period and scheme in words.
     pub circumstances: String,
@@ -110,21 +110,21 @@ pub struct Response {
     pub verdicts: Vec<Verdict>,
 }
 
-/// The responses of drawn scenarios.
+/// The responses of random scenarios.
 #[derive(Clone, Debug, Serialize)]
 pub struct Survey {
-    /// What the scenarios follow from.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// How many of them.
+    /// Number of scenarios.
     pub scenarios: u64,
-    /// How many responses were asked for, those among them that cannot be settled.
+    /// Number of all responses.
     pub asked: usize,
-    /// Those that can be settled.
+    /// The responses that can be settled.
     pub responses: Vec<Response>,
 }
 
 impl Survey {
-    /// Draws and runs; `progress` is told how many of how many scenarios are done.
+    /// Draws and runs scenarios; `progress` gets the number of scenarios that are done, and of all.
     ///
     /// # Errors
     /// If a run fails.
@@ -146,7 +146,7 @@ impl Survey {
     }
 }
 
-/// How many responses a scenario asks for, and those that can be settled.
+/// The number of all responses of a scenario, and the responses that can be settled.
 fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyError> {
     let scenario = random::scenario(seed, number);
     let challenges = judge::challenges(&scenario);
@@ -154,7 +154,7 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
     let mut verdicts: Vec<Vec<Verdict>> = vec![Vec::new(); challenges.len()];
     for knowledge in Knowledge::ALL {
         let mut scenario = scenario.clone();
-        scenario.motors.iter_mut().for_each(|motor| motor.told = knowledge.told());
+        scenario.motors.iter_mut().for_each(|motor| motor.told = knowledge.configured());
         let tracks = judge::watch(&scenario)?;
         for (challenge, all) in challenges.iter().zip(&mut verdicts) {
             all.push(judge::judge(challenge, tracks.get(challenge.motor).map_or(&[], |track| track)));
@@ -200,7 +200,7 @@ fn circumstances(scenario: &Scenario, index: usize) -> String {
     let Some(motor) = scenario.motors.get(index) else { return String::new() };
     let shaft = Shaft::new(&motor.constants, &motor.load);
     format!(
-        "{}, tau {:.2} s ({:.1} J), {:.1} V, {} ms, {}{}{}",
+        "{}, tau {:.2} s ({:.1} times the rotor's inertia), {:.1} V, {} ms, {}{}{}",
         motor.constants.name,
         time_constant(&motor.constants, &motor.load),
         shaft.inertia.0 / motor.constants.j.0,

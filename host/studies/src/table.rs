@@ -1,5 +1,5 @@
-//! Tables for a terminal, all in one look, no wider than it: text wraps at its words, and columns of numbers for
-//! which there is no room go into a further table below, beside the text again.
+//! Tables for a terminal, no wider than the terminal, or as Markdown. Text wraps at its words. Columns of numbers
+//! without room go into a further table below, beside the text again.
 //!
 //! ```
 //! let mut table = studies::table::new(&["motor", "counts/s"], 1);
@@ -8,25 +8,26 @@
 //! ```
 
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Table as Drawn, Width, presets};
+use std::cmp::Ordering;
 use std::fmt;
-use std::sync::atomic::{AtomicU16, Ordering};
+use std::sync::atomic::{self, AtomicU16};
 
-/// Columns of a terminal that nobody has told the width of.
+/// Columns of a terminal of unknown width.
 pub const USUAL_WIDTH: u16 = 80;
 
-/// One terminal, one width: every table of the process goes there.
+/// Width of the terminal in columns: one for all tables of the process.
 static WIDTH: AtomicU16 = AtomicU16::new(USUAL_WIDTH);
 
-/// Tells how many columns the terminal has; tables are no wider from now on.
+/// Sets the columns of the terminal. Tables are no wider from then on.
 pub fn fit(columns: u16) {
-    WIDTH.store(columns, Ordering::Relaxed);
+    WIDTH.store(columns, atomic::Ordering::Relaxed);
 }
 
 /// Rows under headings.
 #[derive(Clone, Debug)]
 pub struct Table {
     headings: Vec<String>,
-    /// So many columns are text, aligned left; all others are numbers.
+    /// Number of text columns, aligned left; all others are numbers.
     left: usize,
     rows: Vec<Vec<String>>,
     /// Characters that every column has at least, where there is room.
@@ -46,10 +47,22 @@ impl Table {
         self
     }
 
-    /// The table with columns of so many characters at least, so that several tables line up.
+    /// The table with columns of at least this many characters, so that several tables line up.
     #[must_use]
     pub fn at_least(self, narrowest: usize) -> Self {
         Self { narrowest, ..self }
+    }
+
+    /// The table as GitHub Markdown. Lines of a cell become one.
+    #[must_use]
+    pub fn markdown(&self) -> String {
+        let row = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+        let plain = |cell: &String| cell.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|");
+        let sides = (0..self.headings.len()).map(|index| if index < self.left { ":--" } else { "--:" });
+        let mut out = row(self.headings.iter().map(plain).collect());
+        out += &row(sides.map(str::to_owned).collect());
+        self.rows.iter().for_each(|cells| out += &row(cells.iter().map(plain).collect()));
+        out
     }
 
     fn column(&self, index: usize) -> impl Iterator<Item = &str> {
@@ -61,7 +74,7 @@ impl Table {
         let heading = self.headings.get(index).map_or("", String::as_str);
         let most = self.column(index).chain([heading]).flat_map(str::lines).map(chars).max().unwrap_or(0);
         let words = |text: &'_ str| text.split_whitespace().map(chars).max().unwrap_or(0);
-        // Lines of one cell stand beside those of its neighbours.
+        // Lines of one cell stand beside the lines of its neighbours.
         let whole = |text: &str| {
             let wraps = index < self.left && !text.contains('\n');
             if wraps { words(text) } else { text.lines().map(chars).max().unwrap_or(0) }
@@ -115,7 +128,7 @@ impl Table {
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let room = usize::from(WIDTH.load(Ordering::Relaxed));
+        let room = usize::from(WIDTH.load(atomic::Ordering::Relaxed));
         for (number, columns) in self.parts(room).iter().enumerate() {
             let gap = if number > 0 { "\n" } else { "" };
             write!(f, "{gap}{}", self.draw(columns, room))?;
@@ -124,9 +137,53 @@ impl fmt::Display for Table {
     }
 }
 
+/// The order in which people count: "9.svg" before "10.svg".
+#[must_use]
+pub fn natural_order(a: &str, b: &str) -> Ordering {
+    parts_of(a).cmp(parts_of(b)).then_with(|| a.cmp(b))
+}
+
+/// A name's numbers and words in turn. A longer number is a larger one.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum NamePart<'a> {
+    Number(usize, &'a [u8]),
+    Word(&'a [u8]),
+}
+
+fn parts_of(name: &str) -> impl Iterator<Item = NamePart<'_>> {
+    name.as_bytes().chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit()).map(|part| {
+        if part.first().is_some_and(u8::is_ascii_digit) {
+            let zeros = part.iter().take_while(|digit| **digit == b'0').count();
+            let digits = part.get(zeros..).unwrap_or_default();
+            NamePart::Number(digits.len(), digits)
+        } else {
+            NamePart::Word(part)
+        }
+    })
+}
+
+/// A whole number with its digits in groups of three: "29 376".
+#[must_use]
+pub fn grouped(number: usize) -> String {
+    let digits = number.to_string();
+    let groups: Vec<&str> = digits
+        .as_bytes()
+        .rchunks(3)
+        .rev()
+        .map(|group| std::str::from_utf8(group).unwrap_or_default())
+        .collect();
+    groups.join(" ")
+}
+
+/// Seconds, or "never" for what did not happen.
+#[must_use]
+pub fn seconds(seconds: Option<f64>) -> String {
+    seconds.filter(|seconds| seconds.is_finite()).map_or("never".to_owned(), |s| format!("{s:.2} s"))
+}
+
 /// A paragraph of words, no wider than the terminal.
 pub fn paragraph(text: &str) -> String {
-    filled(text, usize::from(WIDTH.load(Ordering::Relaxed)))
+    filled(text, usize::from(WIDTH.load(atomic::Ordering::Relaxed)))
 }
 
 fn filled(text: &str, room: usize) -> String {
@@ -197,6 +254,26 @@ mod tests {
         assert_eq!(filled("one two three four", 10), "one two\nthree four");
         assert_eq!(filled("a counterelectromotive force", 8), "a\ncounterelectromotive\nforce");
         assert_eq!(filled(" ", 8), "");
+    }
+
+    #[test]
+    fn names_are_in_the_order_in_which_people_count() {
+        let mut names = ["10-b.svg", "1-a.svg", "2-c.svg", "motor-11.svg", "motor-9.svg", "02-d.svg"];
+        names.sort_by(|a, b| natural_order(a, b));
+        assert_eq!(names, ["1-a.svg", "2-c.svg", "02-d.svg", "10-b.svg", "motor-9.svg", "motor-11.svg"]);
+    }
+
+    #[test]
+    fn what_never_happens_has_no_seconds() {
+        assert_eq!([Some(0.25), Some(f64::INFINITY), None].map(seconds), ["0.25 s", "never", "never"]);
+        assert_eq!([0, 999, 29_376, 1_000_000].map(grouped), ["0", "999", "29 376", "1 000 000"]);
+    }
+
+    #[test]
+    fn a_cell_of_markdown_is_one_line_without_a_bar() {
+        let mut table = new(&["task", "|error|"], 1);
+        table.add_row(["two\n  lines", "-0.0"]);
+        assert_eq!(table.markdown(), "| task | \\|error\\| |\n| :-- | --: |\n| two lines | 0.0 |\n");
     }
 
     #[test]

@@ -94,10 +94,10 @@ fn what_there_is_nothing_of_is_not_as_expected() {
 fn a_verdict_says_who_when_what_was_wanted_and_what_was() {
     let text = with("to_s = 0.5\nspeed_between_cps = [500, 600]").to_string();
     assert!(
-        text.starts_with("one, 0 to 0.5 s: wanted speed 500 to 600 counts/s, measured 0.00 to "),
+        text.starts_with("one, 0 to 0.5 s: expected speed 500 to 600 counts/s, measured 0.00 to "),
         "{text}"
     );
-    assert_eq!(with("fault = \"stuck\"").to_string(), "one, 0 to 3 s: wanted fault: stuck, measured none");
+    assert_eq!(with("fault = \"stuck\"").to_string(), "one, 0 to 3 s: expected fault: stuck, measured none");
 }
 
 /// Two wheels, the right one dragging behind its reference, with one expectation.
@@ -137,7 +137,7 @@ fn every_expectation_of_a_group_can_hold_can_fail_and_can_find_nothing() {
     for (wanted, met) in [
         ("to_s = 2.0\nsettles_within_s = 1.4", true),
         ("to_s = 2.0\nsettles_within_s = 0.5", false),
-        // It goes on for ever.
+        // The motion never ends.
         ("from_s = 1.9\nsettles_within_s = 300", false),
         ("heading_error_below_degrees = 5", true),
         ("heading_error_below_degrees = 0.01", false),

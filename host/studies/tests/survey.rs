@@ -45,7 +45,7 @@ fn the_tasks_of_the_reference_are_done_as_well_as_there() {
         ("arm 0 -> 4000", 2.55, 1.0),
         ("arm 4000 -> 500", 2.25, 1.0),
         ("0.5 kg m2 0 -> 5000", 4.5, 1.0),
-        ("Matrix A bare 0 -> 3000", 1.5, 1.0),
+        ("Matrix 12 V bare 0 -> 3000", 1.5, 1.0),
     ] {
         let (verdict, _) = verdict(name);
         assert!(verdict.settling_s.is_some_and(|s| s <= settling), "{name}: {verdict:?}");

@@ -1,4 +1,4 @@
-//! What a scenario is, once it has been checked.
+//! A checked scenario.
 
 use super::expectation::Expectation;
 use crate::current_line::CurrentLine;
@@ -20,7 +20,7 @@ use motor_hub::units::{Acceleration, Millivolts, Period, RangeError, constant};
 /// The longest run, in seconds: a trace must fit in memory.
 pub const LONGEST_S: f64 = 300.0;
 
-/// Whatever a battery has from 5 to 18 V is good, and nothing is burnt: as if it were no matter of the hub.
+/// Limits that never act: the hub accepts any battery from 5 to 18 V, and burns no energy.
 pub const UNLIMITED: Limits = constant!(Limits::new(Levels {
     min: Millivolts::new(5_000),
     cut: Millivolts::new(5_000),
@@ -40,26 +40,26 @@ pub struct Scenario {
     pub duration_s: f64,
     /// The hub's control period.
     pub period: Period,
-    /// What the noise of the measurements follows from.
+    /// Seed of the measurement noise.
     pub seed: u64,
-    /// The supply as it is at the start.
+    /// The supply at the start.
     pub battery: Battery,
-    /// What is between it and the bridges, if that is more than a wire.
+    /// The bus between battery and bridges; `None` for a wire.
     pub bus: Option<Bus>,
-    /// What the hub takes for its voltages.
+    /// The hub's limits of the supply voltage.
     pub limits: Limits,
-    /// Its voltage without load later on, times ascending: in straight lines from one to the next, the
-    /// last one holds.
+    /// Voltage of the battery without load, times ascending: in straight lines from one to the next; the last one
+    /// holds.
     pub emf_over_time: Vec<Timed<f64>>,
     /// One to [`MOTORS`](crate::hardware::MOTORS) motors.
     pub motors: Vec<Motor>,
     /// Motors that move in step.
     pub groups: Vec<Group>,
-    /// A wire from one of the hub's digital pins to another, for a host that tries them out.
+    /// A wire between two of the hub's digital pins, for a host that tests them.
     pub wire: Option<[Pin; 2]>,
-    /// As a test it is run on the emulated chip too.
+    /// The scenario runs on the emulated chip too, as a test.
     pub emulated: bool,
-    /// What makes it a test.
+    /// The expectations of a scenario that is a test.
     pub expectations: Vec<Expectation>,
 }
 
@@ -68,77 +68,76 @@ pub struct Scenario {
 pub struct Bus {
     /// In farads.
     pub capacitance_f: f64,
-    /// The battery gives current and takes none.
+    /// The battery gives current and accepts none.
     pub one_way: bool,
-    /// A contactor takes the battery away, in seconds since the start.
+    /// Time at which a contactor disconnects the battery, in seconds since the start.
     pub opens_at_s: Option<f64>,
 }
 
 /// One motor of a scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motor {
-    /// How reports call it.
+    /// The label in reports.
     pub label: String,
-    /// Its constants, with the inertia that was chosen.
+    /// The constants, with the chosen inertia.
     pub constants: catalogue::Motor,
-    /// What it turns; torque is in `torques`.
+    /// Load of the output shaft; its torque is in `torques`.
     pub load: Load,
-    /// How right the hub is about the constants.
+    /// The hub's configuration, relative to the constants.
     pub told: Told,
-    /// How control values are given their meaning.
+    /// The meaning of control values.
     pub scheme: Scheme,
-    /// How duties are found.
+    /// Rule for duties within a regime.
     pub duty: DutyRule,
-    /// What zero power does.
+    /// Effect of zero power.
     pub zero_power: ZeroPower,
-    /// What a fault does.
+    /// Effect of a fault.
     pub on_fault: OnFault,
-    /// By what it is driven; the hub is told so.
+    /// The bridge; the hub is configured for it.
     pub bridge: BridgeConstants,
-    /// How the current-sense line of that is.
+    /// The bridge's current-sense line.
     pub current_line: CurrentLine,
-    /// What the hub is told of the heat that the winding stands; `None` for no limit.
+    /// Thermal limit configured in the hub; `None` for no limit.
     pub thermal: Option<ThermalLimit>,
-    /// Largest acceleration that the hub may ask of it, if it is regulated by its model.
+    /// Largest acceleration of the model's profiles.
     pub acceleration: Option<Acceleration>,
-    /// Coefficients of the velocity loop, if they are not left to the board.
+    /// Coefficients of the velocity loop; `None` for the board's own.
     pub velocity: Option<Pidf>,
-    /// Coefficients of the position loop, if they are not left to the board.
+    /// Coefficients of the position loop; `None` for the board's own.
     pub position: Option<Pidf>,
-    /// What it is told, times ascending; before the first it is disabled.
+    /// Set-points, times ascending; before the first the motor is disabled.
     pub setpoints: Vec<Timed<Setpoint>>,
     /// External torque on the output shaft in newton metres, times ascending, from 0 s on.
     pub torques: Vec<Timed<f64>>,
-    /// How its encoder is, times ascending; sound before the first.
+    /// States of the encoder, times ascending; sound before the first.
     pub encoder: Vec<Timed<Encoder>>,
 }
 
 /// Motors of a scenario that move in step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
-    /// How reports call it.
+    /// The label in reports.
     pub label: String,
     /// Its members, by index.
     pub motors: Vec<usize>,
-    /// The wheels that two members are.
+    /// The drive base of two members that are wheels.
     pub base: Option<DriveBase>,
-    /// Where it is sent, times ascending.
+    /// Courses, times ascending.
     pub courses: Vec<Timed<Together>>,
 }
 
-/// What the hub is told of a motor's constants, as a factor of what they are.
+/// A motor's configuration in the hub, in factors of the true constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Told {
     /// Of the winding resistance.
     pub resistance: f64,
     /// Of the back-EMF constant.
     pub emf: f64,
-    /// How the motor moves, as an identification would have found it; `None` if the hub knows nothing but
-    /// the winding.
+    /// Inertia, drag and friction; `None` if only the winding is configured.
     pub motion: Option<ToldMotion>,
 }
 
-/// What the hub is told of inertia, drag and friction, as factors of what they are with the load.
+/// Configured inertia, drag and friction, in factors of the true values with the load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToldMotion {
     /// Of the moment of inertia.
@@ -150,7 +149,7 @@ pub struct ToldMotion {
 }
 
 impl Told {
-    /// The constants as they are.
+    /// Configured exactly.
     pub const TRUTH: Self = Self {
         resistance: 1.0,
         emf: 1.0,
@@ -163,12 +162,13 @@ impl Told {
 pub struct Timed<T> {
     /// Seconds since the start.
     pub at_s: f64,
-    /// What begins then.
+    /// The value from then on.
     pub value: T,
 }
 
 impl Scenario {
-    /// These motors for so many seconds, every 50 ms, on a battery that stays as it is; nothing is expected.
+    /// These motors for a number of seconds, with a control period of 50 ms, on a constant battery; nothing is
+    /// expected.
     pub fn new(name: &str, duration_s: f64, battery: Battery, motors: Vec<Motor>) -> Self {
         Self {
             name: name.to_owned(),
@@ -200,7 +200,7 @@ impl Scenario {
         si::Volts(emf)
     }
 
-    /// What the hub is told, by time; at the same time, by motor, groups last.
+    /// The hub's commands by time; at the same time by motor, groups last.
     pub fn commands(&self) -> Vec<Timed<Command>> {
         let mut commands = Vec::new();
         for (motor, plan) in self.motors.iter().enumerate() {
@@ -220,7 +220,7 @@ impl Scenario {
         commands
     }
 
-    /// The same motors and loads with nothing that pulls on them.
+    /// The same motors and loads without external torques.
     #[must_use]
     pub fn undisturbed(mut self) -> Self {
         self.motors.iter_mut().for_each(|motor| motor.torques.clear());
@@ -239,8 +239,7 @@ impl Scenario {
 }
 
 impl Motor {
-    /// A motor of which the hub is told the truth, under Scheme A with linear current; it is told to do nothing, and
-    /// nothing pulls on it.
+    /// A motor that is configured exactly, under Scheme A with linear current, without set-points and torques.
     pub fn new(constants: catalogue::Motor, load: Load) -> Self {
         Self {
             label: constants.name.to_owned(),
@@ -263,7 +262,7 @@ impl Motor {
         }
     }
 
-    /// The settings that a hub is given for this motor.
+    /// The hub's settings for this motor.
     ///
     /// # Errors
     /// If one of the motor's constants does not fit the firmware's range.
@@ -293,7 +292,7 @@ impl Motor {
         })
     }
 
-    /// How the motor moves with its load, as the hub is told.
+    /// The configured dynamics of the motor with its load.
     fn dynamics(&self, winding: &Winding, told: ToldMotion) -> Result<Dynamics, RangeError> {
         let truth = mechanics(&self.constants, &self.load);
         let mechanics = Mechanics {
@@ -315,7 +314,7 @@ impl Motor {
         latest(&self.torques, at_s).unwrap_or_default()
     }
 
-    /// How the encoder is at a time in seconds.
+    /// The state of the encoder at a time in seconds.
     pub fn encoder_at(&self, at_s: f64) -> Encoder {
         latest(&self.encoder, at_s).unwrap_or_default()
     }

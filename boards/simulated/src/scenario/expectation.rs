@@ -1,4 +1,4 @@
-//! What a scenario's run is expected to be like. Whether it is, is measured and judged elsewhere.
+//! Expectations of a scenario's run. Studies measure and judge them.
 //!
 //! ```
 //! use simulated::scenario::expectation::Quantity;
@@ -10,18 +10,18 @@ use motor_hub::motion::EncoderFault;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// One thing that is expected of a run.
+/// One expectation of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expectation {
-    /// Of what.
+    /// The subject.
     pub subject: Subject,
-    /// When, in seconds.
+    /// The window in seconds.
     pub window_s: Range<f64>,
-    /// What.
+    /// The expected quantity, regime or fault.
     pub wish: Wish,
 }
 
-/// What an expectation is about.
+/// The subject of an expectation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
     /// A motor, by its index.
@@ -32,20 +32,20 @@ pub enum Subject {
     Battery,
 }
 
-/// What is expected.
+/// An expected quantity, regime or fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Wish {
-    /// A quantity lies within bounds, all the time if it changes.
+    /// A quantity lies within limits, during the whole window if it changes.
     Quantity(Quantity, Bounds),
     /// The motor is in this regime at one control tick or more.
     Ever(RegimeName),
     /// The motor is in this regime at no control tick.
     Never(RegimeName),
-    /// Nothing but this fault comes, and it does come; or none at all.
+    /// This fault and no other occurs; with `None` no fault occurs.
     Fault(Option<EncoderFault>),
 }
 
-/// Lowest and highest value that is allowed.
+/// Lowest and highest allowed value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Bounds {
     /// At least.
@@ -54,7 +54,7 @@ pub struct Bounds {
     pub high: f64,
 }
 
-/// What can be measured of a run.
+/// A measured quantity of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Seconds until a change of set-point or torque has settled, or a group has arrived: the longest.
@@ -71,14 +71,14 @@ pub enum Quantity {
     CurrentStep,
     /// Energy that the motor's bridge returned to the battery, in joules.
     EnergyReturned,
-    /// By how many degrees a drive base heads elsewhere than its course at that moment: the most.
+    /// Largest heading error of a drive base on its course, in degrees.
     HeadingError,
     /// Voltage at the battery's terminals in volts.
     Bus,
 }
 
 impl Quantity {
-    /// What scenario files call an expectation of it.
+    /// The key of its expectation in scenario files.
     pub const fn key(self) -> &'static str {
         match self {
             Self::SettlingTime => "settles_within_s",

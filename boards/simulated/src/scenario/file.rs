@@ -32,14 +32,14 @@ use toml::Spanned;
 /// What a Q16.16 coefficient can hold.
 const LARGEST_COEFFICIENT: f64 = 32_767.0;
 
-/// Reads and checks a whole file. Unless it is left to somebody else, every motor must be told something.
+/// Reads and checks a whole file. A complete one has a set-point or a course for every motor.
 pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
     let file: File = toml::from_str(text).map_err(|error| Fault::of_toml(&error))?;
     let duration_s = within(&file.duration_s, "duration_s", 0.001..=LONGEST_S)?;
     let motors = check_motors(&file, duration_s)?;
     let groups = groups::check(&file.groups, &motors, duration_s)?;
     if is_complete {
-        check_told_something(&file, &groups)?;
+        check_commanded(&file, &groups)?;
     }
     check_emulated(&file)?;
     let period = match &file.control_period_ms {
@@ -97,7 +97,7 @@ fn check_motors(file: &File, duration_s: f64) -> Checked<Vec<Motor>> {
 }
 
 /// Every motor has a set-point of its own or a group.
-fn check_told_something(file: &File, groups: &[Group]) -> Checked<()> {
+fn check_commanded(file: &File, groups: &[Group]) -> Checked<()> {
     for (index, table) in file.motors.get_ref().iter().enumerate() {
         let grouped = groups.iter().any(|group| group.motors.contains(&index));
         if table.get_ref().setpoints.is_empty() && !grouped {
@@ -107,7 +107,7 @@ fn check_told_something(file: &File, groups: &[Group]) -> Checked<()> {
     Ok(())
 }
 
-/// What groups do cannot be seen from outside of a chip.
+/// The emulated chip does not report groups.
 fn check_emulated(file: &File) -> Checked<()> {
     match (file.groups.first(), &file.bus) {
         (Some(group), _) if file.emulated => Err(fault(group, Mistake::GroupsEmulated)),
@@ -184,7 +184,7 @@ impl MotorTable {
         })
     }
 
-    /// What the table leaves out is as for a motor of which nobody knows better.
+    /// Missing values are the usual ones.
     fn check_thermal(&self, motor: &catalogue::Motor) -> Checked<Option<ThermalLimit>> {
         let Some(table) = &self.thermal else { return Ok(None) };
         let seconds = 1..=u16::MAX;

@@ -28,9 +28,9 @@ impl Reach {
 }
 
 impl Motor {
-    /// The same task for another motor: speeds and positions in the ratio of the free speeds, torques
-    /// in that of the stall torques (friction and cogging too), loads so that they take as long to be
-    /// set in motion. Coefficients are left to the board.
+    /// The same task for another motor. Speeds and positions scale with the free speeds; torques, friction and
+    /// cogging scale with the stall torques. Loads scale so that they accelerate in the same time. Coefficients are
+    /// left to the board.
     #[must_use]
     pub fn with_constants(&self, constants: catalogue::Motor) -> Self {
         let (old, new) = (Reach::of(&self.constants), Reach::of(&constants));

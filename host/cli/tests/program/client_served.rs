@@ -367,13 +367,13 @@ fn a_motor_is_tuned_beside_the_catalogue_and_settings_are_written_only_when_aske
     let tune = |more: &[&str]| client(&hub, &[&["tune", "0"], more].concat()).output().unwrap();
     let shown = out(&tune(&[]));
     for says in
-        ["AM 20 A", "off by", "times the inertia of a bare AM 20 A", "largest acceleration", "--apply puts"]
+        ["NeveRest 20", "off by", "times the inertia of a bare NeveRest 20", "largest acceleration", "--apply puts"]
     {
         assert!(shown.contains(says), "{says}: {shown}");
     }
     assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
     let document: Value = serde_json::from_str(&out(&tune(&["--json", "--apply"]))).unwrap();
-    assert_eq!((&document["catalogue"], &document["applied"]), (&"AM 20 A".into(), &true.into()));
+    assert_eq!((&document["catalogue"], &document["applied"]), (&"NeveRest 20".into(), &true.into()));
     // The first run did not apply its proposal.
     assert_eq!(document["now"]["acceleration_cps2"], Value::Null, "{document}");
     let proposed = &document["proposed"];

@@ -292,7 +292,7 @@ fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
     let mut dashboard = Dashboard::start(&["--store", store.to_str().unwrap()]);
     let mut page = Page::ready(&dashboard);
     page.order("set-up", json!({ "motor": 1, "name": "CoreHex A", "scheme": "C", "duty": "linear-duty" }));
-    page.until("another motor", |_, message| of_motor_1(message) && message["name"] == "CoreHex A");
+    page.until("another motor", |_, message| of_motor_1(message) && message["name"] == "Core Hex");
     page.order("save", Value::Null);
     page.until("settings that are saved", |_, message| {
         message["text"].as_str().is_some_and(|text| text.starts_with("settings are saved"))
@@ -303,7 +303,7 @@ fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
     let mut page = Page::open(&again);
     let seen = page.until("its settings", |_, message| of_motor_1(message));
     std::fs::remove_file(&store).unwrap();
-    assert_eq!((&seen["name"], &seen["duty"]), (&json!("CoreHex A"), &json!("linear-duty")), "{seen}");
+    assert_eq!((&seen["name"], &seen["duty"]), (&json!("Core Hex"), &json!("linear-duty")), "{seen}");
 
     let other = Dashboard::start(&[]);
     let mut page = Page::open(&other);

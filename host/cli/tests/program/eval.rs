@@ -201,6 +201,20 @@ fn tables_without_given_rows_have_the_reference_s_rows() {
 }
 
 #[test]
+fn a_motor_is_the_document_s_or_of_the_catalogue_by_any_of_its_names() {
+    let of = |motor: &str| {
+        let inputs = json!({ "motor": motor, "Jafter": 0.05, "Bafter": 0.0 });
+        let case = json!({ "id": 1, "formula": "plant", "inputs": inputs });
+        let output = eval(&json!({ "motors": golden()["motors"], "cases": [case] }).to_string());
+        assert!(output.status.success(), "{motor}");
+        results(&output)[0]["outputs"]["pole1_re"].as_f64().unwrap()
+    };
+    let document = of("AM60A");
+    assert_eq!(of("NeveRest 60"), of("AM 60 A"));
+    assert!((of("NeveRest 60") / document - 1.0).abs() < 1e-9, "{document}");
+}
+
+#[test]
 fn a_bad_case_gets_an_error_and_the_others_are_answered() {
     let good = json!({ "id": "good", "formula": "bridge_state", "inputs": { "state": 9 } });
     for (bad, says) in [

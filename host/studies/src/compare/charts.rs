@@ -2,7 +2,7 @@
 
 use super::results::{Round, TaskResult};
 use super::row::Row;
-use super::variant::Variant;
+use super::variant::{Variant, in_words};
 use crate::NamedFigure;
 use chart::{Figure, Panel, Series, Style, colour};
 use motor_hub::braking::{DutyRule, Scheme};
@@ -37,7 +37,7 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
     Figure {
         title: result.task.what.clone(),
         subtitle: format!(
-            "AM 60 A, {}, control period 50 ms, {}; where lines coincide, the last one of the legend shows",
+            "NeveRest 60, {}, control period 50 ms, {}; where lines coincide, the last one of the legend shows",
             load(result),
             round.tuning.key_in_words()
         ),
@@ -48,12 +48,12 @@ fn figure(round: &Round, result: &TaskResult) -> Figure {
 }
 
 /// What a group of variants has in common, and which they are.
-type Way = (&'static str, fn(&Variant) -> bool);
+pub(super) type Way = (&'static str, fn(&Variant) -> bool);
 
-const WAYS: [Way; 3] = [
+pub(super) const WAYS: [Way; 3] = [
     ("PID, linear duty", |variant| by_pid(variant, DutyRule::LinearDuty)),
     ("PID, linear current", |variant| by_pid(variant, DutyRule::LinearCurrent)),
-    ("by the motor's model", |variant| variant.regulator == Kind::Model),
+    ("the motor's model", |variant| variant.regulator == Kind::Model),
 ];
 
 /// With this duty; without a braking regime for comparison.
@@ -86,7 +86,7 @@ fn lines(
     });
     let shown = Variant::ALL.into_iter().zip(&result.rows).filter(|(variant, _)| wanted(variant));
     let lines = shown.map(|(variant, row)| Series {
-        name: row.variant.clone(),
+        name: in_words(&row.variant),
         colour: match variant.scheme {
             Scheme::ForwardReverse => colour::GREY,
             Scheme::A => colour::BLUE,

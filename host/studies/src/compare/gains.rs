@@ -15,13 +15,13 @@ pub(super) struct Gains {
     pub(super) i: f64,
 }
 
-/// What all variants get in the first round.
+/// The coefficients of all variants in the first round.
 pub(super) const SAME: Gains = Gains { p: 1.5, i: 7.5 };
 
 pub(super) const P: [f64; 6] = [1.0, 1.5, 2.0, 2.5, 3.0, 4.0];
 pub(super) const I: [f64; 4] = [4.0, 7.5, 11.0, 15.0];
 
-/// What each variant's best is taken from.
+/// The candidates for each variant's best coefficients.
 pub(super) const GRID: [Gains; P.len() * I.len()] = {
     let mut grid = [SAME; P.len() * I.len()];
     let mut n = 0;

@@ -5,19 +5,20 @@ use super::tasks::Task;
 use super::variant::Variant;
 use crate::StudyError;
 use crate::measures::Measures;
+use crate::table;
 use serde::Serialize;
 use simulated::sim;
 use simulated::trace::Trace;
 
-/// What came of one task under one variant.
+/// The measures of one task under one variant.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Row {
     /// The variant's name.
     pub(super) variant: String,
-    /// Of what it consists.
+    /// The parts of the variant.
     #[serde(flatten)]
     pub(super) of: Variant,
-    /// Its coefficients; null for a model, which has none.
+    /// The coefficients; null for a model, which has none.
     pub(super) gains: Option<Gains>,
     /// Seconds until the speed stays within 2 %; null if it never does.
     pub(super) settling_s: Option<f64>,
@@ -33,7 +34,7 @@ pub(super) struct Row {
     pub(super) energy_returned_j: f64,
     /// Integral of the error's size from the event on, in counts.
     pub(super) absolute_error: f64,
-    /// The hub gave up: an encoder fault.
+    /// The hub reported an encoder fault and released the motor.
     pub(super) fault: bool,
     /// The run itself, for the charts.
     #[serde(skip)]
@@ -41,6 +42,21 @@ pub(super) struct Row {
 }
 
 impl Row {
+    /// The motor did not settle in time, or the hub reported an encoder fault. A standstill that is only held has no
+    /// settling time.
+    pub(super) const fn fails(&self) -> bool {
+        self.fault || (self.settling_s.is_none() && self.overshoot_percent.is_some())
+    }
+
+    /// The settling time for people.
+    pub(super) fn settling(&self) -> String {
+        match self.settling_s {
+            _ if self.fault => "fault".to_owned(),
+            None if !self.fails() => "-".to_owned(),
+            settling => table::seconds(settling),
+        }
+    }
+
     /// Runs one task under one variant.
     ///
     /// # Errors

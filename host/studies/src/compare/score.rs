@@ -15,8 +15,7 @@ struct Column {
     tie: f64,
 }
 
-/// A control period settles nothing, nor do half a percent, a count per second or a hundredth of an
-/// ampere or a joule.
+/// Half a control period, half a percent, a count per second and a hundredth of an ampere or a joule are ties.
 const COLUMNS: [Column; 6] = [
     Column { name: "settling", value: |r| r.settling_s, tie: 0.026 },
     Column { name: "overshoot", value: |r| r.overshoot_percent, tie: 0.5 },
@@ -36,16 +35,16 @@ pub(super) struct Winner {
     pub(super) task: &'static str,
     /// The column.
     pub(super) column: &'static str,
-    /// The best, and whoever is as good; empty if none succeeded.
+    /// The best variant, and all that tie with it; empty if none succeeded.
     pub(super) variants: Vec<String>,
 }
 
-/// How a variant did in all tasks.
+/// The results of a variant over all tasks.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Score {
     /// The variant.
     pub(super) variant: String,
-    /// Its coefficients; null for a model.
+    /// The coefficients; null for a model.
     pub(super) gains: Option<Gains>,
     /// Geometric mean, over the tasks, of its integral of |error| to the least of all.
     pub(super) error_ratio: f64,
@@ -55,6 +54,12 @@ pub(super) struct Score {
     pub(super) mean_jerk_a: f64,
     /// In how many cells of task and column it is best of its round, alone or with others.
     pub(super) wins: usize,
+    /// At how many tasks it does not settle.
+    #[serde(skip)]
+    pub(super) failures: usize,
+    /// For each task the ratio of its integral of |error| to the least of all.
+    #[serde(skip)]
+    pub(super) ratios: Vec<f64>,
 }
 
 /// The winners, by task and column.
@@ -75,8 +80,8 @@ pub(super) fn winners(round: &Round) -> Vec<Winner> {
     winners
 }
 
-/// Every variant's score with every choice of coefficients, the least error first. The least of a task is
-/// that of all rounds given.
+/// Every variant's score with every choice of coefficients, the least error first. The least error of a task is the
+/// least of all rounds.
 pub(super) fn scores(rounds: &[Round]) -> Vec<Score> {
     let mut scores: Vec<Score> = Vec::new();
     for round in rounds {
@@ -96,6 +101,8 @@ pub(super) fn scores(rounds: &[Round]) -> Vec<Score> {
                 error_ratio: (ratios.iter().map(|ratio| ratio.ln()).sum::<f64>() / many).exp(),
                 worst_ratio: ratios.iter().copied().fold(1.0, f64::max),
                 mean_jerk_a: rows.iter().map(|row| row.peak_jerk_a).sum::<f64>() / many,
+                failures: rows.iter().filter(|row| row.fails()).count(),
+                ratios,
                 wins: winners.iter().filter(|winner| winner.variants.contains(&variant)).count(),
                 variant,
             });

@@ -1,4 +1,4 @@
-//! The tasks: an AM 60 A with its measured rotor inertia turns a 10 kg flywheel of 10 cm radius.
+//! The tasks: a NeveRest 60 with its measured rotor inertia turns a 10 kg flywheel of 10 cm radius.
 
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{UnknownMotor, characterised};
@@ -15,7 +15,7 @@ const FREE_CPS: f64 = 2720.0;
 const LENGTH_S: f64 = 7.0;
 const EVENT_S: f64 = 3.0;
 
-/// Something to do, and the moment from which on it is judged.
+/// A task, and the time from which it is judged.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Task {
     /// A name for files.
@@ -29,7 +29,7 @@ pub(super) struct Task {
     pub(super) scenario: Scenario,
 }
 
-/// All of them; the first is the one that coefficients are chosen on.
+/// All of them; coefficients are chosen on the first.
 ///
 /// # Errors
 /// If the catalogue lacks the motor.
@@ -43,7 +43,7 @@ pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
         task("step", "80 to 30 % of the free speed", EVENT_S, step())?,
         task(
             "overhauling",
-            "Half speed, then +0.8 N m drive the motor",
+            "Half of the free speed, then +0.8 N m in the direction of motion",
             EVENT_S,
             plan(&[(0.0, free(0.5))], &[(EVENT_S, 0.8)]),
         )?,
@@ -70,10 +70,10 @@ pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
         tasks.push(task(key, what, EVENT_S, Ok(scenario))?);
     }
     for (key, what, resistance, emf) in [
-        ("r-70", "The step, hub told 0.7 R", 0.7, 1.0),
-        ("r-130", "The step, hub told 1.3 R", 1.3, 1.0),
-        ("ke-90", "The step, hub told 0.9 Ke", 1.0, 0.9),
-        ("ke-110", "The step, hub told 1.1 Ke", 1.0, 1.1),
+        ("r-70", "The step, configured with 0.7 R", 0.7, 1.0),
+        ("r-130", "The step, configured with 1.3 R", 1.3, 1.0),
+        ("ke-90", "The step, configured with 0.9 Ke", 1.0, 0.9),
+        ("ke-110", "The step, configured with 1.1 Ke", 1.0, 1.1),
     ] {
         let mut scenario = step()?;
         scenario.motors.iter_mut().for_each(|motor| motor.told = Told { resistance, emf, ..Told::TRUTH });
@@ -89,7 +89,7 @@ fn plan(speeds: &[(f64, f64)], torques: &[(f64, f64)]) -> Result<Scenario, Unkno
         Timed { at_s, value }
     };
     let torque = |&(at_s, value): &(f64, f64)| Timed { at_s, value };
-    let constants = characterised("AM 60 A")?.with_measured_rotor_inertia();
+    let constants = characterised("NeveRest 60")?.with_measured_rotor_inertia();
     let mut motor = Motor::new(constants, Load::flywheel(Kilograms(10.0), Metres(0.1)));
     motor.setpoints = speeds.iter().map(speed).collect();
     motor.torques.extend(torques.iter().map(torque));

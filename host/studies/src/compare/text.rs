@@ -1,26 +1,178 @@
-//! The comparison as tables for people, and what follows from it in words.
+//! The comparison as text: the verdict first, then the tables.
 
+use super::charts::WAYS;
 use super::gains::Gains;
-use super::results::Round;
+use super::results::{Round, TaskResult};
 use super::row::Row;
 use super::score::{Score, Winner, scores, winners};
-use super::variant::Variant;
-use crate::table;
+use super::variant::{Variant, in_words};
+use crate::page::Page;
+use crate::table::{self, Table};
 
 const DEFINITIONS: &str = "\
-Judged from the event on. Settling: until the speed stays within 2 % of the larger of old and new speed.
-Overshoot: beyond the set-point in % of the step; after a change of torque the largest deviation in % of
-the set-point. Rms error: of the speed, counts/s. Peak jerk: largest change of the mean motor current from
-one control period to the next while the motor slows down, A. Limit cycle: peak to peak of the speed in
-the last second, counts/s. Returned: energy into the battery, J. |error|: its integral, counts. Little jerk
-is no merit by itself: who brakes least has least. Fault: the load drove the motor on against full reverse of
-the bridge, so the hub took the encoder for reversed and let go. Model: regulated by the motor's model, with linear
-current; it has no coefficients, and is told the motor and its load as they are.";
+All measures are from the task's event on. Settling: time until the speed stays within 2 % of the larger of old and new
+speed, for at least the last tenth of the time. Overshoot: largest error beyond the set-point in % of the step; after a
+change of torque the largest deviation in % of the set-point. Rms error: of the speed, counts/s. Peak jerk: largest
+change of the mean motor current from one control period to the next while the motor slows down, A. Limit cycle: peak
+to peak of the speed in the last second, counts/s. Returned: energy into the battery, J. |error|: integral of the
+error's size, counts. A variant that brakes least has the least jerk. Fault: the load drove the motor on against full
+reverse drive, so the hub took the encoder for reversed and released the motor. Model: regulated by the motor's model
+with linear current; it has no coefficients, and motor and load are configured exactly.";
 
-const SIGNS: &str = "Capitals are linear current, small letters linear duty, ' is by the motor's model; * is everybody, - nobody.";
+const SIGNS: &str = "Capitals: linear current. Small letters: linear duty. ': the motor's model. 0: no braking regime. \
+                     *: all variants. -: no variant.";
 
-/// One round: its table, who wins where, and the scores.
-pub(super) fn round(round: &Round) -> String {
+/// Mean errors within this factor of the least are near it.
+const NEAR: f64 = 1.25;
+
+/// The verdict, and every measure of every run.
+pub(super) fn measures(rounds: &[Round]) -> Page {
+    let mut page = verdict(rounds);
+    for round in rounds {
+        page.table(&format!("Measures with {}", round.tuning.key_in_words()), all_measures(round));
+        page.text(&setting(round));
+        winners_of(&mut page, round);
+    }
+    page.text(DEFINITIONS);
+    page
+}
+
+/// The verdict, and the settling times by task and variant.
+pub(super) fn settling(rounds: &[Round]) -> Page {
+    let mut page = verdict(rounds);
+    // The best coefficients are the last round.
+    for (number, round) in rounds.iter().rev().enumerate() {
+        // Models have no coefficients: their runs are the same in every round.
+        let ways = WAYS.into_iter().filter(|(_, shown)| {
+            number == 0 || Variant::ALL.iter().any(|variant| shown(variant) && variant.has_coefficients())
+        });
+        for (name, shown) in ways {
+            let caption = format!("Settling, {name}, with {}", round.tuning.key_in_words());
+            page.table(&caption, settling_times(round, shown));
+        }
+        page.text(&setting(round));
+        winners_of(&mut page, round);
+    }
+    page.text(DEFINITIONS);
+    page
+}
+
+/// Which variant wins, where another one is better, and which loses; then the scores and the tasks.
+fn verdict(rounds: &[Round]) -> Page {
+    let scores = scores(rounds);
+    let tasks: &[TaskResult] = rounds.first().map_or(&[], |round| &round.tasks);
+    let (Some(best), Some(last)) = (scores.first(), scores.last()) else {
+        return Page::new("There is nothing to compare.");
+    };
+    let mut page = Page::new(format!(
+        "{} wins: it has the least error on average over {} tasks{}.",
+        in_words(&best.variant),
+        tasks.len(),
+        beaten_at(best, tasks)
+    ));
+    let near = || scores.iter().filter(|score| score.error_ratio <= NEAR * best.error_ratio);
+    let lowest = |value: fn(&Score) -> f64| near().min_by(|a, b| value(a).total_cmp(&value(b)));
+    let of_near = [
+        ("Least error at its worst task", lowest(|score| score.worst_ratio)),
+        ("Least jerk", lowest(|score| score.mean_jerk_a)),
+    ];
+    let percent = 100.0 * (NEAR - 1.0);
+    let near = of_near.into_iter().filter_map(|(what, score)| {
+        Some(format!("{what}, among the variants within {percent:.0} % of it: {}.", with_gains(score?)))
+    });
+    let losses = |score: &Score| {
+        let all = tasks.len();
+        format!(
+            "{:.1} times the least error on average, not settled at {} of {all} tasks",
+            score.error_ratio, score.failures
+        )
+    };
+    let without = scores.iter().find(|score| score.variant.starts_with("none"));
+    let without = without.map(|score| {
+        format!("The best without a braking regime is \"{}\": {}.", with_gains(score), losses(score))
+    });
+    let loses = format!("The last is \"{}\": {}.", with_gains(last), losses(last));
+    page.list(near.chain(without).chain([loses]));
+    page.table("Scores, the least error first", scores_table(&scores, tasks));
+    page.text(
+        "|error|, mean: geometric mean over the tasks of the ratio to the least |error| of all variants at the task. \
+         Cells won: best in a column of a task, alone or with others.",
+    );
+    for round in rounds {
+        page.heading(&format!("Best at most tasks, with {}", round.tuning.key_in_words()));
+        let columns = ["settling", "overshoot", "rms error", "peak jerk", "limit cycle", "returned"];
+        page.list(columns.map(|column| format!("{column}: {}", most_often(round, column))));
+    }
+    let mut what = table::new(&["task", "what happens"], 2);
+    for result in tasks {
+        what.add_row([result.task.key, result.task.what.as_str()]);
+    }
+    page.table("Tasks", what);
+    page
+}
+
+/// The tasks at which another variant's error is clearly less, as the end of a sentence.
+fn beaten_at(best: &Score, tasks: &[TaskResult]) -> String {
+    let names: Vec<&str> = tasks
+        .iter()
+        .zip(&best.ratios)
+        .filter(|(_, ratio)| **ratio > NEAR)
+        .map(|(result, _)| result.task.key)
+        .collect();
+    let Some((last, first)) = names.split_last() else {
+        return ", and no variant is clearly better at any task".to_owned();
+    };
+    let first = first.join(", ");
+    let and = if first.is_empty() { "" } else { " and " };
+    format!("; another variant is clearly better at {first}{and}{last}")
+}
+
+fn with_gains(score: &Score) -> String {
+    let name = in_words(&score.variant);
+    score.gains.map_or_else(|| name.clone(), |Gains { p, i }| format!("{name} with P = {p} f, I = {i} f"))
+}
+
+fn scores_table(scores: &[Score], tasks: &[TaskResult]) -> Table {
+    let headings = [
+        "variant",
+        "P/f",
+        "I/f",
+        "|error|, mean",
+        "worst",
+        "worst at",
+        "peak jerk, mean",
+        "not settled",
+        "cells won",
+    ];
+    let mut table = table::new(&headings, 1);
+    for score in scores {
+        let [p, i] = words(score.gains);
+        let worst = score.ratios.iter().zip(tasks).max_by(|a, b| a.0.total_cmp(b.0));
+        let worst = worst.filter(|(ratio, _)| **ratio >= 1.005);
+        table.add_row([
+            in_words(&score.variant),
+            p,
+            i,
+            format!("{:.2}", score.error_ratio),
+            format!("{:.2}", score.worst_ratio),
+            worst.map_or("-", |(_, result)| result.task.key).to_owned(),
+            format!("{:.2} A", score.mean_jerk_a),
+            score.failures.to_string(),
+            score.wins.to_string(),
+        ]);
+    }
+    table
+}
+
+fn setting(round: &Round) -> String {
+    format!(
+        "A NeveRest 60 (measured rotor inertia) with a 10 kg flywheel (0.05 kg m2), control period 50 ms, battery 12 V \
+         behind 0.05 ohm; {}; D = F = 0; f = 32767 keFw / 12000 steps per count/s.",
+        round.tuning.how
+    )
+}
+
+fn all_measures(round: &Round) -> Table {
     let headings = [
         "task",
         "variant",
@@ -38,37 +190,18 @@ pub(super) fn round(round: &Round) -> String {
     for result in &round.tasks {
         for (number, row) in result.rows.iter().enumerate() {
             let task = if number == 0 { result.task.key } else { "" };
-            table.add_row([[task.to_owned(), row.variant.clone()].to_vec(), cells(row)].concat());
+            table.add_row([[task.to_owned(), in_words(&row.variant)].to_vec(), cells(row)].concat());
         }
     }
-    let tasks: String =
-        round.tasks.iter().map(|result| format!("  {:12} {}\n", result.task.key, result.task.what)).collect();
-    let setting = format!(
-        "An AM 60 A (measured rotor inertia) with a 10 kg flywheel (0.05 kg m2), 50 ms, 12 V behind 0.05 ohm; {}; D = F = 0, f = \
-         32767 keFw / 12000 steps per count/s",
-        round.tuning.how
-    );
-    format!(
-        "{}\n{tasks}{table}\n{}\n\n{}\n{}\n\n",
-        table::paragraph(&setting),
-        table::paragraph(DEFINITIONS),
-        table::paragraph(SIGNS),
-        who_wins(round),
-    )
+    table
 }
 
 fn cells(row: &Row) -> Vec<String> {
     let [p, i] = words(row.gains);
-    let settling = match row.settling_s {
-        _ if row.fault => "fault".to_owned(),
-        Some(s) => format!("{s:.2} s"),
-        None if row.overshoot_percent.is_none() => "-".to_owned(),
-        None => "never".to_owned(),
-    };
     vec![
         p,
         i,
-        settling,
+        row.settling(),
         row.overshoot_percent.map_or("-".to_owned(), |percent| format!("{percent:.1} %")),
         format!("{:.1}", row.rms_error),
         format!("{:.2}", row.peak_jerk_a),
@@ -78,97 +211,68 @@ fn cells(row: &Row) -> Vec<String> {
     ]
 }
 
-/// P and I as they stand in tables.
+/// P and I for tables.
 fn words(gains: Option<Gains>) -> [String; 2] {
     gains.map_or(["-".to_owned(), "-".to_owned()], |Gains { p, i }| [p.to_string(), i.to_string()])
 }
 
-fn who_wins(round: &Round) -> String {
+fn settling_times(round: &Round, shown: fn(&Variant) -> bool) -> Table {
+    let variants: Vec<usize> =
+        Variant::ALL.iter().enumerate().filter(|(_, v)| shown(v)).map(|(index, _)| index).collect();
+    let names: Vec<String> = variants
+        .iter()
+        .filter_map(|index| Variant::ALL.get(*index))
+        .map(|variant| in_words(&variant.name()))
+        .collect();
+    let headings: Vec<&str> = ["task"].into_iter().chain(names.iter().map(String::as_str)).collect();
+    let mut table = table::new(&headings, 1);
+    for result in &round.tasks {
+        let times = variants.iter().filter_map(|index| result.rows.get(*index)).map(Row::settling);
+        table.add_row([result.task.key.to_owned()].into_iter().chain(times));
+    }
+    table
+}
+
+fn winners_of(page: &mut Page, round: &Round) {
     let winners = winners(round);
     let columns: Vec<&str> = winners
         .iter()
         .take_while(|w| Some(w.task) == winners.first().map(|f| f.task))
         .map(|w| w.column)
         .collect();
-    let mut table = table::new(&[&["best at"], &columns[..]].concat(), columns.len() + 1);
+    let mut table = table::new(&[&["task"], &columns[..]].concat(), columns.len() + 1);
     let all = round.tasks.first().map_or(0, |result| result.rows.len());
     for task in winners.chunk_by(|a, b| a.task == b.task) {
         let name = task.first().map_or("", |w| w.task).to_owned();
         table.add_row([vec![name], task.iter().map(|w| short(w, all)).collect()].concat());
     }
-    table.to_string()
+    page.table(&format!("Winners with {}", round.tuning.key_in_words()), table);
+    page.text(SIGNS);
 }
 
-/// A, B, C, D with linear duty as lower-case letters, with linear current as capitals, by the model with a stroke.
+/// The winners of a cell by the signs that [`SIGNS`] explains.
 fn short(winner: &Winner, all: usize) -> String {
     match winner.variants.len() {
         0 => "-".to_owned(),
         n if n == all => "*".to_owned(),
         _ => {
-            let letter = |name: &String| match name.split_once(", ") {
-                Some((letter, "linear duty")) => letter.to_lowercase(),
-                Some((letter, "model")) => format!("{letter}'"),
-                Some((letter, _)) => letter.to_owned(),
-                None => name.clone(),
+            let sign = |name: &String| {
+                let (scheme, rule) = name.split_once(", ").unwrap_or((name, ""));
+                let scheme = if scheme == "none" { "0" } else { scheme };
+                match rule {
+                    "linear duty" => scheme.to_lowercase(),
+                    "model" => format!("{scheme}'"),
+                    _ => scheme.to_owned(),
+                }
             };
-            winner.variants.iter().map(letter).collect::<Vec<_>>().join(" ")
+            winner.variants.iter().map(sign).collect::<Vec<_>>().join(" ")
         }
     }
 }
 
-/// All variants with all their coefficients in one order, and which defaults follow.
-pub(super) fn verdict(rounds: &[Round]) -> String {
-    let scores = scores(rounds);
-    let headings =
-        ["variant", "P/f", "I/f", "|error| to the least, mean", "worst", "peak jerk, mean", "cells won"];
-    let mut table = table::new(&headings, 1);
-    for score in &scores {
-        let [p, i] = words(score.gains);
-        table.add_row([
-            score.variant.clone(),
-            p,
-            i,
-            format!("{:.2}", score.error_ratio),
-            format!("{:.2}", score.worst_ratio),
-            format!("{:.2} A", score.mean_jerk_a),
-            score.wins.to_string(),
-        ]);
-    }
-    let mut out = table::paragraph(
-        "All of it, the least error first; the mean is geometric, over the tasks, to the least of all at each.",
-    );
-    out.push_str(&format!("\n{table}\n"));
-    let name = |score: &Score| match score.gains {
-        Some(Gains { p, i }) => format!("{} with P = {p} f, I = {i} f", score.variant),
-        None => score.variant.clone(),
-    };
-    if let Some(best) = scores.first() {
-        let near = || scores.iter().filter(|score| score.error_ratio <= NEAR * best.error_ratio);
-        let lowest = |value: fn(&Score) -> f64| near().min_by(|a, b| value(a).total_cmp(&value(b)));
-        out.push_str(&format!("Least error on average: {}.\n", name(best)));
-        for (what, chosen) in [
-            ("least at its worst task", lowest(|score| score.worst_ratio)),
-            ("gentlest", lowest(|score| score.mean_jerk_a)),
-        ] {
-            let chosen = chosen.map(name).unwrap_or_default();
-            out.push_str(&format!("Within {:.0} % of that, {what}: {chosen}.\n", 100.0 * (NEAR - 1.0)));
-        }
-    }
-    for round in rounds {
-        out.push_str(&format!("With {}, best at most tasks:\n", round.tuning.key_in_words()));
-        for column in ["settling", "overshoot", "rms error", "peak jerk", "limit cycle", "returned"] {
-            out.push_str(&format!("  {column:12} {}\n", most_often(round, column)));
-        }
-    }
-    out
-}
-
-/// Mean errors within this factor are near.
-const NEAR: f64 = 1.25;
-
-/// Who wins a column at most tasks.
+/// The variants that win a column at most tasks.
 fn most_often(round: &Round, column: &str) -> String {
-    // Where all are equal, or none succeeds, nobody wins.
+    // A cell where all are equal, or none succeeds, has no winner.
     let decided = |w: &Winner| w.column == column && (1..Variant::ALL.len()).contains(&w.variants.len());
     let winners: Vec<Winner> = winners(round).into_iter().filter(decided).collect();
     let counted: Vec<(usize, String)> = Variant::ALL
@@ -177,6 +281,6 @@ fn most_often(round: &Round, column: &str) -> String {
         .map(|name| (winners.iter().filter(|w| w.variants.contains(&name)).count(), name))
         .collect();
     let most = counted.iter().map(|c| c.0).max().unwrap_or(0);
-    let best: Vec<&str> = counted.iter().filter(|c| c.0 == most).map(|c| c.1.as_str()).collect();
+    let best: Vec<String> = counted.iter().filter(|c| c.0 == most).map(|c| in_words(&c.1)).collect();
     format!("{} ({most} of {})", best.join("; "), winners.len())
 }

@@ -9,25 +9,25 @@ use simulated::scheme::{DutyWord, SchemeWords};
 /// A way to turn control values into duties.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Variant {
-    /// Where the points lie.
+    /// The scheme, which locates the points.
     #[serde(flatten, serialize_with = "scheme_words")]
     pub(super) scheme: Scheme,
-    /// How duties are found between them.
+    /// The rule for duties between the points.
     #[serde(with = "DutyWord")]
     pub(super) duty: DutyRule,
-    /// Where control values come from.
+    /// The regulator, which gives control values.
     #[serde(serialize_with = "regulator_word")]
     pub(super) regulator: Kind,
 }
 
 impl Variant {
-    /// False for a model, which has none.
+    /// False for a variant of the model, which has no coefficients.
     pub(super) fn has_coefficients(self) -> bool {
         self.regulator == Kind::Pid
     }
 
-    /// Everything there is to compare: by PID no braking regime, then A to D with either duty; by the model no
-    /// braking regime, A and B.
+    /// All variants. With PID: no braking regime, then A to D with either duty. With the model: no braking regime, A
+    /// and B.
     pub(super) const ALL: [Self; 12] = {
         const fn of(scheme: Scheme, duty: DutyRule) -> Variant {
             Variant { scheme, duty, regulator: Kind::Pid }
@@ -52,7 +52,7 @@ impl Variant {
         ]
     };
 
-    /// Its name in tables and legends.
+    /// The variant's name in files and JSON.
     pub(super) fn name(self) -> String {
         match (self.scheme, self.duty) {
             (scheme, _) if self.regulator == Kind::Model => format!("{}, model", letter(scheme)),
@@ -61,6 +61,11 @@ impl Variant {
             (scheme, DutyRule::LinearCurrent) => format!("{}, linear current", letter(scheme)),
         }
     }
+}
+
+/// A variant's name for people: "none" becomes "no braking regime".
+pub(super) fn in_words(name: &str) -> String {
+    name.strip_prefix("none").map_or_else(|| name.to_owned(), |rest| format!("no braking regime{rest}"))
 }
 
 fn scheme_words<S: Serializer>(scheme: &Scheme, to: S) -> Result<S::Ok, S::Error> {

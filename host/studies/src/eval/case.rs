@@ -2,7 +2,7 @@
 
 use super::error::CaseError;
 use motor_hub::bridge::Mode;
-use motor_hub::model::catalogue::Motor;
+use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::si::{Drag, EmfConstant, Henries, KgM2, Ohms, TorqueConstant};
 use serde_json::{Value, json};
@@ -17,7 +17,7 @@ pub(super) struct Case<'a> {
     read: RefCell<BTreeSet<String>>,
 }
 
-/// Inputs that are remarks: nobody reads them.
+/// Inputs that are remarks: no formula reads them.
 const REMARKS: [&str; 2] = ["note", "motor_csv_name"];
 
 impl<'a> Case<'a> {
@@ -35,7 +35,7 @@ impl<'a> Case<'a> {
         inputs.get(key).ok_or_else(|| CaseError::Missing(key.to_owned()))
     }
 
-    /// Fails if there are inputs that nobody asked for.
+    /// Fails if there are inputs that the formula does not read.
     pub(super) fn nothing_unread(&self) -> Result<(), CaseError> {
         let inputs = self.case.get("inputs").and_then(Value::as_object);
         let read = self.read.borrow();
@@ -96,12 +96,16 @@ impl<'a> Case<'a> {
         })
     }
 
-    /// Constants from the document's motors, or from the inputs themselves if they name no motor.
+    /// Constants of the motor that the inputs name: the document's, else the catalogue's. Without a name the inputs
+    /// themselves hold the constants.
     pub(super) fn motor(&self) -> Result<Motor, CaseError> {
         let named = self.has("motor");
         let constants = if named {
             let key = self.text("motor")?;
-            self.motors.get(key).ok_or_else(|| CaseError::NoMotor(key.to_owned()))?
+            match self.motors.get(key) {
+                Some(constants) => constants,
+                None => return Ok(characterised(key)?),
+            }
         } else {
             self.case.get("inputs").unwrap_or(&Value::Null)
         };
@@ -131,7 +135,7 @@ impl<'a> Case<'a> {
         })
     }
 
-    /// The values of a table's first column: given, or those of the case's own outputs, or none.
+    /// The values of a table's first column: from the inputs, else from the case's own outputs, else `None`.
     pub(super) fn column(&self, key: &str) -> Result<Option<Vec<f64>>, CaseError> {
         let numbers = |values: Option<Vec<f64>>| values.ok_or_else(|| CaseError::NotNumbers(key.to_owned()));
         if let Ok(given) = self.input(key) {

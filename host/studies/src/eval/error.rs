@@ -8,13 +8,13 @@ use simulated::scheme::{BlendError, UnknownScheme};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CaseError {
     /// No `formula`, or no text.
-    #[error("no formula is named")]
+    #[error("the case has no formula")]
     NoFormula,
     /// There is no such formula.
     #[error("unknown formula {0:?}")]
     UnknownFormula(String),
     /// No `inputs`.
-    #[error("there are no inputs")]
+    #[error("the case has no inputs")]
     NoInputs,
     /// An input is not there.
     #[error("input {0} is missing")]
@@ -71,11 +71,8 @@ pub enum CaseError {
     /// A list that holds something else than numbers, or no list.
     #[error("{0} must be a list of numbers")]
     NotNumbers(String),
-    /// The document has no such motor.
-    #[error("the document has no motor {0:?}")]
-    NoMotor(String),
     /// A constant of a motor.
-    #[error("motor constant {0} is missing or no number")]
+    #[error("motor constant {0} is missing, or is not a number")]
     MotorConstant(String),
     /// Points in another order than S < T <= Z < G.
     #[error("the points must ascend: S < T <= Z < G")]
@@ -89,18 +86,18 @@ pub enum CaseError {
     /// A duty out of range.
     #[error("duty must be 0 to 1")]
     Duty,
-    /// The motor turns too fast for the battery to push a current.
+    /// The back EMF is above the battery voltage.
     #[error("the back EMF must be below the battery voltage")]
     Overrun,
     /// The paper prints no such number.
-    #[error("no printed number is called {0:?}")]
+    #[error("the paper prints no number with the name {0:?}")]
     UnknownNumber(String),
-    /// Inputs that the formula does not read: a slip of the pen would else be a default.
+    /// Inputs that the formula does not read, such as misspelt ones.
     #[error("unknown input {}; this formula reads {}", .unknown.join(", "), .read.join(", "))]
     Unknown {
-        /// What nobody asked for.
+        /// The unknown inputs.
         unknown: Vec<String>,
-        /// What was asked for.
+        /// The inputs of the formula.
         read: Vec<String>,
     },
     /// Another case has the same `id`.
@@ -115,7 +112,7 @@ pub enum CaseError {
     /// A quantity that does not fit the firmware.
     #[error(transparent)]
     Range(#[from] RangeError),
-    /// The catalogue lacks a motor.
+    /// Neither the document nor the catalogue has the motor.
     #[error(transparent)]
     Motor(#[from] UnknownMotor),
 }

@@ -158,8 +158,8 @@ pub(super) fn regime_duty(case: &Case) -> Result<Value, CaseError> {
     table(&["control", "regime", "mode", "duty"], controls.into_iter().map(row))
 }
 
-/// The drive by which the firmware, in Scheme A, makes a mean current in amperes: the control value is
-/// the nearest to the equivalent voltage, so the current is met to 1/32767 of Vbat/R.
+/// The drive by which the firmware, in Scheme A, makes a mean current in amperes. The control value is the nearest to
+/// the equivalent voltage, so the current is exact to 1/32767 of Vbat/R.
 pub(super) fn current_drive(
     motor: &Motor,
     bridge: Bridge,

@@ -89,7 +89,7 @@ fn words(title: &str, rightwards: bool) -> [&'static str; 2] {
     }
 }
 
-/// Paths of a current to the right through S1 and S4, and of one that flows on through S1 and D3.
+/// Paths of two currents: to the right through S1 and S4, and freewheeling through S1 and D3.
 fn driving() -> [Points; 2] {
     let [left, right] = [LEFT_X + BESIDE, RIGHT_X - BESIDE];
     let battery = BATTERY_X + BESIDE;

@@ -1,4 +1,4 @@
-//! Numbers that the paper and its revision print, computed anew for the motor of their examples.
+//! Numbers that the paper and its revision print, and ours for the motor of their examples.
 
 use motor_hub::braking::{Abscissa, Points};
 use motor_hub::model::catalogue::Motor;
@@ -11,12 +11,12 @@ use motor_hub::units::Control;
 pub(crate) struct Number {
     /// Where it stands.
     pub(crate) section: &'static str,
-    /// What it is.
+    /// The quantity.
     pub(crate) name: &'static str,
     /// As printed.
     pub(crate) printed: &'static str,
-    /// As computed here, for the motor of the paper's examples. Speeds "post" are those of the output shaft,
-    /// "pre" those of the motor shaft.
+    /// As computed here, for the motor of the paper's examples. Speeds "post" are of the output shaft, "pre" of the
+    /// motor shaft.
     pub(crate) ours: fn(&Motor) -> f64,
 }
 
@@ -63,7 +63,7 @@ fn post(motor: &Motor, omega: f64) -> RadPerSec {
     RadPerSec(omega * motor.gear_ratio)
 }
 
-/// The paper's flywheel of so many kilograms, 10 cm of radius.
+/// The paper's flywheel of this mass, 10 cm of radius.
 fn with_flywheel(motor: &Motor, kg: f64) -> GearedMotor {
     GearedMotor::new(motor, &Load::flywheel(Kilograms(kg), Metres(0.1)))
 }

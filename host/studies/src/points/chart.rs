@@ -2,12 +2,8 @@
 
 use ::chart::{Panel, Point, Series, Style, colour};
 
-/// Largest control value.
-pub(super) const REACH: f64 = 32767.0;
-/// Horizontal axis: the control range and a little more.
-pub(super) const X_RANGE: (f64, f64) = (-1.08 * REACH, 1.08 * REACH);
-/// What is on it.
-pub(super) const X_LABEL: &str = "control, steps";
+/// Largest control value, as a fraction of full scale.
+const REACH: f64 = 1.0;
 
 /// What there is to choose.
 #[derive(Clone, Copy, Debug)]
@@ -20,7 +16,7 @@ pub(super) struct Look {
     pub(super) height: f64,
 }
 
-/// Lines from S over T and Z to G as far as control values reach; `points` in that order.
+/// Lines from S over T and Z to G within the control range; `points` in that order.
 pub(super) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
     let [s, t, z, g] = &points;
     let [forward, reverse] = if look.counter_clockwise { ["6/2", "9/8"] } else { ["9/8", "6/2"] };
@@ -33,12 +29,12 @@ pub(super) fn panel(y_label: String, points: [Point; 4], look: Look) -> Panel {
     let between = if look.jump {
         line("a jump".into(), colour::GREY, t, z)
     } else {
-        line("braking (5/0)".into(), colour::BLUE, t, z)
+        line("braking (5/0)".into(), colour::BRAKING, t, z)
     };
     let mut series = vec![
-        line(format!("reverse ({reverse})"), colour::RED, s, t),
+        line(format!("reverse ({reverse})"), colour::REVERSE, s, t),
         between,
-        line(format!("forward ({forward})"), colour::GREEN, z, g),
+        line(format!("forward ({forward})"), colour::FORWARD, z, g),
     ];
     series.retain(|line| !line.data.is_empty());
     let largest = series.iter().flat_map(|s| &s.data).map(|p| p.1.abs()).fold(0.0, f64::max);

@@ -2,7 +2,7 @@
 
 use super::runs::{RunReport, WITHOUT};
 use crate::NamedFigure;
-use crate::points::regulator_name;
+use crate::points::{CONTROL_RANGE, fraction, regulator_name};
 use chart::{Band, Figure, Panel, Series, Style, colour, fill};
 use motor_hub::braking::Regime;
 use motor_hub::motor::Setpoint;
@@ -44,11 +44,11 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
         ..Panel::default()
     });
     panels.push(Panel {
-        y_label: "control, steps".into(),
+        y_label: "control".into(),
         height: 130.0,
-        y_range: Some((-36_000.0, 36_000.0)),
+        y_range: Some(CONTROL_RANGE),
         bands: bands.clone(),
-        series: vec![lines.line("control", colour::BLUE, Style::Step, |s| s.report.control.get().into())],
+        series: vec![lines.line("control", colour::BLUE, Style::Step, |s| fraction(s.report.control.get()))],
         ..Panel::default()
     });
     panels.push(Panel {
@@ -91,12 +91,12 @@ fn of_motor(scenario: &Scenario, trace: &Trace, index: usize, motor: &Motor) -> 
     }
 }
 
-/// The current as it was, and, where the hub observes it, the current that the load takes.
+/// The current, and the current of the load where the hub observes it.
 fn currents(lines: &Lines) -> Vec<Series> {
     let current = lines.line("current", colour::BLUE, Style::Step, |s| s.flow.mean_current().0);
     let load = |s: &Sample| s.report.load.map_or(f64::NAN, |load| f64::from(load.get()) / 1e3);
     let observed = lines.trace.motor(lines.index).any(|(_, sample)| sample.report.load.is_some());
-    let load = observed.then(|| lines.line("load, as observed", colour::RED, Style::Step, load));
+    let load = observed.then(|| lines.line("load, observed", colour::RED, Style::Step, load));
     [current].into_iter().chain(load).collect()
 }
 
@@ -109,7 +109,7 @@ fn speed_lines(motor: &Motor, lines: &Lines) -> Vec<Series> {
     }
 }
 
-/// By what it was regulated, in words.
+/// What regulates the motor, in words.
 fn regulator(trace: &Trace, index: usize) -> &'static str {
     let last = trace.ticks.last().and_then(|tick| tick.motors.get(index));
     last.map_or("", |sample| regulator_name(sample.report.regulator))
@@ -119,7 +119,7 @@ fn has_velocity(motor: &Motor) -> bool {
     motor.setpoints.iter().any(|s| matches!(s.value, Setpoint::Velocity(_)))
 }
 
-/// It is told to be somewhere, by itself or in a group.
+/// The motor has position set-points, of its own or of a group.
 fn has_position(scenario: &Scenario, index: usize) -> bool {
     let position = |motor: &Motor| {
         motor.setpoints.iter().any(|setpoint| matches!(setpoint.value, Setpoint::Position { .. }))
@@ -233,9 +233,9 @@ fn regimes(scenario: &Scenario, trace: &Trace, index: usize) -> Vec<Band> {
             last.to = first.at_s;
         }
         let (colour, name) = match regime(first) {
-            Some(Regime::Forward) => (fill::YELLOW, "forward"),
-            Some(Regime::Braking) => (fill::BLUE, "braking"),
-            Some(Regime::Reverse) => (fill::ROSE, "reverse"),
+            Some(Regime::Forward) => (fill::FORWARD, "forward"),
+            Some(Regime::Braking) => (fill::BRAKING, "braking"),
+            Some(Regime::Reverse) => (fill::REVERSE, "reverse"),
             None => ("#ffffff", "coast"),
         };
         bands.push(Band { from: first.at_s, to: scenario.duration_s, colour, name });

@@ -20,7 +20,7 @@ pub struct RunReport {
 }
 
 impl RunReport {
-    /// Compares the trace of a scenario with that of [`Scenario::without_braking`].
+    /// Compares the trace of a scenario with the trace of [`Scenario::without_braking`].
     pub fn new(scenario: Scenario, as_set: Trace, without: Trace) -> Self {
         let measures = scenario.motors.iter().enumerate().map(|(index, motor)| {
             [&as_set, &without].map(|trace| Measures::new(motor, scenario.duration_s, trace, index))

@@ -6,16 +6,17 @@ use crate::measures::Measures;
 use crate::table;
 use simulated::scheme;
 
-/// Characters of a column, so that the tables line up.
+/// Least width of a column in characters, so that the tables line up.
 const NARROWEST: usize = 18;
 
 const DEFINITIONS: &str = "\
-Settling: until the speed stays within 2 % of the larger of old and new speed, or the position within
-its tolerance, for at least the last tenth of the time to the next change. Overshoot: beyond the
+Settling: time until the speed stays within 2 % of the larger of old and new speed, or the position within
+its tolerance, for at least the last tenth of the time to the next change. Overshoot: largest error beyond the
 set-point, in % of the step; after a change of torque the largest deviation, in % of the set-point.
-Residual: rms error in the second half of the time to the next change. Swing: from the lowest to the
-highest value in the last second of it. Deceleration jerk: change of the mean motor current from one
-control period to the next while the motor slows down (N m: at the output shaft). Energies are those of the motor's own bridge.";
+Residual: rms error in the second half of the time to the next change. Swing: difference of the highest and the
+lowest value in the last second before the next change. Deceleration jerk: change of the mean motor current from one
+control period to the next while the motor slows down (N m: at the output shaft). Energies are of the motor's own
+bridge.";
 
 pub(super) fn all(comparison: &RunReport) -> String {
     let scenario = &comparison.scenario;
@@ -47,9 +48,9 @@ pub(super) fn all(comparison: &RunReport) -> String {
     out
 }
 
-/// What was expected of the run as set.
+/// The expectations of the run as set.
 fn expectations(verdicts: &[Verdict]) -> String {
-    let mut table = table::new(&["expected of", "in s", "wanted", "measured", ""], 2);
+    let mut table = table::new(&["expected of", "time, s", "expected", "measured", ""], 2);
     for verdict in verdicts {
         let Verdict { subject, window_s, wish, measured } = verdict;
         let window = format!("{} to {}", window_s.start, window_s.end);
@@ -65,17 +66,16 @@ fn expectations(verdicts: &[Verdict]) -> String {
     table.to_string()
 }
 
-/// What each row is called, and its cells.
+/// The name of each row, and its cells.
 fn rows(measures: &[Measures; 2]) -> Vec<(String, [String; 2])> {
     let [as_set, without] = measures;
     let mut rows = Vec::new();
     for (a, b) in as_set.responses.iter().zip(&without.responses) {
-        let settling = |s: Option<f64>| s.map_or("never".into(), |s| format!("{s:.2} s"));
         let percent = |p: Option<f64>| p.map_or("-".into(), |p| format!("{p:.1} %"));
         let cells = [a, b].map(|r| {
             format!(
                 "{}\n{}\n{:.1} {unit}\n{:.1} {unit}",
-                settling(r.settling_s),
+                table::seconds(r.settling_s),
                 percent(r.overshoot_percent),
                 r.residual_rms,
                 r.swing,

@@ -1,4 +1,4 @@
-//! What any regulator could do: the time that the battery's full voltage needs.
+//! Whether a response can be settled by some regulator: the time that the battery's full voltage needs.
 
 use super::judge::{Challenge, Goal, Kind, REST};
 use crate::StudyError;
@@ -9,25 +9,25 @@ use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
 use simulated::hardware::{BRIDGE, winding};
 use simulated::scenario::{Motor, Scenario};
 
-/// Of the voltage that the battery has with all motors stalled, so much is counted on.
+/// Usable share of the battery's voltage with all motors stalled.
 const COUNTED_ON: f64 = 0.95;
-/// Of that, so much must be left at the speed that is asked for.
+/// Share of the usable voltage that must be left at the set-point.
 const RESERVE: f64 = 0.1;
-/// As a share of the battery's voltage: so near to what is needed some control value must come.
+/// Largest difference of the needed voltage to the nearest control value's, as a share of the battery's voltage.
 const GAP: f64 = 0.02;
-/// Of the ideal time, so much is granted,
+/// Granted multiple of the ideal time.
 const PATIENCE: f64 = 1.5;
-/// with so many seconds more,
+/// Granted seconds besides.
 const GRACE_S: f64 = 0.3;
-/// so many periods,
+/// Granted control periods besides.
 const GRACE_PERIODS: f64 = 6.0;
-/// and the time of so many counts at the speed that is asked for.
+/// Granted counts besides, at the speed of the set-point.
 const GRACE_COUNTS: f64 = 3.0;
-/// Seconds for which a new torque acts before anybody can know of it, besides a period.
+/// Time for which a new torque acts before a regulator can detect it, besides a period, in seconds.
 const SURPRISE_S: f64 = 0.05;
-/// Seconds.
+/// Step of the integration in seconds.
 const STEP: f64 = 1e-3;
-/// Nothing is waited for longer than this, in seconds.
+/// Longest run-up in seconds.
 const LONGEST: f64 = 60.0;
 
 /// A motor with its load at its scenario's battery, in the encoder's units.
@@ -43,8 +43,9 @@ struct Machine {
     drag: f64,
     /// Counts/s² per newton metre on the output shaft.
     per_torque: f64,
-    /// What dry friction takes of a moving motor's acceleration, and what holds one that stands, in counts/s².
+    /// Dry friction of a moving motor, in counts/s².
     friction: f64,
+    /// Breakaway friction of a standing motor, in counts/s².
     breakaway: f64,
 }
 
@@ -72,7 +73,7 @@ impl Machine {
         })
     }
 
-    /// The voltage that a control value stands for at a speed; `None` if it opens the bridge.
+    /// The voltage of a control value at a speed; `None` if the bridge is open.
     fn volts(&self, speed: f64, control: Control) -> Option<f64> {
         let speed = CountsPerSecond::saturating_from_bits((256.0 * speed) as i64);
         let at = OperatingPoint::new(self.emf.emf(speed), self.battery)?;
@@ -83,7 +84,7 @@ impl Machine {
         Some(f64::from(self.placer.flows(at, placement).to_volts()))
     }
 
-    /// The lowest and the highest voltage that a control value stands for at a speed.
+    /// The lowest and the highest voltage of all control values at a speed.
     fn range(&self, speed: f64) -> Option<(f64, f64)> {
         Some((self.volts(speed, Control::MIN)?, self.volts(speed, Control::MAX)?))
     }
@@ -105,15 +106,15 @@ impl Machine {
         Some((self.acceleration(speed, low, torque), self.acceleration(speed, high, torque)))
     }
 
-    /// The speed can be kept under this torque with something to spare.
+    /// True if the speed can be kept under this torque with the reserve.
     fn keeps(&self, speed: f64, torque: f64) -> bool {
         let Some((low, high)) = self.range(speed) else { return false };
         let battery = f64::from(self.battery.get()) / 1e3;
-        // Of a motor that stands it only helps.
+        // Friction helps a motor to stand.
         let friction = if speed == 0.0 { 0.0 } else { self.friction * speed.signum() };
         let needed = self.kappa * speed + (self.drag * speed + friction - self.per_torque * torque) / self.b;
         let reserve = RESERVE * battery;
-        // Without a braking regime there are voltages that no control value stands for.
+        // Without a braking regime some voltages have no control value.
         let near = |volts: f64| (volts - needed).abs() < GAP * battery;
         let given = || {
             (i16::MIN..=i16::MAX).step_by(64).any(|c| self.volts(speed, Control::new(c)).is_some_and(near))
@@ -121,7 +122,7 @@ impl Machine {
         low + reserve <= needed && needed <= high - reserve && given()
     }
 
-    /// Seconds from one speed to another, and the counts on the way.
+    /// Seconds from one speed to another, and the counts meanwhile.
     fn run_up(&self, from: f64, to: f64, torque: f64) -> Option<(f64, f64)> {
         let (mut speed, mut counts, up) = (from, 0.0, to > from);
         let mut steps = 0.0;
@@ -138,7 +139,7 @@ impl Machine {
         Some((steps * STEP, counts))
     }
 
-    /// Seconds for a way from standstill to standstill, by the fastest speed at every place.
+    /// Seconds for a distance from standstill to standstill, with the fastest speed at every position.
     fn travel(&self, counts: f64, limit: f64, torque: f64) -> Option<f64> {
         const PLACES: usize = 400;
         let (side, way) = (counts.signum(), counts.abs());
@@ -178,15 +179,13 @@ struct Whereabouts {
     slack: f64,
 }
 
-/// For each challenge of a scenario, by motor and time, whether it can be settled in its time: by what the
-/// battery, the motor, its load and its scheme can give, whoever regulates.
+/// For each challenge of a scenario, by motor and time, whether any regulator can settle it in its time.
 ///
-/// The ideal time is that of all the voltage that a control value stands for, one way and then the other, at
-/// 95 % of the voltage that the battery keeps with all motors stalled. A challenge can be settled if 1.5 times
-/// that, 0.3 s, six periods and the time of three counts fit into the first nine tenths of its time, and if the
-/// speed (or standstill at a position) can be kept under its torque with a tenth of the voltage to spare and by
-/// some control value. What
-/// follows a challenge that cannot be settled begins nobody knows where, and is not judged.
+/// The ideal time is of full voltage within the scheme's range, one way and then the other. The battery counts with
+/// 95 % of its voltage with all motors stalled. A challenge can be settled if 1.5 times the ideal time, 0.3 s, six
+/// periods and the time of three counts fit into the first nine tenths of its time. Some control value must keep the
+/// speed, or standstill at a position, under its torque with a tenth of the voltage to spare. After a challenge that
+/// cannot be settled the next has no known beginning, and is not judged.
 pub(super) fn settleable(scenario: &Scenario, challenges: &[Challenge]) -> Result<Vec<bool>, StudyError> {
     let mut all = Vec::with_capacity(challenges.len());
     for (index, motor) in scenario.motors.iter().enumerate() {
@@ -203,7 +202,7 @@ pub(super) fn settleable(scenario: &Scenario, challenges: &[Challenge]) -> Resul
 }
 
 impl Machine {
-    /// Where the motor is after a challenge that can be settled.
+    /// The motor's state after a challenge that can be settled.
     fn answer(&self, challenge: &Challenge, at: &Whereabouts, period: f64) -> Option<Whereabouts> {
         let Challenge { torque, old_torque, .. } = *challenge;
         let surprise = if challenge.kind == Kind::Load || torque != old_torque {

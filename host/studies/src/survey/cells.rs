@@ -1,4 +1,4 @@
-//! Every motor of the catalogue without a load, told to turn and told to go somewhere, with nothing tuned.
+//! Every motor of the catalogue without a load, at a speed and to a position, with default settings.
 
 use super::judge::{Verdict, challenges, judge, watch};
 use super::{pool, time_constant};
@@ -33,18 +33,18 @@ pub struct Cell {
     pub mode: &'static str,
     /// By the model: two responses for each period.
     pub model: Vec<[Verdict; 2]>,
-    /// By PID, nothing told.
+    /// By PID, not configured.
     pub pid: Vec<[Verdict; 2]>,
 }
 
-/// Runs all cells; `progress` is told how many of how many runs are done.
+/// Runs all cells; `progress` gets the number of runs that are done, and of all.
 ///
 /// # Errors
 /// If a run fails.
 pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyError> {
     let mut motors: Vec<catalogue::Motor> =
         catalogue::motors().map(|motor| motor.with_measured_rotor_inertia()).collect();
-    // The measured inertia of the Core Hex motors is that of a motor that takes half a minute to start.
+    // With their measured inertia the Core Hex motors take half a minute to start.
     let slow =
         |motor: &catalogue::Motor| time_constant(&motor.with_measured_rotor_inertia(), &Load::NONE) > SLOW;
     motors.extend(catalogue::motors().filter(slow));
@@ -55,12 +55,15 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
         names.iter().map(|&(motor, mode)| scenario(motor, mode == "velocity")).collect();
     let cases: Vec<(&Scenario, bool, u32)> = scenarios
         .iter()
-        .flat_map(|scenario| [true, false].map(|told| (scenario, told)))
-        .flat_map(|(scenario, told)| PERIODS.map(|ms| (scenario, told, ms)))
+        .flat_map(|scenario| [true, false].map(|configured| (scenario, configured)))
+        .flat_map(|(scenario, configured)| PERIODS.map(|ms| (scenario, configured, ms)))
         .collect();
     let total = cases.len();
-    let verdicts =
-        pool::map(&cases, |&(scenario, told, ms)| both(scenario, told, ms), |done| progress(done, total));
+    let verdicts = pool::map(
+        &cases,
+        |&(scenario, configured, ms)| both(scenario, configured, ms),
+        |done| progress(done, total),
+    );
     let mut verdicts = verdicts.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter();
     let cell = |(motor, mode): (catalogue::Motor, _)| Cell {
         motor: motor.name,
@@ -72,7 +75,8 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
     Ok(names.into_iter().map(cell).collect())
 }
 
-/// From rest to half of the free speed and on to a tenth of it; or as far as that takes in a second, and back.
+/// From rest to half of the free speed and on to a tenth of it; or the distance of half of the free speed in a
+/// second, and back.
 fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
     let electrical = constants.ke.0 * constants.kt.0 / constants.r.0;
     let time_constant = time_constant(&constants, &Load::NONE);
@@ -93,10 +97,10 @@ fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
     Scenario::new("cell", 2.0 * length, battery, vec![motor])
 }
 
-fn both(scenario: &Scenario, told: bool, period_ms: u32) -> Result<[Verdict; 2], StudyError> {
+fn both(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<[Verdict; 2], StudyError> {
     let mut scenario = scenario.clone();
     scenario.period = Period::from_millis(period_ms)?;
-    if !told {
+    if !configured {
         scenario.motors.iter_mut().for_each(|motor| motor.told.motion = None);
     }
     let tracks = watch(&scenario)?;

@@ -20,8 +20,8 @@ const SHOWN_S: f64 = 4.0;
 
 type Times = Vec<Option<f64>>;
 
-const BY_MODEL: (&str, &str) = ("model, told exactly", colour::BLUE);
-const BY_PID: (&str, &str) = ("PID, told nothing", colour::RED);
+const BY_MODEL: (&str, &str) = ("model, configured exactly", colour::BLUE);
+const BY_PID: (&str, &str) = ("PID, not configured", colour::RED);
 
 /// The tasks of the reference, at all periods.
 #[must_use]
@@ -46,7 +46,7 @@ pub fn cells(cells: &[Cell]) -> NamedFigure {
     figure("cells", "Every motor of the catalogue without a load", "control periods of 1 to 100 ms", panels)
 }
 
-/// Drawn responses that can be settled, of motors without and with dry friction.
+/// Random responses that can be settled, of motors without and with dry friction.
 #[must_use]
 pub fn survey(survey: &Survey) -> NamedFigure {
     let of = |rough: bool| -> Vec<&Response> {
@@ -64,7 +64,7 @@ pub fn survey(survey: &Survey) -> NamedFigure {
     });
     let Survey { seed, scenarios, .. } = survey;
     let subtitle = format!("seed {seed}, {scenarios} scenarios; of the responses that can be settled");
-    figure("survey", "Scenarios by lot", &subtitle, panels.into())
+    figure("survey", "Random scenarios", &subtitle, panels.into())
 }
 
 fn times<'a>(verdicts: impl Iterator<Item = &'a Verdict>) -> Times {

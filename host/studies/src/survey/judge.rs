@@ -1,5 +1,4 @@
-//! What is asked of a motor in a scenario, response by response, and what came of it, judged by the true motion
-//! at every millisecond.
+//! The responses that a scenario asks of its motors, judged by the true motion at every millisecond.
 
 use crate::StudyError;
 use motor_hub::motor::Setpoint;
@@ -17,10 +16,10 @@ const POSITION_BAND: f64 = 10.0;
 const STANDSTILL_BAND: f64 = 3.0;
 /// Of the time to the next change this much must be left once a response has settled.
 pub(super) const REST: f64 = 0.1;
-/// In the last so many milliseconds of a response swings are looked for.
+/// Length of the end of a response in which swings are counted, in milliseconds.
 const SWING_MS: usize = 1_000;
 
-/// What a motor should do.
+/// The set-point of a response.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Goal {
     /// Counts/s.
@@ -29,7 +28,7 @@ pub(super) enum Goal {
     Position { counts: f64, limit_cps: f64 },
 }
 
-/// What began a response.
+/// The change that begins a response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -48,7 +47,7 @@ pub enum Kind {
 /// Below this, in counts/s, a speed is a crawl.
 const CRAWL_CPS: f64 = 60.0;
 
-/// Something that a motor should answer to.
+/// A change that a motor responds to.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Challenge {
     pub(super) motor: usize,
@@ -83,7 +82,7 @@ impl Challenge {
     }
 }
 
-/// All that the motors of a scenario should answer to, by motor and time.
+/// All changes of a scenario, by motor and time.
 pub(super) fn challenges(scenario: &Scenario) -> Vec<Challenge> {
     scenario.motors.iter().enumerate().flat_map(|(index, motor)| of_motor(scenario, index, motor)).collect()
 }
@@ -140,7 +139,7 @@ pub(super) struct Instant {
     pub(super) counts: f64,
     /// An encoder fault is latched.
     pub(super) fault: bool,
-    /// The hub says that it is held.
+    /// The hub reports a stall.
     pub(super) stalled: bool,
 }
 
@@ -157,7 +156,7 @@ pub(super) fn watch(scenario: &Scenario) -> Result<Vec<Vec<Instant>>, StudyError
     Ok(all)
 }
 
-/// What came of a challenge.
+/// The judgement of a response.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Verdict {
     /// Seconds until the motor stayed within the band to the end, with a tenth of the time to spare; `None` if
@@ -165,7 +164,7 @@ pub struct Verdict {
     pub settling_s: Option<f64>,
     /// How far it went beyond its goal, in percent of the step; after another torque how far it was pushed away, in
     /// percent of the speed. `None` where there is no step to speak of: less than 60 counts/s or 60 counts, a
-    /// torque on a motor that crawls or holds a position; or where torque and speed change at once.
+    /// torque on a motor that crawls or holds a position; or where torque and speed change together.
     pub beyond_percent: Option<f64>,
     /// It swings about its goal, beyond the band on both sides within the last second.
     pub cycles: bool,
@@ -175,13 +174,13 @@ pub struct Verdict {
     pub last_rms: f64,
     /// Largest error to either side in the last second, counts/s or counts.
     pub last_swing: (f64, f64),
-    /// The hub took the encoder for faulty.
+    /// The hub reported an encoder fault.
     pub fault: bool,
-    /// The hub took the motor for held, at some time.
+    /// The hub reported the motor as stalled, at some time.
     pub stalled: bool,
 }
 
-/// Judges a challenge by what its motor did.
+/// Judges a response by the motion of its motor.
 pub(super) fn judge(challenge: &Challenge, track: &[Instant]) -> Verdict {
     let span = track.get(challenge.from_ms..challenge.to_ms.min(track.len())).unwrap_or_default();
     let band = challenge.band();

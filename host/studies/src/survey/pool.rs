@@ -1,10 +1,11 @@
-//! Many independent pieces of work on all cores.
+//! Independent work on all cores.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
 
-/// What `work` makes of every item, in their order; `done` is told how many are, by the calling thread.
+/// The results of `work` for every item, in the order of the items. The calling thread gives `done` the number of items
+/// that are done.
 pub(super) fn map<T: Sync, R: Send>(
     items: &[T],
     work: impl Fn(&T) -> R + Sync,

@@ -1,4 +1,4 @@
-//! Scenarios by lot: any motor, any load, any battery, any period, any scheme.
+//! Random scenarios: any motor, any load, any battery, any period, any scheme.
 
 use super::time_constant;
 use motor_hub::braking::{Blend, DutyRule, Scheme};
@@ -11,22 +11,22 @@ use motor_hub::motor::Setpoint;
 use motor_hub::units::{CountsPerSecond, Period};
 use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
 
-/// No motor with its load is slower, in seconds.
+/// Largest time constant of a motor with its load, in seconds.
 const LONGEST_TIME_CONSTANT: f64 = 3.0;
-/// A motor of which the measured inertia makes a slower one is given the paper's, and a load that makes it at
-/// least this slow.
+/// Least time constant in seconds of a motor with the paper's inertia and a load. A motor whose measured inertia makes it
+/// slower than [`LONGEST_TIME_CONSTANT`] has the paper's inertia.
 const SHORTEST_LOADED: f64 = 0.05;
-/// The supply's limit is 5 V.
+/// Least battery voltage with all motors stalled. The supply's limit is 5 V.
 const LEAST_VOLTS: f64 = 5.5;
 
-/// Such a share of the motors has dry friction,
+/// Share of the motors with dry friction.
 const ROUGH: f64 = 0.5;
-/// up to so much, in percent of the stall torque at 12 V.
+/// Largest dry friction in percent of the stall torque at 12 V.
 const MOST_FRICTION: f64 = 10.0;
 
-/// The scenario of this number in the survey of this seed; each is drawn by itself.
+/// The scenario of this number in the survey of this seed. Each scenario has random numbers of its own.
 pub fn scenario(seed: u64, index: u64) -> Scenario {
-    // One seed's scenarios are another's neighbours no more than their own.
+    // A hash of the seed, so that neighbouring seeds share no scenarios.
     let mut lot = Lot(fastrand::Rng::with_seed(fastrand::Rng::with_seed(seed).u64(..) ^ index));
     let period = Period::from_millis(lot.logarithmic(1.0, 100.0).round() as u32).unwrap_or_default();
     let emf = lot.rounded(6.5, 14.5, 10.0);
@@ -49,12 +49,12 @@ pub fn scenario(seed: u64, index: u64) -> Scenario {
     let duration_s = lot.rounded(2.0, 4.0, 1e3) + motors.iter().map(last).fold(0.0, f64::max);
     let battery = Battery { emf: Volts(emf), resistance: Ohms(resistance) };
     let name = format!("survey {seed}, scenario {index}");
-    // From 6.5 to 14.5 V, and it takes what comes back: regulation is what is looked at.
+    // Any battery from 6.5 to 14.5 V, and it accepts returned energy: only regulation is judged.
     Scenario { period, seed: index, limits: UNLIMITED, ..Scenario::new(&name, duration_s, battery, motors) }
 }
 
-/// Gives some of the motors Coulomb friction, by a lot of their own, so that everything else of a scenario is drawn as
-/// it was without. No motor has cogging: the catalogue has no figures for it.
+/// Gives some of the motors Coulomb friction, with random numbers of its own, so that the rest of a scenario does not
+/// depend on friction. No motor has cogging: the catalogue has no figures for it.
 fn roughen(motors: &mut [Motor], seed: u64, index: u64) {
     let mut lot = Lot(fastrand::Rng::with_seed(fastrand::Rng::with_seed(!seed).u64(..) ^ index));
     for motor in motors {
@@ -91,7 +91,7 @@ impl Lot {
         if self.0.bool() { size } else { -size }
     }
 
-    /// A motor and what it turns.
+    /// A motor and its load.
     fn motor(&mut self) -> (catalogue::Motor, Load) {
         let all: Vec<_> = motors().collect();
         let paper = all.get(self.0.usize(..all.len())).copied().unwrap_or_else(|| unreachable!());
@@ -99,7 +99,7 @@ impl Lot {
         let bare = time_constant(&measured, &Load::NONE);
         let (motor, shortest) =
             if bare < LONGEST_TIME_CONSTANT { (measured, bare) } else { (paper, SHORTEST_LOADED) };
-        // Bare, with some rotor inertias, or anything.
+        // Without a load, with a few rotor inertias, or with any load.
         let wanted = match self.0.u8(..10) {
             0..3 => shortest,
             3..7 => self.uniform(1.0, 5.0) * shortest,
@@ -133,7 +133,7 @@ impl Lot {
         let first = if self.chance(0.5) { 0.0 } else { self.signed(0.0, 0.3) * stall };
         let mut torques = vec![Timed { at_s: 0.0, value: first }];
         let mut setpoints = Vec::new();
-        // At once: a load would turn a motor that is not regulated yet.
+        // The first set-point is at 0 s: a load would turn a motor that is not regulated yet.
         let mut at_s = 0.0;
         // Speeds alone, positions alone, or both.
         let positions = match self.0.u8(..20) {

@@ -1,4 +1,5 @@
-//! The tasks by which regulation was compared before it was written, at several control periods.
+//! Reference tasks at several control periods. Their figures were reached by a simulation before the regulator was
+//! written.
 
 use super::judge::{Verdict, challenges, judge, watch};
 use super::pool;
@@ -17,11 +18,11 @@ use simulated::scenario::{Motor, Scenario, Timed};
 /// Control periods in milliseconds.
 pub const PERIODS: [u32; 6] = [1, 5, 10, 20, 50, 100];
 
-/// What of a response is asked for.
+/// The figure of a response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Figure {
-    /// Settling time, and what it went beyond.
+    /// Settling time, and the largest error beyond the set-point.
     Settling,
     /// Mean error at the end, in counts.
     Offset,
@@ -29,14 +30,14 @@ pub enum Figure {
     Rms,
 }
 
-/// A task, and what the reference reached at it with a period of 50 ms.
+/// A task, and the figure that the reference reached with a period of 50 ms.
 #[derive(Clone, Debug)]
 pub struct Task {
-    /// What is asked for, in words.
+    /// The task in words.
     pub name: String,
     /// The reference's figure; of several motors the worst.
     pub reference: &'static str,
-    /// What of it is looked at.
+    /// The figure.
     pub figure: Figure,
     /// One for each motor.
     scenarios: Vec<Scenario>,
@@ -44,20 +45,20 @@ pub struct Task {
     response: usize,
 }
 
-/// What came of a task.
+/// The verdicts of a task.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// The task's.
+    /// The task's name.
     pub name: String,
-    /// As the task has it.
+    /// The reference's figure.
     pub reference: &'static str,
-    /// What the verdicts are asked for.
+    /// The figure of the verdicts.
     pub figure: Figure,
     /// By the model; in the order of [`PERIODS`].
     pub model: Vec<Verdict>,
-    /// By PID, nothing told.
+    /// By PID, not configured.
     pub pid: Vec<Verdict>,
-    /// Speed that was asked for, in counts/s; 0 of a position.
+    /// Speed set-point in counts/s; 0 of a position.
     pub speed: f64,
 }
 
@@ -89,7 +90,13 @@ pub fn tasks() -> Result<Vec<Task>, StudyError> {
     task("arm 4000 -> 500", "2.18/0", Settling, 1, arm.clone());
     task("arm 4000 -> 500, last error", "<= 1 count", Offset, 1, arm);
     task("0.5 kg m2 0 -> 5000", "4.08/0", Settling, 0, plan("AM 60 A", 0.5, &[position(0.5, 5000)])?);
-    task("Matrix A bare 0 -> 3000", "1.36/0.1", Settling, 0, plan("Matrix A", 0.0, &[position(0.5, 3000)])?);
+    task(
+        "Matrix 12 V bare 0 -> 3000",
+        "1.36/0.1",
+        Settling,
+        0,
+        plan("Matrix A", 0.0, &[position(0.5, 3000)])?,
+    );
     task(
         "winch 0, +0.4 N m: offset",
         "14 counts",
@@ -167,7 +174,8 @@ fn arm() -> Result<Scenario, StudyError> {
     Ok(scenario)
 }
 
-/// Runs all tasks, by the model and by PID, at all [`PERIODS`]; `progress` is told how many of how many runs are done.
+/// Runs all tasks, by the model and by PID, at all [`PERIODS`]; `progress` gets the number of runs that are done, and of
+/// all.
 ///
 /// # Errors
 /// If a run fails.
@@ -175,13 +183,17 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
     let tasks = tasks()?;
     let cases: Vec<(&Task, bool, u32)> = tasks
         .iter()
-        .flat_map(|task| [true, false].map(|told| (task, told)))
-        .flat_map(|(task, told)| PERIODS.map(|ms| (task, told, ms)))
+        .flat_map(|task| [true, false].map(|configured| (task, configured)))
+        .flat_map(|(task, configured)| PERIODS.map(|ms| (task, configured, ms)))
         .collect();
     let total = cases.len();
-    let verdicts = pool::map(&cases, |&(task, told, ms)| worst(task, told, ms), |done| progress(done, total))
-        .into_iter()
-        .collect::<Result<Vec<_>, _>>()?;
+    let verdicts = pool::map(
+        &cases,
+        |&(task, configured, ms)| worst(task, configured, ms),
+        |done| progress(done, total),
+    )
+    .into_iter()
+    .collect::<Result<Vec<_>, _>>()?;
     let mut verdicts = verdicts.into_iter();
     Ok(tasks
         .into_iter()
@@ -205,12 +217,12 @@ fn speed(task: &Task) -> f64 {
 }
 
 /// Of the task's motors the one with the largest error at the end.
-fn worst(task: &Task, told: bool, period_ms: u32) -> Result<Verdict, StudyError> {
+fn worst(task: &Task, configured: bool, period_ms: u32) -> Result<Verdict, StudyError> {
     let mut worst: Option<Verdict> = None;
     for scenario in &task.scenarios {
         let mut scenario = scenario.clone();
         scenario.period = Period::from_millis(period_ms)?;
-        if !told {
+        if !configured {
             scenario.motors.iter_mut().for_each(|motor| motor.told.motion = None);
         }
         let tracks = watch(&scenario)?;

@@ -1,9 +1,9 @@
-//! Hours of drawn scenarios, run by the hub's own tasks: every encoder is sound, so none may be doubted; no task may
-//! keep the watchdog waiting; nothing may panic.
+//! Hours of random scenarios, run by the hub's own tasks. Every encoder is sound, so every fault is a false alarm. No task
+//! may starve the watchdog, and nothing may panic.
 //!
-//! Scenario by scenario the hub is told everything, wrong inertias, or nothing (see [`Knowledge`]), and every other
+//! Scenario by scenario the motion is configured exactly, with wrong inertias, or not at all (see [`Knowledge`]), and every other
 //! four have bridges with the timing of real ones. Dry friction is up to 40 % of the stall torque, four times the survey's.
-//! Besides what is drawn there is a sweep over every motor and everything that it may be regulated by.
+//! A sweep runs every motor with every setting instead.
 //!
 //! ```
 //! use studies::survey::soak::Soak;
@@ -15,7 +15,7 @@
 
 use super::{Knowledge, circumstances, pool, random, sweep};
 use crate::StudyError;
-use crate::table::paragraph;
+use crate::table::{grouped, paragraph};
 use motor_hub::model::friction::Friction;
 use motor_hub::model::si::NewtonMetres;
 use motor_hub::motor::Faults;
@@ -26,10 +26,10 @@ use simulated::scenario::Scenario;
 use simulated::sim::{self, RunError};
 use std::fmt::Write;
 
-/// What became of the scenarios.
+/// The results of all scenarios.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Soak {
-    /// What they follow from, if they were drawn by lot.
+    /// Seed of the random scenarios; `None` of a sweep.
     pub seed: Option<u64>,
     /// How many there were.
     pub scenarios: u64,
@@ -47,7 +47,7 @@ pub struct Soak {
     pub starved: Vec<u64>,
 }
 
-/// A fault that was none.
+/// A false alarm.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Alarm {
     /// The scenario's number.
@@ -58,14 +58,14 @@ pub struct Alarm {
     pub at_s: f64,
     /// What was reported.
     pub what: String,
-    /// What the hub knew of the motor.
+    /// How the motor was configured.
     pub told: Knowledge,
-    /// The motor, its load, battery, period, scheme, and what the hub was told, in words.
+    /// The motor, its load, battery, period, scheme and configuration, in words.
     pub circumstances: String,
 }
 
 impl Soak {
-    /// Draws and runs scenarios until `seconds` of virtual time are over; `progress` is told how many are.
+    /// Draws and runs scenarios until `seconds` of virtual time are over; `progress` gets the seconds that are done.
     ///
     /// # Errors
     /// If a motor does not fit the firmware.
@@ -109,8 +109,8 @@ impl Soak {
         Ok(())
     }
 
-    /// Every motor, inertia, scheme, duty rule, friction, voltage and period, told and not, or each `every`th scenario of
-    /// these; without tasks, so no watchdog is looked at. `progress` is told how many of how many scenarios are done.
+    /// Every motor, inertia, scheme, duty rule, friction, voltage and period, configured and not, or each `every`th scenario of
+    /// these; without tasks, so no watchdog is looked at. `progress` gets the number of scenarios that are done, and of all.
     ///
     /// # Errors
     /// If a motor does not fit the firmware.
@@ -175,7 +175,7 @@ fn scenario(seed: u64, number: u64) -> (Scenario, Knowledge) {
     let mut scenario = random::scenario(seed, number);
     let knowledge = Knowledge::ALL.into_iter().cycle().nth((number % 4) as usize).unwrap_or(Knowledge::Exact);
     for motor in &mut scenario.motors {
-        motor.told = knowledge.told();
+        motor.told = knowledge.configured();
         // From at most 10 % of the stall torque to at most 40.
         motor.constants.friction =
             Friction::with_coulomb(NewtonMetres(4.0 * motor.constants.friction.coulomb.0));
@@ -186,24 +186,55 @@ fn scenario(seed: u64, number: u64) -> (Scenario, Knowledge) {
     (scenario, knowledge)
 }
 
-/// What happened, for people.
+/// The result in a sentence: "No false alarm in 12.2 h of 29 376 motors."
+pub fn headline(soak: &Soak) -> String {
+    let Soak { seconds, motors, alarms, starved, .. } = soak;
+    let alarms = match alarms.len() {
+        0 => "No false alarm".to_owned(),
+        1 => "1 false alarm".to_owned(),
+        more => format!("{} false alarms", grouped(more)),
+    };
+    let time =
+        if *seconds < 360.0 { format!("{seconds:.0} s") } else { format!("{:.1} h", seconds / 3600.0) };
+    let watchdog = match starved.len() {
+        0 => String::new(),
+        scenarios => format!("; the watchdog was not fed in time in {} scenarios", grouped(scenarios)),
+    };
+    format!("{alarms} in {time} of {} motors{watchdog}.", grouped(*motors))
+}
+
+/// The headline, what was run, and every alarm, for people.
 pub fn text(soak: &Soak) -> String {
-    let Soak { seed, scenarios, seconds, motors, ticks, alarms, stalled, starved } = soak;
-    let by_lot = seed.map_or_else(String::new, |seed| format!(" by lot (seed {seed})"));
+    let Soak { seed, scenarios, seconds, ticks, alarms, stalled, starved, .. } = soak;
+    let random = seed.map_or_else(String::new, |seed| format!(" random (seed {seed})"));
     let hours = seconds / 3600.0;
     let ran = format!(
-        "{hours:.3} h of virtual time: {scenarios} scenarios{by_lot}, {motors} motors, {ticks} control ticks"
+        "{hours:.3} h of virtual time, {scenarios}{random} scenarios, {ticks} control ticks; {stalled} motors were \
+         reported as stalled for a while."
     );
-    let found = format!(
-        "{} false alarms, {stalled} motors taken for stalled for a while, the watchdog starved in {} scenarios",
-        alarms.len(),
-        starved.len()
-    );
-    let mut out = format!("{}\n{}\n", paragraph(&ran), paragraph(&found));
+    let mut out = format!("{}\n\n{}\n", paragraph(&headline(soak)), paragraph(&ran));
     for Alarm { scenario, motor, at_s, what, circumstances, .. } in alarms {
         // Writing to a string does not fail.
         let _ = writeln!(out, "scenario {scenario}, motor {motor}, {at_s:.3} s: {what}; {circumstances}");
     }
-    starved.iter().for_each(|number| _ = writeln!(out, "scenario {number}: the watchdog starved"));
+    starved
+        .iter()
+        .for_each(|number| _ = writeln!(out, "scenario {number}: the watchdog was not fed in time"));
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_headline_counts_alarms_hours_and_motors() {
+        let clean = Soak { seconds: 43_920.0, motors: 29_376, ..Soak::default() };
+        assert_eq!(headline(&clean), "No false alarm in 12.2 h of 29 376 motors.");
+        let starved = Soak { seconds: 10.0, motors: 3, starved: vec![1, 2], ..Soak::default() };
+        assert_eq!(
+            headline(&starved),
+            "No false alarm in 10 s of 3 motors; the watchdog was not fed in time in 2 scenarios."
+        );
+    }
 }

@@ -1,6 +1,7 @@
-//! Every motor of the catalogue, bare, with either of its inertias, under every scheme and duty rule, with friction of up
-//! to 40 % of its stall torque, on a battery of 6.5 to 14.5 V, every 1 to 100 ms, told as it is and not at all: sound
-//! encoders, of which none may be doubted.
+//! Every motor of the catalogue without a load, with both of its inertias, under every scheme and duty rule. Friction
+//! is up to 40 % of the stall torque, the battery has 6.5 to 14.5 V, the control period is 1 to 100 ms. The motion is
+//! configured exactly, or not at all. Every encoder is
+//! sound, so every fault is a false alarm.
 
 use super::Knowledge;
 use motor_hub::braking::{DutyRule, Scheme};
@@ -20,7 +21,7 @@ const FRICTION_PERCENT: [f64; 3] = [0.0, 20.0, 40.0];
 const KNOWLEDGE: [Knowledge; 2] = [Knowledge::Exact, Knowledge::Nothing];
 const DURATION_S: f64 = 6.0;
 
-/// One of so many scenarios, four motors each, and what the hub is told there; the `every`th of all.
+/// Every `every`th of the scenarios, with four motors each, and how they are configured.
 pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
     let mut all = Vec::new();
     for (period_ms, volts) in
@@ -30,7 +31,7 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
             for motors in motors(volts).chunks(MOTORS) {
                 let mut motors = motors.to_vec();
                 for motor in &mut motors {
-                    motor.told = knowledge.told();
+                    motor.told = knowledge.configured();
                     if all.len() % 2 == 1 {
                         motor.bridge = REAL_BRIDGE;
                     }

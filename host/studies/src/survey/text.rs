@@ -1,30 +1,125 @@
-//! The survey as tables for people.
+//! The survey as text: the result first, then the tables.
 
 use super::cells::{self, Cell};
 use super::reference::{self, Figure, Row};
 use super::{Kind, Knowledge, Response, Survey, Verdict};
-use crate::table;
+use crate::page::Page;
+use crate::table::{self, Table, natural_order};
 use motor_hub::braking::DutyRule;
 use simulated::scheme::describe;
 
-/// The reference's tasks: by the model, and by PID.
-pub fn reference(rows: &[Row]) -> String {
-    let one = |title: &str, verdicts: fn(&Row) -> &[Verdict]| {
-        let periods = reference::PERIODS.map(|ms| format!("{ms} ms"));
-        let headings: Vec<&str> =
-            ["task", "reference, 50 ms"].into_iter().chain(periods.iter().map(String::as_str)).collect();
-        let mut table = table::new(&headings, 1);
-        for row in rows {
-            let cells = verdicts(row).iter().map(|verdict| figure(row, verdict));
-            table.add_row([row.name.clone(), row.reference.to_owned()].into_iter().chain(cells));
-        }
-        format!("{title}\n{table}\n")
+/// What was run: each part is `None` if it was left out.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Parts<'a> {
+    /// The reference tasks.
+    pub reference: Option<&'a [Row]>,
+    /// The motors without a load.
+    pub cells: Option<&'a [Cell]>,
+    /// The random scenarios.
+    pub survey: Option<&'a Survey>,
+}
+
+/// The result in a sentence, then the tables of every part with this many of the worst responses.
+pub fn page(parts: Parts<'_>, worst: usize) -> Page {
+    let mut page = Page::new(headline(parts));
+    if let Some(rows) = parts.reference {
+        reference(&mut page, rows);
+    }
+    if let Some(cells) = parts.cells {
+        bare_motors(&mut page, cells);
+    }
+    if let Some(survey) = parts.survey {
+        random(&mut page, survey, worst);
+    }
+    page
+}
+
+/// How many responses settle by the model, and by PID that is not configured.
+fn headline(parts: Parts<'_>) -> String {
+    let mut results = Vec::new();
+    let mut add = |what: &str, verdicts: [Vec<&Verdict>; 2]| {
+        let settled = verdicts.each_ref().map(|of| of.iter().filter(|v| v.settling_s.is_some()).count());
+        let all = table::grouped(verdicts[0].len());
+        let [model, pid] = settled.map(table::grouped);
+        results.push(format!("{model} of {all} {what} (not configured: {pid})"));
     };
-    format!(
-        "{}\n{}\nSettling in s / beyond in % of the step, after a torque in % of the speed.\n",
-        one("By the model, told exactly", |row| &row.model),
-        one("By PID, told nothing", |row| &row.pid)
-    )
+    if let Some(rows) = parts.reference {
+        let rows = || rows.iter().filter(|row| row.figure == Figure::Settling);
+        let of = |verdicts: fn(&Row) -> &[Verdict]| rows().flat_map(verdicts).collect();
+        add("reference responses", [of(|row| &row.model), of(|row| &row.pid)]);
+    }
+    if let Some(cells) = parts.cells {
+        let of = |verdicts: fn(&Cell) -> &[[Verdict; 2]]| cells.iter().flat_map(verdicts).flatten().collect();
+        add("responses of bare motors", [of(|cell| &cell.model), of(|cell| &cell.pid)]);
+    }
+    if let Some(Survey { responses, .. }) = parts.survey {
+        let of = |wanted: Knowledge| {
+            let index = Knowledge::ALL.into_iter().position(|knowledge| knowledge == wanted);
+            index.map_or_else(Vec::new, |index| {
+                all(responses, index).into_iter().map(|(_, verdict)| verdict).collect()
+            })
+        };
+        add("random responses", [of(Knowledge::Exact), of(Knowledge::Nothing)]);
+    }
+    format!("Configured exactly, the hub settles {}.", results.join(", "))
+}
+
+/// The tasks of the reference: at 50 ms, then at all periods by the model and by PID.
+fn reference(page: &mut Page, rows: &[Row]) {
+    let compared = reference::PERIODS.iter().position(|ms| *ms == COMPARED_MS);
+    let mut table = table::new(&["task", "reference", "model", "PID, not configured"], 1);
+    for row in rows {
+        let of = |verdicts: &[Verdict]| {
+            let verdict = compared.and_then(|index| verdicts.get(index));
+            verdict.map_or_else(String::new, |verdict| figure(row, verdict))
+        };
+        table.add_row([row.name.clone(), row.reference.to_owned(), of(&row.model), of(&row.pid)]);
+    }
+    page.table(&format!("Reference tasks, control period {COMPARED_MS} ms"), table);
+    page.text(
+        "Settling in s / largest error beyond the set-point in % of the step, or after a torque in % of the speed. \
+         A last error is in counts; an rms error is in % of the speed.",
+    );
+    let slower: Vec<String> = rows.iter().filter_map(where_the_model_is_slower).collect();
+    page.text(&if slower.is_empty() {
+        "The model settles at least as soon as PID at every task and period.".to_owned()
+    } else {
+        format!("The model settles later than PID by more than {LATER_S} s at: {}.", slower.join("; "))
+    });
+    page.table("Reference tasks, the model configured exactly", by_period(rows, |row| &row.model));
+    page.table("Reference tasks, PID, not configured", by_period(rows, |row| &row.pid));
+}
+
+/// The reference's own control period in milliseconds.
+const COMPARED_MS: u32 = 50;
+
+/// Differences of settling times up to this are none, in seconds.
+const LATER_S: f64 = 0.01;
+
+/// A task with the periods at which the model settles later than PID, or never where PID settles.
+fn where_the_model_is_slower(row: &Row) -> Option<String> {
+    if row.figure != Figure::Settling {
+        return None;
+    }
+    let slower = |model: &Verdict, pid: &Verdict| match (model.settling_s, pid.settling_s) {
+        (Some(model), Some(pid)) => model > pid + LATER_S,
+        (model, pid) => model.is_none() && pid.is_some(),
+    };
+    let periods = reference::PERIODS.iter().zip(row.model.iter().zip(&row.pid));
+    let periods: Vec<String> =
+        periods.filter(|(_, (model, pid))| slower(model, pid)).map(|(ms, _)| format!("{ms} ms")).collect();
+    (!periods.is_empty()).then(|| format!("{} ({})", row.name, periods.join(", ")))
+}
+
+fn by_period(rows: &[Row], verdicts: fn(&Row) -> &[Verdict]) -> Table {
+    let periods = reference::PERIODS.map(|ms| format!("{ms} ms"));
+    let headings: Vec<&str> = ["task"].into_iter().chain(periods.iter().map(String::as_str)).collect();
+    let mut table = table::new(&headings, 1);
+    for row in rows {
+        let figures = verdicts(row).iter().map(|verdict| figure(row, verdict));
+        table.add_row([row.name.clone()].into_iter().chain(figures));
+    }
+    table
 }
 
 fn figure(row: &Row, verdict: &Verdict) -> String {
@@ -42,8 +137,8 @@ fn figure(row: &Row, verdict: &Verdict) -> String {
     }
 }
 
-/// Every motor without a load.
-pub fn cells(cells: &[Cell]) -> String {
+/// The motors without a load that do not settle.
+fn bare_motors(page: &mut Page, cells: &[Cell]) {
     let mut table = table::new(&["regulator", "motor", "mode", "period", "responses"], 5);
     let mut failed = 0;
     for cell in cells {
@@ -64,75 +159,76 @@ pub fn cells(cells: &[Cell]) -> String {
         }
     }
     let all = cells.len() * cells::PERIODS.len();
-    let settle = format!(
-        "Bare motors, default settings: {} of {all} settle by the model. What does not, by the model or by PID:",
+    page.table("Bare motors that do not settle", table);
+    page.text(&format!(
+        "With default settings {} of {all} settle by the model. A response: settling time [lowest and highest error in \
+         the last second, counts/s or counts].",
         all - failed
-    );
-    format!("{}\n{table}\n", table::paragraph(&settle))
+    ));
 }
 
 fn in_short(verdict: &Verdict) -> String {
     let (low, high) = verdict.last_swing;
-    let settling = verdict.settling_s.map_or("never".to_owned(), |s| format!("{s:.2} s"));
+    let settling = table::seconds(verdict.settling_s);
     let fault = if verdict.fault { " fault" } else { "" };
     let stalled = if verdict.stalled { " stalled" } else { "" };
     format!("{settling} [{low:+.1} {high:+.1}]{fault}{stalled}")
 }
 
-/// The drawn scenarios: figures by what was told, then where failures lie, then the worst.
-pub fn survey(survey: &Survey, worst: usize) -> String {
+/// The random scenarios: all responses, then which never settle, then the worst.
+fn random(page: &mut Page, survey: &Survey, worst: usize) {
     let Survey { seed, scenarios, asked, responses } = survey;
     let headings = [
-        "",
-        "never %",
-        "cycles %",
-        "settling median",
-        "p90",
-        "beyond median %",
-        "p90",
-        "load peak p90 %",
-        "positions never %",
+        "hub's model",
+        "never settled, %",
+        "swings, %",
+        "settling, median / p90",
+        "beyond, median / p90, %",
+        "load peak, p90, %",
+        "positions never settled, %",
         "faults",
     ];
     let mut table = table::new(&headings, 1);
     for (index, knowledge) in Knowledge::ALL.into_iter().enumerate() {
         table.add_row(summary(knowledge, &all(responses, index)));
     }
-    let mut out = format!(
-        "Seed {seed}, {scenarios} scenarios, {asked} responses, of which {} can be settled.\n{table}\n",
+    page.table("Random scenarios", table);
+    page.text(&format!(
+        "Seed {seed}, {scenarios} scenarios, {asked} responses; the {} that can be settled are counted. Beyond: largest \
+         error beyond the set-point, in % of the step. p90: nine of ten responses are below.",
         responses.len()
-    );
-    out.push_str(&breakdown("by kind", responses, |response| format!("{:?}", response.kind).to_lowercase()));
-    out.push_str(&breakdown("by dry friction", responses, |response| {
-        match response.friction_percent {
-            0.0 => "  none",
-            percent if percent < 5.0 => " below 5 % of the stall torque",
-            _ => "5 to 10 % of the stall torque",
-        }
-        .to_owned()
-    }));
-    out.push_str(&breakdown("by period", responses, |response| {
-        match response.period_ms {
-            0..3 => "  1 to 2 ms",
-            3..10 => "  3 to 9 ms",
-            10..30 => " 10 to 29 ms",
-            30..60 => " 30 to 59 ms",
-            _ => " 60 to 100 ms",
-        }
-        .to_owned()
-    }));
-    out.push_str(&breakdown("by scheme", responses, |response| describe(response.scheme.0)));
-    out.push_str(&breakdown("by duty rule", responses, |response| {
-        match response.duty {
-            DutyRule::LinearDuty => "linear duty",
-            DutyRule::LinearCurrent => "linear current",
-        }
-        .to_owned()
-    }));
+    ));
+    let mut add = |by: &str, of: &dyn Fn(&Response) -> (usize, String)| {
+        page.table(
+            &format!("Random responses that never settle, in %, by {by}"),
+            breakdown(by, responses, of),
+        );
+    };
+    add("kind", &|response| (response.kind as usize, format!("{:?}", response.kind).to_lowercase()));
+    add("dry friction", &|response| match response.friction_percent {
+        0.0 => (0, "no friction".to_owned()),
+        percent if percent < 5.0 => (1, "below 5 % of the stall torque".to_owned()),
+        _ => (2, "5 to 10 % of the stall torque".to_owned()),
+    });
+    add("control period", &|response| {
+        let (rank, range) = match response.period_ms {
+            0..3 => (0, "1 to 2 ms"),
+            3..10 => (1, "3 to 9 ms"),
+            10..30 => (2, "10 to 29 ms"),
+            30..60 => (3, "30 to 59 ms"),
+            _ => (4, "60 to 100 ms"),
+        };
+        (rank, range.to_owned())
+    });
+    add("scheme", &|response| (0, describe(response.scheme.0)));
+    add("duty rule", &|response| match response.duty {
+        DutyRule::LinearDuty => (0, "linear duty".to_owned()),
+        DutyRule::LinearCurrent => (1, "linear current".to_owned()),
+    });
     for (index, knowledge) in Knowledge::ALL.into_iter().enumerate() {
-        out.push_str(&list(knowledge, index, responses, worst));
+        let caption = format!("The worst random responses, {}", knowledge.name());
+        page.table(&caption, the_worst(index, responses, worst));
     }
-    out
 }
 
 type Answer<'a> = (&'a Response, &'a Verdict);
@@ -150,10 +246,15 @@ fn never(answers: &[Answer<'_>]) -> String {
     percent(never, answers.len())
 }
 
-fn quantile(values: &mut [f64], share: f64) -> f64 {
+/// `None` if there are no values.
+fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let index = (share * values.len().saturating_sub(1) as f64).round() as usize;
-    values.get(index).copied().unwrap_or(f64::NAN)
+    values.get(index).copied()
+}
+
+fn number(value: Option<f64>, digits: usize) -> String {
+    value.map_or("-".to_owned(), |value| format!("{value:.digits$}"))
 }
 
 fn summary(knowledge: Knowledge, answers: &[Answer<'_>]) -> Vec<String> {
@@ -171,26 +272,24 @@ fn summary(knowledge: Knowledge, answers: &[Answer<'_>]) -> Vec<String> {
         knowledge.name().to_owned(),
         never(answers),
         percent(count(|verdict| verdict.cycles), answers.len()),
-        format!("{:.2} s", quantile(&mut settling, 0.5)),
-        format!("{:.2} s", quantile(&mut settling, 0.9)),
-        format!("{:.1}", quantile(&mut beyond, 0.5)),
-        format!("{:.1}", quantile(&mut beyond, 0.9)),
-        format!("{:.0}", quantile(&mut peak, 0.9)),
+        [0.5, 0.9].map(|share| table::seconds(quantile(&mut settling, share))).join(" / "),
+        [0.5, 0.9].map(|share| number(quantile(&mut beyond, share), 1)).join(" / "),
+        number(quantile(&mut peak, 0.9), 0),
         never(&positions),
         count(|verdict| verdict.fault).to_string(),
     ]
 }
 
-/// How many never settle, by some property.
-fn breakdown(title: &str, responses: &[Response], of: impl Fn(&Response) -> String) -> String {
-    let mut values: Vec<String> = responses.iter().map(&of).collect();
-    values.sort();
+/// Percent of the responses that never settle, by a property with its rank.
+fn breakdown(title: &str, responses: &[Response], of: impl Fn(&Response) -> (usize, String)) -> Table {
+    let mut values: Vec<(usize, String)> = responses.iter().map(&of).collect();
+    values.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| natural_order(&a.1, &b.1)));
     values.dedup();
     let names = Knowledge::ALL.map(Knowledge::name);
     let headings: Vec<&str> = [title, "responses"].into_iter().chain(names).collect();
     let mut table = table::new(&headings, 1);
     for value in values {
-        let mut row = vec![value.trim().to_owned()];
+        let mut row = vec![value.1.clone()];
         for index in 0..Knowledge::ALL.len() {
             let answers: Vec<_> =
                 all(responses, index).into_iter().filter(|(response, _)| of(response) == value).collect();
@@ -201,13 +300,13 @@ fn breakdown(title: &str, responses: &[Response], of: impl Fn(&Response) -> Stri
         }
         table.add_row(row);
     }
-    format!("Never settled, %\n{table}\n")
+    table
 }
 
-/// What never settled, or swings; then what went furthest beyond.
-fn list(knowledge: Knowledge, index: usize, responses: &[Response], worst: usize) -> String {
+/// The responses that never settle or that swing, then those with the largest error beyond the set-point.
+fn the_worst(index: usize, responses: &[Response], worst: usize) -> Table {
     let mut answers = all(responses, index);
-    // NaN is nowhere, and what is not settled comes first.
+    // Responses that do not settle come first.
     let rank = |verdict: &Verdict| {
         let unsettled = verdict.settling_s.is_none();
         (u8::from(unsettled) + u8::from(verdict.cycles), verdict.beyond_percent.unwrap_or(0.0))
@@ -218,7 +317,7 @@ fn list(knowledge: Knowledge, index: usize, responses: &[Response], worst: usize
         b.0.cmp(&a.0).then(b.1.total_cmp(&a.1))
     });
     let headings =
-        ["scenario", "motor", "at", "response", "circumstances", "settling [last swing]", "beyond %"];
+        ["scenario", "motor", "at", "response", "circumstances", "settling [last swing]", "beyond, %"];
     let mut table = table::new(&headings, 5);
     for (response, verdict) in answers.into_iter().take(worst) {
         table.add_row([
@@ -231,5 +330,5 @@ fn list(knowledge: Knowledge, index: usize, responses: &[Response], worst: usize
             verdict.beyond_percent.map_or("-".to_owned(), |percent| format!("{percent:.1}")),
         ]);
     }
-    format!("The worst, {}\n{table}\n", knowledge.name())
+    table
 }

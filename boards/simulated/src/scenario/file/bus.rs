@@ -1,4 +1,4 @@
-//! The table `[bus]`: what is between battery and bridges, and what the hub does about it.
+//! The table `[bus]`: the bus between battery and bridges, and the hub's limits for it.
 
 use super::ranges::within;
 use super::tables::BusTable;
@@ -15,7 +15,7 @@ impl BusTable {
         Ok(Bus { capacitance_f, one_way: self.one_way, opens_at_s })
     }
 
-    /// What the hub takes for its voltages: its own, but for where it burns what comes back.
+    /// The hub's own limits, with the burn levels of the table.
     pub(super) fn limits(&self) -> Checked<Limits> {
         let limits = Limits::TWELVE_VOLTS;
         let Some(between) = &self.burn_between_v else { return Ok(limits) };

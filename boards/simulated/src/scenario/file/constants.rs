@@ -1,4 +1,4 @@
-//! The key `constants`: a motor that the catalogue lacks, all of it of the motor shaft.
+//! The key `constants`: a motor that the catalogue lacks. All values are of the motor shaft.
 
 use super::ranges::{optional, within};
 use crate::scenario::mistake::Checked;
@@ -22,7 +22,7 @@ pub(super) struct ConstantsTable {
     drag_nms_per_rad: Option<Spanned<f64>>,
 }
 
-/// What such a motor is called in reports.
+/// The name of the motor in reports.
 const NAME: &str = "by its constants";
 
 impl ConstantsTable {

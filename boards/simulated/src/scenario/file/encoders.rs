@@ -1,4 +1,4 @@
-//! How a motor's encoder is.
+//! The states of a motor's encoder.
 
 use super::ranges;
 use super::tables::{EncoderTable, EncoderWord};

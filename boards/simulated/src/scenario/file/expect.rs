@@ -1,4 +1,4 @@
-//! The tables `[[expect]]`: each says of whom, when, and one thing or several.
+//! The tables `[[expect]]`: each has a motor or a group, a window, and one quantity or several.
 
 use super::ranges::{FASTEST_CPS, within};
 use crate::scenario::definition::{Group, LONGEST_S, Motor};
@@ -50,7 +50,7 @@ const DEGREES: RangeInclusive<f64> = 0.0..=360.0;
 const BUS: RangeInclusive<f64> = 0.0..=100.0;
 
 impl ExpectTable {
-    /// Everything that it says, of every motor that it is about.
+    /// All expectations of the table, for each of its motors.
     pub(super) fn check(
         &self,
         whole: &Spanned<Self>,
@@ -86,7 +86,7 @@ impl ExpectTable {
         Ok(motors.chain(battery).map(expectation).collect())
     }
 
-    /// The whole run, unless the table says otherwise.
+    /// The window of the table, by default the whole run.
     fn window(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Range<f64>> {
         let end = |given: &Option<Spanned<f64>>, key, absent| {
             given.as_ref().map_or(Ok(absent), |at| within(at, key, 0.0..=duration_s))
@@ -105,7 +105,7 @@ impl ExpectTable {
         })
     }
 
-    /// The group of the label, which has what is expected of it.
+    /// The group of the label, checked for the expected quantities.
     fn group(&self, label: &Spanned<String>, groups: &[Group]) -> Checked<usize> {
         if self.motor.is_some() {
             return Err(fault(label, Mistake::MotorAndGroup));
@@ -123,7 +123,7 @@ impl ExpectTable {
         }
     }
 
-    /// What is wanted of a group: some of what is wanted of motors, and its heading.
+    /// The expectations of a group: settling and heading.
     fn of_group(&self, whole: &Spanned<Self>, label: &Spanned<String>) -> Checked<Vec<Wish>> {
         let of_motors = self.of_motors()?;
         let settling = |wish: &Wish| matches!(wish, Wish::Quantity(Quantity::SettlingTime, _));

@@ -69,7 +69,7 @@ impl<'de> Deserialize<'de> for Whole {
                 Ok(Whole(number))
             }
 
-            /// As 1e3, too; those that are too large stay so.
+            /// As 1e3, too; too large ones stay too large.
             fn visit_f64<E: Error>(self, number: f64) -> Result<Whole, E> {
                 if number.fract() == 0.0 || number.is_infinite() {
                     Ok(Whole(number as i64))

@@ -1,0 +1,92 @@
+//! The result of a run in a sentence: where the runs with and without a braking regime differ most.
+
+use super::runs::RunReport;
+use crate::measures::{Measures, Response};
+use crate::table::seconds;
+use motor_hub::braking::Scheme;
+
+/// One response in both runs.
+struct Pair<'a> {
+    label: &'a str,
+    as_set: &'a Response,
+    without: &'a Response,
+}
+
+impl Pair<'_> {
+    /// Seconds between the two settling times; infinite if only one of the runs settled.
+    fn difference(&self) -> f64 {
+        match (self.as_set.settling_s, self.without.settling_s) {
+            (Some(a), Some(b)) => (a - b).abs(),
+            (None, None) => 0.0,
+            _ => f64::INFINITY,
+        }
+    }
+
+    fn times(&self) -> String {
+        let [as_set, without] = [self.as_set, self.without].map(|response| seconds(response.settling_s));
+        if as_set == without {
+            format!("{as_set} with and without braking")
+        } else {
+            format!("{as_set} with braking, {without} without")
+        }
+    }
+}
+
+/// A sentence about the responses, or about the energy where no set-point is regulated; then whether expectations are
+/// met.
+pub(super) fn headline(report: &RunReport) -> String {
+    let result = result(report);
+    let all = report.verdicts.len();
+    let met = report.verdicts.iter().filter(|verdict| verdict.met()).count();
+    match all {
+        0 => result,
+        1 if met == 1 => format!("{result} The expectation is met."),
+        _ if met == all => format!("{result} All {all} expectations are met."),
+        _ => format!("{result} {} of {all} expectations are not met.", all - met),
+    }
+}
+
+fn result(report: &RunReport) -> String {
+    let motors = report.scenario.motors.iter().zip(&report.measures);
+    let pairs: Vec<Pair> = motors
+        .flat_map(|(motor, [as_set, without])| {
+            let responses = as_set.responses.iter().zip(&without.responses);
+            responses.map(|(as_set, without)| Pair { label: &motor.label, as_set, without })
+        })
+        .collect();
+    let largest = pairs.iter().reduce(|a, b| if b.difference() > a.difference() { b } else { a });
+    let Some(largest) = largest else { return energies(report) };
+    let all = pairs.len();
+    let settled = |of: fn(&Pair) -> Option<f64>| pairs.iter().filter(|pair| of(pair).is_some()).count();
+    let (as_set, without) = (settled(|pair| pair.as_set.settling_s), settled(|pair| pair.without.settling_s));
+    let Pair { label, as_set: response, .. } = largest;
+    if report.scenario.motors.iter().all(|motor| motor.scheme == Scheme::ForwardReverse) {
+        format!("{as_set} of {all} responses settle without a braking regime.")
+    } else if report.scenario.motors.len() == 1 {
+        format!("{} {}: {}.", capitalised(label), response.task, largest.times())
+    } else {
+        format!(
+            "{as_set} of {all} responses settle with braking, {without} without; the largest difference: {label} {}, {}.",
+            response.task,
+            largest.times()
+        )
+    }
+}
+
+/// What the battery gave and got back.
+fn energies(report: &RunReport) -> String {
+    let sum = |run: usize, of: fn(&Measures) -> f64| -> f64 {
+        report.measures.iter().filter_map(|runs| runs.get(run)).map(of).sum()
+    };
+    let [with, without] =
+        [0, 1].map(|run| [sum(run, |m| m.energy_from_battery_j), sum(run, |m| m.energy_to_battery_j)]);
+    format!(
+        "The battery gave {:.2} J and got back {:.2} J with braking; without, {:.2} J and {:.2} J.",
+        with[0], with[1], without[0], without[1]
+    )
+}
+
+fn capitalised(label: &str) -> String {
+    let mut letters = label.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}

@@ -1,0 +1,123 @@
+//! What people read first: the result of a run, a comparison and a survey in a sentence, and tables in their words.
+
+use simulated::scenario::Scenario;
+use simulated::sim;
+use std::sync::{Mutex, PoisonError};
+use studies::compare::Comparison;
+use studies::report::RunReport;
+use studies::survey::text::{self, Parts};
+use studies::survey::{Survey, reference};
+
+/// The mock driver's clock is one for the process.
+static CLOCK: Mutex<()> = Mutex::new(());
+
+fn report(scenario: Scenario) -> RunReport {
+    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
+    let run = |scenario: &Scenario| sim::run(scenario, &mut |_| ()).expect("it runs");
+    let (as_set, without) = (run(&scenario), run(&scenario.without_braking()));
+    RunReport::new(scenario, as_set, without)
+}
+
+/// A motor with a flywheel.
+fn with(motor: &str) -> Scenario {
+    let text = format!(
+        "name = \"one\"\nduration_s = 3.0\nbattery = {{ emf_v = 12.6, resistance_ohm = 0.05 }}\n\
+         [[motors]]\nlabel = \"winch\"\nmotor = \"NeveRest 60\"\nload = {{ inertia_kg_m2 = 0.05 }}\n{motor}\n"
+    );
+    Scenario::parse("one.toml", &text).expect("it is valid")
+}
+
+/// No words of a program or of infinity, and no table wider than a page of Markdown.
+fn assert_readable(text: &str) {
+    for word in ["inf s", "NaN", "told", "by lot", "| none"] {
+        assert!(!text.contains(word), "{word}: {text}");
+    }
+    let rows = text.lines().filter(|line| line.starts_with("| "));
+    rows.for_each(|row| assert!(row.matches(" | ").count() < 9, "{row}"));
+}
+
+#[test]
+fn a_run_begins_with_where_braking_makes_the_largest_difference() {
+    let held = "setpoints = [{ at_s = 0, velocity_cps = 1360 }]\ntorques = [{ at_s = 1.5, torque_nm = 0.8 }]";
+    let report = report(with(held));
+    let document = report.json(&[]);
+    let settling =
+        document["motors"][0]["as_set"]["responses"][1]["settling_s"].as_f64().expect("it settles");
+    assert!(document["motors"][0]["without_braking_regime"]["responses"][1]["settling_s"].is_null());
+    let headline = format!("Winch held at its speed: {settling:.2} s with braking, never without.");
+    assert_eq!(report.headline(), headline);
+    let tables = report.tables();
+    assert!(tables.starts_with(&headline) && tables.contains("winch: NeveRest 60"), "{tables}");
+    assert_readable(&tables);
+}
+
+#[test]
+fn a_run_of_several_motors_counts_what_settles() {
+    let headline = report(Scenario::default_one().expect("it is valid")).headline();
+    assert!(headline.contains(" responses settle with braking, "), "{headline}");
+    assert!(headline.contains("; the largest difference: winch held at its speed, "), "{headline}");
+}
+
+#[test]
+fn a_run_without_regulation_tells_energies_and_a_run_with_expectations_whether_they_are_met() {
+    let power = "setpoints = [{ at_s = 0, power = 0.5 }]\n[[expect]]\nnever = [\"reverse\"]";
+    let headline = report(with(power)).headline();
+    assert!(headline.starts_with("The battery gave "), "{headline}");
+    assert!(headline.ends_with(" J. The expectation is met."), "{headline}");
+    let unmet = report(with(&power.replace("reverse\"]", "forward\", \"reverse\"]"))).headline();
+    assert!(unmet.ends_with(" 1 of 2 expectations are not met."), "{unmet}");
+    let none = with("scheme = \"none\"\nsetpoints = [{ at_s = 0, velocity_cps = 500 }]");
+    assert_eq!(report(none).headline(), "1 of 1 responses settle without a braking regime.");
+}
+
+#[test]
+fn a_comparison_begins_with_the_winner_and_fits_a_page() {
+    let _clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
+    let comparison = Comparison::new(true, &mut |_, _| ()).expect("it runs");
+    let best = comparison.json(&[])["scores"][0]["variant"].as_str().expect("a name").to_owned();
+    let text = comparison.text();
+    assert!(
+        text.starts_with(&format!("{best} wins: it has the least error on average over 3 tasks")),
+        "{text}"
+    );
+    let markdown = comparison.markdown();
+    assert_readable(&markdown);
+    for part in [
+        "## Scores",
+        "## Tasks",
+        "## Settling, PID, linear duty",
+        "## Winners",
+        "no braking regime",
+        "The last is \"",
+    ] {
+        assert!(markdown.contains(part), "{part}: {markdown}");
+    }
+    assert!(markdown.starts_with(&format!("{best} wins: ")) && markdown.contains("| never |"), "{markdown}");
+}
+
+#[test]
+fn a_survey_begins_with_what_settles_and_fits_a_page() {
+    let survey = Survey::new(1, 3, &mut |_, _| ()).expect("it runs");
+    let rows = reference::run(&mut |_, _| ()).expect("it runs");
+    let parts = Parts { survey: Some(&survey), reference: Some(&rows), cells: None };
+    let page = text::page(parts, 2);
+    let all = survey.responses.len();
+    let settled =
+        survey.responses.iter().filter(|response| response.verdicts[0].settling_s.is_some()).count();
+    assert!(page.terminal().starts_with("Configured exactly, the hub settles "), "{}", page.terminal());
+    let markdown = page.markdown();
+    assert!(
+        markdown.contains(&format!("{settled} of {all} random responses (not configured: ")),
+        "{markdown}"
+    );
+    for part in [
+        "## Reference tasks, control period 50 ms",
+        "inertia x0.7",
+        "The model settles ",
+        "not configured (PID)",
+        "## The worst",
+    ] {
+        assert!(markdown.contains(part), "{part}: {markdown}");
+    }
+    assert_readable(&markdown);
+}
