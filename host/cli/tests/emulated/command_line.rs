@@ -38,8 +38,5 @@ fn the_image_of_either_board_runs_a_scenario_over_the_simulation() {
 fn a_wire_between_pins_that_an_image_lacks_is_refused() {
     let output = motor_hub(&["serve", "--pty", "--emulated", "--wire", "4,5"]);
     let error = err(&output);
-    assert!(
-        output.status.code() == Some(2) && error.contains("digital pins 0 and 1 only"),
-        "{error}"
-    );
+    assert!(output.status.code() == Some(2) && error.contains("digital pins 0 and 1 only"), "{error}");
 }

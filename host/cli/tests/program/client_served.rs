@@ -366,9 +366,13 @@ fn a_motor_is_tuned_beside_the_catalogue_and_settings_are_written_only_when_aske
     let hub = served();
     let tune = |more: &[&str]| client(&hub, &[&["tune", "0"], more].concat()).output().unwrap();
     let shown = out(&tune(&[]));
-    for says in
-        ["NeveRest 20", "off by", "times the inertia of a bare NeveRest 20", "largest acceleration", "--apply puts"]
-    {
+    for says in [
+        "NeveRest 20",
+        "off by",
+        "times the inertia of a bare NeveRest 20",
+        "largest acceleration",
+        "--apply puts",
+    ] {
         assert!(shown.contains(says), "{says}: {shown}");
     }
     assert!(shown.lines().all(|line| line.chars().count() <= 80), "{shown}");
