@@ -73,6 +73,14 @@ fn control_to_drive_is_the_same_to_the_last_bit_as_on_the_host() {
     }
 }
 
+/// The regulator as tables name it.
+pub(crate) const fn name(regulator: Kind) -> &'static str {
+    match regulator {
+        Kind::Model => "model",
+        Kind::Pid => "PID",
+    }
+}
+
 /// Instructions of the core, a second.
 const CORE: u64 = 168_000_000;
 
@@ -97,10 +105,14 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
                 let step = mean(&steps);
                 let sample = mean(&samples);
                 let (median, worst) = (steps[steps.len() / 2], steps[steps.len() - 1]);
-                let [name, by] = [format!("{:?}", way.rule), format!("{:?}", way.regulator)];
+                let by = name(way.regulator);
+                let rule = match way.rule {
+                    DutyRule::LinearCurrent => "linear current",
+                    DutyRule::LinearDuty => "linear duty",
+                };
                 let worst_sample = samples.iter().max().unwrap_or(&0);
                 table += &format!(
-                    "| {mode}, {by}, {name} | {ms} ms | {step} | {median} | {worst} | {sample} | {worst_sample} |\n"
+                    "| {mode}, {by}, {rule} | {ms} ms | {step} | {median} | {worst} | {sample} | {worst_sample} |\n"
                 );
                 let per_period = step + u64::from(ms - 1) * sample;
                 let per_second = 4 * per_period * 1000 / u64::from(ms);

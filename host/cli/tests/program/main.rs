@@ -20,4 +20,5 @@ mod output;
 mod output_page;
 mod page;
 mod rates;
+mod readme;
 mod serve;

@@ -25,7 +25,8 @@ pub(crate) fn text<'a>(rows: impl Iterator<Item = (&'a Row, &'a Seen)>) -> Strin
 }
 
 fn cell(seen: &SeenOne) -> String {
-    let speed = format!("{:.0} counts/s", seen.speed);
+    // The sum with 0 makes a positive zero of a negative one.
+    let speed = format!("{:.0} counts/s", seen.speed.round() + 0.0);
     match (seen.open_after, seen.shorted_after) {
         (Some(after), _) => format!("open after {:.0} ms", after.as_secs_f64() * 1e3),
         (_, Some(after)) => format!("shorted after {:.0} ms, {speed}", after.as_secs_f64() * 1e3),
