@@ -190,6 +190,8 @@ fn a_scan_finds_hubs_where_they_are_and_says_why_it_finds_none() {
         Command::new(PROGRAM)
             .args(["client", "--timeout", "500", "scan", "--only"])
             .args(places)
+            // A path that is longer than the terminal is wide would be on two lines.
+            .env("COLUMNS", "300")
             .env("XDG_RUNTIME_DIR", "/no/such/folder")
             .env("TMPDIR", crate::common::folder("no-notes"))
             .output()
