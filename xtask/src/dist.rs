@@ -60,13 +60,13 @@ fn program(computer: &str) -> Result<PathBuf, Failed> {
         "--package",
         "motor-hub-cli",
         "--profile",
-        "dist",
+        "shipped",
         "--target",
         computer,
         "--config",
         &linker,
     ])?;
-    Ok(board::target_folder().join(computer).join("dist/motor-hub"))
+    Ok(board::target_folder().join(computer).join("shipped/motor-hub"))
 }
 
 /// The sums of all files so far, as `sha256sum --check` reads them.
