@@ -18,6 +18,9 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
 
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&[&["clippy"], &host[..], &["--all-targets"], &DENY].concat())?;
+    // The program is linted without its feature above, and with it here.
+    let emulated = ["clippy", "--package", "motor-hub-cli", "--features", "emulated", "--all-targets"];
+    cargo(&[&emulated[..], &DENY].concat())?;
     let library = ["clippy", "--package", "motor-hub", "--lib"];
     cargo(&[&library[..], &DENY].concat())?;
     cargo(&[&library[..], &["--no-default-features"], &DENY].concat())?;
