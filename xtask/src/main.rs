@@ -150,7 +150,11 @@ fn list() -> String {
 fn test(arguments: &[String]) -> Result<(), Failed> {
     match arguments {
         [] => cargo(&["test"]),
-        [emulated] if emulated == "emulated" => cargo(&IMAGES),
+        [emulated] if emulated == "emulated" => {
+            cargo(&IMAGES)?;
+            let [packages @ .., _, _, _] = &IMAGES;
+            cargo(&[&packages[..], &["--doc"]].concat())
+        }
         _ => {
             let board = board::named(arguments)?;
             let all = ["--", "--nocapture", "--include-ignored", "--skip", REPORTS];
