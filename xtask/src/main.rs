@@ -73,7 +73,7 @@ const TASKS: [Task; 13] = [
     Task {
         name: "build-time",
         arguments: "",
-        does: "seconds and crates of the README's two commands, from nothing",
+        does: "crates of the default build; seconds that the README's commands build",
         start: build_time::task,
     },
     Task {
