@@ -1,5 +1,6 @@
 //! `cargo xtask figures`: the pictures of the documents, drawn by the program that they tell of.
 
+use crate::generated::Generated;
 use crate::tool::{Failed, cargo, root};
 use std::fs;
 
@@ -18,12 +19,7 @@ const PICTURES: [(&[&str], &str, &str); 4] = [
 ];
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
-    let check = match arguments {
-        [] => false,
-        [argument] if argument == "--check" => true,
-        _ => return Err(Failed("figures takes --check or nothing".to_owned())),
-    };
-    let mut stale = Vec::new();
+    let mut pictures = Generated::new("figures", arguments)?;
     for (call, file, shown) in PICTURES {
         let folder = format!("{DRAWN}/{}", shown.replace('.', "-"));
         // One of them needs the emulated chips; one way of building the program serves all.
@@ -31,22 +27,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
         cargo(&[&program[..], call, &["--out", &folder]].concat())?;
         let drawn = root().join(folder).join(file);
         let drawn = fs::read(&drawn).map_err(|error| Failed::at(&drawn, error))?;
-        let place = root().join(SHOWN).join(shown);
-        // One that is not there is stale too.
-        if fs::read(&place).ok().as_ref() == Some(&drawn) {
-            continue;
-        }
-        stale.push(format!("{SHOWN}/{shown}"));
-        if !check {
-            fs::write(&place, drawn).map_err(|error| Failed::at(&place, error))?;
-        }
+        pictures.take(&format!("{SHOWN}/{shown}"), &drawn)?;
     }
-    match (check, stale.is_empty()) {
-        (_, true) => println!("all {} pictures in {SHOWN} are fresh", PICTURES.len()),
-        (false, false) => println!("drawn anew: {}", stale.join(", ")),
-        (true, false) => {
-            return Err(Failed(format!("stale: {}; `cargo xtask figures` draws them", stale.join(", "))));
-        }
-    }
-    Ok(())
+    pictures.end()
 }

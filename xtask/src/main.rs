@@ -9,6 +9,7 @@ mod dist;
 mod figures;
 mod flash;
 mod fuzz;
+mod generated;
 mod results;
 mod size;
 mod tool;

@@ -2,6 +2,7 @@
 //! measure them.
 
 use crate::IMAGES;
+use crate::generated::Generated;
 use crate::tool::{Failed, REPORTS, cargo, motor_hub, root};
 use std::fs;
 
@@ -53,11 +54,7 @@ const PAGES: [Page; 4] = [
 ];
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
-    let check = match arguments {
-        [] => false,
-        [argument] if argument == "--check" => true,
-        _ => return Err(Failed("results takes --check or nothing".to_owned())),
-    };
+    let mut pages = Generated::new("results", arguments)?;
     for (command, out) in [(&["compare"][..], "compare"), (&["survey", "--seed", "20261121"], "survey")] {
         motor_hub(&[command, &["--out", &format!("{MADE}/{out}")]].concat())?;
     }
@@ -65,7 +62,6 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     let measured =
         ["every_fault_in", "faults_of_motors", "within_the_budget", "by_itself_takes", "little_of_the_core"];
     cargo(&[&IMAGES[..], &["--"], &measured, &["--include-ignored", "--skip", REPORTS]].concat())?;
-    let mut stale = Vec::new();
     for page in &PAGES {
         let mut text = format!("{}\nDo not edit: `cargo xtask results` writes this page.\n", page.head);
         for part in page.parts {
@@ -74,22 +70,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
             text.push('\n');
             text.push_str(&part);
         }
-        let place = root().join(SHOWN).join(page.file);
-        // A page that does not exist is stale too.
-        if fs::read_to_string(&place).is_ok_and(|shown| shown == text) {
-            continue;
-        }
-        stale.push(format!("{SHOWN}/{}", page.file));
-        if !check {
-            fs::write(&place, text).map_err(|error| Failed::at(&place, error))?;
-        }
+        pages.take(&format!("{SHOWN}/{}", page.file), text.as_bytes())?;
     }
-    match (check, stale.is_empty()) {
-        (_, true) => println!("all {} pages in {SHOWN} are fresh", PAGES.len()),
-        (false, false) => println!("written: {}", stale.join(", ")),
-        (true, false) => {
-            return Err(Failed(format!("stale: {}; `cargo xtask results` writes them", stale.join(", "))));
-        }
-    }
-    Ok(())
+    pages.end()
 }
