@@ -1,6 +1,7 @@
 //! `cargo xtask build-time`: how long the two commands of the README take on a fresh machine.
 
-use crate::tool::{Failed, command, none, output, root, run};
+use crate::tool::{Failed, cargo_command, command, none, output, root, run};
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
 
@@ -16,29 +17,18 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
 fn measure(place: &Path) -> Result<(), Failed> {
     run(command("git").args(["clone", "--quiet", "."]).arg(place))?;
     // Downloads are a matter of the line, not of this project.
-    run(command("cargo").arg("fetch").current_dir(place))?;
+    run(cargo_command(&["fetch"]).current_dir(place))?;
     let mut seconds = Vec::new();
     for arguments in [&["run", "--release"][..], &["test", "--no-run"]] {
         let begun = Instant::now();
-        let mut cargo = command("cargo");
         // The programs of this build belong to the copy.
-        run(cargo.args(arguments).current_dir(place).env_remove("CARGO_TARGET_DIR"))?;
+        run(cargo_command(arguments).current_dir(place).env_remove("CARGO_TARGET_DIR"))?;
         seconds.push((arguments.join(" "), begun.elapsed().as_secs()));
     }
-    let crates = output(command("cargo").current_dir(place).args([
-        "tree",
-        "--edges",
-        "normal,build",
-        "--prefix",
-        "none",
-        "--format",
-        "{p}",
-        "--no-dedupe",
-    ]))?;
-    let mut names: Vec<&str> = crates.lines().filter(|line| !line.is_empty()).collect();
-    names.sort_unstable();
-    names.dedup();
-    println!("\ncrates in the default build: {}", names.len());
+    let tree = ["tree", "--edges", "normal,build", "--prefix", "none", "--format", "{p}", "--no-dedupe"];
+    let crates = output(cargo_command(&tree).current_dir(place))?;
+    let crates: BTreeSet<&str> = crates.lines().filter(|line| !line.is_empty()).collect();
+    println!("\ncrates in the default build: {}", crates.len());
     for (command, seconds) in seconds {
         println!("cargo {command}: {seconds} s");
     }

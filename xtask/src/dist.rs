@@ -1,7 +1,7 @@
 //! `cargo xtask dist`: the files that a release carries, in `target/dist`.
 
 use crate::board;
-use crate::tool::{Failed, cargo, command, none, output, root, run};
+use crate::tool::{Failed, cargo, cargo_command, command, none, output, root, run};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::fs;
@@ -101,8 +101,7 @@ fn third_party() -> Result<String, Failed> {
 /// Name, version and licence of each package that something depends on, without the workspace's own.
 fn tree(of: &[&str]) -> Result<BTreeSet<(String, String, String)>, Failed> {
     let format = ["tree", "--edges", "normal", "--prefix", "none", "--format", "{p}|{l}"];
-    let text =
-        output(crate::tool::cargo_command(&[&format[..], of].concat()).env("CARGO_TERM_COLOR", "never"))?;
+    let text = output(cargo_command(&[&format[..], of].concat()).env("CARGO_TERM_COLOR", "never"))?;
     let packages = text.lines().filter_map(|line| {
         let (package, licence) = line.trim_end_matches(" (*)").split_once('|')?;
         let mut words = package.split_whitespace();

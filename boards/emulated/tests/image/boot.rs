@@ -137,7 +137,6 @@ pub(crate) fn the_whole_hub_needs_at_most(period_ms: u32, most: f64) {
     for regulator in [Kind::Pid, Kind::Model] {
         let share = share(&image, regulator);
         table += &format!("| {period_ms} ms, {} | {share:.2} % |\n", crate::budget::name(regulator));
-
         assert!(share <= most, "every {period_ms} ms by {regulator:?}: {share} %");
     }
     publish(&format!("hub-{period_ms}-ms"), &table);
