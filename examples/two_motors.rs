@@ -67,7 +67,7 @@ impl Watchdog for &Board {
 impl Board {
     fn new() -> Self {
         let motor = characterised("AM 60 A").expect("in the catalogue");
-        let constants = BridgeConstants::VNH5019;
+        let constants = BridgeConstants::IDEAL;
         let load = Load::flywheel(Kilograms(10.0), Metres(0.1));
         let pwm = Hertz(constants.pwm_hz().into());
         let plant = Plant::new(motor, load, Bridge::new(constants), pwm);

@@ -223,14 +223,14 @@ pub struct BridgeConstants {
 }
 
 impl BridgeConstants {
-    /// A bridge of the VNH5019 kind: 0.7 V, 50 mohm, 20 kHz; its switches ideal.
-    pub const VNH5019: Self = match Self::new(700, 50, 20_000) {
+    /// A bridge that switches at once and takes any duty: diodes of 0.7 V, switches of 50 mohm, 20 kHz.
+    pub const IDEAL: Self = match Self::new(700, 50, 20_000) {
         Ok(bridge) => bridge,
         Err(_) => panic!("in range"),
     };
 
-    /// The same with the [timing](Timing::VNH5019) that a real one has.
-    pub const VNH5019_TIMED: Self = Self::VNH5019.with_timing(Timing::VNH5019);
+    /// A VNH5019: the constants of [`IDEAL`](Self::IDEAL) with the [timing](Timing::VNH5019) of the real chip.
+    pub const VNH5019: Self = Self::IDEAL.with_timing(Timing::VNH5019);
 
     /// The same with another timing.
     #[must_use]

@@ -28,7 +28,7 @@ fn placed(cps: i32, control: i16) -> Placement {
 
 /// Of a bridge that obeys any duty.
 fn placer() -> Placer {
-    Placer::new(&Winding::NEVEREST_60, &BridgeConstants::VNH5019, Scheme::A, DutyRule::LinearDuty)
+    Placer::new(&Winding::NEVEREST_60, &BridgeConstants::IDEAL, Scheme::A, DutyRule::LinearDuty)
 }
 
 #[test]
@@ -90,7 +90,7 @@ fn what_goes_back_and_what_is_burnt_is_what_the_model_says() {
             let told = placer().returned(at(cps), placement, flows, OHMS);
             // A flywheel so heavy that the speed stays.
             let load = Load { inertia_after: KgM2(100.0), ..Load::NONE };
-            let mut plant = Plant::new(motor, load, BridgeConstants::VNH5019.into(), Hertz(20_000.0));
+            let mut plant = Plant::new(motor, load, BridgeConstants::IDEAL.into(), Hertz(20_000.0));
             let speed = f64::from(cps) / 28.0 * std::f64::consts::TAU;
             plant.place(Amps(0.0), RadPerSec(speed), 0.0);
             let influence = Influence::pwm(drive.mode, drive.duty.to_f64());

@@ -18,7 +18,7 @@ fn am60() -> Constants {
 }
 
 fn bridge(timing: Timing) -> Bridge {
-    Bridge::new(BridgeConstants::VNH5019.with_timing(timing))
+    Bridge::new(BridgeConstants::IDEAL.with_timing(timing))
 }
 
 #[test]
@@ -108,7 +108,7 @@ fn a_bridge_is_open_while_its_mode_changes_and_at_no_other_time() {
 
 #[test]
 fn the_current_of_a_period_that_begins_with_a_change_of_mode_is_less_by_what_that_takes() {
-    let bridge = BridgeConstants::VNH5019_TIMED;
+    let bridge = BridgeConstants::VNH5019;
     for (ms, left) in [(50, 1.0 - 0.6 / 50.0), (10, 0.94), (1, 0.4)] {
         let settings = Settings { bridge, ..Settings::new(Winding::NEVEREST_60) };
         let mut motor = Motor::new(settings, Period::from_millis(ms).expect("in range"));
@@ -152,7 +152,7 @@ fn winch(ms: u64, told: BridgeConstants) -> (f64, f64) {
 #[test]
 fn a_winch_on_a_real_bridge_is_held_as_on_an_ideal_one() {
     for ms in [50, 10] {
-        let (held, driven) = winch(ms, BridgeConstants::VNH5019_TIMED);
+        let (held, driven) = winch(ms, BridgeConstants::VNH5019);
         println!("{ms} ms: held within {held:.1}, driven within {driven:.1} counts/s");
         assert!(held < 15.0 && driven < 15.0, "{ms} ms: {held}, {driven}");
     }

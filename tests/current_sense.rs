@@ -239,7 +239,7 @@ proptest! {
 fn shown(mode: Mode, duty: f64, speed: f64) -> (f64, f64) {
     let motor = characterised("AM 60 A").expect("known").with_measured_rotor_inertia();
     let heavy = Load { inertia_after: KgM2(1e3), ..Load::NONE };
-    let mut plant = Plant::new(motor, heavy, BridgeConstants::VNH5019.into(), Hertz(20_000.0));
+    let mut plant = Plant::new(motor, heavy, BridgeConstants::IDEAL.into(), Hertz(20_000.0));
     let free = 12.0 / motor.ke.0;
     plant.place(Default::default(), motor_hub::model::si::RadPerSec(speed * free), 0.0);
     let run = |plant: &mut Plant| plant.run(Seconds(0.1), Influence::pwm(mode, duty), Volts(12.0));

@@ -15,7 +15,7 @@ use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
 use motor_hub::supply::Battery;
 use motor_hub::units::{Coefficient, Control, CountsPerSecond, Duty, Micros, Millivolts, Period, Voltage};
 
-const BRIDGE: Bridge = Bridge::new(BridgeConstants::VNH5019);
+const BRIDGE: Bridge = Bridge::new(BridgeConstants::IDEAL);
 
 fn neverest_60() -> Motor {
     let entry = catalogue::find("AM 60 A").expect("known");
@@ -34,7 +34,7 @@ fn known() -> Dynamics {
         drag: shaft.drag.0,
         friction: 0.0,
     };
-    Dynamics::from_mechanics(&Winding::NEVEREST_60, &BridgeConstants::VNH5019, &mechanics).expect("in range")
+    Dynamics::from_mechanics(&Winding::NEVEREST_60, &BridgeConstants::IDEAL, &mechanics).expect("in range")
 }
 
 /// One motor, its load and its wiring.

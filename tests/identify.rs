@@ -103,7 +103,7 @@ impl Bench {
     fn disturbed(&self, pull: impl Fn(f64, u64) -> f64, wire: impl Fn(i64, u64) -> i64) -> Outcome {
         let friction = Friction::with_coulomb(NewtonMetres(self.friction * self.stall()));
         let motor = Constants { friction, ..self.motor };
-        let bridge = Bridge::new(BridgeConstants::VNH5019);
+        let bridge = Bridge::new(BridgeConstants::IDEAL);
         let plant = Plant::new(motor, self.load(), bridge, Hertz(20_000.0));
         let mut rig = Rig::new(self.battery, vec![plant]);
         let mut hub = Motor::new(self.settings(), Period::from_millis(self.period_ms).expect("in range"));

@@ -12,7 +12,7 @@ use motor_hub::units::{
     Control, CountsPerSecond, Emf, EmfConstant, Inductance, Millivolts, RangeError, Resistance,
 };
 
-const BRIDGE: Bridge = Bridge::new(BridgeConstants::VNH5019);
+const BRIDGE: Bridge = Bridge::new(BridgeConstants::IDEAL);
 const FREQUENCIES: [f64; 4] = [1_000.0, 8_000.0, 15_600.0, 20_000.0];
 const BATTERIES: [f64; 4] = [6.5, 9.0, 12.0, 14.5];
 
@@ -38,7 +38,7 @@ struct Electrical {
 
 impl Electrical {
     const TYPICAL: Self = {
-        let (winding, bridge) = (Winding::NEVEREST_60, BridgeConstants::VNH5019);
+        let (winding, bridge) = (Winding::NEVEREST_60, BridgeConstants::IDEAL);
         Self {
             resistance_mohm: winding.resistance.as_milliohms(),
             inductance_uh: match winding.inductance {

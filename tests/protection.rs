@@ -30,7 +30,7 @@ impl Winch {
         let entry = catalogue::find("AM 60 A").expect("known");
         let constants = entry.motor.expect("characterised").with_measured_rotor_inertia();
         let load = Load { inertia_after: KgM2(0.05), ..Load::NONE };
-        let bridge = Bridge::new(BridgeConstants::VNH5019);
+        let bridge = Bridge::new(BridgeConstants::IDEAL);
         Self {
             motor: Motor::new(settings, Period::from_millis(10).expect("in range")),
             plant: Plant::new(constants, load, bridge, Hertz(20_000.0)),

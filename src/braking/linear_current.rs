@@ -44,7 +44,7 @@
 //!
 //! // A little current at half of the free speed flows in pulses, and takes more duty than its share.
 //! let winding = Winding::NEVEREST_60;
-//! let current = LinearCurrent::new(&winding, &BridgeConstants::VNH5019);
+//! let current = LinearCurrent::new(&winding, &BridgeConstants::IDEAL);
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
 //! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
 //! let control = Control::new(1_000);

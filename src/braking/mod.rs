@@ -13,7 +13,7 @@
 //! // A NeveRest 60 at half of its speed on 12 V is asked, in Scheme A, for a third of that voltage: less
 //! // than its back EMF of 6 V, so it is braked in proportion.
 //! let winding = Winding::NEVEREST_60;
-//! let placer = Placer::new(&winding, &BridgeConstants::VNH5019, Scheme::A, DutyRule::LinearCurrent);
+//! let placer = Placer::new(&winding, &BridgeConstants::IDEAL, Scheme::A, DutyRule::LinearCurrent);
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
 //! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
 //! let placement = placer.place(at, Control::new(10_922));

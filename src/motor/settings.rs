@@ -66,13 +66,13 @@ impl Settings {
         Self::for_scheme(winding, Scheme::A)
     }
 
-    /// Settings that run a gear motor with this winding on a bridge of the VNH5019 kind: linear current, brake
+    /// Settings that run a gear motor with this winding on an ideal bridge: linear current, brake
     /// at zero, and nothing known of the load, so that PID regulates it with
     /// [guessed coefficients](Coefficients::guessed).
     pub const fn for_scheme(winding: Winding, scheme: Scheme) -> Self {
         Self {
             winding,
-            bridge: BridgeConstants::VNH5019,
+            bridge: BridgeConstants::IDEAL,
             scheme,
             duty: DutyRule::LinearCurrent,
             zero_power: ZeroPower::Brake,

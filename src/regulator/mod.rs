@@ -24,7 +24,7 @@
 //!     friction: 0.0,
 //! };
 //! let dynamics =
-//!     Dynamics::from_mechanics(&Winding::NEVEREST_60, &BridgeConstants::VNH5019, &rotor).expect("in range");
+//!     Dynamics::from_mechanics(&Winding::NEVEREST_60, &BridgeConstants::IDEAL, &rotor).expect("in range");
 //! assert_eq!(dynamics.gain.to_f32().round(), 2_333.0); // counts/s² per volt
 //! assert!((1.0 / dynamics.decay.to_f32() - 0.1).abs() < 0.01); // mechanical time constant, s
 //! ```

@@ -17,7 +17,7 @@ use motor_hub::units::{
     Acceleration, CountsPerSecond, EmfConstant, Inductance, Micros, Millivolts, Period, Resistance,
 };
 
-const BRIDGE: BridgeConstants = BridgeConstants::VNH5019;
+const BRIDGE: BridgeConstants = BridgeConstants::IDEAL;
 
 /// Wheels of 90 mm, 300 mm apart, each on the output of a NeveRest 60.
 const BASE: DriveBase =

@@ -296,7 +296,7 @@ fn battery_energy_is_heat_friction_and_what_is_stored() {
     for (coulomb, cogging) in [(5.0, 0.0), (0.0, 5.0), (5.0, 3.0)] {
         for name in ["AM 60 A", "AM 20 B", "CoreHex A"] {
             let motor = Motor { b: Drag(0.0), ..rough(characterised(name).unwrap(), coulomb, cogging) };
-            let mut plant = Plant::new(motor, Load::NONE, Bridge::new(BridgeConstants::VNH5019), PWM);
+            let mut plant = Plant::new(motor, Load::NONE, Bridge::new(BridgeConstants::IDEAL), PWM);
             let mut flow = Flow::default();
             for (mode, duty) in
                 [(Mode::Cw98, 0.6), (Mode::Ccw62, 0.8), (Mode::Brake50, 0.5), (Mode::Cw98, 0.3)]

@@ -19,7 +19,7 @@ use motor_hub::model::si::{
 };
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Integrals, Pwm};
 
-const BRIDGE: Bridge = Bridge::new(BridgeConstants::VNH5019);
+const BRIDGE: Bridge = Bridge::new(BridgeConstants::IDEAL);
 const BATTERY: f64 = 12.0;
 const MODES: [Mode; 3] = [Mode::Cw98, Mode::Ccw62, Mode::Brake50];
 

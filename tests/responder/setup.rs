@@ -378,7 +378,7 @@ fn how_a_bridge_switches_is_said_read_back_and_kept_by_another_set_up() {
     // 6 us, 2.4 us, 1.2 us, 1 us, 600 us.
     let timing = [0x70, 0x17, 0x60, 9, 0xB0, 4, 0xE8, 3, 0x58, 2];
     assert_eq!(host.ask(FIRST_FUNCTION + 11, &[&[1], &timing[..]].concat()), Said::Ack(0));
-    let timed = Settings { bridge: BridgeConstants::VNH5019_TIMED, ..settings() };
+    let timed = Settings { bridge: BridgeConstants::VNH5019, ..settings() };
     assert_eq!(host.told(), [Command { motor: 1, action: Action::Configure(timed) }]);
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
     assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Said::Data(timing.to_vec()));

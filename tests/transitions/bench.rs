@@ -13,7 +13,7 @@ use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
 use motor_hub::units::{EmfConstant, Inductance, Micros, Millivolts, Period, Resistance};
 use std::f64::consts::TAU;
 
-const BRIDGE: BridgeConstants = BridgeConstants::VNH5019;
+const BRIDGE: BridgeConstants = BridgeConstants::IDEAL;
 pub(crate) const BATTERY: f64 = 12.0;
 /// Of the load on the output shaft, kg m²: as much again as the rotor's.
 const INERTIA_AFTER: f64 = 0.03;

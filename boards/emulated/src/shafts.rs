@@ -26,7 +26,7 @@ pub(crate) const CELL: u64 = 1_000_000;
 const STEP: u64 = 100_000;
 
 /// PWM frequency until the chip's timer runs.
-const IDLE_PWM: Hertz = Hertz(BridgeConstants::VNH5019.pwm_hz() as f64);
+const IDLE_PWM: Hertz = Hertz(BridgeConstants::IDEAL.pwm_hz() as f64);
 
 /// A motor behind its bridge.
 #[derive(Clone, Debug)]

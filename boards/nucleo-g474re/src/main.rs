@@ -114,7 +114,7 @@ async fn main(spawner: Spawner) {
         DiagLines([diag(p.PB11.into()), diag(p.PB12.into()), diag(p.PB13.into()), diag(p.PB14.into())]);
     let adc = unwrap!(BatteryAdc::new(p.ADC1, p.ADC3, p.PA0, DIVIDER_OHMS));
     // These bridges are real.
-    let settings = Settings { bridge: BridgeConstants::VNH5019_TIMED, ..Settings::new(Winding::NEVEREST_60) };
+    let settings = Settings { bridge: BridgeConstants::VNH5019, ..Settings::new(Winding::NEVEREST_60) };
 
     spawner.spawn(unwrap!(output(bridges)));
     spawner.spawn(unwrap!(listen(diag)));

@@ -156,7 +156,7 @@ async fn main(spawner: Spawner) {
     let adc = unwrap!(BatteryAdc::new(p.ADC1, p.ADC3, p.PA3, DIVIDER_OHMS));
     let lines = CurrentLines::new(p.ADC2, (p.PC0, p.PB1, p.PA6, p.PA5), SenseScale::VNH5019_CARRIER);
     // These bridges are real.
-    let settings = Settings { bridge: BridgeConstants::VNH5019_TIMED, ..Settings::new(Winding::NEVEREST_60) };
+    let settings = Settings { bridge: BridgeConstants::VNH5019, ..Settings::new(Winding::NEVEREST_60) };
 
     spawner.spawn(unwrap!(output(bridges)));
     spawner.spawn(unwrap!(listen(diag, lines)));

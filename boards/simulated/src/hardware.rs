@@ -22,10 +22,10 @@ use motor_hub::units::{EmfConstant, Inductance, RangeError, Resistance};
 pub const MOTORS: usize = 4;
 
 /// This board's bridges, unless a scenario wants real ones: those switch at once, and obey any duty.
-pub const BRIDGE: BridgeConstants = BridgeConstants::VNH5019;
+pub const BRIDGE: BridgeConstants = BridgeConstants::IDEAL;
 
 /// The same as it really is, with its timing.
-pub const REAL_BRIDGE: BridgeConstants = BridgeConstants::VNH5019_TIMED;
+pub const REAL_BRIDGE: BridgeConstants = BridgeConstants::VNH5019;
 
 /// What the firmware is told of a motor.
 ///

@@ -9,7 +9,7 @@
 //! use simulated::world::Board;
 //!
 //! let battery = Battery { emf: si::Volts(12.0), resistance: si::Ohms(0.1) };
-//! let mut board = Board::new(battery, [(characterised("AM 60 A")?, Load::NONE, BridgeConstants::VNH5019)].into_iter(), 1);
+//! let mut board = Board::new(battery, [(characterised("AM 60 A")?, Load::NONE, BridgeConstants::IDEAL)].into_iter(), 1);
 //! let full = Drive { mode: Mode::Cw98, duty: Duty::ONE };
 //! board.apply(&[full, Drive::COAST, Drive::COAST, Drive::COAST]);
 //! board.run(si::Seconds(0.1), &[0.0]);

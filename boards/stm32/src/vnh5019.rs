@@ -58,7 +58,7 @@ use motor_hub::board::Bridges;
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 
 /// The highest that the VNH5019A-E is specified for.
-pub const PWM_HZ: u32 = BridgeConstants::VNH5019.pwm_hz();
+pub const PWM_HZ: u32 = BridgeConstants::IDEAL.pwm_hz();
 
 /// The timer that makes the PWM of all bridges, running.
 pub struct Pwm<T: AdvancedInstance4Channel> {
