@@ -1,15 +1,22 @@
 //! What a host finds again after power was gone.
 
-use crate::host::{HUB, N, Said, TestHost, settings};
+use crate::host::{HUB, N, Said, TestHost, bytes_of, settings};
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
+use motor_hub::bridge::Timing;
 use motor_hub::hub::{Action, Command};
-use motor_hub::motor::{Setpoint, Settings};
-use motor_hub::protocol::Address;
+use motor_hub::motion::Pidf;
+use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::fields::{Field, Fields};
 use motor_hub::protocol::setup::FIRST_FUNCTION;
 use motor_hub::protocol::store::StoreReport;
+use motor_hub::protocol::{Address, Packet};
+use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::responder::Responder;
 use motor_hub::store::{Found, Order, Outcome, Record, Stored};
-use motor_hub::units::{Control, CountsPerSecond};
+use motor_hub::units::{
+    Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, EmfConstant,
+    Millivolts,
+};
 use proptest::prelude::*;
 
 const SAVE: u16 = FIRST_FUNCTION + 14;
@@ -412,4 +419,117 @@ fn the_motors_of_a_fresh_hub_are_what_the_board_says() {
     host.ask(RESET, &[]);
     let told = host.told();
     assert!(told.contains(&Command { motor: 2, action: Action::Configure(settings()) }), "{told:?}");
+}
+
+/// A record that firmware 0.1.0 has written: type and payload of each entry. Motor 0 has a fault action and one loop from
+/// a host, motor 1 another winding and an acceleration limit, motor 2 everything, motor 3 a mode.
+const BY_FIRMWARE_0_1_0: [(u16, &str); 29] = [
+    (0x7F06, "09"),
+    (0x4D00, "00 0f ca 3f 00 e4 0c b6 02 01 00 00 01"),
+    (0x4D0B, "00 00 00 00 00 00 00 00 00 00 00"),
+    (0x4D08, "00 01 00 00 00 00 00 00"),
+    (0x4D02, "00 00 00 00 00 00 00 00 00 00 00 00 00 00 00"),
+    (0x1008, "00 00 00"),
+    (0x100C, "00 00 00"),
+    (0x1033, "00 01 04 50 0c 00 bb cc 05 00 00 00 00 00 00 00 00 00 01"),
+    (0x1033, "00 02 00 00 ff ff 00 00 03 00 00 00 0a 00 00 00 00 00 00"),
+    (0x4D00, "01 5f ca 3f 00 e4 0c 00 00 04 00 00 00"),
+    (0x4D0B, "01 00 00 00 00 00 00 00 00 00 00"),
+    (0x4D08, "01 00 00 00 00 00 00 00"),
+    (0x4D02, "01 00 00 00 00 00 00 00 00 00 00 10 27 01 00"),
+    (0x1008, "01 00 00"),
+    (0x100C, "01 00 00"),
+    (0x4D00, "02 5f ca 3f 00 e4 0c b6 02 05 00 80 01"),
+    (0x4D0B, "02 01 00 02 00 03 00 04 00 05 00"),
+    (0x4D08, "02 01 d0 07 05 00 c8 00"),
+    (0x4D02, "02 00 04 00 00 00 00 03 00 64 00 10 27 00 00"),
+    (0x1008, "02 01 01"),
+    (0x100C, "02 88 13"),
+    (0x1033, "02 01 00 00 0a 00 00 00 03 00 00 00 ff ff 00 00 07 00 01"),
+    (0x1033, "02 02 00 00 0a 00 00 00 03 00 00 00 ff ff 00 00 07 00 01"),
+    (0x4D00, "03 0f ca 3f 00 e4 0c b6 02 01 00 00 01"),
+    (0x4D0B, "03 00 00 00 00 00 00 00 00 00 00"),
+    (0x4D08, "03 00 00 00 00 00 00 00"),
+    (0x4D02, "03 00 00 00 00 00 00 00 00 00 00 00 00 00 00"),
+    (0x1008, "03 02 00"),
+    (0x100C, "03 00 00"),
+];
+
+#[test]
+fn settings_stored_by_firmware_0_1_0_are_restored_and_stored_again_as_the_same_bytes() {
+    let mut stored = Record::new(1);
+    for (id, payload) in BY_FIRMWARE_0_1_0 {
+        stored.push(id, &bytes_of(payload)).expect("room");
+    }
+    let mut responder = TestHost::new().responder;
+    responder.restore(found(&stored));
+    let address = responder.address();
+    assert_eq!(address.get(), 9);
+
+    let mut host = TestHost { responder, ..TestHost::new() };
+    let configured: Vec<Settings> = host.told().into_iter().map(|command| configured(&command)).collect();
+    let pid = |[p, i, d, f]: [i32; 4]| {
+        let [p, i, d, f] = [p, i, d, f].map(Coefficient::from_bits);
+        Pidf { p, i, d, f }
+    };
+    let winding = Winding { emf: EmfConstant::from_bits(4_180_575).expect("in range"), ..settings().winding };
+    let both = pid([10 << 16, 3 << 16, -1 << 16, 7 << 16]);
+    let expected = [
+        Settings {
+            on_fault: OnFault::Brake,
+            coefficients: Some(Coefficients {
+                velocity: pid([806_916, 380_091, 0, 0]),
+                position: pid([-1 << 16, 3 << 16, 10 << 16, 0]),
+            }),
+            ..settings()
+        },
+        Settings {
+            winding: Winding { inductance: None, ..winding },
+            scheme: Scheme::D(Blend::Automatic),
+            duty: DutyRule::LinearDuty,
+            acceleration: Acceleration::new(75_536).ok(),
+            ..settings()
+        },
+        Settings {
+            winding,
+            bridge: settings().bridge.with_timing(Timing {
+                least_off_ns: 1,
+                least_on_ns: 2,
+                turn_on_ns: 3,
+                turn_off_ns: 4,
+                change_us: 5,
+            }),
+            scheme: Scheme::D(Blend::Fixed(BlendFraction::HALF)),
+            zero_power: ZeroPower::Float,
+            on_fault: OnFault::Brake,
+            thermal: ThermalLimit::new(2_000, 5, 200).ok(),
+            dynamics: Some(Dynamics {
+                gain: AccelerationPerVolt::from_bits(4 << 8).expect("above 0"),
+                decay: DecayRate::from_bits(3 << 16),
+                friction: Millivolts::new(100),
+            }),
+            coefficients: Some(Coefficients { velocity: both, position: both }),
+            acceleration: Acceleration::new(10_000).ok(),
+            ..settings()
+        },
+        settings(),
+    ];
+    assert_eq!(configured, expected);
+
+    host.responder = {
+        let mut responder = host.responder;
+        let save = FIRST_FUNCTION + 14;
+        let packet = Packet { destination: 9, id: save, ..Packet::default() };
+        responder.receive(&packet, host.now, &host.snapshot).expect("a reply");
+        responder
+    };
+    let again = carried_out(&mut host);
+    assert!(again.entries().eq(stored.entries()), "{again:02x?}");
+}
+
+fn configured(command: &Command) -> Settings {
+    match command.action {
+        Action::Configure(settings) => settings,
+        other => panic!("{other:?}"),
+    }
 }
