@@ -38,8 +38,9 @@
 //! | [`supply`] | ADC readings to battery voltage |
 //! | [`motor`], [`hub`] | one motor, N motors: `step(inputs) -> outputs` |
 //! | [`record`] | what happened: faults and resets with the ticks before them, in memory that a reset leaves alone |
-//! | [`protocol`] | the host's protocol as bytes, both ends of it: frames, requests, answers |
-//! | [`responder`] | the hub's end of it: what is remembered and decided; keep-alive, LED |
+//! | [`protocol`] | REV's protocol as bytes, for both ends: frames, requests, answers |
+//! | [`extension`] | the hub's own requests beside REV's; the table of all settings |
+//! | [`responder`] | the hub's end of both: what the hub stores and decides for a host; keep-alive, LED |
 //! | [`store`] | settings that outlast power: what is stored, and which of two copies counts |
 //! | [`update`] | new firmware: what of an image is taken, and when it may be started |
 //! | [`board`] | the traits that a board implements |
@@ -63,6 +64,7 @@
 pub mod board;
 pub mod braking;
 pub mod bridge;
+pub mod extension;
 pub mod group;
 pub mod hub;
 #[cfg(feature = "model")]

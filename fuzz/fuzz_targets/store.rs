@@ -4,10 +4,10 @@
 
 use libfuzzer_sys::fuzz_target;
 use motor_hub::braking::Winding;
+use motor_hub::extension::{HubFunction, Request};
 use motor_hub::hub::{Action, Snapshot};
 use motor_hub::motor::Settings;
-use motor_hub::protocol::store::ToStore;
-use motor_hub::protocol::{Address, Request};
+use motor_hub::protocol::Address;
 use motor_hub::responder::Responder;
 use motor_hub::store::{Copies, Found, VERSION};
 use motor_hub::units::Micros;
@@ -36,7 +36,7 @@ fuzz_target!(|copies: (Vec<u8>, Vec<u8>, bool)| {
     found.add(Some(&second));
     let (mut responder, settings) = powered_on(found.found());
 
-    let save = Request::from(ToStore::Save);
+    let save = Request::from(HubFunction::Save);
     let packet = save.packet(responder.address().get(), 1, save.id());
     responder.receive(&packet, Micros::new(0), &Snapshot::INITIAL);
     let Some(saved) = responder.order(&Snapshot::INITIAL).and_then(|order| order.record) else { return };

@@ -1,5 +1,4 @@
-//! Every answer, as both ends see it. What a request is answered with, its line in
-//! [`requests`](super::requests) says.
+//! Answers of the hub. The line of a request in [`requests`](super::requests) states the type of its answer.
 //!
 //! ```
 //! use motor_hub::protocol::answers::{Reply, Status};
@@ -9,7 +8,7 @@
 //! let request = Request::from(Standard::Status { clear: false });
 //! let asked = request.packet(3, 1, request.id());
 //!
-//! // What the hub writes, the host reads.
+//! // The host reads what the hub writes.
 //! let status = Status { status: Status::RESET, motor_alerts: 0 };
 //! let answered = Reply::data(&status).packet(&asked, 3, 1);
 //! let Some(Reply::Data(payload)) = Reply::read(&answered, request.id()) else { panic!() };
@@ -18,42 +17,44 @@
 //! ```
 
 use super::CHANNELS;
-use super::fields::{Field, Fields, Payload, in_turn};
+use super::fields::{Field, Fields, Flag, Payload, in_turn};
 use super::frame::Packet;
 use super::nack::Nack;
 use core::fmt;
 use heapless::Vec;
 
-/// Bit 15 of a request's type makes the type of its data response.
+/// The bit that a hub sets in the type of a request to make the type of its answer.
 pub const RESPONSE: u16 = 0x8000;
 
 const ACK: u16 = 0x7F01;
 const NACK: u16 = 0x7F02;
 
-/// What a request is answered.
+/// The answer to a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// Done.
+    /// The hub has done what was requested.
     Ack {
-        /// The module status has something to say.
+        /// True if the module status has changed since a host read it.
         attention: bool,
     },
-    /// Refused; nothing has changed.
+    /// The hub refuses the request, and nothing has changed.
     Nack(Nack),
-    /// What was asked for.
+    /// The values that a host asked for.
     Data(Payload),
 }
 
 impl Reply {
-    /// What was asked for.
+    /// An acknowledgement without attention.
+    pub const ACK: Self = Self::Ack { attention: false };
+
+    /// An answer with these values.
     pub fn data(answer: &impl Field) -> Self {
         let mut payload = Payload::new();
         answer.write(&mut payload);
         Self::Data(payload)
     }
 
-    /// The packet in which the hub at `source` says it to whoever sent `request`; `number` is the hub's
-    /// own count.
+    /// The packet of the answer, from the hub at `source` to the sender of `request`; `number` is the hub's own count.
     pub fn packet(self, request: &Packet, source: u8, number: u8) -> Packet {
         let byte = |byte| [byte].into_iter().collect();
         let (id, payload) = match self {
@@ -64,7 +65,8 @@ impl Reply {
         Packet { destination: request.source, source, number, reference: request.number, id, payload }
     }
 
-    /// `packet` as the answer to a request of type `id`; `None` if it is none, whatever its reference.
+    /// Reads `packet` as the answer to a request of type `id`; `None` if the packet is no such answer. The reference of the
+    /// packet is not checked.
     pub fn read(packet: &Packet, id: u16) -> Option<Self> {
         let first = packet.payload.first().copied();
         match packet.id {
@@ -77,12 +79,12 @@ impl Reply {
     }
 }
 
-/// The types of an interface.
+/// The packet types of an interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Functions {
-    /// That of function 0.
+    /// The type of function 0.
     pub first: u16,
-    /// How many there are.
+    /// The number of functions.
     pub count: u16,
 }
 
@@ -92,9 +94,12 @@ impl Functions {
         self.first.checked_add(number).filter(|_| number < self.count)
     }
 
-    /// The function of a type; `None` if it is not among these.
-    pub fn number(self, id: u16) -> Option<u16> {
-        id.checked_sub(self.first).filter(|number| *number < self.count)
+    /// The function of a type; `None` if the type belongs to another interface.
+    pub const fn number(self, id: u16) -> Option<u16> {
+        match id.checked_sub(self.first) {
+            Some(number) if number < self.count => Some(number),
+            _ => None,
+        }
     }
 }
 
@@ -103,24 +108,24 @@ in_turn!(Functions { first, count });
 /// Module status.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Status {
-    /// Bit by bit: what the hub has to say.
+    /// Events and states of the hub, one bit each.
     pub status: u8,
-    /// Bits 0 to 3: that motor lost counts; 4 to 7: its bridge is too hot.
+    /// Alerts: bits 0 to 3 are set if motor 0 to 3 lost counts, bits 4 to 7 if the bridge of motor 0 to 3 is too hot.
     pub motor_alerts: u8,
 }
 
-/// Something about one motor.
+/// An alert of one motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotorAlert {
-    /// 0 to 3.
+    /// The motor, 0 to 3.
     pub motor: usize,
-    /// What is the matter with it.
-    pub says: &'static str,
+    /// The alert as text.
+    pub text: &'static str,
 }
 
 impl fmt::Display for MotorAlert {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "motor {} {}", self.motor, self.says)
+        write!(f, "motor {} {}", self.motor, self.text)
     }
 }
 
@@ -134,7 +139,7 @@ impl Status {
     /// The battery is low.
     pub const BATTERY_LOW: u8 = 1 << 4;
 
-    /// The status bits from bit 0 on.
+    /// Texts of the status bits from bit 0 on.
     const WORDS: [&str; 8] = [
         "keep-alive timeout",
         "device reset",
@@ -146,15 +151,15 @@ impl Status {
         "bit 7",
     ];
 
-    /// The status bits in words; none if all is well.
+    /// Texts of the status bits that are set.
     pub fn words(self) -> Vec<&'static str, 8> {
         let bits = Self::WORDS.iter().enumerate().filter(|(bit, _)| self.status & 1 << bit != 0);
         bits.map(|(_, word)| *word).collect()
     }
 
-    /// The motor alerts one by one.
+    /// The motor alerts that are set.
     pub fn alerts(self) -> Vec<MotorAlert, 8> {
-        let of = |first, says| (0..CHANNELS).map(move |motor| (first + motor, MotorAlert { motor, says }));
+        let of = |first, text| (0..CHANNELS).map(move |motor| (first + motor, MotorAlert { motor, text }));
         let all = of(0, "lost counts").chain(of(4, "bridge too hot"));
         all.filter(|(bit, _)| self.motor_alerts & 1 << bit != 0).map(|(_, alert)| alert).collect()
     }
@@ -162,27 +167,27 @@ impl Status {
 
 in_turn!(Status { status, motor_alerts });
 
-/// Everything that changes while motors run, in one answer.
+/// All values that change while motors run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bulk {
-    /// Bit i: level of digital input i.
+    /// Levels of the digital inputs: bit i is input i.
     pub digital: u8,
-    /// Counts, by motor.
+    /// Positions in counts, by motor.
     pub encoders: [i32; CHANNELS],
-    /// More current than its alert allows, by motor.
+    /// True if the current exceeds the motor's current alert, by motor.
     pub over_current: [bool; CHANNELS],
-    /// In regulated position and within the tolerance, by motor.
+    /// True in position mode within the tolerance, by motor.
     pub at_target: [bool; CHANNELS],
-    /// Counts per second, by motor.
+    /// Velocities in counts per second, by motor.
     pub velocities: [i16; CHANNELS],
-    /// Millivolts.
+    /// Analog inputs in millivolts.
     pub analog: [i16; CHANNELS],
-    /// The module status has something to say; `None` from firmware up to 1.8.2, which does not tell.
+    /// True if the module status has changed since a host read it; `None` from firmware up to 1.8.2, which does not report this.
     pub attention: Option<bool>,
 }
 
-/// 35 bytes, or 34 without the last. The motors' bits are one byte: over-current from bit 0 on, at
-/// target from bit 4 on.
+/// 35 bytes, or 34 without the attention. One byte has bits of all motors: over-current from bit 0 on, at target from bit 4
+/// on.
 impl Field for Bulk {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let (digital, encoders, motors) = (u8::read(fields)?, Field::read(fields)?, u8::read(fields)?);
@@ -194,7 +199,7 @@ impl Field for Bulk {
             at_target: bits(4),
             velocities: Field::read(fields)?,
             analog: Field::read(fields)?,
-            attention: u8::read(fields).ok().map(|byte| byte != 0),
+            attention: Flag::read(fields).ok().map(|flag| flag.0),
         })
     }
 
@@ -212,9 +217,9 @@ impl Field for Bulk {
     }
 }
 
-/// Firmware and hardware. Hosts read from it what a hub understands: from 1.8.2 on, PIDF.
+/// Version of firmware and hardware. Hosts derive the functions of a hub from the version: PIDF from 1.8.2 on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the names say it")]
+#[expect(missing_docs, reason = "the names of the protocol")]
 pub struct Version {
     pub engineering: u8,
     pub minor: u8,

@@ -1,5 +1,4 @@
-//! Payloads, field by field: each type says in one place how it is read and how it is written. Numbers
-//! are little-endian.
+//! Payloads, field by field: each type says in one place how it is read and how it is written. Numbers are little-endian.
 //!
 //! ```
 //! use motor_hub::protocol::Nack;
@@ -12,37 +11,39 @@
 //!
 //! let mut fields = Fields::new(&payload);
 //! assert_eq!(bool::read(&mut fields), Ok(true));
-//! // The second field is no motor 0 to 3, and there is no third one whole.
+//! // The second field is no motor 0 to 3, and the third field is not complete.
 //! assert_eq!(ByteIn::<0, 3>::read(&mut fields), Err(Nack::parameter(1)));
 //! assert_eq!(u16::read(&mut fields), Err(Nack::parameter(2)));
 //! ```
 
 use super::nack::Nack;
-use crate::motor::ZeroPower;
-use crate::units::{Coefficient, Control};
+use crate::units::{
+    Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, Duty, EmfConstant,
+    Milliamperes, Millivolts,
+};
 use heapless::Vec;
 
-/// Payload bytes that are kept of a packet. The longest request has 101, the longest answer 156; what
-/// comes beyond a request's fields is to be ignored.
+/// The longest payload that a packet keeps, in bytes. The longest request has 101, the longest answer 156. A reader ignores
+/// bytes behind the last field.
 pub const PAYLOAD_KEPT: usize = 160;
 
-/// What a packet says.
+/// The payload of a packet.
 pub type Payload = Vec<u8, PAYLOAD_KEPT>;
 
-/// A value that stands in payloads.
+/// A value of a payload: one field, or several in a fixed order.
 pub trait Field: Sized {
-    /// The next field or fields.
+    /// Reads the next field or fields.
     ///
     /// # Errors
-    /// The number of the first that is missing or out of range.
+    /// The number of the first field that is missing or out of range.
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack>;
 
-    /// Appends it. What would go beyond [`PAYLOAD_KEPT`] is left out, which no layout needs.
+    /// Appends the value. Bytes beyond [`PAYLOAD_KEPT`] are left out; no layout is that long.
     fn write(&self, payload: &mut Payload);
 }
 
-/// A payload being read from its front. The fields are counted, so that a refusal can name the one
-/// that is wrong or missing. What follows the last field that is asked for is ignored.
+/// A payload that is read from its front. The fields are counted, so that a refusal can name the field that is wrong or
+/// missing.
 #[derive(Clone, Debug)]
 pub struct Fields<'a> {
     rest: &'a [u8],
@@ -50,41 +51,50 @@ pub struct Fields<'a> {
 }
 
 impl<'a> Fields<'a> {
-    /// Before the first field.
+    /// A reader before the first field.
     pub const fn new(payload: &'a [u8]) -> Self {
         Self { rest: payload, index: 0 }
     }
 
-    /// The next field made into something else; refused if that fails.
-    pub(super) fn checked<F: Field, T>(&mut self, make: impl FnOnce(F) -> Option<T>) -> Result<T, Nack> {
-        let index = self.index;
-        make(F::read(self)?).ok_or(Nack::parameter(index))
+    /// The number of the next field.
+    pub(crate) const fn index(&self) -> u8 {
+        self.index
     }
 
-    /// So many bytes as one field.
-    pub(super) fn slice(&mut self, length: usize) -> Result<&'a [u8], Nack> {
+    /// Reads a field and converts it; the field is out of range if `convert` returns `None`.
+    pub(crate) fn checked<F: Field, T>(&mut self, convert: impl FnOnce(F) -> Option<T>) -> Result<T, Nack> {
+        let index = self.index;
+        convert(F::read(self)?).ok_or(Nack::parameter(index))
+    }
+
+    /// Reads the number of one of `motors` motors.
+    pub(crate) fn motor(&mut self, motors: usize) -> Result<u8, Nack> {
+        self.checked(|motor: u8| Some(motor).filter(|motor| usize::from(*motor) < motors))
+    }
+
+    /// Reads `length` bytes as one field.
+    pub(crate) fn slice(&mut self, length: usize) -> Result<&'a [u8], Nack> {
         let (field, rest) = self.rest.split_at_checked(length).ok_or(Nack::parameter(self.index))?;
         self.rest = rest;
         self.index = self.index.saturating_add(1);
         Ok(field)
     }
 
-    /// The bytes before the next zero, as one field; the zero is read too.
+    /// Reads the bytes before the next zero, and the zero, as one field.
     pub(super) fn zero_terminated(&mut self) -> Result<&'a [u8], Nack> {
         let length = self.rest.iter().position(|byte| *byte == 0).ok_or(Nack::parameter(self.index))?;
         let text = self.slice(length)?;
-        // The zero.
         self.rest = self.rest.get(1..).unwrap_or_default();
         Ok(text)
     }
 
-    /// True if nothing is left.
-    pub(super) const fn is_empty(&self) -> bool {
+    /// True if no bytes are left.
+    pub(crate) const fn is_empty(&self) -> bool {
         self.rest.is_empty()
     }
 }
 
-/// Appends as many bytes as there is room for.
+/// Appends the bytes that there is room for.
 pub(super) fn append(payload: &mut Payload, bytes: &[u8]) {
     for &byte in bytes {
         let _ = payload.push(byte);
@@ -111,14 +121,59 @@ macro_rules! numbers {
 
 numbers!(u8, u16, u32, i16, i32);
 
-/// 0 or 1.
+/// Quantities as the number that stands for them, with the functions from and to this number.
+macro_rules! quantities {
+    ($($type:ident: $number:ty, $from:expr, $to:expr;)+) => {$(
+        impl Field for $type {
+            fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+                fields.checked($from)
+            }
+
+            fn write(&self, payload: &mut Payload) {
+                let number: $number = $to(*self);
+                number.write(payload);
+            }
+        }
+    )+};
+}
+
+quantities! {
+    Acceleration: u32, |number: u32| Self::new(number).ok(), Self::get;
+    AccelerationPerVolt: u32, |bits: u32| Self::from_bits(bits).ok(), Self::to_bits;
+    Coefficient: i32, |bits: i32| Some(Self::from_bits(bits)), Self::to_bits;
+    // -32768 is read as -32767.
+    Control: i16, |number: i16| Some(Self::new(number)), Self::get;
+    CountsPerSecond: i32, |bits: i32| Some(Self::from_bits(bits)), Self::to_bits;
+    DecayRate: u32, |bits: u32| Some(Self::from_bits(bits)), Self::to_bits;
+    Duty: u16, |bits: u16| Some(Self::from_bits(bits)), Self::to_bits;
+    EmfConstant: i32, |bits: i32| Self::from_bits(bits).ok(), Self::to_bits;
+    Milliamperes: i32, |number: i32| Some(Self::new(number)), Self::get;
+    Millivolts: u16, |number: u16| Some(Self::new(number)), Self::get;
+}
+
+/// A byte, 0 or 1.
 impl Field for bool {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        fields.checked(|byte: ByteIn<0, 1>| Some(byte.get() == 1))
+        fields.checked(|byte: u8| (byte < 2).then_some(byte == 1))
     }
 
     fn write(&self, payload: &mut Payload) {
         u8::from(*self).write(payload);
+    }
+}
+
+/// A byte that is written as 0 or 1, and whose every value but 0 is read as true.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Flag(pub bool);
+
+impl Field for Flag {
+    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+        u8::read(fields).map(|byte| Self(byte != 0))
+    }
+
+    fn write(&self, payload: &mut Payload) {
+        self.0.write(payload);
     }
 }
 
@@ -136,75 +191,63 @@ impl<T: Field + Default + Copy, const N: usize> Field for [T; N] {
     }
 }
 
-/// A byte from `LEAST` to `MOST`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct ByteIn<const LEAST: u8, const MOST: u8>(u8);
+/// Defines an integer of a limited range, and how it is read and written.
+macro_rules! limited {
+    ($(#[$about:meta])* $name:ident: $number:ident, $($limit:ident),+; |$value:ident| $allowed:expr) => {
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub struct $name<$(const $limit: $number),+>($number);
 
-impl<const LEAST: u8, const MOST: u8> ByteIn<LEAST, MOST> {
-    /// `None` if it is outside.
-    pub const fn new(byte: u8) -> Option<Self> {
-        if byte < LEAST || byte > MOST { None } else { Some(Self(byte)) }
-    }
+        impl<$(const $limit: $number),+> $name<$($limit),+> {
+            /// The value; `None` outside the range.
+            pub const fn new($value: $number) -> Option<Self> {
+                if $allowed { Some(Self($value)) } else { None }
+            }
 
-    /// `LEAST` to `MOST`.
-    pub const fn get(self) -> u8 {
-        self.0
-    }
+            /// The number, within the range.
+            pub const fn get(self) -> $number {
+                self.0
+            }
+        }
+
+        impl<$(const $limit: $number),+> Field for $name<$($limit),+> {
+            fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+                fields.checked(Self::new)
+            }
+
+            fn write(&self, payload: &mut Payload) {
+                self.0.write(payload);
+            }
+        }
+    };
 }
 
-impl<const LEAST: u8, const MOST: u8> Field for ByteIn<LEAST, MOST> {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        fields.checked(Self::new)
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        self.0.write(payload);
-    }
+limited! {
+    /// A byte from `LEAST` to `MOST`.
+    ByteIn: u8, LEAST, MOST; |byte| byte >= LEAST && byte <= MOST
 }
 
-/// 16 bits from `LEAST` on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct WordFrom<const LEAST: u16>(u16);
-
-impl<const LEAST: u16> WordFrom<LEAST> {
-    /// `None` if it is less.
-    pub const fn new(word: u16) -> Option<Self> {
-        if word < LEAST { None } else { Some(Self(word)) }
-    }
-
-    /// `LEAST` to 65 535.
-    pub const fn get(self) -> u16 {
-        self.0
-    }
-}
-
-impl<const LEAST: u16> Field for WordFrom<LEAST> {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        fields.checked(Self::new)
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        self.0.write(payload);
-    }
+limited! {
+    /// 16 bits, from `LEAST` to 65 535.
+    WordFrom: u16, LEAST; |word| word >= LEAST
 }
 
 /// The most bytes of a [`Text`].
 pub const TEXT: usize = 100;
 
-/// A length and so many bytes, up to [`TEXT`], in what encoding the protocol does not say.
+/// A length and that number of bytes, up to [`TEXT`]. The protocol does not define their encoding.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Text(Vec<u8, TEXT>);
 
 impl Text {
-    /// `None` if it is too long.
+    /// A text of these bytes; `None` if there are more than [`TEXT`].
     pub fn new(bytes: &[u8]) -> Option<Self> {
         Vec::from_slice(bytes).ok().map(Self)
     }
 
-    /// Without its length.
+    /// The bytes without their length.
     pub fn bytes(&self) -> &[u8] {
         &self.0
     }
@@ -223,31 +266,9 @@ impl Field for Text {
     }
 }
 
-/// Signed Q16.16.
-impl Field for Coefficient {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        i32::read(fields).map(Self::from_bits)
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        self.to_bits().write(payload);
-    }
-}
-
-/// Share of full duty; -32768 means -32767.
-impl Field for Control {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        i16::read(fields).map(Self::new)
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        self.get().write(payload);
-    }
-}
-
-/// Values of an enum as the bytes that stand for them.
+/// Implements [`Field`] for an enum, by the byte that stands for each value.
 macro_rules! codes {
-    ($type:ty { $($code:literal = $value:ident),+ }) => {
+    ($type:ty { $($code:literal = $value:ident),+ $(,)? }) => {
         impl $crate::protocol::fields::Field for $type {
             fn read(
                 fields: &mut $crate::protocol::fields::Fields<'_>,
@@ -267,33 +288,27 @@ macro_rules! codes {
         }
     };
 }
-pub(super) use codes;
+pub(crate) use codes;
 
-/// A struct as its fields, one after the other.
+/// Implements [`Field`] for a struct, by its fields in their order. A field that is not written as its own type names the
+/// module with the functions `read` and `write` for it.
 macro_rules! in_turn {
-    ($type:ty { $($field:ident),+ }) => {
+    ($type:ty { $($field:ident $(: $way:ident)?),+ $(,)? }) => {
         impl $crate::protocol::fields::Field for $type {
             fn read(
                 fields: &mut $crate::protocol::fields::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
-                Ok(Self { $($field: $crate::protocol::fields::Field::read(fields)?),+ })
+                Ok(Self { $($field: $crate::protocol::fields::in_turn!(@read fields $($way)?)?),+ })
             }
 
             fn write(&self, payload: &mut $crate::protocol::fields::Payload) {
-                $($crate::protocol::fields::Field::write(&self.$field, payload);)+
+                $($crate::protocol::fields::in_turn!(@write self.$field, payload, $($way)?);)+
             }
         }
     };
+    (@read $fields:ident) => { $crate::protocol::fields::Field::read($fields) };
+    (@read $fields:ident $way:ident) => { $way::read($fields) };
+    (@write $value:expr, $payload:ident,) => { $crate::protocol::fields::Field::write(&$value, $payload) };
+    (@write $value:expr, $payload:ident, $way:ident) => { $way::write(&$value, $payload) };
 }
-pub(super) use in_turn;
-
-/// Any byte: 0 brakes and 1 floats, and so does whatever else hosts send for it.
-impl Field for ZeroPower {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        Ok(if u8::read(fields)? == 0 { Self::Brake } else { Self::Float })
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        u8::from(*self == Self::Float).write(payload);
-    }
-}
+pub(crate) use in_turn;

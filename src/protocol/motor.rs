@@ -1,5 +1,4 @@
-//! Requests to one motor, and what they are answered. Before the fields of each goes the motor's number,
-//! 0 to 3.
+//! Requests to one motor, and the types of their answers. The motor's number, 0 to 3, goes before the fields of each request.
 //!
 //! ```
 //! use motor_hub::protocol::motor::{Target, ToMotor};
@@ -10,47 +9,53 @@
 //! assert_eq!(*request.payload(), [0, 0x18, 0xFC, 0xFF, 0xFF, 25, 0]);
 //! ```
 
-use super::fields::{Field, Fields, Payload, codes, in_turn};
-use super::nack::Nack;
+use super::fields::{Flag, codes, in_turn};
+use super::requests::Request;
 use super::table::requests;
-use crate::motion::Pidf;
-use crate::motor::ZeroPower;
 use crate::units::{Coefficient, Control};
 
 requests! {
     /// A request to one motor.
     pub enum ToMotor {
-        8 SetMode { mode: RunMode, zero_power: ZeroPower },
-        /// Answered by a [`ChannelMode`].
+        /// Sets what regulates the motor, and whether the motor floats at zero.
+        8 SetMode { mode: RunMode, floats: Flag },
+        /// The answer is a [`ChannelMode`].
         9 Mode,
         10 SetEnable { on: bool },
-        /// Answered by a bool.
+        /// The answer is a bool.
         11 Enable,
         12 SetCurrentAlert { milliamperes: u16 },
-        /// Answered by a u16.
+        /// The answer is a u16.
         13 CurrentAlert,
         14 ResetEncoder,
         15 SetPower { power: Control },
-        /// Answered by a [`Control`].
+        /// The answer is a [`Control`].
         16 Power,
-        /// In counts per second. In position mode it is the speed limit on the way.
+        /// Sets the velocity in counts per second. In position mode the velocity is the speed limit towards the target.
         17 SetVelocity { cps: i16 },
-        /// Answered by an i16.
+        /// The answer is an i16.
         18 Velocity,
         19 SetPosition { target: Target },
-        /// Answered by a [`Target`].
+        /// The answer is a [`Target`].
         20 Position,
-        /// Answered by a bool.
+        /// The answer is a bool.
         21 AtTarget,
-        /// In counts; answered by an i32.
+        /// The answer is an i32 in counts.
         22 Encoder,
-        /// Without feed-forward.
+        /// Sets coefficients without feed-forward.
         23 SetPid { of: Loop, p: Coefficient, i: Coefficient, d: Coefficient },
-        /// Answered by P, I and D.
+        /// The answer is P, I and D.
         24 Pid { of: Loop },
         51 SetPidf { of: Loop, coefficients: Coefficients },
-        /// Answered by [`Coefficients`].
+        /// The answer is a [`Coefficients`].
         53 Pidf { of: Loop },
+    }
+}
+
+impl ToMotor {
+    /// The request to the motor with this number, 0 to 3.
+    pub const fn to(self, motor: u8) -> Request {
+        Request::Motor(motor, self)
     }
 }
 
@@ -58,85 +63,80 @@ requests! {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RunMode {
-    /// Nothing: open loop.
+    /// The motor is in open loop.
     #[default]
     Power,
-    /// A velocity loop.
+    /// A velocity loop regulates the motor.
     Velocity,
-    /// A position loop.
+    /// A position loop regulates the motor.
     Position,
 }
 
 codes!(RunMode { 0 = Power, 1 = Velocity, 2 = Position });
 
-/// A loop that has coefficients; numbered by its mode.
+/// A loop that has coefficients; its code is the code of its mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Loop {
-    /// That of [`RunMode::Velocity`].
+    /// The loop of [`RunMode::Velocity`].
     Velocity,
-    /// That of [`RunMode::Position`].
+    /// The loop of [`RunMode::Position`].
     Position,
 }
 
 codes!(Loop { 1 = Velocity, 2 = Position });
 
-/// A host's word for how coefficients are to be understood. This hub runs the same loops either way;
-/// it remembers the word, which hosts read back.
+/// How a host means its coefficients. This hub runs the same loops either way; it stores the value, which hosts read back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Algorithm {
     /// Without feed-forward.
     Legacy,
-    /// With.
+    /// With feed-forward.
     Pidf,
 }
 
 codes!(Algorithm { 0 = Legacy, 1 = Pidf });
 
-/// What regulates a motor, and what zero means to it.
+/// What regulates a motor, and what the motor does at zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[expect(missing_docs, reason = "the types say it")]
 pub struct ChannelMode {
+    /// What regulates the motor.
     pub mode: RunMode,
-    pub zero_power: ZeroPower,
+    /// True if the motor floats at zero power, false if it brakes.
+    pub floats: Flag,
 }
 
-in_turn!(ChannelMode { mode, zero_power });
+in_turn!(ChannelMode { mode, floats });
 
-/// Where to go.
+/// The target of a position loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Target {
-    /// Encoder counts.
+    /// Position in encoder counts.
     pub counts: i32,
-    /// So many counts from there are near enough.
+    /// Counts from the target within which the motor is at its target.
     pub tolerance: u16,
 }
 
 in_turn!(Target { counts, tolerance });
 
-/// A loop's coefficients: I and D by cycles of 50 ms, F for the battery's voltage, as [`Pidf`] says. They are read back bit
-/// for bit.
+/// Coefficients of a loop, read back bit for bit. I and D are by cycles of 50 ms; F is for full control at the battery's
+/// voltage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[expect(missing_docs, reason = "the types say it")]
 pub struct Coefficients {
-    pub pidf: Pidf,
+    /// Proportional coefficient.
+    pub p: Coefficient,
+    /// Integral coefficient.
+    pub i: Coefficient,
+    /// Derivative coefficient.
+    pub d: Coefficient,
+    /// Feed-forward coefficient.
+    pub f: Coefficient,
+    /// How the host means the coefficients.
     pub algorithm: Algorithm,
 }
 
-impl Field for Coefficients {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        let mut next = || Coefficient::read(fields);
-        let pidf = Pidf { p: next()?, i: next()?, d: next()?, f: next()? };
-        Ok(Self { pidf, algorithm: Algorithm::read(fields)? })
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        let Pidf { p, i, d, f } = self.pidf;
-        [p, i, d, f].write(payload);
-        self.algorithm.write(payload);
-    }
-}
+in_turn!(Coefficients { p, i, d, f, algorithm });

@@ -1,5 +1,5 @@
-//! Requests to digital pins, PWM and servo outputs, and how fast I2C buses are, of which a motor hub may have few or none:
-//! host software sets them up whatever it finds.
+//! Requests to digital pins, PWM and servo outputs, and the speeds of I2C buses. Host software sets all of them up, also on a
+//! hub that has none.
 //!
 //! ```
 //! use motor_hub::protocol::Request;
@@ -27,8 +27,8 @@ pub type ServoOutput = ByteIn<0, 5>;
 pub type I2cBus = ByteIn<0, 3>;
 
 requests! {
-    /// A request to a pin or output. Periods and widths are in microseconds, levels of all pins a bit
-    /// each, a fast bus has 400 kbit/s, another 100; what is asked for is answered as it is set.
+    /// A request to a pin or output. Periods and widths are in microseconds. Levels of all pins are one bit each. A fast bus
+    /// has 400 kbit/s, any other bus 100 kbit/s. An answer has the type of the field that the request sets.
     pub enum ToPin {
         1 SetOutput { pin: Pin, high: bool },
         2 SetOutputs { levels: u8 },

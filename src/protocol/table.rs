@@ -1,6 +1,6 @@
-//! Tables of requests.
+//! The macro that makes an enum of requests from a table.
 
-/// An enum of requests from a table: number, name, fields. It is what says how each is read and written.
+/// Defines an enum of requests by a table of number, name and fields. Reading and writing follow from the table.
 macro_rules! requests {
     (
         $(#[$about:meta])*
@@ -11,7 +11,7 @@ macro_rules! requests {
         $(#[$about])*
         #[derive(Clone, Debug, PartialEq, Eq)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-        #[expect(missing_docs, reason = "each is named as the protocol names it")]
+        #[expect(missing_docs, reason = "the protocol's own names")]
         pub enum $name {
             $($(#[$says])* $request $({ $($field: $type),+ })?,)+
         }
@@ -20,21 +20,19 @@ macro_rules! requests {
             /// The numbers of these requests.
             pub const NUMBERS: &[u16] = &[$($number),+];
 
-            /// Its number.
+            /// The number of the request.
             pub const fn number(&self) -> u16 {
                 match self {
                     $(Self::$request { .. } => $number,)+
                 }
             }
-        }
 
-        impl $name {
-            /// The request with this number, its fields those that come next.
-            pub(super) fn read(
+            /// Reads the fields of the request with this number.
+            pub(crate) fn read(
                 number: u16,
                 fields: &mut $crate::protocol::fields::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
-                // Nobody reads from them where no request has any.
+                // In a table without fields the argument is not used otherwise.
                 let _ = &fields;
                 Ok(match number {
                     $($number => Self::$request $({
@@ -44,8 +42,8 @@ macro_rules! requests {
                 })
             }
 
-            /// Appends the fields.
-            pub(super) fn write(&self, payload: &mut $crate::protocol::fields::Payload) {
+            /// Appends the fields of the request.
+            pub(crate) fn write(&self, payload: &mut $crate::protocol::fields::Payload) {
                 let _ = &payload;
                 match self {
                     $(Self::$request $({ $($field),+ })? => {
@@ -56,4 +54,4 @@ macro_rules! requests {
         }
     };
 }
-pub(super) use requests;
+pub(crate) use requests;

@@ -1,12 +1,12 @@
-//! A button on the board, to try motors on the bench while no host is there: all of them turn while it is held.
+//! A button on the board, to try motors on the bench without a host: all motors turn while the button is held.
 //!
 //! | | |
 //! |---|---|
 //! | held | 1000 counts/s |
-//! | released | standstill; a second later nothing is driven |
-//! | pressed while the battery is low or unknown | nothing: as a host may not enable a motor then, nor may the button |
-//! | down since power-on, or since the battery was low | nothing, until it is pressed anew |
-//! | a host has spoken | nothing until a reset, and what the button began ends at once |
+//! | released | standstill; a second later all bridges open |
+//! | pressed while the battery is low or unknown | nothing; a host cannot enable a motor then either |
+//! | down since power-on, or since the battery was low | nothing, until the button is released and pressed |
+//! | after the first packet of a host | nothing until a reset; motors that the button has started are disabled |
 //!
 //! ```
 //! use motor_hub::motor::Setpoint;
@@ -18,7 +18,7 @@
 //!     button.step(Look { down, host_spoke: false, battery_good: true, now: Micros::new(1000 * ms) })
 //! };
 //! look(false, 0);
-//! // It may bounce at first.
+//! // The contact may bounce at first.
 //! assert_eq!(look(true, 100), Setpoint::Disabled);
 //! assert_eq!(look(true, 120), Setpoint::Velocity(CountsPerSecond::new(1000)));
 //! ```
@@ -26,43 +26,46 @@
 use crate::motor::Setpoint;
 use crate::units::{CountsPerSecond, Micros};
 
-/// Down counts once it has lasted so long: contacts bounce for less than half of it. Up counts at once.
+/// Time for which a contact must be closed before the button counts as pressed. Contacts bounce for less than half of this
+/// time. An open contact counts immediately.
 pub const DEBOUNCE_MICROS: u64 = 20_000;
 
-/// From release until the bridges are opened.
+/// Time at standstill after a release, before the bridges open.
 pub const HOLD_MICROS: u64 = 1_000_000;
 
-/// A NeveRest 60 turns about 2700 counts/s at 12 V without load.
+/// Set-point while the button is held. A NeveRest 60 turns about 2700 counts/s at 12 V without load.
 const HELD: Setpoint = Setpoint::Velocity(CountsPerSecond::new(1000));
 
-/// What is to be known at a look at the button.
+/// Inputs of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Look {
-    /// The contact is closed.
+    /// True if the contact is closed.
     pub down: bool,
-    /// A host has spoken since reset.
+    /// True if a packet has come since reset.
     pub host_spoke: bool,
-    /// The battery is known and not low.
+    /// True if the battery is known and not low.
     pub battery_good: bool,
     /// The time.
     pub now: Micros,
 }
 
+/// State of the contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Contact {
-    /// Never seen up: one that is stuck, or held through a reset, starts nothing.
+    /// Closed since reset: a button that is stuck, or held during a reset.
     Stuck,
     Up,
-    /// Closed since then, and bouncing perhaps.
+    /// Closed since this time, and bouncing perhaps.
     Closing(Micros),
     Down,
 }
 
+/// What the button makes the motors do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Doing {
+enum Motion {
     Nothing,
     Turning,
-    /// Standing still since then.
+    /// At standstill since this time.
     Holding(Micros),
 }
 
@@ -70,29 +73,29 @@ enum Doing {
 #[derive(Clone, Debug)]
 pub struct Button {
     contact: Contact,
-    doing: Doing,
+    motion: Motion,
 }
 
 impl Button {
-    /// After a reset.
+    /// The button after a reset.
     pub const fn new() -> Self {
-        Self { contact: Contact::Stuck, doing: Doing::Nothing }
+        Self { contact: Contact::Stuck, motion: Motion::Nothing }
     }
 
-    /// What all motors are to do. To be asked every 10 ms or so.
+    /// The set-point of all motors. To be called about every 10 ms.
     pub fn step(&mut self, look: Look) -> Setpoint {
         let pressed = self.pressed(look.down, look.now);
-        self.doing = match self.doing {
-            _ if look.host_spoke => Doing::Nothing,
-            _ if pressed && look.battery_good => Doing::Turning,
-            Doing::Turning if self.contact == Contact::Up => Doing::Holding(look.now),
-            Doing::Holding(since) if look.now.since(since) >= HOLD_MICROS => Doing::Nothing,
-            doing => doing,
+        self.motion = match self.motion {
+            _ if look.host_spoke => Motion::Nothing,
+            _ if pressed && look.battery_good => Motion::Turning,
+            Motion::Turning if self.contact == Contact::Up => Motion::Holding(look.now),
+            Motion::Holding(since) if look.now.since(since) >= HOLD_MICROS => Motion::Nothing,
+            motion => motion,
         };
-        match self.doing {
-            Doing::Nothing => Setpoint::Disabled,
-            Doing::Turning => HELD,
-            Doing::Holding(_) => Setpoint::Velocity(CountsPerSecond::ZERO),
+        match self.motion {
+            Motion::Nothing => Setpoint::Disabled,
+            Motion::Turning => HELD,
+            Motion::Holding(_) => Setpoint::Velocity(CountsPerSecond::ZERO),
         }
     }
 

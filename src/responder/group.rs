@@ -1,33 +1,33 @@
-//! What the hub remembers of groups on behalf of the host: courses that the motors have not been told yet.
+//! Courses of groups that the motors have not received yet.
 
+use crate::extension::group::{GroupCourse, GroupMove};
 use crate::group::{ByMotor, Course, MOTORS, Together};
 use crate::protocol::CHANNELS;
-use crate::protocol::group::{GroupCourse, GroupMove};
 
-/// Courses that are still to be told, by the motor that each was said to.
+/// Pending courses, by the motor that the host's request names.
 #[derive(Clone, Debug)]
 pub(super) struct Courses<const N: usize> {
-    untold: [Option<Together>; N],
+    pending: [Option<Together>; N],
 }
 
 impl<const N: usize> Courses<N> {
-    pub(super) const NONE: Self = Self { untold: [None; N] };
+    pub(super) const NONE: Self = Self { pending: [None; N] };
 
-    /// Instead of whatever its members were to be told.
+    /// Adds a course, and removes all pending courses of its members.
     pub(super) fn put(&mut self, leader: usize, together: Together) {
         for (motor, member) in together.course.members().into_iter().enumerate() {
             if member {
-                self.forget(motor);
+                self.remove(motor);
             }
         }
-        if let Some(slot) = self.untold.get_mut(leader) {
+        if let Some(slot) = self.pending.get_mut(leader) {
             *slot = Some(together);
         }
     }
 
-    /// The courses of a motor that has been told something else.
-    pub(super) fn forget(&mut self, motor: usize) {
-        for slot in &mut self.untold {
+    /// Removes the pending courses of a motor.
+    pub(super) fn remove(&mut self, motor: usize) {
+        for slot in &mut self.pending {
             slot.take_if(|together| together.course.members().get(motor) == Some(&true));
         }
     }
@@ -36,33 +36,34 @@ impl<const N: usize> Courses<N> {
         *self = Self::NONE;
     }
 
-    /// Of all that are untold the first.
+    /// The first pending course.
     pub(super) fn next(&self) -> Option<(usize, Together)> {
-        self.untold.iter().enumerate().find_map(|(leader, together)| Some((leader, (*together)?)))
+        self.pending.iter().enumerate().find_map(|(leader, together)| Some((leader, (*together)?)))
     }
 
-    /// That one has been told.
-    pub(super) fn told(&mut self) {
-        if let Some(slot) = self.untold.iter_mut().find(|slot| slot.is_some()) {
+    /// Removes the first pending course.
+    pub(super) fn remove_next(&mut self) {
+        if let Some(slot) = self.pending.iter_mut().find(|slot| slot.is_some()) {
             *slot = None;
         }
     }
 
+    /// True if a course of this motor is pending.
     pub(super) fn concern(&self, motor: usize) -> bool {
-        self.untold.iter().flatten().any(|together| together.course.members().get(motor) == Some(&true))
+        self.pending.iter().flatten().any(|together| together.course.members().get(motor) == Some(&true))
     }
 }
 
-/// What a host's course is in the counts of the motors, `goal` of a motor's number and a target of the host's.
+/// A host's course in the counts of the motors. `goal` converts a motor's number and a target in the host's counts.
 pub(super) fn together(wanted: GroupMove, goal: impl Fn(usize, i32) -> i32) -> Together {
     let GroupMove { course, speed, acceleration, lag, tolerance, halt } = wanted;
     let course = match course {
         GroupCourse::To(counts) => {
-            let mut places = by_motor(counts);
-            for (motor, counts) in places.iter_mut().enumerate() {
+            let mut targets = by_motor(counts);
+            for (motor, counts) in targets.iter_mut().enumerate() {
                 *counts = counts.map(|counts| goal(motor, counts));
             }
-            Course::To(places)
+            Course::To(targets)
         }
         GroupCourse::On(speeds) => Course::On(by_motor(speeds)),
     };

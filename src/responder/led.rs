@@ -1,5 +1,4 @@
-//! The status LED: the hub's own signs, in the colours that users of Expansion Hubs know, and the
-//! colour or pattern that a host sets instead.
+//! The status LED: the hub's own signs in the colours of Expansion Hubs, and the colour or pattern that a host sets instead.
 //!
 //! ```
 //! use motor_hub::protocol::Colour;
@@ -7,10 +6,10 @@
 //! use motor_hub::units::Micros;
 //!
 //! let mut led = Led::default();
-//! assert_eq!(led.at(Micros::new(0), Sign::Talking), Colour::GREEN);
+//! assert_eq!(led.at(Micros::new(0), Sign::Connected), Colour::GREEN);
 //! led.set_colour(Colour::ORANGE);
-//! assert_eq!(led.at(Micros::new(0), Sign::Talking), Colour::ORANGE);
-//! // A host that has been lost has no say.
+//! assert_eq!(led.at(Micros::new(0), Sign::Connected), Colour::ORANGE);
+//! // The sign of a lost host replaces the host's colour.
 //! assert_eq!(led.at(Micros::new(0), Sign::Lost(Micros::new(0))), Colour::BLUE);
 //! ```
 
@@ -18,23 +17,23 @@ use crate::protocol::Colour;
 use crate::protocol::led::LedPattern;
 use crate::units::Micros;
 
-/// Half a period of the hub's own blinking.
+/// Half a period of a blinking sign.
 pub const BLINK_MICROS: u64 = 500_000;
 
-/// The unit of a step's duration.
+/// Unit of a step's duration.
 const STEP_MICROS: u64 = 100_000;
 
-/// What the LED stands for when no host says otherwise.
+/// A sign of the hub's own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Sign {
-    /// No packet since boot: blue.
+    /// Blue: no packet has come since boot.
     Waiting,
-    /// Packets come: green.
-    Talking,
-    /// Packets have stopped coming, since then: blinking blue.
+    /// Green: packets come.
+    Connected,
+    /// Blinking blue: the host was lost at this time.
     Lost(Micros),
-    /// The battery is low: blinking orange.
+    /// Blinking orange: the battery is low.
     BatteryLow,
 }
 
@@ -45,41 +44,42 @@ impl Sign {
         };
         match self {
             Self::Waiting => Colour::BLUE,
-            Self::Talking => Colour::GREEN,
+            Self::Connected => Colour::GREEN,
             Self::Lost(since) => blink(since, Colour::BLUE),
             Self::BatteryLow => blink(Micros::new(0), Colour::ORANGE),
         }
     }
 }
 
-/// What hosts have said about the LED.
+/// The LED, with the colour and the pattern that a host has set.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Led {
     colour: Colour,
     pattern: LedPattern,
-    wish: Wish,
+    shown: Shown,
 }
 
+/// What a host has set last.
 #[derive(Clone, Copy, Debug, Default)]
-enum Wish {
+enum Shown {
     #[default]
     None,
     Colour,
-    /// Since then.
+    /// The pattern, which began at this time.
     Pattern(Micros),
 }
 
 impl Led {
-    /// A host wants this colour; it ends a pattern.
+    /// Shows a host's colour, and ends a pattern.
     pub const fn set_colour(&mut self, colour: Colour) {
         self.colour = colour;
-        self.wish = Wish::Colour;
+        self.shown = Shown::Colour;
     }
 
-    /// A host wants this pattern, from now on. An empty pattern gives the LED back to the hub.
+    /// Shows a host's pattern from now on. After an empty pattern the LED shows the hub's own signs.
     pub const fn set_pattern(&mut self, pattern: LedPattern, now: Micros) {
         self.pattern = pattern;
-        self.wish = Wish::Pattern(now);
+        self.shown = Shown::Pattern(now);
     }
 
     /// The colour last set.
@@ -92,20 +92,19 @@ impl Led {
         &self.pattern
     }
 
-    /// What the LED shows. A host that has been lost has no say: it is for its user that the hub
-    /// blinks then.
+    /// The colour of the LED. The sign of a lost host replaces what the host has set.
     pub fn at(&self, now: Micros, sign: Sign) -> Colour {
-        let wish = match self.wish {
+        let colour = match self.shown {
             _ if matches!(sign, Sign::Lost(_)) => None,
-            Wish::None => None,
-            Wish::Colour => Some(self.colour),
-            Wish::Pattern(since) => colour_at(&self.pattern, now.since(since)),
+            Shown::None => None,
+            Shown::Colour => Some(self.colour),
+            Shown::Pattern(since) => colour_at(&self.pattern, now.since(since)),
         };
-        wish.unwrap_or_else(|| sign.at(now))
+        colour.unwrap_or_else(|| sign.at(now))
     }
 }
 
-/// What is shown so long after the start; `None` if the pattern is empty.
+/// The colour of a pattern after `elapsed` microseconds; `None` if the pattern is empty.
 fn colour_at(pattern: &LedPattern, elapsed: u64) -> Option<Colour> {
     let total: u64 = pattern.steps().iter().map(|step| u64::from(step.duration) * STEP_MICROS).sum();
     let mut left = elapsed.checked_rem(total)?;

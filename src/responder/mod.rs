@@ -1,6 +1,6 @@
-//! The hub's end of the host's protocol: what it remembers and what it decides, so that host software
-//! written for a REV Expansion Hub runs motors of this hub. Where the published facts leave a behaviour
-//! open, the choice made is documented here.
+//! The hub's end of the host's protocol: what the hub stores for a host, and how it answers and acts, so that host software
+//! written for a REV Expansion Hub runs motors of this hub. Where the published facts leave a behaviour open, the choice is
+//! documented here.
 //!
 //! ```text
 //!              Packet +-----------+ Packet
@@ -9,23 +9,25 @@
 //!                     +-----------+ --Colour--> status LED
 //! ```
 //!
-//! | room | what is decided there |
+//! | module | contents |
 //! |---|---|
-//! | [`Responder`] | all of these together: the hub as the host sees it |
-//! | [`motor`] | what the hub remembers of one motor, and what that makes the motor do |
-//! | [`adc`] | what the converter's channels are answered |
-//! | [`alive`] | keep-alive timer, status word, attention |
-//! | [`led`] | the status LED |
-//! | [`button`] | what a button on the board may do until a host has spoken |
-//! | [`pins`] | digital pins; PWM and servo outputs, which this hub only remembers |
-//! | `store` | settings that outlast power: which, and when they are written |
-//! | `update` | new firmware: what whoever has its slot is to do |
+//! | [`Responder`] | the hub as a host sees it |
+//! | [`motor`] | state of one motor for the host, and the commands to the motor |
+//! | [`converter`] | values of the converter's channels |
+//! | [`keep_alive`] | keep-alive timer, status word, attention |
+//! | [`led`] | status LED |
+//! | [`button`] | button on the board, until a host sends a packet |
+//! | [`outputs`] | digital pins, and the stored state of PWM and servo outputs |
+//! | `group` | courses of groups on the way to the motors |
+//! | `store` | settings that outlast power |
+//! | `update` | new firmware |
+//! | `report` | reports of the extension |
 //!
-//! While the battery is low ([`Snapshot::battery_low`]) motors cannot be enabled, and status word and LED say so;
-//! those that run go on with what the supply allows.
+//! While the battery is low ([`Snapshot::battery_low`]) motors cannot be enabled, and status word and LED show the state.
+//! Motors that are enabled already run on within the limits of the supply.
 //!
-//! A refused command changes nothing. No packet enables a motor but a valid *set enable*. Pure: no clock,
-//! no await, no hardware. `tasks::responder` is the shell.
+//! A refused request changes nothing. Only a valid *set enable* enables a motor. The responder has no clock, no await and no
+//! hardware; `tasks::responder` is its task.
 //!
 //! ```
 //! use motor_hub::hub::Snapshot;
@@ -36,72 +38,71 @@
 //! use motor_hub::braking::Winding;
 //! use motor_hub::units::Micros;
 //!
-//! // A hub with two motors at address 2, of which nothing is known yet.
+//! // A hub with two motors at address 2, before its first control tick.
 //! let settings = Settings::new(Winding::NEVEREST_60);
 //! let mut responder = Responder::new(Address::DEFAULT, [settings; 2]);
 //! let snapshot = Snapshot::INITIAL;
 //!
-//! // A host looks for hubs and is told that this is one, directly on its line.
+//! // A host looks for hubs. The hub answers that no other hub is between itself and the host.
 //! let discovery = Request::from(Standard::Discovery).packet(BROADCAST, 1, DISCOVERY);
 //! let reply = responder.receive(&discovery, Micros::new(0), &snapshot).unwrap();
 //! assert_eq!((reply.source, reply.payload.as_slice()), (2, &[1][..]));
 //! ```
 
-pub mod adc;
-pub mod alive;
-mod answer;
 pub mod button;
+pub mod converter;
 mod group;
+pub mod keep_alive;
 pub mod led;
 pub mod motor;
-pub mod pins;
+pub mod outputs;
 mod report;
-pub mod setup;
 mod store;
 mod update;
 
-pub use answer::Answer;
-
+use crate::extension::group::{GroupMove, GroupState};
+use crate::extension::record::{Entries, Ticks};
+use crate::extension::report::{BusReport, HubReport};
+use crate::extension::settings::Values;
+use crate::extension::{self, HubFunction, MotorFunction, Request};
 use crate::hub::{Action, Bus, Command, Snapshot};
 use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
-use crate::protocol::bus::BusReport;
-use crate::protocol::fields::Text;
-use crate::protocol::group::{GroupMove, GroupState, ToGroup};
+use crate::protocol::fields::{Payload, Text};
 use crate::protocol::motor::ToMotor;
-use crate::protocol::record::{Entries, Ticks, ToRecord};
-use crate::protocol::report::HubReport;
-use crate::protocol::requests::{DISCOVERY, Request, Standard, ToHub};
-use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
+use crate::protocol::requests::{
+    DISCOVERY, InterfaceName, MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub,
+};
+use crate::protocol::{self, Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
 use crate::record::Record;
 use crate::supply::Seen;
 use crate::units::{Microjoules, Micros, Share};
-use alive::Alive;
 use group::Courses;
+use keep_alive::KeepAlive;
 use led::Led;
 use motor::MotorChannel;
-use pins::{DigitalLines, PinMemory};
-use store::Keeping;
+use outputs::{DigitalLines, Outputs};
+use store::Memory;
 use update::Updating;
 
-/// What the version commands say: first the version of the interface, for hosts that read from these numbers what they may
-/// ask for, and the hardware that they take it for; then this firmware's own.
+/// The version text. The first numbers are REV's version whose functions the hub offers, and REV's hardware: hosts derive from
+/// these numbers what they may ask for. This firmware's own version follows.
 const VERSION_TEXT: &[u8] =
-    without_last(concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION"), "\0").as_bytes());
+    without_zero(concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION"), "\0").as_bytes());
 const _: () = assert!(VERSION_TEXT.len() <= LONGEST_VERSION);
 
-/// In the image a zero ends it, by which a host finds it there.
-const fn without_last(text: &[u8]) -> &[u8] {
+/// A text without the zero at its end. The zero stays in the image, where a host finds the version text by it.
+const fn without_zero(text: &[u8]) -> &[u8] {
     match text.split_last() {
         Some((_, text)) => text,
         None => text,
     }
 }
 
-/// Hosts have room for so many bytes.
+/// The most bytes of a version text that hosts have room for.
 const LONGEST_VERSION: usize = 39;
 
-/// The same in numbers, with the type of hub whose interface this one offers.
+/// The first numbers of the version text, with the type of REV's hub.
 const VERSION: Version = Version {
     engineering: 2,
     minor: 8,
@@ -111,30 +112,30 @@ const VERSION: Version = Version {
     hardware: 0x0031_1153,
 };
 
-/// A request is to a motor that the hub does not have.
+/// The refusal of a request to a motor that the hub does not have.
 const NO_MOTOR: Nack = Nack::parameter(0);
 
-/// Everything that the hub keeps for the host.
+/// Everything that the hub stores for the host.
 #[derive(Clone, Debug)]
 pub struct Responder<const N: usize> {
     address: Address,
-    /// Of the last reply.
+    /// Number of the last reply.
     number: u8,
-    alive: Alive,
+    keep_alive: KeepAlive,
     channels: [MotorChannel; N],
-    /// What the hub has without what is stored.
+    /// Address and settings of the firmware, which stored settings replace.
     factory_address: Address,
     factory: [Settings; N],
-    /// Something may have been set since power-on.
+    /// True if a host may have changed settings since power-on.
     changed: bool,
-    /// Something does, and will say so.
+    /// True if a memory for settings will report its contents.
     expects_store: bool,
-    /// `None` where nothing outlasts power.
-    keeping: Option<Keeping>,
-    /// `None` without a bootloader.
+    /// The memory for settings; `None` on a board without one.
+    memory: Option<Memory>,
+    /// The update of the firmware; `None` without a bootloader.
     updating: Option<Updating>,
     courses: Courses<N>,
-    pins: PinMemory,
+    outputs: Outputs,
     bus: Seen,
     led: Led,
     phone_charge: bool,
@@ -142,22 +143,21 @@ pub struct Responder<const N: usize> {
 }
 
 impl<const N: usize> Responder<N> {
-    /// After a reset. `settings` are those that the motors start with: the coefficients that a host
-    /// reads before it has set any.
+    /// The responder after a reset, with motors that start with `settings`.
     pub fn new(address: Address, settings: [Settings; N]) -> Self {
         Self {
             address,
             number: 0,
-            alive: Alive::new(),
+            keep_alive: KeepAlive::new(),
             channels: settings.map(MotorChannel::new),
             factory_address: address,
             factory: settings,
             changed: false,
             expects_store: false,
-            keeping: None,
+            memory: None,
             updating: None,
             courses: Courses::NONE,
-            pins: PinMemory::default(),
+            outputs: Outputs::default(),
             bus: Seen::NOTHING,
             led: Led::default(),
             phone_charge: false,
@@ -170,57 +170,57 @@ impl<const N: usize> Responder<N> {
         self.address
     }
 
-    /// By motor: is it enabled?
+    /// True for each enabled motor.
     pub fn enabled(&self) -> [bool; N] {
         self.channels.each_ref().map(MotorChannel::enabled)
     }
 
-    /// A host has spoken since reset.
+    /// True if a valid packet has come since reset.
     pub const fn host_spoke(&self) -> bool {
-        self.alive.host_spoke()
+        self.keep_alive.host_spoke()
     }
 
-    /// What is to be done to digital pins.
+    /// The command to the digital pins.
     pub const fn digital_lines(&self) -> DigitalLines {
-        self.pins.lines()
+        self.outputs.lines()
     }
 
-    /// The levels of digital pins, as they are now: bit i is pin i. Until this is told they are all 1.
+    /// Takes the levels of the digital pins: bit i is pin i. Before the first call all levels are 1.
     pub const fn sense_pins(&mut self, levels: u8) {
-        self.pins.sense(levels);
+        self.outputs.sense(levels);
     }
 
-    /// The bus, as it was seen last.
+    /// Takes the newest state of the bus.
     pub const fn sense_bus(&mut self, seen: Seen) {
         self.bus = seen;
     }
 
-    /// What the status LED shows.
+    /// The colour of the status LED.
     pub fn led(&self, now: Micros) -> Colour {
-        self.led.at(now, self.alive.sign())
+        self.led.at(now, self.keep_alive.status_sign())
     }
 
-    /// When [`tick`](Self::tick) has something to do, at the latest.
+    /// The latest time for the next call of [`tick`](Self::tick).
     pub const fn deadline(&self) -> Option<Micros> {
-        self.alive.deadline()
+        self.keep_alive.deadline()
     }
 
-    /// Time passes. If the host has fallen silent, this is where fail-safe sets in.
+    /// Updates battery state and keep-alive timer. When the timer runs out, fail-safe disables all motors and outputs.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
-        self.alive.battery(snapshot.battery_low());
-        if self.alive.ran_out(now) {
-            self.channels.iter_mut().for_each(MotorChannel::abandon);
-            self.let_go_of_the_rest();
+        self.keep_alive.battery(snapshot.battery_low());
+        if self.keep_alive.ran_out(now) {
+            self.channels.iter_mut().for_each(MotorChannel::fail_safe);
+            self.release_groups_and_outputs();
         }
     }
 
-    /// A packet came. `None` means that there is nothing to say to it: it is for another hub, or for
-    /// all hubs and no discovery. Whatever is answered, even a refusal, shows that the host is there.
+    /// Executes the request of a packet and returns the answer; `None` for a packet to another hub, and for a packet to all
+    /// hubs that is no discovery. Any other packet resets the keep-alive timer, also if the hub refuses the request.
     pub fn receive(&mut self, packet: &Packet, now: Micros, snapshot: &Snapshot<N>) -> Option<Packet> {
         self.receive_with(packet, now, snapshot, None)
     }
 
-    /// The same of a hub that keeps a record of what happened.
+    /// Does what [`receive`](Self::receive) does, for a hub with a record of faults.
     pub fn receive_with(
         &mut self,
         packet: &Packet,
@@ -234,21 +234,20 @@ impl<const N: usize> Responder<N> {
         if packet.destination != address && !discovery {
             return None;
         }
-        self.alive.heard(now);
+        self.keep_alive.packet(now);
         let answer = Request::read(packet, N.min(CHANNELS))
             .and_then(|request| self.answer(request, now, snapshot, record));
         let reply = match answer {
-            Ok(Answer::Ack) => Reply::Ack { attention: self.alive.attention() },
-            Ok(Answer::Data(payload)) => Reply::Data(payload),
+            Ok(Reply::Ack { .. }) => Reply::Ack { attention: self.keep_alive.attention() },
+            Ok(reply) => reply,
             Err(nack) => Reply::Nack(nack),
         };
         self.number = self.number.checked_add(1).unwrap_or(1);
-        // From the address that was asked, even if it has just been changed.
+        // The source is the address of the request, also if the request has changed the address.
         Some(reply.packet(packet, address, self.number))
     }
 
-    /// The next thing that the motors are to be told; [`told`](Self::told) when they have been. Those
-    /// that let go come first, courses of groups last.
+    /// The next command to the motors, until [`told`](Self::told) is called. Releases come first, courses of groups last.
     pub fn pending(&self) -> Option<Command> {
         if let Some(motor) = self.next_channel() {
             let action = self.channels.get(motor)?.pending()?;
@@ -257,11 +256,11 @@ impl<const N: usize> Responder<N> {
         self.courses.next().map(|(motor, together)| Command { motor, action: Action::Lead(together) })
     }
 
-    /// The motors have been told what [`pending`](Self::pending) says.
+    /// The motors have received the command that [`pending`](Self::pending) returns.
     pub fn told(&mut self) {
         match self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
             Some(channel) => channel.told(),
-            None => self.courses.told(),
+            None => self.courses.remove_next(),
         }
     }
 
@@ -272,12 +271,12 @@ impl<const N: usize> Responder<N> {
 
     fn disable(&mut self) {
         self.channels.iter_mut().for_each(MotorChannel::disable);
-        self.let_go_of_the_rest();
+        self.release_groups_and_outputs();
     }
 
-    fn let_go_of_the_rest(&mut self) {
+    fn release_groups_and_outputs(&mut self) {
         self.courses.clear();
-        self.pins.disable();
+        self.outputs.disable();
     }
 
     fn answer(
@@ -286,98 +285,150 @@ impl<const N: usize> Responder<N> {
         now: Micros,
         snapshot: &Snapshot<N>,
         record: Option<&mut Record<'_>>,
-    ) -> Result<Answer, Nack> {
-        self.changed |= matches!(
-            request,
-            Request::Motor(..) | Request::Setup(..) | Request::Standard(Standard::SetAddress { .. })
-        );
+    ) -> Result<Reply, Nack> {
         match request {
-            Request::Standard(request) => Ok(self.standard(request, now, snapshot)),
-            Request::Hub(request) => self.hub(request, snapshot),
-            Request::Pin(request) => self.pins.receive(&request),
-            Request::Motor(motor, request) => self.motor(motor, request, snapshot),
-            Request::Group(motor, ToGroup::Move { wanted }) => self.lead(motor, wanted, snapshot),
-            Request::Group(motor, ToGroup::State) => self.group(motor, snapshot),
-            Request::Record(request) => recall(request, record),
-            Request::Bus => Ok(Answer::data(&self.bus_report(now, &snapshot.bus))),
-            Request::Store(request) => self.receive_store(request, snapshot),
-            Request::Report => Ok(Answer::data(&self.report(now, snapshot))),
-            Request::Update(request) => self.receive_update(request, snapshot),
-            Request::Setup(motor, request) => {
-                let motor = usize::from(motor);
-                let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
-                let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
-                let battery = snapshot.good_battery();
-                channel.receive_setup(request, report, battery, snapshot.tick)
+            Request::Rev(protocol::Request::Standard(request)) => self.standard(request, now, snapshot),
+            Request::Rev(protocol::Request::Hub(request)) => self.hub(request, snapshot),
+            Request::Rev(protocol::Request::Pin(request)) => self.outputs.receive(&request),
+            Request::Rev(protocol::Request::Motor(motor, request)) => self.motor(motor, request, snapshot),
+            Request::Set(motor, values) => {
+                self.changed = true;
+                let channel = self.channels.get_mut(usize::from(motor)).ok_or(NO_MOTOR)?;
+                channel.set(&values).map(|()| Reply::ACK)
             }
+            Request::Get(motor, group) => {
+                let channel = self.channels.get(usize::from(motor)).ok_or(NO_MOTOR)?;
+                let mut payload = Payload::new();
+                Values::of(group, channel.settings()).write(&mut payload);
+                Ok(Reply::Data(payload))
+            }
+            Request::Motor(motor, function) => self.motor_function(motor, function, snapshot),
+            Request::Hub(function) => self.hub_function(function, now, snapshot, record),
         }
     }
 
-    fn standard(&mut self, request: Standard, now: Micros, snapshot: &Snapshot<N>) -> Answer {
+    fn motor_function(
+        &mut self,
+        motor: u8,
+        function: MotorFunction,
+        snapshot: &Snapshot<N>,
+    ) -> Result<Reply, Nack> {
+        let index = usize::from(motor);
+        let report = snapshot.motors.get(index).ok_or(NO_MOTOR)?;
+        let channel = self.channels.get_mut(index).ok_or(NO_MOTOR)?;
+        match function {
+            MotorFunction::Identify { travel_limit } => {
+                let travel = channel.identify(travel_limit, snapshot.good_battery(), snapshot.tick)?;
+                Ok(Reply::data(&travel))
+            }
+            MotorFunction::Identification => Ok(Reply::data(&channel.identification(report, snapshot.tick))),
+            MotorFunction::Condition => Ok(Reply::data(&report::condition(report))),
+            MotorFunction::Move { wanted } => self.move_group(index, wanted, snapshot),
+            MotorFunction::Group => self.group_state(index, snapshot),
+        }
+    }
+
+    fn hub_function(
+        &mut self,
+        function: HubFunction,
+        now: Micros,
+        snapshot: &Snapshot<N>,
+        record: Option<&mut Record<'_>>,
+    ) -> Result<Reply, Nack> {
+        match function {
+            HubFunction::Bus => Ok(Reply::data(&self.bus_report(now, &snapshot.bus))),
+            HubFunction::Report => Ok(Reply::data(&self.report(now, snapshot))),
+            HubFunction::Stored => self.store_report().map(|report| Reply::data(&report)),
+            HubFunction::Save | HubFunction::Load | HubFunction::Reset => {
+                self.access_store(&function, snapshot)
+            }
+            HubFunction::Entries { from, clear } => {
+                let Some(record) = record else { return Ok(Reply::data(&Entries::default())) };
+                let reply = Reply::data(&Entries::of(record, from));
+                if clear {
+                    record.clear();
+                }
+                Ok(reply)
+            }
+            HubFunction::Ticks { number, from } => {
+                let ticks = record.and_then(|record| Ticks::of(record, number, from));
+                ticks.map(|ticks| Reply::data(&ticks)).ok_or(Nack::parameter(0))
+            }
+            function => self.receive_update(function, snapshot),
+        }
+    }
+
+    fn standard(&mut self, request: Standard, now: Micros, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
         match request {
-            // There is nothing to be verbose about.
+            // The hub sends no debug messages.
             Standard::KeepAlive | Standard::DebugLevel { .. } => (),
             Standard::FailSafe => {
                 self.disable();
-                self.alive.fail_safe();
+                self.keep_alive.fail_safe();
             }
             Standard::SetAddress { address } => {
+                self.changed = true;
                 self.address = address;
-                self.keep_address();
+                self.store_address();
             }
             Standard::SetLedColour { colour } => self.led.set_colour(colour),
             Standard::SetLedPattern { pattern } => self.led.set_pattern(pattern, now),
             Standard::Status { clear } => {
                 let motor_alerts = motor_alerts(&snapshot.motors);
-                let answer = Answer::data(&Status { status: self.alive.status(), motor_alerts });
+                let reply = Reply::data(&Status { status: self.keep_alive.status(), motor_alerts });
                 if clear {
-                    self.alive.clear();
+                    self.keep_alive.clear();
                 }
-                return answer;
+                return Ok(reply);
             }
-            Standard::QueryInterface { interface } => return Answer::data(&interface.functions()),
-            Standard::LedColour => return Answer::data(&self.led.colour()),
-            Standard::LedPattern => return Answer::data(self.led.pattern()),
-            // There is no hub between this one and the host.
-            Standard::Discovery => return Answer::data(&true),
+            Standard::QueryInterface { name } => return interface(&name),
+            Standard::LedColour => return Ok(Reply::data(&self.led.colour())),
+            Standard::LedPattern => return Ok(Reply::data(self.led.pattern())),
+            // There is no hub between this hub and the host.
+            Standard::Discovery => return Ok(Reply::data(&true)),
         }
-        Answer::Ack
+        Ok(Reply::ACK)
     }
 
-    fn hub(&mut self, request: ToHub, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
+    fn hub(&mut self, request: ToHub, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
         match request {
             ToHub::SetPhoneCharge { on } => self.phone_charge = on,
             ToHub::SetFtdiReset { on } => self.ftdi_reset = on,
-            // Taken and forgotten.
+            // The hub has no log.
             ToHub::LogHint { .. } => (),
-            ToHub::Bulk => return Ok(Answer::data(&self.bulk(snapshot))),
+            ToHub::Bulk => return Ok(Reply::data(&self.bulk(snapshot))),
             ToHub::Adc { channel, raw } => {
-                let settings = self.channels.iter().map(MotorChannel::settings);
-                return Ok(Answer::data(&adc::read(channel, raw, snapshot, settings)));
+                let settings = self.channels.iter().map(|channel| &channel.settings().motor);
+                return Ok(Reply::data(&converter::read(channel, raw, snapshot, settings)));
             }
-            ToHub::PhoneCharge => return Ok(Answer::data(&self.phone_charge)),
-            ToHub::FtdiReset => return Ok(Answer::data(&self.ftdi_reset)),
-            ToHub::VersionText => return Ok(Answer::data(&Text::new(VERSION_TEXT).unwrap_or_default())),
-            ToHub::Version => return Ok(Answer::data(&VERSION)),
+            ToHub::PhoneCharge => return Ok(Reply::data(&self.phone_charge)),
+            ToHub::FtdiReset => return Ok(Reply::data(&self.ftdi_reset)),
+            ToHub::VersionText => return Ok(Reply::data(&Text::new(VERSION_TEXT).unwrap_or_default())),
+            ToHub::Version => return Ok(Reply::data(&VERSION)),
         }
-        Ok(Answer::Ack)
+        Ok(Reply::ACK)
     }
 
-    fn motor(&mut self, motor: u8, request: ToMotor, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
+    fn motor(&mut self, motor: u8, request: ToMotor, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
+        self.changed = true;
         let motor = usize::from(motor);
         let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
         let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
         let battery_good = snapshot.good_battery().is_some();
         let answer = channel.receive(request, report, battery_good);
         if channel.has_new_target() {
-            self.courses.forget(motor);
+            self.courses.remove(motor);
         }
         answer
     }
 
-    /// A group is sent somewhere.
-    fn lead(&mut self, motor: u8, wanted: GroupMove, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
-        let leader = usize::from(motor);
+    /// Moves a group.
+    fn move_group(
+        &mut self,
+        leader: usize,
+        wanted: GroupMove,
+        snapshot: &Snapshot<N>,
+    ) -> Result<Reply, Nack> {
         let goal = |motor: usize, counts: i32| {
             let of = self.channels.get(motor).zip(snapshot.motors.get(motor));
             of.map_or(counts, |(channel, report)| channel.goal(counts, report.position))
@@ -388,10 +439,7 @@ impl<const N: usize> Responder<N> {
         if members.get(leader) != Some(&true) || others.any(|member| *member) {
             return Err(Nack::parameter(2));
         }
-        let of_group = |channels: &[MotorChannel; N]| {
-            channels.iter().zip(members).all(|(channel, member)| !member || channel.enabled())
-        };
-        if !of_group(&self.channels) {
+        if !self.channels.iter().zip(members).all(|(channel, member)| !member || channel.enabled()) {
             return Err(Nack::WRONG_MODE);
         }
         for (channel, member) in self.channels.iter_mut().zip(members) {
@@ -400,15 +448,14 @@ impl<const N: usize> Responder<N> {
             }
         }
         self.courses.put(leader, together);
-        Ok(Answer::Ack)
+        Ok(Reply::ACK)
     }
 
-    fn group(&self, motor: u8, snapshot: &Snapshot<N>) -> Result<Answer, Nack> {
-        let motor = usize::from(motor);
+    fn group_state(&self, motor: usize, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
         let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
         let channel = self.channels.get(motor).ok_or(NO_MOTOR)?;
         let state = if self.courses.concern(motor) || channel.has_just_joined(snapshot.tick) {
-            // What is reported may be of the time before.
+            // The report may be older than the group.
             GroupState::Moving
         } else {
             match report.setpoint {
@@ -417,7 +464,7 @@ impl<const N: usize> Responder<N> {
                 _ => GroupState::Alone,
             }
         };
-        Ok(Answer::data(&state))
+        Ok(Reply::data(&state))
     }
 
     fn bus_report(&self, now: Micros, bus: &Bus) -> BusReport {
@@ -432,7 +479,7 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// What all motors do.
+    /// The state of all motors and of the bus.
     fn report(&self, now: Micros, snapshot: &Snapshot<N>) -> HubReport {
         let battery = snapshot.battery;
         let motors = self.channels.iter().zip(&snapshot.motors).take(CHANNELS);
@@ -445,42 +492,29 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Without analog inputs, which read 0.
+    /// REV's bulk input. Analog inputs, which the hub lacks, read 0.
     fn bulk(&self, snapshot: &Snapshot<N>) -> Bulk {
-        let (digital, attention) = (self.pins.inputs(), Some(self.alive.attention()));
+        let (digital, attention) = (self.outputs.inputs(), Some(self.keep_alive.attention()));
         let mut bulk = Bulk { digital, attention, ..Bulk::default() };
-        let motors = self.channels.iter().zip(&snapshot.motors);
-        let answers = bulk.encoders.iter_mut().zip(&mut bulk.velocities).zip(&mut bulk.at_target);
-        for ((channel, report), ((encoder, velocity), at_target)) in motors.zip(answers) {
+        let slots = bulk.encoders.iter_mut().zip(&mut bulk.velocities);
+        let slots = slots.zip(&mut bulk.at_target).zip(&mut bulk.over_current);
+        for ((channel, report), slots) in self.channels.iter().zip(&snapshot.motors).zip(slots) {
+            let (((encoder, velocity), at_target), over_current) = slots;
             *encoder = channel.counts(report);
             *velocity = report.velocity.round_to_i16();
             *at_target = channel.at_target(report);
-        }
-        for ((channel, report), over) in
-            self.channels.iter().zip(&snapshot.motors).zip(&mut bulk.over_current)
-        {
-            *over = channel.is_over_current(report);
+            *over_current = channel.is_over_current(report);
         }
         bulk
     }
 }
 
-/// What is on record.
-#[inline(never)]
-fn recall(request: ToRecord, record: Option<&mut Record<'_>>) -> Result<Answer, Nack> {
-    match (request, record) {
-        (ToRecord::Entries { .. }, None) => Ok(Answer::data(&Entries::default())),
-        (ToRecord::Entries { from, clear }, Some(record)) => {
-            let answer = Answer::data(&Entries::of(record, from));
-            if clear {
-                record.clear();
-            }
-            Ok(answer)
-        }
-        (ToRecord::Ticks { number, from }, record) => {
-            let ticks = record.and_then(|record| Ticks::of(record, number, from));
-            ticks.map(|ticks| Answer::data(&ticks)).ok_or(Nack::parameter(0))
-        }
+/// The packet types of an interface.
+fn interface(name: &InterfaceName) -> Result<Reply, Nack> {
+    match name.bytes() {
+        MOTOR_INTERFACE => Ok(Reply::data(&MOTOR_FUNCTIONS)),
+        extension::INTERFACE => Ok(Reply::data(&extension::FUNCTIONS)),
+        _ => Err(Nack::UNKNOWN),
     }
 }
 
@@ -488,7 +522,8 @@ fn per_mille(share: Share) -> u16 {
     (1_000.0 * share.to_f32()) as u16
 }
 
-/// Bits 0 to 3: the encoder of motor 0 to 3 is not to be trusted. Bits 4 to 7: its bridge has switched itself off.
+/// Motor alerts: bits 0 to 3 are set if the encoder of motor 0 to 3 is at fault, bits 4 to 7 if the bridge of motor 0 to 3 has
+/// switched itself off.
 fn motor_alerts(motors: &[Report]) -> u8 {
     let bits = motors.iter().take(CHANNELS).enumerate();
     bits.fold(0, |alerts, (index, motor)| {

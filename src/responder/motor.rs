@@ -1,7 +1,14 @@
-//! What the hub remembers of one motor on behalf of the host, and what that makes the motor do.
+//! What the hub stores of one motor for the host, and the commands to the motor that follow.
 //!
-//! The host's counts are the motor's less an offset, which is what *reset encoder* sets. Targets are
-//! kept as the host gave them, so after a reset they are where the host's new counts say.
+//! The host's counts are the motor's counts less an offset, which *reset encoder* sets. Targets are stored as the host sent
+//! them, so after *reset encoder* a target is a position in the new counts.
+//!
+//! ```text
+//!           set enable, with a target and a good battery
+//! disabled ---------------------------------------------> enabled
+//!    ^  ^ ^---- disable, fail-safe: release is pending ------|
+//!    |  '------ host silent: release as the settings say ----'
+//! ```
 //!
 //! ```
 //! use motor_hub::braking::Winding;
@@ -16,79 +23,68 @@
 //! # Ok::<(), motor_hub::protocol::Nack>(())
 //! ```
 
-use super::answer::Answer;
-use super::setup;
+use super::report::magnitude;
+use crate::extension::settings::{MotorSettings, Values};
 use crate::hub::Action;
-use crate::motion::Pidf;
 use crate::motor::{OnFault, Report, Setpoint, Settings};
-use crate::protocol::Nack;
-use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
-use crate::protocol::setup::{Motion, Protection, ToSetup};
-use crate::regulator;
+use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, RunMode, Target, ToMotor};
+use crate::protocol::{Nack, Reply};
 use crate::regulator::identify::{Identification, travel};
-use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts, Period};
+use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts};
 
-/// The speed limit on the way to a position, in counts per second, while no target velocity has ever
-/// been set: the largest that one could set.
+/// The speed limit towards a position in counts per second, until a host sets a velocity: the largest velocity that a host
+/// can set.
 pub const SPEED_LIMIT: i16 = i16::MAX;
 
-/// How far away a motor is sent at most: half of the ring of its counts, less what a load may push it back on the
-/// way before the other half is the shorter one.
-const FARTHEST: i32 = i32::MAX - (1 << 24);
+/// The longest distance to a target, in counts: half of the ring of counts, less 2^24 counts by which a load may push the
+/// motor back before the other way round is the shorter way.
+const LONGEST_DISTANCE: i32 = i32::MAX - (1 << 24);
 
 /// One motor channel.
 #[derive(Clone, Debug)]
 pub struct MotorChannel {
-    settings: Settings,
-    velocity_algorithm: Algorithm,
-    position_algorithm: Algorithm,
-    mode: RunMode,
+    settings: MotorSettings,
     enabled: bool,
-    /// Targets; `None` if never set.
+    /// Targets by mode; `None` until a host sets one.
     power: Option<Control>,
     velocity: Option<i16>,
     position: Option<Target>,
-    /// The limit of travel of an identification that nothing has come after.
+    /// Travel limit of a requested identification, until another request ends the identification.
     identify: Option<u32>,
-    /// The tick at which that was last asked for.
+    /// Tick at which a host requested an identification last.
     identify_at: Option<u32>,
-    /// The tick at which it was last sent somewhere in a group.
+    /// Tick at which the motor joined a group last.
     joined_at: Option<u32>,
-    /// The motor's counts where the host's are 0.
+    /// The motor's counts where the host's counts are 0.
     offset: i32,
-    /// The motor's counts when the host last spoke of it.
-    seen: i32,
-    /// In milliamperes; 0 for none.
-    current_alert: u16,
+    /// The motor's counts at the host's last request to the motor.
+    last_position: i32,
     pending: Pending,
 }
 
-/// What the motor has not been told yet, in the order in which it is told. The state is what is told,
-/// not its history: a target that was replaced in time is never told. Disabling always is, because
-/// it ends faults.
+/// Commands that the motor has not received yet, in the order in which it receives them. A newer target replaces a pending
+/// target. A release is always sent, because a release ends faults.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pending {
-    /// To let go: disabled, or left to what its settings say of a fault.
     release: Option<Release>,
     configure: bool,
     set: bool,
 }
 
-/// Why a motor is to let go.
+/// Why a motor is released.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Release {
+    /// A host has disabled the motor.
     Disabled,
-    Abandoned,
+    /// The host is silent, and the settings say what the motor does.
+    FailSafe,
 }
 
 impl MotorChannel {
-    /// A disabled motor in open loop without targets. `settings` are those that the motor starts with.
+    /// A disabled motor in open loop without targets, which starts with `settings`.
     pub const fn new(settings: Settings) -> Self {
         Self {
-            settings,
-            velocity_algorithm: Algorithm::Pidf,
-            position_algorithm: Algorithm::Pidf,
-            mode: RunMode::Power,
+            settings: MotorSettings::new(settings),
             enabled: false,
             power: None,
             velocity: None,
@@ -97,28 +93,26 @@ impl MotorChannel {
             identify_at: None,
             joined_at: None,
             offset: 0,
-            seen: 0,
-            current_alert: 0,
+            last_position: 0,
             pending: Pending { release: None, configure: false, set: false },
         }
     }
 
-    /// Does what a request says. `battery_good` is whether motors may be enabled.
+    /// Executes a request. `battery_good` allows enabling.
     ///
     /// # Errors
-    /// Why the request is refused; nothing has changed then.
-    pub fn receive(&mut self, request: ToMotor, report: &Report, battery_good: bool) -> Result<Answer, Nack> {
-        self.seen = report.position;
+    /// The reason of a refusal; nothing has changed then.
+    pub fn receive(&mut self, request: ToMotor, report: &Report, battery_good: bool) -> Result<Reply, Nack> {
+        self.last_position = report.position;
         match request {
-            ToMotor::SetMode { mode, zero_power } => {
-                self.mode = mode;
-                self.settings.zero_power = zero_power;
+            ToMotor::SetMode { mode, floats } => {
+                self.settings.set_channel_mode(ChannelMode { mode, floats });
                 self.pending.configure = true;
                 self.retarget();
             }
             ToMotor::SetEnable { on: false } => self.disable(),
             ToMotor::SetEnable { on: true } => self.enable(battery_good)?,
-            ToMotor::SetCurrentAlert { milliamperes } => self.current_alert = milliamperes,
+            ToMotor::SetCurrentAlert { milliamperes } => self.settings.current_alert_ma = milliamperes,
             ToMotor::ResetEncoder => {
                 self.offset = report.position;
                 self.retarget();
@@ -136,119 +130,73 @@ impl MotorChannel {
                 self.retarget();
             }
             ToMotor::SetPid { of, p, i, d } => {
-                let pidf = Pidf { p, i, d, f: Coefficient::ZERO };
-                self.set_pidf(of, Coefficients { pidf, algorithm: Algorithm::Legacy });
+                let algorithm = Algorithm::Legacy;
+                self.settings.set_coefficients(of, Coefficients { p, i, d, f: Coefficient::ZERO, algorithm });
+                self.pending.configure = true;
             }
-            ToMotor::SetPidf { of, coefficients } => self.set_pidf(of, coefficients),
-            ToMotor::Mode => return Ok(Answer::data(&self.mode())),
-            ToMotor::Enable => return Ok(Answer::data(&self.enabled)),
-            ToMotor::CurrentAlert => return Ok(Answer::data(&self.current_alert)),
-            ToMotor::Power => return Ok(Answer::data(&self.power.unwrap_or_default())),
-            ToMotor::Velocity => return Ok(Answer::data(&self.velocity.unwrap_or_default())),
-            ToMotor::Position => return Ok(Answer::data(&self.position.unwrap_or_default())),
-            ToMotor::AtTarget if self.mode != RunMode::Position => return Err(Nack::WRONG_MODE),
-            ToMotor::AtTarget => return Ok(Answer::data(&self.at_target(report))),
-            ToMotor::Encoder => return Ok(Answer::data(&self.counts(report))),
-            ToMotor::Pidf { of } => return Ok(Answer::data(&self.pidf(of))),
+            ToMotor::SetPidf { of, coefficients } => {
+                self.settings.set_coefficients(of, coefficients);
+                self.pending.configure = true;
+            }
+            ToMotor::Mode => return Ok(Reply::data(&self.settings.channel_mode())),
+            ToMotor::Enable => return Ok(Reply::data(&self.enabled)),
+            ToMotor::CurrentAlert => return Ok(Reply::data(&self.settings.current_alert_ma)),
+            ToMotor::Power => return Ok(Reply::data(&self.power.unwrap_or_default())),
+            ToMotor::Velocity => return Ok(Reply::data(&self.velocity.unwrap_or_default())),
+            ToMotor::Position => return Ok(Reply::data(&self.position.unwrap_or_default())),
+            ToMotor::AtTarget if self.settings.mode != RunMode::Position => return Err(Nack::WRONG_MODE),
+            ToMotor::AtTarget => return Ok(Reply::data(&self.at_target(report))),
+            ToMotor::Encoder => return Ok(Reply::data(&self.counts(report))),
+            ToMotor::Pidf { of } => return Ok(Reply::data(&self.settings.coefficients(of))),
             ToMotor::Pid { of } => {
-                let Pidf { p, i, d, f } = self.pidf(of).pidf;
+                let Coefficients { p, i, d, f, .. } = self.settings.coefficients(of);
                 if f != Coefficient::ZERO {
-                    // An answer without F would not be the truth; hosts then ask for all four.
+                    // P, I and D alone would be wrong; after a refusal hosts ask for all four coefficients.
                     return Err(Nack::parameter(2));
                 }
-                return Ok(Answer::data(&[p, i, d]));
+                return Ok(Reply::data(&[p, i, d]));
             }
         }
-        Ok(Answer::Ack)
+        Ok(Reply::ACK)
     }
 
-    /// Does what a request says. `battery` is its voltage, if motors may be enabled, and `tick` that of the report.
+    /// Sets a group of settings.
     ///
     /// # Errors
-    /// Why the request is refused; nothing has changed then.
-    pub fn receive_setup(
+    /// The number of a field that does not go with the other fields; nothing has changed then.
+    pub fn set(&mut self, values: &Values) -> Result<(), Nack> {
+        self.settings = values.put(&self.settings)?;
+        self.pending.configure = true;
+        Ok(())
+    }
+
+    /// Starts an identification. `battery` is the battery voltage if motors may be enabled. Returns the counts that the motor
+    /// will turn at most.
+    ///
+    /// # Errors
+    /// The battery is low, or the motor is not enabled in constant power of 0.
+    pub fn identify(
         &mut self,
-        request: ToSetup,
-        report: &Report,
+        travel_limit: u32,
         battery: Option<Millivolts>,
         tick: u32,
-    ) -> Result<Answer, Nack> {
-        Ok(match request {
-            ToSetup::SetUp { setup: wanted } => {
-                self.settings = setup::settings(wanted, &self.settings);
-                self.pending.configure = true;
-                Answer::Ack
-            }
-            ToSetup::Setup => Answer::data(&setup::of(&self.settings)),
-            ToSetup::SetMotion { motion: Motion { dynamics, acceleration } } => {
-                self.settings = Settings { dynamics, acceleration, ..self.settings };
-                self.pending.configure = true;
-                Answer::Ack
-            }
-            ToSetup::Motion => {
-                let Settings { dynamics, acceleration, .. } = self.settings;
-                Answer::data(&Motion { dynamics, acceleration })
-            }
-            ToSetup::SetProtection { protection: Protection { on_fault, thermal } } => {
-                self.settings = Settings { on_fault, thermal, ..self.settings };
-                self.pending.configure = true;
-                Answer::Ack
-            }
-            ToSetup::Protection => {
-                let Settings { on_fault, thermal, .. } = self.settings;
-                Answer::data(&Protection { on_fault, thermal })
-            }
-            ToSetup::SetTiming { timing } => {
-                self.settings.bridge = self.settings.bridge.with_timing(timing);
-                self.pending.configure = true;
-                Answer::Ack
-            }
-            ToSetup::Timing => Answer::data(&self.settings.bridge.timing()),
-            ToSetup::Condition => Answer::data(&setup::condition(report)),
-            ToSetup::Identify { travel_limit } => {
-                let battery = battery.ok_or(Nack::BATTERY_LOW)?;
-                if !self.enabled || self.mode != RunMode::Power || self.power != Some(Control::ZERO) {
-                    return Err(Nack::WRONG_MODE);
-                }
-                self.retarget();
-                self.identify = Some(travel_limit);
-                self.identify_at = Some(tick);
-                Answer::data(&travel(self.settings.winding.emf, battery, travel_limit))
-            }
-            // What is reported may be of the time before.
-            ToSetup::Identification
-                if self.identify.is_some() && (self.pending.set || is_soon_after(self.identify_at, tick)) =>
-            {
-                Answer::data(&Identification::Running(0))
-            }
-            ToSetup::Identification => Answer::data(&report.identification),
-        })
-    }
-
-    /// From the first of them on the motor is regulated by PID.
-    fn set_pidf(&mut self, of: Loop, Coefficients { pidf, algorithm }: Coefficients) {
-        let mut both = self.coefficients();
-        match of {
-            Loop::Velocity => (both.velocity, self.velocity_algorithm) = (pidf, algorithm),
-            Loop::Position => (both.position, self.position_algorithm) = (pidf, algorithm),
+    ) -> Result<u32, Nack> {
+        let battery = battery.ok_or(Nack::BATTERY_LOW)?;
+        if !self.enabled || self.settings.mode != RunMode::Power || self.power != Some(Control::ZERO) {
+            return Err(Nack::WRONG_MODE);
         }
-        self.settings.coefficients = Some(both);
-        self.pending.configure = true;
+        self.retarget();
+        self.identify = Some(travel_limit);
+        self.identify_at = Some(tick);
+        Ok(travel(self.settings.motor.winding.emf, battery, travel_limit))
     }
 
-    pub(super) fn pidf(&self, of: Loop) -> Coefficients {
-        let both = self.coefficients();
-        let (pidf, algorithm) = match of {
-            Loop::Velocity => (both.velocity, self.velocity_algorithm),
-            Loop::Position => (both.position, self.position_algorithm),
-        };
-        Coefficients { pidf, algorithm }
-    }
-
-    /// Those that a host gave, or such as the hub would use if it knew nothing of the load.
-    fn coefficients(&self) -> regulator::Coefficients {
-        let Settings { winding, scheme, coefficients, .. } = self.settings;
-        coefficients.unwrap_or_else(|| regulator::Coefficients::guessed(winding.emf, scheme, Period::DEFAULT))
+    /// State or result of the last requested identification, by the report of `tick`.
+    pub fn identification(&self, report: &Report, tick: u32) -> Identification {
+        if self.identify.is_some() && (self.pending.set || may_be_older(tick, self.identify_at)) {
+            return Identification::Running(0);
+        }
+        report.identification
     }
 
     fn enable(&mut self, battery_good: bool) -> Result<(), Nack> {
@@ -263,20 +211,20 @@ impl MotorChannel {
         Ok(())
     }
 
-    /// The output floats; everything else is kept.
+    /// Disables the motor: its bridge opens. Mode, targets and settings are kept.
     pub const fn disable(&mut self) {
         self.enabled = false;
         self.release(Release::Disabled);
     }
 
-    /// The host has fallen silent: an enabled motor does what its settings say of a fault. One that does so already
-    /// goes on.
-    pub fn abandon(&mut self) {
-        match self.settings.on_fault {
+    /// Disables the motor because the host is silent: the motor does what its settings say of a fault. A motor that brakes
+    /// already goes on braking.
+    pub fn fail_safe(&mut self) {
+        match self.settings.motor.on_fault {
             OnFault::Coast => self.disable(),
             OnFault::Brake if self.enabled => {
                 self.enabled = false;
-                self.release(Release::Abandoned);
+                self.release(Release::FailSafe);
             }
             OnFault::Brake => (),
         }
@@ -288,18 +236,18 @@ impl MotorChannel {
         self.pending.set = false;
     }
 
-    /// An enabled motor hears of what has changed.
+    /// Ends an identification, and sends the present target to an enabled motor.
     const fn retarget(&mut self) {
         self.identify = None;
         self.pending.set = self.enabled;
     }
 
-    /// The set-point of the present mode; `None` if its target was never set.
+    /// The set-point of the present mode; `None` if no host has set its target.
     fn target(&self) -> Option<Setpoint> {
         if let Some(travel_limit) = self.identify {
             return Some(Setpoint::Identify { travel_limit });
         }
-        match self.mode {
+        match self.settings.mode {
             RunMode::Power => self.power.map(Setpoint::ConstantPower),
             RunMode::Velocity => {
                 self.velocity.map(|cps| Setpoint::Velocity(CountsPerSecond::new(cps.into())))
@@ -307,7 +255,7 @@ impl MotorChannel {
             RunMode::Position => self.position.map(|Target { counts, tolerance }| {
                 let speed_limit = i32::from(self.velocity.unwrap_or(SPEED_LIMIT)).abs();
                 Setpoint::Position {
-                    target: self.goal(counts, self.seen),
+                    target: self.goal(counts, self.last_position),
                     tolerance,
                     speed_limit: CountsPerSecond::new(speed_limit),
                 }
@@ -315,24 +263,24 @@ impl MotorChannel {
         }
     }
 
-    /// What the motor is to be told next; [`told`](Self::told) when it has been.
+    /// The next command to the motor, until [`told`](Self::told) is called.
     pub fn pending(&self) -> Option<Action> {
         if let Some(release) = self.pending.release {
             Some(Action::Set(match release {
                 Release::Disabled => Setpoint::Disabled,
-                Release::Abandoned => Setpoint::FailSafe,
+                Release::FailSafe => Setpoint::FailSafe,
             }))
         } else if self.pending.configure {
-            Some(Action::Configure(self.settings))
+            Some(Action::Configure(self.settings.motor))
         } else if self.pending.set {
-            // An enabled motor that is switched to a mode without a target floats until it has one.
+            // An enabled motor that is switched to a mode without a target floats until a host sets one.
             Some(Action::Set(self.target().unwrap_or_default()))
         } else {
             None
         }
     }
 
-    /// The motor has been told what [`pending`](Self::pending) says.
+    /// The motor has received the command that [`pending`](Self::pending) returns.
     pub const fn told(&mut self) {
         if self.pending.release.is_some() {
             self.pending.release = None;
@@ -343,96 +291,83 @@ impl MotorChannel {
         }
     }
 
-    /// True if the motor is about to be told to let go, which is urgent.
+    /// True if a release is pending, which goes before the commands of other motors.
     pub const fn urgent(&self) -> bool {
         self.pending.release.is_some()
     }
 
-    /// It goes with a group instead of wherever it should go by itself.
+    /// Moves the motor with a group from now on, instead of to its own target.
     pub(super) const fn join(&mut self, tick: u32) {
         self.pending.set = false;
         self.joined_at = Some(tick);
     }
 
-    /// The group was not known to the motor yet when the report of this tick was made, or may not have been.
+    /// True if the report of this tick may be older than the motor's last group.
     pub(super) fn has_just_joined(&self, tick: u32) -> bool {
-        is_soon_after(self.joined_at, tick)
+        may_be_older(tick, self.joined_at)
     }
 
-    /// It is about to be told to go somewhere by itself, or to let go.
+    /// True if a release or a target of the motor's own is pending.
     pub(super) const fn has_new_target(&self) -> bool {
         self.pending.set || self.urgent()
     }
 
-    /// A target of the host's in the motor's counts, of a motor that is at `position`.
+    /// The motor's counts of a host's target, for a motor at `position`.
     ///
-    /// The motor takes the short way round the ring of its counts. What the host's numbers say to be ahead is sent no
-    /// farther than that is the way ahead; only between the two ends of the numbers, where they jump, is the short
-    /// way the one that is meant.
+    /// The motor takes the short way round the ring of its counts. A target ahead of the motor by the host's counts is limited
+    /// to the distance that is still ahead on the ring. Only across the ends of the host's counts, where they jump, the short
+    /// way is the way that the host means.
     pub(super) fn goal(&self, counts: i32, position: i32) -> i32 {
-        let from = self.told_counts(position);
+        let from = self.host_counts(position);
         let short_way = counts.wrapping_sub(from);
         let across_the_ends = counts.checked_sub(from).is_none() && short_way.unsigned_abs() < 1 << 30;
         let distance = if across_the_ends { short_way } else { counts.saturating_sub(from) };
-        position.wrapping_add(distance.clamp(-FARTHEST, FARTHEST))
+        position.wrapping_add(distance.clamp(-LONGEST_DISTANCE, LONGEST_DISTANCE))
     }
 
-    /// Its settings, as the host has left them.
-    pub const fn settings(&self) -> &Settings {
+    /// The settings in force.
+    pub const fn settings(&self) -> &MotorSettings {
         &self.settings
     }
 
-    /// What regulates it, and what zero means to it.
-    pub(super) const fn mode(&self) -> ChannelMode {
-        ChannelMode { mode: self.mode, zero_power: self.settings.zero_power }
-    }
-
-    /// In milliamperes; 0 for none.
-    pub(super) const fn current_alert(&self) -> u16 {
-        self.current_alert
-    }
-
-    /// What a host has set is forgotten, but for targets and where its counts begin. For a motor that is off.
-    pub(super) const fn forget_settings(&mut self, settings: Settings) {
+    /// Replaces the settings of a motor that is off. Targets and the offset of the host's counts are kept.
+    pub(super) const fn restore(&mut self, settings: MotorSettings) {
         self.settings = settings;
-        (self.velocity_algorithm, self.position_algorithm) = (Algorithm::Pidf, Algorithm::Pidf);
-        self.mode = RunMode::Power;
-        self.current_alert = 0;
         self.pending.configure = true;
     }
 
-    /// The last valid *set enable*, unless fail-safe came after it.
+    /// True from a valid *set enable* until a host disables the motor or fail-safe does.
     pub const fn enabled(&self) -> bool {
         self.enabled
     }
 
-    /// More current flows than the host's alert allows, measured or modelled.
+    /// True if the current, measured or modelled, exceeds the host's current alert.
     pub fn is_over_current(&self, report: &Report) -> bool {
-        let level = self.current_alert;
-        level != 0 && setup::magnitude(report.best_current()) > level
+        let level = self.settings.current_alert_ma;
+        level != 0 && magnitude(report.best_current()) > level
     }
 
-    /// The host's counts.
+    /// The motor's position in the host's counts.
     pub const fn counts(&self, report: &Report) -> i32 {
-        self.told_counts(report.position)
+        self.host_counts(report.position)
     }
 
-    /// Counts of the motor's in the host's.
-    pub(super) const fn told_counts(&self, counts: i32) -> i32 {
+    /// The host's counts of a position in the motor's counts.
+    pub(super) const fn host_counts(&self, counts: i32) -> i32 {
         counts.wrapping_sub(self.offset)
     }
 
-    /// In position mode and within the tolerance of the target, as far as the motor's last report
-    /// tells. A report may be of the time before the target, so its own word is not used.
+    /// True in position mode within the tolerance of the target, by the position of the report. The report's own flag is not
+    /// used, because the report may be older than the target.
     pub fn at_target(&self, report: &Report) -> bool {
-        self.mode == RunMode::Position
+        self.settings.mode == RunMode::Position
             && self.position.is_some_and(|Target { counts, tolerance }| {
                 counts.wrapping_sub(self.counts(report)).unsigned_abs() <= u32::from(tolerance)
             })
     }
 }
 
-/// The report of a tick may have been made before the motor knew what it was told when there was that of another.
-fn is_soon_after(told_at: Option<u32>, tick: u32) -> bool {
-    told_at.is_some_and(|told_at| tick.wrapping_sub(told_at) < 2)
+/// True if the report of `tick` may be older than a command that a host sent when the last report was that of `sent_at`.
+fn may_be_older(tick: u32, sent_at: Option<u32>) -> bool {
+    sent_at.is_some_and(|sent_at| tick.wrapping_sub(sent_at) < 2)
 }

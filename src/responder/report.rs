@@ -1,18 +1,17 @@
-//! What is told of motors and bus while they run, all at once.
+//! Reports of the extension, from a snapshot and what the hub stores of its motors.
 
 use super::motor::MotorChannel;
-use super::setup::magnitude;
 use crate::braking::{Abscissa, OperatingPoint, Points};
+use crate::extension::report::{Condition, MotorReport, ReportedSetpoint};
 use crate::motor::{Report, Setpoint};
-use crate::protocol::report::{MotorReport, Told};
-use crate::units::{Control, Millivolts};
+use crate::units::{Control, Milliamperes, Millivolts};
 
-/// Of one motor.
+/// The state of one motor for a report of all motors.
 pub(super) fn of_motor(channel: &MotorChannel, report: &Report, battery: Option<Millivolts>) -> MotorReport {
     let Report { regulator, control, regime, drive, current, load, heat, derated, stalled, faults, .. } =
         *report;
     MotorReport {
-        told: told(channel, report.setpoint),
+        setpoint: setpoint(channel, report.setpoint),
         position: channel.counts(report),
         velocity: report.velocity.round_to_i16(),
         regulator,
@@ -24,7 +23,7 @@ pub(super) fn of_motor(channel: &MotorChannel, report: &Report, battery: Option<
         load,
         heat,
         enabled: channel.enabled(),
-        // Of a position that was just set a report may not know yet.
+        // A report may be older than a position that a host has just set.
         at_target: channel.at_target(report)
             || matches!(report.setpoint, Setpoint::Together(_)) && report.at_target,
         stalled,
@@ -34,24 +33,43 @@ pub(super) fn of_motor(channel: &MotorChannel, report: &Report, battery: Option<
     }
 }
 
-/// In the host's counts.
-fn told(channel: &MotorChannel, setpoint: Setpoint) -> Told {
+/// A set-point in the host's counts.
+fn setpoint(channel: &MotorChannel, setpoint: Setpoint) -> ReportedSetpoint {
     match setpoint {
-        Setpoint::Disabled => Told::Off,
-        Setpoint::FailSafe => Told::FailSafe,
-        Setpoint::ConstantPower(control) => Told::Power(control),
-        Setpoint::Velocity(velocity) => Told::Velocity(velocity.round()),
-        Setpoint::Position { target, .. } => Told::Position(channel.told_counts(target)),
-        Setpoint::Together(reference) => Told::Together(channel.told_counts(reference.position)),
-        Setpoint::Identify { travel_limit } => Told::Identify(travel_limit),
+        Setpoint::Disabled => ReportedSetpoint::Off,
+        Setpoint::FailSafe => ReportedSetpoint::FailSafe,
+        Setpoint::ConstantPower(control) => ReportedSetpoint::Power(control),
+        Setpoint::Velocity(velocity) => ReportedSetpoint::Velocity(velocity.round()),
+        Setpoint::Position { target, .. } => ReportedSetpoint::Position(channel.host_counts(target)),
+        Setpoint::Together(reference) => ReportedSetpoint::Together(channel.host_counts(reference.position)),
+        Setpoint::Identify { travel_limit } => ReportedSetpoint::Identify(travel_limit),
     }
 }
 
-/// S, T, Z, G for the way the motor turns.
+/// S, T, Z and G in the direction in which the motor turns.
 fn points(channel: &MotorChannel, report: &Report, battery: Millivolts) -> Option<[Control; 4]> {
-    let settings = channel.settings();
+    let settings = &channel.settings().motor;
     let at = OperatingPoint::new(settings.winding.emf.emf(report.velocity), battery)?;
     let Points { s, t, z, g } = Points::new(settings.scheme, at);
     let sign = if at.counter_clockwise() { -1 } else { 1 };
     Some([s, t, z, g].map(|point: Abscissa| Control::saturating(sign * point.round())))
+}
+
+/// The state of a motor and its bridge.
+pub(super) fn condition(report: &Report) -> Condition {
+    let Report { current, measured, sense_line, heat, derated, faults, .. } = *report;
+    Condition {
+        current,
+        measured_ma: measured.map(magnitude),
+        heat,
+        derated,
+        overheated: faults.overheated,
+        bridge_fault: faults.bridge,
+        sense_line,
+    }
+}
+
+/// The magnitude of a current in milliamperes, 65 535 at most.
+pub(super) fn magnitude(current: Milliamperes) -> u16 {
+    u16::try_from(current.get().unsigned_abs()).unwrap_or(u16::MAX)
 }

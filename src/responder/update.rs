@@ -1,40 +1,41 @@
-//! New firmware: what a host asks for, and what of it whoever has the slot is to do.
+//! New firmware: a host's requests, and the accesses to the flash that follow.
 
-use super::{Answer, Responder};
+use super::Responder;
+use crate::extension::HubFunction;
+use crate::extension::state::UpdateReport;
 use crate::hub::Snapshot;
-use crate::protocol::Nack;
 use crate::protocol::fields::Text;
-use crate::protocol::update::{ToUpdate, UpdateReport};
+use crate::protocol::{Nack, Reply};
 use crate::update::{Done, Order, Refusal, Seal, Slot, Update};
 
-/// An update, and the version that was announced.
+/// An update, and the announced version.
 #[derive(Clone, Debug)]
 pub(super) struct Updating {
     update: Update,
     version: Text,
 }
 
-/// The most bytes of a version that are kept.
+/// The most bytes of a version that the hub reports.
 const VERSION: usize = 40;
 
 impl<const N: usize> Responder<N> {
-    /// There is a bootloader, which starts images from this slot.
+    /// A responder of a hub with a bootloader that starts images from this slot.
     #[must_use]
     pub fn with_slot(self, slot: Slot) -> Self {
         Self { updating: Some(Updating { update: Update::new(slot), version: Text::default() }), ..self }
     }
 
-    /// Does what a request says.
+    /// Executes a request about new firmware.
     pub(super) fn receive_update(
         &mut self,
-        request: ToUpdate,
+        function: HubFunction,
         snapshot: &Snapshot<N>,
-    ) -> Result<Answer, Nack> {
+    ) -> Result<Reply, Nack> {
         let runs = !self.is_off(snapshot);
         let Updating { update, version } = self.updating.as_mut().ok_or(Nack::UNSUPPORTED)?;
-        let done = match request {
-            ToUpdate::State => return Ok(Answer::data(&report(update, version))),
-            ToUpdate::Begin { length, crc, version: announced } => {
+        let done = match function {
+            HubFunction::Update => return Ok(Reply::data(&report(update, version))),
+            HubFunction::BeginUpdate { length, crc, version: announced } => {
                 let begun = update.begin(length, crc, runs);
                 if begun.is_ok() {
                     let bytes = announced.bytes();
@@ -42,21 +43,22 @@ impl<const N: usize> Responder<N> {
                 }
                 begun
             }
-            ToUpdate::Sign { key, signature } => update.sign(Seal { key, signature }),
-            ToUpdate::Chunk { offset, bytes } => update.chunk(offset, bytes.bytes()),
-            ToUpdate::Finish => update.finish(),
-            ToUpdate::Restart => update.restart(runs),
-            ToUpdate::Abandon => update.abandon(),
+            HubFunction::Sign { key, signature } => update.sign(Seal { key, signature }),
+            HubFunction::Chunk { offset, bytes } => update.chunk(offset, bytes.bytes()),
+            HubFunction::FinishUpdate => update.finish(),
+            HubFunction::Restart => update.restart(runs),
+            HubFunction::AbandonUpdate => update.abandon(),
+            _ => return Err(Nack::UNSUPPORTED),
         };
-        done.map(|()| Answer::Ack).map_err(nack)
+        done.map(|()| Reply::ACK).map_err(nack)
     }
 
-    /// What whoever has the slot is to do, if anything; [`update_done`](Self::update_done) when that has been.
+    /// The next access to the slot, if there is one; [`update_done`](Self::update_done) reports its result.
     pub fn update_order(&mut self) -> Option<Order> {
         self.updating.as_mut()?.update.order()
     }
 
-    /// Whoever has the slot says something.
+    /// Takes the result of an access to the slot.
     pub fn update_done(&mut self, done: Done) {
         if let Some(Updating { update, .. }) = &mut self.updating {
             update.done(done);
@@ -82,7 +84,7 @@ fn report(update: &Update, version: &Text) -> UpdateReport {
 const fn nack(refusal: Refusal) -> Nack {
     match refusal {
         Refusal::MotorEnabled => Nack::MOTOR_ENABLED,
-        Refusal::AtWork => Nack::UPDATE_AT_WORK,
+        Refusal::AtWork => Nack::UPDATE_BUSY,
         Refusal::OnTrial => Nack::UPDATE_ON_TRIAL,
         Refusal::Armed => Nack::UPDATE_ARMED,
         Refusal::Length => Nack::UPDATE_TOO_LONG,

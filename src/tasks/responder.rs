@@ -7,7 +7,7 @@ use crate::board::DigitalPins;
 use crate::hub::Snapshot;
 use crate::protocol::{Colour, Decoder, frame};
 use crate::responder::Responder;
-use crate::responder::pins::DigitalLines;
+use crate::responder::outputs::DigitalLines;
 use crate::units::Micros;
 use core::cell::Cell;
 use core::future::pending;

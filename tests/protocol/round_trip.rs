@@ -1,24 +1,23 @@
 //! What one end writes, the other reads: every request and every answer.
 
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Regime, Scheme};
+use motor_hub::braking::{Blend, BlendFraction, DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode, Timing};
+use motor_hub::extension::group::{GroupCourse, GroupMove, GroupState};
+use motor_hub::extension::record::{Entries, Ticks};
+use motor_hub::extension::report::{BusReport, Condition, HubReport, MotorReport, ReportedSetpoint};
+use motor_hub::extension::settings::{Group, MotorSettings, Values};
+use motor_hub::extension::state::StoreReport;
+use motor_hub::extension::{HubFunction, INTERFACE, MotorFunction, Request};
 use motor_hub::group::Halt;
-use motor_hub::motion::{EncoderFault, Pidf};
-use motor_hub::motor::{Faults, OnFault, SenseLine, ThermalLimit, ZeroPower};
+use motor_hub::motion::EncoderFault;
+use motor_hub::motor::{Faults, OnFault, SenseLine, Settings, ThermalLimit};
 use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
-use motor_hub::protocol::bus::{self, BusReport};
-use motor_hub::protocol::fields::{ByteIn, Field, Fields, Payload, Text, WordFrom};
-use motor_hub::protocol::group::{GroupCourse, GroupMove, GroupState, ToGroup};
+use motor_hub::protocol::fields::{ByteIn, Field, Fields, Flag, Payload, Text, WordFrom};
 use motor_hub::protocol::led::{LedPattern, STEPS, Step};
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::pins::ToPin;
-use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
-use motor_hub::protocol::report::{self, HubReport, MotorReport, Told};
-use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
-use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
-use motor_hub::protocol::store::{StoreReport, ToStore};
-use motor_hub::protocol::update::ToUpdate;
-use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
+use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Standard, ToHub};
+use motor_hub::protocol::{self, Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::record::{Fault, Head, Tick};
 use motor_hub::regulator::identify::{Identification, Identified, Refusal};
 use motor_hub::regulator::{Dynamics, Kind};
@@ -68,8 +67,8 @@ fn run_mode() -> impl Strategy<Value = RunMode> {
     prop_oneof![Just(RunMode::Power), Just(RunMode::Velocity), Just(RunMode::Position)]
 }
 
-fn zero_power() -> impl Strategy<Value = ZeroPower> {
-    prop_oneof![Just(ZeroPower::Brake), Just(ZeroPower::Float)]
+fn floats() -> impl Strategy<Value = Flag> {
+    any::<bool>().prop_map(Flag)
 }
 
 fn of() -> impl Strategy<Value = Loop> {
@@ -87,67 +86,61 @@ fn coefficient() -> impl Strategy<Value = Coefficient> {
 fn coefficients() -> impl Strategy<Value = Coefficients> {
     let four = [coefficient(), coefficient(), coefficient(), coefficient()];
     let algorithm = prop_oneof![Just(Algorithm::Legacy), Just(Algorithm::Pidf)];
-    (four, algorithm)
-        .prop_map(|([p, i, d, f], algorithm)| Coefficients { pidf: Pidf { p, i, d, f }, algorithm })
+    (four, algorithm).prop_map(|([p, i, d, f], algorithm)| Coefficients { p, i, d, f, algorithm })
 }
 
 fn target() -> impl Strategy<Value = Target> {
     any::<(i32, u16)>().prop_map(|(counts, tolerance)| Target { counts, tolerance })
 }
 
-fn setup() -> impl Strategy<Value = Setup> {
+fn scheme() -> impl Strategy<Value = Scheme> {
     let fixed = |bits: u16| Scheme::D(Blend::Fixed(BlendFraction::from_bits(bits.into()).expect("in range")));
-    let scheme = prop_oneof![
+    prop_oneof![
         Just(Scheme::ForwardReverse),
         Just(Scheme::A),
         Just(Scheme::B),
         Just(Scheme::C),
         Just(Scheme::D(Blend::Automatic)),
         any::<u16>().prop_map(fixed),
-    ];
-    (1i32..1 << 25, any::<(u16, u16)>(), scheme, any::<bool>()).prop_map(
-        |(emf, (mohm, uh), scheme, linear)| {
-            Setup {
-                emf: EmfConstant::from_bits(emf).expect("in range"),
-                // Current cannot be linear in an unknown resistance.
-                resistance: Resistance::from_milliohms(if linear { mohm.max(1) } else { mohm }).ok(),
-                inductance: Inductance::from_microhenries(uh).ok(),
-                scheme,
-                duty: if linear { DutyRule::LinearCurrent } else { DutyRule::LinearDuty },
-            }
-        },
-    )
+    ]
 }
 
-fn motion() -> impl Strategy<Value = Motion> {
-    (1u32.., any::<u32>(), any::<u16>(), any::<u32>(), any::<bool>()).prop_map(
-        |(gain, decay, friction, acceleration, known)| {
+/// Any settings of the groups of the extension.
+fn settings() -> impl Strategy<Value = MotorSettings> {
+    let of_motor = (1i32..1 << 25, 1..=u16::MAX, any::<u16>(), scheme(), any::<bool>());
+    let of_load = (1u32.., any::<(u32, u16, u32, bool)>());
+    let limits = (any::<bool>(), any::<u16>(), [1..=u16::MAX, 1..=u16::MAX]);
+    (of_motor, of_load, limits, any::<[u16; 5]>()).prop_map(
+        |(
+            (emf, mohm, uh, scheme, linear),
+            (gain, (decay, friction, limit, known)),
+            (brakes, ma, [winding_s, case_s]),
+            times,
+        )| {
+            let winding = Winding {
+                emf: EmfConstant::from_bits(emf).expect("in range"),
+                resistance: Resistance::from_milliohms(mohm).expect("in range"),
+                inductance: Inductance::from_microhenries(uh).ok(),
+            };
+            let [least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us] = times;
+            let timing = Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us };
+            let settings = Settings::for_scheme(winding, scheme);
             let dynamics = Dynamics {
                 gain: AccelerationPerVolt::from_bits(gain).expect("above 0"),
                 decay: DecayRate::from_bits(decay),
                 friction: Millivolts::new(friction),
             };
-            Motion { dynamics: known.then_some(dynamics), acceleration: Acceleration::new(acceleration).ok() }
+            MotorSettings::new(Settings {
+                bridge: settings.bridge.with_timing(timing),
+                duty: if linear { DutyRule::LinearCurrent } else { DutyRule::LinearDuty },
+                on_fault: if brakes { OnFault::Brake } else { OnFault::Coast },
+                thermal: ThermalLimit::new(ma, winding_s, case_s).ok(),
+                dynamics: known.then_some(dynamics),
+                acceleration: Acceleration::new(limit).ok(),
+                ..settings
+            })
         },
     )
-}
-
-fn protection() -> impl Strategy<Value = Protection> {
-    let on_fault = prop_oneof![Just(OnFault::Coast), Just(OnFault::Brake)];
-    (on_fault, any::<(u16, u16, u16)>()).prop_map(|(on_fault, (ma, winding_s, case_s))| {
-        let thermal = ThermalLimit::new(ma, winding_s.max(1), case_s.max(1)).ok();
-        Protection { on_fault, thermal }
-    })
-}
-
-fn timing() -> impl Strategy<Value = Timing> {
-    any::<[u16; 5]>().prop_map(|[least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us]| Timing {
-        least_off_ns,
-        least_on_ns,
-        turn_on_ns,
-        turn_off_ns,
-        change_us,
-    })
 }
 
 fn condition() -> impl Strategy<Value = Condition> {
@@ -184,15 +177,15 @@ fn bus_report() -> impl Strategy<Value = BusReport> {
     )
 }
 
-fn told() -> impl Strategy<Value = Told> {
+fn setpoint() -> impl Strategy<Value = ReportedSetpoint> {
     prop_oneof![
-        Just(Told::Off),
-        Just(Told::FailSafe),
-        control().prop_map(Told::Power),
-        any::<i32>().prop_map(Told::Velocity),
-        any::<i32>().prop_map(Told::Position),
-        any::<i32>().prop_map(Told::Together),
-        any::<u32>().prop_map(Told::Identify),
+        Just(ReportedSetpoint::Off),
+        Just(ReportedSetpoint::FailSafe),
+        control().prop_map(ReportedSetpoint::Power),
+        any::<i32>().prop_map(ReportedSetpoint::Velocity),
+        any::<i32>().prop_map(ReportedSetpoint::Position),
+        any::<i32>().prop_map(ReportedSetpoint::Together),
+        any::<u32>().prop_map(ReportedSetpoint::Identify),
     ]
 }
 
@@ -221,7 +214,7 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
     let drive = (mode, 0u16..=1 << 15).prop_map(|(mode, duty)| Drive { mode, duty: Duty::from_bits(duty) });
     let regulator = prop_oneof![Just(Kind::Model), Just(Kind::Pid)];
     let amperes = || (-i32::from(i16::MAX)..=i16::MAX.into()).prop_map(Milliamperes::new);
-    let of_motion = (told(), any::<(i32, i16)>(), regulator, control(), regime, drive);
+    let of_motion = (setpoint(), any::<(i32, i16)>(), regulator, control(), regime, drive);
     let of_current =
         (amperes(), proptest::option::of(0u16..u16::MAX), proptest::option::of(amperes()), any::<u16>());
     // All of them 0 is how unknown ones are written.
@@ -230,10 +223,10 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
     );
     (of_motion, of_current, any::<[bool; 4]>(), faults(), points).prop_map(
         |(motion, (current, measured_ma, load, heat), flags, faults, points)| {
-            let (told, (position, velocity), regulator, control, regime, drive) = motion;
+            let (setpoint, (position, velocity), regulator, control, regime, drive) = motion;
             let [enabled, at_target, stalled, derated] = flags;
             MotorReport {
-                told,
+                setpoint,
                 position,
                 velocity,
                 regulator,
@@ -329,17 +322,17 @@ fn with<T: Debug, R: Into<Request> + 'static>(
 }
 
 fn standard() -> Vec<BoxedStrategy<Case>> {
-    let interface = prop_oneof![Just(Interface::Motors), Just(Interface::Setup)];
+    let name = select(vec![MOTOR_INTERFACE, INTERFACE, b""]);
     vec![
         with(&[1], any::<bool>(), |clear| Standard::Status { clear }),
         plain(Standard::KeepAlive),
         plain(Standard::FailSafe),
         with(&[1], address(), |address| Standard::SetAddress { address }),
-        interface
-            .prop_map(|interface| {
-                (Standard::QueryInterface { interface }.into(), vec![interface.name().len() + 1])
-            })
-            .boxed(),
+        name.prop_map(|name| {
+            let request = Standard::QueryInterface { name: InterfaceName::new(name).expect("short") };
+            (request.into(), vec![name.len() + 1])
+        })
+        .boxed(),
         with(&[1, 1, 1], colour(), |colour| Standard::SetLedColour { colour }),
         plain(Standard::LedColour),
         // Where it may end beyond its first byte is its own affair.
@@ -407,8 +400,8 @@ fn of_motor(request: ToMotor) -> BoxedStrategy<Case> {
 fn to_motor() -> Vec<BoxedStrategy<Case>> {
     let pid = (of(), [coefficient(), coefficient(), coefficient()]);
     vec![
-        with(&[1, 1, 1], (motor(), run_mode(), zero_power()), |(motor, mode, zero_power)| {
-            ToMotor::SetMode { mode, zero_power }.to(motor)
+        with(&[1, 1, 1], (motor(), run_mode(), floats()), |(motor, mode, floats)| {
+            ToMotor::SetMode { mode, floats }.to(motor)
         }),
         of_motor(ToMotor::Mode),
         with(&[1, 1], (motor(), any::<bool>()), |(motor, on)| ToMotor::SetEnable { on }.to(motor)),
@@ -437,31 +430,37 @@ fn to_motor() -> Vec<BoxedStrategy<Case>> {
     ]
 }
 
-fn to_setup() -> Vec<BoxedStrategy<Case>> {
-    vec![
-        with(&[1, 4, 2, 2, 1, 2, 1], (motor(), setup()), |(motor, setup)| ToSetup::SetUp { setup }.to(motor)),
-        with(&[1], motor(), |motor| ToSetup::Setup.to(motor)),
-        with(&[1, 4, 4, 2, 4], (motor(), motion()), |(motor, motion)| {
-            ToSetup::SetMotion { motion }.to(motor)
-        }),
-        with(&[1], motor(), |motor| ToSetup::Motion.to(motor)),
-        with(&[1, 4], (motor(), any::<u32>()), |(motor, travel_limit)| {
-            ToSetup::Identify { travel_limit }.to(motor)
-        }),
-        with(&[1], motor(), |motor| ToSetup::Identification.to(motor)),
-        with(&[1, 1, 2, 2, 2], (motor(), protection()), |(motor, protection)| {
-            ToSetup::SetProtection { protection }.to(motor)
-        }),
-        with(&[1], motor(), |motor| ToSetup::Protection.to(motor)),
-        with(&[1], motor(), |motor| ToSetup::Condition.to(motor)),
-        with(&[1, 2, 2, 2, 2, 2], (motor(), timing()), |(motor, timing)| {
-            ToSetup::SetTiming { timing }.to(motor)
-        }),
-        with(&[1], motor(), |motor| ToSetup::Timing.to(motor)),
-    ]
+/// The groups that are functions of the extension, with the sizes of their fields.
+const GROUPS: [(Group, &[usize]); 4] = [
+    (Group::SetUp, &[1, 4, 2, 2, 1, 2, 1]),
+    (Group::Timing, &[1, 2, 2, 2, 2, 2]),
+    (Group::Protection, &[1, 1, 2, 2, 2]),
+    (Group::Motion, &[1, 4, 4, 2, 4]),
+];
+
+fn of_settings() -> Vec<BoxedStrategy<Case>> {
+    let set = GROUPS.map(|(group, sizes)| {
+        with(sizes, (motor(), settings()), move |(motor, settings)| {
+            Request::Set(motor, Values::of(group, &settings))
+        })
+    });
+    let get = GROUPS.map(|(group, _)| with(&[1], motor(), move |motor| Request::Get(motor, group)));
+    set.into_iter().chain(get).collect()
 }
 
-fn to_group() -> Vec<BoxedStrategy<Case>> {
+fn motor_functions() -> Vec<BoxedStrategy<Case>> {
+    let mut all = group_functions();
+    all.extend([
+        with(&[1, 4], (motor(), any::<u32>()), |(motor, travel_limit)| {
+            MotorFunction::Identify { travel_limit }.to(motor)
+        }),
+        with(&[1], motor(), |motor| MotorFunction::Identification.to(motor)),
+        with(&[1], motor(), |motor| MotorFunction::Condition.to(motor)),
+    ]);
+    all
+}
+
+fn group_functions() -> Vec<BoxedStrategy<Case>> {
     let members = any::<[Option<i32>; 4]>;
     let course = prop_oneof![
         members().prop_map(GroupCourse::To),
@@ -476,21 +475,21 @@ fn to_group() -> Vec<BoxedStrategy<Case>> {
     });
     vec![
         with(&[1, 1, 1, 4, 4, 4, 4, 4, 4, 2, 2, 1], (motor(), wanted), |(motor, wanted)| {
-            ToGroup::Move { wanted }.to(motor)
+            MotorFunction::Move { wanted }.to(motor)
         }),
-        with(&[1], motor(), |motor| ToGroup::State.to(motor)),
+        with(&[1], motor(), |motor| MotorFunction::Group.to(motor)),
     ]
 }
 
-fn to_record() -> Vec<BoxedStrategy<Case>> {
-    vec![
-        with(&[1, 1], any::<(u8, bool)>(), |(from, clear)| Request::from(ToRecord::Entries { from, clear })),
-        with(&[2, 1], any::<(u16, u8)>(), |(number, from)| Request::from(ToRecord::Ticks { number, from })),
-    ]
-}
-
-fn to_store() -> Vec<BoxedStrategy<Case>> {
-    [ToStore::Save, ToStore::Load, ToStore::Reset, ToStore::State].map(plain).into()
+fn hub_functions() -> Vec<BoxedStrategy<Case>> {
+    let mut all = update_functions();
+    all.extend([
+        with(&[1, 1], any::<(u8, bool)>(), |(from, clear)| HubFunction::Entries { from, clear }),
+        with(&[2, 1], any::<(u16, u8)>(), |(number, from)| HubFunction::Ticks { number, from }),
+    ]);
+    use HubFunction::{Bus, Load, Report, Reset, Save, Stored};
+    all.extend([Save, Load, Reset, Stored, Bus, Report].map(plain));
+    all
 }
 
 fn store_report() -> impl Strategy<Value = StoreReport> {
@@ -542,25 +541,25 @@ fn tick() -> impl Strategy<Value = Tick> {
     })
 }
 
-fn to_update() -> Vec<BoxedStrategy<Case>> {
+fn update_functions() -> Vec<BoxedStrategy<Case>> {
     vec![
         (any::<u32>(), any::<u32>(), text())
             .prop_map(|(length, crc, version)| {
                 let sizes = vec![4, 4, 1, version.bytes().len()];
-                (ToUpdate::Begin { length, crc, version }.into(), sizes)
+                (HubFunction::BeginUpdate { length, crc, version }.into(), sizes)
             })
             .boxed(),
         (any::<u32>(), text())
             .prop_map(|(offset, bytes)| {
                 let sizes = vec![4, 1, bytes.bytes().len()];
-                (ToUpdate::Chunk { offset, bytes }.into(), sizes)
+                (HubFunction::Chunk { offset, bytes }.into(), sizes)
             })
             .boxed(),
-        plain(ToUpdate::Finish),
-        plain(ToUpdate::Restart),
-        plain(ToUpdate::Abandon),
-        plain(ToUpdate::State),
-        with(&[1; 96], (any::<[u8; 32]>(), any::<[u8; 64]>()), |(key, signature)| ToUpdate::Sign {
+        plain(HubFunction::FinishUpdate),
+        plain(HubFunction::Restart),
+        plain(HubFunction::AbandonUpdate),
+        plain(HubFunction::Update),
+        with(&[1; 96], (any::<[u8; 32]>(), any::<[u8; 64]>()), |(key, signature)| HubFunction::Sign {
             key,
             signature,
         }),
@@ -568,42 +567,29 @@ fn to_update() -> Vec<BoxedStrategy<Case>> {
 }
 
 fn any_request() -> impl Strategy<Value = Case> {
-    Union::new(
-        [
-            standard(),
-            to_hub(),
-            to_pin(),
-            to_motor(),
-            to_setup(),
-            to_group(),
-            to_record(),
-            to_store(),
-            to_update(),
-            vec![plain(Request::Bus), plain(Request::Report)],
-        ]
-        .concat(),
-    )
+    let of_rev = [standard(), to_hub(), to_pin(), to_motor()];
+    let of_extension = [of_settings(), motor_functions(), hub_functions()];
+    Union::new([of_rev.concat(), of_extension.concat()].concat())
 }
 
 #[test]
-fn no_request_is_left_out_of_these_tests() {
+fn these_tests_leave_out_no_request() {
     let mut runner = TestRunner::deterministic();
+    let mut tried = |strategies: Vec<BoxedStrategy<Case>>| -> BTreeSet<u16> {
+        strategies.iter().map(|s| s.new_tree(&mut runner).unwrap().current().0.number()).collect()
+    };
     for (strategies, numbers) in [
         (standard(), Standard::NUMBERS),
         (to_hub(), ToHub::NUMBERS),
         (to_pin(), ToPin::NUMBERS),
         (to_motor(), ToMotor::NUMBERS),
-        (to_setup(), ToSetup::NUMBERS),
-        (to_group(), ToGroup::NUMBERS),
-        (to_record(), ToRecord::NUMBERS),
-        (to_store(), ToStore::NUMBERS),
-        (to_update(), ToUpdate::NUMBERS),
-        (vec![plain(Request::Bus)], &[bus::FUNCTION]),
-        (vec![plain(Request::Report)], &[report::FUNCTION]),
+        (motor_functions(), MotorFunction::NUMBERS),
+        (hub_functions(), HubFunction::NUMBERS),
     ] {
-        let tried = strategies.iter().map(|s| s.new_tree(&mut runner).unwrap().current().0.number());
-        assert_eq!(tried.collect::<BTreeSet<_>>(), numbers.iter().copied().collect());
+        assert_eq!(tried(strategies), numbers.iter().copied().collect());
     }
+    let extension = [of_settings(), motor_functions(), hub_functions()].concat();
+    assert_eq!(tried(extension), (0..28).collect());
 }
 
 /// What the other end finds.
@@ -650,7 +636,12 @@ proptest! {
         let packet = request.packet(2, 1, request.id());
         let read = Request::read(&packet, motors);
         match request {
-            Request::Motor(motor, _) | Request::Setup(motor, _) | Request::Group(motor, _) if usize::from(motor) >= motors => {
+            Request::Rev(protocol::Request::Motor(motor, _))
+            | Request::Set(motor, _)
+            | Request::Get(motor, _)
+            | Request::Motor(motor, _)
+                if usize::from(motor) >= motors =>
+            {
                 prop_assert_eq!(read, Err(Nack::parameter(0)));
             }
             request => prop_assert_eq!(read, Ok(request)),
@@ -681,28 +672,42 @@ proptest! {
 
     #[test]
     fn an_answer_about_a_motor_or_the_led_is_read_as_it_was_written(
-        mode in run_mode(), zero_power in zero_power(), control in control(), target in target(),
-        coefficients in coefficients(), setup in setup(), motion in motion(), protection in protection(), condition in condition(), bus in bus_report(), timing in timing(), identification in identification(),
+        mode in run_mode(), floats in floats(), control in control(), target in target(),
+        coefficients in coefficients(), condition in condition(), bus in bus_report(), identification in identification(),
         colour in colour(), pattern in pattern(),
         text in text(),
     ) {
-        let mode = ChannelMode { mode, zero_power };
+        let mode = ChannelMode { mode, floats };
         prop_assert_eq!(read_back(&mode), Ok(mode));
         prop_assert_eq!(read_back(&bus), Ok(bus));
         prop_assert_eq!(read_back(&control), Ok(control));
         prop_assert_eq!(read_back(&target), Ok(target));
         prop_assert_eq!(read_back(&coefficients), Ok(coefficients));
-        let Pidf { p, i, d, .. } = coefficients.pidf;
+        let Coefficients { p, i, d, .. } = coefficients;
         prop_assert_eq!(read_back(&[p, i, d]), Ok([p, i, d]));
-        prop_assert_eq!(read_back(&setup), Ok(setup));
-        prop_assert_eq!(read_back(&motion), Ok(motion));
-        prop_assert_eq!(read_back(&protection), Ok(protection));
         prop_assert_eq!(read_back(&condition), Ok(condition));
-        prop_assert_eq!(read_back(&timing), Ok(timing));
         prop_assert_eq!(read_back(&identification), Ok(identification));
         prop_assert_eq!(read_back(&colour), Ok(colour));
         prop_assert_eq!(read_back(&pattern), Ok(pattern));
         prop_assert_eq!(read_back(&text), Ok(text.clone()));
+    }
+
+    #[test]
+    fn settings_are_put_as_they_were_read(settings in settings(), alert: u16, both in [coefficients(), coefficients()]) {
+        let [velocity, position] = both;
+        let mut settings = MotorSettings { current_alert_ma: alert, ..settings };
+        settings.set_coefficients(Loop::Velocity, velocity);
+        settings.set_coefficients(Loop::Position, position);
+        settings.set_channel_mode(ChannelMode { mode: RunMode::Position, floats: Flag(true) });
+        let mut put = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
+        for group in Group::EACH {
+            let values = Values::of(group, &settings);
+            let mut payload = Payload::new();
+            values.write(&mut payload);
+            prop_assert_eq!(Values::read(group, &mut Fields::new(&payload)), Ok(values));
+            put = values.put(&put).expect("values that go together");
+        }
+        prop_assert_eq!(put, settings);
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! Every command in its good, out-of-range, short and long forms.
 
 use crate::host::{HUB, N, Said, TestHost, frame_to};
+use motor_hub::extension;
 use motor_hub::hub::{Action, Command};
 use motor_hub::motion::Reading;
 use motor_hub::motor::{Motor, Setpoint};
-use motor_hub::protocol::requests::{FIRST_FUNCTION, FUNCTION_COUNT};
-use motor_hub::protocol::setup;
-use motor_hub::responder::pins::DigitalLines;
+use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_FUNCTIONS};
+use motor_hub::responder::outputs::DigitalLines;
 use motor_hub::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period};
 
 /// A command: type, sizes of its fields, a good payload, and bad ones with what they are refused for.
@@ -39,7 +39,7 @@ const NO_LOOP: &[(&[u8], u8)] = &[(&[4, 1], 0), (&[0, 0], 1), (&[0, 3], 1)];
 const VERSION: &str = concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION"));
 
 const F: u16 = FIRST_FUNCTION;
-const OWN: u16 = setup::FIRST_FUNCTION;
+const OWN: u16 = extension::FIRST_FUNCTION;
 
 /// Motor 0 is in position mode with a target, and digital pin 6 an output, when these are tried.
 const FORMS: &[Form] = &[
@@ -230,7 +230,7 @@ fn values_out_of_range_are_refused_with_their_field_and_change_nothing() {
 
 #[test]
 fn every_function_that_is_announced_is_answered() {
-    for function in 0..FUNCTION_COUNT {
+    for function in 0..MOTOR_FUNCTIONS.count {
         for payload in [&[][..], &[0; 40], &[1; 40], &[255; 40]] {
             // `ask` insists on one reply.
             host().call(function, payload);
@@ -362,11 +362,11 @@ fn any_word_but_0_lets_a_motor_float_at_zero() {
 
 #[test]
 fn what_is_no_command_is_refused_as_unknown() {
-    let own = [OWN - 1, OWN + setup::FUNCTION_COUNT];
+    let own = [OWN - 1, OWN + extension::FUNCTIONS.count];
     for id in [
         0,
         0x0FFF,
-        F + FUNCTION_COUNT,
+        F + MOTOR_FUNCTIONS.count,
         own[0],
         own[1],
         0x7F00,

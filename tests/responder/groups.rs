@@ -1,10 +1,11 @@
 //! A host moves motors together: what the motors are told, in which order, and when not.
 
 use crate::host::{N, Said, TestHost};
+use motor_hub::extension::MotorFunction;
+use motor_hub::extension::group::{GroupCourse, GroupMove};
 use motor_hub::group::{Course, Halt, MOTORS, Together};
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Report, Setpoint};
-use motor_hub::protocol::group::{GroupCourse, GroupMove, ToGroup};
 use motor_hub::regulator::Reference;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond};
 
@@ -35,7 +36,7 @@ fn lead(motor: usize, left: i32, right: i32) -> Command {
 }
 
 fn ask(host: &mut TestHost, motor: u8, wanted: GroupMove) -> Said {
-    host.ask(MOVE, &ToGroup::Move { wanted }.to(motor).payload())
+    host.ask(MOVE, &MotorFunction::Move { wanted }.to(motor).payload())
 }
 
 /// With all motors enabled, at power 0.

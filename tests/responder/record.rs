@@ -1,11 +1,13 @@
 //! What a host hears of what happened.
 
 use crate::host::{Said, TestHost};
+use motor_hub::extension::HubFunction;
+use motor_hub::extension::Request;
+use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::{Report, Setpoint};
+use motor_hub::protocol::Packet;
 use motor_hub::protocol::fields::{Field, Fields};
-use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
-use motor_hub::protocol::{Packet, Request};
 use motor_hub::record::{Fault, Head, Record, SIZE, Tick};
 use motor_hub::units::Control;
 
@@ -16,7 +18,7 @@ fn a_hub_without_a_record_says_so() {
     assert_eq!(host.ask(0x4D13, &[1, 0, 0]), Said::Nack(0));
 }
 
-fn ask<A: Field>(host: &mut TestHost, record: &mut Record<'_>, request: ToRecord) -> A {
+fn ask<A: Field>(host: &mut TestHost, record: &mut Record<'_>, request: HubFunction) -> A {
     let request = Request::from(request);
     let packet: Packet = request.packet(crate::host::HUB, 1, request.id());
     let reply =
@@ -47,7 +49,7 @@ fn entries_come_three_at_a_time_and_ticks_eight() {
     let mut host = TestHost::settled();
     let mut heads: Vec<Head> = Vec::new();
     for (from, expected) in [(0, 3), (3, 2), (5, 0)] {
-        let some: Entries = ask(&mut host, &mut record, ToRecord::Entries { from, clear: false });
+        let some: Entries = ask(&mut host, &mut record, HubFunction::Entries { from, clear: false });
         assert_eq!((some.run, some.count, some.heads.len()), (6, 5, expected));
         heads.extend(some.heads);
     }
@@ -56,7 +58,7 @@ fn entries_come_three_at_a_time_and_ticks_eight() {
     assert_eq!(heads[0].fault, Fault::Watchdog);
     let mut ticks: Vec<Tick> = Vec::new();
     for from in (0..64).step_by(8) {
-        let some: Ticks = ask(&mut host, &mut record, ToRecord::Ticks { number: 5, from });
+        let some: Ticks = ask(&mut host, &mut record, HubFunction::Ticks { number: 5, from });
         assert_eq!((some.count, some.ticks.len()), (64, 8));
         ticks.extend(some.ticks);
     }
@@ -70,8 +72,8 @@ fn what_a_host_has_cleared_is_told_once_more_and_then_gone() {
     resets(&mut memory, 2);
     let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);
     let mut host = TestHost::settled();
-    let told: Entries = ask(&mut host, &mut record, ToRecord::Entries { from: 0, clear: true });
+    let told: Entries = ask(&mut host, &mut record, HubFunction::Entries { from: 0, clear: true });
     assert_eq!(told.count, 2);
-    let told: Entries = ask(&mut host, &mut record, ToRecord::Entries { from: 0, clear: false });
+    let told: Entries = ask(&mut host, &mut record, HubFunction::Entries { from: 0, clear: false });
     assert_eq!((told.run, told.count), (3, 0));
 }

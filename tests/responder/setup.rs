@@ -3,11 +3,11 @@
 use crate::host::{HUB, N, Said, TestHost, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
+use motor_hub::extension::FIRST_FUNCTION;
 use motor_hub::hub::{Action, Bus, Command};
 use motor_hub::motion::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, SenseLine, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::Address;
-use motor_hub::protocol::setup::FIRST_FUNCTION;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::responder::Responder;

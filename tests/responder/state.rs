@@ -5,7 +5,7 @@ use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub::responder::Responder;
-use motor_hub::responder::alive::TIMEOUT_MICROS;
+use motor_hub::responder::keep_alive::TIMEOUT_MICROS;
 use motor_hub::supply::Stage;
 use motor_hub::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts};
 
@@ -394,7 +394,7 @@ fn a_hub_with_fewer_motors_refuses_the_others() {
 fn a_motor_that_is_to_brake_at_a_fault_is_left_to_that_when_its_host_falls_silent() {
     let mut host = driving();
     host.told();
-    let setup = motor_hub::protocol::setup::FIRST_FUNCTION;
+    let setup = motor_hub::extension::FIRST_FUNCTION;
     for motor in [0, 1] {
         assert_eq!(host.ask(setup + 8, &[motor, 1, 0, 0, 0, 0, 0, 0]), Said::Ack(0));
     }

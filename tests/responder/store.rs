@@ -3,12 +3,12 @@
 use crate::host::{HUB, N, Said, TestHost, bytes_of, settings};
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use motor_hub::bridge::Timing;
+use motor_hub::extension::FIRST_FUNCTION;
+use motor_hub::extension::state::StoreReport;
 use motor_hub::hub::{Action, Command};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::fields::{Field, Fields};
-use motor_hub::protocol::setup::FIRST_FUNCTION;
-use motor_hub::protocol::store::StoreReport;
 use motor_hub::protocol::{Address, Packet};
 use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::responder::Responder;
@@ -399,7 +399,7 @@ proptest! {
         prop_assert_eq!(before.len(), N);
         let address = host.responder.address();
         // Not by a host, which may not know the address.
-        let save = motor_hub::protocol::Request::from(motor_hub::protocol::store::ToStore::Save);
+        let save = motor_hub::extension::Request::from(motor_hub::extension::HubFunction::Save);
         let packet = save.packet(address.get(), 1, save.id());
         host.responder.receive(&packet, host.now, &host.snapshot);
         if let Some(Order { record: Some(saved), .. }) = host.responder.order(&host.snapshot) {

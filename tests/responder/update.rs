@@ -1,30 +1,31 @@
 //! New firmware, as a host hears of it.
 
 use crate::host::{SLOT, Said, TestHost};
+use motor_hub::extension::HubFunction;
+use motor_hub::extension::Request;
+use motor_hub::extension::state::UpdateReport;
 use motor_hub::hub::Snapshot;
-use motor_hub::protocol::Request;
 use motor_hub::protocol::fields::{Field, Fields, Text};
-use motor_hub::protocol::update::{ToUpdate, UpdateReport};
 use motor_hub::update::{Booted, CHUNK, Done, Order, Outcome, Phase, Seal, Slot};
 
-fn say(host: &mut TestHost, request: ToUpdate) -> Said {
+fn say(host: &mut TestHost, request: HubFunction) -> Said {
     let request = Request::from(request);
     host.ask(request.id(), &request.payload())
 }
 
 fn begin(host: &mut TestHost, length: u32) -> Said {
     let version = Text::new(b"mh9.9.9").expect("short");
-    say(host, ToUpdate::Begin { length, crc: 7, version })
+    say(host, HubFunction::BeginUpdate { length, crc: 7, version })
 }
 
 fn chunk(host: &mut TestHost, offset: u32) -> Said {
     let mut bytes = [0; CHUNK];
     bytes[..8].copy_from_slice(&[0, 0, 2, 0x20, 0x41, 0, 2, 8]);
-    say(host, ToUpdate::Chunk { offset, bytes: Text::new(&bytes).expect("short") })
+    say(host, HubFunction::Chunk { offset, bytes: Text::new(&bytes).expect("short") })
 }
 
 fn report(host: &mut TestHost) -> UpdateReport {
-    let Said::Data(payload) = say(host, ToUpdate::State) else { panic!("no report") };
+    let Said::Data(payload) = say(host, HubFunction::Update) else { panic!("no report") };
     UpdateReport::read(&mut Fields::new(&payload)).expect("a report")
 }
 
@@ -51,7 +52,10 @@ const ACK: Said = Said::Ack(0);
 #[test]
 fn a_hub_without_a_bootloader_has_no_updates() {
     let mut host = TestHost::settled();
-    assert_eq!((begin(&mut host, 96), say(&mut host, ToUpdate::State)), (Said::Nack(253), Said::Nack(253)));
+    assert_eq!(
+        (begin(&mut host, 96), say(&mut host, HubFunction::Update)),
+        (Said::Nack(253), Said::Nack(253))
+    );
 }
 
 #[test]
@@ -66,15 +70,15 @@ fn a_host_sends_an_image_and_has_it_started() {
         assert_eq!(chunk(&mut host, offset + 96), Said::Nack(if offset == 0 { 70 } else { 1 }));
         host.responder.update_done(Done::Carried(Outcome::Done));
     }
-    assert_eq!(say(&mut host, ToUpdate::Restart), Said::Nack(77));
-    assert_eq!(say(&mut host, ToUpdate::Finish), ACK);
+    assert_eq!(say(&mut host, HubFunction::Restart), Said::Nack(77));
+    assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
     assert_eq!(host.responder.update_order(), Some(Order::Arm { length: 192, crc: 7, seal: None }));
     host.responder.update_done(Done::Carried(Outcome::Done));
     let told = report(&mut host);
     let version = Text::new(b"mh9.9.9").expect("short");
     assert_eq!((told.phase, told.received, told.length, told.version), (Phase::Armed, 192, 192, version));
     assert_eq!((told.origin, told.capacity), (SLOT.origin, SLOT.length));
-    assert_eq!(say(&mut host, ToUpdate::Restart), ACK);
+    assert_eq!(say(&mut host, HubFunction::Restart), ACK);
     assert_eq!(host.responder.update_order(), Some(Order::Restart));
 }
 
@@ -89,14 +93,14 @@ fn each_refusal_has_a_number_of_its_own() {
     assert_eq!(begin(&mut host, 96), ACK);
     assert_eq!(chunk(&mut host, 96), Said::Nack(75));
     let blank = Text::new(&[0xFF; CHUNK]).expect("short");
-    assert_eq!(say(&mut host, ToUpdate::Chunk { offset: 0, bytes: blank }), Said::Nack(76));
-    assert_eq!(say(&mut host, ToUpdate::Abandon), ACK);
+    assert_eq!(say(&mut host, HubFunction::Chunk { offset: 0, bytes: blank }), Said::Nack(76));
+    assert_eq!(say(&mut host, HubFunction::AbandonUpdate), ACK);
     assert_eq!(chunk(&mut host, 0), Said::Nack(74));
 }
 
 #[test]
 fn signatures_are_asked_for_where_there_is_a_key_and_refused_where_there_is_none() {
-    let sign = |host: &mut TestHost, key| say(host, ToUpdate::Sign { key: [key; 32], signature: [9; 64] });
+    let sign = |host: &mut TestHost, key| say(host, HubFunction::Sign { key: [key; 32], signature: [9; 64] });
     let mut host = hub();
     begin(&mut host, 96);
     assert_eq!(sign(&mut host, 5), Said::Nack(80));
@@ -110,13 +114,13 @@ fn signatures_are_asked_for_where_there_is_a_key_and_refused_where_there_is_none
     assert_eq!(chunk(&mut host, 0), ACK);
     host.responder.update_order().expect("a chunk to write");
     host.responder.update_done(Done::Carried(Outcome::Done));
-    assert_eq!(say(&mut host, ToUpdate::Finish), ACK);
+    assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
     let seal = Some(Seal { key: [5; 32], signature: [9; 64] });
     assert_eq!(host.responder.update_order(), Some(Order::Arm { length: 96, crc: 7, seal }));
     host.responder.update_done(Done::Carried(Outcome::WrongSignature));
     let told = report(&mut host);
     assert_eq!((told.phase, told.outcome), (Phase::Nothing, Outcome::WrongSignature));
-    assert_eq!(say(&mut host, ToUpdate::Restart), Said::Nack(77));
+    assert_eq!(say(&mut host, HubFunction::Restart), Said::Nack(77));
     // A signature is of one image.
     assert_eq!(begin(&mut host, 96), ACK);
     assert_eq!(chunk(&mut host, 0), Said::Nack(78));

@@ -18,14 +18,14 @@ use std::time::Duration;
 
 use motor_hub::braking::Regime;
 use motor_hub::bridge::{Drive, Mode};
+use motor_hub::extension::settings::{Group, MotorSettings, Values};
+use motor_hub::extension::{MotorFunction, Request};
 use motor_hub::model::plant::Flow;
 use motor_hub::motion::EncoderFault;
-use motor_hub::motor::{Faults, Report, Setpoint, Settings, ZeroPower};
+use motor_hub::motor::{Faults, OnFault, Report, Setpoint, ZeroPower};
 use motor_hub::protocol::answers::Reply;
-use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, RunMode, ToMotor};
-use motor_hub::protocol::setup::{Motion, Protection, ToSetup};
-use motor_hub::regulator;
-use motor_hub::responder::setup;
+use motor_hub::protocol::fields::Flag;
+use motor_hub::protocol::motor::{RunMode, ToMotor};
 use motor_hub::units::{CountsPerSecond, Duty, Period, RangeError};
 use simulated::encoder::Encoder;
 use simulated::scenario::{Motor, Scenario};
@@ -169,23 +169,21 @@ fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, scenario: &Scenario) 
     let motor = &scenario.motors[usize::from(channel)];
     let settings =
         motor.settings().map_err(|error| ReplayError::Motor { label: motor.label.clone(), error })?;
-    // An image that is named by hand may not know this hub's own interface.
-    let request = ToSetup::SetUp { setup: setup::of(&settings) }.to(channel);
-    if !matches!(talk.ask(bench, request.id(), &request.payload()), Reply::Ack { .. }) {
+    let settings = MotorSettings::new(settings);
+    let request = |group| Request::Set(channel, Values::of(group, &settings));
+    // An image that is named by hand may lack this hub's own interface.
+    let set_up = request(Group::SetUp);
+    if !matches!(talk.ask(bench, set_up.id(), &set_up.payload()), Reply::Ack { .. }) {
         return Err(ReplayError::SetupRefused);
     }
-    let Settings { dynamics, acceleration, coefficients, bridge, on_fault, thermal, .. } = settings;
-    talk.order(bench, ToSetup::SetTiming { timing: bridge.timing() }.to(channel));
-    let protection = Protection { on_fault, thermal };
-    if protection != Protection::default() {
-        talk.order(bench, ToSetup::SetProtection { protection }.to(channel));
+    talk.order(bench, request(Group::Timing));
+    if settings.motor.on_fault != OnFault::default() || settings.motor.thermal.is_some() {
+        talk.order(bench, request(Group::Protection));
     }
-    let motion = ToSetup::SetMotion { motion: Motion { dynamics, acceleration } }.to(channel);
-    talk.order(bench, motion);
-    if let Some(regulator::Coefficients { velocity, position }) = coefficients {
-        for (of, pidf) in [(Loop::Velocity, velocity), (Loop::Position, position)] {
-            let coefficients = Coefficients { pidf, algorithm: Algorithm::Pidf };
-            talk.order(bench, ToMotor::SetPidf { of, coefficients }.to(channel));
+    talk.order(bench, request(Group::Motion));
+    for group in [Group::VelocityLoop, Group::PositionLoop] {
+        if group.in_use(&settings) {
+            talk.order(bench, request(group));
         }
     }
     Ok(())
@@ -238,7 +236,7 @@ fn carry_out(
                 }
                 Setpoint::Identify { travel_limit } => {
                     talk.power(bench, motor, 0);
-                    let request = ToSetup::Identify { travel_limit }.to(motor);
+                    let request = MotorFunction::Identify { travel_limit }.to(motor);
                     talk.ask(bench, request.id(), &request.payload());
                 }
             }
@@ -249,8 +247,7 @@ fn carry_out(
                     Setpoint::Position { .. } => RunMode::Position,
                     _ => RunMode::Power,
                 };
-                let zero_power = ZeroPower::Float;
-                talk.order(bench, ToMotor::SetMode { mode, zero_power }.to(motor));
+                talk.order(bench, ToMotor::SetMode { mode, floats: Flag(true) }.to(motor));
             }
         }
     }

@@ -7,8 +7,9 @@
 //! assert!(error.to_string().starts_with("hub 2 does not answer: check its address"));
 //! ```
 
-use crate::words::words;
-use motor_hub::protocol::{BAUD, Nack, Request};
+use crate::request_text::text;
+use motor_hub::extension::Request;
+use motor_hub::protocol::{BAUD, Nack};
 use std::fmt;
 use std::io;
 
@@ -43,7 +44,7 @@ pub enum Error {
         address: u8,
     },
     /// The hub answered NACK.
-    #[error("the hub refuses to {}: {reason}", words(.request))]
+    #[error("the hub refuses to {}: {reason}", text(.request))]
     Refused {
         /// The refused request.
         request: Box<Request>,
@@ -51,13 +52,13 @@ pub enum Error {
         reason: Nack,
     },
     /// The answer has another kind or length than the protocol defines for the request.
-    #[error("the hub was asked to {}; the protocol does not define its answer", words(.request))]
+    #[error("the hub was asked to {}; the protocol does not define its answer", text(.request))]
     Unexpected {
         /// The request.
         request: Box<Request>,
     },
     /// The hub's firmware has no such function.
-    #[error("the hub's firmware is too old to {}", words(.request))]
+    #[error("the hub's firmware is too old to {}", text(.request))]
     TooOld {
         /// The request, which was not sent.
         request: Box<Request>,

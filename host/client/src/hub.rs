@@ -14,15 +14,14 @@
 //! ```
 
 use crate::{Error, Session};
-use motor_hub::protocol::Request;
+use motor_hub::extension::group::{GroupMove, GroupState};
+use motor_hub::extension::record::{Entries, Ticks};
+use motor_hub::extension::report::{BusReport, HubReport};
+use motor_hub::extension::state::StoreReport;
+use motor_hub::extension::{HubFunction, MotorFunction};
 use motor_hub::protocol::answers::{Bulk, Status};
-use motor_hub::protocol::bus::BusReport;
 use motor_hub::protocol::fields::Text;
-use motor_hub::protocol::group::{GroupMove, GroupState, ToGroup};
-use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
-use motor_hub::protocol::report::HubReport;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
-use motor_hub::protocol::store::{StoreReport, ToStore};
 use motor_hub::protocol::{Address, Colour, Nack};
 use motor_hub::record::{Head, Tick};
 use motor_hub::units::{Milliamperes, Millivolts};
@@ -45,7 +44,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// See [`Session::ask`], as for all commands.
     pub fn bus(&mut self) -> Result<Option<BusReport>, Error> {
-        match self.ask(Request::Bus) {
+        match self.ask(HubFunction::Bus) {
             Ok(report) => Ok(Some(report)),
             Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
             Err(error) => Err(error),
@@ -60,7 +59,7 @@ impl<L: Read + Write> Session<L> {
         let mut heads = Vec::new();
         loop {
             // A record has at most eight entries.
-            let entries = ToRecord::Entries { from: heads.len() as u8, clear: false };
+            let entries = HubFunction::Entries { from: heads.len() as u8, clear: false };
             let some: Entries = match self.ask(entries) {
                 Ok(some) => some,
                 Err(Error::Refused { .. } | Error::TooOld { .. }) => return Ok(None),
@@ -80,7 +79,7 @@ impl<L: Read + Write> Session<L> {
     pub fn recorded_ticks(&mut self, number: u16) -> Result<Vec<Tick>, Error> {
         let mut ticks = Vec::new();
         loop {
-            let some: Ticks = self.ask(ToRecord::Ticks { number, from: ticks.len() as u8 })?;
+            let some: Ticks = self.ask(HubFunction::Ticks { number, from: ticks.len() as u8 })?;
             ticks.extend(&some.ticks);
             if some.ticks.is_empty() || ticks.len() >= usize::from(some.count) {
                 return Ok(ticks);
@@ -90,17 +89,17 @@ impl<L: Read + Write> Session<L> {
 
     /// Clears the hub's record of faults and resets.
     pub fn forget_record(&mut self) -> Result<(), Error> {
-        self.ask(ToRecord::Entries { from: 0, clear: true }).map(|_: Entries| ())
+        self.ask(HubFunction::Entries { from: 0, clear: true }).map(|_: Entries| ())
     }
 
     /// State of the stored settings, and result of the last save. Needs this project's firmware on a board that stores
     /// settings.
     pub fn stored(&mut self) -> Result<StoreReport, Error> {
-        self.ask(ToStore::State)
+        self.ask(HubFunction::Stored)
     }
 
     /// Stores, loads or resets the hub's settings, and waits until the hub has finished. The report says with what result.
-    pub fn store(&mut self, what: ToStore) -> Result<StoreReport, Error> {
+    pub fn store(&mut self, what: HubFunction) -> Result<StoreReport, Error> {
         let end = Instant::now() + STORING;
         loop {
             match self.order(what.clone()) {
@@ -131,7 +130,7 @@ impl<L: Read + Write> Session<L> {
         if self.reports_nothing {
             return Ok(None);
         }
-        match self.ask(Request::Report) {
+        match self.ask(HubFunction::Report) {
             Ok(report) => Ok(Some(report)),
             Err(Error::Refused { .. } | Error::TooOld { .. }) => {
                 self.reports_nothing = true;
@@ -206,12 +205,12 @@ impl<L: Read + Write> Session<L> {
     /// Moves a group of motors in step; `motor` is a member of the group. The move replaces each motor's set-point. All
     /// members must be enabled. Needs this project's firmware.
     pub fn move_together(&mut self, motor: u8, wanted: GroupMove) -> Result<(), Error> {
-        self.order(ToGroup::Move { wanted }.to(motor))
+        self.order(MotorFunction::Move { wanted }.to(motor))
     }
 
     /// State of the group in which a motor moves. Needs this project's firmware.
     pub fn group_state(&mut self, motor: u8) -> Result<GroupState, Error> {
-        self.ask(ToGroup::State.to(motor))
+        self.ask(MotorFunction::Group.to(motor))
     }
 
     /// The hub's version text: hardware and firmware.

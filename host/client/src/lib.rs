@@ -14,9 +14,9 @@
 //! | [`update`] | sending and starting new firmware |
 //! | [`memory`] | a hub in memory, for tests of host programs |
 //! | [`error`] | errors |
-//! | [`why`] | reasons why a motor does not turn, or settings were not stored |
+//! | [`reasons`] | reasons why a motor does not turn, or settings were not stored |
 //!
-//! [`motor_hub::protocol`] defines the bytes, for host and hub. A hub that receives nothing for 2.5 s releases its motors:
+//! [`motor_hub::protocol`] and [`motor_hub::extension`] define the bytes, for host and hub. A hub that receives nothing for 2.5 s releases its motors:
 //! a host that keeps motors running must keep sending requests.
 //!
 //! # Features
@@ -51,10 +51,10 @@ pub mod hub;
 pub mod line;
 pub mod memory;
 pub mod motor;
+pub mod reasons;
+mod request_text;
 pub mod session;
 pub mod update;
-pub mod why;
-mod words;
 
 pub use error::{Error, OpenError};
 pub use line::Line;

@@ -21,11 +21,14 @@
 //! ```
 
 use crate::{Error, Session};
-use motor_hub::bridge::Timing;
-use motor_hub::motion::Pidf;
-use motor_hub::motor::ZeroPower;
-use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
-use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
+use motor_hub::braking::Winding;
+use motor_hub::extension::report::Condition;
+use motor_hub::extension::settings::{Group, MotorSettings, Values};
+use motor_hub::extension::{MotorFunction, Request};
+use motor_hub::motor::{Settings, ZeroPower};
+use motor_hub::protocol::Nack;
+use motor_hub::protocol::fields::{Fields, Flag};
+use motor_hub::protocol::motor::{ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use std::io::{Read, Write};
@@ -53,10 +56,10 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// See [`Session::ask`], as for all commands.
     pub fn motor(&mut self, motor: u8) -> Result<MotorState, Error> {
-        let ChannelMode { mode, zero_power } = self.ask(ToMotor::Mode.to(motor))?;
+        let ChannelMode { mode, floats: Flag(floats) } = self.ask(ToMotor::Mode.to(motor))?;
         Ok(MotorState {
             mode,
-            zero_power,
+            zero_power: if floats { ZeroPower::Float } else { ZeroPower::Brake },
             enabled: self.enabled(motor)?,
             power: self.ask(ToMotor::Power.to(motor))?,
             velocity: self.ask(ToMotor::Velocity.to(motor))?,
@@ -66,7 +69,8 @@ impl<L: Read + Write> Session<L> {
 
     /// Sets the mode of a motor, and whether it brakes or floats at zero.
     pub fn set_mode(&mut self, motor: u8, mode: RunMode, zero_power: ZeroPower) -> Result<(), Error> {
-        self.order(ToMotor::SetMode { mode, zero_power }.to(motor))
+        let floats = Flag(zero_power == ZeroPower::Float);
+        self.order(ToMotor::SetMode { mode, floats }.to(motor))
     }
 
     /// Enables or disables a motor. A disabled motor floats.
@@ -99,72 +103,57 @@ impl<L: Read + Write> Session<L> {
         self.order(ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor))
     }
 
-    /// Configured motor constants, scheme and duty rule. Needs this project's firmware.
-    pub fn setup(&mut self, motor: u8) -> Result<Setup, Error> {
-        self.ask(ToSetup::Setup.to(motor))
+    /// All settings of a motor, without coefficients, whose groups [`get`](Self::get) reads. Needs this project's firmware.
+    pub fn settings(&mut self, motor: u8) -> Result<MotorSettings, Error> {
+        // The groups replace every setting that a hub reports.
+        let mut settings = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
+        for group in Group::EACH {
+            if group.in_use(&settings) {
+                settings = self.get(motor, group, &settings)?;
+            }
+        }
+        Ok(settings)
     }
 
-    /// Configures motor constants, scheme and duty rule. The coefficients become the defaults of that motor.
-    pub fn set_up(&mut self, motor: u8, setup: Setup) -> Result<(), Error> {
-        self.order(ToSetup::SetUp { setup }.to(motor))
+    /// `settings` with a group as the hub reports it.
+    ///
+    /// # Errors
+    /// The errors of all commands; an answer with values that do not go together is unexpected.
+    pub fn get(&mut self, motor: u8, group: Group, settings: &MotorSettings) -> Result<MotorSettings, Error> {
+        let read = |payload: &[u8]| -> Result<MotorSettings, Nack> {
+            Values::read(group, &mut Fields::new(payload))?.put(settings)
+        };
+        self.ask_with(Request::Get(motor, group), read)
     }
 
-    /// Configured dynamics and acceleration limit. Needs this project's firmware.
-    pub fn motion(&mut self, motor: u8) -> Result<Motion, Error> {
-        self.ask(ToSetup::Motion.to(motor))
-    }
-
-    /// Configures dynamics and acceleration limit.
-    pub fn set_motion(&mut self, motor: u8, motion: Motion) -> Result<(), Error> {
-        self.order(ToSetup::SetMotion { motion }.to(motor))
-    }
-
-    /// Configured behaviour at faults, and thermal limit. Needs this project's firmware.
-    pub fn protection(&mut self, motor: u8) -> Result<Protection, Error> {
-        self.ask(ToSetup::Protection.to(motor))
-    }
-
-    /// Configured timing of the motor's bridge. Needs this project's firmware.
-    pub fn timing(&mut self, motor: u8) -> Result<Timing, Error> {
-        self.ask(ToSetup::Timing.to(motor))
-    }
-
-    /// Configures the timing of the motor's bridge, which limits its duties.
-    pub fn set_timing(&mut self, motor: u8, timing: Timing) -> Result<(), Error> {
-        self.order(ToSetup::SetTiming { timing }.to(motor))
+    /// Sets a group to its values in `settings`. [`Group::SetUp`] deletes motion and coefficients.
+    pub fn set(&mut self, motor: u8, group: Group, settings: &MotorSettings) -> Result<(), Error> {
+        self.order(Request::Set(motor, Values::of(group, settings)))
     }
 
     /// Current, heat and faults of the motor and its bridge. Needs this project's firmware.
     pub fn condition(&mut self, motor: u8) -> Result<Condition, Error> {
-        self.ask(ToSetup::Condition.to(motor))
-    }
-
-    /// Configures the motor's protection: whether it coasts or brakes at a fault or when the host is silent, and its
-    /// thermal limit.
-    pub fn set_protection(&mut self, motor: u8, protection: Protection) -> Result<(), Error> {
-        self.order(ToSetup::SetProtection { protection }.to(motor))
+        self.ask(MotorFunction::Condition.to(motor))
     }
 
     /// Starts an identification. The motor must be enabled, at rest, with a constant power of 0. It turns at most
     /// `travel_limit` counts either way. Returns the limit in counts that the hub applies.
     pub fn identify(&mut self, motor: u8, travel_limit: u32) -> Result<u32, Error> {
-        self.ask(ToSetup::Identify { travel_limit }.to(motor))
+        self.ask(MotorFunction::Identify { travel_limit }.to(motor))
     }
 
     /// State or result of the last identification.
     pub fn identification(&mut self, motor: u8) -> Result<Identification, Error> {
-        self.ask(ToSetup::Identification.to(motor))
+        self.ask(MotorFunction::Identification.to(motor))
     }
 
     /// The coefficients of a loop.
-    pub fn coefficients(&mut self, motor: u8, of: Loop) -> Result<Pidf, Error> {
-        let Coefficients { pidf, .. } = self.ask(ToMotor::Pidf { of }.to(motor))?;
-        Ok(pidf)
+    pub fn coefficients(&mut self, motor: u8, of: Loop) -> Result<Coefficients, Error> {
+        self.ask(ToMotor::Pidf { of }.to(motor))
     }
 
-    /// Sets the coefficients of a loop.
-    pub fn set_coefficients(&mut self, motor: u8, of: Loop, pidf: Pidf) -> Result<(), Error> {
-        let coefficients = Coefficients { pidf, algorithm: Algorithm::Pidf };
+    /// Sets the coefficients of a loop. From then on PID regulates the motor.
+    pub fn set_coefficients(&mut self, motor: u8, of: Loop, coefficients: Coefficients) -> Result<(), Error> {
         self.order(ToMotor::SetPidf { of, coefficients }.to(motor))
     }
 }

@@ -15,10 +15,11 @@ use crate::Error;
 use crate::error::Addresses;
 #[cfg(feature = "serial")]
 use crate::{Line, OpenError};
+use motor_hub::extension::{INTERFACE, Request};
 use motor_hub::protocol::answers::Functions;
 use motor_hub::protocol::fields::{Field, Fields};
-use motor_hub::protocol::requests::{DISCOVERY, Interface, Standard};
-use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Packet, Reply, Request, frame};
+use motor_hub::protocol::requests::{DISCOVERY, InterfaceName, Standard};
+use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply, frame};
 use motor_hub::units::Micros;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -60,8 +61,8 @@ pub struct Session<L> {
     pub(crate) address: u8,
     /// Packet types of the motor interface; `None` until the hub was asked.
     motors: Option<Functions>,
-    /// Packet types of the hub's own interface; `None` until the hub was asked.
-    setup: Option<Functions>,
+    /// Packet types of the extension; `None` until the hub was asked.
+    extension: Option<Functions>,
     /// True once the hub has refused [`Session::report`], so that later calls need not ask again.
     pub(crate) reports_nothing: bool,
 }
@@ -99,7 +100,7 @@ impl<L: Read + Write> Session<L> {
             number: 0,
             address: address.get(),
             motors: None,
-            setup: None,
+            extension: None,
             reports_nothing: false,
         }
     }
@@ -133,7 +134,7 @@ impl<L: Read + Write> Session<L> {
     /// Continues with another hub on the same line.
     pub fn talk_to(&mut self, address: Address) {
         // Another hub may number its functions differently.
-        (self.address, self.motors, self.setup) = (address.get(), None, None);
+        (self.address, self.motors, self.extension) = (address.get(), None, None);
         self.reports_nothing = false;
     }
 
@@ -144,7 +145,7 @@ impl<L: Read + Write> Session<L> {
     pub fn discover(&mut self) -> Result<Vec<Found>, Error> {
         let end = Instant::now() + self.timeout;
         self.count();
-        self.transmit(&Request::from(Standard::Discovery), BROADCAST, DISCOVERY)?;
+        self.transmit(&Standard::Discovery.into(), BROADCAST, DISCOVERY)?;
         let mut found: Vec<Found> = Vec::new();
         let mut wait_until = end;
         let parent = |packet: &Packet| match Reply::read(packet, DISCOVERY) {
@@ -167,9 +168,18 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// The line fails, the hub is silent, the hub refuses, or the answer has another type.
     pub fn ask<A: Field>(&mut self, request: impl Into<Request>) -> Result<A, Error> {
+        self.ask_with(request, |payload| A::read(&mut Fields::new(payload)))
+    }
+
+    /// Sends a request and reads its answer by `read`.
+    pub(crate) fn ask_with<A>(
+        &mut self,
+        request: impl Into<Request>,
+        read: impl FnOnce(&[u8]) -> Result<A, Nack>,
+    ) -> Result<A, Error> {
         let request = request.into();
         if let Reply::Data(payload) = self.exchange(&request)?
-            && let Ok(answer) = A::read(&mut Fields::new(&payload))
+            && let Ok(answer) = read(&payload)
         {
             return Ok(answer);
         }
@@ -210,18 +220,15 @@ impl<L: Read + Write> Session<L> {
     /// Packet type of a request. Each hub numbers its functions as it likes.
     fn id(&mut self, request: &Request) -> Result<u16, Error> {
         let Some(interface) = request.interface() else { return Ok(request.id()) };
-        let known = match interface {
-            Interface::Motors => self.motors,
-            Interface::Setup => self.setup,
-        };
+        let known = if interface == INTERFACE { self.extension } else { self.motors };
         let functions = match known {
             Some(functions) => functions,
-            None => self.ask(Standard::QueryInterface { interface })?,
+            None => {
+                let name = InterfaceName::new(interface).expect("a short name");
+                self.ask(Standard::QueryInterface { name })?
+            }
         };
-        match interface {
-            Interface::Motors => self.motors = Some(functions),
-            Interface::Setup => self.setup = Some(functions),
-        }
+        *(if interface == INTERFACE { &mut self.extension } else { &mut self.motors }) = Some(functions);
         functions.id(request.number()).ok_or_else(|| Error::TooOld { request: Box::new(request.clone()) })
     }
 

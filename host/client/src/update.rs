@@ -12,9 +12,10 @@
 //! ```
 
 use crate::{Error, Session};
+use motor_hub::extension::HubFunction;
+use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::fields::{TEXT, Text};
-use motor_hub::protocol::update::{ToUpdate, UpdateReport};
 use motor_hub::update::{CHUNK, CRC, Phase, Seal};
 use std::io::{Read, Write};
 use std::thread::sleep;
@@ -35,7 +36,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// See [`Session::ask`], as for all commands.
     pub fn update_state(&mut self) -> Result<UpdateReport, Error> {
-        self.ask(ToUpdate::State)
+        self.ask(HubFunction::Update)
     }
 
     /// Sends the bytes of an image; the hub then checks and arms the image. The report says with what result.
@@ -66,7 +67,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// The errors of all commands.
     pub fn restart(&mut self) -> Result<(), Error> {
-        self.persist(&ToUpdate::Restart, Nack::MOTOR_ENABLED, STOPPING)
+        self.persist(&HubFunction::Restart, Nack::MOTOR_ENABLED, STOPPING)
     }
 
     /// Makes the hub forget an image, even an armed one.
@@ -74,7 +75,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// The errors of all commands.
     pub fn abandon_update(&mut self) -> Result<UpdateReport, Error> {
-        self.persist(&ToUpdate::Abandon, Nack::UPDATE_AT_WORK, WRITING)?;
+        self.persist(&HubFunction::AbandonUpdate, Nack::UPDATE_BUSY, WRITING)?;
         self.update_settled()
     }
 
@@ -88,24 +89,24 @@ impl<L: Read + Write> Session<L> {
         let length = u32::try_from(image.len()).unwrap_or(u32::MAX);
         let bytes = version.as_bytes();
         let version = Text::new(bytes.get(..TEXT).unwrap_or(bytes)).unwrap_or_default();
-        let begin = ToUpdate::Begin { length, crc: CRC.checksum(image), version };
+        let begin = HubFunction::BeginUpdate { length, crc: CRC.checksum(image), version };
         self.persist(&begin, Nack::MOTOR_ENABLED, STOPPING)?;
         if let Some(Seal { key, signature }) = seal {
-            self.order(ToUpdate::Sign { key, signature })?;
+            self.order(HubFunction::Sign { key, signature })?;
         }
         for (index, chunk) in image.chunks(CHUNK).enumerate() {
             progress(index * CHUNK)?;
             let offset = u32::try_from(index * CHUNK).unwrap_or(u32::MAX);
             let bytes = Text::new(chunk).unwrap_or_default();
-            self.persist(&ToUpdate::Chunk { offset, bytes }, Nack::UPDATE_AT_WORK, WRITING)?;
+            self.persist(&HubFunction::Chunk { offset, bytes }, Nack::UPDATE_BUSY, WRITING)?;
         }
         progress(image.len())?;
-        self.persist(&ToUpdate::Finish, Nack::UPDATE_AT_WORK, WRITING)?;
+        self.persist(&HubFunction::FinishUpdate, Nack::UPDATE_BUSY, WRITING)?;
         Ok(self.update_settled()?)
     }
 
     /// Repeats a request while the hub refuses it with `unless`, for at most `limit`.
-    fn persist(&mut self, request: &ToUpdate, unless: Nack, limit: Duration) -> Result<(), Error> {
+    fn persist(&mut self, request: &HubFunction, unless: Nack, limit: Duration) -> Result<(), Error> {
         let end = Instant::now() + limit;
         loop {
             match self.order(request.clone()) {

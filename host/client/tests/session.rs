@@ -4,12 +4,11 @@
 mod hub_support;
 
 use hub_support::{ADDRESS, Hub, Memory};
-use motor_hub::motion::Pidf;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::fields::{Field, Fields};
-use motor_hub::protocol::motor::{Loop, RunMode, Target, ToMotor};
-use motor_hub::protocol::requests::{Interface, Request, Standard};
+use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, RunMode, Target, ToMotor};
+use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Request, Standard};
 use motor_hub::protocol::{Address, Colour, Nack, frame};
 use motor_hub::supply::BusState;
 use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
@@ -49,7 +48,11 @@ fn requests_are_the_bytes_of_the_protocol() {
     for (frame, expected) in [
         (request(255, 1, Standard::Discovery), "44 4b 0b 00 ff 00 01 00 0f 7f 28"),
         (
-            request(3, 2, Standard::QueryInterface { interface: Interface::Motors }),
+            request(
+                3,
+                2,
+                Standard::QueryInterface { name: InterfaceName::new(MOTOR_INTERFACE).expect("short") },
+            ),
             "44 4b 10 00 03 00 02 00 07 7f 44 45 4b 41 00 3f",
         ),
         (
@@ -103,7 +106,7 @@ fn every_setting_can_be_read_back() {
 fn coefficients_keep_every_bit_and_their_sign() {
     let mut session = session(Memory::new(Hub::new()));
     let [p, i, d, f] = [i32::MIN, -1, 82_575, i32::MAX].map(Coefficient::from_bits);
-    let pidf = Pidf { p, i, d, f };
+    let pidf = Coefficients { p, i, d, f, algorithm: Algorithm::Pidf };
     let before = session.coefficients(1, Loop::Velocity).unwrap();
     session.set_coefficients(1, Loop::Position, pidf).unwrap();
     assert_eq!(session.coefficients(1, Loop::Position).unwrap(), pidf);

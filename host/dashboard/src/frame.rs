@@ -2,16 +2,16 @@
 //! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
 use crate::world::WorldIs;
-use motor_hub::braking::{DutyRule, Regime, Scheme};
+use motor_hub::braking::{Regime, Scheme};
+use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
+use motor_hub::extension::settings::{Field, MotorSettings};
 use motor_hub::model::catalogue::motors;
-use motor_hub::motion::Pidf;
-use motor_hub::protocol::report::{HubReport, MotorReport, Told};
-use motor_hub::protocol::setup::{Motion, Setup};
+use motor_hub::protocol::motor::Coefficients;
 use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::Identified;
 use motor_hub::supply::BusState;
 use motor_hub::units::{Acceleration, Control, Milliamperes};
-use motor_hub_client::why::why_still;
+use motor_hub_client::reasons::why_still;
 use serde::Serialize;
 use simulated::scheme::SchemeWords;
 use tungstenite::Utf8Bytes;
@@ -259,14 +259,14 @@ impl Frame {
 
 impl OfMotor {
     fn of(motor: &MotorReport, why: Option<&'static str>) -> Self {
-        let (told, target) = match motor.told {
-            Told::Off => ("off", None),
-            Told::FailSafe => ("fail-safe", None),
-            Told::Power(control) => ("power", Some(share(control))),
-            Told::Velocity(cps) => ("velocity", Some(cps.into())),
-            Told::Position(counts) => ("position", Some(counts.into())),
-            Told::Together(counts) => ("together", Some(counts.into())),
-            Told::Identify(_) => ("identify", None),
+        let (told, target) = match motor.setpoint {
+            ReportedSetpoint::Off => ("off", None),
+            ReportedSetpoint::FailSafe => ("fail-safe", None),
+            ReportedSetpoint::Power(control) => ("power", Some(share(control))),
+            ReportedSetpoint::Velocity(cps) => ("velocity", Some(cps.into())),
+            ReportedSetpoint::Position(counts) => ("position", Some(counts.into())),
+            ReportedSetpoint::Together(counts) => ("together", Some(counts.into())),
+            ReportedSetpoint::Identify(_) => ("identify", None),
         };
         let MotorReport { position, velocity, enabled, at_target, .. } = *motor;
         Self { told, target, position, velocity, enabled, at_target, why, more: Some(More::of(motor)) }
@@ -307,32 +307,28 @@ impl SettingsOf {
     #[must_use]
     pub(crate) fn new(
         motor: usize,
-        setup: &Setup,
-        motion: &Motion,
-        loops: [Pidf; 2],
+        settings: &MotorSettings,
+        loops: [Coefficients; 2],
         undoable: usize,
     ) -> Self {
-        let emf = f64::from(setup.emf.to_bits()) / f64::from(1 << 20);
-        let resistance_ohm = setup.resistance.map(|resistance| f64::from(resistance.as_milliohms()) / 1e3);
-        let known = resistance_ohm.and_then(|ohms| {
-            motors().find(|known| (known.ke_fw() - emf).abs() < 1e-3 * emf && (known.r.0 - ohms).abs() < 2e-3)
-        });
-        let [velocity, position] = loops.map(|Pidf { p, i, d, f }| {
+        let number = |name| Field::named(name).map_or(0.0, |field| field.number_of(field.get(settings)));
+        let (emf, ohms) = (number("emf_mv_s_per_count"), number("resistance_ohm"));
+        let known = motors()
+            .find(|known| (known.ke_fw() - emf).abs() < 1e-3 * emf && (known.r.0 - ohms).abs() < 2e-3);
+        let [velocity, position] = loops.map(|Coefficients { p, i, d, f, .. }| {
             [p, i, d, f].map(|coefficient| f64::from(coefficient.to_bits()) / f64::from(1 << 16))
         });
+        let duty = Field::named("duty").and_then(|field| field.word_of(field.get(settings)));
         Self {
             motor,
             name: known.map(|known| known.name),
             counts_per_turn: known.map(|known| known.counts_per_rev_output()),
             emf_mv_s_per_count: emf,
-            resistance_ohm,
-            scheme: SchemeWords(setup.scheme),
-            duty: match setup.duty {
-                DutyRule::LinearDuty => "linear-duty",
-                DutyRule::LinearCurrent => "linear-current",
-            },
-            dynamics: motion.dynamics.map(Dynamics::of),
-            acceleration: motion.acceleration.map(Acceleration::get),
+            resistance_ohm: Some(ohms),
+            scheme: SchemeWords(settings.motor.scheme),
+            duty: duty.unwrap_or_default(),
+            dynamics: settings.motor.dynamics.map(Dynamics::of),
+            acceleration: settings.motor.acceleration.map(Acceleration::get),
             velocity,
             position,
             undoable,

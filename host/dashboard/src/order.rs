@@ -11,7 +11,12 @@
 //! ```
 
 use crate::world::WorldOrder;
+use motor_hub::braking::DutyRule;
+use motor_hub::motor::ZeroPower;
+use motor_hub::protocol::motor::{Loop, RunMode};
+use motor_hub::regulator::Kind;
 use serde::Deserialize;
+use simulated::scheme::DutyWord;
 
 /// An order of a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -38,14 +43,15 @@ pub enum Order {
         /// Motor, 0 to 3.
         motor: u8,
         /// Power, velocity or position.
-        mode: Mode,
+        #[serde(with = "RunModeName")]
+        mode: RunMode,
         /// Share of full power from -1 to 1, counts/s, or counts.
         value: f64,
         /// Speed limit towards a position, in counts/s.
         speed: Option<f64>,
         /// Behaviour at zero.
-        #[serde(default)]
-        zero: Zero,
+        #[serde(default, with = "ZeroPowerName")]
+        zero: ZeroPower,
     },
     /// Enables or disables a motor.
     Enable {
@@ -73,6 +79,7 @@ pub enum Order {
         /// Motor, 0 to 3.
         motor: u8,
         /// Loop to set.
+        #[serde(with = "LoopName")]
         of: Loop,
         /// Proportional, integral, derivative, feed-forward: -32768 to 32767 each.
         pidf: [f64; 4],
@@ -82,7 +89,8 @@ pub enum Order {
         /// Motor, 0 to 3.
         motor: u8,
         /// Regulator to use.
-        kind: Regulator,
+        #[serde(with = "KindName")]
+        kind: Kind,
     },
     /// Configures the connected motor, the scheme and the duty rule.
     SetUp {
@@ -93,7 +101,8 @@ pub enum Order {
         /// Scheme: `none`, `A` to `D`.
         scheme: String,
         /// Duty rule.
-        duty: Duty,
+        #[serde(with = "DutyWord")]
+        duty: DutyRule,
     },
     /// Limits a motor's acceleration.
     Acceleration {
@@ -135,55 +144,35 @@ impl Order {
     }
 }
 
-/// Mode of a motor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Mode {
-    /// Constant power.
+/// Names of a [`RunMode`] in orders.
+#[derive(Deserialize)]
+#[serde(remote = "RunMode", rename_all = "kebab-case")]
+enum RunModeName {
     Power,
-    /// Regulated velocity.
     Velocity,
-    /// Regulated position.
     Position,
 }
 
-/// Behaviour of a motor at zero.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Zero {
-    /// Full dynamic braking, or regulated to stand.
-    #[default]
+/// Names of a [`ZeroPower`] in orders.
+#[derive(Deserialize)]
+#[serde(remote = "ZeroPower", rename_all = "kebab-case")]
+enum ZeroPowerName {
     Brake,
-    /// Open bridge.
     Float,
 }
 
-/// A loop of the PID regulator.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Loop {
-    /// Velocity loop.
+/// Names of a [`Loop`] in orders.
+#[derive(Deserialize)]
+#[serde(remote = "Loop", rename_all = "kebab-case")]
+enum LoopName {
     Velocity,
-    /// Position loop, whose output is the velocity loop's set-point.
     Position,
 }
 
-/// A regulator.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Regulator {
-    /// The motor model.
+/// Names of a [`Kind`] of regulator in orders.
+#[derive(Deserialize)]
+#[serde(remote = "Kind", rename_all = "kebab-case")]
+enum KindName {
     Model,
-    /// PID, by coefficients.
     Pid,
-}
-
-/// Duty rule.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Duty {
-    /// Duty linear in the control value, as in the paper.
-    LinearDuty,
-    /// Mean current linear in the control value.
-    LinearCurrent,
 }

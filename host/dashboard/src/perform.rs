@@ -1,16 +1,15 @@
 //! Executes orders by requests to the hub. Values out of range are refused before anything is sent.
 
 use crate::frame::{SettingsOf, scheme};
-use crate::order::{Duty, Loop, Mode, Order, Regulator, Zero};
+use crate::order::Order;
 use crate::world::World;
 use motor_hub::braking::DutyRule;
+use motor_hub::extension::group::{GroupCourse, GroupMove};
+use motor_hub::extension::settings::{Group, MotorSettings};
 use motor_hub::model::catalogue::characterised;
-use motor_hub::motion::Pidf;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
-use motor_hub::protocol::group::{GroupCourse, GroupMove};
-use motor_hub::protocol::motor::{self, RunMode};
-use motor_hub::protocol::setup::{Motion, Setup};
+use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, RunMode};
 use motor_hub::regulator::identify::Identified;
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
@@ -64,10 +63,9 @@ impl From<Error> for Trouble {
 /// Settings of a motor before a change.
 #[derive(Clone, Debug)]
 struct Before {
-    setup: Setup,
-    motion: Motion,
+    settings: MotorSettings,
     /// Coefficients of velocity and position loop; `None` if the motor was regulated by its model.
-    loops: Option<[Pidf; 2]>,
+    loops: Option<[Coefficients; 2]>,
 }
 
 /// What the server keeps of each motor.
@@ -99,7 +97,7 @@ pub(crate) enum Changed {
     World,
 }
 
-const LOOPS: [motor::Loop; 2] = [motor::Loop::Velocity, motor::Loop::Position];
+const LOOPS: [Loop; 2] = [Loop::Velocity, Loop::Position];
 
 impl Performer {
     /// Executes an order. The pilot executes orders about pages and identifications.
@@ -131,10 +129,6 @@ impl Performer {
             Order::Coefficients { motor, of, pidf } => {
                 let pidf = coefficients(pidf)?;
                 self.keep(session, motor)?;
-                let of = match of {
-                    Loop::Velocity => motor::Loop::Velocity,
-                    Loop::Position => motor::Loop::Position,
-                };
                 session.set_coefficients(motor, of, pidf)?;
                 motor
             }
@@ -143,17 +137,19 @@ impl Performer {
                 motor
             }
             Order::SetUp { motor, ref name, scheme: ref wanted, duty } => {
-                let setup = set_up(session.setup(channel(motor)?)?, name.as_deref(), wanted, duty)?;
+                let before = session.settings(channel(motor)?)?;
+                let settings = set_up(before, name.as_deref(), wanted, duty)?;
                 self.keep(session, motor)?;
-                self.set_up(session, motor, setup, name.is_some())?;
+                self.set_up(session, motor, &settings, name.is_some())?;
                 motor
             }
             Order::Acceleration { motor, limit } => {
                 let limit = limit.map(Acceleration::new).transpose();
                 let acceleration = limit.map_err(|_| "an acceleration is 1 to 4294967295 counts/s²")?;
                 self.keep(session, motor)?;
-                let motion = session.motion(motor)?;
-                session.set_motion(motor, Motion { acceleration, ..motion })?;
+                let mut settings = session.settings(motor)?;
+                settings.motor.acceleration = acceleration;
+                session.set(motor, Group::Motion, &settings)?;
                 motor
             }
             Order::Apply { motor } => {
@@ -180,15 +176,14 @@ impl Performer {
 
     /// Keeps the present settings of a motor for undo.
     fn keep(&mut self, session: &mut Session<Line>, motor: u8) -> Result<(), Trouble> {
-        let setup = session.setup(channel(motor)?)?;
-        let motion = session.motion(motor)?;
+        let settings = session.settings(channel(motor)?)?;
         let of = self.of(motor)?;
         let loops = match of.regulator {
             Some(Kind::Model) => None,
             _ => Some([session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?]),
         };
-        of.known = motion.dynamics.or(of.known);
-        of.undo.push(Before { setup, motion, loops });
+        of.known = settings.motor.dynamics.or(of.known);
+        of.undo.push(Before { settings, loops });
         if of.undo.len() > UNDOABLE {
             of.undo.remove(0);
         }
@@ -200,34 +195,33 @@ impl Performer {
         &mut self,
         session: &mut Session<Line>,
         motor: u8,
-        setup: Setup,
+        settings: &MotorSettings,
         other: bool,
     ) -> Result<(), Trouble> {
-        let motion = session.motion(motor)?;
-        session.set_up(motor, setup)?;
+        session.set(motor, Group::SetUp, settings)?;
         if other {
             let of = self.of(motor)?;
             (of.found, of.known) = (None, None);
         } else {
-            session.set_motion(motor, motion)?;
+            session.set(motor, Group::Motion, settings)?;
         }
         Ok(())
     }
 
-    fn regulate(&mut self, session: &mut Session<Line>, motor: u8, kind: Regulator) -> Result<(), Trouble> {
+    fn regulate(&mut self, session: &mut Session<Line>, motor: u8, kind: Kind) -> Result<(), Trouble> {
         match kind {
-            Regulator::Model => {
-                let configured = session.motion(channel(motor)?)?.dynamics;
+            Kind::Model => {
+                let configured = session.settings(channel(motor)?)?.motor.dynamics;
                 let of = self.of(motor)?;
                 let known = configured.or(of.found.map(|found| found.dynamics)).or(of.known);
                 let known = known.ok_or("this motor's dynamics are not configured: run Identify first")?;
                 self.keep(session, motor)?;
                 self.regulate_by(session, motor, known)
             }
-            Regulator::Pid => {
+            Kind::Pid => {
                 self.keep(session, motor)?;
-                let pidf = session.coefficients(motor, motor::Loop::Velocity)?;
-                Ok(session.set_coefficients(motor, motor::Loop::Velocity, pidf)?)
+                let pidf = session.coefficients(motor, Loop::Velocity)?;
+                Ok(session.set_coefficients(motor, Loop::Velocity, pidf)?)
             }
         }
     }
@@ -239,18 +233,19 @@ impl Performer {
         motor: u8,
         dynamics: Dynamics,
     ) -> Result<(), Trouble> {
-        let (setup, motion) = (session.setup(motor)?, session.motion(motor)?);
-        session.set_up(motor, setup)?;
-        Ok(session.set_motion(motor, Motion { dynamics: Some(dynamics), ..motion })?)
+        let mut settings = session.settings(motor)?;
+        settings.motor.dynamics = Some(dynamics);
+        session.set(motor, Group::SetUp, &settings)?;
+        Ok(session.set(motor, Group::Motion, &settings)?)
     }
 
     /// Settings of a motor, as a message to pages.
     pub(crate) fn settings(&mut self, session: &mut Session<Line>, motor: u8) -> Result<SettingsOf, Error> {
-        let (setup, motion) = (session.setup(motor)?, session.motion(motor)?);
+        let settings = session.settings(motor)?;
         let loops = [session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?];
         let index = usize::from(motor);
         let undoable = self.motors.get(index).map_or(0, |of| of.undo.len());
-        Ok(SettingsOf::new(index, &setup, &motion, loops, undoable))
+        Ok(SettingsOf::new(index, &settings, loops, undoable))
     }
 }
 
@@ -266,34 +261,27 @@ pub(crate) fn channel(motor: u8) -> Result<u8, Trouble> {
 fn drive(
     session: &mut Session<Line>,
     motor: u8,
-    mode: Mode,
+    mode: RunMode,
     value: f64,
     speed: Option<f64>,
-    zero: Zero,
+    zero: ZeroPower,
 ) -> Result<(), Trouble> {
-    let zero = match zero {
-        Zero::Brake => ZeroPower::Brake,
-        Zero::Float => ZeroPower::Float,
-    };
-    let mode = match mode {
-        Mode::Power => {
+    match mode {
+        RunMode::Power => {
             let share = within("a power", value, -1.0, 1.0)?;
             let steps = (share * f64::from(Control::MAX.get())).round();
             session.set_power(motor, Control::saturating(steps as i64))?;
-            RunMode::Power
         }
-        Mode::Velocity => {
+        RunMode::Velocity => {
             session.set_velocity(motor, cps(value)?)?;
-            RunMode::Velocity
         }
-        Mode::Position => {
+        RunMode::Position => {
             let counts = within("a position in counts", value, i32::MIN.into(), i32::MAX.into())?.round();
             let speed = cps(speed.unwrap_or(USUAL_SPEED))?;
             session.set_velocity(motor, speed)?;
             session.set_position(motor, counts as i32, TOLERANCE)?;
-            RunMode::Position
         }
-    };
+    }
     Ok(session.set_mode(motor, mode, zero)?)
 }
 
@@ -308,33 +296,29 @@ fn within(what: &str, value: f64, least: f64, most: f64) -> Result<f64, Trouble>
     Err(format!("{what} of {value} is out of range; allowed is {least} to {most}").into())
 }
 
-fn coefficients(pidf: [f64; 4]) -> Result<Pidf, Trouble> {
+fn coefficients(pidf: [f64; 4]) -> Result<Coefficients, Trouble> {
     let mut bits = [Coefficient::ZERO; 4];
     for (slot, value) in bits.iter_mut().zip(pidf) {
         let value = within("a coefficient", value, -32_768.0, 32_767.999)?;
         *slot = Coefficient::from_bits((value * 65_536.0).round() as i32);
     }
     let [p, i, d, f] = bits;
-    Ok(Pidf { p, i, d, f })
+    Ok(Coefficients { p, i, d, f, algorithm: Algorithm::Pidf })
 }
 
-fn set_up(mut setup: Setup, name: Option<&str>, wanted: &str, duty: Duty) -> Result<Setup, Trouble> {
+fn set_up(
+    mut settings: MotorSettings,
+    name: Option<&str>,
+    wanted: &str,
+    duty: DutyRule,
+) -> Result<MotorSettings, Trouble> {
     if let Some(name) = name {
         let motor = characterised(name).map_err(|error| error.to_string())?;
-        let winding = winding(&motor).map_err(|error| error.to_string())?;
-        setup.emf = winding.emf;
-        setup.resistance = Some(winding.resistance);
-        setup.inductance = winding.inductance;
+        settings.motor.winding = winding(&motor).map_err(|error| error.to_string())?;
     }
-    setup.scheme = scheme(wanted)?;
-    setup.duty = match duty {
-        Duty::LinearDuty => DutyRule::LinearDuty,
-        Duty::LinearCurrent => DutyRule::LinearCurrent,
-    };
-    if setup.duty == DutyRule::LinearCurrent && setup.resistance.is_none() {
-        return Err("linear current needs the winding's resistance: choose the motor".into());
-    }
-    Ok(setup)
+    settings.motor.scheme = scheme(wanted)?;
+    settings.motor.duty = duty;
+    Ok(settings)
 }
 
 fn together(
@@ -364,8 +348,8 @@ fn together(
 }
 
 fn restore(session: &mut Session<Line>, motor: u8, before: &Before) -> Result<(), Trouble> {
-    session.set_up(motor, before.setup)?;
-    session.set_motion(motor, before.motion)?;
+    session.set(motor, Group::SetUp, &before.settings)?;
+    session.set(motor, Group::Motion, &before.settings)?;
     for (of, pidf) in LOOPS.into_iter().zip(before.loops.into_iter().flatten()) {
         session.set_coefficients(motor, of, pidf)?;
     }

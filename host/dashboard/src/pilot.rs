@@ -8,13 +8,13 @@ use crate::perform::{Changed, Performer, Trouble, channel};
 use crate::script::{Playing, Script};
 use crate::viewer::Pen;
 use crate::world::World;
+use motor_hub::extension::HubFunction;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
 use motor_hub::protocol::motor::RunMode;
-use motor_hub::protocol::store::ToStore;
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
-use motor_hub_client::why::why_unsaved;
+use motor_hub_client::reasons::why_unsaved;
 use motor_hub_client::{Error, Line, Session};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -254,7 +254,7 @@ impl Pilot {
                 }
                 _ => Err("there is no scenario to play: start the dashboard with --scenario FILE".into()),
             },
-            Order::Save => session.order(ToStore::Save).map_err(Trouble::from).map(|()| {
+            Order::Save => session.order(HubFunction::Save).map_err(Trouble::from).map(|()| {
                 self.saving = Some(Instant::now());
                 Changed::Nothing
             }),

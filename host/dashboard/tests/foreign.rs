@@ -3,9 +3,9 @@
 
 use dashboard::{Place, Server};
 use motor_hub::braking::Winding;
+use motor_hub::extension::INTERFACE;
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::Settings;
-use motor_hub::protocol::requests::Interface;
 use motor_hub::protocol::{Address, Decoder, frame};
 use motor_hub::responder::Responder;
 use motor_hub::units::{Micros, Millivolts};
@@ -30,7 +30,7 @@ fn foreign_hub() -> String {
             while let Ok(1..) = stream.read(&mut bytes[..1]) {
                 let now = Micros::new(0);
                 let Some(mut packet) = decoder.next(&mut &bytes[..1], now) else { continue };
-                if packet.payload.starts_with(Interface::Setup.name()) {
+                if packet.payload.starts_with(INTERFACE) {
                     packet.payload[0] = b'?';
                 }
                 let reply = responder.receive(&packet, now, &snapshot).unwrap();

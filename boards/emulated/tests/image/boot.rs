@@ -7,8 +7,9 @@ use crate::common::{am60, board, booted, four_loads, log, ms, publish, setup, tu
 use emulated::talk::Talk;
 use emulated::{Bench, Board, elf, recording};
 use motor_hub::braking::Winding;
+use motor_hub::extension::Request;
+use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::motor::Settings;
-use motor_hub::protocol::setup::{Motion, ToSetup};
 use motor_hub::regulator::Kind;
 
 #[test]
@@ -91,11 +92,11 @@ pub(crate) fn at_speed(image: &Path, regulator: Kind) -> Bench {
     let mut talk = Talk::default();
     bench.run(ms(300));
     for (motor, mounting) in four_loads().iter().enumerate() {
-        let settings = Settings::new(Winding::NEVEREST_60);
+        let mut settings = Settings::new(Winding::NEVEREST_60);
         let known = recording::dynamics(mounting, &settings).expect("a motor's constants");
-        let dynamics = (regulator == Kind::Model).then_some(known);
-        let motion = Motion { dynamics, acceleration: None };
-        talk.order(&mut bench, ToSetup::SetMotion { motion }.to(motor as u8));
+        settings.dynamics = (regulator == Kind::Model).then_some(known);
+        let motion = Values::of(Group::Motion, &MotorSettings::new(settings));
+        talk.order(&mut bench, Request::Set(motor as u8, motion));
         talk.velocity(&mut bench, motor as u8, 1000);
     }
     bench.run(ms(1500));

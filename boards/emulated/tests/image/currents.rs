@@ -3,11 +3,12 @@
 use crate::common::{am60, booted, ms};
 use emulated::talk::Talk;
 use emulated::{Bench, Mounting};
+use motor_hub::extension::MotorFunction;
+use motor_hub::extension::report::Condition;
 use motor_hub::model::si::Ohms;
 use motor_hub::motor::SenseLine;
 use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY_CURRENT, ToHub};
-use motor_hub::protocol::setup::{Condition, ToSetup};
 use simulated::current_line::CurrentLine;
 
 /// Held by a hard stop from the beginning on.
@@ -16,7 +17,7 @@ fn held() -> Mounting {
 }
 
 fn condition(bench: &mut Bench, talk: &mut Talk, motor: u8) -> Condition {
-    talk.question(bench, ToSetup::Condition.to(motor))
+    talk.question(bench, MotorFunction::Condition.to(motor))
 }
 
 /// What a host is told of an analog channel, mA.

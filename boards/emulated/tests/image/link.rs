@@ -5,11 +5,12 @@ use std::time::Duration;
 use crate::common::{am60, board, booted, four_loads, ms, open_since, setup};
 use emulated::Bench;
 use emulated::talk::Talk;
+use motor_hub::extension::{HubFunction, Request};
+use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::{Bulk, Reply};
 use motor_hub::protocol::frame::OVERHEAD;
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::protocol::requests::{BATTERY, ToHub};
-use motor_hub::protocol::{Nack, Request};
 
 /// Runs with a sign of life every second.
 fn run(bench: &mut Bench, talk: &mut Talk, time: Duration) {
@@ -375,7 +376,7 @@ fn replies_of_every_length_go_out_whole_and_leave_the_hub_listening() {
     let mut lengths = Vec::new();
     for _ in 0..3 {
         // The second is longer than what the line takes at once, 128 bytes.
-        for request in [Request::from(ToHub::Bulk), Request::Report, Request::from(ToHub::VersionText)] {
+        for request in [Request::from(ToHub::Bulk), HubFunction::Report.into(), ToHub::VersionText.into()] {
             let Reply::Data(payload) = talk.ask(&mut bench, request.id(), &request.payload()) else {
                 panic!("{request:?}")
             };

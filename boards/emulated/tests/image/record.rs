@@ -4,12 +4,13 @@ use crate::common::{COUNTER, board, four_loads, log, ms, setup, turning, turning
 use emulated::talk::Talk;
 use emulated::{Bench, Encoder, Mpu, Setup};
 use motor_hub::bridge::{Drive, Mode};
-use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
+use motor_hub::extension::HubFunction;
+use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::record::{Fault, Head, Tick};
 
 fn entries(bench: &mut Bench) -> Vec<Head> {
     let mut talk = Talk::default();
-    let all: Entries = talk.question(bench, ToRecord::Entries { from: 0, clear: false });
+    let all: Entries = talk.question(bench, HubFunction::Entries { from: 0, clear: false });
     assert_eq!(usize::from(all.count), all.heads.len(), "no more than an answer holds");
     all.heads.to_vec()
 }
@@ -18,7 +19,7 @@ fn ticks(bench: &mut Bench, of: &Head) -> Vec<Tick> {
     let mut talk = Talk::default();
     let mut all = Vec::new();
     while all.len() < usize::from(of.ticks) {
-        let request = ToRecord::Ticks { number: of.number, from: all.len() as u8 };
+        let request = HubFunction::Ticks { number: of.number, from: all.len() as u8 };
         all.extend(talk.question::<Ticks>(bench, request).ticks);
     }
     all

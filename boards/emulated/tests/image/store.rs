@@ -9,12 +9,16 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use emulated::talk::Talk;
 use emulated::{Bench, Board, Setup, elf};
-use motor_hub::motor::{OnFault, ThermalLimit};
+use motor_hub::braking::Winding;
+use motor_hub::extension::settings::{Group, MotorSettings, Values};
+use motor_hub::extension::state::StoreReport;
+use motor_hub::extension::{HubFunction, Request};
+use motor_hub::motor::{OnFault, Settings, ThermalLimit};
 use motor_hub::protocol::Address;
+use motor_hub::protocol::Reply;
+use motor_hub::protocol::fields::Fields;
 use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::requests::Standard;
-use motor_hub::protocol::setup::{Protection, ToSetup};
-use motor_hub::protocol::store::{StoreReport, ToStore};
 use motor_hub::store::{Order, Outcome, Record, Stored};
 use motor_hub::tasks::store::Keeper;
 
@@ -28,26 +32,34 @@ fn powered_on(stored: Vec<u8>) -> Bench {
     })
 }
 
-fn protection(ma: u16) -> Protection {
-    Protection { on_fault: OnFault::Brake, thermal: ThermalLimit::new(ma, 20, 600).ok() }
+fn protection(ma: u16) -> Values {
+    let settings = Settings {
+        on_fault: OnFault::Brake,
+        thermal: ThermalLimit::new(ma, 20, 600).ok(),
+        ..Settings::new(Winding::NEVEREST_60)
+    };
+    Values::of(Group::Protection, &MotorSettings::new(settings))
 }
 
 fn protect(bench: &mut Bench, talk: &mut Talk, ma: u16) {
-    talk.order(bench, ToSetup::SetProtection { protection: protection(ma) }.to(1));
+    talk.order(bench, Request::Set(1, protection(ma)));
 }
 
-fn protected(bench: &mut Bench, talk: &mut Talk) -> Protection {
-    talk.question(bench, ToSetup::Protection.to(1))
+fn protected(bench: &mut Bench, talk: &mut Talk) -> Values {
+    let request = Request::Get(1, Group::Protection);
+    let reply = talk.ask(bench, request.id(), &request.payload());
+    let Reply::Data(payload) = reply else { panic!("{reply:?}") };
+    Values::read(Group::Protection, &mut Fields::new(&payload)).expect("a protection")
 }
 
 fn state(bench: &mut Bench, talk: &mut Talk) -> StoreReport {
-    talk.question(bench, ToStore::State)
+    talk.question(bench, HubFunction::Stored)
 }
 
 /// Saves, and waits until that is over; how long it took, at least.
 fn save(bench: &mut Bench, talk: &mut Talk) -> (StoreReport, Duration) {
     let begun = bench.now();
-    talk.order(bench, ToStore::Save);
+    talk.order(bench, HubFunction::Save);
     loop {
         let report = state(bench, talk);
         if !report.at_work {
@@ -93,7 +105,7 @@ fn power_that_goes_during_a_save_leaves_the_old_settings_or_the_new() {
     let mut seen = [0; 2];
     // Cut by cut a save goes on; the flash of each is found by a hub that is powered on.
     protect(&mut bench, &mut talk, 2_000);
-    talk.order(&mut bench, ToStore::Save);
+    talk.order(&mut bench, HubFunction::Save);
     for cut in 0..5_u32 {
         let mut again = on(BOARD, || Bench::new(Setup { stored: bench.stored(), ..setup(vec![am60()]) }));
         again.run(ms(60));

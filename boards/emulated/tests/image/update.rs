@@ -7,11 +7,13 @@ use crate::boot::first_safe_output;
 use crate::common::{am60, ms, on, setup};
 use emulated::talk::Talk;
 use emulated::{Bench, Board, Setup, elf};
+use motor_hub::extension::HubFunction;
+use motor_hub::extension::Request;
+use motor_hub::extension::state::UpdateReport;
+use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::fields::Text;
 use motor_hub::protocol::requests::ToHub;
-use motor_hub::protocol::update::{ToUpdate, UpdateReport};
-use motor_hub::protocol::{Nack, Request};
 use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase, public_key};
 
 const BOARD: Board = Board::NucleoH743zi2;
@@ -23,7 +25,7 @@ fn powered_on() -> (Bench, Talk) {
 }
 
 fn state(bench: &mut Bench, talk: &mut Talk) -> UpdateReport {
-    talk.question(bench, ToUpdate::State)
+    talk.question(bench, HubFunction::Update)
 }
 
 fn version(bench: &mut Bench, talk: &mut Talk) -> String {
@@ -32,13 +34,13 @@ fn version(bench: &mut Bench, talk: &mut Talk) -> String {
 }
 
 /// An order that may have to wait until the hub has written what was before.
-fn persist(bench: &mut Bench, talk: &mut Talk, request: &ToUpdate) {
+fn persist(bench: &mut Bench, talk: &mut Talk, request: &HubFunction) {
     let request = Request::from(request.clone());
     let end = bench.now() + ms(10_000);
     loop {
         match talk.ask(bench, request.id(), &request.payload()) {
             Reply::Ack { .. } => return,
-            Reply::Nack(Nack::UPDATE_AT_WORK) if bench.now() < end => bench.run(ms(20)),
+            Reply::Nack(Nack::UPDATE_BUSY) if bench.now() < end => bench.run(ms(20)),
             reply => panic!("{request:?}: {reply:?}"),
         }
     }
@@ -47,7 +49,10 @@ fn persist(bench: &mut Bench, talk: &mut Talk, request: &ToUpdate) {
 /// Announces an image.
 fn begin(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
     let version = Text::new(b"a test").expect("short");
-    talk.order(bench, ToUpdate::Begin { length: image.len() as u32, crc: CRC.checksum(image), version });
+    talk.order(
+        bench,
+        HubFunction::BeginUpdate { length: image.len() as u32, crc: CRC.checksum(image), version },
+    );
 }
 
 /// Sends it, and has it checked and armed.
@@ -66,9 +71,9 @@ fn checked(bench: &mut Bench, talk: &mut Talk, image: &[u8]) -> UpdateReport {
 fn write(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
     for (offset, bytes) in (0..).step_by(CHUNK).zip(image.chunks(CHUNK)) {
         let bytes = Text::new(bytes).expect("short");
-        persist(bench, talk, &ToUpdate::Chunk { offset, bytes });
+        persist(bench, talk, &HubFunction::Chunk { offset, bytes });
     }
-    persist(bench, talk, &ToUpdate::Finish);
+    persist(bench, talk, &HubFunction::FinishUpdate);
 }
 
 /// What comes of a check.
@@ -118,11 +123,11 @@ fn the_bootloader_starts_the_hub_and_firmware_that_hangs_is_rolled_back() {
     let image = hangs(report.origin);
     begin(&mut bench, &mut talk, &image);
     send(&mut bench, &mut talk, &image);
-    talk.order(&mut bench, ToUpdate::Restart);
+    talk.order(&mut bench, HubFunction::Restart);
     let started = bench.now();
     // Swapped in, reset by the bootloader's watchdog, swapped back: 16 sectors of the flash are erased.
     let back = bench.run_while(ms(500), ms(90_000), |bench| {
-        let packet = talk.packet(ToUpdate::State.number() + 0x4D00, &[]);
+        let packet = talk.packet(HubFunction::Update.number() + 0x4D00, &[]);
         bench.send(&packet);
         bench.run(ms(20));
         !talk.arrivals(bench).is_empty()
@@ -161,13 +166,13 @@ fn behind_the_bootloader_pins_drive_their_idle_levels_within_a_millisecond_of_re
 fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_restart() {
     let (mut bench, mut talk) = powered_on();
     let image = hangs(0x0802_0000);
-    let refused = |bench: &mut Bench, talk: &mut Talk, request: ToUpdate| {
+    let refused = |bench: &mut Bench, talk: &mut Talk, request: HubFunction| {
         let request = Request::from(request);
         assert_eq!(talk.ask(bench, request.id(), &request.payload()), Reply::Nack(Nack::MOTOR_ENABLED));
     };
     talk.velocity(&mut bench, 0, 1000);
     bench.run(ms(1000));
-    refused(&mut bench, &mut talk, ToUpdate::Begin { length: 12, crc: 0, version: Text::default() });
+    refused(&mut bench, &mut talk, HubFunction::BeginUpdate { length: 12, crc: 0, version: Text::default() });
     talk.enable(&mut bench, 0, false);
     bench.run(ms(300));
     begin(&mut bench, &mut talk, &image);
@@ -184,9 +189,9 @@ fn a_motor_that_runs_is_not_held_up_by_an_update_and_holds_up_its_begin_and_its_
     assert!(worst < Duration::from_micros(1_200), "{worst:?}");
     let speed = bench.look(0).counts_per_second;
     assert!((speed - 1000.0).abs() < 30.0, "{speed} counts/s");
-    refused(&mut bench, &mut talk, ToUpdate::Restart);
+    refused(&mut bench, &mut talk, HubFunction::Restart);
     // Abandoned, it is not started by the next reset either.
-    talk.order(&mut bench, ToUpdate::Abandon);
+    talk.order(&mut bench, HubFunction::AbandonUpdate);
     bench.run(ms(2_450));
     talk.keep_alive(&mut bench);
     bench.run(ms(2_000));
@@ -213,20 +218,20 @@ fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
     let mut talk = Talk::default();
     let key = public_key(&std::fs::read(KEY).expect("a file")).expect("a key");
     let image = hangs(0x0802_0000);
-    let refused = |bench: &mut Bench, talk: &mut Talk, request: ToUpdate, why: Nack| {
+    let refused = |bench: &mut Bench, talk: &mut Talk, request: HubFunction, why: Nack| {
         let request = Request::from(request);
         assert_eq!(talk.ask(bench, request.id(), &request.payload()), Reply::Nack(why));
     };
     begin(&mut bench, &mut talk, &image);
     let bytes = Text::new(&image).expect("short");
-    refused(&mut bench, &mut talk, ToUpdate::Chunk { offset: 0, bytes }, Nack::UPDATE_UNSIGNED);
-    let other = ToUpdate::Sign { key: [7; 32], signature: *SIGNATURE };
+    refused(&mut bench, &mut talk, HubFunction::Chunk { offset: 0, bytes }, Nack::UPDATE_UNSIGNED);
+    let other = HubFunction::Sign { key: [7; 32], signature: *SIGNATURE };
     refused(&mut bench, &mut talk, other, Nack::UPDATE_OTHER_KEY);
     let sign = |bench: &mut Bench, talk: &mut Talk, turned| {
         begin(bench, talk, &image);
         let mut signature = *SIGNATURE;
         signature[40] ^= turned;
-        talk.order(bench, ToUpdate::Sign { key, signature });
+        talk.order(bench, HubFunction::Sign { key, signature });
     };
     let told = |report: &UpdateReport| (report.phase, report.outcome, report.booted);
     watch_samples(&mut bench);

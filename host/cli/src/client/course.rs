@@ -101,12 +101,12 @@ pub(super) fn warn_of(session: &mut Session<Line>, speeds: &[(u8, u32)]) -> Resu
         return Ok(());
     }
     for &(motor, wanted) in speeds {
-        let setup = match session.setup(motor) {
-            Ok(setup) => setup,
+        let settings = match session.settings(motor) {
+            Ok(settings) => settings,
             Err(Error::Refused { .. } | Error::TooOld { .. }) => return Ok(()),
             Err(error) => return Err(error),
         };
-        let free = free_speed(setup.emf, battery);
+        let free = free_speed(settings.motor.winding.emf, battery);
         if f64::from(wanted) > free {
             let volts = f64::from(battery.get()) / 1e3;
             say(&format!(

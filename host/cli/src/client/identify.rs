@@ -7,9 +7,9 @@ use super::live::Live;
 use super::trouble::Trouble;
 use crate::output::{Failure, print, print_json};
 use crate::parse::{channel, whole};
+use motor_hub::extension::settings::{Group, MotorSettings};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::RunMode;
-use motor_hub::protocol::setup::Motion;
 use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::units::Control;
 use motor_hub_client::line::Line;
@@ -45,8 +45,9 @@ impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let outcome = self.learned(session)?;
         if let (Identification::Found(found), true) = (outcome, self.apply) {
-            let motion = Motion { dynamics: Some(found.dynamics), ..session.motion(self.motor)? };
-            apply(session, self.motor, motion)?;
+            let mut settings = session.settings(self.motor)?;
+            settings.motor.dynamics = Some(found.dynamics);
+            apply(session, self.motor, &settings)?;
         }
         self.show(outcome)
     }
@@ -139,9 +140,9 @@ impl Options {
     }
 }
 
-/// Configures a motion. Coefficients set by a host would override the model, so the set-up is sent again, which drops them.
-pub(super) fn apply(session: &mut Session<Line>, motor: u8, motion: Motion) -> Result<(), Error> {
-    let setup = session.setup(motor)?;
-    session.set_up(motor, setup)?;
-    session.set_motion(motor, motion)
+/// Sets the motion of these settings. Coefficients of a host would override the model, so the set-up is sent too, which deletes
+/// them.
+pub(super) fn apply(session: &mut Session<Line>, motor: u8, settings: &MotorSettings) -> Result<(), Error> {
+    session.set(motor, Group::SetUp, settings)?;
+    session.set(motor, Group::Motion, settings)
 }

@@ -4,13 +4,13 @@ mod document;
 
 use super::trouble::Trouble;
 use crate::output::{Failure, print, print_json};
-use document::Document;
-use motor_hub::protocol::Request;
-use motor_hub::protocol::store::{StoreReport, ToStore};
+use motor_hub::extension::HubFunction;
+use motor_hub::extension::Request;
+use motor_hub::extension::state::StoreReport;
 use motor_hub::store::{Outcome, Stored};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
-use motor_hub_client::why::why_unsaved;
+use motor_hub_client::reasons::why_unsaved;
 use serde_json::json;
 use simulated::scenario::line_and_column;
 use std::path::{Path, PathBuf};
@@ -78,16 +78,16 @@ impl Options {
             Command::Show { json } => return show(&session.stored()?, json),
             Command::Save => saved(session)?,
             Command::Load => {
-                let report = session.store(ToStore::Load)?;
+                let report = session.store(HubFunction::Load)?;
                 ended(&report)?;
                 format!("the stored settings are in force: {}", describe(&report))
             }
             Command::Reset => {
-                ended(&session.store(ToStore::Reset)?)?;
+                ended(&session.store(HubFunction::Reset)?)?;
                 "the firmware's defaults are in force and stored".to_owned()
             }
             Command::Export { file } => {
-                let text = Document::of(session)?.to_toml()?;
+                let text = document::export(session)?;
                 let Some(file) = file else { return Ok(print(&text)?) };
                 std::fs::write(&file, text).map_err(|error| at(&file, error))?;
                 format!("wrote {}", file.display())
@@ -106,7 +106,7 @@ impl Options {
 }
 
 fn saved(session: &mut Session<Line>) -> Result<String, Trouble> {
-    let report = session.store(ToStore::Save)?;
+    let report = session.store(HubFunction::Save)?;
     ended(&report)?;
     Ok(format!("stored: {}", describe(&report)))
 }
@@ -115,11 +115,12 @@ fn saved(session: &mut Session<Line>) -> Result<String, Trouble> {
 fn read(file: &Path) -> Result<Vec<Request>, Failure> {
     let text = std::fs::read_to_string(file)
         .map_err(|error| Failure::Input(format!("{}: {error}", file.display())))?;
-    let document: Document = toml::from_str(&text).map_err(|error| {
+    let document: toml::Table = toml::from_str(&text).map_err(|error| {
         let (line, column) = line_and_column(&text, error.span().unwrap_or_default().start);
         Failure::Input(format!("{}:{line}:{column}: {}", file.display(), error.message()))
     })?;
-    document.requests().map_err(|error| Failure::Input(format!("{}: {}", file.display(), error.trim_end())))
+    document::requests(document)
+        .map_err(|error| Failure::Input(format!("{}: {}", file.display(), error.trim_end())))
 }
 
 fn at(file: &Path, error: std::io::Error) -> Failure {

@@ -6,11 +6,11 @@ use crate::choice::Choice;
 use crate::constants::Constants;
 use crate::output::{Failure, print, print_json};
 use crate::parse::channel;
-use motor_hub::braking::DutyRule;
 use motor_hub::bridge::Timing;
+use motor_hub::extension::report::Condition;
+use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values};
 use motor_hub::model::catalogue::characterised;
-use motor_hub::motor::{OnFault, SenseLine, ThermalLimit};
-use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup};
+use motor_hub::motor::{SenseLine, Settings, ThermalLimit};
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::json;
@@ -32,8 +32,8 @@ pub(crate) struct Options {
     #[command(flatten)]
     choice: Choice,
     /// Behaviour of the motor at a fault, and when its host is silent
-    #[arg(long, value_name = "WORD", ignore_case = true)]
-    on_fault: Option<OnFaultWord>,
+    #[arg(long, value_name = "WORD", ignore_case = true, value_parser = words("on_fault"))]
+    on_fault: Option<String>,
     /// Timing of the motor's bridge, which limits its duties
     #[arg(long, value_name = "WORD", ignore_case = true)]
     bridge: Option<BridgeWord>,
@@ -52,13 +52,12 @@ fn continuous_ma(text: &str) -> Result<u16, String> {
     amperes.ok_or_else(|| "a continuous current is 0.001 to 65.535 A, or 0 for no limit".to_owned())
 }
 
-/// Behaviour at a fault, as a value of `--on-fault`.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum OnFaultWord {
-    /// Opens the bridge
-    Coast,
-    /// Shorts the winding
-    Brake,
+/// The words of a field, as values of an option.
+fn words(name: &str) -> Vec<&'static str> {
+    match Field::named(name).map(|field| field.form) {
+        Some(Form::Words(words)) => words.to_vec(),
+        _ => Vec::new(),
+    }
 }
 
 /// Timing of a bridge, as a value of `--bridge`.
@@ -79,15 +78,6 @@ impl From<BridgeWord> for Timing {
     }
 }
 
-impl From<OnFaultWord> for OnFault {
-    fn from(word: OnFaultWord) -> Self {
-        match word {
-            OnFaultWord::Coast => Self::Coast,
-            OnFaultWord::Brake => Self::Brake,
-        }
-    }
-}
-
 impl Options {
     /// Checks the options before anything is sent.
     pub(super) fn check(&self) -> Result<(), Failure> {
@@ -99,110 +89,85 @@ impl Options {
     }
 
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
-        let before = session.protection(self.motor)?;
-        let protection = self.protect(before)?;
-        let changes = self.name.is_some() || !self.choice.is_empty() || !self.constants.is_empty();
-        let mut setup = session.setup(self.motor)?;
+        let before = session.settings(self.motor)?;
         // All settings are checked before the first one is written.
-        let wanted = changes.then(|| self.change(setup)).transpose()?;
-        if protection != before {
-            session.set_protection(self.motor, protection)?;
+        let wanted = self.changed(&before)?;
+        // A set-up that was given is written also if it changes nothing: it deletes motion and coefficients.
+        let given = self.name.is_some() || !self.choice.is_empty() || !self.constants.is_empty();
+        for group in [Group::Protection, Group::Timing, Group::SetUp] {
+            let differs = Values::of(group, &wanted) != Values::of(group, &before);
+            if differs || group == Group::SetUp && given {
+                session.set(self.motor, group, &wanted)?;
+            }
         }
-        if let Some(word) = self.bridge {
-            session.set_timing(self.motor, word.into())?;
-        }
-        let timing = session.timing(self.motor)?;
-        if let Some(wanted) = wanted {
-            session.set_up(self.motor, wanted)?;
-            setup = session.setup(self.motor)?;
-        }
-        let condition = session.condition(self.motor)?;
-        let motion = session.motion(self.motor)?;
-        self.show(setup, motion, protection, timing, condition)
+        let settings = session.settings(self.motor)?;
+        self.show(&settings, session.condition(self.motor)?)
     }
 
-    fn change(&self, mut setup: Setup) -> Result<Setup, Failure> {
+    /// The settings that the options ask for.
+    fn changed(&self, before: &MotorSettings) -> Result<MotorSettings, Failure> {
+        let mut settings = *before;
+        let Settings { winding: constants, scheme, duty, thermal, bridge, .. } = &mut settings.motor;
         if let Some(name) = &self.name {
             let motor = characterised(name).map_err(Failure::input)?;
-            let winding = winding(&motor).map_err(Failure::input)?;
-            setup.emf = winding.emf;
-            setup.resistance = Some(winding.resistance);
-            setup.inductance = winding.inductance;
+            *constants = winding(&motor).map_err(Failure::input)?;
+            *thermal = Some(thermal_limit(&motor).map_err(Failure::input)?);
         }
-        setup.emf = self.constants.emf()?.unwrap_or(setup.emf);
-        setup.resistance = self.constants.resistance()?.or(setup.resistance);
-        setup.inductance = self.constants.inductance()?.or(setup.inductance);
-        if let Some(scheme) = self.choice.scheme()? {
-            setup.scheme = scheme;
+        if let Some(ma) = self.continuous_current {
+            *thermal = ThermalLimit::new(ma, ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S).ok();
         }
-        if let Some(duty) = self.choice.duty() {
-            setup.duty = duty;
+        constants.emf = self.constants.emf()?.unwrap_or(constants.emf);
+        constants.resistance = self.constants.resistance()?.unwrap_or(constants.resistance);
+        constants.inductance = self.constants.inductance()?.or(constants.inductance);
+        *scheme = self.choice.scheme()?.unwrap_or(*scheme);
+        *duty = self.choice.duty().unwrap_or(*duty);
+        if let Some(word) = self.bridge {
+            *bridge = bridge.with_timing(word.into());
         }
-        if setup.duty == DutyRule::LinearCurrent && setup.resistance.is_none() {
-            let why = "linear current needs the winding's resistance: give the motor by --type, or give --resistance-ohm";
-            return Err(Failure::input(why));
+        if let Some(word) = &self.on_fault {
+            let values = Values::collect(Group::Protection, |field| match field.name {
+                "on_fault" => {
+                    field.raw_of_word(&word.to_lowercase()).ok_or_else(|| Failure::input("--on-fault"))
+                }
+                _ => Ok(field.get(&settings)),
+            })?;
+            settings = values.put(&settings).map_err(Failure::input)?;
         }
-        Ok(setup)
+        Ok(settings)
     }
 
-    fn protect(&self, before: Protection) -> Result<Protection, Failure> {
-        let thermal = match (self.continuous_current, &self.name) {
-            (Some(ma), _) => {
-                let (winding_s, case_s) = (ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S);
-                ThermalLimit::new(ma, winding_s, case_s).ok()
-            }
-            (None, Some(name)) => {
-                let motor = characterised(name).map_err(Failure::input)?;
-                Some(thermal_limit(&motor).map_err(Failure::input)?)
-            }
-            (None, None) => before.thermal,
-        };
-        Ok(Protection { on_fault: self.on_fault.map_or(before.on_fault, OnFault::from), thermal })
-    }
-
-    fn show(
-        &self,
-        setup: Setup,
-        motion: Motion,
-        protection: Protection,
-        timing: Timing,
-        condition: Condition,
-    ) -> Result<(), Trouble> {
-        let Setup { emf, resistance, inductance, scheme, duty } = setup;
-        let emf = f64::from(emf.to_bits()) / f64::from(1 << 20);
-        let ohms = resistance.map(|resistance| f64::from(resistance.as_milliohms()) / 1e3);
-        let millihenries = inductance.map(|inductance| f64::from(inductance.as_microhenries()) / 1e3);
-        let duty = match duty {
-            DutyRule::LinearCurrent => "linear current",
-            DutyRule::LinearDuty => "linear duty",
-        };
-        let on_fault = match protection.on_fault {
-            OnFault::Coast => "coast",
-            OnFault::Brake => "brake",
-        };
-        let bridge = match timing {
+    fn show(&self, settings: &MotorSettings, condition: Condition) -> Result<(), Trouble> {
+        let field = |name: &str| Field::named(name).map(|field| (field, field.get(settings)));
+        let number = |name: &str| field(name).map_or(0.0, |(field, raw)| field.number_of(raw));
+        let word = |name: &str| field(name).and_then(|(field, raw)| field.word_of(raw)).unwrap_or_default();
+        let known = |name: &str| Some(number(name)).filter(|number| *number != 0.0);
+        let (emf, ohms) = (number("emf_mv_s_per_count"), number("resistance_ohm"));
+        let millihenries = known("inductance_mh");
+        let (duty, on_fault) = (word("duty"), word("on_fault"));
+        let amperes = known("thermal.continuous_current_ma").map(|ma| ma / 1e3);
+        let Settings { scheme, bridge, .. } = settings.motor;
+        let bridge = match bridge.timing() {
             Timing::IDEAL => "ideal",
             Timing::VNH5019 => "vnh5019",
             _ => "other",
         };
-        let heat = protection.thermal.map(|_| f64::from(condition.heat) / 10.0);
+        let heat = amperes.map(|_| f64::from(condition.heat) / 10.0);
         let state = match condition {
             Condition { bridge_fault: true, .. } => "off: the bridge switched itself off",
             Condition { overheated: true, .. } => "off: the winding is too hot",
             Condition { derated: true, .. } => "derated: the winding is hot, and the current is limited",
             _ => "normal",
         };
-        let amperes = protection.thermal.map(|limit| f64::from(limit.continuous_ma()) / 1e3);
         if self.json {
             let words = json!(SchemeWords(scheme));
             let document = json!({
                 "motor": self.motor,
                 "emf_mv_s_per_count": emf,
-                "resistance_ohm": ohms.unwrap_or(0.0),
+                "resistance_ohm": ohms,
                 "inductance_mh": millihenries.unwrap_or(0.0),
                 "scheme": words["scheme"],
                 "blend": words["blend"],
-                "duty": duty.replace(' ', "-"),
+                "duty": duty,
                 "bridge": bridge,
                 "on_fault": on_fault,
                 "heat_percent": heat,
@@ -212,20 +177,18 @@ impl Options {
                 "measured_current_a": condition.measured_ma.map(|ma| f64::from(ma) / 1e3),
                 "current_line": line_word(condition.sense_line),
                 "continuous_current_a": amperes,
-                "motion": tune::settings(motion),
+                "motion": tune::motion_json(settings),
             });
             return Ok(print_json(&document)?);
         }
-        let known = |value: Option<f64>, unit: &str| {
-            value.map_or_else(|| "not configured".to_owned(), |value| format!("{value:.3} {unit}"))
-        };
+        let inductance = millihenries.map_or_else(|| "not configured".to_owned(), |mh| format!("{mh:.3} mH"));
         let mut table = table::new(&["motor", &self.motor.to_string()], 2);
         table
             .add_row(["back EMF", &format!("{emf:.4} mV s/count")])
-            .add_row(["resistance", &known(ohms, "ohm")])
-            .add_row(["inductance", &known(millihenries, "mH")])
+            .add_row(["resistance", &format!("{ohms:.3} ohm")])
+            .add_row(["inductance", &inductance])
             .add_row(["scheme", &describe(scheme)])
-            .add_row(["duty", duty])
+            .add_row(["duty", &duty.replace('-', " ")])
             .add_row(["bridge", bridge])
             .add_row([
                 "heat",
@@ -240,7 +203,7 @@ impl Options {
                 "continuous current",
                 &amperes.map_or_else(|| "no limit".to_owned(), |a| format!("{a:.3} A")),
             ]);
-        for (name, value) in tune::rows(motion) {
+        for (name, value) in tune::rows(settings) {
             table.add_row([name, &value]);
         }
         Ok(print(&format!("{table}\n"))?)

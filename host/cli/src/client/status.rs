@@ -3,11 +3,11 @@
 use super::live::alert_words;
 use super::trouble::Trouble;
 use crate::output::{print, print_json};
+use motor_hub::extension::report::BusReport;
+use motor_hub::extension::report::Condition;
 use motor_hub::motor::{SenseLine, ZeroPower};
 use motor_hub::protocol::answers::{Bulk, Status};
-use motor_hub::protocol::bus::BusReport;
 use motor_hub::protocol::motor::RunMode;
-use motor_hub::protocol::setup::Condition;
 use motor_hub::protocol::{CHANNELS, Colour, Nack};
 use motor_hub::supply::BusState;
 use motor_hub::units::{Control, Millivolts};

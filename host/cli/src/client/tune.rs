@@ -3,9 +3,10 @@
 use super::identify;
 use super::trouble::Trouble;
 use crate::output::{Failure, print, print_json};
+use motor_hub::extension::settings::MotorSettings;
 use motor_hub::model::catalogue::{Motor, motors};
 use motor_hub::model::load::Load;
-use motor_hub::protocol::setup::{Motion, Setup};
+use motor_hub::motor::Settings;
 use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::units::{Acceleration, Millivolts};
@@ -40,28 +41,28 @@ const SHARE: f64 = 0.5;
 impl Options {
     pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let motor = self.identify.motor;
-        let (setup, before, battery) = (session.setup(motor)?, session.motion(motor)?, session.battery()?);
+        let (before, battery) = (session.settings(motor)?, session.battery()?);
         let outcome = self.identify.learned(session)?;
         let Identification::Found(found) = outcome else {
             return Err(Failure::Work(format!("motor {motor} was not identified: {}", words(outcome))).into());
         };
-        let proposed = proposal(&found.dynamics, battery);
+        let proposed = proposal(&before, &found.dynamics, battery);
         if self.identify.apply {
-            identify::apply(session, motor, proposed)?;
+            identify::apply(session, motor, &proposed)?;
         }
-        let catalogue = taken_for(&setup);
+        let catalogue = catalogue_motor(&before.motor);
         if self.identify.json {
-            return Ok(print_json(&self.document(&found, catalogue.as_ref(), before, proposed))?);
+            return Ok(print_json(&self.document(&found, catalogue.as_ref(), &before, &proposed))?);
         }
-        Ok(print(&self.text(&found, catalogue.as_ref(), before, proposed))?)
+        Ok(print(&self.text(&found, catalogue.as_ref(), &before, &proposed))?)
     }
 
     fn text(
         &self,
         found: &Identified,
         bare: Option<&(Motor, Dynamics)>,
-        before: Motion,
-        after: Motion,
+        before: &MotorSettings,
+        after: &MotorSettings,
     ) -> String {
         let beside = bare.map(|(motor, dynamics)| (motor.name, dynamics));
         let learned = found_table(&format!("motor {}", self.identify.motor), found, beside);
@@ -89,8 +90,8 @@ impl Options {
         &self,
         found: &Identified,
         bare: Option<&(Motor, Dynamics)>,
-        before: Motion,
-        after: Motion,
+        before: &MotorSettings,
+        after: &MotorSettings,
     ) -> Value {
         let mut document = found_json(Identification::Found(*found));
         if let Some(object) = document.as_object_mut() {
@@ -98,33 +99,31 @@ impl Options {
             object.insert("catalogue".into(), json!(bare.map(|(motor, _)| motor.name)));
             let times = bare.map(|(_, dynamics)| inertia(dynamics, &found.dynamics));
             object.insert("inertia_to_bare_motor".into(), json!(times));
-            object.insert("now".into(), settings(before));
-            object.insert("proposed".into(), settings(after));
+            object.insert("now".into(), motion_json(before));
+            object.insert("proposed".into(), motion_json(after));
             object.insert("applied".into(), json!(self.identify.apply));
         }
         document
     }
 }
 
-/// The motion proposed for a motor with these dynamics.
-fn proposal(dynamics: &Dynamics, battery: Millivolts) -> Motion {
+/// The settings proposed for a motor with these dynamics.
+fn proposal(before: &MotorSettings, dynamics: &Dynamics, battery: Millivolts) -> MotorSettings {
     let volts = f64::from(battery.get().saturating_sub(dynamics.friction.get())) / 1e3;
     let limit = SHARE * volts * f64::from(dynamics.gain.to_f32());
     let acceleration = Acceleration::new(limit.round().max(1.0) as u32).ok();
-    Motion { dynamics: Some(*dynamics), acceleration }
+    let motor = Settings { dynamics: Some(*dynamics), acceleration, ..before.motor };
+    MotorSettings { motor, ..*before }
 }
 
 /// The configured motor of the catalogue, and its dynamics without a load.
-fn taken_for(setup: &Setup) -> Option<(Motor, Dynamics)> {
-    motors().find_map(|motor| {
+fn catalogue_motor(settings: &Settings) -> Option<(Motor, Dynamics)> {
+    let (motor, winding) = motors().find_map(|motor| {
         let winding = winding(&motor).ok()?;
-        let same = (Some(winding.resistance), winding.inductance) == (setup.resistance, setup.inductance);
-        if !same || winding.emf != setup.emf {
-            return None;
-        }
-        let bare = motor.with_measured_rotor_inertia();
-        Some((motor, Dynamics::from_mechanics(&winding, &BRIDGE, &mechanics(&bare, &Load::NONE)).ok()?))
-    })
+        (winding == settings.winding).then_some((motor, winding))
+    })?;
+    let bare = motor.with_measured_rotor_inertia();
+    Some((motor, Dynamics::from_mechanics(&winding, &BRIDGE, &mechanics(&bare, &Load::NONE)).ok()?))
 }
 
 /// Inertia with load, divided by the inertia of the bare motor: the inverse ratio of their accelerations per volt.
@@ -133,26 +132,27 @@ fn inertia(bare: &Dynamics, found: &Dynamics) -> f64 {
 }
 
 /// A motion as rows of a table.
-pub(super) fn rows(of: Motion) -> [(&'static str, String); 4] {
+pub(super) fn rows(of: &MotorSettings) -> [(&'static str, String); 4] {
     let known = |value: Option<String>| value.unwrap_or_else(|| "not configured".to_owned());
-    let dynamics = of.dynamics;
+    let Settings { dynamics, acceleration, .. } = of.motor;
     [
         ("acceleration per volt, counts/s²/V", known(dynamics.map(|d| format!("{:.1}", d.gain.to_f32())))),
         ("decay, 1/s", known(dynamics.map(|d| format!("{:.3}", d.decay.to_f32())))),
         ("friction, V", known(dynamics.map(|d| format!("{:.3}", f64::from(d.friction.get()) / 1e3)))),
         (
             "largest acceleration, counts/s²",
-            of.acceleration.map_or_else(|| "no limit".to_owned(), |limit| limit.get().to_string()),
+            acceleration.map_or_else(|| "no limit".to_owned(), |limit| limit.get().to_string()),
         ),
     ]
 }
 
 /// A motion as JSON.
-pub(super) fn settings(of: Motion) -> Value {
+pub(super) fn motion_json(of: &MotorSettings) -> Value {
+    let Settings { dynamics, acceleration, .. } = of.motor;
     json!({
-        "acceleration_per_volt": of.dynamics.map(|d| d.gain.to_f32()),
-        "decay_per_s": of.dynamics.map(|d| d.decay.to_f32()),
-        "friction_v": of.dynamics.map(|d| f64::from(d.friction.get()) / 1e3),
-        "acceleration_cps2": of.acceleration.map(Acceleration::get),
+        "acceleration_per_volt": dynamics.map(|d| d.gain.to_f32()),
+        "decay_per_s": dynamics.map(|d| d.decay.to_f32()),
+        "friction_v": dynamics.map(|d| f64::from(d.friction.get()) / 1e3),
+        "acceleration_cps2": acceleration.map(Acceleration::get),
     })
 }

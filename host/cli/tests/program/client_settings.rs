@@ -129,14 +129,14 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
     for (from, to, says) in [
         (resistance.as_str(), "resistance_ohm = 0.0", "resistance"),
         (&resistance, "resistance_ohm = 900.0", "resistance"),
-        (&emf, "emf_mv_s_per_count = 40.0", "emf_mv_s_per_count is above 0 and below 32"),
+        (&emf, "emf_mv_s_per_count = 40.0", "emf_mv_s_per_count is 40.0; allowed is 0.000001 to 31.999999"),
         (&mode, "mode = \"sideways\"", "sideways"),
         (&mode, "mood = \"power\"", "mood"),
         ("number = 3", "number = 4", "number is 0 to 3"),
         ("number = 3", "number = 0", "occurs once"),
         ("schema_version = 1", "schema_version = 2", "schema_version is 2"),
         ("continuous_current_ma = 1234", "continuous_current_ma = 0", "thermal"),
-        ("p = 1.5", "p = 1e9", "velocity_loop.p is -32768"),
+        ("p = 1.5", "p = 1e9", "velocity_loop.p is 1000000000.0; allowed is -32768 to 32767.9999847"),
         ("blend = 0.25", "blend = 1.5", "blend"),
     ] {
         assert!(exported.contains(from), "{from}: {exported}");

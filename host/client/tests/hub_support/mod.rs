@@ -2,9 +2,10 @@
 #![allow(dead_code, reason = "each test uses its own part")]
 
 use motor_hub::braking::Winding;
+use motor_hub::extension::INTERFACE;
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::Settings;
-use motor_hub::protocol::requests::{FIRST_FUNCTION, Interface};
+use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_INTERFACE};
 use motor_hub::protocol::{Address, Decoder, frame};
 use motor_hub::responder::Responder;
 use motor_hub::units::{Micros, Millivolts};
@@ -73,7 +74,7 @@ impl Hub {
                 continue;
             }
             self.requests.fetch_add(1, Ordering::Relaxed);
-            if self.foreign && packet.payload.starts_with(Interface::Setup.name()) {
+            if self.foreign && packet.payload.starts_with(INTERFACE) {
                 packet.payload[0] = b'?';
             }
             let is_bulk = packet.id == self.first;
@@ -87,7 +88,7 @@ impl Hub {
                 self.responder.receive(&other, now, &self.snapshot);
             }
             let Some(mut reply) = self.responder.receive(&packet, now, &self.snapshot) else { continue };
-            if packet.id == 0x7F07 && packet.payload.starts_with(Interface::Motors.name()) {
+            if packet.id == 0x7F07 && packet.payload.starts_with(MOTOR_INTERFACE) {
                 reply.payload[1] = (self.first >> 8) as u8;
             } else if reply.id & 0x8000 != 0 && reply.id < 0xFF00 {
                 reply.id += self.first - FIRST_FUNCTION;

@@ -5,10 +5,11 @@ use std::ops::RangeInclusive;
 use emulated::talk::Talk;
 use emulated::{Bench, Mounting, recording};
 use motor_hub::braking::Winding;
+use motor_hub::extension::Request;
+use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::model::load::Load;
 use motor_hub::model::si::KgM2;
 use motor_hub::motor::{OnFault, Settings};
-use motor_hub::protocol::setup::{Motion, Protection, ToSetup};
 
 use crate::common::am60_with;
 
@@ -46,11 +47,13 @@ impl Setup {
         if self == Self::AsTheyCome {
             return;
         }
-        let known = recording::dynamics(&wheel(), &Settings::new(Winding::NEVEREST_60));
-        let motion = Motion { dynamics: Some(known.expect("a motor's constants")), acceleration: None };
-        let protection = Protection { on_fault: OnFault::Brake, thermal: None };
-        talk.order(bench, ToSetup::SetMotion { motion }.to(motor));
-        talk.order(bench, ToSetup::SetProtection { protection }.to(motor));
+        let mut settings = Settings::new(Winding::NEVEREST_60);
+        settings.dynamics = Some(recording::dynamics(&wheel(), &settings).expect("a motor's constants"));
+        settings.on_fault = OnFault::Brake;
+        for group in [Group::Motion, Group::Protection] {
+            let values = Values::of(group, &MotorSettings::new(settings));
+            talk.order(bench, Request::Set(motor, values));
+        }
     }
 }
 

@@ -4,10 +4,11 @@ use std::time::Duration;
 
 use emulated::talk::Talk;
 use emulated::{Bench, Lines, Transition};
+use motor_hub::extension::report::BusReport;
+use motor_hub::extension::report::Condition;
+use motor_hub::extension::{HubFunction, MotorFunction};
 use motor_hub::protocol::answers::Status;
-use motor_hub::protocol::bus::BusReport;
-use motor_hub::protocol::requests::{BATTERY, Request, Standard, ToHub};
-use motor_hub::protocol::setup::{Condition, ToSetup};
+use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
 use motor_hub::supply::BusState;
 
 use super::faults::Fault;
@@ -89,7 +90,8 @@ impl Run {
         let speeds = MODES.map(|mode| bench.look(mode.motor()).counts_per_second);
         let blind = row.fault.host_is_there()
             && talk.question::<i16>(bench, ToHub::Adc { channel: BATTERY, raw: false }) == 0;
-        let bus: Option<BusReport> = row.fault.host_is_there().then(|| talk.question(bench, Request::Bus));
+        let bus: Option<BusReport> =
+            row.fault.host_is_there().then(|| talk.question(bench, HubFunction::Bus));
         let log: Vec<String> = bench.log().into_iter().skip(logged).map(|line| line.text).collect();
         let away = off(bench);
         row.fault.take_out(bench);
@@ -117,8 +119,9 @@ impl Run {
     /// What host and log are told of one motor.
     fn said(&mut self, mode: Mode, status: Status, log: &[String]) -> Vec<&'static str> {
         let alerts = status.alerts().into_iter().filter(|alert| alert.motor == mode.motor());
-        let mut says: Vec<_> = alerts.map(|alert| alert.says).collect();
-        let condition: Condition = self.talk.question(&mut self.bench, ToSetup::Condition.to(mode as u8));
+        let mut says: Vec<_> = alerts.map(|alert| alert.text).collect();
+        let condition: Condition =
+            self.talk.question(&mut self.bench, MotorFunction::Condition.to(mode as u8));
         says.extend(condition.bridge_fault.then_some("bridge off"));
         says.extend(told(log, &format!("motor {}: Faults", mode.motor()), &OF_MOTOR));
         says

@@ -1,341 +1,197 @@
-//! Settings as TOML, read from a hub, and the requests that put them in force again.
+//! Settings as TOML, by the firmware's table of settings: read from a hub, and the requests that put them in force again.
 
 use super::super::trouble::Trouble;
-use crate::output::Failure;
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
-use motor_hub::bridge::Timing;
-use motor_hub::motion::Pidf;
-use motor_hub::motor::{OnFault, ThermalLimit, ZeroPower};
-use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, ToMotor};
-use motor_hub::protocol::setup::{Motion, Protection, Setup, ToSetup};
-use motor_hub::protocol::{CHANNELS, Request};
-use motor_hub::regulator::Dynamics;
-use motor_hub::units::{
-    Acceleration, AccelerationPerVolt, Coefficient, DecayRate, EmfConstant, Inductance, Millivolts,
-    Resistance,
-};
+use motor_hub::braking::{Blend, BlendFraction, Scheme, Winding};
+use motor_hub::extension::Request;
+use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values};
+use motor_hub::motor::Settings;
+use motor_hub::protocol::CHANNELS;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
-use serde::{Deserialize, Serialize};
-use simulated::scheme::{BlendChoice, SchemeName, SchemeWords};
-
-/// Settings of a hub.
-#[derive(Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Document {
-    schema_version: u32,
-    #[serde(rename = "motor")]
-    motors: Vec<Motor>,
-}
+use simulated::scheme::{BlendChoice, SchemeName};
+use toml::{Table, Value};
 
 /// Version of the document that this program writes and reads.
-const SCHEMA_VERSION: u32 = 1;
+const SCHEMA_VERSION: i64 = 1;
 
-#[derive(Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Motor {
-    number: u8,
-    mode: Mode,
-    at_zero_power: AtZero,
-    emf_mv_s_per_count: f64,
-    resistance_ohm: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    inductance_mh: Option<f64>,
-    scheme: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    blend: Option<toml::Value>,
-    duty: Duty,
-    on_fault: AtFault,
-    /// 0 for none.
-    current_alert_ma: u16,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    acceleration_limit_cps2: Option<u32>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    dynamics: Option<Moves>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    thermal: Option<Stands>,
-    bridge: Switches,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    velocity_loop: Option<Gains>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    position_loop: Option<Gains>,
+const HEAD: &str = "# Settings of a motor hub: `motor-hub client settings import FILE` puts them in force.";
+
+/// The settings in force on a hub as a document.
+pub(super) fn export(session: &mut Session<Line>) -> Result<String, Trouble> {
+    let set_by_host = session.stored()?.coefficients;
+    let mut text = format!("{HEAD}\nschema_version = {SCHEMA_VERSION}\n");
+    for motor in 0..CHANNELS as u8 {
+        let mut settings = session.settings(motor)?;
+        if set_by_host >> motor & 1 != 0 {
+            for group in [Group::VelocityLoop, Group::PositionLoop] {
+                settings = session.get(motor, group, &settings)?;
+            }
+        }
+        text.push_str(&motor_text(motor, &settings));
+    }
+    Ok(text)
 }
 
-/// Defines the names that an enum of the firmware has in the document.
-macro_rules! words {
-    ($name:ident = $of:ident { $($word:literal $value:ident),+ }) => {
-        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-        enum $name {
-            $(#[serde(rename = $word)] $value,)+
+/// The settings of one motor. Keys of the motor itself come before the motor's tables, as TOML requires.
+fn motor_text(motor: u8, settings: &MotorSettings) -> String {
+    let groups = Group::EACH.into_iter().filter(|group| group.in_use(settings));
+    let fields: Vec<&Field> = groups.flat_map(|group| group.fields()).collect();
+    let mut text = format!("\n[[motor]]\nnumber = {motor}\n");
+    for field in fields.iter().filter(|field| !field.name.contains('.')) {
+        if let Some(value) = value(field, settings) {
+            text.push_str(&format!("{} = {value}\n", field.name));
         }
-
-        impl From<$of> for $name {
-            fn from(of: $of) -> Self {
-                match of {
-                    $($of::$value => Self::$value,)+
+    }
+    let mut present = None;
+    let mut skipped = None;
+    for field in fields {
+        let Some((table, key)) = field.name.split_once('.') else { continue };
+        if present != Some(table) && skipped != Some(table) {
+            // The first field of a table decides whether the table is configured.
+            match value(field, settings) {
+                Some(_) => {
+                    present = Some(table);
+                    text.push_str(&format!("\n[motor.{table}]\n"));
                 }
+                None => skipped = Some(table),
             }
         }
-
-        impl From<$name> for $of {
-            fn from(word: $name) -> Self {
-                match word {
-                    $($name::$value => Self::$value,)+
-                }
-            }
+        if let Some(value) = value(field, settings).filter(|_| present == Some(table)) {
+            text.push_str(&format!("{key} = {value}\n"));
         }
+    }
+    text
+}
+
+/// The value of a field; `None` if nothing is configured.
+fn value(field: &Field, settings: &MotorSettings) -> Option<Value> {
+    let raw = field.get(settings);
+    match (field.name, settings.motor.scheme) {
+        // The codes of Scheme D say whether the blend is automatic; in a document the blend does.
+        ("scheme", Scheme::D(_)) => Some("D".into()),
+        ("blend", Scheme::D(Blend::Automatic)) => Some("auto".into()),
+        ("blend", Scheme::D(Blend::Fixed(_))) => Some(field.number_of(raw).into()),
+        ("blend", _) => None,
+        _ if field.optional && raw == 0 => None,
+        _ => Some(match field.form {
+            Form::Words(_) => field.word_of(raw).unwrap_or_default().into(),
+            Form::Steps(1) => raw.into(),
+            Form::Steps(_) => field.number_of(raw).into(),
+        }),
+    }
+}
+
+/// The requests that put the settings of a document in force, if all values are in range.
+///
+/// # Errors
+/// A text that names motor and key, the given value, and the allowed values.
+pub(super) fn requests(mut document: Table) -> Result<Vec<Request>, String> {
+    let version = document.remove("schema_version").ok_or("schema_version is missing")?;
+    if version.as_integer() != Some(SCHEMA_VERSION) {
+        return Err(format!("schema_version is {version}; this program reads {SCHEMA_VERSION}"));
+    }
+    let motors = match document.remove("motor") {
+        Some(Value::Array(motors)) => motors,
+        _ => return Err("there is no [[motor]]".to_owned()),
     };
-}
-
-words!(Mode = RunMode { "power" Power, "velocity" Velocity, "position" Position });
-words!(AtZero = ZeroPower { "brake" Brake, "float" Float });
-words!(Duty = DutyRule { "linear-current" LinearCurrent, "linear-duty" LinearDuty });
-words!(AtFault = OnFault { "coast" Coast, "brake" Brake });
-words!(Terms = Algorithm { "pid" Legacy, "pidf" Pidf });
-
-#[derive(Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Moves {
-    acceleration_cps2_per_v: f64,
-    decay_per_s: f64,
-    friction_mv: u16,
-}
-
-#[derive(Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Stands {
-    continuous_current_ma: u16,
-    winding_s: u16,
-    case_s: u16,
-}
-
-#[derive(Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Switches {
-    least_off_ns: u16,
-    least_on_ns: u16,
-    turn_on_ns: u16,
-    turn_off_ns: u16,
-    change_us: u16,
-}
-
-#[derive(Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Gains {
-    p: f64,
-    i: f64,
-    d: f64,
-    f: f64,
-    terms: Terms,
-}
-
-// Steps of the protocol's fields per unit.
-const EMF_STEPS: f64 = 1_048_576.0;
-const COEFFICIENT_STEPS: f64 = 65_536.0;
-
-impl Document {
-    /// The settings in force.
-    pub(super) fn of(session: &mut Session<Line>) -> Result<Self, Trouble> {
-        let set = session.stored()?.coefficients;
-        let motors = (0..CHANNELS as u8).map(|motor| Motor::of(session, motor, set >> motor & 1 != 0));
-        Ok(Self { schema_version: SCHEMA_VERSION, motors: motors.collect::<Result<_, Trouble>>()? })
+    if let Some(key) = document.keys().next() {
+        return Err(format!("{key} is no key of a settings file"));
     }
-
-    pub(super) fn to_toml(&self) -> Result<String, Failure> {
-        let head = "# Settings of a motor hub: `motor-hub client settings import FILE` puts them in force.\n";
-        toml::to_string(self).map(|text| format!("{head}{text}")).map_err(Failure::work)
+    let (mut numbers, mut requests) = (Vec::new(), Vec::new());
+    for motor in motors {
+        let Value::Table(mut motor) = motor else { return Err("motor is no table".to_owned()) };
+        let number = motor.remove("number").and_then(|number| u8::try_from(number.as_integer()?).ok());
+        let number = number.filter(|number| usize::from(*number) < CHANNELS && !numbers.contains(number));
+        let most = CHANNELS - 1;
+        let number =
+            number.ok_or_else(|| format!("a motor's number is 0 to {most}, and each number occurs once"))?;
+        numbers.push(number);
+        let of_motor = motor_requests(number, motor).map_err(|why| format!("motor {number}: {why}"))?;
+        requests.extend(of_motor);
     }
+    Ok(requests)
+}
 
-    /// The requests that put the settings in force, if all values are in range.
-    ///
-    /// # Errors
-    /// A text that names the motor, the key, and the allowed values.
-    pub(super) fn requests(&self) -> Result<Vec<Request>, String> {
-        if self.schema_version != SCHEMA_VERSION {
-            let version = self.schema_version;
-            return Err(format!("schema_version is {version}; this program reads {SCHEMA_VERSION}"));
+/// The requests of one motor, in the order of the groups.
+fn motor_requests(number: u8, mut motor: Table) -> Result<Vec<Request>, String> {
+    only_known_keys(&motor)?;
+    let scheme = take_scheme(&mut motor)?;
+    let mut settings = MotorSettings::new(Settings::for_scheme(Winding::NEVEREST_60, scheme));
+    let mut requests = Vec::new();
+    for group in Group::EACH {
+        let loops = ["velocity_loop", "position_loop"];
+        let table =
+            group.fields().first().and_then(|field| field.name.split_once('.')).map(|(table, _)| table);
+        if table.is_some_and(|table| loops.contains(&table) && !motor.contains_key(table)) {
+            continue;
         }
-        let mut numbers = Vec::new();
-        let mut requests = Vec::new();
-        for motor in &self.motors {
-            let number = motor.number;
-            if usize::from(number) >= CHANNELS || numbers.contains(&number) {
-                return Err(format!(
-                    "motor {number}: number is 0 to {}, and each number occurs once",
-                    CHANNELS - 1
-                ));
-            }
-            numbers.push(number);
-            requests.extend(motor.requests().map_err(|why| format!("motor {number}: {why}"))?);
+        let values = Values::collect(group, |field| match field.name {
+            "scheme" | "blend" => Ok(field.get(&settings)),
+            _ => take(&mut motor, field),
+        })?;
+        settings = values.put(&settings).map_err(|nack| format!("the values of {group:?}: {nack}"))?;
+        requests.push(Request::Set(number, values));
+    }
+    Ok(requests)
+}
+
+/// Removes scheme and blend.
+fn take_scheme(motor: &mut Table) -> Result<Scheme, String> {
+    let name = motor.remove("scheme").ok_or("scheme is missing")?;
+    let name: SchemeName = name.try_into().map_err(|error| format!("scheme: {error}"))?;
+    let blend = motor.remove("blend").map(Value::try_into::<BlendChoice>).transpose();
+    let blend = blend.map_err(|error| format!("blend: {error}"))?;
+    match name.with_blend(blend).map_err(|error| format!("blend: {error}"))? {
+        // 16 bits end just below 1.
+        Scheme::D(Blend::Fixed(BlendFraction::ONE)) => {
+            let most = BlendFraction::from_bits(u16::MAX.into()).map_err(|error| error.to_string())?;
+            Ok(Scheme::D(Blend::Fixed(most)))
         }
-        Ok(requests)
+        scheme => Ok(scheme),
     }
 }
 
-impl Motor {
-    fn of(session: &mut Session<Line>, number: u8, has_coefficients: bool) -> Result<Self, Trouble> {
-        let Setup { emf, resistance, inductance, scheme, duty } = session.setup(number)?;
-        let Motion { dynamics, acceleration } = session.motion(number)?;
-        let Protection { on_fault, thermal } = session.protection(number)?;
-        let Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us } =
-            session.timing(number)?;
-        let ChannelMode { mode, zero_power } = session.ask(ToMotor::Mode.to(number))?;
-        let current_alert_ma = session.ask(ToMotor::CurrentAlert.to(number))?;
-        let mut gains = |of| -> Result<Option<Gains>, Trouble> {
-            let gains: Option<Coefficients> =
-                has_coefficients.then(|| session.ask(ToMotor::Pidf { of }.to(number))).transpose()?;
-            Ok(gains.map(Gains::from))
-        };
-        let (velocity_loop, position_loop) = (gains(Loop::Velocity)?, gains(Loop::Position)?);
-        let SchemeText { scheme, blend } = SchemeText::of(scheme)?;
-        Ok(Self {
-            number,
-            mode: mode.into(),
-            at_zero_power: zero_power.into(),
-            emf_mv_s_per_count: f64::from(emf.to_bits()) / EMF_STEPS,
-            resistance_ohm: f64::from(resistance.map_or(0, Resistance::as_milliohms)) / 1e3,
-            inductance_mh: inductance.map(|it| f64::from(it.as_microhenries()) / 1e3),
-            scheme,
-            blend,
-            duty: duty.into(),
-            on_fault: on_fault.into(),
-            current_alert_ma,
-            acceleration_limit_cps2: acceleration.map(Acceleration::get),
-            dynamics: dynamics.map(|Dynamics { gain, decay, friction }| Moves {
-                acceleration_cps2_per_v: f64::from(gain.to_bits()) / 256.0,
-                decay_per_s: f64::from(decay.to_bits()) / COEFFICIENT_STEPS,
-                friction_mv: friction.get(),
-            }),
-            thermal: thermal.map(|limit| Stands {
-                continuous_current_ma: limit.continuous_ma(),
-                winding_s: limit.winding_s(),
-                case_s: limit.case_s(),
-            }),
-            bridge: Switches { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us },
-            velocity_loop,
-            position_loop,
-        })
+/// Removes the value of a field and returns the raw value. An optional field that is left out is 0.
+fn take(motor: &mut Table, field: &Field) -> Result<i64, String> {
+    let name = field.name;
+    let given = match name.split_once('.') {
+        Some((table, key)) => match motor.get_mut(table) {
+            Some(Value::Table(table)) => table.remove(key),
+            Some(_) => return Err(format!("{table} is no table")),
+            // A table that is left out is not configured.
+            None if table != "bridge" => return Ok(0),
+            None => None,
+        },
+        None if field.optional && !motor.contains_key(name) && name != "resistance_ohm" => return Ok(0),
+        None => motor.remove(name),
+    };
+    let given = given.ok_or_else(|| format!("{name} is missing"))?;
+    if let Form::Words(words) = field.form {
+        let raw = given.as_str().and_then(|word| field.raw_of_word(word));
+        return raw.ok_or_else(|| format!("{name} is {given}; allowed is {}", words.join(", ")));
     }
+    let number = given.as_float().or_else(|| given.as_integer().map(|whole| whole as f64));
+    let (least, most) = field.range();
+    let raw = number.and_then(|number| field.raw_of(number));
+    raw.ok_or_else(|| format!("{name} is {given}; allowed is {} to {}", shown(least), shown(most)))
+}
 
-    /// The requests of one motor. The set-up comes first, because it resets motion and coefficients.
-    fn requests(&self) -> Result<Vec<Request>, String> {
-        let Self { number, mode, at_zero_power, current_alert_ma, .. } = *self;
-        let Switches { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us } = self.bridge;
-        let timing = Timing { least_off_ns, least_on_ns, turn_on_ns, turn_off_ns, change_us };
-        let thermal = self
-            .thermal
-            .as_ref()
-            .map(|it| ThermalLimit::new(it.continuous_current_ma, it.winding_s, it.case_s));
-        let protection = Protection {
-            on_fault: self.on_fault.into(),
-            thermal: thermal.transpose().map_err(named("thermal"))?,
+/// A limit with seven decimals at most.
+fn shown(limit: f64) -> String {
+    let text = format!("{limit:.7}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// Refuses a key of a motor that is no setting.
+fn only_known_keys(motor: &Table) -> Result<(), String> {
+    for (key, value) in motor {
+        let names: Vec<String> = match value {
+            Value::Table(table) => table.keys().map(|field| format!("{key}.{field}")).collect(),
+            _ => vec![key.clone()],
         };
-        let limit = self.acceleration_limit_cps2.map(Acceleration::new).transpose();
-        let motion = Motion {
-            dynamics: self.dynamics.as_ref().map(Moves::dynamics).transpose()?,
-            acceleration: limit.map_err(named("acceleration_limit_cps2"))?,
-        };
-        let mut requests = vec![
-            ToSetup::SetUp { setup: self.setup()? }.to(number),
-            ToSetup::SetTiming { timing }.to(number),
-            ToSetup::SetProtection { protection }.to(number),
-            ToSetup::SetMotion { motion }.to(number),
-            ToMotor::SetMode { mode: mode.into(), zero_power: at_zero_power.into() }.to(number),
-            ToMotor::SetCurrentAlert { milliamperes: current_alert_ma }.to(number),
-        ];
-        let loops = [
-            ("velocity_loop", Loop::Velocity, &self.velocity_loop),
-            ("position_loop", Loop::Position, &self.position_loop),
-        ];
-        for (name, of, gains) in loops {
-            if let Some(gains) = gains {
-                let coefficients = gains.coefficients().map_err(|why| format!("{name}.{why}"))?;
-                requests.push(ToMotor::SetPidf { of, coefficients }.to(number));
-            }
+        if let Some(name) = names.iter().find(|name| Field::named(name).is_none()) {
+            return Err(format!("{name} is no setting"));
         }
-        Ok(requests)
     }
-
-    fn setup(&self) -> Result<Setup, String> {
-        let emf = steps(self.emf_mv_s_per_count, EMF_STEPS).and_then(|bits| i32::try_from(bits).ok());
-        let emf = emf.and_then(|bits| EmfConstant::from_bits(bits).ok());
-        let resistance = Resistance::from_ohms(self.resistance_ohm).map_err(named("resistance_ohm"))?;
-        let inductance = self.inductance_mh.map(Inductance::from_millihenries).transpose();
-        Ok(Setup {
-            emf: emf.ok_or("emf_mv_s_per_count is above 0 and below 32")?,
-            resistance: Some(resistance),
-            inductance: inductance.map_err(named("inductance_mh"))?,
-            scheme: SchemeText { scheme: self.scheme.clone(), blend: self.blend.clone() }.scheme()?,
-            duty: self.duty.into(),
-        })
-    }
-}
-
-/// Name and blend of a scheme.
-struct SchemeText {
-    scheme: String,
-    blend: Option<toml::Value>,
-}
-
-impl SchemeText {
-    fn of(scheme: Scheme) -> Result<Self, Failure> {
-        let words = serde_json::to_value(SchemeWords(scheme)).map_err(Failure::work)?;
-        let name = words.get("scheme").and_then(|name| name.as_str()).unwrap_or_default().to_owned();
-        let blend = match scheme {
-            Scheme::D(Blend::Automatic) => Some("auto".into()),
-            Scheme::D(Blend::Fixed(fraction)) => {
-                Some((f64::from(fraction.to_bits()) / f64::from(BlendFraction::ONE.to_bits())).into())
-            }
-            _ => None,
-        };
-        Ok(Self { scheme: name, blend })
-    }
-
-    fn scheme(self) -> Result<Scheme, String> {
-        let name: SchemeName = self.scheme.parse().map_err(named("scheme"))?;
-        let blend: Option<BlendChoice> =
-            self.blend.map(toml::Value::try_into).transpose().map_err(named("blend"))?;
-        name.with_blend(blend).map_err(named("blend"))
-    }
-}
-
-impl Moves {
-    fn dynamics(&self) -> Result<Dynamics, String> {
-        let gain = AccelerationPerVolt::from_f64(self.acceleration_cps2_per_v);
-        Ok(Dynamics {
-            gain: gain.map_err(named("dynamics.acceleration_cps2_per_v"))?,
-            decay: DecayRate::from_f64(self.decay_per_s).map_err(named("dynamics.decay_per_s"))?,
-            friction: Millivolts::new(self.friction_mv),
-        })
-    }
-}
-
-impl From<Coefficients> for Gains {
-    fn from(Coefficients { pidf: Pidf { p, i, d, f }, algorithm }: Coefficients) -> Self {
-        let [p, i, d, f] = [p, i, d, f].map(|it| f64::from(it.to_bits()) / COEFFICIENT_STEPS);
-        Self { p, i, d, f, terms: algorithm.into() }
-    }
-}
-
-impl Gains {
-    fn coefficients(&self) -> Result<Coefficients, String> {
-        let term = |name: &str, value: f64| {
-            let bits = steps(value, COEFFICIENT_STEPS).and_then(|bits| i32::try_from(bits).ok());
-            bits.map(Coefficient::from_bits).ok_or_else(|| format!("{name} is -32768 to 32767.9999"))
-        };
-        let (p, i) = (term("p", self.p)?, term("i", self.i)?);
-        let (d, f) = (term("d", self.d)?, term("f", self.f)?);
-        Ok(Coefficients { pidf: Pidf { p, i, d, f }, algorithm: self.terms.into() })
-    }
-}
-
-/// The nearest whole number of steps, if there is one.
-fn steps(value: f64, per_unit: f64) -> Option<i64> {
-    let steps = (value * per_unit).round();
-    (steps.abs() < 1e15).then_some(steps as i64)
-}
-
-/// Prefixes an error with the key that it belongs to.
-fn named<E: ToString>(key: &'static str) -> impl Fn(E) -> String {
-    move |error| format!("{key}: {}", error.to_string())
+    Ok(())
 }

@@ -1,164 +1,200 @@
-//! What all motors and the bus do, in one answer: a function of this hub's [own interface](super::setup), for hosts that
-//! draw, tune or record while motors run. One exchange, however many motors there are.
+//! State of motors, bridges and bus, as the hub reports it.
 //!
-//! | function | payload | answer |
-//! |---|---|---|
-//! | 20 tell what motors and bus do | | the fields of a [`HubReport`] |
-//!
-//! Motors are as of the last control tick, but for position and velocity, which are newer.
-//!
-//! | field | |
-//! |---|---|
-//! | u8 | version of these fields, [`VERSION`]; a higher one has more of them, behind those of the motors or of each motor |
-//! | u8, u8 | motors; bytes of each, from 36 on |
-//! | u32 | time of the tick since boot, ms; begins again at 2^32 |
-//! | u16 | battery voltage in force, mV; 0 if unknown |
-//! | u8, u16 | state of the bus, and how far it is burnt, in 1/1000: see [`bus`](super::bus) |
-//!
-//! Of each motor:
-//!
-//! | field | |
-//! |---|---|
-//! | u8 | told: 0 off, 1 fail-safe, 2 power, 3 velocity, 4 position, 5 in step with others, 6 to be learned |
-//! | i32 | of these: control value, counts/s, counts, where it should be now in counts, counts that it may turn; else 0 |
-//! | i32, i16 | position, counts; velocity, counts/s |
-//! | u8 | regulator: 0 by the motor's model, 1 PID |
-//! | i16 | control value |
-//! | u8 | regime: 0 none, as the bridge is open; 1 reverse, 2 braking, 3 forward |
-//! | u8, u16 | mode of the bridge: 0 9/8, 1 6/2, 2 5/0; duty in steps of 2^-15 |
-//! | i16, u16 | mean current by the motor's constants, mA; its magnitude as measured, mA, 65535 if it is not |
-//! | i16 | current that would just balance the load, mA; -32768 if the motor is not known |
-//! | u16 | heat of the winding, in 1/1000 of its limit; 0 without one |
-//! | u8 | bits from 0: enabled, at target, stalled, derated because hot |
-//! | u8 | bits from 0: battery unknown, encoder silent, stuck, reversed, winding too hot, bridge off |
-//! | i16 * 4 | points S, T, Z, G at this speed and battery as control values, those beyond the range at its end; all 0 if unknown |
+//! A [`HubReport`] has the state of all motors and of the bus in one answer, for hosts that draw, tune or record while motors
+//! run. Values are from the last control tick, except position and velocity, which are newer. A newer hub reports more fields
+//! at the end of each motor, or behind all motors; a host reads the fields that it knows.
 //!
 //! ```
-//! use motor_hub::protocol::Request;
-//! use motor_hub::protocol::report::{FUNCTION, HubReport, MotorReport};
+//! use motor_hub::extension::report::{HubReport, MotorReport};
 //! use motor_hub::protocol::fields::{Field, Fields, Payload};
 //!
-//! assert_eq!(Request::Report.number(), FUNCTION);
-//! // A longer answer of a newer hub is read as far as it is known.
 //! let mut payload = Payload::new();
 //! HubReport { motors: [MotorReport::default(); 2].into_iter().collect(), ..HubReport::default() }.write(&mut payload);
 //! payload.extend_from_slice(&[1, 2, 3]).unwrap();
 //! assert_eq!(HubReport::read(&mut Fields::new(&payload)).unwrap().motors.len(), 2);
 //! ```
 
-use super::CHANNELS;
-use super::fields::{ByteIn, Field, Fields, Payload, codes};
-use super::nack::Nack;
 use crate::braking::Regime;
 use crate::bridge::{Drive, Mode};
 use crate::motion::EncoderFault;
-use crate::motor::Faults;
+use crate::motor::{Faults, SenseLine};
+use crate::protocol::fields::{ByteIn, Field, Fields, Payload, codes, in_turn};
+use crate::protocol::{CHANNELS, Nack};
 use crate::regulator::Kind;
 use crate::supply::BusState;
 use crate::units::{Control, Duty, Milliamperes, Millivolts};
 use heapless::Vec;
 
-/// Its number.
-pub const FUNCTION: u16 = 20;
-
-/// Of the fields.
+/// Version of the fields of a [`HubReport`]. A higher version has more fields.
 pub const VERSION: u8 = 1;
 
 /// Bytes of a motor's fields.
 const STRIDE: u8 = 36;
 
+/// A measured current that is not measured.
 const NOT_MEASURED: u16 = u16::MAX;
+/// A load current that is unknown.
 const UNKNOWN: i16 = i16::MIN;
 
 codes!(Mode { 0 = Cw98, 1 = Ccw62, 2 = Brake50 });
 codes!(Kind { 0 = Model, 1 = Pid });
+codes!(SenseLine { 0 = Absent, 1 = Sound, 2 = Silent, 3 = Stuck, 4 = Excessive });
+codes!(BusState { 0 = Silent, 1 = TooLow, 2 = Cut, 3 = Derated, 4 = Quiet, 5 = Burning, 6 = TooHigh });
 
-/// What motors and bus do.
+/// State of a motor and its bridge.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Condition {
+    /// Mean current by the motor's constants.
+    pub current: Milliamperes,
+    /// Magnitude of the mean current in milliamperes; `None` if the hub does not measure the current.
+    pub measured_ma: Option<u16>,
+    /// Heat of the winding in 1/1000 of its limit; 0 without a limit.
+    pub heat: u16,
+    /// True if the current is limited because the winding is hot.
+    pub derated: bool,
+    /// True if the motor was switched off because the winding is too hot.
+    pub overheated: bool,
+    /// True if the bridge has switched itself off.
+    pub bridge_fault: bool,
+    /// State of the current-sense line.
+    pub sense_line: SenseLine,
+}
+
+in_turn!(Condition { current, measured_ma: measured, heat, derated, overheated, bridge_fault, sense_line });
+
+/// State of the bus of battery and bridges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BusReport {
+    /// The range that the voltage is in.
+    pub state: BusState,
+    /// The newest sample, plausible or not; `None` if the converter does not answer.
+    pub measured: Option<Millivolts>,
+    /// Share of the returned energy that braking motors dissipate, in 1/1000.
+    pub burning: u16,
+    /// Energy that braking motors have returned since boot, in millijoules.
+    pub returned_mj: u32,
+    /// Energy that braking motors have dissipated since boot, in millijoules.
+    pub burnt_mj: u32,
+}
+
+in_turn!(BusReport { state, measured: measured, burning, returned_mj, burnt_mj });
+
+/// A value behind a bool, which is true if the value is measured.
+mod measured {
+    use super::{Field, Fields, Nack, Payload};
+
+    pub(super) fn read<T: Field>(fields: &mut Fields<'_>) -> Result<Option<T>, Nack> {
+        let (is_measured, value) = (bool::read(fields)?, T::read(fields)?);
+        Ok(is_measured.then_some(value))
+    }
+
+    pub(super) fn write<T: Field + Default + Copy>(value: &Option<T>, payload: &mut Payload) {
+        value.is_some().write(payload);
+        value.unwrap_or_default().write(payload);
+    }
+}
+
+/// A battery voltage, which is 0 if it is unknown.
+pub(super) mod battery {
+    use super::{Field, Fields, Millivolts, Nack, Payload};
+
+    pub(crate) fn read(fields: &mut Fields<'_>) -> Result<Option<Millivolts>, Nack> {
+        Ok(Some(Millivolts::read(fields)?).filter(|voltage| voltage.get() != 0))
+    }
+
+    pub(crate) fn write(voltage: &Option<Millivolts>, payload: &mut Payload) {
+        voltage.unwrap_or_default().write(payload);
+    }
+}
+
+/// State of motors and bus.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct HubReport {
-    /// Time of the control tick in milliseconds; begins again at 2^32.
+    /// Time of the control tick since boot in milliseconds; wraps at 2^32.
     pub at_ms: u32,
-    /// The battery voltage in force, if it is known.
+    /// The battery voltage in force; `None` if it is unknown.
     pub battery: Option<Millivolts>,
-    /// In which of its ranges the bus is.
+    /// The range that the bus voltage is in.
     pub bus: BusState,
-    /// How far braking motors burn what they would return, in 1/1000.
+    /// Share of the returned energy that braking motors dissipate, in 1/1000.
     pub burning: u16,
-    /// By motor.
+    /// State of each motor.
     pub motors: Vec<MotorReport, CHANNELS>,
 }
 
-/// What one motor does.
+/// State of one motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotorReport {
-    /// What it is told to do.
-    pub told: Told,
-    /// Counts, from where the host has set 0.
+    /// The set-point in force.
+    pub setpoint: ReportedSetpoint,
+    /// Position in counts, from where the host has set 0.
     pub position: i32,
-    /// Counts per second.
+    /// Velocity in counts per second.
     pub velocity: i16,
-    /// What regulates it.
+    /// What regulates the motor.
     pub regulator: Kind,
-    /// The control value; 0 while coasting.
+    /// The control value; 0 while the bridge is open.
     pub control: Control,
-    /// Its regime; `None` while the bridge is open because the motor is disabled, floating or at fault.
+    /// The regime; `None` while the bridge is open because the motor is disabled, floating or at fault.
     pub regime: Option<Regime>,
-    /// What the bridge is told.
+    /// The command of the bridge.
     pub drive: Drive,
-    /// Mean current by the motor's constants and what the bridge is told; 32.767 A at most.
+    /// Mean current by the motor's constants and the command of the bridge; 32.767 A at most.
     pub current: Milliamperes,
-    /// Magnitude of the mean current in milliamperes, where it is measured; 65 534 at most.
+    /// Magnitude of the mean current in milliamperes, 65 534 at most; `None` if the hub does not measure the current.
     pub measured_ma: Option<u16>,
-    /// The current that would just balance the load; `None` of a motor that is not known.
+    /// The current that balances the load; `None` for an unknown motor.
     pub load: Option<Milliamperes>,
-    /// Of the winding: 1000 at its limit, 0 without one.
+    /// Heat of the winding in 1/1000 of its limit; 0 without a limit.
     pub heat: u16,
-    /// It may run.
+    /// True if the host has enabled the motor.
     pub enabled: bool,
-    /// It stands at its target, or its group does.
+    /// True if the motor, or its group, is at its target.
     pub at_target: bool,
-    /// Held against a stop.
+    /// True if the motor is driven and does not turn.
     pub stalled: bool,
-    /// So hot that its current is limited.
+    /// True if the current is limited because the winding is hot.
     pub derated: bool,
-    /// What keeps it from obeying.
+    /// Faults that keep the motor from running.
     pub faults: Faults,
-    /// S, T, Z and G as control values, at this speed and battery; `None` if the battery is unknown.
+    /// S, T, Z and G as control values, at the present speed and battery voltage; `None` if the battery is unknown.
     pub points: Option<[Control; 4]>,
 }
 
 impl MotorReport {
-    /// Its current as well as it is known: measured, of which there is only the magnitude, else modelled.
+    /// The best known current: the magnitude of the measured current, else the modelled current.
     pub fn best_current(&self) -> Milliamperes {
         self.measured_ma.map_or(self.current, |ma| Milliamperes::new(ma.into()))
     }
 }
 
-/// What a motor is told to do, with the number that goes with it.
+/// A set-point as one number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Told {
-    /// Nothing.
+pub enum ReportedSetpoint {
+    /// The motor is disabled.
     #[default]
     Off,
-    /// Nothing, because its host is gone.
+    /// The motor is disabled because its host is silent.
     FailSafe,
     /// Constant power.
     Power(Control),
-    /// Counts per second.
+    /// Velocity in counts per second.
     Velocity(i32),
-    /// Counts, from where the host has set 0.
+    /// Position in counts, from where the host has set 0.
     Position(i32),
-    /// To be where its group wants it, in counts from there too.
+    /// The present reference of a group, in counts, from where the host has set 0.
     Together(i32),
-    /// To be learned, within so many counts either way.
+    /// An identification, with the counts that the motor may turn either way.
     Identify(u32),
 }
 
 impl Default for MotorReport {
-    /// Of a disabled motor of which nothing is known.
+    /// The state of a disabled motor after a reset.
     fn default() -> Self {
         Self {
-            told: Told::Off,
+            setpoint: ReportedSetpoint::Off,
             position: 0,
             velocity: 0,
             regulator: Kind::Pid,
@@ -184,12 +220,12 @@ impl Field for HubReport {
         ByteIn::<VERSION, { u8::MAX }>::read(fields)?;
         let (count, stride) = (u8::read(fields)?, ByteIn::<STRIDE, { u8::MAX }>::read(fields)?.get());
         let at_ms = u32::read(fields)?;
-        let battery = Some(u16::read(fields)?).filter(|mv| *mv != 0).map(Millivolts::new);
+        let battery = battery::read(fields)?;
         let (bus, burning) = (BusState::read(fields)?, u16::read(fields)?);
         let mut motors = Vec::new();
         for _ in 0..count {
             let of_motor = fields.slice(stride.into())?;
-            // Motors that a host of this protocol has no numbers for are left out.
+            // A host of this protocol has no numbers for more motors.
             let _ = motors.push(MotorReport::read(&mut Fields::new(of_motor))?);
         }
         Ok(Self { at_ms, battery, bus, burning, motors })
@@ -198,7 +234,7 @@ impl Field for HubReport {
     fn write(&self, payload: &mut Payload) {
         [VERSION, self.motors.len() as u8, STRIDE].write(payload);
         self.at_ms.write(payload);
-        self.battery.map_or(0, Millivolts::get).write(payload);
+        battery::write(&self.battery, payload);
         self.bus.write(payload);
         self.burning.write(payload);
         self.motors.iter().for_each(|motor| motor.write(payload));
@@ -207,12 +243,12 @@ impl Field for HubReport {
 
 impl Field for MotorReport {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        let told = Told::read(fields)?;
+        let setpoint = ReportedSetpoint::read(fields)?;
         let (position, velocity) = (i32::read(fields)?, i16::read(fields)?);
         let regulator = Kind::read(fields)?;
         let control = Control::read(fields)?;
-        let regime = read_regime(fields)?;
-        let drive = Drive { mode: Mode::read(fields)?, duty: Duty::from_bits(u16::read(fields)?) };
+        let regime = regime::read(fields)?;
+        let drive = Drive { mode: Mode::read(fields)?, duty: Duty::read(fields)? };
         let current = Milliamperes::new(i16::read(fields)?.into());
         let measured_ma = Some(u16::read(fields)?).filter(|ma| *ma != NOT_MEASURED);
         let load = Some(i16::read(fields)?).filter(|ma| *ma != UNKNOWN);
@@ -221,7 +257,7 @@ impl Field for MotorReport {
         let faults = faults(u8::read(fields)?);
         let points: [i16; 4] = Field::read(fields)?;
         Ok(Self {
-            told,
+            setpoint,
             position,
             velocity,
             regulator,
@@ -242,14 +278,14 @@ impl Field for MotorReport {
     }
 
     fn write(&self, payload: &mut Payload) {
-        self.told.write(payload);
+        self.setpoint.write(payload);
         self.position.write(payload);
         self.velocity.write(payload);
         self.regulator.write(payload);
         self.control.write(payload);
-        regime_code(self.regime).write(payload);
+        regime::write(self.regime, payload);
         self.drive.mode.write(payload);
-        self.drive.duty.to_bits().write(payload);
+        self.drive.duty.write(payload);
         milliamperes(self.current).write(payload);
         self.measured_ma.map_or(NOT_MEASURED, |ma| ma.min(NOT_MEASURED - 1)).write(payload);
         self.load.map_or(UNKNOWN, milliamperes).write(payload);
@@ -260,7 +296,7 @@ impl Field for MotorReport {
     }
 }
 
-impl Field for Told {
+impl Field for ReportedSetpoint {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let code = ByteIn::<0, 6>::read(fields)?.get();
         let value = i32::read(fields)?;
@@ -290,25 +326,31 @@ impl Field for Told {
     }
 }
 
-fn read_regime(fields: &mut Fields<'_>) -> Result<Option<Regime>, Nack> {
-    Ok(match ByteIn::<0, 3>::read(fields)?.get() {
-        0 => None,
-        1 => Some(Regime::Reverse),
-        2 => Some(Regime::Braking),
-        _ => Some(Regime::Forward),
-    })
-}
+/// A regime, where 0 is an open bridge.
+mod regime {
+    use super::{ByteIn, Field, Fields, Nack, Payload, Regime};
 
-const fn regime_code(regime: Option<Regime>) -> u8 {
-    match regime {
-        None => 0,
-        Some(Regime::Reverse) => 1,
-        Some(Regime::Braking) => 2,
-        Some(Regime::Forward) => 3,
+    pub(super) fn read(fields: &mut Fields<'_>) -> Result<Option<Regime>, Nack> {
+        Ok(match ByteIn::<0, 3>::read(fields)?.get() {
+            0 => None,
+            1 => Some(Regime::Reverse),
+            2 => Some(Regime::Braking),
+            _ => Some(Regime::Forward),
+        })
+    }
+
+    pub(super) fn write(regime: Option<Regime>, payload: &mut Payload) {
+        let code: u8 = match regime {
+            None => 0,
+            Some(Regime::Reverse) => 1,
+            Some(Regime::Braking) => 2,
+            Some(Regime::Forward) => 3,
+        };
+        code.write(payload);
     }
 }
 
-/// As far as 15 bits go, either way.
+/// The current within 16 bits; -32768 stands for an unknown current.
 fn milliamperes(current: Milliamperes) -> i16 {
     current.get().clamp(-i32::from(i16::MAX), i16::MAX.into()) as i16
 }

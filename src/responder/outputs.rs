@@ -1,71 +1,70 @@
-//! Digital pins, PWM and servo outputs, the speeds of I2C buses.
+//! Digital pins, PWM and servo outputs, and the speeds of I2C buses.
 //!
-//! Digital pins are inputs after a reset, pulled up: one that nothing is connected to reads 1, as does one that the board
-//! does not have. What is set of such a pin is remembered and read back, and moves nothing; so it is with all PWM and servo
-//! outputs and I2C buses, of which a motor hub has none: host software sets them up when it opens a hub.
+//! Digital pins are inputs after a reset, pulled up. A pin without a connection reads 1, and so does a pin that the board
+//! lacks. A motor hub has no PWM outputs, servo outputs and I2C buses; it stores their settings, because host software sets
+//! them up when it opens a hub, and reads them back.
 //!
-//! The level of an output is what a host sets, low before that. Fail-safe lets go of all outputs, which stay what they
-//! are, until they are set again; it switches PWM and servos off. Of all inputs at once, outputs read 0.
+//! An output is low until a host sets its level. Fail-safe releases all outputs until a host sets them again; they stay
+//! outputs. Fail-safe also switches off PWM and servos. When a host reads all inputs at once, outputs read 0.
 //!
 //! ```
-//! use motor_hub::protocol::Nack;
 //! use motor_hub::protocol::pins::{Pin, ServoOutput, ToPin};
-//! use motor_hub::responder::Answer;
-//! use motor_hub::responder::pins::PinMemory;
+//! use motor_hub::protocol::{Nack, Reply};
+//! use motor_hub::responder::outputs::Outputs;
 //!
-//! let mut pins = PinMemory::default();
+//! let mut pins = Outputs::default();
 //! let servo = ServoOutput::new(5).expect("0 to 5");
-//! assert_eq!(pins.receive(&ToPin::SetServoEnable { servo, on: true }), Ok(Answer::Ack));
-//! assert!(matches!(pins.receive(&ToPin::ServoEnable { servo }), Ok(Answer::Data(on)) if *on == [1]));
+//! assert_eq!(pins.receive(&ToPin::SetServoEnable { servo, on: true }), Ok(Reply::ACK));
+//! assert!(matches!(pins.receive(&ToPin::ServoEnable { servo }), Ok(Reply::Data(on)) if *on == [1]));
 //!
 //! let pin = Pin::new(3).expect("0 to 7");
 //! assert_eq!(pins.receive(&ToPin::SetOutput { pin, high: true }), Err(Nack(13)));
-//! assert!(matches!(pins.receive(&ToPin::Input { pin }), Ok(Answer::Data(level)) if *level == [1]));
+//! assert!(matches!(pins.receive(&ToPin::Input { pin }), Ok(Reply::Data(level)) if *level == [1]));
 //! ```
 
-use super::answer::Answer;
-use crate::protocol::Nack;
 use crate::protocol::pins::{I2cBus, Pin, PwmOutput, ServoOutput, ToPin};
+use crate::protocol::{Nack, Reply};
 
-/// Outputs of each kind.
+/// Number of PWM outputs that hosts know.
 const PWM: usize = 4;
+/// Number of servo outputs that hosts know.
 const SERVOS: usize = 6;
+/// Number of I2C buses that hosts know.
 const I2C_BUSES: usize = 4;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Pulses {
-    /// In microseconds, as is the width.
-    period: u16,
-    width: u16,
+    period_micros: u16,
+    width_micros: u16,
     on: bool,
 }
 
-/// What is to be done to digital pins: bit i is pin i.
+/// The command to the digital pins: bit i is pin i.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DigitalLines {
-    /// Those that are driven.
+    /// Pins that the board drives.
     pub driven: u8,
-    /// To which level: 1 is high.
+    /// Levels of the driven pins: 1 is high.
     pub levels: u8,
 }
 
-/// What has been set.
+/// State of pins and outputs.
 #[derive(Clone, Copy, Debug)]
-pub struct PinMemory {
-    /// Bit i: pin i is an output.
+pub struct Outputs {
+    /// Bit i is set if pin i is an output.
     outputs: u8,
-    /// What is done to them: outputs that fail-safe has let go of are not driven.
+    /// The command to the pins. Outputs that fail-safe has released are not driven.
     lines: DigitalLines,
-    /// Bit i: pin i is high, as the board said last.
+    /// Bit i is set if the board has found pin i high.
     sensed: u8,
     pwm: [Pulses; PWM],
     servos: [Pulses; SERVOS],
-    /// At 400 kbit/s.
+    /// True for buses at 400 kbit/s.
     fast_i2c: [bool; I2C_BUSES],
 }
 
-/// After a reset.
-impl Default for PinMemory {
+impl Default for Outputs {
+    /// The state after a reset.
     fn default() -> Self {
         Self {
             outputs: 0,
@@ -78,27 +77,27 @@ impl Default for PinMemory {
     }
 }
 
-impl PinMemory {
-    /// The levels of all pins, as the board sees them.
+impl Outputs {
+    /// Takes the levels of all pins from the board.
     pub const fn sense(&mut self, levels: u8) {
         self.sensed = levels;
     }
 
-    /// What the board is to do to them.
+    /// The command to the pins.
     pub const fn lines(&self) -> DigitalLines {
         self.lines
     }
 
-    /// Levels of the inputs; 0 of outputs.
+    /// Levels of the inputs. Outputs read 0.
     pub const fn inputs(&self) -> u8 {
         self.sensed & !self.outputs
     }
 
-    /// Does what a request says.
+    /// Executes a request.
     ///
     /// # Errors
-    /// Why the request is refused; nothing has changed then.
-    pub fn receive(&mut self, request: &ToPin) -> Result<Answer, Nack> {
+    /// The reason of a refusal; nothing has changed then.
+    pub fn receive(&mut self, request: &ToPin) -> Result<Reply, Nack> {
         match *request {
             ToPin::SetOutput { pin, .. } if !self.is_output(pin) => return Err(Nack::not_an_output(pin)),
             ToPin::SetOutput { pin, high } => {
@@ -106,7 +105,7 @@ impl PinMemory {
                 set_bit(&mut self.lines.driven, pin, true);
             }
             ToPin::SetOutputs { .. } if self.outputs == 0 => return Err(Nack::NO_OUTPUT),
-            // Bits of inputs mean nothing.
+            // A host sends bits for inputs too.
             ToPin::SetOutputs { levels } => {
                 self.lines = DigitalLines { driven: self.outputs, levels: levels & self.outputs };
             }
@@ -117,27 +116,27 @@ impl PinMemory {
                 set_bit(&mut self.outputs, pin, output);
                 set_bit(&mut self.lines.driven, pin, output);
             }
-            ToPin::Direction { pin } => return Ok(Answer::data(&self.is_output(pin))),
+            ToPin::Direction { pin } => return Ok(Reply::data(&self.is_output(pin))),
             ToPin::Input { pin } if self.is_output(pin) => return Err(Nack::not_an_input(pin)),
-            ToPin::Input { pin } => return Ok(Answer::data(&(self.sensed & bit(pin) != 0))),
+            ToPin::Input { pin } => return Ok(Reply::data(&(self.sensed & bit(pin) != 0))),
             ToPin::Inputs if self.outputs == u8::MAX => return Err(Nack::NO_INPUT),
-            ToPin::Inputs => return Ok(Answer::data(&self.inputs())),
-            ToPin::SetPwmPeriod { pwm, period } => self.pwm(pwm)?.period = period,
-            ToPin::SetPwmWidth { pwm, width } => self.pwm(pwm)?.width = width,
+            ToPin::Inputs => return Ok(Reply::data(&self.inputs())),
+            ToPin::SetPwmPeriod { pwm, period } => self.pwm(pwm)?.period_micros = period,
+            ToPin::SetPwmWidth { pwm, width } => self.pwm(pwm)?.width_micros = width,
             ToPin::SetPwmEnable { pwm, on } => self.pwm(pwm)?.on = on,
-            ToPin::SetServoPeriod { servo, period } => self.servo(servo)?.period = period.get(),
-            ToPin::SetServoWidth { servo, width } => self.servo(servo)?.width = width.get(),
+            ToPin::SetServoPeriod { servo, period } => self.servo(servo)?.period_micros = period.get(),
+            ToPin::SetServoWidth { servo, width } => self.servo(servo)?.width_micros = width.get(),
             ToPin::SetServoEnable { servo, on } => self.servo(servo)?.on = on,
             ToPin::SetI2cSpeed { bus, fast } => *self.fast_i2c(bus)? = fast,
-            ToPin::PwmPeriod { pwm } => return Ok(Answer::data(&self.pwm(pwm)?.period)),
-            ToPin::PwmWidth { pwm } => return Ok(Answer::data(&self.pwm(pwm)?.width)),
-            ToPin::PwmEnable { pwm } => return Ok(Answer::data(&self.pwm(pwm)?.on)),
-            ToPin::ServoPeriod { servo } => return Ok(Answer::data(&self.servo(servo)?.period)),
-            ToPin::ServoWidth { servo } => return Ok(Answer::data(&self.servo(servo)?.width)),
-            ToPin::ServoEnable { servo } => return Ok(Answer::data(&self.servo(servo)?.on)),
-            ToPin::I2cSpeed { bus } => return Ok(Answer::data(self.fast_i2c(bus)?)),
+            ToPin::PwmPeriod { pwm } => return Ok(Reply::data(&self.pwm(pwm)?.period_micros)),
+            ToPin::PwmWidth { pwm } => return Ok(Reply::data(&self.pwm(pwm)?.width_micros)),
+            ToPin::PwmEnable { pwm } => return Ok(Reply::data(&self.pwm(pwm)?.on)),
+            ToPin::ServoPeriod { servo } => return Ok(Reply::data(&self.servo(servo)?.period_micros)),
+            ToPin::ServoWidth { servo } => return Ok(Reply::data(&self.servo(servo)?.width_micros)),
+            ToPin::ServoEnable { servo } => return Ok(Reply::data(&self.servo(servo)?.on)),
+            ToPin::I2cSpeed { bus } => return Ok(Reply::data(self.fast_i2c(bus)?)),
         }
-        Ok(Answer::Ack)
+        Ok(Reply::ACK)
     }
 
     const fn is_output(&self, pin: Pin) -> bool {
@@ -156,7 +155,7 @@ impl PinMemory {
         self.fast_i2c.get_mut(usize::from(bus.get())).ok_or(Nack::parameter(0))
     }
 
-    /// Fail-safe: nothing is enabled, and no pin is driven.
+    /// Fail-safe: releases all pins, and switches off PWM and servos.
     pub fn disable(&mut self) {
         self.lines.driven = 0;
         for pulses in self.pwm.iter_mut().chain(&mut self.servos) {

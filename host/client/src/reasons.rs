@@ -1,20 +1,20 @@
-//! Reasons as text: why a motor does not turn, by its hub's [report](motor_hub::protocol::report), and why settings were
-//! not [stored](motor_hub::protocol::store).
+//! Reasons as text: why a motor does not turn, by its hub's [report](motor_hub::extension::report), and why settings were
+//! not [stored](motor_hub::extension::state).
 //!
 //! ```
-//! use motor_hub_client::motor_hub::protocol::report::{HubReport, MotorReport, Told};
+//! use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
 //! use motor_hub_client::motor_hub::supply::BusState;
-//! use motor_hub_client::why::why_still;
+//! use motor_hub_client::reasons::why_still;
 //!
-//! let motor = MotorReport { enabled: true, told: Told::Velocity(500), stalled: true, ..MotorReport::default() };
+//! let motor = MotorReport { enabled: true, setpoint: ReportedSetpoint::Velocity(500), stalled: true, ..MotorReport::default() };
 //! let hub = HubReport { bus: BusState::Quiet, motors: [motor].into_iter().collect(), ..HubReport::default() };
 //! assert_eq!(why_still(&hub, 0), Some("stalled: the motor is driven and does not turn"));
 //! ```
 
+use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
+use motor_hub::extension::state::StoreReport;
 use motor_hub::motion::EncoderFault;
 use motor_hub::motor::Faults;
-use motor_hub::protocol::report::{HubReport, MotorReport, Told};
-use motor_hub::protocol::store::StoreReport;
 use motor_hub::store::Outcome;
 use motor_hub::supply::BusState;
 use motor_hub::units::Control;
@@ -46,20 +46,24 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
     if motor.velocity.unsigned_abs() > STANDS_CPS {
         return None;
     }
-    match motor.told {
-        Told::FailSafe => return Some("fail-safe: the host was silent, and the hub disabled the motor"),
+    match motor.setpoint {
+        ReportedSetpoint::FailSafe => {
+            return Some("fail-safe: the host was silent, and the hub disabled the motor");
+        }
         _ if !motor.enabled => return Some("disabled"),
-        Told::Off => return Some("no target set for this mode"),
+        ReportedSetpoint::Off => return Some("no target set for this mode"),
         _ => (),
     }
     if let Some(supply) = supply(hub.bus) {
         return Some(supply);
     }
-    match motor.told {
-        Told::Power(Control::ZERO) => Some("the set-point is power 0"),
-        Told::Velocity(0) => Some("the set-point is speed 0"),
-        Told::Position(_) | Told::Together(_) if motor.at_target => Some("at its target"),
-        Told::Identify(_) => None,
+    match motor.setpoint {
+        ReportedSetpoint::Power(Control::ZERO) => Some("the set-point is power 0"),
+        ReportedSetpoint::Velocity(0) => Some("the set-point is speed 0"),
+        ReportedSetpoint::Position(_) | ReportedSetpoint::Together(_) if motor.at_target => {
+            Some("at its target")
+        }
+        ReportedSetpoint::Identify(_) => None,
         _ if motor.stalled => Some("stalled: the motor is driven and does not turn"),
         _ if motor.derated => Some("derated: the winding is hot, and the current is limited"),
         _ => None,
@@ -67,7 +71,10 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
 }
 
 const fn fault(motor: &MotorReport) -> Option<&'static str> {
-    let regulated = matches!(motor.told, Told::Velocity(_) | Told::Position(_) | Told::Together(_));
+    let regulated = matches!(
+        motor.setpoint,
+        ReportedSetpoint::Velocity(_) | ReportedSetpoint::Position(_) | ReportedSetpoint::Together(_)
+    );
     match motor.faults {
         Faults { bridge: true, .. } => {
             Some("the bridge switched itself off: disable the motor, then enable it again")

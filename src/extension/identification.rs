@@ -1,0 +1,61 @@
+//! The result of an identification, byte by byte: a code, and then only the fields that go with this code.
+
+use crate::protocol::Nack;
+use crate::protocol::fields::{ByteIn, Field, Fields, Payload, codes, in_turn};
+use crate::regulator::Dynamics;
+use crate::regulator::identify::{Identification, Identified, Refusal};
+
+codes!(Refusal {
+    0 = Stopped,
+    1 = Interrupted,
+    2 = NotAtRest,
+    3 = TravelLimit,
+    4 = Battery,
+    5 = TooFar,
+    6 = NoCounts,
+    7 = Backwards,
+    8 = Load,
+    9 = Spring,
+    10 = Uneven,
+    11 = Unsure,
+    12 = Implausible
+});
+
+impl Field for Identification {
+    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
+        Ok(match ByteIn::<0, 3>::read(fields)?.get() {
+            0 => Self::None,
+            1 => Self::Running(ByteIn::<0, 99>::read(fields)?.get()),
+            2 => Self::Found(Identified::read(fields)?),
+            _ => Self::Refused(Refusal::read(fields)?),
+        })
+    }
+
+    fn write(&self, payload: &mut Payload) {
+        match self {
+            Self::None => 0u8.write(payload),
+            Self::Running(percent) => [1, *percent].write(payload),
+            Self::Found(found) => {
+                2u8.write(payload);
+                found.write(payload);
+            }
+            Self::Refused(why) => {
+                3u8.write(payload);
+                why.write(payload);
+            }
+        }
+    }
+}
+
+in_turn!(Dynamics { gain, decay, friction });
+
+in_turn!(Identified {
+    dynamics,
+    emf,
+    emf_is_told,
+    gain_error,
+    decay_error,
+    emf_error,
+    friction_error,
+    residual
+});

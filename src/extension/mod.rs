@@ -1,0 +1,228 @@
+//! The hub's own interface, for everything that REV's protocol has no requests for: settings, reports, groups, identification,
+//! the record of faults, stored settings, new firmware.
+//!
+//! A host finds the interface by its name, [`INTERFACE`]. A host that does not ask for this name never meets the interface.
+//! Settings last until a reset, unless they are stored. `docs/reference/extension.md` describes each function with its fields
+//! and refusals.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`settings`] | the table of all settings of a motor: bytes, stored records and documents follow from the table |
+//! | [`report`] | state of motors, bridges and bus |
+//! | [`identification`] | result of an identification |
+//! | [`group`] | motors that move in step |
+//! | [`record`] | faults and resets |
+//! | [`state`] | state of stored settings, and of an update |
+//!
+//! ```
+//! use motor_hub::extension::{HubFunction, Request};
+//! use motor_hub::protocol::fields::Text;
+//!
+//! let request = Request::from(HubFunction::Chunk { offset: 96, bytes: Text::new(&[7, 8]).unwrap() });
+//! assert_eq!((request.id(), &*request.payload()), (0x4D16, &[96, 0, 0, 0, 2, 7, 8][..]));
+//! ```
+
+pub mod group;
+pub mod identification;
+pub mod record;
+pub mod report;
+pub mod settings;
+pub mod state;
+
+use crate::protocol::answers::Functions;
+use crate::protocol::fields::{Field, Fields, Payload, Text};
+use crate::protocol::pins::ToPin;
+use crate::protocol::requests::{MOTOR_INTERFACE, Standard, ToHub};
+use crate::protocol::table::requests;
+use crate::protocol::{self, HOST, Nack, Packet};
+use group::GroupMove;
+use settings::{Group, Values};
+
+/// The name of the interface.
+pub const INTERFACE: &[u8] = b"MOTOR_HUB";
+
+/// The packet type of function 0, on hubs of this project.
+pub const FIRST_FUNCTION: u16 = 0x4D00;
+
+/// The packet types of the interface, on hubs of this project.
+pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 28 };
+
+requests! {
+    /// A function of one motor besides its settings. The motor's number goes before the fields.
+    pub enum MotorFunction {
+        /// Starts an identification within this number of counts either way. The answer is a u32, the counts that the motor
+        /// will turn at most.
+        4 Identify { travel_limit: u32 },
+        /// The answer is an [`Identification`](crate::regulator::identify::Identification).
+        5 Identification,
+        /// Moves a group that the motor belongs to.
+        6 Move { wanted: GroupMove },
+        /// The answer is a [`GroupState`](group::GroupState).
+        7 Group,
+        /// The answer is a [`Condition`](report::Condition).
+        10 Condition,
+    }
+}
+
+requests! {
+    /// A function of the whole hub.
+    pub enum HubFunction {
+        /// The answer is a [`BusReport`](report::BusReport).
+        13 Bus,
+        /// Stores the settings in force.
+        14 Save,
+        /// Puts the stored settings in force.
+        15 Load,
+        /// Puts the firmware's settings in force and stores them.
+        16 Reset,
+        /// The answer is a [`StoreReport`](state::StoreReport).
+        17 Stored,
+        /// The answer is [`Entries`](record::Entries) from this number on. `clear` empties the record afterwards.
+        18 Entries { from: u8, clear: bool },
+        /// The answer is [`Ticks`](record::Ticks) of the entry with this number.
+        19 Ticks { number: u16, from: u8 },
+        /// The answer is a [`HubReport`](report::HubReport).
+        20 Report,
+        /// Announces new firmware with its length in bytes, its CRC-32 (IEEE 802.3) and its version.
+        21 BeginUpdate { length: u32, crc: u32, version: Text },
+        /// Sends 96 bytes of new firmware, or the rest of it, for this offset.
+        22 Chunk { offset: u32, bytes: Text },
+        /// Ends the transfer; the hub checks and arms the new firmware.
+        23 FinishUpdate,
+        /// Restarts the hub with the armed firmware.
+        24 Restart,
+        /// Ends an update, also of armed firmware.
+        25 AbandonUpdate,
+        /// The answer is an [`UpdateReport`](state::UpdateReport).
+        26 Update,
+        /// Sends the public key (Ed25519) and the signature of the firmware's SHA-512.
+        27 Sign { key: [u8; 32], signature: [u8; 64] },
+    }
+}
+
+/// A request to a hub of this project, by REV's protocol or by the extension, with all its parameters in range.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Request {
+    /// A request of REV's protocol.
+    Rev(protocol::Request),
+    /// Sets all fields of a group of the settings of the motor with this number.
+    Set(u8, Values),
+    /// Asks for all fields of a group of the settings of the motor with this number; the answer is [`Values`].
+    Get(u8, Group),
+    /// A function of the motor with this number.
+    Motor(u8, MotorFunction),
+    /// A function of the whole hub.
+    Hub(HubFunction),
+}
+
+impl Request {
+    /// Reads a packet, for a hub with `motors` motors. A setting that belongs to REV's protocol is read as [`Rev`](Self::Rev).
+    ///
+    /// # Errors
+    /// The refusal to answer. A payload that is too short is refused with the number of the first missing parameter.
+    pub fn read(packet: &Packet, motors: usize) -> Result<Self, Nack> {
+        let Some(number) = FUNCTIONS.number(packet.id) else {
+            return protocol::Request::read(packet, motors).map(Self::Rev);
+        };
+        let fields = &mut Fields::new(&packet.payload);
+        if HubFunction::NUMBERS.contains(&number) {
+            return HubFunction::read(number, fields).map(Self::Hub);
+        }
+        let motor = fields.motor(motors)?;
+        if MotorFunction::NUMBERS.contains(&number) {
+            return Ok(Self::Motor(motor, MotorFunction::read(number, fields)?));
+        }
+        if let Some(group) = Group::EACH.into_iter().find(|group| group.set_id() == packet.id) {
+            return Ok(Self::Set(motor, Values::read(group, fields)?));
+        }
+        let group = Group::EACH.into_iter().find(|group| group.get_id() == packet.id);
+        group.map(|group| Self::Get(motor, group)).ok_or(Nack::UNSUPPORTED)
+    }
+
+    /// The name of the interface that the request belongs to; `None` for a standard command.
+    pub fn interface(&self) -> Option<&'static [u8]> {
+        match self {
+            Self::Rev(request) if request.is_standard() => None,
+            _ if FUNCTIONS.number(self.id()).is_some() => Some(INTERFACE),
+            _ => Some(MOTOR_INTERFACE),
+        }
+    }
+
+    /// The number of the function within its interface, or the packet type of a standard command.
+    pub fn number(&self) -> u16 {
+        let id = self.id();
+        match self.interface() {
+            None => id,
+            Some(INTERFACE) => id - FIRST_FUNCTION,
+            Some(_) => id - protocol::requests::FIRST_FUNCTION,
+        }
+    }
+
+    /// The packet type on hubs of this project.
+    pub fn id(&self) -> u16 {
+        match self {
+            Self::Rev(request) => request.id(),
+            Self::Set(_, values) => values.group().set_id(),
+            Self::Get(_, group) => group.get_id(),
+            Self::Motor(_, function) => FIRST_FUNCTION + function.number(),
+            Self::Hub(function) => FIRST_FUNCTION + function.number(),
+        }
+    }
+
+    /// The fields as bytes.
+    pub fn payload(&self) -> Payload {
+        let mut payload = Payload::new();
+        match self {
+            Self::Rev(request) => return request.payload(),
+            Self::Set(motor, values) => {
+                values.group().write_name(*motor, &mut payload);
+                values.write(&mut payload);
+            }
+            Self::Get(motor, group) => group.write_name(*motor, &mut payload),
+            Self::Motor(motor, function) => {
+                motor.write(&mut payload);
+                function.write(&mut payload);
+            }
+            Self::Hub(function) => function.write(&mut payload),
+        }
+        payload
+    }
+
+    /// A host's packet of type `id`, which is [`id`](Self::id) unless the hub reports other packet types.
+    pub fn packet(&self, destination: u8, number: u8, id: u16) -> Packet {
+        Packet { destination, source: HOST, number, reference: 0, id, payload: self.payload() }
+    }
+}
+
+impl MotorFunction {
+    /// The request to the motor with this number, 0 to 3.
+    pub const fn to(self, motor: u8) -> Request {
+        Request::Motor(motor, self)
+    }
+}
+
+impl From<HubFunction> for Request {
+    fn from(function: HubFunction) -> Self {
+        Self::Hub(function)
+    }
+}
+
+impl From<protocol::Request> for Request {
+    fn from(request: protocol::Request) -> Self {
+        Self::Rev(request)
+    }
+}
+
+/// Requests of REV's protocol that need no motor.
+macro_rules! of_rev {
+    ($($type:ty),+) => {$(
+        impl From<$type> for Request {
+            fn from(request: $type) -> Self {
+                Self::Rev(request.into())
+            }
+        }
+    )+};
+}
+
+of_rev!(Standard, ToHub, ToPin);
