@@ -207,7 +207,10 @@ pub struct Field {
     /// True if the raw value 0 means that nothing is configured. A document then leaves out the key, and the table that the
     /// key belongs to.
     pub optional: bool,
-    wire: Wire,
+    /// Bytes of a raw value.
+    size: usize,
+    /// True if the raw value may be below 0.
+    signed: bool,
     least: i64,
     most: i64,
     get: fn(&MotorSettings) -> i64,
@@ -223,43 +226,10 @@ pub enum Form {
     Words(&'static [&'static str]),
 }
 
-#[derive(Clone, Copy, Debug)]
-enum Wire {
-    U8,
-    U16,
-    U32,
-    I32,
-}
-
 impl Field {
     /// The field with this name.
     pub fn named(name: &str) -> Option<&'static Self> {
         Group::EACH.iter().flat_map(|group| group.fields()).find(|field| field.name == name)
-    }
-
-    /// A number with the whole range of its bytes.
-    const fn number(name: &'static str, wire: Wire, steps: u32, get: Get, put: Put) -> Self {
-        let (least, most) = match wire {
-            Wire::U8 => (0, u8::MAX as i64),
-            Wire::U16 => (0, u16::MAX as i64),
-            Wire::U32 => (0, u32::MAX as i64),
-            Wire::I32 => (i32::MIN as i64, i32::MAX as i64),
-        };
-        Self { name, form: Form::Steps(steps), optional: false, wire, least, most, get, put }
-    }
-
-    /// A byte, one for each word.
-    const fn word(name: &'static str, words: &'static [&'static str], get: Get, put: Put) -> Self {
-        let most = words.len() as i64 - 1;
-        Self { name, form: Form::Words(words), optional: false, wire: Wire::U8, least: 0, most, get, put }
-    }
-
-    const fn within(self, least: i64, most: i64) -> Self {
-        Self { least, most, ..self }
-    }
-
-    const fn or_none(self) -> Self {
-        Self { optional: true, ..self }
     }
 
     /// The raw value of the field in these settings.
@@ -307,22 +277,16 @@ impl Field {
 
     fn read(&self, fields: &mut Fields<'_>) -> Result<i64, Nack> {
         let index = fields.index();
-        let raw = match self.wire {
-            Wire::U8 => u8::read(fields)?.into(),
-            Wire::U16 => u16::read(fields)?.into(),
-            Wire::U32 => u32::read(fields)?.into(),
-            Wire::I32 => i32::read(fields)?.into(),
-        };
+        let bytes = fields.slice(self.size)?;
+        let raw = bytes.iter().rev().fold(0, |raw: i64, byte| raw << 8 | i64::from(*byte));
+        let raw = if self.signed { i64::from(raw as i32) } else { raw };
         if (self.least..=self.most).contains(&raw) { Ok(raw) } else { Err(Nack::parameter(index)) }
     }
 
     /// Appends a raw value, which is in range.
     fn write(&self, raw: i64, payload: &mut Payload) {
-        match self.wire {
-            Wire::U8 => (raw as u8).write(payload),
-            Wire::U16 => (raw as u16).write(payload),
-            Wire::U32 => (raw as u32).write(payload),
-            Wire::I32 => (raw as i32).write(payload),
+        for byte in raw.to_le_bytes().iter().take(self.size) {
+            byte.write(payload);
         }
     }
 }
@@ -404,315 +368,222 @@ impl Values {
     }
 }
 
-type Get = fn(&MotorSettings) -> i64;
-type Put = fn(&mut MotorSettings, i64) -> Option<()>;
+/// Defines fields. A number states its integer type on the line, its steps in a unit, its value in the settings, and how the
+/// settings take a value; `limits` replaces the limits of the type. Words state their values and the place in the settings.
+macro_rules! fields {
+    (@ {
+        $name:literal, $type:ident / $steps:expr $(, limits $least:literal to $most:expr)? $(, optional $optional:literal)?,
+        |$settings:ident| $get:expr, |$into:ident, $value:ident| $put:expr
+    }) => {
+        Field {
+            name: $name,
+            form: Form::Steps($steps),
+            optional: false $(|| $optional)?,
+            size: size_of::<$type>(),
+            signed: $type::MIN != 0,
+            least: first(&[$($least,)? $type::MIN as i64]),
+            most: first(&[$($most,)? $type::MAX as i64]),
+            get: |$settings| i64::from($get),
+            put: |$into, value| {
+                let $value = $type::try_from(value).ok()?;
+                $put;
+                Some(())
+            },
+        }
+    };
+    (@ { $name:literal, $($word:literal $value:expr),+; $($place:ident).+ $(, up to $most:literal)? }) => {
+        Field {
+            name: $name,
+            form: Form::Words(&[$($word),+]),
+            optional: false,
+            size: 1,
+            signed: false,
+            least: 0,
+            most: first(&[$($most,)? [$($word),+].len() as i64 - 1]),
+            get: |settings| {
+                let mut values = [$($value),+].into_iter();
+                // The last word also stands for all values that are not listed.
+                let last = values.len() as i64 - 1;
+                values.position(|value| value == settings.$($place).+).map_or(last, |code| code as i64)
+            },
+            put: |settings, code| {
+                let values = [$($value),+];
+                settings.$($place).+ = *values.get(usize::try_from(code).ok()?).or(values.last())?;
+                Some(())
+            },
+        }
+    };
+    ($($fields:tt)*) => { &[$(fields!(@ $fields)),*] };
+}
 
-const SET_UP: &[Field] = &[
-    Field::number(
-        "emf_mv_s_per_count",
-        Wire::I32,
-        1 << 20,
-        |settings| settings.motor.winding.emf.to_bits().into(),
-        |settings, bits| {
-            settings.motor.winding.emf = EmfConstant::from_bits(i32::try_from(bits).ok()?).ok()?;
-            Some(())
-        },
-    )
-    .within(1, (1 << 25) - 1),
-    Field::number(
-        "resistance_ohm",
-        Wire::U16,
-        1_000,
-        |settings| settings.motor.winding.resistance.as_milliohms().into(),
-        |settings, milliohms| {
-            // 0 keeps the winding: `Values::put`.
-            if let Ok(resistance) = Resistance::from_milliohms(u16::try_from(milliohms).ok()?) {
-                settings.motor.winding.resistance = resistance;
-            }
-            Some(())
-        },
-    )
-    .or_none(),
-    Field::number(
-        "inductance_mh",
-        Wire::U16,
-        1_000,
-        |settings| settings.motor.winding.inductance.map_or(0, Inductance::as_microhenries).into(),
+/// The first of some limits: the limit that a field states, or that of its type.
+const fn first(limits: &[i64]) -> i64 {
+    match limits {
+        [first, ..] => *first,
+        [] => 0,
+    }
+}
+
+const SET_UP: &[Field] = fields! {
+    {
+        "emf_mv_s_per_count", i32 / 1 << 20, limits 1 to (1 << 25) - 1,
+        |settings| settings.motor.winding.emf.to_bits(),
+        |settings, bits| settings.motor.winding.emf = EmfConstant::from_bits(bits).ok()?
+    }
+    {
+        // 0 keeps the winding: `Values::put`.
+        "resistance_ohm", u16 / 1_000, optional true,
+        |settings| settings.motor.winding.resistance.as_milliohms(),
+        |settings, milliohms| if let Ok(resistance) = Resistance::from_milliohms(milliohms) {
+            settings.motor.winding.resistance = resistance;
+        }
+    }
+    {
+        "inductance_mh", u16 / 1_000, optional true,
+        |settings| settings.motor.winding.inductance.map_or(0, Inductance::as_microhenries),
         |settings, microhenries| {
-            settings.motor.winding.inductance =
-                Inductance::from_microhenries(u16::try_from(microhenries).ok()?).ok();
-            Some(())
-        },
-    )
-    .or_none(),
-    Field::word(
-        "scheme",
-        &["none", "A", "B", "C", "D auto", "D"],
+            settings.motor.winding.inductance = Inductance::from_microhenries(microhenries).ok();
+        }
+    }
+    {
+        "scheme", "none" Scheme::ForwardReverse, "A" Scheme::A, "B" Scheme::B, "C" Scheme::C,
+        "D auto" Scheme::D(Blend::Automatic), "D" Scheme::D(Blend::Fixed(BlendFraction::ZERO));
+        motor.scheme
+    }
+    {
+        // 16 bits end just below 1, which is Scheme C.
+        "blend", u16 / 1 << 16,
         |settings| match settings.motor.scheme {
-            Scheme::ForwardReverse => 0,
-            Scheme::A => 1,
-            Scheme::B => 2,
-            Scheme::C => 3,
-            Scheme::D(Blend::Automatic) => 4,
-            Scheme::D(Blend::Fixed(_)) => 5,
-        },
-        |settings, code| {
-            settings.motor.scheme = match code {
-                0 => Scheme::ForwardReverse,
-                1 => Scheme::A,
-                2 => Scheme::B,
-                3 => Scheme::C,
-                4 => Scheme::D(Blend::Automatic),
-                _ => Scheme::D(Blend::Fixed(BlendFraction::ZERO)),
-            };
-            Some(())
-        },
-    ),
-    Field::number(
-        "blend",
-        Wire::U16,
-        1 << 16,
-        |settings| match settings.motor.scheme {
-            // 16 bits end just below 1, which is Scheme C.
-            Scheme::D(Blend::Fixed(blend)) => blend.to_bits().min(u16::MAX.into()).into(),
+            Scheme::D(Blend::Fixed(blend)) => u16::try_from(blend.to_bits()).unwrap_or(u16::MAX),
             _ => 0,
         },
-        |settings, bits| {
-            if let Scheme::D(Blend::Fixed(blend)) = &mut settings.motor.scheme {
-                *blend = BlendFraction::from_bits(u32::try_from(bits).ok()?).ok()?;
-            }
-            Some(())
-        },
-    ),
-    Field::word(
-        "duty",
-        &["linear-duty", "linear-current"],
-        |settings| (settings.motor.duty == DutyRule::LinearCurrent).into(),
-        |settings, code| {
-            settings.motor.duty = if code == 0 { DutyRule::LinearDuty } else { DutyRule::LinearCurrent };
-            Some(())
-        },
-    ),
-];
+        |settings, bits| if let Scheme::D(Blend::Fixed(blend)) = &mut settings.motor.scheme {
+            *blend = BlendFraction::from_bits(bits.into()).ok()?;
+        }
+    }
+    { "duty", "linear-duty" DutyRule::LinearDuty, "linear-current" DutyRule::LinearCurrent; motor.duty }
+};
 
-/// A time of [`Timing`] in whole units.
-macro_rules! time {
-    ($name:literal, $field:ident) => {
-        Field::number(
-            $name,
-            Wire::U16,
-            1,
-            |settings| settings.motor.bridge.timing().$field.into(),
-            |settings, time| {
-                let timing = settings.motor.bridge.timing();
-                let timing = Timing { $field: u16::try_from(time).ok()?, ..timing };
-                settings.motor.bridge = settings.motor.bridge.with_timing(timing);
-                Some(())
-            },
-        )
-    };
+const TIMING: &[Field] = fields! {
+    {
+        "bridge.least_off_ns", u16 / 1, |settings| settings.motor.bridge.timing().least_off_ns,
+        |settings, least_off_ns| set_timing(settings, |timing| Timing { least_off_ns, ..timing })
+    }
+    {
+        "bridge.least_on_ns", u16 / 1, |settings| settings.motor.bridge.timing().least_on_ns,
+        |settings, least_on_ns| set_timing(settings, |timing| Timing { least_on_ns, ..timing })
+    }
+    {
+        "bridge.turn_on_ns", u16 / 1, |settings| settings.motor.bridge.timing().turn_on_ns,
+        |settings, turn_on_ns| set_timing(settings, |timing| Timing { turn_on_ns, ..timing })
+    }
+    {
+        "bridge.turn_off_ns", u16 / 1, |settings| settings.motor.bridge.timing().turn_off_ns,
+        |settings, turn_off_ns| set_timing(settings, |timing| Timing { turn_off_ns, ..timing })
+    }
+    {
+        "bridge.change_us", u16 / 1, |settings| settings.motor.bridge.timing().change_us,
+        |settings, change_us| set_timing(settings, |timing| Timing { change_us, ..timing })
+    }
+};
+
+fn set_timing(settings: &mut MotorSettings, change: impl FnOnce(Timing) -> Timing) {
+    let bridge = settings.motor.bridge;
+    settings.motor.bridge = bridge.with_timing(change(bridge.timing()));
 }
 
-const TIMING: &[Field] = &[
-    time!("bridge.least_off_ns", least_off_ns),
-    time!("bridge.least_on_ns", least_on_ns),
-    time!("bridge.turn_on_ns", turn_on_ns),
-    time!("bridge.turn_off_ns", turn_off_ns),
-    time!("bridge.change_us", change_us),
-];
+const PROTECTION: &[Field] = fields! {
+    { "on_fault", "coast" OnFault::Coast, "brake" OnFault::Brake; motor.on_fault }
+    {
+        "thermal.continuous_current_ma", u16 / 1, optional true,
+        |settings| settings.motor.thermal.map_or(0, |limit| limit.continuous_ma()),
+        |settings, ma| settings.motor.thermal =
+            ThermalLimit::new(ma, ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S).ok()
+    }
+    {
+        "thermal.winding_s", u16 / 1, optional true,
+        |settings| settings.motor.thermal.map_or(0, |limit| limit.winding_s()),
+        |settings, winding_s| if let Some(limit) = &mut settings.motor.thermal {
+            *limit = ThermalLimit::new(limit.continuous_ma(), winding_s, limit.case_s()).ok()?;
+        }
+    }
+    {
+        "thermal.case_s", u16 / 1, optional true,
+        |settings| settings.motor.thermal.map_or(0, |limit| limit.case_s()),
+        |settings, case_s| if let Some(limit) = &mut settings.motor.thermal {
+            *limit = ThermalLimit::new(limit.continuous_ma(), limit.winding_s(), case_s).ok()?;
+        }
+    }
+};
 
-const PROTECTION: &[Field] = &[
-    Field::word(
-        "on_fault",
-        &["coast", "brake"],
-        |settings| (settings.motor.on_fault == OnFault::Brake).into(),
-        |settings, code| {
-            settings.motor.on_fault = if code == 0 { OnFault::Coast } else { OnFault::Brake };
-            Some(())
-        },
-    ),
-    Field::number(
-        "thermal.continuous_current_ma",
-        Wire::U16,
-        1,
-        |settings| settings.motor.thermal.map_or(0, |limit| limit.continuous_ma()).into(),
-        |settings, ma| {
-            let usual = (ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S);
-            settings.motor.thermal = ThermalLimit::new(u16::try_from(ma).ok()?, usual.0, usual.1).ok();
-            Some(())
-        },
-    )
-    .or_none(),
-    Field::number(
-        "thermal.winding_s",
-        Wire::U16,
-        1,
-        |settings| settings.motor.thermal.map_or(0, |limit| limit.winding_s()).into(),
-        |settings, winding_s| {
-            if let Some(limit) = &mut settings.motor.thermal {
-                let winding_s = u16::try_from(winding_s).ok()?;
-                *limit = ThermalLimit::new(limit.continuous_ma(), winding_s, limit.case_s()).ok()?;
-            }
-            Some(())
-        },
-    )
-    .or_none(),
-    Field::number(
-        "thermal.case_s",
-        Wire::U16,
-        1,
-        |settings| settings.motor.thermal.map_or(0, |limit| limit.case_s()).into(),
-        |settings, case_s| {
-            if let Some(limit) = &mut settings.motor.thermal {
-                let case_s = u16::try_from(case_s).ok()?;
-                *limit = ThermalLimit::new(limit.continuous_ma(), limit.winding_s(), case_s).ok()?;
-            }
-            Some(())
-        },
-    )
-    .or_none(),
-];
-
-const MOTION: &[Field] = &[
-    Field::number(
-        "dynamics.acceleration_cps2_per_v",
-        Wire::U32,
-        1 << 8,
-        |settings| settings.motor.dynamics.map_or(0, |dynamics| dynamics.gain.to_bits()).into(),
+const MOTION: &[Field] = fields! {
+    {
+        "dynamics.acceleration_cps2_per_v", u32 / 1 << 8, optional true,
+        |settings| settings.motor.dynamics.map_or(0, |dynamics| dynamics.gain.to_bits()),
         |settings, bits| {
-            let gain = AccelerationPerVolt::from_bits(u32::try_from(bits).ok()?).ok();
             let (decay, friction) = (DecayRate::from_bits(0), Millivolts::new(0));
+            let gain = AccelerationPerVolt::from_bits(bits).ok();
             settings.motor.dynamics = gain.map(|gain| Dynamics { gain, decay, friction });
-            Some(())
-        },
-    )
-    .or_none(),
-    Field::number(
-        "dynamics.decay_per_s",
-        Wire::U32,
-        1 << 16,
-        |settings| settings.motor.dynamics.map_or(0, |dynamics| dynamics.decay.to_bits()).into(),
-        |settings, bits| {
-            if let Some(dynamics) = &mut settings.motor.dynamics {
-                dynamics.decay = DecayRate::from_bits(u32::try_from(bits).ok()?);
-            }
-            Some(())
-        },
-    ),
-    Field::number(
-        "dynamics.friction_mv",
-        Wire::U16,
-        1,
-        |settings| settings.motor.dynamics.map_or(0, |dynamics| dynamics.friction.get()).into(),
-        |settings, friction| {
-            if let Some(dynamics) = &mut settings.motor.dynamics {
-                dynamics.friction = Millivolts::new(u16::try_from(friction).ok()?);
-            }
-            Some(())
-        },
-    ),
-    Field::number(
-        "acceleration_limit_cps2",
-        Wire::U32,
-        1,
-        |settings| settings.motor.acceleration.map_or(0, Acceleration::get).into(),
-        |settings, limit| {
-            settings.motor.acceleration = Acceleration::new(u32::try_from(limit).ok()?).ok();
-            Some(())
-        },
-    )
-    .or_none(),
-];
+        }
+    }
+    {
+        "dynamics.decay_per_s", u32 / 1 << 16,
+        |settings| settings.motor.dynamics.map_or(0, |dynamics| dynamics.decay.to_bits()),
+        |settings, bits| if let Some(dynamics) = &mut settings.motor.dynamics {
+            dynamics.decay = DecayRate::from_bits(bits);
+        }
+    }
+    {
+        "dynamics.friction_mv", u16 / 1,
+        |settings| settings.motor.dynamics.map_or(0, |dynamics| dynamics.friction.get()),
+        |settings, friction| if let Some(dynamics) = &mut settings.motor.dynamics {
+            dynamics.friction = Millivolts::new(friction);
+        }
+    }
+    {
+        "acceleration_limit_cps2", u32 / 1, optional true,
+        |settings| settings.motor.acceleration.map_or(0, Acceleration::get),
+        |settings, limit| settings.motor.acceleration = Acceleration::new(limit).ok()
+    }
+};
 
-const MODE: &[Field] = &[
-    Field::word(
-        "mode",
-        &["power", "velocity", "position"],
-        |settings| match settings.mode {
-            RunMode::Power => 0,
-            RunMode::Velocity => 1,
-            RunMode::Position => 2,
-        },
-        |settings, code| {
-            settings.mode = match code {
-                0 => RunMode::Power,
-                1 => RunMode::Velocity,
-                _ => RunMode::Position,
-            };
-            Some(())
-        },
-    ),
-    // Hosts send any byte that is not 0 for a motor that floats.
-    Field::word(
-        "at_zero_power",
-        &["brake", "float"],
-        |settings| (settings.motor.zero_power == ZeroPower::Float).into(),
-        |settings, code| {
-            settings.motor.zero_power = if code == 0 { ZeroPower::Brake } else { ZeroPower::Float };
-            Some(())
-        },
-    )
-    .within(0, 255),
-];
+const MODE: &[Field] = fields! {
+    { "mode", "power" RunMode::Power, "velocity" RunMode::Velocity, "position" RunMode::Position; mode }
+    // Hosts send any byte but 0 for a motor that floats.
+    { "at_zero_power", "brake" ZeroPower::Brake, "float" ZeroPower::Float; motor.zero_power, up to 255 }
+};
 
-const CURRENT_ALERT: &[Field] = &[Field::number(
-    "current_alert_ma",
-    Wire::U16,
-    1,
-    |settings| settings.current_alert_ma.into(),
-    |settings, ma| {
-        settings.current_alert_ma = u16::try_from(ma).ok()?;
-        Some(())
-    },
-)];
+const CURRENT_ALERT: &[Field] = fields! {
+    {
+        "current_alert_ma", u16 / 1,
+        |settings| settings.current_alert_ma, |settings, ma| settings.current_alert_ma = ma
+    }
+};
 
-/// A coefficient of a loop.
-macro_rules! coefficient {
-    ($name:literal, $loop:ident, $field:ident) => {
-        Field::number(
-            $name,
-            Wire::I32,
-            1 << 16,
-            |settings| settings.coefficients(Loop::$loop).$field.to_bits().into(),
-            |settings, bits| {
-                let $field = Coefficient::from_bits(i32::try_from(bits).ok()?);
-                let before = settings.coefficients(Loop::$loop);
-                settings.set_coefficients(Loop::$loop, Coefficients { $field, ..before });
-                Some(())
-            },
-        )
+/// The fields of a loop's coefficients.
+macro_rules! coefficients {
+    ($loop:ident, $algorithm:ident, $($name:literal $field:ident),+; $terms:literal) => {
+        fields! {
+            $({
+                $name, i32 / 1 << 16,
+                |settings| settings.coefficients(Loop::$loop).$field.to_bits(),
+                |settings, bits| {
+                    let before = settings.coefficients(Loop::$loop);
+                    let $field = Coefficient::from_bits(bits);
+                    settings.set_coefficients(Loop::$loop, Coefficients { $field, ..before });
+                }
+            })+
+            { $terms, "pid" Algorithm::Legacy, "pidf" Algorithm::Pidf; $algorithm }
+        }
     };
 }
 
-/// How a host means the coefficients of a loop.
-macro_rules! algorithm {
-    ($name:literal, $loop:ident) => {
-        Field::word(
-            $name,
-            &["pid", "pidf"],
-            |settings| (settings.coefficients(Loop::$loop).algorithm == Algorithm::Pidf).into(),
-            |settings, code| {
-                let algorithm = if code == 0 { Algorithm::Legacy } else { Algorithm::Pidf };
-                let before = settings.coefficients(Loop::$loop);
-                settings.set_coefficients(Loop::$loop, Coefficients { algorithm, ..before });
-                Some(())
-            },
-        )
-    };
-}
+const VELOCITY_LOOP: &[Field] = coefficients!(
+    Velocity, velocity_algorithm, "velocity_loop.p" p, "velocity_loop.i" i, "velocity_loop.d" d,
+    "velocity_loop.f" f; "velocity_loop.terms"
+);
 
-const VELOCITY_LOOP: &[Field] = &[
-    coefficient!("velocity_loop.p", Velocity, p),
-    coefficient!("velocity_loop.i", Velocity, i),
-    coefficient!("velocity_loop.d", Velocity, d),
-    coefficient!("velocity_loop.f", Velocity, f),
-    algorithm!("velocity_loop.terms", Velocity),
-];
-
-const POSITION_LOOP: &[Field] = &[
-    coefficient!("position_loop.p", Position, p),
-    coefficient!("position_loop.i", Position, i),
-    coefficient!("position_loop.d", Position, d),
-    coefficient!("position_loop.f", Position, f),
-    algorithm!("position_loop.terms", Position),
-];
+const POSITION_LOOP: &[Field] = coefficients!(
+    Position, position_algorithm, "position_loop.p" p, "position_loop.i" i, "position_loop.d" d,
+    "position_loop.f" f; "position_loop.terms"
+);
