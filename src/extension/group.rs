@@ -1,4 +1,4 @@
-//! Motors that move in step. A host may send the request again without harm, as it does when an answer is lost.
+//! Motors that move in step. A repeated request does no harm; hosts repeat a request when an answer is lost.
 //!
 //! ```
 //! use motor_hub::extension::MotorFunction;

@@ -8,7 +8,7 @@
 //!                 put            Values::read
 //! ```
 //!
-//! Fields stand in groups, since a request sets all fields of a group at once. Some groups are functions of the extension, the
+//! Fields stand in groups, since one request sets all fields of a group. Some groups are functions of the extension, the
 //! others are requests of REV's protocol. A later firmware may add fields at the end of a group.
 //!
 //! ```
@@ -76,7 +76,7 @@ impl MotorSettings {
         self.motor.zero_power = if floats.0 { ZeroPower::Float } else { ZeroPower::Brake };
     }
 
-    /// Coefficients of a loop: those that a host has set, or the guess for a motor without a known load.
+    /// Coefficients of a loop: a host's coefficients, else the guess for a motor without a known load.
     pub fn coefficients(&self, of: Loop) -> Coefficients {
         let both = self.both_loops();
         let (Pidf { p, i, d, f }, algorithm) = match of {
@@ -416,7 +416,7 @@ macro_rules! fields {
     ($($fields:tt)*) => { &[$(fields!(@ $fields)),*] };
 }
 
-/// The first of some limits: the limit that a field states, or that of its type.
+/// The first of some limits: the limit that a field states, else the limit of its integer type.
 const fn first(limits: &[i64]) -> i64 {
     match limits {
         [first, ..] => *first,

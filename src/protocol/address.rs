@@ -1,4 +1,4 @@
-//! Who a packet is for.
+//! Addresses of hosts and hubs.
 //!
 //! ```
 //! use motor_hub::protocol::{Address, BROADCAST, HOST};
@@ -10,10 +10,10 @@
 use super::fields::{Field, Fields, Payload};
 use super::nack::Nack;
 
-/// Address of the host.
+/// The address of the host.
 pub const HOST: u8 = 0;
 
-/// Destination of a packet for every hub.
+/// The destination of a packet to every hub.
 pub const BROADCAST: u8 = 255;
 
 /// A hub's address, 1 to 254.
@@ -22,15 +22,15 @@ pub const BROADCAST: u8 = 255;
 pub struct Address(u8);
 
 impl Address {
-    /// What a hub has until it is given another: 2. Hosts find it by discovery.
+    /// The address of a hub until a host sets another: 2. Hosts find the address by discovery.
     pub const DEFAULT: Self = Self(2);
 
-    /// `None` for 0, which is the host, and 255, which is every hub.
+    /// The address; `None` for 0, which is the host, and for 255, which is every hub.
     pub const fn new(address: u8) -> Option<Self> {
         if address == HOST || address == BROADCAST { None } else { Some(Self(address)) }
     }
 
-    /// 1 to 254.
+    /// The address as a number, 1 to 254.
     pub const fn get(self) -> u8 {
         self.0
     }

@@ -1,7 +1,7 @@
-//! Frames: bytes in, packets out, synchronised again after any garbage; and packets as bytes.
+//! Frames: bytes to packets, with synchronisation after any garbage; and packets to bytes.
 //!
-//! A frame is `44 4B`, length of the whole (16 bits, little-endian), destination, source, message
-//! number, reference, type (16 bits), payload, and the sum of all bytes before it modulo 256.
+//! A frame is `44 4B`, the length of the frame (16 bits, little-endian), destination, source, message number, reference, type
+//! (16 bits), payload, and a checksum. The checksum is the sum of all bytes before it, modulo 256.
 //!
 //! ```
 //! use motor_hub::protocol::frame::{Decoder, Packet, encode};
@@ -11,7 +11,7 @@
 //! let frame = encode(&keep_alive);
 //! assert_eq!(*frame, [0x44, 0x4B, 11, 0, 3, 0, 1, 0, 0x04, 0x7F, 0x21]);
 //!
-//! // Stray bytes before it do no harm.
+//! // Stray bytes before the frame do no harm.
 //! let bytes = [&[0x44, 0x44, 0x00], &*frame].concat();
 //! assert_eq!(Decoder::new().next(&mut &*bytes, Micros::new(0)), Some(keep_alive));
 //! ```
@@ -20,30 +20,30 @@ use super::fields::{PAYLOAD_KEPT, Payload};
 use crate::units::Micros;
 use heapless::{Deque, Vec};
 
-/// What every frame starts with.
+/// The first bytes of every frame.
 pub const START: [u8; 2] = [0x44, 0x4B];
 
 /// Bytes of a frame without payload.
 pub const OVERHEAD: usize = 11;
 
-/// The longest frame taken: hosts are known to send at most 512 bytes of payload.
+/// The longest frame that is read. Hosts send at most 512 bytes of payload.
 pub const LONGEST: usize = 600;
 
-/// A frame that is not complete this long after its first byte is given up.
-pub const PATIENCE_MICROS: u64 = 50_000;
+/// Time after the first byte of a frame within which the frame must be complete.
+pub const TIMEOUT_MICROS: u64 = 50_000;
 
-/// A packet with a good checksum, to whomever.
+/// A packet whose checksum was good, to any destination.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Packet {
-    /// 0 host, 1 to 254 a hub, 255 every hub.
+    /// Destination: 0 host, 1 to 254 a hub, 255 every hub.
     pub destination: u8,
-    /// Who sent it.
+    /// Address of the sender.
     pub source: u8,
-    /// Any value; hosts repeat numbers for different commands.
+    /// Message number. Hosts use a number for several requests.
     pub number: u8,
-    /// In a reply, the number of the request.
+    /// Message number of the request, in a reply.
     pub reference: u8,
-    /// What it is.
+    /// Packet type.
     pub id: u16,
     /// The first [`PAYLOAD_KEPT`] bytes of the payload.
     pub payload: Payload,
@@ -51,44 +51,42 @@ pub struct Packet {
 
 /// Finds packets in a stream of bytes.
 ///
-/// Bytes are kept until they are known not to start a frame. When a frame turns out bad, the search
-/// goes on at its second byte, so a good packet within a bad one is not lost.
+/// The decoder keeps bytes until they cannot start a frame any more. The search after a bad frame begins at its second byte, so
+/// a good packet within a bad frame is not lost.
 #[derive(Debug)]
 pub struct Decoder {
-    /// Starts with `44` unless it is empty.
+    /// Received bytes. The first byte is `44`.
     bytes: Deque<u8, LONGEST>,
-    /// When the first of `bytes` came, or later.
+    /// Time of the first byte, or later.
     first_at: Micros,
-    /// When the last of `bytes` came.
+    /// Time of the last byte.
     last_at: Micros,
 }
 
-/// What the bytes at hand are.
+/// What the received bytes are.
 enum Candidate {
-    /// The start of something.
+    /// The start of a frame, perhaps.
     Unfinished,
-    /// No frame starts with the first byte.
+    /// No frame, at the first byte.
     Bad,
     /// A frame of this length.
     Good(usize),
 }
 
 impl Decoder {
-    /// Has seen nothing.
+    /// A decoder without bytes.
     pub const fn new() -> Self {
         Self { bytes: Deque::new(), first_at: Micros::new(0), last_at: Micros::new(0) }
     }
 
-    /// Takes bytes off the front of `input`, all of which have come by `now`, until a packet is
-    /// complete. `None` means that `input` is used up.
-    ///
-    /// To be called with empty input at [`deadline`](Self::deadline).
+    /// Takes bytes off the front of `input` until a packet is complete; `None` if `input` is used up. The bytes have come by
+    /// `now`. To be called with empty input at [`deadline`](Self::deadline).
     pub fn next(&mut self, input: &mut &[u8], now: Micros) -> Option<Packet> {
         loop {
             match self.candidate() {
                 Candidate::Good(length) => return Some(self.take(length)),
                 Candidate::Bad => self.resynchronise(),
-                // After a silence this drops one unfinished frame after the other.
+                // After a pause this drops one unfinished frame after the other.
                 Candidate::Unfinished if self.deadline().is_some_and(|deadline| deadline <= now) => {
                     self.resynchronise();
                 }
@@ -101,9 +99,9 @@ impl Decoder {
         }
     }
 
-    /// When the unfinished frame at hand, if any, is given up.
+    /// Time at which the decoder drops an unfinished frame; `None` without one.
     pub fn deadline(&self) -> Option<Micros> {
-        (!self.bytes.is_empty()).then_some(Micros::new(self.first_at.get().saturating_add(PATIENCE_MICROS)))
+        (!self.bytes.is_empty()).then_some(Micros::new(self.first_at.get().saturating_add(TIMEOUT_MICROS)))
     }
 
     fn push(&mut self, byte: u8, now: Micros) {
@@ -114,7 +112,7 @@ impl Decoder {
             self.first_at = now;
         }
         self.last_at = now;
-        // There is room: a full buffer holds at least one whole frame, which is not unfinished.
+        // There is room, because a full buffer has at least one complete frame.
         let _ = self.bytes.push_back(byte);
     }
 
@@ -136,7 +134,7 @@ impl Decoder {
         if self.bytes.get(length - 1) == Some(&sum) { Candidate::Good(length) } else { Candidate::Bad }
     }
 
-    /// The frame at the front as a packet.
+    /// Removes the frame at the front.
     fn take(&mut self, length: usize) -> Packet {
         let mut packet = Packet::default();
         for at in 0..length {
@@ -148,7 +146,7 @@ impl Decoder {
                 7 => packet.reference = byte,
                 8 => packet.id = u16::from(byte),
                 9 => packet.id |= u16::from(byte) << 8,
-                // Full: surplus payload, which nobody looks at.
+                // The packet keeps the first bytes of a long payload only.
                 10.. if at + 1 < length => drop(packet.payload.push(byte)),
                 _ => (),
             }
@@ -167,7 +165,7 @@ impl Decoder {
         while self.bytes.front().is_some_and(|&byte| byte != START[0]) {
             self.bytes.pop_front();
         }
-        // Not known for the byte that is now the first: no later than the last.
+        // The time of the new first byte is unknown, and not after the time of the last byte.
         self.first_at = self.last_at;
     }
 }
@@ -178,13 +176,13 @@ impl Default for Decoder {
     }
 }
 
-/// A packet as it goes over the line.
+/// The bytes of a packet on the line.
 pub type Frame = Vec<u8, { OVERHEAD + PAYLOAD_KEPT }>;
 
 /// The frame of `packet`.
 pub fn encode(packet: &Packet) -> Frame {
     let [id_low, id_high] = packet.id.to_le_bytes();
-    // At most OVERHEAD + PAYLOAD_KEPT, hence one byte would do.
+    // The length is OVERHEAD + PAYLOAD_KEPT at most.
     let [length_low, length_high] = ((OVERHEAD + packet.payload.len()) as u16).to_le_bytes();
     let [start, second] = START;
     let head = [
@@ -203,7 +201,7 @@ pub fn encode(packet: &Packet) -> Frame {
     let mut sum = 0u8;
     for &byte in head.iter().chain(&packet.payload) {
         sum = sum.wrapping_add(byte);
-        // There is room, by the types.
+        // There is room by the types.
         let _ = frame.push(byte);
     }
     let _ = frame.push(sum);

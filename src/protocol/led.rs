@@ -1,4 +1,4 @@
-//! What a host makes the status LED show.
+//! Colours and patterns of the status LED.
 //!
 //! ```
 //! use motor_hub::protocol::fields::{Field, Fields, Payload};
@@ -17,30 +17,30 @@
 use super::fields::{Field, Fields, Payload};
 use super::nack::Nack;
 
-/// What an RGB LED shows; 0 is dark, 255 full.
+/// Colour of an RGB LED; 0 is dark, 255 is full.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Colour {
-    /// Red.
+    /// Red part.
     pub red: u8,
-    /// Green.
+    /// Green part.
     pub green: u8,
-    /// Blue.
+    /// Blue part.
     pub blue: u8,
 }
 
 impl Colour {
-    /// Dark.
+    /// The LED is dark.
     pub const OFF: Self = Self { red: 0, green: 0, blue: 0 };
-    /// Waiting for a host; blinking: the host has been lost.
+    /// The hub waits for a host; blinking if the host is lost.
     pub const BLUE: Self = Self { red: 0, green: 0, blue: 255 };
-    /// Talking to a host.
+    /// A host is connected.
     pub const GREEN: Self = Self { red: 0, green: 255, blue: 0 };
-    /// Blinking: the battery is low.
+    /// The battery is low; blinking.
     pub const ORANGE: Self = Self { red: 255, green: 64, blue: 0 };
 }
 
-/// Red, green, blue.
+/// The fields are red, green and blue.
 impl Field for Colour {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let [red, green, blue] = Field::read(fields)?;
@@ -60,19 +60,19 @@ pub const STEPS: usize = 16;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Step {
-    /// In units of 0.1 s; 0 ends the pattern.
+    /// Duration in units of 0.1 s; 0 ends the pattern.
     pub duration: u8,
-    /// What is shown.
+    /// Colour during the step.
     pub colour: Colour,
 }
 
-/// Up to 16 steps, shown over and over.
+/// Up to 16 steps, which the LED repeats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LedPattern([Step; STEPS]);
 
 impl LedPattern {
-    /// The first 16 steps, or those before one without a duration.
+    /// A pattern of the steps before the first step without a duration, 16 at most.
     pub fn new(steps: &[Step]) -> Self {
         let mut pattern = Self::default();
         let shown = steps.iter().take_while(|step| step.duration > 0);
@@ -80,15 +80,14 @@ impl LedPattern {
         pattern
     }
 
-    /// Padded with steps that have no duration.
+    /// The steps of the pattern, and then steps without a duration.
     pub const fn steps(&self) -> &[Step; STEPS] {
         &self.0
     }
 }
 
-/// Steps of duration, blue, green, red: on reading until one has no duration, the payload ends or 16
-/// are read. At least one field must be there, and every step that is begun must be whole. 16 are
-/// written.
+/// The fields of a step are duration, blue, green and red. Reading ends at a step without a duration, at the end of the payload,
+/// or after 16 steps; the first duration is required, and every step must be complete. Writing writes 16 steps.
 impl Field for LedPattern {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let mut pattern = Self::default();

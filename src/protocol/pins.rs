@@ -14,16 +14,16 @@
 use super::fields::{ByteIn, WordFrom};
 use super::table::requests;
 
-/// A digital pin.
+/// The number of a digital pin.
 pub type Pin = ByteIn<0, 7>;
 
-/// A PWM output.
+/// The number of a PWM output.
 pub type PwmOutput = ByteIn<0, 3>;
 
-/// A servo output.
+/// The number of a servo output.
 pub type ServoOutput = ByteIn<0, 5>;
 
-/// An I2C bus.
+/// The number of an I2C bus.
 pub type I2cBus = ByteIn<0, 3>;
 
 requests! {

@@ -32,8 +32,8 @@ pub const MOTOR_INTERFACE: &[u8] = b"DEKA";
 /// The packet type of the motor interface's function 0, on hubs of this project.
 pub const FIRST_FUNCTION: u16 = 0x1000;
 
-/// The packet types of the motor interface, on hubs of this project. The count covers all functions that hosts know, also
-/// those that the hub refuses (I2C transfers and bulk output): a smaller count would hide coefficients and version.
+/// The packet types of the motor interface, on hubs of this project. The count covers all functions that hosts know, also the
+/// refused ones (I2C transfers and bulk output): a smaller count would hide coefficients and version.
 pub const MOTOR_FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 58 };
 
 /// The packet type of a discovery, the only request that hubs answer when it is sent to all hubs.
@@ -166,8 +166,8 @@ impl Request {
         if ToPin::NUMBERS.contains(&number) {
             return ToPin::read(number, fields).map(Self::Pin);
         }
-        // The tables lack transfers by I2C (37 to 42, 52, 54, 55), because hosts poll an accepted transfer for ever; and bulk
-        // output (56).
+        // The tables lack transfers by I2C (37 to 42, 52, 54, 55), because hosts poll an accepted transfer without end. They
+        // lack bulk output (56) too.
         ToHub::read(number, fields).map(Self::Hub)
     }
 

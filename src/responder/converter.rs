@@ -34,7 +34,7 @@ use crate::protocol::CHANNELS;
 use crate::protocol::requests::{AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, RAIL, TEMPERATURE};
 use crate::units::Milliamperes;
 
-/// Millivolts, milliamperes or 0.1 degrees in a raw count. An answer has 16 bits, of which a raw count of 12 bits leaves 8 units.
+/// Millivolts, milliamperes or 0.1 degrees in a raw count: 16 bits of an answer in 12 bits of a raw count.
 pub const RAW_COUNT: i32 = 8;
 
 /// Nominal voltage of the 5 V rail in millivolts, which the hub does not measure.

@@ -1,5 +1,5 @@
-//! The hub's end of the host's protocol: what the hub stores for a host, and how it answers and acts, so that host software
-//! written for a REV Expansion Hub runs motors of this hub. Where the published facts leave a behaviour open, the choice is
+//! The hub's end of the host's protocol: what the hub stores for a host, and how it answers and acts. Host software for a REV
+//! Expansion Hub runs motors of this hub. Where the published facts leave a behaviour open, the choice is
 //! documented here.
 //!
 //! ```text
@@ -522,8 +522,8 @@ fn per_mille(share: Share) -> u16 {
     (1_000.0 * share.to_f32()) as u16
 }
 
-/// Motor alerts: bits 0 to 3 are set if the encoder of motor 0 to 3 is at fault, bits 4 to 7 if the bridge of motor 0 to 3 has
-/// switched itself off.
+/// Motor alerts. Bits 0 to 3 are set if the encoder of motor 0 to 3 is at fault. Bits 4 to 7 are set if the bridge of motor 0
+/// to 3 has switched itself off.
 fn motor_alerts(motors: &[Report]) -> u8 {
     let bits = motors.iter().take(CHANNELS).enumerate();
     bits.fold(0, |alerts, (index, motor)| {

@@ -36,8 +36,8 @@ use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts};
 /// can set.
 pub const SPEED_LIMIT: i16 = i16::MAX;
 
-/// The longest distance to a target, in counts: half of the ring of counts, less 2^24 counts by which a load may push the
-/// motor back before the other way round is the shorter way.
+/// The longest distance to a target, in counts: half of the ring of counts, less 2^24 counts. A load may push the motor back
+/// by 2^24 counts before the other way round is shorter.
 const LONGEST_DISTANCE: i32 = i32::MAX - (1 << 24);
 
 /// One motor channel.
@@ -367,7 +367,7 @@ impl MotorChannel {
     }
 }
 
-/// True if the report of `tick` may be older than a command that a host sent when the last report was that of `sent_at`.
+/// True if the report of `tick` may be older than a command that a host sent at the tick `sent_at`.
 fn may_be_older(tick: u32, sent_at: Option<u32>) -> bool {
     sent_at.is_some_and(|sent_at| tick.wrapping_sub(sent_at) < 2)
 }

@@ -5,7 +5,7 @@
 //! them up when it opens a hub, and reads them back.
 //!
 //! An output is low until a host sets its level. Fail-safe releases all outputs until a host sets them again; they stay
-//! outputs. Fail-safe also switches off PWM and servos. When a host reads all inputs at once, outputs read 0.
+//! outputs. Fail-safe also switches off PWM and servos. In a request of all inputs, outputs read 0.
 //!
 //! ```
 //! use motor_hub::protocol::pins::{Pin, ServoOutput, ToPin};

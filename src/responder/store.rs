@@ -22,7 +22,7 @@ use crate::protocol::{Address, CHANNELS, Nack, Reply};
 use crate::store::{Entry, Found, Full, Order, Outcome, Record, Stored};
 use heapless::Vec;
 
-/// The type of the entry with the address: that of REV's *set address*.
+/// The type of the entry with the address, which is the packet type of REV's *set address*.
 const ADDRESS: u16 = 0x7F06;
 
 /// The most bytes of an entry's payload. A later firmware may store more fields behind those of this firmware.
@@ -249,7 +249,7 @@ impl<const N: usize> Responder<N> {
         Ok(record)
     }
 
-    /// Puts the firmware's settings in force, and then those of the record.
+    /// Puts the firmware's settings in force, and then the settings of the record.
     fn restore_settings(&mut self, record: &Record) {
         for ((motor, channel), factory) in (0..).zip(&mut self.channels).zip(self.factory) {
             channel.restore(restored(motor, factory, record));

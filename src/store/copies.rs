@@ -1,63 +1,62 @@
-//! What two copies amount to.
+//! The choice between two copies of a record.
 
 use super::record::{Record, Unreadable, VERSION};
 
-/// How what is stored is.
+/// State of the stored record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Stored {
-    /// There is nothing.
+    /// There is no record.
     #[default]
     Nothing,
-    /// A record, in two copies that are the same.
+    /// There is a record, and both copies are equal.
     Whole,
-    /// A record whose other copy is damaged, missing, or of an earlier save: power went during the last one, or the memory
-    /// is worn.
+    /// There is a record whose other copy is damaged, missing or older: a power cut during the last save, or a worn memory.
     OneCopy,
-    /// A later firmware's, which is kept, and not read.
+    /// There is a record of a later version, which is kept and not read.
     Later,
-    /// Something that makes no sense.
+    /// The memory's contents are damaged.
     Damaged,
 }
 
-/// What was found where settings are stored.
+/// Contents of the memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// How it is.
+    /// State of the record.
     pub stored: Stored,
-    /// Of which version; 0 if that is not known, or nothing is there.
+    /// Version of the record; 0 without a record.
     pub version: u8,
-    /// The newer copy; of save 0 and empty if there is none that can be read.
+    /// The newer copy; an empty record with number 0 if no copy can be read.
     pub record: Record,
 }
 
 impl Found {
-    /// Without a record.
+    /// Contents without a record.
     pub fn without_record(stored: Stored, version: u8) -> Self {
         Self { stored, version, record: Record::new(0) }
     }
 }
 
-/// Copies, one after the other.
+/// Copies of a record, added one after the other.
 #[derive(Clone, Debug)]
 pub struct Copies {
     newest: Record,
-    /// Copies of that.
+    /// Number of copies that equal the newest record.
     same: u8,
-    /// One is of this later version; 0 if none is.
+    /// The latest version above that of this firmware; 0 without one.
     later: u8,
     damaged: bool,
 }
 
 impl Default for Copies {
-    /// None yet.
+    /// No copies.
     fn default() -> Self {
         Self { newest: Record::new(0), same: 0, later: 0, damaged: false }
     }
 }
 
 impl Copies {
-    /// Takes the bytes of the next copy; `None` if there are none, or none that pass their checksum.
+    /// Adds the bytes of a copy; `None` if the copy is missing or its checksum is wrong.
     pub fn add(&mut self, copy: Option<&[u8]>) {
         match copy.map(Record::read) {
             None => (),
@@ -69,7 +68,7 @@ impl Copies {
         }
     }
 
-    /// What the two amount to.
+    /// The result of all added copies.
     pub fn found(self) -> Found {
         let Self { newest: record, same, later, damaged } = self;
         match (later, same) {

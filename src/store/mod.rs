@@ -1,21 +1,21 @@
-//! Settings that outlast power: what a stored record is, byte by byte, and which of two copies counts.
+//! Records of settings that outlast power, byte by byte, and the choice between two copies of a record.
 //!
-//! A record is the requests that make a hub's settings what they are, as a host would send them. Nothing of a setting is
-//! stated twice, and a record that lacks a setting, or the last fields of one, leaves these as the firmware has them.
+//! A record has entries with the type and the payload of requests that would set the settings. Settings and last fields that a
+//! record lacks stay as the firmware has them.
 //!
 //! | bytes | |
 //! |---|---|
 //! | u8 | [`VERSION`] of the layout |
 //! | u32 | number of the save, from 1 |
-//! | then, as often as there is something to say: u16 | type of the request, as on hubs of this project |
+//! | then for each entry: u16 | type of the request, as on hubs of this project |
 //! | u8 | length of its payload |
 //! | | its payload |
 //!
-//! What a later firmware adds by new requests, or by new fields at the end of one, is kept on a save by this one, and needs
-//! no other version. A record of a later version is not read, and not replaced unless a host asks for it.
+//! A later firmware may add entries, and fields at the end of an entry, without a new version; a save by this firmware keeps
+//! them. A record of a later version is not read, and only a reset replaces it.
 //!
-//! A save writes two copies, one after the other. Whatever cuts the power or turns a bit, one of them is whole; that they
-//! are not the same says that it happened. Where they are kept, `tasks::store` knows.
+//! A save writes two copies, one after the other. After a power cut or a damaged bit one copy is complete, and the copies
+//! differ. `tasks::store` decides where the copies are.
 //!
 //! ```
 //! use motor_hub::store::{Copies, Record, Stored};
@@ -38,30 +38,30 @@ mod record;
 pub use copies::{Copies, Found, Stored};
 pub use record::{CAPACITY, Entry, Full, Record, Unreadable, VERSION};
 
-/// What became of the last thing that was to be written or read.
+/// Result of the last access to the memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Outcome {
-    /// There was none since boot.
+    /// There was no access since boot.
     #[default]
     None,
-    /// It was done.
+    /// The access has succeeded.
     Done,
-    /// Not written: there is room only after an erasure, for which all motors must be off.
+    /// Nothing was written, because the memory must be erased first, for which all motors must be off.
     NeedsErase,
-    /// The memory refused.
+    /// The memory refused the access.
     Refused,
-    /// What was written does not read back.
+    /// The written data does not read back.
     Lost,
 }
 
-/// Something for whoever has the memory to do.
+/// An access to the memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Order {
-    /// What to write, both copies; `None` to read what is there.
+    /// The record to write in two copies; `None` to read the memory.
     pub record: Option<Record>,
-    /// All is to be erased before, because it makes no sense.
+    /// True if the memory must be erased first, because its contents are damaged.
     pub afresh: bool,
-    /// Motors are off.
+    /// True if all motors are off, so that the memory may be erased.
     pub may_erase: bool,
 }

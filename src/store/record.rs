@@ -1,20 +1,20 @@
-//! One record as bytes.
+//! A record as bytes.
 
 use heapless::Vec;
 
 /// The layout that this firmware writes.
 pub const VERSION: u8 = 1;
 
-/// The most bytes of a record: four motors' settings take 469; the rest is for what a later firmware adds.
+/// The most bytes of a record. The settings of four motors take 469 bytes; a later firmware may add the rest.
 pub const CAPACITY: usize = 511;
 
-/// Version and number.
+/// Bytes of version and number.
 const HEAD: usize = 5;
 
-/// A type and a length.
+/// Bytes of an entry's type and length.
 const ENTRY_HEAD: usize = 3;
 
-/// There is no room for an entry.
+/// The record has no room for an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Full;
 
@@ -26,34 +26,34 @@ impl core::fmt::Display for Full {
 
 impl core::error::Error for Full {}
 
-/// Why bytes are no record.
+/// Why bytes are not read as a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Unreadable {
-    /// They are of this later version.
+    /// The bytes are a record of this later version.
     Later(u8),
-    /// They make no sense.
+    /// The bytes are damaged.
     Damaged,
 }
 
-/// A request that is part of a record.
+/// An entry of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry<'a> {
-    /// Its type.
+    /// Type of the request.
     pub id: u16,
-    /// Its fields: those that the firmware knew that wrote it.
+    /// Fields of the request, as the firmware that wrote the record knew them.
     pub payload: &'a [u8],
 }
 
 /// A record of this version.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
-    /// Always head and whole entries.
+    /// Head and complete entries.
     bytes: Vec<u8, CAPACITY>,
 }
 
 impl Record {
-    /// Without entries: everything as the firmware has it.
+    /// A record without entries, with which all settings are the firmware's.
     pub fn new(number: u32) -> Self {
         let [a, b, c, d] = number.to_le_bytes();
         Self { bytes: [VERSION, a, b, c, d].into_iter().collect() }
@@ -62,12 +62,12 @@ impl Record {
     /// Reads a record of any version up to this one.
     ///
     /// # Errors
-    /// Why the bytes are none.
+    /// The reason why the bytes are no record of this version.
     pub fn read(bytes: &[u8]) -> Result<Self, Unreadable> {
         match bytes.first() {
             None | Some(0) => return Err(Unreadable::Damaged),
             Some(&version) if version > VERSION => return Err(Unreadable::Later(version)),
-            // The first: nothing to migrate.
+            // This is the first version.
             Some(_) => (),
         }
         let mut rest = bytes.get(HEAD..).ok_or(Unreadable::Damaged)?;
@@ -77,17 +77,17 @@ impl Record {
         Ok(Self { bytes: Vec::from_slice(bytes).map_err(|_| Unreadable::Damaged)? })
     }
 
-    /// As it is stored.
+    /// The stored bytes.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Which save it is of, from 1; 0 for nothing that was ever stored.
+    /// Number of the save, from 1; 0 for a record that was never stored.
     pub fn number(&self) -> u32 {
         self.bytes.get(1..HEAD).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes)
     }
 
-    /// What it says, in its order.
+    /// The entries in their order.
     pub fn entries(&self) -> impl Iterator<Item = Entry<'_>> {
         let mut rest = self.bytes.get(HEAD..).unwrap_or_default();
         core::iter::from_fn(move || {
@@ -100,7 +100,7 @@ impl Record {
     /// Appends an entry.
     ///
     /// # Errors
-    /// If there is no room for all of it; nothing is appended then.
+    /// If there is no room for the whole entry; nothing is appended then.
     pub fn push(&mut self, id: u16, payload: &[u8]) -> Result<(), Full> {
         let length = u8::try_from(payload.len()).map_err(|_| Full)?;
         if self.bytes.len() + ENTRY_HEAD + payload.len() > CAPACITY {
@@ -113,7 +113,7 @@ impl Record {
     }
 }
 
-/// The first entry, and what follows it; `None` if there is none whole.
+/// The first entry, and the bytes behind it; `None` if the entry is not complete.
 fn split_entry(bytes: &[u8]) -> Option<(Entry<'_>, &[u8])> {
     let (&[low, high, length], rest) = bytes.split_first_chunk()?;
     let (payload, rest) = rest.split_at_checked(length.into())?;

@@ -2,7 +2,7 @@
 
 use crate::host::{TestHost, bytes_of, decode, frame_to};
 use motor_hub::protocol::fields::PAYLOAD_KEPT;
-use motor_hub::protocol::frame::{LONGEST, PATIENCE_MICROS};
+use motor_hub::protocol::frame::{LONGEST, TIMEOUT_MICROS};
 use motor_hub::protocol::{Decoder, Packet};
 use motor_hub::units::Micros;
 
@@ -42,7 +42,7 @@ fn a_packet_may_come_byte_by_byte_and_several_at_once() {
 }
 
 #[test]
-fn every_single_damaged_byte_makes_a_packet_unheard() {
+fn a_packet_with_any_damaged_byte_is_ignored() {
     let good = bytes_of("44 4b 0d 00 03 00 07 00 0a 10 00 01 c1");
     for index in 0..good.len() {
         for bit in 0..8 {
@@ -59,7 +59,7 @@ fn every_single_damaged_byte_makes_a_packet_unheard() {
 }
 
 #[test]
-fn lengths_that_cannot_be_are_skipped_at_once() {
+fn impossible_lengths_are_skipped_immediately() {
     for length in [0u16, 1, 10, LONGEST as u16 + 1, 0x4B44, u16::MAX] {
         let mut bytes = vec![0x44, 0x4B];
         bytes.extend(length.to_le_bytes());
@@ -78,7 +78,7 @@ fn stray_start_bytes_do_not_hide_a_packet() {
 }
 
 #[test]
-fn a_good_packet_within_a_bad_one_is_not_lost() {
+fn a_good_packet_within_a_bad_frame_is_not_lost() {
     let mut bytes = bytes_of("44 4b 30 00 03 00 01");
     bytes.extend(keep_alive(1));
     bytes.extend(keep_alive(2));
@@ -87,50 +87,50 @@ fn a_good_packet_within_a_bad_one_is_not_lost() {
 }
 
 #[test]
-fn a_packet_swallowed_by_an_unfinished_one_is_found_when_that_is_given_up() {
+fn a_packet_within_an_unfinished_frame_is_found_after_the_time_out() {
     let mut bytes = bytes_of("44 4b 00 02 03");
     bytes.extend(keep_alive(1));
     let mut decoder = Decoder::new();
     assert_eq!(found(&mut decoder, &bytes, 0), NONE);
-    assert_eq!(decoder.deadline(), Some(Micros::new(PATIENCE_MICROS)));
-    assert_eq!(found(&mut decoder, &[], PATIENCE_MICROS - 1), NONE);
-    assert_eq!(found(&mut decoder, &[], PATIENCE_MICROS), [1]);
+    assert_eq!(decoder.deadline(), Some(Micros::new(TIMEOUT_MICROS)));
+    assert_eq!(found(&mut decoder, &[], TIMEOUT_MICROS - 1), NONE);
+    assert_eq!(found(&mut decoder, &[], TIMEOUT_MICROS), [1]);
     assert_eq!(decoder.deadline(), None);
 }
 
 #[test]
-fn an_unfinished_packet_is_given_up_50_ms_after_its_first_byte() {
+fn an_unfinished_frame_is_dropped_50_ms_after_its_first_byte() {
     let packet = keep_alive(1);
-    for (gap, expected) in [(PATIENCE_MICROS - 1, &[1u8][..]), (PATIENCE_MICROS, &[])] {
+    for (gap, expected) in [(TIMEOUT_MICROS - 1, &[1u8][..]), (TIMEOUT_MICROS, &[])] {
         let mut decoder = Decoder::new();
         assert_eq!(found(&mut decoder, &packet[..2], 0), NONE);
         assert_eq!(found(&mut decoder, &packet[2..8], 40_000), NONE);
         assert_eq!(found(&mut decoder, &packet[8..], gap), expected, "{gap}");
-        assert_eq!(found(&mut decoder, &keep_alive(2), gap + PATIENCE_MICROS), [2]);
+        assert_eq!(found(&mut decoder, &keep_alive(2), gap + TIMEOUT_MICROS), [2]);
     }
 }
 
 #[test]
-fn after_a_silence_nothing_of_the_past_delays_a_packet() {
+fn after_a_pause_no_older_bytes_delay_a_packet() {
     // Several plausible beginnings, each longer than what follows.
     let beginnings: Vec<u8> = bytes_of("44 4b 00 01 03 00 44").repeat(30);
     let mut decoder = Decoder::new();
     assert_eq!(found(&mut decoder, &beginnings, 0), NONE);
-    assert_eq!(found(&mut decoder, &keep_alive(9), PATIENCE_MICROS), [9]);
+    assert_eq!(found(&mut decoder, &keep_alive(9), TIMEOUT_MICROS), [9]);
 }
 
 #[test]
-fn a_full_buffer_of_beginnings_is_worked_off() {
+fn a_full_buffer_of_unfinished_frames_is_dropped() {
     let mut bytes = bytes_of("44 4b 58 02 03 00 01 00").repeat(400);
     bytes.extend(keep_alive(3));
     let mut decoder = Decoder::new();
     let mut numbers = found(&mut decoder, &bytes, 0);
-    numbers.extend(found(&mut decoder, &[], PATIENCE_MICROS));
+    numbers.extend(found(&mut decoder, &[], TIMEOUT_MICROS));
     assert_eq!(numbers, [3]);
 }
 
 #[test]
-fn the_longest_payloads_of_hosts_are_taken_and_their_end_is_forgotten() {
+fn the_longest_payloads_of_hosts_are_read_without_their_ends() {
     let payload: Vec<u8> = (0..512).map(|byte| byte as u8).collect();
     let Packet { payload: kept, number, .. } = decode(&frame_to(3, 8, 0x1000, &payload));
     assert_eq!((number, kept.as_slice()), (8, &payload[..PAYLOAD_KEPT]));

@@ -507,7 +507,7 @@ fn store_report() -> impl Strategy<Value = StoreReport> {
 
 fn drive() -> impl Strategy<Value = Drive> {
     let mode = prop_oneof![Just(Mode::Cw98), Just(Mode::Ccw62), Just(Mode::Brake50)];
-    // As fine as it is told.
+    // The steps of the 16 bits on the line.
     (mode, 0..=8192u16).prop_map(|(mode, duty)| Drive { mode, duty: Duty::from_bits(4 * duty) })
 }
 
@@ -711,12 +711,12 @@ proptest! {
     }
 
     #[test]
-    fn what_is_stored_is_read_as_it_was_written(report in store_report()) {
+    fn a_store_report_is_read_as_it_was_written(report in store_report()) {
         prop_assert_eq!(read_back(&report), Ok(report));
     }
 
     #[test]
-    fn what_happened_is_read_as_it_was_written(
+    fn entries_and_ticks_are_read_as_they_were_written(
         run: u32, count: u8, heads in vec(head(), 0..=3), ticks in vec(tick(), 0..=8),
     ) {
         let entries = Entries { run, count, heads: heads.into_iter().collect() };
@@ -726,7 +726,7 @@ proptest! {
     }
 
     #[test]
-    fn what_all_motors_do_is_read_as_it_was_written_and_fits_a_frame(report in hub_report(), more in 0u8..4) {
+    fn a_hub_report_is_read_as_it_was_written_and_fits_a_frame(report in hub_report(), more in 0u8..4) {
         prop_assert_eq!(read_back(&report), Ok(report.clone()));
         // A newer hub tells more of each motor, and more behind them.
         let mut payload = Payload::new();
@@ -757,7 +757,7 @@ proptest! {
 }
 
 #[test]
-fn how_far_a_group_is_reads_back() {
+fn a_group_state_is_read_as_it_was_written() {
     for state in [GroupState::Alone, GroupState::Moving, GroupState::Arrived] {
         assert_eq!(read_back(&state), Ok(state));
     }

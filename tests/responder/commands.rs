@@ -150,7 +150,7 @@ fn host() -> TestHost {
     host
 }
 
-/// All that can be read back.
+/// All values that can be read back.
 fn everything(host: &mut TestHost) -> Vec<Said> {
     let mut all: Vec<_> = [0x7F0B, 0x7F0D, F, F + 45, F + 50].map(|id| host.ask(id, &[])).into();
     all.push(host.ask(0x7F03, &[0]));
@@ -182,7 +182,7 @@ fn good_forms_are_answered() {
 fn surplus_payload_makes_no_difference() {
     for form in FORMS {
         for surplus in [1, 5, 100, 400] {
-            // An LED pattern takes all that comes, unless it is ended.
+            // An LED pattern reads all bytes up to its end.
             let ending: &[u8] = if form.id == 0x7F0C { &[0] } else { &[] };
             let long: Vec<u8> = [form.good, ending, &vec![0xA5; surplus]].concat();
             let (mut plain, mut padded) = (host(), host());
@@ -229,7 +229,7 @@ fn values_out_of_range_are_refused_with_their_field_and_change_nothing() {
 }
 
 #[test]
-fn every_function_that_is_announced_is_answered() {
+fn every_announced_function_is_answered() {
     for function in 0..MOTOR_FUNCTIONS.count {
         for payload in [&[][..], &[0; 40], &[1; 40], &[255; 40]] {
             // `ask` insists on one reply.
@@ -239,7 +239,7 @@ fn every_function_that_is_announced_is_answered() {
 }
 
 #[test]
-fn transfers_on_a_bus_are_refused_when_they_are_asked_for() {
+fn i2c_transfers_are_refused_when_they_are_requested() {
     for function in [37, 38, 39, 40, 41, 42, 52, 54, 55, 56] {
         assert_eq!(host().call(function, &[0; 110]), Said::Nack(253), "{function}");
     }
@@ -301,7 +301,7 @@ fn every_channel_of_the_converter_is_answered_in_its_unit_and_raw() {
 }
 
 #[test]
-fn an_input_that_nothing_is_connected_to_is_high() {
+fn an_input_without_a_connection_is_high() {
     let mut host = TestHost::settled();
     let bulk = |host: &mut TestHost| match host.call(0, &[]) {
         Said::Data(bulk) => bulk[0],
@@ -335,13 +335,13 @@ fn pins_are_refused_by_their_direction() {
     }
     host.do_all(&[(2, &[0b1010_0101])]);
     assert_eq!(lines(&host), DigitalLines { driven: 0xFF, levels: 0b1010_0101 });
-    // As an input it is let go of, and the next time it is an output it is low.
+    // An input is released, and the pin is low when it becomes an output again.
     host.do_all(&[(3, &[0, 0]), (2, &[0xFF]), (3, &[0, 1])]);
     assert_eq!(lines(&host), DigitalLines { driven: 0xFF, levels: 0xFE });
 }
 
 #[test]
-fn fail_safe_lets_go_of_outputs_until_they_are_set_again() {
+fn fail_safe_releases_outputs_until_they_are_set_again() {
     let mut host = TestHost::settled();
     host.do_all(&[(3, &[0, 1]), (3, &[1, 1]), (1, &[1, 1])]);
     host.ask(0x7F05, &[]);
@@ -361,7 +361,7 @@ fn any_word_but_0_lets_a_motor_float_at_zero() {
 }
 
 #[test]
-fn what_is_no_command_is_refused_as_unknown() {
+fn an_unknown_command_is_refused_as_unknown() {
     let own = [OWN - 1, OWN + extension::FUNCTIONS.count];
     for id in [
         0,
@@ -383,7 +383,7 @@ fn what_is_no_command_is_refused_as_unknown() {
 }
 
 #[test]
-fn what_is_set_reads_back_by_motor() {
+fn each_motors_values_read_back_as_they_were_set() {
     let mut host = TestHost::settled();
     for motor in 0..N as u8 {
         host.do_all(&[
@@ -467,7 +467,7 @@ fn the_lowest_power_is_the_negative_of_the_highest() {
 }
 
 #[test]
-fn outputs_that_the_hub_does_not_have_read_back_as_they_were_set() {
+fn outputs_that_the_hub_lacks_read_back_as_they_were_set() {
     let mut host = TestHost::settled();
     host.do_all(&[(3, &[5, 1]), (25, &[1, 1, 2]), (27, &[1, 3, 4]), (29, &[1, 1])]);
     host.do_all(&[(31, &[5, 5, 6]), (33, &[5, 7, 8]), (35, &[5, 1])]);
@@ -492,7 +492,7 @@ fn the_version_is_in_the_form_that_hosts_parse() {
 }
 
 #[test]
-fn a_new_address_holds_from_the_next_packet_on() {
+fn a_new_address_is_in_force_from_the_next_packet_on() {
     let mut host = TestHost::settled();
     let reply = host.send(&frame_to(HUB, 9, 0x7F06, &[77]));
     assert_eq!(reply[0][5], HUB, "acknowledged from the old address");
@@ -503,7 +503,7 @@ fn a_new_address_holds_from_the_next_packet_on() {
 }
 
 #[test]
-fn packets_for_others_and_broadcasts_that_are_no_discovery_are_ignored() {
+fn packets_to_other_hubs_and_broadcasts_without_discovery_are_ignored() {
     let mut host = TestHost::settled();
     let others = (0..=255).filter(|address| *address != HUB);
     for address in others {
@@ -515,7 +515,7 @@ fn packets_for_others_and_broadcasts_that_are_no_discovery_are_ignored() {
 }
 
 #[test]
-fn the_same_number_twice_is_two_commands() {
+fn two_requests_with_one_number_are_both_executed() {
     let mut host = TestHost::settled();
     for power in [1, 2] {
         host.number = 255;

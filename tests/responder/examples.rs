@@ -103,7 +103,7 @@ fn a_host_sets_pidf_coefficients() {
 }
 
 #[test]
-fn a_bulk_answer_has_its_fields_in_place() {
+fn the_fields_of_a_bulk_answer_are_in_order() {
     let request = decode(&bytes_of("44 4b 0b 00 03 00 0c 00 00 10 b9"));
     let bulk = Bulk {
         digital: 1,

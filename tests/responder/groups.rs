@@ -1,4 +1,4 @@
-//! A host moves motors together: what the motors are told, in which order, and when not.
+//! A host moves motors together: the commands to the motors, and their order.
 
 use crate::host::{N, Said, TestHost};
 use motor_hub::extension::MotorFunction;
@@ -50,7 +50,7 @@ fn enabled() -> TestHost {
 }
 
 #[test]
-fn a_course_is_told_in_the_counts_of_the_motors() {
+fn a_course_is_sent_in_the_counts_of_the_motors() {
     let mut host = enabled();
     host.snapshot.motors[3].position = 70;
     // Reset encoder.
@@ -62,7 +62,7 @@ fn a_course_is_told_in_the_counts_of_the_motors() {
 }
 
 #[test]
-fn a_course_comes_after_all_that_was_said_before_and_instead_of_its_members_targets() {
+fn a_course_follows_earlier_commands_and_replaces_its_members_targets() {
     let mut host = TestHost::settled();
     for motor in 0..N as u8 {
         host.do_all(&[(15, &[motor, 0, 1]), (10, &[motor, 1])]);
@@ -73,7 +73,7 @@ fn a_course_comes_after_all_that_was_said_before_and_instead_of_its_members_targ
 }
 
 #[test]
-fn what_is_said_afterwards_to_a_member_alone_is_the_last_word() {
+fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
     for (function, payload) in [(15, &[3, 0, 1][..]), (10, &[3, 0]), (14, &[3])] {
         let mut host = enabled();
         ask(&mut host, 1, pair(1, 2));
@@ -90,7 +90,7 @@ fn what_is_said_afterwards_to_a_member_alone_is_the_last_word() {
 }
 
 #[test]
-fn a_later_course_replaces_one_that_nobody_has_heard_of() {
+fn a_later_course_replaces_a_pending_one() {
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
     ask(&mut host, 3, pair(3, 4));
@@ -98,7 +98,7 @@ fn a_later_course_replaces_one_that_nobody_has_heard_of() {
 }
 
 #[test]
-fn a_member_that_is_not_enabled_keeps_all_where_they_are() {
+fn a_group_with_a_disabled_member_is_refused() {
     let mut host = enabled();
     host.do_all(&[(10, &[3, 0])]);
     host.told();
@@ -112,7 +112,7 @@ fn a_member_that_is_not_enabled_keeps_all_where_they_are() {
 }
 
 #[test]
-fn a_motor_that_is_no_member_cannot_send_the_group() {
+fn a_request_to_a_motor_outside_the_group_is_refused() {
     let mut host = enabled();
     assert_eq!(ask(&mut host, 0, pair(1, 2)), Said::Nack(2));
     assert_eq!(ask(&mut host, 0, wanted(GroupCourse::On([None; 4]))), Said::Nack(2));
@@ -121,7 +121,7 @@ fn a_motor_that_is_no_member_cannot_send_the_group() {
 }
 
 #[test]
-fn how_far_a_group_is_is_told_once_it_is_known() {
+fn the_state_of_a_group_is_reported_once_the_report_is_new_enough() {
     let mut host = enabled();
     let state = |host: &mut TestHost| host.ask(STATE, &[1]);
     assert_eq!(state(&mut host), Said::Data(vec![0]));

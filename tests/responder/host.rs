@@ -108,7 +108,7 @@ impl TestHost {
         }
     }
 
-    /// What the motors have been told since the last time.
+    /// The commands to the motors since the last call.
     pub(crate) fn told(&mut self) -> Vec<Command> {
         std::iter::from_fn(|| {
             let command = self.responder.pending();
@@ -196,7 +196,7 @@ pub(crate) fn survive(events: &[Event]) {
     let keep_alive = |host: &TestHost| frame_to(host.responder.address().get(), 99, 0x7F04, &[]);
     let answers = |replies: Vec<Vec<u8>>| replies.last().map(|reply| reply[7..10].to_vec());
     let answered = Some(vec![99, 0x01, 0x7F]);
-    // At once, unless the end of the stream and the beginning of the packet make another frame, or a
+    // Immediately, unless the end of the stream and the beginning of the packet make another frame, or a
     // frame that is found on the way changes the address.
     let address = host.responder.address();
     let packet = keep_alive(&host);

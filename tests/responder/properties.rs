@@ -48,7 +48,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn no_stream_enables_a_motor_by_itself_or_deafens_the_hub(events in vec(event(), 0..30)) {
+    fn no_stream_enables_a_motor_without_set_enable_or_blocks_the_hub(events in vec(event(), 0..30)) {
         survive(&events);
     }
 

@@ -12,7 +12,7 @@ use motor_hub::record::{Fault, Head, Record, SIZE, Tick};
 use motor_hub::units::Control;
 
 #[test]
-fn a_hub_without_a_record_says_so() {
+fn a_hub_without_a_record_reports_none() {
     let mut host = TestHost::settled();
     assert_eq!(host.ask(0x4D12, &[0, 0]), Said::Data(vec![0; 5]));
     assert_eq!(host.ask(0x4D13, &[1, 0, 0]), Said::Nack(0));
@@ -27,7 +27,7 @@ fn ask<A: Field>(host: &mut TestHost, record: &mut Record<'_>, request: HubFunct
     A::read(&mut Fields::new(&reply.payload)).expect("an answer")
 }
 
-/// Runs that were reset: so many.
+/// A record with this number of resets.
 fn resets(memory: &mut [u8; SIZE], count: i16) {
     for run in 0..count {
         let (mut record, _) = Record::open(memory, Fault::ResetPin);
@@ -67,7 +67,7 @@ fn entries_come_three_at_a_time_and_ticks_eight() {
 }
 
 #[test]
-fn what_a_host_has_cleared_is_told_once_more_and_then_gone() {
+fn a_cleared_record_is_reported_once_more_and_then_empty() {
     let mut memory = [0; SIZE];
     resets(&mut memory, 2);
     let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);

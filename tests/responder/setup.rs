@@ -99,7 +99,7 @@ fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
     };
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![2, 0]));
 
-    // With a resistance of 0 the winding stays as it is, but for its back EMF.
+    // With a resistance of 0 only the back EMF of the winding changes.
     let (ke, mohm) = (KE, started.winding.resistance.as_milliohms());
     let uh = started.winding.inductance.expect("known").as_microhenries();
     set_up(&mut host, 0, &fields(ke, 0, 0, 2, 0, 0));
@@ -158,7 +158,7 @@ fn learn(host: &mut TestHost, limit: u32) -> Said {
 }
 
 #[test]
-fn a_motor_that_stands_enabled_is_learned_and_its_travel_announced() {
+fn an_enabled_motor_at_rest_is_identified_and_its_travel_announced() {
     for limit in [500, u32::MAX] {
         let mut host = standing();
         let counts = travel(settings().winding.emf, Millivolts::new(12_345), limit);
@@ -169,7 +169,7 @@ fn a_motor_that_stands_enabled_is_learned_and_its_travel_announced() {
 }
 
 #[test]
-fn a_motor_that_is_not_free_is_not_learned() {
+fn a_motor_that_is_driven_is_not_identified() {
     let nothing_but_disabled: &[(u16, &[u8])] = &[(10, &[1, 0])];
     let driven: &[(u16, &[u8])] = &[(15, &[1, 0, 16])];
     let regulated: &[(u16, &[u8])] = &[(17, &[1, 0, 0]), (8, &[1, 1, 0])];
@@ -188,7 +188,7 @@ fn a_motor_that_is_not_free_is_not_learned() {
 }
 
 #[test]
-fn any_other_target_or_disabling_ends_learning() {
+fn any_other_target_or_disabling_ends_an_identification() {
     let brake = Setpoint::ConstantPower(Control::ZERO);
     let cases: [(u16, &[u8], Setpoint); 3] =
         [(15, &[1, 0, 0], brake), (10, &[1, 0], Setpoint::Disabled), (14, &[1], brake)];
@@ -204,7 +204,7 @@ fn any_other_target_or_disabling_ends_learning() {
 }
 
 #[test]
-fn what_was_learned_is_told_as_the_motor_reports_it() {
+fn an_identification_is_reported_as_the_motor_reports_it() {
     let mut host = TestHost::settled();
     let mut ask = |identification| {
         host.snapshot.motors[2].identification = identification;
@@ -233,12 +233,12 @@ fn what_was_learned_is_told_as_the_motor_reports_it() {
 }
 
 #[test]
-fn what_was_learned_before_is_no_answer_to_what_is_asked_now() {
+fn an_old_identification_is_not_reported_as_the_new_one() {
     let mut host = standing();
     host.snapshot.tick = 7;
     host.snapshot.motors[1].identification = Identification::Refused(Refusal::Load);
     learn(&mut host, 500);
-    // Neither before the motor is told nor in the report that may have been made just then.
+    // Neither before the motor has the command, nor in a report that may be older than the command.
     assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(vec![1, 0]));
     host.told();
     for (tick, said) in [(7, vec![1, 0]), (8, vec![1, 0]), (9, vec![3, 8])] {
@@ -248,7 +248,7 @@ fn what_was_learned_before_is_no_answer_to_what_is_asked_now() {
 }
 
 #[test]
-fn what_a_fault_does_is_said_read_back_and_kept_by_another_set_up() {
+fn a_protection_reads_back_and_outlasts_a_set_up() {
     let mut host = TestHost::settled();
     let none = [0; 6];
     assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data([&[0], &none[..]].concat()));
@@ -267,7 +267,7 @@ fn what_a_fault_does_is_said_read_back_and_kept_by_another_set_up() {
 }
 
 #[test]
-fn how_a_motor_and_its_bridge_are_is_told_as_of_the_last_tick() {
+fn the_condition_of_motor_and_bridge_is_that_of_the_last_tick() {
     let mut host = TestHost::settled();
     assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(vec![0; 13]));
     host.snapshot.motors[2] = Report {
@@ -284,7 +284,7 @@ fn how_a_motor_and_its_bridge_are_is_told_as_of_the_last_tick() {
 }
 
 #[test]
-fn how_the_bus_is_is_told_as_it_was_seen_last_and_that_nobody_has_seen_it_for_too_long() {
+fn the_bus_is_reported_as_measured_last_until_the_measurement_is_too_old() {
     let mut host = TestHost::settled();
     let ask = |host: &mut TestHost| host.ask(FIRST_FUNCTION + 13, &[]);
     assert_eq!(ask(&mut host), Said::Data(vec![0; 14]), "nothing is measured");
@@ -310,7 +310,7 @@ fn how_the_bus_is_is_told_as_it_was_seen_last_and_that_nobody_has_seen_it_for_to
 }
 
 #[test]
-fn what_all_motors_do_is_told_in_one_answer() {
+fn all_motors_are_reported_in_one_answer() {
     let mut host = TestHost::settled();
     host.do_all(&[(17, &[1, 0xE8, 3]), (8, &[1, 1, 0]), (10, &[1, 1])]);
     host.snapshot.at = Micros::new(50_000);
@@ -372,7 +372,7 @@ fn what_all_motors_do_is_told_in_one_answer() {
 }
 
 #[test]
-fn how_a_bridge_switches_is_said_read_back_and_kept_by_another_set_up() {
+fn a_bridge_timing_reads_back_and_outlasts_a_set_up() {
     let mut host = TestHost::settled();
     assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Said::Data(vec![0; 10]));
     // 6 us, 2.4 us, 1.2 us, 1 us, 600 us.

@@ -73,7 +73,7 @@ fn an_enabled_motor_in_a_mode_without_target_floats_until_it_has_one() {
 }
 
 #[test]
-fn a_position_without_a_velocity_is_gone_to_at_the_highest_one() {
+fn a_position_without_a_velocity_has_the_highest_speed_limit() {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 0, 0]), (10, &[0, 1])]);
     let speed_limit = CountsPerSecond::new(32_767);
@@ -87,7 +87,7 @@ fn a_position_without_a_velocity_is_gone_to_at_the_highest_one() {
 }
 
 #[test]
-fn commands_that_came_faster_than_the_motors_are_told_are_told_by_their_outcome() {
+fn commands_faster_than_the_motors_take_them_are_sent_by_their_outcome() {
     let mut host = TestHost::settled();
     for power in 0..100 {
         host.do_all(&[(15, &[2, power, 0]), (10, &[2, 1])]);
@@ -96,7 +96,7 @@ fn commands_that_came_faster_than_the_motors_are_told_are_told_by_their_outcome(
 }
 
 #[test]
-fn letting_go_is_told_first_and_even_if_the_motor_is_enabled_again_at_once() {
+fn a_release_is_sent_first_even_if_the_motor_is_enabled_again_immediately() {
     let mut host = driving();
     host.do_all(&[(15, &[1, 1, 0]), (10, &[1, 1]), (10, &[0, 0]), (10, &[0, 1])]);
     let half = Setpoint::ConstantPower(Control::new(16_384));
@@ -124,7 +124,7 @@ fn a_reset_encoder_reads_0_and_targets_are_in_its_counts() {
 }
 
 #[test]
-fn a_target_is_ahead_where_the_hosts_numbers_say_so_however_far_it_is() {
+fn a_far_target_is_in_the_direction_of_the_hosts_counts() {
     const QUARTER: i64 = 1 << 30;
     let places = [i32::MIN, i32::MIN + 50, -QUARTER as i32, -3_179, -1, 0, 1, 5_000, i32::MAX - 50, i32::MAX];
     for offset in [0, 5_000, i32::MAX, i32::MIN] {
@@ -160,7 +160,7 @@ fn a_target_is_ahead_where_the_hosts_numbers_say_so_however_far_it_is() {
 }
 
 #[test]
-fn at_target_is_about_the_target_just_set_not_about_an_older_report() {
+fn at_target_is_of_the_newest_target_and_not_of_an_older_report() {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0]), (10, &[0, 1])]);
     host.snapshot.motors[0].at_target = true;
@@ -206,7 +206,7 @@ fn the_battery_reads_0_when_unknown_and_saturates() {
 }
 
 #[test]
-fn a_battery_becoming_low_calls_attention_once_and_stays_in_the_status() {
+fn a_battery_that_becomes_low_sets_attention_once_and_stays_in_the_status() {
     let mut host = driving();
     host.set_battery(Some(6_900), Stage::Derated);
     assert_eq!(keep_alive(&mut host), Said::Ack(1));
@@ -219,14 +219,14 @@ fn a_battery_becoming_low_calls_attention_once_and_stays_in_the_status() {
 }
 
 #[test]
-fn an_encoder_that_is_not_to_be_trusted_is_a_motor_alert() {
+fn an_encoder_fault_is_a_motor_alert() {
     let mut host = TestHost::settled();
     host.snapshot.motors[2].faults.encoder_stale = true;
     assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![0, 1 << 2]));
 }
 
 #[test]
-fn attention_is_called_until_the_status_is_read_and_cleared() {
+fn attention_is_set_until_the_status_is_read_and_cleared() {
     let mut host = TestHost::new();
     assert_eq!(keep_alive(&mut host), Said::Ack(1), "after a reset");
     assert_eq!(host.ask(0x7F03, &[0]), Said::Data(vec![2, 0]));
@@ -263,7 +263,7 @@ fn a_silence_of_2500_ms_disables_all_motors_once() {
 }
 
 #[test]
-fn a_packet_that_comes_too_late_does_not_hide_the_silence() {
+fn a_late_packet_does_not_hide_the_time_out() {
     let mut host = driving();
     host.wait_ms(TIMEOUT_MS);
     assert_eq!(keep_alive(&mut host), Said::Ack(1));
@@ -271,7 +271,7 @@ fn a_packet_that_comes_too_late_does_not_hide_the_silence() {
 }
 
 #[test]
-fn any_packet_to_the_hub_keeps_motors_running_and_nothing_else_does() {
+fn only_packets_to_the_hub_keep_motors_running() {
     let hub = crate::host::HUB;
     let mut damaged = frame_to(hub, 1, 0x7F04, &[]);
     damaged[6] ^= 1;
@@ -291,7 +291,7 @@ fn any_packet_to_the_hub_keeps_motors_running_and_nothing_else_does() {
 }
 
 #[test]
-fn the_timer_stands_until_the_first_packet() {
+fn the_timer_starts_with_the_first_packet() {
     let mut responder = Responder::new(Address::DEFAULT, [settings(); N]);
     assert_eq!(responder.deadline(), None);
     responder.tick(Micros::new(1 << 40), &Snapshot::INITIAL);
@@ -310,7 +310,7 @@ fn fail_safe_keeps_modes_targets_and_coefficients() {
 }
 
 #[test]
-fn the_led_tells_of_the_host_and_the_battery() {
+fn the_led_shows_the_states_of_host_and_battery() {
     let mut host = TestHost::new();
     assert_eq!(host.responder.led(host.now), Colour::BLUE, "waiting");
     keep_alive(&mut host);
@@ -335,7 +335,7 @@ fn the_led_tells_of_the_host_and_the_battery() {
 }
 
 #[test]
-fn a_host_may_show_its_own_colour_and_pattern_while_it_is_there() {
+fn a_connected_host_sets_colour_and_pattern() {
     let mut host = TestHost::settled();
     host.ask(0x7F0A, &[1, 2, 3]);
     let colour = Colour { red: 1, green: 2, blue: 3 };
@@ -375,7 +375,7 @@ fn replies_are_numbered_from_1_to_255() {
 }
 
 #[test]
-fn a_hub_with_fewer_motors_refuses_the_others() {
+fn a_hub_with_fewer_motors_refuses_the_other_channels() {
     let mut responder = Responder::new(Address::DEFAULT, [settings(); 2]);
     let packet = |motor| crate::host::decode(&frame_to(2, 1, 0x1009, &[motor]));
     let ids = [0, 1, 2, 3].map(|motor| {
@@ -391,7 +391,7 @@ fn a_hub_with_fewer_motors_refuses_the_others() {
 }
 
 #[test]
-fn a_motor_that_is_to_brake_at_a_fault_is_left_to_that_when_its_host_falls_silent() {
+fn a_motor_set_to_brake_at_faults_brakes_when_its_host_is_silent() {
     let mut host = driving();
     host.told();
     let setup = motor_hub::extension::FIRST_FUNCTION;
@@ -411,14 +411,14 @@ fn a_motor_that_is_to_brake_at_a_fault_is_left_to_that_when_its_host_falls_silen
     assert!(!told.contains(&set(1, Setpoint::FailSafe)), "{told:?}");
     assert!(told.contains(&set(2, Setpoint::Disabled)), "{told:?}");
     assert_eq!(enabled(&mut host), [no(), no(), no(), no()]);
-    // It brakes on while a host that has come back does not care, and lets go when that says so.
+    // The motor brakes until a host disables it.
     assert!(!silence(&mut host).iter().any(|command| command.motor == 0));
     host.do_all(&[(10, &[0, 0])]);
     assert_eq!(host.told(), [set(0, Setpoint::Disabled)]);
 }
 
 #[test]
-fn a_current_above_its_alert_is_told_measured_or_modelled() {
+fn a_current_above_its_alert_is_reported_measured_or_modelled() {
     let mut host = TestHost::settled();
     let adc = motor_hub::protocol::requests::FIRST_FUNCTION + 7;
     let over = |host: &mut TestHost| match host.call(0, &[]) {

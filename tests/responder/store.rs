@@ -85,7 +85,7 @@ fn set_everything(host: &mut TestHost) {
 }
 
 #[test]
-fn a_board_without_a_memory_refuses_and_orders_nothing() {
+fn a_board_without_a_memory_refuses_and_accesses_nothing() {
     let mut host = TestHost::new();
     for function in [SAVE, LOAD, RESET, STATE] {
         assert_eq!(host.ask(function, &[]), Said::Nack(253));
@@ -94,7 +94,7 @@ fn a_board_without_a_memory_refuses_and_orders_nothing() {
 }
 
 #[test]
-fn what_is_saved_is_found_again_and_nothing_else_is() {
+fn only_saved_settings_are_restored() {
     let mut host = empty();
     set_everything(&mut host);
     // Targets are no settings.
@@ -114,7 +114,7 @@ fn what_is_saved_is_found_again_and_nothing_else_is() {
     assert_eq!(again.responder.enabled(), [false; N]);
     assert_eq!(again.call(18, &[2]), Said::Data(vec![0, 0]));
     assert!(!report(&mut again).differs);
-    // The motors are told, and none is told to run.
+    // All motors are configured, and no motor runs.
     let configured = |command: &Command| matches!(command.action, Action::Configure(_));
     let told = again.told();
     assert!(told.len() == N && told.iter().all(configured), "{told:?}");
@@ -126,7 +126,7 @@ fn what_is_saved_is_found_again_and_nothing_else_is() {
 }
 
 #[test]
-fn with_nothing_stored_a_hub_is_as_without_a_memory() {
+fn with_an_empty_memory_a_hub_is_as_without_a_memory() {
     let mut host = empty();
     assert_eq!(all(&mut host), all(&mut TestHost::new()));
     let StoreReport { stored, number, differs, .. } = report(&mut host);
@@ -138,8 +138,8 @@ fn with_nothing_stored_a_hub_is_as_without_a_memory() {
 }
 
 #[test]
-fn a_setup_that_is_as_stored_forgets_no_motion() {
-    // Of a hub that is told by its board how the motor moves.
+fn a_stored_set_up_that_changes_nothing_deletes_no_motion() {
+    // The board configures the motion.
     let known = {
         let mut host = empty();
         set_everything(&mut host);
@@ -161,7 +161,7 @@ fn a_setup_that_is_as_stored_forgets_no_motion() {
 }
 
 #[test]
-fn entries_that_are_missing_or_short_take_what_the_firmware_has() {
+fn missing_entries_and_fields_are_the_firmwares() {
     let mut host = empty();
     set_everything(&mut host);
     host.ask(SAVE, &[]);
@@ -184,17 +184,17 @@ fn entries_that_are_missing_or_short_take_what_the_firmware_has() {
 }
 
 #[test]
-fn what_is_unknown_is_kept_and_what_is_out_of_range_changes_nothing() {
+fn unknown_entries_are_kept_and_refused_entries_change_nothing() {
     let mut record = Record::new(6);
     let unknown: [(u16, &[u8]); 4] =
         [(0x4D55, &[1, 2, 3]), (FIRST_FUNCTION + 8, &[9, 1]), (0x100A, &[0, 1]), (0x7F05, &[])];
     for (id, payload) in unknown {
         record.push(id, payload).expect("room");
     }
-    // Fields of a later firmware behind those of this one.
+    // A later firmware's fields behind the fields of this firmware.
     let longer = [2, 1, 0, 0, 0, 0, 0, 0, 77, 78];
     record.push(FIRST_FUNCTION + 8, &longer).expect("room");
-    // A fault that does what nobody knows, and no set-up at all.
+    // An unknown action at a fault, and a set-up that is out of range.
     record.push(FIRST_FUNCTION + 8, &[0, 7, 0, 0, 0, 0, 0, 0]).expect("room");
     record.push(FIRST_FUNCTION, &[3, 0, 0, 0, 0]).expect("room");
     let mut host = powered_on(found(&record));
@@ -213,7 +213,7 @@ fn what_is_unknown_is_kept_and_what_is_out_of_range_changes_nothing() {
 }
 
 #[test]
-fn more_behind_a_settings_fields_than_a_message_holds_is_kept_or_the_save_refused() {
+fn additional_bytes_of_an_entry_are_kept_or_the_save_is_refused() {
     // Of the longer one there is not room for all.
     for (length, fits) in [(161, true), (255, false)] {
         let mut longer = vec![2, 1, 0, 0, 0, 0, 0, 0];
@@ -233,7 +233,7 @@ fn more_behind_a_settings_fields_than_a_message_holds_is_kept_or_the_save_refuse
 }
 
 #[test]
-fn settings_that_leave_no_room_for_what_is_unknown_are_not_saved() {
+fn settings_that_leave_no_room_for_unknown_entries_are_not_saved() {
     let mut record = Record::new(1);
     record.push(0x4D55, &[7; 240]).expect("room");
     let mut host = powered_on(found(&record));
@@ -263,9 +263,9 @@ fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
     host.responder.carried_out(None, Outcome::NeedsErase);
     let StoreReport { outcome, stored, .. } = report(&mut host);
     assert_eq!((outcome, stored), (Outcome::NeedsErase, Stored::Nothing));
-    // It is not tried again by itself.
+    // The hub does not try again.
     assert_eq!(host.responder.order(&host.snapshot), None);
-    // Off, but not yet as far as the motors say, or by a button.
+    // Disabled, while the motors' reports still have a set-point, or a button has set one.
     host.do_all(&[(10, &[1, 0])]);
     for setpoint in [Setpoint::ConstantPower(Control::MAX), Setpoint::Velocity(CountsPerSecond::ZERO)] {
         host.snapshot.motors[3].setpoint = setpoint;
@@ -277,7 +277,7 @@ fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
 }
 
 #[test]
-fn loading_puts_in_force_what_is_stored_and_resetting_what_the_firmware_has() {
+fn load_restores_the_stored_settings_and_reset_the_firmwares() {
     let mut host = empty();
     set_everything(&mut host);
     host.ask(SAVE, &[]);
@@ -316,7 +316,7 @@ fn a_later_firmwares_settings_are_refused_and_kept_until_they_are_reset() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused_until_it_is_reset() {
+fn a_damaged_memory_refuses_saves_until_a_reset() {
     let mut host = powered_on(Found::without_record(Stored::Damaged, 0));
     assert_eq!(host.ask(SAVE, &[]), Said::Nack(63));
     assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
@@ -324,7 +324,7 @@ fn what_makes_no_sense_is_refused_until_it_is_reset() {
 }
 
 #[test]
-fn the_address_is_stored_when_it_is_set_and_nothing_else_with_it() {
+fn a_new_address_is_stored_alone() {
     let mut host = empty();
     set_everything(&mut host);
     host.ask(SAVE, &[]);
@@ -359,7 +359,7 @@ fn an_address_that_has_no_room_waits_for_motors_to_be_off() {
 }
 
 #[test]
-fn the_address_that_a_hub_has_anyway_is_not_stored() {
+fn the_address_in_force_is_not_stored_again() {
     let mut host = empty();
     host.ask(0x7F06, &[HUB]);
     assert_eq!(host.responder.order(&host.snapshot), None);
@@ -412,7 +412,7 @@ proptest! {
 }
 
 #[test]
-fn the_motors_of_a_fresh_hub_are_what_the_board_says() {
+fn a_reset_configures_motors_with_the_boards_settings() {
     let mut host = empty();
     set_everything(&mut host);
     host.told();

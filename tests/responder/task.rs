@@ -26,11 +26,11 @@ static CLOCK: Mutex<()> = Mutex::new(());
 /// What the host sees of a hub's line.
 #[derive(Default)]
 struct Line {
-    /// Every write by itself.
+    /// Each write.
     writes: RefCell<Vec<Vec<u8>>>,
     /// The host takes nothing.
     jammed: Cell<bool>,
-    /// The most bytes that are taken at once, if there is a limit.
+    /// The most bytes of one write; `None` for no limit.
     piece: Cell<Option<usize>>,
     /// What is longer is refused, and never flushed.
     refuses: Cell<bool>,
@@ -60,7 +60,7 @@ impl Write for &Line {
     }
 }
 
-/// Pins 0 and 1, of which 1 is wired to 0.
+/// Pins 0 and 1, with a wire between them.
 #[derive(Default)]
 struct Pins(Cell<(u8, u8)>);
 
@@ -199,7 +199,7 @@ fn a_reply_comes_without_any_time_passing() {
 }
 
 #[test]
-fn that_a_host_has_spoken_is_known_from_its_first_packet_to_this_hub_on() {
+fn host_spoke_is_true_from_the_first_packet_to_this_hub_on() {
     let world = World::new();
     let mut task = pin!(world.task());
     run_ms(&mut task, 5);
@@ -217,7 +217,7 @@ fn that_a_host_has_spoken_is_known_from_its_first_packet_to_this_hub_on() {
 }
 
 #[test]
-fn a_host_that_falls_silent_for_2500_ms_loses_its_motors_to_the_millisecond() {
+fn motors_are_released_2500_ms_after_the_last_packet_to_the_millisecond() {
     let world = World::new();
     let mut task = pin!(world.task());
     run_ms(&mut task, 5);
@@ -292,7 +292,7 @@ fn a_reply_that_is_longer_than_the_lines_buffer_goes_out_in_pieces() {
 }
 
 #[test]
-fn a_line_that_refuses_a_reply_does_not_deafen_the_hub() {
+fn a_line_that_refuses_a_reply_does_not_block_the_hub() {
     let world = World::new();
     let mut task = pin!(world.task());
     world.line.piece.set(Some(16));
@@ -327,7 +327,7 @@ fn a_request_that_comes_while_a_reply_waits_is_not_late() {
 }
 
 #[test]
-fn commands_wait_for_room_and_are_answered_at_once_all_the_same() {
+fn commands_wait_for_room_and_are_answered_immediately() {
     let world = World::new();
     let mut task = pin!(world.task());
     while world.wires.commands.try_send(disabled(0)).is_ok() {}
@@ -350,7 +350,7 @@ fn commands_wait_for_room_and_are_answered_at_once_all_the_same() {
 }
 
 #[test]
-fn a_packet_behind_an_unfinished_one_is_answered_when_that_is_given_up() {
+fn a_packet_behind_an_unfinished_frame_is_answered_after_the_time_out() {
     let world = World::new();
     let mut task = pin!(world.task());
     run_ms(&mut task, 1);
@@ -382,7 +382,7 @@ fn the_led_follows() {
 }
 
 #[test]
-fn digital_pins_are_set_before_that_is_acknowledged_and_read_when_it_is_asked() {
+fn digital_pins_are_set_before_the_acknowledgement_and_read_at_the_request() {
     let world = World::new();
     let mut task = pin!(world.task());
     // Pin 0 becomes an output, low, and pin 1 is read in the same breath; then high.
@@ -432,7 +432,7 @@ fn between_connections_the_timer_runs_on() {
 }
 
 #[test]
-fn a_hub_with_a_store_listens_once_it_knows_what_is_in_it() {
+fn a_hub_with_a_memory_reads_packets_once_the_memory_has_reported() {
     let world = World::new();
     let mut responder =
         Responder::new(Address::new(HUB).expect("an address"), [settings(); N]).expecting_store();
@@ -452,18 +452,18 @@ fn a_hub_with_a_store_listens_once_it_knows_what_is_in_it() {
     run_ms(&mut task, 2);
     assert_eq!(world.replies(), [(0x900D, 7)]);
     assert!(world.told().iter().all(|command| matches!(command.action, Action::Configure(_))));
-    // An order goes to whoever has the memory, and what became of it comes back.
+    // A request reaches the memory's task, and its result comes back.
     world.send(&frame_to(HUB, 2, 0x4D0E, &[]));
     run_ms(&mut task, 2);
     let order = world.wires.store.order.try_take().expect("an order");
     assert_eq!(order.record.map(|record| record.number()), Some(2));
     assert_eq!(world.replies(), [(0x7F01, 1)]);
-    // Meanwhile the watchdog is looked after: whoever shows the LED checks in.
+    // The task of the LED feeds the watchdog meanwhile.
     assert!(shown.get() >= 8, "{shown:?}");
 }
 
 #[test]
-fn a_store_that_never_tells_does_not_deafen_the_hub() {
+fn a_memory_that_never_reports_does_not_block_the_hub() {
     let world = World::new();
     let mut responder =
         Responder::new(Address::new(HUB).expect("an address"), [settings(); N]).expecting_store();

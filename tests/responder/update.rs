@@ -34,7 +34,7 @@ fn hub() -> TestHost {
     with_slot(SLOT)
 }
 
-/// One that takes what the owner of a key has signed.
+/// A hub that accepts images signed by the owner of a key.
 fn signed_hub() -> TestHost {
     with_slot(Slot { signer: Some([5; 32]), ..SLOT })
 }
@@ -83,7 +83,7 @@ fn a_host_sends_an_image_and_has_it_started() {
 }
 
 #[test]
-fn each_refusal_has_a_number_of_its_own() {
+fn each_refusal_has_its_own_number() {
     let mut host = hub();
     assert_eq!(chunk(&mut host, 0), Said::Nack(74));
     assert_eq!(begin(&mut host, 512 * 1024 + 1), Said::Nack(73));
@@ -99,7 +99,7 @@ fn each_refusal_has_a_number_of_its_own() {
 }
 
 #[test]
-fn signatures_are_asked_for_where_there_is_a_key_and_refused_where_there_is_none() {
+fn signatures_are_required_with_a_key_and_refused_without_one() {
     let sign = |host: &mut TestHost, key| say(host, HubFunction::Sign { key: [key; 32], signature: [9; 64] });
     let mut host = hub();
     begin(&mut host, 96);
@@ -127,7 +127,7 @@ fn signatures_are_asked_for_where_there_is_a_key_and_refused_where_there_is_none
 }
 
 #[test]
-fn nothing_begins_while_a_motor_is_enabled() {
+fn no_update_begins_while_a_motor_is_enabled() {
     let mut host = hub();
     // Constant power of 0, enabled.
     host.do_all(&[(8, &[0, 0, 0]), (15, &[0, 0, 0]), (10, &[0, 1])]);

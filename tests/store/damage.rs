@@ -42,13 +42,13 @@ fn each_bit_turned<const WORD: usize, const PAGE: usize>() {
         let done = write(&mut flash, &record(3), true);
         assert_eq!((done.outcome, read(&mut flash).stored), (Outcome::Done, Stored::Whole), "bit {bit}");
     }
-    // Those that are told are those of the item: its head of 8 bytes, its key, and the record; the rest is padding.
+    // The reported bits are in the item: its head of 8 bytes, its key, and the record. The rest is padding.
     let item = 8 + 1 + record(2).bytes().len();
     assert_eq!(told, 2 * 8 * item);
 }
 
 #[test]
-fn each_bit_that_turns_is_told_and_costs_nothing() {
+fn each_flipped_bit_is_reported_and_loses_nothing() {
     each_bit_turned::<4, { 16 * 1024 }>();
     each_bit_turned::<32, { 16 * 1024 }>();
 }
@@ -70,7 +70,7 @@ fn store_as_is(flash: &mut Flash<4, 1024>, key: u8, value: &[u8]) {
 }
 
 #[test]
-fn a_later_version_is_told_and_stays_as_it_is() {
+fn a_later_version_is_reported_and_kept() {
     let later = [2, 1, 0, 0, 0, 42];
     let longer = [1; 600];
     for (value, version) in [(&later[..], 2), (&longer, 0)] {
@@ -133,7 +133,7 @@ impl NorFlash for Worn {
 }
 
 #[test]
-fn a_memory_that_does_not_hold_what_is_written_is_told() {
+fn a_memory_that_loses_writes_is_reported() {
     for (says_so, outcome) in [(true, Outcome::Refused), (false, Outcome::Lost)] {
         let mut keeper = Keeper::new(Worn::new(says_so), 0..2048).expect("two pages");
         let order = Order { record: Some(record(1)), afresh: false, may_erase: true };

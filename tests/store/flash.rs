@@ -8,7 +8,7 @@ use motor_hub::tasks::store::{Done, Keeper};
 
 pub(crate) use embassy_futures::block_on;
 
-/// Numbers drawn by lot (splitmix64), the same each time from the same seed.
+/// Random numbers (splitmix64), which are equal for equal seeds.
 pub(crate) struct Lots(pub(crate) u64);
 
 impl Lots {
@@ -33,11 +33,11 @@ impl Lots {
 pub(crate) enum Tear {
     /// Nothing yet.
     Before,
-    /// Each bit has changed, or has not. Of an erasure they are those of the whole page.
+    /// Each bit has changed or not; for an erasure, each bit of the page.
     Bits,
     /// An erasure has got half way, from the front; a word is as with `Bits`.
     Half,
-    /// An erasure has spared the words at both ends, by which a page's state is told; a word is as with `Bits`.
+    /// An erasure has spared the words at both ends, which hold the page's state. A word is cut as with `Bits`.
     Ends,
 }
 

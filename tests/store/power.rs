@@ -3,7 +3,7 @@
 use crate::flash::{Flash, Lots, Tear, read, write};
 use motor_hub::store::{Outcome, Record, Stored};
 
-/// Entries by lot, of so many bytes together at most.
+/// Random entries with this number of bytes in total at most.
 fn record(number: u32, lots: &mut Lots, most: usize) -> Record {
     let mut record = Record::new(number);
     let length = lots.below(most);
@@ -37,7 +37,7 @@ fn survives<const WORD: usize, const PAGE: usize>(
     (flash, found.record)
 }
 
-/// A history of saves; of each, power goes at the words that `which` names of so many, in every way.
+/// A history of saves. `which` selects, from the number of written words, those at which power is cut in every way.
 fn history<const WORD: usize, const PAGE: usize>(
     saves: u32,
     longest: usize,
@@ -103,7 +103,7 @@ fn history<const WORD: usize, const PAGE: usize>(
     tally
 }
 
-/// Some by lot: many of a save that erases, one of any other.
+/// Random words: many of a save that erases, one of any other save.
 fn some(lots: &mut Lots, steps: usize, erases: bool) -> Vec<usize> {
     (0..if erases { 30 } else { 1 }).map(|_| lots.below(steps)).chain([steps - 1]).collect()
 }

@@ -12,7 +12,7 @@ fn found(copies: &[Option<&[u8]>]) -> (Stored, u8, u32) {
 }
 
 #[test]
-fn what_was_pushed_is_read_in_its_order() {
+fn entries_are_read_in_their_order() {
     let mut record = Record::new(0x0403_0201);
     record.push(0x4D00, &[1, 2, 3]).expect("room");
     record.push(0x7F06, &[]).expect("room");
@@ -24,7 +24,7 @@ fn what_was_pushed_is_read_in_its_order() {
 }
 
 #[test]
-fn what_does_not_fit_is_left_out_whole() {
+fn an_entry_without_room_is_left_out_whole() {
     let mut record = Record::new(1);
     assert_eq!(record.push(1, &[0; 256]), Err(Full));
     record.push(1, &[0; 255]).expect("room");
@@ -38,7 +38,7 @@ fn what_does_not_fit_is_left_out_whole() {
 }
 
 #[test]
-fn a_later_version_is_told_from_what_makes_no_sense() {
+fn a_later_version_is_not_taken_for_damage() {
     for version in VERSION + 1..=u8::MAX {
         assert_eq!(Record::read(&[version, 1, 2, 3]), Err(Unreadable::Later(version)));
     }
@@ -76,7 +76,7 @@ fn the_newer_of_two_copies_counts_and_a_later_version_above_all() {
 }
 
 #[test]
-fn a_flash_that_holds_anything_is_read_without_an_end() {
+fn any_contents_of_a_flash_are_read_in_finite_time() {
     let mut lots = Lots(1);
     let mut nothing = 0;
     for round in 0..300 {
@@ -93,7 +93,7 @@ fn a_flash_that_holds_anything_is_read_without_an_end() {
         }
         let found = read(&mut flash);
         nothing += u32::from(found.record.number() != 5);
-        // Whatever it was, it can be begun anew.
+        // Any contents can be erased and written.
         let order = motor_hub::store::Order { record: Some(record.clone()), afresh: true, may_erase: true };
         let done = crate::flash::block_on(crate::flash::keeper(&mut flash).carry_out(&order));
         assert_eq!((done.outcome, read(&mut flash).record), (Outcome::Done, record), "round {round}");
@@ -106,7 +106,7 @@ proptest! {
 
     /// No bytes make it panic, and what is a record says the same when it is read again.
     #[test]
-    fn any_bytes_are_a_record_or_not(mut bytes in prop::collection::vec(any::<u8>(), 0..600), known in any::<bool>()) {
+    fn any_bytes_are_read_or_refused(mut bytes in prop::collection::vec(any::<u8>(), 0..600), known in any::<bool>()) {
         if let Some(first) = bytes.first_mut().filter(|_| known) {
             *first = VERSION;
         }
