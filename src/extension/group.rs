@@ -17,7 +17,7 @@
 //! ```
 
 use crate::group::{Halt, TOLERANCE, usual_lag};
-use crate::protocol::fields::{ByteIn, Field, Fields, Payload, codes, in_turn};
+use crate::protocol::payload::{ByteIn, Field, Fields, Payload, codes, in_turn};
 use crate::protocol::{CHANNELS, Nack};
 use crate::units::{Acceleration, CountsPerSecond};
 

@@ -1,7 +1,7 @@
 //! The result of an identification, byte by byte: a code, and then only the fields that go with this code.
 
 use crate::protocol::Nack;
-use crate::protocol::fields::{ByteIn, Field, Fields, Payload, codes, in_turn};
+use crate::protocol::payload::{ByteIn, Field, Fields, Payload, codes, in_turn};
 use crate::regulator::Dynamics;
 use crate::regulator::identify::{Identification, Identified, Refusal};
 

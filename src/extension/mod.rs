@@ -16,7 +16,7 @@
 //!
 //! ```
 //! use motor_hub::extension::{HubFunction, Request};
-//! use motor_hub::protocol::fields::Text;
+//! use motor_hub::protocol::payload::Text;
 //!
 //! let request = Request::from(HubFunction::Chunk { offset: 96, bytes: Text::new(&[7, 8]).unwrap() });
 //! assert_eq!((request.id(), &*request.payload()), (0x4D16, &[96, 0, 0, 0, 2, 7, 8][..]));
@@ -30,10 +30,10 @@ pub mod settings;
 pub mod state;
 
 use crate::protocol::answers::Functions;
-use crate::protocol::fields::{Field, Fields, Payload, Text};
+use crate::protocol::payload::{Field, Fields, Payload, Text};
 use crate::protocol::pins::ToPin;
+use crate::protocol::request_table::requests;
 use crate::protocol::requests::{MOTOR_INTERFACE, Standard, ToHub};
-use crate::protocol::table::requests;
 use crate::protocol::{self, HOST, Nack, Packet};
 use group::GroupMove;
 use settings::{Group, Values};

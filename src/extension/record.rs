@@ -3,7 +3,7 @@
 use super::report::battery;
 use crate::bridge::Drive;
 use crate::protocol::Nack;
-use crate::protocol::fields::{Field, Fields, Payload, in_turn};
+use crate::protocol::payload::{Field, Fields, Payload, in_turn};
 use crate::record::{Fault, Head, NOBODY, Record, Tick, drive_bits, drive_of};
 use heapless::Vec;
 

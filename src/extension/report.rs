@@ -6,7 +6,7 @@
 //!
 //! ```
 //! use motor_hub::extension::report::{HubReport, MotorReport};
-//! use motor_hub::protocol::fields::{Field, Fields, Payload};
+//! use motor_hub::protocol::payload::{Field, Fields, Payload};
 //!
 //! let mut payload = Payload::new();
 //! HubReport { motors: [MotorReport::default(); 2].into_iter().collect(), ..HubReport::default() }.write(&mut payload);
@@ -18,7 +18,7 @@ use crate::braking::Regime;
 use crate::bridge::{Drive, Mode};
 use crate::motion::EncoderFault;
 use crate::motor::{Faults, SenseLine};
-use crate::protocol::fields::{ByteIn, Field, Fields, Payload, codes, in_turn};
+use crate::protocol::payload::{ByteIn, Field, Fields, Payload, codes, in_turn};
 use crate::protocol::{CHANNELS, Nack};
 use crate::regulator::Kind;
 use crate::supply::BusState;

@@ -32,8 +32,8 @@ use crate::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use crate::bridge::Timing;
 use crate::motion::Pidf;
 use crate::motor::{OnFault, Settings, ThermalLimit, ZeroPower};
-use crate::protocol::fields::{Field as _, Fields, Payload};
 use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode};
+use crate::protocol::payload::{Field as _, Fields, Payload};
 use crate::protocol::{self, Nack, requests};
 use crate::regulator::{self, Dynamics};
 use crate::units::{
@@ -66,7 +66,7 @@ impl MotorSettings {
 
     /// What regulates the motor, and whether the motor floats at zero, in terms of REV's protocol.
     pub fn channel_mode(&self) -> ChannelMode {
-        let floats = protocol::fields::Flag(self.motor.zero_power == ZeroPower::Float);
+        let floats = protocol::payload::Flag(self.motor.zero_power == ZeroPower::Float);
         ChannelMode { mode: self.mode, floats }
     }
 

@@ -1,6 +1,6 @@
 //! State of the stored settings, and of an update of the firmware.
 
-use crate::protocol::fields::{Text, codes, in_turn};
+use crate::protocol::payload::{Text, codes, in_turn};
 use crate::store::{self, Stored};
 use crate::update::{self, Booted, Phase};
 

@@ -7,8 +7,8 @@
 //! assert_eq!([HOST, BROADCAST].map(Address::new), [None; 2]);
 //! ```
 
-use super::fields::{Field, Fields, Payload};
-use super::nack::Nack;
+use super::payload::{Field, Fields, Payload};
+use super::refusal::Nack;
 
 /// The address of the host.
 pub const HOST: u8 = 0;

@@ -2,7 +2,7 @@
 //!
 //! ```
 //! use motor_hub::protocol::answers::{Reply, Status};
-//! use motor_hub::protocol::fields::{Field, Fields};
+//! use motor_hub::protocol::payload::{Field, Fields};
 //! use motor_hub::protocol::requests::{Request, Standard};
 //!
 //! let request = Request::from(Standard::Status { clear: false });
@@ -17,9 +17,9 @@
 //! ```
 
 use super::CHANNELS;
-use super::fields::{Field, Fields, Flag, Payload, in_turn};
 use super::frame::Packet;
-use super::nack::Nack;
+use super::payload::{Field, Fields, Flag, Payload, in_turn};
+use super::refusal::Nack;
 use core::fmt;
 use heapless::Vec;
 

@@ -16,7 +16,7 @@
 //! assert_eq!(Decoder::new().next(&mut &*bytes, Micros::new(0)), Some(keep_alive));
 //! ```
 
-use super::fields::{PAYLOAD_KEPT, Payload};
+use super::payload::{PAYLOAD_KEPT, Payload};
 use crate::units::Micros;
 use heapless::{Deque, Vec};
 

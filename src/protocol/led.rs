@@ -1,7 +1,7 @@
 //! Colours and patterns of the status LED.
 //!
 //! ```
-//! use motor_hub::protocol::fields::{Field, Fields, Payload};
+//! use motor_hub::protocol::payload::{Field, Fields, Payload};
 //! use motor_hub::protocol::led::{Colour, LedPattern, Step};
 //!
 //! let blinking = LedPattern::new(&[
@@ -14,8 +14,8 @@
 //! assert_eq!(LedPattern::read(&mut Fields::new(&payload)), Ok(blinking));
 //! ```
 
-use super::fields::{Field, Fields, Payload};
-use super::nack::Nack;
+use super::payload::{Field, Fields, Payload};
+use super::refusal::Nack;
 
 /// Colour of an RGB LED; 0 is dark, 255 is full.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

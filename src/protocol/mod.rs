@@ -11,11 +11,11 @@
 //! | module | contents |
 //! |---|---|
 //! | [`frame`] | packets to bytes and back; synchronisation after garbage |
-//! | [`fields`] | values to payloads and back; ranges |
+//! | [`payload`] | values to payloads and back; ranges |
 //! | [`requests`] | requests to the whole hub |
 //! | [`motor`], [`pins`], [`led`] | requests to a motor, to pins and outputs; values of the LED |
 //! | [`answers`] | answers |
-//! | [`nack`] | reasons of refusals |
+//! | [`refusal`] | reasons of refusals |
 //! | [`address`] | addresses |
 //!
 //! The protocol knows no hub, no time and no line. [`crate::responder`] decides what a hub does with a request;
@@ -38,20 +38,20 @@
 
 pub mod address;
 pub mod answers;
-pub mod fields;
 pub mod frame;
 pub mod led;
 pub mod motor;
-pub mod nack;
+pub mod payload;
 pub mod pins;
+pub mod refusal;
+pub(crate) mod request_table;
 pub mod requests;
-pub(crate) mod table;
 
 pub use address::{Address, BROADCAST, HOST};
 pub use answers::Reply;
 pub use frame::{Decoder, Frame, Packet};
 pub use led::Colour;
-pub use nack::Nack;
+pub use refusal::Nack;
 pub use requests::Request;
 
 /// Speed of a serial line in bits per second; 8 data bits, no parity, 1 stop bit, no flow control.

@@ -9,9 +9,9 @@
 //! assert_eq!(*request.payload(), [0, 0x18, 0xFC, 0xFF, 0xFF, 25, 0]);
 //! ```
 
-use super::fields::{Flag, codes, in_turn};
+use super::payload::{Flag, codes, in_turn};
+use super::request_table::requests;
 use super::requests::Request;
-use super::table::requests;
 use crate::units::{Coefficient, Control};
 
 requests! {

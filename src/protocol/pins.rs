@@ -11,8 +11,8 @@
 //! assert_eq!(*request.payload(), [7, 1]);
 //! ```
 
-use super::fields::{ByteIn, WordFrom};
-use super::table::requests;
+use super::payload::{ByteIn, WordFrom};
+use super::request_table::requests;
 
 /// The number of a digital pin.
 pub type Pin = ByteIn<0, 7>;

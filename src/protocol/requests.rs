@@ -17,13 +17,13 @@
 
 use super::address::{Address, HOST};
 use super::answers::Functions;
-use super::fields::{ByteIn, Field, Fields, Payload, Text, append};
 use super::frame::Packet;
 use super::led::{Colour, LedPattern};
 use super::motor::ToMotor;
-use super::nack::Nack;
+use super::payload::{ByteIn, Field, Fields, Payload, Text, append};
 use super::pins::ToPin;
-use super::table::requests;
+use super::refusal::Nack;
+use super::request_table::requests;
 use heapless::Vec;
 
 /// The name of the motor interface, to which all of REV's functions belong.

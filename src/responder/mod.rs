@@ -68,8 +68,8 @@ use crate::extension::{self, HubFunction, MotorFunction, Request};
 use crate::hub::{Action, Bus, Command, Snapshot};
 use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
-use crate::protocol::fields::{Payload, Text};
 use crate::protocol::motor::ToMotor;
+use crate::protocol::payload::{Payload, Text};
 use crate::protocol::requests::{
     DISCOVERY, InterfaceName, MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub,
 };

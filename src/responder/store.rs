@@ -17,7 +17,7 @@ use crate::extension::settings::{Group, MotorSettings, Values};
 use crate::extension::state::StoreReport;
 use crate::hub::Snapshot;
 use crate::motor::Settings;
-use crate::protocol::fields::{Field, Fields, Payload};
+use crate::protocol::payload::{Field, Fields, Payload};
 use crate::protocol::{Address, CHANNELS, Nack, Reply};
 use crate::store::{Entry, Found, Full, Order, Outcome, Record, Stored};
 use heapless::Vec;

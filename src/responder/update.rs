@@ -4,7 +4,7 @@ use super::Responder;
 use crate::extension::HubFunction;
 use crate::extension::state::UpdateReport;
 use crate::hub::Snapshot;
-use crate::protocol::fields::Text;
+use crate::protocol::payload::Text;
 use crate::protocol::{Nack, Reply};
 use crate::update::{Done, Order, Refusal, Seal, Slot, Update};
 

@@ -1,8 +1,8 @@
 //! Packets are found in whatever comes over the line.
 
 use crate::host::{TestHost, bytes_of, decode, frame_to};
-use motor_hub::protocol::fields::PAYLOAD_KEPT;
 use motor_hub::protocol::frame::{LONGEST, TIMEOUT_MICROS};
+use motor_hub::protocol::payload::PAYLOAD_KEPT;
 use motor_hub::protocol::{Decoder, Packet};
 use motor_hub::units::Micros;
 

@@ -7,7 +7,7 @@ use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::hub::Snapshot;
 use motor_hub::motor::{Report, Setpoint};
 use motor_hub::protocol::Packet;
-use motor_hub::protocol::fields::{Field, Fields};
+use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::record::{Fault, Head, Record, SIZE, Tick};
 use motor_hub::units::Control;
 

@@ -8,7 +8,7 @@ use motor_hub::extension::state::StoreReport;
 use motor_hub::hub::{Action, Command};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, Settings, ThermalLimit, ZeroPower};
-use motor_hub::protocol::fields::{Field, Fields};
+use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::{Address, Packet};
 use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::responder::Responder;

@@ -5,7 +5,7 @@ use motor_hub::extension::HubFunction;
 use motor_hub::extension::Request;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::hub::Snapshot;
-use motor_hub::protocol::fields::{Field, Fields, Text};
+use motor_hub::protocol::payload::{Field, Fields, Text};
 use motor_hub::update::{Booted, CHUNK, Done, Order, Outcome, Phase, Seal, Slot};
 
 fn say(host: &mut TestHost, request: HubFunction) -> Said {

@@ -16,9 +16,9 @@ use std::time::Duration;
 
 use motor_hub::extension::Request;
 use motor_hub::protocol::answers::{Bulk, Reply};
-use motor_hub::protocol::fields::{Field, Fields, Flag};
 use motor_hub::protocol::frame::{self, Decoder, OVERHEAD, Packet};
 use motor_hub::protocol::motor::{RunMode, Target, ToMotor};
+use motor_hub::protocol::payload::{Field, Fields, Flag};
 use motor_hub::protocol::requests::{Standard, ToHub};
 use motor_hub::protocol::{Address, HOST};
 use motor_hub::units::{Control, Micros};

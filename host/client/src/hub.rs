@@ -20,7 +20,7 @@ use motor_hub::extension::report::{BusReport, HubReport};
 use motor_hub::extension::state::StoreReport;
 use motor_hub::extension::{HubFunction, MotorFunction};
 use motor_hub::protocol::answers::{Bulk, Status};
-use motor_hub::protocol::fields::Text;
+use motor_hub::protocol::payload::Text;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
 use motor_hub::protocol::{Address, Colour, Nack};
 use motor_hub::record::{Head, Tick};

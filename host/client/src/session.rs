@@ -17,7 +17,7 @@ use crate::error::Addresses;
 use crate::{Line, OpenError};
 use motor_hub::extension::{INTERFACE, Request};
 use motor_hub::protocol::answers::Functions;
-use motor_hub::protocol::fields::{Field, Fields};
+use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::requests::{DISCOVERY, InterfaceName, Standard};
 use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply, frame};
 use motor_hub::units::Micros;

@@ -15,7 +15,7 @@ use crate::{Error, Session};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
-use motor_hub::protocol::fields::{TEXT, Text};
+use motor_hub::protocol::payload::{TEXT, Text};
 use motor_hub::update::{CHUNK, CRC, Phase, Seal};
 use std::io::{Read, Write};
 use std::thread::sleep;

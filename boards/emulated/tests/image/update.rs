@@ -12,7 +12,7 @@ use motor_hub::extension::Request;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::answers::Reply;
-use motor_hub::protocol::fields::Text;
+use motor_hub::protocol::payload::Text;
 use motor_hub::protocol::requests::ToHub;
 use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Phase, public_key};
 

@@ -2,7 +2,7 @@
 //!
 //! ```
 //! use motor_hub::protocol::Nack;
-//! use motor_hub::protocol::fields::{ByteIn, Field, Fields, Payload};
+//! use motor_hub::protocol::payload::{ByteIn, Field, Fields, Payload};
 //!
 //! let mut payload = Payload::new();
 //! true.write(&mut payload);
@@ -16,7 +16,7 @@
 //! assert_eq!(u16::read(&mut fields), Err(Nack::parameter(2)));
 //! ```
 
-use super::nack::Nack;
+use super::refusal::Nack;
 use crate::units::{
     Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, Duty, EmfConstant,
     Milliamperes, Millivolts,
@@ -269,9 +269,9 @@ impl Field for Text {
 /// Implements [`Field`] for an enum, by the byte that stands for each value.
 macro_rules! codes {
     ($type:ty { $($code:literal = $value:ident),+ $(,)? }) => {
-        impl $crate::protocol::fields::Field for $type {
+        impl $crate::protocol::payload::Field for $type {
             fn read(
-                fields: &mut $crate::protocol::fields::Fields<'_>,
+                fields: &mut $crate::protocol::payload::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
                 fields.checked(|code: u8| match code {
                     $($code => Some(Self::$value),)+
@@ -279,7 +279,7 @@ macro_rules! codes {
                 })
             }
 
-            fn write(&self, payload: &mut $crate::protocol::fields::Payload) {
+            fn write(&self, payload: &mut $crate::protocol::payload::Payload) {
                 let code: u8 = match self {
                     $(Self::$value => $code,)+
                 };
@@ -294,21 +294,21 @@ pub(crate) use codes;
 /// module with the functions `read` and `write` for it.
 macro_rules! in_turn {
     ($type:ty { $($field:ident $(: $way:ident)?),+ $(,)? }) => {
-        impl $crate::protocol::fields::Field for $type {
+        impl $crate::protocol::payload::Field for $type {
             fn read(
-                fields: &mut $crate::protocol::fields::Fields<'_>,
+                fields: &mut $crate::protocol::payload::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
-                Ok(Self { $($field: $crate::protocol::fields::in_turn!(@read fields $($way)?)?),+ })
+                Ok(Self { $($field: $crate::protocol::payload::in_turn!(@read fields $($way)?)?),+ })
             }
 
-            fn write(&self, payload: &mut $crate::protocol::fields::Payload) {
-                $($crate::protocol::fields::in_turn!(@write self.$field, payload, $($way)?);)+
+            fn write(&self, payload: &mut $crate::protocol::payload::Payload) {
+                $($crate::protocol::payload::in_turn!(@write self.$field, payload, $($way)?);)+
             }
         }
     };
-    (@read $fields:ident) => { $crate::protocol::fields::Field::read($fields) };
+    (@read $fields:ident) => { $crate::protocol::payload::Field::read($fields) };
     (@read $fields:ident $way:ident) => { $way::read($fields) };
-    (@write $value:expr, $payload:ident,) => { $crate::protocol::fields::Field::write(&$value, $payload) };
+    (@write $value:expr, $payload:ident,) => { $crate::protocol::payload::Field::write(&$value, $payload) };
     (@write $value:expr, $payload:ident, $way:ident) => { $way::write(&$value, $payload) };
 }
 pub(crate) use in_turn;

@@ -30,24 +30,24 @@ macro_rules! requests {
             /// Reads the fields of the request with this number.
             pub(crate) fn read(
                 number: u16,
-                fields: &mut $crate::protocol::fields::Fields<'_>,
+                fields: &mut $crate::protocol::payload::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
                 // In a table without fields the argument is not used otherwise.
                 let _ = &fields;
                 Ok(match number {
                     $($number => Self::$request $({
-                        $($field: <$type as $crate::protocol::fields::Field>::read(fields)?),+
+                        $($field: <$type as $crate::protocol::payload::Field>::read(fields)?),+
                     })?,)+
                     _ => return Err($crate::protocol::Nack::UNSUPPORTED),
                 })
             }
 
             /// Appends the fields of the request.
-            pub(crate) fn write(&self, payload: &mut $crate::protocol::fields::Payload) {
+            pub(crate) fn write(&self, payload: &mut $crate::protocol::payload::Payload) {
                 let _ = &payload;
                 match self {
                     $(Self::$request $({ $($field),+ })? => {
-                        $($($crate::protocol::fields::Field::write($field, payload);)+)?
+                        $($($crate::protocol::payload::Field::write($field, payload);)+)?
                     })+
                 }
             }
