@@ -584,7 +584,7 @@ fn a_bus_that_rises_between_two_ticks_reaches_the_bridges_at_once() {
     board.poll();
     // It turns with 2000 counts/s whatever is asked of it, and so is braked.
     turn(&mut board, 500);
-    parts.send(0, Setpoint::Velocity(CountsPerSecond::new(1_700)));
+    parts.send(0, Setpoint::Velocity(CountsPerSecond::new(1_950)));
     turn(&mut board, 110);
     let braking = parts.world.last_drives();
     assert_eq!(braking[0].mode, Mode::Brake50);

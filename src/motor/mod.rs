@@ -319,6 +319,10 @@ impl Motor {
         self.position = reading.position;
         self.sample(reading);
         self.regulator.tick();
+        // An identification keeps an account of voltages, for which the constants must not change meanwhile.
+        if !matches!(self.setpoint, Setpoint::Identify { .. }) {
+            self.regulator.update_gain();
+        }
         moved
     }
 

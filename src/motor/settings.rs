@@ -66,9 +66,8 @@ impl Settings {
         Self::for_scheme(winding, Scheme::A)
     }
 
-    /// Settings that run a gear motor with this winding on an ideal bridge: linear current, brake
-    /// at zero, and nothing known of the load, so that PID regulates it with
-    /// [guessed coefficients](Coefficients::guessed).
+    /// Settings that run a gear motor with this winding on an ideal bridge: linear current, and brake at zero. Motor and load
+    /// are not configured, so the regulator learns the acceleration per volt.
     pub const fn for_scheme(winding: Winding, scheme: Scheme) -> Self {
         Self {
             winding,
