@@ -4,7 +4,7 @@
 //! use motor_hub::braking::Winding;
 //! use motor_hub::bridge::{Drive, Mode};
 //! use motor_hub::hub::{Action, Command, Hub, Inputs};
-//! use motor_hub::motor::{Setpoint, Settings};
+//! use motor_hub::motor::{Setpoint, Settings, SupplyLimits};
 //! use motor_hub::supply::Battery;
 //! use motor_hub::units::{Control, Micros, Millivolts, Period};
 //!
@@ -28,7 +28,7 @@ mod groups;
 use crate::bridge::{Drive, Sensed};
 use crate::group::{Halt, Together};
 use crate::motion::Reading;
-use crate::motor::{Allowed, Motor, Report, Setpoint, Settings};
+use crate::motor::{Motor, Report, Setpoint, Settings, SupplyLimits};
 use crate::supply::{Battery, Stage};
 use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share};
 use bus::Account;
@@ -241,9 +241,9 @@ impl<const N: usize> Hub<N> {
         let &Battery { draw, burn, newest, .. } = battery;
         self.allowed = (draw, burn);
         self.settle_account(now);
-        let allowed = Allowed { draw, burn, bus: newest, from: now };
+        let limits = SupplyLimits { draw, dissipate: burn, bus: newest, from: now };
         let mut turn = true;
-        self.motors.iter_mut().fold(false, |changed, motor| motor.allow(allowed, &mut turn) | changed)
+        self.motors.iter_mut().fold(false, |changed, motor| motor.limit_supply(limits, &mut turn) | changed)
     }
 
     /// What has been returned and burnt until now is added up.

@@ -45,7 +45,7 @@ impl Setpoint {
 
     /// True if the bridge may be told at once: there is nothing to regulate, and nothing to learn.
     pub const fn is_direct(self) -> bool {
-        !self.is_regulated() && !matches!(self, Self::Identify { .. })
+        matches!(self, Self::Disabled | Self::FailSafe | Self::ConstantPower(_))
     }
 
     /// True if this is a target, and `position` within the tolerance of it.

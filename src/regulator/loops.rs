@@ -4,7 +4,7 @@
 //! becomes the control value that makes this voltage in the scheme and by the duty rule in force. Without feed-forward
 //! the output is the control value itself.
 
-use super::{Demand, Reference, Request, Stage};
+use super::{Demand, Effort, Output, Reference, Stage};
 use crate::braking::{Blend, BlendFraction, Scheme};
 use crate::motion::pid::{PidInput, Value};
 use crate::motion::{Pid, Pidf};
@@ -160,14 +160,14 @@ impl Loops {
         self.start == Start::Continue
     }
 
-    /// The control value for this tick, at this position in counts and this speed.
+    /// The effort for this tick, at this position in counts and this speed.
     pub(super) fn step(
         &mut self,
         demand: Demand,
         position: i32,
         speed: CountsPerSecond,
         context: &Context<'_>,
-    ) -> Request {
+    ) -> Output {
         let target = match demand {
             Demand::Velocity(target) => {
                 self.position.reset();
@@ -176,16 +176,16 @@ impl Loops {
             Demand::Follow(reference) => self.follow(&reference, position, context),
             Demand::Position { target, speed_limit } => self.approach(target, position, speed_limit, context),
         };
-        Request { control: self.velocity(target, speed, context), speed: target }
+        Output { effort: self.velocity(target, speed, context), speed: target }
     }
 
-    /// The control value for a target speed.
+    /// The effort for a target speed.
     fn velocity(
         &mut self,
         target: CountsPerSecond,
         measured: CountsPerSecond,
         context: &Context<'_>,
-    ) -> Control {
+    ) -> Effort {
         let Context { coefficients, period, steady, stage, .. } = *context;
         let gains = &coefficients.velocity;
         let most = f32::from(Control::MAX.get());
@@ -194,9 +194,9 @@ impl Loops {
         let error = target.saturating_sub(measured);
         if self.start != Start::Running {
             let output = Value::saturating_from_num(if of_voltage {
-                most * steady.to_volts() / stage.battery
+                most * steady.to_volts() / stage.at.battery_volts()
             } else {
-                f32::from(stage.placer.control(stage.at, steady).get())
+                f32::from(stage.modulator.control(stage.at, steady).get())
             });
             let output = if self.continues() { without(output, gains.share(error)) } else { output };
             self.velocity.preset(gains, output, measured);
@@ -206,9 +206,9 @@ impl Loops {
             PidInput { error, measured, feed_forward: target, limit: Value::saturating_from_num(most) };
         let output = self.velocity.step(gains, period, input).to_num::<f32>();
         if of_voltage {
-            stage.placer.control(stage.at, Voltage::from_volts(output / most * stage.battery))
+            Effort::Voltage(Voltage::from_volts(output / most * stage.at.battery_volts()))
         } else {
-            Control::saturating((roundf(output) as i32).into())
+            Effort::Control(Control::saturating((roundf(output) as i32).into()))
         }
     }
 

@@ -39,7 +39,7 @@ mod model;
 mod observer;
 
 pub use dynamics::{Dynamics, Mechanics};
-pub use interface::{Config, Demand, Kind, Reference, Request, Stage};
+pub use interface::{Config, Demand, Effort, Kind, Output, Reference, Stage};
 pub use loops::Coefficients;
 
 use crate::motion::Reading;
@@ -345,8 +345,8 @@ impl Regulator {
         self.last.map_or(0, |last| last.position)
     }
 
-    /// The control value for this tick. `moved` is the counts since the last one.
-    pub fn step(&mut self, demand: Demand, moved: i32, stage: &Stage<'_>) -> Request {
+    /// The effort for this tick. `moved` is the counts since the last one.
+    pub fn step(&mut self, demand: Demand, moved: i32, stage: &Stage<'_>) -> Output {
         let demand = self.anchored(demand);
         self.turning = matches!(demand, Demand::Velocity(_));
         let position = self.position();
@@ -373,7 +373,7 @@ impl Regulator {
         request
     }
 
-    fn by_model(&mut self, demand: Demand, position: i32, stage: &Stage<'_>) -> Request {
+    fn by_model(&mut self, demand: Demand, position: i32, stage: &Stage<'_>) -> Output {
         let mut seen = self.seen();
         let load = seen.disturbance();
         let Motion { plant, law, observer, state } = &mut self.motion;

@@ -309,6 +309,11 @@ impl Milliamperes {
         Self(milliamperes)
     }
 
+    /// Returns the current in amperes, rounded to the nearest `f32`.
+    pub const fn to_amperes(self) -> f32 {
+        self.0 as f32 / 1000.0
+    }
+
     /// Converts amperes, rounded towards 0. Values beyond the range are limited; NaN becomes 0.
     pub const fn from_amperes(amperes: f32) -> Self {
         Self((1000.0 * amperes) as i32)
