@@ -15,7 +15,7 @@
 //! let together = Together { tolerance: 0, ..usual };
 //! let mut positions = [70, 0, -30];
 //! let mut group = Group::new(together, positions, [CountsPerSecond::ZERO; 3], Period::DEFAULT);
-//! while !group.has_arrived(&positions) {
+//! while !group.is_within_tolerance(&positions) {
 //!     for (motor, reference) in group.step(&positions).into_iter().enumerate() {
 //!         // Perfect motors.
 //!         positions[motor] = reference.map_or(0, |reference| reference.position);
@@ -117,7 +117,7 @@ pub struct Together {
     pub acceleration: Acceleration,
     /// Counts by which a member lags when all others wait for it; from half of that on they slow down.
     pub lag: u16,
-    /// Counts from its end within which each member must be for the group to be at its target.
+    /// Largest distance of each member to its end, in counts, at which the group can settle.
     pub tolerance: u16,
     /// What ends it.
     pub halt: Halt,
@@ -132,7 +132,7 @@ impl Together {
     }
 }
 
-/// Counts from its end within which a member has arrived, unless it is said otherwise; that of REV's host software.
+/// Default tolerance of a group in counts; that of REV's host software.
 pub const TOLERANCE: u16 = 5;
 /// A lag is usually the way of so many milliseconds,
 const LAG_MS: u32 = 100;
@@ -236,8 +236,8 @@ impl<const N: usize> Group<N> {
         self.halt
     }
 
-    /// True if the course has an end and every member has come to it, within the tolerance.
-    pub fn has_arrived(&self, positions: &[i32; N]) -> bool {
+    /// True if the course is at its end and every member is within the tolerance of its own end.
+    pub fn is_within_tolerance(&self, positions: &[i32; N]) -> bool {
         let near = |error: i64| error.unsigned_abs() <= u64::from(self.tolerance);
         self.path.is_at_end() && self.errors(positions).into_iter().all(near)
     }

@@ -29,12 +29,12 @@
 //! assert!((290..310).contains(&turning.velocity.round()), "{:?}", turning.velocity);
 //! ```
 
-mod arrival;
 mod portions;
 mod report;
 mod sense_line;
 mod setpoint;
 mod settings;
+mod settled;
 mod supply;
 mod thermal;
 mod watch;
@@ -43,6 +43,7 @@ pub use report::{Faults, Report};
 pub use sense_line::SenseLine;
 pub use setpoint::Setpoint;
 pub use settings::{OnFault, Settings, ZeroPower};
+pub use settled::{SettleDetector, within_tolerance};
 pub use thermal::ThermalLimit;
 
 use crate::braking::{DutyRule, OperatingPoint, Placement, Placer, Regime, Returned, Scheme};
@@ -52,7 +53,6 @@ use crate::motion::guard::{Evidence, Finding, Order};
 use crate::regulator::identify::{Identifier, Refusal};
 use crate::regulator::{Demand, Regulator, Stage};
 use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Voltage};
-use arrival::Arrival;
 use core::mem::discriminant;
 use portions::Portions;
 use sense_line::Line;
@@ -83,7 +83,7 @@ pub struct Motor {
     regulator: Regulator,
     identifier: Identifier,
     watch: Watch,
-    arrival: Arrival,
+    settle_detector: SettleDetector,
     bounds: Bounds,
     /// Speed and battery for which the last tick's placement is.
     at_tick: (CountsPerSecond, Millivolts),
@@ -128,7 +128,7 @@ impl Motor {
             regulator: Regulator::new(settings.regulation(), period),
             identifier: Identifier::new(period),
             watch: Watch::new(period),
-            arrival: Arrival::new(period),
+            settle_detector: SettleDetector::new(period),
             bounds: Bounds::NONE,
             at_tick: (CountsPerSecond::ZERO, Millivolts::new(0)),
             thermal: Thermal::new(period, settings.thermal),
@@ -156,7 +156,7 @@ impl Motor {
         let follows = matches!((self.setpoint, setpoint), (Setpoint::Together(_), Setpoint::Together(_)));
         if setpoint != self.setpoint && !follows {
             self.regulator.retarget();
-            self.arrival.reset();
+            self.settle_detector.reset();
             if discriminant(&setpoint) != discriminant(&self.setpoint) {
                 self.regulator.change_mode();
             }
@@ -231,7 +231,7 @@ impl Motor {
         self.modelled = counts.then_some(current);
         let measured = self.line.measured(drive.mode);
         self.thermal.step(measured.or(heats).unwrap_or(current));
-        let near = self.setpoint.reached(self.position);
+        let within_tolerance = self.setpoint.is_within_tolerance(self.position);
         Report {
             setpoint: self.setpoint,
             position: self.position,
@@ -246,7 +246,7 @@ impl Motor {
             control,
             regime,
             drive,
-            at_target: self.arrival.step(near, velocity),
+            settled: self.settle_detector.step(within_tolerance, velocity),
             stalled: self.watch.stalled(),
             identification: self.identifier.state(),
             faults: Faults {

@@ -67,9 +67,10 @@ pub struct Report {
     pub regime: Option<Regime>,
     /// What the bridge is told.
     pub drive: Drive,
-    /// In regulated position, within the tolerance, and no faster than 40 counts/s, all that for 50 ms or a control
-    /// period, whichever is longer. Of a member of a group: all members have come to their end.
-    pub at_target: bool,
+    /// True if the motor has settled: in regulated position, [within tolerance](super::within_tolerance) and no faster
+    /// than 40 counts/s, all that for 50 ms or a control period, whichever is longer. A member of a group has settled when
+    /// all members have come to their end in this way.
+    pub settled: bool,
     /// Regulated, under effort, and held against a stop.
     pub stalled: bool,
     /// What became of the last identification.
@@ -101,7 +102,7 @@ impl Report {
         control: Control::ZERO,
         regime: None,
         drive: Drive::COAST,
-        at_target: false,
+        settled: false,
         stalled: false,
         identification: Identification::None,
         faults: Faults {

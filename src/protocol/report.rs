@@ -29,7 +29,7 @@
 //! | i16, u16 | mean current by the motor's constants, mA; its magnitude as measured, mA, 65535 if it is not |
 //! | i16 | current that would just balance the load, mA; -32768 if the motor is not known |
 //! | u16 | heat of the winding, in 1/1000 of its limit; 0 without one |
-//! | u8 | bits from 0: enabled, at target, stalled, derated because hot |
+//! | u8 | bits from 0: enabled, settled, stalled, derated because hot |
 //! | u8 | bits from 0: battery unknown, encoder silent, stuck, reversed, winding too hot, bridge off |
 //! | i16 * 4 | points S, T, Z, G at this speed and battery as control values, those beyond the range at its end; all 0 if unknown |
 //!
@@ -115,8 +115,8 @@ pub struct MotorReport {
     pub heat: u16,
     /// It may run.
     pub enabled: bool,
-    /// It stands at its target, or its group does.
-    pub at_target: bool,
+    /// True if the motor has settled at its target, or its group at its end.
+    pub settled: bool,
     /// Held against a stop.
     pub stalled: bool,
     /// So hot that its current is limited.
@@ -170,7 +170,7 @@ impl Default for MotorReport {
             load: None,
             heat: 0,
             enabled: false,
-            at_target: false,
+            settled: false,
             stalled: false,
             derated: false,
             faults: Faults::default(),
@@ -217,7 +217,7 @@ impl Field for MotorReport {
         let measured_ma = Some(u16::read(fields)?).filter(|ma| *ma != NOT_MEASURED);
         let load = Some(i16::read(fields)?).filter(|ma| *ma != UNKNOWN);
         let heat = u16::read(fields)?;
-        let [enabled, at_target, stalled, derated, ..] = bits(u8::read(fields)?);
+        let [enabled, settled, stalled, derated, ..] = bits(u8::read(fields)?);
         let faults = faults(u8::read(fields)?);
         let points: [i16; 4] = Field::read(fields)?;
         Ok(Self {
@@ -233,7 +233,7 @@ impl Field for MotorReport {
             load: load.map(|ma| Milliamperes::new(ma.into())),
             heat,
             enabled,
-            at_target,
+            settled,
             stalled,
             derated,
             faults,
@@ -254,7 +254,7 @@ impl Field for MotorReport {
         self.measured_ma.map_or(NOT_MEASURED, |ma| ma.min(NOT_MEASURED - 1)).write(payload);
         self.load.map_or(UNKNOWN, milliamperes).write(payload);
         self.heat.write(payload);
-        byte(&[self.enabled, self.at_target, self.stalled, self.derated]).write(payload);
+        byte(&[self.enabled, self.settled, self.stalled, self.derated]).write(payload);
         fault_bits(self.faults).write(payload);
         self.points.map_or([0; 4], |points| points.map(Control::get)).write(payload);
     }

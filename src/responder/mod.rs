@@ -412,7 +412,7 @@ impl<const N: usize> Responder<N> {
             GroupState::Moving
         } else {
             match report.setpoint {
-                Setpoint::Together(_) if report.at_target => GroupState::Arrived,
+                Setpoint::Together(_) if report.settled => GroupState::Settled,
                 Setpoint::Together(_) => GroupState::Moving,
                 _ => GroupState::Alone,
             }
@@ -450,11 +450,11 @@ impl<const N: usize> Responder<N> {
         let (digital, attention) = (self.pins.inputs(), Some(self.alive.attention()));
         let mut bulk = Bulk { digital, attention, ..Bulk::default() };
         let motors = self.channels.iter().zip(&snapshot.motors);
-        let answers = bulk.encoders.iter_mut().zip(&mut bulk.velocities).zip(&mut bulk.at_target);
-        for ((channel, report), ((encoder, velocity), at_target)) in motors.zip(answers) {
+        let answers = bulk.encoders.iter_mut().zip(&mut bulk.velocities).zip(&mut bulk.within_tolerance);
+        for ((channel, report), ((encoder, velocity), within_tolerance)) in motors.zip(answers) {
             *encoder = channel.counts(report);
             *velocity = report.velocity.round_to_i16();
-            *at_target = channel.at_target(report);
+            *within_tolerance = channel.within_tolerance(report);
         }
         for ((channel, report), over) in
             self.channels.iter().zip(&snapshot.motors).zip(&mut bulk.over_current)

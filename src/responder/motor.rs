@@ -20,7 +20,7 @@ use super::answer::Answer;
 use super::setup;
 use crate::hub::Action;
 use crate::motion::Pidf;
-use crate::motor::{OnFault, Report, Setpoint, Settings};
+use crate::motor::{self, OnFault, Report, Setpoint, Settings};
 use crate::protocol::Nack;
 use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use crate::protocol::setup::{Motion, Protection, ToSetup};
@@ -147,7 +147,7 @@ impl MotorChannel {
             ToMotor::Velocity => return Ok(Answer::data(&self.velocity.unwrap_or_default())),
             ToMotor::Position => return Ok(Answer::data(&self.position.unwrap_or_default())),
             ToMotor::AtTarget if self.mode != RunMode::Position => return Err(Nack::WRONG_MODE),
-            ToMotor::AtTarget => return Ok(Answer::data(&self.at_target(report))),
+            ToMotor::AtTarget => return Ok(Answer::data(&self.within_tolerance(report))),
             ToMotor::Encoder => return Ok(Answer::data(&self.counts(report))),
             ToMotor::Pidf { of } => return Ok(Answer::data(&self.pidf(of))),
             ToMotor::Pid { of } => {
@@ -422,13 +422,11 @@ impl MotorChannel {
         counts.wrapping_sub(self.offset)
     }
 
-    /// In position mode and within the tolerance of the target, as far as the motor's last report
-    /// tells. A report may be of the time before the target, so its own word is not used.
-    pub fn at_target(&self, report: &Report) -> bool {
-        self.mode == RunMode::Position
-            && self.position.is_some_and(|Target { counts, tolerance }| {
-                counts.wrapping_sub(self.counts(report)).unsigned_abs() <= u32::from(tolerance)
-            })
+    /// True if the motor is enabled in position mode and [within tolerance](motor::within_tolerance) of the host's target.
+    pub fn within_tolerance(&self, report: &Report) -> bool {
+        let near =
+            |Target { counts, tolerance }| motor::within_tolerance(counts, self.counts(report), tolerance);
+        self.enabled && self.mode == RunMode::Position && self.position.is_some_and(near)
     }
 }
 

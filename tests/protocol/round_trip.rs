@@ -231,7 +231,7 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
     (of_motion, of_current, any::<[bool; 4]>(), faults(), points).prop_map(
         |(motion, (current, measured_ma, load, heat), flags, faults, points)| {
             let (told, (position, velocity), regulator, control, regime, drive) = motion;
-            let [enabled, at_target, stalled, derated] = flags;
+            let [enabled, settled, stalled, derated] = flags;
             MotorReport {
                 told,
                 position,
@@ -245,7 +245,7 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
                 load,
                 heat,
                 enabled,
-                at_target,
+                settled,
                 stalled,
                 derated,
                 faults,
@@ -661,10 +661,10 @@ proptest! {
     fn an_answer_is_read_as_it_was_written(
         bytes: [u8; 5], words: (u16, u16), half: i16, word: i32, flag: bool, hardware: u32,
         encoders: [i32; CHANNELS], velocities: [i16; CHANNELS], analog: [i16; CHANNELS],
-        over_current: [bool; CHANNELS], at_target: [bool; CHANNELS], attention: Option<bool>,
+        over_current: [bool; CHANNELS], within_tolerance: [bool; CHANNELS], attention: Option<bool>,
     ) {
         let [digital, status, motor_alerts, engineering, minor] = bytes;
-        let bulk = Bulk { digital, encoders, over_current, at_target, velocities, analog, attention };
+        let bulk = Bulk { digital, encoders, over_current, within_tolerance, velocities, analog, attention };
         prop_assert_eq!(read_back(&bulk), Ok(bulk));
         let status = Status { status, motor_alerts };
         prop_assert_eq!(read_back(&status), Ok(status));
@@ -753,7 +753,7 @@ proptest! {
 
 #[test]
 fn how_far_a_group_is_reads_back() {
-    for state in [GroupState::Alone, GroupState::Moving, GroupState::Arrived] {
+    for state in [GroupState::Alone, GroupState::Moving, GroupState::Settled] {
         assert_eq!(read_back(&state), Ok(state));
     }
 }

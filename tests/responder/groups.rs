@@ -127,7 +127,7 @@ fn how_far_a_group_is_is_told_once_it_is_known() {
 
     // A report that is older than the course does not say that it is at its end.
     let arrived =
-        Report { setpoint: Setpoint::Together(Reference::default()), at_target: true, ..Report::INITIAL };
+        Report { setpoint: Setpoint::Together(Reference::default()), settled: true, ..Report::INITIAL };
     host.snapshot.motors[1] = arrived;
     host.snapshot.tick = 10;
     ask(&mut host, 1, pair(1, 2));
@@ -138,6 +138,6 @@ fn how_far_a_group_is_is_told_once_it_is_known() {
     assert_eq!(state(&mut host), Said::Data(vec![1]), "just told");
     host.snapshot.tick = 22;
     assert_eq!(state(&mut host), Said::Data(vec![2]));
-    host.snapshot.motors[1].at_target = false;
+    host.snapshot.motors[1].settled = false;
     assert_eq!(state(&mut host), Said::Data(vec![1]));
 }

@@ -4,7 +4,9 @@
 use motor_hub::braking::Winding;
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
-use motor_hub::protocol::requests::FIRST_FUNCTION;
+use motor_hub::protocol::fields::{Field, Fields};
+use motor_hub::protocol::report::{HubReport, MotorReport};
+use motor_hub::protocol::requests::{FIRST_FUNCTION, Request};
 use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
 use motor_hub::supply::Stage;
@@ -99,6 +101,12 @@ impl TestHost {
     /// A function of the motor interface.
     pub(crate) fn call(&mut self, function: u16, payload: &[u8]) -> Said {
         self.ask(FIRST_FUNCTION + function, payload)
+    }
+
+    /// What the hub's own report says of a motor.
+    pub(crate) fn reported(&mut self, motor: usize) -> MotorReport {
+        let Said::Data(payload) = self.ask(Request::Report.id(), &[]) else { panic!("a report") };
+        HubReport::read(&mut Fields::new(&payload)).expect("a report").motors[motor]
     }
 
     pub(crate) fn do_all(&mut self, calls: &[(u16, &[u8])]) {

@@ -58,7 +58,7 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
     match motor.told {
         Told::Power(Control::ZERO) => Some("the set-point is power 0"),
         Told::Velocity(0) => Some("the set-point is speed 0"),
-        Told::Position(_) | Told::Together(_) if motor.at_target => Some("at its target"),
+        Told::Position(_) | Told::Together(_) if motor.settled => Some("settled at its target"),
         Told::Identify(_) => None,
         _ if motor.stalled => Some("stalled: the motor is driven and does not turn"),
         _ if motor.derated => Some("derated: the winding is hot, and the current is limited"),
