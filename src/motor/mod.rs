@@ -39,7 +39,7 @@ mod supply;
 mod thermal;
 mod watch;
 
-pub use report::{Faults, Report};
+pub use report::{Faults, Report, best_current};
 pub use sense_line::SenseLine;
 pub use setpoint::Setpoint;
 pub use settings::{OnFault, Settings, ZeroPower};

@@ -52,7 +52,7 @@ use super::nack::Nack;
 use crate::braking::Regime;
 use crate::bridge::{Drive, Mode};
 use crate::motion::EncoderFault;
-use crate::motor::Faults;
+use crate::motor::{Faults, best_current};
 use crate::regulator::Kind;
 use crate::supply::BusState;
 use crate::units::{Control, Duty, Milliamperes, Millivolts};
@@ -128,9 +128,9 @@ pub struct MotorReport {
 }
 
 impl MotorReport {
-    /// Its current as well as it is known: measured, of which there is only the magnitude, else modelled.
+    /// The [best current](best_current) of the motor.
     pub fn best_current(&self) -> Milliamperes {
-        self.measured_ma.map_or(self.current, |ma| Milliamperes::new(ma.into()))
+        best_current(self.current, self.measured_ma.map(|ma| Milliamperes::new(ma.into())))
     }
 }
 

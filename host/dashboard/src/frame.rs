@@ -140,7 +140,11 @@ pub(crate) struct More {
     regime: Option<&'static str>,
     mode: &'static str,
     duty: f64,
+    /// The measured magnitude with the sign of `current_a`, or `current_a` where none is measured.
+    best_current_a: f64,
+    /// Current by the motor's constants.
     current_a: f64,
+    /// Measured magnitude.
     measured_a: Option<f64>,
     load_a: Option<f64>,
     heat: f64,
@@ -303,6 +307,7 @@ impl More {
             regime,
             mode: motor.drive.mode.name(),
             duty: motor.drive.duty.to_f64(),
+            best_current_a: amperes(motor.best_current()),
             current_a: amperes(motor.current),
             measured_a: motor.measured_ma.map(|ma| f64::from(ma) / 1e3),
             load_a: motor.load.map(amperes),
