@@ -500,3 +500,19 @@ fn a_disabled_motor_that_stands_on_its_target_is_not_settled() {
     bench.set(0, Setpoint::Disabled);
     assert!(!bench.settle().motors[0].settled);
 }
+
+#[test]
+fn a_snapshot_says_the_number_of_the_newest_command_that_it_includes() {
+    let mut bench = Bench::<2>::new();
+    assert_eq!(bench.step().commands, 0);
+    bench.set(0, velocity(100));
+    bench.set(1, velocity(100));
+    assert_eq!(bench.step().commands, 2);
+    let no_such_motor = Command { motor: 2, action: Action::Set(Setpoint::Disabled) };
+    assert!(bench.hub.apply(no_such_motor).is_err());
+    let snapshot = bench.step();
+    assert_eq!(snapshot.commands, 3, "a refused command is counted, or its sender would wait for ever");
+    assert!(snapshot.includes(3) && snapshot.includes(1) && !snapshot.includes(4));
+    let wrapped = Snapshot { commands: 1, ..snapshot };
+    assert!(wrapped.includes(u32::MAX) && !wrapped.includes(2));
+}

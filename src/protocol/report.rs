@@ -33,6 +33,16 @@
 //! | u8 | bits from 0: battery unknown, encoder silent, stuck, reversed, winding too hot, bridge off |
 //! | i16 * 4 | points S, T, Z, G at this speed and battery as control values, those beyond the range at its end; all 0 if unknown |
 //!
+//! Behind the motors, from version 2 on:
+//!
+//! | field | |
+//! |---|---|
+//! | u32 | number of the newest command that these values include, but for position and velocity |
+//! | u32 | number of the newest command that follows from the requests before this one |
+//!
+//! Commands are counted since boot; both numbers begin again at 2^32. The values are out of date while the second number is
+//! ahead of the first.
+//!
 //! ```
 //! use motor_hub::protocol::Request;
 //! use motor_hub::protocol::report::{FUNCTION, HubReport, MotorReport};
@@ -55,14 +65,17 @@ use crate::motion::EncoderFault;
 use crate::motor::{Faults, best_current};
 use crate::regulator::Kind;
 use crate::supply::BusState;
-use crate::units::{Control, Duty, Milliamperes, Millivolts};
+use crate::units::{Control, Duty, Milliamperes, Millivolts, is_included};
 use heapless::Vec;
 
 /// Its number.
 pub const FUNCTION: u16 = 20;
 
 /// Of the fields.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
+
+/// The first version whose fields include [`Commands`].
+const WITH_COMMANDS: u8 = 2;
 
 /// Bytes of a motor's fields.
 const STRIDE: u8 = 36;
@@ -86,6 +99,25 @@ pub struct HubReport {
     pub burning: u16,
     /// By motor.
     pub motors: Vec<MotorReport, CHANNELS>,
+    /// Which commands the report includes; `None` of a hub that does not report it.
+    pub commands: Option<Commands>,
+}
+
+/// Numbers of commands to the motors. They count commands since the hub's start, and begin again at 2^32.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Commands {
+    /// Number of the newest command that the report includes.
+    pub included: u32,
+    /// Number of the newest command that follows from the requests that the hub has answered.
+    pub newest: u32,
+}
+
+impl HubReport {
+    /// True if the report includes all commands that follow from the requests before it. A hub that does not report its
+    /// commands counts as up to date.
+    pub fn is_up_to_date(&self) -> bool {
+        self.commands.is_none_or(|Commands { included, newest }| is_included(newest, included))
+    }
 }
 
 /// What one motor does.
@@ -181,7 +213,7 @@ impl Default for MotorReport {
 
 impl Field for HubReport {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        ByteIn::<VERSION, { u8::MAX }>::read(fields)?;
+        let version = ByteIn::<1, { u8::MAX }>::read(fields)?.get();
         let (count, stride) = (u8::read(fields)?, ByteIn::<STRIDE, { u8::MAX }>::read(fields)?.get());
         let at_ms = u32::read(fields)?;
         let battery = Some(u16::read(fields)?).filter(|mv| *mv != 0).map(Millivolts::new);
@@ -192,16 +224,24 @@ impl Field for HubReport {
             // Motors that a host of this protocol has no numbers for are left out.
             let _ = motors.push(MotorReport::read(&mut Fields::new(of_motor))?);
         }
-        Ok(Self { at_ms, battery, bus, burning, motors })
+        let commands = match version {
+            WITH_COMMANDS.. => Some(Commands { included: u32::read(fields)?, newest: u32::read(fields)? }),
+            _ => None,
+        };
+        Ok(Self { at_ms, battery, bus, burning, motors, commands })
     }
 
     fn write(&self, payload: &mut Payload) {
-        [VERSION, self.motors.len() as u8, STRIDE].write(payload);
+        let version = if self.commands.is_some() { VERSION } else { WITH_COMMANDS - 1 };
+        [version, self.motors.len() as u8, STRIDE].write(payload);
         self.at_ms.write(payload);
         self.battery.map_or(0, Millivolts::get).write(payload);
         self.bus.write(payload);
         self.burning.write(payload);
         self.motors.iter().for_each(|motor| motor.write(payload));
+        if let Some(Commands { included, newest }) = self.commands {
+            [included, newest].write(payload);
+        }
     }
 }
 

@@ -7,8 +7,13 @@ use crate::motor::{Report, Setpoint};
 use crate::protocol::report::{MotorReport, Told};
 use crate::units::{Control, Millivolts};
 
-/// Of one motor.
-pub(super) fn of_motor(channel: &MotorChannel, report: &Report, battery: Option<Millivolts>) -> MotorReport {
+/// Of one motor. `up_to_date` is whether the report includes the motor's newest set-point.
+pub(super) fn of_motor(
+    channel: &MotorChannel,
+    report: &Report,
+    up_to_date: bool,
+    battery: Option<Millivolts>,
+) -> MotorReport {
     let Report {
         regulator,
         control,
@@ -36,7 +41,7 @@ pub(super) fn of_motor(channel: &MotorChannel, report: &Report, battery: Option<
         load,
         heat,
         enabled: channel.enabled(),
-        settled,
+        settled: settled && up_to_date,
         stalled,
         derated,
         faults,

@@ -12,11 +12,11 @@
 //! | news | [`Signal`] | set with each of them, and with a sample of a bus that has just left its quiet voltages: it waits for no other |
 //! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
 //! | bus | what was seen of it last, in a cell | overwritten; over 100 ms old it counts as nothing |
-//! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
+//! | commands | [`Commands`], a queue of 16: none is lost, in order and numbered | the sender waits, or gets its command back |
 //! | urgent | a flag | set with a command that can be done at once: all that wait are taken within a millisecond |
 //! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
 //! | sensed | [`Signal`]: the latest | of boards that hear their bridges; overwritten. The last one holds |
-//! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
+//! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number, time, and the number of the newest command that it includes |
 //! | record | of what happened, in a cell | written with each tick; the oldest entry makes room |
 //! | last words | likewise, for fault handlers | written once a run |
 //! | store | two [`Signal`]s | an order at a time, and what became of it |
@@ -36,12 +36,13 @@
 //! // What anyone says waits for the next tick, unless it can be done at once. All of the tasks, run: examples/two_motors.rs.
 //! let wires = Wires::<NoopRawMutex, 2>::new();
 //! let command = Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
-//! wires.try_send(command).expect("room for 16");
+//! assert_eq!(wires.try_send(command), Ok(1), "the first command since boot");
 //! assert_eq!(wires.commands.try_receive(), Ok(command));
 //! ```
 
 pub mod bridges;
 pub mod capture;
+pub mod commands;
 pub mod control;
 pub mod health;
 pub mod output;
@@ -50,6 +51,7 @@ pub mod store;
 pub mod supply;
 pub mod update;
 
+pub use commands::Commands;
 pub use health::{Health, Task};
 
 use crate::bridge::{Drive, Sensed};
@@ -61,7 +63,7 @@ use crate::units::Micros;
 use core::cell::{Cell, RefCell};
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::blocking_mutex::{CriticalSectionMutex, Mutex};
-use embassy_sync::channel::{Channel, TrySendError};
+use embassy_sync::channel::TrySendError;
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::Watch;
 use embassy_time::Instant;
@@ -96,7 +98,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// From supply to anyone: the bus as it was seen last.
     pub bus: Mutex<M, Cell<Seen>>,
     /// From anyone to control.
-    pub commands: Channel<M, Command, COMMANDS>,
+    pub commands: Commands<M>,
     /// From anyone to control: among the commands is one that waits for no tick, only for the next sample.
     pub urgent: Mutex<M, Cell<bool>>,
     /// From control to output.
@@ -126,7 +128,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             news: Signal::new(),
             battery: Signal::new(),
             bus: Mutex::new(Cell::new(Seen::NOTHING)),
-            commands: Channel::new(),
+            commands: Commands::new(),
             urgent: Mutex::new(Cell::new(false)),
             drives: Signal::new(),
             sensed: Signal::new(),
@@ -160,20 +162,22 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         });
     }
 
-    /// Tells a motor what to do: within a millisecond what can be done at once, at the next tick what is regulated.
+    /// Sends a command to the control task, and returns the command's number. A command that needs no regulator is applied
+    /// within a millisecond, any other one at the next tick. [`Snapshot::includes`] says whether a snapshot includes it.
     ///
     /// # Errors
     /// The command, if 16 wait already.
-    pub fn try_send(&self, command: Command) -> Result<(), TrySendError<Command>> {
-        self.commands.try_send(command)?;
+    pub fn try_send(&self, command: Command) -> Result<u32, TrySendError<Command>> {
+        let number = self.commands.try_send(command)?;
         self.hurry(command);
-        Ok(())
+        Ok(number)
     }
 
-    /// The same, waiting while there is no room.
-    pub async fn send(&self, command: Command) {
-        self.commands.send(command).await;
+    /// Sends a command like [`try_send`](Self::try_send), but waits while there is no room.
+    pub async fn send(&self, command: Command) -> u32 {
+        let number = self.commands.send(command).await;
         self.hurry(command);
+        number
     }
 
     fn hurry(&self, command: Command) {

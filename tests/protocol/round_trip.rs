@@ -13,7 +13,7 @@ use motor_hub::protocol::led::{LedPattern, STEPS, Step};
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
-use motor_hub::protocol::report::{self, HubReport, MotorReport, Told};
+use motor_hub::protocol::report::{self, Commands, HubReport, MotorReport, Told};
 use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
 use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
 use motor_hub::protocol::store::{StoreReport, ToStore};
@@ -256,15 +256,15 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
 }
 
 fn hub_report() -> impl Strategy<Value = HubReport> {
-    (any::<(u32, u16, u16)>(), bus_report(), vec(motor_report(), 0..=CHANNELS)).prop_map(
-        |((at_ms, mv, burning), BusReport { state, .. }, motors)| HubReport {
+    (any::<(u32, u16, u16)>(), bus_report(), vec(motor_report(), 0..=CHANNELS), any::<Option<(u32, u32)>>())
+        .prop_map(|((at_ms, mv, burning), BusReport { state, .. }, motors, commands)| HubReport {
             at_ms,
             battery: (mv != 0).then_some(Millivolts::new(mv)),
             bus: state,
             burning,
             motors: motors.into_iter().collect(),
-        },
-    )
+            commands: commands.map(|(included, newest)| Commands { included, newest }),
+        })
 }
 
 fn identification() -> impl Strategy<Value = Identification> {
@@ -726,16 +726,20 @@ proptest! {
         // A newer hub tells more of each motor, and more behind them.
         let mut payload = Payload::new();
         report.write(&mut payload);
-        let (head, motors) = payload.split_at(12);
+        let (head, rest) = payload.split_at(12);
         let stride = usize::from(head[2]);
-        prop_assert_eq!(motors.len(), stride * report.motors.len());
+        let (motors, commands) = rest.split_at(stride * report.motors.len());
+        prop_assert_eq!((head[0], commands.len()), if report.commands.is_some() { (2, 8) } else { (1, 0) });
         let mut longer = head.to_vec();
-        longer[0] += 1;
+        if report.commands.is_some() {
+            longer[0] += 1;
+        }
         longer[2] += more;
         for motor in motors.chunks(stride) {
             longer.extend(motor);
             longer.extend(vec![0xA5; more.into()]);
         }
+        longer.extend(commands);
         longer.extend([1, 2, 3]);
         prop_assert_eq!(HubReport::read(&mut Fields::new(&longer)), Ok(report));
     }

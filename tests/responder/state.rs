@@ -3,6 +3,7 @@
 use crate::host::{N, Said, TestHost, frame_to, settings};
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
+use motor_hub::protocol::report::Commands;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub::responder::Responder;
 use motor_hub::responder::alive::TIMEOUT_MICROS;
@@ -190,6 +191,44 @@ fn a_disabled_motor_that_stands_on_its_target_is_neither_within_tolerance_nor_se
         let Said::Data(bulk) = host.call(0, &[]) else { panic!() };
         assert_eq!(bulk[17], 0);
         assert!(!host.reported(0).settled);
+    }
+}
+
+#[test]
+fn a_motor_is_not_reported_settled_before_a_snapshot_includes_its_newest_target() {
+    let mut host = TestHost::settled();
+    host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0]), (10, &[0, 1])]);
+    host.told();
+    host.tick();
+    host.snapshot.motors[0].settled = true;
+    assert!(host.reported(0).settled);
+    host.do_all(&[(19, &[0, 0, 1, 0, 0, 5, 0])]);
+    assert!(!host.reported(0).settled, "not sent yet");
+    host.told();
+    assert!(!host.reported(0).settled, "in no snapshot yet");
+    host.tick();
+    assert!(host.reported(0).settled);
+}
+
+#[test]
+fn a_report_says_whether_it_includes_all_commands_also_where_the_numbers_wrap() {
+    for start in [0, u32::MAX - 1, u32::MAX, 1 << 31] {
+        let mut host = TestHost::settled();
+        host.commands = start;
+        host.tick();
+        assert!(host.report().is_up_to_date(), "{start}");
+        host.do_all(&[(15, &[0, 0, 64]), (10, &[0, 1]), (15, &[2, 0, 64]), (10, &[2, 1])]);
+        assert!(!host.report().is_up_to_date(), "not sent yet, {start}");
+        assert_eq!(host.told().len(), 2);
+        assert!(!host.report().is_up_to_date(), "in no snapshot yet, {start}");
+        host.snapshot.commands = start.wrapping_add(1);
+        assert!(!host.report().is_up_to_date(), "one of two, {start}");
+        host.tick();
+        let commands = Commands { included: start.wrapping_add(2), newest: start.wrapping_add(2) };
+        assert_eq!(host.report().commands, Some(commands));
+        // Commands of others do not concern this host.
+        host.snapshot.commands = start.wrapping_add(1_000);
+        assert!(host.report().is_up_to_date(), "{start}");
     }
 }
 
