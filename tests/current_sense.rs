@@ -8,6 +8,7 @@ use motor_hub::model::plant::{Influence, Plant};
 use motor_hub::model::si::{Hertz, KgM2, Seconds, Volts};
 use motor_hub::motion::Reading;
 use motor_hub::motor::{Motor, Report, SenseLine, Setpoint, Settings};
+use motor_hub::protocol::report::MotorReport;
 use motor_hub::units::{Control, Micros, Milliamperes, Millivolts, Period, RangeError};
 use proptest::prelude::*;
 
@@ -74,6 +75,22 @@ fn a_line_is_believed_in_9_8_and_6_2_with_the_sign_of_the_model() {
         let report = held.run(500, Some(1_234));
         assert_eq!(told(report), (SenseLine::Sound, Some(1_234)));
         assert_eq!(report.best_current().get(), sign * 1_234);
+    }
+}
+
+#[test]
+fn a_host_reads_the_same_best_current_as_the_hub() {
+    for (modelled, measured, best) in [
+        (1_500, Some(1_234), 1_234),
+        (-1_500, Some(1_234), -1_234),
+        (-1_500, None, -1_500),
+        (0, Some(20), 20),
+    ] {
+        let current = Milliamperes::new(modelled);
+        let of_hub = Report { current, measured: measured.map(Milliamperes::new), ..Report::INITIAL };
+        let measured_ma = measured.map(|ma| u16::try_from(ma).expect("a magnitude"));
+        let of_host = MotorReport { current, measured_ma, ..MotorReport::default() };
+        assert_eq!((of_hub.best_current().get(), of_host.best_current().get()), (best, best));
     }
 }
 

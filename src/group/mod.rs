@@ -17,7 +17,7 @@
 //! let together = Together { tolerance: 0, ..usual };
 //! let mut positions = [70, 0, -30];
 //! let mut group = Group::new(together, positions, [CountsPerSecond::ZERO; 3], Period::DEFAULT);
-//! while !group.has_arrived(&positions) {
+//! while !group.is_within_tolerance(&positions) {
 //!     for (motor, reference) in group.step(&positions).into_iter().enumerate() {
 //!         // Perfect motors.
 //!         positions[motor] = reference.map_or(0, |reference| reference.position);
@@ -122,7 +122,7 @@ pub struct Together {
     pub acceleration: Acceleration,
     /// Lag of a member in counts at which the group stands still. From half of this lag on the group slows down.
     pub lag: u16,
-    /// Distance from the end in counts within which all members must be for the group to be at its target.
+    /// Largest distance of each member to its end, in counts, at which the group can settle.
     pub tolerance: u16,
     /// What the other members do when a member is lost.
     pub halt: Halt,
@@ -137,7 +137,7 @@ impl Together {
     }
 }
 
-/// Default distance from its end, in counts, within which a member has arrived. REV's host software uses 5 counts too.
+/// Default tolerance of a group in counts; that of REV's host software.
 pub const TOLERANCE: u16 = 5;
 /// Time in ms in which a member covers the usual lag.
 const LAG_MS: u32 = 100;
@@ -245,8 +245,8 @@ impl<const N: usize> Group<N> {
         self.halt
     }
 
-    /// True if the course has an end and every member is within the tolerance of its end.
-    pub fn has_arrived(&self, positions: &[i32; N]) -> bool {
+    /// True if the course is at its end and every member is within the tolerance of its own end.
+    pub fn is_within_tolerance(&self, positions: &[i32; N]) -> bool {
         let near = |error: i64| error.unsigned_abs() <= u64::from(self.tolerance);
         self.trajectory.is_at_end() && self.errors(positions).into_iter().all(near)
     }

@@ -29,20 +29,21 @@
 //! assert!((290..310).contains(&turning.velocity.round()), "{:?}", turning.velocity);
 //! ```
 
-mod arrival;
 mod burn_pulses;
 mod limits;
 mod report;
 mod sense_line;
 mod setpoint;
 mod settings;
+mod settled;
 mod thermal;
 mod watch;
 
-pub use report::{Faults, Report};
+pub use report::{Faults, Report, best_current};
 pub use sense_line::SenseLine;
 pub use setpoint::Setpoint;
 pub use settings::{OnFault, Settings, ZeroPower};
+pub use settled::{SettleDetector, within_tolerance};
 pub use thermal::ThermalLimit;
 
 use crate::braking::{Modulation, Modulator, OperatingPoint, Regime, Returned, Scheme};
@@ -54,7 +55,6 @@ use crate::regulator::{Demand, Effort, Regulator, Stage};
 use crate::units::{
     Control, CountsPerSecond, Duty, Micros, Milliamperes, Millivolts, Period, Share, Voltage,
 };
-use arrival::Arrival;
 use burn_pulses::{BurnPulses, Pulse, Voltages};
 use core::mem::discriminant;
 pub(crate) use limits::SupplyLimits;
@@ -90,7 +90,7 @@ pub struct Motor {
     regulator: Regulator,
     identifier: Identifier,
     watch: Watch,
-    arrival: Arrival,
+    settle_detector: SettleDetector,
     thermal: Thermal,
     supply: SupplyLimits,
     pulses: BurnPulses,
@@ -157,7 +157,7 @@ impl Motor {
             regulator: Regulator::new(settings.regulation(), period),
             identifier: Identifier::new(period),
             watch: Watch::new(period),
-            arrival: Arrival::new(period),
+            settle_detector: SettleDetector::new(period),
             thermal: Thermal::new(period, settings.thermal),
             supply: SupplyLimits::NONE,
             pulses: BurnPulses::NONE,
@@ -184,7 +184,7 @@ impl Motor {
         let follows = matches!((self.setpoint, setpoint), (Setpoint::Together(_), Setpoint::Together(_)));
         if setpoint != self.setpoint && !follows {
             self.regulator.retarget();
-            self.arrival.reset();
+            self.settle_detector.reset();
             if discriminant(&setpoint) != discriminant(&self.setpoint) {
                 self.regulator.change_mode();
             }
@@ -562,7 +562,7 @@ impl Motor {
             current
         };
         self.thermal.step(measured.unwrap_or(heating));
-        let near = self.setpoint.reached(self.position);
+        let within_tolerance = self.setpoint.is_within_tolerance(self.position);
         Report {
             setpoint: self.setpoint,
             position: self.position,
@@ -577,7 +577,7 @@ impl Motor {
             control,
             regime: self.command.map(|command| command.limited.regime),
             drive,
-            at_target: self.arrival.step(near, velocity),
+            settled: self.settle_detector.step(within_tolerance, velocity),
             stalled: self.watch.stalled(),
             identification: self.identifier.state(),
             faults: Faults {

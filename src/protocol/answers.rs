@@ -171,8 +171,8 @@ pub struct Bulk {
     pub encoders: [i32; CHANNELS],
     /// More current than its alert allows, by motor.
     pub over_current: [bool; CHANNELS],
-    /// In regulated position and within the tolerance, by motor.
-    pub at_target: [bool; CHANNELS],
+    /// True in regulated position while the motor is [within tolerance](crate::motor::within_tolerance), by motor.
+    pub within_tolerance: [bool; CHANNELS],
     /// Counts per second, by motor.
     pub velocities: [i16; CHANNELS],
     /// Millivolts.
@@ -181,8 +181,8 @@ pub struct Bulk {
     pub attention: Option<bool>,
 }
 
-/// 35 bytes, or 34 without the last. The motors' bits are one byte: over-current from bit 0 on, at
-/// target from bit 4 on.
+/// 35 bytes, or 34 without the last. The motors' bits are one byte: over-current from bit 0 on, within
+/// tolerance from bit 4 on.
 impl Field for Bulk {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let (digital, encoders, motors) = (u8::read(fields)?, Field::read(fields)?, u8::read(fields)?);
@@ -191,7 +191,7 @@ impl Field for Bulk {
             digital,
             encoders,
             over_current: bits(0),
-            at_target: bits(4),
+            within_tolerance: bits(4),
             velocities: Field::read(fields)?,
             analog: Field::read(fields)?,
             attention: u8::read(fields).ok().map(|byte| byte != 0),
@@ -199,7 +199,7 @@ impl Field for Bulk {
     }
 
     fn write(&self, payload: &mut Payload) {
-        let bits = self.over_current.iter().chain(&self.at_target).enumerate();
+        let bits = self.over_current.iter().chain(&self.within_tolerance).enumerate();
         let motors = bits.fold(0, |bits, (bit, is)| bits | u8::from(*is) << bit);
         self.digital.write(payload);
         self.encoders.write(payload);

@@ -22,9 +22,9 @@ use crate::motor::ZeroPower;
 use crate::units::{Coefficient, Control};
 use heapless::Vec;
 
-/// Payload bytes that are kept of a packet. The longest request has 101, the longest answer 156; what
+/// Payload bytes that are kept of a packet. The longest request has 101, the longest answer 164; what
 /// comes beyond a request's fields is to be ignored.
-pub const PAYLOAD_KEPT: usize = 160;
+pub const PAYLOAD_KEPT: usize = 168;
 
 /// What a packet says.
 pub type Payload = Vec<u8, PAYLOAD_KEPT>;

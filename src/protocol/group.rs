@@ -17,7 +17,7 @@
 //! | i32 | to positions: speed of the member that moves most, in steps of 1/256 counts/s |
 //! | u32 | largest acceleration of any member, counts/s², from 1 |
 //! | u16 | counts by which a member lags when all others wait for it |
-//! | u16 | counts from its end within which each member must be for the group to have arrived |
+//! | u16 | largest distance of each member to its end, in counts, at which the group can settle |
 //! | u8 | when one is at fault, or leaves: 0 the others stop, 1 they are disabled |
 //!
 //! ```
@@ -73,7 +73,7 @@ pub struct GroupMove {
     pub acceleration: Acceleration,
     /// Counts by which a member lags when all others wait for it.
     pub lag: u16,
-    /// Counts from its end within which each member must be for the group to have arrived.
+    /// Largest distance of each member to its end, in counts, at which the group can settle.
     pub tolerance: u16,
     /// What becomes of the others when one is lost.
     pub halt: Halt,
@@ -95,12 +95,12 @@ pub enum GroupState {
     Alone,
     /// On its way, or on a course without an end.
     Moving,
-    /// All members have come to their end.
-    Arrived,
+    /// All members have settled at their ends.
+    Settled,
 }
 
 codes!(Halt { 0 = Stop, 1 = Coast });
-codes!(GroupState { 0 = Alone, 1 = Moving, 2 = Arrived });
+codes!(GroupState { 0 = Alone, 1 = Moving, 2 = Settled });
 
 impl Field for GroupCourse {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {

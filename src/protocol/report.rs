@@ -29,9 +29,19 @@
 //! | i16, u16 | mean current by the motor's constants, mA; its magnitude as measured, mA, 65535 if it is not |
 //! | i16 | current that would just balance the load, mA; -32768 if the motor is not known |
 //! | u16 | heat of the winding, in 1/1000 of its limit; 0 without one |
-//! | u8 | bits from 0: enabled, at target, stalled, derated because hot |
+//! | u8 | bits from 0: enabled, settled, stalled, derated because hot |
 //! | u8 | bits from 0: battery unknown, encoder silent, stuck, reversed, winding too hot, bridge off |
 //! | i16 * 4 | points S, T, Z, G at this speed and battery as control values, those beyond the range at its end; all 0 if unknown |
+//!
+//! Behind the motors, from version 2 on:
+//!
+//! | field | |
+//! |---|---|
+//! | u32 | number of the newest command that these values include, but for position and velocity |
+//! | u32 | number of the newest command that follows from the requests before this one |
+//!
+//! Commands are counted since boot; both numbers begin again at 2^32. The values are out of date while the second number is
+//! ahead of the first.
 //!
 //! ```
 //! use motor_hub::protocol::Request;
@@ -52,17 +62,20 @@ use super::nack::Nack;
 use crate::braking::Regime;
 use crate::bridge::{Drive, Mode};
 use crate::motion::EncoderFault;
-use crate::motor::Faults;
+use crate::motor::{Faults, best_current};
 use crate::regulator::Kind;
 use crate::supply::BusState;
-use crate::units::{Control, Duty, Milliamperes, Millivolts};
+use crate::units::{Control, Duty, Milliamperes, Millivolts, is_included};
 use heapless::Vec;
 
 /// Its number.
 pub const FUNCTION: u16 = 20;
 
 /// Of the fields.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
+
+/// The first version whose fields include [`Commands`].
+const WITH_COMMANDS: u8 = 2;
 
 /// Bytes of a motor's fields.
 const STRIDE: u8 = 36;
@@ -86,6 +99,25 @@ pub struct HubReport {
     pub burning: u16,
     /// By motor.
     pub motors: Vec<MotorReport, CHANNELS>,
+    /// Which commands the report includes; `None` of a hub that does not report it.
+    pub commands: Option<Commands>,
+}
+
+/// Numbers of commands to the motors. They count commands since the hub's start, and begin again at 2^32.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Commands {
+    /// Number of the newest command that the report includes.
+    pub included: u32,
+    /// Number of the newest command that follows from the requests that the hub has answered.
+    pub newest: u32,
+}
+
+impl HubReport {
+    /// True if the report includes all commands that follow from the requests before it. A hub that does not report its
+    /// commands counts as up to date.
+    pub fn is_up_to_date(&self) -> bool {
+        self.commands.is_none_or(|Commands { included, newest }| is_included(newest, included))
+    }
 }
 
 /// What one motor does.
@@ -115,8 +147,8 @@ pub struct MotorReport {
     pub heat: u16,
     /// It may run.
     pub enabled: bool,
-    /// It stands at its target, or its group does.
-    pub at_target: bool,
+    /// True if the motor has settled at its target, or its group at its end.
+    pub settled: bool,
     /// Held against a stop.
     pub stalled: bool,
     /// So hot that its current is limited.
@@ -128,9 +160,9 @@ pub struct MotorReport {
 }
 
 impl MotorReport {
-    /// Its current as well as it is known: measured, of which there is only the magnitude, else modelled.
+    /// The [best current](best_current) of the motor.
     pub fn best_current(&self) -> Milliamperes {
-        self.measured_ma.map_or(self.current, |ma| Milliamperes::new(ma.into()))
+        best_current(self.current, self.measured_ma.map(|ma| Milliamperes::new(ma.into())))
     }
 }
 
@@ -170,7 +202,7 @@ impl Default for MotorReport {
             load: None,
             heat: 0,
             enabled: false,
-            at_target: false,
+            settled: false,
             stalled: false,
             derated: false,
             faults: Faults::default(),
@@ -181,7 +213,7 @@ impl Default for MotorReport {
 
 impl Field for HubReport {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        ByteIn::<VERSION, { u8::MAX }>::read(fields)?;
+        let version = ByteIn::<1, { u8::MAX }>::read(fields)?.get();
         let (count, stride) = (u8::read(fields)?, ByteIn::<STRIDE, { u8::MAX }>::read(fields)?.get());
         let at_ms = u32::read(fields)?;
         let battery = Some(u16::read(fields)?).filter(|mv| *mv != 0).map(Millivolts::new);
@@ -192,16 +224,24 @@ impl Field for HubReport {
             // Motors that a host of this protocol has no numbers for are left out.
             let _ = motors.push(MotorReport::read(&mut Fields::new(of_motor))?);
         }
-        Ok(Self { at_ms, battery, bus, burning, motors })
+        let commands = match version {
+            WITH_COMMANDS.. => Some(Commands { included: u32::read(fields)?, newest: u32::read(fields)? }),
+            _ => None,
+        };
+        Ok(Self { at_ms, battery, bus, burning, motors, commands })
     }
 
     fn write(&self, payload: &mut Payload) {
-        [VERSION, self.motors.len() as u8, STRIDE].write(payload);
+        let version = if self.commands.is_some() { VERSION } else { WITH_COMMANDS - 1 };
+        [version, self.motors.len() as u8, STRIDE].write(payload);
         self.at_ms.write(payload);
         self.battery.map_or(0, Millivolts::get).write(payload);
         self.bus.write(payload);
         self.burning.write(payload);
         self.motors.iter().for_each(|motor| motor.write(payload));
+        if let Some(Commands { included, newest }) = self.commands {
+            [included, newest].write(payload);
+        }
     }
 }
 
@@ -217,7 +257,7 @@ impl Field for MotorReport {
         let measured_ma = Some(u16::read(fields)?).filter(|ma| *ma != NOT_MEASURED);
         let load = Some(i16::read(fields)?).filter(|ma| *ma != UNKNOWN);
         let heat = u16::read(fields)?;
-        let [enabled, at_target, stalled, derated, ..] = bits(u8::read(fields)?);
+        let [enabled, settled, stalled, derated, ..] = bits(u8::read(fields)?);
         let faults = faults(u8::read(fields)?);
         let points: [i16; 4] = Field::read(fields)?;
         Ok(Self {
@@ -233,7 +273,7 @@ impl Field for MotorReport {
             load: load.map(|ma| Milliamperes::new(ma.into())),
             heat,
             enabled,
-            at_target,
+            settled,
             stalled,
             derated,
             faults,
@@ -254,7 +294,7 @@ impl Field for MotorReport {
         self.measured_ma.map_or(NOT_MEASURED, |ma| ma.min(NOT_MEASURED - 1)).write(payload);
         self.load.map_or(UNKNOWN, milliamperes).write(payload);
         self.heat.write(payload);
-        byte(&[self.enabled, self.at_target, self.stalled, self.derated]).write(payload);
+        byte(&[self.enabled, self.settled, self.stalled, self.derated]).write(payload);
         fault_bits(self.faults).write(payload);
         self.points.map_or([0; 4], |points| points.map(Control::get)).write(payload);
     }

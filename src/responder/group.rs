@@ -41,11 +41,9 @@ impl<const N: usize> Courses<N> {
         self.untold.iter().enumerate().find_map(|(leader, together)| Some((leader, (*together)?)))
     }
 
-    /// That one has been told.
-    pub(super) fn told(&mut self) {
-        if let Some(slot) = self.untold.iter_mut().find(|slot| slot.is_some()) {
-            *slot = None;
-        }
+    /// Takes out that first course, because it has been sent.
+    pub(super) fn sent(&mut self) -> Option<Together> {
+        self.untold.iter_mut().find_map(Option::take)
     }
 
     pub(super) fn concern(&self, motor: usize) -> bool {

@@ -70,7 +70,7 @@ use crate::protocol::fields::Text;
 use crate::protocol::group::{GroupMove, GroupState, ToGroup};
 use crate::protocol::motor::ToMotor;
 use crate::protocol::record::{Entries, Ticks, ToRecord};
-use crate::protocol::report::HubReport;
+use crate::protocol::report::{Commands, HubReport};
 use crate::protocol::requests::{DISCOVERY, Request, Standard, ToHub};
 use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
 use crate::record::Record;
@@ -134,6 +134,8 @@ pub struct Responder<const N: usize> {
     /// `None` without a bootloader.
     updating: Option<Updating>,
     courses: Courses<N>,
+    /// Number of the newest command that was sent, while no snapshot includes that command.
+    awaited: Option<u32>,
     pins: PinMemory,
     bus: Seen,
     led: Led,
@@ -157,6 +159,7 @@ impl<const N: usize> Responder<N> {
             keeping: None,
             updating: None,
             courses: Courses::NONE,
+            awaited: None,
             pins: PinMemory::default(),
             bus: Seen::NOTHING,
             led: Led::default(),
@@ -208,6 +211,8 @@ impl<const N: usize> Responder<N> {
     /// Time passes. If the host has fallen silent, this is where fail-safe sets in.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
         self.alive.battery(snapshot.battery_low());
+        self.awaited.take_if(|number| snapshot.includes(*number));
+        self.channels.iter_mut().for_each(|channel| channel.note_snapshot(snapshot.commands));
         if self.alive.ran_out(now) {
             self.channels.iter_mut().for_each(MotorChannel::abandon);
             self.let_go_of_the_rest();
@@ -247,8 +252,8 @@ impl<const N: usize> Responder<N> {
         Some(reply.packet(packet, address, self.number))
     }
 
-    /// The next thing that the motors are to be told; [`told`](Self::told) when they have been. Those
-    /// that let go come first, courses of groups last.
+    /// The next command to the motors; [`sent`](Self::sent) when it has been sent. Commands that release motors come first,
+    /// courses of groups last.
     pub fn pending(&self) -> Option<Command> {
         if let Some(motor) = self.next_channel() {
             let action = self.channels.get(motor)?.pending()?;
@@ -257,12 +262,31 @@ impl<const N: usize> Responder<N> {
         self.courses.next().map(|(motor, together)| Command { motor, action: Action::Lead(together) })
     }
 
-    /// The motors have been told what [`pending`](Self::pending) says.
-    pub fn told(&mut self) {
-        match self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
-            Some(channel) => channel.told(),
-            None => self.courses.told(),
+    /// Notes that the command in [`pending`](Self::pending) has been sent with this number. The numbers are those of
+    /// [`Snapshot::commands`].
+    pub fn sent(&mut self, number: u32) {
+        self.awaited = Some(number);
+        if let Some(channel) = self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
+            channel.sent(number);
+        } else if let Some(together) = self.courses.sent() {
+            for (channel, member) in self.channels.iter_mut().zip(together.course.members()) {
+                if member {
+                    channel.course_sent(number);
+                }
+            }
         }
+    }
+
+    /// True while no snapshot includes a motor's newest set-point or course.
+    fn awaits_snapshot(&self, motor: usize) -> bool {
+        self.courses.concern(motor) || self.channels.get(motor).is_some_and(MotorChannel::awaits_snapshot)
+    }
+
+    /// Number of the newest command that follows from the requests until now. A command that is not sent yet will have a
+    /// higher number than all that are.
+    fn newest_command(&self, snapshot: &Snapshot<N>) -> u32 {
+        let sent = self.awaited.unwrap_or(snapshot.commands);
+        if self.pending().is_some() { sent.wrapping_add(1) } else { sent }
     }
 
     fn next_channel(&self) -> Option<usize> {
@@ -308,7 +332,7 @@ impl<const N: usize> Responder<N> {
                 let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
                 let channel = self.channels.get_mut(motor).ok_or(NO_MOTOR)?;
                 let battery = snapshot.good_battery();
-                channel.receive_setup(request, report, battery, snapshot.tick)
+                channel.receive_setup(request, report, battery)
             }
         }
     }
@@ -396,7 +420,7 @@ impl<const N: usize> Responder<N> {
         }
         for (channel, member) in self.channels.iter_mut().zip(members) {
             if member {
-                channel.join(snapshot.tick);
+                channel.join();
             }
         }
         self.courses.put(leader, together);
@@ -407,15 +431,12 @@ impl<const N: usize> Responder<N> {
         let motor = usize::from(motor);
         let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
         let channel = self.channels.get(motor).ok_or(NO_MOTOR)?;
-        let state = if self.courses.concern(motor) || channel.has_just_joined(snapshot.tick) {
-            // What is reported may be of the time before.
-            GroupState::Moving
-        } else {
-            match report.setpoint {
-                Setpoint::Together(_) if report.at_target => GroupState::Arrived,
-                Setpoint::Together(_) => GroupState::Moving,
-                _ => GroupState::Alone,
-            }
+        let state = match (self.awaits_snapshot(motor), report.setpoint) {
+            (true, _) if channel.in_group() => GroupState::Moving,
+            (true, _) => GroupState::Alone,
+            (false, Setpoint::Together(_)) if report.settled => GroupState::Settled,
+            (false, Setpoint::Together(_)) => GroupState::Moving,
+            (false, _) => GroupState::Alone,
         };
         Ok(Answer::data(&state))
     }
@@ -435,13 +456,17 @@ impl<const N: usize> Responder<N> {
     /// What all motors do.
     fn report(&self, now: Micros, snapshot: &Snapshot<N>) -> HubReport {
         let battery = snapshot.battery;
-        let motors = self.channels.iter().zip(&snapshot.motors).take(CHANNELS);
+        let motors = self.channels.iter().zip(&snapshot.motors).take(CHANNELS).enumerate();
+        let motors = motors.map(|(motor, (channel, report))| {
+            report::of_motor(channel, report, !self.awaits_snapshot(motor), battery)
+        });
         HubReport {
             at_ms: (snapshot.at.get() / 1_000) as u32,
             battery,
             bus: self.bus.by(now).state,
             burning: per_mille(snapshot.bus.burn),
-            motors: motors.map(|(channel, report)| report::of_motor(channel, report, battery)).collect(),
+            motors: motors.collect(),
+            commands: Some(Commands { included: snapshot.commands, newest: self.newest_command(snapshot) }),
         }
     }
 
@@ -450,11 +475,11 @@ impl<const N: usize> Responder<N> {
         let (digital, attention) = (self.pins.inputs(), Some(self.alive.attention()));
         let mut bulk = Bulk { digital, attention, ..Bulk::default() };
         let motors = self.channels.iter().zip(&snapshot.motors);
-        let answers = bulk.encoders.iter_mut().zip(&mut bulk.velocities).zip(&mut bulk.at_target);
-        for ((channel, report), ((encoder, velocity), at_target)) in motors.zip(answers) {
+        let answers = bulk.encoders.iter_mut().zip(&mut bulk.velocities).zip(&mut bulk.within_tolerance);
+        for ((channel, report), ((encoder, velocity), within_tolerance)) in motors.zip(answers) {
             *encoder = channel.counts(report);
             *velocity = report.velocity.round_to_i16();
-            *at_target = channel.at_target(report);
+            *within_tolerance = channel.within_tolerance(report);
         }
         for ((channel, report), over) in
             self.channels.iter().zip(&snapshot.motors).zip(&mut bulk.over_current)

@@ -20,13 +20,13 @@ use super::answer::Answer;
 use super::setup;
 use crate::hub::Action;
 use crate::motion::Pidf;
-use crate::motor::{OnFault, Report, Setpoint, Settings};
+use crate::motor::{self, OnFault, Report, Setpoint, Settings};
 use crate::protocol::Nack;
 use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use crate::protocol::setup::{Motion, Protection, ToSetup};
 use crate::regulator;
 use crate::regulator::identify::{Identification, travel};
-use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts, Period};
+use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts, Period, is_included};
 
 /// The speed limit on the way to a position, in counts per second, while no target velocity has ever
 /// been set: the largest that one could set.
@@ -50,10 +50,10 @@ pub struct MotorChannel {
     position: Option<Target>,
     /// The limit of travel of an identification that nothing has come after.
     identify: Option<u32>,
-    /// The tick at which that was last asked for.
-    identify_at: Option<u32>,
-    /// The tick at which it was last sent somewhere in a group.
-    joined_at: Option<u32>,
+    /// True if a group's course has replaced the motor's own target.
+    in_group: bool,
+    /// Number of the newest command with a set-point or a course, while no snapshot includes that command.
+    awaited: Option<u32>,
     /// The motor's counts where the host's are 0.
     offset: i32,
     /// The motor's counts when the host last spoke of it.
@@ -94,8 +94,8 @@ impl MotorChannel {
             velocity: None,
             position: None,
             identify: None,
-            identify_at: None,
-            joined_at: None,
+            in_group: false,
+            awaited: None,
             offset: 0,
             seen: 0,
             current_alert: 0,
@@ -147,7 +147,7 @@ impl MotorChannel {
             ToMotor::Velocity => return Ok(Answer::data(&self.velocity.unwrap_or_default())),
             ToMotor::Position => return Ok(Answer::data(&self.position.unwrap_or_default())),
             ToMotor::AtTarget if self.mode != RunMode::Position => return Err(Nack::WRONG_MODE),
-            ToMotor::AtTarget => return Ok(Answer::data(&self.at_target(report))),
+            ToMotor::AtTarget => return Ok(Answer::data(&self.within_tolerance(report))),
             ToMotor::Encoder => return Ok(Answer::data(&self.counts(report))),
             ToMotor::Pidf { of } => return Ok(Answer::data(&self.pidf(of))),
             ToMotor::Pid { of } => {
@@ -162,7 +162,7 @@ impl MotorChannel {
         Ok(Answer::Ack)
     }
 
-    /// Does what a request says. `battery` is its voltage, if motors may be enabled, and `tick` that of the report.
+    /// Does what a request says. `battery` is its voltage, if motors may be enabled.
     ///
     /// # Errors
     /// Why the request is refused; nothing has changed then.
@@ -171,7 +171,6 @@ impl MotorChannel {
         request: ToSetup,
         report: &Report,
         battery: Option<Millivolts>,
-        tick: u32,
     ) -> Result<Answer, Nack> {
         Ok(match request {
             ToSetup::SetUp { setup: wanted } => {
@@ -212,13 +211,10 @@ impl MotorChannel {
                 }
                 self.retarget();
                 self.identify = Some(travel_limit);
-                self.identify_at = Some(tick);
                 Answer::data(&travel(self.settings.winding.emf, battery, travel_limit))
             }
-            // What is reported may be of the time before.
-            ToSetup::Identification
-                if self.identify.is_some() && (self.pending.set || is_soon_after(self.identify_at, tick)) =>
-            {
+            // The report is about the time before the identification.
+            ToSetup::Identification if self.identify.is_some() && self.awaits_snapshot() => {
                 Answer::data(&Identification::Running(0))
             }
             ToSetup::Identification => Answer::data(&report.identification),
@@ -284,6 +280,7 @@ impl MotorChannel {
 
     const fn release(&mut self, release: Release) {
         self.identify = None;
+        self.in_group = false;
         self.pending.release = Some(release);
         self.pending.set = false;
     }
@@ -291,6 +288,7 @@ impl MotorChannel {
     /// An enabled motor hears of what has changed.
     const fn retarget(&mut self) {
         self.identify = None;
+        self.in_group = false;
         self.pending.set = self.enabled;
     }
 
@@ -315,7 +313,7 @@ impl MotorChannel {
         }
     }
 
-    /// What the motor is to be told next; [`told`](Self::told) when it has been.
+    /// The next command to the motor; [`sent`](Self::sent) when it has been sent.
     pub fn pending(&self) -> Option<Action> {
         if let Some(release) = self.pending.release {
             Some(Action::Set(match release {
@@ -332,15 +330,38 @@ impl MotorChannel {
         }
     }
 
-    /// The motor has been told what [`pending`](Self::pending) says.
-    pub const fn told(&mut self) {
+    /// Notes that the command in [`pending`](Self::pending) has been sent with this number.
+    pub const fn sent(&mut self, number: u32) {
         if self.pending.release.is_some() {
             self.pending.release = None;
+            self.awaited = Some(number);
         } else if self.pending.configure {
             self.pending.configure = false;
         } else {
             self.pending.set = false;
+            self.awaited = Some(number);
         }
+    }
+
+    /// Notes that a course of the motor's group has been sent as the command of this number.
+    pub(super) const fn course_sent(&mut self, number: u32) {
+        self.awaited = Some(number);
+    }
+
+    /// Takes the number of the newest command that the newest snapshot includes.
+    pub(super) fn note_snapshot(&mut self, commands: u32) {
+        self.awaited.take_if(|number| is_included(*number, commands));
+    }
+
+    /// True while no snapshot includes the motor's newest set-point or course. What reports say of the motor's set-point is
+    /// out of date then.
+    pub(super) const fn awaits_snapshot(&self) -> bool {
+        self.has_new_target() || self.awaited.is_some()
+    }
+
+    /// True if a group's course has replaced the motor's own target.
+    pub(super) const fn in_group(&self) -> bool {
+        self.in_group
     }
 
     /// True if the motor is about to be told to let go, which is urgent.
@@ -348,15 +369,10 @@ impl MotorChannel {
         self.pending.release.is_some()
     }
 
-    /// It goes with a group instead of wherever it should go by itself.
-    pub(super) const fn join(&mut self, tick: u32) {
+    /// Takes a group's course in place of the motor's own target.
+    pub(super) const fn join(&mut self) {
         self.pending.set = false;
-        self.joined_at = Some(tick);
-    }
-
-    /// The group was not known to the motor yet when the report of this tick was made, or may not have been.
-    pub(super) fn has_just_joined(&self, tick: u32) -> bool {
-        is_soon_after(self.joined_at, tick)
+        self.in_group = true;
     }
 
     /// It is about to be told to go somewhere by itself, or to let go.
@@ -422,17 +438,12 @@ impl MotorChannel {
         counts.wrapping_sub(self.offset)
     }
 
-    /// In position mode and within the tolerance of the target, as far as the motor's last report
-    /// tells. A report may be of the time before the target, so its own word is not used.
-    pub fn at_target(&self, report: &Report) -> bool {
-        self.mode == RunMode::Position
-            && self.position.is_some_and(|Target { counts, tolerance }| {
-                counts.wrapping_sub(self.counts(report)).unsigned_abs() <= u32::from(tolerance)
-            })
+    /// True if the motor is enabled in position mode, in no group, and [within tolerance](motor::within_tolerance) of the
+    /// host's target.
+    pub fn within_tolerance(&self, report: &Report) -> bool {
+        let near =
+            |Target { counts, tolerance }| motor::within_tolerance(counts, self.counts(report), tolerance);
+        let regulated = self.enabled && !self.in_group && self.mode == RunMode::Position;
+        regulated && self.position.is_some_and(near)
     }
-}
-
-/// The report of a tick may have been made before the motor knew what it was told when there was that of another.
-fn is_soon_after(told_at: Option<u32>, tick: u32) -> bool {
-    told_at.is_some_and(|told_at| tick.wrapping_sub(told_at) < 2)
 }

@@ -7,10 +7,27 @@ use crate::motor::{Report, Setpoint};
 use crate::protocol::report::{MotorReport, Told};
 use crate::units::{Control, Millivolts};
 
-/// Of one motor.
-pub(super) fn of_motor(channel: &MotorChannel, report: &Report, battery: Option<Millivolts>) -> MotorReport {
-    let Report { regulator, control, regime, drive, current, load, heat, derated, stalled, faults, .. } =
-        *report;
+/// Of one motor. `up_to_date` is whether the report includes the motor's newest set-point.
+pub(super) fn of_motor(
+    channel: &MotorChannel,
+    report: &Report,
+    up_to_date: bool,
+    battery: Option<Millivolts>,
+) -> MotorReport {
+    let Report {
+        regulator,
+        control,
+        regime,
+        drive,
+        current,
+        load,
+        heat,
+        derated,
+        settled,
+        stalled,
+        faults,
+        ..
+    } = *report;
     MotorReport {
         told: told(channel, report.setpoint),
         position: channel.counts(report),
@@ -24,9 +41,7 @@ pub(super) fn of_motor(channel: &MotorChannel, report: &Report, battery: Option<
         load,
         heat,
         enabled: channel.enabled(),
-        // Of a position that was just set a report may not know yet.
-        at_target: channel.at_target(report)
-            || matches!(report.setpoint, Setpoint::Together(_)) && report.at_target,
+        settled: settled && up_to_date,
         stalled,
         derated,
         faults,

@@ -351,7 +351,7 @@ fn saying(channel: &MotorChannel, motor: u8, step: usize) -> Option<Saying> {
 fn say(channel: &mut MotorChannel, request: Request) {
     let _ = match request {
         Request::Motor(_, request) => channel.receive(request, &Report::INITIAL, false),
-        Request::Setup(_, request) => channel.receive_setup(request, &Report::INITIAL, None, 0),
+        Request::Setup(_, request) => channel.receive_setup(request, &Report::INITIAL, None),
         _ => return,
     };
 }

@@ -14,7 +14,7 @@
 //! | news | [`Signal`] | set with each encoder sample, and with the first sample of a bus that has left its quiet range |
 //! | battery | [`Signal`] with the latest state | overwritten; a state older than 100 ms counts as no battery |
 //! | bus | the last reading of the bus, in a cell | overwritten; a reading older than 100 ms counts as none |
-//! | commands | [`Channel`] of 16, first in first out | the sender waits, or gets an error |
+//! | commands | [`Commands`], a numbered queue of 16, first in first out | the sender waits, or gets an error |
 //! | urgent | a flag | set with a command that needs no regulator; control then takes all commands at the next sample |
 //! | drives | [`Signal`] with the latest bridge commands | overwritten; after three control periods without one all bridges coast |
 //! | sensed | [`Signal`] with the latest bridge feedback | overwritten; the last feedback stays valid |
@@ -40,12 +40,13 @@
 //! // A command waits for the next tick, unless it needs no regulator. The example two_motors.rs runs all tasks.
 //! let wires = Wires::<NoopRawMutex, 2>::new();
 //! let command = Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
-//! wires.try_send(command).expect("room for 16");
+//! assert_eq!(wires.try_send(command), Ok(1), "the first command since boot");
 //! assert_eq!(wires.commands.try_receive(), Ok(command));
 //! ```
 
 pub mod bridges;
 pub mod capture;
+pub mod commands;
 pub mod control;
 pub mod health;
 pub mod output;
@@ -54,6 +55,7 @@ pub mod store;
 pub mod supply;
 pub mod update;
 
+pub use commands::Commands;
 pub use health::{Health, Task};
 
 use crate::bridge::{Drive, Sensed};
@@ -65,7 +67,7 @@ use crate::units::Micros;
 use core::cell::{Cell, RefCell};
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::blocking_mutex::{CriticalSectionMutex, Mutex};
-use embassy_sync::channel::{Channel, TrySendError};
+use embassy_sync::channel::TrySendError;
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::Watch;
 use embassy_time::Instant;
@@ -99,8 +101,8 @@ pub struct Wires<M: RawMutex, const N: usize> {
     pub battery: Signal<M, Battery>,
     /// Last reading of the bus, from supply to all tasks.
     pub bus: Mutex<M, Cell<Seen>>,
-    /// Commands to motors, from all tasks to control.
-    pub commands: Channel<M, Command, COMMANDS>,
+    /// Commands to motors, from all tasks to control, each with a number.
+    pub commands: Commands<M>,
     /// True if one of the commands is to be applied at the next sample, without waiting for a tick.
     pub urgent: Mutex<M, Cell<bool>>,
     /// Commands to the bridges, from control to output.
@@ -130,7 +132,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             news: Signal::new(),
             battery: Signal::new(),
             bus: Mutex::new(Cell::new(Seen::NOTHING)),
-            commands: Channel::new(),
+            commands: Commands::new(),
             urgent: Mutex::new(Cell::new(false)),
             drives: Signal::new(),
             sensed: Signal::new(),
@@ -164,21 +166,22 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         });
     }
 
-    /// Sends a command to a motor. Commands that need no regulator are applied within a millisecond, all others at the next
-    /// tick.
+    /// Sends a command to the control task, and returns the command's number. A command that needs no regulator is applied
+    /// within a millisecond, any other one at the next tick. [`Snapshot::includes`] says whether a snapshot includes it.
     ///
     /// # Errors
-    /// Returns the command if [`COMMANDS`] commands wait already.
-    pub fn try_send(&self, command: Command) -> Result<(), TrySendError<Command>> {
-        self.commands.try_send(command)?;
+    /// The command, if 16 wait already.
+    pub fn try_send(&self, command: Command) -> Result<u32, TrySendError<Command>> {
+        let number = self.commands.try_send(command)?;
         self.mark_urgent(command);
-        Ok(())
+        Ok(number)
     }
 
-    /// Sends a command to a motor like [`try_send`](Self::try_send), but waits while the channel is full.
-    pub async fn send(&self, command: Command) {
-        self.commands.send(command).await;
+    /// Sends a command like [`try_send`](Self::try_send), but waits while there is no room.
+    pub async fn send(&self, command: Command) -> u32 {
+        let number = self.commands.send(command).await;
         self.mark_urgent(command);
+        number
     }
 
     /// Sets the `urgent` flag for a command that needs no regulator.

@@ -48,6 +48,7 @@ mod control;
 mod dynamics;
 mod electrical;
 mod motion;
+mod sequence;
 pub(crate) mod single;
 mod time;
 
@@ -57,6 +58,7 @@ pub use electrical::{
     Emf, EmfConstant, Inductance, Microjoules, Milliamperes, Millivolts, Resistance, Voltage,
 };
 pub use motion::CountsPerSecond;
+pub use sequence::is_included;
 pub use time::{Micros, Period};
 
 #[doc(inline)]

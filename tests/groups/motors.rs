@@ -151,11 +151,11 @@ impl<const N: usize> Bench<N> {
     fn arrive(&mut self, mut each_ms: impl FnMut(&mut Self)) -> u64 {
         let start = self.ms;
         // What was said of the course before is no answer.
-        self.snapshot.motors.iter_mut().for_each(|motor| motor.at_target = false);
+        self.snapshot.motors.iter_mut().for_each(|motor| motor.settled = false);
         loop {
             self.run_ms(1);
             each_ms(self);
-            if self.snapshot.motors[0].at_target {
+            if self.snapshot.motors[0].settled {
                 return self.ms - start;
             }
             assert!(self.ms - start < 20_000, "never arrived: {:?}", self.snapshot);
@@ -267,7 +267,8 @@ fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
                 "90 degrees, known {known}, {period} ms: {ms} ms, off by {error:.3}, aside by {aside:.1} counts"
             );
             assert!(error.abs() <= 0.1, "{error}");
-            assert!(!known || ms <= 1_150, "{ms}");
+            // The dwell of 50 ms at the end is part of it.
+            assert!(!known || ms <= 1_150 + 50, "{ms}");
         }
     }
 }

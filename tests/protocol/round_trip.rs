@@ -13,7 +13,7 @@ use motor_hub::protocol::led::{LedPattern, STEPS, Step};
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::record::{Entries, Ticks, ToRecord};
-use motor_hub::protocol::report::{self, HubReport, MotorReport, Told};
+use motor_hub::protocol::report::{self, Commands, HubReport, MotorReport, Told};
 use motor_hub::protocol::requests::{Interface, Request, Standard, ToHub};
 use motor_hub::protocol::setup::{Condition, Motion, Protection, Setup, ToSetup};
 use motor_hub::protocol::store::{StoreReport, ToStore};
@@ -231,7 +231,7 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
     (of_motion, of_current, any::<[bool; 4]>(), faults(), points).prop_map(
         |(motion, (current, measured_ma, load, heat), flags, faults, points)| {
             let (told, (position, velocity), regulator, control, regime, drive) = motion;
-            let [enabled, at_target, stalled, derated] = flags;
+            let [enabled, settled, stalled, derated] = flags;
             MotorReport {
                 told,
                 position,
@@ -245,7 +245,7 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
                 load,
                 heat,
                 enabled,
-                at_target,
+                settled,
                 stalled,
                 derated,
                 faults,
@@ -256,15 +256,15 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
 }
 
 fn hub_report() -> impl Strategy<Value = HubReport> {
-    (any::<(u32, u16, u16)>(), bus_report(), vec(motor_report(), 0..=CHANNELS)).prop_map(
-        |((at_ms, mv, burning), BusReport { state, .. }, motors)| HubReport {
+    (any::<(u32, u16, u16)>(), bus_report(), vec(motor_report(), 0..=CHANNELS), any::<Option<(u32, u32)>>())
+        .prop_map(|((at_ms, mv, burning), BusReport { state, .. }, motors, commands)| HubReport {
             at_ms,
             battery: (mv != 0).then_some(Millivolts::new(mv)),
             bus: state,
             burning,
             motors: motors.into_iter().collect(),
-        },
-    )
+            commands: commands.map(|(included, newest)| Commands { included, newest }),
+        })
 }
 
 fn identification() -> impl Strategy<Value = Identification> {
@@ -661,10 +661,10 @@ proptest! {
     fn an_answer_is_read_as_it_was_written(
         bytes: [u8; 5], words: (u16, u16), half: i16, word: i32, flag: bool, hardware: u32,
         encoders: [i32; CHANNELS], velocities: [i16; CHANNELS], analog: [i16; CHANNELS],
-        over_current: [bool; CHANNELS], at_target: [bool; CHANNELS], attention: Option<bool>,
+        over_current: [bool; CHANNELS], within_tolerance: [bool; CHANNELS], attention: Option<bool>,
     ) {
         let [digital, status, motor_alerts, engineering, minor] = bytes;
-        let bulk = Bulk { digital, encoders, over_current, at_target, velocities, analog, attention };
+        let bulk = Bulk { digital, encoders, over_current, within_tolerance, velocities, analog, attention };
         prop_assert_eq!(read_back(&bulk), Ok(bulk));
         let status = Status { status, motor_alerts };
         prop_assert_eq!(read_back(&status), Ok(status));
@@ -726,16 +726,20 @@ proptest! {
         // A newer hub tells more of each motor, and more behind them.
         let mut payload = Payload::new();
         report.write(&mut payload);
-        let (head, motors) = payload.split_at(12);
+        let (head, rest) = payload.split_at(12);
         let stride = usize::from(head[2]);
-        prop_assert_eq!(motors.len(), stride * report.motors.len());
+        let (motors, commands) = rest.split_at(stride * report.motors.len());
+        prop_assert_eq!((head[0], commands.len()), if report.commands.is_some() { (2, 8) } else { (1, 0) });
         let mut longer = head.to_vec();
-        longer[0] += 1;
+        if report.commands.is_some() {
+            longer[0] += 1;
+        }
         longer[2] += more;
         for motor in motors.chunks(stride) {
             longer.extend(motor);
             longer.extend(vec![0xA5; more.into()]);
         }
+        longer.extend(commands);
         longer.extend([1, 2, 3]);
         prop_assert_eq!(HubReport::read(&mut Fields::new(&longer)), Ok(report));
     }
@@ -753,7 +757,7 @@ proptest! {
 
 #[test]
 fn how_far_a_group_is_reads_back() {
-    for state in [GroupState::Alone, GroupState::Moving, GroupState::Arrived] {
+    for state in [GroupState::Alone, GroupState::Moving, GroupState::Settled] {
         assert_eq!(read_back(&state), Ok(state));
     }
 }

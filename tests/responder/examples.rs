@@ -109,7 +109,7 @@ fn a_bulk_answer_has_its_fields_in_place() {
         digital: 1,
         encoders: [354, -7, 0, 0],
         over_current: [false; 4],
-        at_target: [false, true, false, false],
+        within_tolerance: [false, true, false, false],
         velocities: [1400, -300, 0, 0],
         analog: [100, 200, 300, 400],
         attention: Some(false),

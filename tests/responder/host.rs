@@ -4,7 +4,9 @@
 use motor_hub::braking::Winding;
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
-use motor_hub::protocol::requests::FIRST_FUNCTION;
+use motor_hub::protocol::fields::{Field, Fields};
+use motor_hub::protocol::report::{HubReport, MotorReport};
+use motor_hub::protocol::requests::{FIRST_FUNCTION, Request};
 use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
 use motor_hub::supply::Stage;
@@ -52,6 +54,8 @@ pub(crate) struct TestHost {
     pub(crate) now: Micros,
     pub(crate) snapshot: Snapshot<N>,
     pub(crate) number: u8,
+    /// Number of the newest command.
+    pub(crate) commands: u32,
 }
 
 impl TestHost {
@@ -60,7 +64,14 @@ impl TestHost {
         let snapshot = Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL };
         let address = Address::new(HUB).expect("an address");
         let responder = Responder::new(address, [settings(); N]);
-        Self { responder, decoder: Decoder::new(), now: Micros::new(1_000_000), snapshot, number: 0 }
+        Self {
+            responder,
+            decoder: Decoder::new(),
+            now: Micros::new(1_000_000),
+            snapshot,
+            number: 0,
+            commands: 0,
+        }
     }
 
     /// At a hub that has nothing to call attention to.
@@ -101,6 +112,17 @@ impl TestHost {
         self.ask(FIRST_FUNCTION + function, payload)
     }
 
+    /// The hub's own report.
+    pub(crate) fn report(&mut self) -> HubReport {
+        let Said::Data(payload) = self.ask(Request::Report.id(), &[]) else { panic!("a report") };
+        HubReport::read(&mut Fields::new(&payload)).expect("a report")
+    }
+
+    /// What the hub's own report says of a motor.
+    pub(crate) fn reported(&mut self, motor: usize) -> MotorReport {
+        self.report().motors[motor]
+    }
+
     pub(crate) fn do_all(&mut self, calls: &[(u16, &[u8])]) {
         for (function, payload) in calls {
             let said = self.call(*function, payload);
@@ -108,14 +130,20 @@ impl TestHost {
         }
     }
 
-    /// What the motors have been told since the last time.
+    /// What the motors have been told since the last time. No snapshot includes it before [`tick`](Self::tick).
     pub(crate) fn told(&mut self) -> Vec<Command> {
         std::iter::from_fn(|| {
-            let command = self.responder.pending();
-            self.responder.told();
-            command
+            let command = self.responder.pending()?;
+            self.commands = self.commands.wrapping_add(1);
+            self.responder.sent(self.commands);
+            Some(command)
         })
         .collect()
+    }
+
+    /// A control tick: the next snapshot includes all that the motors have been told.
+    pub(crate) fn tick(&mut self) {
+        self.snapshot.commands = self.commands;
     }
 
     /// The hub has found the battery so.

@@ -23,9 +23,6 @@ use std::time::{Duration, Instant};
 /// Time-out of a write: erasing a page takes up to 4 s, erasing the bootloader's state another 4 s.
 const WRITING: Duration = Duration::from_secs(10);
 
-/// Time-out for disabled motors to stop: a control period is at most 100 ms.
-const STOPPING: Duration = Duration::from_millis(300);
-
 /// Interval between two questions to a hub that is busy.
 const POLL: Duration = Duration::from_millis(20);
 
@@ -66,7 +63,9 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// The errors of all commands.
     pub fn restart(&mut self) -> Result<(), Error> {
-        self.persist(&ToUpdate::Restart, Nack::MOTOR_ENABLED, STOPPING)
+        // The hub judges by its last control tick whether motors are disabled.
+        self.catch_up()?;
+        self.order(ToUpdate::Restart)
     }
 
     /// Makes the hub forget an image, even an armed one.
@@ -74,7 +73,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// The errors of all commands.
     pub fn abandon_update(&mut self) -> Result<UpdateReport, Error> {
-        self.persist(&ToUpdate::Abandon, Nack::UPDATE_AT_WORK, WRITING)?;
+        self.persist(&ToUpdate::Abandon)?;
         self.update_settled()
     }
 
@@ -89,7 +88,8 @@ impl<L: Read + Write> Session<L> {
         let bytes = version.as_bytes();
         let version = Text::new(bytes.get(..TEXT).unwrap_or(bytes)).unwrap_or_default();
         let begin = ToUpdate::Begin { length, crc: CRC.checksum(image), version };
-        self.persist(&begin, Nack::MOTOR_ENABLED, STOPPING)?;
+        self.catch_up()?;
+        self.order(begin)?;
         if let Some(Seal { key, signature }) = seal {
             self.order(ToUpdate::Sign { key, signature })?;
         }
@@ -97,19 +97,21 @@ impl<L: Read + Write> Session<L> {
             progress(index * CHUNK)?;
             let offset = u32::try_from(index * CHUNK).unwrap_or(u32::MAX);
             let bytes = Text::new(chunk).unwrap_or_default();
-            self.persist(&ToUpdate::Chunk { offset, bytes }, Nack::UPDATE_AT_WORK, WRITING)?;
+            self.persist(&ToUpdate::Chunk { offset, bytes })?;
         }
         progress(image.len())?;
-        self.persist(&ToUpdate::Finish, Nack::UPDATE_AT_WORK, WRITING)?;
+        self.persist(&ToUpdate::Finish)?;
         Ok(self.update_settled()?)
     }
 
-    /// Repeats a request while the hub refuses it with `unless`, for at most `limit`.
-    fn persist(&mut self, request: &ToUpdate, unless: Nack, limit: Duration) -> Result<(), Error> {
-        let end = Instant::now() + limit;
+    /// Repeats a request while the hub refuses it because it still writes.
+    fn persist(&mut self, request: &ToUpdate) -> Result<(), Error> {
+        let end = Instant::now() + WRITING;
         loop {
             match self.order(request.clone()) {
-                Err(Error::Refused { reason, .. }) if reason == unless && Instant::now() < end => sleep(POLL),
+                Err(Error::Refused { reason: Nack::UPDATE_AT_WORK, .. }) if Instant::now() < end => {
+                    sleep(POLL)
+                }
                 done => return done,
             }
         }
