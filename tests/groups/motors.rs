@@ -266,7 +266,8 @@ fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
             println!(
                 "90 degrees, known {known}, {period} ms: {ms} ms, off by {error:.3}, aside by {aside:.1} counts"
             );
-            assert!(error.abs() <= 0.1, "{error}");
+            // A count of one wheel is 0.032 degrees; a held motor that nobody configured is up to 2 counts off.
+            assert!(error.abs() <= if known { 0.1 } else { 0.15 }, "{error}");
             // The dwell of 50 ms at the end is part of it.
             assert!(!known || ms <= 1_150 + 50, "{ms}");
         }
