@@ -124,5 +124,5 @@ fn main() {
     let [a, b] = wires.snapshot.try_get().expect("many ticks have been").motors;
     // A count in a control period is 20 counts/s.
     assert!((a.velocity.to_f64() - 1_000.0).abs() <= 20.0, "not at its speed");
-    assert!(b.at_target, "not at its place");
+    assert!(b.settled, "not at its place");
 }

@@ -1,14 +1,18 @@
-//! What a board implements: four small traits over its peripherals, two more where its bridges can be heard, and one for
-//! digital pins.
+//! The traits that a board implements for its peripherals.
 //!
-//! A board is its pins and peripherals behind these traits, plus the spawning of the tasks of
-//! `crate::tasks`. embedded-hal 1.0 has no trait for a quadrature counter, for an ADC or for a
-//! bridge with three lines, so these are our own.
+//! | trait | needed by |
+//! |---|---|
+//! | [`Encoders`], [`SupplyAdc`], [`Bridges`], [`Watchdog`] | every board |
+//! | [`BridgeFaults`], [`CurrentSense`] | boards that can read fault outputs or current-sense lines of their bridges |
+//! | [`DigitalPins`] | boards with digital pins for the host |
+//!
+//! A board also spawns the tasks of `crate::tasks`. embedded-hal 1.0 has no traits for quadrature counters, for ADCs or
+//! for bridges with three lines. This crate therefore defines its own.
 //!
 //! ```
 //! use motor_hub::board::Encoders;
 //!
-//! /// Counters in memory, the second of them out of order.
+//! /// Counters in memory. The second counter is defective.
 //! struct Counters([u16; 1]);
 //!
 //! impl Encoders<2> for Counters {
@@ -25,83 +29,87 @@ use core::ops::RangeInclusive;
 
 /// The quadrature counters of N motors.
 pub trait Encoders<const N: usize> {
-    /// All counters, wrapping at 16 bits, counting up when the motor turns CW; `None` for one that cannot
-    /// be read now. Must not block.
+    /// Returns all counters; `None` for a counter that cannot be read now. Must not block.
     ///
-    /// A motor whose counter is silent for 20 ms is without an encoder; no other motor is. A counter that
-    /// answers again is taken to have counted on meanwhile, by less than 32 768.
+    /// Counters wrap at 16 bits and count up when the motor turns CW. A motor whose counter has not been read for 20 ms
+    /// has no encoder; other motors are not affected. When the counter can be read again, it is assumed to have counted
+    /// by less than 32 768 meanwhile.
     fn counts(&mut self) -> [Option<u16>; N];
 }
 
-/// The converter that measures the battery.
+/// The ADC that measures the battery.
 #[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]
 pub trait SupplyAdc {
-    /// The battery's voltage as measured now, scaled but not judged: [`crate::supply::VrefintScale`] may be
-    /// of use. `None` if the converter does not answer or its reference makes no sense. Must end by itself
-    /// in a few milliseconds.
+    /// Measures the battery's voltage. `None` if the converter does not answer, or if its reference is invalid.
+    ///
+    /// The voltage is scaled, for example with [`crate::supply::VrefintScale`], but not checked for plausibility. Must
+    /// return within a few milliseconds.
     async fn sample(&mut self) -> Option<Millivolts>;
 
-    /// Ends when the battery's voltage lies outside of `quiet`, or so near to its ends that the converter cannot tell,
-    /// a millisecond later at most: a converter's own watchdog costs the core nothing meanwhile. May be dropped at any
-    /// time.
+    /// Waits until the battery's voltage has left the range `quiet`, and returns at most a millisecond later.
+    ///
+    /// May also return when the voltage is closer to a limit than the converter can resolve. The analog watchdog of an ADC
+    /// does this without the processor. The future may be dropped at any time.
     async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>);
 }
 
 /// N H bridges.
 pub trait Bridges<const N: usize> {
-    /// Makes all bridges do what `drives` says, from now on.
+    /// Applies a command to each bridge, until the next call.
     ///
-    /// On the way from one drive to another a bridge must only pass through states that may be
-    /// commanded: never a short circuit, and never the new direction with the old duty.
+    /// While a bridge changes from one command to another, it must only be in states that may be commanded. It must never
+    /// short the supply, and never drive in the new direction with the old duty.
     fn apply(&mut self, drives: &[Drive; N]);
 }
 
-/// Bridges that say when they have switched themselves off, as a VNH5019 does on its DIAG pins.
+/// Fault outputs of bridges that switch themselves off, such as the DIAG pins of a VNH5019.
 pub trait BridgeFaults<const N: usize> {
-    /// True of each bridge that says so now. Must not block.
+    /// Returns true for each bridge that reports a fault now. Must not block.
     fn faults(&mut self) -> [bool; N];
 }
 
-/// Current-sense lines of bridges, each behind a filter of some tenths of a millisecond.
+/// Current-sense lines of bridges. Each line has a filter with a time constant of some tenths of a millisecond.
 #[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]
 pub trait CurrentSense<const N: usize> {
-    /// What the lines show now, positive: the mean currents of their motors in 9/8 and 6/2, nothing in 5/0. `None` of a
-    /// motor without a line, or one whose converter does not answer: a zero is a measurement. Must end by itself in a few
-    /// milliseconds.
+    /// Measures the mean current of each motor, positive. `None` for a motor without a line, or if the converter does not
+    /// answer; 0 is a valid measurement.
+    ///
+    /// A line shows the current in the modes 9/8 and 6/2. In mode 5/0 it shows 0. Must return within a few milliseconds.
     async fn sample(&mut self) -> [Option<Milliamperes>; N];
 }
 
-/// No lines: currents are modelled.
+/// A board without current-sense lines. The hub then computes currents from its model.
 impl<const N: usize> CurrentSense<N> for () {
     async fn sample(&mut self) -> [Option<Milliamperes>; N] {
         [None; N]
     }
 }
 
-/// Digital pins for whatever a host connects to them, numbered from 0, as far as there are some: eight at most.
+/// Up to eight digital pins for the host's own use, numbered from 0.
 pub trait DigitalPins {
-    /// Drives the pins of `driven` to their `levels`, lets go of all others, which a resistor pulls up, and returns the
-    /// levels of all: bit i is pin i, 1 is high. A pin that there is not reads 1, as one does that nothing is connected
-    /// to. Must not block.
+    /// Drives some pins and returns the levels of all pins. Bit i stands for pin i, and 1 is high. Must not block.
+    ///
+    /// Pins with a bit in `driven` are outputs with the level in `levels`. All other pins are inputs with a pull-up. Pins
+    /// that the board does not have read 1, like open inputs.
     fn exchange(&mut self, driven: u8, levels: u8) -> u8;
 }
 
-/// One that is lent.
+/// Borrowed pins.
 impl<T: DigitalPins + ?Sized> DigitalPins for &mut T {
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
         (**self).exchange(driven, levels)
     }
 }
 
-/// No pins.
+/// A board without digital pins.
 impl DigitalPins for () {
     fn exchange(&mut self, _: u8, _: u8) -> u8 {
         u8::MAX
     }
 }
 
-/// A watchdog that resets the chip, and with it opens the bridges, unless it is fed.
+/// A watchdog that resets the chip unless it is fed. A reset opens the bridges.
 pub trait Watchdog {
-    /// Starts its time anew.
+    /// Restarts the watchdog's time-out.
     fn feed(&mut self);
 }

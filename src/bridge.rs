@@ -1,50 +1,55 @@
-//! The H bridge: the nine states that it may be commanded to, the three pulse-width-modulated modes 9/8,
-//! 6/2 and 5/0, and its constants.
+//! The H bridge: the nine states that may be commanded, the PWM modes 9/8, 6/2 and 5/0, and the bridge's constants.
 //!
 //! ```
 //! use motor_hub::bridge::{Drive, Mode, State};
 //! use motor_hub::units::Duty;
 //!
-//! // A quarter of the period driven clockwise, the rest freewheeling.
+//! // The bridge drives clockwise for a quarter of the period, and freewheels for the rest.
 //! let drive = Drive { mode: Mode::Cw98, duty: Duty::from_bits(1 << 13) };
 //! assert_eq!((drive.mode.on(), drive.mode.off()), (State::DriveCw, State::HighLeft));
 //! ```
 //!
-//! Switches are numbered as in the paper (section 1.2): S1 = 8 (high side, left), S2 = 4 (low side,
-//! left), S3 = 2 (high side, right), S4 = 1 (low side, right). Clockwise (CW) is current from left to
-//! right. Diode Dn lies antiparallel to Sn. What a state does to a motor is said, and compared with the
-//! paper's table, in `model::bridge_states`.
+//! Switches are numbered as in the paper (section 1.2). The number of a state is the sum of its closed switches:
+//!
+//! | | left | right |
+//! |---|---|---|
+//! | high side | S1 = 8 | S3 = 2 |
+//! | low side | S2 = 4 | S4 = 1 |
+//!
+//! Clockwise (CW) is current from left to right. Diode Dn lies antiparallel to Sn. `model::bridge_states` describes what a
+//! state does to a motor, and compares the states with the paper's table.
 
 use crate::units::{Duty, Milliamperes, Millivolts, RangeError};
 
-/// The switches that are closed, of those sixteen patterns that a bridge may be commanded to: the seven
-/// short circuits have no value here.
+/// A state of the bridge: which switches are closed.
+///
+/// Nine of the sixteen patterns may be commanded. The other seven short the supply and have no value here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u8)]
 pub enum State {
-    /// 0: all open.
+    /// State 0: all switches are open.
     Coast = 0,
-    /// 1: S4 closed.
+    /// State 1: S4 is closed.
     LowRight = 1,
-    /// 2: S3 closed.
+    /// State 2: S3 is closed.
     HighRight = 2,
-    /// 4: S2 closed.
+    /// State 4: S2 is closed.
     LowLeft = 4,
-    /// 5: both low sides closed: full dynamic braking.
+    /// State 5: both low sides are closed, which is full dynamic braking.
     BrakeLow = 5,
-    /// 6: S2 and S3 closed: drives CCW.
+    /// State 6: S2 and S3 are closed, which drives CCW.
     DriveCcw = 6,
-    /// 8: S1 closed.
+    /// State 8: S1 is closed.
     HighLeft = 8,
-    /// 9: S1 and S4 closed: drives CW.
+    /// State 9: S1 and S4 are closed, which drives CW.
     DriveCw = 9,
-    /// 10: both high sides closed.
+    /// State 10: both high sides are closed, which is full dynamic braking too.
     BrakeHigh = 10,
 }
 
 impl State {
-    /// Every state that may be commanded, by number.
+    /// All states that may be commanded, in ascending order.
     pub const ALL: [Self; 9] = [
         Self::Coast,
         Self::LowRight,
@@ -58,20 +63,20 @@ impl State {
     ];
 }
 
-/// A switching mode x/y: state x for the duty, state y for the rest of the period (paper, 1.2).
+/// A switching mode x/y: state x during the duty, state y during the rest of the period (paper, section 1.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
-    /// 9/8: drive CW, then freewheel.
+    /// Mode 9/8 drives CW, then freewheels.
     Cw98,
-    /// 6/2: drive CCW, then freewheel.
+    /// Mode 6/2 drives CCW, then freewheels.
     Ccw62,
-    /// 5/0: short the motor, then open it: proportional braking.
+    /// Mode 5/0 shorts the motor, then opens the bridge. This is proportional braking.
     Brake50,
 }
 
 impl Mode {
-    /// The state during the duty.
+    /// Returns the state during the duty.
     pub const fn on(self) -> State {
         match self {
             Self::Cw98 => State::DriveCw,
@@ -80,7 +85,7 @@ impl Mode {
         }
     }
 
-    /// The state during the rest of the period.
+    /// Returns the state during the rest of the period.
     pub const fn off(self) -> State {
         match self {
             Self::Cw98 => State::HighLeft,
@@ -89,7 +94,7 @@ impl Mode {
         }
     }
 
-    /// The same for a motor that turns the other way.
+    /// Returns the mode that does the same to a motor that turns in the other direction.
     #[must_use]
     pub const fn mirrored(self) -> Self {
         match self {
@@ -99,7 +104,7 @@ impl Mode {
         }
     }
 
-    /// "9/8", "6/2" or "5/0".
+    /// Returns "9/8", "6/2" or "5/0".
     pub const fn name(self) -> &'static str {
         match self {
             Self::Cw98 => "9/8",
@@ -109,55 +114,57 @@ impl Mode {
     }
 }
 
-/// What one bridge is told to do until it is told otherwise.
+/// A command to one bridge. The bridge repeats the command every PWM period until it gets another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Drive {
-    /// The pair of states that alternate.
+    /// The pair of states that alternates.
     pub mode: Mode,
     /// The share of the period spent in the mode's first state.
     pub duty: Duty,
 }
 
 impl Drive {
-    /// All switches open: state 0 all the time.
+    /// Opens all switches: state 0 all the time.
     pub const COAST: Self = Self { mode: Mode::Brake50, duty: Duty::ZERO };
-    /// Full dynamic braking: state 5 all the time.
+    /// Brakes fully: state 5 all the time.
     pub const BRAKE: Self = Self { mode: Mode::Brake50, duty: Duty::ONE };
 }
 
-/// What a bridge says of itself, on a board that can hear it.
+/// Feedback of a bridge: its measured current and its fault output, on boards that have these signals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Sensed {
-    /// Mean of what its current-sense line shows, positive; `None` where there is none.
+    /// Mean current by the current-sense line, positive; `None` without a current-sense line.
     pub current: Option<Milliamperes>,
-    /// It has switched itself off, for whatever reason of its own.
+    /// True if the bridge has switched itself off.
     pub fault: bool,
 }
 
-/// How a converter's words say what current-sense lines show: a resistor to ground makes a voltage of their current.
+/// Converts ADC readings of current-sense lines to currents. A resistor to ground turns the line's current into a
+/// voltage.
 ///
 /// ```
 /// use motor_hub::bridge::SenseScale;
 ///
-/// // Half of 3.3 V by a converter of 12 bits: 1.65 V of 0.14 V/A.
+/// // A 12-bit converter reads half of 3.3 V. These 1.65 V at 0.14 V/A are 11.8 A.
 /// assert_eq!(SenseScale::VNH5019_CARRIER.current(2_048, 12).get(), 11_788);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SenseScale {
-    /// What the highest word stands for.
+    /// Current of a full-scale reading, in mA.
     full_scale_ma: u32,
 }
 
 impl SenseScale {
-    /// The usual carriers of a VNH5019A-E: about 140 mV/A, their chip's ratio of 7000 into 1 kohm, for a converter of
-    /// 3.3 V. The ratio is 4670 to 10 110 at 3 A, 6060 to 8330 at 8 A (Doc ID 15701, table 9), which is more than a rail's
-    /// tolerance.
+    /// Scale of the usual VNH5019A-E carrier boards with a 3.3 V converter: about 140 mV/A.
+    ///
+    /// The chip divides the motor's current by about 7000 into 1 kohm. This ratio is 4670 to 10 110 at 3 A, and 6060 to
+    /// 8330 at 8 A (Doc ID 15701, table 9). The ratio's spread is larger than the tolerance of the 3.3 V supply.
     pub const VNH5019_CARRIER: Self = Self { full_scale_ma: 3_300 * 1_000 / 140 };
 
-    /// What the reference of the converter is, and what a line has per ampere, in millivolts.
+    /// Creates a scale from the converter's reference voltage and the line's sensitivity in mV/A.
     ///
     /// # Errors
     /// [`RangeError::Sense`] if either is 0.
@@ -165,44 +172,50 @@ impl SenseScale {
         if reference.get() == 0 || mv_per_a == 0 {
             return Err(RangeError::Sense);
         }
-        // 65 535 * 1000 is less than 2^32.
+        // The product is at most 65 535 * 1000, less than 2^32.
         Ok(Self { full_scale_ma: reference.get() as u32 * 1_000 / mv_per_a as u32 })
     }
 
-    /// What a word of so many bits, 1 to 16, stands for; of more bits the highest 16 count.
-    pub const fn current(self, word: u16, bits: u32) -> Milliamperes {
-        let highest = if bits >= 16 { u16::MAX } else { (1 << bits) - 1 };
-        let highest = if highest == 0 { 1 } else { highest };
-        let ma = self.full_scale_ma as u64 * word as u64 / highest as u64;
+    /// Returns the current of a reading. `bits` is the converter's resolution, 1 to 16. A larger value counts as 16.
+    pub const fn current(self, reading: u16, bits: u32) -> Milliamperes {
+        let full_scale = if bits >= 16 { u16::MAX } else { (1 << bits) - 1 };
+        let full_scale = if full_scale == 0 { 1 } else { full_scale };
+        let ma = self.full_scale_ma as u64 * reading as u64 / full_scale as u64;
         Milliamperes::new(if ma > i32::MAX as u64 { i32::MAX } else { ma as i32 })
     }
 }
 
-/// How fast a bridge switches, and what it must be spared.
+/// Switching times of a bridge, and the shortest pulses that it permits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Timing {
-    /// The shortest time, in nanoseconds, for which a period may hold the PWM line low; 0 for any.
+    /// Shortest permitted low time of the PWM line in a period, in nanoseconds; 0 without a limit.
     pub least_off_ns: u16,
-    /// The same for high.
+    /// Shortest permitted high time of the PWM line in a period, in nanoseconds; 0 without a limit.
     pub least_on_ns: u16,
-    /// How long an output takes, in nanoseconds, once the PWM line has risen.
+    /// Delay from the rising edge of the PWM line until the output has switched, in nanoseconds.
     pub turn_on_ns: u16,
-    /// The same when it has fallen.
+    /// Delay from the falling edge of the PWM line until the output has switched, in nanoseconds.
     pub turn_off_ns: u16,
-    /// How long a bridge is open, in microseconds, when its mode changes.
+    /// Time for which the bridge is open when its mode changes, in microseconds.
     pub change_us: u16,
 }
 
 impl Timing {
-    /// An ideal bridge: at once, and anything.
+    /// Timing of an ideal bridge, which switches without delay and permits any pulse.
     pub const IDEAL: Self =
         Self { least_off_ns: 0, least_on_ns: 0, turn_on_ns: 0, turn_off_ns: 0, change_us: 0 };
 
-    /// What the data sheet of the VNH2SP30-E (DocID10832) says at 13 V, typically: outputs fall in 1.2 us and rise in 1 us
-    /// (at most 2.4 and 1.6), 600 us (300 to 1800) pass when the mode changes, and a PWM line that is low for less than
-    /// 6 us may be taken for a short circuit, which ends in a fault. The VNH5019A-E is assumed to be alike. Of a line that is
-    /// high no such thing is said; 2.4 us let the slowest output arrive.
+    /// Timing of a VNH5019A-E, which is assumed to switch like a VNH2SP30-E.
+    ///
+    /// The data sheet of the VNH2SP30-E (DocID10832) gives these typical values at 13 V:
+    ///
+    /// * An output falls within 1.2 us (at most 2.4) of a rising PWM line, and rises within 1 us (at most 1.6) of a
+    ///   falling PWM line.
+    /// * A change of mode takes 600 us (300 to 1800).
+    /// * The bridge may take a low time of less than 6 us for a short circuit, and then reports a fault.
+    ///
+    /// The data sheet gives no shortest high time. The value of 2.4 us lets the slowest output finish switching.
     pub const VNH5019: Self = Self {
         least_off_ns: 6_000,
         least_on_ns: 2_400,
@@ -212,7 +225,7 @@ impl Timing {
     };
 }
 
-/// What the switches and diodes of a bridge cost, and how fast it switches.
+/// Electrical constants of a bridge: voltage drops, PWM frequency and timing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BridgeConstants {
@@ -223,26 +236,31 @@ pub struct BridgeConstants {
 }
 
 impl BridgeConstants {
-    /// A bridge that switches at once and takes any duty: diodes of 0.7 V, switches of 50 mohm, 20 kHz.
+    /// A bridge with ideal timing: diodes of 0.7 V, switches of 50 mohm, 20 kHz.
     pub const IDEAL: Self = match Self::new(700, 50, 20_000) {
         Ok(bridge) => bridge,
         Err(_) => panic!("in range"),
     };
 
-    /// A VNH5019: the constants of [`IDEAL`](Self::IDEAL) with the [timing](Timing::VNH5019) of the real chip.
+    /// A VNH5019: the constants of [`IDEAL`](Self::IDEAL) with the [timing of the real chip](Timing::VNH5019).
     pub const VNH5019: Self = Self::IDEAL.with_timing(Timing::VNH5019);
 
-    /// The same with another timing.
+    /// Returns these constants with another timing.
     #[must_use]
     pub const fn with_timing(self, timing: Timing) -> Self {
         Self { timing, ..self }
     }
 
-    /// Ideal switches. Drop of one catch diode in millivolts, up to 2000; on-resistance of one closed switch in milliohms,
-    /// up to 4095; PWM frequency in hertz, 100 to 200 000.
+    /// Creates the constants of a bridge with ideal timing.
+    ///
+    /// | argument | meaning | range |
+    /// |---|---|---|
+    /// | `diode_mv` | voltage drop of one catch diode in mV | 0 to 2000 |
+    /// | `switch_mohm` | on-resistance of one closed switch in milliohms | 0 to 4095 |
+    /// | `pwm_hz` | PWM frequency in Hz | 100 to 200 000 |
     ///
     /// # Errors
-    /// [`RangeError::Bridge`] outside these ranges.
+    /// [`RangeError::Bridge`] if a value is out of range.
     pub const fn new(diode_mv: u16, switch_mohm: u16, pwm_hz: u32) -> Result<Self, RangeError> {
         if diode_mv > 2_000 || switch_mohm > 4_095 || pwm_hz < 100 || pwm_hz > 200_000 {
             return Err(RangeError::Bridge);
@@ -250,22 +268,22 @@ impl BridgeConstants {
         Ok(Self { diode_mv, switch_mohm, pwm_hz, timing: Timing::IDEAL })
     }
 
-    /// Drop of one conducting catch diode in millivolts, 0 to 2000.
+    /// Returns the voltage drop of one conducting catch diode in millivolts, 0 to 2000.
     pub const fn diode_mv(&self) -> u16 {
         self.diode_mv
     }
 
-    /// On-resistance of one closed switch in milliohms, 0 to 4095.
+    /// Returns the on-resistance of one closed switch in milliohms, 0 to 4095.
     pub const fn switch_mohm(&self) -> u16 {
         self.switch_mohm
     }
 
-    /// How it switches.
+    /// Returns the timing.
     pub const fn timing(&self) -> Timing {
         self.timing
     }
 
-    /// PWM frequency in hertz, 100 to 200 000.
+    /// Returns the PWM frequency in hertz, 100 to 200 000.
     pub const fn pwm_hz(&self) -> u32 {
         self.pwm_hz
     }

@@ -28,9 +28,9 @@ mod groups;
 use crate::bridge::{Drive, Sensed};
 use crate::group::{Halt, Together};
 use crate::motion::Reading;
-use crate::motor::{Allowed, Motor, Report, Setpoint, Settings};
+use crate::motor::{Motor, Report, Setpoint, Settings, SupplyLimits};
 use crate::supply::{Battery, Stage};
-use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share};
+use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share, is_included};
 use bus::Account;
 use groups::Groups;
 
@@ -80,6 +80,8 @@ pub struct Snapshot<const N: usize> {
     pub at: Micros,
     /// Ticks that were left out because the one before them ended too late.
     pub missed: u32,
+    /// Number of the newest command that the snapshot includes, from 1; 0 before the first. After 2^32 - 1 comes 0.
+    pub commands: u32,
     /// The battery voltage in force; `None` if unknown.
     pub battery: Option<Millivolts>,
     /// What the supply allows, and what it was given back.
@@ -101,10 +103,16 @@ impl<const N: usize> Snapshot<N> {
         tick: 0,
         at: Micros::new(0),
         missed: 0,
+        commands: 0,
         battery: None,
         bus: Bus::INITIAL,
         motors: [Report::INITIAL; N],
     };
+
+    /// True if the snapshot includes the command of this number: it was made after the hub had applied the command.
+    pub const fn includes(&self, number: u32) -> bool {
+        is_included(number, self.commands)
+    }
 
     /// The battery, if it is known and not low: motors may be enabled.
     pub fn good_battery(&self) -> Option<Millivolts> {
@@ -138,6 +146,8 @@ pub struct Hub<const N: usize> {
     period: Period,
     tick: u32,
     missed: u32,
+    /// Number of the newest command that was applied.
+    commands: u32,
     account: Account,
     /// What may be drawn, and how far returned energy is to be burnt.
     allowed: (Share, Share),
@@ -153,6 +163,7 @@ impl<const N: usize> Hub<N> {
             period,
             tick: 0,
             missed: 0,
+            commands: 0,
             account: Account::new(period),
             allowed: (Share::ALL, Share::NONE),
         }
@@ -163,12 +174,14 @@ impl<const N: usize> Hub<N> {
         self.period
     }
 
-    /// Does what a command says; it shows at the next step, or with [`act`](Self::act).
+    /// Applies a command, which takes effect at the next step, or with [`act`](Self::act). Commands are counted, refused
+    /// ones too: [`Snapshot::commands`] is the number of the newest one.
     ///
     /// # Errors
     /// [`RangeError::Motor`] if there is no such motor, or if it is to lead a group of which it is no member, or
-    /// that has one that does not exist; nothing changes then.
+    /// that has one that does not exist; only the count changes then.
     pub fn apply(&mut self, command: Command) -> Result<(), RangeError> {
+        self.commands = self.commands.wrapping_add(1);
         let Self { motors, groups, .. } = self;
         let index = command.motor;
         let motor = motors.get_mut(index).ok_or(RangeError::Motor)?;
@@ -241,9 +254,9 @@ impl<const N: usize> Hub<N> {
         let &Battery { draw, burn, newest, .. } = battery;
         self.allowed = (draw, burn);
         self.settle_account(now);
-        let allowed = Allowed { draw, burn, bus: newest, from: now };
+        let limits = SupplyLimits { draw, dissipate: burn, bus: newest, from: now };
         let mut turn = true;
-        self.motors.iter_mut().fold(false, |changed, motor| motor.allow(allowed, &mut turn) | changed)
+        self.motors.iter_mut().fold(false, |changed, motor| motor.limit_supply(limits, &mut turn) | changed)
     }
 
     /// What has been returned and burnt until now is added up.
@@ -269,6 +282,7 @@ impl<const N: usize> Hub<N> {
         }
         self.groups.review(&mut motors, &mut self.motors);
         let bus = self.account.report(known);
-        Snapshot { tick: self.tick, at: inputs.now, missed: self.missed, battery, bus, motors }
+        let Self { tick, missed, commands, .. } = *self;
+        Snapshot { tick, at: inputs.now, missed, commands, battery, bus, motors }
     }
 }

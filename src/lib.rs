@@ -3,9 +3,9 @@
 //! instead of being slammed into reverse.
 //!
 //! ```text
-//!     anyone  --Command-->  +---------+ --Drive[N]--> output --> bridges --> motors
+//!     link    --Command-->  +---------+ --Drive[N]--> output --> bridges --> motors
 //!     capture --Reading-->  | control |                                        |
-//!     supply  --Battery-->  +---------+ --Snapshot--> anyone                   |
+//!     supply  --Battery-->  +---------+ --Snapshot--> link, telemetry          |
 //!         ^                                                                    |
 //!         +------------------------ encoders, battery <------------------------+
 //! ```
@@ -16,45 +16,45 @@
 //! use motor_hub::motor::{Motor, Setpoint, Settings};
 //! use motor_hub::units::{Control, Micros, Millivolts, Period};
 //!
-//! // One motor, all the way from a set-point to what its bridge is told.
+//! // One motor, from a set-point to the command of its bridge.
 //! let mut motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);
 //! motor.set(Setpoint::ConstantPower(Control::MAX));
 //! let report = motor.step(Micros::new(50_000), None, Some(Millivolts::new(12_000)));
 //! assert_eq!(report.drive.mode, Mode::Cw98);
-//! // Without a battery it coasts.
+//! // Without a battery voltage the motor coasts.
 //! assert_eq!(motor.step(Micros::new(100_000), None, None).drive, Drive::COAST);
 //! ```
 //!
 //! A value enters at a task, goes through the core once, and leaves at a task.
 //!
-//! | room | what is decided there |
+//! | module | purpose |
 //! |---|---|
-//! | [`units`] | ranges and resolutions of every quantity |
-//! | [`bridge`] | the states, modes and drives that a bridge may be given; its constants |
-//! | [`braking`] | control value to drive: points S T Z G, schemes, regimes, duty |
-//! | [`motion`] | what encoders say: positions, speeds, and whether to believe them; PID |
-//! | [`regulator`] | from what a motor should do to a control value: by its model, or by PID |
-//! | [`group`] | motors that move in step: where each of them should be now |
-//! | [`supply`] | ADC readings to battery voltage |
+//! | [`units`] | quantities with their ranges and resolutions |
+//! | [`bridge`] | the states, modes and commands of a bridge; its constants |
+//! | [`braking`] | from a control value to a bridge command: points S T Z G, schemes, regimes, duty |
+//! | [`motion`] | encoder readings: positions, speeds and plausibility; PID |
+//! | [`regulator`] | from a set-point to a control value, with a model of the motor or with PID |
+//! | [`group`] | motors that move synchronously: a reference for each motor |
+//! | [`supply`] | the battery's voltage, and the limits that follow from it |
 //! | [`motor`], [`hub`] | one motor, N motors: `step(inputs) -> outputs` |
-//! | [`record`] | what happened: faults and resets with the ticks before them, in memory that a reset leaves alone |
-//! | [`protocol`] | REV's protocol as bytes, for both ends: frames, requests, answers |
+//! | [`record`] | a record of faults and resets with the ticks before them, in memory that survives a reset |
+//! | [`protocol`] | REV's protocol as bytes, for both ends: frames, requests, replies |
 //! | [`extension`] | the hub's own requests beside REV's; the table of all settings |
-//! | [`responder`] | the hub's end of both: what the hub stores and decides for a host; keep-alive, LED |
-//! | [`store`] | settings that outlast power: what is stored, and which of two copies counts |
-//! | [`update`] | new firmware: what of an image is taken, and when it may be started |
+//! | [`responder`] | the hub's side of both: its state, keep-alive time-out and LED |
+//! | [`store`] | settings in non-volatile memory: the stored format, and the choice between two copies |
+//! | [`update`] | new firmware: which chunks of an image are accepted, and when the image may start |
 //! | [`board`] | the traits that a board implements |
-//! | `tasks` (feature `tasks`, on by default) | async shells round the above |
-//! | `model` (feature `model`) | physics in `f64`, for simulators and tests; knows nothing of the control |
+//! | `tasks` (feature `tasks`, on by default) | async tasks that run the modules above |
+//! | `model` (feature `model`) | physics in `f64`, for simulators and tests; independent of the control |
 //!
-//! The core is `no_std`, without allocation, panics or `unsafe`; currents and motion are computed in single
-//! precision, everything else in integers (constants may be made from physical ones in `f64`). It has no clock and
-//! touches no hardware. Signs:
-//! positive control, counts and speed are one direction, called CW.
+//! The core is `no_std`, without allocation, panics or `unsafe`. It has no clock and accesses no hardware. Currents and
+//! motion are computed in single precision, everything else in integers. Constants may be computed in `f64`.
+//!
+//! Positive control values, counts and speeds are in the same direction, called CW.
 //!
 //! # Features
-//! * `tasks` (on by default): the async tasks, on embassy. Without it the core has four small dependencies.
-//! * `signed`: new firmware may have to be signed: [`update::Slot::signer`].
+//! * `tasks` (on by default): the async tasks, on embassy. Without this feature the core has four small dependencies.
+//! * `signed`: checks signatures of new firmware, see [`update::Slot::signer`].
 //! * `model`: physics in `f64`, for simulators and tests; needs std.
 //! * `defmt`: `defmt::Format` for the types of the control path, for firmware.
 #![cfg_attr(not(feature = "model"), no_std)]

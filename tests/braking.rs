@@ -1,7 +1,8 @@
-//! Placement of every control value among the points, for many speeds and battery voltages.
+//! Modulation of every control value among the points, for many speeds and battery voltages.
 
 use motor_hub::braking::{
-    Abscissa, Blend, BlendFraction, OperatingPoint, Place, Placement, Points, Regime, Scheme, Winding, place,
+    Abscissa, Blend, BlendFraction, Location, Modulation, OperatingPoint, Points, Regime, Scheme, Winding,
+    linear_duty,
 };
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
@@ -39,7 +40,7 @@ fn every_control() -> impl Iterator<Item = Control> {
 }
 
 /// A number that grows with the torque that a placement asks for: regime first, then duty.
-fn order(placement: Placement) -> i32 {
+fn order(placement: Modulation) -> i32 {
     let duty = i32::from(placement.drive.duty.to_bits());
     match placement.regime {
         Regime::Reverse => -(1 << 16) - duty,
@@ -55,7 +56,7 @@ fn torque_never_falls_as_control_rises() {
             let at = at(cps, battery);
             let mut last = i32::MIN;
             for control in every_control() {
-                let rank = order(place(scheme, at, control));
+                let rank = order(linear_duty(scheme, at, control));
                 assert!(rank >= last, "{scheme:?} {cps} cps {battery} mV at {}", control.get());
                 last = rank;
             }
@@ -75,7 +76,7 @@ fn regimes_meet_without_gap_or_overlap() {
             assert!(s < t && t <= z && z <= g.max(z), "{scheme:?} {points:?}");
             for control in every_control() {
                 let c = f64::from(control.get());
-                let placement = place(scheme, at, control);
+                let placement = linear_duty(scheme, at, control);
                 let (regime, wanted) = if c > z {
                     (Regime::Forward, (c - z) / (g - z))
                 } else if c >= t {
@@ -96,10 +97,10 @@ fn the_ends_of_the_control_range_are_full_drive_where_the_scheme_keeps_them() {
     for (cps, battery) in [(0, 12_000), (800, 6_500), (1360, 12_000), (2700, 12_000)] {
         let at = at(cps, battery);
         for scheme in [Scheme::A, Scheme::B, Scheme::ForwardReverse] {
-            let full_reverse = place(scheme, at, Control::MIN);
+            let full_reverse = linear_duty(scheme, at, Control::MIN);
             assert_eq!(full_reverse.regime, Regime::Reverse);
             assert_eq!(full_reverse.drive.duty.to_f64(), 1.0);
-            let full_forward = place(scheme, at, Control::MAX);
+            let full_forward = linear_duty(scheme, at, Control::MAX);
             assert_eq!(full_forward.regime, Regime::Forward);
             assert_eq!(full_forward.drive.duty.to_f64(), 1.0);
         }
@@ -112,8 +113,8 @@ fn counter_clockwise_is_the_mirror_image() {
         for (cps, battery) in [(1, 12_000), (800, 6_500), (1360, 12_000), (3010, 12_000), (9000, 6_500)] {
             let (cw, ccw) = (at(cps, battery), at(-cps, battery));
             for control in every_control() {
-                let there = place(scheme, cw, control);
-                let here = place(scheme, ccw, -control);
+                let there = linear_duty(scheme, cw, control);
+                let here = linear_duty(scheme, ccw, -control);
                 assert_eq!(there.regime, here.regime);
                 assert_eq!(there.drive.duty, here.drive.duty);
                 assert_eq!(there.drive.mode, here.drive.mode.mirrored());
@@ -128,9 +129,9 @@ fn at_standstill_t_and_z_coincide_and_every_scheme_drives_in_the_same_way() {
     for scheme in schemes() {
         let points = Points::new(scheme, at);
         assert_eq!((points.t, points.z), (Points::new(Scheme::A, at).t, Points::new(Scheme::A, at).z));
-        assert_eq!(place(scheme, at, Control::ZERO).drive, Drive::COAST);
-        assert_eq!(place(scheme, at, Control::new(1)).drive.mode, Mode::Cw98);
-        assert_eq!(place(scheme, at, Control::new(-1)).drive.mode, Mode::Ccw62);
+        assert_eq!(linear_duty(scheme, at, Control::ZERO).drive, Drive::COAST);
+        assert_eq!(linear_duty(scheme, at, Control::new(1)).drive.mode, Mode::Cw98);
+        assert_eq!(linear_duty(scheme, at, Control::new(-1)).drive.mode, Mode::Ccw62);
     }
 }
 
@@ -138,31 +139,31 @@ fn at_standstill_t_and_z_coincide_and_every_scheme_drives_in_the_same_way() {
 fn a_regime_lies_where_the_paper_puts_it() {
     // Scheme A at half of the battery voltage: T at 0, Z at half of the range.
     let half = at(1505, 12_000);
-    assert_eq!(place(Scheme::A, half, Control::new(-1)).drive.mode, Mode::Ccw62);
-    assert_eq!(place(Scheme::A, half, Control::ZERO).drive, Drive::BRAKE);
-    assert_eq!(place(Scheme::A, half, Control::new(16_000)).drive.mode, Mode::Brake50);
-    assert_eq!(place(Scheme::A, half, Control::new(17_000)).drive.mode, Mode::Cw98);
+    assert_eq!(linear_duty(Scheme::A, half, Control::new(-1)).drive.mode, Mode::Ccw62);
+    assert_eq!(linear_duty(Scheme::A, half, Control::ZERO).drive, Drive::BRAKE);
+    assert_eq!(linear_duty(Scheme::A, half, Control::new(16_000)).drive.mode, Mode::Brake50);
+    assert_eq!(linear_duty(Scheme::A, half, Control::new(17_000)).drive.mode, Mode::Cw98);
     // Scheme B: Z at 0, T at a third of the range.
-    assert_eq!(place(Scheme::B, half, Control::ZERO).drive, Drive::COAST);
-    assert_eq!(place(Scheme::B, half, Control::new(1)).drive.mode, Mode::Cw98);
-    assert_eq!(place(Scheme::B, half, Control::new(-10_900)).drive.mode, Mode::Brake50);
-    assert_eq!(place(Scheme::B, half, Control::new(-10_930)).drive.mode, Mode::Ccw62);
+    assert_eq!(linear_duty(Scheme::B, half, Control::ZERO).drive, Drive::COAST);
+    assert_eq!(linear_duty(Scheme::B, half, Control::new(1)).drive.mode, Mode::Cw98);
+    assert_eq!(linear_duty(Scheme::B, half, Control::new(-10_900)).drive.mode, Mode::Brake50);
+    assert_eq!(linear_duty(Scheme::B, half, Control::new(-10_930)).drive.mode, Mode::Ccw62);
     // Scheme C: T just reaches the end of the range at half of the battery voltage.
     assert!((Points::new(Scheme::C, half).t.to_f64() + 32_767.0).abs() < 40.0);
     // No braking regime at all.
-    assert_eq!(place(Scheme::ForwardReverse, half, Control::new(-1)).drive.mode, Mode::Ccw62);
+    assert_eq!(linear_duty(Scheme::ForwardReverse, half, Control::new(-1)).drive.mode, Mode::Ccw62);
 }
 
 #[test]
 fn in_overrun_scheme_a_only_brakes_and_schemes_c_and_automatic_d_brake_fully_at_the_end_of_the_range() {
     let over = at(3300, 12_000);
     for control in every_control() {
-        let a = place(Scheme::A, over, control).regime;
+        let a = linear_duty(Scheme::A, over, control).regime;
         assert_eq!(a == Regime::Reverse, control < Control::ZERO);
         assert_ne!(a, Regime::Forward);
         for scheme in [Scheme::C, fraction(1 << 16), Scheme::D(Blend::Automatic)] {
             let share = 0.max(-i32::from(control.get())) * 32_768;
-            let placement = place(scheme, over, control);
+            let placement = linear_duty(scheme, over, control);
             assert_eq!(placement.regime == Regime::Forward, control > Control::ZERO, "{scheme:?}");
             if control <= Control::ZERO {
                 assert_eq!(placement.regime, Regime::Braking, "{scheme:?}");
@@ -199,7 +200,7 @@ fn a_fixed_blend_lies_between_b_and_c_and_full_braking_comes_within_reach_in_ove
 }
 
 /// The torque at a place as a share of stall torque: the current that its fraction stands for.
-fn torque(place: Place, u: f64) -> f64 {
+fn torque(place: Location, u: f64) -> f64 {
     let f = place.fraction.to_f64();
     match place.regime {
         Regime::Forward => f * (1.0 - u),
@@ -219,7 +220,7 @@ fn torque_does_not_jump_as_the_speed_passes_the_free_speed() {
             for control in (-32_767..=32_767).step_by(1_057).map(Control::new) {
                 let mut last = None;
                 for cps in 0..(2.2 * full) as i32 {
-                    let place = Points::new(scheme, at(cps, battery)).place(control);
+                    let place = Points::new(scheme, at(cps, battery)).locate(control);
                     let now = torque(place, f64::from(cps) / full);
                     let jump = last.map_or(0.0, |last: f64| (now - last).abs());
                     let most = steepest(scheme) / full + 1e-5;
@@ -279,7 +280,7 @@ fn points_hold_at_both_ends_of_emf_and_battery() {
                 let points = Points::new(scheme, at);
                 for control in [Control::MIN, Control::new(-1), Control::ZERO, Control::new(1), Control::MAX]
                 {
-                    let _ = points.place(control);
+                    let _ = points.locate(control);
                 }
             }
         }

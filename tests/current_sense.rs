@@ -2,6 +2,7 @@
 
 use motor_hub::braking::Winding;
 use motor_hub::bridge::{BridgeConstants, Drive, Mode, SenseScale, Sensed};
+use motor_hub::extension::report::MotorReport;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
 use motor_hub::model::plant::{Influence, Plant};
@@ -74,6 +75,22 @@ fn a_line_is_believed_in_9_8_and_6_2_with_the_sign_of_the_model() {
         let report = held.run(500, Some(1_234));
         assert_eq!(told(report), (SenseLine::Sound, Some(1_234)));
         assert_eq!(report.best_current().get(), sign * 1_234);
+    }
+}
+
+#[test]
+fn a_host_reads_the_same_best_current_as_the_hub() {
+    for (modelled, measured, best) in [
+        (1_500, Some(1_234), 1_234),
+        (-1_500, Some(1_234), -1_234),
+        (-1_500, None, -1_500),
+        (0, Some(20), 20),
+    ] {
+        let current = Milliamperes::new(modelled);
+        let of_hub = Report { current, measured: measured.map(Milliamperes::new), ..Report::INITIAL };
+        let measured_ma = measured.map(|ma| u16::try_from(ma).expect("a magnitude"));
+        let of_host = MotorReport { current, measured_ma, ..MotorReport::default() };
+        assert_eq!((of_hub.best_current().get(), of_host.best_current().get()), (best, best));
     }
 }
 

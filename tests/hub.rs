@@ -205,16 +205,16 @@ fn position_is_approached_no_faster_than_the_limit_and_reported_within_tolerance
             assert_eq!(bench.step().motors[0].control, control);
         }
     }
-    for (target, tolerance, at_target) in
+    for (target, tolerance, settled) in
         [(5, 5, true), (0, 5, true), (6, 5, false), (-5, 5, true), (-6, 5, false), (0, 0, true)]
     {
         bench.set(0, position(target, tolerance, 700));
         // It may only be passing, wherever it has been before.
-        assert!(!bench.step().motors[0].at_target, "{target} {tolerance}");
-        assert_eq!(bench.settle().motors[0].at_target, at_target, "{target} {tolerance}");
+        assert!(!bench.step().motors[0].settled, "{target} {tolerance}");
+        assert_eq!(bench.settle().motors[0].settled, settled, "{target} {tolerance}");
     }
     bench.set(0, velocity(0));
-    assert!(!bench.two_steps().motors[0].at_target, "only regulated position has a target");
+    assert!(!bench.two_steps().motors[0].settled, "only regulated position has a target");
 }
 
 #[test]
@@ -477,4 +477,42 @@ proptest! {
         let quiet = vec![(Some(0), 0, 0, Setpoint::Disabled); 12];
         prop_assert_eq!(run(&neighbours), run(&quiet));
     }
+}
+
+#[test]
+fn a_motor_in_full_flight_that_passes_its_target_is_not_settled() {
+    let mut bench = Bench::<1>::new();
+    bench.cps = [2_000];
+    // The tolerance is so wide that the motor takes a second to pass.
+    bench.set(0, position(1_000, 1_000, 2_000));
+    for _ in 0..19 {
+        let report = bench.step().motors[0];
+        assert!((0..=2_000).contains(&report.position), "within tolerance");
+        assert!(!report.settled, "{report:?}");
+    }
+}
+
+#[test]
+fn a_disabled_motor_that_stands_on_its_target_is_not_settled() {
+    let mut bench = Bench::<1>::new();
+    bench.set(0, position(0, 5, 700));
+    assert!(bench.settle().motors[0].settled);
+    bench.set(0, Setpoint::Disabled);
+    assert!(!bench.settle().motors[0].settled);
+}
+
+#[test]
+fn a_snapshot_says_the_number_of_the_newest_command_that_it_includes() {
+    let mut bench = Bench::<2>::new();
+    assert_eq!(bench.step().commands, 0);
+    bench.set(0, velocity(100));
+    bench.set(1, velocity(100));
+    assert_eq!(bench.step().commands, 2);
+    let no_such_motor = Command { motor: 2, action: Action::Set(Setpoint::Disabled) };
+    assert!(bench.hub.apply(no_such_motor).is_err());
+    let snapshot = bench.step();
+    assert_eq!(snapshot.commands, 3, "a refused command is counted, or its sender would wait for ever");
+    assert!(snapshot.includes(3) && snapshot.includes(1) && !snapshot.includes(4));
+    let wrapped = Snapshot { commands: 1, ..snapshot };
+    assert!(wrapped.includes(u32::MAX) && !wrapped.includes(2));
 }

@@ -1,8 +1,8 @@
 //! The duty stage against the event-exact switching bridge.
 
 use motor_hub::braking::{
-    Blend, BlendFraction, DutyRule, LinearCurrent, OperatingPoint, Placement, Placer, Points, Regime, Scheme,
-    Winding, place, place_current,
+    Blend, BlendFraction, DutyRule, LinearCurrent, Modulation, Modulator, OperatingPoint, Points, Regime,
+    Scheme, Winding, linear_current, linear_duty,
 };
 use motor_hub::bridge::{BridgeConstants, Mode, Timing};
 use motor_hub::model::catalogue::{self, Motor};
@@ -91,7 +91,7 @@ impl Point {
     }
 
     /// Mean current that the bridge gives for a placement.
-    fn current(&self, motor: &Motor, frequency: f64, placement: Placement) -> f64 {
+    fn current(&self, motor: &Motor, frequency: f64, placement: Modulation) -> f64 {
         let pwm = Pwm::new(placement.drive.mode, placement.drive.duty.to_f64(), Hertz(frequency));
         let conditions = Conditions { battery: Volts(self.battery), emf: Volts(self.emf) };
         Circuit::new(motor, BRIDGE).steady(pwm, conditions).mean.0
@@ -134,7 +134,7 @@ fn controls() -> impl Iterator<Item = i16> {
 }
 
 /// Largest deviation from the straight line, as a share of Vbat/R, over the whole catalogue.
-fn worst(rule: impl Fn(&LinearCurrent, Scheme, OperatingPoint, Control) -> Placement) -> f64 {
+fn worst(rule: impl Fn(&LinearCurrent, Scheme, OperatingPoint, Control) -> Modulation) -> f64 {
     let mut worst = 0.0f64;
     for motor in &catalogue::motors().collect::<Vec<_>>() {
         for frequency in FREQUENCIES {
@@ -158,8 +158,8 @@ fn worst(rule: impl Fn(&LinearCurrent, Scheme, OperatingPoint, Control) -> Place
 
 #[test]
 fn mean_current_is_the_line_asked_for_over_the_whole_catalogue() {
-    let linear_duty = worst(|_, scheme, at, control| place(scheme, at, control));
-    let linear_current = worst(place_current);
+    let linear_duty = worst(|_, scheme, at, control| linear_duty(scheme, at, control));
+    let linear_current = worst(linear_current);
     println!("worst deviation from the line, share of Vbat/R:");
     println!("linear duty {linear_duty:.4}, linear current {linear_current:.4}");
     assert!(linear_current < 0.0025, "{linear_current}");
@@ -177,7 +177,7 @@ fn duty_is_within_half_a_percent_of_the_exact_inverse() {
                 for point in emfs(motor, battery).map(|emf| Point::new(emf, battery)) {
                     let conditions = Conditions { battery: Volts(battery), emf: Volts(point.emf) };
                     for control in controls() {
-                        let placement = place_current(&winding, Scheme::A, point.at, Control::new(control));
+                        let placement = linear_current(&winding, Scheme::A, point.at, Control::new(control));
                         let asked = point.asked(motor, Scheme::A, control);
                         let exact = circuit.duty_for_current(
                             motor_hub::model::si::Amps(asked),
@@ -209,7 +209,7 @@ fn current_is_continuous_and_rises_with_every_control_value() {
             for scheme in schemes() {
                 let mut last: Option<f64> = None;
                 for control in (-32_767..=32_767).step_by(7) {
-                    let placement = place_current(&winding, scheme, point.at, Control::new(control));
+                    let placement = linear_current(&winding, scheme, point.at, Control::new(control));
                     let current = point.current(motor, frequency, placement);
                     if let Some(last) = last {
                         let step = (current - last) / (12.0 / motor.r.0);
@@ -223,7 +223,7 @@ fn current_is_continuous_and_rises_with_every_control_value() {
 }
 
 /// Grows with the torque asked for: regime first, then duty.
-fn rank(placement: Placement, emf: f64) -> i32 {
+fn rank(placement: Modulation, emf: f64) -> i32 {
     let duty = i32::from(placement.drive.duty.to_bits());
     let turn = if emf < 0.0 { -1 } else { 1 };
     turn * match placement.regime {
@@ -248,7 +248,7 @@ fn duty_is_monotone_over_every_control_value_to_its_last_bits() {
             for scheme in schemes() {
                 let mut last = i32::MIN;
                 for control in -32_767..=32_767 {
-                    let placement = place_current(&winding, scheme, point.at, Control::new(control));
+                    let placement = linear_current(&winding, scheme, point.at, Control::new(control));
                     let rank = rank(placement, emf);
                     // The solution is rounded: 2^-13 of a duty may be lost from one value to the next.
                     assert!(rank >= last.saturating_sub(4), "{electrical:?} {scheme:?} {emf} V at {control}");
@@ -267,8 +267,8 @@ fn regimes_are_those_of_the_points() {
         for scheme in schemes() {
             let mut differing = 0i32;
             for control in (-32_767..=32_767).map(Control::new) {
-                let linear = place(scheme, at, control);
-                let current = place_current(&winding, scheme, at, control);
+                let linear = linear_duty(scheme, at, control);
+                let current = linear_current(&winding, scheme, at, control);
                 differing += i32::from(linear.regime != current.regime);
             }
             // The points are exact, the currents are to 1/16 mV: they may differ at a boundary. The
@@ -288,14 +288,14 @@ fn braking_passes_smoothly_into_reverse_driving() {
     let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
     let winding = winding(electrical(motor, 20_000.0));
     let point = Point::new(6.0, 12.0);
-    let around_t = |place: &dyn Fn(Control) -> Placement| {
+    let around_t = |place: &dyn Fn(Control) -> Modulation| {
         let [braking, reverse] = [place(Control::new(1)), place(Control::new(-1))];
         assert_eq!((braking.drive.mode, reverse.drive.mode), (Mode::Brake50, Mode::Ccw62));
         let lost = point.current(motor, 20_000.0, reverse) - point.current(motor, 20_000.0, braking);
         lost / (12.0 / motor.r.0)
     };
-    let linear_duty = around_t(&|control| place(Scheme::A, point.at, control));
-    let linear_current = around_t(&|control| place_current(&winding, Scheme::A, point.at, control));
+    let linear_duty = around_t(&|control| linear_duty(Scheme::A, point.at, control));
+    let linear_current = around_t(&|control| linear_current(&winding, Scheme::A, point.at, control));
     assert!((0.04..0.06).contains(&linear_duty), "{linear_duty}");
     assert!(linear_current.abs() < 0.001, "{linear_current}");
 }
@@ -308,7 +308,7 @@ fn worst_when_told(motor: &Motor, told: impl Fn(Electrical) -> Electrical) -> f6
         for emf in emfs(motor, 12.0) {
             let point = Point::new(emf, 12.0);
             for control in controls() {
-                let placement = place_current(&winding, Scheme::A, point.at, Control::new(control));
+                let placement = linear_current(&winding, Scheme::A, point.at, Control::new(control));
                 let error =
                     point.current(motor, frequency, placement) - point.asked(motor, Scheme::A, control);
                 worst = worst.max(error.abs() / (12.0 / motor.r.0));
@@ -339,8 +339,8 @@ fn an_unknown_inductance_is_the_limit_of_a_high_frequency() {
     for emf in [0.0, 3.0, 9.0] {
         let point = Point::new(emf, 12.0);
         for control in controls() {
-            let placement = place_current(&unknown, Scheme::A, point.at, Control::new(control));
-            assert_eq!(placement, place_current(&zero, Scheme::A, point.at, Control::new(control)));
+            let placement = linear_current(&unknown, Scheme::A, point.at, Control::new(control));
+            assert_eq!(placement, linear_current(&zero, Scheme::A, point.at, Control::new(control)));
             let error = point.current(motor, 1e6, placement) - point.asked(motor, Scheme::A, control);
             assert!(error.abs() / (12.0 / motor.r.0) < 0.01, "{emf} V at {control}: {error}");
         }
@@ -377,7 +377,7 @@ fn ends(winding: &LinearCurrent) {
             let at = OperatingPoint::new(emf, Millivolts::new(battery)).expect("battery");
             for scheme in schemes().into_iter().chain([Scheme::ForwardReverse]) {
                 for control in [i16::MIN, -20_000, -1, 0, 1, 20_000, i16::MAX] {
-                    let _ = place_current(winding, scheme, at, Control::new(control));
+                    let _ = linear_current(winding, scheme, at, Control::new(control));
                 }
             }
         }
@@ -434,7 +434,7 @@ fn worst_of_timed(real: Timing, told: Timing, frequency: f64) -> (f64, f64) {
             for point in emfs(motor, battery).map(|emf| Point::new(emf, battery)) {
                 for control in controls() {
                     let at =
-                        |current| place_current(current, Scheme::A, point.at, Control::new(control)).drive;
+                        |current| linear_current(current, Scheme::A, point.at, Control::new(control)).drive;
                     let drive = at(&limited);
                     let pwm = Pwm::new(drive.mode, drive.duty.to_f64(), Hertz(frequency));
                     let conditions = Conditions { battery: Volts(battery), emf: Volts(point.emf) };
@@ -483,15 +483,15 @@ fn no_bridge_is_given_a_duty_that_it_must_be_spared() {
         let current = told_of(motor, f64::from(hz), Timing::VNH5019);
         let bridge = BridgeConstants::new(700, 50, hz).expect("in range").with_timing(Timing::VNH5019);
         for rule in DutyRule::EACH {
-            let placer = Placer::new(&winding, &bridge, Scheme::A, rule);
+            let modulator = Modulator::new(&winding, &bridge, Scheme::A, rule);
             for emf in [-11.0, -3.0, 0.0, 0.4, 6.0, 11.5, 13.0] {
                 let at = Point::new(emf, 12.0).at;
                 let mut seen = 0;
                 for control in (-32_767..=32_767).step_by(3).map(Control::new) {
                     let drives = [
-                        place_current(&current, Scheme::A, at, control),
-                        placer.place(at, control),
-                        placer.place_duty(Scheme::ForwardReverse, at, control),
+                        linear_current(&current, Scheme::A, at, control),
+                        modulator.for_control(at, control),
+                        modulator.open_loop(at, control),
                     ];
                     for duty in drives.map(|placement| placement.drive.duty.to_f64()) {
                         // A duty has 15 bits.
@@ -515,15 +515,15 @@ fn the_current_that_a_duty_is_said_to_make_is_that_of_the_bridge() {
     let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
     for hz in [20_000, 10_000] {
         let bridge = BridgeConstants::new(700, 50, hz).expect("in range").with_timing(Timing::VNH5019);
-        let placer = Placer::new(&Winding::NEVEREST_60, &bridge, Scheme::A, DutyRule::LinearCurrent);
+        let modulator = Modulator::new(&Winding::NEVEREST_60, &bridge, Scheme::A, DutyRule::LinearCurrent);
         for emf in [-9.0, -3.0, 0.5, 3.0, 6.0, 11.0] {
             let point = Point::new(emf, 12.0);
             for control in controls() {
-                let placement = placer.place(point.at, Control::new(control));
+                let placement = modulator.for_control(point.at, Control::new(control));
                 let pwm = Pwm::new(placement.drive.mode, placement.drive.duty.to_f64(), Hertz(f64::from(hz)));
                 let conditions = Conditions { battery: Volts(12.0), emf: Volts(emf) };
                 let flows = Circuit::new(motor, Bridge::new(bridge)).steady(pwm, conditions).mean.0;
-                let said = f64::from(placer.flows(point.at, placement).to_volts()) - emf;
+                let said = f64::from(modulator.applied(point.at, placement).to_volts()) - emf;
                 let error = (flows - said / (motor.r.0 + 0.1)) / (12.0 / motor.r.0);
                 assert!(error.abs() < 0.004, "{hz} Hz, {emf} V, {control}: {error}");
             }

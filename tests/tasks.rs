@@ -301,7 +301,11 @@ fn commands_queue_in_order_and_the_sender_is_told_when_there_is_no_room() {
     board.run_ms(50);
     let powers = parts.snapshot().motors.map(|m| m.control.get());
     assert_eq!(powers, [12, 13, 14, 15], "the last of each, none lost");
-    assert!(parts.wires.commands.try_send(extra).is_ok());
+    let number = parts.wires.try_send(extra).expect("room");
+    assert_eq!(number as usize, tasks::COMMANDS + 1, "a refused command has no number");
+    assert!(!parts.snapshot().includes(number));
+    board.run_ms(50);
+    assert!(parts.snapshot().includes(number));
 }
 
 #[test]
@@ -584,7 +588,7 @@ fn a_bus_that_rises_between_two_ticks_reaches_the_bridges_at_once() {
     board.poll();
     // It turns with 2000 counts/s whatever is asked of it, and so is braked.
     turn(&mut board, 500);
-    parts.send(0, Setpoint::Velocity(CountsPerSecond::new(1_700)));
+    parts.send(0, Setpoint::Velocity(CountsPerSecond::new(1_950)));
     turn(&mut board, 110);
     let braking = parts.world.last_drives();
     assert_eq!(braking[0].mode, Mode::Brake50);

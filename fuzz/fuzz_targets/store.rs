@@ -20,7 +20,7 @@ fn powered_on(found: Found) -> (Responder<4>, Vec<Settings>) {
     while let Some(command) = responder.pending() {
         let Action::Configure(of) = command.action else { panic!("a motor is told {command:?}") };
         settings.push(of);
-        responder.told();
+        responder.sent(settings.len() as u32);
     }
     assert_eq!((responder.enabled(), settings.len()), ([false; 4], 4));
     (responder, settings)

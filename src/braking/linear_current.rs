@@ -38,7 +38,7 @@
 //! 15 bits.
 //!
 //! ```
-//! use motor_hub::braking::{LinearCurrent, OperatingPoint, Scheme, Winding, place, place_current};
+//! use motor_hub::braking::{LinearCurrent, OperatingPoint, Scheme, Winding, linear_current, linear_duty};
 //! use motor_hub::bridge::BridgeConstants;
 //! use motor_hub::units::{Control, CountsPerSecond, Millivolts};
 //!
@@ -48,11 +48,11 @@
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
 //! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
 //! let control = Control::new(1_000);
-//! let linear = place_current(&current, Scheme::B, at, control).drive;
-//! assert!(linear.duty > place(Scheme::B, at, control).drive.duty);
+//! let linear = linear_current(&current, Scheme::B, at, control).drive;
+//! assert!(linear.duty > linear_duty(Scheme::B, at, control).drive.duty);
 //! ```
 
-use super::points::{OperatingPoint, Place, Regime};
+use super::points::{Location, OperatingPoint, Regime};
 use super::winding::Winding;
 use crate::bridge::{BridgeConstants, Timing};
 use crate::units::Duty;
@@ -131,22 +131,15 @@ impl LinearCurrent {
 
     /// The duty for the current that a fraction of a regime stands for: full driving is `V - e` with the
     /// motion and `V + e` against it, full braking is `e`.
-    pub(super) fn duty(&self, place: Place, at: OperatingPoint) -> Duty {
-        let w = place.current(at);
-        let duty = if w > 0.0 { self.stage(place.regime, at).duty(w, self.period) } else { 0.0 };
+    pub(super) fn duty(&self, location: Location, at: OperatingPoint) -> Duty {
+        let w = location.current(at);
+        let duty = if w > 0.0 { self.stage(location.regime, at).duty(w, self.period) } else { 0.0 };
         to_duty(self.timing.allowed(duty))
     }
 
     /// The nearest duty that the bridge may be given.
     pub(super) fn allowed(&self, duty: Duty) -> Duty {
         to_duty(self.timing.allowed(duty.to_f32()))
-    }
-
-    /// A duty strictly within what the bridge may be given, which was not moved to get there.
-    pub(super) fn is_within(&self, duty: Duty) -> bool {
-        let Shares { least_off, least_on, .. } = self.timing;
-        let (duty, step) = (duty.to_f32(), 1.0 / 16_384.0);
-        duty > least_on + step && duty < 1.0 - least_off - step
     }
 
     /// The voltage behind the mean current of a duty, which [`duty`](Self::duty) inverts.

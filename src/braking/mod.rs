@@ -1,77 +1,74 @@
-//! From a control value to what the bridge does: proportional braking.
+//! From a voltage or a control value to what the bridge does: proportional braking.
 //!
-//! At each tick the four points S, T, Z, G are computed from speed and battery voltage
-//! ([`points`]) as the motor's [`scheme`] says; where the control value lies among them decides
-//! regime, mode and duty. The duty is either linear within its regime, as in the paper ([`place`]),
-//! or such that the motor's mean current is linear ([`place_current`]).
+//! For a motor that turns CW at the back EMF e on a battery of V volts the paper's points are, in volts and in every
+//! scheme, S = -V, T = 0, Z = e and G = V:
+//!
+//! ```text
+//!   S = -V                T = 0                Z = e               G = V
+//!     |--- reverse, 6/2 ---|--- braking, 5/0 ---|--- forward, 9/8 ---|
+//! ```
+//!
+//! * A [`Scheme`] maps control values to these voltages: the control values of its [`Points`] S, T, Z and G are those of the
+//!   four voltages, and between two points the map is linear.
+//! * A [`DutyRule`] maps the place of a control value in its regime to a duty.
+//! * A [`Modulator`] has both maps for one motor, and their inverses.
+//!
+//! "Voltage" always means the voltage that stands for the motor's mean current: e plus current times resistance.
 //!
 //! ```
-//! use motor_hub::braking::{DutyRule, OperatingPoint, Placer, Regime, Scheme, Winding};
+//! use motor_hub::braking::{DutyRule, Modulator, OperatingPoint, Regime, Scheme, Winding};
 //! use motor_hub::bridge::{BridgeConstants, Mode};
-//! use motor_hub::units::{Control, CountsPerSecond, Millivolts};
+//! use motor_hub::units::{CountsPerSecond, Millivolts, Voltage};
 //!
-//! // A NeveRest 60 at half of its speed on 12 V is asked, in Scheme A, for a third of that voltage: less
-//! // than its back EMF of 6 V, so it is braked in proportion.
+//! // A NeveRest 60 at half of its speed on 12 V is to have 4 V: less than its back EMF of 6 V, so the bridge brakes in
+//! // proportion. In Scheme A a third of the control range means the same.
 //! let winding = Winding::NEVEREST_60;
-//! let placer = Placer::new(&winding, &BridgeConstants::IDEAL, Scheme::A, DutyRule::LinearCurrent);
+//! let modulator = Modulator::new(&winding, &BridgeConstants::IDEAL, Scheme::A, DutyRule::LinearCurrent);
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
 //! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
-//! let placement = placer.place(at, Control::new(10_922));
-//! assert_eq!((placement.regime, placement.drive.mode), (Regime::Braking, Mode::Brake50));
+//! let modulation = modulator.for_voltage(at, Voltage::from_volts(4.0));
+//! assert_eq!((modulation.regime, modulation.drive.mode), (Regime::Braking, Mode::Brake50));
+//! assert_eq!(modulator.control(at, Voltage::from_volts(4.0)).get(), 10_922);
 //! ```
 
 pub mod linear_current;
 pub mod points;
+mod returned;
 pub mod scheme;
-mod supply;
 mod winding;
 
 pub use linear_current::LinearCurrent;
-pub use points::{Abscissa, Fraction, OperatingPoint, Place, Points, Regime};
+pub use points::{Abscissa, Fraction, Location, OperatingPoint, Points, Regime};
+pub use returned::Returned;
 pub use scheme::{Blend, BlendFraction, Scheme};
-pub use supply::Returned;
 pub use winding::Winding;
 
 use crate::bridge::{BridgeConstants, Drive};
 use crate::units::{Control, Duty, Voltage};
-use libm::roundf;
 
-/// A control value turned into a drive.
+/// What a bridge is commanded, and in which regime that is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Placement {
-    /// Relative to the motion.
+pub struct Modulation {
+    /// The regime, relative to the direction in which the motor turns.
     pub regime: Regime,
-    /// What the bridge is told.
+    /// Mode and duty of the bridge.
     pub drive: Drive,
-    /// The voltage across the motor that stands for the current asked for.
-    pub asked: Voltage,
 }
 
-impl Placement {
+impl Modulation {
     /// Full dynamic braking.
     pub const fn full_braking(at: OperatingPoint) -> Self {
-        Self::new(Place { regime: Regime::Braking, fraction: Fraction::ONE }, Duty::ONE, at)
+        Self::new(Regime::Braking, Duty::ONE, at)
     }
 
-    /// S of the bridge itself: driven against the motion with all it has, whatever the scheme.
+    /// Reverse driving with all that the bridge has, S of the bridge itself, whatever the scheme.
     pub const fn full_reverse(at: OperatingPoint) -> Self {
-        Self::new(Place { regime: Regime::Reverse, fraction: Fraction::ONE }, Duty::ONE, at)
+        Self::new(Regime::Reverse, Duty::ONE, at)
     }
 
-    const fn new(place: Place, duty: Duty, at: OperatingPoint) -> Self {
-        let drive = Drive { mode: place.regime.mode(at.counter_clockwise()), duty };
-        Self { regime: place.regime, drive, asked: across(place.regime, place.current(at), at) }
+    const fn new(regime: Regime, duty: Duty, at: OperatingPoint) -> Self {
+        Self { regime, drive: Drive { mode: regime.mode(at.counter_clockwise()), duty } }
     }
-}
-
-/// The voltage across the motor for a current in a regime's direction, given as the voltage behind it.
-const fn across(regime: Regime, current: f32, at: OperatingPoint) -> Voltage {
-    let (emf, _) = at.volts();
-    let voltage = match regime {
-        Regime::Forward => emf + current,
-        Regime::Braking | Regime::Reverse => emf - current,
-    };
-    Voltage::from_volts(if at.counter_clockwise() { -voltage } else { voltage })
 }
 
 /// How the duty is found within a regime.
@@ -90,92 +87,97 @@ impl DutyRule {
     pub const EACH: [Self; 2] = [Self::LinearCurrent, Self::LinearDuty];
 }
 
-/// A motor's scheme and duty rule, with what they need prepared.
+/// Maps voltages and control values of one motor to commands of its bridge, and back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Placer {
+pub struct Modulator {
     scheme: Scheme,
     rule: DutyRule,
     current: LinearCurrent,
 }
 
-impl Placer {
+impl Modulator {
     /// Prepares the constants of the winding and its bridge.
     pub fn new(winding: &Winding, bridge: &BridgeConstants, scheme: Scheme, rule: DutyRule) -> Self {
         Self { scheme, rule, current: LinearCurrent::new(winding, bridge) }
     }
 
-    /// Regime, mode and duty of a control value at an operating point.
-    pub fn place(&self, at: OperatingPoint, control: Control) -> Placement {
+    /// The command that makes a voltage. Beyond the battery's it is the nearest that the bridge can make.
+    pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
+        let (regime, share) = points::share(clockwise_volts(at, voltage), at);
+        let location = Location { regime, fraction: Fraction::from_f32(share) };
+        Modulation::new(regime, self.current.duty(location, at), at)
+    }
+
+    /// The command that a control value means.
+    pub fn for_control(&self, at: OperatingPoint, control: Control) -> Modulation {
         match self.rule {
-            DutyRule::LinearDuty => self.place_duty(self.scheme, at, control),
-            DutyRule::LinearCurrent => place_current(&self.current, self.scheme, at, control),
+            DutyRule::LinearDuty => self.with_allowed_duty(linear_duty(self.scheme, at, control)),
+            DutyRule::LinearCurrent => linear_current(&self.current, self.scheme, at, control),
         }
     }
 
-    /// The same by the rule of linear duty, and by any scheme, as far as the bridge may be given such a duty.
-    pub fn place_duty(&self, scheme: Scheme, at: OperatingPoint, control: Control) -> Placement {
-        let Placement { regime, drive, asked } = place(scheme, at, control);
-        Placement { regime, drive: Drive { duty: self.current.allowed(drive.duty), ..drive }, asked }
+    /// The command for open-loop power: the duty of 9/8 or 6/2 is this share of the control range, whatever the scheme.
+    pub fn open_loop(&self, at: OperatingPoint, power: Control) -> Modulation {
+        self.with_allowed_duty(linear_duty(Scheme::ForwardReverse, at, power))
     }
 
-    /// The control value that makes this voltage of the motor, or the nearest to it that the scheme can give: by
-    /// linear duty another than by linear current.
+    /// The nearest command that the bridge may be given.
+    fn with_allowed_duty(&self, Modulation { regime, drive }: Modulation) -> Modulation {
+        Modulation { regime, drive: Drive { duty: self.current.allowed(drive.duty), ..drive } }
+    }
+
+    /// The control value that means a voltage, or the nearest to it that the scheme has.
     pub fn control(&self, at: OperatingPoint, voltage: Voltage) -> Control {
-        let voltage = voltage.to_volts();
-        if (self.scheme, self.rule) == (Scheme::A, DutyRule::LinearCurrent) {
-            // The same as by the points, for less.
-            return Control::saturating(
-                (roundf(voltage / at.volts().1 * f32::from(Control::MAX.get())) as i32).into(),
-            );
-        }
-        let (regime, share) = points::share(if at.counter_clockwise() { -voltage } else { voltage }, at);
+        let (regime, share) = points::share(clockwise_volts(at, voltage), at);
         let share = match self.rule {
             DutyRule::LinearCurrent => share,
             DutyRule::LinearDuty => {
-                self.current.duty(Place { regime, fraction: Fraction::from_f32(share) }, at).to_f32()
+                let location = Location { regime, fraction: Fraction::from_f32(share) };
+                self.current.duty(location, at).to_f32()
             }
         };
         clockwise(at, points::control(&Points::new(self.scheme, at), (regime, share)))
     }
 
-    /// A bridge with limits to its duty was not given another one because of them.
-    pub fn is_as_asked(&self, placement: Placement) -> bool {
-        self.current.is_within(placement.drive.duty)
-    }
-
-    /// The voltage across the motor that stands for the mean current of a drive, asked for or not. With linear
-    /// duty that is another than the placement's.
-    pub fn flows(&self, at: OperatingPoint, Placement { regime, drive, .. }: Placement) -> Voltage {
-        across(regime, self.current.current(regime, drive.duty, at), at)
+    /// The voltage that a command makes.
+    pub fn applied(&self, at: OperatingPoint, Modulation { regime, drive }: Modulation) -> Voltage {
+        let (emf, _) = at.volts();
+        let current = self.current.current(regime, drive.duty, at);
+        let volts = if regime == Regime::Forward { emf + current } else { emf - current };
+        Voltage::from_volts(if at.counter_clockwise() { -volts } else { volts })
     }
 }
 
-/// The control value as a motor that turns CW would be given it.
+/// A voltage as a motor that turns CW would have it, in volts.
+const fn clockwise_volts(at: OperatingPoint, voltage: Voltage) -> f32 {
+    let volts = voltage.to_volts();
+    if at.counter_clockwise() { -volts } else { volts }
+}
+
+/// A control value as a motor that turns CW would have it.
 const fn clockwise(at: OperatingPoint, control: Control) -> Control {
     if at.counter_clockwise() { control.reversed() } else { control }
 }
 
-/// Regime, mode and duty of a control value at an operating point; the duty is linear between the
-/// points (paper, section 1.3).
-pub const fn place(scheme: Scheme, at: OperatingPoint, control: Control) -> Placement {
-    let place = Points::new(scheme, at).place(clockwise(at, control));
-    Placement::new(place, place.fraction.to_duty(), at)
+/// The command that a control value means where the duty is linear between the points (paper, section 1.3).
+pub const fn linear_duty(scheme: Scheme, at: OperatingPoint, control: Control) -> Modulation {
+    let Location { regime, fraction } = Points::new(scheme, at).locate(clockwise(at, control));
+    Modulation::new(regime, fraction.to_duty(), at)
 }
 
-/// Regime, mode and duty of a control value at an operating point; the motor's mean current is linear
-/// between the points.
-pub fn place_current(
+/// The command that a control value means where the motor's mean current is linear between the points.
+pub fn linear_current(
     current: &LinearCurrent,
     scheme: Scheme,
     at: OperatingPoint,
     control: Control,
-) -> Placement {
-    let place = Points::new(scheme, at).place(clockwise(at, control));
-    // A battery that cannot push asks for no current.
-    let place = match place.regime {
-        Regime::Forward if at.is_overrun() => Place { regime: Regime::Braking, fraction: Fraction::ZERO },
-        _ => place,
+) -> Modulation {
+    let location = Points::new(scheme, at).locate(clockwise(at, control));
+    let location = match location.regime {
+        // A battery that cannot push makes no current.
+        Regime::Forward if at.is_overrun() => Location { regime: Regime::Braking, fraction: Fraction::ZERO },
+        _ => location,
     };
-    Placement::new(place, current.duty(place, at), at)
+    Modulation::new(location.regime, current.duty(location, at), at)
 }

@@ -1,7 +1,7 @@
 //! The four points S, T, Z, G of the control range: where reverse driving, proportional braking and
 //! forward driving begin and end at one speed and battery voltage.
 //!
-//! All formulas assume clockwise motion; [`super::place`] mirrors the rest. Everything is integer
+//! All formulas assume clockwise motion; [`super::linear_duty`] mirrors the rest. Everything is integer
 //! arithmetic on exact ratios, so an abscissa is off by at most 1/512 step from the formula applied
 //! to the same integers, one that is made of others by 1/100 step, however close |emf| comes to the
 //! battery voltage.
@@ -15,7 +15,7 @@
 //! let at = OperatingPoint::new(emf, Millivolts::new(12_000)).expect("there is a battery");
 //! let points = Points::new(Scheme::A, at);
 //! assert_eq!((points.t.to_f64(), points.z.to_f64().round()), (0.0, 16_384.0));
-//! assert_eq!(points.place(Control::new(8_000)).regime, Regime::Braking);
+//! assert_eq!(points.locate(Control::new(8_000)).regime, Regime::Braking);
 //! ```
 
 use crate::braking::scheme::{Blend, BlendFraction, Scheme};
@@ -55,6 +55,17 @@ impl OperatingPoint {
         const VOLT: f32 = 16_000.0;
         // Of the numbers in 1/16 mV no more than 21 bits are left, and a single has 24.
         ((self.e >> 16) as i32 as f32 / VOLT, (self.v >> 16) as i32 as f32 / VOLT)
+    }
+
+    /// Back EMF in volts; positive for a motor that turns CW.
+    pub(crate) const fn emf_volts(self) -> f32 {
+        let (e, _) = self.volts();
+        if self.counter_clockwise { -e } else { e }
+    }
+
+    /// Battery voltage in volts.
+    pub(crate) const fn battery_volts(self) -> f32 {
+        self.volts().1
     }
 
     /// True if the back EMF is at least the battery voltage: the battery can push no current.
@@ -127,16 +138,16 @@ impl Regime {
     }
 }
 
-/// A control value's place among the points: its regime, and how far into it.
+/// Where a control value lies among the points: its regime, and how far into it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct Location {
     /// The regime that the control value falls into.
     pub regime: Regime,
     /// 0 at the end of least torque (Z for forward and braking, T for reverse), 1 at the other end.
     pub fraction: Fraction,
 }
 
-impl Place {
+impl Location {
     /// The voltage behind the current that it stands for, in the regime's direction: full driving is `V - e`
     /// with the motion and `V + e` against it, full braking is `e`.
     pub(super) const fn current(self, at: OperatingPoint) -> f32 {
@@ -304,16 +315,16 @@ impl Points {
     ///
     /// Exactly at Z, and everywhere between coinciding T and Z, that is braking with fraction 0: the
     /// bridge is open. Exactly at T it is full braking.
-    pub const fn place(&self, control: Control) -> Place {
+    pub const fn locate(&self, control: Control) -> Location {
         let c = Abscissa::of(control).to_bits();
         let (s, t) = (self.s.to_bits(), self.t.to_bits());
         let (z, g) = (self.z.to_bits(), self.g.to_bits());
         if c > z {
-            Place { regime: Regime::Forward, fraction: Fraction::ratio(c - z, g - z) }
+            Location { regime: Regime::Forward, fraction: Fraction::ratio(c - z, g - z) }
         } else if c >= t {
-            Place { regime: Regime::Braking, fraction: Fraction::ratio(z - c, z - t) }
+            Location { regime: Regime::Braking, fraction: Fraction::ratio(z - c, z - t) }
         } else {
-            Place { regime: Regime::Reverse, fraction: Fraction::ratio(t - c, t - s) }
+            Location { regime: Regime::Reverse, fraction: Fraction::ratio(t - c, t - s) }
         }
     }
 }

@@ -43,7 +43,7 @@ pub struct GroupMove {
     pub acceleration: Acceleration,
     /// Lag, in counts, at which all other members wait for a member.
     pub lag: u16,
-    /// Counts from its target within which each member must be for the group to have arrived.
+    /// Largest distance of each member to its target, in counts, at which the group can settle.
     pub tolerance: u16,
     /// What the other members do when a member is lost.
     pub halt: Halt,
@@ -65,12 +65,12 @@ pub enum GroupState {
     Alone,
     /// The group is moving.
     Moving,
-    /// All members are at their targets.
-    Arrived,
+    /// All members have settled at their targets.
+    Settled,
 }
 
 codes!(Halt { 0 = Stop, 1 = Coast });
-codes!(GroupState { 0 = Alone, 1 = Moving, 2 = Arrived });
+codes!(GroupState { 0 = Alone, 1 = Moving, 2 = Settled });
 
 impl Field for GroupCourse {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {

@@ -2,7 +2,8 @@
 //!
 //! A [`HubReport`] has the state of all motors and of the bus in one answer, for hosts that draw, tune or record while motors
 //! run. Values are from the last control tick, except position and velocity, which are newer. A newer hub reports more fields
-//! at the end of each motor, or behind all motors; a host reads the fields that it knows.
+//! at the end of each motor, or behind all motors; a host reads the fields that it knows. [`Commands`] say whether the values
+//! include the newest requests.
 //!
 //! ```
 //! use motor_hub::extension::report::{HubReport, MotorReport};
@@ -17,16 +18,19 @@
 use crate::braking::Regime;
 use crate::bridge::{Drive, Mode};
 use crate::motion::EncoderFault;
-use crate::motor::{Faults, SenseLine};
+use crate::motor::{Faults, SenseLine, best_current};
 use crate::protocol::payload::{ByteIn, Field, Fields, Payload, codes, in_turn};
 use crate::protocol::{CHANNELS, Nack};
 use crate::regulator::Kind;
 use crate::supply::BusState;
-use crate::units::{Control, Duty, Milliamperes, Millivolts};
+use crate::units::{Control, Duty, Milliamperes, Millivolts, is_included};
 use heapless::Vec;
 
 /// Version of the fields of a [`HubReport`]. A higher version has more fields.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
+
+/// The first version whose fields include [`Commands`].
+const WITH_COMMANDS: u8 = 2;
 
 /// Bytes of a motor's fields.
 const STRIDE: u8 = 36;
@@ -122,6 +126,25 @@ pub struct HubReport {
     pub burning: u16,
     /// State of each motor.
     pub motors: Vec<MotorReport, CHANNELS>,
+    /// Which commands the report includes; `None` for a hub that does not report this.
+    pub commands: Option<Commands>,
+}
+
+/// Numbers of commands to the motors. They count commands since the hub's start, and begin again at 2^32.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Commands {
+    /// Number of the newest command that the report includes.
+    pub included: u32,
+    /// Number of the newest command that follows from the requests that the hub has answered.
+    pub newest: u32,
+}
+
+impl HubReport {
+    /// True if the report includes all commands that follow from the requests before it. A hub that does not report its
+    /// commands counts as up to date.
+    pub fn is_up_to_date(&self) -> bool {
+        self.commands.is_none_or(|Commands { included, newest }| is_included(newest, included))
+    }
 }
 
 /// State of one motor.
@@ -151,8 +174,8 @@ pub struct MotorReport {
     pub heat: u16,
     /// True if the host has enabled the motor.
     pub enabled: bool,
-    /// True if the motor, or its group, is at its target.
-    pub at_target: bool,
+    /// True if the motor has settled at its target, or its group at its end.
+    pub settled: bool,
     /// True if the motor is driven and does not turn.
     pub stalled: bool,
     /// True if the current is limited because the winding is hot.
@@ -164,9 +187,9 @@ pub struct MotorReport {
 }
 
 impl MotorReport {
-    /// The best known current: the magnitude of the measured current, else the modelled current.
+    /// The [best current](best_current) of the motor.
     pub fn best_current(&self) -> Milliamperes {
-        self.measured_ma.map_or(self.current, |ma| Milliamperes::new(ma.into()))
+        best_current(self.current, self.measured_ma.map(|ma| Milliamperes::new(ma.into())))
     }
 }
 
@@ -206,7 +229,7 @@ impl Default for MotorReport {
             load: None,
             heat: 0,
             enabled: false,
-            at_target: false,
+            settled: false,
             stalled: false,
             derated: false,
             faults: Faults::default(),
@@ -217,7 +240,7 @@ impl Default for MotorReport {
 
 impl Field for HubReport {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        ByteIn::<VERSION, { u8::MAX }>::read(fields)?;
+        let version = ByteIn::<1, { u8::MAX }>::read(fields)?.get();
         let (count, stride) = (u8::read(fields)?, ByteIn::<STRIDE, { u8::MAX }>::read(fields)?.get());
         let at_ms = u32::read(fields)?;
         let battery = battery::read(fields)?;
@@ -228,16 +251,24 @@ impl Field for HubReport {
             // A host of this protocol has no numbers for more motors.
             let _ = motors.push(MotorReport::read(&mut Fields::new(of_motor))?);
         }
-        Ok(Self { at_ms, battery, bus, burning, motors })
+        let commands = match version {
+            WITH_COMMANDS.. => Some(Commands { included: u32::read(fields)?, newest: u32::read(fields)? }),
+            _ => None,
+        };
+        Ok(Self { at_ms, battery, bus, burning, motors, commands })
     }
 
     fn write(&self, payload: &mut Payload) {
-        [VERSION, self.motors.len() as u8, STRIDE].write(payload);
+        let version = if self.commands.is_some() { VERSION } else { WITH_COMMANDS - 1 };
+        [version, self.motors.len() as u8, STRIDE].write(payload);
         self.at_ms.write(payload);
         battery::write(&self.battery, payload);
         self.bus.write(payload);
         self.burning.write(payload);
         self.motors.iter().for_each(|motor| motor.write(payload));
+        if let Some(Commands { included, newest }) = self.commands {
+            [included, newest].write(payload);
+        }
     }
 }
 
@@ -253,7 +284,7 @@ impl Field for MotorReport {
         let measured_ma = Some(u16::read(fields)?).filter(|ma| *ma != NOT_MEASURED);
         let load = Some(i16::read(fields)?).filter(|ma| *ma != UNKNOWN);
         let heat = u16::read(fields)?;
-        let [enabled, at_target, stalled, derated, ..] = bits(u8::read(fields)?);
+        let [enabled, settled, stalled, derated, ..] = bits(u8::read(fields)?);
         let faults = faults(u8::read(fields)?);
         let points: [i16; 4] = Field::read(fields)?;
         Ok(Self {
@@ -269,7 +300,7 @@ impl Field for MotorReport {
             load: load.map(|ma| Milliamperes::new(ma.into())),
             heat,
             enabled,
-            at_target,
+            settled,
             stalled,
             derated,
             faults,
@@ -290,7 +321,7 @@ impl Field for MotorReport {
         self.measured_ma.map_or(NOT_MEASURED, |ma| ma.min(NOT_MEASURED - 1)).write(payload);
         self.load.map_or(UNKNOWN, milliamperes).write(payload);
         self.heat.write(payload);
-        byte(&[self.enabled, self.at_target, self.stalled, self.derated]).write(payload);
+        byte(&[self.enabled, self.settled, self.stalled, self.derated]).write(payload);
         fault_bits(self.faults).write(payload);
         self.points.map_or([0; 4], |points| points.map(Control::get)).write(payload);
     }

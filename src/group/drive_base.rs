@@ -1,13 +1,12 @@
-//! Two wheels beside each other: distances and headings in counts, and back.
+//! A drive base with two wheels: converts distances and headings to encoder counts and back.
 
 use crate::units::{CountsPerSecond, RangeError, nearest};
 use core::f64::consts::PI;
 
-/// Two driven wheels, left and right, with a track between them.
+/// A drive base with a driven wheel on the left and one on the right.
 ///
-/// Positive counts of either wheel are taken to drive forward, and positive headings to turn left, that is
-/// counter-clockwise seen from above. A wheel whose motor is mounted the other way round has a negative
-/// number of counts in a turn.
+/// Positive counts of a wheel drive forward. Positive headings are to the left: counter-clockwise, seen from above. If a
+/// motor is mounted mirrored, so that it counts backwards, its number of counts per turn is negative.
 ///
 /// ```
 /// use motor_hub::group::DriveBase;
@@ -25,47 +24,48 @@ use core::f64::consts::PI;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveBase {
-    /// Of both wheels, above 0.
+    /// Diameter of both wheels in mm, above 0.
     pub wheel_diameter_mm: f64,
-    /// Between the middles of the wheels, above 0.
+    /// Distance between the centres of the wheels in mm, above 0.
     pub track_mm: f64,
-    /// Encoder counts in a turn of the wheel, left and right; not 0.
+    /// Encoder counts per turn of the left and of the right wheel, not 0.
     pub counts_per_turn: [f64; 2],
 }
 
 impl DriveBase {
-    /// Counts of either wheel for a way straight ahead; negative is back.
+    /// Returns the counts of the left and the right wheel for a straight distance. Negative distances are backwards.
     ///
     /// # Errors
-    /// [`RangeError::Way`] beyond 2^31 - 1 counts.
+    /// [`RangeError::Way`] if a wheel would move by more than 2^31 - 1 counts.
     pub const fn straight(&self, mm: f64) -> Result<[i32; 2], RangeError> {
         self.arc(mm, 0.0)
     }
 
-    /// Counts of either wheel for a turn on the spot, to the left.
+    /// Returns the counts of both wheels for a turn on the spot. Positive angles are to the left.
     ///
     /// # Errors
-    /// [`RangeError::Way`] beyond 2^31 - 1 counts.
+    /// [`RangeError::Way`] if a wheel would move by more than 2^31 - 1 counts.
     pub const fn turn(&self, degrees: f64) -> Result<[i32; 2], RangeError> {
         self.arc(0.0, degrees)
     }
 
-    /// Counts of either wheel for a way of the middle between them on which the heading changes by so much.
+    /// Returns the counts of both wheels for an arc. `mm` is the distance of the point between the wheels, `degrees` the
+    /// change of the heading.
     ///
     /// # Errors
-    /// [`RangeError::Way`] beyond 2^31 - 1 counts.
+    /// [`RangeError::Way`] if a wheel would move by more than 2^31 - 1 counts.
     pub const fn arc(&self, mm: f64, degrees: f64) -> Result<[i32; 2], RangeError> {
         let [left, right] = self.counts(mm, degrees);
-        match (whole(left), whole(right)) {
+        match (to_i32(left), to_i32(right)) {
             (Some(left), Some(right)) => Ok([left, right]),
             _ => Err(RangeError::Way),
         }
     }
 
-    /// Speeds of either wheel for a speed ahead in mm/s, and one of turning to the left in degrees per second.
+    /// Returns the speeds of both wheels for a forward speed in mm/s and a speed of turning left in degrees per second.
     ///
     /// # Errors
-    /// [`RangeError::Speed`] beyond the range of a speed.
+    /// [`RangeError::Speed`] if a speed is out of the range of [`CountsPerSecond`].
     pub const fn speeds(&self, mm: f64, degrees: f64) -> Result<[CountsPerSecond; 2], RangeError> {
         let [left, right] = self.counts(mm, degrees);
         match (CountsPerSecond::from_rpm(60.0 * left, 1.0), CountsPerSecond::from_rpm(60.0 * right, 1.0)) {
@@ -74,34 +74,37 @@ impl DriveBase {
         }
     }
 
-    /// How far the middle between the wheels has come, in mm, when they have moved so many counts.
+    /// Returns the distance in mm that the point between the wheels has moved, from the counts of both wheels.
     pub const fn distance(&self, counts: [i32; 2]) -> f64 {
-        let [left, right] = self.ways(counts);
+        let [left, right] = self.distances_mm(counts);
         (left + right) / 2.0
     }
 
-    /// How far the base has turned to the left, in degrees, when its wheels have moved so many counts.
+    /// Returns the angle in degrees by which the base has turned left, from the counts of both wheels.
     pub const fn heading(&self, counts: [i32; 2]) -> f64 {
-        let [left, right] = self.ways(counts);
+        let [left, right] = self.distances_mm(counts);
         (right - left) / self.track_mm * (180.0 / PI)
     }
 
+    /// Returns the counts of both wheels, not rounded.
     const fn counts(&self, mm: f64, degrees: f64) -> [f64; 2] {
         let [left, right] = self.counts_per_turn;
-        let sideways = degrees * (PI / 180.0) * self.track_mm / 2.0;
-        let round = PI * self.wheel_diameter_mm;
-        [(mm - sideways) / round * left, (mm + sideways) / round * right]
+        let turn_mm = degrees * (PI / 180.0) * self.track_mm / 2.0;
+        let circumference_mm = PI * self.wheel_diameter_mm;
+        [(mm - turn_mm) / circumference_mm * left, (mm + turn_mm) / circumference_mm * right]
     }
 
-    const fn ways(&self, counts: [i32; 2]) -> [f64; 2] {
+    /// Returns the distance of each wheel in mm.
+    const fn distances_mm(&self, counts: [i32; 2]) -> [f64; 2] {
         let [left, right] = counts;
-        let [of_left, of_right] = self.counts_per_turn;
-        let round = PI * self.wheel_diameter_mm;
-        [left as f64 / of_left * round, right as f64 / of_right * round]
+        let [left_per_turn, right_per_turn] = self.counts_per_turn;
+        let circumference_mm = PI * self.wheel_diameter_mm;
+        [left as f64 / left_per_turn * circumference_mm, right as f64 / right_per_turn * circumference_mm]
     }
 }
 
-const fn whole(counts: f64) -> Option<i32> {
+/// Rounds to a whole number of counts; `None` beyond +-(2^31 - 1).
+const fn to_i32(counts: f64) -> Option<i32> {
     match nearest(counts) {
         Some(counts) if counts.unsigned_abs() <= i32::MAX as u64 => Some(counts as i32),
         _ => None,

@@ -1,21 +1,23 @@
-//! Motors that move in step: two wheels of a drive base, the two or four screws of a gantry.
+//! Motors that move synchronously: the two wheels of a drive base, or the two or four screws of a gantry.
 //!
-//! A group goes along a [`Course`]: one progress, with limits of speed and acceleration, and from it a
-//! [`Reference`] for each member, which is where that member should be now and how fast. Whatever disturbs a
-//! member, its own regulator brings it back to its reference. A member that cannot follow holds up the
-//! progress, and so all others: the further it lags the slower it gets, down to nothing.
+//! A group follows a [`Course`]. The group has one progress, limited in speed and acceleration. Each tick the progress
+//! gives a [`Reference`] for each member: the position and the speed that the member should have now. The member's own
+//! regulator follows the reference.
+//!
+//! A member that lags slows down the progress, and with the progress all members. From half of the permitted lag on, the
+//! speed falls in proportion. At the full lag the group stands still and waits.
 //!
 //! ```
 //! use motor_hub::group::{Course, Group, Together};
 //! use motor_hub::units::{Acceleration, CountsPerSecond, Period};
 //!
-//! // Motor 0 moves 1000 counts on, motor 2 moves 500 counts back.
+//! // Motor 0 moves 1000 counts forward, motor 2 moves 500 counts back.
 //! let course = Course::by(&[(0, 1_000), (2, -500)])?;
 //! let usual = Together::new(course, CountsPerSecond::new(2_000), Acceleration::new(4_000)?);
 //! let together = Together { tolerance: 0, ..usual };
 //! let mut positions = [70, 0, -30];
 //! let mut group = Group::new(together, positions, [CountsPerSecond::ZERO; 3], Period::DEFAULT);
-//! while !group.has_arrived(&positions) {
+//! while !group.is_within_tolerance(&positions) {
 //!     for (motor, reference) in group.step(&positions).into_iter().enumerate() {
 //!         // Perfect motors.
 //!         positions[motor] = reference.map_or(0, |reference| reference.position);
@@ -26,58 +28,58 @@
 //! ```
 
 mod drive_base;
-mod path;
+mod trajectory;
 
 pub use drive_base::DriveBase;
 
 use crate::regulator::Reference;
 use crate::units::{Acceleration, CountsPerSecond, Period, RangeError};
-use path::{Path, Way};
+use trajectory::{Target, Trajectory};
 
-/// Motors that may be members: those with a number below this.
+/// Number of motors that may be members of groups: the motors 0 to 7.
 pub const MOTORS: usize = 8;
 
-/// Something for each member, by the motor's number.
+/// A value for each member, by the motor's number; `None` for motors that are not members.
 pub type ByMotor<T> = [Option<T>; MOTORS];
 
-/// Where a group goes. What is given by motor says which motors are its members.
+/// Where a group moves. The motors that have a value are the members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Course {
-    /// By so many counts each, from where each should be now.
+    /// Each member moves by a distance in counts, from its present reference.
     By(ByMotor<i32>),
-    /// To these positions, the short way round.
+    /// Each member moves to a position in counts. Positions wrap, and members take the shorter direction.
     To(ByMotor<i32>),
-    /// On at these speeds until something else is said; all of them 0 stops the group.
+    /// Each member moves at a speed until the next command. Speeds of 0 stop the group.
     On(ByMotor<CountsPerSecond>),
 }
 
 impl Course {
-    /// Each of these motors by so many counts.
+    /// Creates a course that moves each of these motors by a distance in counts.
     ///
     /// # Errors
-    /// [`RangeError::Motor`] of a number that is not below [`MOTORS`].
+    /// [`RangeError::Motor`] if a motor's number is not below [`MOTORS`].
     pub fn by(members: &[(usize, i32)]) -> Result<Self, RangeError> {
         by_motor(members).map(Self::By)
     }
 
-    /// Each of these motors to a position in counts.
+    /// Creates a course that moves each of these motors to a position in counts.
     ///
     /// # Errors
-    /// [`RangeError::Motor`] of a number that is not below [`MOTORS`].
+    /// [`RangeError::Motor`] if a motor's number is not below [`MOTORS`].
     pub fn to(members: &[(usize, i32)]) -> Result<Self, RangeError> {
         by_motor(members).map(Self::To)
     }
 
-    /// Each of these motors on at a speed.
+    /// Creates a course that moves each of these motors at a speed.
     ///
     /// # Errors
-    /// [`RangeError::Motor`] of a number that is not below [`MOTORS`].
+    /// [`RangeError::Motor`] if a motor's number is not below [`MOTORS`].
     pub fn on(members: &[(usize, CountsPerSecond)]) -> Result<Self, RangeError> {
         by_motor(members).map(Self::On)
     }
 
-    /// By motor: is it a member?
+    /// Returns for each motor whether it is a member.
     pub fn members(&self) -> [bool; MOTORS] {
         match self {
             Self::By(counts) | Self::To(counts) => counts.map(|each| each.is_some()),
@@ -86,6 +88,7 @@ impl Course {
     }
 }
 
+/// Puts each value at the index of its motor.
 fn by_motor<T: Copy>(members: &[(usize, T)]) -> Result<ByMotor<T>, RangeError> {
     let mut all = [None; MOTORS];
     for (motor, value) in members {
@@ -94,61 +97,67 @@ fn by_motor<T: Copy>(members: &[(usize, T)]) -> Result<ByMotor<T>, RangeError> {
     Ok(all)
 }
 
-/// What becomes of the others when a member is at fault or is told something else by itself.
+/// What the other members do when a member has a fault or gets a set-point of its own.
+///
+/// Disabling one member disables all members, whatever this setting is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Halt {
-    /// They brake in step, with the group's acceleration, and hold where they come to rest.
+    /// The other members brake together with the group's acceleration. They hold the positions where they stop.
     #[default]
     Stop,
-    /// They are disabled.
+    /// The other members are disabled.
     Coast,
 }
 
-/// What a group is told.
+/// A command to a group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Together {
-    /// Where to go, and who.
+    /// Members, and where they move.
     pub course: Course,
-    /// Magnitude of the speed of the member that moves most; a course that goes on has speeds of its own.
+    /// Speed of the member that moves farthest, as a magnitude. [`Course::On`] has speeds of its own.
     pub speed: CountsPerSecond,
     /// Largest acceleration of any member.
     pub acceleration: Acceleration,
-    /// Counts by which a member lags when all others wait for it; from half of that on they slow down.
+    /// Lag of a member in counts at which the group stands still. From half of this lag on the group slows down.
     pub lag: u16,
-    /// Counts from its end within which each member must be for the group to be at its target.
+    /// Largest distance of each member to its end, in counts, at which the group can settle.
     pub tolerance: u16,
-    /// What ends it.
+    /// What the other members do when a member is lost.
     pub halt: Halt,
 }
 
 impl Together {
-    /// With the [usual lag](usual_lag), a tolerance of [`TOLERANCE`] counts, and a stop when a member is lost. Of a
-    /// course that goes on, `speed` is what the lag follows from.
+    /// Creates a command with the [usual lag](usual_lag), a tolerance of [`TOLERANCE`] counts and [`Halt::Stop`]. For
+    /// [`Course::On`] the lag is computed from `speed`.
     pub const fn new(course: Course, speed: CountsPerSecond, acceleration: Acceleration) -> Self {
         let (lag, halt) = (usual_lag(speed), Halt::Stop);
         Self { course, speed, acceleration, lag, tolerance: TOLERANCE, halt }
     }
 }
 
-/// Counts from its end within which a member has arrived, unless it is said otherwise; that of REV's host software.
+/// Default tolerance of a group in counts; that of REV's host software.
 pub const TOLERANCE: u16 = 5;
-/// A lag is usually the way of so many milliseconds,
+/// Time in ms in which a member covers the usual lag.
 const LAG_MS: u32 = 100;
-/// and so many counts at least.
-const LEAST_LAG: u32 = 24;
+/// Smallest usual lag in counts, for slow groups.
+const MIN_LAG_COUNTS: u32 = 24;
 
-/// The lag for a group whose members move at this speed at most: the way of 0.1 s, and at least 24 counts.
+/// Returns the default lag for members with this maximum speed: the distance of 0.1 s, and at least 24 counts.
 ///
-/// A group slows down from half of its lag on, which should not be by what a sound member lags anyway. By its model
-/// a wheel of a robot of 6 kg lags up to 12 counts at periods of 1 to 100 ms, by PID with guessed coefficients up to
-/// 52 ms of its way at periods up to 50 ms. More lag than needed would only let members run apart.
+/// A group slows down from half of its lag on, so half of the lag must exceed what a healthy member lags. For a
+/// wheel of a 6 kg robot these are:
+///
+/// * 12 counts with the model-based regulator, at periods of 1 to 100 ms.
+/// * The distance of 52 ms with PID and guessed coefficients, at periods up to 50 ms.
+///
+/// A larger lag would only let members move farther apart.
 pub const fn usual_lag(speed: CountsPerSecond) -> u16 {
-    // In steps of 1/256.
+    // A speed has steps of 1/256 counts/s.
     let counts = (speed.to_bits().unsigned_abs() as u64 * LAG_MS as u64) / 256_000;
-    if counts < LEAST_LAG as u64 {
-        LEAST_LAG as u16
+    if counts < MIN_LAG_COUNTS as u64 {
+        MIN_LAG_COUNTS as u16
     } else if counts > u16::MAX as u64 {
         u16::MAX
     } else {
@@ -156,21 +165,21 @@ pub const fn usual_lag(speed: CountsPerSecond) -> u16 {
     }
 }
 
-/// A group of motors of a hub with N of them.
+/// A moving group in a hub with N motors.
 #[derive(Clone, Debug)]
 pub struct Group<const N: usize> {
     members: [bool; N],
-    path: Path<N>,
+    trajectory: Trajectory<N>,
     acceleration: Acceleration,
     lag: u16,
     tolerance: u16,
     halt: Halt,
-    /// A tick in seconds.
-    tick: f32,
+    /// Control period in seconds.
+    tick_s: f32,
 }
 
 impl<const N: usize> Group<N> {
-    /// From these positions and speeds. Members that the hub does not have are left out.
+    /// Creates a group that starts at these positions and speeds. Members that the hub does not have are ignored.
     pub fn new(
         together: Together,
         positions: [i32; N],
@@ -178,75 +187,76 @@ impl<const N: usize> Group<N> {
         period: Period,
     ) -> Self {
         let Together { course, acceleration, lag, tolerance, halt, .. } = together;
-        let members = first(course.members(), false);
+        let members = to_hub_motors(course.members(), false);
         for (speed, member) in speeds.iter_mut().zip(members) {
             if !member {
                 *speed = CountsPerSecond::ZERO;
             }
         }
-        let path = Path::new(positions, speeds.map(CountsPerSecond::to_f32), acceleration);
-        let tick = period.to_seconds();
-        let mut group = Self { members, path, acceleration, lag, tolerance, halt, tick };
+        let trajectory = Trajectory::new(positions, speeds.map(CountsPerSecond::to_f32), acceleration);
+        let tick_s = period.to_seconds();
+        let mut group = Self { members, trajectory, acceleration, lag, tolerance, halt, tick_s };
         group.redirect(together);
         group
     }
 
-    /// Takes another course from the present references and their speeds, so that nothing steps. Members stay
-    /// who they are.
+    /// Takes another course. The references change without a step, from their present positions and speeds. The members
+    /// stay the same.
     pub fn redirect(&mut self, together: Together) {
         let Together { course, speed, acceleration, lag, tolerance, halt } = together;
         (self.acceleration, self.lag, self.tolerance, self.halt) = (acceleration, lag, tolerance, halt);
-        let here = self.path.references().map(|reference| (reference >> 16) as i32);
-        let to = |counts: ByMotor<i32>, target: fn(i32, i32) -> i32| {
-            let mut targets = here;
-            for (place, counts) in targets.iter_mut().zip(counts) {
-                *place = counts.map_or(*place, |counts| target(*place, counts));
+        let references = self.trajectory.references().map(|reference| (reference >> 16) as i32);
+        let positions = |values: ByMotor<i32>, target: fn(i32, i32) -> i32| {
+            let mut counts = references;
+            for (count, value) in counts.iter_mut().zip(values) {
+                *count = value.map_or(*count, |value| target(*count, value));
             }
-            Way::To(targets, speed.to_f32())
+            Target::Positions { counts, speed_cps: speed.to_f32() }
         };
-        let way = match course {
-            Course::By(counts) => to(counts, i32::wrapping_add),
-            Course::To(counts) => to(counts, |_, counts| counts),
+        let target = match course {
+            Course::By(distances) => positions(distances, i32::wrapping_add),
+            Course::To(counts) => positions(counts, |_, count| count),
             Course::On(speeds) => {
-                Way::On(first(speeds.map(Option::unwrap_or_default), CountsPerSecond::ZERO))
+                Target::Speeds(to_hub_motors(speeds.map(Option::unwrap_or_default), CountsPerSecond::ZERO))
             }
         };
-        self.path.turn(way, acceleration, self.tick);
+        self.trajectory.redirect(target, acceleration, self.tick_s);
     }
 
-    /// Brakes in step, and holds where that ends.
+    /// Brakes all members together. The members hold the positions where they stop.
     pub fn stop(&mut self) {
-        self.path.turn(Way::On([CountsPerSecond::ZERO; N]), self.acceleration, self.tick);
+        self.trajectory.redirect(Target::Speeds([CountsPerSecond::ZERO; N]), self.acceleration, self.tick_s);
     }
 
-    /// By motor: is it a member?
+    /// Returns for each motor whether it is a member.
     pub const fn members(&self) -> &[bool; N] {
         &self.members
     }
 
-    /// Goes on without a member.
+    /// Removes a member. The group goes on with the others.
     pub fn remove(&mut self, motor: usize) {
         if let Some(member) = self.members.get_mut(motor) {
             *member = false;
         }
     }
 
-    /// What becomes of it when a member is lost.
+    /// Returns what the other members do when a member is lost.
     pub const fn halt(&self) -> Halt {
         self.halt
     }
 
-    /// True if the course has an end and every member has come to it, within the tolerance.
-    pub fn has_arrived(&self, positions: &[i32; N]) -> bool {
+    /// True if the course is at its end and every member is within the tolerance of its own end.
+    pub fn is_within_tolerance(&self, positions: &[i32; N]) -> bool {
         let near = |error: i64| error.unsigned_abs() <= u64::from(self.tolerance);
-        self.path.is_at_end() && self.errors(positions).into_iter().all(near)
+        self.trajectory.is_at_end() && self.errors(positions).into_iter().all(near)
     }
 
-    /// How far each member is behind its reference, in whole counts.
+    /// Returns the position error of each motor, reference minus position, in whole counts; 0 for motors that are not
+    /// members.
     fn errors(&self, positions: &[i32; N]) -> [i64; N] {
         let mut errors = [0; N];
-        let places = self.path.references().into_iter().zip(positions).zip(self.members);
-        for (error, ((reference, position), member)) in errors.iter_mut().zip(places) {
+        let pairs = self.trajectory.references().into_iter().zip(positions).zip(self.members);
+        for (error, ((reference, position), member)) in errors.iter_mut().zip(pairs) {
             if member {
                 *error = i64::from(((reference >> 16) as i32).wrapping_sub(*position));
             }
@@ -254,27 +264,28 @@ impl<const N: usize> Group<N> {
         errors
     }
 
-    /// One tick, at which the motors are at these positions: where each member should be.
+    /// Returns the reference of each member for this tick, and advances to the next tick. `positions` are the present
+    /// positions in counts.
     pub fn step(&mut self, positions: &[i32; N]) -> [Option<Reference>; N] {
-        let references = self.path.references();
-        let now = self.path.speeds();
-        let pace = self.pace(positions, &now);
-        self.path.step(pace * self.tick);
-        let next = self.path.speeds();
+        let references = self.trajectory.references();
+        let now = self.trajectory.speeds_cps();
+        let time_scale = self.time_scale(positions, &now);
+        self.trajectory.step(time_scale * self.tick_s);
+        let next = self.trajectory.speeds_cps();
         let mut all = [None; N];
         let members = references.into_iter().zip(now).zip(next).zip(self.members);
-        for (slot, (((reference, now), next), member)) in all.iter_mut().zip(members) {
+        for (slot, (((position, now), next), member)) in all.iter_mut().zip(members) {
             if member {
-                *slot = Some(path::reference(reference, pace * now, pace * next));
+                *slot = Some(trajectory::reference(position, time_scale * now, time_scale * next));
             }
         }
         all
     }
 
-    /// How fast time passes for the group: 1, or less if a member lags.
-    fn pace(&self, positions: &[i32; N], speeds: &[f32; N]) -> f32 {
-        let lags = self.errors(positions).into_iter().zip(speeds).map(|(error, speed)| {
-            // Who is ahead need not be waited for; who should stand should stand.
+    /// Returns how fast the trajectory's time runs: 1, less if a member lags, 0 if a member lags by the permitted lag.
+    fn time_scale(&self, positions: &[i32; N], speeds_cps: &[f32; N]) -> f32 {
+        let lags = self.errors(positions).into_iter().zip(speeds_cps).map(|(error, speed)| {
+            // A member that is ahead does not lag. A member that should stand still lags by any error.
             if *speed > 0.0 {
                 error
             } else if *speed < 0.0 {
@@ -284,17 +295,17 @@ impl<const N: usize> Group<N> {
             }
         });
         let lag = lags.max().unwrap_or_default() as f32;
-        let most = f32::from(self.lag.max(1));
-        let left = (most - lag).max(0.0);
-        (2.0 * left / most).min(1.0)
+        let limit = f32::from(self.lag.max(1));
+        let margin = (limit - lag).max(0.0);
+        (2.0 * margin / limit).min(1.0)
     }
 }
 
-/// As many as a hub has motors, which may be more.
-fn first<T: Copy, const N: usize>(all: [T; MOTORS], none: T) -> [T; N] {
-    let mut some = [none; N];
-    for (slot, value) in some.iter_mut().zip(all) {
+/// Converts values by motor to an array with the hub's number of motors. Motors beyond [`MOTORS`] get `default`.
+fn to_hub_motors<T: Copy, const N: usize>(values: [T; MOTORS], default: T) -> [T; N] {
+    let mut all = [default; N];
+    for (slot, value) in all.iter_mut().zip(values) {
         *slot = value;
     }
-    some
+    all
 }

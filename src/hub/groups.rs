@@ -2,7 +2,7 @@
 
 use super::Inputs;
 use crate::group::{Group, Halt, MOTORS, Together};
-use crate::motor::{self, Motor, Report, Setpoint};
+use crate::motor::{self, Motor, Report, Setpoint, SettleDetector};
 use crate::units::{CountsPerSecond, Period, RangeError};
 
 /// A group as the hub has it.
@@ -10,7 +10,8 @@ use crate::units::{CountsPerSecond, Period, RangeError};
 enum Led<const N: usize> {
     /// Begins at the first tick at which it is known where all of its members are.
     Due(Together),
-    Moving(Group<N>),
+    /// Follows its course. The detector says whether all members have settled at its end.
+    Moving(Group<N>, SettleDetector),
 }
 
 /// All groups. No motor is in two of them, so there are no more than motors.
@@ -37,10 +38,11 @@ impl<const N: usize> Groups<N> {
             return Err(RangeError::Motor);
         }
         for led in self.led.iter_mut().flatten() {
-            if let Led::Moving(group) = led
+            if let Led::Moving(group, settle_detector) = led
                 && group.members().iter().enumerate().all(|(motor, member)| *member == is_wanted(motor))
             {
                 group.redirect(together);
+                settle_detector.reset();
                 of(group.members(), motors).for_each(Motor::retarget);
                 return Ok(());
             }
@@ -68,7 +70,7 @@ impl<const N: usize> Groups<N> {
                 Some(Led::Due(together)) if together.course.members().get(motor) == Some(&true) => {
                     *slot = None
                 }
-                Some(Led::Moving(group)) if group.members().get(motor) == Some(&true) => {
+                Some(Led::Moving(group, _)) if group.members().get(motor) == Some(&true) => {
                     moved = true;
                     group.remove(motor);
                     if ends(group, halt.unwrap_or(group.halt()), motors) {
@@ -96,10 +98,11 @@ impl<const N: usize> Groups<N> {
                 let members = together.course.members();
                 if members.iter().zip(&fresh).all(|(member, reading)| !member || reading.is_some()) {
                     let speeds = motors.each_ref().map(|motor| motor.velocity());
-                    *led = Led::Moving(Group::new(*together, positions, speeds, period));
+                    let group = Group::new(*together, positions, speeds, period);
+                    *led = Led::Moving(group, SettleDetector::new(period));
                 }
             }
-            let Led::Moving(group) = led else { continue };
+            let Led::Moving(group, _) = led else { continue };
             for (motor, reference) in motors.iter_mut().zip(group.step(&positions)) {
                 if let Some(reference) = reference {
                     motor.set(Setpoint::Together(reference));
@@ -108,17 +111,19 @@ impl<const N: usize> Groups<N> {
         }
     }
 
-    /// Looks at what came of it: members arrive together, and a fault of one ends it for all.
+    /// Reviews the reports of a tick: members settle together, and a fault of one member ends the group for all.
     pub(super) fn review(&mut self, reports: &mut [Report; N], motors: &mut [Motor; N]) {
         for slot in &mut self.led {
-            let Some(Led::Moving(group)) = slot else { continue };
+            let Some(Led::Moving(group, settle_detector)) = slot else { continue };
             let members = *group.members();
-            let arrived = group.has_arrived(&reports.each_ref().map(|report| report.position));
+            let within_tolerance =
+                group.is_within_tolerance(&reports.each_ref().map(|report| report.position));
+            let settled = settle_detector.step(within_tolerance, fastest(&members, reports));
             for (index, (report, motor)) in reports.iter_mut().zip(motors.iter_mut()).enumerate() {
                 if members.get(index) != Some(&true) {
                     continue;
                 }
-                report.at_target = arrived;
+                report.settled = settled;
                 if report.faults.any() {
                     group.remove(index);
                     // Not disabled, which would end a fault of the encoder before anyone has seen it.
@@ -130,6 +135,13 @@ impl<const N: usize> Groups<N> {
             }
         }
     }
+}
+
+/// The velocity of the member that moves fastest.
+fn fastest<const N: usize>(members: &[bool; N], reports: &[Report; N]) -> CountsPerSecond {
+    let velocities =
+        reports.iter().zip(members).filter(|(_, member)| **member).map(|(report, _)| report.velocity);
+    velocities.max_by_key(|velocity| velocity.to_bits().unsigned_abs()).unwrap_or(CountsPerSecond::ZERO)
 }
 
 /// Halts who is left of a group; true if that is the end of it.

@@ -1,4 +1,4 @@
-//! A battery as a voltage behind a resistance; it takes current back.
+//! A battery: a voltage source with an internal resistance. The battery takes current back.
 //!
 //! ```
 //! use motor_hub::model::battery::Battery;
@@ -21,8 +21,9 @@ pub struct Battery {
 }
 
 impl Battery {
-    /// Voltage at the terminals while `current` leaves the battery, never below 0; a negative
-    /// current charges it and raises the voltage above [`Battery::emf`].
+    /// Returns the voltage at the terminals while `current` leaves the battery, at least 0.
+    ///
+    /// A negative current charges the battery and raises the voltage above [`Battery::emf`].
     #[must_use]
     pub fn voltage(&self, current: Amps) -> Volts {
         Volts((self.emf.0 - self.resistance.0 * current.0).max(0.0))

@@ -1,12 +1,12 @@
-//! The bus that bridges share: a capacitor behind a source that may be unable to sink and may come off, and what
-//! bridges do by themselves when its voltage is none to work at.
+//! The supply bus of the bridges: a capacitor, fed by a source. The source may be unable to take current back, and may
+//! be disconnected. The module also has the bridges' own shutdown at a too low or too high bus voltage.
 //!
 //! ```
 //! use motor_hub::model::battery::Battery;
 //! use motor_hub::model::bus::Bus;
 //! use motor_hub::model::si::{Coulombs, Ohms, Seconds, Volts};
 //!
-//! // A bench supply behind 1000 uF. What comes back lifts the voltage, and nothing takes it down.
+//! // A bench supply with 1000 uF takes no current back, so returned charge raises the voltage and it stays high.
 //! let supply = Battery { emf: Volts(12.0), resistance: Ohms(0.1) };
 //! let mut bus = Bus::new(supply, 1e-3);
 //! bus.one_way = true;
@@ -19,112 +19,116 @@ use super::battery::Battery;
 use super::si::{Coulombs, Joules, Seconds, Volts};
 use crate::bridge::State;
 
-/// A capacitor and how it is connected to its source.
+/// The capacitor of the bus and its connection to the source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bus {
-    /// In farads, above 0.
+    /// Capacitance in F, above 0.
     pub capacitance: f64,
-    /// The source gives current and takes none: a diode, or a bench supply.
+    /// True if the source takes no current back, for example a bench supply or a source behind a diode.
     pub one_way: bool,
-    /// The contactor between source and capacitor is closed.
+    /// True if the contactor between source and capacitor is closed.
     pub closed: bool,
-    /// Of all bridges.
+    /// Shutdown voltages of all bridges.
     pub protection: Protection,
+    /// Voltage of the capacitor, V.
     voltage: f64,
-    given: f64,
+    /// Net energy that the source has delivered, J.
+    delivered: f64,
+    /// Heat in the resistance of the source, J.
     lost: f64,
 }
 
 impl Bus {
-    /// Charged by its source, which takes current back.
+    /// Creates a bus whose capacitor is charged to the voltage of its source. The source takes current back.
     #[must_use]
     pub const fn new(source: Battery, capacitance: f64) -> Self {
         let voltage = source.emf.0;
         let protection = Protection::VNH5019;
-        Self { capacitance, one_way: false, closed: true, protection, voltage, given: 0.0, lost: 0.0 }
+        Self { capacitance, one_way: false, closed: true, protection, voltage, delivered: 0.0, lost: 0.0 }
     }
 
-    /// Present voltage.
+    /// Returns the present voltage of the bus.
     #[must_use]
     pub const fn voltage(&self) -> Volts {
         Volts(self.voltage)
     }
 
-    /// Energy in the capacitor.
+    /// Returns the energy in the capacitor.
     #[must_use]
     pub const fn stored(&self) -> Joules {
         Joules(0.5 * self.capacitance * self.voltage * self.voltage)
     }
 
-    /// What the source has given so far, less what it was given: behind its resistance.
+    /// Returns the net energy that the source has delivered so far, including the heat in its resistance.
     #[must_use]
     pub const fn given(&self) -> Joules {
-        Joules(self.given)
+        Joules(self.delivered)
     }
 
-    /// What has become heat in the source's resistance so far.
+    /// Returns the heat in the resistance of the source so far.
     #[must_use]
     pub const fn lost(&self) -> Joules {
         Joules(self.lost)
     }
 
-    /// Bridges draw a charge at the present voltage; a negative one they return. By its energy, so that none is
-    /// lost however long the step was in which it was drawn.
+    /// Removes the charge that the bridges drew at the present voltage. A negative charge is returned to the bus.
+    ///
+    /// The energy of the charge is subtracted from the energy of the capacitor. Energy is therefore conserved.
     pub fn draw(&mut self, charge: Coulombs) {
         let square = self.voltage * self.voltage - 2.0 * self.voltage * charge.0 / self.capacitance;
         self.voltage = square.max(0.0).sqrt();
     }
 
-    /// The source charges the capacitor for a while, or discharges it.
+    /// Lets the source charge or discharge the capacitor for `time`.
     pub fn wait(&mut self, time: Seconds, source: &Battery) {
-        let away = self.voltage - source.emf.0;
-        if !self.closed || (self.one_way && away >= 0.0) {
+        let difference = self.voltage - source.emf.0;
+        if !self.closed || (self.one_way && difference >= 0.0) {
             return;
         }
         let before = self.stored().0;
         let tau = source.resistance.0 * self.capacitance;
-        let left = if tau > 0.0 { (-time.0 / tau).exp() } else { 0.0 };
-        let by = away * (left - 1.0);
-        self.voltage += by;
-        let given = source.emf.0 * self.capacitance * by;
-        self.given += given;
-        self.lost += given - (self.stored().0 - before);
+        let remaining = if tau > 0.0 { (-time.0 / tau).exp() } else { 0.0 };
+        let change = difference * (remaining - 1.0);
+        self.voltage += change;
+        let delivered = source.emf.0 * self.capacitance * change;
+        self.delivered += delivered;
+        self.lost += delivered - (self.stored().0 - before);
     }
 }
 
-/// Voltages at which a bridge opens by itself.
+/// Supply voltages at which a bridge shuts itself down: it opens all switches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Protection {
-    /// Above this, and then until its lines change.
+    /// The bridge opens above this voltage, and stays open until its input lines change.
     pub over: Volts,
-    /// Below this,
+    /// The bridge opens below this voltage.
     pub under: Volts,
-    /// until it is back here.
+    /// After an undervoltage shutdown the bridge works again from this voltage on.
     pub back: Volts,
 }
 
 impl Protection {
-    /// The thresholds that are typical of this family, within the data sheet's range of operation of 5.5 to 24 V.
+    /// Typical thresholds of the VNH5019 family. The data sheet states a range of operation of 5.5 to 24 V.
     pub const VNH5019: Self = Self { over: Volts(27.0), under: Volts(4.5), back: Volts(5.0) };
-    /// A bridge that works at any voltage.
+    /// A bridge that works at any supply voltage.
     pub const NONE: Self =
         Self { over: Volts(f64::INFINITY), under: Volts(f64::NEG_INFINITY), back: Volts(f64::NEG_INFINITY) };
 }
 
-/// Whether a bridge does what it is told.
+/// State of a bridge's own shutdown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shutdown {
-    /// It does.
+    /// The bridge follows its input lines.
     #[default]
     None,
-    /// The voltage was too low.
+    /// The bridge is open because the voltage was too low.
     Under,
-    /// The voltage was too high while its lines alternated between these states.
+    /// The bridge is open because the voltage was too high while its input lines alternated between these two states.
     Over(State, State),
 }
 
 impl Shutdown {
-    /// At this voltage, with lines that alternate between these states.
+    /// Returns the next state for this supply voltage and for input lines that alternate between the states `lines`.
     #[must_use]
     pub fn step(self, protection: &Protection, voltage: Volts, lines: (State, State)) -> Self {
         match self {

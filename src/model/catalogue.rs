@@ -1,11 +1,10 @@
 //! The motors that the paper's author characterised.
 //!
-//! Constants come from the author's repository `rgatkinson/RobotPhysics`; the header of the data
-//! file says which column stands where. They are measurements with known weaknesses: read
-//! [`CatalogueEntry::caveats`] before trusting a row.
+//! The constants come from the author's repository `rgatkinson/RobotPhysics`. The header of `motors.csv` explains its
+//! columns. The constants are measurements with known weaknesses, which [`CatalogueEntry::caveats`] lists.
 //!
-//! A motor is named as it is sold ("NeveRest 60"). The author's name for it ("AM 60 A") and the part number are
-//! accepted wherever a name is read.
+//! The name of a motor is its product name ("NeveRest 60"). [`find`] also accepts the author's name ("AM 60 A") and the
+//! part number.
 //!
 //! ```
 //! use motor_hub::model::catalogue::{catalogue, find};
@@ -22,67 +21,67 @@ use std::sync::LazyLock;
 use super::friction::{Cogging, Friction};
 use super::si::{Drag, EmfConstant, Henries, KgM2, NewtonMetres, Ohms, RadPerSec, TorqueConstant, Volts};
 
-/// Constants of a geared DC motor, all of the motor shaft, that is before the gearbox.
+/// Constants of a geared DC motor. All constants are at the motor shaft, before the gearbox.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motor {
-    /// Name in the catalogue: what the motor is sold as.
+    /// Product name, as in [`CatalogueEntry::name`].
     pub name: &'static str,
-    /// Winding resistance. Measured at 1 kHz on a standing motor: uncertain by a factor of 2 to 3.
+    /// Winding resistance. The value was measured at 1 kHz on a motor at rest, and is uncertain by a factor of 2 to 3.
     pub r: Ohms,
     /// Winding inductance.
     pub l: Henries,
-    /// Reduction ratio: turns of the motor per turn of the output.
+    /// Reduction ratio: turns of the motor shaft per turn of the output shaft.
     pub gear_ratio: f64,
     /// Efficiency of the gearbox, 0 to 1: output torque = ratio * efficiency * motor torque.
     pub eta: f64,
-    /// Back-EMF constant.
+    /// Back-EMF constant Ke.
     pub ke: EmfConstant,
-    /// Torque constant.
+    /// Torque constant Kt.
     pub kt: TorqueConstant,
-    /// Viscous drag.
+    /// Viscous drag of motor and gearbox.
     pub b: Drag,
-    /// Dry friction; none in the catalogue. Plants feel it, the closed forms leave it out.
+    /// Dry friction, 0 in the catalogue. Plants include it; the closed forms in [`response`](super::response) do not.
     pub friction: Friction,
-    /// Cogging; none in the catalogue. Plants feel it, the closed forms leave it out.
+    /// Cogging, 0 in the catalogue. Plants include it; the closed forms in [`response`](super::response) do not.
     pub cogging: Cogging,
-    /// Inertia as the paper computes it: the workbook's value divided by `eta * ratio²`.
+    /// Inertia that the paper uses: the value of the author's workbook divided by `eta * ratio²`.
     pub j: KgM2,
-    /// Inertia as the measurement report describes it: measured on the bare armature.
+    /// Inertia that was measured on the bare armature, according to the measurement report.
     pub j_rotor_measured: KgM2,
-    /// Encoder counts per turn of the motor.
+    /// Encoder counts per turn of the motor shaft.
     pub counts_per_rev_motor: f64,
 }
 
 impl Motor {
-    /// The same motor with the inertia that was measured on its bare armature.
+    /// Returns the motor with the inertia that was measured on its bare armature.
     ///
-    /// The paper's `j` treats that measurement as one behind the gearbox. It gives an AM 60 A
-    /// alone a mechanical time constant of 30 us; the armature's own inertia gives 98 ms.
+    /// The paper's `j` treats the measured inertia as an inertia after the gearbox. With this `j` an AM 60 A without
+    /// load has a mechanical time constant of 30 us. With the inertia of the armature the time constant is 98 ms.
     #[must_use]
     pub const fn with_measured_rotor_inertia(self) -> Self {
         Self { j: self.j_rotor_measured, ..self }
     }
 
-    /// Torque of the motor shaft held at rest at a voltage, `Kt V / R`.
+    /// Returns the stall torque on the motor shaft at a voltage, `Kt V / R`.
     #[must_use]
     pub fn stall_torque(&self, voltage: Volts) -> NewtonMetres {
         NewtonMetres(self.kt.0 * voltage.0 / self.r.0)
     }
 
-    /// Speed of the motor shaft without load at a voltage, `Kt V / (Kt Ke + B R)`.
+    /// Returns the speed of the motor shaft without load at a voltage, `Kt V / (Kt Ke + B R)`.
     #[must_use]
     pub fn free_speed(&self, voltage: Volts) -> RadPerSec {
         RadPerSec(self.kt.0 * voltage.0 / (self.kt.0 * self.ke.0 + self.b.0 * self.r.0))
     }
 
-    /// Encoder counts per turn of the output shaft.
+    /// Returns the encoder counts per turn of the output shaft.
     #[must_use]
     pub fn counts_per_rev_output(&self) -> f64 {
         self.counts_per_rev_motor * self.gear_ratio
     }
 
-    /// Back EMF per encoder speed, mV s/count: `2000 pi Ke / counts per turn` (paper,
-    /// revision of 31 August 2018).
+    /// Returns the back EMF per encoder speed in mV s/count: `2000 pi Ke / counts per turn` (paper, revision of 31
+    /// August 2018).
     #[must_use]
     pub fn ke_fw(&self) -> f64 {
         2000.0 * core::f64::consts::PI * self.ke.0 / self.counts_per_rev_motor
@@ -92,43 +91,46 @@ impl Motor {
 /// One row of the catalogue.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CatalogueEntry {
-    /// What the motor is sold as, such as "NeveRest 40". Of several specimens of a product, the one with the fewest
-    /// caveats has this name; the others have a letter after it, such as "NeveRest 40-A".
+    /// Product name, such as "NeveRest 40". If several specimens were measured, the specimen with the fewest caveats
+    /// has the product name alone. The others have a letter after the name, such as "NeveRest 40-A".
     pub name: &'static str,
-    /// The author's name: product family, ratio, and a letter for the specimen, such as "AM 40 A".
+    /// The author's name: product family, gear ratio, and a letter for the specimen, such as "AM 40 A".
     pub specimen: &'static str,
-    /// Vendor's part number; empty for further specimens of a product.
+    /// Part number of the vendor. It is empty for further specimens of a product.
     pub part_number: &'static str,
-    /// Encoder counts per turn of the motor.
+    /// Encoder counts per turn of the motor shaft.
     pub counts_per_rev_motor: f64,
-    /// Reduction ratio.
+    /// Reduction ratio: turns of the motor shaft per turn of the output shaft.
     pub gear_ratio: f64,
-    /// The constants, or `None` for a motor that is listed but was never characterised.
+    /// Constants of the motor; `None` if the motor was never characterised.
     pub motor: Option<Motor>,
-    /// Where in the author's files the row comes from.
+    /// Place in the author's files that the row comes from.
     pub source: &'static str,
-    /// What is doubtful about the row; empty if nothing is known to be.
+    /// Doubts about the values of the row; empty if none are known.
     pub caveats: &'static str,
 }
 
+/// Text of the data file.
 const TABLE: &str = include_str!("motors.csv");
 
-/// Columns of the data file that are used, by their headings there.
+/// Headings of the data file's columns, in their order.
 struct Columns<'a>(Vec<&'a str>);
 
 impl Columns<'_> {
+    /// Returns the text of a row in the column with this heading. `None` if there is no such column.
     fn text<'r>(&self, row: &[&'r str], heading: &str) -> Option<&'r str> {
         let index = self.0.iter().position(|&h| h == heading)?;
         row.get(index).copied()
     }
 
+    /// Returns the number of a row in the column with this heading. `None` if there is no such column or no number.
     fn number(&self, row: &[&str], heading: &str) -> Option<f64> {
         self.text(row, heading)?.parse().ok()
     }
 }
 
-/// Splits a line of comma-separated values. A field in double quotes may contain commas; doubled
-/// quotes inside one do not occur in the data file.
+/// Splits a line of comma-separated values. A field in double quotes may contain commas. The data file has no doubled
+/// quotes inside a field.
 fn fields(line: &str) -> Vec<&str> {
     let mut out = Vec::new();
     let mut rest = Some(line);
@@ -147,6 +149,7 @@ fn fields(line: &str) -> Vec<&str> {
     out
 }
 
+/// Reads the constants of a motor from a row. `None` if a value is missing.
 fn motor(columns: &Columns<'_>, row: &[&'static str]) -> Option<Motor> {
     let number = |heading| columns.number(row, heading);
     Some(Motor {
@@ -166,6 +169,7 @@ fn motor(columns: &Columns<'_>, row: &[&'static str]) -> Option<Motor> {
     })
 }
 
+/// Reads an entry from a row. `None` if a column other than the constants is missing.
 fn entry(columns: &Columns<'_>, row: &[&'static str]) -> Option<CatalogueEntry> {
     Some(CatalogueEntry {
         name: columns.text(row, "sold_as")?,
@@ -179,7 +183,7 @@ fn entry(columns: &Columns<'_>, row: &[&'static str]) -> Option<CatalogueEntry> 
     })
 }
 
-/// Every row of the data file, in its order.
+/// Returns all entries, in the order of the data file.
 #[must_use]
 pub fn catalogue() -> &'static [CatalogueEntry] {
     static ENTRIES: LazyLock<Vec<CatalogueEntry>> = LazyLock::new(|| {
@@ -190,11 +194,11 @@ pub fn catalogue() -> &'static [CatalogueEntry] {
     &ENTRIES
 }
 
-/// Further names under which products are sold, and the names of their rows.
+/// Further names of products, each with the name of its entry.
 const ALIASES: [(&str, &str); 1] = [("REV Core Hex", "Core Hex")];
 
 impl CatalogueEntry {
-    /// Other names that [`find`] accepts: the author's, further names of the product, and the part number.
+    /// Iterates over the other names that [`find`] accepts: author's name, further product names, part number.
     pub fn aliases(&self) -> impl Iterator<Item = &'static str> {
         let &Self { name, specimen, part_number, .. } = self;
         let products = ALIASES.iter().filter(move |(_, row)| *row == name).map(|(alias, _)| *alias);
@@ -203,13 +207,14 @@ impl CatalogueEntry {
     }
 }
 
-/// Every motor with constants.
+/// Iterates over the motors that have constants.
 pub fn motors() -> impl Iterator<Item = Motor> {
     catalogue().iter().filter_map(|entry| entry.motor)
 }
 
-/// The row of this name, alias or part number. Only letters and digits count, in either case: "neverest60" finds
-/// "NeveRest 60", and so does "AM 60 A".
+/// Finds the entry with this name, alias or part number. `None` if the catalogue has no such entry.
+///
+/// Only letters and digits are compared, in upper or lower case: "neverest60" and "am60a" both find "NeveRest 60".
 #[must_use]
 pub fn find(name: &str) -> Option<&'static CatalogueEntry> {
     let key = |text: &str| -> String {
@@ -222,29 +227,29 @@ pub fn find(name: &str) -> Option<&'static CatalogueEntry> {
         .or_else(|| rows.find(|entry| entry.aliases().any(|alias| key(alias) == wanted)))
 }
 
-/// Why a name gives no motor.
+/// Error of [`characterised`]: no motor with constants has the name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum UnknownMotor {
-    /// The catalogue has no such row.
+    /// The catalogue has no motor with this name.
     NotListed(String),
-    /// The catalogue has the motor without constants.
+    /// The catalogue lists the motor without constants.
     NeverCharacterised(String),
 }
 
 impl core::fmt::Display for UnknownMotor {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::NotListed(name) => write!(f, "no motor {name:?}")?,
+            Self::NotListed(name) => write!(f, "the catalogue has no motor {name:?}")?,
             Self::NeverCharacterised(name) => write!(f, "motor {name:?} was never characterised")?,
         }
-        let known: Vec<_> = motors().map(|motor| motor.name).collect();
-        write!(f, "; known are {}", known.join(", "))
+        let names: Vec<_> = motors().map(|motor| motor.name).collect();
+        write!(f, "; use one of: {}", names.join(", "))
     }
 }
 
 impl core::error::Error for UnknownMotor {}
 
-/// The constants of the motor of this name, found as by [`find`].
+/// Returns the constants of the motor that [`find`] finds for this name.
 ///
 /// ```
 /// use motor_hub::model::catalogue::characterised;
@@ -254,7 +259,7 @@ impl core::error::Error for UnknownMotor {}
 /// ```
 ///
 /// # Errors
-/// What is wrong with the name; shown, it says which names there are.
+/// Returns [`UnknownMotor`] if no motor has this name, or if the motor has no constants. The message lists all names.
 pub fn characterised(name: &str) -> Result<Motor, UnknownMotor> {
     let entry = find(name).ok_or_else(|| UnknownMotor::NotListed(name.to_owned()))?;
     entry.motor.ok_or_else(|| UnknownMotor::NeverCharacterised(name.to_owned()))
@@ -266,7 +271,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_row_is_listed_and_all_but_one_have_constants() {
+    fn catalogue_has_all_rows_and_only_tetrix_lacks_constants() {
         assert_eq!(catalogue().len(), 18);
         let without: Vec<_> = catalogue().iter().filter(|e| e.motor.is_none()).map(|e| e.name).collect();
         assert_eq!(without, ["Tetrix"]);
@@ -287,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn motors_are_found_by_product_author_s_name_and_part_number() {
+    fn find_accepts_product_names_author_names_and_part_numbers() {
         for (typed, name) in [
             ("neverest 60", "NeveRest 60"),
             ("am60a", "NeveRest 60"),
@@ -305,12 +310,12 @@ mod tests {
     }
 
     #[test]
-    fn the_free_speed_is_where_the_drag_takes_what_the_back_emf_leaves() {
+    fn at_free_speed_motor_torque_equals_viscous_drag() {
         let motor = find("AM 60 A").and_then(|e| e.motor).unwrap();
         let w = motor.free_speed(Volts(12.0)).0;
         let current = (12.0 - motor.ke.0 * w) / motor.r.0;
         assert!((motor.kt.0 * current - motor.b.0 * w).abs() < 1e-9);
-        // The data file's own column.
+        // The data file has the free speed in a column of its own.
         assert!((w - 610.423_778_15).abs() < 1e-4, "{w}");
     }
 

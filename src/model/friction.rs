@@ -1,12 +1,10 @@
-//! What a motor shaft feels beside viscous drag: dry friction, and the cogging of its rotor.
+//! Torques on a motor shaft besides viscous drag: dry friction, and the cogging of the rotor.
 //!
-//! Dry friction is Coulomb's: sliding takes the same torque at any speed, against the motion. At rest
-//! it is whatever keeps the shaft at rest, up to the breakaway torque. Cogging is the pull of the
-//! magnets on the rotor's teeth: periodic in the angle, and conservative, so that a whole turn takes
-//! no work.
+//! Dry friction is Coulomb friction. While the shaft turns, the friction torque is constant and against the motion. At
+//! rest, it balances the other torques up to the *breakaway torque*. *Cogging* is the attraction between magnets and
+//! rotor teeth. Its torque is periodic in the angle and conservative, so that a whole turn takes no work.
 //!
-//! The catalogue was measured with viscous drag alone and has figures for neither, so its motors have
-//! none of them. Both are torques on the motor shaft.
+//! Motors of the catalogue have neither, because they were measured with viscous drag alone.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -17,7 +15,7 @@
 //! use motor_hub::model::si::{Hertz, NewtonMetres, RadPerSec, Seconds, Volts};
 //! use motor_hub::model::switching::Bridge;
 //!
-//! // 5 % of the stall torque to slide, so 6.5 % to break away: 6 % of the voltage moves nothing.
+//! // With 5 % of the stall torque as Coulomb torque the breakaway torque is 6.5 %. So 6 % of the voltage moves nothing.
 //! let motor = characterised("AM 60 A")?.with_measured_rotor_inertia();
 //! let coulomb = NewtonMetres(0.05 * motor.stall_torque(Volts(12.0)).0);
 //! let motor = Motor { friction: Friction::with_coulomb(coulomb), ..motor };
@@ -36,50 +34,51 @@ use super::si::{Joules, NewtonMetres};
 pub struct Friction {
     /// Torque against the motion while the shaft turns, at least 0.
     pub coulomb: NewtonMetres,
-    /// Torque up to which a shaft at rest stays at rest; what is below `coulomb` counts as `coulomb`.
+    /// Torque up to which a shaft at rest stays at rest. A value below `coulomb` acts as `coulomb`.
     pub breakaway: NewtonMetres,
 }
 
 impl Friction {
-    /// None.
+    /// No dry friction.
     pub const NONE: Self = Self { coulomb: NewtonMetres(0.0), breakaway: NewtonMetres(0.0) };
 
-    /// Breakaway torque as a multiple of Coulomb torque, where only that is known.
+    /// Assumed ratio of breakaway torque to Coulomb torque if only the Coulomb torque is known, without unit.
     pub const STATIC_RATIO: f64 = 1.3;
 
-    /// Coulomb friction of at least 0, and [`STATIC_RATIO`](Self::STATIC_RATIO) times that to break away.
+    /// Creates a friction from its Coulomb torque, at least 0. Breakaway takes [`STATIC_RATIO`](Self::STATIC_RATIO)
+    /// times that torque.
     #[must_use]
     pub const fn with_coulomb(coulomb: NewtonMetres) -> Self {
         Self { coulomb, breakaway: NewtonMetres(Self::STATIC_RATIO * coulomb.0) }
     }
 
-    /// Whether a shaft at rest stays there under `torque`.
-    pub(super) fn holds(&self, torque: f64) -> bool {
+    /// Returns true if a shaft at rest stays at rest under `torque`, in N m.
+    pub(super) fn sticks(&self, torque: f64) -> bool {
         torque.abs() <= self.breakaway.0.max(self.coulomb.0)
     }
 }
 
-/// Cogging of a rotor: `-amplitude sin(per_turn angle)`, so that angle 0 is where it likes to rest.
+/// Cogging of a rotor. Its torque is `-amplitude sin(per_turn angle)`, so the rotor has a stable position at angle 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cogging {
-    /// Largest torque, on the motor shaft, at least 0.
+    /// Largest cogging torque on the motor shaft, at least 0.
     pub amplitude: NewtonMetres,
-    /// Places of rest per turn of the motor: the least common multiple of the numbers of teeth and of
-    /// poles, as 6 with three teeth between two poles, and 10 with five.
+    /// Stable positions per turn of the motor: the least common multiple of the numbers of teeth and of poles. Two
+    /// poles give 6 with three teeth and 10 with five.
     pub per_turn: u16,
 }
 
 impl Cogging {
-    /// None.
+    /// No cogging.
     pub const NONE: Self = Self { amplitude: NewtonMetres(0.0), per_turn: 0 };
 
-    /// Torque at a motor angle in rad.
+    /// Returns the torque at a motor angle in rad.
     #[must_use]
     pub fn torque(&self, angle: f64) -> NewtonMetres {
         NewtonMetres(self.mean_torque(angle, 0.0))
     }
 
-    /// Energy stored at a motor angle in rad, 0 at a place of rest.
+    /// Returns the energy stored at a motor angle in rad. It is 0 at a stable position.
     #[must_use]
     pub fn energy(&self, angle: f64) -> Joules {
         if self.per_turn == 0 {
@@ -89,14 +88,15 @@ impl Cogging {
         Joules(2.0 * self.amplitude.0 / f64::from(self.per_turn) * half * half)
     }
 
-    /// Mean of the torque over the angles from `from` to `from + by`: times `by`, it is the stored
-    /// energy that is set free between them.
+    /// Returns the mean torque in N m over the angles from `from` to `from + by`, in rad.
+    ///
+    /// Multiplied by `by`, the mean torque is the stored energy released between the two angles.
     pub(super) fn mean_torque(&self, from: f64, by: f64) -> f64 {
         if self.amplitude.0 == 0.0 {
             return 0.0;
         }
         let half = 0.5 * f64::from(self.per_turn) * by;
-        // sin(x)/x, its series where the next term is below 1e-16.
+        // This is sin(x)/x. For small x the series is exact enough: its next term is below 1e-16.
         let spread = if half.abs() < 0.25 {
             let x = half * half;
             1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0 * (1.0 - x / 110.0))))
@@ -106,7 +106,7 @@ impl Cogging {
         -self.amplitude.0 * (f64::from(self.per_turn) * from + half).sin() * spread
     }
 
-    /// Slope of the torque where the shaft likes to rest, N m/rad.
+    /// Returns the slope of the torque at a stable position, N m/rad.
     pub(super) fn stiffness(&self) -> f64 {
         self.amplitude.0 * f64::from(self.per_turn)
     }
@@ -119,7 +119,7 @@ mod tests {
     const COGGING: Cogging = Cogging { amplitude: NewtonMetres(2e-3), per_turn: 10 };
 
     #[test]
-    fn mean_torque_sets_free_what_was_stored() {
+    fn mean_torque_times_angle_is_the_released_energy() {
         for from in [-700.0, -0.3, 0.0, 0.1, 55.5] {
             for by in [-1.7, -0.0501, -0.0499, -1e-7, 0.0, 1e-9, 1e-3, 0.4, 7.0] {
                 let freed = COGGING.energy(from).0 - COGGING.energy(from + by).0;
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn cogging_repeats_from_tooth_to_tooth_and_rests_at_angle_0() {
+    fn cogging_is_periodic_and_stable_at_angle_0() {
         let tooth = core::f64::consts::TAU / 10.0;
         for angle in [0.0, 0.05, 0.2, -0.31] {
             assert!((COGGING.torque(angle).0 - COGGING.torque(angle + tooth).0).abs() < 1e-17);
@@ -149,10 +149,10 @@ mod tests {
     }
 
     #[test]
-    fn breakaway_below_coulomb_counts_as_coulomb() {
+    fn breakaway_torque_is_at_least_the_coulomb_torque() {
         let friction = Friction { coulomb: NewtonMetres(1.0), breakaway: NewtonMetres(0.0) };
-        assert!(friction.holds(1.0) && friction.holds(-1.0) && !friction.holds(1.001));
+        assert!(friction.sticks(1.0) && friction.sticks(-1.0) && !friction.sticks(1.001));
         let friction = Friction::with_coulomb(NewtonMetres(1.0));
-        assert!(friction.holds(-1.3) && !friction.holds(1.301));
+        assert!(friction.sticks(-1.3) && !friction.sticks(1.301));
     }
 }

@@ -1,4 +1,4 @@
-//! The mode and duty that make a wanted mean current: the bridge, inverted.
+//! Inverse of the bridge: mode and duty for a requested mean current.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -6,7 +6,7 @@
 //! use motor_hub::model::si::{Amps, Hertz, Volts};
 //! use motor_hub::model::switching::{Bridge, Circuit, Conditions};
 //!
-//! // Half an ampere against the rotation is a share of what full dynamic braking would be.
+//! // A current of 0.5 A against the rotation is a part of the current of full dynamic braking, so mode 5/0 is chosen.
 //! let circuit = Circuit::new(&characterised("AM 60 A")?, Bridge::IDEAL);
 //! let at = Conditions { battery: Volts(12.0), emf: Volts(6.0) };
 //! let choice = circuit.duty_for_current(Amps(-0.5), Hertz(20_000.0), at);
@@ -23,15 +23,17 @@ use crate::bridge::Mode;
 /// A mode with its duty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
-    /// The mode.
+    /// Mode of the bridge.
     pub mode: Mode,
-    /// The duty of its first state, 0 to 1.
+    /// Duty of the on state of the mode, 0 to 1.
     pub duty: f64,
 }
 
 impl Circuit {
-    /// The regime that a mean current belongs to: with the rotation 9/8, against it up to full
-    /// dynamic braking 5/0, beyond that 6/2 (and mirrored for counter-clockwise rotation).
+    /// Returns the mode for a mean current.
+    ///
+    /// For clockwise rotation a positive current takes mode 9/8. A negative current takes mode 5/0 up to full dynamic
+    /// braking, and mode 6/2 beyond. For counter-clockwise rotation the modes are mirrored.
     #[must_use]
     pub fn mode_for_current(&self, wanted: Amps, at: Conditions) -> Mode {
         if at.emf.0 < 0.0 {
@@ -47,23 +49,25 @@ impl Circuit {
         }
     }
 
-    /// Mode and duty whose periodic mean current is `wanted`, to the precision of `f64`. A current
-    /// out of the mode's reach gets the duty that comes nearest.
+    /// Returns mode and duty whose periodic mean current is `wanted`, to the precision of `f64`.
+    ///
+    /// If the mode cannot make this current, the duty is the nearest end of 0 to 1.
     #[must_use]
     pub fn duty_for_current(&self, wanted: Amps, frequency: Hertz, at: Conditions) -> Choice {
         let mode = self.mode_for_current(wanted, at);
-        let miss = |duty: f64| self.steady(Pwm::new(mode, duty, frequency), at).mean.0 - wanted.0;
-        Choice { mode, duty: bracketed_zero(0.0, 1.0, miss) }
+        let error = |duty: f64| self.steady(Pwm::new(mode, duty, frequency), at).mean.0 - wanted.0;
+        Choice { mode, duty: bracketed_zero(0.0, 1.0, error) }
     }
 
-    /// The same by formula, without simulating the bridge: within 0.001 of the exact duty from
-    /// 15 kHz on, within 0.01 down to 1 kHz, for every motor of the catalogue.
+    /// Returns mode and duty for a mean current by a formula, without simulation of the bridge.
     ///
-    /// In continuous conduction the mean of the terminal voltage is linear in the duty. In
-    /// discontinuous conduction the current rises from zero for `x` and falls to zero within `y`
-    /// (in units of the electrical time constant), and the charge of that triangle of exponentials
-    /// is `a x - c ln(1 + (a/c)(1 - exp(-x)))`, `a` and `c` being the voltages that raise and lower
-    /// it. Valid for `|emf|` below the battery's voltage.
+    /// For each motor of the catalogue the duty is within 0.001 of the exact duty from 15 kHz on, and within 0.01 from
+    /// 1 kHz on. `|emf|` must be below the battery voltage.
+    ///
+    /// In continuous conduction the mean terminal voltage is linear in the duty. In discontinuous conduction the
+    /// current rises from zero for a time `x`, then falls to zero, with times in units of the electrical time constant.
+    /// The charge of this pulse is `a x - c ln(1 + (a/c)(1 - exp(-x)))`. Here `a` is the voltage that raises the
+    /// current and `c` the voltage that lowers it.
     #[must_use]
     pub fn duty_for_current_formula(&self, wanted: Amps, frequency: Hertz, at: Conditions) -> Choice {
         if at.emf.0 < 0.0 {
@@ -85,15 +89,17 @@ impl Circuit {
             }
             Mode::Ccw62 => {
                 let continuous = (vd - e - i * (r + ron)) / (v + vd + i * ron);
-                // Below the diode's drop the EMF cannot keep up the current between pulses.
+                // A back EMF below the diode drop cannot keep current flowing between two pulses.
                 self.discontinuous(i, v + e, vd - e, r + 1.5 * ron, frequency).unwrap_or(continuous)
             }
         };
         Choice { mode, duty: duty.clamp(0.0, 1.0) }
     }
 
-    /// Duty of discontinuous conduction with the mean current's size `|i|`, or `None` where the
-    /// current would not return to zero within the period.
+    /// Returns the duty of discontinuous conduction for a mean current of magnitude `|i|`.
+    ///
+    /// `rise` and `fall` are the voltages in V that raise and lower the current, and `r` is the resistance of its path
+    /// in ohm. `None` if the current would not return to zero within the period.
     fn discontinuous(&self, i: f64, rise: f64, fall: f64, r: f64, frequency: Hertz) -> Option<f64> {
         if i == 0.0 {
             return Some(0.0);
@@ -105,8 +111,8 @@ impl Circuit {
         let ratio = rise / fall;
         let charge = r * i.abs() * periods;
         let fall_time = |x: f64| (ratio * -(-x).exp_m1()).ln_1p();
-        // The charge is convex in x and the start, from its leading term, lies below the root or
-        // slightly above; Newton's steps then approach from above.
+        // Newton's method. The charge is convex in x, and the first estimate comes from its leading term. That estimate
+        // is below the root or slightly above, so later estimates approach the root from above.
         let mut x = (2.0 * charge / (rise * (1.0 + ratio))).sqrt();
         for _ in 0..60 {
             let decay = (-x).exp();
@@ -121,6 +127,7 @@ impl Circuit {
     }
 }
 
+/// Returns the conditions of a motor that turns in the other direction at the same speed.
 fn mirrored(at: Conditions) -> Conditions {
     Conditions { emf: super::si::Volts(-at.emf.0), ..at }
 }

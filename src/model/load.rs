@@ -1,11 +1,11 @@
-//! What the output shaft turns, and what the motor feels of it through the gearbox.
+//! Loads on the output shaft, and their effect on the motor shaft through the gearbox.
 //!
 //! ```
 //! use motor_hub::model::catalogue::characterised;
 //! use motor_hub::model::load::{Load, Shaft};
 //! use motor_hub::model::si::{Kilograms, Metres};
 //!
-//! // Behind a gearbox of 60 to 1 a flywheel is small.
+//! // A gearbox of 60:1 divides the inertia of a flywheel by more than 2000.
 //! let motor = characterised("AM 60 A")?.with_measured_rotor_inertia();
 //! let load = Load::flywheel(Kilograms(0.5), Metres(0.06));
 //! let shaft = Shaft::new(&motor, &load);
@@ -19,33 +19,33 @@ use super::si::{Drag, KgM2, Kilograms, Metres, NewtonMetres};
 /// A load on the output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
-    /// Moment of inertia.
+    /// Moment of inertia on the output shaft.
     pub inertia_after: KgM2,
-    /// Viscous drag.
+    /// Viscous drag on the output shaft.
     pub drag_after: Drag,
-    /// Constant external torque, positive when it drives clockwise.
+    /// Constant external torque on the output shaft, positive when it drives clockwise.
     pub torque_after: NewtonMetres,
 }
 
 impl Load {
-    /// No load: the bare motor.
+    /// No load: the motor and its gearbox only.
     pub const NONE: Self =
         Self { inertia_after: KgM2(0.0), drag_after: Drag(0.0), torque_after: NewtonMetres(0.0) };
 
-    /// A solid disc: inertia `m r² / 2`, no drag.
+    /// Creates a flywheel: a solid disc with the inertia `m r² / 2` and no drag.
     #[must_use]
     pub fn flywheel(mass: Kilograms, radius: Metres) -> Self {
         Self { inertia_after: KgM2(0.5 * mass.0 * radius.0 * radius.0), ..Self::NONE }
     }
 
-    /// A load that is only an inertia.
+    /// Creates a load with an inertia, without drag and torque.
     #[must_use]
     pub const fn inertia(inertia_after: KgM2) -> Self {
         Self { inertia_after, ..Self::NONE }
     }
 }
 
-/// Motor and load as one body on the motor shaft (paper, section 2.2.2).
+/// Motor and load, combined as one body on the motor shaft (paper, section 2.2.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shaft {
     /// Total inertia, `J + Jafter / (eta N²)`.
@@ -57,7 +57,7 @@ pub struct Shaft {
 }
 
 impl Shaft {
-    /// Reflects `load` through the gearbox of `motor`.
+    /// Converts `load` to the motor shaft through the gearbox of `motor` and adds the motor's own inertia and drag.
     #[must_use]
     pub fn new(motor: &Motor, load: &Load) -> Self {
         let n = motor.gear_ratio;

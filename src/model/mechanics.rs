@@ -1,47 +1,49 @@
-//! The mechanical side of a plant: how a shaft turns through one window of constant torque, exactly.
+//! Mechanical part of a plant: the exact motion of a shaft during one window of constant torque.
 //!
-//! `J w' + B w = torque - friction` has an exponential as its solution while the shaft slides in one
-//! direction. Where it comes to a stop within the window the instant is a logarithm; there it stays,
-//! or turns the other way for the rest of the window.
+//! A *window* is one time step of the simulation. The shaft follows `J w' + B w = torque - friction`. While it turns in
+//! one direction the solution is an exponential. If it stops within the window, the time of the stop is a logarithm.
+//! The shaft then stays at rest, or turns in the other direction for the rest of the window.
 
 use super::friction::Friction;
 use super::load::Shaft;
-use super::numeric::{ln_1p_share, phi1, phi2};
+use super::numeric::{ln_1p_over_x, phi1, phi2};
 use super::switching::Circuit;
 
-/// The solution over one window from its length, without what changes from window to window.
+/// Coefficients of the solution. They depend on the length of the window, not on speed or torque.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mechanics {
+    /// Length of the window, s.
     pub window: f64,
-    /// Share of the speed that is left after the window.
+    /// Speed at the end of the window per speed at its beginning.
     decay: f64,
-    /// Share of the speed that its mean over the window keeps.
+    /// Mean speed during the window per speed at its beginning.
     mean: f64,
-    /// Final speed per torque.
+    /// Speed at the end of the window per torque, rad/s per N m.
     gain: f64,
-    /// Mean speed per torque.
+    /// Mean speed during the window per torque, rad/s per N m.
     pub mean_gain: f64,
-    /// How much less current a volt of back EMF lets through in the window's mean, 1/ohm, at most.
+    /// Largest decrease of the mean motor current per volt of back EMF, 1/ohm.
     pub admittance: f64,
 }
 
-/// How the shaft moved in a window.
+/// Motion of the shaft during a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Turned {
-    /// Mean speed.
+pub(super) struct ShaftMotion {
+    /// Mean speed, rad/s.
     pub mean: f64,
-    /// Speed at the window's end.
+    /// Speed at the end of the window, rad/s.
     pub end: f64,
-    /// Angle over which there was friction, forth and back, at least 0.
-    pub rubbed: f64,
+    /// Angle turned against dry friction, the sum of both directions, rad, at least 0.
+    pub sliding_angle: f64,
 }
 
-impl Turned {
-    /// Not at all.
-    pub(super) const REST: Self = Self { mean: 0.0, end: 0.0, rubbed: 0.0 };
+impl ShaftMotion {
+    /// The shaft rests during the whole window.
+    pub(super) const REST: Self = Self { mean: 0.0, end: 0.0, sliding_angle: 0.0 };
 }
 
 impl Mechanics {
+    /// Computes the coefficients for a window of `window` seconds.
     pub(super) fn new(shaft: &Shaft, circuit: &Circuit, window: f64) -> Self {
         let x = shaft.drag.0 * window / shaft.inertia.0;
         Self {
@@ -54,55 +56,57 @@ impl Mechanics {
         }
     }
 
-    /// From `speed` under `torque`, without friction.
-    pub(super) fn free(&self, speed: f64, torque: f64) -> Turned {
-        Turned {
+    /// Returns the motion from the initial `speed` (rad/s) under `torque` (N m), without dry friction.
+    pub(super) fn without_friction(&self, speed: f64, torque: f64) -> ShaftMotion {
+        ShaftMotion {
             mean: self.mean * speed + self.mean_gain * torque,
             end: self.decay * speed + self.gain * torque,
-            rubbed: 0.0,
+            sliding_angle: 0.0,
         }
     }
 
-    /// The same with friction. `holds` tells whether the shaft stays where it comes to rest.
-    pub(super) fn rubbing(
+    /// Returns the motion from the initial `speed` (rad/s) under `torque` (N m), with dry friction.
+    ///
+    /// If `sticks` is true, a shaft that comes to rest stays at rest for the rest of the window.
+    pub(super) fn with_friction(
         &self,
         shaft: &Shaft,
         friction: &Friction,
         speed: f64,
         torque: f64,
-        holds: bool,
-    ) -> Turned {
+        sticks: bool,
+    ) -> ShaftMotion {
         let coulomb = friction.coulomb.0;
-        let starts = !holds && torque.abs() > coulomb;
+        let starts = !sticks && torque.abs() > coulomb;
         let sign = if speed != 0.0 {
             speed.signum()
         } else if starts {
             torque.signum()
         } else {
-            return Turned::REST;
+            return ShaftMotion::REST;
         };
-        let along = self.free(speed, torque - sign * coulomb);
-        if along.end * sign >= 0.0 {
-            return Turned { rubbed: along.mean.abs() * self.window, ..along };
+        let sliding = self.without_friction(speed, torque - sign * coulomb);
+        if sliding.end * sign >= 0.0 {
+            return ShaftMotion { sliding_angle: sliding.mean.abs() * self.window, ..sliding };
         }
-        // Stops within the window; what brings it to rest is above 0, or it would not.
+        // The shaft stops within the window, so the braking torque is above 0.
         let braking = coulomb - sign * torque;
-        let undragged = shaft.inertia.0 * speed.abs() / braking;
-        let stop = undragged * ln_1p_share(shaft.drag.0 * speed.abs() / braking);
+        let stop_without_drag = shaft.inertia.0 * speed.abs() / braking;
+        let stop = stop_without_drag * ln_1p_over_x(shaft.drag.0 * speed.abs() / braking);
         let stop = stop.min(self.window);
-        let forth = travel(shaft, speed, -sign * braking, stop);
+        let forward = travel(shaft, speed, -sign * braking, stop);
         if !starts {
-            return Turned { mean: forth / self.window, end: 0.0, rubbed: forth.abs() };
+            return ShaftMotion { mean: forward / self.window, end: 0.0, sliding_angle: forward.abs() };
         }
         let rest = self.window - stop;
         let back_torque = torque + sign * coulomb;
         let back = travel(shaft, 0.0, back_torque, rest);
         let end = rest / shaft.inertia.0 * phi1(shaft.drag.0 * rest / shaft.inertia.0) * back_torque;
-        Turned { mean: (forth + back) / self.window, end, rubbed: forth.abs() + back.abs() }
+        ShaftMotion { mean: (forward + back) / self.window, end, sliding_angle: forward.abs() + back.abs() }
     }
 }
 
-/// Angle turned within `time`.
+/// Returns the angle in rad that the shaft turns within `time` (s) from `speed` (rad/s) under `torque` (N m).
 fn travel(shaft: &Shaft, speed: f64, torque: f64, time: f64) -> f64 {
     let x = shaft.drag.0 * time / shaft.inertia.0;
     time * (phi1(x) * speed + time / shaft.inertia.0 * phi2(x) * torque)
@@ -125,8 +129,8 @@ mod tests {
         for drag in [0.0, 1e-7, 1e-5, 1e-2] {
             for speed in [-200.0, -1.0, -1e-6, 0.0, 1e-9, 0.02, 3.0, 150.0] {
                 for torque in [-0.05, -4e-3, -3e-3, -1e-3, 0.0, 2e-3, 3.5e-3, 0.01] {
-                    for holds in [false, true] {
-                        check(&shaft(drag), speed, torque, holds);
+                    for sticks in [false, true] {
+                        check(&shaft(drag), speed, torque, sticks);
                     }
                 }
             }
@@ -134,13 +138,13 @@ mod tests {
     }
 
     #[test]
-    fn without_friction_it_is_free_to_the_last_bit() {
+    fn zero_friction_gives_the_bits_of_the_motion_without_friction() {
         cases(|shaft, speed, torque, _| {
             let mechanics = Mechanics::new(shaft, &CIRCUIT, 1e-2);
-            let free = mechanics.free(speed, torque);
-            // What passes zero is pieced together there; and rest without torque has no sign.
+            let free = mechanics.without_friction(speed, torque);
+            // A motion through zero is computed in two parts. A shaft at rest without torque has no direction.
             if free.end * speed > 0.0 {
-                let turned = mechanics.rubbing(shaft, &Friction::NONE, speed, torque, false);
+                let turned = mechanics.with_friction(shaft, &Friction::NONE, speed, torque, false);
                 assert_eq!(
                     (turned.mean.to_bits(), turned.end.to_bits()),
                     (free.mean.to_bits(), free.end.to_bits())
@@ -150,11 +154,11 @@ mod tests {
     }
 
     #[test]
-    fn passing_zero_without_friction_is_seamless() {
+    fn zero_friction_changes_no_motion_through_zero_speed() {
         cases(|shaft, speed, torque, _| {
             let mechanics = Mechanics::new(shaft, &CIRCUIT, 1e-2);
-            let free = mechanics.free(speed, torque);
-            let turned = mechanics.rubbing(shaft, &Friction::NONE, speed, torque, false);
+            let free = mechanics.without_friction(speed, torque);
+            let turned = mechanics.with_friction(shaft, &Friction::NONE, speed, torque, false);
             let scale = speed.abs() + 1e3 * torque.abs();
             assert!((turned.mean - free.mean).abs() <= 1e-12 * scale, "{shaft:?} {speed} {torque}");
             assert!((turned.end - free.end).abs() <= 1e-12 * scale, "{shaft:?} {speed} {torque}");
@@ -162,59 +166,61 @@ mod tests {
     }
 
     #[test]
-    fn work_is_motion_and_heat() {
+    fn work_equals_kinetic_energy_plus_friction_heat() {
         let mut worst: f64 = 0.0;
-        cases(|shaft, speed, torque, holds| {
+        cases(|shaft, speed, torque, sticks| {
             if shaft.drag.0 > 0.0 {
                 return;
             }
             let mechanics = Mechanics::new(shaft, &CIRCUIT, 1e-2);
-            let turned = mechanics.rubbing(shaft, &FRICTION, speed, torque, holds);
+            let turned = mechanics.with_friction(shaft, &FRICTION, speed, torque, sticks);
             let work = torque * turned.mean * 1e-2;
-            let heat = FRICTION.coulomb.0 * turned.rubbed;
+            let heat = FRICTION.coulomb.0 * turned.sliding_angle;
             let before = 0.5 * shaft.inertia.0 * speed * speed;
             let after = 0.5 * shaft.inertia.0 * turned.end * turned.end;
             let miss = (work - heat - after + before).abs() / (work.abs() + heat + before + after + 1e-300);
             worst = worst.max(miss);
-            assert!(miss < 1e-12, "{speed} {torque} {holds}: {miss}");
+            assert!(miss < 1e-12, "{speed} {torque} {sticks}: {miss}");
         });
         assert!(worst > 0.0);
     }
 
     #[test]
-    fn one_window_is_many_short_ones() {
+    fn one_window_equals_many_short_windows() {
         cases(|shaft, speed, torque, _| {
-            let holds = FRICTION.holds(torque);
-            let whole = Mechanics::new(shaft, &CIRCUIT, 1e-2).rubbing(shaft, &FRICTION, speed, torque, holds);
+            let sticks = FRICTION.sticks(torque);
+            let whole =
+                Mechanics::new(shaft, &CIRCUIT, 1e-2).with_friction(shaft, &FRICTION, speed, torque, sticks);
             let piece = Mechanics::new(shaft, &CIRCUIT, 1e-2 / 37.0);
-            let (mut end, mut angle, mut rubbed) = (speed, 0.0, 0.0);
+            let (mut end, mut angle, mut sliding_angle) = (speed, 0.0, 0.0);
             for _ in 0..37 {
-                let turned = piece.rubbing(shaft, &FRICTION, end, torque, holds);
+                let turned = piece.with_friction(shaft, &FRICTION, end, torque, sticks);
                 end = turned.end;
                 angle += turned.mean * piece.window;
-                rubbed += turned.rubbed;
+                sliding_angle += turned.sliding_angle;
             }
             let what = format!("{shaft:?} {speed} {torque}: {whole:?}");
             let scale = speed.abs() + 1e3 * torque.abs() + 1e-12;
             assert!((end - whole.end).abs() < 1e-11 * scale, "{what} {end}");
             assert!((angle - whole.mean * 1e-2).abs() < 1e-13 * scale, "{what} {angle}");
-            assert!((rubbed - whole.rubbed).abs() < 1e-13 * scale, "{what} {rubbed}");
+            assert!((sliding_angle - whole.sliding_angle).abs() < 1e-13 * scale, "{what} {sliding_angle}");
         });
     }
 
     #[test]
-    fn it_stops_exactly_and_stays_or_turns_back() {
+    fn a_shaft_stops_at_exactly_zero_and_stays_or_turns_back() {
         let shaft = shaft(1e-5);
         let mechanics = Mechanics::new(&shaft, &CIRCUIT, 1e-2);
-        let rubbing =
-            |speed, torque| mechanics.rubbing(&shaft, &FRICTION, speed, torque, FRICTION.holds(torque));
-        assert_eq!(rubbing(0.0, 4e-3), Turned::REST);
-        assert_eq!(rubbing(1.0, -4e-3).end, 0.0);
-        assert_eq!(rubbing(-1.0, 0.0).end, 0.0);
-        assert!(rubbing(1.0, -4e-3).mean > 0.0);
-        assert!(rubbing(1.0, -5e-3).end < 0.0);
-        assert!(rubbing(0.0, 5e-3).end > 0.0);
-        // Breakaway is for what rests: under the same torque a moving shaft goes on.
-        assert!(rubbing(1e-9, 4e-3).end > 0.1);
+        let motion = |speed, torque| {
+            mechanics.with_friction(&shaft, &FRICTION, speed, torque, FRICTION.sticks(torque))
+        };
+        assert_eq!(motion(0.0, 4e-3), ShaftMotion::REST);
+        assert_eq!(motion(1.0, -4e-3).end, 0.0);
+        assert_eq!(motion(-1.0, 0.0).end, 0.0);
+        assert!(motion(1.0, -4e-3).mean > 0.0);
+        assert!(motion(1.0, -5e-3).end < 0.0);
+        assert!(motion(0.0, 5e-3).end > 0.0);
+        // Breakaway torque acts on a shaft at rest only: a moving shaft continues under the same torque.
+        assert!(motion(1e-9, 4e-3).end > 0.1);
     }
 }

@@ -1,9 +1,11 @@
-//! Physics in `f64`: characterised motors, their loads, the switching bridge with its catch diodes,
-//! and plants for whole runs. Nothing here runs on a microcontroller.
+//! Physical model in `f64`: characterised motors, loads, the switching bridge with its catch diodes, and plants.
+//! A *plant* is a motor with its load and its bridge, simulated over time. The model does not run on a microcontroller.
 //!
-//! Sign conventions, everywhere: clockwise (CW) is positive; positive current flows from the left
-//! terminal to the right one and makes CW torque; motor quantities are before the gearbox unless a
-//! name says `after`; battery current is positive when it leaves the battery.
+//! Conventions of all modules:
+//! * Clockwise (CW) is positive for speed, angle and torque.
+//! * Positive motor current flows from the left terminal to the right one and makes CW torque.
+//! * Positive battery current leaves the battery.
+//! * A quantity whose name has `after` is after the gearbox, at the output shaft. All others are at the motor shaft.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -13,7 +15,7 @@
 //! use motor_hub::model::si::{Hertz, Volts};
 //! use motor_hub::model::switching::{Bridge, Pwm};
 //!
-//! // On an ideal bridge at full duty a motor without load runs at almost the speed whose back EMF is 12 V.
+//! // At full duty on an ideal bridge the back EMF of a motor without load is almost the battery voltage.
 //! let motor = characterised("AM 60 A")?;
 //! let full = Pwm::new(Mode::Cw98, 1.0, Hertz(20_000.0));
 //! let speed = OpenLoop::new(&motor, &Load::NONE, Bridge::IDEAL).steady_speed(full, Volts(12.0));

@@ -1,38 +1,38 @@
-//! Small numerical tools: functions whose textbook form loses digits, and a bracketing root finder.
+//! Numerical functions that stay precise for small arguments, and a bracketing root finder.
 
-/// `(1 - exp(-x)) / x`, the mean of `exp(-s)` for `s` from 0 to `x`; 1 at `x = 0`.
+/// Returns `(1 - exp(-x)) / x`: the mean of `exp(-s)` for `s` from 0 to `x`. It is 1 at `x = 0`.
 pub(super) fn phi1(x: f64) -> f64 {
     if x.abs() < 1e-8 { 1.0 - 0.5 * x } else { -(-x).exp_m1() / x }
 }
 
-/// `(1 - phi1(x)) / x`, the mean over `0..x` of the response to a unit ramp's slope; 1/2 at `x = 0`.
+/// Returns `(1 - phi1(x)) / x`: the mean of `1 - exp(-s)` for `s` from 0 to `x`, divided by `x`. It is 1/2 at `x = 0`.
 pub(super) fn phi2(x: f64) -> f64 {
     if x.abs() < 0.02 {
-        // Truncation error below x^6 / 40320, 2e-15 at the limit of the branch.
+        // The truncation error is below x^6 / 40320, which is 2e-15 at x = 0.02.
         0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0 - x / 5040.0))))
     } else {
         (1.0 - phi1(x)) / x
     }
 }
 
-/// `ln(1 + x) / x` for `x` of at least 0; 1 at `x = 0`.
-pub(super) fn ln_1p_share(x: f64) -> f64 {
+/// Returns `ln(1 + x) / x` for `x` of at least 0. It is 1 at `x = 0`.
+pub(super) fn ln_1p_over_x(x: f64) -> f64 {
     if x < 1e-8 { 1.0 - 0.5 * x } else { x.ln_1p() / x }
 }
 
-/// A zero of a continuous `f` between `a` and `b`, where it changes sign, to about 1e-16 of the
-/// interval: Chandrupatla's method (bisection unless inverse quadratic interpolation is safe).
+/// Finds a zero of the continuous function `f` between `a` and `b`, to about 1e-16 of the interval.
 ///
-/// If `f` does not change sign the end with the smaller `|f|` is returned.
+/// The method is Chandrupatla's: bisection, or inverse quadratic interpolation where that is safe. If `f` does not
+/// change sign between `a` and `b`, the function returns the end with the smaller `|f|`.
 pub(super) fn bracketed_zero(a: f64, b: f64, mut f: impl FnMut(f64) -> f64) -> f64 {
     let (mut x1, mut x2) = (b, a);
     let (mut f1, mut f2) = (f(b), f(a));
-    // An end that is a zero has no side of its own.
+    // The sign does not change, or an end is a zero itself: the answer is an end.
     if f1 == 0.0 || f2 == 0.0 || f1 * f2 > 0.0 {
         return if f1.abs() < f2.abs() { b } else { a };
     }
     let mut t = 0.5;
-    // Bisection alone needs about 55 rounds; the method needs fewer than twice as many.
+    // Bisection alone needs about 55 iterations, and this method fewer than twice as many.
     for _ in 0..120 {
         let x = x1 + t * (x2 - x1);
         let fx = f(x);
@@ -68,13 +68,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn phi_functions_meet_at_their_branch_limits() {
+    fn series_and_closed_forms_agree_at_the_branch_limits() {
         for x in [1e-8, 0.02] {
             let below = x * (1.0 - 1e-9);
             let above = x * (1.0 + 1e-9);
             assert!((phi1(below) - phi1(above)).abs() < 1e-10);
             assert!((phi2(below) - phi2(above)).abs() < 1e-10);
-            assert!((ln_1p_share(below) - ln_1p_share(above)).abs() < 1e-10);
+            assert!((ln_1p_over_x(below) - ln_1p_over_x(above)).abs() < 1e-10);
         }
         assert!((phi2(0.02) - (0.02 + (-0.02_f64).exp_m1()) / 4e-4).abs() < 1e-12);
     }
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn bracketed_zero_at_an_end_or_beyond_is_that_end() {
+    fn a_zero_at_or_beyond_an_end_gives_that_end() {
         assert_eq!(bracketed_zero(0.0, 1.0, |x| x - 1.0), 1.0);
         assert_eq!(bracketed_zero(0.0, 1.0, |x| x), 0.0);
         assert_eq!(bracketed_zero(0.0, 1.0, |x| x - 2.0), 1.0);

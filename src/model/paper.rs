@@ -1,17 +1,17 @@
-//! The paper's four schemes in `f64`, unclamped, and what follows from them and the bridge:
-//! where full braking ends, and how fast a motor runs at a duty.
+//! The paper's four schemes in `f64`, without clamping. Two results of schemes and bridge are here too: the change from
+//! braking to reverse, and the steady speed of a motor at a duty.
 //!
-//! A scheme maps a control value from `-c_max` to `c_max` through four points: S (full reverse),
-//! T (full dynamic braking), Z (no current), G (full forward). Abscissas are control values,
-//! ordinates volts in Scheme A and amperes in the others. All formulas are for clockwise rotation;
-//! for the other direction take the size of the back EMF and negate both coordinates.
+//! A scheme maps control values from `-c_max` to `c_max` to volts (Scheme A) or amperes (Schemes B, C and D). The map
+//! is piecewise linear through four points: S (full reverse), T (full dynamic braking), Z (no current), G (full
+//! forward). The `x` of a point is its control value, its `y` is in volts or amperes. All formulas are for clockwise
+//! rotation. For counter-clockwise rotation use the size of the back EMF and negate both coordinates.
 //!
 //! ```
 //! use motor_hub::model::paper::Scheme;
 //! use motor_hub::model::si::{Ohms, Volts};
 //! use motor_hub::model::switching::Conditions;
 //!
-//! // Scheme B at half of the free speed: full dynamic braking a third of the way to full reverse.
+//! // Scheme B at a back EMF of half the battery voltage: T is at a third of the control range below 0.
 //! let at = Conditions { battery: Volts(12.0), emf: Volts(6.0) };
 //! let points = Scheme::B.points(1.0, Ohms(3.0), at);
 //! assert!((points.t.x + 1.0 / 3.0).abs() < 1e-12);
@@ -25,21 +25,23 @@ use super::periodic::Conduction;
 use super::si::{Amps, Ohms, RadPerSec, Volts};
 use super::switching::{Bridge, Circuit, Conditions, Pwm};
 
-/// Relative distance of the back EMF from the battery's voltage that counts as equality.
-const MEETING: f64 = 1e-12;
+/// Relative difference below which back EMF and battery voltage count as equal, without unit.
+///
+/// The value is some 4500 times the resolution of `f64`.
+const EQUALITY_TOLERANCE: f64 = 1e-12;
 
-/// A scheme of the paper: A in section 2, B in section 3, C and D in the revision of 31 August 2018.
+/// A scheme of the paper. A is in section 2, B in section 3, C and D are in the revision of 31 August 2018.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scheme {
-    /// Voltage linear in the control value.
+    /// The voltage is linear in the control value.
     A,
-    /// Current linear in the control value, on each side of zero.
+    /// The current is linear in the control value, with one slope above 0 and another below 0.
     B,
-    /// Current with one slope through braking and driving.
+    /// The current has the same slope for driving and for braking.
     C,
-    /// A blend of B (0) and C (1).
+    /// A blend of Schemes B and C.
     D {
-        /// The share of C.
+        /// Share of Scheme C, 0 to 1. At 0 Scheme D equals Scheme B.
         blend: f64,
     },
 }
@@ -47,31 +49,31 @@ pub enum Scheme {
 /// A point of a scheme.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Control value; infinite where the scheme has no such point.
+    /// Control value of the point; infinite if the scheme does not have the point at this speed.
     pub x: f64,
-    /// Volts in Scheme A, amperes in the others.
+    /// Voltage in V for Scheme A, current in A for the other schemes.
     pub y: f64,
 }
 
 /// The four points of a scheme at one speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Points {
-    /// Full reverse.
+    /// Point S: full reverse.
     pub s: Point,
-    /// Full dynamic braking.
+    /// Point T: full dynamic braking.
     pub t: Point,
-    /// No current.
+    /// Point Z: no current.
     pub z: Point,
-    /// Full forward.
+    /// Point G: full forward.
     pub g: Point,
-    /// Normalised speed: back EMF over battery voltage.
+    /// Normalised speed: back EMF divided by battery voltage.
     pub u: f64,
-    /// False where the points mean nothing: C and D from `u = 1` on.
+    /// True if the points are defined. Scheme C, and D with a blend above 0, are defined for `u` below 1 only.
     pub valid: bool,
 }
 
 impl Scheme {
-    /// The points for control values up to `c_max`; `at.emf` at least 0.
+    /// Returns the points of the scheme for control values up to `c_max`. `at.emf` must be at least 0.
     #[must_use]
     pub fn points(self, c_max: f64, r: Ohms, at: Conditions) -> Points {
         let (v, e) = (at.battery.0, at.emf.0);
@@ -91,13 +93,13 @@ impl Scheme {
             Self::C => 1.0,
             Self::D { blend } => blend,
         };
-        let meets = (v - e).abs() <= MEETING * v;
+        let emf_is_battery = (v - e).abs() <= EQUALITY_TOLERANCE * v;
+        // Factor of Scheme B's control values of S and T: 1 + blend (rho - 1), with rho = (v + e)/(v - e).
         let stretch = if blend == 0.0 {
             1.0
-        } else if meets {
+        } else if emf_is_battery {
             f64::INFINITY
         } else {
-            // 1 + blend (rho - 1), rho = (v + e)/(v - e).
             1.0 + blend * 2.0 * e / (v - e)
         };
         Points {
@@ -106,54 +108,56 @@ impl Scheme {
             z: Point { x: 0.0, y: 0.0 },
             g: Point { x: c_max, y: (v - e) / r.0 },
             u,
-            valid: blend == 0.0 || (u < 1.0 && !meets),
+            valid: blend == 0.0 || (u < 1.0 && !emf_is_battery),
         }
     }
 }
 
-/// The largest blend of Scheme D with which full dynamic braking stays within the control range:
-/// `(1 - u) / (2 u²)`, at most 1; 0 from `u = 1` on. `u` at least 0.
+/// Returns the largest blend of Scheme D with which full dynamic braking stays within the control range.
+///
+/// The blend is `(1 - u) / (2 u²)`, limited to 1. It is 0 if `u` is 1 or more. `u` must be at least 0.
 #[must_use]
 pub fn blend_keeping_t_in_range(u: f64) -> f64 {
     if u >= 1.0 { 0.0 } else { ((1.0 - u) / (2.0 * u * u)).min(1.0) }
 }
 
-/// The crossing from braking to reverse at point T, where a diode takes over from a switch
-/// (the paper's first to-do item).
+/// The change from braking to reverse at point T, where a diode replaces a switch in the current's path (the paper's
+/// first to-do item).
 ///
-/// 6/2 at duty 0 brakes through one diode and so by `Vd/R` less than 5/0 at duty 1.
+/// Mode 6/2 at duty 0 brakes through one diode, mode 5/0 at duty 1 through no diode. The braking current of mode 6/2 is
+/// therefore smaller by `Vd/R`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reverse0 {
-    /// Duty of 6/2 that continues full dynamic braking exactly.
+    /// Duty at which mode 6/2 brakes with the current of full dynamic braking.
     pub duty_at_t: f64,
-    /// Current of 6/2 at duty 0.
+    /// Motor current of mode 6/2 at duty 0.
     pub current: Amps,
-    /// Current of full dynamic braking.
+    /// Motor current of full dynamic braking.
     pub current_at_t: Amps,
-    /// Control value of 6/2 at duty 0 on the extended line from S through T, Scheme A.
+    /// Control value in Scheme A at which the line from S through T, extended, reaches duty 0 of mode 6/2.
     pub control_a: f64,
-    /// The same for Scheme B.
+    /// Control value in Scheme B at which the line from S through T, extended, reaches duty 0 of mode 6/2.
     pub control_b: f64,
     /// Control value of point T in Scheme B.
     pub t_of_b: f64,
-    /// The blend up to which Scheme D keeps T in range at this speed.
+    /// Largest blend with which Scheme D keeps T within the control range at this speed.
     pub blend_keeping_t_in_range: f64,
 }
 
 impl Circuit {
-    /// The crossing at T for control values up to `c_max`; `at.emf` at least 0.
+    /// Returns the change from braking to reverse at T for control values up to `c_max`. `at.emf` must be at least 0.
     ///
-    /// The currents and the duty take the switches' resistance into account; the control values are
-    /// those of the ideal switch, `x_T + (x_T - x_S) Vd/Vbat`.
+    /// The currents and the duty include the resistance of the switches. The control values are for ideal switches:
+    /// `x_T + (x_T - x_S) Vd/Vbat`.
     #[must_use]
     pub fn reverse0(&self, c_max: f64, at: Conditions) -> Reverse0 {
         let (v, e) = (at.battery.0, at.emf.0);
         let (vd, ron, r) = (self.bridge.vd.0, self.bridge.ron.0, self.r.0);
-        // What one switch drops at full braking: 6/2 has one in its path where 5/0 has two.
-        let switch = ron * e / (r + 2.0 * ron);
+        // Voltage drop of one switch at full braking. Mode 6/2 has one switch in the current's path, mode 5/0 has two.
+        let switch_drop = ron * e / (r + 2.0 * ron);
         let b = Scheme::B.points(c_max, self.r, at);
         Reverse0 {
-            duty_at_t: (vd - switch) / (v + vd - switch),
+            duty_at_t: (vd - switch_drop) / (v + vd - switch_drop),
             current: Amps(-(e - vd).max(0.0) / (r + ron)),
             current_at_t: Amps(-e / (r + 2.0 * ron)),
             control_a: c_max * vd / v,
@@ -164,18 +168,18 @@ impl Circuit {
     }
 }
 
-/// A motor that runs at a fixed duty until its torque balances drag and external torque.
+/// A motor with its load at a fixed duty, for the computation of its steady speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpenLoop {
     motor: Motor,
     shaft: Shaft,
-    /// External torque on the motor shaft.
+    /// External torque on the motor shaft, N m.
     torque: f64,
     circuit: Circuit,
 }
 
 impl OpenLoop {
-    /// The motor with its load, the load's constant torque included.
+    /// Combines a motor, its load and its bridge. The constant torque of the load is included.
     #[must_use]
     pub fn new(motor: &Motor, load: &Load, bridge: Bridge) -> Self {
         let shaft = Shaft::new(motor, load);
@@ -183,16 +187,17 @@ impl OpenLoop {
         Self { motor: *motor, shaft, torque, circuit: Circuit::new(motor, bridge) }
     }
 
-    /// Conditions at a motor speed.
+    /// Returns the conditions at a motor speed in rad/s.
     fn at(&self, speed: f64, battery: Volts) -> Conditions {
         Conditions { battery, emf: Volts(self.motor.ke.0 * speed) }
     }
 
-    /// Speed of the motor shaft at which the mean torque of `pwm` balances drag and external torque.
+    /// Returns the speed of the motor shaft at which the mean torque of `pwm` balances drag and external torque.
     #[must_use]
     pub fn steady_speed(&self, pwm: Pwm, battery: Volts) -> RadPerSec {
         let Bridge { vd, ron, .. } = self.circuit.bridge;
-        // Even an open bridge brakes with the external torque at this speed, through its diodes.
+        // No steady speed is above `fastest`: even an open bridge brakes there, through its diodes, with more than the
+        // external torque.
         let resistance = self.motor.r.0 + 2.0 * ron.0;
         let limit = battery.0 + 2.0 * vd.0 + self.torque.abs() * resistance / self.motor.kt.0;
         let fastest = 1.01 * limit / self.motor.ke.0;
@@ -203,8 +208,9 @@ impl OpenLoop {
         RadPerSec(bracketed_zero(-fastest, fastest, surplus))
     }
 
-    /// The duty from which on the current at steady speed does not rest at zero any more, or `None`
-    /// if it still does at duty 1. `pwm.duty` is ignored.
+    /// Returns the smallest duty at which conduction is continuous at steady speed. `pwm.duty` is ignored.
+    ///
+    /// `None` if conduction is discontinuous even at duty 1.
     #[must_use]
     pub fn continuity_duty(&self, pwm: Pwm, battery: Volts) -> Option<f64> {
         let continuous = |duty: f64| {

@@ -1,4 +1,4 @@
-//! The current that repeats from one PWM period to the next at constant speed.
+//! The periodic steady state: the current that repeats in each PWM period at constant speed.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -11,7 +11,7 @@
 //! let at = Conditions { battery: Volts(12.0), emf: Volts(6.0) };
 //! let steady = circuit.steady(Pwm::new(Mode::Cw98, 0.75, Hertz(20_000.0)), at);
 //! assert_eq!(steady.conduction, Conduction::Continuous);
-//! // 0.75 of 12 V, less the back EMF, over the winding's resistance.
+//! // The mean current is 0.75 of 12 V minus the back EMF of 6 V, divided by the resistance of the winding.
 //! assert!((steady.mean.0 - 3.0 / circuit.r.0).abs() < 1e-3);
 //! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
 //! ```
@@ -21,19 +21,19 @@ use super::numeric::bracketed_zero;
 use super::si::{Amps, Seconds};
 use super::switching::{Circuit, Conditions, Integrals, Pwm};
 
-/// Whether current flows through the whole period.
+/// Kind of conduction: how long current flows in each period.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Conduction {
-    /// Current flows all the time (it may pass through zero).
+    /// Current flows during the whole period. It may change its sign.
     Continuous,
-    /// Current rests at zero for a part of the period.
+    /// Current is zero during a part of the period.
     Discontinuous,
-    /// No current at all.
+    /// Current is zero during the whole period.
     Zero,
 }
 
 impl Conduction {
-    /// "C", "D" or "zero".
+    /// Returns the name in tables: "C", "D" or "zero".
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -53,22 +53,22 @@ pub struct Steady {
     pub mean: Amps,
     /// Root mean square of the motor current.
     pub rms: Amps,
-    /// Mean battery current, negative when it flows back.
+    /// Mean battery current, negative when current returns to the battery.
     pub battery: Amps,
-    /// Whether current flows all the time.
+    /// Kind of conduction.
     pub conduction: Conduction,
-    /// The integrals over the period that the averages come from.
+    /// Integrals over the period, from which the averages are computed.
     pub sums: Integrals,
     /// Length of the period.
     pub period: Seconds,
 }
 
 impl Circuit {
-    /// The periodic steady state of `pwm`.
+    /// Computes the periodic steady state of `pwm`.
     ///
-    /// A period's final current is a rising function of its initial current with a slope below 1,
-    /// so there is exactly one. It is closed form where the current never changes sign, and a root
-    /// to machine precision where it does.
+    /// The final current of a period rises with its initial current, with a slope below 1. Therefore there is exactly
+    /// one steady state. If the current never changes its sign, a formula gives the steady state. Otherwise a root
+    /// finder does, to machine precision.
     #[must_use]
     pub fn steady(&self, pwm: Pwm, at: Conditions) -> Steady {
         let run = |start: f64| {
@@ -77,7 +77,7 @@ impl Circuit {
             (end.0, sums)
         };
         let (from_zero, sums) = run(0.0);
-        // One sign or the other is reached from zero, and with it the sign of the fixed point.
+        // The current after one period from zero has the sign of the periodic initial current.
         let start = if from_zero > 0.0 {
             self.fixed_point(pwm, at, CurrentSign::Positive)
         } else if from_zero < 0.0 {
@@ -92,7 +92,9 @@ impl Circuit {
         summarise(pwm, start, run(start).1)
     }
 
-    /// The periodic initial current if the current keeps `sign`, or `None` if it then does not, or if switching takes time.
+    /// Returns the periodic initial current under the assumption that the current keeps `sign`.
+    ///
+    /// `None` if the current does not keep the sign, or if the bridge has slow edges.
     fn fixed_point(&self, pwm: Pwm, at: Conditions, sign: CurrentSign) -> Option<f64> {
         if self.bridge.edges.are_slow() {
             return None;
@@ -113,7 +115,7 @@ impl Circuit {
         (keeps(start) && keeps(turn)).then_some(start)
     }
 
-    /// No periodic current can be larger than this.
+    /// Returns an upper limit of the size of a periodic current, A.
     fn largest_target(&self, pwm: Pwm, at: Conditions) -> f64 {
         let mut largest: f64 = 0.0;
         for state in [pwm.on, pwm.off] {

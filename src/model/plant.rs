@@ -1,19 +1,19 @@
-//! A geared motor with its load behind a switching bridge, for whole runs.
+//! A plant: a geared motor with its load and its switching bridge, simulated over time.
 //!
-//! Time advances in windows of at most one PWM period. Within a window the electrical side is
-//! event-exact at a constant back EMF, the one of the window's own mean speed; the mechanical side
-//! is the exact exponential under the window's mean torque. The two are iterated until they agree,
-//! which makes the step second-order accurate and stable for every motor. The error is of the order
-//! of `(w h)² / 24` of a change, `w` being the undamped frequency `sqrt(Ke Kt / (L Jt))` and `h` the
-//! window; windows shorter than the period are taken so that `w h` stays below 0.15 and the mean
-//! current of a few periods within 0.1 % of `Vbat/R`. Ripple of the speed within a window does not
-//! feed back into the current.
+//! Time advances in *windows* of at most one PWM period. In each window:
+//! 1. The electrical part is exact at a constant back EMF, which belongs to the mean speed of the window.
+//! 2. The mechanical part is exact under a constant torque, which belongs to the mean current of the window.
+//! 3. Both parts are iterated until they agree. The method is second-order accurate and stable for every motor.
 //!
-//! [Friction and cogging](super::friction) are exact for the mean torque of a window: a stop is an event
-//! within it, from which the shaft turns back or rests, with a speed of exactly 0; cogging sets free
-//! what it has stored. At rest the mean torque at standstill decides whether the shaft breaks away.
-//! Ripple within a window does not: at 20 kHz it would turn a shaft by some 1e-7 rad, which contacts
-//! are taken to give without slipping.
+//! The relative error of a change is about `(w h)² / 24`. Here `h` is the length of the window and `w` is the undamped
+//! frequency `sqrt(Ke Kt / (L Jt))`. Windows are so short that `w h` is below 0.15. The mean current over a few periods
+//! is then within 0.1 % of `Vbat/R`. The ripple of the speed within a window does not act on the current.
+//!
+//! [Friction and cogging](super::friction) are exact for the mean torque of a window. A stop is an event within the
+//! window: from there the shaft turns back, or rests with a speed of exactly 0. Cogging releases exactly the energy
+//! that it stored. A shaft at rest breaks away if the mean torque at standstill is larger than the breakaway torque.
+//! The ripple of the torque does not start a motion. At 20 kHz the ripple would turn a shaft by some 1e-7 rad, and the
+//! model assumes that the gear contacts yield by this angle without sliding.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -23,7 +23,7 @@
 //! use motor_hub::model::si::{Hertz, Seconds, Volts};
 //! use motor_hub::model::switching::Bridge;
 //!
-//! // Driven clockwise at half of the duty for a tenth of a second.
+//! // The motor is driven clockwise at duty 0.5 for 0.1 s.
 //! let motor = characterised("AM 60 A")?.with_measured_rotor_inertia();
 //! let mut plant = Plant::new(motor, Load::NONE, Bridge::IDEAL, Hertz(20_000.0));
 //! let flow = plant.run(Seconds(0.1), Influence::pwm(Mode::Cw98, 0.5), Volts(12.0));
@@ -34,79 +34,80 @@
 use super::catalogue::Motor;
 use super::friction::{Cogging, Friction};
 use super::load::{Load, Shaft};
-use super::mechanics::{Mechanics, Turned};
+use super::mechanics::{Mechanics, ShaftMotion};
 use super::si::{Amps, Coulombs, Hertz, Joules, NewtonMetres, RadPerSec, Seconds, Volts};
 use super::switching::{Bridge, Circuit, Conditions, Integrals, Part};
 use crate::bridge::{Mode, State};
 
-/// Largest product of undamped frequency and window.
+/// Largest product of undamped frequency (rad/s) and window length (s), without unit. It limits the error of a window.
 const WINDOW_LIMIT: f64 = 0.15;
 
-/// What acts on a plant: its bridge, and an external torque.
+/// Inputs of a plant: the command to its bridge, and an external torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Influence {
-    /// The state during the duty.
+    /// State of the bridge in the first part of each PWM period.
     pub on: State,
-    /// The state during the rest of each PWM period.
+    /// State of the bridge in the rest of each PWM period.
     pub off: State,
     /// Share of each PWM period spent in `on`, 0 to 1.
     pub duty: f64,
-    /// External torque on the output shaft beside the load's own, positive clockwise.
+    /// External torque on the output shaft in addition to the load's constant torque, positive clockwise.
     pub torque_after: NewtonMetres,
 }
 
 impl Influence {
-    /// All switches open, no external torque.
+    /// All switches are open, and there is no external torque.
     pub const COAST: Self =
         Self { on: State::Coast, off: State::Coast, duty: 0.0, torque_after: NewtonMetres(0.0) };
 
-    /// A mode at a duty from 0 to 1, without external torque.
+    /// Commands a mode at a duty from 0 to 1, without external torque.
     #[must_use]
     pub const fn pwm(mode: Mode, duty: f64) -> Self {
         Self { on: mode.on(), off: mode.off(), duty, torque_after: NewtonMetres(0.0) }
     }
 }
 
-/// What flowed during a run.
+/// Charge and energy that flowed during a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Flow {
     /// Length of the run.
     pub time: Seconds,
     /// Charge through the motor, positive clockwise.
     pub charge: Coulombs,
-    /// What of it a bridge shows that senses in its high-side switches: that through the one that is closed in 9/8 or 6/2,
-    /// at least 0.
+    /// Part of `charge` that a current sense in the high-side switches measures, at least 0.
+    ///
+    /// The sense measures the high-side switch that stays closed in mode 9/8 or 6/2. In mode 5/0 it measures nothing.
     pub charge_shown: Coulombs,
     /// Energy that left the battery, at least 0.
     pub energy_from_battery: Joules,
-    /// Energy that went back into the battery, at least 0.
+    /// Energy that returned to the battery, at least 0.
     pub energy_to_battery: Joules,
     /// Charge that left the battery, at least 0.
     pub charge_from_battery: Coulombs,
-    /// Charge that went back into the battery, at least 0.
+    /// Charge that returned to the battery, at least 0.
     pub charge_to_battery: Coulombs,
     /// Heat in winding, switches and diodes.
     pub heat: Joules,
-    /// Energy that the motor turned into shaft work; negative while it brakes.
+    /// Mechanical work of the motor on its shaft; negative while the motor brakes.
     pub shaft_work: Joules,
-    /// Heat of dry friction, at least 0; viscous drag is not in it.
+    /// Heat of dry friction, at least 0. The heat of viscous drag is not included.
     pub friction_heat: Joules,
 }
 
 impl Flow {
-    /// Mean motor current, 0 for a run of no length.
+    /// Returns the mean motor current, or 0 if the run has no length.
     #[must_use]
     pub fn mean_current(&self) -> Amps {
         Amps(if self.time.0 > 0.0 { self.charge.0 / self.time.0 } else { 0.0 })
     }
 
-    /// Net charge out of the battery, C.
+    /// Returns the net charge that left the battery, C.
     #[must_use]
     pub fn battery_charge(&self) -> f64 {
         self.charge_from_battery.0 - self.charge_to_battery.0
     }
 
-    /// Adds what flowed in a following run.
+    /// Adds the result of a following run.
     pub fn append(&mut self, next: &Self) {
         self.time.0 += next.time.0;
         self.charge.0 += next.charge.0;
@@ -121,41 +122,48 @@ impl Flow {
     }
 }
 
-/// A motor, its load and its bridge, in motion.
+/// A motor with its load and its bridge, and their present state.
 #[derive(Clone, Debug)]
 pub struct Plant {
     motor: Motor,
     load: Load,
     shaft: Shaft,
     circuit: Circuit,
+    /// PWM period, s.
     period: f64,
+    /// Longest window of this plant, s.
     longest_window: f64,
     coefficients: Mechanics,
-    /// Whether there is friction or cogging.
-    rough: bool,
-    /// Time since the present PWM period began.
+    /// True if the motor has dry friction or cogging.
+    has_friction: bool,
+    /// Time since the beginning of the present PWM period, s.
     phase: f64,
+    /// Motor current, A.
     current: f64,
+    /// Speed of the motor shaft, rad/s.
     speed: f64,
+    /// Angle of the motor shaft, rad.
     angle: f64,
-    /// Mean current of the window before, the first guess for the next one.
+    /// Mean current of the last window, A: the first estimate for the next window.
     last_mean: f64,
-    /// The mode, by the state of the PWM line at rest, and how long the bridge is still open for its change.
+    /// Off state of the present mode. Each mode has another off state.
     mode: State,
+    /// Time for which the bridge stays open for the change to `mode`, s.
     open_s: f64,
 }
 
-/// What stays the same during a run.
+/// Inputs that are constant during a run.
 #[derive(Clone, Copy)]
 struct Run {
     influence: Influence,
+    /// Time spent in the on state in each PWM period, s.
     on_time: f64,
     battery: Volts,
-    /// External torque, on the motor shaft.
+    /// External torque on the motor shaft, N m.
     torque: f64,
 }
 
-/// In seconds.
+/// Returns the longest window in seconds: the PWM period divided by a whole number, so that [`WINDOW_LIMIT`] is kept.
 fn longest_window(motor: &Motor, shaft: &Shaft, period: f64) -> f64 {
     let undamped = (motor.ke.0 * motor.kt.0 / (motor.l.0 * shaft.inertia.0)
         + motor.cogging.stiffness() / shaft.inertia.0)
@@ -165,7 +173,7 @@ fn longest_window(motor: &Motor, shaft: &Shaft, period: f64) -> f64 {
 }
 
 impl Plant {
-    /// A plant at rest, without current, at angle 0 and the beginning of a PWM period.
+    /// Creates a plant at rest, without current, at angle 0 and at the beginning of a PWM period.
     #[must_use]
     pub fn new(motor: Motor, load: Load, bridge: Bridge, pwm: Hertz) -> Self {
         let shaft = Shaft::new(&motor, &load);
@@ -180,7 +188,7 @@ impl Plant {
             period,
             longest_window,
             coefficients: Mechanics::new(&shaft, &circuit, longest_window),
-            rough: motor.friction != Friction::NONE || motor.cogging != Cogging::NONE,
+            has_friction: motor.friction != Friction::NONE || motor.cogging != Cogging::NONE,
             phase: 0.0,
             current: 0.0,
             speed: 0.0,
@@ -191,7 +199,7 @@ impl Plant {
         }
     }
 
-    /// Connects another load, which has the shaft's speed at once.
+    /// Connects another load, which takes the speed of the shaft immediately.
     pub fn set_load(&mut self, load: Load) {
         self.load = load;
         self.shaft = Shaft::new(&self.motor, &load);
@@ -199,55 +207,55 @@ impl Plant {
         self.coefficients = Mechanics::new(&self.shaft, &self.circuit, self.longest_window);
     }
 
-    /// Gives it another dry friction.
+    /// Changes the dry friction of the motor.
     pub fn set_friction(&mut self, friction: Friction) {
         self.motor.friction = friction;
-        self.rough = friction != Friction::NONE || self.motor.cogging != Cogging::NONE;
+        self.has_friction = friction != Friction::NONE || self.motor.cogging != Cogging::NONE;
     }
 
-    /// The motor.
+    /// Returns the constants of the motor.
     #[must_use]
     pub const fn motor(&self) -> &Motor {
         &self.motor
     }
 
-    /// The load.
+    /// Returns the load.
     #[must_use]
     pub const fn load(&self) -> &Load {
         &self.load
     }
 
-    /// Present motor current.
+    /// Returns the present motor current.
     #[must_use]
     pub const fn current(&self) -> Amps {
         Amps(self.current)
     }
 
-    /// Present speed of the motor shaft.
+    /// Returns the present speed of the motor shaft.
     #[must_use]
     pub const fn speed(&self) -> RadPerSec {
         RadPerSec(self.speed)
     }
 
-    /// Present speed of the output shaft.
+    /// Returns the present speed of the output shaft.
     #[must_use]
     pub fn speed_after(&self) -> RadPerSec {
         RadPerSec(self.speed / self.motor.gear_ratio)
     }
 
-    /// Angle that the motor shaft has turned, rad, without bound.
+    /// Returns the angle of the motor shaft in rad. It is not limited to one turn.
     #[must_use]
     pub const fn angle(&self) -> f64 {
         self.angle
     }
 
-    /// What an encoder on the motor shaft has counted since angle 0.
+    /// Returns the counts of an encoder on the motor shaft since angle 0.
     #[must_use]
     pub fn counts(&self) -> i64 {
         counts(self.angle, self.motor.counts_per_rev_motor)
     }
 
-    /// Puts the plant into a state of motion: motor current, motor speed, motor angle in rad.
+    /// Sets the state of the plant: motor current, speed of the motor shaft, and angle of the motor shaft in rad.
     pub fn place(&mut self, current: Amps, speed: RadPerSec, angle: f64) {
         self.current = current.0;
         self.last_mean = current.0;
@@ -255,8 +263,10 @@ impl Plant {
         self.angle = angle;
     }
 
-    /// Advances by `dt` at a constant battery voltage. The PWM period goes on where the run before
-    /// left it; a new duty counts at once, a new mode when the bridge has let go of the old one.
+    /// Advances by `dt` at a constant battery voltage.
+    ///
+    /// The PWM period continues from the last run. A new duty is applied immediately. Before a new mode is applied, the
+    /// bridge is open for [`Edges::change`](super::switching::Edges::change).
     pub fn run(&mut self, dt: Seconds, influence: Influence, battery: Volts) -> Flow {
         if influence.off != self.mode {
             self.mode = influence.off;
@@ -264,28 +274,32 @@ impl Plant {
         }
         let open_s = self.open_s.min(dt.0);
         if open_s <= 0.0 {
-            return self.go_on(dt, influence, battery);
+            return self.advance(dt, influence, battery);
         }
         self.open_s -= open_s;
         let open = Influence { torque_after: influence.torque_after, ..Influence::COAST };
-        let mut flow = self.go_on(Seconds(open_s), open, battery);
-        flow.append(&self.go_on(Seconds(dt.0 - open_s), influence, battery));
+        let mut flow = self.advance(Seconds(open_s), open, battery);
+        flow.append(&self.advance(Seconds(dt.0 - open_s), influence, battery));
         flow
     }
 
-    fn go_on(&mut self, dt: Seconds, influence: Influence, battery: Volts) -> Flow {
+    /// Advances by `dt` without a change of the mode.
+    fn advance(&mut self, dt: Seconds, influence: Influence, battery: Volts) -> Flow {
         let torque = (self.load.torque_after.0 + influence.torque_after.0) * self.shaft.torque_ratio;
         let on_time = influence.duty.clamp(0.0, 1.0) * self.period;
         let run = Run { influence, on_time, battery, torque };
         let mut flow = Flow { time: Seconds(dt.0.max(0.0)), ..Flow::default() };
         let mut left = dt.0;
-        // Below this a remainder is rounding, not time.
-        let dust = 1e-9 * self.period;
-        while left > dust {
+        // A shorter remainder, in s, is a rounding error.
+        let rounding = 1e-9 * self.period;
+        while left > rounding {
             let to_end = self.period - self.phase;
             let window = self.longest_window.min(left);
-            let (window, phase) =
-                if to_end - window < dust { (to_end.min(left), 0.0) } else { (window, self.phase + window) };
+            let (window, phase) = if to_end - window < rounding {
+                (to_end.min(left), 0.0)
+            } else {
+                (window, self.phase + window)
+            };
             self.window(window, &run, &mut flow);
             self.phase = phase;
             left -= window;
@@ -293,6 +307,7 @@ impl Plant {
         flow
     }
 
+    /// Advances by one window and adds its result to `flow`.
     fn window(&mut self, window: f64, run: &Run, flow: &mut Flow) {
         if (window - self.coefficients.window).abs() > 1e-9 * window {
             self.coefficients = Mechanics::new(&self.shaft, &self.circuit, window);
@@ -302,75 +317,70 @@ impl Plant {
         let torque = |mean_current: f64| kt * mean_current + run.torque;
         let tolerance = 1e-6 * (run.battery.0 + 1.0);
         let slope = 1.0 + ke * kt * m.mean_gain * m.admittance;
-        // First as if what rests stays at rest: breaking away is judged by the current at standstill.
-        let mut emf = ke * self.turned(torque(self.last_mean), true).mean;
+        // A shaft at rest is assumed to stay at rest first, because the current at standstill decides whether it breaks
+        // away.
+        let mut emf = ke * self.shaft_motion(torque(self.last_mean), true).mean;
         let (mut end, mut sums, mut mean) = self.electrical(window, emf, run);
-        // Once for the window: a shaft that broke away is slower for its back EMF, and not held again.
-        let holds = self.rough && self.holds(torque(mean));
-        let mut turned = self.turned(torque(mean), holds);
-        // One pass in smooth running, two after a change, more only around a kink.
+        // This is decided once in a window: the back EMF of a shaft that broke away must not make it stick again.
+        let sticks = self.has_friction && self.sticks(torque(mean));
+        let mut motion = self.shaft_motion(torque(mean), sticks);
+        // Smooth running takes one iteration, a change two. More are needed only near a stop or a change of direction.
         for _ in 0..6 {
-            let miss = ke * turned.mean - emf;
-            if miss.abs() <= tolerance {
+            let error = ke * motion.mean - emf;
+            if error.abs() <= tolerance {
                 break;
             }
-            emf += miss / slope;
+            emf += error / slope;
             (end, sums, mean) = self.electrical(window, emf, run);
-            turned = self.turned(torque(mean), holds);
+            motion = self.shaft_motion(torque(mean), sticks);
         }
-        // At rest nothing keeps up a current that dies away; numbers too small for full digits are slow.
-        self.current = if self.rough && end.abs() < 1e-30 { 0.0 } else { end };
+        // The current of a shaft at rest decays towards 0. It is set to 0 early, because subnormal numbers are slow.
+        self.current = if self.has_friction && end.abs() < 1e-30 { 0.0 } else { end };
         self.last_mean = mean;
-        self.angle += window * turned.mean;
-        self.speed = turned.end;
+        self.angle += window * motion.mean;
+        self.speed = motion.end;
 
         flow.charge.0 += sums.current;
-        flow.charge_shown.0 += shown(run.influence.off, sums.current);
+        flow.charge_shown.0 += sensed_charge(run.influence.off, sums.current);
         flow.charge_from_battery.0 += sums.from_battery;
         flow.charge_to_battery.0 += sums.to_battery;
         flow.energy_from_battery.0 += run.battery.0 * sums.from_battery;
         flow.energy_to_battery.0 += run.battery.0 * sums.to_battery;
         flow.heat.0 += sums.heat;
         flow.shaft_work.0 += emf * sums.current;
-        flow.friction_heat.0 += self.motor.friction.coulomb.0 * turned.rubbed;
+        flow.friction_heat.0 += self.motor.friction.coulomb.0 * motion.sliding_angle;
     }
 
-    /// Whether friction keeps the shaft at rest where it is, under `torque` and cogging.
-    fn holds(&self, torque: f64) -> bool {
-        self.motor.friction.holds(torque + self.motor.cogging.torque(self.angle).0)
+    /// Returns true if friction keeps the shaft at rest at its present angle, under `torque` (N m) and cogging.
+    fn sticks(&self, torque: f64) -> bool {
+        self.motor.friction.sticks(torque + self.motor.cogging.torque(self.angle).0)
     }
 
-    /// How the shaft turns from the present speed through the window that the coefficients are for.
-    fn turned(&self, torque: f64, holds: bool) -> Turned {
-        if self.rough {
-            self.turned_roughly(torque, holds)
-        } else {
-            self.coefficients.free(self.speed, torque)
-        }
-    }
-
-    /// The same with friction and cogging; apart, to keep the smooth case short.
-    #[inline(never)]
-    fn turned_roughly(&self, torque: f64, holds: bool) -> Turned {
+    /// Returns the motion of the shaft from its present speed, under `torque` (N m), through the window of
+    /// `coefficients`.
+    fn shaft_motion(&self, torque: f64, sticks: bool) -> ShaftMotion {
         let m = &self.coefficients;
-        let turned = |torque| m.rubbing(&self.shaft, &self.motor.friction, self.speed, torque, holds);
+        if !self.has_friction {
+            return m.without_friction(self.speed, torque);
+        }
+        let motion = |torque| m.with_friction(&self.shaft, &self.motor.friction, self.speed, torque, sticks);
         let cogging = &self.motor.cogging;
-        // The mean torque of cogging follows from the way, the way from the torque. The window is so
-        // short that each pass leaves less than a hundredth of the error.
-        let mut by = m.window * self.speed;
-        let mut last = turned(torque + cogging.mean_torque(self.angle, by));
+        // The mean torque of cogging depends on the angle turned, and the angle on the torque. The window is so short
+        // that each iteration leaves less than a hundredth of the error.
+        let mut angle = m.window * self.speed;
+        let mut last = motion(torque + cogging.mean_torque(self.angle, angle));
         for _ in 0..4 {
-            let way = m.window * last.mean;
-            if f64::from(cogging.per_turn) * (way - by).abs() < 1e-8 {
+            let next = m.window * last.mean;
+            if f64::from(cogging.per_turn) * (next - angle).abs() < 1e-8 {
                 break;
             }
-            by = way;
-            last = turned(torque + cogging.mean_torque(self.angle, by));
+            angle = next;
+            last = motion(torque + cogging.mean_torque(self.angle, angle));
         }
         last
     }
 
-    /// Final current, integrals and mean current of a window from the present current and phase.
+    /// Returns final current (A), integrals and mean current (A) of a window from the present current and phase.
     fn electrical(&self, window: f64, emf: f64, run: &Run) -> (f64, Integrals, f64) {
         let at = Conditions { battery: run.battery, emf: Volts(emf) };
         let Influence { on, off, .. } = run.influence;
@@ -382,8 +392,8 @@ impl Plant {
     }
 }
 
-/// What of a charge goes forward through the high-side switch that a mode keeps closed.
-const fn shown(state: State, charge: f64) -> f64 {
+/// Returns the part of a charge that flows forward through the high-side switch that a mode keeps closed.
+const fn sensed_charge(state: State, charge: f64) -> f64 {
     match state {
         State::HighLeft | State::DriveCw => charge.max(0.0),
         State::HighRight | State::DriveCcw => (-charge).max(0.0),
@@ -391,8 +401,9 @@ const fn shown(state: State, charge: f64) -> f64 {
     }
 }
 
-/// Whole encoder counts in an angle in rad: the encoder steps when the angle passes a multiple of
-/// a turn divided by `counts_per_rev`.
+/// Returns the whole encoder counts in an angle in rad.
+///
+/// The encoder counts when the angle passes a multiple of one turn divided by `counts_per_rev`.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "a run is far shorter than 2^63 counts")]
 pub fn counts(angle: f64, counts_per_rev: f64) -> i64 {

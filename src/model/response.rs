@@ -1,15 +1,20 @@
-//! The geared motor at a constant voltage, in closed form (paper, sections 2.2.2 and 2.2.3).
+//! Response of a geared motor to a constant voltage, in closed form (paper, sections 2.2.2 and 2.2.3).
 //!
 //! ```text
 //! L i' + R i + Ke w = v
 //! Jt w' + Bt w = Kt i + tau / (eta N)
 //! ```
 //!
-//! With `D0 = R Bt + Ke Kt`, `sigma = (R/L + Bt/Jt)/2` and `gamma2 = sigma² - D0/(L Jt)` the poles
-//! are `-sigma ± sqrt(gamma2)`, and deviations from the steady state propagate with
-//! `exp(-sigma t) (C + S (A + sigma))`, `C = cosh(g t)`, `S = sinh(g t)/g`, `g = sqrt(gamma2)`.
-//! The exponentials are combined so that nothing overflows at any time, and each form has its limit
-//! at `g = 0`, so that equal poles need no case of their own.
+//! Here `i` is the motor current, `w` the speed of the motor shaft, `v` the voltage, and `tau` the external torque on
+//! the output shaft. `Jt` and `Bt` are inertia and drag of motor and load on the motor shaft. `A` is the matrix of both
+//! equations.
+//!
+//! With `D0 = R Bt + Ke Kt`, `sigma = (R/L + Bt/Jt)/2` and `gamma2 = sigma² - D0/(L Jt)` the poles are
+//! `-sigma ± sqrt(gamma2)`. Within `t` a deviation from the steady state is multiplied by
+//! `exp(-sigma t) (C + S (A + sigma))`. There `g = sqrt(gamma2)`, `C = cosh(g t)` and `S = sinh(g t)/g`.
+//!
+//! The exponentials are combined so that no intermediate result overflows. All forms are valid at the limit `g = 0` too,
+//! so that equal poles are not a special case.
 //!
 //! ```
 //! use motor_hub::model::catalogue::characterised;
@@ -17,7 +22,7 @@
 //! use motor_hub::model::response::{Applied, GearedMotor, Motion};
 //! use motor_hub::model::si::{Seconds, Volts};
 //!
-//! // From rest at 12 V; after a minute it runs as fast as it ever will.
+//! // One minute after a start at 12 V the motor has its steady speed.
 //! let motor = GearedMotor::new(&characterised("AM 60 A")?, &Load::NONE);
 //! let applied = Applied::voltage(Volts(12.0));
 //! let after = motor.after(Motion::default(), applied, Seconds(60.0));
@@ -39,18 +44,18 @@ pub struct Motion {
     pub speed: RadPerSec,
 }
 
-/// What acts on the motor from outside, constant for the while.
+/// Voltage and external torque of a motor, both constant during a calculation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Applied {
     /// Voltage at the terminals.
     pub voltage: Volts,
-    /// External torque on the output shaft, positive when it drives clockwise. It is the whole
-    /// torque: the constant part in [`Load`] is not added.
+    /// Whole external torque on the output shaft, positive when it drives clockwise. The constant torque of [`Load`] is
+    /// not added.
     pub torque_after: NewtonMetres,
 }
 
 impl Applied {
-    /// A voltage without external torque.
+    /// Applies a voltage without external torque.
     #[must_use]
     pub const fn voltage(voltage: Volts) -> Self {
         Self { voltage, torque_after: NewtonMetres(0.0) }
@@ -60,89 +65,92 @@ impl Applied {
 /// The poles of motor and load, 1/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Poles {
-    /// Two real poles, or one twice: `-slow` and `-fast`.
+    /// The poles are real: `-slow` and `-fast`. They may be equal.
     Real {
-        /// Size of the pole nearer to 0.
+        /// Magnitude of the pole nearer to 0, 1/s.
         slow: f64,
-        /// Size of the other one.
+        /// Magnitude of the pole farther from 0, 1/s.
         fast: f64,
     },
-    /// `-decay ± i frequency`.
+    /// The poles are complex: `-decay ± i frequency`.
     Complex {
-        /// Size of the real part.
+        /// Magnitude of the real part, 1/s.
         decay: f64,
-        /// Size of the imaginary part, rad/s.
+        /// Magnitude of the imaginary part, rad/s.
         frequency: f64,
     },
 }
 
-/// A motor with its load, seen from the motor's terminals.
+/// A motor with its load, described by its response at the motor terminals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GearedMotor {
     motor: Motor,
     shaft: Shaft,
 }
 
-/// What a drop of the voltage to the back EMF does to a motor that ran steadily (paper, sections 2.2.2
-/// and 2.2.3).
+/// Response of a motor at steady speed to a drop of its voltage, over one control period (paper, sections 2.2.2 and
+/// 2.2.3).
+///
+/// Two drops are computed. Fields with `mean_zero` are for the drop after which the mean current is 0. `mean_current`
+/// and `end_current` are for a drop to the back EMF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoltageDrop {
-    /// Voltage that kept the speed.
+    /// Voltage that keeps the speed before the drop.
     pub before: Volts,
-    /// Back EMF at that speed.
+    /// Back EMF at the steady speed.
     pub emf: Volts,
-    /// Current that kept the speed.
+    /// Current that keeps the speed before the drop.
     pub current_before: Amps,
-    /// Mean current over the period after the voltage dropped to the back EMF.
+    /// Mean current over the period after a drop to the back EMF.
     pub mean_current: Amps,
-    /// Current at the end of that period.
+    /// Current at the end of the period after a drop to the back EMF.
     pub end_current: Amps,
-    /// Change of voltage after which the mean current over the period is 0.
+    /// Change of the voltage after which the mean current over the period is 0.
     pub mean_zero_change: Volts,
-    /// Voltage after that change.
+    /// Voltage after the change `mean_zero_change`.
     pub mean_zero_voltage: Volts,
-    /// Speed of the motor shaft at the end of that period.
+    /// Speed of the motor shaft at the end of a period at `mean_zero_voltage`.
     pub mean_zero_end_speed: RadPerSec,
 }
 
 impl GearedMotor {
-    /// The motor with this load.
+    /// Combines a motor with a load.
     #[must_use]
     pub fn new(motor: &Motor, load: &Load) -> Self {
         Self { motor: *motor, shaft: Shaft::new(motor, load) }
     }
 
-    /// Inertia and drag of motor and load on the motor shaft.
+    /// Returns inertia and drag of motor and load on the motor shaft.
     #[must_use]
     pub const fn shaft(&self) -> &Shaft {
         &self.shaft
     }
 
-    /// `R Bt + Ke Kt`, ohm N m s/rad.
+    /// Returns `R Bt + Ke Kt`, ohm N m s/rad.
     fn d0(&self) -> f64 {
         self.motor.r.0 * self.shaft.drag.0 + self.motor.ke.0 * self.motor.kt.0
     }
 
-    /// Mean of the two poles' sizes, 1/s.
+    /// Returns the mean of the magnitudes of real poles, or the decay of complex poles, 1/s.
     #[must_use]
     pub fn sigma(&self) -> f64 {
         0.5 * (self.motor.r.0 / self.motor.l.0 + self.shaft.drag.0 / self.shaft.inertia.0)
     }
 
-    /// Half the difference of the electrical and the mechanical rate, 1/s.
+    /// Returns half the difference between the electrical rate `R/L` and the mechanical rate `Bt/Jt`, 1/s.
     fn half_difference(&self) -> f64 {
         0.5 * (self.motor.r.0 / self.motor.l.0 - self.shaft.drag.0 / self.shaft.inertia.0)
     }
 
-    /// Square of half the poles' distance, 1/s²; negative if the motor oscillates.
+    /// Returns the square of half the distance between the poles, 1/s². It is negative if the motor oscillates.
     #[must_use]
     pub fn gamma2(&self) -> f64 {
-        // Equal to sigma² - D0/(L Jt), with less cancellation.
+        // This is equal to sigma² - D0/(L Jt), with less cancellation.
         self.half_difference().powi(2)
             - self.motor.ke.0 * self.motor.kt.0 / (self.motor.l.0 * self.shaft.inertia.0)
     }
 
-    /// The poles.
+    /// Returns the poles.
     #[must_use]
     pub fn poles(&self) -> Poles {
         let (sigma, gamma2) = (self.sigma(), self.gamma2());
@@ -150,30 +158,30 @@ impl GearedMotor {
             return Poles::Complex { decay: sigma, frequency: (-gamma2).sqrt() };
         }
         let fast = sigma + gamma2.sqrt();
-        // Their product is known, which saves the slow pole from sigma - g.
+        // The slow pole follows from the product of the poles, because sigma - g would lose digits.
         let product = self.d0() / (self.motor.l.0 * self.shaft.inertia.0);
         Poles::Real { slow: product / fast, fast }
     }
 
-    /// Mechanical time constant with the inductance neglected, `R Jt / D0`.
+    /// Returns the mechanical time constant without inductance, `R Jt / D0`.
     #[must_use]
     pub fn tau_m(&self) -> Seconds {
         Seconds(self.motor.r.0 * self.shaft.inertia.0 / self.d0())
     }
 
-    /// Electrical time constant, `L / R`.
+    /// Returns the electrical time constant, `L / R`.
     #[must_use]
     pub fn tau_e(&self) -> Seconds {
         Seconds(self.motor.l.0 / self.motor.r.0)
     }
 
-    /// Back EMF at a speed of the motor shaft.
+    /// Returns the back EMF at a speed of the motor shaft.
     #[must_use]
     pub fn emf(&self, speed: RadPerSec) -> Volts {
         Volts(self.motor.ke.0 * speed.0)
     }
 
-    /// Where the motor settles: free speed and no-load current, if there is no torque.
+    /// Returns steady current and steady speed. Without external torque these are no-load current and free speed.
     #[must_use]
     pub fn steady(&self, applied: Applied) -> Motion {
         let (v, torque) = (applied.voltage.0, applied.torque_after.0 * self.shaft.torque_ratio);
@@ -184,14 +192,14 @@ impl GearedMotor {
         }
     }
 
-    /// The voltage that keeps a speed against drag and external torque.
+    /// Returns the voltage that keeps a speed against drag and external torque.
     #[must_use]
     pub fn steady_voltage(&self, speed: RadPerSec, torque_after: NewtonMetres) -> Volts {
         let torque = torque_after.0 * self.shaft.torque_ratio;
         Volts((self.d0() * speed.0 - self.motor.r.0 * torque) / self.motor.kt.0)
     }
 
-    /// `exp(-sigma t) C - 1` and `exp(-sigma t) S`.
+    /// Returns `exp(-sigma t) C - 1` and `exp(-sigma t) S`.
     fn propagator(&self, t: f64) -> (f64, f64) {
         match self.poles() {
             Poles::Real { slow, fast } => (
@@ -207,7 +215,7 @@ impl GearedMotor {
         }
     }
 
-    /// Change of current and speed within `t`.
+    /// Returns the changes of current (A) and speed (rad/s) within `t` seconds.
     fn change(&self, start: Motion, applied: Applied, t: f64) -> (f64, f64) {
         let settled = self.steady(applied);
         let current = start.current.0 - settled.current.0;
@@ -220,16 +228,17 @@ impl GearedMotor {
         )
     }
 
-    /// Current and speed after `time` of at least 0 from any state.
+    /// Returns current and speed after `time`, at least 0, from any initial state.
     #[must_use]
     pub fn after(&self, start: Motion, applied: Applied, time: Seconds) -> Motion {
         let (current, speed) = self.change(start, applied, time.0);
         Motion { current: Amps(start.current.0 + current), speed: RadPerSec(start.speed.0 + speed) }
     }
 
-    /// Exact mean of current and speed over `time`, above 0, from any state.
+    /// Returns the exact mean of current and speed over `time`, above 0, from any initial state.
     ///
-    /// `x_ss + A⁻¹ (x(P) - x(0)) / P`: the differential equation itself, integrated.
+    /// The mean is `x_ss + A⁻¹ (x(P) - x(0)) / P`, the integral of the differential equation. `x` is the state, `x_ss`
+    /// the steady state and `P` the time.
     #[must_use]
     pub fn mean(&self, start: Motion, applied: Applied, time: Seconds) -> Motion {
         let settled = self.steady(applied);
@@ -243,14 +252,14 @@ impl GearedMotor {
         }
     }
 
-    /// Drops of the voltage from what keeps `speed`, over one control period.
+    /// Returns the response to a drop of the voltage at steady `speed`, over one control period.
     #[must_use]
     pub fn voltage_drop(&self, speed: RadPerSec, period: Seconds) -> VoltageDrop {
         let before = self.steady_voltage(speed, NewtonMetres(0.0));
         let emf = self.emf(speed);
         let start = self.steady(Applied::voltage(before));
         let dropped = Applied::voltage(emf);
-        // The mean is linear in the change of voltage, with the response to one volt as its slope.
+        // The mean current is linear in the change of the voltage. Its slope is the response to 1 V.
         let one_volt = Applied::voltage(Volts(1.0));
         let slope = self.mean(Motion::default(), one_volt, period).current.0;
         let change = -start.current.0 / slope;
@@ -267,23 +276,24 @@ impl GearedMotor {
         }
     }
 
-    /// The current that the paper takes for the mean: `(v - Ke w) / R`, of the instant.
+    /// Returns the present current without inductance, `(v - Ke w) / R`. The paper uses this current as the mean
+    /// current.
     #[must_use]
     pub fn quasistatic_current(&self, speed: RadPerSec, voltage: Volts) -> Amps {
         Amps((voltage.0 - self.motor.ke.0 * speed.0) / self.motor.r.0)
     }
 
-    /// Estimate of the mean current over a control period, without external torque.
+    /// Estimates the mean current over a control period, without external torque.
     ///
-    /// The motor without inductance gives `i_inf + (i_q - i_inf) phi`, `phi` being the mean of
-    /// `exp(-t/tau_m)`; `(i0 - i_q) tau_e / P` adds the electrical transient. Good where
-    /// `tau_e` is far below `tau_m` and the period.
+    /// Without inductance the mean is `i_inf + (i_q - i_inf) phi`: `i_inf` is the steady current, `i_q` the quasistatic
+    /// current and `phi` the mean of `exp(-t/tau_m)`. The term `(i0 - i_q) tau_e / P` adds the electrical transient
+    /// from the initial current `i0`. The estimate is good if `tau_e` is far below `tau_m` and below the period `P`.
     #[must_use]
     pub fn mean_current_estimate(&self, start: Motion, voltage: Volts, period: Seconds) -> Amps {
         let phi = phi1(period.0 / self.tau_m().0);
         let settled = self.steady(Applied::voltage(voltage)).current.0;
-        let instant = self.quasistatic_current(start.speed, voltage).0;
-        let electrical = (start.current.0 - instant) * self.tau_e().0 / period.0;
-        Amps(settled + (instant - settled) * phi + electrical)
+        let quasistatic = self.quasistatic_current(start.speed, voltage).0;
+        let electrical = (start.current.0 - quasistatic) * self.tau_e().0 / period.0;
+        Amps(settled + (quasistatic - settled) * phi + electrical)
     }
 }

@@ -1,4 +1,4 @@
-//! Several plants on one battery.
+//! A rig: several plants on one battery.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -10,7 +10,7 @@
 //! use motor_hub::model::si::{Hertz, Ohms, Seconds, Volts};
 //! use motor_hub::model::switching::Bridge;
 //!
-//! // Two motors that start together pull the battery's voltage down.
+//! // The battery voltage drops when two motors start together.
 //! let motor = characterised("AM 60 A")?.with_measured_rotor_inertia();
 //! let plant = Plant::new(motor, Load::NONE, Bridge::IDEAL, Hertz(20_000.0));
 //! let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.1) };
@@ -25,45 +25,48 @@ use super::bus::{Bus, Shutdown};
 use super::plant::{Flow, Influence, Plant};
 use super::si::{Amps, Coulombs, Seconds, Volts};
 
-/// Longest time for which the battery's voltage is held constant, s.
-const LONGEST_STEP: f64 = 1e-3;
-/// The same of a bus with a capacitor, which a few amperes move by volts in a millisecond.
-const LONGEST_BUS_STEP: f64 = 50e-6;
+/// Longest step with a constant battery voltage, in s, for a rig without bus capacitor.
+const LONGEST_STEP_S: f64 = 1e-3;
+/// Longest step with a constant bus voltage, in s. A few amperes change the voltage of a capacitor by volts in 1 ms.
+const LONGEST_BUS_STEP_S: f64 = 50e-6;
 
-/// Plants that share a battery, whose voltage sags with what all of them draw.
+/// Plants that share a battery. The battery voltage depends on the current of all plants.
 ///
-/// The voltage of a step follows from the current of the steps before it, smoothed over about two
-/// steps of at most 1 ms (a supply's capacitors do the same). That stays stable as long as the
-/// battery's resistance is below about three times that of all windings in parallel.
+/// Without a [`Bus`], the voltage of a step follows from the current of the steps before it. The current is smoothed
+/// over about two steps of at most 1 ms, as the capacitors of a supply do. The simulation is stable if the resistance
+/// of the battery is below about three times the resistance of all windings in parallel.
 ///
-/// With a [`Bus`] its capacitor has the voltage, by the energy that it is given and that is taken from it: nothing is
-/// smoothed, and steps are of 50 us.
+/// With a [`Bus`], the capacitor's energy gives the voltage of a step. The current is not smoothed, and steps are at
+/// most 50 us.
 #[derive(Clone, Debug)]
 pub struct Rig {
-    /// The battery.
+    /// Battery that supplies the plants.
     pub battery: Battery,
-    /// The plants, in the order of the influences.
+    /// Plants, in the order of the influences.
     pub plants: Vec<Plant>,
-    /// The capacitor behind the battery, if there is one.
+    /// Bus with its capacitor between battery and plants; `None` if the plants are directly at the battery.
     pub bus: Option<Bus>,
+    /// Battery current, smoothed if there is no bus.
     current: Amps,
+    /// Shutdown state of each plant's bridge.
     shutdowns: Vec<Shutdown>,
+    /// Lowest and highest voltage so far, V.
     range: (f64, f64),
 }
 
-/// What a run of the whole rig did.
+/// Result of a run of the whole rig.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RigFlow {
-    /// Battery voltage at the end of the run.
+    /// Voltage of battery or bus at the end of the run.
     pub voltage: Volts,
-    /// Mean net current out of the battery.
+    /// Mean net current into all bridges.
     pub current: Amps,
-    /// One per plant.
+    /// Result of each plant.
     pub flows: Vec<Flow>,
 }
 
 impl Rig {
-    /// A rig at rest.
+    /// Creates a rig without bus. No current flows at the start.
     #[must_use]
     pub fn new(battery: Battery, plants: Vec<Plant>) -> Self {
         let shutdowns = vec![Shutdown::None; plants.len()];
@@ -71,44 +74,45 @@ impl Rig {
         Self { battery, plants, bus: None, current: Amps(0.0), shutdowns, range }
     }
 
-    /// The same with a capacitor.
+    /// Adds a bus with its capacitor.
     #[must_use]
     pub fn with_bus(self, bus: Bus) -> Self {
         let range = (bus.voltage().0, bus.voltage().0);
         Self { bus: Some(bus), range, ..self }
     }
 
-    /// Present voltage of the battery, or of the bus.
+    /// Returns the present voltage of the bus, or of the battery if there is no bus.
     #[must_use]
     pub fn voltage(&self) -> Volts {
         self.bus.map_or_else(|| self.battery.voltage(self.current), |bus| bus.voltage())
     }
 
-    /// The lowest and the highest voltage so far, step by step.
+    /// Returns the lowest and the highest voltage at the end of a step so far.
     #[must_use]
     pub const fn range(&self) -> (Volts, Volts) {
         (Volts(self.range.0), Volts(self.range.1))
     }
 
-    /// Bridges that have opened by themselves, in the order of the plants.
+    /// Returns the shutdown state of each bridge, in the order of the plants.
     #[must_use]
     pub fn shutdowns(&self) -> &[Shutdown] {
         &self.shutdowns
     }
 
-    /// Advances every plant by `dt`. One without an influence coasts.
+    /// Advances each plant by `dt`. A plant without an influence coasts.
     pub fn run(&mut self, dt: Seconds, influences: &[Influence]) -> RigFlow {
         let mut total = RigFlow { flows: vec![Flow::default(); self.plants.len()], ..RigFlow::default() };
         if dt.0 <= 0.0 {
             total.voltage = self.voltage();
             return total;
         }
-        let longest = if self.bus.is_some() { LONGEST_BUS_STEP } else { LONGEST_STEP };
+        let longest = if self.bus.is_some() { LONGEST_BUS_STEP_S } else { LONGEST_STEP_S };
         let steps = (dt.0 / longest - 1e-9).ceil().max(1.0);
         let step = Seconds(dt.0 / steps);
         let mut elapsed = 0.0;
         while elapsed < dt.0 - 0.5 * step.0 {
-            // Half before and half after: what the source gives meanwhile counts as in the middle.
+            // The source charges the bus for half a step before and half a step after the plants, as if the plants drew
+            // their charge in the middle of the step.
             let half = Seconds(step.0 / 2.0);
             if let Some(bus) = &mut self.bus {
                 bus.wait(half, &self.battery);
@@ -132,7 +136,7 @@ impl Rig {
         total
     }
 
-    /// All plants at the present voltage; the charge that they drew.
+    /// Advances all plants at the present voltage. Returns the net charge that they drew, C.
     fn step(&mut self, step: Seconds, influences: &[Influence], sums: &mut [Flow]) -> f64 {
         let voltage = self.voltage();
         let mut drawn = 0.0;

@@ -1,6 +1,6 @@
-//! SI quantities as types, so that an ohm is not passed for a volt.
+//! SI quantities as types: the compiler rejects a resistance where a voltage is expected.
 //!
-//! Thin wrappers: the inner number is public, and formulas work on it.
+//! Each type wraps one public `f64`. Formulas use the inner number.
 //!
 //! ```
 //! use motor_hub::model::si::{Amps, Ohms, Volts};

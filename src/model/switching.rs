@@ -1,10 +1,17 @@
-//! The bridge in one state, and through one PWM period, with its diodes: exact between events.
+//! The motor current in one state of the bridge, and through one PWM period, including the catch diodes.
 //!
-//! While a current of one sign flows in one state the terminal voltage is constant but for the
-//! switches' resistance, so at constant back EMF
-//! `L i' + (R + n Ron) i + e = b Vbat + d Vd` has an exponential as its solution, and the time when
-//! the current reaches zero is a logarithm. At zero the terminal voltages decide whether current
-//! starts in either direction, or none does: discontinuous conduction.
+//! The back EMF `e` is constant. While a current of one sign flows in one state, it follows
+//! `L i' + (R + n Ron) i + e = b Vbat + d Vd`:
+//!
+//! | term | meaning |
+//! |---|---|
+//! | `n` | number of closed switches in the current's path, 0 to 2 |
+//! | `b` | coefficient of the battery voltage across the motor: 1, 0 or -1 |
+//! | `d` | coefficient of the diode drop across the motor, -2 to 2 |
+//!
+//! The solution is an exponential, and the time when the current reaches zero is a logarithm, so the result is exact.
+//! At zero current the voltages decide whether current starts in one direction. If none starts, conduction is
+//! *discontinuous*.
 //!
 //! ```
 //! use motor_hub::bridge::Mode;
@@ -12,7 +19,7 @@
 //! use motor_hub::model::si::{Amps, Hertz, Volts};
 //! use motor_hub::model::switching::{Bridge, Circuit, Conditions, Integrals, Pwm};
 //!
-//! // One period from rest at a tenth of the duty: a pulse, which has died away by its end.
+//! // One period from zero current at duty 0.1: a current pulse, which is back at zero at the end of the period.
 //! let circuit = Circuit::new(&characterised("AM 60 A")?, Bridge::IDEAL);
 //! let at = Conditions { battery: Volts(12.0), emf: Volts(6.0) };
 //! let mut sums = Integrals::default();
@@ -27,50 +34,52 @@ use super::catalogue::Motor;
 use super::si::{Amps, Henries, Hertz, Ohms, Seconds, Volts};
 use crate::bridge::{BridgeConstants, Mode, State};
 
-/// What the switches and diodes cost, and how fast they are.
+/// Losses and switching times of a bridge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bridge {
-    /// Drop of a conducting catch diode, at least 0.
+    /// Voltage drop of a conducting catch diode, at least 0.
     pub vd: Volts,
     /// Resistance of one closed switch, at least 0.
     pub ron: Ohms,
-    /// What switching takes.
+    /// Switching times.
     pub edges: Edges,
 }
 
-/// What switching takes. During an edge the voltage across the motor goes in a straight line from that of one state to
-/// that of the other, as far as the current allows; the switch that does so gets the heat.
+/// Switching times of a bridge.
+///
+/// During an edge the voltage across the motor changes linearly from one state to the other, where the current allows
+/// it. The switch that makes the edge dissipates the difference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edges {
-    /// From the PWM line's rise to the state of the duty, s.
+    /// Time from the rise of the PWM line until the bridge is in the on state, s.
     pub turn_on: Seconds,
-    /// From the PWM line's fall to the other state, s.
+    /// Time from the fall of the PWM line until the bridge is in the off state, s.
     pub turn_off: Seconds,
-    /// For which the bridge is open when its mode changes, s.
+    /// Time for which the bridge is open when its mode changes, s.
     pub change: Seconds,
 }
 
 impl Edges {
-    /// At once.
+    /// Ideal switches, which take no time.
     pub const NONE: Self = Self { turn_on: Seconds(0.0), turn_off: Seconds(0.0), change: Seconds(0.0) };
 
-    /// True if the PWM line's edges take any time.
+    /// Returns true if an edge of the PWM line takes time.
     pub(super) fn are_slow(&self) -> bool {
         self.turn_on.0 > 0.0 || self.turn_off.0 > 0.0
     }
 }
 
 impl Bridge {
-    /// No losses.
+    /// A bridge without losses and without switching times.
     pub const IDEAL: Self = Self::lossy(Volts(0.0), Ohms(0.0));
 
-    /// Fast switches with this diode drop and on-resistance.
+    /// Creates a bridge with this diode drop and on-resistance, and without switching times.
     #[must_use]
     pub const fn lossy(vd: Volts, ron: Ohms) -> Self {
         Self { vd, ron, edges: Edges::NONE }
     }
 
-    /// The bridge that the firmware is told of.
+    /// Creates the bridge that the firmware is configured for.
     #[must_use]
     pub const fn new(constants: BridgeConstants) -> Self {
         let timing = constants.timing();
@@ -90,37 +99,37 @@ impl From<BridgeConstants> for Bridge {
     }
 }
 
-/// The battery's voltage and the motor's back EMF, both constant for the while.
+/// Battery voltage and back EMF, both constant during a calculation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conditions {
-    /// Voltage at the bridge's supply.
+    /// Supply voltage of the bridge.
     pub battery: Volts,
-    /// Back EMF, positive when turning clockwise.
+    /// Back EMF, positive when the motor turns clockwise.
     pub emf: Volts,
 }
 
-/// Two states that alternate.
+/// Pulse-width modulation: two states of the bridge that alternate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pwm {
-    /// The state during the duty, which comes first.
+    /// State in the first part of each period.
     pub on: State,
-    /// The state during the rest of the period.
+    /// State in the rest of each period.
     pub off: State,
     /// Share of the period spent in `on`, 0 to 1.
     pub duty: f64,
-    /// Periods per second.
+    /// Number of periods per second.
     pub frequency: Hertz,
 }
 
 impl Pwm {
-    /// The two states of a mode.
+    /// Creates a modulation between the two states of a mode.
     #[must_use]
     pub const fn new(mode: Mode, duty: f64, frequency: Hertz) -> Self {
         Self { on: mode.on(), off: mode.off(), duty, frequency }
     }
 }
 
-/// Integrals over some time of what flowed.
+/// Integrals of current, charge and heat over a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Integrals {
     /// Motor current, A s.
@@ -129,7 +138,7 @@ pub struct Integrals {
     pub square: f64,
     /// Charge that left the battery, C, at least 0.
     pub from_battery: f64,
-    /// Charge that went back into the battery, C, at least 0.
+    /// Charge that returned to the battery, C, at least 0.
     pub to_battery: f64,
     /// Heat in winding, switches and diodes, J.
     pub heat: f64,
@@ -138,74 +147,81 @@ pub struct Integrals {
 }
 
 impl Integrals {
-    /// Net charge that left the battery, C.
+    /// Returns the net charge that left the battery, C.
     #[must_use]
     pub fn battery(&self) -> f64 {
         self.from_battery - self.to_battery
     }
 }
 
-/// A winding behind a bridge.
+/// A motor winding with its bridge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circuit {
     /// Winding resistance, above 0.
     pub r: Ohms,
     /// Winding inductance, above 0.
     pub l: Henries,
-    /// The bridge.
+    /// Bridge that drives the winding.
     pub bridge: Bridge,
 }
 
-/// A part of a PWM period, in seconds from its beginning.
+/// A part of a PWM period. Times are in seconds from the beginning of the period.
 #[derive(Clone, Copy)]
 pub(super) struct Part {
     pub(super) on: State,
     pub(super) off: State,
-    /// The end of the duty.
+    /// Time when the PWM line falls, s.
     pub(super) on_s: f64,
+    /// Length of the whole period, s.
     pub(super) period_s: f64,
+    /// Beginning of the part, s.
     pub(super) from_s: f64,
+    /// Length of the part, s.
     pub(super) window_s: f64,
 }
 
-/// Steps in which an edge is followed.
+/// Number of steps of constant voltage that approximate the linear change during an edge.
 const EDGE_STEPS: usize = 8;
 
-/// On the way between two states, or in one of them.
+/// The bridge during an edge: a mix of the on state and the off state. A share of 1 or 0 is one state alone.
 #[derive(Clone, Copy)]
-struct Between {
+struct MixedState {
     on: State,
     off: State,
-    /// Of the first: 0 to 1.
+    /// Share of the on state, 0 to 1.
     share: f64,
 }
 
-impl Between {
-    const fn in_state(state: State) -> Self {
+impl MixedState {
+    /// The bridge in one state.
+    const fn pure(state: State) -> Self {
         Self { on: state, off: state, share: 1.0 }
     }
 }
 
-/// The circuit that a current of one sign sees in one state.
+/// The path of a current of one sign in one state: voltages and resistance in series.
 #[derive(Clone, Copy)]
 pub(super) struct Path {
-    /// Current that would be reached if the path lasted.
+    /// Current after infinite time on this path, A.
     pub target: f64,
-    /// Time constant.
+    /// Electrical time constant, s.
     pub tau: f64,
+    /// Resistance of winding and switches, ohm.
     resistance: f64,
+    /// Battery voltages in the path: 1, 0 or -1.
     battery: f64,
-    /// Voltage lost in diodes per positive current; negative where the current is.
+    /// Voltage lost in diodes, and in a switch during its edge, with the sign of the current, V.
     drop: f64,
 }
 
 impl Circuit {
-    /// The winding of `motor` behind `bridge`.
+    /// Combines the winding of `motor` with `bridge`.
     #[must_use]
     pub const fn new(motor: &Motor, bridge: Bridge) -> Self {
         Self { r: motor.r, l: motor.l, bridge }
     }
 
+    /// Returns the path of a current of this sign in `state`.
     pub(super) fn path(&self, state: State, sign: CurrentSign, at: Conditions) -> Path {
         let terminal = state.terminal(sign);
         let battery = f64::from(terminal.battery);
@@ -220,10 +236,12 @@ impl Circuit {
         }
     }
 
-    /// The voltage across the motor is as far on its way as the edge; the battery sees the state of the duty, for it is
-    /// its switch that gives way.
-    fn path_between(&self, between: Between, sign: CurrentSign, at: Conditions) -> Path {
-        let Between { on, off, share } = between;
+    /// Returns the path of a current of this sign during an edge.
+    ///
+    /// Motor voltage and resistance are interpolated between the two states. The current flows through the battery as
+    /// in the on state, because a switch of the on state makes the edge.
+    fn mixed_path(&self, mixed: MixedState, sign: CurrentSign, at: Conditions) -> Path {
+        let MixedState { on, off, share } = mixed;
         let on = self.path(on, sign, at);
         if share >= 1.0 {
             return on;
@@ -245,24 +263,25 @@ impl Circuit {
         }
     }
 
-    /// Which way current starts to flow from zero, or `None` if it does not.
+    /// Returns the direction in which current starts to flow from zero, or `None` if no current flows.
     #[must_use]
     pub fn starts(&self, state: State, at: Conditions) -> Option<CurrentSign> {
-        self.starts_between(Between::in_state(state), at)
+        self.starts_mixed(MixedState::pure(state), at)
     }
 
-    fn starts_between(&self, between: Between, at: Conditions) -> Option<CurrentSign> {
-        // Diodes oppose what flows, so at most one of the two holds.
-        if self.path_between(between, CurrentSign::Positive, at).target > 0.0 {
+    fn starts_mixed(&self, mixed: MixedState, at: Conditions) -> Option<CurrentSign> {
+        // Diode drops oppose the current, so current can start in one direction at most.
+        if self.mixed_path(mixed, CurrentSign::Positive, at).target > 0.0 {
             Some(CurrentSign::Positive)
-        } else if self.path_between(between, CurrentSign::Negative, at).target < 0.0 {
+        } else if self.mixed_path(mixed, CurrentSign::Negative, at).target < 0.0 {
             Some(CurrentSign::Negative)
         } else {
             None
         }
     }
 
-    /// Stays in `state` for `time` from current `start`: adds to `sums`, returns the final current.
+    /// Simulates `state` for `time` from the current `start`. Adds the integrals to `sums` and returns the final
+    /// current.
     pub fn dwell(
         &self,
         state: State,
@@ -271,12 +290,12 @@ impl Circuit {
         time: Seconds,
         sums: &mut Integrals,
     ) -> Amps {
-        self.dwell_between(Between::in_state(state), start, at, time, sums)
+        self.dwell_mixed(MixedState::pure(state), start, at, time, sums)
     }
 
-    fn dwell_between(
+    fn dwell_mixed(
         &self,
-        between: Between,
+        mixed: MixedState,
         start: Amps,
         at: Conditions,
         time: Seconds,
@@ -284,19 +303,19 @@ impl Circuit {
     ) -> Amps {
         let mut current = start.0;
         let mut left = time.0;
-        // At most one zero crossing: a current that starts from zero has its own sign as target.
+        // There is at most one zero crossing, because a current that starts from zero does not return to zero.
         while left > 0.0 {
             let sign = if current > 0.0 {
                 CurrentSign::Positive
             } else if current < 0.0 {
                 CurrentSign::Negative
-            } else if let Some(sign) = self.starts_between(between, at) {
+            } else if let Some(sign) = self.starts_mixed(mixed, at) {
                 sign
             } else {
                 sums.idle += left;
                 return Amps(0.0);
             };
-            let path = self.path_between(between, sign, at);
+            let path = self.mixed_path(mixed, sign, at);
             let mut span = left;
             let mut travelled = -(-left / path.tau).exp_m1();
             let mut end = current + (path.target - current) * travelled;
@@ -312,7 +331,8 @@ impl Circuit {
         Amps(current)
     }
 
-    /// One period of `pwm` from current `start`: adds to `sums`, returns the final current.
+    /// Simulates one period of `pwm` from the current `start`. Adds the integrals to `sums` and returns the final
+    /// current.
     pub fn period(&self, pwm: Pwm, start: Amps, at: Conditions, sums: &mut Integrals) -> Amps {
         let period = 1.0 / pwm.frequency.0;
         let on = pwm.duty.clamp(0.0, 1.0) * period;
@@ -324,7 +344,7 @@ impl Circuit {
         )
     }
 
-    /// A part of a period: adds to `sums`, returns the final current.
+    /// Simulates a part of a period. Adds the integrals to `sums` and returns the final current.
     pub(super) fn part_of_period(
         &self,
         part: Part,
@@ -333,7 +353,7 @@ impl Circuit {
         sums: &mut Integrals,
     ) -> Amps {
         let Part { on, off, on_s, period_s, from_s, window_s } = part;
-        // A line that does not move has no edges.
+        // At duty 0 or 1 the PWM line has no edges.
         if !self.bridge.edges.are_slow() || on_s <= 0.0 || on_s >= period_s {
             let high_s = (on_s - from_s).clamp(0.0, window_s);
             let turn = self.dwell(on, start, at, Seconds(high_s), sums);
@@ -341,7 +361,7 @@ impl Circuit {
         }
         let to_s = from_s + window_s;
         let Edges { turn_on, turn_off, .. } = self.bridge.edges;
-        // An edge that the other one overtakes ends there.
+        // An edge ends early if the next edge begins before it is complete.
         let (risen_s, fallen_s) = (turn_on.0.min(on_s), (on_s + turn_off.0).min(period_s));
         let top = if turn_on.0 > 0.0 { risen_s / turn_on.0 } else { 1.0 };
         let step = |n: usize, length: f64| length * n as f64 / EDGE_STEPS as f64;
@@ -351,7 +371,7 @@ impl Circuit {
             let (from, to) = (f64::max(begin_s, from_s), f64::min(end_s, to_s));
             if to > from {
                 current =
-                    self.dwell_between(Between { on, off, share }, current, at, Seconds(to - from), sums);
+                    self.dwell_mixed(MixedState { on, off, share }, current, at, Seconds(to - from), sums);
             }
             begin_s = end_s;
         };
@@ -371,8 +391,9 @@ impl Circuit {
 }
 
 impl Path {
-    /// Adds the integrals over `span`, in which the current went the share `travelled` of the way
-    /// from `start` to the target.
+    /// Adds the integrals over `span` seconds to `sums`.
+    ///
+    /// `travelled` is the change of the current during `span` as a share of the difference between `start` and target.
     fn add(&self, start: f64, span: f64, travelled: f64, sums: &mut Integrals) {
         let Self { target, tau, .. } = *self;
         let away = start - target;

@@ -29,42 +29,48 @@
 //! assert!((290..310).contains(&turning.velocity.round()), "{:?}", turning.velocity);
 //! ```
 
-mod arrival;
-mod portions;
+mod burn_pulses;
+mod limits;
 mod report;
 mod sense_line;
 mod setpoint;
 mod settings;
-mod supply;
+mod settled;
 mod thermal;
 mod watch;
 
-pub use report::{Faults, Report};
+pub use report::{Faults, Report, best_current};
 pub use sense_line::SenseLine;
 pub use setpoint::Setpoint;
 pub use settings::{OnFault, Settings, ZeroPower};
+pub use settled::{SettleDetector, within_tolerance};
 pub use thermal::ThermalLimit;
 
-use crate::braking::{DutyRule, OperatingPoint, Placement, Placer, Regime, Returned, Scheme};
-use crate::bridge::{Drive, Mode, Sensed, Timing};
+use crate::braking::{Modulation, Modulator, OperatingPoint, Regime, Returned, Scheme};
+use crate::bridge::{Drive, Sensed};
 use crate::motion::Reading;
 use crate::motion::guard::{Evidence, Finding, Order};
 use crate::regulator::identify::{Identifier, Refusal};
-use crate::regulator::{Demand, Regulator, Stage};
-use crate::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period, Voltage};
-use arrival::Arrival;
+use crate::regulator::{Demand, Effort, Regulator, Stage};
+use crate::units::{
+    Control, CountsPerSecond, Duty, Micros, Milliamperes, Millivolts, Period, Share, Voltage,
+};
+use burn_pulses::{BurnPulses, Pulse, Voltages};
 use core::mem::discriminant;
-use portions::Portions;
+pub(crate) use limits::SupplyLimits;
+use limits::VoltageLimits;
 use sense_line::Line;
-pub(crate) use supply::Allowed;
-use supply::{Bounds, Points};
 use thermal::Thermal;
 use watch::Watch;
 
-/// A reading older than this is none: the counters are sampled every millisecond.
+/// Age in us from which on a reading counts as missing: the counters are sampled every millisecond.
 pub const ENCODER_STALE_MICROS: u64 = 20_000;
 
-/// A reading that is not too old.
+/// Least and largest share of the back EMF by which a pulse of [`Pulse::Drive`] drives a motor beyond it. The least draws from
+/// the bus what the winding returns when a short ends.
+const BEYOND_EMF: (f32, f32) = (0.1, 0.3);
+
+/// The reading, unless it is too old.
 pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
     reading.filter(|reading| now.since(reading.at) <= ENCODER_STALE_MICROS)
 }
@@ -73,97 +79,119 @@ pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
 #[derive(Clone, Debug)]
 pub struct Motor {
     settings: Settings,
-    /// As the settings have it.
-    placer: Placer,
+    /// Maps voltages and control values to commands by the settings.
+    modulator: Modulator,
+    period: Period,
     setpoint: Setpoint,
-    /// At the last tick.
+    /// Set-point or settings have changed since the last bridge command.
+    changed: bool,
+    /// Counts at the last tick.
     position: i32,
-    /// The set-point or the settings are others than the bridge has been told by.
-    untold: bool,
     regulator: Regulator,
     identifier: Identifier,
     watch: Watch,
-    arrival: Arrival,
-    bounds: Bounds,
-    /// Speed and battery for which the last tick's placement is.
-    at_tick: (CountsPerSecond, Millivolts),
+    settle_detector: SettleDetector,
     thermal: Thermal,
-    period: Period,
-    /// What the bridge was told last.
-    mode: Mode,
-    /// What shows its current, where the board has it.
+    supply: SupplyLimits,
+    pulses: BurnPulses,
+    /// What the last tick requested, and what is left of that now; `None` while the bridge is open.
+    command: Option<Command>,
+    /// The current-sense line of the bridge.
     line: Line,
-    /// By its constants at the last tick, if it was known how fast it turns.
+    /// Current by the motor's constants at the last tick; `None` if the speed was not known.
     modelled: Option<Milliamperes>,
-    /// It has said that it is at fault; latched.
+    /// The bridge has reported a fault; latched.
     bridge_fault: bool,
 }
 
-/// A control value and what the bridge makes of it.
-type Output = (Control, Placement);
+/// What the motor does at a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Activity {
+    /// The bridge is open.
+    Coast,
+    /// The bridge shorts the winding.
+    Brake,
+    /// Open loop at this share of the control range.
+    Power(Control),
+    /// Closed loop.
+    Regulate(Demand),
+    /// The motion of an identification.
+    Identify,
+}
 
-/// What a bridge is told.
-struct Told {
-    /// At which it was told so.
-    velocity: CountsPerSecond,
-    control: Control,
-    /// `None` while it is open.
-    regime: Option<Regime>,
-    drive: Drive,
-    /// As a voltage across the motor; `None` while it is open.
-    flows: Option<Voltage>,
-    /// The current by which it heats, where that is another.
-    heats: Option<Milliamperes>,
+/// What a tick requests of the bridge, before limits.
+#[derive(Clone, Copy, Debug)]
+struct Request {
+    /// Speed and battery voltage of the tick.
+    at: OperatingPoint,
+    modulation: Modulation,
+    /// The control value, where the request came as one.
+    control: Option<Control>,
+    /// The speed that a regulator wants.
+    target: Option<CountsPerSecond>,
+}
+
+/// A request, and what is left of it.
+#[derive(Clone, Copy, Debug)]
+struct Command {
+    at: OperatingPoint,
+    requested: Modulation,
+    /// The request within all limits.
+    limited: Modulation,
+    /// The voltage that `limited` makes.
+    voltage: Voltage,
+    /// The command of the bridge: `limited`, or the present burn pulse.
+    given: Modulation,
 }
 
 impl Motor {
-    /// A disabled motor that is stepped every `period`.
+    /// Creates a disabled motor that is stepped every `period`.
     pub fn new(settings: Settings, period: Period) -> Self {
         Self {
             settings,
-            placer: settings.placer(),
+            modulator: settings.modulator(),
+            period,
             setpoint: Setpoint::Disabled,
+            changed: false,
             position: 0,
-            untold: false,
             regulator: Regulator::new(settings.regulation(), period),
             identifier: Identifier::new(period),
             watch: Watch::new(period),
-            arrival: Arrival::new(period),
-            bounds: Bounds::NONE,
-            at_tick: (CountsPerSecond::ZERO, Millivolts::new(0)),
+            settle_detector: SettleDetector::new(period),
             thermal: Thermal::new(period, settings.thermal),
-            period,
-            mode: Drive::COAST.mode,
+            supply: SupplyLimits::NONE,
+            pulses: BurnPulses::NONE,
+            command: None,
             line: Line::default(),
             modelled: None,
             bridge_fault: false,
         }
     }
 
-    /// Takes effect at the next step, as a whole. State is kept, so that a motor may be tuned while it runs.
+    /// Replaces all settings at the next step. State is kept, so that a motor may be tuned while it runs.
     pub fn configure(&mut self, settings: Settings) {
         self.settings = settings;
-        self.untold = true;
-        self.placer = settings.placer();
+        self.changed = true;
+        self.modulator = settings.modulator();
         self.regulator.configure(settings.regulation());
         self.thermal.configure(settings.thermal);
     }
 
-    /// Takes effect at the next step, or with `act`. Disabling the motor ends a latched fault, and so does
+    /// Replaces the set-point at the next step, or with `act`. Disabling the motor ends a latched fault, and so does
     /// fail-safe.
     pub fn set(&mut self, setpoint: Setpoint) {
-        self.untold |= setpoint != self.setpoint;
+        self.changed |= setpoint != self.setpoint;
         let follows = matches!((self.setpoint, setpoint), (Setpoint::Together(_), Setpoint::Together(_)));
         if setpoint != self.setpoint && !follows {
             self.regulator.retarget();
-            self.arrival.reset();
+            self.settle_detector.reset();
             if discriminant(&setpoint) != discriminant(&self.setpoint) {
                 self.regulator.change_mode();
             }
             if self.watch.retarget() {
                 self.regulator.let_go();
             } else if self.setpoint == Setpoint::ConstantPower(Control::ZERO) {
-                // A brake stops a motor with a current that nothing else needs.
+                // The current of a brake is of no use for what comes.
                 self.regulator.start_afresh();
             } else if !self.setpoint.is_regulated() {
                 self.regulator.take_over();
@@ -187,7 +215,7 @@ impl Motor {
         self.position
     }
 
-    /// Its group is sent elsewhere.
+    /// The motor's group has another target.
     pub(crate) fn retarget(&mut self) {
         self.regulator.retarget();
         if self.watch.retarget() {
@@ -195,7 +223,7 @@ impl Motor {
         }
     }
 
-    /// The speed that it is thought to have.
+    /// The estimated speed.
     pub(crate) fn velocity(&self) -> CountsPerSecond {
         self.regulator.velocity()
     }
@@ -205,8 +233,7 @@ impl Motor {
         &self.settings
     }
 
-    /// Takes a sample of the encoder between two ticks, best every millisecond: the more of them, the better
-    /// the motion is known.
+    /// Takes a sample of the encoder between two ticks, best every millisecond: the more samples, the better the estimate.
     pub fn sample(&mut self, reading: Reading) {
         self.identifier.sample(&reading);
         self.regulator.sample(reading);
@@ -214,24 +241,328 @@ impl Motor {
         watch.sample(&reading, || regulator.disturbance());
     }
 
-    /// Takes what the bridge says of itself, on a board that hears it.
+    /// Takes what the bridge reports, on a board that can read it.
     pub fn sense(&mut self, sensed: Sensed) {
         self.bridge_fault |= sensed.fault;
-        let mode = self.bounds.portions().is_none().then_some(self.drive().mode);
+        let mode = (!self.pulses.are_active()).then_some(self.drive().mode);
         self.line.step(sensed.current, mode, self.modelled);
     }
 
-    /// One control tick. `reading` is the newest, whether or not it was a sample before.
+    /// One control tick: estimate, decide, limit, modulate, report. `reading` is the newest, whether or not it was a sample
+    /// before.
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
         let moved = fresh(reading, now).map(|reading| self.follow(reading));
         self.regulator.wait(now);
-        let Told { velocity, control, regime, drive, flows, heats } = self.tell(battery, moved);
-        let current = flows.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
-        let counts = moved.is_some() && self.watch.fault().is_none();
-        self.modelled = counts.then_some(current);
+        let request = self.request(battery, moved);
+        let (control, voltage) = self.apply(request);
+        self.report(battery, moved, control, voltage)
+    }
+
+    /// Executes between two ticks a command that no regulator stands behind: an open bridge and open-loop power need no
+    /// tick. Returns true if the bridge's command has changed.
+    pub(crate) fn act(&mut self, battery: Option<Millivolts>) -> bool {
+        if !self.changed || !self.setpoint.is_direct() {
+            return false;
+        }
+        let before = self.drive();
+        let request = self.request(battery, None);
+        self.apply(request);
+        self.drive() != before
+    }
+
+    /// Limits the present command to what the supply allows from now on. Returns true if the bridge's command has changed.
+    /// One motor at a time may end a short of its burn pulses, because the energy of its winding then returns; `turn` says
+    /// whether this motor may, and becomes false if it did.
+    pub(crate) fn limit_supply(&mut self, limits: SupplyLimits, turn: &mut bool) -> bool {
+        self.supply = limits;
+        let Some(Command { at, requested, .. }) = self.command else { return false };
+        let (before, drove) = (self.drive(), self.pulses.drives());
+        let voltage = self.modulate(at, requested, *turn);
+        *turn &= drove || !self.pulses.drives();
+        let changed = self.drive() != before;
+        if (changed || self.pulses.are_active()) && self.drive() != Drive::COAST {
+            let voltage = self.after_change(voltage, before);
+            self.regulator.drive(Some(voltage));
+            self.identifier.drive(Some(voltage));
+        }
+        changed
+    }
+
+    /// The bridge's command.
+    pub(crate) const fn drive(&self) -> Drive {
+        match &self.command {
+            Some(command) => command.given.drive,
+            None => Drive::COAST,
+        }
+    }
+
+    /// Where the motor's energy goes while it brakes by the present command.
+    pub(crate) fn returned(&self) -> Returned {
+        match &self.command {
+            Some(Command { at, given, .. }) if given.drive != Drive::COAST => {
+                let applied = self.modulator.applied(*at, *given);
+                self.modulator.returned(*at, *given, applied, self.settings.ohms())
+            }
+            _ => Returned::NONE,
+        }
+    }
+
+    /// Takes a reading; returns the counts since the last tick.
+    fn follow(&mut self, reading: Reading) -> i32 {
+        let moved = reading.position.wrapping_sub(self.position);
+        self.position = reading.position;
+        self.sample(reading);
+        self.regulator.tick();
+        // An identification keeps an account of voltages, for which the constants must not change meanwhile.
+        if !matches!(self.setpoint, Setpoint::Identify { .. }) {
+            self.regulator.update_gain();
+        }
+        moved
+    }
+
+    /// What the motor does at this tick. `moved` is the counts since the last tick; `None` without an encoder.
+    ///
+    /// A fault of the motor, its encoder or its host ends what the set-point requests, and the motor does as
+    /// [`OnFault`] says. (Without a battery or with a bridge at fault every motor coasts.)
+    fn activity(&self, moved: Option<i32>) -> Activity {
+        let floats = self.settings.zero_power == ZeroPower::Float;
+        let no_encoder = moved.is_none() || self.watch.fault().is_some();
+        let fault = match self.setpoint {
+            Setpoint::Disabled => return Activity::Coast,
+            Setpoint::FailSafe => true,
+            Setpoint::ConstantPower(_) => self.thermal.is_cut(),
+            _ => self.thermal.is_cut() || no_encoder,
+        };
+        if fault {
+            return self.on_fault();
+        }
+        match self.setpoint {
+            Setpoint::Disabled | Setpoint::FailSafe => Activity::Coast,
+            Setpoint::ConstantPower(Control::ZERO) if floats => Activity::Coast,
+            Setpoint::ConstantPower(Control::ZERO) => Activity::Brake,
+            Setpoint::ConstantPower(power) => Activity::Power(power),
+            Setpoint::Velocity(target) if target == CountsPerSecond::ZERO && floats => Activity::Coast,
+            Setpoint::Velocity(target) => Activity::Regulate(Demand::Velocity(target)),
+            Setpoint::Position { target, speed_limit, .. } => {
+                Activity::Regulate(Demand::Position { target, speed_limit })
+            }
+            Setpoint::Together(reference) => Activity::Regulate(Demand::Follow(reference)),
+            Setpoint::Identify { .. } => Activity::Identify,
+        }
+    }
+
+    const fn on_fault(&self) -> Activity {
+        match self.settings.on_fault {
+            OnFault::Coast => Activity::Coast,
+            OnFault::Brake => Activity::Brake,
+        }
+    }
+
+    /// What this tick requests of the bridge; `None` for an open bridge.
+    fn request(&mut self, battery: Option<Millivolts>, moved: Option<i32>) -> Option<Request> {
+        self.changed = false;
+        let velocity = self.regulator.velocity();
+        // A bridge at fault cannot brake either.
+        let battery = battery.filter(|_| !self.bridge_fault);
+        let at =
+            battery.and_then(|battery| OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery));
+        let mut activity = if at.is_some() { self.activity(moved) } else { Activity::Coast };
+        let mut request = at.and_then(|at| self.perform(activity, at, moved));
+        if let (Activity::Regulate(_), Some(at), true) = (activity, at, self.watch.fault().is_some()) {
+            // This tick has found the fault.
+            activity = self.on_fault();
+            request = self.perform(activity, at, moved);
+        }
+        if !self.setpoint.is_regulated() {
+            self.watch.pause();
+        } else if !matches!(activity, Activity::Regulate(_)) {
+            self.watch.interrupt();
+        }
+        request
+    }
+
+    fn perform(&mut self, activity: Activity, at: OperatingPoint, moved: Option<i32>) -> Option<Request> {
+        let (control, modulation) = match activity {
+            Activity::Coast => return None,
+            Activity::Brake => (Some(Control::ZERO), Modulation::full_braking(at)),
+            Activity::Power(power) => (Some(power), self.modulator.open_loop(at, power)),
+            Activity::Regulate(demand) => return self.regulate(demand, at, moved?),
+            // The identification watches the encoder itself: of an unknown motor nobody can say when counts are due, only
+            // how far it may go without any.
+            Activity::Identify => {
+                let voltage = self.identifier.step(self.settings.winding.emf, at.battery_volts())?;
+                (None, self.modulator.for_voltage(at, voltage))
+            }
+        };
+        Some(Request { at, modulation, control, target: None })
+    }
+
+    /// The regulator's request, unless the encoder is in doubt.
+    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Option<Request> {
+        let evidence = self.watch.ordered().map(|order| Evidence {
+            order,
+            moved,
+            velocity: self.regulator.velocity(),
+            battery: at.battery_volts(),
+            gain: self.regulator.least_gain(),
+            volt: self.regulator.gain(),
+            emf: self.settings.winding.emf,
+            // By PID the end of the control range may be less than full reverse.
+            gentle: matches!(self.settings.scheme, Scheme::C | Scheme::D(_)),
+            probing: self.settings.probing,
+        });
+        let mut speed = self.regulator.wanted(demand);
+        let (control, modulation) =
+            match evidence.map_or(Finding::Sound, |evidence| self.watch.step(&evidence)) {
+                Finding::Fault(_) => return None,
+                Finding::Insist(control) => (Some(control), Modulation::full_reverse(at)),
+                Finding::Release => (Some(Control::ZERO), Modulation::full_braking(at)),
+                // The speed is in doubt, so this is open loop.
+                Finding::Probe(control) => (Some(control), self.modulator.open_loop(at, control)),
+                Finding::Sound | Finding::Stalled => {
+                    let wish = self.regulator.step(demand, moved, &Stage { modulator: &self.modulator, at });
+                    speed = wish.speed;
+                    match wish.effort {
+                        Effort::Voltage(voltage) => (None, self.modulator.for_voltage(at, voltage)),
+                        Effort::Control(control) => (Some(control), self.modulator.for_control(at, control)),
+                    }
+                }
+            };
+        Some(Request { at, modulation, control, target: Some(speed) })
+    }
+
+    /// Limits a request, commands the bridge, and notes what the motor now has. Returns the control value and the voltage;
+    /// no voltage while the bridge is open.
+    fn apply(&mut self, request: Option<Request>) -> (Control, Option<Voltage>) {
+        let before = self.drive();
+        let Some(Request { at, modulation, control, target }) = request else {
+            self.command = None;
+            self.pulses.stop();
+            self.regulator.drive(None);
+            self.identifier.drive(None);
+            return (Control::ZERO, None);
+        };
+        let voltage = self.modulate(at, modulation, false);
+        let Some(Command { requested, limited, voltage: mean, .. }) = self.command else {
+            return (Control::ZERO, None);
+        };
+        let control = match control {
+            Some(control) if limited == requested => control,
+            _ => self.modulator.control(at, mean),
+        };
+        if let Some(target) = target {
+            let velocity = self.regulator.velocity();
+            let regime = limited.regime;
+            self.watch.note(Order { target, control, regime, push: mean, velocity });
+        }
+        let open = self.drive() == Drive::COAST;
+        let voltage = if open { voltage } else { self.after_change(voltage, before) };
+        self.regulator.drive((!open).then_some(voltage));
+        self.identifier.drive(Some(voltage));
+        let voltage = if self.pulses.are_active() { mean } else { voltage };
+        (control, (!open).then_some(voltage))
+    }
+
+    /// Commands the bridge to do what was requested, within all limits. Returns the voltage that it makes now.
+    fn modulate(&mut self, at: OperatingPoint, requested: Modulation, turn: bool) -> Voltage {
+        let mut limited = requested;
+        let mut voltage = self.modulator.applied(at, requested);
+        let allowed = self.limits(at).clamp(voltage.to_volts());
+        if allowed.to_bits() != voltage.to_volts().to_bits() {
+            limited = self.modulator.for_voltage(at, Voltage::from_volts(allowed));
+            voltage = self.modulator.applied(at, limited);
+        }
+        let duty = limited.drive.duty;
+        let returns = limited.regime == Regime::Braking && duty != Duty::ZERO && duty != Duty::ONE;
+        let (given, applied) = if !returns {
+            self.pulses.stop();
+            (limited, voltage)
+        } else if self.supply.dissipate == Share::NONE {
+            self.pulses.pause(self.supply.from);
+            (limited, voltage)
+        } else {
+            self.burn(at, voltage, turn)
+        };
+        self.command = Some(Command { at, requested, limited, voltage, given });
+        applied
+    }
+
+    /// The voltages that the motor may have at this tick.
+    fn limits(&self, at: OperatingPoint) -> VoltageLimits {
+        let (emf, ohms) = (at.emf_volts(), self.settings.ohms());
+        let mut limits = VoltageLimits::by_draw(emf, at.battery_volts(), self.supply.draw);
+        if let Some(amperes) = self.thermal.ceiling() {
+            limits = limits.and(VoltageLimits::by_driving_current(emf, amperes, ohms));
+        }
+        if let Some(limit) = self.settings.current_limit {
+            limits = limits.and(VoltageLimits::by_current(emf, f32::from(limit.get()) / 1000.0, ohms));
+        }
+        limits
+    }
+
+    /// The burn pulse of a motor that is to have a braking voltage on the mean, and the voltage of the pulse.
+    fn burn(&mut self, at: OperatingPoint, mean: Voltage, turn: bool) -> (Modulation, Voltage) {
+        let SupplyLimits { draw, dissipate, bus, from } = self.supply;
+        let now =
+            OperatingPoint::new(self.settings.winding.emf.emf(self.regulator.velocity()), bus).unwrap_or(at);
+        let emf = now.emf_volts();
+        let (least, most) = BEYOND_EMF;
+        let beyond = least + (most - least) * dissipate.to_f32();
+        let room = now.battery_volts() - emf.abs();
+        self.pulses.account(from);
+        let (pulse, modulation) = match self.pulses.next(emf, turn) {
+            Pulse::Drive if draw == Share::ALL && room > least * emf.abs() => {
+                let volts = emf + (beyond * emf.abs()).min(room).copysign(emf);
+                (Pulse::Drive, self.modulator.for_voltage(now, Voltage::from_volts(volts)))
+            }
+            _ => (Pulse::Short, Modulation::full_braking(now)),
+        };
+        let applied = self.modulator.applied(now, modulation);
+        let voltages = Voltages { requested: mean.to_volts(), applied: applied.to_volts(), emf };
+        self.pulses.apply(pulse, voltages, self.settings.bridge.timing().change_us);
+        (modulation, applied)
+    }
+
+    /// The mean voltage of a period at whose beginning the bridge is open because its mode changes.
+    fn after_change(&self, voltage: Voltage, before: Drive) -> Voltage {
+        let change_us = self.settings.bridge.timing().change_us;
+        if self.drive().mode == before.mode || change_us == 0 {
+            return voltage;
+        }
+        let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
+        // Burn pulses are chosen every millisecond.
+        let lasts = if self.pulses.are_active() { 1_000.0 } else { self.period.as_micros() as f32 };
+        let left = (1.0 - f32::from(change_us) / lasts).max(0.0);
+        Voltage::from_volts(emf + left * (voltage.to_volts() - emf))
+    }
+
+    /// The current that a voltage drives through winding and bridge against the back EMF of a speed.
+    fn current(&self, voltage: Voltage, speed: CountsPerSecond) -> Milliamperes {
+        let emf = self.settings.winding.emf.emf(speed).to_volts();
+        Milliamperes::from_amperes((voltage.to_volts() - emf) / self.settings.ohms())
+    }
+
+    /// Steps what follows from the motor's current, and reports.
+    fn report(
+        &mut self,
+        battery: Option<Millivolts>,
+        moved: Option<i32>,
+        control: Control,
+        voltage: Option<Voltage>,
+    ) -> Report {
+        let velocity = self.regulator.velocity();
+        let drive = self.drive();
+        let current = voltage.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
+        let speed_known = moved.is_some() && self.watch.fault().is_none();
+        self.modelled = speed_known.then_some(current);
         let measured = self.line.measured(drive.mode);
-        self.thermal.step(measured.or(heats).unwrap_or(current));
-        let near = self.setpoint.reached(self.position);
+        let heating = if self.pulses.are_active() {
+            Milliamperes::from_amperes(self.pulses.heating() / self.settings.ohms())
+        } else {
+            current
+        };
+        self.thermal.step(measured.unwrap_or(heating));
+        let within_tolerance = self.setpoint.is_within_tolerance(self.position);
         Report {
             setpoint: self.setpoint,
             position: self.position,
@@ -244,9 +575,9 @@ impl Motor {
             derated: self.thermal.ceiling().is_some(),
             load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
             control,
-            regime,
+            regime: self.command.map(|command| command.limited.regime),
             drive,
-            at_target: self.arrival.step(near, velocity),
+            settled: self.settle_detector.step(within_tolerance, velocity),
             stalled: self.watch.stalled(),
             identification: self.identifier.state(),
             faults: Faults {
@@ -258,306 +589,4 @@ impl Motor {
             },
         }
     }
-
-    /// Does between two ticks what was asked for since, where no regulator comes between: an open bridge and an open
-    /// loop wait for no tick. True if the bridge is told otherwise for it.
-    pub(crate) fn act(&mut self, battery: Option<Millivolts>) -> bool {
-        if !self.untold || !self.setpoint.is_direct() {
-            return false;
-        }
-        let before = self.drive();
-        self.tell(battery, None);
-        self.drive() != before
-    }
-
-    /// What the bridge is told from now on. `moved` is the counts since the last tick, if the encoder gives any.
-    fn tell(&mut self, battery: Option<Millivolts>, moved: Option<i32>) -> Told {
-        self.untold = false;
-        let velocity = self.regulator.velocity();
-        // A bridge that is at fault cannot brake either.
-        let at = battery.filter(|_| !self.bridge_fault).and_then(|battery| {
-            Some((OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery)?, battery))
-        });
-        let wanted = at.and_then(|(at, battery)| self.output(at, battery, moved));
-        if !self.setpoint.is_regulated() {
-            self.watch.pause();
-        } else if wanted.is_none() {
-            self.watch.interrupt();
-        }
-        let output = wanted.or_else(|| at.and_then(|(at, _)| self.fall_back(at, moved)));
-        let (flows, drive) = match (at, output) {
-            (Some((at, battery)), Some((_, placement))) => {
-                self.at_tick = (velocity, battery);
-                let Self { bounds, settings, placer, .. } = self;
-                let bounded = bounds.place(placer, |bus| points(settings, at, velocity, bus), placement);
-                (self.effect(at, bounded), bounded.drive)
-            }
-            _ => {
-                self.bounds.let_go();
-                (None, Drive::COAST)
-            }
-        };
-        let flows = flows.map(|flows| self.after_change(flows, drive, velocity));
-        self.regulator.drive(flows);
-        // Of a bridge that is open for want of current, the back EMF.
-        let emf = || Voltage::from_volts(self.settings.winding.emf.emf(velocity).to_volts());
-        self.identifier.drive(output.map(|_| flows.unwrap_or_else(emf)));
-        let (control, regime) =
-            output.map_or((Control::ZERO, None), |(control, placement)| (control, Some(placement.regime)));
-        self.mode = drive.mode;
-        let (flows, heats) = match self.bounds.portions() {
-            // On the mean what was asked for.
-            Some(portions) => (output.map(|(_, placement)| placement.asked), Some(self.heating(portions))),
-            None => (flows, None),
-        };
-        Told { velocity, control, regime, drive, flows, heats }
-    }
-
-    /// Takes a reading; returns the counts since the last tick.
-    fn follow(&mut self, reading: Reading) -> i32 {
-        let moved = reading.position.wrapping_sub(self.position);
-        self.position = reading.position;
-        self.sample(reading);
-        self.regulator.tick();
-        moved
-    }
-
-    /// The voltage that a drive makes of the motor; `None` if the bridge is open.
-    fn effect(&self, at: OperatingPoint, placement: Placement) -> Option<Voltage> {
-        if placement.drive == Drive::COAST {
-            return None;
-        }
-        if let Some(flows) = self.portion() {
-            return Some(flows);
-        }
-        // By linear current, of which the bridge has not to be spared any, the one asked for.
-        let as_asked = self.setpoint.is_regulated()
-            && !self.bounds.intervenes()
-            && self.settings.duty == DutyRule::LinearCurrent
-            && (self.placer.is_as_asked(placement) || self.settings.bridge.timing() == Timing::IDEAL);
-        Some(if as_asked { placement.asked } else { self.placer.flows(at, placement) })
-    }
-
-    /// What is left of it in a period at whose beginning the bridge is open because its mode changes.
-    fn after_change(&self, flows: Voltage, drive: Drive, velocity: CountsPerSecond) -> Voltage {
-        let change_us = self.settings.bridge.timing().change_us;
-        if drive.mode == self.mode || change_us == 0 {
-            return flows;
-        }
-        let emf = self.settings.winding.emf.emf(velocity).to_volts();
-        // Of portions observers are told anew every millisecond.
-        let lasts = if self.bounds.portions().is_some() { 1_000.0 } else { self.period.as_micros() as f32 };
-        let left = (1.0 - f32::from(change_us) / lasts).max(0.0);
-        Voltage::from_volts(emf + left * (flows.to_volts() - emf))
-    }
-
-    /// What the supply allows from now on. True if the bridge is told otherwise for it. Of motors that brake in portions one
-    /// at a time may end its short, for then its winding's energy returns; it has had its turn then.
-    pub(crate) fn allow(&mut self, allowed: Allowed, turn: &mut bool) -> bool {
-        let before = self.drive();
-        let velocity = self.regulator.velocity();
-        let at = self.at_tick().map(|placed| points(&self.settings, placed, velocity, allowed.bus));
-        let Some(placement) = self.bounds.renew(&self.placer, at, allowed, turn) else { return false };
-        // What is known of the motion must know of it too.
-        if let Some(at) = at.filter(|_| placement.drive != Drive::COAST) {
-            let flows = self.portion().unwrap_or_else(|| self.placer.flows(at.placed, placement));
-            let flows = self.after_change(flows, placement.drive, velocity);
-            self.regulator.drive(Some(flows));
-            self.identifier.drive(Some(flows));
-        }
-        self.mode = placement.drive.mode;
-        placement.drive != before
-    }
-
-    /// Across a motor that brakes in portions.
-    fn portion(&self) -> Option<Voltage> {
-        self.bounds.portions().map(|portions| Voltage::from_volts(portions.given()))
-    }
-
-    /// What the bridge is told now.
-    pub(crate) const fn drive(&self) -> Drive {
-        self.bounds.drive()
-    }
-
-    /// Where the motor's energy goes while it brakes, as the bridge is told now.
-    pub(crate) fn returned(&self) -> Returned {
-        let placement = self.bounds.bounded().filter(|placement| placement.drive != Drive::COAST);
-        let returned = placement.zip(self.at_tick()).map(|(placement, at)| {
-            let flows = self.placer.flows(at, placement);
-            self.placer.returned(at, placement, flows, self.settings.ohms())
-        });
-        returned.unwrap_or(Returned::NONE)
-    }
-
-    /// For which the last tick's placement is.
-    fn at_tick(&self) -> Option<OperatingPoint> {
-        let (velocity, battery) = self.at_tick;
-        OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery)
-    }
-
-    /// The current by which portions of braking heat a winding.
-    fn heating(&self, portions: &Portions) -> Milliamperes {
-        Milliamperes::from_amperes(portions.heating() / self.settings.ohms())
-    }
-
-    /// What a voltage drives through winding and bridge against the back EMF of a speed.
-    fn current(&self, voltage: Voltage, speed: CountsPerSecond) -> Milliamperes {
-        let emf = self.settings.winding.emf.emf(speed).to_volts();
-        Milliamperes::from_amperes((voltage.to_volts() - emf) / self.settings.ohms())
-    }
-
-    /// What the set-point asks for, or `None` to coast. `moved` is the counts since the last tick, if the
-    /// encoder gives any.
-    fn output(&mut self, at: OperatingPoint, battery: Millivolts, moved: Option<i32>) -> Option<Output> {
-        if self.thermal.is_cut() {
-            return None;
-        }
-        let demand = match self.setpoint {
-            Setpoint::Disabled | Setpoint::FailSafe => return None,
-            Setpoint::ConstantPower(power) => return self.open_loop(at, power),
-            Setpoint::Velocity(target) if target == CountsPerSecond::ZERO && self.floats() => return None,
-            Setpoint::Velocity(target) => Demand::Velocity(target),
-            Setpoint::Position { target, speed_limit, .. } => Demand::Position { target, speed_limit },
-            Setpoint::Identify { .. } => return moved.and_then(|_| self.identify(at, battery)),
-            Setpoint::Together(reference) => Demand::Follow(reference),
-        };
-        if self.watch.fault().is_some() {
-            return None;
-        }
-        self.regulate(demand, at, battery, moved?)
-    }
-
-    /// What is left to do for a motor that cannot do what it is asked: brake, if that is wanted of it. Nobody gets
-    /// here without a battery.
-    fn fall_back(&self, at: OperatingPoint, moved: Option<i32>) -> Option<Output> {
-        let needs_encoder =
-            self.setpoint.is_regulated() || matches!(self.setpoint, Setpoint::Identify { .. });
-        let at_fault = match self.setpoint {
-            Setpoint::FailSafe => true,
-            Setpoint::Disabled => false,
-            _ if self.thermal.is_cut() => true,
-            _ => needs_encoder && (moved.is_none() || self.watch.fault().is_some()),
-        };
-        let brakes = at_fault && self.settings.on_fault == OnFault::Brake;
-        brakes.then(|| (Control::ZERO, Placement::full_braking(at)))
-    }
-
-    /// A host that sets a power means the duty of 9/8 or 6/2, so no scheme comes between.
-    fn open_loop(&self, at: OperatingPoint, power: Control) -> Option<Output> {
-        if power != Control::ZERO {
-            Some(self.drawing(
-                at,
-                self.spare(at, (power, self.placer.place_duty(Scheme::ForwardReverse, at, power))),
-            ))
-        } else if self.floats() {
-            None
-        } else {
-            Some((power, Placement::full_braking(at)))
-        }
-    }
-
-    /// What a control value of the regulator's makes the bridge do.
-    fn place(&self, at: OperatingPoint, control: Control) -> Output {
-        self.spare(at, (control, self.placer.place(at, control)))
-    }
-
-    /// The same, or what drives no more current than a hot winding may have. Braking is left as it is: a load that is
-    /// let go of does more harm, and a motor that gets too hot by it is cut.
-    fn spare(&self, at: OperatingPoint, output: Output) -> Output {
-        match self.thermal.ceiling() {
-            Some(ceiling) => self.at_most(ceiling, at, output),
-            None => output,
-        }
-    }
-
-    /// Driven by no more than so many amperes.
-    #[inline(never)]
-    fn at_most(&self, ceiling: f32, at: OperatingPoint, output: Output) -> Output {
-        let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
-        let most = ceiling * self.settings.ohms();
-        let allowed = Voltage::from_volts((emf - most).min(0.0))..=Voltage::from_volts((emf + most).max(0.0));
-        let flows = self.placer.flows(at, output.1);
-        if allowed.contains(&flows) {
-            return output;
-        }
-        let voltage = if flows < *allowed.start() { *allowed.start() } else { *allowed.end() };
-        let control = self.placer.control(at, voltage);
-        (control, self.placer.place(at, control))
-    }
-
-    /// What the identification asks for. It watches the encoder itself: of an unknown motor nobody can say
-    /// when counts are due, only how far it may go without any.
-    fn identify(&mut self, at: OperatingPoint, battery: Millivolts) -> Option<Output> {
-        let voltage = self.identifier.step(self.settings.winding.emf, battery)?;
-        let control = self.placer.control(at, voltage);
-        Some(self.drawing(at, (control, self.placer.place(at, control))))
-    }
-
-    /// What the supply can give of it. (The control value then is the one that asks for that.)
-    fn drawing(&self, at: OperatingPoint, (control, placement): Output) -> Output {
-        if self.bounds.are_none() {
-            return (control, placement);
-        }
-        let drawing = self.placer.drawing_at_most(placement, self.bounds.draw(), at);
-        if drawing.drive == placement.drive {
-            return (control, placement);
-        }
-        let asked = self.placer.flows(at, drawing);
-        (self.placer.control(at, asked), Placement { asked, ..drawing })
-    }
-
-    /// The regulator's output, unless the encoder is in doubt.
-    fn regulate(
-        &mut self,
-        demand: Demand,
-        at: OperatingPoint,
-        battery: Millivolts,
-        moved: i32,
-    ) -> Option<Output> {
-        let velocity = self.regulator.velocity();
-        let stage = Stage::new(&self.placer, at, battery);
-        let evidence = self.watch.ordered().map(|order| Evidence {
-            order,
-            moved,
-            velocity,
-            battery: battery.to_volts(),
-            gain: self.regulator.least_gain(),
-            volt: self.regulator.gain(),
-            emf: self.settings.winding.emf,
-            gentle: matches!(self.settings.scheme, Scheme::C | Scheme::D(_)),
-            probing: self.settings.probing,
-        });
-        let finding = evidence.map_or(Finding::Sound, |evidence| self.watch.step(&evidence));
-        let mut speed = self.regulator.wanted(demand);
-        let (mut control, mut placement) = match finding {
-            Finding::Fault(_) => return None,
-            Finding::Insist(control) => (control, Placement::full_reverse(at)),
-            Finding::Release => (Control::ZERO, Placement::full_braking(at)),
-            // At whatever speed: how fast it turns is what is in doubt.
-            Finding::Probe(control) => {
-                self.spare(at, (control, self.placer.place_duty(Scheme::ForwardReverse, at, control)))
-            }
-            Finding::Sound | Finding::Stalled => {
-                let request = self.regulator.step(demand, moved, &stage);
-                speed = request.speed;
-                self.place(at, request.control)
-            }
-        };
-        if !self.bounds.are_none() {
-            (control, placement) = self.drawing(at, (control, placement));
-        }
-        let push = placement.asked;
-        self.watch.note(Order { target: speed, control, regime: placement.regime, push, velocity });
-        Some((control, placement))
-    }
-
-    fn floats(&self) -> bool {
-        self.settings.zero_power == ZeroPower::Float
-    }
-}
-
-/// What was placed for one speed and voltage acts at these.
-fn points(settings: &Settings, placed: OperatingPoint, velocity: CountsPerSecond, bus: Millivolts) -> Points {
-    let now = OperatingPoint::new(settings.winding.emf.emf(velocity), bus).unwrap_or(placed);
-    Points { placed, now, change_us: settings.bridge.timing().change_us }
 }

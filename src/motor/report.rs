@@ -34,6 +34,16 @@ impl Faults {
     }
 }
 
+/// A motor's current as well as it is known: the measured magnitude with the sign of the modelled current, or the modelled
+/// current where none is measured. Positive turns the motor CW.
+pub const fn best_current(modelled: Milliamperes, measured: Option<Milliamperes>) -> Milliamperes {
+    match measured {
+        Some(magnitude) if modelled.get() < 0 => Milliamperes::new(-magnitude.get()),
+        Some(magnitude) => magnitude,
+        None => modelled,
+    }
+}
+
 /// What a host would want to see of a motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -67,9 +77,10 @@ pub struct Report {
     pub regime: Option<Regime>,
     /// What the bridge is told.
     pub drive: Drive,
-    /// In regulated position, within the tolerance, and no faster than 40 counts/s, all that for 50 ms or a control
-    /// period, whichever is longer. Of a member of a group: all members have come to their end.
-    pub at_target: bool,
+    /// True if the motor has settled: in regulated position, [within tolerance](super::within_tolerance) and no faster
+    /// than 40 counts/s, all that for 50 ms or a control period, whichever is longer. A member of a group has settled when
+    /// all members have come to their end in this way.
+    pub settled: bool,
     /// Regulated, under effort, and held against a stop.
     pub stalled: bool,
     /// What became of the last identification.
@@ -79,11 +90,9 @@ pub struct Report {
 }
 
 impl Report {
-    /// Its current as well as it is known: measured, with the sign of the modelled one; else that.
-    pub fn best_current(&self) -> Milliamperes {
-        let signed =
-            |ma: Milliamperes| Milliamperes::new(ma.get() * if self.current.get() < 0 { -1 } else { 1 });
-        self.measured.map_or(self.current, signed)
+    /// The [best current](best_current) of the motor.
+    pub const fn best_current(&self) -> Milliamperes {
+        best_current(self.current, self.measured)
     }
 
     /// A disabled motor of which nothing is known.
@@ -101,7 +110,7 @@ impl Report {
         control: Control::ZERO,
         regime: None,
         drive: Drive::COAST,
-        at_target: false,
+        settled: false,
         stalled: false,
         identification: Identification::None,
         faults: Faults {

@@ -1,5 +1,6 @@
 //! What a motor is asked to do.
 
+use super::within_tolerance;
 use crate::regulator::Reference;
 use crate::units::{Control, CountsPerSecond};
 
@@ -21,7 +22,8 @@ pub enum Setpoint {
     Position {
         /// Where to go, in counts, the short way round the ring of 2^32 of them.
         target: i32,
-        /// At target is reported of a motor that stands within this many counts.
+        /// Largest distance to the target, in counts, at which the motor is [within
+        /// tolerance](super::within_tolerance).
         tolerance: u16,
         /// Magnitude of the speed on the way; the sign does not matter.
         speed_limit: CountsPerSecond,
@@ -45,15 +47,13 @@ impl Setpoint {
 
     /// True if the bridge may be told at once: there is nothing to regulate, and nothing to learn.
     pub const fn is_direct(self) -> bool {
-        !self.is_regulated() && !matches!(self, Self::Identify { .. })
+        matches!(self, Self::Disabled | Self::FailSafe | Self::ConstantPower(_))
     }
 
-    /// True if this is a target, and `position` within the tolerance of it.
-    pub(super) const fn reached(self, position: i32) -> bool {
+    /// True in regulated position while `position` is [within tolerance](within_tolerance).
+    pub(super) const fn is_within_tolerance(self, position: i32) -> bool {
         match self {
-            Self::Position { target, tolerance, .. } => {
-                target.wrapping_sub(position).unsigned_abs() <= tolerance as u32
-            }
+            Self::Position { target, tolerance, .. } => within_tolerance(target, position, tolerance),
             _ => false,
         }
     }

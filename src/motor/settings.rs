@@ -1,10 +1,11 @@
 //! What a motor is told of itself once: its winding, its scheme, its load.
 
 use super::{Report, ThermalLimit};
-use crate::braking::{DutyRule, Placer, Scheme, Winding};
+use crate::braking::{DutyRule, Modulator, Scheme, Winding};
 use crate::bridge::BridgeConstants;
 use crate::regulator::{Coefficients, Config, Dynamics};
 use crate::units::{Acceleration, Milliamperes, Millivolts};
+use core::num::NonZeroU16;
 
 /// What a zero set-point means in constant power and in regulated velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,6 +50,8 @@ pub struct Settings {
     pub on_fault: OnFault,
     /// What its winding stands; `None` for a motor that nothing protects from its own current.
     pub thermal: Option<ThermalLimit>,
+    /// Largest current in mA, in either direction, driving or braking. `None` for a motor that may draw its stall current.
+    pub current_limit: Option<NonZeroU16>,
     /// The motor with its load, if known: it is then regulated by its model.
     pub dynamics: Option<Dynamics>,
     /// Coefficients of a host's own: with them the motor is regulated by PID, whatever is known.
@@ -66,9 +69,8 @@ impl Settings {
         Self::for_scheme(winding, Scheme::A)
     }
 
-    /// Settings that run a gear motor with this winding on an ideal bridge: linear current, brake
-    /// at zero, and nothing known of the load, so that PID regulates it with
-    /// [guessed coefficients](Coefficients::guessed).
+    /// Settings that run a gear motor with this winding on an ideal bridge: linear current, and brake at zero. Motor and load
+    /// are not configured, so the regulator learns the acceleration per volt.
     pub const fn for_scheme(winding: Winding, scheme: Scheme) -> Self {
         Self {
             winding,
@@ -78,6 +80,7 @@ impl Settings {
             zero_power: ZeroPower::Brake,
             on_fault: OnFault::Coast,
             thermal: None,
+            current_limit: None,
             dynamics: None,
             coefficients: None,
             acceleration: None,
@@ -87,8 +90,8 @@ impl Settings {
 
     /// What the regulator is told of them.
     pub(super) const fn regulation(&self) -> Config {
-        let Self { winding, scheme, dynamics, coefficients, acceleration, .. } = *self;
-        Config { emf: winding.emf, scheme, dynamics, coefficients, acceleration }
+        let Self { winding, dynamics, coefficients, acceleration, .. } = *self;
+        Config { emf: winding.emf, dynamics, coefficients, acceleration }
     }
 
     /// Of winding and bridge together, in ohms.
@@ -108,8 +111,8 @@ impl Settings {
         Milliamperes::from_amperes(amperes * share)
     }
 
-    /// What turns control values into drives by them.
-    pub(super) fn placer(&self) -> Placer {
-        Placer::new(&self.winding, &self.bridge, self.scheme, self.duty)
+    /// Maps voltages and control values of the motor to commands of its bridge.
+    pub(super) fn modulator(&self) -> Modulator {
+        Modulator::new(&self.winding, &self.bridge, self.scheme, self.duty)
     }
 }

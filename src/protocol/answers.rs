@@ -176,8 +176,8 @@ pub struct Bulk {
     pub encoders: [i32; CHANNELS],
     /// True if the current exceeds the motor's current alert, by motor.
     pub over_current: [bool; CHANNELS],
-    /// True in position mode within the tolerance, by motor.
-    pub at_target: [bool; CHANNELS],
+    /// True in position mode within the tolerance of the target, whatever the speed, by motor.
+    pub within_tolerance: [bool; CHANNELS],
     /// Velocities in counts per second, by motor.
     pub velocities: [i16; CHANNELS],
     /// Analog inputs in millivolts.
@@ -186,8 +186,8 @@ pub struct Bulk {
     pub attention: Option<bool>,
 }
 
-/// 35 bytes, or 34 without the attention. One byte has bits of all motors: over-current from bit 0 on, at target from bit 4
-/// on.
+/// 35 bytes, or 34 without the attention. One byte has bits of all motors: over-current from bit 0 on, within tolerance from
+/// bit 4 on.
 impl Field for Bulk {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let (digital, encoders, motors) = (u8::read(fields)?, Field::read(fields)?, u8::read(fields)?);
@@ -196,7 +196,7 @@ impl Field for Bulk {
             digital,
             encoders,
             over_current: bits(0),
-            at_target: bits(4),
+            within_tolerance: bits(4),
             velocities: Field::read(fields)?,
             analog: Field::read(fields)?,
             attention: Flag::read(fields).ok().map(|flag| flag.0),
@@ -204,7 +204,7 @@ impl Field for Bulk {
     }
 
     fn write(&self, payload: &mut Payload) {
-        let bits = self.over_current.iter().chain(&self.at_target).enumerate();
+        let bits = self.over_current.iter().chain(&self.within_tolerance).enumerate();
         let motors = bits.fold(0, |bits, (bit, is)| bits | u8::from(*is) << bit);
         self.digital.write(payload);
         self.encoders.write(payload);

@@ -23,9 +23,9 @@ use crate::units::{
 };
 use heapless::Vec;
 
-/// The longest payload that a packet keeps, in bytes. The longest request has 101, the longest answer 156. A reader ignores
+/// The longest payload that a packet keeps, in bytes. The longest request has 101, the longest answer 164. A reader ignores
 /// bytes behind the last field.
-pub const PAYLOAD_KEPT: usize = 160;
+pub const PAYLOAD_KEPT: usize = 168;
 
 /// The payload of a packet.
 pub type Payload = Vec<u8, PAYLOAD_KEPT>;

@@ -1,59 +1,64 @@
-//! What an entry of the record says, and how it lies in memory. Numbers are little-endian.
+//! The content of an entry of the record, and its layout in memory. All numbers are little-endian.
 
 use super::Fault;
 use crate::bridge::{Drive, Mode};
 use crate::motor::Report;
 use crate::units::{Control, Duty, Millivolts};
 
-/// Bytes of a [`Head`], and of a [`Tick`].
+/// Size of a [`Head`] in memory, in bytes.
 pub(super) const HEAD: usize = 32;
+/// Size of a [`Tick`] in memory, in bytes.
 pub(super) const TICK: usize = 8;
 
-/// No motor in particular.
+/// Motor index of an entry that is about no motor.
 pub(crate) const NOBODY: u8 = u8::MAX;
 
-/// One thing that happened.
+/// Description of one fault or reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Head {
-    /// Counts entries, from 1; wraps.
+    /// Number of the entry. Numbers begin with 1 and wrap.
     pub number: u16,
-    /// What it was.
+    /// The fault or the reset cause.
     pub fault: Fault,
-    /// How often in a row: in one run, or at the end of runs that had no tick. 255 is that or more.
+    /// Consecutive occurrences in one run, or in runs that ended before their first tick; 255 means 255 or more.
     pub times: u8,
-    /// In which run since the record began, from 1; wraps. A fault that ended a run is of that run.
+    /// Number of the run that the fault occurred in, or that the reset ended. Numbers begin with 1 and wrap.
     pub run: u16,
-    /// The control tick that it was seen at, or the last one before the run ended: milliseconds since that run began.
+    /// Time of the control tick at which the fault began, or of the last tick of the run, in ms since the run began.
     pub uptime_ms: u32,
-    /// The battery then; `None` if it was unknown.
+    /// Battery voltage at `uptime_ms`; `None` if the voltage was unknown.
     pub battery: Option<Millivolts>,
-    /// The motor at fault, or of a fault of the hub the one that was driven most.
+    /// Index of the motor at fault. For a fault of the hub: the motor with the largest duty, `None` if all coasted.
     pub motor: Option<u8>,
-    /// What that motor's bridge was told last before.
+    /// Last command to the bridge of `motor` before the fault; coasting if `motor` is `None`.
     pub drive: Drive,
-    /// Of a hard fault where it was and where that was called from; of a stack overflow how far down the stack had come;
-    /// of a panic line and column; of an interrupt its number. Otherwise 0.
+    /// Two numbers that describe the fault; 0 if the fault has none.
+    ///
+    /// * Hard fault: address of the instruction, and the return address to its caller.
+    /// * Stack overflow: lowest address that the stack pointer reached.
+    /// * Panic: line and column.
+    /// * Interrupt without a handler: number of the interrupt.
     pub detail: [u32; 2],
-    /// Ticks of that motor up to then that are kept, 0 to 64.
+    /// Number of ticks of `motor` before the fault that the record still holds, 0 to 64.
     pub ticks: u8,
 }
 
-/// A control tick of one motor.
+/// State of one motor at one control tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Tick {
-    /// The lower 16 bits of its position, counts.
+    /// Lower 16 bits of the position, in counts.
     pub position: u16,
-    /// Its speed, counts/s, to the end of 16 bits.
+    /// Speed in counts/s, limited to 16 bits.
     pub velocity: i16,
-    /// The control value.
+    /// Control value of the motor.
     pub control: Control,
-    /// What its bridge is told; the duty in steps of 2^-13.
+    /// Command to the motor's bridge. The duty has steps of 2^-13.
     pub drive: Drive,
 }
 
-/// FNV-1a: any single byte that is wrong shows, anything else but for one time in 2^32.
+/// Returns the FNV-1a checksum of `bytes`. It detects each wrong single byte, and misses one in 2^32 of other errors.
 pub(super) fn checksum(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0x811C_9DC5, |sum, byte| (sum ^ u32::from(*byte)).wrapping_mul(0x0100_0193))
 }
@@ -76,7 +81,7 @@ impl Tick {
         [p, q, v, w, c, d, m, n]
     }
 
-    /// Any bytes are a tick.
+    /// Decodes a tick. Any 8 bytes are a valid tick; a checksum protects the whole page.
     pub(super) fn from_bytes([p, q, v, w, c, d, m, n]: [u8; TICK]) -> Self {
         Self {
             position: u16::from_le_bytes([p, q]),
@@ -87,7 +92,7 @@ impl Tick {
     }
 }
 
-/// Bits 14 and 15 are the mode, the others the duty in steps of 2^-13.
+/// Encodes a drive: bits 14 and 15 are the mode, bits 0 to 13 the duty in steps of 2^-13.
 pub(crate) const fn drive_bits(drive: Drive) -> u16 {
     let mode = match drive.mode {
         Mode::Brake50 => 0,
@@ -97,7 +102,7 @@ pub(crate) const fn drive_bits(drive: Drive) -> u16 {
     mode << 14 | drive.duty.to_bits() >> 2
 }
 
-/// Of a mode that there is not, coasting.
+/// Decodes a drive. Coasting is returned for the mode number 3, which is not used.
 pub(crate) const fn drive_of(bits: u16) -> Drive {
     let mode = match bits >> 14 {
         0 => Mode::Brake50,
@@ -109,8 +114,8 @@ pub(crate) const fn drive_of(bits: u16) -> Drive {
 }
 
 impl Head {
-    /// With the checksum of its ticks, and ended by its own.
-    pub(super) fn to_bytes(self, of_ticks: u32) -> [u8; HEAD] {
+    /// Encodes the head with the checksum of its ticks. The last four bytes are the checksum of the head.
+    pub(super) fn to_bytes(self, ticks_checksum: u32) -> [u8; HEAD] {
         let mut bytes = [0; HEAD];
         let [first, second] = self.detail;
         let fields: [&[u8]; 10] = [
@@ -123,7 +128,7 @@ impl Head {
             &drive_bits(self.drive).to_le_bytes(),
             &first.to_le_bytes(),
             &second.to_le_bytes(),
-            &of_ticks.to_le_bytes(),
+            &ticks_checksum.to_le_bytes(),
         ];
         bytes.iter_mut().zip(fields.iter().copied().flatten()).for_each(|(byte, field)| *byte = *field);
         if let Some((body, sum)) = bytes.split_last_chunk_mut::<4>() {
@@ -132,7 +137,8 @@ impl Head {
         bytes
     }
 
-    /// With the checksum of its ticks. `None` if it is not whole, or of a fault that this firmware does not know.
+    /// Decodes a head and the checksum of its ticks. `None` if the head is damaged, or if this firmware does not have
+    /// its fault number.
     pub(super) fn from_bytes(bytes: &[u8; HEAD]) -> Option<(Self, u32)> {
         let (body, sum) = bytes.split_last_chunk::<4>()?;
         if checksum(body) != u32::from_le_bytes(*sum) {
@@ -140,13 +146,13 @@ impl Head {
         }
         let mut words = body.as_chunks::<2>().0.iter().map(|pair| u16::from_le_bytes(*pair));
         let mut word = || words.next().unwrap_or_default();
-        let (number, what) = (word(), word().to_le_bytes());
+        let (number, [fault, times]) = (word(), word().to_le_bytes());
         let mut long = || u32::from(word()) | u32::from(word()) << 16;
         let uptime_ms = long();
-        let (run, battery_mv, whose, drive) = (word(), word(), word().to_le_bytes(), drive_of(word()));
+        let (run, battery_mv, [motor, ticks]) = (word(), word(), word().to_le_bytes());
+        let drive = drive_of(word());
         let mut long = || u32::from(word()) | u32::from(word()) << 16;
-        let (detail, of_ticks) = ([long(), long()], long());
-        let ([fault, times], [motor, ticks]) = (what, whose);
+        let (detail, ticks_checksum) = ([long(), long()], long());
         let head = Self {
             number,
             fault: Fault::from_number(fault)?,
@@ -159,6 +165,6 @@ impl Head {
             detail,
             ticks,
         };
-        Some((head, of_ticks))
+        Some((head, ticks_checksum))
     }
 }

@@ -1,11 +1,11 @@
-//! Every fault by its number, the same in the record, on the link, in logs and in `docs/reference/fault-numbers.md`.
+//! All faults and their numbers. Record, link, logs and `docs/reference/fault-numbers.md` use these numbers.
 
 use crate::motion::EncoderFault;
 use crate::motor::Faults;
 
 macro_rules! faults {
     ($($number:literal $fault:ident $name:literal,)+) => {
-        /// What went wrong, or why the chip began anew. `docs/reference/fault-numbers.md` has a section for each.
+        /// A fault, or the cause of a reset. `docs/reference/fault-numbers.md` has a section for each.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         #[repr(u8)]
@@ -15,10 +15,10 @@ macro_rules! faults {
         }
 
         impl Fault {
-            /// All of them, by number.
+            /// All faults, in the order of their numbers.
             pub const ALL: &[Self] = &[$(Self::$fault),+];
 
-            /// The fault with this number.
+            /// Returns the fault with this number, or `None` if no fault has it.
             pub const fn from_number(number: u8) -> Option<Self> {
                 match number {
                     $($number => Some(Self::$fault),)+
@@ -26,7 +26,7 @@ macro_rules! faults {
                 }
             }
 
-            /// In a few words.
+            /// Returns a short name for users.
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$fault => $name,)+
@@ -36,7 +36,7 @@ macro_rules! faults {
     };
 }
 
-// A number keeps its meaning for ever: what goes leaves a gap.
+// A number never changes its meaning. The number of a removed fault is not used again.
 faults! {
     1 EncoderSilent "encoder gives no reading",
     2 EncoderStuck "encoder does not count",
@@ -58,12 +58,13 @@ faults! {
 }
 
 impl Fault {
-    /// 1 to 15 are of a motor, 16 to 31 of the hub, 32 and more are resets that nothing wrong led to.
+    /// Returns the number: 1 to 15 for faults of a motor, 16 to 31 for faults of the hub, 32 and above for other
+    /// resets.
     pub const fn number(self) -> u8 {
         self as u8
     }
 
-    /// Those that keep a motor from obeying, as bits by number.
+    /// Returns the faults that keep a motor from running, as bits by number.
     pub(super) const fn bits_of(faults: Faults) -> u8 {
         let encoder = match faults.encoder {
             None => 0,
@@ -77,17 +78,18 @@ impl Fault {
             | when(faults.battery_unknown, Self::BatteryUnknown)
     }
 
-    /// Those of a motor whose bits are set.
+    /// Iterates over the faults of a motor whose bits are set.
     pub(super) fn in_bits(bits: u8) -> impl Iterator<Item = Self> {
         Self::ALL.iter().copied().take(6).filter(move |fault| bits & bit(*fault) != 0)
     }
 }
 
-/// Of a motor's faults, 1 to 7.
+/// Returns the bit of a motor's fault. The fault number must be 1 to 7.
 const fn bit(fault: Fault) -> u8 {
     1 << (fault.number() & 7)
 }
 
-const fn when(is: bool, fault: Fault) -> u8 {
-    if is { bit(fault) } else { 0 }
+/// Returns the bit of `fault` if the fault is present, otherwise 0.
+const fn when(present: bool, fault: Fault) -> u8 {
+    if present { bit(fault) } else { 0 }
 }

@@ -1,54 +1,65 @@
-//! What is told of the present run while it lasts, so that the next one knows how it ended.
+//! State of the present run, written while the run lasts, so that the next run can record how this one ended.
 
 use super::entry::checksum;
 use super::{Fault, SLOTS, TICKS};
 use crate::units::Millivolts;
 
-/// Of this layout.
+/// Marks memory that holds a record of this layout: "MHR1" in ASCII.
 const MAGIC: u32 = 0x3152_484D;
 
-/// [`MAGIC`], the run's number and its complement; then time, the rest of [`Now`], and both against each other.
+/// Index of the first word about the run: [`MAGIC`], the number of the run, and the complement of that number.
 const RUN: usize = 0;
+/// Index of the first word about the last tick: the time, the rest of [`Now`], and a check word.
+///
+/// The check word is the exclusive or of the two words before it and [`MAGIC`].
 const NOW: usize = 3;
 
-/// Bytes.
+/// Size of [`Live`] in memory, in bytes.
 pub(super) const LIVE: usize = 6 * 4;
+/// Size of [`LastWords`] in memory, in bytes.
 pub(super) const WORDS: usize = 4 * 4;
 
+/// Memory for the number of the present run and for the state at its last tick.
 #[derive(Debug)]
 pub(super) struct Live<'a>(pub(super) &'a mut [[u8; 4]]);
 
-/// The place for what ends the present run, apart from the record: whoever fails may have been busy with that.
+/// Memory in which a fault handler reports the fault that ends the present run.
+///
+/// The memory is separate from [`Record`](super::Record), because the fault may interrupt a write to the record.
 #[derive(Debug)]
 pub struct LastWords<'a>(pub(super) &'a mut [[u8; 4]]);
 
-/// As of the last tick.
+/// State of the run at its last tick.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Now {
-    /// Since the run began, in units of 1024 us.
+    /// Time since the run began, in units of 1024 us.
     pub(super) time: u32,
+    /// Battery voltage; `None` if it is unknown.
     pub(super) battery: Option<Millivolts>,
-    /// The ring's next slot, and how many before it hold ticks of this run.
+    /// Index of the slot of the ring that the next tick is written to.
     pub(super) next: u8,
+    /// Number of slots before `next` that hold ticks of this run.
     pub(super) filled: u8,
 }
 
-/// What a run left.
-pub(super) struct Left {
+/// A run that a reset has ended.
+pub(super) struct EndedRun {
+    /// Number of the run.
     pub(super) run: u32,
+    /// State at the last tick of the run.
     pub(super) now: Now,
 }
 
 impl Live<'_> {
-    /// Of the run before; `None` if there was none.
-    pub(super) fn left(&self) -> Option<Left> {
+    /// Returns the run before the reset; `None` if the memory holds no run.
+    pub(super) fn ended_run(&self) -> Option<EndedRun> {
         let [magic, run, complement] = get(self.0, RUN);
         if magic != MAGIC || run != !complement {
             return None;
         }
         let [time, rest, check] = get(self.0, NOW);
         if check != time ^ rest ^ MAGIC {
-            return Some(Left { run, now: Now::default() });
+            return Some(EndedRun { run, now: Now::default() });
         }
         let [b, c, next, filled] = rest.to_le_bytes();
         let now = Now {
@@ -57,18 +68,19 @@ impl Live<'_> {
             next: if usize::from(next) < SLOTS { next } else { 0 },
             filled: filled.min(TICKS as u8),
         };
-        Some(Left { run, now })
+        Some(EndedRun { run, now })
     }
 
-    /// A run begins.
+    /// Begins a run.
     pub(super) fn begin(&mut self, run: u32) {
-        // Whatever a reset leaves of this is no run, or this run.
+        // The run is deleted first and written last. A reset in between leaves no run, never a wrong one.
         put(self.0, RUN, [0; 3]);
-        self.tell(Now::default());
+        self.update(Now::default());
         put(self.0, RUN, [MAGIC, run, !run]);
     }
 
-    pub(super) fn tell(&mut self, Now { time, battery, next, filled }: Now) {
+    /// Stores the state at the present tick.
+    pub(super) fn update(&mut self, Now { time, battery, next, filled }: Now) {
         let [b, c] = battery.map_or(0, Millivolts::get).to_le_bytes();
         let rest = u32::from_le_bytes([b, c, next, filled]);
         put(self.0, NOW, [time, rest, time ^ rest ^ MAGIC]);
@@ -76,13 +88,15 @@ impl Live<'_> {
 }
 
 impl LastWords<'_> {
-    /// What ends the run, from a context that the run will not come back from.
+    /// Stores the fault that ends the run, and its [detail](super::Head::detail).
+    ///
+    /// A fault handler calls this before the reset. The next start of the hub makes an entry of the fault.
     pub fn say(&mut self, fault: Fault, [first, second]: [u32; 2]) {
         let number = u32::from(fault.number());
         put(self.0, 0, [number, first, second, sum_of([number, first, second])]);
     }
 
-    /// Those of the run before, which are forgotten.
+    /// Reads and deletes the fault that ended the previous run. `None` if no fault handler stored one.
     pub(super) fn take(&mut self) -> Option<(Fault, [u32; 2])> {
         let [number, first, second, sum] = get(self.0, 0);
         put(self.0, 0, [0; 4]);
@@ -91,15 +105,18 @@ impl LastWords<'_> {
     }
 }
 
+/// Reads `N` words from index `at`.
 fn get<const N: usize>(words: &[[u8; 4]], at: usize) -> [u32; N] {
     let mut words = words.iter().skip(at);
     core::array::from_fn(|_| words.next().map_or(0, |word| u32::from_le_bytes(*word)))
 }
 
+/// Writes `N` words from index `at`.
 fn put<const N: usize>(words: &mut [[u8; 4]], at: usize, values: [u32; N]) {
     words.iter_mut().skip(at).zip(values).for_each(|(word, value)| *word = value.to_le_bytes());
 }
 
+/// Returns the checksum of three words.
 fn sum_of(words: [u32; 3]) -> u32 {
     checksum(words.map(u32::to_le_bytes).as_flattened())
 }

@@ -1,29 +1,35 @@
-//! What happened: the last faults and resets, in memory that a reset leaves alone.
+//! Fault record: the last faults and resets, in memory that survives a reset.
 //!
 //! ```text
 //! reset cause, at start-----------> +--------+ --heads, ticks--> responder
 //! control --Snapshot, every tick--> | Record |
-//! fault handlers --LastWords------> +--------+ at the next start
+//! fault handlers --LastWords------> +--------+ read at the next start
 //! ```
 //!
-//! Of the last 64 ticks of each motor a ring is kept. When a motor's fault sets in, and when a run has ended, a
-//! [`Head`] is written, and the ring of the motor concerned is copied beside it. Whatever ends a run may stop a write at
-//! any byte, and memory holds anything after power-on: what is found is believed only with its checksum.
+//! Terms:
+//! * A *run* is the time from one reset to the next.
+//! * A [`Tick`] is the state of one motor at one control tick. A ring holds the last [`TICKS`] ticks of each motor.
+//! * A [`Head`] describes one fault or reset. A head with its ticks is an *entry*.
+//! * A *page* holds the ticks of one entry: a copy of the ring of the motor at fault.
 //!
-//! Of the newest [`HEADS`] the heads are kept, of the newest [`PAGES`] the ticks too.
+//! An entry is written when a fault of a motor begins, and at the start after a run has ended. The record keeps the
+//! newest [`HEADS`] heads, and pages for the newest [`PAGES`] entries.
+//!
+//! A reset may interrupt a write at any byte, and the memory has random content after power-on. Therefore heads, pages
+//! and the state of the run have checksums, and the record ignores content with a wrong checksum.
 //!
 //! ```
 //! use motor_hub::hub::Snapshot;
 //! use motor_hub::record::{Fault, Record, SIZE};
 //!
 //! let mut memory = [0x5A; SIZE];
-//! // What memory holds after power-on is no record.
+//! // The memory has random content after power-on, so the record is empty.
 //! let (mut record, mut last_words) = Record::open(&mut memory, Fault::PowerOn);
 //! assert_eq!(record.heads().count(), 0);
 //! record.tick(&Snapshot::<4>::INITIAL);
 //! last_words.say(Fault::Panic, [120, 5]);
 //!
-//! // The watchdog then starts the chip afresh.
+//! // The watchdog then resets the chip.
 //! let (record, _) = Record::open(&mut memory, Fault::Watchdog);
 //! let head = record.heads().next().unwrap();
 //! assert_eq!((head.fault, head.detail, head.run), (Fault::Panic, [120, 5], 1));
@@ -44,52 +50,60 @@ use crate::motor::{Report, Setpoint};
 use entry::{HEAD, TICK, checksum};
 use live::{LIVE, Live, Now, WORDS};
 
-/// Bytes that a record takes.
+/// Size of the record's memory in bytes.
 pub const SIZE: usize = 4096;
 
-/// Heads that are kept.
+/// Number of heads that the record keeps.
 pub const HEADS: usize = 8;
 
-/// Entries, the newest, whose ticks are kept.
+/// Number of entries, the newest ones, that the record keeps ticks of.
 pub const PAGES: usize = 3;
 
-/// Ticks that are kept of a motor.
+/// Number of ticks that the record keeps of each motor.
 pub const TICKS: usize = 64;
 
-/// Motors whose ticks are kept: the first four.
+/// Number of motors, the first ones, that the record keeps ticks of.
 pub const MOTORS: usize = 4;
 
-/// The ring has a slot more than there are ticks: what a reset cut short is in none of them.
+/// Number of slots in the ring. The additional slot is the one being written: a reset may leave it incomplete.
 const SLOTS: usize = TICKS + 1;
+/// Size of a slot of the ring in bytes: one tick of each motor.
 const SLOT: usize = MOTORS * TICK;
+/// Size of a page in bytes.
 const PAGE: usize = TICKS * TICK;
 const _: () = assert!(LIVE + WORDS + SLOTS * SLOT + HEADS * HEAD + PAGES * PAGE <= SIZE);
 
-/// The record, in memory that is lent to it.
+/// The fault record, in borrowed memory.
 #[derive(Debug)]
 pub struct Record<'a> {
+    /// State of the present run, in memory that survives a reset.
     live: Live<'a>,
+    /// Copy of the state in `live`.
     now: Now,
     ring: &'a mut [[u8; SLOT]],
     heads: &'a mut [[u8; HEAD]],
     pages: &'a mut [[u8; PAGE]],
+    /// Number of the present run.
     run: u32,
-    /// Of the newest entry; 0 before the first.
+    /// Number of the newest entry; 0 before the first entry.
     number: u16,
     /// Faults of each motor at the last tick, as bits.
-    known: [u8; MOTORS],
+    last_faults: [u8; MOTORS],
 }
 
-/// What an entry says of one motor.
+/// The motor that an entry is about.
 #[derive(Clone, Copy)]
-struct Concerned {
-    motor: usize,
+struct AffectedMotor {
+    index: usize,
+    /// Last command to the motor's bridge before the fault.
     drive: Drive,
 }
 
 impl<'a> Record<'a> {
-    /// After a reset of this cause. What ended the run before, if memory holds one, becomes an entry: its last words, or
-    /// else the cause.
+    /// Opens the record after a reset with this cause.
+    ///
+    /// If the memory holds an earlier run, the end of the earlier run becomes an entry. Its fault comes from
+    /// [`LastWords`], where a fault handler stored it. Otherwise its fault is the reset cause.
     #[inline(never)]
     pub fn open(memory: &'a mut [u8; SIZE], cause: Fault) -> (Self, LastWords<'a>) {
         let (live, rest) = memory.split_at_mut(LIVE);
@@ -104,16 +118,16 @@ impl<'a> Record<'a> {
             pages: pages.as_chunks_mut().0,
             run: 0,
             number: 0,
-            known: [0; MOTORS],
+            last_faults: [0; MOTORS],
         };
         let mut last_words = LastWords(words.as_chunks_mut().0);
-        let said = last_words.take();
-        match record.live.left() {
-            Some(left) => {
-                (record.run, record.now) = (left.run, left.now);
+        let reported = last_words.take();
+        match record.live.ended_run() {
+            Some(ended) => {
+                (record.run, record.now) = (ended.run, ended.now);
                 record.number = record.newest().map_or(0, |(head, _)| head.number);
-                let (fault, detail) = said.unwrap_or((cause, [0; 2]));
-                record.write(fault, detail, record.busiest());
+                let (fault, detail) = reported.unwrap_or((cause, [0; 2]));
+                record.write(fault, detail, record.most_driven());
             }
             None => record.clear(),
         }
@@ -123,17 +137,17 @@ impl<'a> Record<'a> {
         (record, last_words)
     }
 
-    /// Forgets all entries. The present run goes on.
+    /// Deletes all entries. The present run continues.
     pub fn clear(&mut self) {
         self.heads.as_flattened_mut().fill(0);
         self.number = 0;
     }
 
-    /// A control tick: every one, whatever the period.
+    /// Records one control tick of all motors. The control task calls this at each tick, for any control period.
     pub fn tick<const N: usize>(&mut self, snapshot: &Snapshot<N>) {
         let slot = self.ring.get_mut(usize::from(self.now.next)).map(|slot| slot.as_chunks_mut().0);
-        for (place, report) in slot.into_iter().flatten().zip(&snapshot.motors) {
-            *place = Tick::of(report).to_bytes();
+        for (bytes, report) in slot.into_iter().flatten().zip(&snapshot.motors) {
+            *bytes = Tick::of(report).to_bytes();
         }
         self.now = Now {
             time: (snapshot.at.get() >> 10) as u32,
@@ -141,65 +155,66 @@ impl<'a> Record<'a> {
             next: if usize::from(self.now.next) + 1 < SLOTS { self.now.next + 1 } else { 0 },
             filled: if usize::from(self.now.filled) < TICKS { self.now.filled + 1 } else { self.now.filled },
         };
-        self.live.tell(self.now);
+        self.live.update(self.now);
         for (motor, report) in snapshot.motors.iter().enumerate() {
-            let Some(known) = self.known.get_mut(motor) else { break };
-            let present = bits(report);
-            let new = present & !*known;
-            *known = present;
+            let Some(last) = self.last_faults.get_mut(motor) else { break };
+            let present = fault_bits(report);
+            let new = present & !*last;
+            *last = present;
             if new != 0 {
-                self.note(motor, new);
+                self.record_faults(motor, new);
             }
         }
     }
 
-    /// Which run this is since the record began, from 1.
+    /// Returns the number of the present run. The first run of a record has number 1.
     pub const fn run(&self) -> u32 {
         self.run
     }
 
-    /// The entries, newest first.
+    /// Iterates over the heads of the entries, newest first.
     pub fn heads(&self) -> impl Iterator<Item = Head> {
         (0..HEADS as u16).map_while(|age| {
-            // An entry that is not whole ends the list: what is older may be of any age.
+            // A damaged head ends the list, because the age of the heads behind it is not certain.
             let (head, sum) = self.head(self.number.wrapping_sub(age))?;
             let ticks = if self.page(&head, sum).is_some() { head.ticks } else { 0 };
             Some(Head { ticks, ..head })
         })
     }
 
-    /// The ticks of an entry, oldest first; `None` if there is no such entry, or no more ticks of it.
+    /// Iterates over the ticks of an entry, oldest first. `None` if the entry does not exist or its ticks are
+    /// overwritten.
     pub fn ticks(&self, number: u16) -> Option<impl ExactSizeIterator<Item = Tick>> {
         let (head, sum) = self.head(number)?;
         Some(self.page(&head, sum)?.iter().map(|bytes| Tick::from_bytes(*bytes)))
     }
 
-    /// New faults of a motor.
+    /// Writes an entry for each new fault of a motor.
     #[cold]
-    fn note(&mut self, motor: usize, new: u8) {
-        // At this tick the bridge is open already.
-        let drive = self.tick_before(motor).map_or(Drive::COAST, |tick| tick.drive);
+    fn record_faults(&mut self, index: usize, new: u8) {
+        // At the tick of the fault the bridge is open already, so the tick before tells how it was driven.
+        let drive = self.tick_ago(index, 2).map_or(Drive::COAST, |tick| tick.drive);
         for fault in Fault::in_bits(new) {
-            self.write(fault, [0; 2], Some(Concerned { motor, drive }));
+            self.write(fault, [0; 2], Some(AffectedMotor { index, drive }));
         }
     }
 
-    /// An entry; or one more of the same.
-    fn write(&mut self, fault: Fault, detail: [u32; 2], concerned: Option<Concerned>) {
-        let motor = concerned.map(|concerned| concerned.motor as u8);
+    /// Writes an entry. A repetition of the newest entry is counted in that entry instead.
+    fn write(&mut self, fault: Fault, detail: [u32; 2], affected: Option<AffectedMotor>) {
+        let motor = affected.map(|affected| affected.index as u8);
         if let Some((head, sum)) = self.newest().filter(|(head, _)| {
-            // All motors are on one battery.
-            let whose = head.motor == motor || fault == Fault::BatteryUnknown;
-            // Runs that end in the same way before they have begun must not push out what came before them.
-            let stillborn = self.now.filled == 0 && head.ticks == 0;
-            let same = head.fault == fault && head.detail == detail && whose;
-            same && (head.run == self.run as u16 || stillborn)
+            // All motors share one battery, so an unknown battery is recorded once and not once per motor.
+            let same_motor = head.motor == motor || fault == Fault::BatteryUnknown;
+            let repeated = head.fault == fault && head.detail == detail && same_motor;
+            // A hub that resets again and again before its first tick fills one entry, and does not delete older ones.
+            let both_without_ticks = self.now.filled == 0 && head.ticks == 0;
+            repeated && (head.run == self.run as u16 || both_without_ticks)
         }) {
             return self.put(Head { times: head.times.saturating_add(1), ..head }, sum);
         }
-        // 0 is before the first.
+        // Numbers wrap from 65 535 to 1, because 0 means that there is no entry.
         self.number = self.number.checked_add(1).unwrap_or(1);
-        let (ticks, sum) = concerned.map_or((0, 0), |concerned| self.copy(concerned.motor));
+        let (ticks, sum) = affected.map_or((0, 0), |affected| self.copy(affected.index));
         let Now { time, battery, .. } = self.now;
         let head = Head {
             number: self.number,
@@ -209,20 +224,21 @@ impl<'a> Record<'a> {
             uptime_ms: (u64::from(time) * 128 / 125) as u32,
             battery,
             motor,
-            drive: concerned.map_or(Drive::COAST, |concerned| concerned.drive),
+            drive: affected.map_or(Drive::COAST, |affected| affected.drive),
             detail,
             ticks,
         };
         self.put(head, sum);
     }
 
+    /// Stores a head with the checksum of its ticks.
     fn put(&mut self, head: Head, sum: u32) {
-        if let Some(place) = self.heads.get_mut(usize::from(head.number) % HEADS) {
-            *place = head.to_bytes(sum);
+        if let Some(bytes) = self.heads.get_mut(usize::from(head.number) % HEADS) {
+            *bytes = head.to_bytes(sum);
         }
     }
 
-    /// A motor's ring to the page of the newest entry: how many ticks, and their checksum.
+    /// Copies a motor's ring to the page of the newest entry. Returns the number of ticks and their checksum.
     fn copy(&mut self, motor: usize) -> (u8, u32) {
         let Now { next, filled, .. } = self.now;
         let Some(page) = self.pages.get_mut(usize::from(self.number) % PAGES) else { return (0, 0) };
@@ -230,21 +246,23 @@ impl<'a> Record<'a> {
         let slots = self.ring.iter().cycle().skip(first).take(filled.into());
         let ticks = slots.filter_map(|slot| slot.as_chunks::<TICK>().0.get(motor));
         let mut count = 0;
-        for (place, tick) in page.as_chunks_mut().0.iter_mut().zip(ticks) {
-            *place = *tick;
+        for (bytes, tick) in page.as_chunks_mut().0.iter_mut().zip(ticks) {
+            *bytes = *tick;
             count += 1;
         }
         let sum = page.get(..usize::from(count) * TICK).map_or(0, checksum);
         (count, sum)
     }
 
-    /// The entry with this number, and the checksum of its ticks.
+    /// Returns the head with this number and the checksum of its ticks. `None` if the head is damaged or overwritten.
     fn head(&self, number: u16) -> Option<(Head, u32)> {
         let (head, sum) = Head::from_bytes(self.heads.get(usize::from(number) % HEADS)?)?;
         (head.number == number).then_some((head, sum))
     }
 
-    /// While a run begins the number is not known yet.
+    /// Returns the newest head and the checksum of its ticks.
+    ///
+    /// While a record is opened, the number of the newest head is not known yet, so the head is searched for.
     fn newest(&self) -> Option<(Head, u32)> {
         if self.number != 0 {
             return self.head(self.number);
@@ -253,39 +271,39 @@ impl<'a> Record<'a> {
         heads.reduce(|one, other| if is_after(other.0.number, one.0.number) { other } else { one })
     }
 
+    /// Returns the ticks of an entry, as bytes. `None` if it has none, or if a newer entry has overwritten its page.
     fn page(&self, head: &Head, sum: u32) -> Option<&[[u8; TICK]]> {
         let page = self.pages.get(usize::from(head.number) % PAGES)?;
         let ticks = page.get(..usize::from(head.ticks) * TICK).filter(|ticks| !ticks.is_empty())?;
         (checksum(ticks) == sum).then_some(ticks.as_chunks().0)
     }
 
-    /// So many ticks ago, from 1.
+    /// Returns the tick `ago` ticks ago; 1 is the last tick. `None` before the first tick of the run.
     fn tick_ago(&self, motor: usize, ago: usize) -> Option<Tick> {
         let slot = (usize::from(self.now.next) + SLOTS - ago) % SLOTS;
         let bytes = self.ring.get(slot).filter(|_| ago <= usize::from(self.now.filled))?;
         bytes.as_chunks().0.get(motor).map(|bytes| Tick::from_bytes(*bytes))
     }
 
-    fn tick_before(&self, motor: usize) -> Option<Tick> {
-        self.tick_ago(motor, 2)
-    }
-
-    /// The motor that was driven most at the last tick; `None` if all coasted.
-    fn busiest(&self) -> Option<Concerned> {
-        let drives = (0..MOTORS).filter_map(|motor| Some((motor, self.tick_ago(motor, 1)?.drive)));
+    /// Returns the motor with the largest duty at the last tick; `None` if all motors coasted.
+    ///
+    /// A driven motor ranks above a braked one.
+    fn most_driven(&self) -> Option<AffectedMotor> {
+        let drives = (0..MOTORS).filter_map(|index| Some((index, self.tick_ago(index, 1)?.drive)));
         let driven = drives.filter(|(_, drive)| *drive != Drive::COAST);
         let most = driven.max_by_key(|(_, drive)| (drive.mode != Mode::Brake50, drive.duty.to_bits()));
-        most.map(|(motor, drive)| Concerned { motor, drive })
+        most.map(|(index, drive)| AffectedMotor { index, drive })
     }
 }
 
-/// Numbers wrap.
+/// Returns true if entry number `one` is newer than `other`. Entry numbers wrap.
 const fn is_after(one: u16, other: u16) -> bool {
     one.wrapping_sub(other) as i16 > 0
 }
 
-/// Faults of a motor that is to do something; of one that is not they keep it from nothing.
-fn bits(report: &Report) -> u8 {
+/// Returns the faults of a motor as bits. The result is 0 for a motor that is disabled or in its fail-safe state,
+/// because a fault does not change the command to its bridge.
+fn fault_bits(report: &Report) -> u8 {
     match report.setpoint {
         Setpoint::Disabled | Setpoint::FailSafe => 0,
         _ => Fault::bits_of(report.faults),

@@ -1,16 +1,14 @@
 //! What goes into a regulator and what comes out of it, whichever it is.
 
 use super::{Coefficients, Dynamics};
-use crate::braking::{OperatingPoint, Placer, Scheme};
-use crate::units::{Acceleration, Control, CountsPerSecond, EmfConstant, Millivolts};
+use crate::braking::{Modulator, OperatingPoint};
+use crate::units::{Acceleration, Control, CountsPerSecond, EmfConstant, Voltage};
 
 /// What a regulator is told once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Config {
     /// Back EMF per speed.
     pub emf: EmfConstant,
-    /// What control values mean.
-    pub scheme: Scheme,
     /// The motor and its load, if known.
     pub dynamics: Option<Dynamics>,
     /// Coefficients of a host's own: the PID runs with them, whatever is known.
@@ -71,29 +69,29 @@ impl Reference {
     }
 }
 
-/// What a control value will be judged by.
+/// What a regulator needs to know of the bridge at a tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage<'a> {
-    /// Control values to drives and back.
-    pub placer: &'a Placer,
-    /// Speed and battery.
+    /// Maps control values to voltages and back.
+    pub modulator: &'a Modulator,
+    /// Speed and battery voltage.
     pub at: OperatingPoint,
-    /// The battery's voltage in volts.
-    pub(super) battery: f32,
 }
 
-impl<'a> Stage<'a> {
-    /// At this battery voltage and speed.
-    pub fn new(placer: &'a Placer, at: OperatingPoint, battery: Millivolts) -> Self {
-        Self { placer, at, battery: battery.to_volts() }
-    }
-}
-
-/// What a regulator asks for.
+/// What a regulator requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Request {
-    /// The control value.
-    pub control: Control,
+pub enum Effort {
+    /// This voltage of the motor.
+    Voltage(Voltage),
+    /// What this control value means: the output of PID without feed-forward.
+    Control(Control),
+}
+
+/// The output of a regulator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Output {
+    /// The request.
+    pub effort: Effort,
     /// The speed that it is for.
     pub speed: CountsPerSecond,
 }

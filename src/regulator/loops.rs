@@ -1,53 +1,48 @@
-//! The velocity loop, and the position loop above it: proportional, integral and derivative action.
+//! PID regulation by coefficients of a host: the velocity loop, and the position loop above it.
 //!
-//! With feed-forward the velocity loop's output is a share of the battery's voltage, for which hosts choose F; that becomes
-//! the control value that makes it in the scheme and by the duty rule in force. Without, it is the control value itself.
+//! With feed-forward the velocity loop's output is a share of the battery's voltage, for which hosts choose F. The output
+//! becomes the control value that makes this voltage in the scheme and by the duty rule in force. Without feed-forward
+//! the output is the control value itself.
 
-use super::{Config, Demand, Reference, Request, Stage};
+use super::{Demand, Effort, Output, Reference, Stage};
 use crate::braking::{Blend, BlendFraction, Scheme};
 use crate::motion::pid::{PidInput, Value};
 use crate::motion::{Pid, Pidf};
 use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Period, Voltage};
 use libm::{expf, expm1f, logf, roundf, sqrtf};
 
-/// The mechanical time constant of a motor of which nothing is known, in seconds: about that of a bare gear
-/// motor.
-pub(super) const GUESSED_TIME_CONSTANT: f32 = 0.14;
-/// Of the closed loop, 1/s,
+use super::gain::GUESSED_TIME_CONSTANT;
+
+/// Bandwidth of the closed velocity loop by suggested coefficients, in 1/s.
 const BANDWIDTH: f32 = 18.0;
-/// and what is left of an error after a tick, at least.
+/// Least share of a speed's error that suggested coefficients leave after a tick.
 const QUICKEST_POLE: f32 = 0.6;
-/// P at least, in full control at the speed whose back EMF is 12 V.
+/// Least P of suggested coefficients, in full control at the speed whose back EMF is 12 V.
 const LEAST_P: f32 = 0.3;
-/// The voltage for which coefficients are.
+/// Battery voltage for which coefficients are suggested, in V.
 const NOMINAL_VOLTS: f32 = 12.0;
-/// Cycles by which an I is given.
+/// Cycles of 50 ms by which hosts give I.
 const CYCLES_PER_SECOND: f32 = 20.0;
-/// An acceleration per volt that was learned is put in force if it is so much more or less than that before.
-const NEWS: f32 = 1.05;
-/// Of its acceleration at this voltage a motor is trusted to brake with half.
+/// How many times slower than the velocity loop the suggested position loop is: the motor may be much heavier than a bare one.
+const POSITION_SLOWER: f32 = 6.0;
+/// Voltage of whose acceleration half is planned for braking, in V.
 const BRAKING_VOLTS: f32 = 11.0;
 
 /// Coefficients of both loops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Coefficients {
-    /// Of regulated velocity.
+    /// Coefficients of the velocity loop.
     pub velocity: Pidf,
-    /// Of the position loop above it.
+    /// Coefficients of the position loop above the velocity loop.
     pub position: Pidf,
 }
 
 impl Coefficients {
-    /// Coefficients for a motor of which only the back EMF is known, at a battery of 12 V: those that the hub
-    /// itself begins with.
-    pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
-        Self::for_time_constant(GUESSED_TIME_CONSTANT, Certainty::Guess, emf, scheme, period)
-    }
-
-    /// The same for a motor of this mechanical time constant in seconds.
+    /// Suggests coefficients for a bare gear motor of which only the back EMF is known, at a battery of 12 V. Hosts read
+    /// them of a motor that has no coefficients.
     ///
-    /// From one tick to the next the motor keeps `a = exp(-T / tau)` of its speed. Both poles are put at
+    /// From one tick to the next such a motor keeps `a = exp(-T / 0.14 s)` of its speed. Both poles are put at
     /// `z = exp(-18 T)`, or 0.6. With `f` control steps per count/s, which is full control at the speed
     /// whose back EMF is 12 V:
     ///
@@ -55,24 +50,18 @@ impl Coefficients {
     /// P = f (a - z^2) / (1 - a)    I = f (1 - z)^2 / ((1 - a) T)
     /// ```
     ///
-    /// Where a control value is a current, the back EMF does not damp the motor: P makes up for it by another f.
-    /// In C and D, whose range is less current, both grow by as much. A fixed blend lies between B and C.
-    pub(super) fn for_time_constant(
-        tau: f32,
-        certainty: Certainty,
-        emf: EmfConstant,
-        scheme: Scheme,
-        period: Period,
-    ) -> Self {
+    /// Where a control value is a current, the back EMF does not damp the motor, and P grows by f to make up for it.
+    /// In Schemes C and D, whose range is less current, both grow by as much. A fixed blend lies between B and C.
+    pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
         let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
         let seconds = period.to_seconds();
-        let lost = -expm1f(-seconds / tau);
+        let lost = -expm1f(-seconds / GUESSED_TIME_CONSTANT);
         let kept = 1.0 - lost;
         let pole = expf(-BANDWIDTH * seconds).max(QUICKEST_POLE);
         let bandwidth = -logf(pole) / seconds;
         let p = ((kept - pole * pole) / lost).max(LEAST_P);
         let i = (1.0 - pole) * (1.0 - pole) / (lost * seconds);
-        // Of a range with less current.
+        // `share` is how far the scheme is from B to C.
         let narrow = |share: f32| {
             let more = 1.0 + 0.6 * share;
             ((p + 1.0) * more, i * more)
@@ -90,97 +79,55 @@ impl Coefficients {
             i: coefficient(i / CYCLES_PER_SECOND),
             ..Pidf::default()
         };
-        // A motor that is much heavier than guessed swings by the velocity loop alone.
-        let slower = match certainty {
-            Certainty::Guess => 6.0,
-            Certainty::Known => 3.0,
-        };
-        Self { velocity: pi(p * f, i * f), position: pi(bandwidth / slower, 0.0) }
+        Self { velocity: pi(p * f, i * f), position: pi(bandwidth / POSITION_SLOWER, 0.0) }
     }
 }
 
-/// To the nearest step of 2^-16; what is too large is the end of the range.
+/// Rounds to the nearest step of 2^-16; saturates at the ends of the range.
 fn coefficient(value: f32) -> Coefficient {
     Coefficient::from_bits(roundf(65_536.0 * value) as i32)
 }
 
-/// How well a motor is known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Certainty {
-    /// Not at all.
-    Guess,
-    /// From what was told or learned.
-    Known,
+/// How the velocity loop's integral begins at the next step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Start {
+    /// The integral goes on.
+    Running,
+    /// The integral alone keeps the current as it is; what P and D make of the error comes on top.
+    #[default]
+    Resume,
+    /// The integral alone keeps a current of zero.
+    Afresh,
+    /// Integral and P together keep the current as it is: coefficients have changed while the motor was regulated.
+    Continue,
 }
 
-/// What a volt does to a motor.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Knowledge {
-    /// Acceleration per volt, counts/s².
-    pub(super) gain: f32,
-    pub(super) certainty: Certainty,
-}
-
-/// Both loops of one motor.
-#[derive(Clone, Debug)]
+/// State of both loops.
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Loops {
-    period: Period,
-    coefficients: Coefficients,
-    /// The coefficients are for a battery of 12 V, not a host's.
-    guessed: bool,
-    knowledge: Knowledge,
     velocity: Pid,
     position: Pid,
     start: Start,
 }
 
-/// How the velocity loop's integral begins.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Start {
-    /// It runs on.
-    Running,
-    /// At what keeps the current as it is, to which the error's share comes.
-    Resume,
-    /// The same, without a current.
-    Afresh,
-    /// Such that the error's share is part of what flows.
-    Continue,
+/// What both loops need at a tick besides the motion.
+#[derive(Clone, Copy)]
+pub(super) struct Context<'a> {
+    pub(super) coefficients: &'a Coefficients,
+    pub(super) period: Period,
+    /// Acceleration per volt, in counts/s².
+    pub(super) gain: f32,
+    /// Voltage that leaves the current as it is.
+    pub(super) steady: Voltage,
+    pub(super) stage: &'a Stage<'a>,
 }
 
 impl Loops {
-    /// For a motor that a volt accelerates by so many counts/s².
-    pub(super) fn new(config: &Config, period: Period, knowledge: Knowledge) -> Self {
-        let Knowledge { gain, certainty } = knowledge;
-        // Of the motor's constants b kappa is 1 / tau.
-        let tau = 1.0 / (gain * config.emf.to_volts());
-        let own = || Coefficients::for_time_constant(tau, certainty, config.emf, config.scheme, period);
-        Self {
-            period,
-            coefficients: config.coefficients.unwrap_or_else(own),
-            knowledge,
-            guessed: config.coefficients.is_none(),
-            velocity: Pid::default(),
-            position: Pid::default(),
-            start: Start::Resume,
+    /// Coefficients have changed. Whether the motor is `regulated` now decides what keeps its current.
+    pub(super) fn take_coefficients(&mut self, regulated: bool) {
+        if regulated && matches!(self.start, Start::Running | Start::Resume) {
+            self.start = Start::Continue;
         }
-    }
-
-    pub(super) fn configure(&mut self, config: &Config, period: Period, knowledge: Knowledge) {
-        let start = if self.start == Start::Running { Start::Continue } else { self.start };
-        self.learn(config, period, knowledge);
-        self.start = start;
-    }
-
-    /// Whether that is more than was known, or something else.
-    pub(super) fn is_news(&self, knowledge: Knowledge) -> bool {
-        let ratio = knowledge.gain / self.knowledge.gain;
-        !(1.0 / NEWS..NEWS).contains(&ratio) || knowledge.certainty != self.knowledge.certainty
-    }
-
-    /// More is known of the motor than before.
-    pub(super) fn learn(&mut self, config: &Config, period: Period, knowledge: Knowledge) {
-        let Self { velocity, position, start, .. } = *self;
-        *self = Self { velocity, position, start, ..Self::new(config, period, knowledge) };
     }
 
     /// The position loop forgets the past.
@@ -188,116 +135,113 @@ impl Loops {
         self.position.reset();
     }
 
-    /// From the next step on the motor goes on as it is.
+    /// The motor goes on as it is from the next step on.
     pub(super) const fn resume(&mut self) {
         self.start = Start::Resume;
     }
 
-    /// From the next step on nothing is left of the effort that there was.
+    /// Nothing is left of the present effort from the next step on.
     pub(super) const fn start_afresh(&mut self) {
         self.start = Start::Afresh;
     }
 
-    /// The velocity loop runs on from its last step.
+    /// True if the velocity loop runs on from its last step.
     pub(super) fn is_running(&self) -> bool {
         self.start == Start::Running
     }
 
-    /// Nothing is to be left of the effort that there was.
+    /// True if the velocity loop begins without a current.
     pub(super) fn starts_afresh(&self) -> bool {
         self.start == Start::Afresh
     }
 
-    /// `steady` is the voltage that leaves the current as it is.
+    /// True if the velocity loop goes on under other coefficients.
+    pub(super) fn continues(&self) -> bool {
+        self.start == Start::Continue
+    }
+
+    /// The effort for this tick, at this position in counts and this speed.
     pub(super) fn step(
         &mut self,
         demand: Demand,
         position: i32,
-        velocity: CountsPerSecond,
-        steady: Voltage,
-        stage: &Stage<'_>,
-    ) -> Request {
+        speed: CountsPerSecond,
+        context: &Context<'_>,
+    ) -> Output {
         let target = match demand {
             Demand::Velocity(target) => {
                 self.position.reset();
                 target
             }
-            Demand::Follow(reference) => self.follow(&reference, position),
-            Demand::Position { target, speed_limit } => self.approach(target, position, speed_limit),
+            Demand::Follow(reference) => self.follow(&reference, position, context),
+            Demand::Position { target, speed_limit } => self.approach(target, position, speed_limit, context),
         };
-        Request { control: self.velocity(target, velocity, steady, stage), speed: target }
+        Output { effort: self.velocity(target, speed, context), speed: target }
     }
 
-    /// The control value for a velocity.
+    /// The effort for a target speed.
     fn velocity(
         &mut self,
         target: CountsPerSecond,
         measured: CountsPerSecond,
-        steady: Voltage,
-        stage: &Stage<'_>,
-    ) -> Control {
-        let gains = &self.coefficients.velocity;
+        context: &Context<'_>,
+    ) -> Effort {
+        let Context { coefficients, period, steady, stage, .. } = *context;
+        let gains = &coefficients.velocity;
         let most = f32::from(Control::MAX.get());
         let of_voltage = gains.f != Coefficient::ZERO;
-        // A host's coefficients are of control; guessed ones are of volts.
-        let scale = if self.guessed { NOMINAL_VOLTS / stage.battery } else { 1.0 };
         let [target, measured] = [target, measured].map(|speed| Value::from_bits(speed.to_bits()));
         let error = target.saturating_sub(measured);
-        let steady = || {
-            Value::saturating_from_num(if of_voltage {
-                most * steady.to_volts() / stage.battery
+        if self.start != Start::Running {
+            let output = Value::saturating_from_num(if of_voltage {
+                most * steady.to_volts() / stage.at.battery_volts()
             } else {
-                f32::from(stage.placer.control(stage.at, steady).get()) / scale
-            })
-        };
-        match self.start {
-            Start::Running => {}
-            Start::Resume | Start::Afresh => self.velocity.preset(gains, steady(), measured),
-            Start::Continue => self.velocity.preset(gains, without(steady(), gains.share(error)), measured),
+                f32::from(stage.modulator.control(stage.at, steady).get())
+            });
+            let output = if self.continues() { without(output, gains.share(error)) } else { output };
+            self.velocity.preset(gains, output, measured);
+            self.start = Start::Running;
         }
-        self.start = Start::Running;
-        let input = PidInput {
-            error,
-            measured,
-            feed_forward: target,
-            limit: Value::saturating_from_num(most / scale),
-        };
-        let output = self.velocity.step(gains, self.period, input).to_num::<f32>();
+        let input =
+            PidInput { error, measured, feed_forward: target, limit: Value::saturating_from_num(most) };
+        let output = self.velocity.step(gains, period, input).to_num::<f32>();
         if of_voltage {
-            stage.placer.control(stage.at, Voltage::from_volts(output / most * stage.battery))
+            Effort::Voltage(Voltage::from_volts(output / most * stage.at.battery_volts()))
         } else {
-            Control::saturating((roundf(scale * output) as i32).into())
+            Effort::Control(Control::saturating((roundf(output) as i32).into()))
         }
     }
 
-    /// The velocity at which to keep up with a place that moves.
-    fn follow(&mut self, reference: &Reference, position: i32) -> CountsPerSecond {
+    /// The speed that keeps up with a moving place.
+    fn follow(&mut self, reference: &Reference, position: i32, context: &Context<'_>) -> CountsPerSecond {
         let distance = Value::saturating_from_num(reference.from(position));
-        let input = PidInput {
-            error: distance,
-            measured: Value::wrapping_from_num(position),
-            feed_forward: Value::ZERO,
-            limit: Value::MAX,
-        };
-        let closer = self.position.step(&self.coefficients.position, self.period, input);
+        let closer = self.position_loop(distance, position, Value::MAX, context);
         let speed = i64::from(reference.next.to_bits()) + i64::from(closer.to_bits());
         CountsPerSecond::saturating_from_bits(speed)
     }
 
-    /// The velocity at which to go to a position now: no more than can be braked from.
-    fn approach(&mut self, target: i32, position: i32, speed_limit: CountsPerSecond) -> CountsPerSecond {
+    /// The speed towards a position: no more than the motor can brake from.
+    fn approach(
+        &mut self,
+        target: i32,
+        position: i32,
+        speed_limit: CountsPerSecond,
+        context: &Context<'_>,
+    ) -> CountsPerSecond {
+        // The short way round the ring of 2^32 counts; 8 million counts are as good as more.
         let distance = target.wrapping_sub(position);
-        let stoppable = sqrtf(self.knowledge.gain * BRAKING_VOLTS * distance.unsigned_abs() as f32);
+        let stoppable = sqrtf(context.gain * BRAKING_VOLTS * distance.unsigned_abs() as f32);
         let limit = speed_limit.to_bits().unsigned_abs().min((256.0 * stoppable) as u32);
-        let input = PidInput {
-            // The short way round; 8 million counts are as good as more.
-            error: Value::saturating_from_num(distance),
-            measured: Value::wrapping_from_num(position),
-            feed_forward: Value::ZERO,
-            limit: Value::from_bits(limit.cast_signed()),
-        };
-        let speed = self.position.step(&self.coefficients.position, self.period, input);
+        let limit = Value::from_bits(limit.cast_signed());
+        let speed = self.position_loop(Value::saturating_from_num(distance), position, limit, context);
         CountsPerSecond::from_bits(speed.to_bits())
+    }
+
+    /// One step of the position loop: counts to counts/s.
+    fn position_loop(&mut self, error: Value, position: i32, limit: Value, context: &Context<'_>) -> Value {
+        let measured = Value::wrapping_from_num(position);
+        let input = PidInput { error, measured, feed_forward: Value::ZERO, limit };
+        self.position.step(&context.coefficients.position, context.period, input)
     }
 }
 

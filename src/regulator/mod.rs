@@ -1,14 +1,14 @@
 //! From what a motor should do to the control value for this tick: two regulators behind one interface.
 //!
-//! * **Model**, where the motor and its load are known ([`Dynamics`]): an observer follows position,
-//!   speed and load from sample to sample, and the voltage that brings the motor to the speed it should have
-//!   at the next tick follows in closed form. Nothing integrates and nothing winds up.
-//! * **PID**, where a host brings coefficients of its own, or nothing was told but the winding: the velocity
-//!   loop, and the position loop above it. How the motor answers to a voltage is learned while it works, for the
-//!   observer and, where no host brings them, for the coefficients.
+//! * **Model**, the default. An observer follows position, speed and load from sample to sample. The voltage that
+//!   brings the motor to the speed it should have at the next tick follows in closed form. Nothing integrates, so
+//!   nothing winds up. Of an unknown motor, for which no [`Dynamics`] are configured, the regulator estimates the
+//!   acceleration per volt while the motor works.
+//! * **PID**, for a motor with coefficients of a host: the velocity loop, and the position loop above it. Its speeds come
+//!   from the same observer.
 //!
-//! Both end in a control value, which S, T, Z and G judge; below that nothing knows which of them it was. A
-//! change of mode, of coefficients or from one to the other makes no step of current.
+//! Both end in a control value, which S, T, Z and G judge. A change of mode, of coefficients or of the regulator makes no
+//! step of current.
 //!
 //! ```
 //! use motor_hub::braking::Winding;
@@ -31,29 +31,31 @@
 
 mod cells;
 mod dynamics;
+mod gain;
 pub mod identify;
 mod interface;
-mod learner;
 mod loops;
 mod model;
 mod observer;
 
 pub use dynamics::{Dynamics, Mechanics};
-pub use interface::{Config, Demand, Kind, Reference, Request, Stage};
+pub use interface::{Config, Demand, Effort, Kind, Output, Reference, Stage};
 pub use loops::Coefficients;
 
 use crate::motion::Reading;
 use crate::units::single::{at_least, at_most};
 use crate::units::{CountsPerSecond, Micros, Period, Voltage};
-use learner::Learner;
-use loops::{Certainty, Knowledge, Loops};
+use gain::GainEstimate;
+use loops::Loops;
 use model::{Law, State};
 use observer::{FASTEST, Observer, Plant};
 
 /// An encoder that was silent for longer than this is started with afresh.
 const SILENCE_SAMPLES: u32 = 300;
-/// So long a motor that should move does not before it counts as held.
+/// Time without a count after which a motor that should turn counts as held, in ms.
 const HELD_MS: u32 = 100;
+/// Time without a count, in us, from which on a motor that should turn teaches nothing: a stop may hold it.
+const SILENT_MICROS: u64 = 50_000;
 /// A motor whose bridge is open, and of which no count came for so long, rests.
 const REST_MICROS: u64 = 300_000;
 /// Speed asked for at which counts are due in that time.
@@ -71,8 +73,8 @@ pub struct Regulator {
     config: Config,
     period: Period,
     motion: Motion,
-    /// Learns of a motor of which nobody told.
-    learner: Learner,
+    /// Estimates the gain of an unknown motor.
+    estimate: GainEstimate,
     loops: Loops,
     last: Option<Reading>,
     /// Until when the motion was followed.
@@ -81,6 +83,8 @@ pub struct Regulator {
     anchor: Option<i32>,
     /// For how long it has not moved though it should.
     held_ms: u32,
+    /// The motor should turn so fast that counts are due in [`HELD_MS`].
+    due: bool,
     /// It turned as fast as it should.
     steady: bool,
     /// It should turn at some speed, wherever it is.
@@ -99,12 +103,12 @@ struct Motion {
 }
 
 impl Motion {
-    /// Of a motor that was told, or of which so much was learned.
-    fn new(config: &Config, learner: &Learner, period: Period, observer: Observer) -> Self {
+    /// Of a configured motor, or of an unknown one with the estimated gain.
+    fn new(config: &Config, estimate: &GainEstimate, period: Period, observer: Observer) -> Self {
         let kappa = config.emf.to_volts();
         let (b, q, friction) = match config.dynamics {
-            Some(told) => (told.gain.to_f32(), told.decay.to_f32(), told.friction.to_volts()),
-            None => (learner.gain(), learner.gain() * kappa, 0.0),
+            Some(known) => (known.gain.to_f32(), known.decay.to_f32(), known.friction.to_volts()),
+            None => (estimate.gain(), estimate.gain() * kappa, 0.0),
         };
         let plant = Plant::new(b, kappa, q, Law::filter(period));
         let law = Law::new(&plant, friction, period, config.acceleration);
@@ -115,18 +119,19 @@ impl Motion {
 impl Regulator {
     /// At rest, for a motor that is stepped every `period`.
     pub fn new(config: Config, period: Period) -> Self {
-        let learner = Learner::new(config.emf.to_volts(), period);
-        let motion = Motion::new(&config, &learner, period, Observer::new(0.0));
+        let estimate = GainEstimate::new(config.emf.to_volts());
+        let motion = Motion::new(&config, &estimate, period, Observer::new(0.0));
         Self {
             config,
             period,
             motion,
-            learner,
-            loops: Loops::new(&config, period, knowledge(&config, &learner)),
+            estimate,
+            loops: Loops::default(),
             last: None,
             followed: Micros::new(0),
             anchor: None,
             held_ms: 0,
+            due: false,
             steady: true,
             turning: false,
             voltage: None,
@@ -139,31 +144,23 @@ impl Regulator {
             return;
         }
         if config.emf != self.config.emf {
-            self.learner = Learner::new(config.emf.to_volts(), self.period);
+            self.estimate = GainEstimate::new(config.emf.to_volts());
         }
-        let mut new = Motion::new(&config, &self.learner, self.period, self.seen());
+        let mut new = Motion::new(&config, &self.estimate, self.period, self.seen());
         let voltage = self.voltage.map(Voltage::to_volts);
-        if self.config.dynamics != config.dynamics && self.steady {
+        if self.config.dynamics != config.dynamics {
             // What was load by other constants is not by these.
-            new.observer.settle(&new.plant, voltage);
+            if self.steady {
+                new.observer.settle(&new.plant, voltage);
+            } else if self.config.dynamics.is_none() {
+                new.observer.keep_load_voltage(&self.motion.plant, &new.plant);
+            }
         }
         new.observer.drive(&new.plant, voltage);
         self.motion = new;
         self.config = config;
-        self.loops.configure(&config, self.period, knowledge(&config, &self.learner));
-    }
-
-    /// A motor that is not told: the regulator goes on with what it has learned.
-    fn heed(&mut self) {
-        let knowledge = knowledge(&self.config, &self.learner);
-        if !self.loops.is_news(knowledge) {
-            return;
-        }
-        let mut new = Motion::new(&self.config, &self.learner, self.period, self.seen());
-        let voltage = self.voltage.map(Voltage::to_volts);
-        new.observer.relearn(&self.motion.plant, &new.plant, voltage);
-        self.motion = Motion { state: self.motion.state, ..new };
-        self.loops.learn(&self.config, self.period, knowledge);
+        self.estimate.restart();
+        self.loops.take_coefficients(self.voltage.is_some());
     }
 
     /// Another thing is asked of the motor. One that was held lets go.
@@ -195,6 +192,12 @@ impl Regulator {
         self.loops.start_afresh();
         self.held_ms = 0;
         self.motion.observer.forget_load();
+        // An encoder in doubt has taught nothing.
+        if self.config.dynamics.is_none() && !self.estimate.is_trusted() {
+            self.estimate = GainEstimate::new(self.config.emf.to_volts());
+            let new = Motion::new(&self.config, &self.estimate, self.period, self.motion.observer);
+            self.motion = Motion { state: self.motion.state, ..new };
+        }
     }
 
     /// Takes a sample of the encoder; best every millisecond, give or take less than half of that.
@@ -212,14 +215,15 @@ impl Regulator {
         let silence = samples(before, reading.at);
         let passed = if self.followed == before { silence } else { samples(self.followed, reading.at) };
         self.go_on(passed, reading.at);
-        if self.config.dynamics.is_none() {
-            self.learner.sample(&reading);
-        }
         let Motion { plant, observer, .. } = &mut self.motion;
         if silence > SILENCE_SAMPLES {
             *observer = Observer::new(within(1_000.0 * moved as f32 / silence as f32, FASTEST));
-        } else {
-            observer.see(plant, moved, self.turning);
+            self.estimate.restart();
+        } else if let Some(correction) = observer.see(plant, moved, self.turning)
+            && self.config.dynamics.is_none()
+        {
+            let silent = self.due && reading.at.since(reading.edge_at) >= SILENT_MICROS;
+            self.estimate.correct(&correction, moved, silent || self.held_ms >= HELD_MS);
         }
     }
 
@@ -236,6 +240,9 @@ impl Regulator {
         self.followed = now;
         let Motion { plant, observer, .. } = &mut self.motion;
         for _ in 0..passed.min(SILENCE_SAMPLES) {
+            if self.config.dynamics.is_none() {
+                self.estimate.predict(plant, observer.speed());
+            }
             observer.predict(plant);
         }
     }
@@ -246,14 +253,24 @@ impl Regulator {
         // By constants that are no motor's, numbers grow until they are none.
         if !(observer.speed() + observer.fraction()).is_finite() {
             *observer = Observer::new(0.0);
+            self.estimate.restart();
         }
         let still = |last: &Reading| last.at.since(last.edge_at) >= REST_MICROS;
         if self.voltage.is_none() && self.last.as_ref().is_some_and(still) {
             observer.rest();
+            self.estimate.rest();
         }
-        let Some(newest) = self.last.filter(|_| self.config.dynamics.is_none()) else { return };
-        if self.learner.step(newest) {
-            self.heed();
+    }
+
+    /// Takes over what was learned of an unknown motor's gain since the last tick.
+    pub fn update_gain(&mut self) {
+        if self.config.dynamics.is_none()
+            && let Some(shift) = self.estimate.tick()
+        {
+            let mut new = Motion::new(&self.config, &self.estimate, self.period, self.motion.observer);
+            new.observer.shift(&shift);
+            new.observer.drive(&new.plant, self.voltage.map(Voltage::to_volts));
+            self.motion = Motion { state: self.motion.state, ..new };
         }
     }
 
@@ -299,15 +316,15 @@ impl Regulator {
     /// What a volt accelerates the motor by, in counts/s², if it is heavier than told, or than what has turned out to
     /// be a heavy one; `None` where that is not known.
     pub fn least_gain(&self) -> Option<f32> {
-        let known = self.config.dynamics.is_some() || self.learner.is_heavy();
+        let known = self.config.dynamics.is_some() || self.estimate.is_heavy();
         known.then_some(TOLD_SHARE * self.motion.plant.b)
     }
 
     /// Which of the two regulates.
     pub const fn kind(&self) -> Kind {
-        match (self.config.coefficients, self.config.dynamics) {
-            (None, Some(_)) => Kind::Model,
-            _ => Kind::Pid,
+        match self.config.coefficients {
+            None => Kind::Model,
+            Some(_) => Kind::Pid,
         }
     }
 
@@ -328,29 +345,35 @@ impl Regulator {
         self.last.map_or(0, |last| last.position)
     }
 
-    /// The control value for this tick. `moved` is the counts since the last one.
-    pub fn step(&mut self, demand: Demand, moved: i32, stage: &Stage<'_>) -> Request {
+    /// The effort for this tick. `moved` is the counts since the last one.
+    pub fn step(&mut self, demand: Demand, moved: i32, stage: &Stage<'_>) -> Output {
         let demand = self.anchored(demand);
         self.turning = matches!(demand, Demand::Velocity(_));
-        let kind = self.kind();
         let position = self.position();
         let velocity = self.velocity();
         // What keeps the current of the last tick, where a loop begins with it.
-        let steady =
-            if self.loops.is_running() { Voltage::from_volts(0.0) } else { self.steady_voltage(velocity) };
-        let request = match kind {
-            Kind::Model => self.by_model(demand, position, stage),
-            Kind::Pid => self.loops.step(demand, position, velocity, steady, stage),
+        let steady = match self.voltage {
+            Some(voltage) if self.loops.continues() => voltage,
+            _ if self.loops.is_running() => Voltage::from_volts(0.0),
+            _ => self.steady_voltage(velocity),
+        };
+        let request = match &self.config.coefficients {
+            None => self.by_model(demand, position, stage),
+            Some(coefficients) => {
+                let gain = self.motion.plant.b;
+                let context = loops::Context { coefficients, period: self.period, gain, steady, stage };
+                self.loops.step(demand, position, velocity, &context)
+            }
         };
         let astray = request.speed.to_f32() - velocity.to_f32();
         self.steady = self.config.emf.emf(speed(astray)).to_volts().abs() < STEADY_VOLTS;
-        let due = request.speed.to_bits().unsigned_abs() >= COUNTING_SPEED.to_bits().unsigned_abs();
+        self.due = request.speed.to_bits().unsigned_abs() >= COUNTING_SPEED.to_bits().unsigned_abs();
         self.held_ms =
-            if due && moved == 0 { self.held_ms.saturating_add(self.period.as_millis()) } else { 0 };
+            if self.due && moved == 0 { self.held_ms.saturating_add(self.period.as_millis()) } else { 0 };
         request
     }
 
-    fn by_model(&mut self, demand: Demand, position: i32, stage: &Stage<'_>) -> Request {
+    fn by_model(&mut self, demand: Demand, position: i32, stage: &Stage<'_>) -> Output {
         let mut seen = self.seen();
         let load = seen.disturbance();
         let Motion { plant, law, observer, state } = &mut self.motion;
@@ -412,17 +435,10 @@ impl Regulator {
         }
         self.voltage = voltage;
         let volts = voltage.map(Voltage::to_volts);
-        self.learner.drive(volts, self.last);
+        self.estimate.drive(volts);
         let Motion { plant, observer, .. } = &mut self.motion;
         observer.drive(plant, volts);
     }
-}
-
-/// What a volt does to a motor, as told or as learned.
-fn knowledge(config: &Config, learner: &Learner) -> Knowledge {
-    let told = config.dynamics.map(|told| told.gain.to_f32());
-    let certainty = if told.is_some() || learner.is_sure() { Certainty::Known } else { Certainty::Guess };
-    Knowledge { gain: told.unwrap_or_else(|| learner.gain()), certainty }
 }
 
 /// Whole samples from one time to another. (In 32 bits, whose division is the shorter one.)

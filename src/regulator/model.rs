@@ -5,7 +5,7 @@
 //! mode changes.
 
 use super::observer::{Observer, Plant};
-use super::{Request, Stage, within};
+use super::{Effort, Output, Stage, within};
 use crate::units::single::{at_least, at_most};
 use crate::units::{Acceleration, Period, Voltage};
 use libm::{expf, expm1f, sqrtf};
@@ -80,7 +80,7 @@ impl Law {
         plant: &Plant,
         target: f32,
         stage: &Stage<'_>,
-    ) -> Request {
+    ) -> Output {
         state.holding = false;
         let w = observer.speed();
         let next = w + (1.0 - self.left) * (target - w);
@@ -96,7 +96,7 @@ impl Law {
         distance: i32,
         speed_limit: f32,
         stage: &Stage<'_>,
-    ) -> Request {
+    ) -> Output {
         let w = observer.speed();
         let window = at_least(self.period, 0.02);
         let near = if state.holding { 2 } else { 1 };
@@ -107,7 +107,7 @@ impl Law {
         // To the middle of the target count.
         let way = distance as f32 + 0.5 - observer.fraction();
         let (side, way) = (1.0f32.copysign(way), way.abs());
-        let strength = plant.b * stage.battery;
+        let strength = plant.b * stage.at.battery_volts();
         let brakes = at_least(PLANNED * (strength - side * observer.disturbance()), LEAST_PLANNED * strength);
         let brakes = self.limit.map_or(brakes, |limit| at_most(brakes, limit));
         let (now, end) = self.profile(way, side * w, brakes, speed_limit);
@@ -125,7 +125,7 @@ impl Law {
         distance: f32,
         (now, end): (f32, f32),
         stage: &Stage<'_>,
-    ) -> Request {
+    ) -> Output {
         state.holding = false;
         let Self { period, approach, left, .. } = *self;
         let w = observer.speed();
@@ -166,18 +166,24 @@ impl Law {
         next: f32,
         stage: &Stage<'_>,
         speed: f32,
-    ) -> Request {
+    ) -> Output {
         let w = observer.speed();
         let next = match self.limit {
             Some(limit) => w + within(next - w, limit * self.period),
             None => next,
         };
         self.turn_friction(state, observer, next);
-        let wanted = plant.kappa * w + (next - w) * self.per_speed - observer.load(plant) / plant.b;
+        let wanted = self.voltage_to(observer, plant, next);
         // In overrun less braking takes more than the battery's voltage.
-        let most = at_least(stage.battery, (plant.kappa * w).abs());
+        let most = at_least(stage.at.battery_volts(), (plant.kappa * w).abs());
         let voltage = Voltage::from_volts(within(wanted, most));
-        Request { control: stage.placer.control(stage.at, voltage), speed: super::speed(speed) }
+        Output { effort: Effort::Voltage(voltage), speed: super::speed(speed) }
+    }
+
+    /// The voltage that brings the motor to this speed by the tick's end, in V.
+    fn voltage_to(&self, observer: &Observer, plant: &Plant, next: f32) -> f32 {
+        let w = observer.speed();
+        plant.kappa * w + (next - w) * self.per_speed - observer.load(plant) / plant.b
     }
 
     /// Friction acts against the motion: what was observed of it has the wrong sign once the motion turns.

@@ -18,6 +18,7 @@
 //! gains: 1 - z^3 of the position, 1.5 (1 - z)^2 (1 + z) / t of the speed, (1 - z)^3 / t^2 of the load
 //! ```
 
+use super::gain::Sensitivity;
 use super::within;
 use crate::units::single::{at_least, at_most};
 use libm::{cbrtf, expf, expm1f};
@@ -80,6 +81,21 @@ fn gains(rate: f32) -> (f32, f32) {
     }
 }
 
+/// How an error of the predicted position was shared out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Correction {
+    /// The shaft was this much further than predicted, in counts.
+    pub(super) error: f32,
+    /// Time since the correction before, in s.
+    pub(super) age: f32,
+    /// What each count of the error changed the position by,
+    pub(super) position: f32,
+    /// the speed, in counts/s,
+    pub(super) speed: f32,
+    /// and the load, in counts/s².
+    pub(super) load: f32,
+}
+
 /// What is known of the motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observer {
@@ -125,21 +141,21 @@ impl Observer {
 
     /// Since the last of these the encoder has moved by so many counts. Of a motor that should turn a late count is waited
     /// for.
-    pub(super) fn see(&mut self, plant: &Plant, moved: i32, turning: bool) {
+    pub(super) fn see(&mut self, plant: &Plant, moved: i32, turning: bool) -> Option<Correction> {
         if moved == 0 {
             let late = if turning && !self.silent { LATE } else { 0.0 };
-            if !(-late..=1.0 + late).contains(&self.x) {
-                self.silent = true;
-                self.confine(plant, 0.0, 1.0);
+            if (-late..=1.0 + late).contains(&self.x) {
+                return None;
             }
-            return;
+            self.silent = true;
+            return self.confine(plant, 0.0, 1.0);
         }
         self.silent = false;
         self.x -= moved as f32;
         // A count came at some time since the last sample; how far the shaft went since then is not known.
         let since = at_most(self.w.abs() * SAMPLE, 1.0);
         let (least, most) = if moved > 0 { (0.0, since) } else { (1.0 - since, 1.0) };
-        self.confine(plant, least, most);
+        self.confine(plant, least, most)
     }
 
     /// The next count is late.
@@ -150,27 +166,35 @@ impl Observer {
     /// As if a count that is late came now: what is known of the motion at this moment.
     pub(super) fn seen(&self, plant: &Plant) -> Self {
         let mut seen = *self;
-        seen.confine(plant, 0.0, 1.0);
+        let _ = seen.confine(plant, 0.0, 1.0);
         seen
     }
 
     /// The shaft is between these two places.
-    fn confine(&mut self, plant: &Plant, least: f32, most: f32) {
+    fn confine(&mut self, plant: &Plant, least: f32, most: f32) -> Option<Correction> {
         if self.x < least {
-            self.correct(plant, least - self.x);
+            Some(self.correct(plant, least - self.x))
         } else if self.x > most {
-            self.correct(plant, most - self.x);
+            Some(self.correct(plant, most - self.x))
+        } else {
+            None
         }
     }
 
     /// The shaft is so much further than it was thought to be.
-    fn correct(&mut self, plant: &Plant, error: f32) {
+    fn correct(&mut self, plant: &Plant, error: f32) -> Correction {
         let (z, faded) = (self.z, 1.0 - self.z);
         let rate = 1.0 / at_least(self.age, SAMPLE);
         let square = faded * faded;
-        let of_speed = 1.5 * square * (1.0 + z) * rate * error;
-        let of_load = square * faded * rate * rate * error;
-        self.x += (1.0 - z * z * z) * error;
+        let correction = Correction {
+            error,
+            age: self.age,
+            position: 1.0 - z * z * z,
+            speed: 1.5 * square * (1.0 + z) * rate,
+            load: square * faded * rate * rate,
+        };
+        let (of_speed, of_load) = (correction.speed * error, correction.load * error);
+        self.x += correction.position * error;
         self.w = within(self.w + of_speed, FASTEST);
         let heaviest = HEAVIEST_LOAD * plant.b;
         self.d = within(self.d + of_load, heaviest);
@@ -178,10 +202,13 @@ impl Observer {
         self.acceleration = within(self.acceleration + of_load - plant.q * of_speed, fastest);
         self.age = 0.0;
         self.z = 1.0;
+        correction
     }
 
     /// It stands, and nothing pulls on it: by itself what is thought of it would wander to and fro within its count.
     pub(super) const fn rest(&mut self) {
+        // A count that was late does not come any more.
+        self.x = at_most(at_least(self.x, 0.0), 1.0);
         (self.w, self.d, self.acceleration) = (0.0, 0.0, 0.0);
     }
 
@@ -201,9 +228,15 @@ impl Observer {
         self.d = plant.drag * self.w - plant.push(voltage, self.w);
     }
 
-    /// Of a motor of other constants than thought the rest of what it does under this voltage is its load.
-    pub(super) fn relearn(&mut self, old: &Plant, new: &Plant, voltage: Option<f32>) {
-        self.d = old.push(voltage, self.w) + self.load(old) - new.push(voltage, self.w) + new.drag * self.w;
+    /// The constants have changed: the load in volts is taken to be the same as before.
+    pub(super) fn keep_load_voltage(&mut self, old: &Plant, new: &Plant) {
+        self.d *= new.b / old.b;
+    }
+
+    /// The gain that this state was found with has become another.
+    pub(super) fn shift(&mut self, by: &Sensitivity) {
+        self.w = within(self.w + by.speed, FASTEST);
+        self.d += by.load;
     }
 
     /// The load was a stop's: it is gone when nothing presses against it.
@@ -254,7 +287,7 @@ mod tests {
             }
             let now = position(f64::from(sample) * 1e-3).floor() as i32;
             observer.predict(&plant);
-            observer.see(&plant, now - last, true);
+            let _ = observer.see(&plant, now - last, true);
             last = now;
         }
         observer

@@ -41,11 +41,9 @@ impl<const N: usize> Courses<N> {
         self.pending.iter().enumerate().find_map(|(leader, together)| Some((leader, (*together)?)))
     }
 
-    /// Removes the first pending course.
-    pub(super) fn remove_next(&mut self) {
-        if let Some(slot) = self.pending.iter_mut().find(|slot| slot.is_some()) {
-            *slot = None;
-        }
+    /// Removes the first pending course, because it has been sent.
+    pub(super) fn sent(&mut self) -> Option<Together> {
+        self.pending.iter_mut().find_map(Option::take)
     }
 
     /// True if a course of this motor is pending.

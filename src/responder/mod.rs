@@ -62,7 +62,7 @@ mod update;
 
 use crate::extension::group::{GroupMove, GroupState};
 use crate::extension::record::{Entries, Ticks};
-use crate::extension::report::{BusReport, HubReport};
+use crate::extension::report::{BusReport, Commands, HubReport};
 use crate::extension::settings::Values;
 use crate::extension::{self, HubFunction, MotorFunction, Request};
 use crate::hub::{Action, Bus, Command, Snapshot};
@@ -135,6 +135,8 @@ pub struct Responder<const N: usize> {
     /// The update of the firmware; `None` without a bootloader.
     updating: Option<Updating>,
     courses: Courses<N>,
+    /// Number of the newest command that was sent, while no snapshot includes that command.
+    awaited: Option<u32>,
     outputs: Outputs,
     bus: Seen,
     led: Led,
@@ -157,6 +159,7 @@ impl<const N: usize> Responder<N> {
             memory: None,
             updating: None,
             courses: Courses::NONE,
+            awaited: None,
             outputs: Outputs::default(),
             bus: Seen::NOTHING,
             led: Led::default(),
@@ -205,9 +208,12 @@ impl<const N: usize> Responder<N> {
         self.keep_alive.deadline()
     }
 
-    /// Updates battery state and keep-alive timer. When the timer runs out, fail-safe disables all motors and outputs.
+    /// Updates battery state and keep-alive timer, and notes which commands the snapshot includes. When the timer runs out,
+    /// fail-safe disables all motors and outputs.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
         self.keep_alive.battery(snapshot.battery_low());
+        self.awaited.take_if(|number| snapshot.includes(*number));
+        self.channels.iter_mut().for_each(|channel| channel.note_snapshot(snapshot.commands));
         if self.keep_alive.ran_out(now) {
             self.channels.iter_mut().for_each(MotorChannel::fail_safe);
             self.release_groups_and_outputs();
@@ -247,7 +253,8 @@ impl<const N: usize> Responder<N> {
         Some(reply.packet(packet, address, self.number))
     }
 
-    /// The next command to the motors, until [`told`](Self::told) is called. Releases come first, courses of groups last.
+    /// The next command to the motors; [`sent`](Self::sent) when it has been sent. Commands that release motors come first,
+    /// courses of groups last.
     pub fn pending(&self) -> Option<Command> {
         if let Some(motor) = self.next_channel() {
             let action = self.channels.get(motor)?.pending()?;
@@ -256,12 +263,31 @@ impl<const N: usize> Responder<N> {
         self.courses.next().map(|(motor, together)| Command { motor, action: Action::Lead(together) })
     }
 
-    /// The motors have received the command that [`pending`](Self::pending) returns.
-    pub fn told(&mut self) {
-        match self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
-            Some(channel) => channel.told(),
-            None => self.courses.remove_next(),
+    /// Notes that the command in [`pending`](Self::pending) has been sent with this number. The numbers are those of
+    /// [`Snapshot::commands`].
+    pub fn sent(&mut self, number: u32) {
+        self.awaited = Some(number);
+        if let Some(channel) = self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
+            channel.sent(number);
+        } else if let Some(together) = self.courses.sent() {
+            for (channel, member) in self.channels.iter_mut().zip(together.course.members()) {
+                if member {
+                    channel.course_sent(number);
+                }
+            }
         }
+    }
+
+    /// True while no snapshot includes a motor's newest set-point or course.
+    fn awaits_snapshot(&self, motor: usize) -> bool {
+        self.courses.concern(motor) || self.channels.get(motor).is_some_and(MotorChannel::awaits_snapshot)
+    }
+
+    /// Number of the newest command that follows from the requests until now. A command that is not sent yet will have a
+    /// higher number than all that are.
+    fn newest_command(&self, snapshot: &Snapshot<N>) -> u32 {
+        let sent = self.awaited.unwrap_or(snapshot.commands);
+        if self.pending().is_some() { sent.wrapping_add(1) } else { sent }
     }
 
     fn next_channel(&self) -> Option<usize> {
@@ -318,10 +344,10 @@ impl<const N: usize> Responder<N> {
         let channel = self.channels.get_mut(index).ok_or(NO_MOTOR)?;
         match function {
             MotorFunction::Identify { travel_limit } => {
-                let travel = channel.identify(travel_limit, snapshot.good_battery(), snapshot.tick)?;
+                let travel = channel.identify(travel_limit, snapshot.good_battery())?;
                 Ok(Reply::data(&travel))
             }
-            MotorFunction::Identification => Ok(Reply::data(&channel.identification(report, snapshot.tick))),
+            MotorFunction::Identification => Ok(Reply::data(&channel.identification(report))),
             MotorFunction::Condition => Ok(Reply::data(&report::condition(report))),
             MotorFunction::Move { wanted } => self.move_group(index, wanted, snapshot),
             MotorFunction::Group => self.group_state(index, snapshot),
@@ -444,7 +470,7 @@ impl<const N: usize> Responder<N> {
         }
         for (channel, member) in self.channels.iter_mut().zip(members) {
             if member {
-                channel.join(snapshot.tick);
+                channel.join();
             }
         }
         self.courses.put(leader, together);
@@ -454,15 +480,12 @@ impl<const N: usize> Responder<N> {
     fn group_state(&self, motor: usize, snapshot: &Snapshot<N>) -> Result<Reply, Nack> {
         let report = snapshot.motors.get(motor).ok_or(NO_MOTOR)?;
         let channel = self.channels.get(motor).ok_or(NO_MOTOR)?;
-        let state = if self.courses.concern(motor) || channel.has_just_joined(snapshot.tick) {
-            // The report may be older than the group.
-            GroupState::Moving
-        } else {
-            match report.setpoint {
-                Setpoint::Together(_) if report.at_target => GroupState::Arrived,
-                Setpoint::Together(_) => GroupState::Moving,
-                _ => GroupState::Alone,
-            }
+        let state = match (self.awaits_snapshot(motor), report.setpoint) {
+            (true, _) if channel.in_group() => GroupState::Moving,
+            (true, _) => GroupState::Alone,
+            (false, Setpoint::Together(_)) if report.settled => GroupState::Settled,
+            (false, Setpoint::Together(_)) => GroupState::Moving,
+            (false, _) => GroupState::Alone,
         };
         Ok(Reply::data(&state))
     }
@@ -482,13 +505,17 @@ impl<const N: usize> Responder<N> {
     /// The state of all motors and of the bus.
     fn report(&self, now: Micros, snapshot: &Snapshot<N>) -> HubReport {
         let battery = snapshot.battery;
-        let motors = self.channels.iter().zip(&snapshot.motors).take(CHANNELS);
+        let motors = self.channels.iter().zip(&snapshot.motors).take(CHANNELS).enumerate();
+        let motors = motors.map(|(motor, (channel, report))| {
+            report::of_motor(channel, report, !self.awaits_snapshot(motor), battery)
+        });
         HubReport {
             at_ms: (snapshot.at.get() / 1_000) as u32,
             battery,
             bus: self.bus.by(now).state,
             burning: per_mille(snapshot.bus.burn),
-            motors: motors.map(|(channel, report)| report::of_motor(channel, report, battery)).collect(),
+            motors: motors.collect(),
+            commands: Some(Commands { included: snapshot.commands, newest: self.newest_command(snapshot) }),
         }
     }
 
@@ -497,12 +524,12 @@ impl<const N: usize> Responder<N> {
         let (digital, attention) = (self.outputs.inputs(), Some(self.keep_alive.attention()));
         let mut bulk = Bulk { digital, attention, ..Bulk::default() };
         let slots = bulk.encoders.iter_mut().zip(&mut bulk.velocities);
-        let slots = slots.zip(&mut bulk.at_target).zip(&mut bulk.over_current);
+        let slots = slots.zip(&mut bulk.within_tolerance).zip(&mut bulk.over_current);
         for ((channel, report), slots) in self.channels.iter().zip(&snapshot.motors).zip(slots) {
-            let (((encoder, velocity), at_target), over_current) = slots;
+            let (((encoder, velocity), within_tolerance), over_current) = slots;
             *encoder = channel.counts(report);
             *velocity = report.velocity.round_to_i16();
-            *at_target = channel.at_target(report);
+            *within_tolerance = channel.within_tolerance(report);
             *over_current = channel.is_over_current(report);
         }
         bulk

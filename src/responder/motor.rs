@@ -26,11 +26,11 @@
 use super::report::magnitude;
 use crate::extension::settings::{MotorSettings, Values};
 use crate::hub::Action;
-use crate::motor::{OnFault, Report, Setpoint, Settings};
+use crate::motor::{self, OnFault, Report, Setpoint, Settings};
 use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, RunMode, Target, ToMotor};
 use crate::protocol::{Nack, Reply};
 use crate::regulator::identify::{Identification, travel};
-use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts};
+use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts, is_included};
 
 /// The speed limit towards a position in counts per second, until a host sets a velocity: the largest velocity that a host
 /// can set.
@@ -51,10 +51,10 @@ pub struct MotorChannel {
     position: Option<Target>,
     /// Travel limit of a requested identification, until another request ends the identification.
     identify: Option<u32>,
-    /// Tick at which a host requested an identification last.
-    identify_at: Option<u32>,
-    /// Tick at which the motor joined a group last.
-    joined_at: Option<u32>,
+    /// True if a group's course has replaced the motor's own target.
+    in_group: bool,
+    /// Number of the newest command with a set-point or a course, while no snapshot includes that command.
+    awaited: Option<u32>,
     /// The motor's counts where the host's counts are 0.
     offset: i32,
     /// The motor's counts at the host's last request to the motor.
@@ -90,8 +90,8 @@ impl MotorChannel {
             velocity: None,
             position: None,
             identify: None,
-            identify_at: None,
-            joined_at: None,
+            in_group: false,
+            awaited: None,
             offset: 0,
             last_position: 0,
             pending: Pending { release: None, configure: false, set: false },
@@ -145,7 +145,7 @@ impl MotorChannel {
             ToMotor::Velocity => return Ok(Reply::data(&self.velocity.unwrap_or_default())),
             ToMotor::Position => return Ok(Reply::data(&self.position.unwrap_or_default())),
             ToMotor::AtTarget if self.settings.mode != RunMode::Position => return Err(Nack::WRONG_MODE),
-            ToMotor::AtTarget => return Ok(Reply::data(&self.at_target(report))),
+            ToMotor::AtTarget => return Ok(Reply::data(&self.within_tolerance(report))),
             ToMotor::Encoder => return Ok(Reply::data(&self.counts(report))),
             ToMotor::Pidf { of } => return Ok(Reply::data(&self.settings.coefficients(of))),
             ToMotor::Pid { of } => {
@@ -175,25 +175,20 @@ impl MotorChannel {
     ///
     /// # Errors
     /// The battery is low, or the motor is not enabled in constant power of 0.
-    pub fn identify(
-        &mut self,
-        travel_limit: u32,
-        battery: Option<Millivolts>,
-        tick: u32,
-    ) -> Result<u32, Nack> {
+    pub fn identify(&mut self, travel_limit: u32, battery: Option<Millivolts>) -> Result<u32, Nack> {
         let battery = battery.ok_or(Nack::BATTERY_LOW)?;
         if !self.enabled || self.settings.mode != RunMode::Power || self.power != Some(Control::ZERO) {
             return Err(Nack::WRONG_MODE);
         }
         self.retarget();
         self.identify = Some(travel_limit);
-        self.identify_at = Some(tick);
         Ok(travel(self.settings.motor.winding.emf, battery, travel_limit))
     }
 
-    /// State or result of the last requested identification, by the report of `tick`.
-    pub fn identification(&self, report: &Report, tick: u32) -> Identification {
-        if self.identify.is_some() && (self.pending.set || may_be_older(tick, self.identify_at)) {
+    /// State or result of the last requested identification.
+    pub fn identification(&self, report: &Report) -> Identification {
+        if self.identify.is_some() && self.awaits_snapshot() {
+            // The report is older than the identification.
             return Identification::Running(0);
         }
         report.identification
@@ -232,6 +227,7 @@ impl MotorChannel {
 
     const fn release(&mut self, release: Release) {
         self.identify = None;
+        self.in_group = false;
         self.pending.release = Some(release);
         self.pending.set = false;
     }
@@ -239,6 +235,7 @@ impl MotorChannel {
     /// Ends an identification, and sends the present target to an enabled motor.
     const fn retarget(&mut self) {
         self.identify = None;
+        self.in_group = false;
         self.pending.set = self.enabled;
     }
 
@@ -263,7 +260,7 @@ impl MotorChannel {
         }
     }
 
-    /// The next command to the motor, until [`told`](Self::told) is called.
+    /// The next command to the motor; [`sent`](Self::sent) when it has been sent.
     pub fn pending(&self) -> Option<Action> {
         if let Some(release) = self.pending.release {
             Some(Action::Set(match release {
@@ -280,15 +277,38 @@ impl MotorChannel {
         }
     }
 
-    /// The motor has received the command that [`pending`](Self::pending) returns.
-    pub const fn told(&mut self) {
+    /// Notes that the command in [`pending`](Self::pending) has been sent with this number.
+    pub const fn sent(&mut self, number: u32) {
         if self.pending.release.is_some() {
             self.pending.release = None;
+            self.awaited = Some(number);
         } else if self.pending.configure {
             self.pending.configure = false;
         } else {
             self.pending.set = false;
+            self.awaited = Some(number);
         }
+    }
+
+    /// Notes that a course of the motor's group has been sent as the command of this number.
+    pub(super) const fn course_sent(&mut self, number: u32) {
+        self.awaited = Some(number);
+    }
+
+    /// Takes the number of the newest command that the newest snapshot includes.
+    pub(super) fn note_snapshot(&mut self, commands: u32) {
+        self.awaited.take_if(|number| is_included(*number, commands));
+    }
+
+    /// True while no snapshot includes the motor's newest set-point or course. Reports of the motor's set-point are out of
+    /// date then.
+    pub(super) const fn awaits_snapshot(&self) -> bool {
+        self.has_new_target() || self.awaited.is_some()
+    }
+
+    /// True if a group's course has replaced the motor's own target.
+    pub(super) const fn in_group(&self) -> bool {
+        self.in_group
     }
 
     /// True if a release is pending, which goes before the commands of other motors.
@@ -296,15 +316,10 @@ impl MotorChannel {
         self.pending.release.is_some()
     }
 
-    /// Moves the motor with a group from now on, instead of to its own target.
-    pub(super) const fn join(&mut self, tick: u32) {
+    /// Takes a group's course in place of the motor's own target.
+    pub(super) const fn join(&mut self) {
         self.pending.set = false;
-        self.joined_at = Some(tick);
-    }
-
-    /// True if the report of this tick may be older than the motor's last group.
-    pub(super) fn has_just_joined(&self, tick: u32) -> bool {
-        may_be_older(tick, self.joined_at)
+        self.in_group = true;
     }
 
     /// True if a release or a target of the motor's own is pending.
@@ -357,17 +372,12 @@ impl MotorChannel {
         counts.wrapping_sub(self.offset)
     }
 
-    /// True in position mode within the tolerance of the target, by the position of the report. The report's own flag is not
-    /// used, because the report may be older than the target.
-    pub fn at_target(&self, report: &Report) -> bool {
-        self.settings.mode == RunMode::Position
-            && self.position.is_some_and(|Target { counts, tolerance }| {
-                counts.wrapping_sub(self.counts(report)).unsigned_abs() <= u32::from(tolerance)
-            })
+    /// True if the motor is enabled in position mode, in no group, and [within tolerance](motor::within_tolerance) of the
+    /// host's target.
+    pub fn within_tolerance(&self, report: &Report) -> bool {
+        let near =
+            |Target { counts, tolerance }| motor::within_tolerance(counts, self.counts(report), tolerance);
+        let regulated = self.enabled && !self.in_group && self.settings.mode == RunMode::Position;
+        regulated && self.position.is_some_and(near)
     }
-}
-
-/// True if the report of `tick` may be older than a command that a host sent at the tick `sent_at`.
-fn may_be_older(tick: u32, sent_at: Option<u32>) -> bool {
-    sent_at.is_some_and(|sent_at| tick.wrapping_sub(sent_at) < 2)
 }

@@ -6,10 +6,28 @@ use crate::extension::report::{Condition, MotorReport, ReportedSetpoint};
 use crate::motor::{Report, Setpoint};
 use crate::units::{Control, Milliamperes, Millivolts};
 
-/// The state of one motor for a report of all motors.
-pub(super) fn of_motor(channel: &MotorChannel, report: &Report, battery: Option<Millivolts>) -> MotorReport {
-    let Report { regulator, control, regime, drive, current, load, heat, derated, stalled, faults, .. } =
-        *report;
+/// The state of one motor for a report of all motors. `up_to_date` is true if the report includes the motor's newest
+/// set-point.
+pub(super) fn of_motor(
+    channel: &MotorChannel,
+    report: &Report,
+    up_to_date: bool,
+    battery: Option<Millivolts>,
+) -> MotorReport {
+    let Report {
+        regulator,
+        control,
+        regime,
+        drive,
+        current,
+        load,
+        heat,
+        derated,
+        settled,
+        stalled,
+        faults,
+        ..
+    } = *report;
     MotorReport {
         setpoint: setpoint(channel, report.setpoint),
         position: channel.counts(report),
@@ -23,9 +41,7 @@ pub(super) fn of_motor(channel: &MotorChannel, report: &Report, battery: Option<
         load,
         heat,
         enabled: channel.enabled(),
-        // A report may be older than a position that a host has just set.
-        at_target: channel.at_target(report)
-            || matches!(report.setpoint, Setpoint::Together(_)) && report.at_target,
+        settled: settled && up_to_date,
         stalled,
         derated,
         faults,

@@ -1,34 +1,35 @@
-//! The voltages at which the supply changes what motors may do.
+//! The bus voltages at which the supply limits what motors may do.
 
 use crate::units::{Millivolts, RangeError};
 
-/// Voltages of the bus, ascending.
+/// Voltages of the bus, in ascending order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Levels {
-    /// Lowest plausible voltage.
+    /// Lowest plausible voltage. On a lower voltage motors draw no current, and coast once the last plausible reading is
+    /// stale.
     pub min: Millivolts,
-    /// Here and below nothing is drawn, until the voltage is back at `derate`.
+    /// At this voltage and below it no current may be drawn. Drawing resumes once the voltage is back at `derate`.
     pub cut: Millivolts,
-    /// Below this less may be drawn, in proportion, and the battery is low,
+    /// Below this voltage the battery counts as low. The current that may be drawn falls in proportion, to 0 at `cut`.
     pub derate: Millivolts,
-    /// until it is back here.
+    /// From this voltage on a low battery counts as recovered.
     pub recover: Millivolts,
-    /// From here on braking motors burn what they would return, and take the more from the bus the higher it is,
+    /// Above this voltage braking motors dissipate the energy that they would return to the bus.
     pub burn: Millivolts,
-    /// for it to stay below this.
+    /// Dissipating motors keep the bus below this voltage. Halfway from `burn` they draw the most current from the bus.
     pub burn_all: Millivolts,
-    /// Highest plausible voltage. Above it nothing is drawn, and all is burnt.
+    /// Highest plausible voltage. Above it no current may be drawn, and all returned energy is dissipated.
     pub max: Millivolts,
 }
 
-/// [`Levels`] that make sense.
+/// [`Levels`] that have been checked to ascend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limits(Levels);
 
 impl Limits {
-    /// Checks.
+    /// Checks that the levels ascend.
     ///
     /// # Errors
     /// [`RangeError::SupplyLevels`] unless min <= cut < derate <= recover < burn < `burn_all` <= max.
@@ -43,14 +44,16 @@ impl Limits {
         if ascend { Ok(Self(levels)) } else { Err(RangeError::SupplyLevels) }
     }
 
-    /// As they were given.
+    /// Returns the levels.
     pub const fn levels(self) -> Levels {
         self.0
     }
 
-    /// Of a 12 V battery: low below 7.0 V until 7.5 V, cut at 6.0 V; returned energy is burnt from 14.0 V on,
-    /// for the bus to stay below 15.5 V. Plausible is what bridges of the VNH5019 kind may work at, but for some noise: 5 to
-    /// 24 V (data sheet: 5.5 to 24 V; they stand 41 V).
+    /// Limits of a 12 V battery.
+    ///
+    /// The battery is low below 7.0 V until it is back at 7.5 V, and cut at 6.0 V. Returned energy is dissipated above
+    /// 14.0 V, which keeps the bus below 15.5 V. Plausible are 5 to 24 V: the operating range of VNH5019 bridges with
+    /// a margin for noise (data sheet: 5.5 to 24 V; their absolute maximum is 41 V).
     pub const TWELVE_VOLTS: Self = Self(Levels {
         min: Millivolts::new(5_000),
         cut: Millivolts::new(6_000),
@@ -63,7 +66,7 @@ impl Limits {
 }
 
 impl Default for Limits {
-    /// [`Limits::TWELVE_VOLTS`].
+    /// Returns [`Limits::TWELVE_VOLTS`].
     fn default() -> Self {
         Self::TWELVE_VOLTS
     }

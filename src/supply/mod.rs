@@ -1,15 +1,20 @@
-//! The bus that battery and bridges share: what a board's converter measured, as filtered millivolts while it is
-//! plausible, and what that allows the motors to do.
+//! The bus that battery and bridges share: filters the measured voltage and decides what motors may draw and return.
 //!
 //! ```text
-//!  min      cut        derate  recover          burn     burn_all        max
-//!   |        |            |       |               |          |            |
-//!   | nothing is drawn    |       | all as asked  | returned energy is    |
-//!   |        | ever less  |.......| (hysteresis)  | burnt, more is drawn  | nothing is drawn, all is burnt
+//!        min       cut        derate     recover       burn       burn_all       max
+//!  -------+---------+-----------+----------+------------+------------+------------+-----> bus voltage
+//!   coast |   Cut   |  Derated  |  Full or |    Full    | Full, returned energy   |  Cut, returned energy
+//!         | draws 0 | draws 0-1 |  Derated |  draws all | is dissipated           |  is dissipated
 //! ```
 //!
-//! Boards whose chip reads its own reference beside the battery have [`VrefintScale`] for the first step;
-//! others bring millivolts of their own.
+//! * Between `derate` and `recover` the stage depends on the past (hysteresis). Below `derate`, `Cut` lasts until the
+//!   voltage is back at `derate`. See [`Stage`].
+//! * The *draw* is a share of the current that motors draw from the bus at standstill and full duty.
+//! * *Burning* means that braking motors dissipate the energy that they would return to the bus. The bridges alternate
+//!   between a full short and driving slightly above the back EMF.
+//!
+//! [`VrefintScale`] converts readings of chips that read their own reference beside the battery to millivolts. Boards
+//! with another converter bring their own conversion.
 //!
 //! ```
 //! use motor_hub::supply::{Limits, Stage, Supply};
@@ -21,179 +26,188 @@
 //! assert_eq!(supply.step(Some(Millivolts::new(3_000)), Micros::new(20_000)), None);
 //! ```
 
+mod bus_state;
 mod limits;
 mod overvoltage;
-mod seen;
 mod undervoltage;
 mod vrefint;
 
+pub use bus_state::{BusState, Seen};
 pub use limits::{Levels, Limits};
-pub use seen::{BusState, Seen};
 pub use undervoltage::Stage;
 pub use vrefint::{VrefintCalibration, VrefintSample, VrefintScale};
 
 use crate::units::{Micros, Millivolts, Share};
 use core::ops::RangeInclusive;
-use overvoltage::Burning;
+use overvoltage::Overvoltage;
 use undervoltage::Derating;
 
-/// A battery reading older than this is none; so long a silence is not bridged by the filter either.
+/// Age in microseconds beyond which a battery reading is stale. After a longer gap between samples the filter restarts.
 pub const BATTERY_STALE_MICROS: u64 = 100_000;
 
-/// Of the filter, less the interval between two samples.
+/// Time constant of the voltage filter, in microseconds. One sampling interval adds to the time constant.
 const FILTER_MICROS: f32 = 30_000.0;
 
-/// A bus that leaves the quiet voltages is looked at after so long.
-const LEFT_MICROS: u32 = 1_000;
+/// Longest interval in microseconds that the filter assumes before the first sample outside the quiet range. Quiet
+/// samples are up to 10 ms apart, but the bus has left the quiet range only just before that sample.
+const LEFT_QUIET_MICROS: u32 = 1_000;
 
-/// What is known of the bus, and when it was measured.
+/// State of the bus, and when the bus was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Battery {
-    /// Filtered.
+    /// Filtered voltage.
     pub voltage: Millivolts,
-    /// The newest sample.
+    /// Voltage of the newest sample, at most [`Levels::max`].
     pub newest: Millivolts,
-    /// When the newest sample in it was taken.
+    /// Time of the newest sample.
     pub at: Micros,
-    /// How much may be drawn, in words;
+    /// Stage of the undervoltage protection.
     pub stage: Stage,
-    /// and as a share of what the motors would draw at standstill.
+    /// Current that may be drawn, as a share of what motors draw at standstill and full duty.
     pub draw: Share,
-    /// How far bridges are to burn what braking motors return: by the newest sample, not by the filter.
+    /// How strongly braking motors must dissipate energy. Depends on the newest sample, not on the filtered voltage.
     pub burn: Share,
 }
 
 impl Battery {
-    /// A voltage at which motors may do all that they are asked to.
+    /// Creates a state in which the supply limits nothing.
     pub const fn good(voltage: Millivolts, at: Micros) -> Self {
         Self { voltage, newest: voltage, at, stage: Stage::Full, draw: Share::ALL, burn: Share::NONE }
     }
 
-    /// True unless it is older than [`BATTERY_STALE_MICROS`].
+    /// True unless the newest sample is older than [`BATTERY_STALE_MICROS`].
     pub const fn is_fresh(&self, now: Micros) -> bool {
         now.since(self.at) <= BATTERY_STALE_MICROS
     }
 }
 
-/// Judges and filters.
+/// Filters the bus voltage, and derives the limits for motors.
 #[derive(Clone, Debug)]
 pub struct Supply {
     limits: Limits,
-    /// `None` before the first good reading and after a bad one.
+    /// Voltage filter; `None` before the first plausible sample and after an implausible one.
     filter: Option<Filter>,
     derating: Derating,
-    burning: Burning,
-    /// What was last known, since the converter answers.
-    newest: Option<Battery>,
-    seen: Seen,
+    overvoltage: Overvoltage,
+    /// Result of the last plausible sample; `None` since the converter last failed to answer.
+    last_battery: Option<Battery>,
+    /// The last reading, plausible or not.
+    last_reading: Seen,
 }
 
-/// Of first order. (Its weight in single precision: a division of 64 bits takes some chips as long as all the rest.)
+/// First-order low-pass filter of the voltage.
+///
+/// The weight of a sample is computed in single precision, because some chips have no fast 64-bit division.
 #[derive(Clone, Copy, Debug)]
 struct Filter {
-    /// In steps of 2^-8 mV.
-    value: i32,
+    /// Filtered voltage in steps of 2^-8 mV.
+    value_q8_mv: i32,
+    /// Time of the last sample.
     at: Micros,
 }
 
 impl Filter {
-    /// The shorter a voltage has been there, in microseconds, the less it counts. After a silence, and at first, it is
-    /// all that counts.
-    fn step(before: Option<Self>, voltage: Millivolts, at: Micros, passed: u32) -> Self {
+    /// Takes a sample with the weight dt / (dt + 30 ms), where dt is `passed_us`. The first sample, and a sample after
+    /// a gap of more than [`BATTERY_STALE_MICROS`], set the filter.
+    fn step(before: Option<Self>, voltage: Millivolts, at: Micros, passed_us: u32) -> Self {
         let new = i32::from(voltage.get()) << 8;
-        let value = match before {
-            Some(Self { value, at: last }) if at.since(last) <= BATTERY_STALE_MICROS => {
-                let weight = passed as f32 / (passed as f32 + FILTER_MICROS);
-                value + ((new - value) as f32 * weight) as i32
+        let value_q8_mv = match before {
+            Some(Self { value_q8_mv, at: last }) if at.since(last) <= BATTERY_STALE_MICROS => {
+                let weight = passed_us as f32 / (passed_us as f32 + FILTER_MICROS);
+                value_q8_mv + ((new - value_q8_mv) as f32 * weight) as i32
             }
             _ => new,
         };
-        Self { value, at }
+        Self { value_q8_mv, at }
     }
 
-    /// Within the limits like everything it is made of, hence within 16 bits.
+    /// Returns the filtered voltage, rounded. All samples fit in 16 bits, hence their mean does too.
     fn voltage(self) -> Millivolts {
-        Millivolts::new(((self.value + 128) >> 8) as u16)
+        Millivolts::new(((self.value_q8_mv + 128) >> 8) as u16)
     }
 }
 
 impl Supply {
-    /// Knows no voltage yet.
+    /// Creates a supply that has measured no voltage yet.
     pub const fn new(limits: Limits) -> Self {
         Self {
             limits,
             filter: None,
-            derating: Derating::NEW,
-            burning: Burning::NEW,
-            newest: None,
-            seen: Seen::NOTHING,
+            derating: Derating::INITIAL,
+            overvoltage: Overvoltage::IDLE,
+            last_battery: None,
+            last_reading: Seen::NOTHING,
         }
     }
 
-    /// The voltages among which nothing changes for the motors, while that is so: until the bus leaves them it need
-    /// not be looked at but for the filter's sake. `None` if it is to be looked at every millisecond.
+    /// Returns the voltages between which the limits of the motors do not change. While the bus stays between them,
+    /// only the filter needs samples. `None` if the bus must be sampled every millisecond.
     pub fn quiet(&self) -> Option<RangeInclusive<Millivolts>> {
         let Levels { derate, burn, .. } = self.limits.levels();
         let filtered = self.filter?.voltage();
-        let all_allowed = self.derating.is_over() && !self.burning.is_on() && filtered >= derate;
-        all_allowed.then_some(derate..=burn)
+        let unlimited = self.derating.allows_all() && !self.overvoltage.is_active() && filtered >= derate;
+        unlimited.then_some(derate..=burn)
     }
 
-    /// Takes a measured voltage, every millisecond unless the bus is [quiet](Self::quiet); `None` if there is none or
-    /// it is implausibly low. The one after that starts the filter afresh, and so does one after a silence of
-    /// [`BATTERY_STALE_MICROS`]. What is above the highest plausible voltage counts as that: a converter that
-    /// reads no further is no reason to let go of a motor that brakes.
+    /// Takes a measured voltage: every millisecond, or less often while the bus is [quiet](Self::quiet).
     ///
-    /// A second implausibly low one in a row is a bus that breaks down: nothing is drawn from it, and what was known
-    /// of it becomes no newer.
+    /// `voltage` is `None` if the converter did not answer. The result is `None` if there is no voltage, or if it is
+    /// implausibly low. The next plausible sample restarts the filter.
     ///
-    /// The filter is of first order with a time constant of 30 ms and an interval between two samples. One that leaves
-    /// the quiet voltages counts as a millisecond after the one before.
+    /// A second implausibly low sample in a row means that the bus collapses. The result is then the last state, with
+    /// its old time and without any current to draw.
+    ///
+    /// A voltage above [`Levels::max`] counts as plausible, limited to that level. A converter at the end of its range
+    /// must not release a braking motor.
+    ///
+    /// The filter is of first order. Its time constant is 30 ms plus one sampling interval. For the first sample outside
+    /// the quiet range the interval is limited to 1 ms.
     pub fn step(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
-        let battery = self.judge(voltage, now);
-        self.seen = Seen::new(&self.limits, voltage, battery.as_ref(), now);
+        let battery = self.update(voltage, now);
+        self.last_reading = Seen::new(&self.limits, voltage, battery.as_ref(), now);
         battery
     }
 
-    /// What was seen at the last step, plausible or not.
+    /// Returns the reading of the last step, plausible or not.
     pub const fn seen(&self) -> Seen {
-        self.seen
+        self.last_reading
     }
 
-    fn judge(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
+    /// Checks whether a voltage is plausible, and derives the state from it.
+    fn update(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
         match voltage {
-            Some(measured) if measured >= self.limits.levels().min => Some(self.take(measured, now)),
+            Some(measured) if measured >= self.limits.levels().min => Some(self.accept(measured, now)),
             _ => {
-                let breaks_down = voltage.is_some() && self.filter.is_none();
+                let collapses = voltage.is_some() && self.filter.is_none();
                 self.filter = None;
-                self.burning = Burning::NEW;
+                self.overvoltage = Overvoltage::IDLE;
                 if voltage.is_none() {
-                    self.newest = None;
+                    self.last_battery = None;
                 }
-                self.newest.filter(|_| breaks_down).map(|known| {
-                    let (stage, draw) = self.derating.break_down();
-                    Battery { stage, draw, burn: Share::NONE, ..known }
+                self.last_battery.filter(|_| collapses).map(|last| {
+                    let (stage, draw) = self.derating.cut_after_collapse();
+                    Battery { stage, draw, burn: Share::NONE, ..last }
                 })
             }
         }
     }
 
-    /// A plausible one.
-    fn take(&mut self, measured: Millivolts, now: Micros) -> Battery {
+    /// Takes a plausible voltage.
+    fn accept(&mut self, measured: Millivolts, now: Micros) -> Battery {
         let Levels { max, .. } = self.limits.levels();
-        let since = self.filter.map_or(0, |filter| u32::try_from(now.since(filter.at)).unwrap_or(u32::MAX));
-        // A bus that has left the quiet voltages has only just done so.
-        let left = self.quiet().is_some_and(|quiet| !quiet.contains(&measured));
-        let passed = if left { since.min(LEFT_MICROS) } else { since };
+        let since_us =
+            self.filter.map_or(0, |filter| u32::try_from(now.since(filter.at)).unwrap_or(u32::MAX));
+        let left_quiet = self.quiet().is_some_and(|quiet| !quiet.contains(&measured));
+        let passed_us = if left_quiet { since_us.min(LEFT_QUIET_MICROS) } else { since_us };
         let newest = measured.min(max);
-        let filter = Filter::step(self.filter, newest, now, passed);
+        let filter = Filter::step(self.filter, newest, now, passed_us);
         self.filter = Some(filter);
-        let burn = self.burning.step(&self.limits, measured, now);
-        let (stage, draw) = self.derating.step(&self.limits, filter.voltage(), passed);
+        let burn = self.overvoltage.step(&self.limits, measured, now);
+        let (stage, draw) = self.derating.step(&self.limits, filter.voltage(), passed_us);
         let (stage, draw) = if measured > max { (Stage::Cut, Share::NONE) } else { (stage, draw) };
         let battery = Battery { voltage: filter.voltage(), newest, at: now, stage, draw, burn };
-        self.newest = Some(battery);
+        self.last_battery = Some(battery);
         battery
     }
 }

@@ -1,37 +1,55 @@
-//! A battery near its end: ever less may be drawn, then nothing, and back with hysteresis.
+//! Undervoltage: limits the current that motors may draw from a weak battery.
+//!
+//! ```text
+//!             voltage < derate               voltage <= cut
+//!     +------+ ---------------> +---------+ ----------------> +-----+
+//!     | Full |                  | Derated |                   | Cut |
+//!     +------+ <--------------- +---------+ <---------------- +-----+
+//!             voltage >= recover             voltage >= derate
+//! ```
+//!
+//! `Full` changes to `Cut` directly when the voltage falls to `cut` between two samples. The share of current that may
+//! be drawn is 0 in `Cut`. In the other stages the share is proportional to the voltage: 0 at `cut`, 1 at `derate`.
+//! The share falls immediately and rises slowly, by at most 1 in [`FULL_RISE_MICROS`]. A collapse of the bus sets the
+//! share to 0, and changes `Full` to `Derated`.
 
 use super::limits::{Levels, Limits};
 use crate::units::{Millivolts, Share};
 
-/// How much may be drawn from the bus.
+/// How much current may be drawn from the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Stage {
-    /// All that is asked for.
+    /// The battery is not low. After a low voltage the limit of the current may still be rising.
     #[default]
     Full,
-    /// The battery is low: less.
+    /// The battery is low, and the current is limited.
     Derated,
-    /// Nothing: motors brake, or coast.
+    /// No current may be drawn. Motors brake or coast.
     Cut,
 }
 
-/// What may be drawn falls with the voltage at once, but rises again no faster than from nothing to all in this
-/// time: a battery recovers as soon as less is drawn, and would have it drawn and cut in turn.
-const RISE_MICROS: f32 = 1e6;
+/// Time in microseconds in which the share rises from 0 to 1.
+///
+/// A battery's voltage recovers as soon as less current is drawn. If the share rose immediately, the supply would
+/// switch between drawing and cutting.
+const FULL_RISE_MICROS: f32 = 1e6;
 
+/// State of the undervoltage protection.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Derating {
+    /// The present stage.
     stage: Stage,
-    /// A share.
+    /// Share of the current that may be drawn, 0 to 1.
     draw: f32,
 }
 
 impl Derating {
-    pub(super) const NEW: Self = Self { stage: Stage::Full, draw: 1.0 };
+    /// The state before the first sample: all current may be drawn.
+    pub(super) const INITIAL: Self = Self { stage: Stage::Full, draw: 1.0 };
 
-    /// Whatever it was, nothing is drawn for now.
-    pub(super) fn break_down(&mut self) -> (Stage, Share) {
+    /// Sets the share to 0 because the bus voltage has collapsed.
+    pub(super) fn cut_after_collapse(&mut self) -> (Stage, Share) {
         if self.stage == Stage::Full {
             self.stage = Stage::Derated;
         }
@@ -39,13 +57,13 @@ impl Derating {
         (self.stage, Share::NONE)
     }
 
-    /// True if all may be drawn.
-    pub(super) fn is_over(&self) -> bool {
+    /// True if all current may be drawn.
+    pub(super) fn allows_all(&self) -> bool {
         self.stage == Stage::Full && self.draw >= 1.0
     }
 
-    /// So many microseconds after the sample before.
-    pub(super) fn step(&mut self, limits: &Limits, voltage: Millivolts, passed: u32) -> (Stage, Share) {
+    /// Takes a filtered voltage, `passed_us` microseconds after the last one.
+    pub(super) fn step(&mut self, limits: &Limits, voltage: Millivolts, passed_us: u32) -> (Stage, Share) {
         let Levels { cut, derate, recover, .. } = limits.levels();
         self.stage = match self.stage {
             _ if voltage <= cut => Stage::Cut,
@@ -54,17 +72,17 @@ impl Derating {
             Stage::Derated if voltage >= recover => Stage::Full,
             _ => Stage::Derated,
         };
-        let most = match self.stage {
+        let limit = match self.stage {
             Stage::Cut => 0.0,
-            Stage::Full | Stage::Derated => within(voltage, cut, derate),
+            Stage::Full | Stage::Derated => fraction_between(voltage, cut, derate),
         };
-        self.draw = most.min(self.draw + passed as f32 / RISE_MICROS);
+        self.draw = limit.min(self.draw + passed_us as f32 / FULL_RISE_MICROS);
         (self.stage, Share::from_f32(self.draw))
     }
 }
 
-/// How far a voltage lies between two others, 0 to 1.
-fn within(voltage: Millivolts, low: Millivolts, high: Millivolts) -> f32 {
-    let above = |voltage: Millivolts| f32::from(voltage.get().saturating_sub(low.get()));
-    if voltage >= high { 1.0 } else { above(voltage) / above(high) }
+/// Returns where a voltage lies between two others: 0 at `low` and below, 1 at `high` and above.
+fn fraction_between(voltage: Millivolts, low: Millivolts, high: Millivolts) -> f32 {
+    let above_low_mv = |voltage: Millivolts| f32::from(voltage.get().saturating_sub(low.get()));
+    if voltage >= high { 1.0 } else { above_low_mv(voltage) / above_low_mv(high) }
 }

@@ -1,4 +1,4 @@
-//! What bridges say of themselves, on a board that can hear it: faults and currents, every 25 ms, to control.
+//! Bridge feedback, on boards that have these signals: samples faults and currents every 25 ms for control.
 
 use super::{Health, Task, Wires};
 use crate::board::{BridgeFaults, CurrentSense};
@@ -6,12 +6,14 @@ use crate::bridge::Sensed;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Ticker};
 
-/// The sampling interval. A bridge that has switched itself off stays off until it is told to, so none is missed, and
-/// it is safe by itself. A mean current follows its bridge within two milliseconds, and is of use to what takes seconds: a
-/// winding's heat, a host's alert. Twice in the default period, it is never older than what is modelled at a tick.
+/// Sampling interval.
+///
+/// A bridge that has switched itself off stays off until it is commanded on again, so no fault is missed. A mean current settles within
+/// two milliseconds. Currents are used for effects that take seconds: the heat of a winding and alerts for a host. With
+/// two samples in the default control period, a measured current is never older than a modelled one.
 pub const SENSE_INTERVAL: Duration = Duration::from_millis(25);
 
-/// Runs for ever. A board that only hears faults has `()` for its currents.
+/// Runs the task. Never returns. A board without current-sense lines passes `()` as `currents`.
 pub async fn run<M: RawMutex, const N: usize>(
     mut faults: impl BridgeFaults<N>,
     mut currents: impl CurrentSense<N>,

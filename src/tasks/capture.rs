@@ -1,5 +1,6 @@
-//! Encoder capture: samples all counters every millisecond and passes on positions and edge times. Of a
-//! counter that does not answer the last reading is passed on, which soon is too old.
+//! Encoder capture: samples all counters every millisecond, and passes positions and edge times on to control.
+//!
+//! A counter that cannot be read keeps its last reading, which control finds stale after 20 ms.
 
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::board::Encoders;
@@ -7,10 +8,10 @@ use crate::motion::{Reading, Tracker};
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
 
-/// The sampling interval.
+/// Sampling interval.
 pub const CAPTURE_INTERVAL: Duration = Duration::from_millis(1);
 
-/// Runs for ever.
+/// Runs the task. Never returns.
 pub async fn run<M: RawMutex, const N: usize>(
     mut encoders: impl Encoders<N>,
     wires: &Wires<M, N>,
@@ -29,14 +30,15 @@ pub async fn run<M: RawMutex, const N: usize>(
             }
         };
         wires.newest.lock(|newest| {
-            // Nobody holds it over an await.
+            // No task borrows the cell across an await.
             if let Ok(mut newest) = newest.try_borrow_mut() {
                 newest.sample(read);
             }
         });
         wires.news.signal(());
         health.check_in(Task::Capture);
-        // What is late by more than an interval is left out. (The division takes some chips as long as all of this.)
+        // Samples that are late by more than an interval are skipped. The division is slow on some chips, so it is done
+        // only then.
         due += CAPTURE_INTERVAL;
         let now = Instant::now();
         if now > due {

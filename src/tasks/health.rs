@@ -1,4 +1,4 @@
-//! The watchdog is fed only while every task has checked in.
+//! Supervision of the tasks: feeds the watchdog each time that all tasks have checked in.
 
 use crate::board::Watchdog;
 use core::cell::Cell;
@@ -17,21 +17,24 @@ pub enum Task {
     Control = 4,
     /// [`super::output`].
     Output = 8,
-    /// [`super::responder`], on a board that has one.
+    /// [`super::responder`], on boards that have this task.
     Responder = 16,
-    /// [`super::bridges`], on a board that has one.
+    /// [`super::bridges`], on boards that have this task.
     Bridges = 32,
 }
 
-/// Those that every board has.
-const ALWAYS: u8 = Task::Capture as u8 | Task::Supply as u8 | Task::Control as u8 | Task::Output as u8;
+/// Bits of the tasks that every board has.
+const ALWAYS_EXPECTED: u8 =
+    Task::Capture as u8 | Task::Supply as u8 | Task::Control as u8 | Task::Output as u8;
 
-/// Who has checked in since the watchdog was last fed.
+/// The tasks that have checked in since the watchdog was last fed.
 #[derive(Debug)]
 pub struct Health {
-    /// In a critical section, not an atomic: some cores can load and store but not read, modify and write.
+    /// Bits of the tasks that have checked in. Not an atomic, because some cores have no atomic read-modify-write.
     checked_in: CriticalSectionMutex<Cell<u8>>,
+    /// Bits of the tasks that must check in.
     expected: u8,
+    /// Number of times that all tasks have checked in since reset.
     rounds: CriticalSectionMutex<Cell<u32>>,
 }
 
@@ -42,29 +45,29 @@ impl Default for Health {
 }
 
 impl Health {
-    /// Nobody has; the tasks that every board has are expected.
+    /// Creates a state in which no task has checked in. Only the tasks that every board has are expected.
     pub const fn new() -> Self {
         let rounds = CriticalSectionMutex::new(Cell::new(0));
-        Self { checked_in: CriticalSectionMutex::new(Cell::new(0)), expected: ALWAYS, rounds }
+        Self { checked_in: CriticalSectionMutex::new(Cell::new(0)), expected: ALWAYS_EXPECTED, rounds }
     }
 
-    /// Another task is expected besides.
+    /// Adds a task that must check in.
     #[must_use]
     pub const fn expecting(self, task: Task) -> Self {
         Self { expected: self.expected | task as u8, ..self }
     }
 
-    /// A task says that it has done its work.
+    /// Notes that a task has done its work.
     pub fn check_in(&self, task: Task) {
         self.checked_in.lock(|tasks| tasks.set(tasks.get() | task as u8 & self.expected));
     }
 
-    /// How often all have checked in since reset.
+    /// Returns how often all tasks have checked in since reset.
     pub fn rounds(&self) -> u32 {
         self.rounds.lock(Cell::get)
     }
 
-    /// True if all have checked in; the round then starts anew.
+    /// Returns true if all tasks have checked in, and then starts the next round.
     fn take_if_all(&self) -> bool {
         self.checked_in.lock(|tasks| {
             let all = tasks.get() == self.expected;
@@ -76,11 +79,13 @@ impl Health {
     }
 }
 
-/// How often the check-ins are looked at.
+/// Interval at which the check-ins are checked.
 pub const HEALTH_INTERVAL: Duration = Duration::from_millis(10);
 
-/// Runs for ever. A task is overdue when the watchdog's own time-out has passed, so that must exceed
-/// the longest control period (100 ms) by a good margin.
+/// Runs the task. Never returns.
+///
+/// A task that does not check in within the watchdog's time-out causes a reset. The time-out must therefore be clearly
+/// longer than the longest control period (100 ms).
 pub async fn run(mut watchdog: impl Watchdog, health: &Health) -> ! {
     let mut ticker = Ticker::every(HEALTH_INTERVAL);
     loop {

@@ -1,30 +1,34 @@
-//! The async tasks: each waits, calls the core, and passes the result on.
+//! The async tasks. Each task waits, calls the core, and passes the result on.
 //!
 //! ```text
-//! capture --readings--> +---------+ --drives--> output
-//! supply  --battery---> | control | --snapshot-> whoever wants to see
-//! anyone  --commands--> +---------+
+//! capture   --readings--> +---------+ --drives----> output
+//! supply    --battery---> | control | --snapshot--> responder, telemetry
+//! responder --commands--> +---------+
 //! ```
 //!
-//! | channel | kind | when full, or when nothing new comes |
-//! |---|---|---|
-//! | newest | the latest readings, in a cell | overwritten; one over 20 ms old counts as no encoder. A mutex that masks interrupts does so while the observers take it |
-//! | news | [`Signal`] | set with each of them, and with a sample of a bus that has just left its quiet voltages: it waits for no other |
-//! | battery | [`Signal`]: the latest | overwritten; over 100 ms old counts as no battery |
-//! | bus | what was seen of it last, in a cell | overwritten; over 100 ms old it counts as nothing |
-//! | commands | [`Channel`] of 16: none is lost, in order | the sender waits, or is told |
-//! | urgent | a flag | set with a command that can be done at once: all that wait are taken within a millisecond |
-//! | drives | [`Signal`]: the latest | overwritten; none for three control periods and all bridges coast |
-//! | sensed | [`Signal`]: the latest | of boards that hear their bridges; overwritten. The last one holds |
-//! | snapshot | [`Watch`]: the latest, for several readers | overwritten; it carries tick number and time |
-//! | record | of what happened, in a cell | written with each tick; the oldest entry makes room |
-//! | last words | likewise, for fault handlers | written once a run |
-//! | store | two [`Signal`]s | an order at a time, and what became of it |
-//! | update | two [`Signal`]s | an order at a time, and what became of it |
-//! | host spoke | a flag | set by the responder's task once a host has spoken, until reset |
+//! Each channel is a field of [`Wires`]:
 //!
-//! All of them are generic over the number of motors and over the board's traits, so an embassy
-//! task, which cannot be generic, is one line in a board.
+//! | channel | kind | when full, or without new data |
+//! |---|---|---|
+//! | newest | the latest encoder readings, in a cell | overwritten; a reading older than 20 ms counts as no encoder |
+//! | news | [`Signal`] | set with each encoder sample, and with the first sample of a bus that has left its quiet range |
+//! | battery | [`Signal`] with the latest state | overwritten; a state older than 100 ms counts as no battery |
+//! | bus | the last reading of the bus, in a cell | overwritten; a reading older than 100 ms counts as none |
+//! | commands | [`Commands`], a numbered queue of 16, first in first out | the sender waits, or gets an error |
+//! | urgent | a flag | set with a command that needs no regulator; control then takes all commands at the next sample |
+//! | drives | [`Signal`] with the latest bridge commands | overwritten; after three control periods without one all bridges coast |
+//! | sensed | [`Signal`] with the latest bridge feedback | overwritten; the last feedback stays valid |
+//! | snapshot | [`Watch`]: the latest, for several readers | overwritten; contains tick number and time |
+//! | record | the record of faults, in a cell | written with each tick; the oldest entry is overwritten |
+//! | last words | why the run ended, in a cell | written once per run, by fault handlers |
+//! | store | two [`Signal`]s: request and result | one request at a time |
+//! | update | two [`Signal`]s: request and result | one request at a time |
+//! | host spoke | a flag | set once the first packet of a host has arrived, until reset |
+//!
+//! Control locks `newest` while it updates its observers. A mutex that masks interrupts masks them for that time.
+//!
+//! All tasks are generic over the number of motors and over the board's traits. An embassy task cannot be generic, so a
+//! board wraps each task in an embassy task of one line.
 //!
 //! ```
 //! use embassy_sync::blocking_mutex::raw::NoopRawMutex;
@@ -33,15 +37,16 @@
 //! use motor_hub::tasks::Wires;
 //! use motor_hub::units::Control;
 //!
-//! // What anyone says waits for the next tick, unless it can be done at once. All of the tasks, run: examples/two_motors.rs.
+//! // A command waits for the next tick, unless it needs no regulator. The example two_motors.rs runs all tasks.
 //! let wires = Wires::<NoopRawMutex, 2>::new();
 //! let command = Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
-//! wires.try_send(command).expect("room for 16");
+//! assert_eq!(wires.try_send(command), Ok(1), "the first command since boot");
 //! assert_eq!(wires.commands.try_receive(), Ok(command));
 //! ```
 
 pub mod bridges;
 pub mod capture;
+pub mod commands;
 pub mod control;
 pub mod health;
 pub mod output;
@@ -50,6 +55,7 @@ pub mod store;
 pub mod supply;
 pub mod update;
 
+pub use commands::Commands;
 pub use health::{Health, Task};
 
 use crate::bridge::{Drive, Sensed};
@@ -61,72 +67,72 @@ use crate::units::Micros;
 use core::cell::{Cell, RefCell};
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::blocking_mutex::{CriticalSectionMutex, Mutex};
-use embassy_sync::channel::{Channel, TrySendError};
+use embassy_sync::channel::TrySendError;
 use embassy_sync::signal::Signal;
 use embassy_sync::watch::Watch;
 use embassy_time::Instant;
 
-/// Commands that may wait for the next tick.
+/// Number of commands that can wait for the next tick.
 pub const COMMANDS: usize = 16;
 
-/// Receivers of snapshots.
+/// Number of receivers of snapshots.
 pub const OBSERVERS: usize = 4;
 
-/// Between the responder, which decides, and a task that does what takes time.
-pub struct Errand<M: RawMutex, O, D> {
-    /// What is to be done; one at a time.
+/// A pair of signals between the responder and a task whose work takes time.
+pub struct RequestChannel<M: RawMutex, O, D> {
+    /// Request to the task, one at a time.
     pub order: Signal<M, O>,
-    /// What has been done.
+    /// Result of the request.
     pub done: Signal<M, D>,
 }
 
-impl<M: RawMutex, O, D> Errand<M, O, D> {
-    /// None.
+impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
+    /// Creates empty signals.
     const fn new() -> Self {
         Self { order: Signal::new(), done: Signal::new() }
     }
 }
 
-/// The channels between the tasks of a hub with N motors: one static in a board.
+/// The channels between the tasks of a hub with N motors. A board has one static of this type.
 pub struct Wires<M: RawMutex, const N: usize> {
-    /// From capture, and of an alarm from supply, to control: there is something to look at.
+    /// Tells control that there is new data: an encoder sample from capture, or an alarm of the bus from supply.
     pub news: Signal<M, ()>,
-    /// From supply to control.
+    /// State of the battery, from supply to control.
     pub battery: Signal<M, Battery>,
-    /// From supply to anyone: the bus as it was seen last.
+    /// Last reading of the bus, from supply to all tasks.
     pub bus: Mutex<M, Cell<Seen>>,
-    /// From anyone to control.
-    pub commands: Channel<M, Command, COMMANDS>,
-    /// From anyone to control: among the commands is one that waits for no tick, only for the next sample.
+    /// Commands to motors, from all tasks to control, each with a number.
+    pub commands: Commands<M>,
+    /// True if one of the commands is to be applied at the next sample, without waiting for a tick.
     pub urgent: Mutex<M, Cell<bool>>,
-    /// From control to output.
+    /// Commands to the bridges, from control to output.
     pub drives: Signal<M, [Drive; N]>,
-    /// From the bridges' task to control.
+    /// Feedback of the bridges, from the bridges' task to control.
     pub sensed: Signal<M, [Sensed; N]>,
-    /// From control to anyone.
+    /// State of all motors as of the last tick, from control to all tasks.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
-    /// From capture to control and anyone: positions, as of the newest samples; speeds are from control.
+    /// Positions of the newest samples, written by capture. Control adds the speeds. All tasks may read them.
     pub newest: Mutex<M, RefCell<Newest<N>>>,
-    /// What happened, of control ticks and for the responder; `None` of a hub that keeps no record.
+    /// Record of faults. Control writes each tick, and the responder reads. `None` if the hub keeps no record.
     pub record: Mutex<M, RefCell<Option<Record<'static>>>>,
-    /// From whoever ends the run to the next one.
+    /// Why this run ended, from a fault handler to the next run. `None` if the hub keeps no record.
     pub last_words: CriticalSectionMutex<RefCell<Option<LastWords<'static>>>>,
-    /// Between the responder and whoever has the memory for settings.
-    pub store: Errand<M, crate::store::Order, store::Done>,
-    /// Between the responder and whoever has the slot for new firmware.
-    pub update: Errand<M, crate::update::Order, crate::update::Done>,
-    /// From the responder to anyone: a host has spoken since reset.
+    /// Requests of the responder to the task that stores settings, and their results.
+    pub store: RequestChannel<M, crate::store::Order, store::Done>,
+    /// Requests of the responder to the task that writes new firmware, and their results.
+    pub update: RequestChannel<M, crate::update::Order, crate::update::Done>,
+    /// True once a host has sent a packet since reset, from the responder to all tasks.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
-    /// Empty channels.
+    /// Creates empty channels.
     pub const fn new() -> Self {
         Self {
             news: Signal::new(),
             battery: Signal::new(),
             bus: Mutex::new(Cell::new(Seen::NOTHING)),
-            commands: Channel::new(),
+            commands: Commands::new(),
             urgent: Mutex::new(Cell::new(false)),
             drives: Signal::new(),
             sensed: Signal::new(),
@@ -134,49 +140,52 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             newest: Mutex::new(RefCell::new(Newest::new())),
             record: Mutex::new(RefCell::new(None)),
             last_words: CriticalSectionMutex::new(RefCell::new(None)),
-            store: Errand::new(),
-            update: Errand::new(),
+            store: RequestChannel::new(),
+            update: RequestChannel::new(),
             host_spoke: Mutex::new(Cell::new(false)),
         }
     }
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
-    /// Begins a run with a record in this memory; `cause` is of the reset that it began with.
+    /// Starts the record of a run in this memory. `cause` is the cause of the last reset.
     pub fn remember(&self, memory: &'static mut [u8; SIZE], cause: Fault) {
         let (record, last_words) = Record::open(memory, cause);
-        self.record.lock(|place| place.replace(Some(record)));
-        self.last_words.lock(|place| place.replace(Some(last_words)));
+        self.record.lock(|slot| slot.replace(Some(record)));
+        self.last_words.lock(|slot| slot.replace(Some(last_words)));
     }
 
-    /// Says what ends the run, from any context. What fails while it is being said is not.
+    /// Writes why the run ends. May be called from any context. A fault during the write is not written.
     pub fn say_last(&self, fault: Fault, detail: [u32; 2]) {
-        self.last_words.lock(|place| {
-            if let Ok(mut place) = place.try_borrow_mut()
-                && let Some(last_words) = place.as_mut()
+        self.last_words.lock(|slot| {
+            if let Ok(mut slot) = slot.try_borrow_mut()
+                && let Some(last_words) = slot.as_mut()
             {
                 last_words.say(fault, detail);
             }
         });
     }
 
-    /// Tells a motor what to do: within a millisecond what can be done at once, at the next tick what is regulated.
+    /// Sends a command to the control task, and returns the command's number. A command that needs no regulator is applied
+    /// within a millisecond, any other one at the next tick. [`Snapshot::includes`] says whether a snapshot includes it.
     ///
     /// # Errors
     /// The command, if 16 wait already.
-    pub fn try_send(&self, command: Command) -> Result<(), TrySendError<Command>> {
-        self.commands.try_send(command)?;
-        self.hurry(command);
-        Ok(())
+    pub fn try_send(&self, command: Command) -> Result<u32, TrySendError<Command>> {
+        let number = self.commands.try_send(command)?;
+        self.mark_urgent(command);
+        Ok(number)
     }
 
-    /// The same, waiting while there is no room.
-    pub async fn send(&self, command: Command) {
-        self.commands.send(command).await;
-        self.hurry(command);
+    /// Sends a command like [`try_send`](Self::try_send), but waits while there is no room.
+    pub async fn send(&self, command: Command) -> u32 {
+        let number = self.commands.send(command).await;
+        self.mark_urgent(command);
+        number
     }
 
-    fn hurry(&self, command: Command) {
+    /// Sets the `urgent` flag for a command that needs no regulator.
+    fn mark_urgent(&self, command: Command) {
         if command.action.is_direct() {
             self.urgent.lock(|urgent| urgent.set(true));
         }
@@ -189,12 +198,12 @@ impl<M: RawMutex, const N: usize> Default for Wires<M, N> {
     }
 }
 
-/// The core's time is microseconds since boot, whatever the time driver's tick is.
+/// Converts a time of the time driver to the core's time, in microseconds since boot.
 fn micros(instant: Instant) -> Micros {
     Micros::new(instant.as_micros())
 }
 
-/// The next whole millisecond, so that tasks with periods of such meet.
+/// Returns the first whole millisecond that is not before `now`. Tasks that start there run at the same times.
 fn whole_millisecond(now: Instant) -> Instant {
     Instant::from_millis(now.as_micros().div_ceil(1000))
 }

@@ -1,4 +1,4 @@
-//! Bridge output: drives go to the bridges as they come; when they stop coming, all bridges coast.
+//! Bridge output: applies commands to the bridges. If no command comes for three control periods, all bridges coast.
 
 use super::{Health, Task, Wires};
 use crate::board::Bridges;
@@ -7,23 +7,23 @@ use crate::units::Period;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, with_timeout};
 
-/// Control periods without a drive after which the bridges coast.
-pub const PATIENCE_PERIODS: u64 = 3;
+/// Number of control periods without a bridge command after which the bridges coast.
+pub const DRIVE_TIMEOUT_PERIODS: u64 = 3;
 
-/// Runs for ever.
+/// Runs the task. Never returns.
 ///
-/// Checks in with every drive that it passes on: while it makes the bridges coast it is alive, but
-/// control is not, and the watchdog hears from neither.
+/// The task checks in with each command that it applies. While no command comes, the task runs but control does not.
+/// Neither task checks in then, and the watchdog resets the chip.
 pub async fn run<M: RawMutex, const N: usize>(
     mut bridges: impl Bridges<N>,
     period: Period,
     wires: &Wires<M, N>,
     health: &Health,
 ) -> ! {
-    let patience = Duration::from_micros(PATIENCE_PERIODS * period.as_micros());
+    let timeout = Duration::from_micros(DRIVE_TIMEOUT_PERIODS * period.as_micros());
     bridges.apply(&[Drive::COAST; N]);
     loop {
-        match with_timeout(patience, wires.drives.wait()).await {
+        match with_timeout(timeout, wires.drives.wait()).await {
             Ok(drives) => {
                 bridges.apply(&drives);
                 health.check_in(Task::Output);

@@ -125,8 +125,8 @@ pub async fn attend<M: RawMutex, const N: usize>(
         let due = responder.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
         match responder.pending() {
             Some(command) => {
-                if let Either::First(()) = select(wires.send(command), Timer::at(due)).await {
-                    responder.told();
+                if let Either::First(number) = select(wires.send(command), Timer::at(due)).await {
+                    responder.sent(number);
                 }
             }
             None => Timer::at(due).await,
@@ -155,10 +155,8 @@ fn settle<M: RawMutex, const N: usize>(
     }
     wires.host_spoke.lock(|spoke| spoke.set(responder.host_spoke()));
     while let Some(command) = responder.pending() {
-        if wires.try_send(command).is_err() {
-            break;
-        }
-        responder.told();
+        let Ok(number) = wires.try_send(command) else { break };
+        responder.sent(number);
     }
     exchange(responder, pins);
     show(responder.led(now));

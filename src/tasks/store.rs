@@ -1,8 +1,8 @@
-//! Where settings are stored: a map in flash of which two keys are the two copies of one record. It reads once at boot,
-//! and then does what the responder orders.
+//! Stores settings in flash. The task reads the settings once at boot, and then carries out the requests of the responder.
 //!
-//! The map is [`sequential_storage`]'s: it appends until a page is full, and moves to the next. Everything is done a word at a
-//! time, with all other tasks between two words, and an erasure only while motors are off.
+//! Two pages of flash hold a map of [`sequential_storage`]. The map has two keys, which hold two copies of one record. It
+//! appends items until a page is full, and then moves to the other page. Other tasks run between two words. Pages are
+//! erased only while motors are off.
 //!
 //! ```
 //! use embassy_futures::block_on;
@@ -53,7 +53,7 @@
 //! ```
 
 use super::Wires;
-use crate::store::{CAPACITY, Copies, Found, Order, Outcome, Stored};
+use crate::store::{CAPACITY, Copies, Found, Order, Outcome, Record, Stored};
 use core::ops::Range;
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -65,25 +65,25 @@ use sequential_storage::cache::key_pointers::ArrayKeyPointers;
 use sequential_storage::cache::{Cache, Uncached};
 use sequential_storage::map::{MapConfig, MapStorage};
 
-/// The keys of the two copies.
-const COPIES: [u8; 2] = [1, 2];
+/// Keys of the two copies in the map.
+const COPY_KEYS: [u8; 2] = [1, 2];
 
-/// A record with its key, in whole words of any flash.
-const BUFFER: usize = (1 + CAPACITY).next_multiple_of(32);
+/// Size of a buffer for a record with its key, in bytes. A multiple of the words of any flash.
+const BUFFER_BYTES: usize = (1 + CAPACITY).next_multiple_of(32);
 
-/// The longest word of any flash.
-const WORD: usize = 32;
+/// Longest word that a flash may have, in bytes.
+const WORD_BYTES: usize = 32;
 
-/// What has become of an order; once, at boot, what was found.
+/// Result of a request. At boot the task sends one result without a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Done {
-    /// What is stored now; `None` if that cannot be told until motors are off, and is as it was.
+    /// Settings that are stored now. `None` if they cannot be read until motors are off; they are unchanged then.
     pub found: Option<Found>,
-    /// How it ended.
+    /// How the request ended.
     pub outcome: Outcome,
 }
 
-/// Reads once, and then does what is ordered, for ever.
+/// Runs the task: reads the settings once, and then carries out requests. Never returns.
 pub async fn run<M: RawMutex, const N: usize>(mut keeper: Keeper<impl NorFlash>, wires: &Wires<M, N>) -> ! {
     let found = Some(keeper.read().await);
     wires.store.done.signal(Done { found, outcome: Outcome::None });
@@ -93,81 +93,91 @@ pub async fn run<M: RawMutex, const N: usize>(mut keeper: Keeper<impl NorFlash>,
     }
 }
 
-/// The memory, and what is kept there.
+/// The flash in which settings are stored.
 pub struct Keeper<F: NorFlash> {
-    flash: Paced<F>,
+    flash: SharedFlash<F>,
+    /// Addresses of the two pages.
     range: Range<u32>,
-    /// Nothing has gone wrong since the pages were last looked at.
-    sound: bool,
-    buffer: [u8; BUFFER],
+    /// True if no operation has failed since the pages were last repaired.
+    intact: bool,
+    buffer: [u8; BUFFER_BYTES],
 }
 
-/// It remembers where the copies are, or moving a full page would search all of it for each of its items.
-type Map<'a, F> = MapStorage<u8, &'a mut Paced<F>, Cache<Uncached, Uncached, ArrayKeyPointers<u8, 2>, u8>>;
+/// The map. Its cache holds the addresses of the copies. Without the cache, moving a full page would search the whole page
+/// for each item.
+type Map<'a, F> =
+    MapStorage<u8, &'a mut SharedFlash<F>, Cache<Uncached, Uncached, ArrayKeyPointers<u8, 2>, u8>>;
 
 impl<F: NorFlash> Keeper<F> {
-    /// In this range of a flash; `None` unless it is two whole pages.
+    /// Creates the store in this range of a flash. `None` unless the range is two whole pages.
     pub fn new(flash: F, range: Range<u32>) -> Option<Self> {
         MapConfig::<F>::try_new(range.clone()).ok().filter(|_| range.len() == 2 * F::ERASE_SIZE)?;
-        let flash = Paced { flash, may_erase: true, shown: None };
-        Some(Self { flash, range, sound: false, buffer: [0; BUFFER] })
+        let flash = SharedFlash { flash, may_erase: true, visible: None };
+        Some(Self { flash, range, intact: false, buffer: [0; BUFFER_BYTES] })
     }
 
-    /// The map, of whose pages nothing is known yet, and a buffer for it.
+    /// Returns the map with an empty cache, and a buffer for the map.
     fn map(&mut self) -> (Map<'_, F>, &mut [u8]) {
         let cache = Cache::new(Uncached, Uncached, ArrayKeyPointers::new());
         (MapStorage::new(&mut self.flash, MapConfig::new(self.range.clone()), cache), &mut self.buffer)
     }
 
-    /// What is stored. Motors must be off: power may have gone in the middle of an erasure, which is then done again.
+    /// Reads the stored settings. Motors must be off, because an erasure that a power failure has interrupted is repeated.
     pub async fn read(&mut self) -> Found {
         self.flash.may_erase = true;
-        let mended = self.mend().await;
-        self.sound = mended.is_ok();
+        let repaired = self.repair().await;
+        self.intact = repaired.is_ok();
         let copies =
-            self.copies().await.and_then(|found| mended.map(|()| found).map_err(|_| NotRead::Damaged));
-        copies.unwrap_or_else(|why| why.found().unwrap_or_else(|| Found::without_record(Stored::Damaged, 0)))
+            self.copies().await.and_then(|found| repaired.map(|()| found).map_err(|_| ReadError::Damaged));
+        copies.unwrap_or_else(|error| {
+            error.found().unwrap_or_else(|| Found::without_record(Stored::Damaged, 0))
+        })
     }
 
-    /// Erases pages of which power has cut the erasure, and that the map would take for what they are not: for blank ones,
-    /// or for the ones that it is just moving its items from, or to.
-    async fn mend(&mut self) -> Result<(), Trouble<F::Error>> {
-        let mut full = [None; 2];
+    /// Repairs pages whose erasure was interrupted by a power failure, by erasing them again.
+    ///
+    /// The map cannot recognise such a page. It would take the page for a blank one, or for one of the two pages of a move
+    /// that was interrupted.
+    async fn repair(&mut self) -> Result<(), FlashError<F::Error>> {
+        // Marks of the pages in use; `None` for a blank page.
+        let mut in_use = [None; 2];
         let pages = self.pages();
-        for (full, page) in full.iter_mut().zip(&pages) {
+        for (in_use, page) in in_use.iter_mut().zip(&pages) {
             let flash = &mut self.flash;
-            *full = match flash.marks(page).await? {
-                (true, full) => Some(full),
-                (false, false) if flash.is_blank(page).await? => None,
-                (false, _) => {
-                    flash.erase(page.start, page.end).await?;
-                    None
-                }
-            };
+            let marks = flash.marks(page).await?;
+            if marks.begun {
+                *in_use = Some(marks);
+            } else if marks.full || !flash.is_blank(page).await? {
+                flash.erase(page.start, page.end).await?;
+            }
         }
-        // Of two that both hold something, one is on its way to be erased: the one with less, or the one that was full before.
-        let ([first, second], [Some(first_full), Some(second_full)]) = (&pages, full) else { return Ok(()) };
-        let worth = (self.worth(first).await, self.worth(second).await);
-        let (Some(first_worth), Some(second_worth)) = worth else { return Ok(()) };
-        let second_has_less = (second_worth, first_full) < (first_worth, second_full);
+        // If both pages are in use, a move or an erasure was interrupted. The page with less content is erased, or at equal
+        // content the page that was full.
+        let ([first, second], [Some(first_marks), Some(second_marks)]) = (&pages, in_use) else {
+            return Ok(());
+        };
+        let contents = (self.content(first).await, self.content(second).await);
+        let (Some(first_content), Some(second_content)) = contents else { return Ok(()) };
+        let second_has_less = (second_content, first_marks.full) < (first_content, second_marks.full);
         let less = if second_has_less { second } else { first };
         self.flash.erase(less.start, less.end).await
     }
 
+    /// Returns the addresses of the two pages.
     fn pages(&self) -> [Range<u32>; 2] {
         let Range { start, end } = self.range;
         let middle = start + F::ERASE_SIZE as u32;
         [start..middle, middle..end]
     }
 
-    /// What a page has by itself: number of the save, and copies of it; `None` where that is not known.
-    async fn worth(&mut self, page: &Range<u32>) -> Option<(u32, u8)> {
-        self.flash.shown = Some(page.clone());
+    /// Reads the content of one page, as if the other page were blank. `None` if the content cannot be understood.
+    async fn content(&mut self, page: &Range<u32>) -> Option<PageContent> {
+        self.flash.visible = Some(page.clone());
         let found = self.copies().await;
-        self.flash.shown = None;
+        self.flash.visible = None;
         let Found { stored, record, .. } = match found {
-            // What an erasure has left may look like anything.
-            Err(NotRead::TooLong) => return Some((0, 0)),
+            // The rest of an erasure may look like an item of any length.
+            Err(ReadError::TooLong) => return Some(PageContent { save: 0, copies: 0 }),
             found => found.ok()?,
         };
         let copies = match stored {
@@ -176,30 +186,32 @@ impl<F: NorFlash> Keeper<F> {
             Stored::Nothing | Stored::Damaged => 0,
             Stored::Later => return None,
         };
-        Some((record.number(), copies))
+        Some(PageContent { save: record.number(), copies })
     }
 
-    /// Writes, if that is ordered, and reads what is stored then.
+    /// Carries out a request: writes a record if the request has one, and then reads what is stored.
     pub async fn carry_out(&mut self, order: &Order) -> Done {
         self.flash.may_erase = order.may_erase;
-        let mended = if self.sound { Ok(()) } else { self.mend().await };
-        let written = match mended {
+        let repaired = if self.intact { Ok(()) } else { self.repair().await };
+        let written = match repaired {
             Ok(()) => self.write(order).await,
-            Err(trouble) => trouble.outcome(),
+            Err(error) => error.outcome(),
         };
-        let found = self.copies().await.map_or_else(NotRead::found, Some);
+        let found = self.copies().await.map_or_else(ReadError::found, Some);
         let reads_back = |found: &Found| {
-            order.record.as_ref().is_none_or(|it| found.stored == Stored::Whole && *it == found.record)
+            let is_stored = |record: &Record| found.stored == Stored::Whole && *record == found.record;
+            order.record.as_ref().is_none_or(is_stored)
         };
         let outcome = match written {
             Outcome::Done if found.is_none() => Outcome::NeedsErase,
             Outcome::Done if !found.as_ref().is_some_and(reads_back) => Outcome::Lost,
             outcome => outcome,
         };
-        self.sound = outcome == Outcome::Done;
+        self.intact = outcome == Outcome::Done;
         Done { found, outcome }
     }
 
+    /// Writes both copies of the request's record, if the request has one.
     async fn write(&mut self, order: &Order) -> Outcome {
         let Some(record) = &order.record else { return Outcome::Done };
         let (mut map, buffer) = self.map();
@@ -208,7 +220,7 @@ impl<F: NorFlash> Keeper<F> {
         {
             return outcome(&error);
         }
-        for copy in COPIES {
+        for copy in COPY_KEYS {
             if let Err(error) = map.store_item(buffer, &copy, &record.bytes()).await {
                 return outcome(&error);
             }
@@ -216,30 +228,45 @@ impl<F: NorFlash> Keeper<F> {
         Outcome::Done
     }
 
-    async fn copies(&mut self) -> Result<Found, NotRead> {
+    /// Reads both copies.
+    async fn copies(&mut self) -> Result<Found, ReadError> {
         let (mut map, buffer) = self.map();
         let mut copies = Copies::default();
-        for copy in COPIES {
+        for copy in COPY_KEYS {
             match map.fetch_item::<&[u8]>(buffer, &copy).await {
                 Ok(bytes) => copies.add(bytes),
-                Err(Error::BufferTooSmall(_)) => return Err(NotRead::TooLong),
-                Err(Error::Storage { value: Trouble::MotorsRun, .. }) => return Err(NotRead::NeedsErase),
-                Err(_) => return Err(NotRead::Damaged),
+                Err(Error::BufferTooSmall(_)) => return Err(ReadError::TooLong),
+                Err(Error::Storage { value: FlashError::MotorsRun, .. }) => {
+                    return Err(ReadError::NeedsErase);
+                }
+                Err(_) => return Err(ReadError::Damaged),
             }
         }
         Ok(copies.found())
     }
 }
 
-enum NotRead {
+/// Content of one page. The greater content is the newer one, or the one with more copies.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct PageContent {
+    /// Number of the newest save in the page.
+    save: u32,
+    /// Copies of this save in the page, 0 to 2.
+    copies: u8,
+}
+
+/// Why the copies could not be read.
+enum ReadError {
+    /// The map must erase a page first, for which motors must be off.
     NeedsErase,
     /// An item is longer than any that this firmware writes.
     TooLong,
+    /// The flash or the map reports an error.
     Damaged,
 }
 
-impl NotRead {
-    /// What that says of what is stored; nothing if it says nothing.
+impl ReadError {
+    /// Returns what the error means for the stored settings. `None` if it says nothing about them.
     fn found(self) -> Option<Found> {
         match self {
             Self::NeedsErase => None,
@@ -249,41 +276,56 @@ impl NotRead {
     }
 }
 
-const fn outcome<E>(error: &Error<Trouble<E>>) -> Outcome {
+/// Converts an error of the map.
+const fn outcome<E>(error: &Error<FlashError<E>>) -> Outcome {
     match error {
         Error::Storage { value, .. } => value.outcome(),
         _ => Outcome::Refused,
     }
 }
 
-/// A flash that lets other tasks run between two words, and is not erased while motors run.
-struct Paced<F> {
+/// A flash that lets other tasks run between two words, and that is not erased while motors run.
+struct SharedFlash<F> {
     flash: F,
+    /// True if motors are off, so that pages may be erased.
     may_erase: bool,
-    /// All else reads as if it were blank.
-    shown: Option<Range<u32>>,
+    /// Visible range of addresses. All other addresses read as blank. `None` if all of the flash is visible.
+    visible: Option<Range<u32>>,
 }
 
-/// A page's mark counts once so many bits are written, as the map has it.
-const MARKED: u32 = 4;
+/// The map's marks in the first and in the last word of a page.
+#[derive(Clone, Copy)]
+struct PageMarks {
+    /// True if the page is in use.
+    begun: bool,
+    /// True if the page is full.
+    full: bool,
+}
 
-impl<F: NorFlash> Paced<F> {
-    /// Whether a page is marked as begun, and as full.
-    async fn marks(&mut self, page: &Range<u32>) -> Result<(bool, bool), Trouble<F::Error>> {
-        let mut marks = [false; 2];
-        for (mark, at) in marks.iter_mut().zip([page.start, page.end - F::READ_SIZE as u32]) {
-            let mut word = [0xFF; WORD];
-            self.read(at, word.get_mut(..F::READ_SIZE).unwrap_or_default()).await?;
-            *mark = word.iter().map(|byte| byte.count_zeros()).sum::<u32>() >= MARKED;
-        }
-        Ok(marks.into())
+/// Number of zero bits in a word from which on the map takes the word for a mark: half of a byte's bits.
+const MARK_BITS: u32 = 4;
+
+impl<F: NorFlash> SharedFlash<F> {
+    /// Reads the marks of a page.
+    async fn marks(&mut self, page: &Range<u32>) -> Result<PageMarks, FlashError<F::Error>> {
+        let begun = self.is_marked(page.start).await?;
+        let full = self.is_marked(page.end - F::READ_SIZE as u32).await?;
+        Ok(PageMarks { begun, full })
     }
 
-    async fn is_blank(&mut self, page: &Range<u32>) -> Result<bool, Trouble<F::Error>> {
-        let mut word = [0; WORD];
-        for at in page.clone().step_by(WORD) {
+    /// True if the word at this address is a mark.
+    async fn is_marked(&mut self, address: u32) -> Result<bool, FlashError<F::Error>> {
+        let mut word = [0xFF; WORD_BYTES];
+        self.read(address, word.get_mut(..F::READ_SIZE).unwrap_or_default()).await?;
+        Ok(word.iter().map(|byte| byte.count_zeros()).sum::<u32>() >= MARK_BITS)
+    }
+
+    /// True if all bytes of a page are 0xFF.
+    async fn is_blank(&mut self, page: &Range<u32>) -> Result<bool, FlashError<F::Error>> {
+        let mut word = [0; WORD_BYTES];
+        for at in page.clone().step_by(WORD_BYTES) {
             self.read(at, &mut word).await?;
-            if word != [0xFF; WORD] {
+            if word != [0xFF; WORD_BYTES] {
                 return Ok(false);
             }
         }
@@ -291,13 +333,17 @@ impl<F: NorFlash> Paced<F> {
     }
 }
 
+/// Why the flash refused an operation.
 #[derive(Debug)]
-enum Trouble<E> {
+enum FlashError<E> {
+    /// Motors run, so no page may be erased.
     MotorsRun,
+    /// The flash reports an error.
     Flash(E),
 }
 
-impl<E> Trouble<E> {
+impl<E> FlashError<E> {
+    /// Converts the error to the outcome of a request.
     const fn outcome(&self) -> Outcome {
         match self {
             Self::MotorsRun => Outcome::NeedsErase,
@@ -306,7 +352,7 @@ impl<E> Trouble<E> {
     }
 }
 
-impl<E: NorFlashError> NorFlashError for Trouble<E> {
+impl<E: NorFlashError> NorFlashError for FlashError<E> {
     fn kind(&self) -> NorFlashErrorKind {
         match self {
             Self::MotorsRun => NorFlashErrorKind::Other,
@@ -315,21 +361,21 @@ impl<E: NorFlashError> NorFlashError for Trouble<E> {
     }
 }
 
-impl<F: NorFlash> ErrorType for Paced<F> {
-    type Error = Trouble<F::Error>;
+impl<F: NorFlash> ErrorType for SharedFlash<F> {
+    type Error = FlashError<F::Error>;
 }
 
-impl<F: NorFlash> ReadNorFlash for Paced<F> {
+impl<F: NorFlash> ReadNorFlash for SharedFlash<F> {
     const READ_SIZE: usize = F::READ_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
-        // Who reads computes a checksum of it next.
+        // The map computes a checksum after each read, so other tasks run first.
         yield_now().await;
-        if self.shown.as_ref().is_some_and(|shown| !shown.contains(&offset)) {
+        if self.visible.as_ref().is_some_and(|visible| !visible.contains(&offset)) {
             bytes.fill(0xFF);
             return Ok(());
         }
-        self.flash.read(offset, bytes).await.map_err(Trouble::Flash)
+        self.flash.read(offset, bytes).await.map_err(FlashError::Flash)
     }
 
     fn capacity(&self) -> usize {
@@ -337,20 +383,20 @@ impl<F: NorFlash> ReadNorFlash for Paced<F> {
     }
 }
 
-impl<F: NorFlash> NorFlash for Paced<F> {
+impl<F: NorFlash> NorFlash for SharedFlash<F> {
     const WRITE_SIZE: usize = F::WRITE_SIZE;
     const ERASE_SIZE: usize = F::ERASE_SIZE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
-        if !self.may_erase || self.shown.is_some() {
-            return Err(Trouble::MotorsRun);
+        if !self.may_erase || self.visible.is_some() {
+            return Err(FlashError::MotorsRun);
         }
-        self.flash.erase(from, to).await.map_err(Trouble::Flash)
+        self.flash.erase(from, to).await.map_err(FlashError::Flash)
     }
 
     async fn write(&mut self, mut offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
         for word in bytes.chunks(F::WRITE_SIZE) {
-            self.flash.write(offset, word).await.map_err(Trouble::Flash)?;
+            self.flash.write(offset, word).await.map_err(FlashError::Flash)?;
             offset += F::WRITE_SIZE as u32;
             yield_now().await;
         }

@@ -1,24 +1,34 @@
-//! New firmware in flash, for [`embassy_boot`]'s bootloader: chunks are written to the slot that it swaps in, and its state says
-//! whether it is to.
+//! New firmware in flash, for [`embassy_boot`]'s bootloader. The task writes chunks to the download slot, and marks in the
+//! bootloader's state whether the bootloader is to swap the slots.
 //!
-//! First this firmware confirms itself, if it is on trial: once all tasks have checked in often enough. Firmware that does not
-//! get there is reset by the watchdog, and the bootloader goes back to the one before.
+//! ```text
+//!              +-----------+ all tasks check in 40 times +-----------+
+//!   swap ----> | on trial  | --------------------------> | confirmed |
+//!              +-----------+                             +-----------+
+//!                    | reset
+//!                    v
+//!              +-----------+
+//!              | went back | the bootloader has restored the previous firmware
+//!              +-----------+
+//! ```
+//!
+//! The watchdog resets new firmware whose tasks do not all check in.
 //!
 //! ```
-//! use motor_hub::tasks::update::{CONFIRMED_AFTER, Marks};
+//! use motor_hub::tasks::update::{CONFIRM_AFTER_ROUNDS, Marks};
 //!
-//! // Some seconds at a control period of 50 ms.
-//! assert_eq!(CONFIRMED_AFTER, 40);
-//! // What the bootloader, too, has its state behind.
+//! // This takes 2 s at a control period of 50 ms.
+//! assert_eq!(CONFIRM_AFTER_ROUNDS, 40);
+//! // The bootloader uses the same wrapper for its state.
 //! let state = Marks("a flash");
 //! assert_eq!(state.0, "a flash");
 //! ```
 
+mod blocking_flash;
 #[cfg(feature = "signed")]
 mod signature;
-mod waiting;
 
-pub use waiting::Waiting;
+pub use blocking_flash::Waiting;
 
 use super::{Health, Wires};
 use crate::update::{Booted, CHUNK, CRC, Done, Order, Outcome, Seal};
@@ -28,19 +38,22 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Timer};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
-/// How often all tasks must have checked in before new firmware is confirmed.
-pub const CONFIRMED_AFTER: u32 = 40;
+/// Number of rounds in which all tasks must check in before new firmware is confirmed.
+pub const CONFIRM_AFTER_ROUNDS: u32 = 40;
 
-/// How often that is looked at.
-const LOOK: Duration = Duration::from_millis(50);
+/// Interval at which the task checks a condition that it waits for.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// The answer to who asks for a restart takes less.
-const FAREWELL: Duration = Duration::from_millis(50);
+/// Time before a restart. The reply to the host that requested the restart takes less.
+const RESTART_DELAY: Duration = Duration::from_millis(50);
 
-/// The longest word of any flash.
+/// Longest word that a flash may have, in bytes.
 const WORD: usize = 32;
 
-/// Confirms this firmware when all tasks have checked in often enough, and then does what is ordered, for ever.
+/// Runs the task. Never returns.
+///
+/// If this firmware is on trial, the task first confirms the firmware once all tasks have checked in often enough. After
+/// that it carries out the requests of the responder.
 pub async fn run<M: RawMutex, const N: usize>(
     mut slots: Slots<impl NorFlash, impl NorFlash>,
     wires: &Wires<M, N>,
@@ -50,11 +63,11 @@ pub async fn run<M: RawMutex, const N: usize>(
     let mut booted = slots.booted().await;
     wires.update.done.signal(Done::Booted(booted));
     if booted == Booted::OnTrial {
-        while health.rounds() < CONFIRMED_AFTER {
-            Timer::after(LOOK).await;
+        while health.rounds() < CONFIRM_AFTER_ROUNDS {
+            Timer::after(POLL_INTERVAL).await;
         }
         while booted == Booted::OnTrial {
-            // Unconfirmed it would be gone after the next reset, so one that fails is tried again.
+            // A failed confirmation is repeated. Without it the bootloader would restore the previous firmware.
             slots.confirm().await;
             booted = slots.booted().await;
         }
@@ -66,7 +79,7 @@ pub async fn run<M: RawMutex, const N: usize>(
             Order::Arm { length, crc, seal } => slots.arm(length, crc, seal, motors_off(wires)).await,
             Order::Disarm => slots.confirm().await,
             Order::Restart => {
-                Timer::after(FAREWELL).await;
+                Timer::after(RESTART_DELAY).await;
                 restart();
                 Outcome::Refused
             }
@@ -75,35 +88,37 @@ pub async fn run<M: RawMutex, const N: usize>(
     }
 }
 
-/// Waits until no motor does anything.
+/// Waits until all motors are disabled.
 async fn motors_off<M: RawMutex, const N: usize>(wires: &Wires<M, N>) {
     while wires.snapshot.try_get().is_some_and(|snapshot| !snapshot.all_disabled()) {
-        Timer::after(LOOK).await;
+        Timer::after(POLL_INTERVAL).await;
     }
 }
 
-/// The slot that images are written to, and the bootloader's state.
+/// The download slot, which images are written to, and the bootloader's state.
 pub struct Slots<D, S> {
     download: D,
     state: Marks<S>,
 }
 
 impl<D: NorFlash, S: NorFlash> Slots<D, S> {
-    /// In these flashes, or parts of one; `None` for words that are longer than 32 bytes, or that no chunk is made of.
+    /// Creates the slots in two flashes, or in two partitions of one flash.
+    ///
+    /// `None` if a flash has words of more than 32 bytes, or if a chunk is not a multiple of the word.
     pub fn new(download: D, state: S) -> Option<Self> {
         let words = [D::WRITE_SIZE, S::WRITE_SIZE, S::READ_SIZE];
         let fits = words.iter().all(|word| *word <= WORD) && CHUNK.is_multiple_of(D::WRITE_SIZE);
         fits.then_some(Self { download, state: Marks(state) })
     }
 
-    /// The bootloader's state, read and written by this word, of which it takes as much as the flash does.
+    /// Returns access to the bootloader's state. `word` is its buffer for one word of the flash.
     fn state<'a>(&'a mut self, word: &'a mut [u8; WORD]) -> FirmwareState<'a, &'a mut Marks<S>> {
-        // It is long enough, or there would be no slots.
+        // The word is long enough, which `new` has checked.
         let word = word.get_mut(..S::WRITE_SIZE.max(S::READ_SIZE)).unwrap_or_default();
         FirmwareState::new(&mut self.state, word)
     }
 
-    /// How this firmware was started.
+    /// Reads how this firmware was started.
     pub async fn booted(&mut self) -> Booted {
         let mut word = [0; WORD];
         match self.state(&mut word).get_state().await {
@@ -114,13 +129,13 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
         }
     }
 
-    /// Lets the bootloader start what it started last.
+    /// Confirms this firmware: the bootloader starts it after each reset. A swap that was requested is cancelled.
     pub async fn confirm(&mut self) -> Outcome {
         let mut word = [0; WORD];
         self.state(&mut word).mark_booted().await.map_or(Outcome::Refused, |()| Outcome::Done)
     }
 
-    /// Writes a chunk, word by word, with all other tasks between two.
+    /// Writes a chunk word by word. Other tasks run between two words.
     pub async fn write(&mut self, offset: u32, bytes: &[u8]) -> Outcome {
         for (at, bytes) in (offset..).step_by(D::WRITE_SIZE).zip(bytes.chunks(D::WRITE_SIZE)) {
             if self.write_word(at, bytes).await.is_err() {
@@ -131,6 +146,7 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
         Outcome::Done
     }
 
+    /// Writes one word, and before the first word of a page erases the page.
     async fn write_word(&mut self, at: u32, bytes: &[u8]) -> Result<(), D::Error> {
         let page = D::ERASE_SIZE as u32;
         if at.is_multiple_of(page) {
@@ -141,14 +157,16 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
         self.download.write(at, word.get(..D::WRITE_SIZE).unwrap_or_default()).await
     }
 
-    /// Lets the next reset start what was written, if it reads back with this CRC-32 and, where there is a seal, has that one.
-    /// A seal is looked at after `calm`: that holds the core up for some 10 ms.
+    /// Marks the written image to be started by the next reset, if the image is valid.
+    ///
+    /// The image must read back with this CRC-32. If there is a seal, the seal must be a valid signature of the image. The
+    /// check of a seal blocks the processor for some 10 ms, so `motors_off` is awaited before.
     pub async fn arm(
         &mut self,
         length: u32,
         crc: u32,
         seal: Option<Seal>,
-        calm: impl Future<Output = ()>,
+        motors_off: impl Future<Output = ()>,
     ) -> Outcome {
         let mut found = CRC.digest();
         if self.each_chunk(length, |chunk| found.update(chunk)).await.is_err() {
@@ -158,44 +176,45 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
             return Outcome::Mismatch;
         }
         if let Some(seal) = seal {
-            let genuine = self.verify(length, &seal, calm).await;
+            let genuine = self.verify(length, &seal, motors_off).await;
             if genuine != Outcome::Done {
                 return genuine;
             }
         }
         let mut word = [0; WORD];
         if self.state(&mut word).mark_updated().await.is_err() {
-            // Nobody will know of it, so it must not happen.
+            // The host gets an error, so a mark that was written only in part must not start the image.
             self.confirm().await;
             return Outcome::Refused;
         }
         Outcome::Done
     }
 
-    /// Without the arithmetic for it nothing is genuine.
+    /// Rejects every seal, because a build without the feature `signed` cannot check signatures.
     #[cfg(not(feature = "signed"))]
     async fn verify(&mut self, _: u32, _: &Seal, _: impl Future<Output = ()>) -> Outcome {
         Outcome::WrongSignature
     }
 
-    /// Shows what was written, piece by piece, with all other tasks between two.
-    async fn each_chunk(&mut self, length: u32, mut see: impl FnMut(&[u8])) -> Result<(), D::Error> {
+    /// Calls `visit` with each chunk of the written image. Other tasks run between two chunks.
+    async fn each_chunk(&mut self, length: u32, mut visit: impl FnMut(&[u8])) -> Result<(), D::Error> {
         let mut chunk = [0; CHUNK];
         for at in (0..length).step_by(CHUNK) {
             let left = length.saturating_sub(at).min(CHUNK as u32) as usize;
-            // In whole pieces that the flash reads.
+            // The flash reads whole words only.
             let read = left.next_multiple_of(D::READ_SIZE).min(CHUNK);
             self.download.read(at, chunk.get_mut(..read).unwrap_or_default()).await?;
-            see(chunk.get(..left).unwrap_or_default());
+            visit(chunk.get(..left).unwrap_or_default());
             yield_now().await;
         }
         Ok(())
     }
 }
 
-/// The flash of the bootloader's state. Before it is erased its first word, which says what the bootloader is to do, is made
-/// to say nothing: an erasure that power cuts could leave that word, and blank the progress of a swap behind it, which would then
-/// be made a second time.
+/// The flash with the bootloader's state. Before an erasure it overwrites the first word with 0.
+///
+/// The first word tells the bootloader what to do. The progress of a swap follows. If power failed during an erasure, the
+/// first word could remain while the progress is already erased. The bootloader would then swap a second time.
 pub struct Marks<S>(pub S);
 
 impl<S: ErrorType> ErrorType for Marks<S> {

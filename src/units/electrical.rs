@@ -1,10 +1,10 @@
-//! Voltages, and what a winding is made of.
+//! Electrical quantities: voltage, current, energy, and the constants of a winding.
 
 use super::{CountsPerSecond, RangeError, nearest};
 use core::num::NonZeroU16;
 use fixed::types::{I12F20, I44F20};
 
-/// The nearest whole number, if it is 1 to 65 535.
+/// Rounds to the nearest whole number. `None` if the result is not 1 to 65 535.
 const fn nearest_u16(value: f64) -> Option<NonZeroU16> {
     match nearest(value) {
         Some(whole) if 0 < whole && whole <= u16::MAX as i64 => NonZeroU16::new(whole as u16),
@@ -18,15 +18,15 @@ const fn nearest_u16(value: f64) -> Option<NonZeroU16> {
 pub struct Millivolts(u16);
 
 impl Millivolts {
-    /// Whole millivolts.
+    /// Creates a voltage from whole millivolts.
     pub const fn new(mv: u16) -> Self {
         Self(mv)
     }
 
-    /// From volts, rounded to the nearest millivolt.
+    /// Converts volts, rounded to the nearest millivolt.
     ///
     /// # Errors
-    /// [`RangeError::Voltage`] unless 0 to 65.535 V.
+    /// Returns [`RangeError::Voltage`] if the voltage is not 0 to 65.535 V.
     pub const fn from_volts(volts: f64) -> Result<Self, RangeError> {
         match nearest(1e3 * volts) {
             Some(mv) if 0 <= mv && mv <= u16::MAX as i64 => Ok(Self(mv as u16)),
@@ -34,47 +34,47 @@ impl Millivolts {
         }
     }
 
-    /// 0 to 65 535.
+    /// Returns the voltage in millivolts, 0 to 65 535.
     pub const fn get(self) -> u16 {
         self.0
     }
 
-    /// Volts, to the nearest single.
+    /// Returns the voltage in volts, rounded to the nearest `f32`.
     pub const fn to_volts(self) -> f32 {
         self.0 as f32 / 1000.0
     }
 }
 
-/// An energy, 0 to 1.8e13 J in steps of 1 uJ; what is more stays at the upper end.
+/// An energy: 0 to 1.8e13 J, in steps of 1 uJ. Sums beyond the range are limited to the range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Microjoules(u64);
 
 impl Microjoules {
-    /// None.
+    /// The energy 0.
     pub const ZERO: Self = Self(0);
 
-    /// And so much more.
+    /// Returns the energy increased by `microjoules`.
     #[must_use]
     pub const fn plus(self, microjoules: u32) -> Self {
         Self(self.0.saturating_add(microjoules as u64))
     }
 
-    /// Microjoules.
+    /// Returns the energy in microjoules.
     pub const fn get(self) -> u64 {
         self.0
     }
 }
 
-/// A winding's resistance, 1 to 65 535 milliohms.
+/// Resistance of a winding: 1 to 65 535 milliohms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Resistance(NonZeroU16);
 
 impl Resistance {
-    /// Whole milliohms.
+    /// Creates a resistance from whole milliohms.
     ///
     /// # Errors
-    /// [`RangeError::Resistance`] if 0.
+    /// Returns [`RangeError::Resistance`] if `mohm` is 0.
     pub const fn from_milliohms(mohm: u16) -> Result<Self, RangeError> {
         match NonZeroU16::new(mohm) {
             Some(mohm) => Ok(Self(mohm)),
@@ -82,10 +82,10 @@ impl Resistance {
         }
     }
 
-    /// From ohms, rounded to the nearest milliohm.
+    /// Converts ohms, rounded to the nearest milliohm.
     ///
     /// # Errors
-    /// [`RangeError::Resistance`] unless that is 1 to 65 535 milliohms.
+    /// Returns [`RangeError::Resistance`] if the result is not 1 to 65 535 milliohms.
     pub const fn from_ohms(ohms: f64) -> Result<Self, RangeError> {
         match nearest_u16(1e3 * ohms) {
             Some(mohm) => Ok(Self(mohm)),
@@ -93,7 +93,7 @@ impl Resistance {
         }
     }
 
-    /// 1 to 65 535.
+    /// Returns the resistance in milliohms, 1 to 65 535.
     pub const fn as_milliohms(self) -> u16 {
         self.0.get()
     }
@@ -106,16 +106,15 @@ impl defmt::Format for Resistance {
     }
 }
 
-/// A winding's inductance, 1 to 65 535 microhenries. One that nobody has measured is an
-/// `Option<Inductance>` of `None`.
+/// Inductance of a winding: 1 to 65 535 microhenries. An unknown inductance is the `None` of an `Option<Inductance>`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Inductance(NonZeroU16);
 
 impl Inductance {
-    /// Whole microhenries.
+    /// Creates an inductance from whole microhenries.
     ///
     /// # Errors
-    /// [`RangeError::Inductance`] if 0.
+    /// Returns [`RangeError::Inductance`] if `uh` is 0.
     pub const fn from_microhenries(uh: u16) -> Result<Self, RangeError> {
         match NonZeroU16::new(uh) {
             Some(uh) => Ok(Self(uh)),
@@ -123,10 +122,10 @@ impl Inductance {
         }
     }
 
-    /// From millihenries, rounded to the nearest microhenry.
+    /// Converts millihenries, rounded to the nearest microhenry.
     ///
     /// # Errors
-    /// [`RangeError::Inductance`] unless that is 1 to 65 535 microhenries.
+    /// Returns [`RangeError::Inductance`] if the result is not 1 to 65 535 microhenries.
     pub const fn from_millihenries(mh: f64) -> Result<Self, RangeError> {
         match nearest_u16(1e3 * mh) {
             Some(uh) => Ok(Self(uh)),
@@ -134,7 +133,7 @@ impl Inductance {
         }
     }
 
-    /// 1 to 65 535.
+    /// Returns the inductance in microhenries, 1 to 65 535.
     pub const fn as_microhenries(self) -> u16 {
         self.0.get()
     }
@@ -147,14 +146,18 @@ impl defmt::Format for Inductance {
     }
 }
 
-/// Back-EMF constant keFw in millivolts per count per second, 6q20: above 0, below 32, in steps of
-/// 2^-20 (paper, revision of 31 August 2018; the largest known motor has 18.72).
+/// Back-EMF constant keFw in mV s/count (millivolts per count per second), in the paper's format 6q20.
+///
+/// The range is above 0 and below 32 mV s/count, in steps of 2^-20 (paper, revision of 31 August 2018). The largest
+/// known constant is 18.72 mV s/count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EmfConstant(I12F20);
 
 impl EmfConstant {
-    /// From the motor's constant Ke in V s/rad and the encoder's counts per revolution of the same shaft,
-    /// rounded to the nearest step: keFw = 2000 pi Ke / counts.
+    /// Computes keFw = 2000 pi Ke / counts, rounded to the nearest step.
+    ///
+    /// Ke is the motor's back-EMF constant in V s/rad, counts are the encoder's counts per revolution of the same
+    /// shaft.
     ///
     /// ```
     /// # use motor_hub::units::{EmfConstant, constant};
@@ -164,7 +167,7 @@ impl EmfConstant {
     /// ```
     ///
     /// # Errors
-    /// [`RangeError::EmfConstant`] if either is not above 0 or keFw is out of this type's range.
+    /// Returns [`RangeError::EmfConstant`] if an argument is not above 0 or keFw is out of range.
     pub const fn from_ke(
         volt_seconds_per_radian: f64,
         counts_per_revolution: f64,
@@ -179,10 +182,10 @@ impl EmfConstant {
         }
     }
 
-    /// From its 6q20 bits: 1 to 2^25 - 1.
+    /// Creates the constant from its 6q20 bits, 1 to 2^25 - 1.
     ///
     /// # Errors
-    /// [`RangeError::EmfConstant`] outside that range.
+    /// Returns [`RangeError::EmfConstant`] if `bits` is out of that range.
     pub const fn from_bits(bits: i32) -> Result<Self, RangeError> {
         if bits > 0 && bits < 1 << 25 {
             Ok(Self(I12F20::from_bits(bits)))
@@ -191,21 +194,21 @@ impl EmfConstant {
         }
     }
 
-    /// 6q20 bits.
+    /// Returns the 6q20 bits.
     pub const fn to_bits(self) -> i32 {
         self.0.to_bits()
     }
 
-    /// Volts per count per second, to the nearest single.
+    /// Returns the constant in volts per count per second, rounded to the nearest `f32`.
     pub const fn to_volts(self) -> f32 {
         self.to_bits() as f32 / (1e3 * (1 << 20) as f32)
     }
 
-    /// The back EMF at `speed`.
+    /// Returns the back EMF at `speed`.
     ///
-    /// The product is formed in 64 bits: in 32 it overflows at 513 counts/s for a NeveRest 60.
+    /// The product has 64 bits: with 32 bits it would overflow at 513 counts/s for a NeveRest 60.
     pub const fn emf(self, speed: CountsPerSecond) -> Emf {
-        // Steps of 2^-28 mV, below 2^56.
+        // The product has steps of 2^-28 mV and is below 2^56.
         let product = speed.to_bits() as i64 * self.to_bits() as i64;
         let bits = (product + (1 << 7)) >> 8;
         let bits = if bits > Emf::MAX {
@@ -226,57 +229,60 @@ impl defmt::Format for EmfConstant {
     }
 }
 
-/// A back EMF in steps of 2^-20 mV. Positive when turning CW; beyond +-131 071 mV, far above any battery,
-/// the end of that range.
+/// A back EMF in steps of 2^-20 mV, positive when the motor turns CW.
+///
+/// Values beyond +-131 071 mV, far above any battery, are limited to that range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Emf(I44F20);
 
 impl Emf {
-    /// The largest magnitude, steps of 2^-20 mV.
+    /// The largest magnitude, in steps of 2^-20 mV.
     const MAX: i64 = 131_071 << 20;
 
-    /// Steps of 2^-20 mV.
+    /// Returns the back EMF in steps of 2^-20 mV.
     pub const fn to_bits(self) -> i64 {
         self.0.to_bits()
     }
 
-    /// Volts, to the nearest single.
+    /// Returns the back EMF in volts, with a resolution of 1/16 mV, as `f32`.
     pub const fn to_volts(self) -> f32 {
         (self.to_bits() >> 16) as i32 as f32 / 16_000.0
     }
 
-    /// Millivolts, for reports.
+    /// Returns the back EMF in millivolts, for reports.
     pub fn to_f64(self) -> f64 {
         self.0.to_num()
     }
 }
 
-/// The steady voltage across a motor that stands for what a bridge does to it on average: back EMF plus mean
-/// current times resistance (paper, section 2.1). Signed, positive is CW; in steps of 1/16 mV, up to +-134 217 V.
+/// The average voltage across a motor: back EMF plus mean current times resistance (paper, section 2.1).
+///
+/// A steady voltage of this value gives the same mean current as the switching bridge. Positive is CW. The range is
+/// +-134 217 V, in steps of 1/16 mV.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Voltage(i32);
 
 impl Voltage {
-    /// From volts, rounded towards 0; beyond the range its end, and 0 from what is no number.
+    /// Converts volts, rounded towards 0. Values beyond the range are limited; NaN becomes 0.
     pub const fn from_volts(volts: f32) -> Self {
         let bits = (volts * 16_000.0) as i32;
-        // So that the range is symmetric.
+        // The range is symmetric: its lower end is -i32::MAX.
         Self(if bits == i32::MIN { -i32::MAX } else { bits })
     }
 
-    /// Steps of 1/16 mV.
+    /// Returns the voltage in steps of 1/16 mV.
     pub const fn to_bits(self) -> i32 {
         self.0
     }
 
-    /// The same the other way.
+    /// Returns the voltage with the opposite sign.
     #[must_use]
     pub const fn reversed(self) -> Self {
-        // In range: the range is symmetric.
+        // The result is in range, because the range is symmetric.
         Self(-self.0)
     }
 
-    /// In volts.
+    /// Returns the voltage in volts, rounded to the nearest `f32`.
     pub const fn to_volts(self) -> f32 {
         self.0 as f32 / 16_000.0
     }
@@ -295,20 +301,25 @@ impl defmt::Format for Voltage {
 pub struct Milliamperes(i32);
 
 impl Milliamperes {
-    /// None.
+    /// The current 0.
     pub const ZERO: Self = Self(0);
 
-    /// Whole milliamperes.
+    /// Creates a current from whole milliamperes.
     pub const fn new(milliamperes: i32) -> Self {
         Self(milliamperes)
     }
 
-    /// From amperes, rounded towards 0; beyond the range its end, and 0 from what is no number.
+    /// Returns the current in amperes, rounded to the nearest `f32`.
+    pub const fn to_amperes(self) -> f32 {
+        self.0 as f32 / 1000.0
+    }
+
+    /// Converts amperes, rounded towards 0. Values beyond the range are limited; NaN becomes 0.
     pub const fn from_amperes(amperes: f32) -> Self {
         Self((1000.0 * amperes) as i32)
     }
 
-    /// Milliamperes.
+    /// Returns the current in milliamperes.
     pub const fn get(self) -> i32 {
         self.0
     }

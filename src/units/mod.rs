@@ -1,5 +1,5 @@
-//! Quantities of the control path: fixed-point newtypes with their range, resolution and checked
-//! conversions. Nothing here rounds or clamps without saying so.
+//! Quantities of the control path: fixed-point types with a stated range, a stated resolution and checked conversions.
+//! The documentation of a function says whether it rounds or clamps.
 //!
 //! | quantity | range | resolution |
 //! |---|---|---|
@@ -13,7 +13,7 @@
 //! | [`Inductance`] | 1 to 65 535 uH | 1 uH |
 //! | [`EmfConstant`] | above 0, below 32 mV s/count | 2^-20 |
 //! | [`Emf`] | +-131 071 mV | 2^-20 mV |
-//! | [`Voltage`] across a motor, as if steady | +-134 217 V | 1/16 mV |
+//! | [`Voltage`] across a motor, average | +-134 217 V | 1/16 mV |
 //! | [`CountsPerSecond`] | +-8 388 607 | 2^-8 |
 //! | [`AccelerationPerVolt`] | above 0, below 16 777 216 counts/s² per V | 2^-8 |
 //! | [`DecayRate`] | 0 to 65 536 per second | 2^-16 |
@@ -21,11 +21,11 @@
 //! | [`Micros`] since boot | 64 bits | 1 us |
 //! | [`Period`] of control | 1 to 100 ms | 1 ms |
 //!
-//! Each hides its number. It is made by `new` (anything goes) or `from_...` (says of what, and checks), and
-//! read by `get`, `as_...` (whole units) or `to_...` (fixed-point bits, floats).
+//! The number inside each type is private. `new` accepts any argument; `from_...` names the unit of its argument and
+//! checks the range. `get` and `as_...` return whole units; `to_...` returns fixed-point bits or a float.
 //!
-//! Data sheets speak of ohms, rpm and V s/rad. Constructors from these take `f64`, once, at compile time or
-//! at set-up; the control path knows no floats. [`constant!`] checks a range while the program is compiled:
+//! Data sheets use ohms, rpm and V s/rad. Constructors from these units take `f64` and are called at compile time or at
+//! set-up. The control path does not use `f64`. [`constant!`] checks a range while the program is compiled:
 //!
 //! ```
 //! use motor_hub::units::{EmfConstant, Resistance, constant};
@@ -36,7 +36,7 @@
 //! assert_eq!(NEVEREST_60.to_bits(), 4_180_495); // 3.98683 mV s/count in 6q20
 //! ```
 //!
-//! What is out of range does not compile:
+//! A value out of range is a compile error:
 //!
 //! ```compile_fail,E0080
 //! use motor_hub::units::{Resistance, constant};
@@ -48,6 +48,7 @@ mod control;
 mod dynamics;
 mod electrical;
 mod motion;
+mod sequence;
 pub(crate) mod single;
 mod time;
 
@@ -57,13 +58,14 @@ pub use electrical::{
     Emf, EmfConstant, Inductance, Microjoules, Milliamperes, Millivolts, Resistance, Voltage,
 };
 pub use motion::CountsPerSecond;
+pub use sequence::is_included;
 pub use time::{Micros, Period};
 
 #[doc(inline)]
 pub use crate::constant;
 
-/// The value of a checked constructor whose arguments are constants. If it is out of range the program
-/// does not compile; nothing is left to fail when it runs.
+/// Evaluates a checked constructor at compile time. Its arguments must be constants. A value out of range is a compile
+/// error, so the program has no error to handle at run time.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! constant {
@@ -77,7 +79,7 @@ macro_rules! constant {
     };
 }
 
-/// Rounded to the nearest whole number, halves away from 0; `None` from 2^62 on and of what is no number.
+/// Rounds to the nearest whole number, halves away from 0. `None` for NaN and for magnitudes of 2^62 and above.
 pub(crate) const fn nearest(value: f64) -> Option<i64> {
     const LIMIT: f64 = (1_u64 << 62) as f64;
     if !(-LIMIT < value && value < LIMIT) {
@@ -94,7 +96,7 @@ pub(crate) const fn nearest(value: f64) -> Option<i64> {
     }
 }
 
-/// What is wrong with a number that a user gave.
+/// A quantity is out of its range. Each variant names the quantity and its range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RangeError {
@@ -108,31 +110,31 @@ pub enum RangeError {
     Inductance,
     /// An acceleration per volt must lie above 0 and below 2^24 counts/s² per volt.
     AccelerationPerVolt,
-    /// A rate of decay must lie in 0 to 65 536 per second.
+    /// A decay rate must lie in 0 to 65 536 per second.
     DecayRate,
-    /// A limit of acceleration must be above 0.
+    /// An acceleration limit must be above 0.
     Acceleration,
-    /// A speed must lie within +-8 388 607 counts/s, and a revolution must have counts.
+    /// A speed must lie within +-8 388 607 counts/s, and the counts per revolution must be above 0.
     Speed,
-    /// A way must lie within +-(2^31 - 1) counts.
+    /// A distance must lie within +-(2^31 - 1) counts.
     Way,
     /// A blend must lie in 0 to 1.
     Blend,
     /// The control period must be 1 to 100 ms.
     Period,
-    /// A divider needs both resistances above 0.
+    /// Both resistances of a voltage divider must be above 0.
     Divider,
-    /// A converter must have 1 to 16 bits.
+    /// The resolution of an analogue-to-digital converter must be 1 to 16 bits.
     Resolution,
-    /// The levels of a supply must ascend.
+    /// The voltage levels of a supply must be in ascending order.
     SupplyLevels,
-    /// A bridge is out of the ranges stated with it.
+    /// The diode drop, the switch resistance and the PWM frequency of a bridge must be in their ranges.
     Bridge,
-    /// A current sense needs a reference and volts per ampere above 0.
+    /// The reference voltage and the volts per ampere of a current sense must be above 0.
     Sense,
-    /// A thermal limit needs a current and time constants above 0.
+    /// The current and the time constants of a thermal limit must be above 0.
     Thermal,
-    /// There is no motor with this index.
+    /// The hub has no motor with this index.
     Motor,
 }
 
@@ -146,19 +148,23 @@ impl core::fmt::Display for RangeError {
             Self::AccelerationPerVolt => {
                 "acceleration per volt must be above 0 and below 16777216 counts/s^2/V"
             }
-            Self::DecayRate => "rate of decay must be 0 to 65536 per second",
-            Self::Acceleration => "acceleration must be above 0",
-            Self::Speed => "speed must be within 8388607 counts/s, counts per revolution above 0",
-            Self::Way => "way must be within 2147483647 counts",
+            Self::DecayRate => "decay rate must be 0 to 65536 per second",
+            Self::Acceleration => "acceleration must be above 0 counts/s^2",
+            Self::Speed => "speed must be -8388607 to 8388607 counts/s, counts per revolution above 0",
+            Self::Way => "distance must be -2147483647 to 2147483647 counts",
             Self::Blend => "blend must be 0 to 1",
             Self::Period => "control period must be 1 to 100 ms",
             Self::Divider => "both resistances of the battery divider must be above 0",
-            Self::Resolution => "a converter must have 1 to 16 bits",
-            Self::SupplyLevels => "supply must have min <= cut < derate <= recover < burn < burn_all <= max",
-            Self::Bridge => "diode drop must be up to 2000 mV, switch up to 4095 mohm, PWM 100 to 200000 Hz",
-            Self::Sense => "a current sense needs a reference and millivolts per ampere above 0",
-            Self::Thermal => "a thermal limit needs a current above 0 mA and time constants above 0 s",
-            Self::Motor => "no motor with this index",
+            Self::Resolution => "resolution of the converter must be 1 to 16 bits",
+            Self::SupplyLevels => {
+                "supply levels must be min <= cut < derate <= recover < burn < burn_all <= max"
+            }
+            Self::Bridge => {
+                "diode drop must be 0 to 2000 mV, switch resistance 0 to 4095 mohm, PWM 100 to 200000 Hz"
+            }
+            Self::Sense => "current sense: reference and millivolts per ampere must be above 0",
+            Self::Thermal => "thermal limit: current must be above 0 mA, time constants above 0 s",
+            Self::Motor => "the hub has no motor with this index",
         })
     }
 }

@@ -1,4 +1,4 @@
-//! Speed, as encoders count it.
+//! Speed in encoder counts per second.
 
 use super::{RangeError, nearest};
 use fixed::types::I24F8;
@@ -8,37 +8,39 @@ use fixed::types::I24F8;
 pub struct CountsPerSecond(I24F8);
 
 impl CountsPerSecond {
-    /// Standstill.
+    /// Standstill: 0 counts per second.
     pub const ZERO: Self = Self(I24F8::ZERO);
-    /// The largest.
+    /// The largest speed of this type.
     pub const MAX: Self = Self(I24F8::MAX);
 
-    /// Whole counts per second; beyond +-8 388 607 the end of the range.
+    /// Creates a speed from whole counts per second. Values beyond +-8 388 607 are limited to the range.
     pub const fn new(cps: i32) -> Self {
         Self::saturating_from_bits((cps as i64) << 8)
     }
 
-    /// From revolutions per minute of a shaft that makes so many encoder counts a revolution, rounded to
-    /// the nearest step. For a geared motor both are of the same shaft, either one.
+    /// Converts revolutions per minute of a shaft to a speed, rounded to the nearest step.
+    ///
+    /// Both arguments are for the same shaft. For a geared motor that is either the motor shaft or the output shaft.
     ///
     /// ```
     /// # use motor_hub::units::{CountsPerSecond, constant};
-    /// // The output shaft of a NeveRest 60: 1680 counts a revolution.
-    /// const BRISK: CountsPerSecond = constant!(CountsPerSecond::from_rpm(60.0, 1680.0));
-    /// assert_eq!(BRISK, CountsPerSecond::new(1680));
+    /// // The output shaft of a NeveRest 60 has 1680 counts per revolution.
+    /// const SPEED: CountsPerSecond = constant!(CountsPerSecond::from_rpm(60.0, 1680.0));
+    /// assert_eq!(SPEED, CountsPerSecond::new(1680));
     /// ```
     ///
     /// # Errors
-    /// [`RangeError::Speed`] beyond the range of this type, or if `counts_per_revolution` is not above 0.
+    /// Returns [`RangeError::Speed`] if the speed is out of range or `counts_per_revolution` is not above 0.
     pub const fn from_rpm(rpm: f64, counts_per_revolution: f64) -> Result<Self, RangeError> {
         Self::from_f64(rpm / 60.0, counts_per_revolution)
     }
 
-    /// From the angular speed, in rad/s, of a shaft that makes so many encoder counts a revolution,
-    /// rounded to the nearest step.
+    /// Converts the angular speed of a shaft, in rad/s, to a speed, rounded to the nearest step.
+    ///
+    /// `counts_per_revolution` is for the same shaft.
     ///
     /// # Errors
-    /// [`RangeError::Speed`] beyond the range of this type, or if `counts_per_revolution` is not above 0.
+    /// Returns [`RangeError::Speed`] if the speed is out of range or `counts_per_revolution` is not above 0.
     pub const fn from_radians_per_second(
         radians_per_second: f64,
         counts_per_revolution: f64,
@@ -56,12 +58,12 @@ impl CountsPerSecond {
         }
     }
 
-    /// From steps of 1/256 count per second.
+    /// Creates a speed from steps of 1/256 count per second.
     pub const fn from_bits(bits: i32) -> Self {
         Self(I24F8::from_bits(bits))
     }
 
-    /// From steps of 1/256 count per second; beyond 32 bits the end of the range.
+    /// Creates a speed from steps of 1/256 count per second. Values beyond +-(2^31 - 1) steps are limited to the range.
     pub const fn saturating_from_bits(bits: i64) -> Self {
         const MAX: i64 = i32::MAX as i64;
         Self::from_bits(if bits > MAX {
@@ -73,32 +75,32 @@ impl CountsPerSecond {
         })
     }
 
-    /// Steps of 1/256 count per second.
+    /// Returns the speed in steps of 1/256 count per second.
     pub const fn to_bits(self) -> i32 {
         self.0.to_bits()
     }
 
-    /// Rounded to whole counts per second.
+    /// Returns the speed rounded to whole counts per second.
     pub fn round(self) -> i32 {
         self.0.saturating_add(I24F8::from_bits(1 << 7)).to_num()
     }
 
-    /// The same as far as 16 bits go, either way.
+    /// Returns the speed rounded to whole counts per second and limited to 16 bits.
     pub fn round_to_i16(self) -> i16 {
         self.round().clamp(i16::MIN.into(), i16::MAX.into()) as i16
     }
 
-    /// From counts per second, rounded towards 0; beyond the range its end, and 0 from what is no number.
+    /// Converts counts per second to a speed, rounded towards 0. Values beyond the range are limited; NaN becomes 0.
     pub const fn from_f32(counts_per_second: f32) -> Self {
         Self::saturating_from_bits((256.0 * counts_per_second) as i32 as i64)
     }
 
-    /// Counts per second, to the nearest single.
+    /// Returns the speed in counts per second, rounded to the nearest `f32`.
     pub fn to_f32(self) -> f32 {
         self.to_bits() as f32 / 256.0
     }
 
-    /// Counts per second, for plots and models.
+    /// Returns the exact speed in counts per second, for plots and models.
     pub fn to_f64(self) -> f64 {
         f64::from(self.0)
     }

@@ -1,4 +1,4 @@
-//! Time since boot, and the control period.
+//! The time since boot and the control period.
 
 use super::RangeError;
 
@@ -8,50 +8,50 @@ use super::RangeError;
 pub struct Micros(u64);
 
 impl Micros {
-    /// So many microseconds since boot.
+    /// Creates a time from microseconds since boot.
     pub const fn new(micros: u64) -> Self {
         Self(micros)
     }
 
-    /// Microseconds since boot.
+    /// Returns the microseconds since boot.
     pub const fn get(self) -> u64 {
         self.0
     }
 
-    /// Microseconds from `earlier` to this, 0 if `earlier` is later.
+    /// Returns the microseconds from `earlier` to `self`; 0 if `earlier` is after `self`.
     pub const fn since(self, earlier: Self) -> u64 {
         self.0.saturating_sub(earlier.0)
     }
 }
 
-/// The control period: 1 to 100 ms, 50 by default as in the paper.
+/// The control period: 1 to 100 ms. The default is 50 ms, as in the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Period(u8);
 
 impl Period {
-    /// 50 ms, the FTC firmware's interval (paper, section 1.3).
+    /// The default period of 50 ms: the control interval of the FTC firmware (paper, section 1.3).
     pub const DEFAULT: Self = Self(50);
 
-    /// A period of `ms` milliseconds.
+    /// Creates a period from milliseconds.
     ///
     /// # Errors
-    /// [`RangeError::Period`] unless 1 to 100.
+    /// Returns [`RangeError::Period`] if `ms` is not 1 to 100.
     pub const fn from_millis(ms: u32) -> Result<Self, RangeError> {
         if ms >= 1 && ms <= 100 { Ok(Self(ms as u8)) } else { Err(RangeError::Period) }
     }
 
-    /// 1 to 100.
+    /// Returns the period in milliseconds, 1 to 100.
     pub const fn as_millis(self) -> u32 {
         self.0 as u32
     }
 
-    /// 0.001 to 0.1, to the nearest single.
+    /// Returns the period in seconds, 0.001 to 0.1, rounded to the nearest `f32`.
     pub const fn to_seconds(self) -> f32 {
         self.as_millis() as f32 / 1000.0
     }
 
-    /// 1000 to 100 000.
+    /// Returns the period in microseconds, 1000 to 100 000.
     pub const fn as_micros(self) -> u64 {
         self.0 as u64 * 1000
     }

@@ -1,11 +1,24 @@
-//! New firmware, sent over the host's line: which pieces of an image are taken, and when it may be started.
+//! Firmware update over the host's link: decides which chunks of an image are accepted and when the image may start.
 //!
-//! An image is announced by its length and its CRC-32, sent in chunks of [`CHUNK`] bytes in their order, written to a slot of
-//! the flash that nothing runs from, and checked by what the flash reads back. Only then is it armed: a bootloader swaps it in
-//! at the next reset. Until then a hub that loses power, or its host, goes on with the firmware that it has.
+//! The host announces an image by its length and its CRC-32, then sends the image in order, in chunks of [`CHUNK`]
+//! bytes. The hub writes the chunks to a [`Slot`]: a part of the flash that no firmware runs from. The hub then reads
+//! the slot back and checks the image. If the image is correct, it is *armed*: the bootloader swaps it in at the next
+//! reset. A hub that loses power or its host before that keeps its present firmware.
 //!
-//! A hub that knows a [signer](Slot::signer) takes no chunk before it was told that one's signature, and arms nothing that
-//! it does not fit.
+//! ```text
+//!          begin             finish            image is correct          restart
+//! Nothing ---------> Receiving ---------> Checking ---------------> Armed ---------> reset
+//!    ^                  |                    |                        |
+//!    |  flash error, or | wrong CRC-32 or    |                        | abandon
+//!    |  abandon         v signature          v                        v
+//!    +<-----------------+<-------------------+<------------------ Disarming
+//! ```
+//!
+//! If the slot has a [signer](Slot::signer), the hub accepts no chunk before the signature, and arms an image only if
+//! the signature is valid for it.
+//!
+//! [`Update`] only decides. The *slot task*, which owns the flash, carries out each [`Order`] and answers with
+//! [`Done`].
 //!
 //! ```
 //! use motor_hub::update::{Booted, CHUNK, Done, Order, Outcome, Phase, Slot, Update};
@@ -13,7 +26,7 @@
 //! let slot = Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
 //! let mut update = Update::new(slot);
 //! update.done(Done::Booted(Booted::Confirmed));
-//! // A stack in the RAM, and code in the slot: the first bytes of an image.
+//! // An image begins with its stack pointer, in the RAM, and its reset vector, in the slot.
 //! let mut image = [0; CHUNK];
 //! image[..8].copy_from_slice(&[0, 0, 2, 0x20, 0x41, 0, 2, 8]);
 //!
@@ -23,7 +36,7 @@
 //! update.done(Done::Carried(Outcome::Done));
 //! update.finish()?;
 //! assert_eq!(update.order(), Some(Order::Arm { length: 96, crc: 0x1234_5678, seal: None }));
-//! // The flash reads back something else.
+//! // The flash reads back other bytes than the host announced.
 //! update.done(Done::Carried(Outcome::Mismatch));
 //! assert_eq!(update.phase(), Phase::Nothing);
 //! # Ok::<(), motor_hub::update::Refusal>(())
@@ -32,35 +45,37 @@
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
 
-/// The checksum of an image: CRC-32 as of Ethernet (IEEE 802.3).
+/// Algorithm of an image's checksum: the CRC-32 of Ethernet (IEEE 802.3).
 pub const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
-/// Bytes of each chunk but the last: three of the longest words of a flash.
+/// Length of each chunk except the last, in bytes. It is three times the longest write word of a flash, 32 bytes.
 pub const CHUNK: usize = 96;
 
-/// Where images are linked to, and what their stack may be in.
+/// The part of the flash that images are linked for, and the RAM that their stack may be in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot {
-    /// First address.
+    /// First address of the slot.
     pub origin: u32,
-    /// Bytes.
+    /// Length of the slot in bytes.
     pub length: u32,
-    /// First address of the RAM, and the one behind it.
+    /// First address of the RAM, and the first address behind the RAM.
     pub ram: (u32, u32),
-    /// Whose signature images must have: a public key of Ed25519 (RFC 8032). `None` where any image is taken.
+    /// Public key (Ed25519, RFC 8032) that images must be signed with; `None` if unsigned images are accepted.
     pub signer: Option<[u8; 32]>,
 }
 
-/// What says whose an image is.
+/// The signature of an image, with the public key of its signer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seal {
     /// The signer's public key (Ed25519, RFC 8032).
     pub key: [u8; 32],
-    /// Its signature of the image's SHA-512.
+    /// The signer's signature of the image's SHA-512 hash.
     pub signature: [u8; 64],
 }
 
-/// The public key in a file as `openssl pkey -pubout -outform DER` writes it, if it is one of Ed25519 (RFC 8410, section 4).
+/// Reads the public key from a file that `openssl pkey -pubout -outform DER` wrote (RFC 8410, section 4).
+///
+/// Returns `None` if the file does not hold an Ed25519 key.
 ///
 /// ```
 /// let mut file = [7; 44];
@@ -69,7 +84,8 @@ pub struct Seal {
 /// assert_eq!(motor_hub::update::public_key(b"-----BEGIN PUBLIC KEY-----"), None);
 /// ```
 pub const fn public_key(file: &[u8]) -> Option<[u8; 32]> {
-    /// A sequence of the algorithm's number, 1.3.101.112, and a string of 32 bytes.
+    /// First 12 bytes of the file: a DER header with Ed25519's object identifier, 1.3.101.112, before a key of 32
+    /// bytes.
     const HEAD: u128 = 0x302A_3005_0603_2B65_7003_2100;
     let (Some(start), Some((_, key))) = (file.first_chunk(), file.split_first_chunk::<12>()) else {
         return None;
@@ -80,135 +96,136 @@ pub const fn public_key(file: &[u8]) -> Option<[u8; 32]> {
     }
 }
 
-/// How far an update is.
+/// State of an update. The module's documentation has a diagram.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Phase {
-    /// There is none.
+    /// No update is in progress.
     #[default]
     Nothing,
-    /// Chunks are being taken.
+    /// The hub accepts chunks of an announced image.
     Receiving,
-    /// What the flash reads back is being checked, and the image armed.
+    /// The slot task reads the image back, checks it, and arms it if it is correct.
     Checking,
-    /// It is started by the next reset.
+    /// The next reset starts the image.
     Armed,
-    /// It is being disarmed.
+    /// The slot task is disarming the image.
     Disarming,
 }
 
-/// How the firmware that runs was started.
+/// How the bootloader started the present firmware.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Booted {
-    /// That is not known yet.
+    /// The slot task has not read the bootloader's state yet.
     #[default]
     Unknown,
-    /// It is to stay.
+    /// The present firmware is confirmed: every reset starts it again.
     Confirmed,
-    /// It is new, and the next reset goes back to the one before, unless it is confirmed.
+    /// The present firmware is new. The next reset restores the previous firmware unless the present one is confirmed
+    /// first.
     OnTrial,
-    /// A newer one did not confirm itself, and this is the one before.
+    /// Newer firmware did not confirm itself, so the bootloader restored the present firmware.
     WentBack,
 }
 
-/// What became of an order.
+/// Result of the last order that the slot task carried out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Outcome {
-    /// There was none since boot.
+    /// No order has been carried out since boot.
     #[default]
     None,
-    /// It was carried out.
+    /// The order was carried out.
     Done,
-    /// The flash refused.
+    /// The flash reported an error.
     Refused,
-    /// The flash reads back something else than was announced.
+    /// The CRC-32 that the flash reads back differs from the announced one.
     Mismatch,
-    /// The signature is not one of this image.
+    /// The signature is not valid for this image.
     WrongSignature,
 }
 
-/// Something for whoever has the slot to do.
+/// An order to the slot task.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Write this, and erase each page at its begin.
+    /// Write a chunk to the slot. Erase each flash page when a chunk reaches the page's first byte.
     Write {
-        /// From the slot's begin.
+        /// Distance of the chunk from the beginning of the slot, in bytes.
         offset: u32,
-        /// A chunk.
+        /// Bytes of the chunk.
         bytes: Vec<u8, CHUNK>,
     },
-    /// Let the next reset start the image, if it has this CRC-32, and this seal is its.
+    /// Check the image; if its CRC-32 and its signature are correct, let the next reset start it.
     Arm {
-        /// Of the image, bytes.
+        /// Length of the image in bytes.
         length: u32,
-        /// As announced.
+        /// CRC-32 that the host announced.
         crc: u32,
-        /// Where it must have one.
+        /// Signature of the image; `None` if the image needs no signature.
         seal: Option<Seal>,
     },
-    /// Let it not.
+    /// Let the next reset start the present firmware again, not the armed image.
     Disarm,
-    /// Reset.
+    /// Reset the chip.
     Restart,
 }
 
-/// What whoever has the slot says.
+/// A report of the slot task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Done {
-    /// How the firmware was started; said again when that has changed.
+    /// How the present firmware was started. The slot task repeats this report after each change.
     Booted(Booted),
-    /// What became of the order.
+    /// Result of the last order.
     Carried(Outcome),
 }
 
-/// Why something was not taken; nothing has changed.
+/// Reason why a request was refused. A refused request changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Refusal {
-    /// While a motor is enabled.
+    /// A motor is enabled.
     MotorEnabled,
-    /// The last chunk is still being written, or the image checked.
+    /// The hub is still writing the last chunk, or still checking the image.
     AtWork,
-    /// The firmware that runs is not confirmed, and the slot has the one before.
+    /// The present firmware is not confirmed yet, and the slot still holds the previous firmware.
     OnTrial,
-    /// An image is armed.
+    /// An image is armed already.
     Armed,
-    /// None is.
+    /// No image is armed.
     NotArmed,
-    /// Nothing was announced, or the flash has refused a chunk.
+    /// No image is announced, or the flash reported an error while a chunk was written.
     NotBegun,
-    /// The image is longer than the slot, or empty.
+    /// The image is longer than the slot, or shorter than its two vectors.
     Length,
-    /// A chunk is missing before this one.
+    /// A chunk before this chunk is missing.
     Gap,
-    /// The chunk has not [`CHUNK`] bytes, or what is left of the image.
+    /// The chunk is not [`CHUNK`] bytes long. The last chunk must have the remaining length of the image.
     ChunkLength,
-    /// Its vectors do not point into this chip's RAM and into the slot.
+    /// The image's stack pointer is not in this chip's RAM, or its reset vector is not in the slot.
     NotAnImage,
-    /// The image must be signed, and no signature was sent.
+    /// The image must be signed, and the host sent no signature.
     Unsigned,
-    /// The signature is by another key.
+    /// The signature was made with another key than the slot's signer has.
     OtherKey,
-    /// Signatures mean nothing here.
+    /// The hub has no key, so it cannot check a signature.
     NoSigner,
 }
 
 impl core::fmt::Display for Refusal {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
-            Self::MotorEnabled => "a motor is enabled",
-            Self::AtWork => "the hub is still writing or checking",
-            Self::OnTrial => "the firmware that runs is not confirmed yet",
-            Self::Armed => "an image waits for a restart",
-            Self::NotArmed => "no image waits for a restart",
-            Self::NotBegun => "no update has begun, or the flash has failed",
-            Self::Length => "the image is longer than its slot, or empty",
-            Self::Gap => "a chunk is missing before this one",
+            Self::MotorEnabled => "a motor is enabled: disable all motors first",
+            Self::AtWork => "the hub is still writing or checking the image: try again",
+            Self::OnTrial => "the present firmware is not confirmed yet: try again in some seconds",
+            Self::Armed => "an image is armed already: restart the hub or abandon the image",
+            Self::NotArmed => "no image is armed: send and finish an image first",
+            Self::NotBegun => "no image is announced, or the flash failed: begin the update again",
+            Self::Length => "the image is empty, or longer than its slot",
+            Self::Gap => "an earlier chunk is missing: send the chunks in order",
             Self::ChunkLength => "the chunk is too short or too long",
-            Self::NotAnImage => "not an image for this hub",
-            Self::Unsigned => "the image must be signed",
+            Self::NotAnImage => "not an image for this hub: its stack or its code is at another address",
+            Self::Unsigned => "the image must be signed: send its signature before the first chunk",
             Self::OtherKey => "the signature is by another key than the hub's",
             Self::NoSigner => "the hub was built without a key, and checks no signatures",
         })
@@ -217,23 +234,29 @@ impl core::fmt::Display for Refusal {
 
 impl core::error::Error for Refusal {}
 
-/// An update, or none.
+/// State machine of firmware updates. It decides; the slot task writes to the flash.
 #[derive(Clone, Debug)]
 pub struct Update {
     slot: Slot,
     booted: Booted,
     phase: Phase,
+    /// Announced length of the image in bytes.
     length: u32,
+    /// Announced CRC-32 of the image.
     crc: u32,
+    /// Bytes of the image that were accepted so far.
     received: u32,
     seal: Option<Seal>,
     outcome: Outcome,
-    wish: Option<Order>,
+    /// Order that the slot task has not taken yet.
+    pending: Option<Order>,
+    /// True from when the slot task takes an order until it reports the result.
     at_work: bool,
 }
 
 impl Update {
-    /// After a reset. Nothing is taken until it is known how the firmware was started.
+    /// The state after a reset. All images are refused until the slot task reports how the present firmware was
+    /// started.
     pub const fn new(slot: Slot) -> Self {
         Self {
             slot,
@@ -244,15 +267,16 @@ impl Update {
             received: 0,
             seal: None,
             outcome: Outcome::None,
-            wish: None,
+            pending: None,
             at_work: false,
         }
     }
 
-    /// Announces an image of so many bytes with this CRC-32 (IEEE 802.3); one that was being received is forgotten.
+    /// Announces an image of `length` bytes with this CRC-32 (IEEE 802.3). Chunks of an earlier image are discarded.
     ///
     /// # Errors
-    /// Why not.
+    /// Returns a [`Refusal`] if a motor runs, the slot task is busy, or an image is armed. The present firmware must be
+    /// confirmed, and the length must fit the slot.
     pub fn begin(&mut self, length: u32, crc: u32, motors_run: bool) -> Result<(), Refusal> {
         if motors_run {
             return Err(Refusal::MotorEnabled);
@@ -260,7 +284,7 @@ impl Update {
         if matches!(self.booted, Booted::Unknown | Booted::OnTrial) {
             return Err(Refusal::OnTrial);
         }
-        self.is_idle()?;
+        self.check_idle()?;
         if self.phase == Phase::Armed {
             return Err(Refusal::Armed);
         }
@@ -272,10 +296,10 @@ impl Update {
         Ok(())
     }
 
-    /// Takes the signature of the image that was announced, before its first chunk. Whether it is one is seen when all has come.
+    /// Accepts the signature of the announced image. The signature is verified when the whole image is in the slot.
     ///
     /// # Errors
-    /// Why not.
+    /// Returns a [`Refusal`] if the hub has no key, if no image is announced, or if another key made the signature.
     pub fn sign(&mut self, seal: Seal) -> Result<(), Refusal> {
         let signer = self.slot.signer.ok_or(Refusal::NoSigner)?;
         if self.phase != Phase::Receiving {
@@ -288,10 +312,12 @@ impl Update {
         Ok(())
     }
 
-    /// Takes the next chunk. One that was taken already, because its answer got lost, changes nothing.
+    /// Accepts the next chunk. A repeated chunk is acknowledged and changes nothing, because an answer may get lost.
     ///
     /// # Errors
-    /// Why not.
+    /// Returns a [`Refusal`] if the chunk is not the next chunk, has a wrong length, or comes while the slot task is
+    /// busy. The first chunk must be the beginning of an image for this hub, and come after the signature if one is
+    /// needed.
     pub fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Refusal> {
         if self.phase != Phase::Receiving {
             return Err(Refusal::NotBegun);
@@ -309,20 +335,20 @@ impl Update {
         if bytes.is_empty() || bytes.len() as u32 != left.min(CHUNK as u32) {
             return Err(Refusal::ChunkLength);
         }
-        if offset == 0 && !self.slot.takes(bytes) {
+        if offset == 0 && !self.slot.accepts(bytes) {
             return Err(Refusal::NotAnImage);
         }
-        self.is_idle()?;
+        self.check_idle()?;
         let bytes = Vec::from_slice(bytes).map_err(|_| Refusal::ChunkLength)?;
         self.received += bytes.len() as u32;
-        self.wish = Some(Order::Write { offset, bytes });
+        self.pending = Some(Order::Write { offset, bytes });
         Ok(())
     }
 
-    /// Says that all chunks were sent; the image is checked, and armed. Saying it again changes nothing.
+    /// Ends the transfer: the slot task then checks the image and arms it. A repeated call changes nothing.
     ///
     /// # Errors
-    /// Why not.
+    /// Returns a [`Refusal`] if no image is announced, if chunks are missing, or if the slot task is busy.
     pub fn finish(&mut self) -> Result<(), Refusal> {
         match self.phase {
             Phase::Checking | Phase::Armed => return Ok(()),
@@ -332,16 +358,16 @@ impl Update {
         if self.received < self.length {
             return Err(Refusal::Gap);
         }
-        self.is_idle()?;
+        self.check_idle()?;
         self.phase = Phase::Checking;
-        self.wish = Some(Order::Arm { length: self.length, crc: self.crc, seal: self.seal });
+        self.pending = Some(Order::Arm { length: self.length, crc: self.crc, seal: self.seal });
         Ok(())
     }
 
-    /// Starts the image that is armed.
+    /// Resets the chip, so that the bootloader starts the armed image.
     ///
     /// # Errors
-    /// Why not.
+    /// Returns a [`Refusal`] if no image is armed, or if a motor runs.
     pub fn restart(&mut self, motors_run: bool) -> Result<(), Refusal> {
         if self.phase != Phase::Armed {
             return Err(Refusal::NotArmed);
@@ -350,37 +376,39 @@ impl Update {
             return Err(Refusal::MotorEnabled);
         }
         if !self.at_work {
-            self.wish = Some(Order::Restart);
+            self.pending = Some(Order::Restart);
         }
         Ok(())
     }
 
-    /// Forgets an image, one that is armed too.
+    /// Discards the announced image. An armed image is disarmed.
     ///
     /// # Errors
-    /// While something is being written or checked.
+    /// Returns [`Refusal::AtWork`] while the slot task is busy.
     pub fn abandon(&mut self) -> Result<(), Refusal> {
-        self.is_idle()?;
+        self.check_idle()?;
         if self.phase == Phase::Armed {
             self.phase = Phase::Disarming;
-            self.wish = Some(Order::Disarm);
+            self.pending = Some(Order::Disarm);
         } else {
             self.phase = Phase::Nothing;
         }
         Ok(())
     }
 
-    /// What is to be done next, if anything; [`done`](Self::done) when that has been.
+    /// Returns the next order for the slot task, or `None` if there is none or the task is busy.
+    ///
+    /// The slot task reports the result with [`done`](Self::done).
     pub fn order(&mut self) -> Option<Order> {
         if self.at_work {
             return None;
         }
-        let order = self.wish.take();
+        let order = self.pending.take();
         self.at_work = order.is_some();
         order
     }
 
-    /// Whoever has the slot says something.
+    /// Processes a report of the slot task.
     pub fn done(&mut self, done: Done) {
         let outcome = match done {
             Done::Booted(booted) => {
@@ -393,53 +421,57 @@ impl Update {
         self.phase = match (self.phase, outcome) {
             (Phase::Checking, Outcome::Done) => Phase::Armed,
             (Phase::Receiving, Outcome::Done) => Phase::Receiving,
-            // What could not be disarmed, or restarted, still is.
+            // After a failed restart or a failed disarm the image is still armed.
             (Phase::Armed, _) | (Phase::Disarming, Outcome::Refused | Outcome::Mismatch) => Phase::Armed,
             _ => Phase::Nothing,
         };
     }
 
-    /// How far it is.
+    /// Returns the state of the update.
     pub const fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// How the firmware that runs was started.
+    /// Returns how the present firmware was started.
     pub const fn booted(&self) -> Booted {
         self.booted
     }
 
-    /// What became of the last order.
+    /// Returns the result of the last order.
     pub const fn outcome(&self) -> Outcome {
         self.outcome
     }
 
-    /// Something is being written or checked, or is about to be.
+    /// Returns true while the slot task carries out an order or has one waiting.
     pub const fn at_work(&self) -> bool {
-        self.at_work || self.wish.is_some()
+        self.at_work || self.pending.is_some()
     }
 
-    /// Bytes that were taken, of how many.
+    /// Returns the number of accepted bytes and the announced length of the image, both in bytes.
     pub const fn progress(&self) -> (u32, u32) {
         (self.received, self.length)
     }
 
-    /// Where images go.
+    /// Returns the slot that images are written to.
     pub const fn slot(&self) -> Slot {
         self.slot
     }
 
-    const fn is_idle(&self) -> Result<(), Refusal> {
+    /// Refuses with [`Refusal::AtWork`] while the slot task is busy.
+    const fn check_idle(&self) -> Result<(), Refusal> {
         if self.at_work() { Err(Refusal::AtWork) } else { Ok(()) }
     }
 }
 
-/// Bytes of the two vectors that an image begins with.
+/// Length in bytes of the two vectors at the beginning of an image: initial stack pointer and reset vector.
 const VECTORS: u32 = 8;
 
 impl Slot {
-    /// The first bytes of an image that can run here: where its stack begins, and its code (ARMv7-M ARM, B1.5.3).
-    fn takes(&self, image: &[u8]) -> bool {
+    /// Returns true if the first two vectors of `image` fit this chip and this slot (ARMv7-M ARM, B1.5.3).
+    ///
+    /// The initial stack pointer must be in the RAM and a multiple of 8. The reset vector must be in the slot and odd,
+    /// because its lowest bit selects Thumb code.
+    fn accepts(&self, image: &[u8]) -> bool {
         let Some((stack, rest)) = image.split_first_chunk() else { return false };
         let Some((reset, _)) = rest.split_first_chunk() else { return false };
         let (stack, reset) = (u32::from_le_bytes(*stack), u32::from_le_bytes(*reset));

@@ -151,11 +151,11 @@ impl<const N: usize> Bench<N> {
     fn arrive(&mut self, mut each_ms: impl FnMut(&mut Self)) -> u64 {
         let start = self.ms;
         // What was said of the course before is no answer.
-        self.snapshot.motors.iter_mut().for_each(|motor| motor.at_target = false);
+        self.snapshot.motors.iter_mut().for_each(|motor| motor.settled = false);
         loop {
             self.run_ms(1);
             each_ms(self);
-            if self.snapshot.motors[0].at_target {
+            if self.snapshot.motors[0].settled {
                 return self.ms - start;
             }
             assert!(self.ms - start < 20_000, "never arrived: {:?}", self.snapshot);
@@ -266,8 +266,10 @@ fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
             println!(
                 "90 degrees, known {known}, {period} ms: {ms} ms, off by {error:.3}, aside by {aside:.1} counts"
             );
-            assert!(error.abs() <= 0.1, "{error}");
-            assert!(!known || ms <= 1_150, "{ms}");
+            // A count of one wheel is 0.032 degrees; a held motor that nobody configured is up to 2 counts off.
+            assert!(error.abs() <= if known { 0.1 } else { 0.15 }, "{error}");
+            // The dwell of 50 ms at the end is part of it.
+            assert!(!known || ms <= 1_150 + 50, "{ms}");
         }
     }
 }
@@ -357,7 +359,9 @@ fn a_member_that_is_told_something_else_leaves_and_the_others_halt() {
                 assert_eq!(other.setpoint, Setpoint::Disabled);
             } else {
                 assert!(matches!(other.setpoint, Setpoint::Together(_)), "{other:?}");
-                assert!(other.velocity.round().abs() <= 1, "{other:?}");
+                let place = bench.axes[0].place();
+                bench.run_ms(200);
+                assert!((bench.axes[0].place() - place).abs() < 0.5, "{other:?}");
                 // What is left of the group is still one.
                 bench.lead(together(Course::by(&[(0, 500)]).expect("a motor"), 300.0, 700.0));
                 let place = bench.axes[0].place();

@@ -110,7 +110,7 @@ proptest! {
         }
         let ends: Vec<i32> = start.iter().zip(by).map(|(start, by)| start.wrapping_add(by)).collect();
         prop_assert_eq!(motors.positions().to_vec(), ends);
-        prop_assert!(motors.group.has_arrived(&motors.positions()));
+        prop_assert!(motors.group.is_within_tolerance(&motors.positions()));
     }
 
     #[test]

@@ -4,7 +4,9 @@ use motor_hub::braking::{Blend, BlendFraction, DutyRule, Regime, Scheme, Winding
 use motor_hub::bridge::{Drive, Mode, Timing};
 use motor_hub::extension::group::{GroupCourse, GroupMove, GroupState};
 use motor_hub::extension::record::{Entries, Ticks};
-use motor_hub::extension::report::{BusReport, Condition, HubReport, MotorReport, ReportedSetpoint};
+use motor_hub::extension::report::{
+    BusReport, Commands, Condition, HubReport, MotorReport, ReportedSetpoint,
+};
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::state::StoreReport;
 use motor_hub::extension::{HubFunction, INTERFACE, MotorFunction, Request};
@@ -224,7 +226,7 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
     (of_motion, of_current, any::<[bool; 4]>(), faults(), points).prop_map(
         |(motion, (current, measured_ma, load, heat), flags, faults, points)| {
             let (setpoint, (position, velocity), regulator, control, regime, drive) = motion;
-            let [enabled, at_target, stalled, derated] = flags;
+            let [enabled, settled, stalled, derated] = flags;
             MotorReport {
                 setpoint,
                 position,
@@ -238,7 +240,7 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
                 load,
                 heat,
                 enabled,
-                at_target,
+                settled,
                 stalled,
                 derated,
                 faults,
@@ -249,15 +251,15 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
 }
 
 fn hub_report() -> impl Strategy<Value = HubReport> {
-    (any::<(u32, u16, u16)>(), bus_report(), vec(motor_report(), 0..=CHANNELS)).prop_map(
-        |((at_ms, mv, burning), BusReport { state, .. }, motors)| HubReport {
+    (any::<(u32, u16, u16)>(), bus_report(), vec(motor_report(), 0..=CHANNELS), any::<Option<(u32, u32)>>())
+        .prop_map(|((at_ms, mv, burning), BusReport { state, .. }, motors, commands)| HubReport {
             at_ms,
             battery: (mv != 0).then_some(Millivolts::new(mv)),
             bus: state,
             burning,
             motors: motors.into_iter().collect(),
-        },
-    )
+            commands: commands.map(|(included, newest)| Commands { included, newest }),
+        })
 }
 
 fn identification() -> impl Strategy<Value = Identification> {
@@ -652,10 +654,10 @@ proptest! {
     fn an_answer_is_read_as_it_was_written(
         bytes: [u8; 5], words: (u16, u16), half: i16, word: i32, flag: bool, hardware: u32,
         encoders: [i32; CHANNELS], velocities: [i16; CHANNELS], analog: [i16; CHANNELS],
-        over_current: [bool; CHANNELS], at_target: [bool; CHANNELS], attention: Option<bool>,
+        over_current: [bool; CHANNELS], within_tolerance: [bool; CHANNELS], attention: Option<bool>,
     ) {
         let [digital, status, motor_alerts, engineering, minor] = bytes;
-        let bulk = Bulk { digital, encoders, over_current, at_target, velocities, analog, attention };
+        let bulk = Bulk { digital, encoders, over_current, within_tolerance, velocities, analog, attention };
         prop_assert_eq!(read_back(&bulk), Ok(bulk));
         let status = Status { status, motor_alerts };
         prop_assert_eq!(read_back(&status), Ok(status));
@@ -731,16 +733,20 @@ proptest! {
         // A newer hub tells more of each motor, and more behind them.
         let mut payload = Payload::new();
         report.write(&mut payload);
-        let (head, motors) = payload.split_at(12);
+        let (head, rest) = payload.split_at(12);
         let stride = usize::from(head[2]);
-        prop_assert_eq!(motors.len(), stride * report.motors.len());
+        let (motors, commands) = rest.split_at(stride * report.motors.len());
+        prop_assert_eq!((head[0], commands.len()), if report.commands.is_some() { (2, 8) } else { (1, 0) });
         let mut longer = head.to_vec();
-        longer[0] += 1;
+        if report.commands.is_some() {
+            longer[0] += 1;
+        }
         longer[2] += more;
         for motor in motors.chunks(stride) {
             longer.extend(motor);
             longer.extend(vec![0xA5; more.into()]);
         }
+        longer.extend(commands);
         longer.extend([1, 2, 3]);
         prop_assert_eq!(HubReport::read(&mut Fields::new(&longer)), Ok(report));
     }
@@ -758,7 +764,7 @@ proptest! {
 
 #[test]
 fn a_group_state_is_read_as_it_was_written() {
-    for state in [GroupState::Alone, GroupState::Moving, GroupState::Arrived] {
+    for state in [GroupState::Alone, GroupState::Moving, GroupState::Settled] {
         assert_eq!(read_back(&state), Ok(state));
     }
 }

@@ -109,7 +109,7 @@ fn the_fields_of_a_bulk_answer_are_in_order() {
         digital: 1,
         encoders: [354, -7, 0, 0],
         over_current: [false; 4],
-        at_target: [false, true, false, false],
+        within_tolerance: [false, true, false, false],
         velocities: [1400, -300, 0, 0],
         analog: [100, 200, 300, 400],
         attention: Some(false),

@@ -46,6 +46,7 @@ fn enabled() -> TestHost {
         host.do_all(&[(15, &[motor, 0, 0]), (10, &[motor, 1])]);
     }
     host.told();
+    host.tick();
     host
 }
 
@@ -127,18 +128,45 @@ fn the_state_of_a_group_is_reported_once_the_report_is_new_enough() {
     assert_eq!(state(&mut host), Said::Data(vec![0]));
 
     // A report that is older than the course does not say that it is at its end.
-    let arrived =
-        Report { setpoint: Setpoint::Together(Reference::default()), at_target: true, ..Report::INITIAL };
-    host.snapshot.motors[1] = arrived;
-    host.snapshot.tick = 10;
+    let settled =
+        Report { setpoint: Setpoint::Together(Reference::default()), settled: true, ..Report::INITIAL };
+    host.snapshot.motors[1] = settled;
     ask(&mut host, 1, pair(1, 2));
-    host.snapshot.tick = 20;
-    assert_eq!(state(&mut host), Said::Data(vec![1]), "not told yet");
+    assert_eq!(state(&mut host), Said::Data(vec![1]), "not sent yet");
+    assert!(!host.reported(1).settled, "not sent yet");
+    host.told();
+    host.snapshot.tick += 5;
+    assert_eq!(state(&mut host), Said::Data(vec![1]), "in no snapshot yet");
+    assert!(!host.reported(1).settled, "in no snapshot yet");
+    host.tick();
+    assert_eq!(state(&mut host), Said::Data(vec![2]));
+    assert!(host.reported(1).settled);
+    host.snapshot.motors[1].settled = false;
+    assert_eq!(state(&mut host), Said::Data(vec![1]));
+}
+
+#[test]
+fn a_member_that_gets_a_target_of_its_own_is_alone_even_before_a_snapshot_says_so() {
+    let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
     host.told();
-    assert_eq!(state(&mut host), Said::Data(vec![1]), "just told");
-    host.snapshot.tick = 22;
-    assert_eq!(state(&mut host), Said::Data(vec![2]));
-    host.snapshot.motors[1].at_target = false;
-    assert_eq!(state(&mut host), Said::Data(vec![1]));
+    host.tick();
+    host.snapshot.motors[1] =
+        Report { setpoint: Setpoint::Together(Reference::default()), ..Report::INITIAL };
+    assert_eq!(host.ask(STATE, &[1]), Said::Data(vec![1]));
+    host.do_all(&[(15, &[1, 0, 1])]);
+    assert_eq!(host.ask(STATE, &[1]), Said::Data(vec![0]), "not sent yet");
+    host.told();
+    assert_eq!(host.ask(STATE, &[1]), Said::Data(vec![0]), "in no snapshot yet");
+}
+
+#[test]
+fn a_member_of_a_group_is_not_within_tolerance_of_the_target_that_the_course_replaced() {
+    let mut host = enabled();
+    host.do_all(&[(8, &[1, 2, 0]), (19, &[1, 0, 0, 0, 0, 5, 0])]);
+    assert_eq!(host.call(21, &[1]), Said::Data(vec![1]));
+    ask(&mut host, 1, pair(1, 2));
+    assert_eq!(host.call(21, &[1]), Said::Data(vec![0]));
+    host.do_all(&[(19, &[1, 0, 0, 0, 0, 5, 0])]);
+    assert_eq!(host.call(21, &[1]), Said::Data(vec![1]));
 }

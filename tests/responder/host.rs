@@ -2,8 +2,11 @@
 #![allow(dead_code, reason = "each test uses its own part")]
 
 use motor_hub::braking::Winding;
+use motor_hub::extension::report::{HubReport, MotorReport};
+use motor_hub::extension::{HubFunction, Request};
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::{Setpoint, Settings};
+use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::requests::FIRST_FUNCTION;
 use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
@@ -52,6 +55,8 @@ pub(crate) struct TestHost {
     pub(crate) now: Micros,
     pub(crate) snapshot: Snapshot<N>,
     pub(crate) number: u8,
+    /// Number of the newest command.
+    pub(crate) commands: u32,
 }
 
 impl TestHost {
@@ -60,7 +65,14 @@ impl TestHost {
         let snapshot = Snapshot { battery: Some(Millivolts::new(12_345)), ..Snapshot::INITIAL };
         let address = Address::new(HUB).expect("an address");
         let responder = Responder::new(address, [settings(); N]);
-        Self { responder, decoder: Decoder::new(), now: Micros::new(1_000_000), snapshot, number: 0 }
+        Self {
+            responder,
+            decoder: Decoder::new(),
+            now: Micros::new(1_000_000),
+            snapshot,
+            number: 0,
+            commands: 0,
+        }
     }
 
     /// At a hub that has nothing to call attention to.
@@ -101,6 +113,19 @@ impl TestHost {
         self.ask(FIRST_FUNCTION + function, payload)
     }
 
+    /// The hub's own report.
+    pub(crate) fn report(&mut self) -> HubReport {
+        let Said::Data(payload) = self.ask(Request::from(HubFunction::Report).id(), &[]) else {
+            panic!("a report")
+        };
+        HubReport::read(&mut Fields::new(&payload)).expect("a report")
+    }
+
+    /// A motor's part of the hub's own report.
+    pub(crate) fn reported(&mut self, motor: usize) -> MotorReport {
+        self.report().motors[motor]
+    }
+
     pub(crate) fn do_all(&mut self, calls: &[(u16, &[u8])]) {
         for (function, payload) in calls {
             let said = self.call(*function, payload);
@@ -108,14 +133,20 @@ impl TestHost {
         }
     }
 
-    /// The commands to the motors since the last call.
+    /// The commands to the motors since the last call. No snapshot includes them before [`tick`](Self::tick).
     pub(crate) fn told(&mut self) -> Vec<Command> {
         std::iter::from_fn(|| {
-            let command = self.responder.pending();
-            self.responder.told();
-            command
+            let command = self.responder.pending()?;
+            self.commands = self.commands.wrapping_add(1);
+            self.responder.sent(self.commands);
+            Some(command)
         })
         .collect()
+    }
+
+    /// A control tick: the next snapshot includes all commands that were sent.
+    pub(crate) fn tick(&mut self) {
+        self.snapshot.commands = self.commands;
     }
 
     /// The hub has found the battery so.

@@ -235,16 +235,18 @@ fn an_identification_is_reported_as_the_motor_reports_it() {
 #[test]
 fn an_old_identification_is_not_reported_as_the_new_one() {
     let mut host = standing();
-    host.snapshot.tick = 7;
+    host.tick();
     host.snapshot.motors[1].identification = Identification::Refused(Refusal::Load);
     learn(&mut host, 500);
-    // Neither before the motor has the command, nor in a report that may be older than the command.
-    assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(vec![1, 0]));
+    assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(vec![1, 0]), "not sent yet");
     host.told();
-    for (tick, said) in [(7, vec![1, 0]), (8, vec![1, 0]), (9, vec![3, 8])] {
-        host.snapshot.tick = tick;
-        assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(said), "tick {tick}");
+    for _ in 0..3 {
+        // However many ticks pass before the hub takes the command.
+        host.snapshot.tick += 1;
+        assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(vec![1, 0]), "in no snapshot yet");
     }
+    host.tick();
+    assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(vec![3, 8]));
 }
 
 #[test]
@@ -333,8 +335,9 @@ fn all_motors_are_reported_in_one_answer() {
     };
     let Said::Data(told) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
     // Version, motors, bytes of each, time, 12 V, nothing is measured, nothing is burnt.
-    assert_eq!(told[..12], [1, 4, 36, 50, 0, 0, 0, 0xE0, 0x2E, 0, 0, 0]);
-    assert_eq!(told.len(), 12 + 4 * 36);
+    assert_eq!(told[..12], [2, 4, 36, 50, 0, 0, 0, 0xE0, 0x2E, 0, 0, 0]);
+    // Behind the motors: no command is included, and the next one to be sent is not.
+    assert_eq!(told[12 + 4 * 36..], [0, 0, 0, 0, 1, 0, 0, 0]);
     let motor = &told[12 + 36..][..36];
     // Velocity, 1000; 70 000 counts, -1505 counts/s; by model; 20 000; reverse, 9/8, half; currents; heat; enabled and
     // stalled; silent and reversed.

@@ -1,6 +1,7 @@
 //! Motors, keep-alive, fail-safe, attention and the LED, as a host lives through them.
 
 use crate::host::{N, Said, TestHost, frame_to, settings};
+use motor_hub::extension::report::Commands;
 use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
@@ -115,11 +116,11 @@ fn a_reset_encoder_reads_0_and_targets_are_in_its_counts() {
         panic!("{told:?}")
     };
     assert_eq!(target, i32::MAX.wrapping_add(10));
-    for (moved, at_target) in [(6, 0), (7, 1), (13, 1), (14, 0)] {
+    for (moved, within) in [(6, 0), (7, 1), (13, 1), (14, 0)] {
         host.snapshot.motors[0].position = i32::MAX.wrapping_add(moved);
-        assert_eq!(host.call(21, &[0]), Said::Data(vec![at_target]));
+        assert_eq!(host.call(21, &[0]), Said::Data(vec![within]));
         let Said::Data(bulk) = host.call(0, &[]) else { panic!() };
-        assert_eq!((bulk[1..5].to_vec(), bulk[17]), (moved.to_le_bytes().to_vec(), at_target << 4));
+        assert_eq!((bulk[1..5].to_vec(), bulk[17]), (moved.to_le_bytes().to_vec(), within << 4));
     }
 }
 
@@ -160,13 +161,75 @@ fn a_far_target_is_in_the_direction_of_the_hosts_counts() {
 }
 
 #[test]
-fn at_target_is_of_the_newest_target_and_not_of_an_older_report() {
+fn within_tolerance_is_of_the_newest_target_and_not_of_an_older_report() {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0]), (10, &[0, 1])]);
-    host.snapshot.motors[0].at_target = true;
+    host.snapshot.motors[0].settled = true;
     assert_eq!(host.call(21, &[0]), Said::Data(vec![1]));
     host.do_all(&[(19, &[0, 0, 1, 0, 0, 5, 0])]);
     assert_eq!(host.call(21, &[0]), Said::Data(vec![0]));
+}
+
+#[test]
+fn a_motor_in_full_flight_is_within_tolerance_when_it_passes_its_target_but_not_settled() {
+    let mut host = TestHost::settled();
+    host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0]), (10, &[0, 1])]);
+    host.told();
+    host.snapshot.motors[0].velocity = CountsPerSecond::new(2_000);
+    assert_eq!(host.call(21, &[0]), Said::Data(vec![1]));
+    assert!(!host.reported(0).settled);
+}
+
+#[test]
+fn a_disabled_motor_that_stands_on_its_target_is_neither_within_tolerance_nor_settled() {
+    let mut host = TestHost::settled();
+    host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0])]);
+    for calls in [&[][..], &[(10, &[0, 1][..]), (10, &[0, 0])]] {
+        host.do_all(calls);
+        host.told();
+        assert_eq!(host.call(21, &[0]), no());
+        let Said::Data(bulk) = host.call(0, &[]) else { panic!() };
+        assert_eq!(bulk[17], 0);
+        assert!(!host.reported(0).settled);
+    }
+}
+
+#[test]
+fn a_motor_is_not_reported_settled_before_a_snapshot_includes_its_newest_target() {
+    let mut host = TestHost::settled();
+    host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0]), (10, &[0, 1])]);
+    host.told();
+    host.tick();
+    host.snapshot.motors[0].settled = true;
+    assert!(host.reported(0).settled);
+    host.do_all(&[(19, &[0, 0, 1, 0, 0, 5, 0])]);
+    assert!(!host.reported(0).settled, "not sent yet");
+    host.told();
+    assert!(!host.reported(0).settled, "in no snapshot yet");
+    host.tick();
+    assert!(host.reported(0).settled);
+}
+
+#[test]
+fn a_report_says_whether_it_includes_all_commands_also_where_the_numbers_wrap() {
+    for start in [0, u32::MAX - 1, u32::MAX, 1 << 31] {
+        let mut host = TestHost::settled();
+        host.commands = start;
+        host.tick();
+        assert!(host.report().is_up_to_date(), "{start}");
+        host.do_all(&[(15, &[0, 0, 64]), (10, &[0, 1]), (15, &[2, 0, 64]), (10, &[2, 1])]);
+        assert!(!host.report().is_up_to_date(), "not sent yet, {start}");
+        assert_eq!(host.told().len(), 2);
+        assert!(!host.report().is_up_to_date(), "in no snapshot yet, {start}");
+        host.snapshot.commands = start.wrapping_add(1);
+        assert!(!host.report().is_up_to_date(), "one of two, {start}");
+        host.tick();
+        let commands = Commands { included: start.wrapping_add(2), newest: start.wrapping_add(2) };
+        assert_eq!(host.report().commands, Some(commands));
+        // Commands of others do not concern this host.
+        host.snapshot.commands = start.wrapping_add(1_000);
+        assert!(host.report().is_up_to_date(), "{start}");
+    }
 }
 
 #[test]

@@ -22,7 +22,7 @@ use motor_hub::extension::{HubFunction, MotorFunction};
 use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::payload::Text;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
-use motor_hub::protocol::{Address, Colour, Nack};
+use motor_hub::protocol::{Address, Colour};
 use motor_hub::record::{Head, Tick};
 use motor_hub::units::{Milliamperes, Millivolts};
 use std::io::{Read, Write};
@@ -31,8 +31,8 @@ use std::time::{Duration, Instant};
 /// Time-out of a save, which takes some seconds if flash must be erased.
 const STORING: Duration = Duration::from_secs(10);
 
-/// Time-out for a disabled motor to stop: a control period is at most 100 ms.
-const STOPPING: Duration = Duration::from_millis(300);
+/// Time-out for a hub to include all commands in its report: a control period is at most 100 ms.
+const CATCHING_UP: Duration = Duration::from_millis(300);
 
 /// Interval between two questions to a hub that is busy.
 const POLL: Duration = Duration::from_millis(20);
@@ -100,19 +100,10 @@ impl<L: Read + Write> Session<L> {
 
     /// Stores, loads or resets the hub's settings, and waits until the hub has finished. The report says with what result.
     pub fn store(&mut self, what: HubFunction) -> Result<StoreReport, Error> {
+        // The hub judges by its last control tick whether motors are disabled.
+        self.catch_up()?;
+        self.order(what)?;
         let end = Instant::now() + STORING;
-        loop {
-            match self.order(what.clone()) {
-                // A motor that has just been disabled stops at the next control tick.
-                Err(Error::Refused { reason: Nack::MOTOR_ENABLED, .. })
-                    if Instant::now() + STORING < end + STOPPING =>
-                {
-                    std::thread::sleep(POLL);
-                }
-                Err(error) => return Err(error),
-                Ok(()) => break,
-            }
-        }
         loop {
             let report = self.stored()?;
             if !report.at_work || Instant::now() > end {
@@ -138,6 +129,19 @@ impl<L: Read + Write> Session<L> {
             }
             Err(error) => Err(error),
         }
+    }
+
+    /// Waits until the hub's report includes all commands that follow from the requests before, such as disabling a motor.
+    /// Returns at once for a hub that does not report its commands.
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn catch_up(&mut self) -> Result<(), Error> {
+        let end = Instant::now() + CATCHING_UP;
+        while self.report()?.is_some_and(|report| !report.is_up_to_date()) && Instant::now() < end {
+            std::thread::sleep(POLL);
+        }
+        Ok(())
     }
 
     /// Module status; `clear` clears the status word after the hub has read it.

@@ -1,7 +1,7 @@
 //! A hub in this process's memory, for trying and testing host programs without hardware.
 //!
 //! It runs the same protocol code as this project's hubs. It stores settings and answers requests, but no motor
-//! turns. Its clock stands still, so it never releases its motors.
+//! turns: commands to motors are counted and dropped. Its clock stands still, so it never releases its motors.
 //!
 //! ```
 //! use motor_hub_client::Session;
@@ -55,6 +55,10 @@ impl Write for MemoryHub {
         while let Some(packet) = self.decoder.next(&mut bytes, now) {
             if let Some(reply) = self.responder.receive(&packet, now, &self.snapshot) {
                 self.replies.extend(&frame::encode(&reply));
+            }
+            while self.responder.pending().is_some() {
+                self.snapshot.commands = self.snapshot.commands.wrapping_add(1);
+                self.responder.sent(self.snapshot.commands);
             }
         }
         Ok(count)

@@ -98,7 +98,8 @@ impl<L: Read + Write> Session<L> {
         self.order(ToMotor::SetVelocity { cps }.to(motor))
     }
 
-    /// Sets the target of regulated position, in counts. The motor is at its target within `tolerance` counts.
+    /// Sets the target of regulated position, in counts. The motor is within tolerance if its distance to the target is at
+    /// most `tolerance` counts.
     pub fn set_position(&mut self, motor: u8, counts: i32, tolerance: u16) -> Result<(), Error> {
         self.order(ToMotor::SetPosition { target: Target { counts, tolerance } }.to(motor))
     }

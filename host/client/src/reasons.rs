@@ -2,13 +2,17 @@
 //! not [stored](motor_hub::extension::state).
 //!
 //! ```
-//! use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
+//! use motor_hub_client::motor_hub::extension::report::{Commands, HubReport, MotorReport, ReportedSetpoint};
 //! use motor_hub_client::motor_hub::supply::BusState;
 //! use motor_hub_client::reasons::why_still;
 //!
 //! let motor = MotorReport { enabled: true, setpoint: ReportedSetpoint::Velocity(500), stalled: true, ..MotorReport::default() };
 //! let hub = HubReport { bus: BusState::Quiet, motors: [motor].into_iter().collect(), ..HubReport::default() };
 //! assert_eq!(why_still(&hub, 0), Some("stalled: the motor is driven and does not turn"));
+//!
+//! // The report is older than the newest command, so the reason may have passed.
+//! let commands = Some(Commands { included: 7, newest: 8 });
+//! assert_eq!(why_still(&HubReport { commands, ..hub }, 0), None);
 //! ```
 
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
@@ -35,8 +39,8 @@ pub const fn why_unsaved(report: &StoreReport) -> Option<&'static str> {
     }
 }
 
-/// Why a motor does not turn; if there are several reasons, the most basic one. `None` if the motor turns, or if no reason
-/// is known.
+/// Why a motor does not turn; if there are several reasons, the most basic one. `None` if the motor turns, if no reason
+/// is known, or if the report is older than the newest command to an enabled motor.
 #[must_use]
 pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
     let motor = hub.motors.get(motor)?;
@@ -44,6 +48,10 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
         return Some(fault);
     }
     if motor.velocity.unsigned_abs() > STANDS_CPS {
+        return None;
+    }
+    // The reasons below follow from a set-point that the motor no longer has.
+    if motor.enabled && !hub.is_up_to_date() {
         return None;
     }
     match motor.setpoint {
@@ -60,8 +68,8 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
     match motor.setpoint {
         ReportedSetpoint::Power(Control::ZERO) => Some("the set-point is power 0"),
         ReportedSetpoint::Velocity(0) => Some("the set-point is speed 0"),
-        ReportedSetpoint::Position(_) | ReportedSetpoint::Together(_) if motor.at_target => {
-            Some("at its target")
+        ReportedSetpoint::Position(_) | ReportedSetpoint::Together(_) if motor.settled => {
+            Some("settled at its target")
         }
         ReportedSetpoint::Identify(_) => None,
         _ if motor.stalled => Some("stalled: the motor is driven and does not turn"),

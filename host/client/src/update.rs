@@ -24,9 +24,6 @@ use std::time::{Duration, Instant};
 /// Time-out of a write: erasing a page takes up to 4 s, erasing the bootloader's state another 4 s.
 const WRITING: Duration = Duration::from_secs(10);
 
-/// Time-out for disabled motors to stop: a control period is at most 100 ms.
-const STOPPING: Duration = Duration::from_millis(300);
-
 /// Interval between two questions to a hub that is busy.
 const POLL: Duration = Duration::from_millis(20);
 
@@ -67,7 +64,9 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// The errors of all commands.
     pub fn restart(&mut self) -> Result<(), Error> {
-        self.persist(&HubFunction::Restart, Nack::MOTOR_ENABLED, STOPPING)
+        // The hub judges by its last control tick whether motors are disabled.
+        self.catch_up()?;
+        self.order(HubFunction::Restart)
     }
 
     /// Makes the hub forget an image, even an armed one.
@@ -75,7 +74,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// The errors of all commands.
     pub fn abandon_update(&mut self) -> Result<UpdateReport, Error> {
-        self.persist(&HubFunction::AbandonUpdate, Nack::UPDATE_BUSY, WRITING)?;
+        self.persist(&HubFunction::AbandonUpdate)?;
         self.update_settled()
     }
 
@@ -90,7 +89,8 @@ impl<L: Read + Write> Session<L> {
         let bytes = version.as_bytes();
         let version = Text::new(bytes.get(..TEXT).unwrap_or(bytes)).unwrap_or_default();
         let begin = HubFunction::BeginUpdate { length, crc: CRC.checksum(image), version };
-        self.persist(&begin, Nack::MOTOR_ENABLED, STOPPING)?;
+        self.catch_up()?;
+        self.order(begin)?;
         if let Some(Seal { key, signature }) = seal {
             self.order(HubFunction::Sign { key, signature })?;
         }
@@ -98,19 +98,19 @@ impl<L: Read + Write> Session<L> {
             progress(index * CHUNK)?;
             let offset = u32::try_from(index * CHUNK).unwrap_or(u32::MAX);
             let bytes = Text::new(chunk).unwrap_or_default();
-            self.persist(&HubFunction::Chunk { offset, bytes }, Nack::UPDATE_BUSY, WRITING)?;
+            self.persist(&HubFunction::Chunk { offset, bytes })?;
         }
         progress(image.len())?;
-        self.persist(&HubFunction::FinishUpdate, Nack::UPDATE_BUSY, WRITING)?;
+        self.persist(&HubFunction::FinishUpdate)?;
         Ok(self.update_settled()?)
     }
 
-    /// Repeats a request while the hub refuses it with `unless`, for at most `limit`.
-    fn persist(&mut self, request: &HubFunction, unless: Nack, limit: Duration) -> Result<(), Error> {
-        let end = Instant::now() + limit;
+    /// Repeats a request while the hub refuses it because it still writes.
+    fn persist(&mut self, request: &HubFunction) -> Result<(), Error> {
+        let end = Instant::now() + WRITING;
         loop {
             match self.order(request.clone()) {
-                Err(Error::Refused { reason, .. }) if reason == unless && Instant::now() < end => sleep(POLL),
+                Err(Error::Refused { reason: Nack::UPDATE_BUSY, .. }) if Instant::now() < end => sleep(POLL),
                 done => return done,
             }
         }

@@ -123,16 +123,22 @@ fn bulk_input_tells_motors_apart_and_may_lack_its_last_byte() {
     let mut session = session(Memory::new(hub));
     session.set_mode(1, RunMode::Position, ZeroPower::Brake).unwrap();
     session.set_position(1, -10, 3).unwrap();
+    assert_eq!(
+        session.bulk().unwrap().within_tolerance,
+        [false; 4],
+        "a disabled motor is not within tolerance"
+    );
+    session.enable(1, true).unwrap();
     let bulk = session.bulk().unwrap();
     assert_eq!(bulk.encoders, [354, -7, 0, i32::MIN]);
     assert_eq!(bulk.velocities, [-300, 7, 0, 300]);
-    assert_eq!(bulk.at_target, [false, true, false, false]);
+    assert_eq!(bulk.within_tolerance, [false, true, false, false]);
     assert_eq!(bulk.attention, Some(true));
 
     let mut older = [0; 34];
     older[17] = 0x80;
     let bulk = Bulk::read(&mut Fields::new(&older)).unwrap();
-    assert_eq!((bulk.at_target[3], bulk.attention), (true, None));
+    assert_eq!((bulk.within_tolerance[3], bulk.attention), (true, None));
 }
 
 #[test]

@@ -121,8 +121,10 @@ pub(crate) struct OfMotor {
     pub(crate) velocity: i16,
     /// True if the motor is enabled.
     pub(crate) enabled: bool,
-    /// True if the motor is at its target.
-    pub(crate) at_target: bool,
+    /// True if the motor is within tolerance of its target. `None` for hubs of this project, which report whether it has
+    /// settled.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) within_tolerance: Option<bool>,
     /// Why the motor stands.
     pub(crate) why: Option<&'static str>,
     /// Values that only hubs of this project report.
@@ -138,10 +140,16 @@ pub(crate) struct More {
     regime: Option<&'static str>,
     mode: &'static str,
     duty: f64,
+    /// The measured magnitude with the sign of `current_a`, or `current_a` where none is measured.
+    best_current_a: f64,
+    /// Current by the motor's constants.
     current_a: f64,
+    /// Measured magnitude.
     measured_a: Option<f64>,
     load_a: Option<f64>,
     heat: f64,
+    /// True if the motor has settled at its target, or its group at its end.
+    settled: bool,
     stalled: bool,
     derated: bool,
     fault: bool,
@@ -268,8 +276,17 @@ impl OfMotor {
             ReportedSetpoint::Together(counts) => ("together", Some(counts.into())),
             ReportedSetpoint::Identify(_) => ("identify", None),
         };
-        let MotorReport { position, velocity, enabled, at_target, .. } = *motor;
-        Self { told, target, position, velocity, enabled, at_target, why, more: Some(More::of(motor)) }
+        let MotorReport { position, velocity, enabled, .. } = *motor;
+        Self {
+            told,
+            target,
+            position,
+            velocity,
+            enabled,
+            within_tolerance: None,
+            why,
+            more: Some(More::of(motor)),
+        }
     }
 }
 
@@ -290,10 +307,12 @@ impl More {
             regime,
             mode: motor.drive.mode.name(),
             duty: motor.drive.duty.to_f64(),
+            best_current_a: amperes(motor.best_current()),
             current_a: amperes(motor.current),
             measured_a: motor.measured_ma.map(|ma| f64::from(ma) / 1e3),
             load_a: motor.load.map(amperes),
             heat: f64::from(motor.heat) / 1e3,
+            settled: motor.settled,
             stalled: motor.stalled,
             derated: motor.derated,
             fault: motor.faults.any() && motor.enabled,

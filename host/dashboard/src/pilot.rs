@@ -353,7 +353,7 @@ impl Pilot {
             motors.push(OfMotor {
                 position: bulk.encoders.get(motor).copied().unwrap_or_default(),
                 velocity: bulk.velocities.get(motor).copied().unwrap_or_default(),
-                at_target: bulk.at_target.get(motor).copied().unwrap_or_default(),
+                within_tolerance: bulk.within_tolerance.get(motor).copied(),
                 ..known
             });
         }

@@ -12,7 +12,7 @@ mod circuits;
 use crate::points::{CONTROL_RANGE, fraction};
 use crate::{NamedFigure, StudyError};
 use chart::{Figure, Panel, Point, Series, Style, colour};
-use motor_hub::braking::{DutyRule, OperatingPoint, Placer, Scheme};
+use motor_hub::braking::{DutyRule, Modulator, OperatingPoint, Scheme};
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::load::Load;
@@ -236,7 +236,7 @@ fn measured(
     let bridge =
         BridgeConstants::new(hardware::BRIDGE.diode_mv(), hardware::BRIDGE.switch_mohm(), hertz as u32);
     let winding = winding(motor)?;
-    let placer = Placer::new(&winding, &bridge?, scheme, rule);
+    let modulator = Modulator::new(&winding, &bridge?, scheme, rule);
     let constant = EmfConstant::from_bits(1 << 20)?;
     let speed = CountsPerSecond::saturating_from_bits((emf * 256e3).round() as i64);
     let point = OperatingPoint::new(constant.emf(speed), Millivolts::new((1e3 * BATTERY) as u16))
@@ -244,7 +244,7 @@ fn measured(
     let circuit = Circuit::new(motor, BRIDGE);
     let at = Conditions { battery: Volts(BATTERY), emf: Volts(emf) };
     let current = |control: i16| {
-        let drive = placer.place(point, Control::new(control)).drive;
+        let drive = modulator.for_control(point, Control::new(control)).drive;
         let pwm = Pwm::new(drive.mode, drive.duty.to_f64(), Hertz(hertz));
         (fraction(control), circuit.steady(pwm, at).mean.0)
     };

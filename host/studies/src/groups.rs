@@ -6,8 +6,8 @@ use simulated::scenario::Group;
 use simulated::trace::{Sample, Tick, Trace};
 use std::ops::Range;
 
-/// Seconds from a course that begins in the window until all members have arrived, up to the next course or the
-/// window's end: the longest. Infinite if a member does not arrive; `None` if there is no course.
+/// Seconds from a course that begins in the window until all members have settled, up to the next course or the
+/// window's end: the longest. Infinite if a member does not settle; `None` if there is no course.
 pub(crate) fn longest_arrival_s(group: &Group, trace: &Trace, window_s: &Range<f64>) -> Option<f64> {
     let starts = || group.courses.iter().map(|course| course.at_s).filter(|at_s| window_s.contains(at_s));
     let ends = starts().skip(1).chain([window_s.end]);
@@ -15,13 +15,13 @@ pub(crate) fn longest_arrival_s(group: &Group, trace: &Trace, window_s: &Range<f
 }
 
 fn arrival_s(group: &Group, trace: &Trace, course_s: &Range<f64>) -> f64 {
-    let at_target = |tick: &Tick| {
+    let settled = |tick: &Tick| {
         let mut members = group.motors.iter().map(|&motor| tick.motors.get(motor));
-        members.all(|sample| sample.is_some_and(|sample| sample.report.at_target))
+        members.all(|sample| sample.is_some_and(|sample| sample.report.settled))
     };
     let ticks: Vec<&Tick> = trace.ticks.iter().filter(|tick| course_s.contains(&tick.at_s)).collect();
-    // A motor at its target reports so until its next command.
-    let last_away = ticks.iter().rposition(|tick| !at_target(tick));
+    // Settled members report that they have settled until the next course.
+    let last_away = ticks.iter().rposition(|tick| !settled(tick));
     last_away
         .and_then(|last| ticks.get(last + 1))
         .map_or(f64::INFINITY, |arrived| arrived.at_s - course_s.start)

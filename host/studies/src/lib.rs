@@ -51,7 +51,7 @@ use simulated::sim::RunError;
 
 /// Version of the documents and files for programs. It changes when a field is removed or changes its meaning. Fields
 /// may be added at any time.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const SCHEMA_VERSION: u32 = 2;
 
 /// Why a study could not be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

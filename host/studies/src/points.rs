@@ -16,7 +16,7 @@ mod chart;
 
 use crate::StudyError;
 use ::chart::{Figure, Point, colour};
-use motor_hub::braking::{self, LinearCurrent, OperatingPoint, Placement, Points, Regime, Scheme};
+use motor_hub::braking::{self, LinearCurrent, Modulation, OperatingPoint, Points, Regime, Scheme};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::regulator::Kind;
 use motor_hub::units::{Control, CountsPerSecond, Millivolts};
@@ -79,7 +79,7 @@ pub struct PlacedDrive {
 }
 
 impl PlacedDrive {
-    fn new(Placement { regime, drive, .. }: Placement) -> Self {
+    fn new(Modulation { regime, drive, .. }: Modulation) -> Self {
         Self { regime: regime_name(regime), mode: drive.mode.name(), duty: drive.duty.to_f64() }
     }
 }
@@ -121,10 +121,10 @@ impl OperatingReport {
 
     /// Regime, mode and duty of a control value.
     pub fn place(&self, control: Control) -> Placed {
-        let linear_current = braking::place_current(&self.current, self.scheme.0, self.at, control);
+        let linear_current = braking::linear_current(&self.current, self.scheme.0, self.at, control);
         Placed {
             control: control.get(),
-            linear_duty: PlacedDrive::new(braking::place(self.scheme.0, self.at, control)),
+            linear_duty: PlacedDrive::new(braking::linear_duty(self.scheme.0, self.at, control)),
             linear_current: PlacedDrive::new(linear_current),
         }
     }

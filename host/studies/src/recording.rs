@@ -5,7 +5,7 @@
 //!
 //! let mut recording = Recording::new("bench", Told::Velocity(500));
 //! let sample = Sample { at_s: 0.02, motor: 0, battery_v: 12.5, position: 10, cps: 480, ..Sample::default() };
-//! assert_eq!(recording.push(sample), "0.0200,0,12.500,velocity,500,10,480,,,false,1\n");
+//! assert_eq!(recording.push(sample), "0.0200,0,12.500,velocity,500,10,480,,,,2\n");
 //! assert_eq!(recording.figures().len(), 1);
 //! ```
 
@@ -15,7 +15,7 @@ use chart::{Figure, Panel, Series, Style, colour};
 
 /// The first line of the file. Units are in the names; unknown values are empty.
 pub const HEADINGS: &str = "time_s,motor,battery_measured_v,setpoint,setpoint_value,position_counts,\
-speed_estimate_cps,control,current_a,at_target,schema_version\n";
+speed_estimate_cps,control,current_a,settled,schema_version\n";
 
 /// The set-point of all motors of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,8 +66,8 @@ pub struct Sample {
     pub control: Option<i16>,
     /// Magnitude of the motor's current in amperes; `None` if the hub does not report it.
     pub current_a: Option<f64>,
-    /// The hub reports that the motor is at its target position.
-    pub at_target: bool,
+    /// True if the motor has settled at its target; `None` if the hub does not report it.
+    pub settled: Option<bool>,
 }
 
 /// A recorded run.
@@ -88,12 +88,13 @@ impl Recording {
     /// Keeps a sample, and returns its row.
     pub fn push(&mut self, sample: Sample) -> String {
         self.samples.push(sample);
-        let Sample { at_s, motor, battery_v, position, cps, control, current_a, at_target } = sample;
+        let Sample { at_s, motor, battery_v, position, cps, control, current_a, settled } = sample;
         let control = control.or(self.told.power()).map(|steps| steps.to_string()).unwrap_or_default();
         let current = current_a.map(|current| format!("{current:.3}")).unwrap_or_default();
+        let settled = settled.map(|settled| settled.to_string()).unwrap_or_default();
         let (name, value) = (self.told.name(), self.told.value());
         format!(
-            "{at_s:.4},{motor},{battery_v:.3},{name},{value},{position},{cps},{control},{current},{at_target},{SCHEMA_VERSION}\n"
+            "{at_s:.4},{motor},{battery_v:.3},{name},{value},{position},{cps},{control},{current},{settled},{SCHEMA_VERSION}\n"
         )
     }
 

@@ -174,9 +174,8 @@ impl Identifier {
         }
     }
 
-    /// One tick, with the newest sample taken: the voltage until the next one, or `None` to coast.
-    pub fn step(&mut self, emf: EmfConstant, battery: Millivolts) -> Option<Voltage> {
-        let battery = battery.to_volts();
+    /// One tick, with the newest sample taken and `battery` in volts: the voltage until the next one, or `None` to coast.
+    pub fn step(&mut self, emf: EmfConstant, battery: f32) -> Option<Voltage> {
         let next = match &mut self.stage {
             Stage::Idle => return None,
             Stage::Resting { limit, since, last } => {

@@ -36,7 +36,7 @@ fn all_three_run_modes_at_once_with_different_loads() {
     assert!((speeds[2] + 700.0).abs() < 30.0, "{speeds:?}");
     assert!((bench.look(3).counts - 2500).abs() <= 10, "{:?}", bench.look(3));
     let bulk = talk.bulk(&mut bench);
-    assert_eq!(bulk.at_target, [false, false, false, true]);
+    assert_eq!(bulk.within_tolerance, [false, false, false, true]);
     bench.assert_sound();
 }
 

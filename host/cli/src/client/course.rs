@@ -4,10 +4,11 @@ use super::driven::Driven;
 use super::live::motors_of;
 use super::trouble::Trouble;
 use crate::output::{Failure, say};
-use motor_hub::motor::ZeroPower;
+use motor_hub::extension::report::HubReport;
+use motor_hub::motor::{SettleDetector, ZeroPower};
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::RunMode;
-use motor_hub::units::{Control, EmfConstant, Millivolts};
+use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts, Period};
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use std::collections::VecDeque;
@@ -123,10 +124,8 @@ fn free_speed(emf: EmfConstant, battery: Millivolts) -> f64 {
     f64::from(battery.get()) * f64::from(1 << 20) / f64::from(emf.to_bits())
 }
 
-/// Time for which motors must stand at their target to have arrived. A motor that only passes its target has not arrived.
-const STANDING_TIME: Duration = Duration::from_millis(90);
-/// Highest speed of a motor that stands: two counts in a control period of 50 ms.
-const STANDING_CPS: u16 = 40;
+/// Longest control period of a hub, in milliseconds.
+const LONGEST_PERIOD_MS: u32 = 100;
 
 /// Time over which a speed is averaged.
 const VELOCITY_TIME: Duration = Duration::from_millis(500);
@@ -139,28 +138,38 @@ const VELOCITY_CPS: f64 = 40.0;
 pub(super) struct Progress {
     course: Course,
     motors: Vec<u8>,
-    /// Time since which all motors stand at their target.
-    standing: Option<Duration>,
+    /// Detects whether motors have settled whose hub does not report it.
+    settle_detector: SettleDetector,
     velocities: VecDeque<(Duration, [i16; 4])>,
 }
 
 impl Progress {
-    pub(super) fn new(order: &Order) -> Self {
+    /// `interval` is the time between two readings.
+    pub(super) fn new(order: &Order, interval: Duration) -> Self {
         let Order { course, ref motors, .. } = *order;
-        Self { course, motors: motors.clone(), standing: None, velocities: VecDeque::new() }
+        let millis = u32::try_from(interval.as_millis()).unwrap_or(u32::MAX);
+        let period = Period::from_millis(millis.clamp(1, LONGEST_PERIOD_MS)).unwrap_or_default();
+        let settle_detector = SettleDetector::new(period);
+        Self { course, motors: motors.clone(), settle_detector, velocities: VecDeque::new() }
     }
 
-    /// Takes a reading at a time since the start; true once all motors have arrived at a position.
-    pub(super) fn observe(&mut self, at: Duration, bulk: &Bulk) -> bool {
+    /// Takes a reading at a time since the start; true once all motors have settled at a position. `report` is `None` if
+    /// the hub sends no reports.
+    pub(super) fn observe(&mut self, at: Duration, bulk: &Bulk, report: Option<&HubReport>) -> bool {
         self.velocities.push_back((at, bulk.velocities));
         while self.velocities.front().is_some_and(|(then, _)| at.saturating_sub(*then) > VELOCITY_TIME) {
             self.velocities.pop_front();
         }
-        let stands = matches!(self.course, Course::Position { .. })
-            && motors_of(bulk, &self.motors).all(|(_, _, v, at)| at && v.unsigned_abs() <= STANDING_CPS);
-        let since = self.standing.unwrap_or(at);
-        self.standing = stands.then_some(since);
-        stands && at.saturating_sub(since) >= STANDING_TIME
+        if !matches!(self.course, Course::Position { .. }) {
+            return false;
+        }
+        if let Some(report) = report {
+            let settled = |motor: &u8| report.motors.get(usize::from(*motor)).is_some_and(|of| of.settled);
+            return self.motors.iter().all(settled);
+        }
+        let within_tolerance = motors_of(bulk, &self.motors).all(|(_, _, _, within)| within);
+        let fastest = motors_of(bulk, &self.motors).map(|(_, _, cps, _)| i32::from(cps).abs()).max();
+        self.settle_detector.step(within_tolerance, CountsPerSecond::new(fastest.unwrap_or_default()))
     }
 
     /// Judges the motion when its time is over: fails, and names the motors that did not reach the set-point.
@@ -195,13 +204,14 @@ impl Progress {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use motor_hub::extension::report::MotorReport;
 
     fn progress(course: Course, velocities: &[i16]) -> Progress {
         let order = Order { motors: vec![0], course, zero: ZeroPower::Brake, length: None };
-        let mut progress = Progress::new(&order);
+        let mut progress = Progress::new(&order, Duration::from_millis(50));
         for (n, cps) in (0u64..).zip(velocities) {
-            let bulk = Bulk { velocities: [*cps, 0, 0, 0], at_target: [true; 4], ..Bulk::default() };
-            progress.observe(Duration::from_millis(100 * n), &bulk);
+            let bulk = Bulk { velocities: [*cps, 0, 0, 0], within_tolerance: [true; 4], ..Bulk::default() };
+            progress.observe(Duration::from_millis(100 * n), &bulk, None);
         }
         progress
     }
@@ -219,14 +229,28 @@ mod tests {
     }
 
     #[test]
-    fn a_motor_that_rushes_through_its_target_has_not_arrived() {
+    fn a_motor_that_rushes_through_its_target_has_not_settled() {
         let position = Course::Position { counts: 0, tolerance: 5, speed: 1000 };
-        let bulk = |cps| Bulk { velocities: [cps, 0, 0, 0], at_target: [true; 4], ..Bulk::default() };
+        let bulk = |cps| Bulk { velocities: [cps, 0, 0, 0], within_tolerance: [true; 4], ..Bulk::default() };
         let mut progress = progress(position, &[]);
         let at = |n: u64| Duration::from_millis(50 * n);
-        assert!(!progress.observe(at(0), &bulk(900)));
-        assert!(!progress.observe(at(1), &bulk(20)));
-        assert!(!progress.observe(at(2), &bulk(0)));
-        assert!(progress.observe(at(3), &bulk(0)));
+        assert!(!progress.observe(at(0), &bulk(900), None));
+        assert!(!progress.observe(at(1), &bulk(20), None));
+        assert!(progress.observe(at(2), &bulk(0), None));
+    }
+
+    #[test]
+    fn a_hub_that_reports_says_itself_whether_a_motor_has_settled() {
+        let position = Course::Position { counts: 0, tolerance: 5, speed: 1000 };
+        let bulk = Bulk { within_tolerance: [true; 4], ..Bulk::default() };
+        let report = |settled| HubReport {
+            motors: [MotorReport { settled, ..MotorReport::default() }].into_iter().collect(),
+            ..HubReport::default()
+        };
+        let mut progress = progress(position, &[]);
+        for _ in 0..10 {
+            assert!(!progress.observe(Duration::ZERO, &bulk, Some(&report(false))));
+        }
+        assert!(progress.observe(Duration::ZERO, &bulk, Some(&report(true))));
     }
 }

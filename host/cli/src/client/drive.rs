@@ -85,7 +85,7 @@ pub(crate) struct PositionOptions {
     /// Target position in counts
     #[arg(value_name = "COUNTS", value_parser = whole("a position", i32::MIN..=i32::MAX, "counts"))]
     counts: i32,
-    /// Largest distance in counts at which the target counts as reached
+    /// Largest distance to the target, in counts, at which a motor can settle
     #[arg(long = "tolerance-counts", alias = "tolerance", value_name = "COUNTS", default_value_t = 5)]
     #[arg(value_parser = whole("a tolerance", 0..=u16::MAX, "counts"))]
     tolerance: u16,
@@ -136,29 +136,30 @@ impl Drive {
 
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let (order, turn) = self.order()?;
-        let mut progress = Progress::new(&order);
-        let arrived = Driven::run(session, |driven| {
+        let mut progress = Progress::new(&order, INTERVAL);
+        let settled = Driven::run(session, |driven| {
             order.begin(driven)?;
-            let arrived =
-                follow(driven, &order, turn, |reading| progress.observe(reading.at, &reading.bulk))?;
-            if !arrived {
+            let settled = follow(driven, &order, turn, |reading| {
+                progress.observe(reading.at, &reading.bulk, reading.report.as_ref())
+            })?;
+            if !settled {
                 progress.judge(order.length)?;
             }
-            Ok(arrived)
+            Ok(settled)
         })?;
-        if arrived {
-            print("at target\n")?;
+        if settled {
+            print("settled at the target\n")?;
         }
         Ok(())
     }
 }
 
-/// Shows the motors until `arrived` returns true or the time is over; true if they have arrived.
+/// Shows the motors until `settled` returns true or the time is over; true if they have settled.
 fn follow(
     session: &mut Session<Line>,
     order: &Order,
     turn: Option<f64>,
-    mut arrived: impl FnMut(&Reading) -> bool,
+    mut settled: impl FnMut(&Reading) -> bool,
 ) -> Result<bool, Trouble> {
     let motors = &order.motors;
     let mut live = Live::new();
@@ -176,7 +177,7 @@ fn follow(
         }
         readings = readings.wrapping_add(1);
         order.check(session)?;
-        Ok(arrived(reading))
+        Ok(settled(reading))
     });
     // The last reading is always printed.
     unsaid.map_or(Ok(()), |line| print(&line))?;

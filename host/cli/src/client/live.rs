@@ -24,7 +24,7 @@ pub(crate) struct Reading {
     battery: Millivolts,
     pub(crate) status: Status,
     /// `None` if the hub does not report it.
-    report: Option<HubReport>,
+    pub(crate) report: Option<HubReport>,
 }
 
 impl Reading {
@@ -43,6 +43,11 @@ impl Reading {
         self.report.as_ref()?.motors.get(usize::from(motor))
     }
 
+    /// Word for a motor at its target. Hubs that send no report only know whether a motor is within tolerance.
+    const fn word(&self) -> &'static str {
+        if self.report.is_some() { "settled" } else { "within tolerance" }
+    }
+
     /// Why a motor stands, if a reason is known.
     fn why(&self, motor: u8) -> Option<&'static str> {
         why_still(self.report.as_ref()?, motor.into())
@@ -54,19 +59,20 @@ impl Reading {
 
     /// Table for a terminal. With `turn`, the counts in a turn of the output shaft, the shaft's speed is shown too.
     pub(crate) fn table(&self, motors: &[u8], turn: Option<f64>) -> String {
-        let mut headings = vec!["motor", "position, counts", "velocity, counts/s", "at target"];
+        let mut headings = vec!["motor", "position, counts", "velocity, counts/s", self.word()];
         headings.extend(turn.iter().flat_map(|_| ["rpm", "rad/s"]));
         headings
             .extend(self.report.iter().flat_map(|_| ["control, %", "bridge", "current, A", "why it stands"]));
         let mut table = table::new(&headings, 0);
-        for (motor, position, velocity, at_target) in self.motors(motors) {
-            let at_target = if at_target { "yes" } else { "no" };
+        for (motor, position, velocity, within_tolerance) in self.motors(motors) {
+            let there = self.reported(motor).map_or(within_tolerance, |of| of.settled);
+            let there = if there { "yes" } else { "no" };
             let shaft = turn.map(|turn| shaft_speed(velocity, turn));
             let shaft = shaft.into_iter().flat_map(|(rpm, rad)| [format!("{rpm:.1}"), format!("{rad:.2}")]);
-            let row = [motor.to_string(), position.to_string(), velocity.to_string(), at_target.into()];
+            let row = [motor.to_string(), position.to_string(), velocity.to_string(), there.into()];
             let more = self.reported(motor).map(|of| {
                 let why = self.why(motor).unwrap_or_default().to_owned();
-                [format!("{:.1}", percent(of)), bridge(of), format!("{:.2}", amperes(of.current)), why]
+                [format!("{:.1}", percent(of)), bridge(of), format!("{:.2}", amperes(of.best_current())), why]
             });
             table.add_row(row.into_iter().chain(shaft).chain(more.into_iter().flatten()));
         }
@@ -84,11 +90,12 @@ impl Reading {
 
     /// One line of text.
     pub(crate) fn line(&self, motors: &[u8], turn: Option<f64>) -> String {
-        let motors = self.motors(motors).map(|(motor, position, velocity, at_target)| {
-            let at_target = if at_target { ", at target" } else { "" };
+        let motors = self.motors(motors).map(|(motor, position, velocity, within_tolerance)| {
+            let there = self.reported(motor).map_or(within_tolerance, |of| of.settled);
+            let there = if there { format!(", {}", self.word()) } else { String::new() };
             let shaft = turn.map(|turn| shaft_speed(velocity, turn));
             let rpm = shaft.map(|(rpm, rad)| format!(" ({rpm:.1} rpm, {rad:.2} rad/s)")).unwrap_or_default();
-            format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{at_target}")
+            format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{there}")
         });
         let motors: String = motors.collect();
         format!("{:.1} s, {:.2} V{motors}\n", self.at.as_secs_f64(), self.battery_v())
@@ -98,9 +105,13 @@ impl Reading {
     pub(crate) fn json(&self, motors: &[u8], turn: Option<f64>) -> Value {
         let motors: Vec<Value> = self
             .motors(motors)
-            .map(|(motor, position, velocity, at_target)| {
-                let mut of_motor =
-                    json!({ "motor": motor, "position": position, "velocity": velocity, "at_target": at_target });
+            .map(|(motor, position, velocity, within_tolerance)| {
+                let mut of_motor = json!({
+                    "motor": motor,
+                    "position": position,
+                    "velocity": velocity,
+                    "within_tolerance": within_tolerance,
+                });
                 if let (Some(object), Some(turn)) = (of_motor.as_object_mut(), turn) {
                     let (rpm, rad) = shaft_speed(velocity, turn);
                     object.extend([("rpm".to_owned(), json!(rpm)), ("rad_per_s".to_owned(), json!(rad))]);
@@ -142,7 +153,7 @@ fn bridge(report: &MotorReport) -> String {
 }
 
 /// Values of a motor that only hubs of this project report.
-fn report_json(report: &MotorReport) -> [(String, Value); 8] {
+fn report_json(report: &MotorReport) -> [(String, Value); 9] {
     let regulator = regulator_name(report.regulator);
     [
         ("enabled", json!(report.enabled)),
@@ -150,17 +161,18 @@ fn report_json(report: &MotorReport) -> [(String, Value); 8] {
         ("regime", json!(report.regime.map(regime_name))),
         ("mode", json!(report.regime.map(|_| report.drive.mode.name()))),
         ("duty", json!(report.drive.duty.to_f64())),
-        ("current_a", json!(amperes(report.current))),
+        ("current_a", json!(amperes(report.best_current()))),
         ("load_a", json!(report.load.map(amperes))),
         ("regulator", json!(regulator)),
+        ("settled", json!(report.settled)),
     ]
     .map(|(key, value)| (key.to_owned(), value))
 }
 
-/// Motor, position, velocity and at-target state of the given motors.
+/// Motor, position, velocity, and whether the motor is within tolerance, of the given motors.
 pub(super) fn motors_of(bulk: &Bulk, motors: &[u8]) -> impl Iterator<Item = (u8, i32, i16, bool)> {
-    let Bulk { encoders, velocities, at_target, .. } = *bulk;
-    let all = (0..).zip(encoders).zip(velocities).zip(at_target);
+    let Bulk { encoders, velocities, within_tolerance, .. } = *bulk;
+    let all = (0..).zip(encoders).zip(velocities).zip(within_tolerance);
     all.filter(|(((motor, _), _), _)| motors.contains(motor)).map(|(((m, p), v), t)| (m, p, v, t))
 }
 

@@ -78,7 +78,7 @@ impl Options {
 
     pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let order = self.order()?;
-        let mut progress = Progress::new(&order);
+        let mut progress = Progress::new(&order, Duration::from_secs(1) / self.rate);
         let words = format!("motor-hub client record -- {}", self.drive.join(" "));
         let mut recorder = Recorder::new(&self.out, &words, &order)?;
         let interval = Duration::from_secs(1) / self.rate;
@@ -128,7 +128,7 @@ impl Recorder {
         })
     }
 
-    /// Takes readings until the motors have arrived (true) or the time is over (false).
+    /// Takes readings until the motors have settled (true) or the time is over (false).
     fn run(
         &mut self,
         session: &mut Session<Line>,
@@ -177,23 +177,22 @@ impl Recorder {
         };
         let battery_v = f64::from(battery.get()) / 1e3;
         let mut rows = String::new();
-        for (motor, position, cps, at_target) in motors_of(&bulk, &order.motors) {
-            let (control, current_a) = match report
-                .as_ref()
-                .and_then(|report| report.motors.get(usize::from(motor)))
-            {
+        for (motor, position, cps, _) in motors_of(&bulk, &order.motors) {
+            let of = report.as_ref().and_then(|report| report.motors.get(usize::from(motor)));
+            let settled = of.map(|of| of.settled);
+            let (control, current_a) = match of {
                 Some(of) => (Some(of.control.get()), Some(f64::from(of.best_current().get().abs()) / 1e3)),
                 None => (None, self.current(session, motor)?),
             };
             let at_s = at.as_secs_f64();
-            let sample = Sample { at_s, motor, battery_v, position, cps, control, current_a, at_target };
+            let sample = Sample { at_s, motor, battery_v, position, cps, control, current_a, settled };
             rows += &self.recording.push(sample);
         }
         // Whole rows are written immediately, so that no row is lost however the program ends.
         let written = self.file.write_all(rows.as_bytes());
         written.map_err(|e| Failure::Work(format!("{}: {e}", self.path.display())))?;
         (self.readings, self.length) = (self.readings + 1, at);
-        Ok(progress.observe(at, &bulk))
+        Ok(progress.observe(at, &bulk, report.as_ref()))
     }
 
     /// Current of a motor in amperes; `None` once the hub has refused to report it.
@@ -225,14 +224,14 @@ impl Recorder {
     }
 }
 
-/// The bulk answer that a hub with this report would give.
+/// Positions and velocities of a report, as a bulk answer.
 fn bulk_of(report: &HubReport) -> Bulk {
     let mut bulk = Bulk::default();
     for (index, motor) in report.motors.iter().enumerate() {
-        let of =
-            (bulk.encoders.get_mut(index), bulk.velocities.get_mut(index), bulk.at_target.get_mut(index));
-        if let (Some(position), Some(velocity), Some(at_target)) = of {
-            (*position, *velocity, *at_target) = (motor.position, motor.velocity, motor.at_target);
+        if let (Some(position), Some(velocity)) =
+            (bulk.encoders.get_mut(index), bulk.velocities.get_mut(index))
+        {
+            (*position, *velocity) = (motor.position, motor.velocity);
         }
     }
     bulk

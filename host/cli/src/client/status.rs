@@ -76,10 +76,10 @@ impl Everything {
         Ok(Self { address: session.address(), status, version, battery, led, motors, bulk, bus, conditions })
     }
 
-    /// Number, mode and targets, encoder position, velocity and at-target state of each motor.
+    /// Number, mode and targets, encoder position, velocity, and whether the motor is within tolerance.
     fn motors(&self) -> impl Iterator<Item = (usize, &MotorState, i32, i16, bool)> {
-        let Bulk { encoders, velocities, at_target, .. } = self.bulk;
-        let motors = self.motors.iter().enumerate().zip(encoders).zip(velocities).zip(at_target);
+        let Bulk { encoders, velocities, within_tolerance, .. } = self.bulk;
+        let motors = self.motors.iter().enumerate().zip(encoders).zip(velocities).zip(within_tolerance);
         motors.map(|((((index, channel), encoder), velocity), at)| (index, channel, encoder, velocity, at))
     }
 
@@ -102,7 +102,7 @@ impl Everything {
             .add_row(["bus", &self.bus.map_or_else(|| NOT_REPORTED.to_owned(), bus_words)])
             .add_row(["LED", &format!("red {red}, green {green}, blue {blue}")]);
         let mut rows = MOTOR_HEADINGS.map(|heading| vec![heading.to_owned()]);
-        for (index, channel, encoder, velocity, at_target) in self.motors() {
+        for (index, channel, encoder, velocity, within_tolerance) in self.motors() {
             let cells = [
                 index.to_string(),
                 mode(channel.mode).to_owned(),
@@ -113,7 +113,7 @@ impl Everything {
                 format!("{} ±{}", channel.position.counts, channel.position.tolerance),
                 encoder.to_string(),
                 velocity.to_string(),
-                yes(at_target),
+                yes(within_tolerance),
                 self.condition(index).map_or_else(|| NOT_REPORTED.to_owned(), condition_words),
             ];
             rows.iter_mut().zip(cells).for_each(|(row, cell)| row.push(cell));
@@ -130,7 +130,7 @@ impl Everything {
     fn json(&self) -> Value {
         let motors: Vec<Value> = self
             .motors()
-            .map(|(index, channel, encoder, velocity, at_target)| {
+            .map(|(index, channel, encoder, velocity, within_tolerance)| {
                 json!({
                     "motor": index,
                     "mode": mode(channel.mode),
@@ -142,7 +142,7 @@ impl Everything {
                     "tolerance": channel.position.tolerance,
                     "position": encoder,
                     "velocity": velocity,
-                    "at_target": at_target,
+                    "within_tolerance": within_tolerance,
                     "heat_percent": self.condition(index).map(|is| f64::from(is.heat) / 10.0),
                     "condition": self.condition(index).map(condition_words),
                 })
@@ -232,7 +232,7 @@ const MOTOR_HEADINGS: [&str; 11] = [
     "target position",
     "encoder",
     "velocity",
-    "at target",
+    "within tolerance",
     "winding, bridge",
 ];
 

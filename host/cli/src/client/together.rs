@@ -40,7 +40,7 @@ pub(crate) struct Options {
     #[arg(long = "lag-counts", alias = "lag", value_name = "COUNTS")]
     #[arg(value_parser = whole("a lag", 0..=u16::MAX, "counts"))]
     lag: Option<u16>,
-    /// Largest distance in counts at which a motor's target counts as reached
+    /// Largest distance to its target, in counts, at which a motor can settle
     #[arg(long = "tolerance-counts", alias = "tolerance", value_name = "COUNTS", default_value_t = TOLERANCE)]
     #[arg(value_parser = whole("a tolerance", 0..=u16::MAX, "counts"))]
     tolerance: u16,
@@ -75,7 +75,7 @@ impl Options {
     pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
         let values = self.values()?;
         let motors: Vec<u8> = drive::ALL.into_iter().zip(values).filter_map(|(m, v)| v.map(|_| m)).collect();
-        let arrived = Driven::run(session, |driven| {
+        let settled = Driven::run(session, |driven| {
             if self.on {
                 let speeds = drive::ALL.into_iter().zip(values);
                 let speeds = speeds.filter_map(|(motor, cps)| Some((motor, cps?.unsigned_abs())));
@@ -83,15 +83,15 @@ impl Options {
             }
             let wanted = self.wanted(driven, values)?;
             stand(driven, &motors)?;
-            let arrived = self.lead(driven, &motors, wanted)?;
-            if !arrived && !self.on {
+            let settled = self.lead(driven, &motors, wanted)?;
+            if !settled && !self.on {
                 let seconds = self.length.unwrap_or_default().as_secs_f64();
                 return Err(Failure::Work(format!("targets not reached after {seconds} s")).into());
             }
-            Ok(arrived)
+            Ok(settled)
         })?;
-        if arrived {
-            print("all motors at target\n")?;
+        if settled {
+            print("all motors settled\n")?;
         }
         Ok(())
     }
@@ -142,7 +142,7 @@ impl Options {
         })
     }
 
-    /// Starts the group and shows its motion; true if all motors have arrived, false if the time is over.
+    /// Starts the group and shows its motion; true if all motors have settled, false if the time is over.
     fn lead(&self, session: &mut Session<Line>, motors: &[u8], wanted: GroupMove) -> Result<bool, Trouble> {
         let Some(&first) = motors.first() else { return Ok(false) };
         session.move_together(first, wanted)?;
@@ -160,7 +160,7 @@ impl Options {
                 let why = format!("the hub has ended the group of motor {first}; hub status: {words}");
                 return Err(Failure::Work(why).into());
             }
-            Ok(state == GroupState::Arrived)
+            Ok(state == GroupState::Settled)
         })
     }
 }

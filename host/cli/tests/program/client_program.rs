@@ -158,7 +158,7 @@ fn a_recording_has_the_current_of_hubs_that_tell_it() {
     ));
     let text = std::fs::read_to_string(folder.join("record.csv")).unwrap();
     assert!(
-        text.lines().count() > 5 && text.lines().skip(1).all(|row| row.ends_with(",1.250,false,1")),
+        text.lines().count() > 5 && text.lines().skip(1).all(|row| row.ends_with(",1.250,false,2")),
         "{text}"
     );
     let svg = std::fs::read_to_string(folder.join("motor-1.svg")).unwrap();
@@ -187,12 +187,13 @@ fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
 #[test]
 fn a_position_ends_at_its_target_or_fails_in_time() {
     let mut hub = Hub::new();
-    hub.snapshot.motors.iter_mut().for_each(|motor| motor.position = 1000);
+    hub.snapshot.motors.iter_mut().for_each(|motor| (motor.position, motor.settled) = (1000, true));
     let server = Server::start(hub);
-    assert!(out(&client(&server, &["position", "all", "1004"])).ends_with("at target\n"));
+    assert!(out(&client(&server, &["position", "all", "1004"])).ends_with("settled at the target\n"));
     assert_eq!(server.hub().was_enabled, [true; 4]);
     assert_eq!(server.hub().responder.enabled(), [false; 4]);
 
+    server.hub().snapshot.motors[1].settled = false;
     let late = client(&server, &["position", "1", "-2000", "--tolerance", "0", "--for", "0.2"]);
     assert_eq!(late.status.code(), Some(1));
     assert!(err(&late).contains("target not reached after 0.2 s"), "{}", err(&late));

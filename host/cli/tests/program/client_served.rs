@@ -163,7 +163,7 @@ fn motors_move_in_step_to_where_they_are_sent() {
         [0, 2].map(|motor: usize| motors[motor]["position"].as_i64().unwrap())
     };
     let shown = out(&client(&hub, &["together", "0=800", "2=-400", "--speed", "1600"]).output().unwrap());
-    assert!(shown.ends_with("all motors at target\n"), "{shown}");
+    assert!(shown.ends_with("all motors settled\n"), "{shown}");
     let [first, second] = positions(&hub);
     // Disabled motors may roll on.
     assert!((first - 800).abs() < 50 && (second + 400).abs() < 50, "{first} {second}");

@@ -41,7 +41,7 @@ fn fields(value: &Value, path: &str, all: &mut BTreeSet<String>) {
 fn assert_agree(section: &str, documents: &[Value]) {
     let mut said = BTreeSet::new();
     documents.iter().for_each(|document| fields(document, "", &mut said));
-    assert!(documents.iter().all(|document| document["schema_version"] == 1), "{section}");
+    assert!(documents.iter().all(|document| document["schema_version"] == 2), "{section}");
     let page = documented(section);
     let covers = |row: &str, field: &str| {
         row.strip_suffix(".*").map_or(row == field, |above| field.starts_with(&format!("{above}.")))
@@ -180,5 +180,5 @@ fn files_have_the_columns_that_the_page_says() {
     }
     let motors: BTreeSet<&str> = trace.lines().skip(1).map(|row| row.split(',').nth(1).unwrap()).collect();
     assert_eq!(motors.into_iter().collect::<String>(), "0123", "as the protocol numbers them");
-    assert!(trace.lines().skip(1).all(|row| row.ends_with(",1")), "each row has the version of its schema");
+    assert!(trace.lines().skip(1).all(|row| row.ends_with(",2")), "each row has the version of its schema");
 }

@@ -96,6 +96,10 @@ impl Hub {
             if let Some(order) = self.responder.update_order() {
                 (self.flash)(&mut self.responder, order);
             }
+            while self.responder.pending().is_some() {
+                self.snapshot.commands += 1;
+                self.responder.sent(self.snapshot.commands);
+            }
             let now_enabled = self.responder.enabled();
             self.was_enabled.iter_mut().zip(now_enabled).for_each(|(was, is)| *was |= is);
             if self.lost_replies > 0 {

@@ -102,13 +102,13 @@ function show(/** @type {any} */ card, /** @type {any} */ motor) {
   say(card.speed, speed(motor.velocity, settings));
   say(card.speedUnit, speedUnit(settings));
   say(card.position, number(motor.position));
-  say(card.current, motor.current_a === undefined ? "–" : number(motor.measured_a ?? motor.current_a, 2));
+  say(card.current, motor.best_current_a === undefined ? "–" : number(motor.best_current_a, 2));
   card.run.setAttribute("aria-checked", String(motor.enabled));
   say(card.run, motor.enabled ? "Running" : "Run");
   const regime = motor.enabled ? motor.regime : null;
   card.pill.className = `pill ${regime ?? ""}`;
   say(card.pill, regime ? `${regime} ${motor.mode}, ${number(100 * motor.duty)} %` : motor.enabled && motor.regime !== undefined ? "bridge open" : motor.enabled ? motor.told : "off");
-  const words = motor.why ? motor.why[0].toUpperCase() + motor.why.slice(1) + "." : motor.told === "identify" ? "Identification runs." : !motor.enabled ? "Disabled, still turning." : motor.regulator ? `Regulated ${motor.regulator === "model" ? "by the motor model" : "by PID"}${motor.derated ? "; derated: the winding is hot, and the current is limited" : ""}${motor.at_target ? "; at its target" : ""}.` : "";
+  const words = motor.why ? motor.why[0].toUpperCase() + motor.why.slice(1) + "." : motor.told === "identify" ? "Identification runs." : !motor.enabled ? "Disabled, still turning." : motor.regulator ? `Regulated ${motor.regulator === "model" ? "by the motor model" : "by PID"}${motor.derated ? "; derated: the winding is hot, and the current is limited" : ""}${motor.settled ? "; settled at its target" : ""}.` : "";
   say(card.why, motor.told === "power" && !motor.why ? "Constant power." : words);
   card.why.classList.toggle("fault", Boolean(motor.fault || motor.stalled));
 }

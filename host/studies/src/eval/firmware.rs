@@ -3,7 +3,7 @@
 use super::case::{Case, table};
 use super::error::CaseError;
 use motor_hub::braking::{
-    self, Abscissa, LinearCurrent, OperatingPoint, Place, Points, Regime, Scheme, Winding,
+    self, Abscissa, LinearCurrent, Location, OperatingPoint, Points, Regime, Scheme, Winding,
 };
 use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::model::bridge_states::{CurrentSign, SwitchPattern};
@@ -121,7 +121,7 @@ pub(super) fn example_duty(case: &Case) -> Result<Value, CaseError> {
     if !(points.s < points.t && points.t <= points.z && points.z < points.g) {
         return Err(CaseError::Points);
     }
-    let Place { regime, fraction } = points.place(control(case.number("control")?)?);
+    let Location { regime, fraction } = points.locate(control(case.number("control")?)?);
     Ok(json!({ "regime": name(regime), "duty": fraction.to_f64() }))
 }
 
@@ -151,7 +151,7 @@ pub(super) fn regime_duty(case: &Case) -> Result<Value, CaseError> {
     let row = |value: f64| {
         let placed = control(value)?;
         let turned = if at.counter_clockwise() { -placed } else { placed };
-        let Place { regime, fraction } = points.place(turned);
+        let Location { regime, fraction } = points.locate(turned);
         let mode = regime.mode(at.counter_clockwise());
         Ok(json!([placed.get(), name(regime), mode.name(), fraction.to_duty().to_f64()]))
     };
@@ -184,7 +184,7 @@ pub(super) fn current_drive(
     let point = operating_point(winding.emf.emf(speed), battery_mv)?;
     let voltage = at.emf.0 + wanted * (motor.r.0 + 2.0 * bridge.ron.0);
     let control = Control::saturating((voltage / at.battery.0 * LARGEST_CONTROL as f64).round() as i64);
-    Ok(braking::place_current(&current, Scheme::A, point, control).drive)
+    Ok(braking::linear_current(&current, Scheme::A, point, control).drive)
 }
 
 fn full_range(case: &Case) -> Result<(), CaseError> {

@@ -98,5 +98,5 @@ fn poles(motor: &Motor, flywheel_kg: f64) -> (f64, f64) {
 fn example_duty() -> f64 {
     let at = |steps: i64| Abscissa::from_bits(steps << 8);
     let points = Points { s: at(-32767), t: at(-16384), z: at(8192), g: at(32767) };
-    points.place(Control::new(-10_000)).fraction.to_f64()
+    points.locate(Control::new(-10_000)).fraction.to_f64()
 }

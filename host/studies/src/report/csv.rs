@@ -10,7 +10,7 @@ use std::fmt::Write;
 
 const HEADINGS: &str = "time_s,motor,label,battery_v,battery_measured_v,setpoint,setpoint_value,\
 position_counts,speed_cps,speed_estimate_cps,control,regime,mode,duty,mean_current_a,\
-energy_from_battery_j,energy_to_battery_j,external_torque_nm,at_target,stalled,fault,encoder_fault,regulator,observed_load_a,schema_version\n";
+energy_from_battery_j,energy_to_battery_j,external_torque_nm,settled,stalled,fault,encoder_fault,regulator,observed_load_a,schema_version\n";
 
 /// The whole trace. Means and energies are those from the row's tick to the next.
 pub(super) fn of(scenario: &Scenario, trace: &Trace) -> String {
@@ -66,7 +66,7 @@ fn row(out: &mut String, sample: &Sample) {
         sample.flow.energy_from_battery.0,
         sample.flow.energy_to_battery.0,
         sample.torque_nm,
-        report.at_target,
+        report.settled,
         report.stalled,
         regulator_name(report.regulator),
     );

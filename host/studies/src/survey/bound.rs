@@ -2,7 +2,7 @@
 
 use super::judge::{Challenge, Goal, Kind, REST};
 use crate::StudyError;
-use motor_hub::braking::{OperatingPoint, Placer};
+use motor_hub::braking::{Modulator, OperatingPoint};
 use motor_hub::bridge::Drive;
 use motor_hub::model::load::Shaft;
 use motor_hub::units::{Control, CountsPerSecond, EmfConstant, Millivolts};
@@ -32,7 +32,7 @@ const LONGEST: f64 = 60.0;
 
 /// A motor with its load at its scenario's battery, in the encoder's units.
 struct Machine {
-    placer: Placer,
+    modulator: Modulator,
     emf: EmfConstant,
     battery: Millivolts,
     /// Counts/s² per volt.
@@ -61,7 +61,7 @@ impl Machine {
         let drawn: f64 = scenario.motors.iter().map(|motor| emf_v / motor.constants.r.0).sum();
         let volts = COUNTED_ON * (emf_v - scenario.battery.resistance.0 * drawn);
         Ok(Self {
-            placer: Placer::new(&winding, &BRIDGE, motor.scheme, motor.duty),
+            modulator: Modulator::new(&winding, &BRIDGE, motor.scheme, motor.duty),
             emf: winding.emf,
             battery: Millivolts::from_volts(volts)?,
             b: constants.kt.0 * counts / (ohms * shaft.inertia.0),
@@ -77,11 +77,11 @@ impl Machine {
     fn volts(&self, speed: f64, control: Control) -> Option<f64> {
         let speed = CountsPerSecond::saturating_from_bits((256.0 * speed) as i64);
         let at = OperatingPoint::new(self.emf.emf(speed), self.battery)?;
-        let placement = self.placer.place(at, control);
+        let placement = self.modulator.for_control(at, control);
         if placement.drive == Drive::COAST {
             return None;
         }
-        Some(f64::from(self.placer.flows(at, placement).to_volts()))
+        Some(f64::from(self.modulator.applied(at, placement).to_volts()))
     }
 
     /// The lowest and the highest voltage of all control values at a speed.

@@ -1,4 +1,4 @@
-//! A flash for who has nothing else to do.
+//! A blocking flash on top of an async one, for programs without other tasks, such as a bootloader.
 
 use core::future::Future;
 use core::pin::pin;
@@ -6,12 +6,14 @@ use core::task::{Context, Poll, Waker};
 use embedded_storage::nor_flash as blocking;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash};
 
-/// A flash whose reads, writes and erasures are waited for, as a bootloader has it: meanwhile `idle` is called again and again,
-/// which may sleep until an interrupt. What is blank is not written.
+/// A flash whose operations block until they are done.
+///
+/// While an operation is pending, `idle` is called repeatedly. Words of only 0xFF bytes are not written, because erased
+/// flash reads the same.
 pub struct Waiting<F> {
-    /// The flash.
+    /// The async flash.
     pub flash: F,
-    /// What is done meanwhile.
+    /// Function that is called while an operation is pending. It may sleep until the next interrupt.
     pub idle: fn(),
 }
 
@@ -54,7 +56,6 @@ impl<F: NorFlash> blocking::NorFlash for Waiting<F> {
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {
         for (at, word) in (offset..).step_by(F::WRITE_SIZE).zip(bytes.chunks(F::WRITE_SIZE)) {
-            // Blank is what it is already.
             if word.iter().any(|byte| *byte != 0xFF) {
                 Self::wait(self.idle, self.flash.write(at, word))?;
             }

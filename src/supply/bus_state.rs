@@ -1,46 +1,47 @@
-//! The bus as a host would want to see it, whether or not motors may run on it.
+//! The bus as a host sees it: the last reading and its range, whether or not motors may run.
 
 use super::limits::{Levels, Limits};
 use super::{BATTERY_STALE_MICROS, Battery, Stage};
 use crate::units::{Micros, Millivolts, Share};
 
-/// In which of its ranges the bus is.
+/// The range in which the bus is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BusState {
-    /// The converter says nothing, or nothing new: motors coast.
+    /// The converter does not answer, or its last reading is stale. Motors coast.
     #[default]
     Silent,
-    /// Below what is plausible: motors coast.
+    /// The voltage is below [`Levels::min`]. Motors coast once the last plausible reading is stale.
     TooLow,
-    /// Nothing is drawn.
+    /// No current may be drawn.
     Cut,
-    /// Less is drawn.
+    /// The current is limited.
     Derated,
-    /// All is as asked.
+    /// The battery is not low, and braking motors may return energy.
     Quiet,
-    /// Braking motors burn what they would return.
+    /// Braking motors dissipate the energy that they would return.
     Burning,
-    /// The same, and the bus is above what they keep it below: something else lifts it.
+    /// The voltage is above [`Levels::burn_all`] although braking motors dissipate: another source lifts the bus.
     TooHigh,
 }
 
-/// What was seen last, and when.
+/// The last reading of the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Seen {
-    /// As the converter measured it, plausible or not; `None` if it did not answer.
+    /// Voltage as measured, plausible or not; `None` if the converter did not answer.
     pub measured: Option<Millivolts>,
-    /// What that means.
+    /// The range in which the bus was.
     pub state: BusState,
-    /// When it was measured.
+    /// Time of the measurement.
     pub at: Micros,
 }
 
 impl Seen {
-    /// Nothing yet.
+    /// The state before the first reading.
     pub const NOTHING: Self = Self { measured: None, state: BusState::Silent, at: Micros::new(0) };
 
+    /// Finds the range of a reading; `battery` is what [`Supply::step`](super::Supply::step) made of the reading.
     pub(super) fn new(
         limits: &Limits,
         measured: Option<Millivolts>,
@@ -60,7 +61,7 @@ impl Seen {
         Self { measured, state, at }
     }
 
-    /// The same, or that nothing new was seen for too long.
+    /// Returns the reading, or [`BusState::Silent`] if the reading is older than [`BATTERY_STALE_MICROS`].
     #[must_use]
     pub fn by(self, now: Micros) -> Self {
         if now.since(self.at) <= BATTERY_STALE_MICROS { self } else { Self { at: self.at, ..Self::NOTHING } }

@@ -1,0 +1,47 @@
+//! What becomes of the energy of a braking motor: a part returns to the bus, the rest heats winding and bridge.
+
+use super::points::{OperatingPoint, Regime};
+use super::{Modulation, Modulator, clockwise_volts};
+use crate::units::Voltage;
+
+/// Where the energy of motion of a braking motor goes, in watts, each at least 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Returned {
+    /// Power that returns to the bus.
+    pub returned: f32,
+    /// Power that heats winding and bridge.
+    pub burnt: f32,
+}
+
+impl Returned {
+    /// The motor does not brake.
+    pub const NONE: Self = Self { returned: 0.0, burnt: 0.0 };
+}
+
+impl Modulator {
+    /// Where the energy goes while this command makes this voltage. `ohms` is the resistance of winding and bridge.
+    pub fn returned(
+        &self,
+        at: OperatingPoint,
+        modulation: Modulation,
+        applied: Voltage,
+        ohms: f32,
+    ) -> Returned {
+        let (e, v) = at.volts();
+        let current = (e - clockwise_volts(at, applied)).max(0.0) / ohms;
+        let braked = e * current;
+        match modulation.regime {
+            Regime::Forward => Returned::NONE,
+            Regime::Reverse => Returned { returned: 0.0, burnt: braked },
+            Regime::Braking => {
+                // While the bridge is open the current falls against the bus: in continuous conduction during all of that
+                // time, else until as many volt seconds are gone as the short had brought.
+                let open = 1.0 - modulation.drive.duty.to_f32();
+                let share = open.min(e / self.current.bus(v));
+                let returned = (v * current * share).min(braked);
+                Returned { returned, burnt: braked - returned }
+            }
+        }
+    }
+}

@@ -1,0 +1,273 @@
+//! The trajectory of a group: one progress, and from it a reference for each member.
+//!
+//! All members move on one straight line in the space of their positions. With all quantities in counts:
+//!
+//! ```text
+//!     reference[i] = base[i] + (share[i] - start_offset[i]) * progress / length - drift[i]
+//! ```
+//!
+//! * *Progress* is the distance that the member with the largest share has moved, in steps of 2^-16 counts.
+//! * A *share* is what a member moves while progress covers `length`. A motor that is no member has the share 0.
+//! * *Drift* is motion of the previous trajectory that does not lie along the new one. The new trajectory starts where
+//!   the drift comes to rest. Drift is braked to 0 while progress along the new trajectory begins.
+//!
+//! Progress and positions are integers, so references stay in proportion to within one count. A trajectory without end
+//! starts again each time it has covered its length. Rounding errors therefore do not accumulate.
+
+use super::Reference;
+use crate::units::{Acceleration, CountsPerSecond};
+use libm::{roundf, sqrtf};
+
+/// Steps of position and progress in one count.
+const STEPS_PER_COUNT: f32 = 65_536.0;
+/// Distance from the end, in steps, within which a trajectory counts as finished.
+const END_TOLERANCE_STEPS: i64 = 64;
+
+/// Where a trajectory goes.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Target<const N: usize> {
+    /// The members move to positions and stop there.
+    Positions {
+        /// Position of each motor in counts. A motor that is no member stays where it is.
+        counts: [i32; N],
+        /// Speed of the member that moves farthest, in counts/s.
+        speed_cps: f32,
+    },
+    /// The members move at these speeds without end.
+    Speeds([CountsPerSecond; N]),
+}
+
+/// A trajectory of N motors. Arrays are by motor.
+#[derive(Clone, Debug)]
+pub(super) struct Trajectory<const N: usize> {
+    /// Start of the trajectory, or of the present round of a trajectory without end, in steps.
+    base: [i64; N],
+    /// Distance that a motor moves while progress covers `length`, in counts.
+    share: [i32; N],
+    /// Distance of the start beyond the nearest whole count, in steps. Progress reduces the offset to 0.
+    start_offset: [i32; N],
+    /// Magnitude of the largest share, at least 1.
+    length: i64,
+    /// True if the trajectory has no end.
+    endless: bool,
+    /// Progress of the member that moves farthest, in steps.
+    progress: i64,
+    /// Speed of the progress in counts/s.
+    speed_cps: f32,
+    /// Set-point of the speed of the progress in counts/s.
+    speed_limit_cps: f32,
+    /// Largest acceleration of the member that moves farthest, in counts/s².
+    acceleration_cps2: f32,
+    /// Deceleration of the drift in counts/s².
+    drift_deceleration_cps2: [f32; N],
+    /// Time until the drift has come to rest, in seconds; 0 without drift.
+    drift_s: f32,
+    /// True if the group stops. Drift is then braked with all of the acceleration.
+    stopping: bool,
+}
+
+impl<const N: usize> Trajectory<N> {
+    /// Creates a trajectory that brakes from these positions and speeds (in counts/s) to a stop.
+    pub(super) fn new(positions: [i32; N], speeds_cps: [f32; N], acceleration: Acceleration) -> Self {
+        let mut trajectory = Self {
+            base: positions.map(|position| i64::from(position) << 16),
+            share: [0; N],
+            start_offset: [0; N],
+            length: 1,
+            endless: true,
+            progress: 0,
+            speed_cps: 0.0,
+            speed_limit_cps: 0.0,
+            acceleration_cps2: acceleration.get() as f32,
+            drift_deceleration_cps2: [0.0; N],
+            drift_s: 0.0,
+            stopping: false,
+        };
+        trajectory.start_drift(speeds_cps);
+        trajectory
+    }
+
+    /// Changes the target, starting from the present references and speeds. `tick_s` is a tick in seconds.
+    pub(super) fn redirect(&mut self, target: Target<N>, acceleration: Acceleration, tick_s: f32) {
+        let speeds_cps = self.speeds_cps();
+        let references = self.references();
+        self.acceleration_cps2 = acceleration.get() as f32;
+        self.base = references;
+        (self.progress, self.speed_cps, self.start_offset) = (0, 0.0, [0; N]);
+        match target {
+            Target::Speeds(speeds) => {
+                self.endless = true;
+                self.share = speeds.map(CountsPerSecond::to_bits);
+                self.update_length();
+                // A share is the speed in steps of 1/256 counts/s.
+                self.speed_limit_cps = if self.is_still() { 0.0 } else { self.length as f32 / 256.0 };
+                let (along, across) = split(&speeds_cps, &self.direction());
+                self.speed_cps = along;
+                self.stopping = self.is_still();
+                self.start_drift(across);
+            }
+            Target::Positions { counts, speed_cps } => {
+                (self.endless, self.speed_limit_cps, self.stopping) = (false, speed_cps.abs(), false);
+                self.head_for(&counts);
+                let (along, across) = split(&speeds_cps, &self.direction());
+                let stoppable = along * along <= 2.0 * self.acceleration_cps2 * self.length as f32;
+                // A drift of at most a quarter of the speed change in a tick is neglected.
+                if along == 0.0 || !stoppable || largest(&across) > self.acceleration_cps2 * tick_s / 4.0 {
+                    self.start_drift(speeds_cps);
+                    self.head_for(&counts);
+                } else {
+                    self.start_drift([0.0; N]);
+                    self.speed_cps = along;
+                }
+            }
+        }
+    }
+
+    /// Sets shares and start offsets for a movement from the base to these positions. Positions wrap, and each motor takes
+    /// the shorter direction.
+    fn head_for(&mut self, targets: &[i32; N]) {
+        let starts = self.base.iter().zip(&mut self.share).zip(&mut self.start_offset);
+        for (((base, share), start_offset), target) in starts.zip(targets) {
+            let whole = base.wrapping_add(1 << 15) >> 16;
+            *start_offset = base.wrapping_sub(whole << 16) as i32;
+            *share = target.wrapping_sub(whole as i32);
+        }
+        self.update_length();
+    }
+
+    fn update_length(&mut self) {
+        let longest = self.share.iter().map(|share| share.unsigned_abs()).max();
+        self.length = i64::from(longest.unwrap_or_default().max(1));
+    }
+
+    /// Returns the movement of each motor for a progress of 1, -1 to 1.
+    fn direction(&self) -> [f32; N] {
+        self.share.map(|share| share as f32 / self.length as f32)
+    }
+
+    /// True if no motor moves.
+    fn is_still(&self) -> bool {
+        self.share == [0; N]
+    }
+
+    /// Starts a drift from the base at these speeds, and moves the base to where the drift comes to rest.
+    fn start_drift(&mut self, speeds_cps: [f32; N]) {
+        self.drift_s = largest(&speeds_cps) / self.drift_acceleration_cps2();
+        let per_second = if self.drift_s > 0.0 { 1.0 / self.drift_s } else { 0.0 };
+        self.drift_deceleration_cps2 = speeds_cps.map(|speed| speed * per_second);
+        let drifts = self.drifts();
+        for (base, drift) in self.base.iter_mut().zip(drifts) {
+            *base = base.wrapping_add(drift);
+        }
+    }
+
+    /// Returns the part of the acceleration that brakes drift. The rest accelerates progress.
+    fn drift_acceleration_cps2(&self) -> f32 {
+        if self.stopping { self.acceleration_cps2 } else { self.acceleration_cps2 / 2.0 }
+    }
+
+    /// Returns how far each motor will still drift, in steps.
+    fn drifts(&self) -> [i64; N] {
+        let steps_per_deceleration = STEPS_PER_COUNT * self.drift_s * self.drift_s / 2.0;
+        self.drift_deceleration_cps2.map(|deceleration| roundf(deceleration * steps_per_deceleration) as i64)
+    }
+
+    /// True if the members have come to rest at the end. A trajectory that stops the group has an end too.
+    pub(super) fn is_at_end(&self) -> bool {
+        let at_end = if self.endless { self.is_still() } else { self.progress == self.length << 16 };
+        at_end && self.drift_s <= 0.0
+    }
+
+    /// Returns the position at which each motor should be, in steps.
+    pub(super) fn references(&self) -> [i64; N] {
+        let (whole, part) = (self.progress >> 16, self.progress & 0xFFFF);
+        let mut references = self.base;
+        let moves = self.share.iter().zip(&self.start_offset).zip(self.drifts());
+        for (reference, ((share, start_offset), drift)) in references.iter_mut().zip(moves) {
+            let share = i64::from(*share);
+            // The products have at most 62 and 48 bits. The length is at least 1.
+            let moved = share * whole;
+            let counts = moved.checked_div(self.length).unwrap_or_default();
+            let rest =
+                ((moved - counts * self.length) << 16) + share * part - i64::from(*start_offset) * whole;
+            let rest = rest.checked_div(self.length).unwrap_or_default();
+            *reference = reference.wrapping_add((counts << 16) + rest - drift);
+        }
+        references
+    }
+
+    /// Returns the speed that each motor should have, in counts/s.
+    pub(super) fn speeds_cps(&self) -> [f32; N] {
+        let speed_per_share = self.speed_cps / self.length as f32;
+        let mut speeds = self.drift_deceleration_cps2.map(|deceleration| deceleration * self.drift_s);
+        for (speed, share) in speeds.iter_mut().zip(&self.share) {
+            *speed += *share as f32 * speed_per_share;
+        }
+        speeds
+    }
+
+    /// Advances the trajectory by a time in seconds.
+    pub(super) fn step(&mut self, seconds: f32) {
+        let acceleration =
+            if self.drift_s > 0.0 { self.acceleration_cps2 / 2.0 } else { self.acceleration_cps2 };
+        self.drift_s = (self.drift_s - seconds).max(0.0);
+        let before = self.speed_cps;
+        let speed_change = acceleration * seconds;
+        let end = self.length << 16;
+        let mut wanted = self.speed_limit_cps;
+        if !self.endless {
+            // Distance to the end, less the part of this step's distance that the old speed determines.
+            let rest = (end - self.progress) as f32 / STEPS_PER_COUNT - before * seconds / 2.0;
+            let half_change = speed_change / 2.0;
+            let stoppable =
+                sqrtf(half_change * half_change + 2.0 * acceleration * rest.max(0.0)) - half_change;
+            wanted = wanted.min(stoppable);
+        }
+        self.speed_cps = wanted.min(before + speed_change).max(before - speed_change);
+        self.progress += roundf(STEPS_PER_COUNT * seconds * (before + self.speed_cps) / 2.0) as i64;
+        if self.endless {
+            self.start_next_round();
+        } else if end - self.progress < END_TOLERANCE_STEPS {
+            (self.progress, self.speed_cps) = (end, 0.0);
+        }
+    }
+
+    /// Moves the base of a trajectory without end by the shares of all rounds that progress has covered.
+    fn start_next_round(&mut self) {
+        let rounds = self.progress.checked_div_euclid(self.length << 16).unwrap_or_default();
+        if rounds != 0 {
+            for (base, share) in self.base.iter_mut().zip(&self.share) {
+                *base = base.wrapping_add((i64::from(*share) * rounds) << 16);
+            }
+            self.progress -= rounds * (self.length << 16);
+        }
+    }
+}
+
+/// Builds a reference from a position in steps and the speeds in counts/s now and at the next tick.
+pub(super) fn reference(position_steps: i64, now_cps: f32, next_cps: f32) -> Reference {
+    Reference {
+        // Positions wrap.
+        position: (position_steps >> 16) as i32,
+        fraction: position_steps as u16,
+        speed: CountsPerSecond::from_f32(now_cps),
+        next: CountsPerSecond::from_f32(next_cps),
+    }
+}
+
+/// Returns the largest magnitude.
+fn largest<const N: usize>(values: &[f32; N]) -> f32 {
+    values.iter().fold(0.0, |most, value| value.abs().max(most))
+}
+
+/// Splits speeds into a multiple of a direction and the remaining speeds.
+fn split<const N: usize>(speeds: &[f32; N], direction: &[f32; N]) -> (f32, [f32; N]) {
+    let product = |a: &[f32; N]| a.iter().zip(direction).map(|(a, b)| a * b).sum::<f32>();
+    let square = product(direction);
+    let along = if square > 0.0 { product(speeds) / square } else { 0.0 };
+    let mut across = *speeds;
+    for (speed, direction) in across.iter_mut().zip(direction) {
+        *speed -= along * direction;
+    }
+    (along, across)
+}

@@ -1,0 +1,125 @@
+//! Whether a motor is at its target. Two words are defined here, and mean the same everywhere:
+//!
+//! * *Within tolerance*: the distance to the target is at most the tolerance. Hosts of REV's protocol read this word. The
+//!   speed does not matter, so a motor that passes its target is within tolerance for a moment.
+//! * *Settled*: within tolerance and slow, at every tick of a dwell. This hub's own report, groups, the client and the
+//!   dashboard use this word.
+//!
+//! Both words are false for a motor that is disabled or has no target position.
+
+use crate::units::{CountsPerSecond, Period};
+
+/// Dwell in milliseconds. A motor that turns back within this time has only passed its target.
+const DWELL_MS: u32 = 50;
+/// Highest speed of a settled motor: two counts in 50 ms. One count may be the estimate's, the other a regulator's.
+const SLOW: CountsPerSecond = CountsPerSecond::new(40);
+
+/// True if a position is within the tolerance of a target, by REV's definition: |target - position| <= tolerance, the
+/// short way round the ring of 2^32 counts.
+pub const fn within_tolerance(target: i32, position: i32, tolerance: u16) -> bool {
+    target.wrapping_sub(position).unsigned_abs() <= tolerance as u32
+}
+
+/// Detects whether a motor, or a group of motors, has settled.
+#[derive(Clone, Copy, Debug)]
+pub struct SettleDetector {
+    /// Ticks after the first one within tolerance that make up the dwell.
+    dwell: u32,
+    /// Ticks in a row at which the motor was within tolerance and slow; at most one more than the dwell.
+    ticks: u32,
+}
+
+impl SettleDetector {
+    /// A detector that is stepped every `period`. The dwell is 50 ms or a period, whichever is longer.
+    pub const fn new(period: Period) -> Self {
+        Self { dwell: DWELL_MS.div_ceil(period.as_millis()), ticks: 0 }
+    }
+
+    /// Begins again, because the target has changed.
+    pub const fn reset(&mut self) {
+        self.ticks = 0;
+    }
+
+    /// One tick; true if the motor has settled. `within_tolerance` is about the position at this tick.
+    pub fn step(&mut self, within_tolerance: bool, velocity: CountsPerSecond) -> bool {
+        let slow = velocity.to_bits().unsigned_abs() <= SLOW.to_bits().unsigned_abs();
+        let ticks = self.ticks.saturating_add(1).min(self.dwell + 1);
+        self.ticks = if within_tolerance && slow { ticks } else { 0 };
+        self.ticks > self.dwell
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pairs of a period in milliseconds and the number of ticks until the dwell is over.
+    const TICKS: [(u32, usize); 4] = [(1, 50), (30, 2), (50, 1), (100, 1)];
+
+    fn detector(ms: u32) -> SettleDetector {
+        SettleDetector::new(Period::from_millis(ms).unwrap_or_default())
+    }
+
+    fn cps(speed: i32) -> CountsPerSecond {
+        CountsPerSecond::new(speed)
+    }
+
+    #[test]
+    fn a_position_is_within_tolerance_up_to_the_tolerance_either_way_and_across_the_ends() {
+        for (target, position, tolerance, within) in [
+            (100, 95, 5, true),
+            (100, 105, 5, true),
+            (100, 94, 5, false),
+            (100, 106, 5, false),
+            (7, 7, 0, true),
+            (i32::MIN, i32::MAX, 1, true),
+            (i32::MIN, i32::MAX - 1, 1, false),
+            (i32::MIN, 0, u16::MAX, false),
+        ] {
+            assert_eq!(
+                within_tolerance(target, position, tolerance),
+                within,
+                "{target} {position} {tolerance}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_slow_motor_within_tolerance_has_settled_after_the_dwell() {
+        for (ms, ticks) in TICKS {
+            for speed in [0, 40, -40] {
+                let mut detector = detector(ms);
+                assert!((0..ticks).all(|_| !detector.step(true, cps(speed))), "{ms} ms, {speed}");
+                assert!((0..200).all(|_| detector.step(true, cps(speed))), "{ms} ms, {speed}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_motor_that_passes_its_target_at_speed_has_not_settled() {
+        for (ms, _) in TICKS {
+            for speed in [41, -41, 3_000] {
+                let mut detector = detector(ms);
+                assert!((0..200).all(|_| !detector.step(true, cps(speed))), "{ms} ms, {speed}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_motor_that_is_displaced_or_gets_another_target_settles_again_after_the_dwell() {
+        for (ms, ticks) in TICKS {
+            for disturb in [
+                |detector: &mut SettleDetector| assert!(!detector.step(false, cps(0))),
+                |detector: &mut SettleDetector| assert!(!detector.step(true, cps(-500))),
+                SettleDetector::reset,
+            ] {
+                let mut detector = detector(ms);
+                assert!((0..ticks).all(|_| !detector.step(true, cps(0))), "{ms} ms");
+                assert!(detector.step(true, cps(0)), "{ms} ms");
+                disturb(&mut detector);
+                assert!((0..ticks).all(|_| !detector.step(true, cps(0))), "{ms} ms");
+                assert!(detector.step(true, cps(0)), "{ms} ms");
+            }
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! The queue of commands to the control task: none is lost, they stay in order, and each has a number.
+//!
+//! The first command since boot has the number 1; after 2^32 - 1 comes 0. [`Hub`](crate::hub::Hub) counts the commands
+//! that it applies, so its [`Snapshot`](crate::hub::Snapshot) says which commands it includes. Both counts agree if the
+//! control task's hub is given commands by this queue only.
+
+use super::COMMANDS;
+use crate::hub::Command;
+use core::cell::Cell;
+use core::future::poll_fn;
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::RawMutex;
+use embassy_sync::channel::{Channel, TryReceiveError, TrySendError};
+
+/// The queue of commands to the control task.
+pub struct Commands<M: RawMutex> {
+    channel: Channel<M, Command, COMMANDS>,
+    /// Number of the newest command in the channel. It is locked while a command enters, so numbers are in order.
+    newest: Mutex<M, Cell<u32>>,
+}
+
+impl<M: RawMutex> Commands<M> {
+    /// An empty queue.
+    pub const fn new() -> Self {
+        Self { channel: Channel::new(), newest: Mutex::new(Cell::new(0)) }
+    }
+
+    /// Queues a command, and returns its number.
+    ///
+    /// # Errors
+    /// The command, if the queue is full.
+    pub fn try_send(&self, command: Command) -> Result<u32, TrySendError<Command>> {
+        self.newest.lock(|newest| {
+            self.channel.try_send(command)?;
+            newest.set(newest.get().wrapping_add(1));
+            Ok(newest.get())
+        })
+    }
+
+    /// Queues a command once there is room, and returns its number. A command whose future is dropped before that is not
+    /// queued.
+    pub async fn send(&self, command: Command) -> u32 {
+        loop {
+            if let Ok(number) = self.try_send(command) {
+                return number;
+            }
+            poll_fn(|context| self.channel.poll_ready_to_send(context)).await;
+        }
+    }
+
+    /// Takes the oldest command out of the queue.
+    ///
+    /// # Errors
+    /// [`TryReceiveError::Empty`] if the queue is empty.
+    pub fn try_receive(&self) -> Result<Command, TryReceiveError> {
+        self.channel.try_receive()
+    }
+}
+
+impl<M: RawMutex> Default for Commands<M> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
