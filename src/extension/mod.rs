@@ -45,7 +45,7 @@ pub const INTERFACE: &[u8] = b"MOTOR_HUB";
 pub const FIRST_FUNCTION: u16 = 0x4D00;
 
 /// The packet types of the interface, on hubs of this project.
-pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 28 };
+pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 31 };
 
 requests! {
     /// A function of one motor besides its settings. The motor's number goes before the fields.
@@ -61,6 +61,9 @@ requests! {
         7 Group,
         /// The answer is a [`Condition`](report::Condition).
         10 Condition,
+        /// Gives the enabled motor a constant current in milliamperes, up to this speed in counts per second, until another
+        /// target follows.
+        30 Current { current_ma: i32, speed_limit_cps: u16 },
     }
 }
 

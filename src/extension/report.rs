@@ -180,6 +180,8 @@ pub struct MotorReport {
     pub stalled: bool,
     /// True if the current is limited because the winding is hot.
     pub derated: bool,
+    /// True if the current limit of the motor holds its current down.
+    pub current_limited: bool,
     /// Faults that keep the motor from running.
     pub faults: Faults,
     /// S, T, Z and G as control values, at the present speed and battery voltage; `None` if the battery is unknown.
@@ -209,6 +211,8 @@ pub enum ReportedSetpoint {
     Position(i32),
     /// The present reference of a group, in counts, from where the host has set 0.
     Together(i32),
+    /// A constant current.
+    Current(Milliamperes),
     /// An identification, with the counts that the motor may turn either way.
     Identify(u32),
 }
@@ -232,6 +236,7 @@ impl Default for MotorReport {
             settled: false,
             stalled: false,
             derated: false,
+            current_limited: false,
             faults: Faults::default(),
             points: None,
         }
@@ -284,7 +289,7 @@ impl Field for MotorReport {
         let measured_ma = Some(u16::read(fields)?).filter(|ma| *ma != NOT_MEASURED);
         let load = Some(i16::read(fields)?).filter(|ma| *ma != UNKNOWN);
         let heat = u16::read(fields)?;
-        let [enabled, settled, stalled, derated, ..] = bits(u8::read(fields)?);
+        let [enabled, settled, stalled, derated, current_limited, ..] = bits(u8::read(fields)?);
         let faults = faults(u8::read(fields)?);
         let points: [i16; 4] = Field::read(fields)?;
         Ok(Self {
@@ -303,6 +308,7 @@ impl Field for MotorReport {
             settled,
             stalled,
             derated,
+            current_limited,
             faults,
             points: (points != [0; 4]).then_some(points.map(Control::new)),
         })
@@ -321,7 +327,7 @@ impl Field for MotorReport {
         self.measured_ma.map_or(NOT_MEASURED, |ma| ma.min(NOT_MEASURED - 1)).write(payload);
         self.load.map_or(UNKNOWN, milliamperes).write(payload);
         self.heat.write(payload);
-        byte(&[self.enabled, self.settled, self.stalled, self.derated]).write(payload);
+        byte(&[self.enabled, self.settled, self.stalled, self.derated, self.current_limited]).write(payload);
         fault_bits(self.faults).write(payload);
         self.points.map_or([0; 4], |points| points.map(Control::get)).write(payload);
     }
@@ -329,7 +335,7 @@ impl Field for MotorReport {
 
 impl Field for ReportedSetpoint {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        let code = ByteIn::<0, 6>::read(fields)?.get();
+        let code = ByteIn::<0, 7>::read(fields)?.get();
         let value = i32::read(fields)?;
         Ok(match code {
             0 => Self::Off,
@@ -338,7 +344,8 @@ impl Field for ReportedSetpoint {
             3 => Self::Velocity(value),
             4 => Self::Position(value),
             5 => Self::Together(value),
-            _ => Self::Identify(value.cast_unsigned()),
+            6 => Self::Identify(value.cast_unsigned()),
+            _ => Self::Current(Milliamperes::new(value)),
         })
     }
 
@@ -351,6 +358,7 @@ impl Field for ReportedSetpoint {
             Self::Position(counts) => (4, counts),
             Self::Together(counts) => (5, counts),
             Self::Identify(travel) => (6, travel.cast_signed()),
+            Self::Current(current) => (7, current.get()),
         };
         code.write(payload);
         value.write(payload);

@@ -41,6 +41,7 @@ use crate::units::{
     Resistance,
 };
 use core::convert::Infallible;
+use core::num::NonZeroU16;
 
 /// Settings of one motor that a host can change and a hub can store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,6 +115,8 @@ pub enum Group {
     Timing,
     /// What keeps the motor and its load from harm.
     Protection,
+    /// The largest current of the motor.
+    CurrentLimit,
     /// How the motor moves with its load, and its acceleration limit.
     Motion,
     /// REV's mode of the motor.
@@ -128,10 +131,11 @@ pub enum Group {
 
 impl Group {
     /// All groups, in an order in which no group deletes what another group before it has set.
-    pub const EACH: [Self; 8] = [
+    pub const EACH: [Self; 9] = [
         Self::SetUp,
         Self::Timing,
         Self::Protection,
+        Self::CurrentLimit,
         Self::Motion,
         Self::Mode,
         Self::CurrentAlert,
@@ -146,6 +150,7 @@ impl Group {
             Self::Motion => FIRST_FUNCTION + 2,
             Self::Protection => FIRST_FUNCTION + 8,
             Self::Timing => FIRST_FUNCTION + 11,
+            Self::CurrentLimit => FIRST_FUNCTION + 28,
             Self::Mode => requests::FIRST_FUNCTION + 8,
             Self::CurrentAlert => requests::FIRST_FUNCTION + 12,
             Self::VelocityLoop | Self::PositionLoop => requests::FIRST_FUNCTION + 51,
@@ -177,9 +182,13 @@ impl Group {
         }
     }
 
-    /// False for coefficients that no host has set. A hub stores only groups that are in use.
+    /// False for coefficients and a current limit that no host has set. A hub stores only groups that are in use.
     pub const fn in_use(self, settings: &MotorSettings) -> bool {
-        self.loop_of().is_none() || settings.motor.coefficients.is_some()
+        match self {
+            Self::VelocityLoop | Self::PositionLoop => settings.motor.coefficients.is_some(),
+            Self::CurrentLimit => settings.motor.current_limit.is_some(),
+            _ => true,
+        }
     }
 
     /// The fields in their order.
@@ -188,6 +197,7 @@ impl Group {
             Self::SetUp => SET_UP,
             Self::Timing => TIMING,
             Self::Protection => PROTECTION,
+            Self::CurrentLimit => CURRENT_LIMIT,
             Self::Motion => MOTION,
             Self::Mode => MODE,
             Self::CurrentAlert => CURRENT_ALERT,
@@ -350,9 +360,10 @@ impl Values {
     pub fn put(&self, settings: &MotorSettings) -> Result<MotorSettings, Nack> {
         let mut new = *settings;
         if self.group == Group::SetUp {
-            let Settings { winding, bridge, scheme, zero_power, on_fault, thermal, .. } = settings.motor;
-            new.motor =
-                Settings { bridge, zero_power, on_fault, thermal, ..Settings::for_scheme(winding, scheme) };
+            let Settings { winding, bridge, scheme, zero_power, on_fault, thermal, current_limit, .. } =
+                settings.motor;
+            let unknown = Settings::for_scheme(winding, scheme);
+            new.motor = Settings { bridge, zero_power, on_fault, thermal, current_limit, ..unknown };
         }
         let first = if self.group.loop_of().is_some() { 2 } else { 1 };
         for ((index, field), value) in (first..).zip(self.group.fields()).zip(self.raw) {
@@ -513,6 +524,14 @@ const PROTECTION: &[Field] = fields! {
         |settings, case_s| if let Some(limit) = &mut settings.motor.thermal {
             *limit = ThermalLimit::new(limit.continuous_ma(), limit.winding_s(), case_s).ok()?;
         }
+    }
+};
+
+const CURRENT_LIMIT: &[Field] = fields! {
+    {
+        "current_limit_ma", u16 / 1, optional true,
+        |settings| settings.motor.current_limit.map_or(0, NonZeroU16::get),
+        |settings, ma| settings.motor.current_limit = NonZeroU16::new(ma)
     }
 };
 

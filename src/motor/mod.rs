@@ -113,6 +113,8 @@ enum Activity {
     Brake,
     /// Open loop at this share of the control range.
     Power(Control),
+    /// A constant current, up to a speed.
+    Current { current: Milliamperes, speed_limit: CountsPerSecond },
     /// Closed loop.
     Regulate(Demand),
     /// The motion of an identification.
@@ -341,6 +343,7 @@ impl Motor {
             Setpoint::ConstantPower(Control::ZERO) if floats => Activity::Coast,
             Setpoint::ConstantPower(Control::ZERO) => Activity::Brake,
             Setpoint::ConstantPower(power) => Activity::Power(power),
+            Setpoint::Current { current, speed_limit } => Activity::Current { current, speed_limit },
             Setpoint::Velocity(target) if target == CountsPerSecond::ZERO && floats => Activity::Coast,
             Setpoint::Velocity(target) => Activity::Regulate(Demand::Velocity(target)),
             Setpoint::Position { target, speed_limit, .. } => {
@@ -386,6 +389,11 @@ impl Motor {
             Activity::Coast => return None,
             Activity::Brake => (Some(Control::ZERO), Modulation::full_braking(at)),
             Activity::Power(power) => (Some(power), self.modulator.open_loop(at, power)),
+            Activity::Current { current, speed_limit } => {
+                let volts = at.emf_volts() + current.to_amperes() * self.settings.ohms();
+                let voltage = self.regulator.limit_speed(Voltage::from_volts(volts), speed_limit, at);
+                (None, self.modulator.for_voltage(at, voltage))
+            }
             Activity::Regulate(demand) => return self.regulate(demand, at, moved?),
             // The identification watches the encoder itself: of an unknown motor nobody can say when counts are due, only
             // how far it may go without any.
@@ -500,6 +508,13 @@ impl Motor {
         limits
     }
 
+    /// True if the current limit is in force at this moment.
+    fn is_current_limited(&self) -> bool {
+        let (Some(command), Some(limit)) = (&self.command, self.settings.current_limit) else { return false };
+        let current = (command.voltage.to_volts() - command.at.emf_volts()) / self.settings.ohms();
+        command.limited != command.requested && current.abs() > 0.98 * f32::from(limit.get()) / 1000.0
+    }
+
     /// The burn pulse of a motor that is to have a braking voltage on the mean, and the voltage of the pulse.
     fn burn(&mut self, at: OperatingPoint, mean: Voltage, turn: bool) -> (Modulation, Voltage) {
         let SupplyLimits { draw, dissipate, bus, from } = self.supply;
@@ -562,6 +577,7 @@ impl Motor {
             current
         };
         self.thermal.step(measured.unwrap_or(heating));
+        let current_limited = self.is_current_limited();
         let within_tolerance = self.setpoint.is_within_tolerance(self.position);
         Report {
             setpoint: self.setpoint,
@@ -573,12 +589,14 @@ impl Motor {
             sense_line: self.line.is(),
             heat: (1000.0 * self.thermal.heat()) as u16,
             derated: self.thermal.ceiling().is_some(),
+            current_limited,
             load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
             control,
             regime: self.command.map(|command| command.limited.regime),
             drive,
             settled: self.settle_detector.step(within_tolerance, velocity),
-            stalled: self.watch.stalled(),
+            // With little current nothing can be said of the encoder: a motor without counts counts as stalled.
+            stalled: self.watch.stalled() || current_limited && self.regulator.is_held(),
             identification: self.identifier.state(),
             faults: Faults {
                 battery_unknown: battery.is_none(),

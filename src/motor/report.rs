@@ -68,6 +68,8 @@ pub struct Report {
     pub heat: u16,
     /// It is so hot that its current is limited.
     pub derated: bool,
+    /// The [current limit](super::Settings::current_limit) holds the current below what the set-point requests.
+    pub current_limited: bool,
     /// The current that would just balance what loads the motor, friction and drag among it; positive for a load that holds it
     /// back from turning CW. `None` for a motor that is not known.
     pub load: Option<Milliamperes>,
@@ -106,6 +108,7 @@ impl Report {
         sense_line: SenseLine::Absent,
         heat: 0,
         derated: false,
+        current_limited: false,
         load: None,
         control: Control::ZERO,
         regime: None,

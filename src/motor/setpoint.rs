@@ -2,7 +2,7 @@
 
 use super::within_tolerance;
 use crate::regulator::Reference;
-use crate::units::{Control, CountsPerSecond};
+use crate::units::{Control, CountsPerSecond, Milliamperes};
 
 /// What a motor is asked to do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,6 +16,14 @@ pub enum Setpoint {
     FailSafe,
     /// Open loop: 9/8 or 6/2 at this share of the control range, whatever the speed.
     ConstantPower(Control),
+    /// A constant current, so a constant torque, while the motor is slower than the limit.
+    Current {
+        /// Mean current of the winding; positive drives CW.
+        current: Milliamperes,
+        /// Largest speed in the direction of the current; the sign does not matter. At this speed the current falls to what
+        /// keeps the speed; a motor that a load drives faster brakes with at most the current.
+        speed_limit: CountsPerSecond,
+    },
     /// Regulated velocity.
     Velocity(CountsPerSecond),
     /// Regulated position: a position loop above the velocity loop.

@@ -42,6 +42,7 @@ pub use dynamics::{Dynamics, Mechanics};
 pub use interface::{Config, Demand, Effort, Kind, Output, Reference, Stage};
 pub use loops::Coefficients;
 
+use crate::braking::OperatingPoint;
 use crate::motion::Reading;
 use crate::units::single::{at_least, at_most};
 use crate::units::{CountsPerSecond, Micros, Period, Voltage};
@@ -308,6 +309,11 @@ impl Regulator {
         observer.load(plant)
     }
 
+    /// True if the motor should turn, but has sent no count for a while.
+    pub const fn is_held(&self) -> bool {
+        self.held_ms >= HELD_MS
+    }
+
     /// What a volt accelerates the motor by, as told, learned or guessed, in counts/s².
     pub const fn gain(&self) -> f32 {
         self.motion.plant.b
@@ -371,6 +377,18 @@ impl Regulator {
         self.held_ms =
             if self.due && moved == 0 { self.held_ms.saturating_add(self.period.as_millis()) } else { 0 };
         request
+    }
+
+    /// The voltage, or less of it where the motor would become faster than the limit in the direction of its current. A motor
+    /// that is faster brakes with at most the current that the voltage means.
+    pub fn limit_speed(&self, voltage: Voltage, limit: CountsPerSecond, at: OperatingPoint) -> Voltage {
+        let Motion { plant, law, .. } = &self.motion;
+        let emf = at.emf_volts();
+        let beyond_emf = voltage.to_volts() - emf;
+        let side = 1.0f32.copysign(beyond_emf);
+        let target = side * limit.to_f32().abs();
+        let most = side * (law.voltage_for_speed(&self.seen(), plant, target) - emf);
+        Voltage::from_volts(emf + side * within(most, beyond_emf.abs()))
     }
 
     fn by_model(&mut self, demand: Demand, position: i32, stage: &Stage<'_>) -> Output {

@@ -186,6 +186,12 @@ impl Law {
         plant.kappa * w + (next - w) * self.per_speed - observer.load(plant) / plant.b
     }
 
+    /// The voltage that brings the motor towards a speed, in V.
+    pub(super) fn voltage_for_speed(&self, observer: &Observer, plant: &Plant, target: f32) -> f32 {
+        let w = observer.speed();
+        self.voltage_to(observer, plant, w + (1.0 - self.left) * (target - w))
+    }
+
     /// Friction acts against the motion: what was observed of it has the wrong sign once the motion turns.
     fn turn_friction(&self, state: &mut State, observer: &mut Observer, next: f32) {
         let side = 1.0f32.copysign(next);

@@ -76,7 +76,7 @@ use crate::protocol::requests::{
 use crate::protocol::{self, Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
 use crate::record::Record;
 use crate::supply::Seen;
-use crate::units::{Microjoules, Micros, Share};
+use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
 use group::Courses;
 use keep_alive::KeepAlive;
 use led::Led;
@@ -351,6 +351,10 @@ impl<const N: usize> Responder<N> {
             MotorFunction::Condition => Ok(Reply::data(&report::condition(report))),
             MotorFunction::Move { wanted } => self.move_group(index, wanted, snapshot),
             MotorFunction::Group => self.group_state(index, snapshot),
+            MotorFunction::Current { current_ma, speed_limit_cps } => {
+                let speed_limit = CountsPerSecond::new(speed_limit_cps.into());
+                channel.set_current(Milliamperes::new(current_ma), speed_limit).map(|()| Reply::ACK)
+            }
         }
     }
 

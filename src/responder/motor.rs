@@ -30,7 +30,7 @@ use crate::motor::{self, OnFault, Report, Setpoint, Settings};
 use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, RunMode, Target, ToMotor};
 use crate::protocol::{Nack, Reply};
 use crate::regulator::identify::{Identification, travel};
-use crate::units::{Coefficient, Control, CountsPerSecond, Millivolts, is_included};
+use crate::units::{Coefficient, Control, CountsPerSecond, Milliamperes, Millivolts, is_included};
 
 /// The speed limit towards a position in counts per second, until a host sets a velocity: the largest velocity that a host
 /// can set.
@@ -49,8 +49,8 @@ pub struct MotorChannel {
     power: Option<Control>,
     velocity: Option<i16>,
     position: Option<Target>,
-    /// Travel limit of a requested identification, until another request ends the identification.
-    identify: Option<u32>,
+    /// An identification or a constant current, until another request of the host ends it.
+    function: Option<Setpoint>,
     /// True if a group's course has replaced the motor's own target.
     in_group: bool,
     /// Number of the newest command with a set-point or a course, while no snapshot includes that command.
@@ -89,7 +89,7 @@ impl MotorChannel {
             power: None,
             velocity: None,
             position: None,
-            identify: None,
+            function: None,
             in_group: false,
             awaited: None,
             offset: 0,
@@ -181,17 +181,30 @@ impl MotorChannel {
             return Err(Nack::WRONG_MODE);
         }
         self.retarget();
-        self.identify = Some(travel_limit);
+        self.function = Some(Setpoint::Identify { travel_limit });
         Ok(travel(self.settings.motor.winding.emf, battery, travel_limit))
     }
 
     /// State or result of the last requested identification.
     pub fn identification(&self, report: &Report) -> Identification {
-        if self.identify.is_some() && self.awaits_snapshot() {
+        if matches!(self.function, Some(Setpoint::Identify { .. })) && self.awaits_snapshot() {
             // The report is older than the identification.
             return Identification::Running(0);
         }
         report.identification
+    }
+
+    /// Gives the motor a constant current.
+    ///
+    /// # Errors
+    /// The motor is not enabled.
+    pub fn set_current(&mut self, current: Milliamperes, speed_limit: CountsPerSecond) -> Result<(), Nack> {
+        if !self.enabled {
+            return Err(Nack::WRONG_MODE);
+        }
+        self.retarget();
+        self.function = Some(Setpoint::Current { current, speed_limit });
+        Ok(())
     }
 
     fn enable(&mut self, battery_good: bool) -> Result<(), Nack> {
@@ -226,23 +239,23 @@ impl MotorChannel {
     }
 
     const fn release(&mut self, release: Release) {
-        self.identify = None;
+        self.function = None;
         self.in_group = false;
         self.pending.release = Some(release);
         self.pending.set = false;
     }
 
-    /// Ends an identification, and sends the present target to an enabled motor.
+    /// Ends an identification or a constant current, and sends the present target to an enabled motor.
     const fn retarget(&mut self) {
-        self.identify = None;
+        self.function = None;
         self.in_group = false;
         self.pending.set = self.enabled;
     }
 
     /// The set-point of the present mode; `None` if no host has set its target.
     fn target(&self) -> Option<Setpoint> {
-        if let Some(travel_limit) = self.identify {
-            return Some(Setpoint::Identify { travel_limit });
+        if self.function.is_some() {
+            return self.function;
         }
         match self.settings.mode {
             RunMode::Power => self.power.map(Setpoint::ConstantPower),

@@ -23,6 +23,7 @@ pub(super) fn of_motor(
         load,
         heat,
         derated,
+        current_limited,
         settled,
         stalled,
         faults,
@@ -44,6 +45,7 @@ pub(super) fn of_motor(
         settled: settled && up_to_date,
         stalled,
         derated,
+        current_limited,
         faults,
         points: battery.and_then(|battery| points(channel, report, battery)),
     }
@@ -55,6 +57,7 @@ fn setpoint(channel: &MotorChannel, setpoint: Setpoint) -> ReportedSetpoint {
         Setpoint::Disabled => ReportedSetpoint::Off,
         Setpoint::FailSafe => ReportedSetpoint::FailSafe,
         Setpoint::ConstantPower(control) => ReportedSetpoint::Power(control),
+        Setpoint::Current { current, .. } => ReportedSetpoint::Current(current),
         Setpoint::Velocity(velocity) => ReportedSetpoint::Velocity(velocity.round()),
         Setpoint::Position { target, .. } => ReportedSetpoint::Position(channel.host_counts(target)),
         Setpoint::Together(reference) => ReportedSetpoint::Together(channel.host_counts(reference.position)),

@@ -1,5 +1,6 @@
 //! What one end writes, the other reads: every request and every answer.
 
+use core::num::NonZeroU16;
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode, Timing};
 use motor_hub::extension::group::{GroupCourse, GroupMove, GroupState};
@@ -137,6 +138,7 @@ fn settings() -> impl Strategy<Value = MotorSettings> {
                 duty: if linear { DutyRule::LinearCurrent } else { DutyRule::LinearDuty },
                 on_fault: if brakes { OnFault::Brake } else { OnFault::Coast },
                 thermal: ThermalLimit::new(ma, winding_s, case_s).ok(),
+                current_limit: NonZeroU16::new(ma / 2),
                 dynamics: known.then_some(dynamics),
                 acceleration: Acceleration::new(limit).ok(),
                 ..settings
@@ -188,6 +190,7 @@ fn setpoint() -> impl Strategy<Value = ReportedSetpoint> {
         any::<i32>().prop_map(ReportedSetpoint::Position),
         any::<i32>().prop_map(ReportedSetpoint::Together),
         any::<u32>().prop_map(ReportedSetpoint::Identify),
+        any::<i32>().prop_map(|ma| ReportedSetpoint::Current(Milliamperes::new(ma))),
     ]
 }
 
@@ -223,10 +226,10 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
     let points = proptest::option::of(
         ([control(), control(), control()], 1i16..).prop_map(|([s, t, z], g)| [s, t, z, Control::new(g)]),
     );
-    (of_motion, of_current, any::<[bool; 4]>(), faults(), points).prop_map(
+    (of_motion, of_current, any::<[bool; 5]>(), faults(), points).prop_map(
         |(motion, (current, measured_ma, load, heat), flags, faults, points)| {
             let (setpoint, (position, velocity), regulator, control, regime, drive) = motion;
-            let [enabled, settled, stalled, derated] = flags;
+            let [enabled, settled, stalled, derated, current_limited] = flags;
             MotorReport {
                 setpoint,
                 position,
@@ -243,6 +246,7 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
                 settled,
                 stalled,
                 derated,
+                current_limited,
                 faults,
                 points,
             }
@@ -433,10 +437,11 @@ fn to_motor() -> Vec<BoxedStrategy<Case>> {
 }
 
 /// The groups that are functions of the extension, with the sizes of their fields.
-const GROUPS: [(Group, &[usize]); 4] = [
+const GROUPS: [(Group, &[usize]); 5] = [
     (Group::SetUp, &[1, 4, 2, 2, 1, 2, 1]),
     (Group::Timing, &[1, 2, 2, 2, 2, 2]),
     (Group::Protection, &[1, 1, 2, 2, 2]),
+    (Group::CurrentLimit, &[1, 2]),
     (Group::Motion, &[1, 4, 4, 2, 4]),
 ];
 
@@ -455,6 +460,9 @@ fn motor_functions() -> Vec<BoxedStrategy<Case>> {
     all.extend([
         with(&[1, 4], (motor(), any::<u32>()), |(motor, travel_limit)| {
             MotorFunction::Identify { travel_limit }.to(motor)
+        }),
+        with(&[1, 4, 2], (motor(), any::<(i32, u16)>()), |(motor, (current_ma, speed_limit_cps))| {
+            MotorFunction::Current { current_ma, speed_limit_cps }.to(motor)
         }),
         with(&[1], motor(), |motor| MotorFunction::Identification.to(motor)),
         with(&[1], motor(), |motor| MotorFunction::Condition.to(motor)),
@@ -591,7 +599,7 @@ fn these_tests_leave_out_no_request() {
         assert_eq!(tried(strategies), numbers.iter().copied().collect());
     }
     let extension = [of_settings(), motor_functions(), hub_functions()].concat();
-    assert_eq!(tried(extension), (0..28).collect());
+    assert_eq!(tried(extension), (0..31).collect());
 }
 
 /// What the other end finds.

@@ -247,9 +247,10 @@ fn all_motors_with_all_settings_fit() {
     let pidf = |motor: u8, of: u8| [&[motor, of][..], &[1; 16], &[1]].concat();
     for motor in 0..N as u8 {
         host.do_all(&[(51, &pidf(motor, 1)), (51, &pidf(motor, 2))]);
+        assert!(matches!(host.ask(0x4D00 + 28, &[motor, 0x20, 0x03]), Said::Ack(_)));
     }
     host.ask(SAVE, &[]);
-    assert_eq!(carried_out(&mut host).bytes().len(), 469);
+    assert_eq!(carried_out(&mut host).bytes().len(), 493);
 }
 
 #[test]

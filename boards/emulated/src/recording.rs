@@ -200,6 +200,9 @@ impl Input {
             // A motor is replayed alone, in no group.
             Setpoint::Disabled | Setpoint::FailSafe | Setpoint::Together(_) => [0; 4],
             Setpoint::ConstantPower(power) => [1, i32::from(power.get()).cast_unsigned(), 0, 0],
+            Setpoint::Current { current, speed_limit } => {
+                [6, current.get().cast_unsigned(), 0, speed(speed_limit)]
+            }
             Setpoint::Velocity(target) => [2, speed(target), 0, 0],
             Setpoint::Position { target, tolerance, speed_limit } => {
                 [3, target.cast_unsigned(), u32::from(tolerance), speed(speed_limit)]

@@ -137,6 +137,12 @@ impl<L: Read + Write> Session<L> {
         self.ask(MotorFunction::Condition.to(motor))
     }
 
+    /// Gives the enabled motor a constant current in mA, while the motor is slower than the limit in counts/s. Another target
+    /// ends it. Needs this project's firmware.
+    pub fn set_current(&mut self, motor: u8, current_ma: i32, speed_limit_cps: u16) -> Result<(), Error> {
+        self.order(MotorFunction::Current { current_ma, speed_limit_cps }.to(motor))
+    }
+
     /// Starts an identification. The motor must be enabled, at rest, with a constant power of 0. It turns at most
     /// `travel_limit` counts either way. Returns the limit in counts that the hub applies.
     pub fn identify(&mut self, motor: u8, travel_limit: u32) -> Result<u32, Error> {

@@ -16,6 +16,9 @@ pub(crate) fn text(request: &Request) -> String {
         Request::Motor(motor, MotorFunction::Identification) => {
             format!("report the identification of motor {motor}")
         }
+        Request::Motor(motor, MotorFunction::Current { .. }) => {
+            format!("give motor {motor} a constant current")
+        }
         Request::Motor(motor, MotorFunction::Condition) => format!("report the condition of motor {motor}"),
         Request::Motor(motor, MotorFunction::Move { .. }) => {
             format!("move motor {motor} and others together")
@@ -34,6 +37,7 @@ const fn of_group(group: Group) -> &'static str {
         Group::SetUp => "set-up",
         Group::Timing => "bridge timing",
         Group::Protection => "protection",
+        Group::CurrentLimit => "current limit",
         Group::Motion => "motion",
         Group::Mode => "mode",
         Group::CurrentAlert => "current alert",

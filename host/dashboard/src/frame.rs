@@ -271,6 +271,7 @@ impl OfMotor {
             ReportedSetpoint::Off => ("off", None),
             ReportedSetpoint::FailSafe => ("fail-safe", None),
             ReportedSetpoint::Power(control) => ("power", Some(share(control))),
+            ReportedSetpoint::Current(current) => ("current", Some(f64::from(current.get()) / 1e3)),
             ReportedSetpoint::Velocity(cps) => ("velocity", Some(cps.into())),
             ReportedSetpoint::Position(counts) => ("position", Some(counts.into())),
             ReportedSetpoint::Together(counts) => ("together", Some(counts.into())),

@@ -114,6 +114,7 @@ impl Goal {
             Setpoint::Disabled
             | Setpoint::FailSafe
             | Setpoint::ConstantPower(_)
+            | Setpoint::Current { .. }
             | Setpoint::Identify { .. }
             | Setpoint::Together(_) => None,
             Setpoint::Velocity(cps) => Some(Self::Velocity(cps.to_f64())),

@@ -64,6 +64,9 @@ fn scaled(setpoint: Setpoint, counts: f64) -> Setpoint {
         Setpoint::Disabled | Setpoint::FailSafe | Setpoint::ConstantPower(_) | Setpoint::Together(_) => {
             setpoint
         }
+        Setpoint::Current { current, speed_limit } => {
+            Setpoint::Current { current, speed_limit: speed(speed_limit) }
+        }
         Setpoint::Velocity(cps) => Setpoint::Velocity(speed(cps)),
         Setpoint::Position { target, tolerance, speed_limit } => Setpoint::Position {
             target: (f64::from(target) * counts).round() as i32,

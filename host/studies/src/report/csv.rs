@@ -33,6 +33,7 @@ fn row(out: &mut String, sample: &Sample) {
         Setpoint::Disabled => ("disabled", String::new()),
         Setpoint::FailSafe => ("fail-safe", String::new()),
         Setpoint::ConstantPower(power) => ("power", power.get().to_string()),
+        Setpoint::Current { current, .. } => ("current", current.to_amperes().to_string()),
         Setpoint::Velocity(cps) => ("velocity", cps.to_f64().to_string()),
         Setpoint::Position { target, .. } => ("position", target.to_string()),
         Setpoint::Identify { travel_limit } => ("identify", travel_limit.to_string()),

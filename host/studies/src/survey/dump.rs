@@ -106,6 +106,9 @@ fn setpoint(setpoint: Setpoint) -> String {
         Setpoint::ConstantPower(power) => {
             format!("power = {:?}", f64::from(power.get()) / f64::from(Control::MAX.get()))
         }
+        Setpoint::Current { current, speed_limit } => {
+            format!("current_a = {:?}, speed_limit_cps = {}", current.to_amperes(), speed_limit.round())
+        }
         Setpoint::Velocity(speed) => format!("velocity_cps = {}", speed.round()),
         Setpoint::Position { target, tolerance, speed_limit } => format!(
             "position_counts = {target}, tolerance_counts = {tolerance}, speed_limit_cps = {}",

@@ -122,6 +122,7 @@ fn goal(setpoint: Setpoint) -> Option<Goal> {
         Setpoint::Disabled
         | Setpoint::FailSafe
         | Setpoint::ConstantPower(_)
+        | Setpoint::Current { .. }
         | Setpoint::Identify { .. }
         | Setpoint::Together(_) => None,
         Setpoint::Velocity(cps) => Some(Goal::Velocity(cps.to_f64())),
