@@ -136,7 +136,8 @@ impl Event {
             Self::ClearCoefficients => matches!(knowledge, Knowledge::Coefficients),
             Self::ConfigureDynamics => matches!(knowledge, Knowledge::Unknown),
             Self::ForgetDynamics => matches!(knowledge, Knowledge::Configured),
-            _ => !matches!(knowledge, Knowledge::Coefficients),
+            Self::SetCoefficients => !matches!(knowledge, Knowledge::Coefficients),
+            _ => true,
         }
     }
 
