@@ -49,11 +49,11 @@ pub struct Settings {
     pub on_fault: OnFault,
     /// What its winding stands; `None` for a motor that nothing protects from its own current.
     pub thermal: Option<ThermalLimit>,
-    /// The motor with its load, if known: it is then regulated by its model.
+    /// Dynamics of the motor with its load; `None` for an unknown motor, whose acceleration per volt the regulator learns.
     pub dynamics: Option<Dynamics>,
-    /// Coefficients of a host's own: with them the motor is regulated by PID, whatever is known.
+    /// Coefficients that a host has set, with which PID regulates the motor; `None` if the model regulates it.
     pub coefficients: Option<Coefficients>,
-    /// Largest acceleration of a motor that is regulated by its model.
+    /// Largest acceleration under the model regulator; `None` for the limit that the battery sets.
     pub acceleration: Option<Acceleration>,
     /// A motor that does not turn though it should may be driven the other way, once, to find out whether its
     /// encoder is at fault. Otherwise it is taken to be, unless something moves the motor.
