@@ -66,7 +66,7 @@ impl From<Error> for Trouble {
 struct Before {
     setup: Setup,
     motion: Motion,
-    /// Coefficients of velocity and position loop; `None` if the motor was regulated by its model.
+    /// Coefficients of velocity and position loop; `None` if the model regulated the motor.
     loops: Option<[Pidf; 2]>,
 }
 
@@ -160,7 +160,7 @@ impl Performer {
                 let found =
                     self.of(motor)?.found.ok_or("this motor was not identified yet: run Identify first")?;
                 self.keep(session, motor)?;
-                self.regulate_by(session, motor, found.dynamics)?;
+                self.regulate_by(session, motor, Some(found.dynamics))?;
                 motor
             }
             Order::Undo { motor } => {
@@ -184,8 +184,10 @@ impl Performer {
         let motion = session.motion(motor)?;
         let of = self.of(motor)?;
         let loops = match of.regulator {
-            Some(Kind::Model) => None,
-            _ => Some([session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?]),
+            None | Some(Kind::Model) => None,
+            Some(Kind::Pid) => {
+                Some([session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?])
+            }
         };
         of.known = motion.dynamics.or(of.known);
         of.undo.push(Before { setup, motion, loops });
@@ -220,7 +222,6 @@ impl Performer {
                 let configured = session.motion(channel(motor)?)?.dynamics;
                 let of = self.of(motor)?;
                 let known = configured.or(of.found.map(|found| found.dynamics)).or(of.known);
-                let known = known.ok_or("this motor's dynamics are not configured: run Identify first")?;
                 self.keep(session, motor)?;
                 self.regulate_by(session, motor, known)
             }
@@ -232,16 +233,17 @@ impl Performer {
         }
     }
 
-    /// Configures dynamics. Coefficients would override the model, so the set-up is sent again, which drops them.
+    /// Has the model regulate a motor with these dynamics, or an unknown motor. Coefficients would override the model, so
+    /// the set-up is sent again, which drops them.
     fn regulate_by(
         &mut self,
         session: &mut Session<Line>,
         motor: u8,
-        dynamics: Dynamics,
+        dynamics: Option<Dynamics>,
     ) -> Result<(), Trouble> {
         let (setup, motion) = (session.setup(motor)?, session.motion(motor)?);
         session.set_up(motor, setup)?;
-        Ok(session.set_motion(motor, Motion { dynamics: Some(dynamics), ..motion })?)
+        Ok(session.set_motion(motor, Motion { dynamics, ..motion })?)
     }
 
     /// Settings of a motor, as a message to pages.
