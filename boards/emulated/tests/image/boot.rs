@@ -133,8 +133,13 @@ fn share(image: &Path, knowledge: Knowledge) -> f64 {
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn the_whole_hub_needs_little_of_the_core() {
+fn the_whole_hub_needs_little_of_the_core_every_50_ms() {
     the_whole_hub_needs_at_most(50, 2.0);
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn the_whole_hub_needs_little_of_the_core_every_1_ms() {
     the_whole_hub_needs_at_most(1, 10.0);
 }
 
@@ -148,10 +153,12 @@ pub(crate) fn the_whole_hub_needs_at_most(period_ms: u32, most: f64) {
     );
     let image =
         if period_ms == 50 { elf::build(board.name()) } else { elf::hub_with_period(board, period_ms) };
-    for knowledge in Knowledge::ALL {
-        let share = share(&image, knowledge);
+    let shares = Knowledge::ALL.map(|knowledge| (knowledge, share(&image, knowledge)));
+    for (knowledge, share) in shares {
         table += &format!("| {period_ms} ms, {} | {share:.2} % |\n", knowledge.name());
-        assert!(share <= most, "every {period_ms} ms, {knowledge:?}: {share} %");
     }
     publish(&format!("hub-{period_ms}-ms"), &table);
+    for (knowledge, share) in shares {
+        assert!(share <= most, "every {period_ms} ms, {knowledge:?}: {share} %");
+    }
 }
