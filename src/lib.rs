@@ -33,7 +33,7 @@
 //! | [`bridge`] | the states, modes and commands of a bridge; its constants |
 //! | [`braking`] | from a control value to a bridge command: points S T Z G, schemes, regimes, duty |
 //! | [`motion`] | encoder readings: positions, speeds and plausibility; PID |
-//! | [`regulator`] | from a set-point to a control value, with a model of the motor or with PID |
+//! | [`regulator`] | from a set-point to a control value: by a model of the motor, or by PID with a host's coefficients |
 //! | [`group`] | motors that move synchronously: a reference for each motor |
 //! | [`supply`] | the battery's voltage, and the limits that follow from it |
 //! | [`motor`], [`hub`] | one motor, N motors: `step(inputs) -> outputs` |

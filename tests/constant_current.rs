@@ -115,8 +115,8 @@ fn every_motor_has_the_current_of_its_set_point_in_all_regimes_and_at_every_spee
                 let mut bench = Bench::new(constants, 1e3, speed, None, 10);
                 let (stall, free) = (bench.stall_current(), bench.free_speed_cps());
                 // The battery cannot drive more current than this at this speed.
-                let most = 1.0 - speed * f64::from(share).signum();
-                if f64::from(share).abs() > 0.95 * most {
+                let most = 1.0 - speed * f64::signum(share);
+                if f64::abs(share) > 0.95 * most {
                     continue;
                 }
                 bench.run_ms(200);

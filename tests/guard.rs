@@ -240,7 +240,7 @@ fn a_springy_stop_is_pushed_once_and_no_fault() {
             // Of the output shaft, N m/rad.
             for stiffness in [20.0, 100.0, 1_000.0] {
                 if period == 50 && dynamics.is_none() && stiffness < 100.0 {
-                    // It throws a motor of which nothing is known back for longer than there is time to watch.
+                    // It throws an unknown motor back for longer than there is time to watch.
                     continue;
                 }
                 let settings = Settings { dynamics, ..Settings::new(Winding::NEVEREST_60) };

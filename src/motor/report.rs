@@ -71,7 +71,7 @@ pub struct Report {
     /// The [current limit](super::Settings::current_limit) holds the current below what the set-point requests.
     pub current_limited: bool,
     /// The current that would just balance what loads the motor, friction and drag among it; positive for a load that holds it
-    /// back from turning CW. `None` for a motor that is not known.
+    /// back from turning CW. `None` for an unknown motor.
     pub load: Option<Milliamperes>,
     /// The control value; 0 while coasting.
     pub control: Control,

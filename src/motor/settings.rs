@@ -52,11 +52,11 @@ pub struct Settings {
     pub thermal: Option<ThermalLimit>,
     /// Largest current in mA, in either direction, driving or braking. `None` for a motor that may draw its stall current.
     pub current_limit: Option<NonZeroU16>,
-    /// The motor with its load, if known: it is then regulated by its model.
+    /// Dynamics of the motor with its load; `None` for an unknown motor, whose acceleration per volt the regulator learns.
     pub dynamics: Option<Dynamics>,
-    /// Coefficients of a host's own: with them the motor is regulated by PID, whatever is known.
+    /// Coefficients that a host has set, with which PID regulates the motor; `None` if the model regulates it.
     pub coefficients: Option<Coefficients>,
-    /// Largest acceleration of a motor that is regulated by its model.
+    /// Largest acceleration under the model regulator; `None` for the limit that the battery sets.
     pub acceleration: Option<Acceleration>,
     /// A motor that does not turn though it should may be driven the other way, once, to find out whether its
     /// encoder is at fault. Otherwise it is taken to be, unless something moves the motor.

@@ -219,7 +219,7 @@ fn a_drive_base_goes_straight_with_equal_loads_and_with_unequal_ones() {
                     "1 m, known {known}, drag {dragged}, {period} ms: {ms} ms, heading {worst:.3}, in the end {end:.3}"
                 );
                 assert!(end <= limit, "{end}");
-                // By PID it is so in the end only.
+                // An unknown motor keeps it in the end only.
                 assert!(worst <= if known { limit } else { 1.0 }, "{worst}");
             }
         }
@@ -299,10 +299,10 @@ fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
             );
             assert!(held.stalled && !held.faults.any(), "{held:?}");
             assert!(!free.faults.any() && !free.stalled, "{free:?}");
-            // A PID that is slow overshoots where it should wait.
+            // An unknown motor overshoots where it should wait.
             let most = if known { 130.0 } else { 250.0 };
             assert!(ahead <= most, "{ahead}");
-            // Held by PID it swings by a few counts.
+            // An unknown motor may swing by a few counts.
             assert!(moved.1 - moved.0 < if known { 3.0 } else { 10.0 }, "{moved:?}");
             bench.axes[1].stop = f64::INFINITY;
             let ms = bench.arrive(|bench| {

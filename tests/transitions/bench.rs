@@ -1,4 +1,4 @@
-//! One motor with its load on a bench: physics, and the regulated motor that is told of them.
+//! One motor with its load on a bench: the physics, and the regulated motor that is configured for them.
 
 use motor_hub::braking::{Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
@@ -18,14 +18,14 @@ pub(crate) const BATTERY: f64 = 12.0;
 /// Of the load on the output shaft, kg m²: as much again as the rotor's.
 const INERTIA_AFTER: f64 = 0.03;
 
-/// What regulates the motor.
+/// What the hub knows of the motor, which decides how the motor is regulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) enum Told {
-    /// Its model.
-    Model,
-    /// PID, as nothing is known.
-    Nothing,
-    /// PID with a host's coefficients, though the motor is known.
+pub(crate) enum Knowledge {
+    /// The dynamics are configured: the model regulates.
+    Configured,
+    /// Only the winding is configured: the model regulates, and learns the acceleration per volt.
+    Unknown,
+    /// A host has set coefficients: PID regulates, though the dynamics are configured.
     Coefficients,
 }
 
@@ -90,13 +90,13 @@ impl Constants {
         Coefficients::guessed(self.winding().emf, scheme, period)
     }
 
-    fn settings(&self, told: Told, scheme: Scheme, period: Period) -> Settings {
-        let known = match told {
-            Told::Nothing => (None, None),
-            Told::Model => (Some(self.dynamics()), None),
-            Told::Coefficients => (Some(self.dynamics()), Some(self.coefficients(scheme, period))),
+    fn settings(&self, knowledge: Knowledge, scheme: Scheme, period: Period) -> Settings {
+        let (dynamics, coefficients) = match knowledge {
+            Knowledge::Unknown => (None, None),
+            Knowledge::Configured => (Some(self.dynamics()), None),
+            Knowledge::Coefficients => (Some(self.dynamics()), Some(self.coefficients(scheme, period))),
         };
-        Settings { dynamics: known.0, coefficients: known.1, ..Settings::for_scheme(self.winding(), scheme) }
+        Settings { dynamics, coefficients, ..Settings::for_scheme(self.winding(), scheme) }
     }
 
     /// The current that balances drag and load at a speed in counts/s; `share` is the load as a share of the
@@ -155,9 +155,9 @@ const RECENT: usize = 20;
 
 impl Bench {
     /// A disabled motor that turns at a speed in counts/s.
-    pub(crate) fn new(told: Told, scheme: Scheme, period: Period, speed: f64) -> Self {
+    pub(crate) fn new(knowledge: Knowledge, scheme: Scheme, period: Period, speed: f64) -> Self {
         let constants = Constants::new();
-        let settings = constants.settings(told, scheme, period);
+        let settings = constants.settings(knowledge, scheme, period);
         let pwm = Hertz(f64::from(BRIDGE.pwm_hz()));
         let mut plant = Plant::new(constants.motor, load(), Bridge::new(BRIDGE), pwm);
         let per_rad = constants.motor.counts_per_rev_motor / TAU;

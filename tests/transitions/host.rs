@@ -1,6 +1,6 @@
 //! What hosts set the loops to while the motor runs.
 
-use crate::bench::{Bench, Told};
+use crate::bench::{Bench, Knowledge};
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::Setpoint;
@@ -25,7 +25,7 @@ fn a_motor_that_is_given_other_coefficients_while_it_runs_goes_on_as_it_was() {
         for duty in DutyRule::EACH {
             for ms in [1, 10, 50, 100] {
                 let period = Period::from_millis(ms).expect("in range");
-                let mut bench = Bench::new(Told::Model, scheme, period, 0.0);
+                let mut bench = Bench::new(Knowledge::Configured, scheme, period, 0.0);
                 let speed = bench.constants.free_speed / 2.0;
                 bench.configure(|settings| settings.duty = duty);
                 bench.motor.set(Setpoint::Velocity(CountsPerSecond::new(speed as i32)));

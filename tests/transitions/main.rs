@@ -1,4 +1,4 @@
-//! What becomes of a motor when something else is asked of it, or told about it.
+//! What becomes of a motor when something else is asked of it, or configured.
 
 mod bench;
 mod cells;

@@ -1,6 +1,6 @@
 //! The table's margins: what a motor may be doing, what may happen to it, and what is asked of it from then on.
 
-use crate::bench::{BATTERY, Bench, Constants, Told};
+use crate::bench::{BATTERY, Bench, Constants, Knowledge};
 use motor_hub::braking::{self, Blend, DutyRule, Scheme};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::units::{Control, CountsPerSecond, Period};
@@ -52,7 +52,7 @@ pub(crate) enum State {
     Braked,
     Power,
     Velocity,
-    /// Told to stand, and as far as it came within a tick.
+    /// Commanded to stand, and as far as it came within a tick.
     Zero,
     Moving,
     Holding,
@@ -107,9 +107,9 @@ pub(crate) enum Event {
     Far,
     /// and one behind it.
     Behind,
-    GiveCoefficients,
-    TakeCoefficients,
-    TellDynamics,
+    SetCoefficients,
+    ClearCoefficients,
+    ConfigureDynamics,
     ForgetDynamics,
     Scheme(Scheme),
     LinearDuty,
@@ -124,19 +124,20 @@ impl Event {
     pub(crate) fn all() -> Vec<Self> {
         use Event::*;
         let mut all = vec![Disable, Float, Brake, Power, Velocity, Zero, Back, Here, Far, Behind];
-        all.extend([GiveCoefficients, TakeCoefficients, TellDynamics, ForgetDynamics]);
+        all.extend([SetCoefficients, ClearCoefficients, ConfigureDynamics, ForgetDynamics]);
         all.extend(braking::Scheme::EACH.map(Scheme));
         all.extend([LinearDuty, BatteryGap, EncoderBlink, EncoderGap]);
         all
     }
 
-    /// It can happen to a motor that was told this.
-    pub(crate) const fn concerns(self, told: Told) -> bool {
+    /// True if the event is tried with a motor of this knowledge.
+    pub(crate) const fn concerns(self, knowledge: Knowledge) -> bool {
         match self {
-            Self::TakeCoefficients => matches!(told, Told::Coefficients),
-            Self::TellDynamics => matches!(told, Told::Nothing),
-            Self::ForgetDynamics => matches!(told, Told::Model),
-            _ => !matches!(told, Told::Coefficients),
+            Self::ClearCoefficients => matches!(knowledge, Knowledge::Coefficients),
+            Self::ConfigureDynamics => matches!(knowledge, Knowledge::Unknown),
+            Self::ForgetDynamics => matches!(knowledge, Knowledge::Configured),
+            Self::SetCoefficients => !matches!(knowledge, Knowledge::Coefficients),
+            _ => true,
         }
     }
 
@@ -218,9 +219,9 @@ pub(crate) fn far(bench: &Bench) -> Demand {
 }
 
 /// A motor that is moved by its regulator as this says, for long.
-pub(crate) fn under_way(motion: Motion, told: Told, scheme: Scheme, period: Period) -> Placed {
+pub(crate) fn under_way(motion: Motion, knowledge: Knowledge, scheme: Scheme, period: Period) -> Placed {
     let speed = motion.speed() * Constants::new().free_speed;
-    let mut bench = Bench::new(told, scheme, period, speed);
+    let mut bench = Bench::new(knowledge, scheme, period, speed);
     bench.load = motion.load();
     let demand = if motion == Motion::Rest { Demand::Coast } else { Demand::Speed(speed) };
     ask(&mut bench, demand);
@@ -308,7 +309,7 @@ pub(crate) fn enter(state: State, motion: Motion, (bench, demand): &Placed) -> O
 pub(crate) fn happen(event: Event, state: State, (bench, before): &mut Placed) -> Demand {
     let (speed, brisk) = (bench.speed(), BRISK * bench.constants.free_speed);
     let brisk = if speed.abs() < 20.0 { brisk } else { speed };
-    let (told, period) = (bench.constants, bench.period);
+    let (constants, period) = (bench.constants, bench.period);
     if state == State::Faulted {
         bench.motor.set(Setpoint::Disabled);
     }
@@ -335,11 +336,13 @@ pub(crate) fn happen(event: Event, state: State, (bench, before): &mut Placed) -
             let far = far(bench);
             return ask(bench, far);
         }
-        Event::GiveCoefficients => bench.configure(|settings| {
-            settings.coefficients = Some(told.coefficients(settings.scheme, period));
+        Event::SetCoefficients => bench.configure(|settings| {
+            settings.coefficients = Some(constants.coefficients(settings.scheme, period));
         }),
-        Event::TakeCoefficients => bench.configure(|settings| settings.coefficients = None),
-        Event::TellDynamics => bench.configure(|settings| settings.dynamics = Some(told.dynamics())),
+        Event::ClearCoefficients => bench.configure(|settings| settings.coefficients = None),
+        Event::ConfigureDynamics => {
+            bench.configure(|settings| settings.dynamics = Some(constants.dynamics()))
+        }
         Event::ForgetDynamics => bench.configure(|settings| settings.dynamics = None),
         Event::Scheme(scheme) => bench.configure(|settings| settings.scheme = scheme),
         Event::LinearDuty => bench.configure(|settings| settings.duty = DutyRule::LinearDuty),

@@ -6,18 +6,17 @@
 //!
 //! ```
 //! use emulated::Mounting;
-//! use emulated::recording::{Recording, Way};
+//! use emulated::recording::{Knowledge, Recording, Way};
 //! use motor_hub::braking::DutyRule;
 //! use motor_hub::model::{catalogue::characterised, load::Load};
 //! use motor_hub::motor::Setpoint;
-//! use motor_hub::regulator::Kind;
 //! use motor_hub::units::{Control, Period};
 //! use simulated::hardware::BRIDGE;
 //!
 //! let motor = characterised("AM 60 A")?;
 //! let alone = Mounting { motor, load: Load::NONE, bridge: BRIDGE.into(), stops: None };
 //! let full = |_| Setpoint::ConstantPower(Control::MAX);
-//! let way = Way { rule: DutyRule::LinearCurrent, regulator: Kind::Pid };
+//! let way = Way { rule: DutyRule::LinearCurrent, knowledge: Knowledge::Unknown };
 //! let recording = Recording::new(&alone, way, Period::DEFAULT, 10, full, |_| 0.0);
 //! assert_eq!(recording.answers.last().map(|answer| answer.control), Some(Control::MAX.get()));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -33,7 +32,7 @@ use motor_hub::model::plant::{Influence, Plant};
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::motion::{Reading, Tracker};
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
-use motor_hub::regulator::{Dynamics, Kind};
+use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::units::{CountsPerSecond, EmfConstant, Micros, Millivolts, Period, RangeError};
 use simulated::hardware::mechanics;
 
@@ -66,8 +65,34 @@ pub struct Tick {
 pub struct Way {
     /// How duties are found.
     pub rule: DutyRule,
-    /// By its model, or by PID.
-    pub regulator: Kind,
+    /// What the hub knows of the motor.
+    pub knowledge: Knowledge,
+}
+
+/// What the hub knows of a motor, which decides how the motor is regulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Knowledge {
+    /// The dynamics are configured: the model regulates.
+    Configured,
+    /// Only the winding is configured: the model regulates, and learns the acceleration per volt.
+    Unknown,
+    /// A host has set coefficients: PID regulates.
+    Coefficients,
+}
+
+impl Knowledge {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Configured, Self::Unknown, Self::Coefficients];
+
+    /// Name in tables.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Configured => "configured",
+            Self::Unknown => "not configured",
+            Self::Coefficients => "PID",
+        }
+    }
 }
 
 /// What a tick answers.
@@ -116,12 +141,18 @@ pub struct Recording {
     pub answers: Vec<Answer>,
 }
 
-fn settings(mounting: &Mounting, way: Way) -> Result<Settings, RangeError> {
+fn settings(mounting: &Mounting, way: Way, period: Period) -> Result<Settings, RangeError> {
     let motor = &mounting.motor;
     let emf = EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor)?;
     let settings = Settings { duty: way.rule, ..Settings::new(Winding { emf, ..Winding::NEVEREST_60 }) };
-    let known = dynamics(mounting, &settings)?;
-    Ok(Settings { dynamics: (way.regulator == Kind::Model).then_some(known), ..settings })
+    Ok(match way.knowledge {
+        Knowledge::Configured => Settings { dynamics: Some(dynamics(mounting, &settings)?), ..settings },
+        Knowledge::Unknown => settings,
+        Knowledge::Coefficients => {
+            let suggested = Coefficients::guessed(emf, settings.scheme, period);
+            Settings { coefficients: Some(suggested), ..settings }
+        }
+    })
 }
 
 /// How a motor on the bench moves with its load, as a hub with these settings would know it.
@@ -148,7 +179,7 @@ impl Recording {
         setpoint: impl Fn(usize) -> Setpoint,
         torque: impl Fn(usize) -> f64,
     ) -> Self {
-        let settings = settings(mounting, way).expect("a motor's constants");
+        let settings = settings(mounting, way, period).expect("a motor's constants");
         let pwm = Hertz(settings.bridge.pwm_hz().into());
         let mut plant = Plant::new(mounting.motor, mounting.load, mounting.bridge, pwm);
         let mut motor = Motor::new(settings, period);
@@ -270,13 +301,14 @@ impl OnChip {
         let mut chip = Self { bench, image, settings, inputs, outputs, pending, step, sample };
         // Past the start-up code, which clears the memory.
         chip.bench.run(Duration::from_millis(1));
-        let Settings { winding, duty, dynamics, .. } = recording.settings;
+        let Settings { winding, duty, dynamics, coefficients, .. } = recording.settings;
         let words = vec![
             winding.emf.to_bits().cast_unsigned(),
             recording.period.as_millis(),
             u32::from(duty == DutyRule::LinearCurrent),
             dynamics.map_or(0, |known| known.gain.to_bits()),
             dynamics.map_or(0, |known| known.decay.to_bits()),
+            u32::from(coefficients.is_some()),
         ];
         chip.bench.write_words(chip.settings, words);
         chip

@@ -230,6 +230,12 @@ fn carry_out(
                     talk.enable(bench, motor, false)
                 }
                 Setpoint::ConstantPower(power) => talk.power(bench, motor, power.get()),
+                Setpoint::Current { current, speed_limit } => {
+                    talk.power(bench, motor, 0);
+                    let speed_limit_cps = whole(speed_limit).unsigned_abs();
+                    let current = MotorFunction::Current { current_ma: current.get(), speed_limit_cps };
+                    talk.order(bench, current.to(motor));
+                }
                 Setpoint::Velocity(target) => talk.velocity(bench, motor, whole(target)),
                 Setpoint::Position { target, tolerance, speed_limit } => {
                     talk.position(bench, motor, target, tolerance, whole(speed_limit));

@@ -12,7 +12,8 @@ use studies::survey::{Survey, cells, chart, random, reference, toml};
 pub(crate) const HELP: &str = "\
 How well motors are regulated: reference tasks, bare motors, random scenarios
 
-Every part runs with the model and with PID that is not configured.
+Every part runs with motors that are configured exactly, and with unknown motors. Of an unknown motor only the \
+winding is configured, and the hub learns its acceleration per volt.
 
 reference: tasks with known results, at six control periods.
 cells: every motor of the catalogue without a load, at a speed and to a position, at four control periods.

@@ -84,7 +84,7 @@ pub enum Order {
         /// Proportional, integral, derivative, feed-forward: -32768 to 32767 each.
         pidf: [f64; 4],
     },
-    /// Chooses the regulator. The model needs a motor with known dynamics.
+    /// Chooses the regulator. For an unknown motor the model learns the acceleration per volt.
     Regulator {
         /// Motor, 0 to 3.
         motor: u8,

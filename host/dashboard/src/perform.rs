@@ -64,7 +64,7 @@ impl From<Error> for Trouble {
 #[derive(Clone, Debug)]
 struct Before {
     settings: MotorSettings,
-    /// Coefficients of velocity and position loop; `None` if the motor was regulated by its model.
+    /// Coefficients of velocity and position loop; `None` if the model regulated the motor.
     loops: Option<[Coefficients; 2]>,
 }
 
@@ -156,7 +156,7 @@ impl Performer {
                 let found =
                     self.of(motor)?.found.ok_or("this motor was not identified yet: run Identify first")?;
                 self.keep(session, motor)?;
-                self.regulate_by(session, motor, found.dynamics)?;
+                self.regulate_by(session, motor, Some(found.dynamics))?;
                 motor
             }
             Order::Undo { motor } => {
@@ -179,8 +179,10 @@ impl Performer {
         let settings = session.settings(channel(motor)?)?;
         let of = self.of(motor)?;
         let loops = match of.regulator {
-            Some(Kind::Model) => None,
-            _ => Some([session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?]),
+            None | Some(Kind::Model) => None,
+            Some(Kind::Pid) => {
+                Some([session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?])
+            }
         };
         of.known = settings.motor.dynamics.or(of.known);
         of.undo.push(Before { settings, loops });
@@ -214,7 +216,6 @@ impl Performer {
                 let configured = session.settings(channel(motor)?)?.motor.dynamics;
                 let of = self.of(motor)?;
                 let known = configured.or(of.found.map(|found| found.dynamics)).or(of.known);
-                let known = known.ok_or("this motor's dynamics are not configured: run Identify first")?;
                 self.keep(session, motor)?;
                 self.regulate_by(session, motor, known)
             }
@@ -226,15 +227,16 @@ impl Performer {
         }
     }
 
-    /// Configures dynamics. Coefficients would override the model, so the set-up is sent again, which drops them.
+    /// Has the model regulate a motor with these dynamics, or an unknown motor. Coefficients would override the model, so
+    /// the set-up is sent again, which drops them.
     fn regulate_by(
         &mut self,
         session: &mut Session<Line>,
         motor: u8,
-        dynamics: Dynamics,
+        dynamics: Option<Dynamics>,
     ) -> Result<(), Trouble> {
         let mut settings = session.settings(motor)?;
-        settings.motor.dynamics = Some(dynamics);
+        settings.motor.dynamics = dynamics;
         session.set(motor, Group::SetUp, &settings)?;
         Ok(session.set(motor, Group::Motion, &settings)?)
     }

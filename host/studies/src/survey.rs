@@ -51,13 +51,13 @@ pub enum Knowledge {
     Lighter,
     /// 1.4 times the inertia.
     Heavier,
-    /// Not configured but for the winding: PID.
-    Nothing,
+    /// Only the winding is configured; the hub learns the acceleration per volt.
+    Unknown,
 }
 
 impl Knowledge {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Exact, Self::Lighter, Self::Heavier, Self::Nothing];
+    pub const ALL: [Self; 4] = [Self::Exact, Self::Lighter, Self::Heavier, Self::Unknown];
 
     /// In words.
     pub const fn name(self) -> &'static str {
@@ -65,7 +65,7 @@ impl Knowledge {
             Self::Exact => "configured exactly",
             Self::Lighter => "inertia x0.7",
             Self::Heavier => "inertia x1.4",
-            Self::Nothing => "not configured (PID)",
+            Self::Unknown => "not configured",
         }
     }
 
@@ -75,7 +75,7 @@ impl Knowledge {
             Self::Exact => motion(1.0),
             Self::Lighter => motion(0.7),
             Self::Heavier => motion(1.4),
-            Self::Nothing => None,
+            Self::Unknown => None,
         };
         Told { motion, ..Told::TRUTH }
     }

@@ -113,8 +113,8 @@ fn a_survey_begins_with_what_settles_and_fits_a_page() {
     for part in [
         "## Reference tasks, control period 50 ms",
         "inertia x0.7",
-        "The model settles ",
-        "not configured (PID)",
+        "A configured motor settles ",
+        "not configured",
         "## The worst",
     ] {
         assert!(markdown.contains(part), "{part}: {markdown}");

@@ -10,7 +10,7 @@ fn never(responses: &[&Response], knowledge: usize) -> f64 {
 }
 
 #[test]
-fn what_can_be_settled_is_settled_by_the_model() {
+fn what_can_be_settled_is_settled_by_a_configured_motor() {
     let survey = Survey::new(7, 40, &mut |_, _| ()).expect("it runs");
     // What a duty rule that is linear in nothing makes of a motor is another matter.
     let responses: Vec<&Response> =
@@ -33,7 +33,7 @@ fn the_tasks_of_the_reference_are_done_as_well_as_there() {
     let fifty = reference::PERIODS.iter().position(|&ms| ms == 50).expect("one of them");
     let verdict = |name: &str| {
         let row = rows.iter().find(|row| row.name == name).expect("a task");
-        (row.model[fifty], row.speed)
+        (row.configured[fifty], row.speed)
     };
     for (name, settling, beyond) in [
         ("flywheel 0 -> 2330", 0.385, 1.0),
@@ -68,7 +68,7 @@ fn every_bare_motor_settles_at_every_period() {
         .iter()
         .filter(|cell| !cell.paper_inertia)
         .flat_map(|cell| {
-            cells::PERIODS.iter().zip(&cell.model).map(move |(ms, verdicts)| (cell, ms, verdicts))
+            cells::PERIODS.iter().zip(&cell.configured).map(move |(ms, verdicts)| (cell, ms, verdicts))
         })
         .filter(|(_, _, verdicts)| !settled(verdicts))
         .map(|(cell, ms, verdicts)| format!("{} {} {ms} ms: {verdicts:?}", cell.motor, cell.mode))

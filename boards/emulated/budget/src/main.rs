@@ -14,7 +14,7 @@ use cortex_m_rt::entry;
 use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::motion::Reading;
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
-use motor_hub::regulator::Dynamics;
+use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::units::{
     AccelerationPerVolt, Control, CountsPerSecond, DecayRate, EmfConstant, Micros, Millivolts, Period,
 };
@@ -29,8 +29,8 @@ const OUTPUT: usize = 4;
 type Words<const N: usize> = [AtomicU32; N];
 
 /// Back-EMF constant (6q20), period in ms, duty rule (0 linear duty, 1 linear current), acceleration per volt
-/// (0 if the motor is not known) and rate of decay as their types have them.
-static SETTINGS: Words<5> = [const { AtomicU32::new(0) }; 5];
+/// (0 for an unknown motor) and decay rate in the steps of their types, coefficients (0 none, 1 the suggested ones).
+static SETTINGS: Words<6> = [const { AtomicU32::new(0) }; 6];
 static INPUTS: Words<{ BATCH * INPUT }> = [const { AtomicU32::new(0) }; BATCH * INPUT];
 static OUTPUTS: Words<{ BATCH * OUTPUT }> = [const { AtomicU32::new(0) }; BATCH * OUTPUT];
 static PENDING: Words<1> = [const { AtomicU32::new(0) }; 1];
@@ -149,6 +149,9 @@ fn new_motor() -> Motor {
         decay: DecayRate::from_bits(word(&SETTINGS, 4)),
         friction: Millivolts::new(0),
     });
+    if word(&SETTINGS, 5) != 0 {
+        settings.coefficients = Some(Coefficients::guessed(emf, settings.scheme, period));
+    }
     Motor::new(settings, period)
 }
 

@@ -8,10 +8,9 @@ use crate::common::{board, ms, publish};
 use addr2line::Context;
 use addr2line::gimli::{self, Dwarf, EndianSlice, LittleEndian, SectionId};
 use emulated::elf::{self, Symbol};
-use emulated::recording::{Counts, OnChip, Recording, Way, expected};
+use emulated::recording::{Counts, Knowledge, OnChip, Recording, Way, expected};
 use motor_hub::braking::DutyRule;
 use motor_hub::motor::Setpoint;
-use motor_hub::regulator::Kind;
 use motor_hub::units::{CountsPerSecond, Period};
 use object::{Object, ObjectSection};
 
@@ -38,10 +37,8 @@ fn torque(tick: usize) -> f64 {
 
 const MODES: [&str; 2] = ["velocity", "position"];
 
-fn ways() -> [Way; 4] {
-    let [model, pid] =
-        [Kind::Model, Kind::Pid].map(|regulator| DutyRule::EACH.map(|rule| Way { rule, regulator }));
-    [model[0], model[1], pid[0], pid[1]]
+fn ways() -> impl Iterator<Item = Way> {
+    Knowledge::ALL.into_iter().flat_map(|knowledge| DutyRule::EACH.map(|rule| Way { rule, knowledge }))
 }
 
 fn record(mode: &str, way: Way, ms: u32, ticks: usize) -> Recording {
@@ -73,14 +70,6 @@ fn control_to_drive_is_the_same_to_the_last_bit_as_on_the_host() {
     }
 }
 
-/// The regulator as tables name it.
-pub(crate) const fn name(regulator: Kind) -> &'static str {
-    match regulator {
-        Kind::Model => "model",
-        Kind::Pid => "PID",
-    }
-}
-
 /// Instructions of the core, a second.
 const CORE: u64 = 168_000_000;
 
@@ -93,7 +82,7 @@ fn mean(counts: &[u64]) -> u64 {
 fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
     let mut table = String::from(
         "Instructions of one motor's control step, and of a sample of its encoder between steps.\n\n\
-         | set-point, regulator, duty rule | period | mean | median | worst | sample | worst |\n\
+         | set-point, motor, duty rule | period | mean | median | worst | sample | worst |\n\
          |---|---|---|---|---|---|---|\n",
     );
     for (ms, percent) in [(50, 2), (10, 2), (1, 10)] {
@@ -105,14 +94,14 @@ fn four_motors_steps_and_samples_stay_within_the_budget_of_the_whole_hub() {
                 let step = mean(&steps);
                 let sample = mean(&samples);
                 let (median, worst) = (steps[steps.len() / 2], steps[steps.len() - 1]);
-                let by = name(way.regulator);
+                let knowledge = way.knowledge.name();
                 let rule = match way.rule {
                     DutyRule::LinearCurrent => "linear current",
                     DutyRule::LinearDuty => "linear duty",
                 };
                 let worst_sample = samples.iter().max().unwrap_or(&0);
                 table += &format!(
-                    "| {mode}, {by}, {rule} | {ms} ms | {step} | {median} | {worst} | {sample} | {worst_sample} |\n"
+                    "| {mode}, {knowledge}, {rule} | {ms} ms | {step} | {median} | {worst} | {sample} | {worst_sample} |\n"
                 );
                 let per_period = step + u64::from(ms - 1) * sample;
                 let per_second = 4 * per_period * 1000 / u64::from(ms);
@@ -131,7 +120,7 @@ fn the_model_regulator_by_itself_takes_at_most_700_instructions_a_step() {
          | set-point | mean | worst |\n|---|---|---|\n",
     );
     for mode in MODES {
-        let way = Way { rule: DutyRule::LinearCurrent, regulator: Kind::Model };
+        let way = Way { rule: DutyRule::LinearCurrent, knowledge: Knowledge::Configured };
         let recording = record(mode, way, 50, 240);
         let mut chip = OnChip::new(&recording);
         let counts = chip.count_within(&recording.inputs, "<motor_hub::regulator::Regulator>::step");
@@ -163,7 +152,7 @@ fn room(function: &str) -> String {
 #[test]
 #[ignore = "a report, not a test"]
 fn report_of_a_step() {
-    for (way, mode) in ways().into_iter().flat_map(|way| MODES.map(|mode| (way, mode))) {
+    for (way, mode) in ways().flat_map(|way| MODES.map(|mode| (way, mode))) {
         let recording = record(mode, way, 50, 200);
         let mut chip = OnChip::new(&recording);
         let counts = chip.profile(&recording.inputs);
@@ -177,11 +166,11 @@ fn report_of_a_step() {
 #[ignore = "a report, not a test"]
 fn report_of_the_hub() {
     const MILLISECONDS: u64 = 100;
-    for regulator in [Kind::Pid, Kind::Model] {
+    for knowledge in Knowledge::ALL {
         let image = elf::hub_with_period(board(), 1);
-        let mut bench = crate::boot::at_speed(&image, regulator);
+        let mut bench = crate::boot::at_speed(&image, knowledge);
         let counts = bench.profile(ms(MILLISECONDS));
-        println!("\n{regulator:?}, 1 ms: instructions a motor and ms");
+        println!("\n{knowledge:?}, 1 ms: instructions a motor and ms");
         report(&image, bench.symbols(), &counts, 4.0 * MILLISECONDS as f64);
     }
 }

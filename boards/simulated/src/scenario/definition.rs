@@ -101,9 +101,9 @@ pub struct Motor {
     pub thermal: Option<ThermalLimit>,
     /// Largest acceleration of the model's profiles.
     pub acceleration: Option<Acceleration>,
-    /// Coefficients of the velocity loop; `None` for the board's own.
+    /// Coefficients of the velocity loop. `None` for the model regulator, or for the suggested ones if `position` is set.
     pub velocity: Option<Pidf>,
-    /// Coefficients of the position loop; `None` for the board's own.
+    /// Coefficients of the position loop. `None` for the model regulator, or for the suggested ones if `velocity` is set.
     pub position: Option<Pidf>,
     /// Set-points, times ascending; before the first the motor is disabled.
     pub setpoints: Vec<Timed<Setpoint>>,
@@ -133,7 +133,7 @@ pub struct Told {
     pub resistance: f64,
     /// Of the back-EMF constant.
     pub emf: f64,
-    /// Inertia, drag and friction; `None` if only the winding is configured.
+    /// Inertia, drag and friction; `None` for an unknown motor, of which only the winding is configured.
     pub motion: Option<ToldMotion>,
 }
 

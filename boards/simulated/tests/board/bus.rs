@@ -133,7 +133,7 @@ fn winches_on_a_bus_that_cannot_sink_are_held_and_the_bus_stays_below_its_upper_
 }
 
 #[test]
-fn winches_are_held_so_at_every_period_by_pid_and_by_bridges_that_take_their_time() {
+fn winches_are_held_so_at_every_period_when_unknown_and_by_bridges_that_take_their_time() {
     let real: &'static str = format!("{WINCH}bridge = \"vnh5019\"\n").leak();
     let unknown: &'static str = format!("{WINCH}told = \"nothing\"\n").leak();
     for (period_ms, motor) in [(1, WINCH), (10, real), (10, unknown), (50, real), (100, real)] {

@@ -112,7 +112,7 @@ export function tunePanel(link) {
     limit.value = settings?.acceleration ?? "";
     say(unit, speedUnit(settings));
     const known = settings?.dynamics;
-    say(model, known ? `Dynamics: ${number(known.gain)} counts/s² per volt, decay ${number(known.decay, 2)} /s, friction ${number(known.friction_v, 2)} V` : "Dynamics are not configured: use Identify.");
+    say(model, known ? `Dynamics: ${number(known.gain)} counts/s² per volt, decay ${number(known.decay, 2)} /s, friction ${number(known.friction_v, 2)} V` : "Dynamics are not configured: the motor model learns the acceleration per volt. Identify measures all three.");
   }
   function allow() {
     const may = inControl() && state.connected;

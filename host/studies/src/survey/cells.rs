@@ -31,10 +31,10 @@ pub struct Cell {
     pub paper_inertia: bool,
     /// "velocity" or "position".
     pub mode: &'static str,
-    /// By the model: two responses for each period.
-    pub model: Vec<[Verdict; 2]>,
-    /// By PID, not configured.
-    pub pid: Vec<[Verdict; 2]>,
+    /// Configured exactly: two responses for each period.
+    pub configured: Vec<[Verdict; 2]>,
+    /// Not configured: two responses for each period.
+    pub unknown: Vec<[Verdict; 2]>,
 }
 
 /// Runs all cells; `progress` gets the number of runs that are done, and of all.
@@ -69,8 +69,8 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
         motor: motor.name,
         paper_inertia: motor.j != motor.j_rotor_measured,
         mode,
-        model: verdicts.by_ref().take(PERIODS.len()).collect(),
-        pid: verdicts.by_ref().take(PERIODS.len()).collect(),
+        configured: verdicts.by_ref().take(PERIODS.len()).collect(),
+        unknown: verdicts.by_ref().take(PERIODS.len()).collect(),
     };
     Ok(names.into_iter().map(cell).collect())
 }

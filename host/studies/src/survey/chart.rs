@@ -20,16 +20,16 @@ const SHOWN_S: f64 = 4.0;
 
 type Times = Vec<Option<f64>>;
 
-const BY_MODEL: (&str, &str) = ("model, configured exactly", colour::BLUE);
-const BY_PID: (&str, &str) = ("PID, not configured", colour::RED);
+const CONFIGURED: (&str, &str) = ("configured exactly", colour::BLUE);
+const UNKNOWN: (&str, &str) = ("not configured", colour::RED);
 
 /// The tasks of the reference, at all periods.
 #[must_use]
 pub fn reference(rows: &[Row]) -> NamedFigure {
     let settling = || rows.iter().filter(|row| row.figure == Asked::Settling);
-    let model = times(settling().flat_map(|row| &row.model));
-    let pid = times(settling().flat_map(|row| &row.pid));
-    let panel = panel("tasks", vec![(BY_MODEL, model), (BY_PID, pid)]);
+    let configured = times(settling().flat_map(|row| &row.configured));
+    let unknown = times(settling().flat_map(|row| &row.unknown));
+    let panel = panel("tasks", vec![(CONFIGURED, configured), (UNKNOWN, unknown)]);
     figure("reference", "The tasks of the reference", "control periods of 1 to 100 ms", vec![panel])
 }
 
@@ -38,9 +38,9 @@ pub fn reference(rows: &[Row]) -> NamedFigure {
 pub fn cells(cells: &[Cell]) -> NamedFigure {
     let of_mode = |mode: &'static str| {
         let chosen = || cells.iter().filter(move |cell| cell.mode == mode);
-        let model = times(chosen().flat_map(|cell| cell.model.iter().flatten()));
-        let pid = times(chosen().flat_map(|cell| cell.pid.iter().flatten()));
-        panel(mode, vec![(BY_MODEL, model), (BY_PID, pid)])
+        let configured = times(chosen().flat_map(|cell| cell.configured.iter().flatten()));
+        let unknown = times(chosen().flat_map(|cell| cell.unknown.iter().flatten()));
+        panel(mode, vec![(CONFIGURED, configured), (UNKNOWN, unknown)])
     };
     let panels = ["velocity", "position"].map(of_mode).into();
     figure("cells", "Every motor of the catalogue without a load", "control periods of 1 to 100 ms", panels)

@@ -54,10 +54,10 @@ pub struct Row {
     pub reference: &'static str,
     /// The figure of the verdicts.
     pub figure: Figure,
-    /// By the model; in the order of [`PERIODS`].
-    pub model: Vec<Verdict>,
-    /// By PID, not configured.
-    pub pid: Vec<Verdict>,
+    /// Configured exactly; in the order of [`PERIODS`].
+    pub configured: Vec<Verdict>,
+    /// Not configured; in the order of [`PERIODS`].
+    pub unknown: Vec<Verdict>,
     /// Speed set-point in counts/s; 0 of a position.
     pub speed: f64,
 }
@@ -174,8 +174,8 @@ fn arm() -> Result<Scenario, StudyError> {
     Ok(scenario)
 }
 
-/// Runs all tasks, by the model and by PID, at all [`PERIODS`]; `progress` gets the number of runs that are done, and of
-/// all.
+/// Runs all tasks at all [`PERIODS`], configured exactly and not configured; `progress` gets the number of runs that are
+/// done, and of all.
 ///
 /// # Errors
 /// If a run fails.
@@ -202,8 +202,8 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
             name: task.name,
             reference: task.reference,
             figure: task.figure,
-            model: verdicts.by_ref().take(PERIODS.len()).collect(),
-            pid: verdicts.by_ref().take(PERIODS.len()).collect(),
+            configured: verdicts.by_ref().take(PERIODS.len()).collect(),
+            unknown: verdicts.by_ref().take(PERIODS.len()).collect(),
         })
         .collect())
 }

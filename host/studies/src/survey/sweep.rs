@@ -18,7 +18,7 @@ use simulated::scenario::{Motor, Scenario, Timed, UNLIMITED};
 const PERIODS_MS: [u32; 4] = [1, 10, 50, 100];
 const VOLTS: [f64; 3] = [6.5, 12.0, 14.5];
 const FRICTION_PERCENT: [f64; 3] = [0.0, 20.0, 40.0];
-const KNOWLEDGE: [Knowledge; 2] = [Knowledge::Exact, Knowledge::Nothing];
+const KNOWLEDGE: [Knowledge; 2] = [Knowledge::Exact, Knowledge::Unknown];
 const DURATION_S: f64 = 6.0;
 
 /// Every `every`th of the scenarios, with four motors each, and how they are configured.

@@ -34,23 +34,23 @@ pub fn page(parts: Parts<'_>, worst: usize) -> Page {
     page
 }
 
-/// How many responses settle by the model, and by PID that is not configured.
+/// How many responses settle configured exactly, and not configured.
 fn headline(parts: Parts<'_>) -> String {
     let mut results = Vec::new();
     let mut add = |what: &str, verdicts: [Vec<&Verdict>; 2]| {
         let settled = verdicts.each_ref().map(|of| of.iter().filter(|v| v.settling_s.is_some()).count());
         let all = table::grouped(verdicts[0].len());
-        let [model, pid] = settled.map(table::grouped);
-        results.push(format!("{model} of {all} {what} (not configured: {pid})"));
+        let [configured, unknown] = settled.map(table::grouped);
+        results.push(format!("{configured} of {all} {what} (not configured: {unknown})"));
     };
     if let Some(rows) = parts.reference {
         let rows = || rows.iter().filter(|row| row.figure == Figure::Settling);
         let of = |verdicts: fn(&Row) -> &[Verdict]| rows().flat_map(verdicts).collect();
-        add("reference responses", [of(|row| &row.model), of(|row| &row.pid)]);
+        add("reference responses", [of(|row| &row.configured), of(|row| &row.unknown)]);
     }
     if let Some(cells) = parts.cells {
         let of = |verdicts: fn(&Cell) -> &[[Verdict; 2]]| cells.iter().flat_map(verdicts).flatten().collect();
-        add("responses of bare motors", [of(|cell| &cell.model), of(|cell| &cell.pid)]);
+        add("responses of bare motors", [of(|cell| &cell.configured), of(|cell| &cell.unknown)]);
     }
     if let Some(Survey { responses, .. }) = parts.survey {
         let of = |wanted: Knowledge| {
@@ -59,35 +59,38 @@ fn headline(parts: Parts<'_>) -> String {
                 all(responses, index).into_iter().map(|(_, verdict)| verdict).collect()
             })
         };
-        add("random responses", [of(Knowledge::Exact), of(Knowledge::Nothing)]);
+        add("random responses", [of(Knowledge::Exact), of(Knowledge::Unknown)]);
     }
     format!("Configured exactly, the hub settles {}.", results.join(", "))
 }
 
-/// The tasks of the reference: at 50 ms, then at all periods by the model and by PID.
+/// The tasks of the reference: at 50 ms, then at all periods configured exactly and not configured.
 fn reference(page: &mut Page, rows: &[Row]) {
     let compared = reference::PERIODS.iter().position(|ms| *ms == COMPARED_MS);
-    let mut table = table::new(&["task", "reference", "model", "PID, not configured"], 1);
+    let mut table = table::new(&["task", "reference", "configured exactly", "not configured"], 1);
     for row in rows {
         let of = |verdicts: &[Verdict]| {
             let verdict = compared.and_then(|index| verdicts.get(index));
             verdict.map_or_else(String::new, |verdict| figure(row, verdict))
         };
-        table.add_row([row.name.clone(), row.reference.to_owned(), of(&row.model), of(&row.pid)]);
+        table.add_row([row.name.clone(), row.reference.to_owned(), of(&row.configured), of(&row.unknown)]);
     }
     page.table(&format!("Reference tasks, control period {COMPARED_MS} ms"), table);
     page.text(
         "Settling in s / largest error beyond the set-point in % of the step, or after a torque in % of the speed. \
          A last error is in counts; an rms error is in % of the speed.",
     );
-    let slower: Vec<String> = rows.iter().filter_map(where_the_model_is_slower).collect();
+    let slower: Vec<String> = rows.iter().filter_map(where_configured_is_slower).collect();
     page.text(&if slower.is_empty() {
-        "The model settles at least as soon as PID at every task and period.".to_owned()
+        "A configured motor settles at least as soon as an unknown one at every task and period.".to_owned()
     } else {
-        format!("The model settles later than PID by more than {LATER_S} s at: {}.", slower.join("; "))
+        format!(
+            "A configured motor settles later than an unknown one by more than {LATER_S} s at: {}.",
+            slower.join("; ")
+        )
     });
-    page.table("Reference tasks, the model configured exactly", by_period(rows, |row| &row.model));
-    page.table("Reference tasks, PID, not configured", by_period(rows, |row| &row.pid));
+    page.table("Reference tasks, configured exactly", by_period(rows, |row| &row.configured));
+    page.table("Reference tasks, not configured", by_period(rows, |row| &row.unknown));
 }
 
 /// The reference's own control period in milliseconds.
@@ -96,18 +99,20 @@ const COMPARED_MS: u32 = 50;
 /// Differences of settling times up to this are none, in seconds.
 const LATER_S: f64 = 0.01;
 
-/// A task with the periods at which the model settles later than PID, or never where PID settles.
-fn where_the_model_is_slower(row: &Row) -> Option<String> {
+/// A task with the periods at which a configured motor settles later than an unknown one, or never where that one settles.
+fn where_configured_is_slower(row: &Row) -> Option<String> {
     if row.figure != Figure::Settling {
         return None;
     }
-    let slower = |model: &Verdict, pid: &Verdict| match (model.settling_s, pid.settling_s) {
-        (Some(model), Some(pid)) => model > pid + LATER_S,
-        (model, pid) => model.is_none() && pid.is_some(),
+    let slower = |configured: &Verdict, unknown: &Verdict| match (configured.settling_s, unknown.settling_s) {
+        (Some(configured), Some(unknown)) => configured > unknown + LATER_S,
+        (configured, unknown) => configured.is_none() && unknown.is_some(),
     };
-    let periods = reference::PERIODS.iter().zip(row.model.iter().zip(&row.pid));
-    let periods: Vec<String> =
-        periods.filter(|(_, (model, pid))| slower(model, pid)).map(|(ms, _)| format!("{ms} ms")).collect();
+    let periods = reference::PERIODS.iter().zip(row.configured.iter().zip(&row.unknown));
+    let periods: Vec<String> = periods
+        .filter(|(_, (configured, unknown))| slower(configured, unknown))
+        .map(|(ms, _)| format!("{ms} ms"))
+        .collect();
     (!periods.is_empty()).then(|| format!("{} ({})", row.name, periods.join(", ")))
 }
 
@@ -139,17 +144,17 @@ fn figure(row: &Row, verdict: &Verdict) -> String {
 
 /// The motors without a load that do not settle.
 fn bare_motors(page: &mut Page, cells: &[Cell]) {
-    let mut table = table::new(&["regulator", "motor", "mode", "period", "responses"], 5);
+    let mut table = table::new(&["configuration", "motor", "mode", "period", "responses"], 5);
     let mut failed = 0;
     for cell in cells {
-        for (regulator, all) in [("model", &cell.model), ("PID", &cell.pid)] {
+        for (knowledge, all) in [(Knowledge::Exact, &cell.configured), (Knowledge::Unknown, &cell.unknown)] {
             for (ms, verdicts) in cells::PERIODS.iter().zip(all) {
                 if verdicts.iter().all(|verdict| verdict.settling_s.is_some()) {
                     continue;
                 }
-                failed += usize::from(regulator == "model");
+                failed += usize::from(knowledge == Knowledge::Exact);
                 table.add_row([
-                    regulator.to_owned(),
+                    knowledge.name().to_owned(),
                     format!("{}{}", cell.motor, if cell.paper_inertia { ", paper's inertia" } else { "" }),
                     cell.mode.to_owned(),
                     format!("{ms} ms"),
@@ -161,7 +166,7 @@ fn bare_motors(page: &mut Page, cells: &[Cell]) {
     let all = cells.len() * cells::PERIODS.len();
     page.table("Bare motors that do not settle", table);
     page.text(&format!(
-        "With default settings {} of {all} settle by the model. A response: settling time [lowest and highest error in \
+        "With default settings {} of {all} settle configured exactly. A response: settling time [lowest and highest error in \
          the last second, counts/s or counts].",
         all - failed
     ));
@@ -179,7 +184,7 @@ fn in_short(verdict: &Verdict) -> String {
 fn random(page: &mut Page, survey: &Survey, worst: usize) {
     let Survey { seed, scenarios, asked, responses } = survey;
     let headings = [
-        "hub's model",
+        "configuration",
         "never settled, %",
         "swings, %",
         "settling, median / p90",

@@ -14,7 +14,7 @@ use std::sync::Mutex;
 
 use crate::common::{board, ms, on, publish};
 use modes::{MODES, Setup};
-use rows::{Cell, During, OF_MODEL_AND_BRAKE, ROWS, Row};
+use rows::{CONFIGURED_AND_BRAKE, Cell, During, ROWS, Row};
 use run::{Run, Seen};
 
 /// Run side by side.
@@ -47,15 +47,15 @@ fn complaints(row: &Row, seen: &Seen) -> Vec<String> {
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn every_fault_in_every_mode_ends_as_it_should() {
     let table = run_rows(Setup::AsTheyCome, &ROWS.iter().collect::<Vec<_>>());
-    let head = "Motors regulated by PID, as they come. A fault lets a motor coast.";
+    let head = "Motors as they come: only the winding is configured. A fault lets a motor coast.";
     publish("matrix-as-they-come", &format!("{head}\n\n{table}"));
 }
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn faults_of_motors_that_are_known_and_brake_end_as_they_should() {
-    let table = run_rows(Setup::ByModelBraking, &OF_MODEL_AND_BRAKE.iter().collect::<Vec<_>>());
-    let head = "Motors regulated by the model, and configured to brake at a fault.";
+fn faults_of_motors_that_are_configured_and_brake_end_as_they_should() {
+    let table = run_rows(Setup::ConfiguredBraking, &CONFIGURED_AND_BRAKE.iter().collect::<Vec<_>>());
+    let head = "Motors whose dynamics are configured, and which are configured to brake at a fault.";
     publish("matrix-by-model-braking", &format!("{head}\n\n{table}"));
 }
 

@@ -35,10 +35,10 @@ const POWER: i16 = 12_000;
 /// How the motors are set up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Setup {
-    /// As they come: PID, and a fault lets a motor coast.
+    /// As they come: not configured but for the winding, and a fault lets a motor coast.
     AsTheyCome,
-    /// Regulated by the model, and a fault has a motor brake.
-    ByModelBraking,
+    /// The dynamics are configured, and a fault has a motor brake.
+    ConfiguredBraking,
 }
 
 impl Setup {

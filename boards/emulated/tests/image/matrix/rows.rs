@@ -144,9 +144,9 @@ pub(crate) const ROWS: [Row; 24] = [
     row("reset", Fault::ResetPin, &["device reset"], [off(1, &[]); 4]),
 ];
 
-/// Those that end otherwise, or may, where motors are regulated by the model and brake at faults: a motor that brakes a
-/// load gives all that it has sooner than by PID. Without a battery's voltage, or a bridge, or the hub, none can brake.
-pub(crate) const OF_MODEL_AND_BRAKE: [Row; 9] = [
+/// Rows that end otherwise, or may, where motors are configured and brake at faults. Without a battery's voltage, or a
+/// bridge, or the hub, no motor can brake.
+pub(crate) const CONFIGURED_AND_BRAKE: [Row; 9] = [
     row(
         "encoder unplugged",
         Fault::Encoder(Encoder::Unplugged),
