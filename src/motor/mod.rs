@@ -172,6 +172,9 @@ impl Motor {
 
     /// Replaces all settings at the next step. State is kept, so that a motor may be tuned while it runs.
     pub fn configure(&mut self, settings: Settings) {
+        if settings.scheme != self.settings.scheme {
+            self.regulator.change_scheme();
+        }
         self.settings = settings;
         self.changed = true;
         self.modulator = settings.modulator();

@@ -164,6 +164,11 @@ impl Regulator {
         self.loops.take_coefficients(self.voltage.is_some());
     }
 
+    /// Control values mean other voltages at the next step; PID goes on from the present voltage.
+    pub fn change_scheme(&mut self) {
+        self.loops.take_coefficients(self.voltage.is_some());
+    }
+
     /// Another thing is asked of the motor. One that was held lets go.
     pub fn retarget(&mut self) {
         self.anchor = None;
