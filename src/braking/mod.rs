@@ -102,9 +102,12 @@ impl Modulator {
         Self { scheme, rule, current: LinearCurrent::new(winding, bridge) }
     }
 
-    /// The command that makes a voltage. Beyond the battery's it is the nearest that the bridge can make.
+    /// The command that makes a voltage. Beyond the battery's it is the nearest that the bridge can make. In
+    /// [`Scheme::ForwardReverse`], which has no braking regime, the bridge opens between no braking and full braking.
     pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let (regime, share) = points::share(clockwise_volts(at, voltage), at);
+        let opens = self.scheme == Scheme::ForwardReverse && regime == Regime::Braking && share < 1.0;
+        let share = if opens { 0.0 } else { share };
         let location = Location { regime, fraction: Fraction::from_f32(share) };
         Modulation::new(regime, self.current.duty(location, at), at)
     }
