@@ -98,6 +98,7 @@ pub(super) struct Sensitivity {
 }
 
 impl Sensitivity {
+    /// The sensitivity times a factor.
     fn scaled(self, by: f32) -> Self {
         Self { position: by * self.position, speed: by * self.speed, load: by * self.load }
     }
@@ -221,12 +222,12 @@ impl GainEstimate {
 
 #[cfg(test)]
 mod tests {
-    use super::super::observer::Observer;
+    use super::super::observer::{Filter, Observer};
     use super::*;
 
+    /// Back EMF per speed, in V per count/s.
     const KAPPA: f32 = 0.004;
-    /// Poles of the observer in 1/s, and the floor of its z.
-    const FILTER: (f32, f32) = (45.0, 0.35);
+    const FILTER: Filter = Filter { poles: 45.0, least_z: 0.35 };
 
     /// Drives a motor of this time constant (s) and load (V) with each voltage for half a second, at a control period
     /// in ms. Returns the estimate.

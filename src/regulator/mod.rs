@@ -107,6 +107,7 @@ struct Motion {
     plant: Plant,
     law: Law,
     observer: Observer,
+    /// State of the law.
     state: State,
 }
 
@@ -356,6 +357,7 @@ impl Regulator {
         }
     }
 
+    /// Position of the last sample, in counts; 0 before the first one.
     fn position(&self) -> i32 {
         self.last.map_or(0, |last| last.position)
     }

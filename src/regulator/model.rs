@@ -9,7 +9,7 @@
 //! The law has no integrator: the observer supplies the load, so nothing winds up, and a change of mode needs no
 //! preset.
 
-use super::observer::{Observer, Plant};
+use super::observer::{Filter, Observer, Plant};
 use super::{Effort, Output, Stage, within};
 use crate::units::single::{at_least, at_most};
 use crate::units::{Acceleration, Period, Voltage};
@@ -52,6 +52,7 @@ pub(super) struct State {
 }
 
 impl Law {
+    /// Prepares the law. `friction` is in V.
     pub(super) fn new(plant: &Plant, friction: f32, period: Period, limit: Option<Acceleration>) -> Self {
         let seconds = period.to_seconds();
         let remaining =
@@ -68,13 +69,13 @@ impl Law {
         }
     }
 
-    /// Parameters of the observer: its poles wo in 1/s, and the least z. At a long period z may fall lower, so that a
-    /// load is estimated sooner, although a slow motion becomes less smooth.
-    pub(super) const fn filter(period: Period) -> (f32, f32) {
+    /// Parameters of the observer. At a long period z may fall lower, so that a load is estimated sooner, although a
+    /// slow motion becomes less smooth.
+    pub(super) const fn filter(period: Period) -> Filter {
         match period.as_millis() {
-            0..=20 => (45.0, 0.35),
-            21..=50 => (42.0, 0.35),
-            _ => (42.0, 0.25),
+            0..=20 => Filter { poles: 45.0, least_z: 0.35 },
+            21..=50 => Filter { poles: 42.0, least_z: 0.35 },
+            _ => Filter { poles: 42.0, least_z: 0.25 },
         }
     }
 
@@ -110,7 +111,7 @@ impl Law {
         if state.holding {
             return self.request(state, observer, plant, self.remaining * w, stage, 0.0);
         }
-        // The motor goes to the middle of the target count.
+        // The target is the middle of the target count.
         let distance = distance as f32 + 0.5 - observer.fraction();
         let (side, distance) = (1.0f32.copysign(distance), distance.abs());
         let full = plant.b * stage.at.battery_volts();
@@ -136,7 +137,7 @@ impl Law {
         state.holding = false;
         let Self { period_s, approach, remaining, .. } = *self;
         let w = observer.speed();
-        // The motor goes to the middle of the count.
+        // The target is the middle of the count.
         let distance = distance + 0.5 - observer.fraction();
         // Distance at the tick's end, without half a tick of the next speed.
         let rest = distance + (now + end - w) * period_s / 2.0;

@@ -41,6 +41,15 @@ const LATE_COUNTS: f32 = 1.0;
 /// 1/1000 of a count/s beside it.
 pub(super) const FASTEST_CPS: f32 = 1e6;
 
+/// Parameters of the observer.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Filter {
+    /// Poles wo, in 1/s. A slow motor gets slower poles.
+    pub(super) poles: f32,
+    /// Least z: a longer time since the last correction makes no difference.
+    pub(super) least_z: f32,
+}
+
 /// The motor's constants as the observer uses them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plant {
@@ -58,13 +67,14 @@ pub(super) struct Plant {
     open: SampleResponse,
     /// Factor of z in a sample, exp(-wo T).
     z_per_sample: f32,
-    /// Least z: the time since a correction that is older counts for no more.
+    /// Least z.
     least_z: f32,
 }
 
 impl Plant {
-    /// Prepares the constants of a motor. `poles` is wo in 1/s; a slow motor gets slower poles. `least_z` bounds z.
-    pub(super) fn new(b: f32, kappa: f32, q: f32, (poles, least_z): (f32, f32)) -> Self {
+    /// Prepares the constants of a motor.
+    pub(super) fn new(b: f32, kappa: f32, q: f32, filter: Filter) -> Self {
+        let Filter { poles, least_z } = filter;
         let drag = at_least(q - b * kappa, 0.0);
         let poles = at_most(poles, cbrtf(11.0 * 12.0 * b));
         let [driven, open] = [q, drag].map(SampleResponse::new);
@@ -288,11 +298,12 @@ impl Observer {
 mod tests {
     use super::*;
 
+    /// b, kappa and q of the motor.
     const PLANT: (f32, f32, f32) = (1_500.0, 0.004, 7.0);
 
     fn plant() -> Plant {
         let (b, kappa, q) = PLANT;
-        Plant::new(b, kappa, q, (40.0, 0.25))
+        Plant::new(b, kappa, q, Filter { poles: 40.0, least_z: 0.25 })
     }
 
     /// Estimates the motion of a motor whose position in counts is a function of the time in seconds.

@@ -178,6 +178,7 @@ impl Identifier {
         }
     }
 
+    /// Ends an identification with this outcome.
     const fn end(&mut self, outcome: Identification) {
         self.state = outcome;
         self.stage = Stage::Idle;

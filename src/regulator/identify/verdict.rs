@@ -17,11 +17,10 @@ const VOLTAGE_NOISE_SHARE: f32 = 0.015;
 const LARGEST_DRIFT: f32 = 9.0;
 /// First rows that are left out of the running sum: with so few rows any innovation is large.
 const SETTLING_ROWS: u16 = 8;
-/// Load above which an identification is refused: as a share of the battery voltage, and in standard errors.
-const LARGEST_LOAD: (f32, f32) = (0.02, 3.0);
-/// Force of a spring at the end of the travel above which an identification is refused: as a share of the battery
-/// voltage, and in standard errors.
-const LARGEST_SPRING: (f32, f32) = (0.04, 5.0);
+/// Constant load above which an identification is refused.
+const LARGEST_LOAD: Threshold = Threshold { battery_share: 0.02, standard_errors: 3.0 };
+/// Force of a spring at the end of the travel above which an identification is refused.
+const LARGEST_SPRING: Threshold = Threshold { battery_share: 0.04, standard_errors: 5.0 };
 /// Largest standard error of a result, as a share of the result.
 const LARGEST_ERROR: f32 = 0.1;
 /// Plausible ratios of the back EMF found to the configured one, least and largest.
@@ -37,6 +36,15 @@ const FRICTION: usize = 2;
 const LOAD: usize = 3;
 /// Index of the unknown spring: its acceleration at the end of the travel.
 const SPRING: usize = 4;
+
+/// Threshold of an unknown: the larger of two values.
+#[derive(Clone, Copy)]
+struct Threshold {
+    /// The value whose voltage is this share of the battery voltage.
+    battery_share: f32,
+    /// Standard errors of the unknown.
+    standard_errors: f32,
+}
 
 /// The fit of a motion, with the statistics that decide whether the result can be used.
 #[derive(Clone, Copy, Debug)]
@@ -59,6 +67,7 @@ pub(super) struct Regression {
 }
 
 impl Regression {
+    /// Begins without rows.
     pub(super) fn new(emf: f32, battery: f32, span: f32) -> Self {
         Self { emf, battery, span, fit: Fit::default(), sum: 0.0, highest: 0.0, lowest: 0.0, squares: 0.0 }
     }
@@ -91,11 +100,12 @@ impl Regression {
         if b.is_nan() || b <= 0.0 {
             return Err(Refusal::Implausible);
         }
-        let exceeds = |solution: Option<Solution>, of: usize, (share, errors): (f32, f32)| {
+        let exceeds = |solution: Option<Solution>, of: usize, threshold: Threshold| {
             solution.is_some_and(|solution| {
                 let Some(&value) = solution.values.get(of) else { return false };
+                let Threshold { battery_share, standard_errors } = threshold;
                 let error = solution.error(unit(of));
-                value.abs() > (share * self.battery * b).max(errors * error)
+                value.abs() > (battery_share * self.battery * b).max(standard_errors * error)
             })
         };
         if exceeds(self.fit.solve(UNKNOWNS), SPRING, LARGEST_SPRING) {
