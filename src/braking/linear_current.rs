@@ -179,9 +179,9 @@ impl LinearCurrent {
 /// A regime at an operating point, with the symbols of the module.
 #[derive(Clone, Copy)]
 struct DriveState {
-    /// Voltage towards which the current rises while the bridge is on, in V.
+    /// Voltage in V whose current `a / R2` the current approaches while the bridge is on.
     a: f32,
-    /// Voltage below 0 towards which the current falls while the bridge is off, in V.
+    /// Voltage in V whose current `-c / (m R2)` the current approaches while the bridge is off.
     c: f32,
     /// Share of the resistance that is in the circuit only while the bridge is on.
     k: f32,

@@ -99,6 +99,7 @@ impl Abscissa {
         Self::from_bits((control.get() as i64) << 8)
     }
 
+    /// The abscissa in 1/256 steps.
     const fn to_bits(self) -> i64 {
         self.0.to_bits()
     }
@@ -173,12 +174,12 @@ impl Location {
 pub struct Fraction(U2F30);
 
 impl Fraction {
-    /// The end of least torque.
+    /// The fraction at the end of least torque.
     pub const ZERO: Self = Self(U2F30::ZERO);
-    /// The end of most torque.
+    /// The fraction at the end of most torque.
     pub const ONE: Self = Self(U2F30::ONE);
 
-    /// `part / whole`; 0 if `part <= 0` or `whole <= 0`, 1 if `part >= whole`.
+    /// The ratio `part / whole`; 0 if `part <= 0` or `whole <= 0`, 1 if `part >= whole`.
     const fn ratio(part: i64, whole: i64) -> Self {
         if part <= 0 || whole <= 0 {
             Self::ZERO
@@ -216,13 +217,13 @@ impl Fraction {
 /// The abscissas of the four points for clockwise motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Points {
-    /// 100 % reverse driving.
+    /// S, the end of reverse driving: reverse 100 %.
     pub s: Abscissa,
-    /// 0 % reverse driving and 100 % proportional braking.
+    /// T, from reverse driving to braking: reverse 0 %, braking 100 %.
     pub t: Abscissa,
-    /// 0 % proportional braking and 0 % forward driving.
+    /// Z, from braking to forward driving: both 0 %.
     pub z: Abscissa,
-    /// 100 % forward driving.
+    /// G, the end of forward driving: forward 100 %.
     pub g: Abscissa,
 }
 
