@@ -102,8 +102,8 @@ impl Modulator {
         Self { scheme, rule, current: LinearCurrent::new(winding, bridge) }
     }
 
-    /// The command that applies a voltage. A voltage beyond the battery's becomes the nearest one that the bridge can
-    /// apply.
+    /// The command that applies a voltage. A voltage beyond the battery voltage becomes the nearest voltage that the
+    /// bridge can apply.
     pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let (regime, share) = points::share(clockwise_volts(at, voltage), at);
         let location = Location { regime, fraction: Fraction::from_f32(share) };
@@ -128,7 +128,7 @@ impl Modulator {
         Modulation { regime, drive: Drive { duty: self.current.feasible(drive.duty), ..drive } }
     }
 
-    /// The control value that means a voltage, or the nearest one that the scheme has.
+    /// The control value that means a voltage. A voltage beyond the scheme's range gives the nearest control value.
     pub fn control(&self, at: OperatingPoint, voltage: Voltage) -> Control {
         let (regime, share) = points::share(clockwise_volts(at, voltage), at);
         let share = match self.rule {

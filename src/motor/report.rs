@@ -79,9 +79,9 @@ pub struct Report {
     pub regime: Option<Regime>,
     /// Command of the bridge.
     pub drive: Drive,
-    /// The motor has settled: in regulated position it was [within tolerance](super::within_tolerance), at up to 40
-    /// counts/s, for 50 ms or a control period, whichever is longer. A member of a group has settled when all members
-    /// have.
+    /// The motor has settled in regulated position: it was [within tolerance](super::within_tolerance) and no faster
+    /// than 40 counts/s for the dwell, 50 ms or a longer control period. A member of a group has settled when all
+    /// members have.
     pub settled: bool,
     /// The motor is regulated and driven against a stop.
     pub stalled: bool,

@@ -18,7 +18,8 @@ use super::observer::{Correction, Plant, SAMPLE_S};
 use crate::units::single::{at_least, at_most};
 use libm::{expf, sqrtf};
 
-/// Initial guess of the mechanical time constant of an unknown motor, in s: about that of a bare gear motor.
+/// Initial guess of the mechanical time constant of an unknown motor, in s. A bare gear motor has about this time
+/// constant.
 pub(super) const GUESSED_TIME_CONSTANT_S: f32 = 0.14;
 /// Shortest and longest plausible mechanical time constant of a motor with its load, in s.
 const PLAUSIBLE_TIME_CONSTANT_S: (f32, f32) = (0.01, 30.0);

@@ -95,12 +95,12 @@ fn coefficient(value: f32) -> Coefficient {
 enum Start {
     /// The integral goes on.
     Running,
-    /// The integral alone keeps the current as it is. The shares of P and D in the output come on top.
+    /// The integral alone keeps the present current. The shares of P and D in the output come on top.
     #[default]
     Resume,
     /// The integral alone keeps a current of zero.
     ZeroCurrent,
-    /// Integral and P together keep the current as it is: coefficients have changed while the motor was regulated.
+    /// Integral and P together keep the present current: coefficients have changed while the motor was regulated.
     Continue,
 }
 
@@ -121,7 +121,7 @@ pub(super) struct Context<'a> {
     pub(super) period: Period,
     /// Acceleration per volt, in counts/s².
     pub(super) gain: f32,
-    /// Voltage that leaves the current as it is.
+    /// Voltage that keeps the present current.
     pub(super) steady: Voltage,
     /// Bridge and supply at the tick.
     pub(super) stage: &'a Stage<'a>,

@@ -60,8 +60,8 @@ use observer::{FASTEST_CPS, Observer, Plant};
 const LONGEST_GAP_SAMPLES: u32 = 300;
 /// Time in ms without a count after which a motor that should turn counts as stalled.
 const STALLED_MS: u32 = 100;
-/// Age of the last edge in us from which on samples without a count do not update the gain of a motor that should
-/// turn: a stop may hold the motor.
+/// Age of the last edge in us from which on a stop may hold a motor that should turn. Samples without a count then do
+/// not update the gain.
 const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
 /// Age of the last edge in us from which on a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;

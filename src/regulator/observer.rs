@@ -10,7 +10,7 @@
 //!
 //! A sample says between which two positions the shaft is, whether or not a count came. Only the part of x outside of
 //! this interval is the error, and x is corrected to the nearer end. (A correction to the middle would make noise: at
-//! 1000 counts/s every sample has one count, wherever in the count the shaft is.)
+//! 1000 counts/s every sample has one count, whatever x is.)
 //!
 //! A *late* count says, when it comes, how long the motor took for the whole count. The samples that waited for it
 //! would only say that the motor crept along the edge of its count. So a late count corrects nothing until it comes,
@@ -298,7 +298,7 @@ impl Observer {
 mod tests {
     use super::*;
 
-    /// b, kappa and q of the motor.
+    /// The motor's constants b, kappa and q.
     const PLANT: (f32, f32, f32) = (1_500.0, 0.004, 7.0);
 
     fn plant() -> Plant {

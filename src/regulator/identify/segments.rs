@@ -1,8 +1,8 @@
 //! Divides a motion into segments, over which the motor's equation holds for mean values.
 //!
-//! A segment lasts 40 ms or longer. With w the mean speed of a segment, P the mean position, F the mean of the running
-//! integral of the voltage, and G the time of the segment's middle, two segments in a row obey the motor's own equation
-//! exactly, whatever the voltage did meanwhile. Primes mark the second segment:
+//! A segment lasts 40 ms or longer. Its means are the speed w, the position P, the running integral F of the voltage,
+//! and the time G. Two segments in a row obey the motor's own equation exactly, whatever the voltage did meanwhile.
+//! Primes mark the second segment:
 //!
 //! ```text
 //! w' - w = b (F' - F) - q (P' - P) - (c b sign(w) - load) (G' - G)
