@@ -1,4 +1,4 @@
-//! From a voltage or a control value to what the bridge does: proportional braking.
+//! Proportional braking: maps a voltage or a control value to the mode and duty of the bridge.
 //!
 //! For a motor that turns CW at the back EMF e on a battery of V volts the paper's points are, in volts and in every
 //! scheme, S = -V, T = 0, Z = e and G = V:
@@ -8,20 +8,20 @@
 //!     |--- reverse, 6/2 ---|--- braking, 5/0 ---|--- forward, 9/8 ---|
 //! ```
 //!
-//! * A [`Scheme`] maps control values to these voltages: the control values of its [`Points`] S, T, Z and G are those of the
-//!   four voltages, and between two points the map is linear.
-//! * A [`DutyRule`] maps the place of a control value in its regime to a duty.
+//! * A [`Scheme`] maps control values to voltages: the control values of its [`Points`] S, T, Z and G mean these four
+//!   voltages, and between two points the map is linear.
+//! * A [`DutyRule`] maps the [`Location`] of a control value in its regime to a duty.
 //! * A [`Modulator`] has both maps for one motor, and their inverses.
 //!
-//! "Voltage" always means the voltage that stands for the motor's mean current: e plus current times resistance.
+//! "Voltage" always means the equivalent DC voltage of the motor's mean current: e plus current times resistance.
 //!
 //! ```
 //! use motor_hub::braking::{DutyRule, Modulator, OperatingPoint, Regime, Scheme, Winding};
 //! use motor_hub::bridge::{BridgeConstants, Mode};
 //! use motor_hub::units::{CountsPerSecond, Millivolts, Voltage};
 //!
-//! // A NeveRest 60 at half of its speed on 12 V is to have 4 V: less than its back EMF of 6 V, so the bridge brakes in
-//! // proportion. In Scheme A a third of the control range means the same.
+//! // A NeveRest 60 at half of its free speed on 12 V gets 4 V. This is less than its back EMF of 6 V, so the bridge
+//! // brakes in proportion. In Scheme A a third of the control range means 4 V.
 //! let winding = Winding::NEVEREST_60;
 //! let modulator = Modulator::new(&winding, &BridgeConstants::IDEAL, Scheme::A, DutyRule::LinearCurrent);
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
@@ -46,7 +46,7 @@ pub use winding::Winding;
 use crate::bridge::{BridgeConstants, Drive};
 use crate::units::{Control, Duty, Voltage};
 
-/// What a bridge is commanded, and in which regime that is.
+/// A bridge's command, and its regime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Modulation {
     /// The regime, relative to the direction in which the motor turns.
@@ -56,12 +56,12 @@ pub struct Modulation {
 }
 
 impl Modulation {
-    /// Full dynamic braking.
+    /// Brakes the motor with a shorted winding, full dynamic braking.
     pub const fn full_braking(at: OperatingPoint) -> Self {
         Self::new(Regime::Braking, Duty::ONE, at)
     }
 
-    /// Reverse driving with all that the bridge has, S of the bridge itself, whatever the scheme.
+    /// Drives the motor against its motion with full duty: S in volts, whatever the scheme.
     pub const fn full_reverse(at: OperatingPoint) -> Self {
         Self::new(Regime::Reverse, Duty::ONE, at)
     }
@@ -71,19 +71,19 @@ impl Modulation {
     }
 }
 
-/// How the duty is found within a regime.
+/// Rule by which the duty follows from the location in a regime.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DutyRule {
-    /// Linear between the points, as in the paper.
+    /// The duty is linear between the points, as in the paper.
     LinearDuty,
-    /// Such that the mean current is linear between the points.
+    /// The mean current is linear between the points.
     #[default]
     LinearCurrent,
 }
 
 impl DutyRule {
-    /// Both of them.
+    /// Both rules.
     pub const EACH: [Self; 2] = [Self::LinearCurrent, Self::LinearDuty];
 }
 
@@ -102,8 +102,10 @@ impl Modulator {
         Self { scheme, rule, current: LinearCurrent::new(winding, bridge) }
     }
 
-    /// The command that makes a voltage. Beyond the battery's it is the nearest that the bridge can make. In
-    /// [`Scheme::ForwardReverse`], which has no braking regime, the bridge opens between no braking and full braking.
+    /// The command that applies a voltage. A voltage beyond the battery voltage becomes the nearest voltage that the
+    /// bridge can apply.
+    ///
+    /// [`Scheme::ForwardReverse`] has no braking regime: between no braking and full braking the bridge opens.
     pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let (regime, share) = points::share(clockwise_volts(at, voltage), at);
         let opens = self.scheme == Scheme::ForwardReverse && regime == Regime::Braking && share < 1.0;
@@ -115,22 +117,22 @@ impl Modulator {
     /// The command that a control value means.
     pub fn for_control(&self, at: OperatingPoint, control: Control) -> Modulation {
         match self.rule {
-            DutyRule::LinearDuty => self.with_allowed_duty(linear_duty(self.scheme, at, control)),
+            DutyRule::LinearDuty => self.with_feasible_duty(linear_duty(self.scheme, at, control)),
             DutyRule::LinearCurrent => linear_current(&self.current, self.scheme, at, control),
         }
     }
 
-    /// The command for open-loop power: the duty of 9/8 or 6/2 is this share of the control range, whatever the scheme.
+    /// The command of open-loop power: 9/8 or 6/2 with this share of the control range as duty, whatever the scheme.
     pub fn open_loop(&self, at: OperatingPoint, power: Control) -> Modulation {
-        self.with_allowed_duty(linear_duty(Scheme::ForwardReverse, at, power))
+        self.with_feasible_duty(linear_duty(Scheme::ForwardReverse, at, power))
     }
 
-    /// The nearest command that the bridge may be given.
-    fn with_allowed_duty(&self, Modulation { regime, drive }: Modulation) -> Modulation {
-        Modulation { regime, drive: Drive { duty: self.current.allowed(drive.duty), ..drive } }
+    /// Replaces the duty of a command by the nearest duty that the bridge's timing permits.
+    fn with_feasible_duty(&self, Modulation { regime, drive }: Modulation) -> Modulation {
+        Modulation { regime, drive: Drive { duty: self.current.feasible(drive.duty), ..drive } }
     }
 
-    /// The control value that means a voltage, or the nearest to it that the scheme has.
+    /// The control value that means a voltage. A voltage beyond the scheme's range gives the nearest control value.
     pub fn control(&self, at: OperatingPoint, voltage: Voltage) -> Control {
         let (regime, share) = points::share(clockwise_volts(at, voltage), at);
         let share = match self.rule {
@@ -143,7 +145,7 @@ impl Modulator {
         clockwise(at, points::control(&Points::new(self.scheme, at), (regime, share)))
     }
 
-    /// The voltage that a command makes.
+    /// The voltage that a command applies.
     pub fn applied(&self, at: OperatingPoint, Modulation { regime, drive }: Modulation) -> Voltage {
         let (emf, _) = at.volts();
         let current = self.current.current(regime, drive.duty, at);
@@ -152,13 +154,13 @@ impl Modulator {
     }
 }
 
-/// A voltage as a motor that turns CW would have it, in volts.
+/// Mirrors the voltage of a motor that turns CCW to CW motion; in volts.
 const fn clockwise_volts(at: OperatingPoint, voltage: Voltage) -> f32 {
     let volts = voltage.to_volts();
     if at.counter_clockwise() { -volts } else { volts }
 }
 
-/// A control value as a motor that turns CW would have it.
+/// Mirrors the control value of a motor that turns CCW to CW motion.
 const fn clockwise(at: OperatingPoint, control: Control) -> Control {
     if at.counter_clockwise() { control.reversed() } else { control }
 }
@@ -178,7 +180,7 @@ pub fn linear_current(
 ) -> Modulation {
     let location = Points::new(scheme, at).locate(clockwise(at, control));
     let location = match location.regime {
-        // A battery that cannot push makes no current.
+        // In overrun the battery drives no current.
         Regime::Forward if at.is_overrun() => Location { regime: Regime::Braking, fraction: Fraction::ZERO },
         _ => location,
     };

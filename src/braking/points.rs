@@ -1,10 +1,13 @@
-//! The four points S, T, Z, G of the control range: where reverse driving, proportional braking and
-//! forward driving begin and end at one speed and battery voltage.
+//! The four points S, T, Z, G of the control range, at which reverse driving, proportional braking and forward
+//! driving begin and end at one speed and battery voltage.
 //!
-//! All formulas assume clockwise motion; [`super::linear_duty`] mirrors the rest. Everything is integer
-//! arithmetic on exact ratios, so an abscissa is off by at most 1/512 step from the formula applied
-//! to the same integers, one that is made of others by 1/100 step, however close |emf| comes to the
-//! battery voltage.
+//! ```text
+//!   S ---- reverse, 6/2 ---- T ---- braking, 5/0 ---- Z ---- forward, 9/8 ---- G
+//! ```
+//!
+//! All formulas assume clockwise motion; [`super::linear_duty`] mirrors counter-clockwise motion. The arithmetic is
+//! of integers on exact ratios. A point computed from e and V is within 1/512 step of its formula. A point computed
+//! from other points is within 1/100 step, however close |emf| is to the battery voltage.
 //!
 //! ```
 //! use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
@@ -25,18 +28,19 @@ use crate::units::{Control, Duty, Emf, Millivolts};
 use fixed::types::{I56F8, U2F30};
 use libm::roundf;
 
-/// The speed and the supply for which points are computed.
+/// Back EMF and battery voltage for which points are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OperatingPoint {
     /// |emf| in steps of 2^-20 mV: below 2^37.
     e: i64,
     /// Battery voltage in steps of 2^-20 mV: above 0, below 2^36.
     v: i64,
+    /// The back EMF is negative: the motor turns counter-clockwise.
     counter_clockwise: bool,
 }
 
 impl OperatingPoint {
-    /// `None` if the battery voltage is 0: nothing can be said about a bridge without supply.
+    /// Creates an operating point; `None` if the battery voltage is 0, with which the points have no meaning.
     pub const fn new(emf: Emf, battery: Millivolts) -> Option<Self> {
         if battery.get() == 0 {
             return None;
@@ -50,10 +54,10 @@ impl OperatingPoint {
         self.counter_clockwise
     }
 
-    /// |emf| and battery voltage in volts, below 132 and 66, as fine as a current needs them.
+    /// |emf| and battery voltage in volts, in steps of 1/16 mV: below 132 V and 66 V.
     pub(crate) const fn volts(self) -> (f32, f32) {
         const VOLT: f32 = 16_000.0;
-        // Of the numbers in 1/16 mV no more than 21 bits are left, and a single has 24.
+        // Both numbers have at most 21 bits in 1/16 mV, and a single has 24.
         ((self.e >> 16) as i32 as f32 / VOLT, (self.v >> 16) as i32 as f32 / VOLT)
     }
 
@@ -68,7 +72,7 @@ impl OperatingPoint {
         self.volts().1
     }
 
-    /// True if the back EMF is at least the battery voltage: the battery can push no current.
+    /// True if the back EMF is at least the battery voltage: the battery drives no current in the direction of motion.
     pub const fn is_overrun(self) -> bool {
         self.e >= self.v
     }
@@ -80,10 +84,12 @@ pub struct Abscissa(I56F8);
 
 impl Abscissa {
     const ZERO: Self = Self::from_bits(0);
+    /// Upper end of the control range.
     const CONTROL_MAX: Self = Self::from_bits((Control::MAX.get() as i64) << 8);
+    /// Lower end of the control range.
     const CONTROL_MIN: Self = Self::from_bits((Control::MIN.get() as i64) << 8);
 
-    /// From 1/256 steps.
+    /// Converts from 1/256 steps.
     pub const fn from_bits(bits: i64) -> Self {
         Self(I56F8::from_bits(bits))
     }
@@ -93,11 +99,12 @@ impl Abscissa {
         Self::from_bits((control.get() as i64) << 8)
     }
 
+    /// The abscissa in 1/256 steps.
     const fn to_bits(self) -> i64 {
         self.0.to_bits()
     }
 
-    /// Steps, as fine as a single; far beyond the control range only the direction is right.
+    /// Steps in single precision, limited to 2^22 steps, far beyond the control range.
     fn to_f32(self) -> f32 {
         const FAR: i64 = 1 << 30;
         self.to_bits().clamp(-FAR, FAR) as i32 as f32 / 256.0
@@ -108,26 +115,26 @@ impl Abscissa {
         (self.to_bits() + 128) >> 8
     }
 
-    /// Steps, for reports.
+    /// Steps, in double precision for reports.
     pub fn to_f64(self) -> f64 {
         self.0.to_num()
     }
 }
 
-/// What a control value asks for, relative to the way the motor turns.
+/// Regime of a control value or voltage, relative to the direction of motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Regime {
-    /// S to T: driven against the motion, 6/2 when turning CW.
+    /// From S to T the motor is driven against its motion: 6/2 for CW motion.
     Reverse,
-    /// T to Z: proportional braking, 5/0.
+    /// From T to Z the motor brakes in proportion: 5/0.
     Braking,
-    /// Z to G: driven with the motion, 9/8 when turning CW.
+    /// From Z to G the motor is driven with its motion: 9/8 for CW motion.
     Forward,
 }
 
 impl Regime {
-    /// Its switching mode. Counter-clockwise motion is the mirror image: 9/8 and 6/2 change places.
+    /// The switching mode of the regime. For CCW motion 9/8 and 6/2 are exchanged.
     pub const fn mode(self, counter_clockwise: bool) -> Mode {
         let clockwise = match self {
             Self::Forward => Mode::Cw98,
@@ -138,18 +145,19 @@ impl Regime {
     }
 }
 
-/// Where a control value lies among the points: its regime, and how far into it.
+/// Location of a control value among the points: its regime, and the fraction of the regime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Location {
-    /// The regime that the control value falls into.
+    /// Regime of the control value.
     pub regime: Regime,
-    /// 0 at the end of least torque (Z for forward and braking, T for reverse), 1 at the other end.
+    /// Fraction of the regime: 0 at the end of least torque (Z for forward and braking, T for reverse), 1 at the
+    /// other end.
     pub fraction: Fraction,
 }
 
 impl Location {
-    /// The voltage behind the current that it stands for, in the regime's direction: full driving is `V - e`
-    /// with the motion and `V + e` against it, full braking is `e`.
+    /// Voltage across the resistance, in V and in the regime's direction, whose current the location means. Full
+    /// forward is `V - e`, full braking `e`, full reverse `V + e`.
     pub(super) const fn current(self, at: OperatingPoint) -> f32 {
         let (e, v) = at.volts();
         let fraction = self.fraction.to_f32();
@@ -161,46 +169,46 @@ impl Location {
     }
 }
 
-/// How far into its regime a control value lies: 0 to 1 in steps of 2^-30, rounded down.
+/// Fraction of a regime: 0 to 1 in steps of 2^-30, rounded down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Fraction(U2F30);
 
 impl Fraction {
-    /// The end of least torque.
+    /// The fraction at the end of least torque.
     pub const ZERO: Self = Self(U2F30::ZERO);
-    /// The end of most torque.
+    /// The fraction at the end of most torque.
     pub const ONE: Self = Self(U2F30::ONE);
 
-    /// `part / whole`; 0 if `part <= 0` or `whole <= 0`, 1 if `part >= whole`.
+    /// The ratio `part / whole`; 0 if `part <= 0` or `whole <= 0`, 1 if `part >= whole`.
     const fn ratio(part: i64, whole: i64) -> Self {
         if part <= 0 || whole <= 0 {
             Self::ZERO
         } else if part >= whole {
             Self::ONE
         } else {
-            // 33 bits of both are enough, and leave room for 30 more.
+            // Both are cut to 33 bits, which leaves room for the 30 bits of the fraction.
             let (part, whole) = (part.unsigned_abs(), whole.unsigned_abs());
             let surplus = 31u32.saturating_sub(whole.leading_zeros());
             Self(U2F30::from_bits((((part >> surplus) << 30) / (whole >> surplus)) as u32))
         }
     }
 
-    /// The duty nearest to it.
+    /// The nearest duty.
     pub const fn to_duty(self) -> Duty {
         Duty::from_bits(((self.0.to_bits() + (1 << 14)) >> 15) as u16)
     }
 
-    /// To the nearest single, which is as fine as 2^-24.
+    /// The nearest single, within 2^-24.
     const fn to_f32(self) -> f32 {
         self.0.to_bits() as f32 / (1 << 30) as f32
     }
 
-    /// The nearest to it within 0 to 1.
+    /// Converts from a single, limited to 0 to 1.
     pub(super) const fn from_f32(share: f32) -> Self {
         Self(U2F30::from_bits((at_most(at_least(share, 0.0), 1.0) * (1 << 30) as f32) as u32))
     }
 
-    /// For reports.
+    /// The fraction, in double precision for reports.
     pub fn to_f64(self) -> f64 {
         f64::from(self.0)
     }
@@ -209,30 +217,32 @@ impl Fraction {
 /// The abscissas of the four points for clockwise motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Points {
-    /// 100 % reverse driving.
+    /// S, the end of reverse driving: reverse 100 %.
     pub s: Abscissa,
-    /// 0 % reverse driving and 100 % proportional braking.
+    /// T, from reverse driving to braking: reverse 0 %, braking 100 %.
     pub t: Abscissa,
-    /// 0 % proportional braking and 0 % forward driving.
+    /// Z, from braking to forward driving: both 0 %.
     pub z: Abscissa,
-    /// 100 % forward driving.
+    /// G, the end of forward driving: forward 100 %.
     pub g: Abscissa,
 }
 
 impl Points {
-    /// The points that the firmware uses: the paper's, but that Schemes C and D keep braking within
-    /// reach near and in overrun.
+    /// The points that the firmware uses. They are the paper's, except that Schemes C and D keep braking within the
+    /// control range near and in overrun.
     ///
-    /// By the paper's formula their T runs to minus infinity as |emf| approaches the battery voltage: no
-    /// control value brakes any more just where only braking helps, and a motor in overrun that cannot
-    /// be braked runs away. So Scheme C lets T go no further than `-controlMax / a`, where a, the share
-    /// of full dynamic braking at the end of the control range, is 0 up to |emf| = 0.9 battery, rises
-    /// in proportion from there and is 1 from |emf| = battery on; S keeps its ratio to T. D with a fixed
-    /// blend lies between B and that at all speeds. Automatic D has a = 1 at all speeds, which below
-    /// overrun is the paper's blend of `min(1, (1 - u) / (2 u^2))`, u = |emf| / battery. So the points are
-    /// continuous in the speed, and those of the paper up to u = 0.9, for automatic D up to u = 1.
+    /// By the paper's formula T of Schemes C and D goes to minus infinity as |emf| approaches the battery voltage.
+    /// Then no control value brakes any more, just where only braking helps: a motor in overrun runs away. So the
+    /// firmware limits T, with u = |emf| / battery:
     ///
-    /// Other points beyond the control range stay there: with Scheme A in overrun every positive control
+    /// * Scheme C: T is at least `-controlMax / a`, and S keeps its ratio to T. a is the share of full dynamic
+    ///   braking at the end of the control range: 0 up to u = 0.9, then in proportion up to 1 at u = 1.
+    /// * Scheme D with a fixed blend lies between Schemes B and C at all speeds.
+    /// * Automatic D has a = 1 at all speeds. Below overrun this is the paper's blend of `min(1, (1 - u) / (2 u^2))`.
+    ///
+    /// So the points are continuous in the speed. They are the paper's up to u = 0.9, and for automatic D up to u = 1.
+    ///
+    /// Points beyond the control range are not limited otherwise: with Scheme A in overrun every positive control
     /// value is braking.
     pub const fn new(scheme: Scheme, at: OperatingPoint) -> Self {
         match scheme {
@@ -247,9 +257,8 @@ impl Points {
         }
     }
 
-    /// The paper's formula of the scheme, even where it means nothing (Schemes C and D in overrun).
-    ///
-    /// `None` where it is infinite: Schemes C and D with |emf| equal to the battery voltage.
+    /// The points by the paper's formula of the scheme, also in overrun, where Schemes C and D have no meaning.
+    /// `None` where the formula is infinite: Schemes C and D with |emf| equal to the battery voltage.
     pub const fn from_formula(scheme: Scheme, at: OperatingPoint) -> Option<Self> {
         match scheme {
             Scheme::C => Self::scheme_c(at),
@@ -268,19 +277,19 @@ impl Points {
         }
     }
 
-    /// Z at u.
+    /// The points of Scheme A: Z is at `controlMax e / V`.
     const fn scheme_a(at: OperatingPoint) -> Self {
         let OperatingPoint { e, v, .. } = at;
         Self::on_line(Abscissa::ZERO, scaled(e, v))
     }
 
-    /// T at `-e / (V + e)`.
+    /// The points of Scheme B: T is at `-controlMax e / (V + e)`.
     const fn scheme_b(at: OperatingPoint) -> Self {
         let OperatingPoint { e, v, .. } = at;
         Self::on_line(scaled(-e, v + e), Abscissa::ZERO)
     }
 
-    /// S and T of Scheme B times `(V + e) / (V - e)`, by the paper's formula.
+    /// The points of Scheme C by the paper's formula: S and T of Scheme B times `(V + e) / (V - e)`. `None` for e = V.
     const fn scheme_c(at: OperatingPoint) -> Option<Self> {
         let OperatingPoint { e, v, .. } = at;
         if e == v {
@@ -292,13 +301,12 @@ impl Points {
         })
     }
 
-    /// Scheme C with T at `lowest` where the formula has it further down, or means nothing.
+    /// The points of Scheme C with T at `lowest` in overrun, and where the formula has a lower T.
     const fn scheme_c_down_to(lowest: Abscissa, at: OperatingPoint) -> Self {
         match Self::scheme_c(at) {
             Some(points) if !at.is_overrun() && points.t.to_bits() >= lowest.to_bits() => points,
             _ => {
-                // S is T (V + e) / e. Here e is at least V/2, and T above -11 controlMax, so that the
-                // product is below 2^63.
+                // S is T (V + e) / e. Here e is at least V/2 and T above -11 controlMax, so the product is below 2^63.
                 let OperatingPoint { e, v, .. } = at;
                 let s = Abscissa::from_bits(lowest.to_bits() + div_round(lowest.to_bits() * v, e));
                 Self { s, ..Self::on_line(lowest, Abscissa::ZERO) }
@@ -306,15 +314,15 @@ impl Points {
         }
     }
 
-    /// S and G at the ends of the control range.
+    /// Points with S and G at the ends of the control range.
     const fn on_line(t: Abscissa, z: Abscissa) -> Self {
         Self { s: Abscissa::CONTROL_MIN, t, z, g: Abscissa::CONTROL_MAX }
     }
 
-    /// Where a control value lies among the points (paper, section 1.3).
+    /// Locates a control value among the points (paper, section 1.3).
     ///
-    /// Exactly at Z, and everywhere between coinciding T and Z, that is braking with fraction 0: the
-    /// bridge is open. Exactly at T it is full braking.
+    /// A control value at Z is braking with the fraction 0: the bridge is open. So is a control value at T = Z. Any
+    /// other control value at T is full braking.
     pub const fn locate(&self, control: Control) -> Location {
         let c = Abscissa::of(control).to_bits();
         let (s, t) = (self.s.to_bits(), self.t.to_bits());
@@ -329,7 +337,7 @@ impl Points {
     }
 }
 
-/// The regime and the share of its current that make a voltage of a motor that turns CW.
+/// The regime of a voltage in V, for CW motion, and the share of the regime's current.
 pub(super) fn share(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     let (e, v) = at.volts();
     if voltage > e {
@@ -341,10 +349,10 @@ pub(super) fn share(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     }
 }
 
-/// The control value at a share of the way through a regime.
+/// The control value at this share of a regime, within about a step, the resolution of a single.
 ///
-/// What the scheme cannot give becomes the nearest that it can: the end of the control range, or, where
-/// there is no braking regime, no current. To a step or so of control, which is as fine as a single.
+/// A value that the scheme does not have becomes the nearest one: the end of the control range, or, in a scheme
+/// without a braking regime, no current.
 pub(super) fn control(points: &Points, (regime, share): (Regime, f32)) -> Control {
     let (from, to) = match regime {
         Regime::Forward => (points.z, points.g),
@@ -355,12 +363,13 @@ pub(super) fn control(points: &Points, (regime, share): (Regime, f32)) -> Contro
     Control::saturating((roundf(from + share * (to - from)) as i32).into())
 }
 
-/// Beyond this the ends of the control range say all there is to say; it keeps a blend in 64 bits.
+/// Limit of a point in 1/256 steps. The limit is far beyond the control range, and keeps the products of a blend in
+/// 64 bits.
 const FAR: i64 = 1 << 45;
 
 /// `controlMax * numerator / denominator`, rounded to 1/256 step.
 ///
-/// |numerator| below 2^38, so the product stays below 2^61.
+/// |numerator| must be below 2^38, so that the product stays below 2^61.
 const fn scaled(numerator: i64, denominator: i64) -> Abscissa {
     let steps = div_round(Abscissa::CONTROL_MAX.to_bits() * numerator, denominator);
     Abscissa::from_bits(if steps > FAR {
@@ -372,7 +381,7 @@ const fn scaled(numerator: i64, denominator: i64) -> Abscissa {
     })
 }
 
-/// How far down T may lie by Scheme C: `-controlMax / a` with a = 10 u - 9, from 0 to 1.
+/// Lowest T of Scheme C: `-controlMax / a` with a = 10 u - 9, limited to 0 to 1.
 const fn near_overrun(at: OperatingPoint) -> Abscissa {
     let OperatingPoint { e, v, .. } = at;
     let part = 10 * e - 9 * v;
@@ -385,19 +394,20 @@ const fn near_overrun(at: OperatingPoint) -> Abscissa {
     }
 }
 
-/// `b + weight * (c - b)`: weight 0 is Scheme B, 1 is Scheme C.
+/// Blends S and T of Schemes B and C: `b + weight * (c - b)`.
 const fn blended(b: Points, c: Points, weight: BlendFraction) -> Points {
     Points { s: between(b.s, c.s, weight), t: between(b.t, c.t, weight), ..b }
 }
 
+/// Blends one point.
 const fn between(b: Abscissa, c: Abscissa, weight: BlendFraction) -> Abscissa {
     let step = (c.to_bits() - b.to_bits()) * weight.to_bits() as i64;
     Abscissa::from_bits(b.to_bits() + div_round(step, BlendFraction::ONE.to_bits() as i64))
 }
 
-/// Nearest integer, halves away from zero. The denominator is not 0.
+/// Divides and rounds to the nearest integer, halves away from zero. The denominator must not be 0.
 const fn div_round(numerator: i64, denominator: i64) -> i64 {
-    // Of the sizes, because an unsigned division is the shorter one.
+    // An unsigned division is shorter than a signed one.
     let (n, d) = (numerator.unsigned_abs(), denominator.unsigned_abs());
     let size = ((n + d / 2) / d) as i64;
     if (numerator < 0) == (denominator < 0) { size } else { -size }

@@ -1,10 +1,10 @@
-//! What becomes of the energy of a braking motor: a part returns to the bus, the rest heats winding and bridge.
+//! Power of a braking motor: a part returns to the bus, the rest heats winding and bridge.
 
 use super::points::{OperatingPoint, Regime};
 use super::{Modulation, Modulator, clockwise_volts};
 use crate::units::Voltage;
 
-/// Where the energy of motion of a braking motor goes, in watts, each at least 0.
+/// Shares of the power of a braking motor, in W, each at least 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Returned {
@@ -15,12 +15,13 @@ pub struct Returned {
 }
 
 impl Returned {
-    /// The motor does not brake.
+    /// No power, of a motor that does not brake.
     pub const NONE: Self = Self { returned: 0.0, burnt: 0.0 };
 }
 
 impl Modulator {
-    /// Where the energy goes while this command makes this voltage. `ohms` is the resistance of winding and bridge.
+    /// Computes the shares of the braking power while this command applies this voltage. `ohms` is the resistance of
+    /// winding and bridge.
     pub fn returned(
         &self,
         at: OperatingPoint,
@@ -35,10 +36,10 @@ impl Modulator {
             Regime::Forward => Returned::NONE,
             Regime::Reverse => Returned { returned: 0.0, burnt: braked },
             Regime::Braking => {
-                // While the bridge is open the current falls against the bus: in continuous conduction during all of that
-                // time, else until as many volt seconds are gone as the short had brought.
+                // While the bridge is open, the current flows into the bus and falls. In continuous conduction it
+                // flows for the whole of this time, otherwise until the volt seconds of the short are used up.
                 let open = 1.0 - modulation.drive.duty.to_f32();
-                let share = open.min(e / self.current.bus(v));
+                let share = open.min(e / self.current.falling_volts(v));
                 let returned = (v * current * share).min(braked);
                 Returned { returned, burnt: braked - returned }
             }

@@ -1,4 +1,4 @@
-//! The schemes by which the four points are laid on the control range, chosen per motor.
+//! Schemes, which map control values to voltages. Each motor has its own.
 //!
 //! ```
 //! use motor_hub::braking::{Blend, BlendFraction, Scheme};
@@ -12,26 +12,26 @@
 
 use crate::units::RangeError;
 
-/// How control values are given their meaning.
+/// Map from control values to voltages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Scheme {
-    /// No braking regime: positive is 9/8 and negative 6/2 whichever way the motor turns. What the
-    /// field's firmware did in 2018; here to be compared with.
+    /// There is no braking regime: positive control values are 9/8 and negative ones 6/2, whatever the direction of
+    /// motion. Firmware in the field did so in 2018. This scheme is for comparison.
     ForwardReverse,
-    /// Control is an equivalent DC voltage (paper, section 2): T at 0, Z moves with the speed.
+    /// A control value is an equivalent DC voltage (paper, section 2): T is at 0, and Z moves with the speed.
     A,
-    /// Control is a current (paper, section 3): Z at 0, T moves with the speed.
+    /// A control value is a current (paper, section 3): Z is at 0, and T moves with the speed.
     B,
-    /// Scheme B without its knee at Z: braking as steep as driving, at the price of reverse authority
-    /// and, above half of the free speed, of braking authority.
+    /// Scheme B without its knee at Z: braking is as steep as driving. Less reverse current is left within the
+    /// control range, and above half of the free speed also less braking current.
     C,
-    /// Between B (blend 0) and C (blend 1).
+    /// A blend between B (0) and C (1).
     D(Blend),
 }
 
 impl Scheme {
-    /// One of each kind; of D that which is half-way, and that which goes as far as it may.
+    /// One scheme of each kind, with D once automatic and once half-way.
     pub const EACH: [Self; 6] = [
         Self::ForwardReverse,
         Self::A,
@@ -42,38 +42,38 @@ impl Scheme {
     ];
 }
 
-/// How far Scheme D goes from B to C.
+/// Blend of Scheme D between B and C.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Blend {
-    /// The same at all speeds.
+    /// The blend is the same at all speeds.
     Fixed(BlendFraction),
-    /// As far as leaves full dynamic braking within the control range.
+    /// The blend is the largest that keeps full dynamic braking within the control range.
     Automatic,
 }
 
-/// 0 to 1 in steps of 2^-16.
+/// Fraction of a blend: 0 (Scheme B) to 1 (Scheme C) in steps of 2^-16.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BlendFraction(u32);
 
 impl BlendFraction {
-    /// Scheme B.
+    /// The blend is Scheme B.
     pub const ZERO: Self = Self(0);
-    /// Half-way.
+    /// The blend is half-way between Schemes B and C.
     pub const HALF: Self = Self(1 << 15);
-    /// Scheme C.
+    /// The blend is Scheme C.
     pub const ONE: Self = Self(1 << 16);
 
-    /// From steps of 2^-16: 0 to 65 536.
+    /// Converts from steps of 2^-16: 0 to 65 536.
     ///
     /// # Errors
-    /// [`RangeError::Blend`] above.
+    /// Fails with [`RangeError::Blend`] for more than 65 536 steps.
     pub const fn from_bits(bits: u32) -> Result<Self, RangeError> {
         if bits <= Self::ONE.0 { Ok(Self(bits)) } else { Err(RangeError::Blend) }
     }
 
-    /// Steps of 2^-16.
+    /// The blend in steps of 2^-16.
     pub const fn to_bits(self) -> u32 {
         self.0
     }

@@ -1,25 +1,25 @@
-//! What the hub must know of a motor.
+//! Electrical constants of a motor.
 
 use crate::units::{EmfConstant, Inductance, Resistance, constant};
 
-/// A motor's winding, with the encoder that its speed is counted by.
+/// Electrical constants of a motor's winding, with the back EMF in units of its encoder.
 ///
-/// A resistance that is wrong by a factor of two costs little. So does an inductance; of one that is
-/// unknown the current is taken for continuous, the limit of a high PWM frequency.
+/// A resistance or an inductance that is wrong by a factor of two has little effect. With an unknown inductance the
+/// current counts as continuous, which is the limit of a high PWM frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Winding {
     /// Back EMF per encoder speed.
     pub emf: EmfConstant,
-    /// At the terminals.
+    /// Resistance at the terminals.
     pub resistance: Resistance,
-    /// `None` if nobody has measured it.
+    /// Inductance; `None` if unknown.
     pub inductance: Option<Inductance>,
 }
 
 impl Winding {
-    /// An AndyMark NeveRest 60: 3.3 ohm, 694 uH, 533/30000 V s/rad and 28 counts a revolution of the motor,
-    /// which are 3.98683 mV s/count. As good a guess as any for a 12 V gear motor of a robot.
+    /// An AndyMark NeveRest 60: 3.3 ohm, 694 uH, 533/30000 V s/rad and 28 counts per revolution of the motor, which is
+    /// 3.98683 mV s/count. These constants are a fair guess for any 12 V gear motor of a robot.
     pub const NEVEREST_60: Self = Self {
         emf: constant!(EmfConstant::from_ke(533.0 / 30_000.0, 28.0)),
         resistance: constant!(Resistance::from_ohms(3.3)),

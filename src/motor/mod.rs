@@ -194,12 +194,12 @@ impl Motor {
                 self.regulator.change_mode();
             }
             if self.watch.retarget() {
-                self.regulator.let_go();
+                self.regulator.leave_stop();
             } else if self.setpoint == Setpoint::ConstantPower(Control::ZERO) {
                 // The current of a brake is of no use for what comes.
-                self.regulator.start_afresh();
+                self.regulator.start_at_zero_current();
             } else if !self.setpoint.is_regulated() {
-                self.regulator.take_over();
+                self.regulator.resume();
             }
         }
         if matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe) {
@@ -224,7 +224,7 @@ impl Motor {
     pub(crate) fn retarget(&mut self) {
         self.regulator.retarget();
         if self.watch.retarget() {
-            self.regulator.let_go();
+            self.regulator.leave_stop();
         }
     }
 
@@ -257,7 +257,7 @@ impl Motor {
     /// before.
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
         let moved = fresh(reading, now).map(|reading| self.follow(reading));
-        self.regulator.wait(now);
+        self.regulator.predict_until(now);
         let request = self.request(battery, moved);
         let (control, voltage) = self.apply(request);
         self.report(battery, moved, control, voltage)
@@ -422,7 +422,7 @@ impl Motor {
             gentle: matches!(self.settings.scheme, Scheme::C | Scheme::D(_)),
             probing: self.settings.probing,
         });
-        let mut speed = self.regulator.wanted(demand);
+        let mut speed = self.regulator.demanded_speed(demand);
         let (control, modulation) =
             match evidence.map_or(Finding::Sound, |evidence| self.watch.step(&evidence)) {
                 Finding::Fault(_) => return None,
@@ -599,7 +599,7 @@ impl Motor {
             drive,
             settled: self.settle_detector.step(within_tolerance, velocity),
             // With little current nothing can be said of the encoder: a motor without counts counts as stalled.
-            stalled: self.watch.stalled() || current_limited && self.regulator.is_held(),
+            stalled: self.watch.stalled() || current_limited && self.regulator.is_stalled(),
             identification: self.identifier.state(),
             faults: Faults {
                 battery_unknown: battery.is_none(),

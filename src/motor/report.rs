@@ -1,4 +1,4 @@
-//! What became of it: one tick of a motor, as a host would want to see it.
+//! Report of a motor's state at a tick.
 
 use super::{SenseLine, Setpoint};
 use crate::braking::Regime;
@@ -8,34 +8,34 @@ use crate::regulator::Kind;
 use crate::regulator::identify::Identification;
 use crate::units::{Control, CountsPerSecond, Milliamperes};
 
-/// What keeps a motor from doing what it is asked; each makes it coast, or brake where
-/// [`OnFault`](super::OnFault) says so.
+/// Faults of a motor. With a fault the motor coasts or brakes, by its setting [`OnFault`](super::OnFault).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Faults {
-    /// No battery voltage is known: never measured, implausible, or too old. The motor coasts.
+    /// The battery voltage is unknown: never measured, implausible, or too old. The motor coasts.
     pub battery_unknown: bool,
-    /// No encoder reading, or none newer than 20 ms. Constant power runs on without one.
+    /// There is no encoder reading from the last 20 ms. Constant power continues.
     pub encoder_stale: bool,
-    /// The encoder of a regulated motor does not count, or counts the wrong way. Latched until the
-    /// motor is disabled; constant power runs on.
+    /// The encoder of a regulated motor does not count, or counts in the wrong direction. This fault is latched until
+    /// the motor is disabled. Constant power continues. `None` without this fault.
     pub encoder: Option<EncoderFault>,
-    /// The winding got too hot by its own current, in spite of a limit. Latched until it has cooled down and the motor
-    /// is disabled.
+    /// The winding was too hot in spite of its current limit. This fault is latched until the winding has cooled down
+    /// and the motor is disabled.
     pub overheated: bool,
-    /// The bridge says that it has switched itself off. Latched until the motor is disabled. The motor coasts.
+    /// The bridge reports that it has switched itself off. This fault is latched until the motor is disabled. The
+    /// motor coasts.
     pub bridge: bool,
 }
 
 impl Faults {
-    /// True if there is one.
+    /// True if there is a fault.
     pub const fn any(self) -> bool {
         self.battery_unknown || self.encoder_stale || self.encoder.is_some() || self.overheated || self.bridge
     }
 }
 
-/// A motor's current as well as it is known: the measured magnitude with the sign of the modelled current, or the modelled
-/// current where none is measured. Positive turns the motor CW.
+/// Best estimate of a motor's current: the measured magnitude with the sign of the modelled current, or the modelled
+/// current where none is measured. A positive current turns the motor CW.
 pub const fn best_current(modelled: Milliamperes, measured: Option<Milliamperes>) -> Milliamperes {
     match measured {
         Some(magnitude) if modelled.get() < 0 => Milliamperes::new(-magnitude.get()),
@@ -44,50 +44,52 @@ pub const fn best_current(modelled: Milliamperes, measured: Option<Milliamperes>
     }
 }
 
-/// What a host would want to see of a motor.
+/// State of a motor at a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Report {
-    /// What it is asked to do.
+    /// Set-point.
     pub setpoint: Setpoint,
-    /// Counts.
+    /// Position in counts.
     pub position: i32,
-    /// Estimated.
+    /// Estimated speed.
     pub velocity: CountsPerSecond,
-    /// Which regulator the motor has.
+    /// Kind of the motor's regulator.
     pub regulator: Kind,
-    /// Mean current of the winding by its constants and what the bridge is told; 0 while coasting. Positive
-    /// turns the motor CW.
+    /// Modelled mean current of the winding, by its constants and the applied voltage; 0 while coasting. A positive
+    /// current turns the motor CW.
     pub current: Milliamperes,
-    /// Magnitude of the mean current as the board measures it; `None` of a board that does not, while the bridge is in 5/0,
-    /// where none can, and of a line that is not believed.
+    /// Magnitude of the mean current that the board measures. `None` without a current-sense line, with a broken one,
+    /// and while the bridge is in 5/0, where it shows no current.
     pub measured: Option<Milliamperes>,
-    /// What is thought of the line that shows it.
+    /// Condition of the current-sense line.
     pub sense_line: SenseLine,
-    /// How hot the winding is by that current, or by the other: 1000 at its limit. 0 without one.
+    /// Heat of the winding by the measured current, or by the modelled one where none is measured: 1000 at the
+    /// thermal limit, 0 without a limit.
     pub heat: u16,
-    /// It is so hot that its current is limited.
+    /// The winding is so hot that its current is limited.
     pub derated: bool,
     /// The [current limit](super::Settings::current_limit) holds the current below what the set-point requests.
     pub current_limited: bool,
-    /// The current that would just balance what loads the motor, friction and drag among it; positive for a load that holds it
-    /// back from turning CW. `None` for an unknown motor.
+    /// Current that would balance load, friction and drag; positive for a load that resists CW motion. `None` for an
+    /// unknown motor.
     pub load: Option<Milliamperes>,
-    /// The control value; 0 while coasting.
+    /// Control value; 0 while coasting.
     pub control: Control,
-    /// Its regime; `None` while the bridge is open because the motor is disabled, floating or at fault.
+    /// Regime of the control value; `None` while the bridge is open because the motor is disabled, floating or at
+    /// fault.
     pub regime: Option<Regime>,
-    /// What the bridge is told.
+    /// Command of the bridge.
     pub drive: Drive,
-    /// True if the motor has settled: in regulated position, [within tolerance](super::within_tolerance) and no faster
-    /// than 40 counts/s, all that for 50 ms or a control period, whichever is longer. A member of a group has settled when
-    /// all members have come to their end in this way.
+    /// The motor has settled in regulated position: it was [within tolerance](super::within_tolerance) and no faster
+    /// than 40 counts/s for the dwell, 50 ms or a longer control period. A member of a group has settled when all
+    /// members have.
     pub settled: bool,
-    /// Regulated, under effort, and held against a stop.
+    /// The motor is regulated and driven against a stop.
     pub stalled: bool,
-    /// What became of the last identification.
+    /// State or result of the last identification.
     pub identification: Identification,
-    /// What keeps it from obeying.
+    /// Faults of the motor.
     pub faults: Faults,
 }
 
@@ -97,7 +99,7 @@ impl Report {
         best_current(self.current, self.measured)
     }
 
-    /// A disabled motor of which nothing is known.
+    /// The report before the first tick: a disabled motor.
     pub const INITIAL: Self = Self {
         setpoint: Setpoint::Disabled,
         position: 0,

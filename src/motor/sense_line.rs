@@ -1,138 +1,152 @@
-//! The current-sense line of a motor's bridge: when it shows the motor's current, and whether to believe it.
+//! Current-sense line of a motor's bridge: decides when the line shows the motor's current, and whether the line works.
 //!
-//! A bridge of the VNH5019 kind senses in its high-side switches (data sheet Doc ID 15701, tables 9 and 11): in 9/8 and 6/2
-//! one of them is closed throughout the period, for the duty and for freewheeling, so that the line shows the motor's
-//! current in both, and its mean is the motor's. In 5/0 none is closed, and the line shows nothing whatever flows: there the
-//! current by the motor's constants goes on. Which chip it is makes 0.7 to 1.5 of what is shown, at 3 A and below.
+//! A bridge of the VNH5019 kind senses in its high-side switches (data sheet Doc ID 15701, tables 9 and 11). In 9/8
+//! and 6/2 one of them is closed throughout the period, for the duty and for freewheeling. The line then shows the
+//! motor's current all the time, and its mean is the motor's mean current. In 5/0 no high-side switch is closed, and
+//! the line shows no current: the modelled current is used. At 3 A and below the line shows 0.7 to 1.5 times the
+//! current, depending on the chip.
+//!
+//! ```text
+//! Absent ──a sample──▶ Sound ◀──4 contradictions in a row──▶ Silent, Stuck, Excessive
+//!    ▲                                                              │
+//!    └──────────── from every state: the converter does not answer ─┘
+//! ```
 
 use crate::bridge::Mode;
 use crate::units::Milliamperes;
 
-/// What is thought of a motor's current-sense line.
+/// Condition of a motor's current-sense line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SenseLine {
-    /// There is none, or its converter does not answer.
+    /// There is no line, or its converter does not answer.
     #[default]
     Absent,
-    /// It is believed.
+    /// The line works; its current is used.
     Sound,
-    /// Nothing is on it where by the motor's constants a current flows: it is broken, or a lead of the motor is. It is not
-    /// believed.
+    /// The line shows no current where the modelled current is at least 1 A: the line or a lead of the motor is
+    /// broken. The line is not used.
     Silent,
-    /// A current is on it where the bridge can show none. It is not believed.
+    /// The line shows a current in 5/0, where the bridge can show none. The line is not used.
     Stuck,
-    /// Far more is on it than could flow by the motor's constants: these are another motor's, or the winding is shorted.
-    /// It is believed.
+    /// The line shows far more than the modelled current: the constants are another motor's, or the winding is
+    /// shorted. The line is used.
     Excessive,
 }
 
-/// So often in a row a line must contradict what is thought of it.
-const CONVINCED: u8 = 4;
+/// Samples in a row that must contradict the condition of a line before the condition changes.
+const CONFIRMATIONS: u8 = 4;
 
-/// Less is nothing: a converter's offset, but no motor that turns takes as little.
+/// Current in mA below which a line shows nothing: more than a converter's offset, less than any motor that turns
+/// draws.
 const NOTHING_MA: u32 = 50;
-/// Where by its constants a motor takes so much, something must be seen of it.
+/// Modelled current in mA from which on a line must show a current.
 const DUE_MA: u32 = 1_000;
-/// What a bridge that shorts or opens its motor shows, at most: leakage.
+/// Largest current in mA that a bridge in 5/0 shows, by leakage.
 const LEAKAGE_MA: u32 = 300;
 
-/// More than a bridge that shows half as much again, and a motor of twice the current, could make of a modelled one.
-const fn most(modelled_ma: u32) -> u32 {
+/// Largest plausible current in mA for a modelled one: the motor may draw twice the modelled current, and the line
+/// may show 1.5 times the motor's. 2 A are added.
+const fn largest_plausible(modelled_ma: u32) -> u32 {
     modelled_ma.saturating_mul(3).saturating_add(2_000)
 }
 
-/// One motor's line.
+/// State of one motor's line.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Line {
-    is: SenseLine,
-    doubts: u8,
-    /// Of the bridge at the last sample.
+    condition: SenseLine,
+    /// Samples in a row that contradict the condition.
+    contradictions: u8,
+    /// Mode of the bridge at the last sample; `None` if it was not constant.
     mode: Option<Mode>,
+    /// Current that the last sample shows; `None` if it is no measurement of the motor's current.
     shown: Option<Milliamperes>,
-    /// So often, up to [`CONVINCED`], it has shown a current. A line that has not may be one to ground: nothing is no
-    /// measurement of it.
-    shows: u8,
+    /// Samples that have shown a current, up to [`CONFIRMATIONS`]. Before that a line may be shorted to ground, so
+    /// that a sample without a current is no measurement.
+    proofs: u8,
 }
 
 impl Line {
-    /// A sample. `mode` is the bridge's now, `None` where it changes from one period of a few milliseconds to the next;
-    /// `modelled` the current by the motor's constants, `None` if nobody knows how fast it turns.
+    /// Takes a sample. `shown` is `None` without an answer of the converter. `mode` is the mode of the bridge; `None`
+    /// during burn pulses, in which the mode changes within milliseconds. `modelled` is the current by the motor's
+    /// constants; `None` if the speed is unknown.
     pub(super) fn step(
         &mut self,
         shown: Option<Milliamperes>,
         mode: Option<Mode>,
         modelled: Option<Milliamperes>,
     ) {
-        // One that has changed since the sample before may have done so just now.
+        // A mode that has changed since the last sample may have changed just now.
         let settled = mode.filter(|_| mode == self.mode);
         (self.mode, self.shown) = (mode, None);
         let Some(current) = shown else {
-            (self.is, self.doubts, self.shows) = (SenseLine::Absent, 0, 0);
+            (self.condition, self.contradictions, self.proofs) = (SenseLine::Absent, 0, 0);
             return;
         };
-        if self.is == SenseLine::Absent {
-            self.is = SenseLine::Sound;
+        if self.condition == SenseLine::Absent {
+            self.condition = SenseLine::Sound;
         }
         let Some(mode) = settled else { return };
         let magnitude = current.get().unsigned_abs();
-        let seems = if mode == Mode::Brake50 {
-            Some(at_rest(magnitude))
+        let found = if mode == Mode::Brake50 {
+            Some(in_braking(magnitude))
         } else {
             let shows = magnitude >= NOTHING_MA;
-            self.shows = CONVINCED.min(self.shows + u8::from(shows));
-            self.shown = shown.filter(|_| shows || self.shows == CONVINCED);
-            modelled.and_then(|modelled| driving(magnitude, modelled.get().unsigned_abs()))
+            self.proofs = CONFIRMATIONS.min(self.proofs + u8::from(shows));
+            self.shown = shown.filter(|_| shows || self.proofs == CONFIRMATIONS);
+            modelled.and_then(|modelled| in_driving(magnitude, modelled.get().unsigned_abs()))
         };
-        if let Some(seems) = seems {
-            self.weigh(seems, mode == Mode::Brake50);
+        if let Some(found) = found {
+            self.judge(found, mode == Mode::Brake50);
         }
     }
 
-    /// What is thought of it now.
+    /// The condition of the line.
     pub(super) const fn is(&self) -> SenseLine {
-        self.is
+        self.condition
     }
 
-    /// Magnitude of the motor's mean current while its bridge is in this mode, if the line shows it and is believed.
+    /// Magnitude of the motor's mean current in this mode of the bridge; `None` if the line does not show the current
+    /// or is not used.
     pub(super) fn measured(&self, mode: Mode) -> Option<Milliamperes> {
-        let believed = matches!(self.is, SenseLine::Sound | SenseLine::Excessive);
-        self.shown.filter(|_| believed && self.mode == Some(mode))
+        let used = matches!(self.condition, SenseLine::Sound | SenseLine::Excessive);
+        self.shown.filter(|_| used && self.mode == Some(mode))
     }
 
-    /// What a line does at rest proves nothing of one that is silent, and the other way round.
-    fn weigh(&mut self, seems: SenseLine, at_rest: bool) {
-        let proves = match self.is {
-            SenseLine::Stuck => at_rest,
-            SenseLine::Silent | SenseLine::Excessive => !at_rest || seems == SenseLine::Stuck,
+    /// Changes the condition after [`CONFIRMATIONS`] samples in a row. Only samples in 5/0 (`braking`) end
+    /// the condition Stuck. Only samples in 9/8 or 6/2 end Silent and Excessive, unless they show a stuck line.
+    fn judge(&mut self, found: SenseLine, braking: bool) {
+        let proves = match self.condition {
+            SenseLine::Stuck => braking,
+            SenseLine::Silent | SenseLine::Excessive => !braking || found == SenseLine::Stuck,
             SenseLine::Absent | SenseLine::Sound => true,
         };
-        if seems == self.is || !proves {
-            self.doubts = 0;
+        if found == self.condition || !proves {
+            self.contradictions = 0;
             return;
         }
-        self.doubts += 1;
-        if self.doubts >= CONVINCED {
-            (self.is, self.doubts) = (seems, 0);
-            if matches!(seems, SenseLine::Silent | SenseLine::Stuck) {
-                self.shows = 0;
+        self.contradictions += 1;
+        if self.contradictions >= CONFIRMATIONS {
+            (self.condition, self.contradictions) = (found, 0);
+            if matches!(found, SenseLine::Silent | SenseLine::Stuck) {
+                self.proofs = 0;
             }
         }
     }
 }
 
-/// In 5/0.
-const fn at_rest(ma: u32) -> SenseLine {
+/// Condition by a current in mA in 5/0.
+const fn in_braking(ma: u32) -> SenseLine {
     if ma > LEAKAGE_MA { SenseLine::Stuck } else { SenseLine::Sound }
 }
 
-/// A motor that takes less than it should may be another one; only nothing at all is a broken line, and where little is due
-/// it proves nothing.
-const fn driving(ma: u32, modelled_ma: u32) -> Option<SenseLine> {
+/// Condition by a current in 9/8 or 6/2, in mA; `None` if line and model both show too little. Only a line without any
+/// current is broken: a motor that draws less than modelled may be another motor.
+const fn in_driving(ma: u32, modelled_ma: u32) -> Option<SenseLine> {
     match (ma < NOTHING_MA, modelled_ma >= DUE_MA) {
         (true, true) => Some(SenseLine::Silent),
         (true, false) => None,
-        (false, _) if ma > most(modelled_ma) => Some(SenseLine::Excessive),
+        (false, _) if ma > largest_plausible(modelled_ma) => Some(SenseLine::Excessive),
         (false, _) => Some(SenseLine::Sound),
     }
 }

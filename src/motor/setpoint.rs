@@ -1,20 +1,19 @@
-//! What a motor is asked to do.
+//! Set-points of a motor.
 
 use super::within_tolerance;
 use crate::regulator::Reference;
 use crate::units::{Control, CountsPerSecond, Milliamperes};
 
-/// What a motor is asked to do.
+/// Set-point of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Setpoint {
-    /// Nothing: the bridge is open.
+    /// The motor is disabled, and its bridge is open.
     #[default]
     Disabled,
-    /// Nothing, and not because somebody wants that: whoever told it what to do is gone. The bridge is open or
-    /// brakes, as the motor's settings say of a fault.
+    /// The host no longer answers. The bridge is open or brakes, by the motor's setting [`OnFault`](super::OnFault).
     FailSafe,
-    /// Open loop: 9/8 or 6/2 at this share of the control range, whatever the speed.
+    /// Open loop: 9/8 or 6/2 with this share of the control range as duty, whatever the speed.
     ConstantPower(Control),
     /// A constant current, so a constant torque, while the motor is slower than the limit.
     Current {
@@ -24,41 +23,41 @@ pub enum Setpoint {
         /// keeps the speed; a motor that a load drives faster brakes with at most the current.
         speed_limit: CountsPerSecond,
     },
-    /// Regulated velocity.
+    /// Regulated velocity: the motor turns at this speed.
     Velocity(CountsPerSecond),
-    /// Regulated position: a position loop above the velocity loop.
+    /// Regulated position: the motor goes to a position and holds it.
     Position {
-        /// Where to go, in counts, the short way round the ring of 2^32 of them.
+        /// Target position in counts. The motor takes the shorter direction round the ring of 2^32 counts.
         target: i32,
         /// Largest distance to the target, in counts, at which the motor is [within
         /// tolerance](super::within_tolerance).
         tolerance: u16,
-        /// Magnitude of the speed on the way; the sign does not matter.
+        /// Largest speed towards the target; the sign does not matter.
         speed_limit: CountsPerSecond,
     },
-    /// A short motion from which the hub learns how motor and load answer to a voltage: see
-    /// [`identify`](crate::regulator::identify). It coasts before and after.
+    /// [Identification](crate::regulator::identify) of motor and load by a short motion. The motor coasts before and
+    /// after.
     Identify {
-        /// Counts, either way, that it may take at most; less makes the motion shorter.
+        /// Largest travel of the motion in either direction, in counts. A smaller limit makes the motion shorter.
         travel_limit: u32,
     },
-    /// Regulated to be where its group wants it at this tick. The hub sets it, every tick, of the members of a
-    /// [group](crate::group); a motor that nobody leads stays near the reference.
+    /// Regulated position in a [group](crate::group): the motor follows this reference. The hub sets a new reference
+    /// at every tick; without a new one the motor stays near the last.
     Together(Reference),
 }
 
 impl Setpoint {
-    /// True if a regulator stands between it and the bridge.
+    /// True if a regulator computes the bridge's command.
     pub(super) const fn is_regulated(self) -> bool {
         matches!(self, Self::Velocity(_) | Self::Position { .. } | Self::Together(_))
     }
 
-    /// True if the bridge may be told at once: there is nothing to regulate, and nothing to learn.
+    /// True if the command needs no tick: nothing is regulated or identified.
     pub const fn is_direct(self) -> bool {
         matches!(self, Self::Disabled | Self::FailSafe | Self::ConstantPower(_))
     }
 
-    /// True in regulated position while `position` is [within tolerance](within_tolerance).
+    /// True in regulated position if `position` is [within tolerance](within_tolerance).
     pub(super) const fn is_within_tolerance(self, position: i32) -> bool {
         match self {
             Self::Position { target, tolerance, .. } => within_tolerance(target, position, tolerance),

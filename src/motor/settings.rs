@@ -1,4 +1,4 @@
-//! What a motor is told of itself once: its winding, its scheme, its load.
+//! Configuration of a motor: its winding, bridge, scheme, protection and regulation.
 
 use super::{Report, ThermalLimit};
 use crate::braking::{DutyRule, Modulator, Scheme, Winding};
@@ -7,70 +7,72 @@ use crate::regulator::{Coefficients, Config, Dynamics};
 use crate::units::{Acceleration, Milliamperes, Millivolts};
 use core::num::NonZeroU16;
 
-/// What a zero set-point means in constant power and in regulated velocity.
+/// Meaning of a zero set-point in constant power and in regulated velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ZeroPower {
-    /// Constant power: full dynamic braking. Regulated velocity: held at standstill.
+    /// Constant power 0 is full dynamic braking. Velocity 0 holds the motor at standstill.
     #[default]
     Brake,
-    /// The bridge is open.
+    /// The bridge is open, and the motor coasts.
     Float,
 }
 
-/// What becomes of a motor that a fault keeps from doing what it is asked, or whose host has fallen silent.
+/// Reaction of a motor to a fault, and to a host that no longer answers.
 ///
-/// Braking shorts the winding (5/0 at 100 %), for which nobody needs to know its speed. It is out of the question
-/// where the bridge or the battery is the fault: then every motor coasts.
+/// Braking shorts the winding (5/0 at 100 %), which needs no estimate of the speed. With a fault of bridge or battery
+/// every motor coasts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum OnFault {
-    /// The bridge is open: nothing of it gets hot, and a load may run away.
+    /// The bridge is open. The motor does not heat, but a load may run away.
     #[default]
     Coast,
-    /// Full dynamic braking: a load sinks slowly instead of falling, and never stands still by that.
+    /// The motor brakes with a shorted winding. A load sinks slowly instead of falling, but is not stopped.
     Brake,
 }
 
-/// What does not change from tick to tick.
+/// Settings of a motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Settings {
-    /// What is connected.
+    /// Electrical constants of the motor.
     pub winding: Winding,
-    /// By what it is driven.
+    /// Constants of the motor's bridge.
     pub bridge: BridgeConstants,
-    /// Where S, T, Z and G lie.
+    /// Scheme that defines S, T, Z and G.
     pub scheme: Scheme,
-    /// How the duty is found within a regime.
+    /// Rule by which the duty follows from the location in a regime.
     pub duty: DutyRule,
-    /// What zero means.
+    /// Meaning of a zero set-point.
     pub zero_power: ZeroPower,
-    /// What a fault does to it.
+    /// Reaction to a fault.
     pub on_fault: OnFault,
-    /// What its winding stands; `None` for a motor that nothing protects from its own current.
+    /// Thermal limit of the winding; `None` for a motor without thermal protection.
     pub thermal: Option<ThermalLimit>,
-    /// Largest current in mA, in either direction, driving or braking. `None` for a motor that may draw its stall current.
+    /// Largest current in mA, in either direction, driving or braking. `None` for a motor that may draw its stall
+    /// current.
     pub current_limit: Option<NonZeroU16>,
-    /// Dynamics of the motor with its load; `None` for an unknown motor, whose acceleration per volt the regulator learns.
+    /// Dynamics of the motor with its load; `None` for an unknown motor, whose acceleration per volt the regulator
+    /// estimates.
     pub dynamics: Option<Dynamics>,
-    /// Coefficients that a host has set, with which PID regulates the motor; `None` if the model regulates it.
+    /// Coefficients of a host, with which the motor is regulated by PID; `None` for the model regulator.
     pub coefficients: Option<Coefficients>,
-    /// Largest acceleration under the model regulator; `None` for the limit that the battery sets.
+    /// Largest acceleration by the model regulator; `None` for no limit.
     pub acceleration: Option<Acceleration>,
-    /// A motor that does not turn though it should may be driven the other way, once, to find out whether its
-    /// encoder is at fault. Otherwise it is taken to be, unless something moves the motor.
+    /// A driven motor without counts may be driven in the other direction once, to find out whether its encoder is at
+    /// fault. If false, the encoder counts as faulty, unless a load moves the motor.
     pub probing: bool,
 }
 
 impl Settings {
-    /// [`for_scheme`](Self::for_scheme) A, the default.
+    /// Default settings: [`for_scheme`](Self::for_scheme) with Scheme A.
     pub const fn new(winding: Winding) -> Self {
         Self::for_scheme(winding, Scheme::A)
     }
 
-    /// Settings that run a gear motor with this winding on an ideal bridge: linear current, and brake at zero. Motor and load
-    /// are not configured, so the regulator learns the acceleration per volt.
+    /// Settings that run a gear motor with this winding on an ideal bridge: linear current, and brake at zero. Motor
+    /// and load are not configured, so the regulator learns the acceleration per volt.
     pub const fn for_scheme(winding: Winding, scheme: Scheme) -> Self {
         Self {
             winding,
@@ -88,25 +90,26 @@ impl Settings {
         }
     }
 
-    /// What the regulator is told of them.
+    /// The settings that the regulator uses.
     pub(super) const fn regulation(&self) -> Config {
         let Self { winding, dynamics, coefficients, acceleration, .. } = *self;
         Config { emf: winding.emf, dynamics, coefficients, acceleration }
     }
 
-    /// Of winding and bridge together, in ohms.
+    /// Resistance of winding and bridge, in ohms.
     pub(super) fn ohms(&self) -> f32 {
         let milliohms =
             u32::from(self.winding.resistance.as_milliohms()) + 2 * u32::from(self.bridge.switch_mohm());
         milliohms as f32 / 1000.0
     }
 
-    /// What the bridge takes from the bus by these constants, mean; negative for what it returns. It keeps no energy, so
-    /// that is the current's share of the battery's voltage that stands across the motor: the duty while it drives.
+    /// Mean current that the bridge draws from the bus; negative while it returns current. The bridge stores no
+    /// energy, so this is the motor's current times the motor's share of the battery voltage, which is the duty while
+    /// the bridge drives.
     pub fn drawn(&self, report: &Report, battery: Millivolts) -> Milliamperes {
         let amperes = 1e-3 * report.best_current().get() as f32;
         let across = self.winding.emf.emf(report.velocity).to_volts() + amperes * self.ohms();
-        // Nothing is known of the battery, and nothing flows.
+        // Without a battery voltage every bridge is open.
         let share = if battery.get() == 0 { 0.0 } else { across / battery.to_volts() };
         Milliamperes::from_amperes(amperes * share)
     }

@@ -1,46 +1,58 @@
-//! How hot a winding is, from the current that is known to flow in it (I2t), and how much current it may have for that.
+//! Thermal model of a winding (I2t): computes the heating from the current, and limits the current of a hot motor.
 //!
-//! Two bodies in a row, the winding and the case around it, each of first order: of the winding's rise over its
-//! surroundings a quarter is over the case, and follows the square of the current within seconds; the rest is the case's, and
-//! takes minutes. Both together are 1 of the limit when the continuous current flows for ever. The resistance
-//! is taken as it was told, cold; a hot winding has more of it, and less current.
+//! Winding and case are two bodies in series, each a filter of first order. A quarter of the winding's rise over the
+//! room is over the case, and follows the square of the current within seconds. The rest is the rise of the case, and
+//! takes minutes:
 //!
-//! Temperatures are not known here, nor is that of the room: the limit is the motor's data sheet's.
+//! ```text
+//! heat = (0.25 winding + 0.75 case) / continuous²      winding' = (current² - winding) / winding_s
+//!                                                      case'    = (current² - case) / case_s
+//! ```
+//!
+//! The heat is 1 when the continuous current has flowed for long. The model has no temperatures, neither of the motor
+//! nor of the room: the limit is the continuous current of the motor's data sheet. The resistance is the configured,
+//! cold one. A hot winding has more resistance, and so less current.
 
 use crate::units::single::{at_least, at_most};
 use crate::units::{Milliamperes, Period, RangeError};
 
-/// The winding's share of the rise; of small brushed motors 0.15 to 0.3 of the thermal resistance lies between winding
-/// and case.
+/// Share of the winding's rise that is over the case. In small brushed motors 0.15 to 0.3 of the thermal resistance
+/// lies between winding and case.
 const WINDING_SHARE: f32 = 0.25;
-/// From here on the current is limited: from four times the continuous current down to that at 1.
+/// Heat above which the current is limited: to four times the continuous current here, and linearly down to the
+/// continuous current at the heat 1.
 const DERATED_FROM: f32 = 0.8;
-/// Above this the motor is switched off. Limited current ends at 1, so it is a load that drives the motor that gets here.
+/// Heat above which the motor is switched off. A limited current keeps the heat near 1, so only a load that drives
+/// the motor leads here.
 const CUT_ABOVE: f32 = 1.1;
-/// A cut motor that has cooled down to this may run again, if it is disabled and enabled.
+/// Heat up to which a motor that was switched off may run again, after it is disabled.
 const COOL: f32 = 1.0;
-/// Squares are gathered for so long: a filter of minutes that is stepped every millisecond would lose them in rounding.
-const GATHER_S: f32 = 0.05;
+/// Time in s over which squares of the current are averaged before the filters are stepped. A filter of minutes that is
+/// stepped every millisecond would lose them in rounding.
+const AVERAGING_S: f32 = 0.05;
 
-/// What heat a motor's winding stands.
+/// Thermal limit of a motor's winding: its continuous current, and the time constants of winding and case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ThermalLimit {
+    /// Continuous current, in mA.
     continuous_ma: u16,
+    /// Time constant of the winding, in s.
     winding_s: u16,
+    /// Time constant of the case, in s.
     case_s: u16,
 }
 
 impl ThermalLimit {
-    /// Time constant of a winding if nobody knows better, in seconds.
+    /// Usual time constant of a winding, in s, for a motor without a known one.
     pub const USUAL_WINDING_S: u16 = 20;
-    /// Time constant of a case if nobody knows better, in seconds.
+    /// Usual time constant of a case, in s, for a motor without a known one.
     pub const USUAL_CASE_S: u16 = 600;
 
-    /// The current that may flow for ever, in milliamperes, and the time constants of winding and case, in seconds.
+    /// Creates a limit from the continuous current in mA, and the time constants of winding and case in s.
     ///
     /// # Errors
-    /// [`RangeError::Thermal`] if one of them is 0.
+    /// Fails with [`RangeError::Thermal`] if an argument is 0.
     pub const fn new(continuous_ma: u16, winding_s: u16, case_s: u16) -> Result<Self, RangeError> {
         if continuous_ma == 0 || winding_s == 0 || case_s == 0 {
             return Err(RangeError::Thermal);
@@ -48,48 +60,54 @@ impl ThermalLimit {
         Ok(Self { continuous_ma, winding_s, case_s })
     }
 
-    /// 1 to 65 535 mA.
+    /// The continuous current: 1 to 65 535 mA.
     pub const fn continuous_ma(&self) -> u16 {
         self.continuous_ma
     }
 
-    /// 1 to 65 535 s.
+    /// The time constant of the winding: 1 to 65 535 s.
     pub const fn winding_s(&self) -> u16 {
         self.winding_s
     }
 
-    /// 1 to 65 535 s.
+    /// The time constant of the case: 1 to 65 535 s.
     pub const fn case_s(&self) -> u16 {
         self.case_s
     }
 
-    fn continuous(&self) -> f32 {
+    /// The continuous current in A.
+    fn continuous_amperes(&self) -> f32 {
         f32::from(self.continuous_ma) / 1000.0
     }
 }
 
-/// The heat of one winding, in mean squares of its current, A².
+/// State of the thermal model of one motor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Thermal {
+    /// Control period, in s.
     period_s: f32,
+    /// Limit of the motor; `None` for a motor without thermal protection.
     limit: Option<ThermalLimit>,
+    /// Filtered square of the current with the winding's time constant, in A².
     winding: f32,
+    /// Filtered square of the current with the case's time constant, in A².
     case: f32,
-    /// Squares of currents times seconds, and the seconds, since the filters were last stepped.
+    /// Integral of the squared current since the filters were last stepped, in A² s.
     gathered: f32,
+    /// Time since the filters were last stepped, in s.
     gathered_s: f32,
-    /// Latched.
+    /// The motor was too hot and is switched off; latched.
     cut: bool,
 }
 
 impl Thermal {
-    /// Cold.
+    /// Creates the model of a cold motor that is stepped every `period`.
     pub(super) const fn new(period: Period, limit: Option<ThermalLimit>) -> Self {
         let period_s = period.as_millis() as f32 / 1000.0;
         Self { period_s, limit, winding: 0.0, case: 0.0, gathered: 0.0, gathered_s: 0.0, cut: false }
     }
 
-    /// Another limit; the winding is as hot as it was.
+    /// Replaces the limit. The state of the filters is kept.
     pub(super) const fn configure(&mut self, limit: Option<ThermalLimit>) {
         self.limit = limit;
         if limit.is_none() {
@@ -97,13 +115,13 @@ impl Thermal {
         }
     }
 
-    /// This current flows until the next tick.
+    /// Steps the model by a tick with this current.
     pub(super) fn step(&mut self, current: Milliamperes) {
         let Some(limit) = self.limit else { return };
         let amperes = current.get() as f32 / 1000.0;
         self.gathered += amperes * amperes * self.period_s;
         self.gathered_s += self.period_s;
-        if self.gathered_s < GATHER_S {
+        if self.gathered_s < AVERAGING_S {
             return;
         }
         let square = self.gathered / self.gathered_s;
@@ -114,29 +132,29 @@ impl Thermal {
         self.cut |= self.heat() > CUT_ABOVE;
     }
 
-    /// 1 at the limit; 0 without one.
+    /// The heat: 1 at the limit, 0 without a limit.
     pub(super) fn heat(&self) -> f32 {
         self.limit.map_or(0.0, |limit| {
             let mean = WINDING_SHARE * self.winding + (1.0 - WINDING_SHARE) * self.case;
-            mean / (limit.continuous() * limit.continuous())
+            mean / (limit.continuous_amperes() * limit.continuous_amperes())
         })
     }
 
-    /// The most amperes that may drive the motor now; `None` for any.
+    /// Largest current in A that may drive the motor; `None` for no limit.
     pub(super) fn ceiling(&self) -> Option<f32> {
         let (limit, heat) = (self.limit?, self.heat());
         (heat > DERATED_FROM).then(|| {
             let left = at_least((1.0 - heat) / (1.0 - DERATED_FROM), 0.0);
-            limit.continuous() * (1.0 + 3.0 * left)
+            limit.continuous_amperes() * (1.0 + 3.0 * left)
         })
     }
 
-    /// It was too hot.
+    /// True if the motor was too hot and is switched off.
     pub(super) const fn is_cut(&self) -> bool {
         self.cut
     }
 
-    /// The motor was disabled: it may run again, if it has cooled down.
+    /// Lets a disabled motor run again, if it has cooled down.
     pub(super) fn clear(&mut self) {
         self.cut &= self.heat() > COOL;
     }
@@ -146,7 +164,7 @@ impl Thermal {
 mod tests {
     use super::*;
 
-    /// 1 A, 20 s, 600 s.
+    /// A limit of 1 A with the time constants 20 s and 600 s.
     fn limit() -> ThermalLimit {
         ThermalLimit::new(1_000, 20, 600).unwrap_or_else(|error| unreachable!("{error}"))
     }
@@ -155,7 +173,7 @@ mod tests {
         Thermal::new(Period::from_millis(ms).unwrap_or_default(), Some(limit()))
     }
 
-    /// The heat after so many seconds of milliamperes.
+    /// The heat after a constant current in mA for this time.
     fn after(thermal: &mut Thermal, seconds: f32, ma: i32) -> f32 {
         for _ in 0..(seconds / thermal.period_s) as u32 {
             thermal.step(Milliamperes::new(ma));
@@ -164,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn the_continuous_current_is_the_limit_however_often_it_is_looked_at() {
+    fn the_continuous_current_leads_to_the_limit_at_every_period() {
         for ms in [1, 30, 50, 100] {
             let heat = after(&mut thermal(ms), 6_000.0, -1_000);
             assert!((heat - 1.0).abs() < 0.01, "{ms} ms: {heat}");
@@ -185,12 +203,12 @@ mod tests {
     }
 
     #[test]
-    fn what_may_flow_falls_to_the_continuous_current_before_anything_is_cut() {
+    fn the_current_limit_falls_to_the_continuous_current_before_the_motor_is_cut() {
         let mut thermal = thermal(50);
         assert_eq!(thermal.ceiling(), None);
         let mut least = f32::INFINITY;
         for _ in 0..200 * 20 {
-            // Whoever obeys is not cut.
+            // A motor within the current limit is not cut.
             let ma = thermal.ceiling().map_or(4_000.0, |ceiling| (1e3 * ceiling).min(4_000.0));
             least = least.min(ma);
             thermal.step(Milliamperes::new(ma as i32));
@@ -200,12 +218,12 @@ mod tests {
     }
 
     #[test]
-    fn what_was_too_hot_stays_cut_until_it_has_cooled_down_and_was_disabled() {
+    fn a_motor_that_was_too_hot_stays_cut_until_it_has_cooled_down_and_is_disabled() {
         let mut thermal = thermal(50);
         after(&mut thermal, 30.0, 4_000);
         assert!(thermal.is_cut());
         thermal.clear();
-        assert!(thermal.is_cut(), "hot still: {}", thermal.heat());
+        assert!(thermal.is_cut(), "still hot: {}", thermal.heat());
         after(&mut thermal, 900.0, 0);
         assert!(thermal.is_cut());
         thermal.clear();

@@ -1,36 +1,36 @@
-//! How a motor and its load answer to a voltage, in the encoder's units.
+//! Dynamics of a motor with its load, in the encoder's units.
 
 use crate::braking::Winding;
 use crate::bridge::BridgeConstants;
 use crate::units::{AccelerationPerVolt, DecayRate, Millivolts, RangeError};
 
-/// What a regulator must know of a motor and its load, besides the back EMF:
+/// Constants of a motor with its load, besides the back EMF. The motor's equation is
 ///
 /// ```text
 /// acceleration = b u - q w - b c sign(w) + load
 /// ```
 ///
-/// with the voltage u behind the mean current (back EMF plus current times resistance), the speed w, and
-/// the friction c.
+/// where u is the voltage of the mean current (back EMF plus current times resistance), w the speed, and c the
+/// friction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Dynamics {
-    /// b.
+    /// Acceleration per volt, b.
     pub gain: AccelerationPerVolt,
-    /// q.
+    /// Decay of the speed by back EMF and drag, q.
     pub decay: DecayRate,
-    /// c: the voltage that just balances the friction of the moving motor; 0 if unknown.
+    /// Voltage that balances the friction of the moving motor, c; 0 if unknown.
     pub friction: Millivolts,
 }
 
-/// A motor and its load as data sheets speak of them: all of it seen from the motor's shaft.
+/// Constants of a motor and its load as data sheets state them, all referred to the motor's shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mechanics {
     /// Torque per current, N m/A.
     pub torque_constant: f64,
-    /// Encoder counts in a turn of the motor.
+    /// Encoder counts per turn of the motor.
     pub counts_per_turn: f64,
-    /// Of rotor and load, kg m².
+    /// Moment of inertia of rotor and load, kg m².
     pub inertia: f64,
     /// Viscous drag of rotor and load, N m s/rad.
     pub drag: f64,
@@ -39,11 +39,11 @@ pub struct Mechanics {
 }
 
 impl Dynamics {
-    /// From physical constants: with the resistance R of winding and bridge and kc counts per radian,
-    /// `b = Kt kc / (R J)`, `q = b Ke / kc + B / J`, `c = R friction / Kt`.
+    /// Computes the dynamics from physical constants. With the resistance R of winding and bridge, and kc counts per
+    /// radian: `b = Kt kc / (R J)`, `q = b Ke / kc + B / J`, `c = R friction / Kt`.
     ///
     /// # Errors
-    /// If one of the three is out of its type's range, or not a number.
+    /// Fails if one of the three is out of its type's range or not a number.
     pub const fn from_mechanics(
         winding: &Winding,
         bridge: &BridgeConstants,

@@ -1,67 +1,71 @@
-//! Estimates what a volt accelerates an unknown motor by, from the corrections of the [observer](super::observer).
+//! Estimates the acceleration per volt of an unknown motor from the corrections of the [observer](super::observer).
 //!
-//! The observer predicts the position of the shaft with a gain b. If the true gain is b exp(theta), its prediction is wrong
-//! by s theta, where s is the *sensitivity* of the predicted position to ln b. The sensitivity follows the observer's own
-//! equations: between corrections the voltage beside the back EMF drives it, and each correction of position,
-//! speed and load diminishes it as it diminishes any other error of the prediction. So every correction e tells of theta:
+//! The observer predicts the position of the shaft with a gain b. If the true gain is b exp(theta), its prediction is
+//! wrong by s theta, where s is the *sensitivity* of the predicted position to ln b. The sensitivity follows the
+//! observer's own equations. Between corrections the voltage less the back EMF drives s. Each correction of position,
+//! speed and load reduces s like any other error of the prediction. So the error e of every correction is a
+//! measurement of theta, with the Kalman gain k and the variance r of the noise:
 //!
 //! ```text
 //! e = s theta + noise        k = P s / (s² P + r)        theta += k (e - s theta)        P -= k s P
 //! ```
 //!
 //! This is a Kalman filter of one state, theta with the variance P, and the recursive prediction error method of
-//! system identification (L. Ljung, T. Söderström, 1983). While a motor turns steadily the observer's load explains every
-//! error and s is near 0: a load is not taken for inertia.
+//! system identification (L. Ljung, T. Söderström, 1983). While a motor turns at a steady speed the observer's load
+//! explains every error and s is near 0, so a load is not taken for inertia.
 
-use super::observer::{Correction, Plant, SAMPLE};
+use super::observer::{Correction, Plant, SAMPLE_S};
 use crate::units::single::{at_least, at_most};
 use libm::{expf, sqrtf};
 
-/// Mechanical time constant of a motor of which only the back EMF is known, in s: about that of a bare gear motor.
-pub(super) const GUESSED_TIME_CONSTANT: f32 = 0.14;
-/// Shortest and longest mechanical time constant of a motor with its load, in s.
-const PLAUSIBLE_TIME_CONSTANT: (f32, f32) = (0.01, 30.0);
-/// Variance of ln b for the guess: the true gain is a third to three times the guess, with two sigma a tenth to ten times.
+/// Initial guess of the mechanical time constant of an unknown motor, in s. A bare gear motor has about this time
+/// constant.
+pub(super) const GUESSED_TIME_CONSTANT_S: f32 = 0.14;
+/// Shortest and longest plausible mechanical time constant of a motor with its load, in s.
+const PLAUSIBLE_TIME_CONSTANT_S: (f32, f32) = (0.01, 30.0);
+/// Variance of ln b for the initial guess. The true gain is then within a factor of 2.7 of the guess (one standard
+/// deviation), or of 7.4 (two).
 const GUESS_VARIANCE: f32 = 1.0;
-/// Growth of the variance in a second, because windings warm up and loads are exchanged. Measured by `survey`: 0.01 to
-/// 0.1 regulate equally well, 0.0001 leaves twice as many random responses unsettled.
+/// Growth of the variance in a second, because windings warm up and loads change. Measured by `survey`: 0.01 to 0.1
+/// regulate equally well; 0.0001 leaves twice as many random responses unsettled.
 const VARIANCE_PER_SECOND: f32 = 0.03;
-/// Sensitivity, in counts, from which on the variance grows: an estimate of which nothing is learned stays as it is.
+/// Sensitivity, in counts, from which on the variance grows. Below it nothing is learned, so the variance stays.
 const LEARNING_SENSITIVITY: f32 = 0.02;
-/// Sensitivity below which a correction tells nothing of the gain, in counts.
+/// Sensitivity below which a correction does not update the gain, in counts.
 const LEAST_SENSITIVITY: f32 = 0.01;
-/// Sensitivity below which a correction that is too large for noise shows a wrong state of the observer, in counts.
-const MATTERING_SENSITIVITY: f32 = 0.1;
-/// Standard deviation of a correction that is due to whole counts, in counts.
+/// Sensitivity in counts below which a correction too large for noise shows a wrong state of the observer, not a
+/// wrong gain.
+const RELEVANT_SENSITIVITY: f32 = 0.1;
+/// Standard deviation of a correction by the resolution of whole counts, in counts.
 const COUNTING_NOISE: f32 = 0.25;
-/// Standard deviation of the voltage across the motor that is due to the bridge, and to load and friction that change between
-/// two counts, in V.
+/// Standard deviation of the voltage across the motor, in V, by errors of the bridge and by load and friction that
+/// change between two counts.
 const VOLTAGE_NOISE: f32 = 0.3;
-/// Most standard deviations of ln b by which a wrong gain explains a correction. A larger correction comes from a blow, a
-/// stop, or a motor that was already turning when the observer started.
+/// Share of a wrong gain in the largest correction that gain and noise explain, in standard deviations of ln b. A
+/// larger correction comes from a blow, a stop, or a motor that was already turning when the observer started.
 const LARGEST_GAIN_ERROR: f32 = 3.0;
-/// Most standard deviations of the noise that are added to these.
+/// Share of the noise in the largest correction that gain and noise explain, in standard deviations of the noise.
 const LARGEST_NOISE: f32 = 4.0;
-/// Time in which the observer forgets a wrong initial state, in s.
+/// Time after which the observer has corrected a wrong initial state, in s.
 const SETTLING_S: f32 = 0.05;
-/// Only while the accelerating voltage differs by this much from its mean, in V, is anything learned. At a steady speed
-/// the errors that whole counts make have a sign, and in minutes they would carry the estimate away.
+/// Difference of the accelerating voltage from its mean, in V, above which the gain is updated. At a steady speed the
+/// errors of whole counts have a constant sign, and would shift the estimate within minutes.
 const EXCITATION_VOLTS: f32 = 0.05;
-/// Time constant of that mean, in s.
+/// Time constant of the mean accelerating voltage, in s.
 const EXCITATION_S: f32 = 0.3;
-/// Change of ln b from which on the regulator takes the new gain.
-const NEWS: f32 = 0.05;
-/// Variance of ln b below which the estimate is no guess any more: a standard deviation of some 40 %.
+/// Change of ln b from which on the regulator uses the new gain.
+const LEAST_CHANGE: f32 = 0.05;
+/// Variance of ln b below which the estimate can show a heavy motor: a standard deviation of some 40 %.
 const SURE_VARIANCE: f32 = 0.15;
-/// A motor whose time constant is this many times the guess counts as heavy.
+/// Ratio of the time constant to the initial guess above which a motor counts as heavy.
 const HEAVY: f32 = 1.25;
-/// Counts in the direction of the voltage after which an encoder is trusted to count the right way.
-const OBEDIENT_COUNTS: i32 = 30;
+/// Counts in the direction of the voltage after which an encoder is trusted to count in the right direction.
+const TRUSTED_COUNTS: i32 = 30;
 
 /// The estimate of one motor's gain.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GainEstimate {
-    /// Volts per count/s.
+    /// Back EMF per speed, in V per count/s.
     kappa: f32,
     /// The gain b that the observer uses, in counts/s² per V.
     gain: f32,
@@ -69,45 +73,48 @@ pub(super) struct GainEstimate {
     theta: f32,
     /// Variance of `theta`.
     variance: f32,
+    /// Sensitivity of the observer's state to ln b.
     sensitivity: Sensitivity,
-    /// Counts in the direction of the voltage, less those against it; from 0 to [`OBEDIENT_COUNTS`] twice.
-    obeyed: i32,
+    /// Counts in the direction of the voltage less counts against it, limited to 0 to twice [`TRUSTED_COUNTS`].
+    trust_counts: i32,
     /// Voltage across the motor, in V; `None` while the bridge is open.
     voltage: Option<f32>,
     /// Time until the observer has forgotten a wrong initial state, in s. Nothing is learned meanwhile.
     settling_s: f32,
-    /// Accelerating voltage: that across the motor less the back EMF; 0 while the bridge is open.
+    /// Accelerating voltage in V: the voltage across the motor less the back EMF; 0 while the bridge is open.
     net_volts: f32,
-    /// Mean of `net_volts` over [`EXCITATION_S`].
+    /// Mean of `net_volts` with the time constant [`EXCITATION_S`].
     mean_net_volts: f32,
 }
 
-/// What the observer's state would be more, per unit of ln b.
+/// Sensitivity of the observer's state to ln b: its change per unit of ln b.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sensitivity {
+    /// Sensitivity of the position, in counts.
     position: f32,
-    /// Counts/s.
+    /// Sensitivity of the speed, in counts/s.
     pub(super) speed: f32,
-    /// Counts/s².
+    /// Sensitivity of the load, in counts/s².
     pub(super) load: f32,
 }
 
 impl Sensitivity {
+    /// The sensitivity times a factor.
     fn scaled(self, by: f32) -> Self {
         Self { position: by * self.position, speed: by * self.speed, load: by * self.load }
     }
 }
 
 impl GainEstimate {
-    /// Begins with the guess for a motor with this back EMF, in volts per count/s.
+    /// Begins with the initial guess for a motor with this back EMF, in volts per count/s.
     pub(super) fn new(kappa: f32) -> Self {
         Self {
             kappa,
-            gain: 1.0 / (GUESSED_TIME_CONSTANT * kappa),
+            gain: 1.0 / (GUESSED_TIME_CONSTANT_S * kappa),
             theta: 0.0,
             variance: GUESS_VARIANCE,
             sensitivity: Sensitivity::default(),
-            obeyed: 0,
+            trust_counts: 0,
             voltage: None,
             settling_s: 0.0,
             net_volts: 0.0,
@@ -122,83 +129,84 @@ impl GainEstimate {
 
     /// True if the motor has turned in the direction of its voltage, so that its encoder can be trusted.
     pub(super) const fn is_trusted(&self) -> bool {
-        self.obeyed >= OBEDIENT_COUNTS
+        self.trust_counts >= TRUSTED_COUNTS
     }
 
-    /// True if the motor has turned out to be heavier than a bare gear motor. One that turns against its voltage may have a
-    /// reversed encoder, so its estimate says nothing.
+    /// True if the motor is surely heavier than a bare gear motor. The estimate of a motor that turns against its
+    /// voltage is not used: its encoder may be reversed.
     pub(super) fn is_heavy(&self) -> bool {
         self.is_trusted()
             && self.variance < SURE_VARIANCE
-            && HEAVY * self.gain * GUESSED_TIME_CONSTANT * self.kappa < 1.0
+            && HEAVY * self.gain * GUESSED_TIME_CONSTANT_S * self.kappa < 1.0
     }
 
-    /// The motor rests: the observer's state is known, and owes nothing to the gain.
+    /// Sets the sensitivity of a motor at rest to 0: the observer's state is exact whatever the gain is.
     pub(super) fn rest(&mut self) {
         (self.sensitivity, self.settling_s) = (Sensitivity::default(), 0.0);
     }
 
-    /// The observer's state is wrong for another reason than the gain.
+    /// Pauses learning until the observer has corrected a state that is wrong for another reason than the gain.
     pub(super) fn restart(&mut self) {
         (self.sensitivity, self.settling_s) = (Sensitivity::default(), SETTLING_S);
     }
 
-    /// From now on this voltage is across the motor; `None` while the bridge is open.
+    /// Sets the voltage in V that the bridge applies from now on; `None` if the bridge is open.
     pub(super) const fn drive(&mut self, voltage: Option<f32>) {
         self.voltage = voltage;
     }
 
-    /// One sample later; `speed` is the observer's, in counts/s.
+    /// Predicts the sensitivity one sample later. `speed` is the observer's, in counts/s.
     pub(super) fn predict(&mut self, plant: &Plant, speed: f32) {
         self.net_volts = self.voltage.map_or(0.0, |u| u - plant.kappa * speed);
-        self.mean_net_volts += (self.net_volts - self.mean_net_volts) * SAMPLE / EXCITATION_S;
+        self.mean_net_volts += (self.net_volts - self.mean_net_volts) * SAMPLE_S / EXCITATION_S;
         if self.settling_s > 0.0 {
-            self.settling_s -= SAMPLE;
+            self.settling_s -= SAMPLE_S;
             return;
         }
         let Sensitivity { position, speed: of_speed, load } = &mut self.sensitivity;
-        *position += *of_speed * SAMPLE;
+        *position += *of_speed * SAMPLE_S;
         let damped = if self.voltage.is_some() { plant.q * *of_speed } else { 0.0 };
-        *of_speed += (self.gain * self.net_volts - damped + *load) * SAMPLE;
+        *of_speed += (self.gain * self.net_volts - damped + *load) * SAMPLE_S;
     }
 
-    /// Takes what the observer has corrected after a sample with `moved` counts. A motor that is held by a stop teaches
-    /// nothing.
-    pub(super) fn correct(&mut self, correction: &Correction, moved: i32, held: bool) {
-        let along = if self.voltage.unwrap_or(0.0) < 0.0 { moved.saturating_neg() } else { moved };
-        self.obeyed = self.obeyed.saturating_add(along).clamp(0, 2 * OBEDIENT_COUNTS);
-        let Correction { error, age, position, speed, load } = *correction;
+    /// Updates the estimate by a correction of the observer, after a sample with `moved` counts. A sample without
+    /// counts of a motor that may be `stalled` does not update the gain.
+    pub(super) fn correct(&mut self, correction: &Correction, moved: i32, stalled: bool) {
+        let with_voltage = if self.voltage.unwrap_or(0.0) < 0.0 { moved.saturating_neg() } else { moved };
+        self.trust_counts = self.trust_counts.saturating_add(with_voltage).clamp(0, 2 * TRUSTED_COUNTS);
+        let Correction { error, age_s, position_gain, speed_gain, load_gain } = *correction;
         let s = self.sensitivity.position;
         let innovation = error - s * self.theta;
-        let drift = VOLTAGE_NOISE * self.gain * age * age / 2.0;
+        let drift = VOLTAGE_NOISE * self.gain * age_s * age_s / 2.0;
         let noise = COUNTING_NOISE * COUNTING_NOISE + drift * drift;
         let excited = (self.net_volts - self.mean_net_volts).abs() > EXCITATION_VOLTS;
         if excited && s.abs() > LEARNING_SENSITIVITY {
-            self.variance = at_most(self.variance + VARIANCE_PER_SECOND * age, GUESS_VARIANCE);
+            self.variance = at_most(self.variance + VARIANCE_PER_SECOND * age_s, GUESS_VARIANCE);
         }
         let largest = LARGEST_GAIN_ERROR * s.abs() * sqrtf(self.variance) + LARGEST_NOISE * sqrtf(noise);
         if innovation.abs() > largest {
-            // A gain that hardly matters yet cannot be the reason.
-            if s.abs() < MATTERING_SENSITIVITY {
+            // With this little sensitivity a wrong gain cannot be the cause.
+            if s.abs() < RELEVANT_SENSITIVITY {
                 self.restart();
                 return;
             }
-        } else if excited && (moved != 0 || !held) && s.abs() > LEAST_SENSITIVITY {
+        } else if excited && (moved != 0 || !stalled) && s.abs() > LEAST_SENSITIVITY {
             let k = self.variance * s / (s * s * self.variance + noise);
             self.theta += k * innovation;
             self.variance = at_least(self.variance - k * s * self.variance, 0.0);
         }
-        self.sensitivity.position -= position * s;
-        self.sensitivity.speed -= speed * s;
-        self.sensitivity.load -= load * s;
+        self.sensitivity.position -= position_gain * s;
+        self.sensitivity.speed -= speed_gain * s;
+        self.sensitivity.load -= load_gain * s;
     }
 
-    /// One control tick later. Returns what the observer's state is to change by if the gain has become another.
+    /// Puts a new gain in force at a control tick. Returns the change of the observer's state that follows from the
+    /// new gain; `None` if the gain is unchanged.
     pub(super) fn tick(&mut self) -> Option<Sensitivity> {
-        if self.theta.abs() < NEWS {
+        if self.theta.abs() < LEAST_CHANGE {
             return None;
         }
-        let (shortest, longest) = PLAUSIBLE_TIME_CONSTANT;
+        let (shortest, longest) = PLAUSIBLE_TIME_CONSTANT_S;
         let theta = at_most(at_least(self.theta, -1.0), 1.0);
         self.theta -= theta;
         let change = expf(theta);
@@ -207,7 +215,7 @@ impl GainEstimate {
             1.0 / (shortest * self.kappa),
         );
         let shift = self.sensitivity.scaled(theta);
-        // Sensitivities are in proportion to the gain that they were found with.
+        // Sensitivities are in proportion to the gain in use.
         self.sensitivity = self.sensitivity.scaled(change);
         Some(shift)
     }
@@ -215,19 +223,19 @@ impl GainEstimate {
 
 #[cfg(test)]
 mod tests {
-    use super::super::observer::Observer;
+    use super::super::observer::{Filter, Observer};
     use super::*;
 
+    /// Back EMF per speed, in V per count/s.
     const KAPPA: f32 = 0.004;
-    /// Poles of the observer in 1/s, and the floor of its z.
-    const FILTER: (f32, f32) = (45.0, 0.35);
+    const FILTER: Filter = Filter { poles: 45.0, least_z: 0.35 };
 
-    /// Drives a motor of this time constant (s) and load (V) with voltages that last for half a second each, ticked every
-    /// `period` ms, and returns what was learned.
+    /// Drives a motor of this time constant (s) and load (V) with each voltage for half a second, at a control period
+    /// in ms. Returns the estimate.
     fn learned(period: u32, tau: f32, load: f32, volts: &[f32]) -> GainEstimate {
         let mut estimate = GainEstimate::new(KAPPA);
         let plant = |gain: f32| Plant::new(gain, KAPPA, gain * KAPPA, FILTER);
-        let mut known = plant(estimate.gain());
+        let mut estimated = plant(estimate.gain());
         let mut observer = Observer::new(0.0);
         let b = 1.0 / (tau * KAPPA);
         let (mut x, mut w, mut count) = (0.5f64, 0.0f32, 0i32);
@@ -235,11 +243,11 @@ mod tests {
             let u = volts.get((ms / 500) as usize).copied().unwrap_or(0.0);
             if ms % period == 0 {
                 if let Some(shift) = estimate.tick() {
-                    known = plant(estimate.gain());
+                    estimated = plant(estimate.gain());
                     observer.shift(&shift);
                 }
                 estimate.drive(Some(u));
-                observer.drive(&known, Some(u));
+                observer.drive(&estimated, Some(u));
             }
             for _ in 0..10 {
                 w += b * (u - KAPPA * w - load) * 1e-4;
@@ -247,9 +255,9 @@ mod tests {
             }
             let moved = x.floor() as i32 - count;
             count += moved;
-            estimate.predict(&known, observer.speed());
-            observer.predict(&known);
-            if let Some(correction) = observer.see(&known, moved, true) {
+            estimate.predict(&estimated, observer.speed());
+            observer.predict(&estimated);
+            if let Some(correction) = observer.update(&estimated, moved, true) {
                 estimate.correct(&correction, moved, false);
             }
         }
@@ -257,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn light_and_heavy_motors_are_known_after_three_steps_of_voltage_at_every_period() {
+    fn three_steps_of_voltage_identify_light_and_heavy_motors_at_every_period() {
         for tau in [0.05, 0.2, 1.0, 3.0] {
             for period in [1, 5, 20, 50, 100] {
                 let found = 1.0 / (learned(period, tau, 0.0, &[9.0, -6.0, 9.0]).gain() * KAPPA);
@@ -281,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn a_held_motor_teaches_nothing() {
+    fn a_stalled_motor_teaches_nothing() {
         let mut estimate = GainEstimate::new(KAPPA);
         let guess = estimate.gain();
         let plant = Plant::new(guess, KAPPA, guess * KAPPA, FILTER);
@@ -291,7 +299,7 @@ mod tests {
         for _ in 0..2_000 {
             estimate.predict(&plant, observer.speed());
             observer.predict(&plant);
-            if let Some(correction) = observer.see(&plant, 0, true) {
+            if let Some(correction) = observer.update(&plant, 0, true) {
                 estimate.correct(&correction, 0, true);
             }
             assert!(estimate.tick().is_none());

@@ -1,97 +1,97 @@
-//! What goes into a regulator and what comes out of it, whichever it is.
+//! Inputs and outputs of both regulators.
 
 use super::{Coefficients, Dynamics};
 use crate::braking::{Modulator, OperatingPoint};
 use crate::units::{Acceleration, Control, CountsPerSecond, EmfConstant, Voltage};
 
-/// What a regulator is told once.
+/// Configuration of a regulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Config {
-    /// Back EMF per speed.
+    /// Back EMF per encoder speed.
     pub emf: EmfConstant,
-    /// The motor and its load, if known.
+    /// Dynamics of the motor with its load; `None` for an unknown motor.
     pub dynamics: Option<Dynamics>,
-    /// Coefficients of a host's own: the PID runs with them, whatever is known.
+    /// Coefficients of a host, with which the motor is regulated by PID; `None` for the model regulator.
     pub coefficients: Option<Coefficients>,
-    /// Largest acceleration, of a motor that is known.
+    /// Largest acceleration by the model regulator; `None` for no limit.
     pub acceleration: Option<Acceleration>,
 }
 
-/// Which of the two regulates.
+/// Kind of a regulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Kind {
-    /// By the motor's own equation.
+    /// Regulation by the motor's own equation.
     Model,
-    /// By proportional, integral and derivative action.
+    /// Regulation by proportional, integral and derivative action.
     Pid,
 }
 
-/// What a regulated motor is to do.
+/// Demand on a regulated motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Demand {
-    /// Turn at this speed.
+    /// The motor turns at this speed.
     Velocity(CountsPerSecond),
-    /// Be at a place that moves.
+    /// The motor follows a moving position.
     Follow(Reference),
-    /// Go to a position and stay there.
+    /// The motor goes to a position and stays there.
     Position {
-        /// Counts.
+        /// Target position in counts.
         target: i32,
-        /// Magnitude of the speed on the way; the sign does not matter.
+        /// Largest speed towards the target; the sign does not matter.
         speed_limit: CountsPerSecond,
     },
 }
 
-/// Where a motor should be at this tick, and how fast, as others set it whom it follows.
+/// Position and speed that a motor of a group should have at this tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reference {
-    /// Counts.
+    /// Whole counts of the position.
     pub position: i32,
-    /// How far on towards the next count, in 2^-16 counts.
+    /// Fraction of the position towards the next count, in steps of 2^-16 counts.
     pub fraction: u16,
-    /// Speed now.
+    /// Speed at this tick.
     pub speed: CountsPerSecond,
     /// Speed at the next tick.
     pub next: CountsPerSecond,
 }
 
 impl Reference {
-    /// It does not move.
-    pub(super) fn stands(&self) -> bool {
+    /// True if the reference stands still now and at the next tick.
+    pub(super) fn is_still(&self) -> bool {
         self.speed == CountsPerSecond::ZERO && self.next == CountsPerSecond::ZERO
     }
 
-    /// Counts from a position to it.
+    /// Distance from a position to the reference, in counts.
     pub(super) fn from(&self, position: i32) -> f32 {
         self.position.wrapping_sub(position) as f32 + f32::from(self.fraction) / 65_536.0
     }
 }
 
-/// What a regulator needs to know of the bridge at a tick.
+/// State of the bridge and its supply at a tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage<'a> {
     /// Maps control values to voltages and back.
     pub modulator: &'a Modulator,
-    /// Speed and battery voltage.
+    /// Back EMF and battery voltage.
     pub at: OperatingPoint,
 }
 
-/// What a regulator requests.
+/// Request of a regulator to the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// This voltage of the motor.
+    /// A voltage across the motor.
     Voltage(Voltage),
-    /// What this control value means: the output of PID without feed-forward.
+    /// A control value: the output of PID without feed-forward.
     Control(Control),
 }
 
-/// The output of a regulator.
+/// Output of a regulator at a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Output {
-    /// The request.
+    /// Request to the bridge.
     pub effort: Effort,
-    /// The speed that it is for.
+    /// Speed that the request is to reach.
     pub speed: CountsPerSecond,
 }

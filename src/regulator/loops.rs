@@ -1,8 +1,8 @@
 //! PID regulation by coefficients of a host: the velocity loop, and the position loop above it.
 //!
-//! With feed-forward the velocity loop's output is a share of the battery's voltage, for which hosts choose F. The output
-//! becomes the control value that makes this voltage in the scheme and by the duty rule in force. Without feed-forward
-//! the output is the control value itself.
+//! With feed-forward the velocity loop's output is a share of the battery's voltage, for which hosts choose F. The
+//! output becomes the control value that makes this voltage in the scheme and by the duty rule in force. Without
+//! feed-forward the output is the control value itself.
 
 use super::{Demand, Effort, Output, Reference, Stage};
 use crate::braking::{Blend, BlendFraction, Scheme};
@@ -11,7 +11,7 @@ use crate::motion::{Pid, Pidf};
 use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Period, Voltage};
 use libm::{expf, expm1f, logf, roundf, sqrtf};
 
-use super::gain::GUESSED_TIME_CONSTANT;
+use super::gain::GUESSED_TIME_CONSTANT_S;
 
 /// Bandwidth of the closed velocity loop by suggested coefficients, in 1/s.
 const BANDWIDTH: f32 = 18.0;
@@ -23,7 +23,8 @@ const LEAST_P: f32 = 0.3;
 const NOMINAL_VOLTS: f32 = 12.0;
 /// Cycles of 50 ms by which hosts give I.
 const CYCLES_PER_SECOND: f32 = 20.0;
-/// How many times slower than the velocity loop the suggested position loop is: the motor may be much heavier than a bare one.
+/// How many times slower than the velocity loop the suggested position loop is: the motor may be much heavier than a
+/// bare one.
 const POSITION_SLOWER: f32 = 6.0;
 /// Voltage of whose acceleration half is planned for braking, in V.
 const BRAKING_VOLTS: f32 = 11.0;
@@ -39,10 +40,10 @@ pub struct Coefficients {
 }
 
 impl Coefficients {
-    /// Suggests coefficients for a bare gear motor of which only the back EMF is known, at a battery of 12 V. Hosts read
-    /// them of a motor that has no coefficients.
+    /// Suggests coefficients for an unknown motor, taken for a bare gear motor at a battery of 12 V. Hosts read them
+    /// from a motor that has no coefficients.
     ///
-    /// From one tick to the next such a motor keeps `a = exp(-T / 0.14 s)` of its speed. Both poles are put at
+    /// From one tick to the next a bare gear motor keeps `a = exp(-T / 0.14 s)` of its speed. Both poles are placed at
     /// `z = exp(-18 T)`, or 0.6. With `f` control steps per count/s, which is full control at the speed
     /// whose back EMF is 12 V:
     ///
@@ -50,12 +51,13 @@ impl Coefficients {
     /// P = f (a - z^2) / (1 - a)    I = f (1 - z)^2 / ((1 - a) T)
     /// ```
     ///
-    /// Where a control value is a current, the back EMF does not damp the motor, and P grows by f to make up for it.
-    /// In Schemes C and D, whose range is less current, both grow by as much. A fixed blend lies between B and C.
+    /// Where a control value is a current, the back EMF does not damp the motor, and P grows by f to compensate. In
+    /// Schemes C and D the control range spans less current, so P and I grow by up to 60 %. A fixed blend lies
+    /// between B and C.
     pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
         let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
         let seconds = period.to_seconds();
-        let lost = -expm1f(-seconds / GUESSED_TIME_CONSTANT);
+        let lost = -expm1f(-seconds / GUESSED_TIME_CONSTANT_S);
         let kept = 1.0 - lost;
         let pole = expf(-BANDWIDTH * seconds).max(QUICKEST_POLE);
         let bandwidth = -logf(pole) / seconds;
@@ -93,12 +95,12 @@ fn coefficient(value: f32) -> Coefficient {
 enum Start {
     /// The integral goes on.
     Running,
-    /// The integral alone keeps the current as it is; what P and D make of the error comes on top.
+    /// The integral alone keeps the present current. The shares of P and D in the output come on top.
     #[default]
     Resume,
     /// The integral alone keeps a current of zero.
-    Afresh,
-    /// Integral and P together keep the current as it is: coefficients have changed while the motor was regulated.
+    ZeroCurrent,
+    /// Integral and P together keep the present current: coefficients have changed while the motor was regulated.
     Continue,
 }
 
@@ -110,15 +112,18 @@ pub(super) struct Loops {
     start: Start,
 }
 
-/// What both loops need at a tick besides the motion.
+/// Inputs of both loops at a tick besides the motion.
 #[derive(Clone, Copy)]
 pub(super) struct Context<'a> {
+    /// Coefficients of both loops.
     pub(super) coefficients: &'a Coefficients,
+    /// Control period.
     pub(super) period: Period,
     /// Acceleration per volt, in counts/s².
     pub(super) gain: f32,
-    /// Voltage that leaves the current as it is.
+    /// Voltage that keeps the present current.
     pub(super) steady: Voltage,
+    /// Bridge and supply at the tick.
     pub(super) stage: &'a Stage<'a>,
 }
 
@@ -135,32 +140,32 @@ impl Loops {
         self.position.reset();
     }
 
-    /// The motor goes on as it is from the next step on.
+    /// The motor keeps its current at the next step.
     pub(super) const fn resume(&mut self) {
         self.start = Start::Resume;
     }
 
-    /// Nothing is left of the present effort from the next step on.
-    pub(super) const fn start_afresh(&mut self) {
-        self.start = Start::Afresh;
+    /// The motor starts with a current of zero at the next step.
+    pub(super) const fn start_at_zero_current(&mut self) {
+        self.start = Start::ZeroCurrent;
     }
 
-    /// True if the velocity loop runs on from its last step.
+    /// True if the velocity loop continues from its last step.
     pub(super) fn is_running(&self) -> bool {
         self.start == Start::Running
     }
 
-    /// True if the velocity loop begins without a current.
-    pub(super) fn starts_afresh(&self) -> bool {
-        self.start == Start::Afresh
+    /// True if the velocity loop starts with a current of zero.
+    pub(super) fn starts_at_zero_current(&self) -> bool {
+        self.start == Start::ZeroCurrent
     }
 
-    /// True if the velocity loop goes on under other coefficients.
+    /// True if the velocity loop continues with other coefficients.
     pub(super) fn continues(&self) -> bool {
         self.start == Start::Continue
     }
 
-    /// The effort for this tick, at this position in counts and this speed.
+    /// Computes the output for this tick, at this position in counts and this speed.
     pub(super) fn step(
         &mut self,
         demand: Demand,
@@ -179,7 +184,7 @@ impl Loops {
         Output { effort: self.velocity(target, speed, context), speed: target }
     }
 
-    /// The effort for a target speed.
+    /// Computes the request for a target speed.
     fn velocity(
         &mut self,
         target: CountsPerSecond,
@@ -212,7 +217,7 @@ impl Loops {
         }
     }
 
-    /// The speed that keeps up with a moving place.
+    /// The target speed for a moving reference.
     fn follow(&mut self, reference: &Reference, position: i32, context: &Context<'_>) -> CountsPerSecond {
         let distance = Value::saturating_from_num(reference.from(position));
         let closer = self.position_loop(distance, position, Value::MAX, context);
@@ -220,7 +225,7 @@ impl Loops {
         CountsPerSecond::saturating_from_bits(speed)
     }
 
-    /// The speed towards a position: no more than the motor can brake from.
+    /// The target speed towards a position, limited so that the motor can still brake.
     fn approach(
         &mut self,
         target: i32,
@@ -228,7 +233,7 @@ impl Loops {
         speed_limit: CountsPerSecond,
         context: &Context<'_>,
     ) -> CountsPerSecond {
-        // The short way round the ring of 2^32 counts; 8 million counts are as good as more.
+        // The short way round the ring of 2^32 counts; the position loop saturates at 8 million counts.
         let distance = target.wrapping_sub(position);
         let stoppable = sqrtf(context.gain * BRAKING_VOLTS * distance.unsigned_abs() as f32);
         let limit = speed_limit.to_bits().unsigned_abs().min((256.0 * stoppable) as u32);
@@ -245,7 +250,7 @@ impl Loops {
     }
 }
 
-/// The output without the error's share, if that is part of it and not more than it.
+/// Subtracts the error's share from the output. The result is 0 if the share has the sign of the output and exceeds it.
 fn without(output: Value, share: Value) -> Value {
     if output.is_negative() == share.is_negative() && share.unsigned_abs() > output.unsigned_abs() {
         Value::ZERO

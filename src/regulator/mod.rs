@@ -1,14 +1,20 @@
-//! From what a motor should do to the control value for this tick: two regulators behind one interface.
+//! Computes the voltage or control value of a motor at each tick: two regulators behind one interface.
 //!
-//! * **Model**, the default. An observer follows position, speed and load from sample to sample. The voltage that
-//!   brings the motor to the speed it should have at the next tick follows in closed form. Nothing integrates, so
-//!   nothing winds up. Of an unknown motor, for which no [`Dynamics`] are configured, the regulator estimates the
-//!   acceleration per volt while the motor works.
-//! * **PID**, for a motor with coefficients of a host: the velocity loop, and the position loop above it. Its speeds come
+//! * **Model** is the default. An observer estimates position, speed and load at each sample of the encoder. The law
+//!   computes in closed form the voltage that brings the motor to the demanded speed by the next tick. Nothing
+//!   integrates, so nothing winds up. For an *unknown motor*, which has no configured [`Dynamics`], the regulator
+//!   estimates the acceleration per volt while the motor works.
+//! * **PID** runs for a motor with coefficients of a host: a velocity loop, and a position loop above it. Speeds come
 //!   from the same observer.
 //!
-//! Both end in a control value, which S, T, Z and G judge. A change of mode, of coefficients or of the regulator makes no
-//! step of current.
+//! A change of mode, of coefficients or of the regulator makes no step of current.
+//!
+//! ```text
+//! samples ─▶ observer ─▶ position, speed, load ─▶ law or PID ─▶ Output ─▶ modulator
+//!             ▲    │                                                         │
+//!             │    └─▶ corrections ─▶ gain estimate of an unknown motor      │
+//!             └─────────────────────── applied voltage ◀─────────────────────┘
+//! ```
 //!
 //! ```
 //! use motor_hub::braking::Winding;
@@ -29,7 +35,6 @@
 //! assert!((1.0 / dynamics.decay.to_f32() - 0.1).abs() < 0.01); // mechanical time constant, s
 //! ```
 
-mod cells;
 mod dynamics;
 mod gain;
 pub mod identify;
@@ -49,24 +54,26 @@ use crate::units::{CountsPerSecond, Micros, Period, Voltage};
 use gain::GainEstimate;
 use loops::Loops;
 use model::{Law, State};
-use observer::{FASTEST, Observer, Plant};
+use observer::{FASTEST_CPS, Observer, Plant};
 
-/// An encoder that was silent for longer than this is started with afresh.
-const SILENCE_SAMPLES: u32 = 300;
-/// Time without a count after which a motor that should turn counts as held, in ms.
-const HELD_MS: u32 = 100;
-/// Time without a count, in us, from which on a motor that should turn teaches nothing: a stop may hold it.
-const SILENT_MICROS: u64 = 50_000;
-/// A motor whose bridge is open, and of which no count came for so long, rests.
+/// Longest time between two samples of the encoder, in samples of 1 ms. After a longer gap the observer starts again
+/// with the mean speed of the gap. A prediction without a sample ends there too.
+const LONGEST_GAP_SAMPLES: u32 = 300;
+/// Time in ms without a count after which a motor that should turn counts as stalled.
+const STALLED_MS: u32 = 100;
+/// Age of the last edge in us from which on a stop may hold a motor that should turn. Samples without a count then do
+/// not update the gain.
+const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
+/// Age of the last edge in us from which on a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;
-/// Speed asked for at which counts are due in that time.
-const COUNTING_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
+/// Lowest demanded speed at which counts are due: four counts within [`STALLED_MS`].
+const COUNTS_DUE_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
 
-/// A motor may be heavier than told: its acceleration per volt is at least this share of that.
-const TOLD_SHARE: f32 = 0.7;
+/// Least acceleration per volt as a share of the configured or estimated one: the load may be heavier than configured.
+const LEAST_GAIN_SHARE: f32 = 0.7;
 
-/// Back EMF of the error of a speed that is as it should be.
-const STEADY_VOLTS: f32 = 1.0;
+/// Largest error of the speed, as its back EMF in V, at which a motor has reached its demanded speed.
+const AT_SPEED_VOLTS: f32 = 1.0;
 
 /// The regulator of one motor.
 #[derive(Clone, Debug)]
@@ -74,42 +81,44 @@ pub struct Regulator {
     config: Config,
     period: Period,
     motion: Motion,
-    /// Estimates the gain of an unknown motor.
-    estimate: GainEstimate,
+    /// Estimate of the acceleration per volt, used for an unknown motor only.
+    gain_estimate: GainEstimate,
     loops: Loops,
+    /// Last sample of the encoder; `None` before the first one.
     last: Option<Reading>,
-    /// Until when the motion was followed.
-    followed: Micros,
-    /// Where a motor that should stand came to rest.
-    anchor: Option<i32>,
-    /// For how long it has not moved though it should.
-    held_ms: u32,
-    /// The motor should turn so fast that counts are due in [`HELD_MS`].
-    due: bool,
-    /// It turned as fast as it should.
-    steady: bool,
-    /// It should turn at some speed, wherever it is.
-    turning: bool,
-    /// What the bridge makes of the motor; `None` while it is open.
+    /// Time to which the observer has predicted the motion.
+    predicted_until: Micros,
+    /// Position in counts at which a motor with the demanded speed 0 came to rest; `None` before that.
+    rest_position: Option<i32>,
+    /// Time in ms for which a motor that should turn has not moved.
+    stalled_ms: u32,
+    /// The demanded speed is at least [`COUNTS_DUE_SPEED`].
+    counts_due: bool,
+    /// The error of the speed was below [`AT_SPEED_VOLTS`] at the last tick.
+    at_speed: bool,
+    /// The demand is a speed, not a position.
+    speed_demanded: bool,
+    /// Voltage across the motor; `None` while the bridge is open.
     voltage: Option<Voltage>,
 }
 
-/// What is known of a motor and what it does.
+/// Constants of a motor, and the estimate of its motion.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     plant: Plant,
     law: Law,
     observer: Observer,
+    /// State of the law.
     state: State,
 }
 
 impl Motion {
-    /// Of a configured motor, or of an unknown one with the estimated gain.
-    fn new(config: &Config, estimate: &GainEstimate, period: Period, observer: Observer) -> Self {
+    /// Uses the configured dynamics, or the estimated gain of an unknown motor.
+    fn new(config: &Config, gain_estimate: &GainEstimate, period: Period, observer: Observer) -> Self {
         let kappa = config.emf.to_volts();
         let (b, q, friction) = match config.dynamics {
-            Some(known) => (known.gain.to_f32(), known.decay.to_f32(), known.friction.to_volts()),
-            None => (estimate.gain(), estimate.gain() * kappa, 0.0),
+            Some(dynamics) => (dynamics.gain.to_f32(), dynamics.decay.to_f32(), dynamics.friction.to_volts()),
+            None => (gain_estimate.gain(), gain_estimate.gain() * kappa, 0.0),
         };
         let plant = Plant::new(b, kappa, q, Law::filter(period));
         let law = Law::new(&plant, friction, period, config.acceleration);
@@ -118,41 +127,41 @@ impl Motion {
 }
 
 impl Regulator {
-    /// At rest, for a motor that is stepped every `period`.
+    /// Creates the regulator of a motor at rest that is stepped every `period`.
     pub fn new(config: Config, period: Period) -> Self {
-        let estimate = GainEstimate::new(config.emf.to_volts());
-        let motion = Motion::new(&config, &estimate, period, Observer::new(0.0));
+        let gain_estimate = GainEstimate::new(config.emf.to_volts());
+        let motion = Motion::new(&config, &gain_estimate, period, Observer::new(0.0));
         Self {
             config,
             period,
             motion,
-            estimate,
+            gain_estimate,
             loops: Loops::default(),
             last: None,
-            followed: Micros::new(0),
-            anchor: None,
-            held_ms: 0,
-            due: false,
-            steady: true,
-            turning: false,
+            predicted_until: Micros::new(0),
+            rest_position: None,
+            stalled_ms: 0,
+            counts_due: false,
+            at_speed: true,
+            speed_demanded: false,
             voltage: None,
         }
     }
 
-    /// Takes effect at the next step. What is known of the motion is kept, so the motor may run meanwhile.
+    /// Replaces the configuration at the next step. The estimate of the motion is kept, so the motor may run meanwhile.
     pub fn configure(&mut self, config: Config) {
         if config == self.config {
             return;
         }
         if config.emf != self.config.emf {
-            self.estimate = GainEstimate::new(config.emf.to_volts());
+            self.gain_estimate = GainEstimate::new(config.emf.to_volts());
         }
-        let mut new = Motion::new(&config, &self.estimate, self.period, self.seen());
+        let mut new = Motion::new(&config, &self.gain_estimate, self.period, self.present_state());
         let voltage = self.voltage.map(Voltage::to_volts);
         if self.config.dynamics != config.dynamics {
-            // What was load by other constants is not by these.
-            if self.steady {
-                new.observer.settle(&new.plant, voltage);
+            // The old load was estimated with other constants.
+            if self.at_speed {
+                new.observer.assume_steady(&new.plant, voltage);
             } else if self.config.dynamics.is_none() {
                 new.observer.keep_load_voltage(&self.motion.plant, &new.plant);
             }
@@ -160,7 +169,7 @@ impl Regulator {
         new.observer.drive(&new.plant, voltage);
         self.motion = new;
         self.config = config;
-        self.estimate.restart();
+        self.gain_estimate.restart();
         self.loops.take_coefficients(self.voltage.is_some());
     }
 
@@ -169,47 +178,47 @@ impl Regulator {
         self.loops.take_coefficients(self.voltage.is_some());
     }
 
-    /// Another thing is asked of the motor. One that was held lets go.
+    /// Reacts to a changed set-point: a stalled motor [leaves its stop](Self::leave_stop).
     pub fn retarget(&mut self) {
-        self.anchor = None;
-        if self.held_ms >= HELD_MS {
-            self.let_go();
+        self.rest_position = None;
+        if self.stalled_ms >= STALLED_MS {
+            self.leave_stop();
         }
-        self.held_ms = 0;
+        self.stalled_ms = 0;
     }
 
-    /// Something of another kind is asked of the motor.
+    /// Reacts to a set-point of another kind: the position loop forgets its past.
     pub fn change_mode(&mut self) {
         self.loops.restart_position();
     }
 
-    /// The motor is regulated from now on: it goes on from what it does now.
-    pub fn take_over(&mut self) {
+    /// Begins regulation at the next step with the present current.
+    pub fn resume(&mut self) {
         self.loops.resume();
     }
 
-    /// The same, but what flows now is of no use for what comes.
-    pub fn start_afresh(&mut self) {
-        self.loops.start_afresh();
+    /// Begins regulation at the next step with a current of zero.
+    pub fn start_at_zero_current(&mut self) {
+        self.loops.start_at_zero_current();
     }
 
-    /// What pressed a motor against a stop is no load that the stop would take along.
-    pub fn let_go(&mut self) {
-        self.loops.start_afresh();
-        self.held_ms = 0;
+    /// Forgets the load of a stop, against which the motor was pressed. Regulation begins with a current of zero.
+    pub fn leave_stop(&mut self) {
+        self.loops.start_at_zero_current();
+        self.stalled_ms = 0;
         self.motion.observer.forget_load();
-        // An encoder in doubt has taught nothing.
-        if self.config.dynamics.is_none() && !self.estimate.is_trusted() {
-            self.estimate = GainEstimate::new(self.config.emf.to_volts());
-            let new = Motion::new(&self.config, &self.estimate, self.period, self.motion.observer);
+        // An estimate from an encoder that may be reversed is discarded.
+        if self.config.dynamics.is_none() && !self.gain_estimate.is_trusted() {
+            self.gain_estimate = GainEstimate::new(self.config.emf.to_volts());
+            let new = Motion::new(&self.config, &self.gain_estimate, self.period, self.motion.observer);
             self.motion = Motion { state: self.motion.state, ..new };
         }
     }
 
-    /// Takes a sample of the encoder; best every millisecond, give or take less than half of that.
+    /// Takes a sample of the encoder, best every millisecond with a jitter below 0.5 ms.
     pub fn sample(&mut self, reading: Reading) {
         let Some(last) = &mut self.last else {
-            (self.last, self.followed) = (Some(reading), reading.at);
+            (self.last, self.predicted_until) = (Some(reading), reading.at);
             return;
         };
         let moved = reading.position.wrapping_sub(last.position);
@@ -218,120 +227,127 @@ impl Regulator {
         if reading.at == before {
             return;
         }
-        let silence = samples(before, reading.at);
-        let passed = if self.followed == before { silence } else { samples(self.followed, reading.at) };
-        self.go_on(passed, reading.at);
+        let gap = samples(before, reading.at);
+        let passed =
+            if self.predicted_until == before { gap } else { samples(self.predicted_until, reading.at) };
+        self.predict(passed, reading.at);
         let Motion { plant, observer, .. } = &mut self.motion;
-        if silence > SILENCE_SAMPLES {
-            *observer = Observer::new(within(1_000.0 * moved as f32 / silence as f32, FASTEST));
-            self.estimate.restart();
-        } else if let Some(correction) = observer.see(plant, moved, self.turning)
+        if gap > LONGEST_GAP_SAMPLES {
+            *observer = Observer::new(within(1_000.0 * moved as f32 / gap as f32, FASTEST_CPS));
+            self.gain_estimate.restart();
+        } else if let Some(correction) = observer.update(plant, moved, self.speed_demanded)
             && self.config.dynamics.is_none()
         {
-            let silent = self.due && reading.at.since(reading.edge_at) >= SILENT_MICROS;
-            self.estimate.correct(&correction, moved, silent || self.held_ms >= HELD_MS);
+            let uncertain = self.counts_due && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
+            let stalled = uncertain || self.stalled_ms >= STALLED_MS;
+            self.gain_estimate.correct(&correction, moved, stalled);
         }
     }
 
-    /// It is so late, and no sample came: what is known of the motion goes on by itself, for a while.
-    pub fn wait(&mut self, now: Micros) {
-        self.go_on(samples(self.followed, now), now);
+    /// Predicts the motion to a time without a sample, at most 300 ms ahead.
+    pub fn predict_until(&mut self, now: Micros) {
+        self.predict(samples(self.predicted_until, now), now);
     }
 
-    /// So many samples have passed until now.
-    fn go_on(&mut self, passed: u32, now: Micros) {
+    /// Predicts the motion to `now`, which is `passed` samples after the last prediction.
+    fn predict(&mut self, passed: u32, now: Micros) {
         if passed == 0 {
             return;
         }
-        self.followed = now;
+        self.predicted_until = now;
         let Motion { plant, observer, .. } = &mut self.motion;
-        for _ in 0..passed.min(SILENCE_SAMPLES) {
+        for _ in 0..passed.min(LONGEST_GAP_SAMPLES) {
             if self.config.dynamics.is_none() {
-                self.estimate.predict(plant, observer.speed());
+                self.gain_estimate.predict(plant, observer.speed());
             }
             observer.predict(plant);
         }
     }
 
-    /// A control tick has come, with the newest sample taken.
+    /// Begins a control tick, after its newest sample. An estimate that has overflowed is reset, and a motor at rest
+    /// gets the speed 0.
     pub fn tick(&mut self) {
         let observer = &mut self.motion.observer;
-        // By constants that are no motor's, numbers grow until they are none.
+        // With implausible constants the estimate may grow until it overflows.
         if !(observer.speed() + observer.fraction()).is_finite() {
             *observer = Observer::new(0.0);
-            self.estimate.restart();
+            self.gain_estimate.restart();
         }
         let still = |last: &Reading| last.at.since(last.edge_at) >= REST_MICROS;
         if self.voltage.is_none() && self.last.as_ref().is_some_and(still) {
             observer.rest();
-            self.estimate.rest();
+            self.gain_estimate.rest();
         }
     }
 
-    /// Takes over what was learned of an unknown motor's gain since the last tick.
+    /// Puts the estimated gain of an unknown motor in force, if the gain has changed since the last tick.
     pub fn update_gain(&mut self) {
         if self.config.dynamics.is_none()
-            && let Some(shift) = self.estimate.tick()
+            && let Some(shift) = self.gain_estimate.tick()
         {
-            let mut new = Motion::new(&self.config, &self.estimate, self.period, self.motion.observer);
+            let mut new = Motion::new(&self.config, &self.gain_estimate, self.period, self.motion.observer);
             new.observer.shift(&shift);
             new.observer.drive(&new.plant, self.voltage.map(Voltage::to_volts));
             self.motion = Motion { state: self.motion.state, ..new };
         }
     }
 
-    /// What is known of the motion at this moment: what the observer says, unless a count is late.
-    fn seen(&self) -> Observer {
+    /// The estimate of the motion at this moment, corrected by a late count if there is one.
+    fn present_state(&self) -> Observer {
         let Motion { plant, observer, .. } = &self.motion;
-        // Of what no sample was taken no count is late.
-        let sampled = self.last.is_some_and(|last| last.at == self.followed);
-        if sampled { observer.seen(plant) } else { *observer }
+        // Whether a count is late is known only at a sample.
+        let sampled = self.last.is_some_and(|last| last.at == self.predicted_until);
+        if sampled { observer.with_late_count(plant) } else { *observer }
     }
 
-    /// Estimated.
+    /// The estimated speed.
     pub fn velocity(&self) -> CountsPerSecond {
         let observer = &self.motion.observer;
-        // After every sample somebody asks; a copy is made where it says something else.
-        speed(if observer.is_late() { self.seen().speed() } else { observer.speed() })
+        // This runs after every sample, so the observer is copied only while a count is late.
+        speed(if observer.is_late() { self.present_state().speed() } else { observer.speed() })
     }
 
-    /// The load that is known of at this moment.
-    fn carried(&self) -> f32 {
+    /// Acceleration by load and drag at this moment, in counts/s².
+    fn external_acceleration(&self) -> f32 {
         let Motion { plant, observer, .. } = &self.motion;
-        if observer.is_late() { self.seen().load(plant) } else { observer.load(plant) }
+        if observer.is_late() {
+            self.present_state().external_acceleration(plant)
+        } else {
+            observer.external_acceleration(plant)
+        }
     }
 
-    /// The voltage that would keep the speed against what loads the motor, drag and friction among it, beyond
-    /// its back EMF; `None` where that is not known.
+    /// The voltage beyond the back EMF that would keep the speed against load, drag and friction; `None` for an unknown
+    /// motor.
     pub fn load(&self) -> Option<Voltage> {
         let plant = &self.motion.plant;
-        self.config.dynamics.map(|_| Voltage::from_volts(-self.carried() / plant.b))
+        self.config.dynamics.map(|_| Voltage::from_volts(-self.external_acceleration() / plant.b))
     }
 
-    /// What besides the bridge accelerates the motor, drag among it, in counts/s²: as of the last count.
+    /// Acceleration by load and drag as of the last count, in counts/s².
     pub fn disturbance(&self) -> f32 {
         let Motion { plant, observer, .. } = &self.motion;
-        observer.load(plant)
+        observer.external_acceleration(plant)
     }
 
     /// True if the motor should turn, but has sent no count for a while.
-    pub const fn is_held(&self) -> bool {
-        self.held_ms >= HELD_MS
+    pub const fn is_stalled(&self) -> bool {
+        self.stalled_ms >= STALLED_MS
     }
 
-    /// What a volt accelerates the motor by, as told, learned or guessed, in counts/s².
+    /// Acceleration per volt in counts/s²: configured, estimated or the initial guess.
     pub const fn gain(&self) -> f32 {
         self.motion.plant.b
     }
 
-    /// What a volt accelerates the motor by, in counts/s², if it is heavier than told, or than what has turned out to
-    /// be a heavy one; `None` where that is not known.
+    /// Lower bound of the acceleration per volt in counts/s²; `None` for an unknown motor whose estimate does not yet
+    /// show a heavy load.
     pub fn least_gain(&self) -> Option<f32> {
-        let known = self.config.dynamics.is_some() || self.estimate.is_heavy();
-        known.then_some(TOLD_SHARE * self.motion.plant.b)
+        let known = self.config.dynamics.is_some() || self.gain_estimate.is_heavy();
+        known.then_some(LEAST_GAIN_SHARE * self.motion.plant.b)
     }
 
-    /// Which of the two regulates.
+    /// The kind of regulator that the configuration selects.
     pub const fn kind(&self) -> Kind {
         match self.config.coefficients {
             None => Kind::Model,
@@ -339,8 +355,8 @@ impl Regulator {
         }
     }
 
-    /// The speed that a demand comes to, far from its end.
-    pub fn wanted(&self, demand: Demand) -> CountsPerSecond {
+    /// The speed that a demand requests far from its target.
+    pub fn demanded_speed(&self, demand: Demand) -> CountsPerSecond {
         match demand {
             Demand::Velocity(target) => target,
             Demand::Follow(reference) => reference.next,
@@ -352,17 +368,18 @@ impl Regulator {
         }
     }
 
+    /// Position of the last sample, in counts; 0 before the first one.
     fn position(&self) -> i32 {
         self.last.map_or(0, |last| last.position)
     }
 
-    /// The effort for this tick. `moved` is the counts since the last one.
+    /// Computes the output for this tick. `moved` is the counts since the last tick.
     pub fn step(&mut self, demand: Demand, moved: i32, stage: &Stage<'_>) -> Output {
-        let demand = self.anchored(demand);
-        self.turning = matches!(demand, Demand::Velocity(_));
+        let demand = self.hold_at_standstill(demand);
+        self.speed_demanded = matches!(demand, Demand::Velocity(_));
         let position = self.position();
         let velocity = self.velocity();
-        // What keeps the current of the last tick, where a loop begins with it.
+        // The voltage with which a PID loop starts, so that the current makes no step.
         let steady = match self.voltage {
             Some(voltage) if self.loops.continues() => voltage,
             _ if self.loops.is_running() => Voltage::from_volts(0.0),
@@ -376,11 +393,14 @@ impl Regulator {
                 self.loops.step(demand, position, velocity, &context)
             }
         };
-        let astray = request.speed.to_f32() - velocity.to_f32();
-        self.steady = self.config.emf.emf(speed(astray)).to_volts().abs() < STEADY_VOLTS;
-        self.due = request.speed.to_bits().unsigned_abs() >= COUNTING_SPEED.to_bits().unsigned_abs();
-        self.held_ms =
-            if self.due && moved == 0 { self.held_ms.saturating_add(self.period.as_millis()) } else { 0 };
+        let error = request.speed.to_f32() - velocity.to_f32();
+        self.at_speed = self.config.emf.emf(speed(error)).to_volts().abs() < AT_SPEED_VOLTS;
+        self.counts_due = request.speed.to_bits().unsigned_abs() >= COUNTS_DUE_SPEED.to_bits().unsigned_abs();
+        self.stalled_ms = if self.counts_due && moved == 0 {
+            self.stalled_ms.saturating_add(self.period.as_millis())
+        } else {
+            0
+        };
         request
     }
 
@@ -392,89 +412,92 @@ impl Regulator {
         let beyond_emf = voltage.to_volts() - emf;
         let side = 1.0f32.copysign(beyond_emf);
         let target = side * limit.to_f32().abs();
-        let most = side * (law.voltage_for_speed(&self.seen(), plant, target) - emf);
+        let most = side * (law.voltage_for_speed(&self.present_state(), plant, target) - emf);
         Voltage::from_volts(emf + side * within(most, beyond_emf.abs()))
     }
 
+    /// Computes the output by the motor's model, at this position in counts.
     fn by_model(&mut self, demand: Demand, position: i32, stage: &Stage<'_>) -> Output {
-        let mut seen = self.seen();
-        let load = seen.disturbance();
+        let mut present = self.present_state();
+        let load = present.load();
         let Motion { plant, law, observer, state } = &mut self.motion;
         let request = match demand {
-            Demand::Velocity(target) => law.velocity(state, &mut seen, plant, target.to_f32(), stage),
+            Demand::Velocity(target) => law.velocity(state, &mut present, plant, target.to_f32(), stage),
             Demand::Follow(reference) => {
                 let speeds = (reference.speed.to_f32(), reference.next.to_f32());
-                law.follow(state, &mut seen, plant, reference.from(position), speeds, stage)
+                law.follow(state, &mut present, plant, reference.from(position), speeds, stage)
             }
             Demand::Position { target, speed_limit } => {
                 let distance = target.wrapping_sub(position);
                 let limit = speed_limit.to_f32().abs();
-                law.position(state, &mut seen, plant, distance, limit, stage)
+                law.position(state, &mut present, plant, distance, limit, stage)
             }
         };
-        // Friction that has turned round stays so.
-        observer.add_load(seen.disturbance() - load);
+        // `present` is a copy: a friction that the law has reversed is reversed in the observer too.
+        observer.add_load(present.load() - load);
         request
     }
 
-    /// The voltage that lets flow what the load takes, as far as that is known.
+    /// The voltage whose current balances the estimated load, or no current at all after a start at zero current.
     fn steady_voltage(&self, velocity: CountsPerSecond) -> Voltage {
         let plant = &self.motion.plant;
-        let carried = if self.loops.starts_afresh() { 0.0 } else { -self.carried() / plant.b };
-        Voltage::from_volts(self.config.emf.emf(velocity).to_volts() + carried)
+        let load_volts =
+            if self.loops.starts_at_zero_current() { 0.0 } else { -self.external_acceleration() / plant.b };
+        Voltage::from_volts(self.config.emf.emf(velocity).to_volts() + load_volts)
     }
 
-    /// A motor that should stand and does is held where it is.
-    fn anchored(&mut self, demand: Demand) -> Demand {
+    /// Replaces the demanded speed 0 by the position at which the motor came to rest, and a reference that stands
+    /// still by its position.
+    fn hold_at_standstill(&mut self, demand: Demand) -> Demand {
         let target = match demand {
             Demand::Velocity(target) => target,
-            Demand::Follow(reference) if reference.stands() => {
+            Demand::Follow(reference) if reference.is_still() => {
                 return Demand::Position { target: reference.position, speed_limit: CountsPerSecond::MAX };
             }
             Demand::Follow(_) | Demand::Position { .. } => return demand,
         };
         if target != CountsPerSecond::ZERO {
-            self.anchor = None;
+            self.rest_position = None;
             return demand;
         }
         let counts = self.velocity().to_f32().abs() * self.period.as_millis().max(20) as f32 / 1000.0;
-        if self.anchor.is_none() && counts < 1.0 {
-            self.anchor = Some(self.position());
+        if self.rest_position.is_none() && counts < 1.0 {
+            self.rest_position = Some(self.position());
         }
-        match self.anchor {
+        match self.rest_position {
             Some(target) => Demand::Position { target, speed_limit: CountsPerSecond::MAX },
             None => demand,
         }
     }
 
-    /// What the bridge does from now on: this voltage across the motor, or nothing.
+    /// Sets the voltage that the bridge applies from now on; `None` if the bridge is open.
     pub fn drive(&mut self, voltage: Option<Voltage>) {
         if voltage.is_none() {
             self.retarget();
             self.loops.restart_position();
             self.loops.resume();
-            self.steady = true;
-            self.turning = false;
+            self.at_speed = true;
+            self.speed_demanded = false;
         }
         self.voltage = voltage;
         let volts = voltage.map(Voltage::to_volts);
-        self.estimate.drive(volts);
+        self.gain_estimate.drive(volts);
         let Motion { plant, observer, .. } = &mut self.motion;
         observer.drive(plant, volts);
     }
 }
 
-/// Whole samples from one time to another. (In 32 bits, whose division is the shorter one.)
+/// Samples of 1 ms from one time to another, rounded. A division of 32 bits is shorter than one of 64 bits.
 fn samples(from: Micros, to: Micros) -> u32 {
     u32::try_from(to.since(from)).unwrap_or(u32::MAX).saturating_add(500) / 1000
 }
 
-/// A speed in the unit of everybody else.
+/// Converts a speed from counts/s; saturates at [`FASTEST_CPS`].
 fn speed(counts_per_second: f32) -> CountsPerSecond {
-    CountsPerSecond::from_f32(within(counts_per_second, FASTEST))
+    CountsPerSecond::from_f32(within(counts_per_second, FASTEST_CPS))
 }
 
-/// The value, or the nearest within this of 0; of what is no number, an end.
+/// Limits a value to -`limit` to `limit`. NaN becomes `-limit`.
 const fn within(value: f32, limit: f32) -> f32 {
     at_most(at_least(value, -limit), limit)
 }

@@ -1,78 +1,85 @@
-//! Regulation of a motor that is known: the voltage that brings it to the speed it should have at the next
-//! tick, in closed form, and speeds on the way to a position that it can still brake from.
+//! Regulation by the motor's model: the law computes in closed form the voltage that brings the motor to a speed by the
+//! next tick.
 //!
-//! No integrator: what a load takes is observed, so nothing winds up, and nothing must be preset when the
-//! mode changes.
+//! * With a **demanded speed** the law removes most of the speed's error within a tick.
+//! * With a **demanded position** the speed follows a profile from which the motor can always still brake. Far from the
+//!   target the speed falls with the square root of the distance, near the target in proportion to the distance.
+//! * With a **moving reference** the law adds a speed in proportion to the error of the position.
+//!
+//! The law has no integrator: the observer supplies the load, so nothing winds up, and a change of mode needs no
+//! preset.
 
-use super::observer::{Observer, Plant};
+use super::observer::{Filter, Observer, Plant};
 use super::{Effort, Output, Stage, within};
 use crate::units::single::{at_least, at_most};
 use crate::units::{Acceleration, Period, Voltage};
 use libm::{expf, expm1f, sqrtf};
 
-/// Of the friction that turns round with the motion, so much is taken for granted.
+/// Share of the configured friction that the law reverses ahead of the observer when the motion reverses.
 const FRICTION_SHARE: f32 = 0.8;
-/// Slower than this, in counts/s, a motor is not asked to turn round.
-const TURNING: f32 = 2.0;
-/// Of the acceleration that the battery could give at standstill, so much is planned with,
-const PLANNED: f32 = 0.85;
-/// and so much at least, whatever the load.
-const LEAST_PLANNED: f32 = 0.05;
+/// Lowest speed at the tick's end, in counts/s, for which the law reverses the friction.
+const REVERSING_CPS: f32 = 2.0;
+/// Share of the deceleration available from the battery that a profile plans with.
+const PLANNED_SHARE: f32 = 0.85;
+/// Least deceleration of a profile whatever the load, as a share of the acceleration that the battery gives at
+/// standstill.
+const LEAST_PLANNED_SHARE: f32 = 0.05;
 
 /// The law's constants for one motor and period.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Law {
-    /// The period in seconds.
-    period: f32,
-    /// Share of a speed's error that is left after a tick.
-    left: f32,
+    /// Control period in s.
+    period_s: f32,
+    /// Share of a speed's error that remains after a tick.
+    remaining: f32,
     /// Mean voltage that changes the speed by 1 count/s within a tick: q / (b (1 - exp(-q T))).
-    per_speed: f32,
-    /// Speed per distance near a position, 1/s.
+    volts_per_cps: f32,
+    /// Speed per distance near a target position, in 1/s.
     approach: f32,
-    /// What the friction's turning round changes the load by, counts/s².
+    /// Friction as a change of the load, in counts/s². A reversal of the motion changes the load by twice as much.
     friction: f32,
-    /// Largest acceleration, counts/s², if one was set.
+    /// Largest acceleration in counts/s²; `None` for no limit.
     limit: Option<f32>,
 }
 
 /// The law's state.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct State {
-    /// The direction for which the observed load holds the friction: -1, 0 or 1.
+    /// Direction of motion, -1 or 1, whose friction the estimated load contains; 0 before the first motion.
     friction_side: f32,
-    /// At a position, holding.
+    /// The motor is at its target position and holds it.
     holding: bool,
 }
 
 impl Law {
+    /// Prepares the law. `friction` is in V.
     pub(super) fn new(plant: &Plant, friction: f32, period: Period, limit: Option<Acceleration>) -> Self {
         let seconds = period.to_seconds();
-        let left =
+        let remaining =
             if period.as_millis() > 20 { expf(-24.0 * seconds).max(0.3) } else { expf(-30.0 * seconds) };
         let x = plant.q * seconds;
         let rate = if x > 1e-3 { plant.q / -expm1f(-x) } else { 1.0 / seconds };
         Self {
-            period: seconds,
-            left,
-            per_speed: rate / plant.b,
+            period_s: seconds,
+            remaining,
+            volts_per_cps: rate / plant.b,
             approach: (0.75 / seconds).min(12.0),
             friction: FRICTION_SHARE * friction * plant.b,
             limit: limit.map(|limit| limit.get() as f32),
         }
     }
 
-    /// Of the observer's filter: poles in 1/s, and the floor of z. At long periods a load must be known sooner
-    /// than a crawl is smooth.
-    pub(super) const fn filter(period: Period) -> (f32, f32) {
+    /// Parameters of the observer. At a long period z may fall lower, so that a load is estimated sooner, although a
+    /// slow motion becomes less smooth.
+    pub(super) const fn filter(period: Period) -> Filter {
         match period.as_millis() {
-            0..=20 => (45.0, 0.35),
-            21..=50 => (42.0, 0.35),
-            _ => (42.0, 0.25),
+            0..=20 => Filter { poles: 45.0, least_z: 0.35 },
+            21..=50 => Filter { poles: 42.0, least_z: 0.35 },
+            _ => Filter { poles: 42.0, least_z: 0.25 },
         }
     }
 
-    /// Towards a speed.
+    /// Computes the output for a target speed, in counts/s.
     pub(super) fn velocity(
         &self,
         state: &mut State,
@@ -83,11 +90,11 @@ impl Law {
     ) -> Output {
         state.holding = false;
         let w = observer.speed();
-        let next = w + (1.0 - self.left) * (target - w);
+        let next = w + (1.0 - self.remaining) * (target - w);
         self.request(state, observer, plant, next, stage, target)
     }
 
-    /// Towards a position, `distance` counts away from the present count's lower edge.
+    /// Computes the output for a target position, `distance` counts from the lower edge of the present count.
     pub(super) fn position(
         &self,
         state: &mut State,
@@ -98,25 +105,26 @@ impl Law {
         stage: &Stage<'_>,
     ) -> Output {
         let w = observer.speed();
-        let window = at_least(self.period, 0.02);
+        let window = at_least(self.period_s, 0.02);
         let near = if state.holding { 2 } else { 1 };
         state.holding = distance.unsigned_abs() <= near && (state.holding || w.abs() * window < 0.5);
         if state.holding {
-            return self.request(state, observer, plant, self.left * w, stage, 0.0);
+            return self.request(state, observer, plant, self.remaining * w, stage, 0.0);
         }
-        // To the middle of the target count.
-        let way = distance as f32 + 0.5 - observer.fraction();
-        let (side, way) = (1.0f32.copysign(way), way.abs());
-        let strength = plant.b * stage.at.battery_volts();
-        let brakes = at_least(PLANNED * (strength - side * observer.disturbance()), LEAST_PLANNED * strength);
-        let brakes = self.limit.map_or(brakes, |limit| at_most(brakes, limit));
-        let (now, end) = self.profile(way, side * w, brakes, speed_limit);
-        let next = side * (end - self.left * (now - side * w));
+        // The target is the middle of the target count.
+        let distance = distance as f32 + 0.5 - observer.fraction();
+        let (side, distance) = (1.0f32.copysign(distance), distance.abs());
+        let full = plant.b * stage.at.battery_volts();
+        let deceleration =
+            at_least(PLANNED_SHARE * (full - side * observer.load()), LEAST_PLANNED_SHARE * full);
+        let deceleration = self.limit.map_or(deceleration, |limit| at_most(deceleration, limit));
+        let (now, end) = self.profile(distance, side * w, deceleration, speed_limit);
+        let next = side * (end - self.remaining * (now - side * w));
         self.request(state, observer, plant, next, stage, side * now)
     }
 
-    /// With a place that is `distance` counts away from the present count's lower edge and moves, at these
-    /// speeds now and at the next tick.
+    /// Computes the output for a moving reference, `distance` counts from the lower edge of the present count. The
+    /// reference has these speeds now and at the next tick, in counts/s.
     pub(super) fn follow(
         &self,
         state: &mut State,
@@ -127,37 +135,41 @@ impl Law {
         stage: &Stage<'_>,
     ) -> Output {
         state.holding = false;
-        let Self { period, approach, left, .. } = *self;
+        let Self { period_s, approach, remaining, .. } = *self;
         let w = observer.speed();
-        // To the middle of a count, as positions are.
-        let way = distance + 0.5 - observer.fraction();
-        // At the tick's end it will be so far, less half a tick of the speed that is sought.
-        let rest = way + (now + end - w) * period / 2.0;
-        let next =
-            (end + approach * rest - left * (now + approach * way - w)) / (1.0 + approach * period / 2.0);
-        self.request(state, observer, plant, next, stage, end + approach * way)
+        // The target is the middle of the count.
+        let distance = distance + 0.5 - observer.fraction();
+        // Distance at the tick's end, without half a tick of the next speed.
+        let rest = distance + (now + end - w) * period_s / 2.0;
+        let next = (end + approach * rest - remaining * (now + approach * distance - w))
+            / (1.0 + approach * period_s / 2.0);
+        self.request(state, observer, plant, next, stage, end + approach * distance)
     }
 
-    /// The speeds that are right so far from a target: now, and at the tick's end if the motor, at speed `w`
-    /// towards the target, takes the tick to get there. Far away they fall with the square root of the
-    /// distance, as constant braking makes them; near by in proportion to it.
-    fn profile(&self, way: f32, w: f32, brakes: f32, limit: f32) -> (f32, f32) {
-        let Self { period, approach, .. } = *self;
-        let knee = brakes / (approach * approach);
-        let now = if way < knee { approach * way } else { sqrtf(2.0 * brakes * (way - knee / 2.0)) };
-        // The tick's distance is half by the speed now, half by that at its end.
-        let rest = way - w * period / 2.0;
-        let linear = approach * rest / (1.0 + approach * period / 2.0);
-        let lost = brakes * period / 2.0;
-        let end = if rest - linear * period / 2.0 < knee {
+    /// The speeds of the profile at this distance from the target, in counts/s: now, and at the tick's end for a
+    /// motor with the speed `w` towards the target.
+    fn profile(&self, distance: f32, w: f32, deceleration: f32, limit: f32) -> (f32, f32) {
+        let Self { period_s, approach, .. } = *self;
+        let knee = deceleration / (approach * approach);
+        let now = if distance < knee {
+            approach * distance
+        } else {
+            sqrtf(2.0 * deceleration * (distance - knee / 2.0))
+        };
+        // Half of the tick's distance comes from the speed now, half from the speed at its end.
+        let rest = distance - w * period_s / 2.0;
+        let linear = approach * rest / (1.0 + approach * period_s / 2.0);
+        let lost = deceleration * period_s / 2.0;
+        let end = if rest - linear * period_s / 2.0 < knee {
             linear
         } else {
-            sqrtf(lost * lost + 2.0 * brakes * (rest - knee / 2.0)) - lost
+            sqrtf(lost * lost + 2.0 * deceleration * (rest - knee / 2.0)) - lost
         };
         (at_most(now, limit), within(end, limit))
     }
 
-    /// The voltage for a speed at the tick's end.
+    /// Computes the output that brings the motor to the speed `next` by the tick's end. `speed` is the speed to
+    /// report as the target. Both are in counts/s.
     fn request(
         &self,
         state: &mut State,
@@ -169,34 +181,36 @@ impl Law {
     ) -> Output {
         let w = observer.speed();
         let next = match self.limit {
-            Some(limit) => w + within(next - w, limit * self.period),
+            Some(limit) => w + within(next - w, limit * self.period_s),
             None => next,
         };
-        self.turn_friction(state, observer, next);
+        self.reverse_friction(state, observer, next);
         let wanted = self.voltage_to(observer, plant, next);
-        // In overrun less braking takes more than the battery's voltage.
+        // In overrun a voltage above the battery's brakes less than the battery's voltage does.
         let most = at_least(stage.at.battery_volts(), (plant.kappa * w).abs());
         let voltage = Voltage::from_volts(within(wanted, most));
         Output { effort: Effort::Voltage(voltage), speed: super::speed(speed) }
     }
 
-    /// The voltage that brings the motor to this speed by the tick's end, in V.
+    /// Mean voltage in V that brings the motor to the speed `next` by the tick's end.
     fn voltage_to(&self, observer: &Observer, plant: &Plant, next: f32) -> f32 {
         let w = observer.speed();
-        plant.kappa * w + (next - w) * self.per_speed - observer.load(plant) / plant.b
+        plant.kappa * w + (next - w) * self.volts_per_cps - observer.external_acceleration(plant) / plant.b
     }
 
     /// The voltage that brings the motor towards a speed, in V.
     pub(super) fn voltage_for_speed(&self, observer: &Observer, plant: &Plant, target: f32) -> f32 {
         let w = observer.speed();
-        self.voltage_to(observer, plant, w + (1.0 - self.left) * (target - w))
+        self.voltage_to(observer, plant, w + (1.0 - self.remaining) * (target - w))
     }
 
-    /// Friction acts against the motion: what was observed of it has the wrong sign once the motion turns.
-    fn turn_friction(&self, state: &mut State, observer: &mut Observer, next: f32) {
+    /// Reverses the friction in the estimated load when the motion is about to reverse, because friction acts against
+    /// the motion.
+    fn reverse_friction(&self, state: &mut State, observer: &mut Observer, next: f32) {
         let side = 1.0f32.copysign(next);
-        let against = -side * observer.speed() * self.period > 1.0;
-        if side != state.friction_side && next.abs() > TURNING && !against {
+        // More than one count per tick in the old direction: the motion does not reverse within this tick.
+        let still_opposite = -side * observer.speed() * self.period_s > 1.0;
+        if side != state.friction_side && next.abs() > REVERSING_CPS && !still_opposite {
             observer.add_load(self.friction * (state.friction_side - side));
             state.friction_side = side;
         }

@@ -1,20 +1,28 @@
-//! Where a motor is between its counts, how fast it turns and what pulls on it: a filter of three states,
-//! stepped with every sample of the encoder.
+//! Estimates position between counts, speed and load: a disturbance observer of third order, stepped with every
+//! sample of the encoder.
 //!
-//! Between counts the motor's own equation is integrated. A sample with a count says between which two places the
-//! shaft is, and so does one without; only what lies outside is corrected, to the nearer end. (To correct towards
-//! the middle makes noise: at 1000 counts/s every sample sees one count, wherever in it the shaft is.)
-//!
-//! What a count says when it comes at last is more than what every sample said that waited for it: not that the motor
-//! crept along the count's edge, but how long it took for the way. So a late count corrects nothing until it comes;
-//! who looks meanwhile [sees](Observer::seen) the state as if it came now. Once it is late by a whole one it may not come
-//! at all: from then on every sample without a count says that the motor does not move, as it does of one that should stand.
-//!
-//! The gains grow with the time that such news took: they are those of a filter with three equal poles at
-//! `exp(-wo t)`, t after the last news, so a motor at 5 counts/s is followed as surely as one at 5000.
+//! The state is x, the position within the present count (0 to 1); w, the speed in counts/s; and d, the load as an
+//! acceleration in counts/s². A prediction integrates the motor's equation with the voltage u over a sample:
 //!
 //! ```text
-//! z = max(floor, exp(-wo t))
+//! w' = b u - q w + d        with the bridge open:  w' = d - drag w
+//! ```
+//!
+//! A sample says between which two positions the shaft is, whether or not a count came. Only the part of x outside of
+//! this interval is the error, and x is corrected to the nearer end. (A correction to the middle would make noise: at
+//! 1000 counts/s every sample has one count, whatever x is.)
+//!
+//! A *late* count says, when it comes, how long the motor took for the whole count. The samples that waited for it
+//! would only say that the motor crept along the edge of its count. So a late count corrects nothing until it comes,
+//! and [`Observer::with_late_count`] returns the estimate as if the count came now. Once x is late by a whole count,
+//! the motor may stand: from then on every sample without a count corrects x. While no speed is demanded, every such
+//! sample corrects x from the start.
+//!
+//! The gains grow with the time t since the last correction. They are the gains of a filter with three equal poles at
+//! `exp(-wo t)`, so a motor at 5 counts/s is followed as surely as a motor at 5000:
+//!
+//! ```text
+//! z = max(least z, exp(-wo t))
 //! gains: 1 - z^3 of the position, 1.5 (1 - z)^2 (1 + z) / t of the speed, (1 - z)^3 / t^2 of the load
 //! ```
 
@@ -23,154 +31,175 @@ use super::within;
 use crate::units::single::{at_least, at_most};
 use libm::{cbrtf, expf, expm1f};
 
-/// Seconds between two samples.
-pub(super) const SAMPLE: f32 = 1e-3;
-/// No load accelerates a motor by more than so many times what the battery's 12 V do; a filter that believes so
-/// was given nonsense.
-const HEAVIEST_LOAD: f32 = 20.0 * 12.0;
-/// By so many counts a state may be ahead of an encoder that says nothing.
-const LATE: f32 = 1.0;
-/// Counts/s: beyond what any encoder's timer could count, and far within what a single can add 1/1000 to.
-pub(super) const FASTEST: f32 = 1e6;
+/// Time between two samples, in s.
+pub(super) const SAMPLE_S: f32 = 1e-3;
+/// Largest load, as the voltage that balances it: 20 times a battery of 12 V. Only wrong constants lead to more.
+const LARGEST_LOAD_VOLTS: f32 = 20.0 * 12.0;
+/// Distance in counts by which x may leave its count while a count is late.
+const LATE_COUNTS: f32 = 1.0;
+/// Largest speed in counts/s: more than any encoder's timer can count, and small enough that a single still resolves
+/// 1/1000 of a count/s beside it.
+pub(super) const FASTEST_CPS: f32 = 1e6;
 
-/// The motor's constants as the filter needs them.
+/// Parameters of the observer.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Filter {
+    /// Poles wo, in 1/s. A slow motor gets slower poles.
+    pub(super) poles: f32,
+    /// Least z: a longer time since the last correction makes no difference.
+    pub(super) least_z: f32,
+}
+
+/// The motor's constants as the observer uses them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plant {
-    /// Counts/s² per volt.
+    /// Acceleration per volt, in counts/s² per V.
     pub(super) b: f32,
-    /// Volts per count/s.
+    /// Back EMF per speed, in V per count/s.
     pub(super) kappa: f32,
-    /// Of an acceleration, 1/s.
+    /// Decay of the speed by back EMF and drag, in 1/s.
     pub(super) q: f32,
-    /// What drag adds to q: q - b kappa. Constants by which drag would drive the motor are taken for none.
+    /// Decay of the speed by drag alone, q - b kappa, in 1/s. A negative value becomes 0.
     pub(super) drag: f32,
-    /// What an acceleration that decays with q makes of the speed and the position in a sample, per acceleration.
-    driven: (f32, f32),
-    /// The same two while the bridge is open, where only drag brakes.
-    open: (f32, f32),
-    /// What is left of z after a sample,
-    fade: f32,
-    /// and in the end.
-    floor: f32,
+    /// Response to an acceleration while the bridge drives the motor.
+    driven: SampleResponse,
+    /// Response to an acceleration while the bridge is open, where only drag brakes.
+    open: SampleResponse,
+    /// Factor of z in a sample, exp(-wo T).
+    z_per_sample: f32,
+    /// Least z.
+    least_z: f32,
 }
 
 impl Plant {
-    /// The filter's wo is `poles` (1/s) where the motor is quick enough to be followed so fast; z is never less
-    /// than `floor`: older news count for no more.
-    pub(super) fn new(b: f32, kappa: f32, q: f32, (poles, floor): (f32, f32)) -> Self {
+    /// Prepares the constants of a motor.
+    pub(super) fn new(b: f32, kappa: f32, q: f32, filter: Filter) -> Self {
+        let Filter { poles, least_z } = filter;
         let drag = at_least(q - b * kappa, 0.0);
         let poles = at_most(poles, cbrtf(11.0 * 12.0 * b));
-        Self { b, kappa, q, drag, driven: gains(q), open: gains(drag), fade: expf(-poles * SAMPLE), floor }
+        let [driven, open] = [q, drag].map(SampleResponse::new);
+        Self { b, kappa, q, drag, driven, open, z_per_sample: expf(-poles * SAMPLE_S), least_z }
     }
 
-    /// What a voltage accelerates a motor at this speed by, an open bridge not at all.
-    fn push(&self, voltage: Option<f32>, w: f32) -> f32 {
+    /// Acceleration by this voltage at the speed `w`, in counts/s²; 0 with the bridge open.
+    fn acceleration(&self, voltage: Option<f32>, w: f32) -> f32 {
         voltage.map_or(0.0, |u| self.b * (u - self.kappa * w))
     }
 }
 
-/// What an acceleration that decays at this rate (1/s) makes of speed and position in a sample.
-fn gains(rate: f32) -> (f32, f32) {
-    let x = rate * SAMPLE;
-    // Series where the quotients would cancel.
-    if x > 1e-2 {
-        let k1 = -expm1f(-x) / rate;
-        (k1, (SAMPLE - k1) / rate)
-    } else {
-        (SAMPLE * (1.0 - x / 2.0), SAMPLE * SAMPLE * (0.5 - x / 6.0))
+/// Changes of speed and position in a sample, per unit of an acceleration that decays at a constant rate.
+#[derive(Clone, Copy, Debug)]
+struct SampleResponse {
+    /// Change of speed per acceleration, in s.
+    speed: f32,
+    /// Change of position per acceleration, in s².
+    position: f32,
+}
+
+impl SampleResponse {
+    /// Integrates an acceleration that decays at this rate, in 1/s.
+    fn new(rate: f32) -> Self {
+        let x = rate * SAMPLE_S;
+        // A series replaces the quotients where they would cancel.
+        if x > 1e-2 {
+            let speed = -expm1f(-x) / rate;
+            Self { speed, position: (SAMPLE_S - speed) / rate }
+        } else {
+            Self { speed: SAMPLE_S * (1.0 - x / 2.0), position: SAMPLE_S * SAMPLE_S * (0.5 - x / 6.0) }
+        }
     }
 }
 
-/// How an error of the predicted position was shared out.
+/// A correction of the state, and the gains that made it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Correction {
-    /// The shaft was this much further than predicted, in counts.
+    /// True position less predicted position, in counts.
     pub(super) error: f32,
     /// Time since the correction before, in s.
-    pub(super) age: f32,
-    /// What each count of the error changed the position by,
-    pub(super) position: f32,
-    /// the speed, in counts/s,
-    pub(super) speed: f32,
-    /// and the load, in counts/s².
-    pub(super) load: f32,
+    pub(super) age_s: f32,
+    /// Change of the position per error.
+    pub(super) position_gain: f32,
+    /// Change of the speed per error, in 1/s.
+    pub(super) speed_gain: f32,
+    /// Change of the load per error, in 1/s².
+    pub(super) load_gain: f32,
 }
 
-/// What is known of the motion.
+/// The estimate of a motor's motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observer {
-    /// Within the present count, 0 to 1; beyond it while the next is late.
+    /// Position within the present count, 0 to 1; outside of this range while a count is late.
     x: f32,
-    /// Speed, counts/s.
+    /// Speed, in counts/s.
     w: f32,
-    /// Load, counts/s².
+    /// Load, in counts/s².
     d: f32,
-    /// Acceleration, counts/s².
+    /// Acceleration, in counts/s².
     acceleration: f32,
-    /// The bridge is open: nothing but drag and load acts.
+    /// The bridge is open: only drag and load act.
     coasting: bool,
-    /// Seconds since the last news,
-    age: f32,
-    /// and exp(-wo age).
+    /// Time since the last correction, in s.
+    age_s: f32,
+    /// Memory of the filter: exp(-wo age), at least the least z.
     z: f32,
-    /// A count was late by a whole one, and none has come since.
-    silent: bool,
+    /// A count was late by a whole count, and none has come since.
+    overdue: bool,
 }
 
 impl Observer {
-    /// In the middle of a count, at this speed, without acceleration under the voltage that acts.
+    /// Begins in the middle of a count, at this speed in counts/s, without acceleration and with the bridge open.
     pub(super) fn new(w: f32) -> Self {
-        Self { x: 0.5, w, d: 0.0, acceleration: 0.0, coasting: true, age: 0.0, z: 1.0, silent: false }
+        Self { x: 0.5, w, d: 0.0, acceleration: 0.0, coasting: true, age_s: 0.0, z: 1.0, overdue: false }
     }
 
-    /// One sample later.
+    /// Predicts the state one sample later.
     pub(super) fn predict(&mut self, plant: &Plant) {
-        let (k1, k2) = if self.coasting {
-            self.acceleration = self.load(plant);
+        let response = if self.coasting {
+            self.acceleration = self.external_acceleration(plant);
             plant.open
         } else {
             plant.driven
         };
-        self.x += self.w * SAMPLE + self.acceleration * k2;
-        let gained = self.acceleration * k1;
+        self.x += self.w * SAMPLE_S + self.acceleration * response.position;
+        let gained = self.acceleration * response.speed;
         self.w += gained;
         self.acceleration -= plant.q * gained;
-        self.age += SAMPLE;
-        self.z = at_least(self.z * plant.fade, plant.floor);
+        self.age_s += SAMPLE_S;
+        self.z = at_least(self.z * plant.z_per_sample, plant.least_z);
     }
 
-    /// Since the last of these the encoder has moved by so many counts. Of a motor that should turn a late count is waited
-    /// for.
-    pub(super) fn see(&mut self, plant: &Plant, moved: i32, turning: bool) -> Option<Correction> {
+    /// Corrects the state by a sample that is `moved` counts after the sample before; `None` if nothing is corrected.
+    /// While the motor should turn at a speed, a late count is waited for.
+    pub(super) fn update(&mut self, plant: &Plant, moved: i32, speed_demanded: bool) -> Option<Correction> {
         if moved == 0 {
-            let late = if turning && !self.silent { LATE } else { 0.0 };
+            let late = if speed_demanded && !self.overdue { LATE_COUNTS } else { 0.0 };
             if (-late..=1.0 + late).contains(&self.x) {
                 return None;
             }
-            self.silent = true;
+            self.overdue = true;
             return self.confine(plant, 0.0, 1.0);
         }
-        self.silent = false;
+        self.overdue = false;
         self.x -= moved as f32;
-        // A count came at some time since the last sample; how far the shaft went since then is not known.
-        let since = at_most(self.w.abs() * SAMPLE, 1.0);
-        let (least, most) = if moved > 0 { (0.0, since) } else { (1.0 - since, 1.0) };
+        // The edge came at an unknown time since the last sample, so the shaft may be this far beyond it.
+        let beyond = at_most(self.w.abs() * SAMPLE_S, 1.0);
+        let (least, most) = if moved > 0 { (0.0, beyond) } else { (1.0 - beyond, 1.0) };
         self.confine(plant, least, most)
     }
 
-    /// The next count is late.
+    /// True if the next count is late.
     pub(super) fn is_late(&self) -> bool {
         !(0.0..=1.0).contains(&self.x)
     }
 
-    /// As if a count that is late came now: what is known of the motion at this moment.
-    pub(super) fn seen(&self, plant: &Plant) -> Self {
-        let mut seen = *self;
-        let _ = seen.confine(plant, 0.0, 1.0);
-        seen
+    /// The estimate at this moment: a copy, corrected as if a late count came now.
+    pub(super) fn with_late_count(&self, plant: &Plant) -> Self {
+        let mut corrected = *self;
+        let _ = corrected.confine(plant, 0.0, 1.0);
+        corrected
     }
 
-    /// The shaft is between these two places.
+    /// Corrects x to the interval from `least` to `most`.
     fn confine(&mut self, plant: &Plant, least: f32, most: f32) -> Option<Correction> {
         if self.x < least {
             Some(self.correct(plant, least - self.x))
@@ -181,85 +210,85 @@ impl Observer {
         }
     }
 
-    /// The shaft is so much further than it was thought to be.
+    /// Corrects the state by an error of the predicted position, in counts.
     fn correct(&mut self, plant: &Plant, error: f32) -> Correction {
         let (z, faded) = (self.z, 1.0 - self.z);
-        let rate = 1.0 / at_least(self.age, SAMPLE);
+        let rate = 1.0 / at_least(self.age_s, SAMPLE_S);
         let square = faded * faded;
         let correction = Correction {
             error,
-            age: self.age,
-            position: 1.0 - z * z * z,
-            speed: 1.5 * square * (1.0 + z) * rate,
-            load: square * faded * rate * rate,
+            age_s: self.age_s,
+            position_gain: 1.0 - z * z * z,
+            speed_gain: 1.5 * square * (1.0 + z) * rate,
+            load_gain: square * faded * rate * rate,
         };
-        let (of_speed, of_load) = (correction.speed * error, correction.load * error);
-        self.x += correction.position * error;
-        self.w = within(self.w + of_speed, FASTEST);
-        let heaviest = HEAVIEST_LOAD * plant.b;
-        self.d = within(self.d + of_load, heaviest);
-        let fastest = 2.0 * heaviest + plant.q * FASTEST;
-        self.acceleration = within(self.acceleration + of_load - plant.q * of_speed, fastest);
-        self.age = 0.0;
+        let (of_speed, of_load) = (correction.speed_gain * error, correction.load_gain * error);
+        self.x += correction.position_gain * error;
+        self.w = within(self.w + of_speed, FASTEST_CPS);
+        let largest_load = LARGEST_LOAD_VOLTS * plant.b;
+        self.d = within(self.d + of_load, largest_load);
+        let largest_acceleration = 2.0 * largest_load + plant.q * FASTEST_CPS;
+        self.acceleration = within(self.acceleration + of_load - plant.q * of_speed, largest_acceleration);
+        self.age_s = 0.0;
         self.z = 1.0;
         correction
     }
 
-    /// It stands, and nothing pulls on it: by itself what is thought of it would wander to and fro within its count.
+    /// Sets speed and load of a motor at rest to 0. Otherwise the estimate would wander within its count.
     pub(super) const fn rest(&mut self) {
         // A count that was late does not come any more.
         self.x = at_most(at_least(self.x, 0.0), 1.0);
         (self.w, self.d, self.acceleration) = (0.0, 0.0, 0.0);
     }
 
-    /// From now on the bridge makes this voltage of the motor; `None` if it is open.
+    /// Sets the voltage in V that the bridge applies from now on; `None` if the bridge is open.
     pub(super) fn drive(&mut self, plant: &Plant, voltage: Option<f32>) {
         self.coasting = voltage.is_none();
-        self.acceleration = plant.push(voltage, self.w) + self.load(plant);
+        self.acceleration = plant.acceleration(voltage, self.w) + self.external_acceleration(plant);
     }
 
-    /// What accelerates the motor while the bridge is open: load and drag, counts/s².
-    pub(super) fn load(&self, plant: &Plant) -> f32 {
+    /// Acceleration by load and drag, in counts/s².
+    pub(super) fn external_acceleration(&self, plant: &Plant) -> f32 {
         self.d - plant.drag * self.w
     }
 
-    /// Takes what the motor does under this voltage for steady: the rest must be load.
-    pub(super) fn settle(&mut self, plant: &Plant, voltage: Option<f32>) {
-        self.d = plant.drag * self.w - plant.push(voltage, self.w);
+    /// Sets the load to the load that keeps the present speed under this voltage.
+    pub(super) fn assume_steady(&mut self, plant: &Plant, voltage: Option<f32>) {
+        self.d = plant.drag * self.w - plant.acceleration(voltage, self.w);
     }
 
-    /// The constants have changed: the load in volts is taken to be the same as before.
+    /// Keeps the voltage that balances the load while the constants change.
     pub(super) fn keep_load_voltage(&mut self, old: &Plant, new: &Plant) {
         self.d *= new.b / old.b;
     }
 
-    /// The gain that this state was found with has become another.
+    /// Corrects speed and load, which were estimated with another gain.
     pub(super) fn shift(&mut self, by: &Sensitivity) {
-        self.w = within(self.w + by.speed, FASTEST);
+        self.w = within(self.w + by.speed, FASTEST_CPS);
         self.d += by.load;
     }
 
-    /// The load was a stop's: it is gone when nothing presses against it.
+    /// Sets the load to 0: the load of a stop is gone when the motor no longer presses against the stop.
     pub(super) fn forget_load(&mut self) {
         self.d = 0.0;
     }
 
-    /// The load has changed by this much, as friction does when the motion turns.
+    /// Changes the load by this much, in counts/s², as friction does when the motion reverses.
     pub(super) fn add_load(&mut self, by: f32) {
         self.d += by;
     }
 
-    /// Counts/s.
+    /// Estimated speed, in counts/s.
     pub(super) fn speed(&self) -> f32 {
         self.w
     }
 
-    /// Load, counts/s².
-    pub(super) fn disturbance(&self) -> f32 {
+    /// Estimated load without drag, in counts/s².
+    pub(super) fn load(&self) -> f32 {
         self.d
     }
 
-    /// Within the present count.
+    /// Estimated position within the present count, 0 to 1; outside of this range while a count is late.
     pub(super) fn fraction(&self) -> f32 {
         self.x
     }
@@ -269,77 +298,78 @@ impl Observer {
 mod tests {
     use super::*;
 
+    /// The motor's constants b, kappa and q.
     const PLANT: (f32, f32, f32) = (1_500.0, 0.004, 7.0);
 
     fn plant() -> Plant {
         let (b, kappa, q) = PLANT;
-        Plant::new(b, kappa, q, (40.0, 0.25))
+        Plant::new(b, kappa, q, Filter { poles: 40.0, least_z: 0.25 })
     }
 
-    /// Follows a motor whose position is a function of the time in seconds; counts are whole.
-    fn follow(seconds: f32, voltage: f32, position: impl Fn(f64) -> f64) -> Observer {
+    /// Estimates the motion of a motor whose position in counts is a function of the time in seconds.
+    fn estimate(seconds: f32, voltage: f32, position: impl Fn(f64) -> f64) -> Observer {
         let plant = plant();
         let mut observer = Observer::new(0.0);
         let mut last = position(0.0).floor() as i32;
-        for sample in 1..=(seconds / SAMPLE) as u32 {
+        for sample in 1..=(seconds / SAMPLE_S) as u32 {
             if sample % 50 == 1 {
                 observer.drive(&plant, Some(voltage));
             }
             let now = position(f64::from(sample) * 1e-3).floor() as i32;
             observer.predict(&plant);
-            let _ = observer.see(&plant, now - last, true);
+            let _ = observer.update(&plant, now - last, true);
             last = now;
         }
         observer
     }
 
     #[test]
-    fn a_steady_speed_is_found_with_the_load_that_belongs_to_it() {
+    fn a_steady_speed_and_its_load_are_estimated() {
         for speed in [40.0f64, -80.0, 700.0, -2_500.0] {
-            // What the speed takes, and half a volt against a load.
+            // The voltage of the speed, and half a volt against a load.
             let (b, _, q) = PLANT;
             let load = 0.5 * b;
             let voltage = q * speed as f32 / b + 0.5;
-            let observer = follow(4.0, voltage, |t| 0.5 + speed * t);
+            let observer = estimate(4.0, voltage, |t| 0.5 + speed * t);
             let found = f64::from(observer.speed());
             assert!((found - speed).abs() < 0.02 * speed.abs() + 0.1, "{found} for {speed}");
-            // b u - q w + d = 0
-            let found = observer.disturbance();
+            // At a steady speed b u - q w + d = 0.
+            let found = observer.load();
             assert!((found + load).abs() < 0.1 * load, "{found} for {load} at {speed}");
         }
     }
 
-    /// 20 counts/s for 4 s and 0.3 counts, then not a count more.
-    fn held(seconds: f32) -> (Observer, Plant) {
+    /// Estimates the motion of a motor that turns at 20 counts/s for 4 s and then stands for this time.
+    fn stopped(seconds: f32) -> (Observer, Plant) {
         let (b, _, q) = PLANT;
         let voltage = q * 20.0 / b;
-        (follow(4.0 + seconds, voltage, |t| 20.0 * t.min(4.0) + 0.3), plant())
+        (estimate(4.0 + seconds, voltage, |t| 20.0 * t.min(4.0) + 0.3), plant())
     }
 
     #[test]
-    fn a_count_that_is_late_slows_the_motor_in_the_eyes_of_who_looks_and_nothing_else_before_it_comes() {
-        let (observer, plant) = held(0.075);
+    fn a_late_count_lowers_the_reported_speed_but_not_the_state() {
+        let (observer, plant) = stopped(0.075);
         assert!((observer.speed() - 20.0).abs() < 1.0, "{}", observer.speed());
         // A count was due after 35 ms.
-        let seen = observer.seen(&plant).speed();
-        assert!(seen < observer.speed() - 0.5, "{seen} of {}", observer.speed());
+        let reported = observer.with_late_count(&plant).speed();
+        assert!(reported < observer.speed() - 0.5, "{reported} of {}", observer.speed());
     }
 
     #[test]
-    fn a_motor_that_is_held_is_known_to_stand_and_by_which_load() {
-        let (observer, plant) = held(1.0);
-        let seen = observer.seen(&plant);
-        // Within its count it may still wander.
-        assert!(seen.speed().abs() < 3.0, "{}", seen.speed());
-        // q w kept it turning; the same holds it now.
+    fn the_speed_and_the_load_of_a_stopped_motor_are_estimated() {
+        let (observer, plant) = stopped(1.0);
+        let estimate = observer.with_late_count(&plant);
+        // The estimate may wander within its count.
+        assert!(estimate.speed().abs() < 3.0, "{}", estimate.speed());
+        // The voltage that drove the motor at 20 counts/s now presses it against the stop.
         let (_, _, q) = PLANT;
-        let load = seen.disturbance();
+        let load = estimate.load();
         assert!((load + 20.0 * q).abs() < 30.0, "{load} for {}", -20.0 * q);
     }
 
     #[test]
-    fn a_motor_at_rest_is_known_to_rest() {
-        let observer = follow(2.0, 0.0, |_| 0.3);
+    fn a_motor_at_rest_has_no_speed() {
+        let observer = estimate(2.0, 0.0, |_| 0.3);
         assert!(observer.speed().abs() < 0.5, "{}", observer.speed());
     }
 }

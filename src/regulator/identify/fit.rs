@@ -1,35 +1,37 @@
-//! Least squares, a row at a time: each row is turned into a triangle of sums by plane rotations.
+//! Least squares, one row at a time: plane rotations turn each row into a triangle of sums (a QR decomposition).
 //!
-//! Unlike sums of products this does not square how nearly dependent the unknowns are, so single
-//! precision is enough, and the triangle has the answer for the first few unknowns as well as for all of
-//! them.
+//! Sums of products would square the condition number. The triangle does not, so single precision is enough. The
+//! triangle also has the solution for the first few unknowns alone.
 
 use libm::sqrtf;
 
-/// Unknowns, at most.
+/// Largest number of unknowns.
 pub(super) const UNKNOWNS: usize = 5;
-/// An unknown whose share of all rows is less than this, apart from what the others explain, is not known.
-const LEAST_SHARE: f32 = 1e-4;
+/// Least diagonal element of the triangle with which an unknown can be solved: the unknown's weight in all rows that
+/// the other unknowns do not explain.
+const LEAST_PIVOT: f32 = 1e-4;
 
-/// What one row has of each unknown, and last, what they make together.
+/// One equation: the weight of each unknown, then the right side.
 pub(super) type Row = [f32; UNKNOWNS + 1];
 
-/// What rows have said so far.
+/// The rows so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Fit {
+    /// Upper triangle of the decomposition, with the rotated right sides.
     triangle: [Row; UNKNOWNS],
-    /// Sum of the squares that all unknowns leave,
-    left: f32,
-    /// and of what there was.
-    seen: f32,
+    /// Sum of the squared residuals with all unknowns.
+    residual_squares: f32,
+    /// Sum of the squared right sides.
+    right_squares: f32,
+    /// Number of rows.
     rows: u16,
 }
 
 impl Fit {
-    /// Takes a row; returns what the rows before it did not expect of it.
+    /// Adds a row. Returns the row's innovation: the part of its right side that the rows before do not predict.
     pub(super) fn add(&mut self, mut row: Row) -> f32 {
-        let [.., seen] = row;
-        self.seen += seen * seen;
+        let [.., right] = row;
+        self.right_squares += right * right;
         self.rows = self.rows.saturating_add(1);
         for (n, pivot) in self.triangle.iter_mut().enumerate() {
             let (Some(&a), Some(&b)) = (pivot.get(n), row.get(n)) else { continue };
@@ -41,69 +43,68 @@ impl Fit {
                 }
             }
         }
-        let [.., surprise] = row;
-        self.left += surprise * surprise;
-        surprise
+        let [.., innovation] = row;
+        self.residual_squares += innovation * innovation;
+        innovation
     }
 
-    /// How many rows there were.
+    /// Number of rows.
     pub(super) const fn rows(&self) -> u16 {
         self.rows
     }
 
-    /// Root mean square of what the rows made together.
-    pub(super) fn seen(&self) -> f32 {
-        sqrtf(self.seen / f32::from(self.rows.max(1)))
+    /// Root mean square of the right sides.
+    pub(super) fn right_rms(&self) -> f32 {
+        sqrtf(self.right_squares / f32::from(self.rows.max(1)))
     }
 
-    /// The first few unknowns, the others being 0; `None` if the rows do not say.
+    /// Solves for the first few unknowns, with the others at 0; `None` if the rows do not determine them.
     pub(super) fn solve(&self, unknowns: usize) -> Option<Solution> {
-        let values = self.backwards(unknowns, |_, [.., sum]| *sum)?;
-        let mut spread = [[0.0; UNKNOWNS]; UNKNOWNS];
-        for (of, column) in spread.iter_mut().enumerate().take(unknowns) {
-            *column = self.backwards(unknowns, |n, _| if n == of { 1.0 } else { 0.0 })?;
+        let values = self.substitute(unknowns, |_, [.., sum]| *sum)?;
+        let mut inverse = [[0.0; UNKNOWNS]; UNKNOWNS];
+        for (of, column) in inverse.iter_mut().enumerate().take(unknowns) {
+            *column = self.substitute(unknowns, |n, _| if n == of { 1.0 } else { 0.0 })?;
         }
         let others: f32 = self.triangle.iter().skip(unknowns).map(|[.., sum]| sum * sum).sum();
         let freedom = usize::from(self.rows).saturating_sub(unknowns).max(1);
-        let residual = sqrtf((self.left + others) / freedom as f32);
-        Some(Solution { values, spread, residual })
+        let residual = sqrtf((self.residual_squares + others) / freedom as f32);
+        Some(Solution { values, inverse, residual })
     }
 
-    /// Of the triangle's first rows, with these right sides.
-    fn backwards(&self, unknowns: usize, right: impl Fn(usize, &Row) -> f32) -> Option<[f32; UNKNOWNS]> {
+    /// Solves the triangle's first rows with these right sides by back substitution.
+    fn substitute(&self, unknowns: usize, right: impl Fn(usize, &Row) -> f32) -> Option<[f32; UNKNOWNS]> {
         let mut values = [0.0; UNKNOWNS];
         for (n, row) in self.triangle.iter().enumerate().take(unknowns).rev() {
-            let known: f32 = row.iter().zip(&values).map(|(share, value)| share * value).sum();
-            let share = *row.get(n)?;
-            if share < LEAST_SHARE {
+            let solved: f32 = row.iter().zip(&values).map(|(weight, value)| weight * value).sum();
+            let pivot = *row.get(n)?;
+            if pivot < LEAST_PIVOT {
                 return None;
             }
-            *values.get_mut(n)? = (right(n, row) - known) / share;
+            *values.get_mut(n)? = (right(n, row) - solved) / pivot;
         }
         Some(values)
     }
 }
 
-/// What rows say.
+/// A solution of the rows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Solution {
-    /// The unknowns.
+    /// Values of the unknowns.
     pub(super) values: [f32; UNKNOWNS],
-    /// The inverse triangle, by columns.
-    spread: [[f32; UNKNOWNS]; UNKNOWNS],
-    /// Root mean square of what is left of a row.
+    /// Inverse of the triangle, by columns.
+    inverse: [[f32; UNKNOWNS]; UNKNOWNS],
+    /// Root mean square of the rows' residuals.
     pub(super) residual: f32,
 }
 
 impl Solution {
-    /// Standard error of a weighted sum of the unknowns, as if what is left of one row had nothing to do
-    /// with what is left of another.
+    /// Standard error of a weighted sum of the unknowns, for residuals that do not correlate.
     pub(super) fn error(&self, weights: [f32; UNKNOWNS]) -> f32 {
         let squares: f32 = self
-            .spread
+            .inverse
             .iter()
             .map(|column| {
-                let sum: f32 = column.iter().zip(&weights).map(|(share, weight)| share * weight).sum();
+                let sum: f32 = column.iter().zip(&weights).map(|(element, weight)| element * weight).sum();
                 sum * sum
             })
             .sum();

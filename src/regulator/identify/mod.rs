@@ -1,25 +1,25 @@
-//! What a motor and its load are, learned from a short motion: three held voltages, and one least-squares
-//! fit of the motor's own equation.
+//! Identifies a motor with its load by a short motion: three constant voltages, and a least-squares fit of the motor's
+//! equation.
 //!
 //! ```text
-//! rest 0.2 s | +65 % of the battery's voltage 1.1 s | -65 % 1.1 s | +29 % 0.6 s | the bridge is open
+//! rest 0.2 s | +65 % of the battery voltage 1.1 s | -65 % 1.1 s | +29 % 0.6 s | the bridge is open
 //! ```
 //!
-//! From the back EMF that it was told the hub says beforehand how many counts the motor will turn at most, either
-//! way ([`travel`]); a limit of travel shortens the motion in proportion. A motor that has hardly moved by the
-//! end of the first stretch is given longer, up to eight times, with no more travel. Anything else that is
-//! asked of the motor ends it.
+//! The hub first announces how many counts the motor will turn at most, in either direction ([`travel`]). The limit
+//! follows from the configured back EMF. A travel limit shortens the motion in proportion. A motor that has hardly
+//! moved by the end of the first phase gets up to eight times as long, with no more travel. Another request ends the
+//! motion.
 //!
-//! What is fitted besides acceleration per volt, decay and friction is a constant load and a spring: both
-//! are reasons to [refuse](Refusal), as are an encoder that does not count or counts backwards, a stop on
-//! the way, and a motion that the equation does not explain. What is found is proposed, not put in force.
+//! The fit finds acceleration per volt, decay and friction. It also finds a constant load and a spring; both are
+//! reasons to [refuse](Refusal) a result. Other reasons are an encoder that does not count or counts backwards, a
+//! stop, and a motion that does not fit the equation. A result is proposed, not put in force.
 //!
-//! The fit is in single precision, a row at a time and by rotations, which a chip's FPU does while the motor
-//! turns; sums of products would have needed double precision (see `fit`).
+//! The fit is in single precision, a row at a time and by rotations, so a chip's FPU can compute it while the motor
+//! turns.
 //!
-//! A motor that was told, from here or by its maker, is not followed any further while it works: from what a
-//! working motor shows, its acceleration per volt is found to within some 10 %, by which an exact one gets worse
-//! (1.7 % of drawn responses never settled, not 0.3 %). Of a motor of which nobody told it is worth a lot.
+//! A configured motor is not estimated any further while it works. Such an estimate has an error of some 10 %, which
+//! is worse than exact constants: 1.7 % of random responses never settled, against 0.3 %. An unknown motor gains by
+//! the estimate.
 //!
 //! ```
 //! use motor_hub::braking::Winding;
@@ -33,59 +33,75 @@
 
 mod fit;
 mod outcome;
+mod segments;
 mod verdict;
 
 pub use outcome::{Identification, Identified, Refusal};
 
-use super::cells::Cells;
 use crate::motion::Reading;
 use crate::units::{EmfConstant, Micros, Millivolts, Period, Voltage};
-use verdict::Evidence;
+use segments::Segments;
+use verdict::Regression;
 
-/// Shares of the battery's voltage, and for how many milliseconds.
-const MOTION: [(f32, f32); 3] = [(0.65, 1_100.0), (-0.65, 1_100.0), (0.29, 600.0)];
-/// All of them.
+/// A phase of the motion, with a constant voltage.
+struct Phase {
+    /// Voltage as a share of the battery voltage.
+    share: f32,
+    /// Planned duration, in ms.
+    ms: f32,
+}
+
+/// Phases of the motion: up to speed, reversed, and slower in the first direction.
+const PHASES: [Phase; 3] = [
+    Phase { share: 0.65, ms: 1_100.0 },
+    Phase { share: -0.65, ms: 1_100.0 },
+    Phase { share: 0.29, ms: 600.0 },
+];
+/// Duration of all phases, in ms.
 const MOTION_MS: f32 = 2_800.0;
-/// Of the way at the speed whose back EMF is the battery's voltage, in seconds, with 15 % for a back EMF that is
-/// not quite as told: no motor goes further under these voltages.
-const TRAVEL_SECONDS: f32 = 1.15 * 0.65 * 1.1;
-/// The bridge is open for so long, in which the motor must not turn.
+/// Largest travel of any motor in these phases, in s at the speed whose back EMF is the battery voltage. The
+/// configured back EMF may be 15 % too large.
+const TRAVEL_S: f32 = 1.15 * 0.65 * 1.1;
+/// Time in ms before the motion, with the bridge open, in which the motor must not turn.
 const REST_MS: u32 = 200;
-/// The shortest cell.
-const CELL_MS: u32 = 40;
-/// Cells with fewer counts than this are made longer,
-const CELL_COUNTS: u32 = 5;
-/// up to this, in seconds.
-const LONGEST_CELL: f32 = 0.5;
-/// Cells of the shortest motion.
-const LEAST_CELLS: f32 = 16.0;
-/// A first stretch with fewer counts than this, or a quarter of the travel, is made longer,
-const ENOUGH_COUNTS: f32 = 100.0;
-/// up to this.
-const LONGEST_STRETCH_MS: f32 = 8_800.0;
-/// Battery voltage, at least,
+/// Shortest duration of a segment, in ms.
+const SEGMENT_MS: u32 = 40;
+/// Counts of a segment below which the segment is made longer.
+const SEGMENT_COUNTS: u32 = 5;
+/// Longest duration of a segment, in s.
+const LONGEST_SEGMENT_S: f32 = 0.5;
+/// Least number of segments of a motion.
+const LEAST_SEGMENTS: f32 = 16.0;
+/// Counts of the first phase below which the phase is made longer. A quarter of the travel is enough too.
+const FIRST_PHASE_COUNTS: f32 = 100.0;
+/// Longest duration of the first phase, in ms.
+const LONGEST_FIRST_PHASE_MS: f32 = 8_800.0;
+/// Least battery voltage, in V.
 const LEAST_VOLTS: f32 = 6.0;
-/// and share of it that may be lost under the motor's current.
+/// Largest sag of the battery voltage under the motor's current, as a share of the voltage before.
 const LARGEST_SAG: f32 = 0.3;
-/// No counts for so long are none at all, of a motor that was faster than 50 counts/s before;
-const HELD_MS: f32 = 300.0;
-const QUICK: f32 = 50.0;
-/// for so long, of any other, before it would have gone its way unseen.
-const LONGEST_HELD_MS: f32 = 1_000.0;
-/// Counts that a motor may be beyond a limit by the trembling of its shaft.
-const TREMBLING: i32 = 3;
+/// Time in ms without a count after which a fast motor counts as stalled.
+const STALLED_MS: f32 = 300.0;
+/// Speed in counts/s above which a motor is fast.
+const FAST_CPS: f32 = 50.0;
+/// Time in ms without a count after which a slow motor counts as stalled: by then it could have travelled without
+/// counts.
+const SLOW_STALLED_MS: f32 = 1_000.0;
+/// Counts by which the shaft may vibrate beyond a limit.
+const VIBRATION_COUNTS: i32 = 3;
 
-/// Counts from its place, either way, that a motor will turn at most while it is identified: `limit`, or
-/// what it could at a battery voltage.
+/// Counts that a motor will turn at most in either direction while it is identified: `limit`, or the travel that a
+/// battery voltage makes possible.
 pub fn travel(emf: EmfConstant, battery: Millivolts, limit: u32) -> u32 {
     (full_travel(emf.to_volts(), battery.to_volts()) as u32).min(limit)
 }
 
+/// Largest travel in counts without a travel limit, with the back EMF in V per count/s and the battery voltage in V.
 fn full_travel(emf: f32, battery: f32) -> f32 {
-    TRAVEL_SECONDS * battery / emf
+    TRAVEL_S * battery / emf
 }
 
-/// Identifies one motor, when it is asked to.
+/// Identifies one motor on request.
 #[derive(Clone, Copy, Debug)]
 pub struct Identifier {
     period: Period,
@@ -93,63 +109,76 @@ pub struct Identifier {
     stage: Stage,
 }
 
+/// Stage of an identification.
 #[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is no heap")]
 enum Stage {
+    /// No identification runs.
     Idle,
-    Resting { limit: u32, since: Option<Reading>, last: Option<Reading> },
+    /// The bridge is open, to see whether the motor is at rest.
+    Resting {
+        /// Travel limit, in counts.
+        limit: u32,
+        /// Sample at the first step; `None` before.
+        since: Option<Reading>,
+        /// Last sample.
+        last: Option<Reading>,
+    },
+    /// The motor is driven.
     Moving(Motion),
 }
 
-/// A motion under way.
+/// A motion that runs.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
-    /// Volts, before it began.
+    /// Battery voltage before the motion, in V.
     battery: f32,
-    /// Counts that were announced.
+    /// Announced travel, in counts.
     span: f32,
-    /// Of the lengths of its stretches.
+    /// Factor of the durations of all phases.
     scale: f32,
-    /// Shortest, in seconds.
-    cell: f32,
-    stretch: usize,
-    /// Since the stretch began.
+    /// Shortest duration of a segment, in s.
+    segment_s: f32,
+    /// Index of the present phase.
+    phase: usize,
+    /// Time at which the present phase began.
     began: Micros,
-    cells: Cells,
-    evidence: Evidence,
-    /// Speed of the last cell was more than [`QUICK`].
-    quick: bool,
+    segments: Segments,
+    regression: Regression,
+    /// The speed of the last segment was above [`FAST_CPS`].
+    fast: bool,
 }
 
 impl Identifier {
-    /// For a motor that is stepped every `period`.
+    /// Creates the identifier of a motor that is stepped every `period`.
     pub const fn new(period: Period) -> Self {
         Self { period, state: Identification::None, stage: Stage::Idle }
     }
 
-    /// What has become of it.
+    /// State or result of the last identification.
     pub const fn state(&self) -> Identification {
         self.state
     }
 
-    /// True while it is under way.
+    /// True while an identification runs.
     pub const fn is_running(&self) -> bool {
         matches!(self.state, Identification::Running(_))
     }
 
-    /// Begins at the next step; see [`travel`] for the limit.
+    /// Begins an identification at the next step. `limit` is the travel limit of [`travel`].
     pub const fn start(&mut self, limit: u32) {
         self.state = Identification::Running(0);
         self.stage = Stage::Resting { limit, since: None, last: None };
     }
 
-    /// Ends it, if it is under way.
+    /// Ends an identification that runs.
     pub const fn stop(&mut self, why: Refusal) {
         if self.is_running() {
             self.end(Identification::Refused(why));
         }
     }
 
+    /// Ends an identification with this outcome.
     const fn end(&mut self, outcome: Identification) {
         self.state = outcome;
         self.stage = Stage::Idle;
@@ -160,21 +189,22 @@ impl Identifier {
         match &mut self.stage {
             Stage::Idle => (),
             Stage::Resting { last, .. } => *last = Some(*reading),
-            Stage::Moving(motion) => motion.cells.sample(*reading),
+            Stage::Moving(motion) => motion.segments.sample(*reading),
         }
     }
 
-    /// What the bridge makes of it until the next step: this voltage across the motor, or nothing.
+    /// Sets the voltage that the bridge applies until the next step; `None` if the bridge is open, which ends the
+    /// motion.
     pub const fn drive(&mut self, voltage: Option<Voltage>) {
         if let Stage::Moving(motion) = &mut self.stage {
             match voltage {
-                Some(voltage) => motion.cells.drive(voltage.to_volts()),
+                Some(voltage) => motion.segments.drive(voltage.to_volts()),
                 None => self.stop(Refusal::Interrupted),
             }
         }
     }
 
-    /// One tick, with the newest sample taken and `battery` in volts: the voltage until the next one, or `None` to coast.
+    /// Computes the voltage until the next tick, after the newest sample and with `battery` in V; `None` to coast.
     pub fn step(&mut self, emf: EmfConstant, battery: f32) -> Option<Voltage> {
         let next = match &mut self.stage {
             Stage::Idle => return None,
@@ -183,7 +213,7 @@ impl Identifier {
                 rest(since, *last).and_then(|over| {
                     let Some(reading) = over else { return Ok(None) };
                     let motion = Motion::new(emf.to_volts(), battery, limit, self.period, reading)?;
-                    let [(share, _), ..] = MOTION;
+                    let [Phase { share, .. }, ..] = PHASES;
                     self.stage = Stage::Moving(motion);
                     Ok(Some(share))
                 })
@@ -205,7 +235,7 @@ impl Identifier {
     }
 }
 
-/// The reading at which a motor has rested long enough; `None` while it has not.
+/// The sample after which a motor has been at rest for [`REST_MS`]; `None` before.
 fn rest(since: &mut Option<Reading>, last: Option<Reading>) -> Result<Option<Reading>, Identification> {
     let Some(last) = last else { return Err(Identification::Refused(Refusal::Interrupted)) };
     let since = since.get_or_insert(last);
@@ -226,98 +256,100 @@ impl Motion {
         let full = full_travel(emf, battery);
         let span = full.min(limit as f32);
         let period = period.as_millis();
-        let cell_ms = (CELL_MS / period * period).max(period) as f32;
+        let segment_ms = (SEGMENT_MS / period * period).max(period) as f32;
         let scale = span / full;
         if battery < LEAST_VOLTS {
             return Err(Identification::Refused(Refusal::Battery));
         }
-        if scale * MOTION_MS < LEAST_CELLS * cell_ms {
+        if scale * MOTION_MS < LEAST_SEGMENTS * segment_ms {
             return Err(Identification::Refused(Refusal::TravelLimit));
         }
         Ok(Self {
             battery,
             span,
             scale,
-            // Half a millisecond less, for rounding.
-            cell: (cell_ms - 0.5) / 1000.0,
-            stretch: 0,
+            // Half a millisecond less allows for rounding.
+            segment_s: (segment_ms - 0.5) / 1000.0,
+            phase: 0,
             began: reading.at,
-            cells: Cells::new(reading),
-            evidence: Evidence::new(emf, battery, span),
-            quick: false,
+            segments: Segments::new(reading),
+            regression: Regression::new(emf, battery, span),
+            fast: false,
         })
     }
 
-    /// The share of the battery's voltage until the next tick.
+    /// The share of the battery voltage until the next tick, or the outcome of the motion.
     fn step(&mut self, battery: f32) -> Result<f32, Identification> {
         self.check(battery).map_err(Identification::Refused)?;
-        let (seconds, counts) = self.cells.running();
-        if seconds > self.cell * self.slowness()
-            && (counts.unsigned_abs() >= CELL_COUNTS || seconds > LONGEST_CELL)
+        let (seconds, counts) = self.segments.running();
+        if seconds > self.segment_s * self.slowness()
+            && (counts.unsigned_abs() >= SEGMENT_COUNTS || seconds > LONGEST_SEGMENT_S)
         {
-            self.quick = counts.unsigned_abs() as f32 > QUICK * seconds;
-            if let Some(change) = self.cells.close() {
-                self.evidence.add(&change);
+            self.fast = counts.unsigned_abs() as f32 > FAST_CPS * seconds;
+            if let Some(change) = self.segments.end() {
+                self.regression.add(&change);
             }
         }
-        if let Some(&(_, length)) = MOTION.get(self.stretch)
-            && self.is_over(length)
+        if let Some(phase) = PHASES.get(self.phase)
+            && self.is_over(phase.ms)
         {
-            self.stretch += 1;
-            self.began = self.cells.now();
+            self.phase += 1;
+            self.began = self.segments.now();
         }
-        match MOTION.get(self.stretch) {
-            Some(&(share, _)) => Ok(share),
-            None => Err(self.evidence.judge().map_or_else(Identification::Refused, Identification::Found)),
+        match PHASES.get(self.phase) {
+            Some(phase) => Ok(phase.share),
+            None => Err(self.regression.result().map_or_else(Identification::Refused, Identification::Found)),
         }
     }
 
+    /// Refuses a motion whose battery, travel or encoder is out of its limits.
     fn check(&self, battery: f32) -> Result<(), Refusal> {
-        let moved = self.cells.moved();
-        let held = if self.quick { HELD_MS } else { (LONGEST_HELD_MS * self.scale).max(HELD_MS) };
+        let moved = self.segments.moved();
+        let stalled_ms = if self.fast { STALLED_MS } else { (SLOW_STALLED_MS * self.scale).max(STALLED_MS) };
         if battery < LEAST_VOLTS.max((1.0 - LARGEST_SAG) * self.battery) {
             Err(Refusal::Battery)
-        } else if self.stretch == 0 && moved < -TREMBLING {
+        } else if self.phase == 0 && moved < -VIBRATION_COUNTS {
             Err(Refusal::Backwards)
-        } else if moved.saturating_abs().saturating_sub(TREMBLING) as f32 > self.span {
+        } else if moved.saturating_abs().saturating_sub(VIBRATION_COUNTS) as f32 > self.span {
             Err(Refusal::TooFar)
-        } else if self.cells.still_ms() >= held {
+        } else if self.segments.still_ms() >= stalled_ms {
             Err(Refusal::NoCounts)
         } else {
             Ok(())
         }
     }
 
-    /// Whether the present stretch is over. A first one that was made longer makes the others longer.
+    /// True if the present phase is over. A first phase that was made longer makes the other phases longer too.
     fn is_over(&mut self, length: f32) -> bool {
-        let ms = self.ms();
-        if self.stretch == 0 {
-            let enough = ENOUGH_COUNTS.min(self.span / 4.0);
-            if (self.cells.moved() as f32) < enough && ms < LONGEST_STRETCH_MS {
+        let ms = self.phase_ms();
+        if self.phase == 0 {
+            let enough = FIRST_PHASE_COUNTS.min(self.span / 4.0);
+            if (self.segments.moved() as f32) < enough && ms < LONGEST_FIRST_PHASE_MS {
                 return false;
             }
             self.scale = self.scale.max(ms / length);
         }
-        // Ticks come on whole milliseconds.
+        // Ticks come at whole milliseconds.
         ms + 0.5 > self.scale * length
     }
 
-    /// By how much the stretches are longer than they should be: so are cells.
+    /// Factor, at least 1, by which phases and segments are longer than planned.
     fn slowness(&self) -> f32 {
-        let [(_, length), ..] = MOTION;
-        let present = if self.stretch == 0 { self.ms() / length } else { 0.0 };
+        let [Phase { ms: length, .. }, ..] = PHASES;
+        let present = if self.phase == 0 { self.phase_ms() / length } else { 0.0 };
         self.scale.max(present).max(1.0)
     }
 
-    /// Since the stretch began.
-    fn ms(&self) -> f32 {
-        self.cells.now().since(self.began) as f32 / 1000.0
+    /// Time since the present phase began, in ms.
+    fn phase_ms(&self) -> f32 {
+        self.segments.now().since(self.began) as f32 / 1000.0
     }
 
+    /// Progress of the motion, 0 to 99 percent.
     fn percent(&self) -> u8 {
-        let before: f32 = MOTION.iter().take(self.stretch).map(|(_, length)| length).sum();
-        let length = MOTION.get(self.stretch).map_or(0.0, |(_, length)| *length);
-        let passed = before + (self.ms() / self.scale).min(length);
+        let before: f32 = PHASES.iter().take(self.phase).map(|phase| phase.ms).sum();
+        let length = PHASES.get(self.phase).map_or(0.0, |phase| phase.ms);
+        let passed = before + (self.phase_ms() / self.scale).min(length);
         ((100.0 * passed / MOTION_MS) as u8).min(99)
     }
 }

@@ -1,54 +1,55 @@
-//! What an identification says.
+//! Outcome of an identification.
 
 use super::super::Dynamics;
 use crate::units::{EmfConstant, Millivolts};
 use core::fmt;
 
-/// What has become of the last identification of a motor.
+/// State or result of the last identification of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-// Whole words: it is copied at every tick, with every report, and byte by byte if what it holds begins within one.
+// A tag of a whole word aligns the content: the value is copied at every tick with the report.
 #[repr(u32)]
 pub enum Identification {
-    /// There was none since the hub's reset.
+    /// No identification was started since the hub's reset.
     #[default]
     None,
-    /// It is under way, and so far: 0 to 99 percent.
+    /// An identification runs; its progress is 0 to 99 percent.
     Running(u8),
-    /// The motor is known.
+    /// The motor's constants were found.
     Found(Identified),
-    /// It is not.
+    /// No constants were found, for this reason.
     Refused(Refusal),
 }
 
-/// What was found. The errors are standard errors, as if what is left of one row had nothing to do with
-/// what is left of another; those in 1/1000 end at 65 535.
+/// Constants that an identification has found. All errors are standard errors, for residuals that do not correlate.
+/// Errors in 1/1000 saturate at 65 535.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Identified {
-    /// The motor with its load.
+    /// Dynamics of the motor with its load.
     pub dynamics: Dynamics,
-    /// The back EMF per speed that would damp the motor as back EMF and drag do together: q / b.
+    /// Back EMF per speed that would damp the motor as back EMF and drag do together, q / b.
     pub emf: EmfConstant,
-    /// The motion was too short to tell the decay: it is b times the back EMF that the hub was told.
+    /// True if the motion was too short to find the decay: `emf` is then the configured back EMF, and the decay is b
+    /// times this back EMF.
     pub emf_is_told: bool,
-    /// Error of the acceleration per volt, in 1/1000 of it.
+    /// Error of the acceleration per volt, in 1/1000 of the acceleration per volt.
     pub gain_error: u16,
-    /// Error of the decay as the motion told it, in 1/1000 of it.
+    /// Error of the decay found from the motion, in 1/1000 of the decay.
     pub decay_error: u16,
-    /// Error of the back EMF as the motion told it, in 1/1000 of it.
+    /// Error of the back EMF found from the motion, in 1/1000 of the back EMF.
     pub emf_error: u16,
     /// Error of the friction.
     pub friction_error: Millivolts,
-    /// What the motor's equation leaves of the changes of speed, root mean square, in 1/1000 of those.
+    /// Residual of the motor's equation, in 1/1000 of the changes of speed (both root mean square).
     pub residual: u16,
 }
 
-/// Why a motor is not known after all.
+/// Reason for which an identification found no constants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Refusal {
-    /// Something else was asked of the motor.
+    /// Another request stopped the identification.
     Stopped,
     /// Encoder or battery could not be read.
     Interrupted,
@@ -58,23 +59,22 @@ pub enum Refusal {
     TravelLimit,
     /// The battery is below 6 V, or sags by more than 30 %.
     Battery,
-    /// The motor went further than was announced.
+    /// The motor went further than announced.
     TooFar,
     /// No counts came: a stop holds the motor, it is jammed or too heavy, or the encoder is unplugged.
     NoCounts,
     /// The motor turned against the voltage: its encoder is reversed, or a load overpowers it.
     Backwards,
-    /// Something pulls at the motor all the time, as gravity does.
+    /// A load pulls at the motor all the time, as gravity does.
     Load,
-    /// Something pulls the motor back, the more the further it goes.
+    /// A load pulls the motor back, more with distance, as a spring does.
     Spring,
-    /// The motor did not move as one with inertia, drag and friction does: it met something on its way, its
-    /// load changes with its position, or counts were lost.
+    /// The motion does not fit a motor with inertia, drag and friction: the motor met a stop, the load changes with the
+    /// position, or counts were lost.
     Uneven,
-    /// Too little was seen of the motion to be sure within 10 %.
+    /// The motion shows too little for an error within 10 %.
     Unsure,
-    /// What was found is no motor: its back EMF would be less than 0.7 times what the hub was told, or more than
-    /// 8 times.
+    /// The back EMF found is less than 0.7 times the configured one, or more than 8 times.
     Implausible,
 }
 

@@ -1,109 +1,129 @@
-//! From rows to an answer, or to the reason why there is none.
+//! Fits the motor's equation to the changes from segment to segment, and decides whether the result can be used.
 
 use super::super::Dynamics;
-use super::super::cells::Change;
 use super::fit::{Fit, Solution, UNKNOWNS};
 use super::outcome::{Identified, Refusal};
+use super::segments::Change;
 use crate::units::{AccelerationPerVolt, DecayRate, EmfConstant, Millivolts};
 
-/// Rows that an answer needs.
+/// Least number of rows of a result.
 const LEAST_ROWS: u16 = 12;
-/// Root mean square of what whole counts make of a row, in counts, at most.
-const COUNTING_NOISE: f32 = 0.7;
-/// What a bridge's voltage may be off by, as a share of the battery's.
-const VOLTAGE_NOISE: f32 = 0.015;
-/// So many times that noise the running sum of rows may be off, in which counting cancels out and a load
-/// that comes, goes or changes with the position does not.
+/// Largest noise of a row by whole counts, in counts (root mean square).
+const COUNTING_NOISE_COUNTS: f32 = 0.7;
+/// Largest error of the bridge's voltage, as a share of the battery voltage.
+const VOLTAGE_NOISE_SHARE: f32 = 0.015;
+/// Largest span of the running sum of innovations, in multiples of the noise. Errors of counting cancel in this sum;
+/// a load that comes, goes or changes with the position does not.
 const LARGEST_DRIFT: f32 = 9.0;
-/// The first rows surprise whatever they say.
-const INTRODUCTION: u16 = 8;
-/// Load and spring count from this share of the battery's voltage on, if they are so many times their
-/// standard error.
-const LOADED: (f32, f32) = (0.02, 3.0);
-const SPRUNG: (f32, f32) = (0.04, 5.0);
-/// Standard error of what is found, at most.
+/// First rows that are left out of the running sum: with so few rows any innovation is large.
+const SETTLING_ROWS: u16 = 8;
+/// Constant load above which an identification is refused.
+const LARGEST_LOAD: Threshold = Threshold { battery_share: 0.02, standard_errors: 3.0 };
+/// Force of a spring at the end of the travel above which an identification is refused.
+const LARGEST_SPRING: Threshold = Threshold { battery_share: 0.04, standard_errors: 5.0 };
+/// Largest standard error of a result, as a share of the result.
 const LARGEST_ERROR: f32 = 0.1;
-/// Of the back EMF found to that told.
-const PLAUSIBLE: (f32, f32) = (0.7, 8.0);
+/// Plausible ratios of the back EMF found to the configured one, least and largest.
+const PLAUSIBLE_EMF_RATIO: (f32, f32) = (0.7, 8.0);
 
-/// The rows' weights of b, of q as a back EMF, friction, load and spring.
+/// Index of the unknown b, the acceleration per volt.
 const GAIN: usize = 0;
+/// Index of the unknown q / kappa, with the configured back EMF kappa.
 const DECAY: usize = 1;
+/// Index of the unknown friction.
 const FRICTION: usize = 2;
+/// Index of the unknown constant load.
 const LOAD: usize = 3;
+/// Index of the unknown spring: its acceleration at the end of the travel.
 const SPRING: usize = 4;
 
-/// What is known of a motion.
+/// Threshold of an unknown: the larger of two values.
+#[derive(Clone, Copy)]
+struct Threshold {
+    /// The value whose voltage is this share of the battery voltage.
+    battery_share: f32,
+    /// Standard errors of the unknown.
+    standard_errors: f32,
+}
+
+/// The fit of a motion, with the statistics that decide whether the result can be used.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Evidence {
-    /// Told, in volts per count/s.
+pub(super) struct Regression {
+    /// Configured back EMF, in V per count/s.
     emf: f32,
-    /// Volts.
+    /// Battery voltage before the motion, in V.
     battery: f32,
     /// Counts that the motion may take.
     span: f32,
     fit: Fit,
-    /// Running sum of what the rows before one did not expect of it, in counts, and how far it went.
+    /// Running sum of the innovations, in counts.
     sum: f32,
+    /// Highest running sum so far, in counts.
     highest: f32,
+    /// Lowest running sum so far, in counts.
     lowest: f32,
-    /// Sum of the squares of the cells' lengths, s².
+    /// Sum of the squared durations of the segments, in s².
     squares: f32,
 }
 
-impl Evidence {
+impl Regression {
+    /// Begins without rows.
     pub(super) fn new(emf: f32, battery: f32, span: f32) -> Self {
         Self { emf, battery, span, fit: Fit::default(), sum: 0.0, highest: 0.0, lowest: 0.0, squares: 0.0 }
     }
 
-    /// One more row, in counts of the shorter of its cells, whose noise is then the same for all; each
-    /// unknown is an acceleration per volt.
+    /// Adds a row. Its unit is the count in the shorter segment, so that all rows have equal noise. The first two
+    /// unknowns are accelerations per volt, the others are accelerations.
     pub(super) fn add(&mut self, change: &Change) {
-        let Change { speed, push, way, place, time, shorter: seconds, side } = *change;
-        let row = [push, -self.emf * way, -side * time, time, -place / self.span * time, speed];
-        let surprise = self.fit.add(row.map(|value| value * seconds));
-        if self.fit.rows() > INTRODUCTION {
-            self.sum += surprise;
+        let Change { speed, volt_seconds, distance, position, seconds, shorter_s, side } = *change;
+        let spring = -position / self.span * seconds;
+        let row = [volt_seconds, -self.emf * distance, -side * seconds, seconds, spring, speed];
+        let innovation = self.fit.add(row.map(|value| value * shorter_s));
+        if self.fit.rows() > SETTLING_ROWS {
+            self.sum += innovation;
             self.highest = self.highest.max(self.sum);
             self.lowest = self.lowest.min(self.sum);
         }
-        self.squares += seconds * seconds;
+        self.squares += shorter_s * shorter_s;
     }
 
-    pub(super) fn judge(&self) -> Result<Identified, Refusal> {
+    /// The result of the motion, or the reason for which it cannot be used.
+    pub(super) fn result(&self) -> Result<Identified, Refusal> {
         if self.fit.rows() < LEAST_ROWS {
             return Err(Refusal::Unsure);
         }
-        // A motion in one direction does not tell load from friction, but the rest all the same.
-        let short = self.fit.solve(FRICTION + 1).ok_or(Refusal::Unsure)?;
+        // A motion in one direction cannot separate load from friction; the other unknowns are determined.
+        let without_load = self.fit.solve(FRICTION + 1).ok_or(Refusal::Unsure)?;
         let with_load = self.fit.solve(LOAD + 1);
-        let best = with_load.unwrap_or(short);
+        let best = with_load.unwrap_or(without_load);
         let b = best.values[GAIN];
         if b.is_nan() || b <= 0.0 {
             return Err(Refusal::Implausible);
         }
-        let pulls = |solution: Option<Solution>, of: usize, (least, certain): (f32, f32)| {
+        let exceeds = |solution: Option<Solution>, of: usize, threshold: Threshold| {
             solution.is_some_and(|solution| {
                 let Some(&value) = solution.values.get(of) else { return false };
+                let Threshold { battery_share, standard_errors } = threshold;
                 let error = solution.error(unit(of));
-                value.abs() > (least * self.battery * b).max(certain * error)
+                value.abs() > (battery_share * self.battery * b).max(standard_errors * error)
             })
         };
-        if pulls(self.fit.solve(UNKNOWNS), SPRING, SPRUNG) {
+        if exceeds(self.fit.solve(UNKNOWNS), SPRING, LARGEST_SPRING) {
             return Err(Refusal::Spring);
         }
-        if pulls(with_load, LOAD, LOADED) {
+        if exceeds(with_load, LOAD, LARGEST_LOAD) {
             return Err(Refusal::Load);
         }
-        let noise =
-            COUNTING_NOISE + VOLTAGE_NOISE * self.battery * b * self.squares / f32::from(self.fit.rows());
+        let noise = COUNTING_NOISE_COUNTS
+            + VOLTAGE_NOISE_SHARE * self.battery * b * self.squares / f32::from(self.fit.rows());
         if self.highest - self.lowest > LARGEST_DRIFT * noise {
             return Err(Refusal::Uneven);
         }
-        self.answer(&best)
+        self.identified(&best)
     }
 
-    fn answer(&self, best: &Solution) -> Result<Identified, Refusal> {
+    /// Converts a solution to the motor's constants, if its errors are small and its back EMF is plausible.
+    fn identified(&self, best: &Solution) -> Result<Identified, Refusal> {
         let [b, decay, friction, ..] = best.values;
         let ratio = decay / b;
         let gain_error = best.error(unit(GAIN)) / b;
@@ -111,7 +131,7 @@ impl Evidence {
         if gain_error.is_nan() || gain_error >= LARGEST_ERROR {
             return Err(Refusal::Unsure);
         }
-        let (low, high) = PLAUSIBLE;
+        let (low, high) = PLAUSIBLE_EMF_RATIO;
         if ratio + 2.0 * ratio_error < low || ratio - 2.0 * ratio_error > high {
             return Err(Refusal::Implausible);
         }
@@ -131,17 +151,17 @@ impl Evidence {
             decay_error: per_mille(best.error(unit(DECAY)) / decay.abs()),
             emf_error: per_mille(ratio_error / ratio.abs()),
             friction_error: Millivolts::new(per_mille(best.error([-volts / b, 0.0, 1.0 / b, 0.0, 0.0]))),
-            residual: per_mille(best.residual / self.fit.seen()),
+            residual: per_mille(best.residual / self.fit.right_rms()),
         })
     }
 }
 
-/// One unknown alone.
+/// Weights that select one unknown.
 fn unit(of: usize) -> [f32; UNKNOWNS] {
     core::array::from_fn(|n| if n == of { 1.0 } else { 0.0 })
 }
 
-/// Saturates; what is no number becomes 0.
+/// Converts a share to 1/1000, rounded; saturates at the type's range. NaN becomes 0.
 const fn per_mille(share: f32) -> u16 {
     (1000.0 * share + 0.5) as u16
 }

@@ -1,0 +1,203 @@
+//! Divides a motion into segments, over which the motor's equation holds for mean values.
+//!
+//! A segment lasts 40 ms or longer. Its means are the speed w, the position P, the running integral F of the voltage,
+//! and the time G. Two segments in a row obey the motor's own equation exactly, whatever the voltage did meanwhile.
+//! Primes mark the second segment:
+//!
+//! ```text
+//! w' - w = b (F' - F) - q (P' - P) - (c b sign(w) - load) (G' - G)
+//! ```
+
+use crate::motion::Reading;
+use crate::units::Micros;
+
+/// Counts that a motor must exceed in a segment that is used.
+const LEAST_COUNTS: f32 = 2.0;
+/// Time between two samples, in s.
+const SAMPLE_S: f32 = 1e-3;
+
+/// The running segment: its start and its integrals.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    /// Position at the start, in counts.
+    start: i32,
+    /// Position within the count at the start, 0 to 1.
+    start_fraction: f32,
+    /// Time since the start, in s.
+    seconds: f32,
+    /// Integral of the voltage since the start, in V s.
+    volt_seconds: f32,
+    /// Integral of `volt_seconds`, in V s².
+    volt_seconds_integral: f32,
+    /// Integral of the distance from the start, in counts s.
+    count_seconds: f32,
+}
+
+impl Segment {
+    const fn new(start: i32, start_fraction: f32) -> Self {
+        Self {
+            start,
+            start_fraction,
+            seconds: 0.0,
+            volt_seconds: 0.0,
+            volt_seconds_integral: 0.0,
+            count_seconds: 0.0,
+        }
+    }
+}
+
+/// A segment that has ended.
+#[derive(Clone, Copy, Debug)]
+struct EndedSegment {
+    segment: Segment,
+    /// Mean speed, in counts/s.
+    speed: f32,
+    /// Whole counts from start to end.
+    moved: f32,
+}
+
+/// Divides the samples of a motion into segments.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Segments {
+    /// Position of the first sample, in counts.
+    origin: i32,
+    /// Time of the first sample.
+    began: Micros,
+    /// Last sample.
+    last: Reading,
+    /// Direction of the last count, -1 or 1; 0 before the first count.
+    direction: f32,
+    /// Voltage across the motor, in V.
+    voltage: f32,
+    running: Segment,
+    /// The segment before the running one; `None` while the first one runs.
+    before: Option<EndedSegment>,
+}
+
+impl Segments {
+    /// Begins the first segment with a sample.
+    pub(super) const fn new(reading: Reading) -> Self {
+        Self {
+            origin: reading.position,
+            began: reading.at,
+            last: reading,
+            direction: 0.0,
+            voltage: 0.0,
+            running: Segment::new(reading.position, 0.5),
+            before: None,
+        }
+    }
+
+    /// Sets the voltage in V that the bridge applies from now on.
+    pub(super) const fn drive(&mut self, voltage: f32) {
+        self.voltage = voltage;
+    }
+
+    /// Counts since the first sample.
+    pub(super) const fn moved(&self) -> i32 {
+        self.last.position.wrapping_sub(self.origin)
+    }
+
+    /// The time of the last sample.
+    pub(super) const fn now(&self) -> Micros {
+        self.last.at
+    }
+
+    /// Duration in s and counts of the running segment.
+    pub(super) const fn running(&self) -> (f32, i32) {
+        (self.running.seconds, self.last.position.wrapping_sub(self.running.start))
+    }
+
+    /// Time since the last count in ms; before the first count, time since the first sample.
+    pub(super) fn still_ms(&self) -> f32 {
+        let since = if self.direction == 0.0 { self.began } else { self.last.edge_at };
+        self.last.at.since(since) as f32 / 1000.0
+    }
+
+    /// Takes a sample into the running segment.
+    pub(super) fn sample(&mut self, reading: Reading) {
+        let seconds = reading.at.since(self.last.at) as f32 * 1e-6;
+        let Segment { start, .. } = self.running;
+        let [from, to] = [self.last, reading].map(|reading| reading.position.wrapping_sub(start) as f32);
+        self.running.count_seconds += (from + to) / 2.0 * seconds;
+        self.running.volt_seconds_integral +=
+            (self.running.volt_seconds + self.voltage * seconds / 2.0) * seconds;
+        self.running.volt_seconds += self.voltage * seconds;
+        self.running.seconds += seconds;
+        if from != to {
+            self.direction = 1.0f32.copysign(to - from);
+        }
+        self.last = reading;
+    }
+
+    /// Ends the running segment. Returns the change since the segment before; `None` unless the motor moved in both
+    /// segments and in one direction.
+    pub(super) fn end(&mut self) -> Option<Change> {
+        let segment = self.running;
+        let counts = self.last.position.wrapping_sub(segment.start) as f32;
+        let rough = counts / segment.seconds;
+        // The speed at the segment's end differs from its mean by half of the change since the segment before.
+        let ahead = self.before.map_or(0.0, |before| (rough - before.speed) / 2.0);
+        let fraction = self.fraction(rough + ahead);
+        let moved = counts + fraction - segment.start_fraction;
+        let ended = EndedSegment { segment, speed: moved / segment.seconds, moved: counts };
+        let change = self.before.and_then(|before| change(&before, &ended, self.origin));
+        self.before = Some(ended);
+        self.running = Segment::new(self.last.position, fraction);
+        change
+    }
+
+    /// Position within the present count, 0 to 1, by the time since the last edge and the speed in counts/s.
+    fn fraction(&self, speed: f32) -> f32 {
+        let since = self.last.at.since(self.last.edge_at) as f32 * 1e-6;
+        let speed = speed.abs();
+        let passed = (speed * since + (speed * SAMPLE_S).min(1.0) / 2.0).min(1.0);
+        if self.direction > 0.0 {
+            passed
+        } else if self.direction < 0.0 {
+            1.0 - passed
+        } else {
+            0.5
+        }
+    }
+}
+
+/// Change of the motion from one segment to the next.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Change {
+    /// Change of the mean speed, in counts/s.
+    pub(super) speed: f32,
+    /// Change of the mean integral of the voltage, in V s.
+    pub(super) volt_seconds: f32,
+    /// Change of the mean position, in counts.
+    pub(super) distance: f32,
+    /// Mean position of both segments, in counts from the first sample.
+    pub(super) position: f32,
+    /// Time between the middles of the segments, in s.
+    pub(super) seconds: f32,
+    /// Duration of the shorter segment, in s. Whole counts blur the change of speed by some 0.7 counts in this time.
+    pub(super) shorter_s: f32,
+    /// Direction of motion: 1 forward, -1 backward.
+    pub(super) side: f32,
+}
+
+/// The change from one segment to the next; `None` unless the motor moved in both and in one direction.
+fn change(from: &EndedSegment, to: &EndedSegment, origin: i32) -> Option<Change> {
+    let enough = |ended: &EndedSegment| ended.moved.abs() > LEAST_COUNTS;
+    if !(enough(from) && enough(to) && from.speed * to.speed > 0.0) {
+        return None;
+    }
+    let (a, b) = (&from.segment, &to.segment);
+    let [before, after] = [a, b].map(|segment| segment.count_seconds / segment.seconds);
+    let start = b.start.wrapping_sub(origin) as f32;
+    Some(Change {
+        speed: to.speed - from.speed,
+        volt_seconds: a.volt_seconds - a.volt_seconds_integral / a.seconds
+            + b.volt_seconds_integral / b.seconds,
+        distance: from.moved - before + after,
+        position: start + f32::midpoint(before - from.moved, after),
+        seconds: f32::midpoint(a.seconds, b.seconds),
+        shorter_s: a.seconds.min(b.seconds),
+        side: 1.0f32.copysign(to.speed),
+    })
+}
