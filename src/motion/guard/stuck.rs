@@ -1,384 +1,370 @@
-//! A motor that does not turn though it should: a stop holds it, or its encoder is silent, or speaks with one wire
-//! only and trembles by a count.
+//! Decides why a motor does not count: a stop blocks it (a *stall*), or its encoder is stuck (a *fault*).
 //!
-//! What is due of a motor at rest follows from the voltage, less what the heaviest friction takes, and the motor's
-//! acceleration per volt; what came is the *net* way. A motor that has turned evenly and then falls silent should have gone
-//! on under the load that it had ([`Due::turning_on`]); whatever stopped it at once must have found it light
-//! ([`Turned::gain`]), so that it can soon be told. Where the way is missed:
+//! ```text
+//!                      too few counts
+//!     ┌── Watching ────────────────────────▶ Releasing ─── counts ───┐
+//!     │    ▲  ▲  │                               │                   │
+//!     └────┘  │  │ too few counts,               │ release           │
+//!     counts  │  │ no time for a release         │ time over         ▼
+//!             │  ▼                               │                Stalled ───▶ Watching
+//!       fault └─ Probing ◀───────────────────────┘                   ▲    free, or turned back
+//!                  │                                                 │
+//!                  └──────── counts, or no distance expected ────────┘
+//! ```
 //!
-//! 1. The motor is released: braked, driven nowhere. A stop that gives, or a load that was lifted, moves it, and the
-//!    encoder is heard: the motor is stalled.
-//! 2. If nothing moves it, it is driven the other way once, if that is allowed. Nothing pulled it that way, so it
-//!    is not driven with a load. If it turns, it is stalled; if it should have turned and did not, the encoder is at
-//!    fault, and where nothing was due, as of a jammed motor on a low battery, it is taken for stalled.
+//! * *Silence*: no motion, which is a step of two counts or more (see `last_motion`). One broken wire makes no motion.
+//! * *Too few counts*: in a silence the expected distance (see `expected`) has reached a limit. A motor of unknown gain
+//!   also has a time-out.
+//! * *Releasing*: the bridge brakes. A springy stop or a lifted load moves the motor, so counts mean a stall.
+//! * *Probing*: the motor is driven in the other direction once. A released motor that did not move has no load in that
+//!   direction, which the probe could accelerate. Counts mean a stall; a missing distance means a fault.
+//! * *Stalled*: the loop drives the motor as before, without another probe. The stall ends when the requested direction
+//!   changes, or when the motor turns beyond its stop.
 //!
-//! A stalled motor is not examined again until it was sent back, or has turned on beyond its stop for a while, at
-//! half of the speed that it should or more.
+//! A jammed motor on a low battery may be unable to turn in the probe. No distance is expected then, and the motor
+//! counts as stalled. Where probing is not allowed, the fault is reported instead of a probe.
 
-use super::heard::{Heard, Turned};
-use super::{DUE_COUNTS, EncoderFault, Evidence, Finding};
-use crate::braking::Regime;
+use super::expected::{Expected, LOAD};
+use super::last_motion::{LastMotion, SteadyMotion};
+use super::{EXPECTED_COUNTS, EncoderFault, Evidence, Finding};
 use crate::motion::Reading;
 use crate::units::{Control, CountsPerSecond, Period, Voltage};
 
-/// Speed asked for from which on counts are due: 40 counts/s.
-const COUNTING_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
-/// Time without the way that is due, in milliseconds: of a motor of which something is known, and of any other.
-const STUCK_MS: u32 = 46;
-const ANYWAY_MS: u32 = 140;
-/// A motor that was heard within so many microseconds is not silent.
-const QUIET_US: u32 = 10_000;
-/// Of a back EMF of more than this, in volts per count/s, a motor has fewer than 1000 counts/s at 12 V: those have gears
-/// before their encoder, or heavy rotors, and take so long.
-const FEW_COUNTS: f32 = 0.012;
-const FEW_COUNTS_MS: u32 = 3_000;
-/// Time constants are no longer than this, in seconds: of those, and of any other.
-const LONGEST_OF_FEW_COUNTS: f32 = 50.0;
-const LONGEST_TIME_CONSTANT: f32 = 2.5;
-/// The same of one that is not known and was last heard turning the wrong way: it may be that slow to turn back.
-const TURNING_BACK_MS: u32 = 800;
-/// How long the motor is released, and driven the other way, at least,
-const RELEASE_MS: u32 = 50;
-const REVERSE_MS: u32 = 50;
-/// and until it was due to have moved.
-const REVERSE_COUNTS: f32 = 2.0;
-/// If that is not enough for it to turn, it cannot be told.
-const LONGEST_REVERSE_MS: u32 = 2_000;
-/// A stalled motor that turns beyond its stop for so long is free.
-const FREE_MS: u32 = 150;
-/// All of it must be over by then, in milliseconds: where it would not be, as of a motor that is not known, the motor
-/// is not released first.
-const DECIDED_MS: u32 = 250;
-/// A net way of so many counts is no trembling of a shaft on an edge, nor of one wire.
-const MOVED_COUNTS: i64 = 2;
-/// What heaviest friction takes of a motor for 12 V: 40 % of its stall torque, and a third more to break away.
-const HELD_VOLTS: f32 = 6.6;
-/// What a load may change by, in volts: it stalls a motor for 12 V, besides the heaviest friction.
-const STOPPING_VOLTS: f32 = 18.0;
-/// Within so many counts a motor stops that is silent from one moment to the next.
-const STOPPING_COUNTS: f32 = 4.0;
-/// The way that is missed of a motor that should have gone on as it did: more than what one does not go that is turned back
-/// by another load, from the last count that was heard before to the first one after.
-const GOING_ON_COUNTS: f32 = 12.0;
-/// A motor that turns no faster than so many times what it is asked for has not to become slower.
-const AS_ASKED: f32 = 1.5;
-/// What a known load takes beyond what is thought: a third, to break away, and this, for what is not known so well.
-const BREAKAWAY: f32 = 4.0 / 3.0;
-const IN_DOUBT_VOLTS: f32 = 1.0;
-/// Share of the battery's voltage with which a motor is driven the other way.
-const REVERSE_SHARE: f32 = 0.9;
-const REVERSE: i16 = 29_490;
-
-/// What is known of a motor that may be held.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Held {
-    period: Period,
-    phase: Phase,
-    heard: Heard,
-    /// What the bridge made of the motor when it was heard last.
-    push_when_heard: Voltage,
+/// Limits of the state Watching: they say when a motor that should turn has too few counts.
+struct WatchLimits {
+    /// Longest time between two motions that is no silence, in µs.
+    quiet_us: u32,
+    /// Least requested speed that is watched, in counts/s.
+    least_speed: f32,
+    /// Largest ratio of speed to requested speed of a motor that should keep its speed. A faster motor should slow
+    /// down.
+    speed_ratio: f32,
+    /// Shortest silence with too few counts, in ms. Released and probed at a period of up to 51 ms, the motor is then
+    /// judged within [`ProbeLimits::decided_ms`].
+    silence_ms: u32,
+    /// Expected distance of a motor that turned steadily, in counts. A sound encoder misses fewer when a load reverses
+    /// the motor, between the last motion before and the first one after.
+    turning_counts: f32,
+    /// Time-out of a motor of unknown gain, in ms. It runs while the drive voltage exceeds the heaviest friction.
+    unknown_ms: u32,
+    /// Time-out of a motor of unknown gain that last turned in the other direction, in ms. A heavy motor
+    /// may take that long to reverse.
+    reversing_ms: u32,
+    /// Back EMF constant above which a motor has few counts, in V per count/s: fewer than 1000 counts/s at 12 V. Such a
+    /// motor has its gear before the encoder, or a heavy rotor.
+    few_counts_emf: f32,
+    /// Time-out of a motor of unknown gain that has few counts, in ms.
+    few_counts_ms: u32,
 }
 
+const WATCH: WatchLimits = WatchLimits {
+    quiet_us: 10_000,
+    least_speed: 40.0,
+    speed_ratio: 1.5,
+    silence_ms: 46,
+    turning_counts: 12.0,
+    unknown_ms: 140,
+    reversing_ms: 800,
+    few_counts_emf: 0.012,
+    few_counts_ms: 3_000,
+};
+
+/// Limits of the states Releasing and Probing.
+struct ProbeLimits {
+    /// Longest time from the last motion to a decision, in ms. Where a release would exceed the time, the motor is
+    /// probed without one.
+    decided_ms: u32,
+    /// Time in Releasing, in ms.
+    release_ms: u32,
+    /// Shortest time in Probing, in ms.
+    probe_ms: u32,
+    /// Longest time in Probing, in ms. A motor whose expected distance is too short until then counts as stalled.
+    longest_ms: u32,
+    /// Expected distance of the probe, in counts. Without a motion until then, the encoder is at fault.
+    counts: f32,
+    /// Drive voltage of the probe, as a share of the battery voltage.
+    drive_share: f32,
+    /// Longest mechanical time constant of a motor of unknown gain, in s.
+    time_constant_s: f32,
+    /// Longest mechanical time constant of a motor of unknown gain that has few counts, in s.
+    few_counts_time_constant_s: f32,
+}
+
+const PROBE: ProbeLimits = ProbeLimits {
+    decided_ms: 250,
+    release_ms: 50,
+    probe_ms: 50,
+    longest_ms: 2_000,
+    counts: 2.0,
+    drive_share: 0.9,
+    time_constant_s: 2.5,
+    few_counts_time_constant_s: 50.0,
+};
+
+/// Limits beyond which a stalled motor is free.
+struct StallLimits {
+    /// Least distance beyond the stop, in counts. Toggling by one count stays below it.
+    counts: i64,
+    /// Least share of the requested speed.
+    speed_share: f32,
+    /// Time that the motor must spend beyond the stop at that speed, in ms.
+    free_ms: u32,
+}
+
+const STALL: StallLimits = StallLimits { counts: 2, speed_share: 0.5, free_ms: 150 };
+
+/// The check of one motor for a stuck encoder.
 #[derive(Clone, Copy, Debug)]
-enum Phase {
-    Watching(Due),
-    Releasing(Suspect, Due),
-    Reversing(Suspect, Due),
+pub(super) struct StuckCheck {
+    period: Period,
+    state: State,
+    motion: LastMotion,
+    /// Drive voltage at the tick of the last motion.
+    drive_at_motion: Voltage,
+}
+
+/// States of the check; the diagram at the top of the file has the transitions.
+#[derive(Clone, Copy, Debug)]
+enum State {
+    /// The loop drives the motor. The expectation covers the present silence.
+    Watching(Expected),
+    /// The bridge brakes. The expectation counts the time.
+    Releasing(Suspect, Expected),
+    /// The motor is driven in the other direction.
+    Probing(Suspect, Expected),
+    /// The loop drives the motor against a stop.
     Stalled(Stall),
 }
 
-/// A motor that should have turned and did not.
+/// A motor that had too few counts.
 #[derive(Clone, Copy, Debug)]
 struct Suspect {
+    /// True if the requested direction is clockwise.
     clockwise: bool,
-    /// What a volt accelerates it by at least, in counts/s².
+    /// Least gain: acceleration per volt, in counts/s².
     gain: f32,
-    /// What may hold it when it is driven the other way, in volts.
-    holds: f32,
+    /// Largest resisting torque in the probe, as a voltage.
+    resisting_volts: f32,
 }
 
 impl Suspect {
-    fn new(clockwise: bool, turned: Option<Turned>, evidence: &Evidence) -> Self {
-        let longest = if evidence.has_few_counts() { LONGEST_OF_FEW_COUNTS } else { LONGEST_TIME_CONSTANT };
-        let heaviest = 1.0 / (longest * evidence.emf.to_volts());
-        let stopped = turned.map_or(heaviest, |turned| turned.gain().max(heaviest));
-        // What it had to overcome helps it back; as sure as that must be, it is in doubt twice.
-        let overcame = turned.map(|turned| turned.holds(evidence)).filter(|volts| *volts > IN_DOUBT_VOLTS);
-        let holds = overcame.map_or(HELD_VOLTS, |volts| HELD_VOLTS.min(volts + IN_DOUBT_VOLTS));
-        Self { clockwise, gain: evidence.gain.unwrap_or(stopped), holds }
+    /// `steady` is the motion before the silence; `None` for a motor that started from rest.
+    fn new(clockwise: bool, steady: Option<SteadyMotion>, evidence: &Evidence) -> Self {
+        let time_constant =
+            if evidence.has_few_counts() { PROBE.few_counts_time_constant_s } else { PROBE.time_constant_s };
+        let slowest = 1.0 / (time_constant * evidence.emf.to_volts());
+        let least = steady.map_or(slowest, |steady| steady.least_gain().max(slowest));
+        // A load that resisted the motion helps the probe, so the probe meets no more resistance than the motion. The
+        // uncertainty is counted twice.
+        let resisting = steady.map(|steady| steady.resisting_volts(evidence));
+        let resisting_volts = resisting
+            .filter(|volts| *volts > LOAD.uncertainty_volts)
+            .map_or(LOAD.friction_volts, |volts| LOAD.friction_volts.min(volts + LOAD.uncertainty_volts));
+        Self { clockwise, gain: evidence.gain.unwrap_or(least), resisting_volts }
+    }
+
+    /// Control value of the probe.
+    fn probe_control(&self) -> Control {
+        let value = (PROBE.drive_share * Control::MAX.get() as f32) as i16;
+        Control::new(if self.clockwise { -value } else { value })
     }
 }
 
-/// A stop that holds the motor.
+/// A stop that blocks the motor.
 #[derive(Clone, Copy, Debug)]
 struct Stall {
+    /// True if the stop blocks clockwise motion.
     clockwise: bool,
-    /// Counts that it is beyond the stop in that direction.
+    /// Distance beyond the stop in the blocked direction, in counts.
     beyond: i64,
-    /// For how long it has turned there as it should.
+    /// Time for which the motor has turned beyond the stop as requested, in ms.
     free_ms: u32,
 }
 
 impl Stall {
-    /// Another tick; whether it is over.
+    /// `moved` is the distance since the stop, in counts, positive clockwise.
+    const fn new(clockwise: bool, moved: i64) -> Self {
+        Self { clockwise, beyond: if clockwise { moved } else { -moved }, free_ms: 0 }
+    }
+
+    /// Adds a tick. Returns true if the stall is over.
     fn step(&mut self, period: Period, evidence: &Evidence) -> bool {
         let moved = i64::from(evidence.moved);
         self.beyond += if self.clockwise { moved } else { -moved };
-        let asked = along(self.clockwise, evidence.order.target);
-        let free = self.beyond >= MOVED_COUNTS && 2.0 * along(self.clockwise, evidence.velocity) >= asked;
+        let requested = signed(self.clockwise, evidence.order.target);
+        let turns = signed(self.clockwise, evidence.velocity) >= STALL.speed_share * requested;
+        let free = turns && self.beyond >= STALL.counts;
         self.free_ms = if free { self.free_ms.saturating_add(period.as_millis()) } else { 0 };
-        asked < 0.0 || (asked > 0.0 && self.free_ms >= FREE_MS)
-    }
-}
-
-/// What was due since some time, and what came.
-#[derive(Clone, Copy, Debug)]
-struct Due {
-    ms: u32,
-    moved: i64,
-    /// Counts/s, if it was looked at already, and counts.
-    speed: Option<f32>,
-    way: f32,
-    /// For how long it was given what turns any motor.
-    pushed_ms: u32,
-}
-
-impl Due {
-    const NONE: Self = Self { ms: 0, moved: 0, speed: None, way: 0.0, pushed_ms: 0 };
-
-    /// From now on; what moved is kept.
-    fn anew(self) -> Self {
-        Self { moved: self.moved, ..Self::NONE }
-    }
-
-    /// So much later, with this acceleration in counts/s² of a motor that turned at this speed: the wrong way it
-    /// must be stopped first, the right way is a gift.
-    fn plus(self, ms: u32, moved: i32, acceleration: f32, turns: f32) -> Self {
-        let before = self.speed.map_or(turns.min(0.0), |speed| speed.max(turns.min(0.0)));
-        self.at_speeds(ms, moved, before, before + acceleration.max(0.0) * seconds(ms))
-    }
-
-    /// So much later, of a motor that turned on under the load that it had, pushed by so many volts: with more than that
-    /// takes it becomes faster by no less than the least gain, with less slower by no more than what a volt is thought to do.
-    fn turning_on(self, ms: u32, moved: i32, turned: &Turned, push: f32, evidence: &Evidence) -> Self {
-        let before = self.speed.unwrap_or(turned.pace);
-        let (mut volts, mut kappa) = (push - turned.holds(evidence), evidence.emf.to_volts());
-        if evidence.order.regime == Regime::Braking {
-            // What a short lets through goes with the speed.
-            let then = evidence.order.velocity.to_f32().abs().max(1.0);
-            (volts, kappa) = (volts - push, (kappa - push / then).max(0.0));
-        }
-        let least = evidence.gain.unwrap_or(0.0).max(turned.gain());
-        // By its end, so that no step is too long.
-        let step = seconds(ms) * if volts > kappa * before { least } else { evidence.volt };
-        let speed = (before + step * volts) / (1.0 + step * kappa);
-        if speed > 0.0 {
-            self.at_speeds(ms, moved, before, speed)
-        } else {
-            // It may have come to rest.
-            Self { speed: Some(0.0), ..Self::NONE }
-        }
-    }
-
-    fn at_speeds(self, ms: u32, moved: i32, before: f32, speed: f32) -> Self {
-        Self {
-            ms: self.ms.saturating_add(ms),
-            moved: self.moved + i64::from(moved),
-            speed: Some(speed),
-            way: self.way + f32::midpoint(before, speed) * seconds(ms),
-            ..self
-        }
-    }
-
-    /// It is held, and has moved so far from the stop meanwhile.
-    const fn stalled(self, clockwise: bool) -> (Phase, Finding) {
-        let beyond = if clockwise { self.moved } else { -self.moved };
-        (Phase::Stalled(Stall { clockwise, beyond, free_ms: 0 }), Finding::Stalled)
-    }
-}
-
-impl Turned {
-    /// What a volt accelerates by at least, in counts/s², what a load has stopped from this pace within some counts.
-    fn gain(&self) -> f32 {
-        self.pace * self.pace / (2.0 * STOPPING_COUNTS * STOPPING_VOLTS)
-    }
-
-    /// What may hold it under the load that it turned under, in volts; less than 0 of one that drives it.
-    fn holds(&self, evidence: &Evidence) -> f32 {
-        // A load that has just been met may be known too late, by what drove it then.
-        let load = (-self.load / evidence.volt).max(self.push - evidence.emf.to_volts() * self.pace);
-        let holds = load * if load > 0.0 { BREAKAWAY } else { 1.0 } + IN_DOUBT_VOLTS;
-        holds.min(HELD_VOLTS)
+        requested < 0.0 || (requested > 0.0 && self.free_ms >= STALL.free_ms)
     }
 }
 
 impl Evidence {
+    /// True if the motor has fewer than 1000 counts/s at 12 V.
     fn has_few_counts(&self) -> bool {
-        self.emf.to_volts() > FEW_COUNTS
+        self.emf.to_volts() > WATCH.few_counts_emf
     }
 }
 
-impl Held {
+impl StuckCheck {
+    /// Creates a check that is stepped every `period`.
     pub(super) fn new(period: Period) -> Self {
         Self {
             period,
-            phase: Phase::Watching(Due::NONE),
-            heard: Heard::default(),
-            push_when_heard: Voltage::from_volts(0.0),
+            state: State::Watching(Expected::NONE),
+            motion: LastMotion::default(),
+            drive_at_motion: Voltage::from_volts(0.0),
         }
     }
 
-    /// Nothing is due yet. Where the motor is stays known.
+    /// Expects nothing until the next silence. Position and direction of the last motion stay known.
     pub(super) const fn reset(&mut self) {
-        self.phase = Phase::Watching(Due::NONE);
-        self.heard.forget();
+        self.state = State::Watching(Expected::NONE);
+        self.motion.forget();
     }
 
-    /// It is being found out why the motor does not turn.
+    /// True in the states Releasing and Probing.
     pub(super) const fn is_examining(&self) -> bool {
-        matches!(self.phase, Phase::Releasing(..) | Phase::Reversing(..))
+        matches!(self.state, State::Releasing(..) | State::Probing(..))
     }
 
-    /// Takes a sample of the encoder, and the load that is thought of then.
-    pub(super) fn sample(&mut self, reading: &Reading, load: impl FnOnce() -> f32) {
-        self.heard.sample(reading, load);
+    /// Takes a sample of the encoder, and the estimated disturbance in counts/s².
+    pub(super) fn sample(&mut self, reading: &Reading, disturbance: impl FnOnce() -> f32) {
+        self.motion.sample(reading, disturbance);
     }
 
-    /// What a tick says, together with those before it.
+    /// Takes a tick: chooses the next state and what the motor has to do.
     pub(super) fn step(&mut self, evidence: &Evidence) -> Finding {
-        let heard = self.heard.lately();
-        if heard {
-            self.push_when_heard = evidence.order.push;
+        let moved = self.motion.take_moved();
+        if moved {
+            self.drive_at_motion = evidence.order.push;
         }
-        let (phase, finding) = match self.phase {
-            Phase::Watching(due) => self.listen(if heard { Due::NONE } else { due }, evidence),
-            Phase::Releasing(suspect, due) => self.release(suspect, due, heard, evidence),
-            Phase::Reversing(suspect, due) => self.reverse(suspect, due, heard, evidence),
-            Phase::Stalled(mut stall) => {
-                self.heard.forget();
+        let (state, finding) = match self.state {
+            State::Watching(expected) => self.watch(if moved { Expected::NONE } else { expected }, evidence),
+            State::Releasing(suspect, expected) | State::Probing(suspect, expected) if moved => {
+                let stall = Stall::new(suspect.clockwise, expected.moved + i64::from(evidence.moved));
+                (State::Stalled(stall), Finding::Stalled)
+            }
+            State::Releasing(suspect, expected) => self.release(suspect, expected, evidence),
+            State::Probing(suspect, expected) => self.probe(suspect, expected, evidence),
+            State::Stalled(mut stall) => {
+                self.motion.forget();
                 if stall.step(self.period, evidence) {
-                    (Phase::Watching(Due::NONE), Finding::Sound)
+                    (State::Watching(Expected::NONE), Finding::Sound)
                 } else {
-                    (Phase::Stalled(stall), Finding::Stalled)
+                    (State::Stalled(stall), Finding::Stalled)
                 }
             }
         };
-        self.phase = phase;
+        self.state = state;
         finding
     }
 
-    /// Is the motor silent? This runs at every tick.
-    fn listen(&mut self, due: Due, evidence: &Evidence) -> (Phase, Finding) {
-        let silent_us = self.heard.silent_us();
-        if silent_us < QUIET_US {
-            return (Phase::Watching(due), Finding::Sound);
+    /// Takes a tick in Watching: extends the expectation in a silence, and examines a motor with too few counts.
+    fn watch(&mut self, expected: Expected, evidence: &Evidence) -> (State, Finding) {
+        let silent_us = self.motion.silent_us();
+        if silent_us < WATCH.quiet_us {
+            return (State::Watching(expected), Finding::Sound);
         }
-        let period = self.period.as_millis();
-        if due.ms == 0 {
-            self.watch(due, (silent_us / 1_000).min(period + QUIET_US / 1_000), 0, evidence)
+        let target = evidence.order.target;
+        let requested = target.to_f32().abs();
+        if requested < WATCH.least_speed {
+            self.motion.forget();
+            return (State::Watching(Expected::NONE), Finding::Sound);
+        }
+        let clockwise = target > CountsPerSecond::ZERO;
+        let drive_volts = evidence.order.push.to_volts();
+        let drive_volts = if clockwise { drive_volts } else { -drive_volts };
+        let period_ms = self.period.as_millis();
+        let (ms, moved) = if expected.ms == 0 {
+            // The silence began at the last motion, some time before this tick.
+            ((silent_us / 1_000).min(period_ms + WATCH.quiet_us / 1_000), 0)
         } else {
-            self.watch(due, period, evidence.moved, evidence)
-        }
-    }
-
-    /// The motor was silent for so long.
-    fn watch(&mut self, due: Due, ms: u32, moved: i32, evidence: &Evidence) -> (Phase, Finding) {
-        // Speeds are compared as they are stored: this runs at every tick.
-        let asked = evidence.order.target.to_bits();
-        if asked.unsigned_abs() < COUNTING_SPEED.to_bits().unsigned_abs() {
-            self.heard.forget();
-            return (Phase::Watching(Due::NONE), Finding::Sound);
-        }
-        let clockwise = asked > 0;
-        let push = evidence.order.push.to_volts();
-        let push = if clockwise { push } else { -push };
-        // One that should become slower may come to rest.
-        let asked = along(clockwise, evidence.order.target);
-        let turned = self
-            .heard
-            .turned(clockwise, self.push_when_heard.to_volts())
-            .filter(|turned| turned.pace <= AS_ASKED * asked);
-        let (due, counts) = match turned {
-            Some(turned) => (due.turning_on(ms, moved, &turned, push, evidence), GOING_ON_COUNTS),
-            None if push <= HELD_VOLTS => return (Phase::Watching(Due::NONE), Finding::Sound),
+            (period_ms, evidence.moved)
+        };
+        // A motor that should slow down may come to rest.
+        let steady = self
+            .motion
+            .steady(clockwise, self.drive_at_motion.to_volts())
+            .filter(|steady| steady.speed <= WATCH.speed_ratio * requested);
+        let (mut expected, counts) = match steady {
+            Some(steady) => {
+                (expected.keep_turning(ms, moved, &steady, drive_volts, evidence), WATCH.turning_counts)
+            }
+            None if drive_volts <= LOAD.friction_volts => {
+                return (State::Watching(Expected::NONE), Finding::Sound);
+            }
             None => {
-                let acceleration = evidence.gain.unwrap_or(0.0) * (push - HELD_VOLTS);
-                let turns = along(clockwise, evidence.order.velocity);
-                (due.plus(ms, moved, acceleration, turns), DUE_COUNTS)
+                let acceleration = evidence.gain.unwrap_or(0.0) * (drive_volts - LOAD.friction_volts);
+                let speed = signed(clockwise, evidence.order.velocity);
+                (expected.accelerate(ms, moved, acceleration, speed), EXPECTED_COUNTS)
             }
         };
-        let pushed_ms = if push > HELD_VOLTS { due.pushed_ms.saturating_add(ms) } else { 0 };
-        let due = Due { pushed_ms, ..due };
-        let missed = due.ms >= STUCK_MS && due.way >= counts;
-        let missed_anyway = evidence.gain.is_none() && pushed_ms >= self.anyway_ms(clockwise, evidence);
-        if !missed && !missed_anyway {
-            return (Phase::Watching(due), Finding::Sound);
+        expected.driven_ms =
+            if drive_volts > LOAD.friction_volts { expected.driven_ms.saturating_add(ms) } else { 0 };
+        let too_few = expected.ms >= WATCH.silence_ms && expected.distance >= counts;
+        let timed_out =
+            evidence.gain.is_none() && expected.driven_ms >= self.time_out_ms(clockwise, evidence);
+        if !too_few && !timed_out {
+            return (State::Watching(expected), Finding::Sound);
         }
-        let suspect = Suspect::new(clockwise, turned, evidence);
-        // A motor of which nothing is known takes too long.
-        let known = evidence.gain.is_some() || turned.is_some();
-        if known && 4 * self.period.as_millis() + STUCK_MS <= DECIDED_MS {
-            (Phase::Releasing(suspect, due.anew()), Finding::Release)
+        let suspect = Suspect::new(clockwise, steady, evidence);
+        // The time-out of a motor of unknown gain leaves no time for a release.
+        let known = evidence.gain.is_some() || steady.is_some();
+        if known && 4 * period_ms + WATCH.silence_ms <= PROBE.decided_ms {
+            (State::Releasing(suspect, expected.restart()), Finding::Release)
         } else {
-            Self::driven_back(suspect, due, evidence)
+            Self::begin_probe(suspect, expected, evidence)
         }
     }
 
-    /// After so long a motor of which nothing is known should have moved.
-    fn anyway_ms(&self, clockwise: bool, evidence: &Evidence) -> u32 {
+    /// Time-out of a motor of unknown gain, in ms.
+    fn time_out_ms(&self, clockwise: bool, evidence: &Evidence) -> u32 {
         if evidence.has_few_counts() {
-            FEW_COUNTS_MS
-        } else if self.heard.clockwise() == Some(!clockwise) {
-            TURNING_BACK_MS
+            WATCH.few_counts_ms
+        } else if self.motion.clockwise() == Some(!clockwise) {
+            WATCH.reversing_ms
         } else {
-            ANYWAY_MS
+            WATCH.unknown_ms
         }
     }
 
-    fn release(&self, suspect: Suspect, due: Due, heard: bool, evidence: &Evidence) -> (Phase, Finding) {
-        let due = due.plus(self.period.as_millis(), evidence.moved, 0.0, 0.0);
-        if heard {
-            due.stalled(suspect.clockwise)
-        } else if due.ms < RELEASE_MS {
-            (Phase::Releasing(suspect, due), Finding::Release)
+    /// Takes a tick in Releasing without a motion.
+    fn release(&self, suspect: Suspect, expected: Expected, evidence: &Evidence) -> (State, Finding) {
+        let expected = expected.accelerate(self.period.as_millis(), evidence.moved, 0.0, 0.0);
+        if expected.ms < PROBE.release_ms {
+            (State::Releasing(suspect, expected), Finding::Release)
         } else {
-            Self::driven_back(suspect, due, evidence)
+            Self::begin_probe(suspect, expected, evidence)
         }
     }
 
-    /// The motor is driven the other way from now on, if it may be.
-    fn driven_back(suspect: Suspect, due: Due, evidence: &Evidence) -> (Phase, Finding) {
+    /// Begins the probe. Where probing is not allowed, the encoder is at fault without a probe.
+    fn begin_probe(suspect: Suspect, expected: Expected, evidence: &Evidence) -> (State, Finding) {
         if evidence.probing {
-            (Phase::Reversing(suspect, due.anew()), Finding::Probe(back(suspect.clockwise)))
+            (State::Probing(suspect, expected.restart()), Finding::Probe(suspect.probe_control()))
         } else {
-            (Phase::Watching(Due::NONE), Finding::Fault(EncoderFault::Stuck))
+            (State::Watching(Expected::NONE), Finding::Fault(EncoderFault::Stuck))
         }
     }
 
-    fn reverse(&self, suspect: Suspect, due: Due, heard: bool, evidence: &Evidence) -> (Phase, Finding) {
-        let effort = REVERSE_SHARE * evidence.battery - suspect.holds;
-        let due = due.plus(self.period.as_millis(), evidence.moved, suspect.gain * effort, 0.0);
-        if heard {
-            due.stalled(suspect.clockwise)
-        } else if due.ms >= REVERSE_MS && due.way >= REVERSE_COUNTS {
-            (Phase::Watching(Due::NONE), Finding::Fault(EncoderFault::Stuck))
-        } else if due.ms >= REVERSE_MS && (effort <= 0.0 || due.ms >= LONGEST_REVERSE_MS) {
-            due.stalled(suspect.clockwise)
+    /// Takes a tick in Probing without a motion: the encoder is at fault once a distance was expected.
+    fn probe(&self, suspect: Suspect, expected: Expected, evidence: &Evidence) -> (State, Finding) {
+        let volts = PROBE.drive_share * evidence.battery - suspect.resisting_volts;
+        let acceleration = suspect.gain * volts;
+        let expected = expected.accelerate(self.period.as_millis(), evidence.moved, acceleration, 0.0);
+        if expected.ms >= PROBE.probe_ms && expected.distance >= PROBE.counts {
+            (State::Watching(Expected::NONE), Finding::Fault(EncoderFault::Stuck))
+        } else if expected.ms >= PROBE.probe_ms && (volts <= 0.0 || expected.ms >= PROBE.longest_ms) {
+            let stall = Stall::new(suspect.clockwise, expected.moved);
+            (State::Stalled(stall), Finding::Stalled)
         } else {
-            (Phase::Reversing(suspect, due), Finding::Probe(back(suspect.clockwise)))
+            (State::Probing(suspect, expected), Finding::Probe(suspect.probe_control()))
         }
     }
 }
 
-fn seconds(ms: u32) -> f32 {
-    1e-3 * ms as f32
-}
-
-/// Counts/s in that direction.
-fn along(clockwise: bool, speed: CountsPerSecond) -> f32 {
+/// The speed in counts/s, positive in the direction `clockwise`.
+fn signed(clockwise: bool, speed: CountsPerSecond) -> f32 {
     if clockwise { speed.to_f32() } else { -speed.to_f32() }
-}
-
-const fn back(clockwise: bool) -> Control {
-    Control::new(if clockwise { -REVERSE } else { REVERSE })
 }
