@@ -46,16 +46,17 @@ pub(super) struct Expected {
     /// Counts that came, positive clockwise. Toggling by one count cancels out.
     pub(super) moved: i64,
     /// Least expected speed now, in counts/s; `None` before the first step.
-    speed: Option<f32>,
+    speed_cps: Option<f32>,
     /// Least expected distance, in counts.
-    pub(super) distance: f32,
+    pub(super) distance_counts: f32,
     /// Time for which the drive voltage has exceeded the heaviest friction, in ms.
     pub(super) driven_ms: u32,
 }
 
 impl Expected {
     /// The expectation before the first step.
-    pub(super) const NONE: Self = Self { ms: 0, moved: 0, speed: None, distance: 0.0, driven_ms: 0 };
+    pub(super) const NONE: Self =
+        Self { ms: 0, moved: 0, speed_cps: None, distance_counts: 0.0, driven_ms: 0 };
 
     /// Restarts the expectation, and keeps the counts that came.
     pub(super) fn restart(self) -> Self {
@@ -67,7 +68,7 @@ impl Expected {
     /// `speed` is the motor's estimated speed in the requested direction. A motor that turns in the other direction
     /// must stop first. Speed in the requested direction is not relied on.
     pub(super) fn accelerate(self, ms: u32, moved: i32, acceleration: f32, speed: f32) -> Self {
-        let before = self.speed.map_or(speed.min(0.0), |expected| expected.max(speed.min(0.0)));
+        let before = self.speed_cps.map_or(speed.min(0.0), |expected| expected.max(speed.min(0.0)));
         self.add(ms, moved, before, before + acceleration.max(0.0) * seconds(ms))
     }
 
@@ -82,7 +83,7 @@ impl Expected {
         drive_volts: f32,
         evidence: &Evidence,
     ) -> Self {
-        let before = self.speed.unwrap_or(steady.speed);
+        let before = self.speed_cps.unwrap_or(steady.speed_cps);
         let (mut volts, mut kappa) =
             (drive_volts - steady.resisting_volts(evidence), evidence.emf.to_volts());
         if evidence.order.regime == Regime::Braking {
@@ -98,7 +99,7 @@ impl Expected {
             self.add(ms, moved, before, speed)
         } else {
             // A healthy motor may have come to rest here, so the distance starts at 0 again.
-            Self { speed: Some(0.0), ..Self::NONE }
+            Self { speed_cps: Some(0.0), ..Self::NONE }
         }
     }
 
@@ -107,8 +108,8 @@ impl Expected {
         Self {
             ms: self.ms.saturating_add(ms),
             moved: self.moved + i64::from(moved),
-            speed: Some(speed),
-            distance: self.distance + f32::midpoint(before, speed) * seconds(ms),
+            speed_cps: Some(speed),
+            distance_counts: self.distance_counts + f32::midpoint(before, speed) * seconds(ms),
             ..self
         }
     }
@@ -117,15 +118,15 @@ impl Expected {
 impl SteadyMotion {
     /// Least gain, in counts/s² per V, of a motor that a load has stopped from this speed within some counts.
     pub(super) fn least_gain(&self) -> f32 {
-        self.speed * self.speed / (2.0 * LOAD.stopping_counts * LOAD.change_volts)
+        self.speed_cps * self.speed_cps / (2.0 * LOAD.stopping_counts * LOAD.change_volts)
     }
 
     /// Largest resisting torque of the load that the motor turned under, in volts; below 0 for a load that drives the
     /// motor.
     pub(super) fn resisting_volts(&self, evidence: &Evidence) -> f32 {
         // The disturbance estimate lags behind a new load. The drive voltage beyond the back EMF does not.
-        let load =
-            (-self.disturbance / evidence.volt).max(self.drive_volts - evidence.emf.to_volts() * self.speed);
+        let load = (-self.disturbance_cps2 / evidence.volt)
+            .max(self.drive_volts - evidence.emf.to_volts() * self.speed_cps);
         let resisting = load * if load > 0.0 { LOAD.breakaway_ratio } else { 1.0 } + LOAD.uncertainty_volts;
         resisting.min(LOAD.friction_volts)
     }

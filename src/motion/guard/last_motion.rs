@@ -50,15 +50,15 @@ pub(super) struct LastMotion {
     /// Counts in the present window.
     window_counts: u32,
     /// Speed in the last complete window, in counts/s; 0 before the first.
-    speed: f32,
+    speed_cps: f32,
     /// Speed in the window before the last complete one, in counts/s.
-    speed_before: f32,
+    speed_before_cps: f32,
     /// Direction of the last motion; `None` before the first.
     clockwise: Option<bool>,
     /// Disturbance at the end of the last complete window, in counts/s².
-    disturbance: f32,
+    disturbance_cps2: f32,
     /// Disturbance at the end of the window before the last complete one, in counts/s².
-    disturbance_before: f32,
+    disturbance_before_cps2: f32,
     /// True if there was a motion since the last call of [`take_moved`](Self::take_moved).
     moved: bool,
 }
@@ -67,9 +67,9 @@ pub(super) struct LastMotion {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SteadyMotion {
     /// Speed in counts/s; the lowest recent measurement.
-    pub(super) speed: f32,
+    pub(super) speed_cps: f32,
     /// Disturbance in counts/s²: acceleration by everything but the bridge, positive in the direction of motion.
-    pub(super) disturbance: f32,
+    pub(super) disturbance_cps2: f32,
     /// Drive voltage at the last motion, positive in the direction of motion.
     pub(super) drive_volts: f32,
 }
@@ -93,15 +93,17 @@ impl LastMotion {
         let now = self.sampled_at;
         if self.clockwise != Some(clockwise) || self.silent_us() > LIMITS.gap_us {
             (self.run_began_at, self.window_began_at, self.window_counts) = (now, now, 0);
-            (self.clockwise, self.speed_before, self.speed) = (Some(clockwise), 0.0, 0.0);
+            (self.clockwise, self.speed_before_cps, self.speed_cps) = (Some(clockwise), 0.0, 0.0);
         } else {
             // The sum may wrap after a corrupt sample: this makes one window's speed wrong.
             self.window_counts = self.window_counts.wrapping_add(counts);
             let window_us = now.wrapping_sub(self.window_began_at);
             if self.window_counts >= LIMITS.window_counts && window_us >= LIMITS.window_us {
-                (self.speed_before, self.speed) = (self.speed, per_second(self.window_counts, window_us));
+                (self.speed_before_cps, self.speed_cps) =
+                    (self.speed_cps, per_second(self.window_counts, window_us));
                 (self.window_began_at, self.window_counts) = (now, 0);
-                (self.disturbance_before, self.disturbance) = (self.disturbance, disturbance());
+                (self.disturbance_before_cps2, self.disturbance_cps2) =
+                    (self.disturbance_cps2, disturbance());
             }
         }
         self.moved_at = now;
@@ -133,16 +135,16 @@ impl LastMotion {
         // The motor may have become slower since the last complete window. The end of the incomplete window is left
         // out: an encoder toggles when a wire breaks.
         let window_us = self.moved_at.wrapping_sub(self.window_began_at).saturating_sub(2 * LIMITS.pause_us);
-        let speed = if self.window_counts > 0 && window_us > 0 {
-            self.speed.min(per_second(self.window_counts.saturating_add(1), window_us))
+        let speed_cps = if self.window_counts > 0 && window_us > 0 {
+            self.speed_cps.min(per_second(self.window_counts.saturating_add(1), window_us))
         } else {
-            self.speed
+            self.speed_cps
         };
         let signed = |clockwise_value: f32| if clockwise { clockwise_value } else { -clockwise_value };
         // The newest disturbance is wrong if the encoder already lost counts in the last window.
-        let disturbance = signed(self.disturbance_before);
-        let steady = SteadyMotion { speed, disturbance, drive_volts: signed(drive_volts) };
-        (speed >= LIMITS.speed_ratio * self.speed_before).then_some(steady)
+        let disturbance_cps2 = signed(self.disturbance_before_cps2);
+        let steady = SteadyMotion { speed_cps, disturbance_cps2, drive_volts: signed(drive_volts) };
+        (speed_cps >= LIMITS.speed_ratio * self.speed_before_cps).then_some(steady)
     }
 
     /// Starts the silence and the run at the newest sample, so that no steady motion is left. Keeps direction and dead
@@ -189,7 +191,7 @@ mod tests {
     fn steady_motion_before_a_silence_is_recorded_with_its_speed() {
         for cps in [60.0, -60.0, 1_000.0, -5_000.0] {
             let motion = silent_after(cps, 80);
-            let speed = f64::from(motion.steady(cps > 0.0, 0.0).map_or(0.0, |steady| steady.speed));
+            let speed = f64::from(motion.steady(cps > 0.0, 0.0).map_or(0.0, |steady| steady.speed_cps));
             assert!((speed / cps.abs() - 1.0).abs() < 0.2, "{speed} of {cps}");
             assert!(motion.steady(cps < 0.0, 0.0).is_none());
             // The last count may be some time before the silence, and the first toggle may be a motion.

@@ -14,9 +14,9 @@ struct RunawayLimits {
     /// Extension of the early span plus one tick, in ms: a tick of 10 ms extends the span by 40 ms. A springy stop throws
     /// a motor back for that long. Schemes C and D have no extension.
     extension_ms: i64,
-    /// Length of the late span that decides, in ms.
+    /// Length of the late span before a fault, in ms.
     late_ms: i64,
-    /// Length of the late span that decides for full reverse only, in ms.
+    /// Length of the late span before full reverse, in ms. It applies to Schemes C and D.
     hint_ms: i64,
     /// Fewest counts in 50 ms of the early span: 160 counts/s.
     counts_in_50_ms: i64,
@@ -43,17 +43,19 @@ const LIMITS: RunawayLimits = RunawayLimits {
 /// A span of time, and the counts in it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Span {
+    /// Length in ms.
     pub(super) ms: i64,
     /// Counts in the direction of motion.
     pub(super) counts: i64,
 }
 
 impl Span {
+    /// The sum of two spans.
     fn plus(self, other: Self) -> Self {
         Self { ms: self.ms + other.ms, counts: self.counts + other.counts }
     }
 
-    /// True if the mean speed of this span is lower.
+    /// True if the mean speed of this span is below the mean speed of the other.
     fn is_slower_than(self, other: Self) -> bool {
         self.counts * other.ms < other.counts * self.ms
     }

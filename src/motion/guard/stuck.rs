@@ -35,7 +35,7 @@ struct WatchLimits {
     /// Longest time between two motions that is no silence, in µs.
     quiet_us: u32,
     /// Least requested speed that is watched, in counts/s.
-    least_speed: f32,
+    least_speed_cps: f32,
     /// Largest ratio of speed to requested speed of a motor that should keep its speed. A faster motor should slow
     /// down.
     speed_ratio: f32,
@@ -52,20 +52,20 @@ struct WatchLimits {
     reversing_ms: u32,
     /// Back EMF constant above which a motor has few counts, in V per count/s: fewer than 1000 counts/s at 12 V. Such a
     /// motor has its gear before the encoder, or a heavy rotor.
-    few_counts_emf: f32,
+    few_counts_emf_volts_per_cps: f32,
     /// Time-out of a motor of unknown gain that has few counts, in ms.
     few_counts_ms: u32,
 }
 
 const WATCH: WatchLimits = WatchLimits {
     quiet_us: 10_000,
-    least_speed: 40.0,
+    least_speed_cps: 40.0,
     speed_ratio: 1.5,
     silence_ms: 46,
     turning_counts: 12.0,
     unknown_ms: 140,
     reversing_ms: 800,
-    few_counts_emf: 0.012,
+    few_counts_emf_volts_per_cps: 0.012,
     few_counts_ms: 3_000,
 };
 
@@ -142,7 +142,7 @@ struct Suspect {
     /// True if the requested direction is clockwise.
     clockwise: bool,
     /// Least gain: acceleration per volt, in counts/s².
-    gain: f32,
+    gain_cps2_per_volt: f32,
     /// Largest resisting torque in the probe, as a voltage.
     resisting_volts: f32,
 }
@@ -160,7 +160,7 @@ impl Suspect {
         let resisting_volts = resisting
             .filter(|volts| *volts > LOAD.uncertainty_volts)
             .map_or(LOAD.friction_volts, |volts| LOAD.friction_volts.min(volts + LOAD.uncertainty_volts));
-        Self { clockwise, gain: evidence.gain.unwrap_or(least), resisting_volts }
+        Self { clockwise, gain_cps2_per_volt: evidence.gain.unwrap_or(least), resisting_volts }
     }
 
     /// Control value of the probe.
@@ -202,7 +202,7 @@ impl Stall {
 impl Evidence {
     /// True if the motor has fewer than 1000 counts/s at 12 V.
     fn has_few_counts(&self) -> bool {
-        self.emf.to_volts() > WATCH.few_counts_emf
+        self.emf.to_volts() > WATCH.few_counts_emf_volts_per_cps
     }
 }
 
@@ -268,7 +268,7 @@ impl StuckCheck {
         }
         let target = evidence.order.target;
         let requested = target.to_f32().abs();
-        if requested < WATCH.least_speed {
+        if requested < WATCH.least_speed_cps {
             self.motion.forget();
             return (State::Watching(Expected::NONE), Finding::Sound);
         }
@@ -286,7 +286,7 @@ impl StuckCheck {
         let steady = self
             .motion
             .steady(clockwise, self.drive_at_motion.to_volts())
-            .filter(|steady| steady.speed <= WATCH.speed_ratio * requested);
+            .filter(|steady| steady.speed_cps <= WATCH.speed_ratio * requested);
         let (mut expected, counts) = match steady {
             Some(steady) => {
                 (expected.keep_turning(ms, moved, &steady, drive_volts, evidence), WATCH.turning_counts)
@@ -302,7 +302,7 @@ impl StuckCheck {
         };
         expected.driven_ms =
             if drive_volts > LOAD.friction_volts { expected.driven_ms.saturating_add(ms) } else { 0 };
-        let too_few = expected.ms >= WATCH.silence_ms && expected.distance >= counts;
+        let too_few = expected.ms >= WATCH.silence_ms && expected.distance_counts >= counts;
         let timed_out =
             evidence.gain.is_none() && expected.driven_ms >= self.time_out_ms(clockwise, evidence);
         if !too_few && !timed_out {
@@ -351,9 +351,9 @@ impl StuckCheck {
     /// Takes a tick in Probing without a motion: the encoder is at fault once a distance was expected.
     fn probe(&self, suspect: Suspect, expected: Expected, evidence: &Evidence) -> (State, Finding) {
         let volts = PROBE.drive_share * evidence.battery - suspect.resisting_volts;
-        let acceleration = suspect.gain * volts;
+        let acceleration = suspect.gain_cps2_per_volt * volts;
         let expected = expected.accelerate(self.period.as_millis(), evidence.moved, acceleration, 0.0);
-        if expected.ms >= PROBE.probe_ms && expected.distance >= PROBE.counts {
+        if expected.ms >= PROBE.probe_ms && expected.distance_counts >= PROBE.counts {
             (State::Watching(Expected::NONE), Finding::Fault(EncoderFault::Stuck))
         } else if expected.ms >= PROBE.probe_ms && (volts <= 0.0 || expected.ms >= PROBE.longest_ms) {
             let stall = Stall::new(suspect.clockwise, expected.moved);
