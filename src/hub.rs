@@ -1,4 +1,4 @@
-//! N motors on one battery: one step for all of them, and one snapshot of everything.
+//! Controls N motors on one battery: one step for all motors returns one snapshot of the hub.
 //!
 //! ```
 //! use motor_hub::braking::Winding;
@@ -31,74 +31,74 @@ use crate::motion::Reading;
 use crate::motor::{Motor, Report, Setpoint, Settings, SupplyLimits};
 use crate::supply::{Battery, Stage};
 use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share, is_included};
-use bus::Account;
+use bus::EnergyMeter;
 use groups::Groups;
 
 pub use bus::Bus;
 
-/// Something to do to one motor at the next tick.
+/// A command to one motor, which takes effect at the next tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Command {
-    /// 0 to N - 1.
+    /// Index of the motor, 0 to N - 1.
     pub motor: usize,
-    /// What to do.
+    /// What the command does.
     pub action: Action,
 }
 
-/// What a command does.
+/// The action of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Action {
     /// Replaces the set-point.
     Set(Setpoint),
-    /// Replaces all settings at once.
+    /// Replaces all settings.
     Configure(Settings),
-    /// Sends a group on a course; the command's motor is any of its members. Members of another group leave
-    /// it. A group of the same members is sent on from where it is, without a step.
+    /// Sends a group on a course. The command's motor is any member of the group. Members of other groups leave these
+    /// groups. A group that exists with exactly these members continues from its present positions without a step.
     Lead(Together),
 }
 
-/// What a tick is given.
+/// The inputs of a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Inputs<const N: usize> {
-    /// The time of the tick.
+    /// Time of the tick.
     pub now: Micros,
-    /// The newest reading of each encoder, however old; `None` if none came.
+    /// Newest reading of each encoder, of any age; `None` before the first.
     pub readings: [Option<Reading>; N],
-    /// The newest battery reading, however old.
+    /// Newest battery reading, of any age; `None` before the first.
     pub battery: Option<Battery>,
 }
 
-/// Everything a host would want to see, as of one tick.
+/// The state of the hub after one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Snapshot<const N: usize> {
-    /// Ticks since boot, from 1; 0 before the first.
+    /// Number of ticks since boot; 0 before the first.
     pub tick: u32,
-    /// The time of the tick.
+    /// Time of the tick.
     pub at: Micros,
-    /// Ticks that were left out because the one before them ended too late.
+    /// Number of ticks that were left out because a tick ended too late.
     pub missed: u32,
     /// Number of the newest command that the snapshot includes, from 1; 0 before the first. After 2^32 - 1 comes 0.
     pub commands: u32,
-    /// The battery voltage in force; `None` if unknown.
+    /// Battery voltage; `None` without a fresh reading.
     pub battery: Option<Millivolts>,
-    /// What the supply allows, and what it was given back.
+    /// Limits of the supply, and the energy of braking motors.
     pub bus: Bus,
-    /// By motor.
+    /// Report of each motor.
     pub motors: [Report; N],
 }
 
 impl Action {
-    /// True if a motor can do it at once: let go, or go on at constant power.
+    /// True if a motor can execute the action between two ticks: an open bridge or constant power.
     pub const fn is_direct(&self) -> bool {
         matches!(self, Self::Set(setpoint) if setpoint.is_direct())
     }
 }
 
 impl<const N: usize> Snapshot<N> {
-    /// Before the first tick.
+    /// The state before the first tick.
     pub const INITIAL: Self = Self {
         tick: 0,
         at: Micros::new(0),
@@ -114,31 +114,31 @@ impl<const N: usize> Snapshot<N> {
         is_included(number, self.commands)
     }
 
-    /// The battery, if it is known and not low: motors may be enabled.
+    /// The battery voltage if motors may be enabled; `None` if the voltage is unknown or low.
     pub fn good_battery(&self) -> Option<Millivolts> {
         self.battery.filter(|_| self.bus.stage == Stage::Full)
     }
 
-    /// True if the battery is known to be low. It stays so until it has recovered.
+    /// True if the battery is low; false if its voltage is unknown. A low battery stays low until it has recovered.
     pub fn battery_low(&self) -> bool {
         self.battery.is_some() && self.bus.stage != Stage::Full
     }
 
-    /// True if no motor is told to do anything.
+    /// True if every motor is disabled.
     pub fn all_disabled(&self) -> bool {
         self.motors.iter().all(|motor| motor.setpoint == Setpoint::Disabled)
     }
 
-    /// What the bridges are told.
+    /// The commands of all bridges.
     pub fn drives(&self) -> [Drive; N] {
         self.motors.map(|motor| motor.drive)
     }
 }
 
-/// N motors, each by itself or in a group.
+/// N motors, alone or in groups.
 ///
-/// A member that is given a set-point by itself leaves its group, and so does one with a fault; the others halt as
-/// the group's setting says. Disabling one disables all.
+/// A member leaves its group when it gets a set-point of its own, or when it has a fault. The other members then halt
+/// as the group's setting says. Disabling one member disables all of them.
 #[derive(Clone, Debug)]
 pub struct Hub<const N: usize> {
     motors: [Motor; N],
@@ -148,13 +148,15 @@ pub struct Hub<const N: usize> {
     missed: u32,
     /// Number of the newest command that was applied.
     commands: u32,
-    account: Account,
-    /// What may be drawn, and how far returned energy is to be burnt.
-    allowed: (Share, Share),
+    energy: EnergyMeter,
+    /// [`Battery::draw`] as last applied to the motors.
+    draw: Share,
+    /// [`Battery::burn`] as last applied to the motors.
+    burn: Share,
 }
 
 impl<const N: usize> Hub<N> {
-    /// A hub of disabled motors that is stepped every `period`.
+    /// Creates a hub of disabled motors that is stepped every `period`.
     pub fn new(settings: [Settings; N], period: Period) -> Self {
         let motors = settings.map(|settings| Motor::new(settings, period));
         Self {
@@ -164,8 +166,9 @@ impl<const N: usize> Hub<N> {
             tick: 0,
             missed: 0,
             commands: 0,
-            account: Account::new(period),
-            allowed: (Share::ALL, Share::NONE),
+            energy: EnergyMeter::new(period),
+            draw: Share::ALL,
+            burn: Share::NONE,
         }
     }
 
@@ -174,12 +177,12 @@ impl<const N: usize> Hub<N> {
         self.period
     }
 
-    /// Applies a command, which takes effect at the next step, or with [`act`](Self::act). Commands are counted, refused
-    /// ones too: [`Snapshot::commands`] is the number of the newest one.
+    /// Applies a command, which takes effect at the next [`step`](Self::step) or [`act`](Self::act). Refused commands
+    /// are counted too: [`Snapshot::commands`] is the number of the newest command.
     ///
     /// # Errors
-    /// [`RangeError::Motor`] if there is no such motor, or if it is to lead a group of which it is no member, or
-    /// that has one that does not exist; only the count changes then.
+    /// [`RangeError::Motor`] if a motor of the command does not exist, or if the command's motor is no member of its
+    /// group. Only the number of commands changes then.
     pub fn apply(&mut self, command: Command) -> Result<(), RangeError> {
         self.commands = self.commands.wrapping_add(1);
         let Self { motors, groups, .. } = self;
@@ -188,8 +191,8 @@ impl<const N: usize> Hub<N> {
         match command.action {
             Action::Set(setpoint) => {
                 motor.set(setpoint);
-                let lets_go = matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe);
-                groups.leave(index, lets_go.then_some(Halt::Coast), motors);
+                let releases = matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe);
+                groups.leave(index, releases.then_some(Halt::Coast), motors);
             }
             Action::Configure(settings) => motor.configure(settings),
             Action::Lead(together) => groups.lead(index, together, motors)?,
@@ -197,27 +200,27 @@ impl<const N: usize> Hub<N> {
         Ok(())
     }
 
-    /// Does between two ticks what commands have asked for that needs no regulator: motors that are to let go do, and
-    /// constant power is given. What the bridges are told from now on, if it is something else than before.
+    /// Executes between two ticks the commands that need no regulator: an open bridge and constant power. Returns the
+    /// commands of all bridges if one has changed.
     pub fn act(&mut self, now: Micros, battery: Option<Battery>) -> Option<[Drive; N]> {
         let battery = battery.filter(|battery| battery.is_fresh(now)).map(|battery| battery.voltage);
-        self.settle_account(now);
+        self.update_energy(now);
         let changed = self.motors.iter_mut().fold(false, |changed, motor| motor.act(battery) | changed);
         changed.then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// Estimated, as of the newest samples: a snapshot is of a tick.
+    /// The estimated speeds as of the newest samples, in the order of the motors.
     pub fn velocities(&self) -> impl Iterator<Item = CountsPerSecond> {
         self.motors.iter().map(Motor::velocity)
     }
 
-    /// Notes ticks that did not happen.
+    /// Adds ticks that were left out.
     pub const fn note_missed(&mut self, ticks: u32) {
         self.missed = self.missed.saturating_add(ticks);
     }
 
-    /// Takes a sample of all encoders between two ticks, best every millisecond: the more of them, the better
-    /// the motion of motors is known. `None` for an encoder of which nothing is known yet.
+    /// Takes a sample of all encoders between two ticks, best every millisecond: more samples give a better estimate. A
+    /// reading is `None` before the first of its encoder.
     pub fn sample(&mut self, readings: &[Option<Reading>; N]) {
         for (motor, reading) in self.motors.iter_mut().zip(readings) {
             if let Some(reading) = reading {
@@ -226,53 +229,53 @@ impl<const N: usize> Hub<N> {
         }
     }
 
-    /// Takes what the bridges say of themselves, on a board that hears them; as often as they do, between two ticks.
+    /// Takes feedback of the bridges between two ticks, on a board that reads it.
     pub fn sense(&mut self, sensed: &[Sensed; N]) {
         for (motor, sensed) in self.motors.iter_mut().zip(sensed) {
             motor.sense(*sensed);
         }
     }
 
-    /// Looks at the bus between two ticks, best every millisecond while it is not quiet: a bus that cannot take what
-    /// braking motors return must not wait for a tick. What the bridges are told from now on, if it is something else
-    /// than before.
+    /// Applies new limits of the bus between two ticks, best every millisecond while the limits change. A bus that
+    /// cannot take the energy of braking motors must not wait for a tick. Returns the commands of all bridges if one
+    /// has changed.
     pub fn watch_bus(&mut self, battery: Battery) -> Option<[Drive; N]> {
-        if !self.is_news(&battery) {
+        if !self.needs_limits(&battery) {
             return None;
         }
-        self.allow(&battery, battery.at).then(|| self.motors.each_ref().map(Motor::drive))
+        self.limit_supply(&battery, battery.at).then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// It allows other things than before; or braking motors burn in portions, which are looked at every time.
-    fn is_news(&self, battery: &Battery) -> bool {
-        self.allowed != (battery.draw, battery.burn) || battery.burn != Share::NONE
+    /// True if the supply has new limits, or if braking motors get burn pulses, which are chosen at every call.
+    fn needs_limits(&self, battery: &Battery) -> bool {
+        (self.draw, self.burn) != (battery.draw, battery.burn) || battery.burn != Share::NONE
     }
 
-    /// What the supply allows from now on. True if a bridge is told otherwise for it.
+    /// Limits all motors to what the supply allows. Returns true if the command of a bridge has changed.
     #[cold]
-    fn allow(&mut self, battery: &Battery, now: Micros) -> bool {
+    fn limit_supply(&mut self, battery: &Battery, now: Micros) -> bool {
         let &Battery { draw, burn, newest, .. } = battery;
-        self.allowed = (draw, burn);
-        self.settle_account(now);
+        (self.draw, self.burn) = (draw, burn);
+        self.update_energy(now);
         let limits = SupplyLimits { draw, dissipate: burn, bus: newest, from: now };
         let mut turn = true;
         self.motors.iter_mut().fold(false, |changed, motor| motor.limit_supply(limits, &mut turn) | changed)
     }
 
-    /// What has been returned and burnt until now is added up.
-    fn settle_account(&mut self, now: Micros) {
-        self.account.settle(now, self.motors.iter().map(Motor::returned));
+    /// Adds the energy of all motors up to now.
+    fn update_energy(&mut self, now: Micros) {
+        self.energy.add(now, self.motors.iter().map(Motor::returned));
     }
 
-    /// One tick of all motors. Each sees only its own encoder; outside of groups none sees another's fault.
+    /// Takes one tick of all motors. A motor uses its own encoder only. A fault affects other motors in its group only.
     pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
-        let known = inputs.battery.as_ref().filter(|battery| battery.is_fresh(inputs.now));
-        let battery = known.map(|known| known.voltage);
-        if let Some(known) = known.filter(|known| self.is_news(known)) {
-            self.allow(known, inputs.now);
+        let fresh = inputs.battery.as_ref().filter(|battery| battery.is_fresh(inputs.now));
+        let battery = fresh.map(|fresh| fresh.voltage);
+        if let Some(fresh) = fresh.filter(|fresh| self.needs_limits(fresh)) {
+            self.limit_supply(fresh, inputs.now);
         }
-        if self.account.is_due(self.tick) {
-            self.settle_account(inputs.now);
+        if self.energy.is_due(self.tick) {
+            self.update_energy(inputs.now);
         }
         self.tick = self.tick.wrapping_add(1);
         self.groups.step(inputs, self.period, &mut self.motors);
@@ -281,7 +284,7 @@ impl<const N: usize> Hub<N> {
             *report = motor.step(inputs.now, reading, battery);
         }
         self.groups.review(&mut motors, &mut self.motors);
-        let bus = self.account.report(known);
+        let bus = self.energy.report(fresh);
         let Self { tick, missed, commands, .. } = *self;
         Snapshot { tick, at: inputs.now, missed, commands, battery, bus, motors }
     }

@@ -1,4 +1,4 @@
-//! An encoder that is unplugged or reversed is noticed; a motor that is merely held is not taken for it.
+//! The encoder check finds encoders that are unplugged or reversed, and does not take a stalled motor for either.
 
 use motor_hub::braking::{DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
@@ -22,8 +22,8 @@ fn neverest_60() -> Motor {
     entry.motor.expect("characterised").with_measured_rotor_inertia()
 }
 
-/// As the motor of a bench is with its usual load.
-fn known() -> Dynamics {
+/// The dynamics of the motor of a [`Bench`] with its default load.
+fn configured() -> Dynamics {
     let motor = neverest_60();
     let load = Load { inertia_after: KgM2(0.05), ..Load::NONE };
     let shaft = Shaft::new(&motor, &load);
@@ -37,21 +37,23 @@ fn known() -> Dynamics {
     Dynamics::from_mechanics(&Winding::NEVEREST_60, &BridgeConstants::IDEAL, &mechanics).expect("in range")
 }
 
-/// One motor, its load and its wiring.
+/// One simulated motor with its load and its encoder.
 struct Axis {
     plant: Plant,
     tracker: Tracker,
+    /// True if the encoder is plugged in.
     plugged: bool,
+    /// True if the encoder counts in the other direction.
     reversed: bool,
-    /// Last count that came through before the plug was pulled.
+    /// Count of the encoder. It stays while the encoder is unplugged.
     count: i64,
-    /// One of the encoder's two wires says the same for ever: the count only trembles.
+    /// True if one of the encoder's two wires is stuck, so that the count toggles by one.
     one_wire: bool,
-    /// Torque per angle beyond the stops, of the motor's shaft, in N m/rad; hard stops have none.
+    /// Stiffness of the stops at the motor's shaft, in N m/rad; `None` for hard stops.
     spring: Option<f64>,
-    /// Output torque.
+    /// Load torque at the output, in N m.
     torque: f64,
-    /// Motor angles at which hard stops are, in radians.
+    /// Motor angles of the two stops, in radians.
     stops: (f64, f64),
 }
 
@@ -82,12 +84,12 @@ impl Axis {
         command.torque_after = NewtonMetres(self.torque - self.spring.unwrap_or(0.0) * beyond);
         self.plant.run(Seconds(1e-3), command, Volts(12.0));
         let angle = self.plant.angle();
-        let held = angle.clamp(self.stops.0, self.stops.1);
-        if held != angle && self.spring.is_none() {
-            self.plant.place(self.plant.current(), motor_hub::model::si::RadPerSec(0.0), held);
+        let stopped_at = angle.clamp(self.stops.0, self.stops.1);
+        if stopped_at != angle && self.spring.is_none() {
+            self.plant.place(self.plant.current(), motor_hub::model::si::RadPerSec(0.0), stopped_at);
         }
         if self.plugged && self.one_wire {
-            // The other toggles once in two counts.
+            // The other wire toggles once in two counts.
             self.count += (self.plant.counts() / 2).rem_euclid(2) - self.count.rem_euclid(2);
         } else if self.plugged {
             self.count = self.plant.counts();
@@ -95,7 +97,7 @@ impl Axis {
     }
 }
 
-/// A hub with `N` axes, run in steps of a millisecond.
+/// A hub with `N` simulated axes, which run in steps of 1 ms.
 struct Bench<const N: usize> {
     hub: Hub<N>,
     axes: [Axis; N],
@@ -145,7 +147,7 @@ impl<const N: usize> Bench<N> {
         self.snapshot.motors[motor].faults.encoder
     }
 
-    /// Milliseconds until there is a fault.
+    /// Runs until there is a fault; returns the time in ms.
     fn run_until_fault(&mut self, motor: usize) -> u64 {
         let start = self.ms;
         while self.fault(motor).is_none() {
@@ -164,8 +166,8 @@ fn position(target: i32) -> Setpoint {
     Setpoint::Position { target, tolerance: 10, speed_limit: CountsPerSecond::new(2_000) }
 }
 
-/// Every way to give control values a meaning.
-fn ways() -> impl Iterator<Item = Settings> {
+/// Settings of every scheme with every duty rule.
+fn all_schemes() -> impl Iterator<Item = Settings> {
     Scheme::EACH.into_iter().flat_map(|scheme| {
         DutyRule::EACH.map(|duty| Settings { duty, ..Settings::for_scheme(Winding::NEVEREST_60, scheme) })
     })
@@ -174,16 +176,16 @@ fn ways() -> impl Iterator<Item = Settings> {
 const PERIODS: [u32; 4] = [5, 10, 25, 50];
 
 #[test]
-fn an_encoder_that_is_unplugged_from_the_start_faults_within_250_ms_of_effort() {
+fn an_encoder_unplugged_from_the_start_is_at_fault_within_250_ms_of_strong_drive() {
     for period in PERIODS {
         for setpoint in [velocity(2_000), velocity(-1_500), position(50_000)] {
             let mut bench = Bench::<1>::new(period);
             bench.axes[0].plugged = false;
             bench.set(0, setpoint);
-            // What turns any motor that can be turned.
+            // This control value turns every motor that is not blocked.
             while bench.snapshot.motors[0].control.get().abs() < 20_000 {
                 bench.run_ms(1);
-                assert!(bench.ms <= 200, "{period} ms period: no effort");
+                assert!(bench.ms <= 200, "{period} ms period: no strong drive");
             }
             let ms = bench.run_until_fault(0);
             assert!(ms <= 250 + u64::from(period), "{period} ms period: after {ms} ms");
@@ -194,14 +196,14 @@ fn an_encoder_that_is_unplugged_from_the_start_faults_within_250_ms_of_effort() 
 }
 
 #[test]
-fn an_encoder_that_is_unplugged_in_mid_run_faults_within_300_ms() {
+fn an_encoder_unplugged_while_the_motor_turns_is_at_fault_within_300_ms() {
     for period in PERIODS {
         let mut bench = Bench::<1>::new(period);
         bench.set(0, velocity(1_500));
         bench.run_ms(3_000);
         assert_eq!(bench.fault(0), None);
         bench.axes[0].plugged = false;
-        // Up to a period until the first tick without counts, and one until the effort is clear.
+        // Up to one period until the first tick without counts, and one until the drive is strong.
         let ms = bench.run_until_fault(0);
         assert!(ms <= 300, "{period} ms period: after {ms} ms");
         assert_eq!(bench.fault(0), Some(EncoderFault::Stuck));
@@ -209,9 +211,9 @@ fn an_encoder_that_is_unplugged_in_mid_run_faults_within_300_ms() {
 }
 
 #[test]
-fn an_encoder_with_one_broken_wire_faults_within_250_ms_of_effort_at_every_period() {
+fn an_encoder_with_one_broken_wire_is_at_fault_within_250_ms_of_strong_drive_at_every_period() {
     for period in [1, 2, 5, 10, 20, 50, 60, 80, 100] {
-        for dynamics in [None, Some(known())] {
+        for dynamics in [None, Some(configured())] {
             for from in [0, 1_500] {
                 let settings = Settings { dynamics, ..Settings::new(Winding::NEVEREST_60) };
                 let mut bench = Bench::<1>::with(period, settings);
@@ -221,10 +223,10 @@ fn an_encoder_with_one_broken_wire_faults_within_250_ms_of_effort_at_every_perio
                 bench.set(0, velocity(1_000));
                 while bench.snapshot.motors[0].control.get().abs() < 28_000 {
                     bench.run_ms(1);
-                    assert!(bench.ms <= 3_000, "{period} ms period: no effort");
+                    assert!(bench.ms <= 3_000, "{period} ms period: no strong drive");
                 }
                 let ms = bench.run_until_fault(0);
-                // Effort may have come in the middle of what it is judged by.
+                // The drive may have become strong in the middle of a period.
                 let most = 250 + u64::from(period);
                 assert!(ms <= most, "{period} ms period, from {from}, {dynamics:?}: after {ms} ms");
                 assert_eq!(bench.fault(0), Some(EncoderFault::Stuck));
@@ -234,13 +236,13 @@ fn an_encoder_with_one_broken_wire_faults_within_250_ms_of_effort_at_every_perio
 }
 
 #[test]
-fn a_springy_stop_is_pushed_once_and_no_fault() {
+fn a_motor_at_a_springy_stop_is_probed_once_and_has_no_fault() {
     for period in [5, 50, 100] {
-        for dynamics in [None, Some(known())] {
-            // Of the output shaft, N m/rad.
+        for dynamics in [None, Some(configured())] {
+            // Stiffness at the output shaft, in N m/rad.
             for stiffness in [20.0, 100.0, 1_000.0] {
                 if period == 50 && dynamics.is_none() && stiffness < 100.0 {
-                    // It throws an unknown motor back for longer than there is time to watch.
+                    // This stop throws an unknown motor back for longer than the check waits.
                     continue;
                 }
                 let settings = Settings { dynamics, ..Settings::new(Winding::NEVEREST_60) };
@@ -264,7 +266,7 @@ fn a_springy_stop_is_pushed_once_and_no_fault() {
 }
 
 #[test]
-fn a_motor_that_may_not_be_driven_back_is_not() {
+fn a_motor_that_may_not_be_probed_is_not_driven_back() {
     let settings = Settings { probing: false, ..Settings::new(Winding::NEVEREST_60) };
     let mut bench = Bench::<1>::with(50, settings);
     bench.axes[0].plugged = false;
@@ -277,10 +279,10 @@ fn a_motor_that_may_not_be_driven_back_is_not() {
 }
 
 #[test]
-fn a_healthy_encoder_is_not_doubted_for_friction() {
+fn friction_up_to_40_percent_of_stall_raises_no_fault_of_a_sound_encoder() {
     for period in [1, 10, 50, 100] {
-        for dynamics in [None, Some(known())] {
-            // Up to 40 % of the stall torque, of either sign as friction is.
+        for dynamics in [None, Some(configured())] {
+            // Friction of up to 40 % of the stall torque, against the motion.
             for share in [0.2, 0.4] {
                 let settings = Settings { dynamics, ..Settings::new(Winding::NEVEREST_60) };
                 let mut bench = Bench::<1>::with(period, settings);
@@ -299,13 +301,13 @@ fn a_healthy_encoder_is_not_doubted_for_friction() {
 }
 
 #[test]
-fn a_reversed_encoder_faults_within_250_ms_of_running_away() {
+fn a_reversed_encoder_is_at_fault_within_250_ms_of_running_away() {
     for period in PERIODS {
         for cps in [2_000, -2_000] {
             let mut bench = Bench::<1>::new(period);
             bench.axes[0].reversed = true;
             bench.set(0, velocity(cps));
-            // A tenth of the free speed is the clear case.
+            // The motor runs away clearly from a tenth of the free speed on.
             while bench.snapshot.motors[0].velocity.round().abs() < 301 {
                 bench.run_ms(1);
             }
@@ -318,7 +320,7 @@ fn a_reversed_encoder_faults_within_250_ms_of_running_away() {
 }
 
 #[test]
-fn a_fault_stays_until_the_motor_is_disabled_and_disturbs_no_other_motor() {
+fn a_fault_is_latched_until_the_motor_is_disabled_and_affects_no_other_motor() {
     let mut bench = Bench::<2>::new(50);
     let mut alone = Bench::<2>::new(50);
     bench.axes[0].plugged = false;
@@ -344,7 +346,7 @@ fn a_fault_stays_until_the_motor_is_disabled_and_disturbs_no_other_motor() {
 }
 
 #[test]
-fn a_stall_against_a_hard_stop_is_told_from_an_unplugged_encoder() {
+fn a_stall_at_a_hard_stop_is_no_fault_of_the_encoder() {
     for period in PERIODS {
         for cps in [1_500, -1_500] {
             let mut bench = Bench::<1>::new(period);
@@ -354,7 +356,7 @@ fn a_stall_against_a_hard_stop_is_told_from_an_unplugged_encoder() {
             let report = bench.snapshot.motors[0];
             assert_eq!(report.faults.encoder, None, "{period} ms, {cps} counts/s");
             assert!(report.stalled, "{period} ms, {cps} counts/s: {report:?}");
-            // It goes on pushing, and comes away when it is told to.
+            // The motor is still driven against the stop, and leaves the stop when the set-point reverses.
             assert!(report.control.get().abs() > 20_000);
             bench.set(0, velocity(-cps));
             bench.run_ms(500);
@@ -365,7 +367,7 @@ fn a_stall_against_a_hard_stop_is_told_from_an_unplugged_encoder() {
 }
 
 #[test]
-fn a_stalled_motor_is_driven_away_from_the_stop_once_not_again_and_again() {
+fn a_stalled_motor_is_probed_only_once() {
     let mut bench = Bench::<1>::new(50);
     bench.axes[0].stops = (-200.0, 200.0);
     bench.set(0, velocity(1_500));
@@ -378,12 +380,12 @@ fn a_stalled_motor_is_driven_away_from_the_stop_once_not_again_and_again() {
 }
 
 #[test]
-fn no_ordinary_scenario_raises_an_alarm() {
+fn reversals_standstill_creep_and_positions_raise_no_fault_and_no_stall() {
     for period in [1, 10, 50, 100] {
         for torque in [0.0, 2.0, -2.0] {
             let mut bench = Bench::<1>::new(period);
             bench.axes[0].torque = torque;
-            // Reversals at full speed, a standstill held against the load, creeping, positions.
+            // Reversals at full speed, a standstill against the load, low speeds, positions, and open loop.
             for setpoint in [
                 velocity(2_700),
                 velocity(-2_700),
@@ -419,8 +421,8 @@ fn open_loop_power_needs_no_encoder() {
 }
 
 #[test]
-fn open_loop_power_ends_every_suspicion() {
-    // Ticks until a motor that does not count is driven the other way.
+fn open_loop_power_resets_the_encoder_check() {
+    // Number of ticks until a motor that does not count is probed.
     let ticks_to_probe = |bench: &mut Bench<1>| {
         bench.set(0, velocity(2_000));
         for tick in 1..100 {
@@ -443,7 +445,7 @@ fn open_loop_power_ends_every_suspicion() {
     assert!(bench.snapshot.motors[0].control >= Control::ZERO);
     bench.set(0, Setpoint::ConstantPower(Control::MAX));
     bench.run_ms(10);
-    assert_eq!(ticks_to_probe(&mut bench), ticks, "nothing is held against it");
+    assert_eq!(ticks_to_probe(&mut bench), ticks, "earlier evidence is left");
 
     let mut bench = Bench::<1>::new(10);
     bench.axes[0].stops = (-200.0, 200.0);
@@ -457,14 +459,13 @@ fn open_loop_power_ends_every_suspicion() {
 
 #[test]
 #[ignore = "long: cargo xtask long"]
-fn no_scheme_takes_a_load_that_drives_the_motor_for_a_reversed_encoder() {
-    for settings in ways() {
-        // Up to 0.6 of the stall torque, which is more than Schemes C and D can set against a load by
-        // themselves.
+fn a_load_that_drives_the_motor_is_not_taken_for_a_reversed_encoder_in_any_scheme() {
+    for settings in all_schemes() {
+        // Torques of up to 0.6 of the stall torque. Schemes C and D cannot balance the largest of them.
         let torques = [0.4, 0.8, 1.2, 1.6, 2.0];
         for (period, torque) in [10, 50].into_iter().flat_map(|p| torques.map(|t| (p, t))) {
             for cps in [100, 300, 600, 1_000, 1_360, 2_000, 0, -300, -1_000] {
-                // Slow, or near the free speed, where C and D can only brake, and that gently.
+                // The load begins at the requested speed, or near the free speed, where C and D brake weakly.
                 for before in [cps, 2_500] {
                     let mut bench = Bench::<1>::with(period, settings);
                     bench.set(0, velocity(before));
@@ -481,8 +482,8 @@ fn no_scheme_takes_a_load_that_drives_the_motor_for_a_reversed_encoder() {
 }
 
 #[test]
-fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
-    let judge = |moved: i32| {
+fn a_motor_that_turns_back_slower_than_160_counts_per_s_is_no_runaway() {
+    let faults = |moved: i32| {
         let mut guard = Guard::new(Period::from_millis(50).expect("period"));
         (0..40).any(|tick| {
             let velocity = CountsPerSecond::new(-20 * moved);
@@ -509,14 +510,14 @@ fn a_motor_that_is_pushed_back_slowly_is_not_judged() {
             matches!(guard.step(&evidence), Finding::Fault(_))
         })
     };
-    // 140 and 160 counts/s.
-    assert_eq!([1, 7, 8, 100].map(judge), [false, false, true, true]);
+    // 20, 140, 160 and 2000 counts/s.
+    assert_eq!([1, 7, 8, 100].map(faults), [false, false, true, true]);
 }
 
-/// Scheme C, with coefficients that let a load get far before all is set against it.
+/// Settings of Scheme C with low coefficients: a load moves the motor far before the control value reaches its end.
 fn gentle_and_slow() -> Settings {
     let winding = Winding::NEVEREST_60;
-    // 3.7 and, in a second, 11 times what 12 V mean to a count/s.
+    // P is 3.7, and I is 11 per second, in units of the full control range per free speed at 12 V.
     let [p, i] = [40.06, 120.2 / 20.0].map(|value: f64| Coefficient::from_bits((65_536.0 * value) as i32));
     let velocity = Pidf { p, i, ..Pidf::default() };
     let slow = Coefficients { velocity, position: Pidf::default() };
@@ -528,23 +529,23 @@ fn gentle_and_slow() -> Settings {
 }
 
 #[test]
-fn a_gentle_scheme_that_is_overpowered_is_helped_by_full_reverse_before_the_encoder_is_doubted() {
+fn full_reverse_stops_a_load_that_overpowers_scheme_c_before_the_encoder_is_at_fault() {
     let mut bench = Bench::<1>::with(10, gentle_and_slow());
     bench.set(0, velocity(600));
     bench.run_ms(1_500);
     bench.axes[0].torque = 2.0;
     let full = |drive| drive == Drive { mode: Mode::Ccw62, duty: Duty::ONE };
-    let mut helped_ms = 0;
+    let mut full_reverse_ms = 0;
     for _ in 0..3_000 {
         bench.run_ms(1);
-        helped_ms += u32::from(full(bench.drives[0]));
+        full_reverse_ms += u32::from(full(bench.drives[0]));
     }
     assert_eq!(bench.fault(0), None);
-    assert!(helped_ms > 0);
-    // And so it is back at its speed, which the scheme can then hold.
+    assert!(full_reverse_ms > 0);
+    // The motor is back at its speed, and stays there.
     let cps = bench.snapshot.motors[0].velocity.round();
     assert!((cps - 600).abs() < 60, "{cps} counts/s");
-    // A load that it can hold by itself needs no help.
+    // A load that the scheme can balance needs no full reverse.
     bench.axes[0].torque = 0.8;
     bench.run_ms(1_000);
     for _ in 0..2_000 {
@@ -553,8 +554,8 @@ fn a_gentle_scheme_that_is_overpowered_is_helped_by_full_reverse_before_the_enco
     }
 }
 
-/// A motor in a gentle scheme that turns at 600 counts/s one way, whatever the bridge does, and is asked
-/// for as much the other way: until full reverse begins.
+/// A motor in Scheme C that turns at 600 counts/s in one direction, independent of its bridge. Its set-point is the
+/// same speed in the other direction.
 struct Backwards {
     motor: Controlled,
     direction: i32,
@@ -564,10 +565,11 @@ struct Backwards {
 impl Backwards {
     const MS: u32 = 10;
 
-    fn insisted_on(direction: i32) -> Self {
+    /// Runs the motor until full reverse begins.
+    fn in_full_reverse(direction: i32) -> Self {
         let motor = Controlled::new(gentle_and_slow(), Period::from_millis(Self::MS).expect("period"));
         let mut axis = Self { motor, direction, ticks: 0 };
-        // Its speed is known before it is asked for another.
+        // The estimated speed settles before the set-point reverses.
         (0..3).for_each(|_| _ = axis.step());
         axis.motor.set(velocity(-600 * direction));
         while !axis.full_reverse() {
@@ -583,7 +585,7 @@ impl Backwards {
         self.motor.step(at, Some(reading), Some(Millivolts::new(12_000)))
     }
 
-    /// Another tick; true if it is one of full reverse.
+    /// Takes a tick; returns true if the bridge is in full reverse.
     fn full_reverse(&mut self) -> bool {
         let report = self.step();
         let (mode, end) =
@@ -595,9 +597,9 @@ impl Backwards {
 }
 
 #[test]
-fn full_reverse_is_insisted_on_for_100_ms_and_then_the_encoder_is_reversed() {
+fn full_reverse_for_100_ms_without_effect_makes_a_fault() {
     for direction in [1, -1] {
-        let mut axis = Backwards::insisted_on(direction);
+        let mut axis = Backwards::in_full_reverse(direction);
         for ms in (20..=100).step_by(10) {
             assert!(axis.full_reverse(), "{ms} ms");
         }
@@ -606,11 +608,11 @@ fn full_reverse_is_insisted_on_for_100_ms_and_then_the_encoder_is_reversed() {
 }
 
 #[test]
-fn full_reverse_ends_when_the_motor_is_asked_to_go_the_way_it_turns() {
+fn full_reverse_ends_when_the_set_point_takes_the_direction_of_motion() {
     for direction in [1, -1] {
-        let mut axis = Backwards::insisted_on(direction);
+        let mut axis = Backwards::in_full_reverse(direction);
         axis.motor.set(velocity(600 * direction));
-        // This tick still judges by what was asked for until now.
+        // This tick checks the motion since the last command.
         assert!(axis.full_reverse());
         for _ in 0..40 {
             assert!(!axis.full_reverse());
@@ -620,12 +622,12 @@ fn full_reverse_ends_when_the_motor_is_asked_to_go_the_way_it_turns() {
 }
 
 #[test]
-fn no_scheme_takes_a_heavy_load_that_turns_back_slowly_for_a_reversed_encoder() {
-    for settings in ways() {
+fn a_heavy_load_that_reverses_slowly_is_not_taken_for_a_reversed_encoder_in_any_scheme() {
+    for settings in all_schemes() {
         for period in [1, 10, 50, 100] {
             let mut bench = Bench::<1>::with(period, settings);
             bench.axes[0] = Axis::with(KgM2(1.0));
-            // 100 kg of robot on wheels of 10 cm take seconds to turn back.
+            // A robot of 100 kg on wheels of 10 cm takes seconds to reverse.
             for cps in [2_500, -2_500, 1_000, -300, 0] {
                 bench.set(0, velocity(cps));
                 bench.run_ms(6_000);
@@ -636,10 +638,10 @@ fn no_scheme_takes_a_heavy_load_that_turns_back_slowly_for_a_reversed_encoder() 
 }
 
 #[test]
-fn a_motor_that_nobody_knows_is_not_doubted_while_it_turns_back_however_slowly() {
+fn an_unknown_motor_that_reverses_slowly_raises_no_fault() {
     for period in [1, 10, 50] {
         let mut bench = Bench::<1>::new(period);
-        // Some 400 counts/s² at 12 V: for 200 ms about its turning point it goes neither way.
+        // Some 400 counts/s² at 12 V. The motor has no counts for 200 ms while its direction reverses.
         bench.axes[0] = Axis::with(KgM2(2.5));
         for cps in [300, -300, 200] {
             bench.set(0, velocity(cps));
@@ -651,24 +653,24 @@ fn a_motor_that_nobody_knows_is_not_doubted_while_it_turns_back_however_slowly()
 
 #[test]
 fn every_scheme_finds_a_reversed_encoder() {
-    for settings in ways() {
+    for settings in all_schemes() {
         for (period, inertia) in [10, 50].into_iter().flat_map(|p| [0.0, 0.002, 0.05, 0.5].map(|j| (p, j))) {
             for cps in [100, 300, 1_000, 2_500, -300, -2_000] {
                 let mut bench = Bench::<1>::with(period, settings);
                 bench.axes[0] = Axis::with(KgM2(inertia));
                 bench.axes[0].reversed = true;
                 bench.set(0, velocity(cps));
-                // Clear is: at a tenth of the free speed the wrong way, with all that control can do, and no slower
-                // than before. (In C that may be too little to drive a fast motor, which then slows down whatever
-                // its encoder says.)
-                let (start, mut clear_ms, mut way) = (bench.ms, 0, 0);
+                // A clear runaway is faster than a tenth of the free speed in the wrong direction, at full control, and
+                // not slower than before. In Scheme C full control may drive a fast motor too weakly. The motor then
+                // slows down with any encoder.
+                let (start, mut clear_ms, mut distance) = (bench.ms, 0, 0);
                 while bench.fault(0).is_none() {
                     let from = bench.snapshot.motors[0].position;
                     bench.run_ms(50);
                     let report = &bench.snapshot.motors[0];
-                    let before = std::mem::replace(&mut way, report.position.wrapping_sub(from).abs());
+                    let before = std::mem::replace(&mut distance, report.position.wrapping_sub(from).abs());
                     let against = -cps.signum() * report.velocity.round() > 301;
-                    let clear = against && report.control.get().abs() > 30_720 && way >= before;
+                    let clear = against && report.control.get().abs() > 30_720 && distance >= before;
                     clear_ms = if clear { clear_ms + 50 } else { 0 };
                     let ms = bench.ms - start;
                     assert!(

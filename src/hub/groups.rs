@@ -1,31 +1,32 @@
-//! The groups of a hub: who is in which, and what ends them.
+//! Manages the groups of a hub: their members, their start and their end.
 
 use super::Inputs;
 use crate::group::{Group, Halt, MOTORS, Together};
 use crate::motor::{self, Motor, Report, Setpoint, SettleDetector};
 use crate::units::{CountsPerSecond, Period, RangeError};
 
-/// A group as the hub has it.
+/// The state of one group.
 #[derive(Clone, Debug)]
-enum Led<const N: usize> {
-    /// Begins at the first tick at which it is known where all of its members are.
-    Due(Together),
-    /// Follows its course. The detector says whether all members have settled at its end.
+enum State<const N: usize> {
+    /// The group starts at the first tick at which all members have a fresh encoder reading.
+    Waiting(Together),
+    /// The group follows its course. The detector says whether all members have settled at the end of the course.
     Moving(Group<N>, SettleDetector),
 }
 
-/// All groups. No motor is in two of them, so there are no more than motors.
+/// All groups of a hub. A motor is in one group at most, so N groups are enough.
 #[derive(Clone, Debug)]
 pub(super) struct Groups<const N: usize> {
-    led: [Option<Led<N>>; N],
+    states: [Option<State<N>>; N],
 }
 
 impl<const N: usize> Groups<N> {
+    /// Creates no groups.
     pub(super) const fn new() -> Self {
-        Self { led: [const { None }; N] }
+        Self { states: [const { None }; N] }
     }
 
-    /// Sends a group on a course: one that there is, if these are its members, or else a new one.
+    /// Sends a group on a course: the group with exactly these members, or else a new one.
     pub(super) fn lead(
         &mut self,
         leader: usize,
@@ -37,13 +38,13 @@ impl<const N: usize> Groups<N> {
         if !is_wanted(leader) || (N..MOTORS).any(is_wanted) {
             return Err(RangeError::Motor);
         }
-        for led in self.led.iter_mut().flatten() {
-            if let Led::Moving(group, settle_detector) = led
+        for state in self.states.iter_mut().flatten() {
+            if let State::Moving(group, settle_detector) = state
                 && group.members().iter().enumerate().all(|(motor, member)| *member == is_wanted(motor))
             {
                 group.redirect(together);
                 settle_detector.reset();
-                of(group.members(), motors).for_each(Motor::retarget);
+                members_of(group.members(), motors).for_each(Motor::retarget);
                 return Ok(());
             }
         }
@@ -51,29 +52,29 @@ impl<const N: usize> Groups<N> {
             if self.leave(motor, None, motors)
                 && let Some(motor) = motors.get_mut(motor)
             {
-                // Until the new group begins.
+                // The motor stands until the new group starts.
                 motor.set(Setpoint::Velocity(CountsPerSecond::ZERO));
             }
         }
-        if let Some(free) = self.led.iter_mut().find(|led| led.is_none()) {
-            *free = Some(Led::Due(together));
+        if let Some(free) = self.states.iter_mut().find(|state| state.is_none()) {
+            *free = Some(State::Waiting(together));
         }
         Ok(())
     }
 
-    /// Takes a motor out of its group; false if it was in none that moves. The others halt as told here, or
-    /// else as the group's own setting says.
+    /// Takes a motor out of its group. The other members halt by `halt`, or by the group's own setting. Returns true if
+    /// the group was moving.
     pub(super) fn leave(&mut self, motor: usize, halt: Option<Halt>, motors: &mut [Motor; N]) -> bool {
         let mut moved = false;
-        for slot in &mut self.led {
+        for slot in &mut self.states {
             match slot {
-                Some(Led::Due(together)) if together.course.members().get(motor) == Some(&true) => {
+                Some(State::Waiting(together)) if together.course.members().get(motor) == Some(&true) => {
                     *slot = None
                 }
-                Some(Led::Moving(group, _)) if group.members().get(motor) == Some(&true) => {
+                Some(State::Moving(group, _)) if group.members().get(motor) == Some(&true) => {
                     moved = true;
                     group.remove(motor);
-                    if ends(group, halt.unwrap_or(group.halt()), motors) {
+                    if halt_group(group, halt.unwrap_or(group.halt()), motors) {
                         *slot = None;
                     }
                 }
@@ -83,9 +84,9 @@ impl<const N: usize> Groups<N> {
         moved
     }
 
-    /// Tells the members where to be at this tick.
+    /// Starts waiting groups, and sets the set-points of all members for this tick.
     pub(super) fn step(&mut self, inputs: &Inputs<N>, period: Period, motors: &mut [Motor; N]) {
-        if self.led.iter().all(Option::is_none) {
+        if self.states.iter().all(Option::is_none) {
             return;
         }
         let fresh = inputs.readings.map(|reading| motor::fresh(reading, inputs.now));
@@ -93,16 +94,16 @@ impl<const N: usize> Groups<N> {
         for (position, reading) in positions.iter_mut().zip(fresh) {
             *position = reading.map_or(*position, |reading| reading.position);
         }
-        for led in self.led.iter_mut().flatten() {
-            if let Led::Due(together) = led {
+        for state in self.states.iter_mut().flatten() {
+            if let State::Waiting(together) = state {
                 let members = together.course.members();
                 if members.iter().zip(&fresh).all(|(member, reading)| !member || reading.is_some()) {
                     let speeds = motors.each_ref().map(|motor| motor.velocity());
                     let group = Group::new(*together, positions, speeds, period);
-                    *led = Led::Moving(group, SettleDetector::new(period));
+                    *state = State::Moving(group, SettleDetector::new(period));
                 }
             }
-            let Led::Moving(group, _) = led else { continue };
+            let State::Moving(group, _) = state else { continue };
             for (motor, reference) in motors.iter_mut().zip(group.step(&positions)) {
                 if let Some(reference) = reference {
                     motor.set(Setpoint::Together(reference));
@@ -111,10 +112,11 @@ impl<const N: usize> Groups<N> {
         }
     }
 
-    /// Reviews the reports of a tick: members settle together, and a fault of one member ends the group for all.
+    /// Reviews the reports of a tick. Members settle together. A member with a fault leaves the group, and the others
+    /// halt.
     pub(super) fn review(&mut self, reports: &mut [Report; N], motors: &mut [Motor; N]) {
-        for slot in &mut self.led {
-            let Some(Led::Moving(group, settle_detector)) = slot else { continue };
+        for slot in &mut self.states {
+            let Some(State::Moving(group, settle_detector)) = slot else { continue };
             let members = *group.members();
             let within_tolerance =
                 group.is_within_tolerance(&reports.each_ref().map(|report| report.position));
@@ -126,11 +128,11 @@ impl<const N: usize> Groups<N> {
                 report.settled = settled;
                 if report.faults.any() {
                     group.remove(index);
-                    // Not disabled, which would end a fault of the encoder before anyone has seen it.
+                    // Disabling the motor would clear the fault before a host has read it.
                     motor.set(Setpoint::Velocity(CountsPerSecond::ZERO));
                 }
             }
-            if *group.members() != members && ends(group, group.halt(), motors) {
+            if *group.members() != members && halt_group(group, group.halt(), motors) {
                 *slot = None;
             }
         }
@@ -144,17 +146,17 @@ fn fastest<const N: usize>(members: &[bool; N], reports: &[Report; N]) -> Counts
     velocities.max_by_key(|velocity| velocity.to_bits().unsigned_abs()).unwrap_or(CountsPerSecond::ZERO)
 }
 
-/// Halts who is left of a group; true if that is the end of it.
-fn ends<const N: usize>(group: &mut Group<N>, halt: Halt, motors: &mut [Motor; N]) -> bool {
+/// Halts the remaining members of a group. Returns true if the group has ended.
+fn halt_group<const N: usize>(group: &mut Group<N>, halt: Halt, motors: &mut [Motor; N]) -> bool {
     match halt {
         Halt::Stop => group.stop(),
-        Halt::Coast => of(group.members(), motors).for_each(|motor| motor.set(Setpoint::Disabled)),
+        Halt::Coast => members_of(group.members(), motors).for_each(|motor| motor.set(Setpoint::Disabled)),
     }
     halt == Halt::Coast || *group.members() == [false; N]
 }
 
-/// The motors that are members.
-fn of<'a, const N: usize>(
+/// The motors that are members of a group.
+fn members_of<'a, const N: usize>(
     members: &'a [bool; N],
     motors: &'a mut [Motor; N],
 ) -> impl Iterator<Item = &'a mut Motor> {

@@ -1,4 +1,4 @@
-//! Encoder counts: 16-bit hardware counters unwrapped to positions, and the time of the last count.
+//! Unwraps 16-bit hardware counters to positions, and notes the time of the last count.
 //!
 //! ```
 //! use motor_hub::motion::Tracker;
@@ -13,22 +13,21 @@
 
 use crate::units::Micros;
 
-/// What is known of an encoder at one instant.
+/// The state of an encoder at one sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reading {
-    /// Counts since boot or reset, wrapping at 32 bits. Positive is CW.
+    /// Position in counts since boot or reset, positive clockwise. It wraps at 32 bits.
     pub position: i32,
-    /// When the count last changed, as seen by the sampling: late by at most one sampling interval.
+    /// Time of the first sample with the present count. The edge itself was at most one sampling interval earlier.
     pub edge_at: Micros,
-    /// When the counter was sampled.
+    /// Time of the sample.
     pub at: Micros,
 }
 
-/// Follows one wrapping 16-bit counter.
+/// Unwraps one 16-bit counter.
 ///
-/// The counter must be sampled before it moves 32 768 counts; at 1 ms that allows 32 million
-/// counts/s.
+/// The counter must be sampled before it moves 32 768 counts. A sample each millisecond allows 32 million counts/s.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tracker {
     last: Option<(u16, Reading)>,
@@ -40,7 +39,7 @@ impl Tracker {
         let reading = match self.last {
             None => Reading { position: 0, edge_at: now, at: now },
             Some((last_count, last)) => {
-                // The shortest way round.
+                // The shorter of the two distances that give this count.
                 let moved = count.wrapping_sub(last_count).cast_signed();
                 Reading {
                     position: last.position.wrapping_add(i32::from(moved)),

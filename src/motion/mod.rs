@@ -1,4 +1,4 @@
-//! Counts that wrap and when they came, the PID loop, and a watch on the encoder.
+//! Position tracking of wrapping encoder counters, the PID loop, and the encoder check.
 //!
 //! ```
 //! use motor_hub::motion::Tracker;

@@ -1,5 +1,4 @@
-//! Where motors are and how fast they turn, as of the newest samples of their encoders: for whoever looks between two
-//! ticks.
+//! The newest encoder samples and speeds of all motors, for readers between two ticks.
 //!
 //! ```
 //! use motor_hub::motion::{Newest, Tracker};
@@ -16,7 +15,7 @@
 use super::Reading;
 use crate::units::{CountsPerSecond, Micros};
 
-/// The newest samples, and what observers make of them.
+/// The newest encoder samples, and the speeds that the observers estimate from them.
 #[derive(Clone, Debug)]
 pub struct Newest<const N: usize> {
     readings: [Option<Reading>; N],
@@ -24,30 +23,31 @@ pub struct Newest<const N: usize> {
 }
 
 impl<const N: usize> Newest<N> {
-    /// Nothing is known.
+    /// Creates a store without samples and speeds.
     pub const fn new() -> Self {
         Self { readings: [None; N], speeds: [None; N] }
     }
 
-    /// Takes a sample of all encoders, in its place: of one that is silent the last reading stays.
+    /// Takes a sample of all encoders. `read` replaces the last readings in place. An encoder without a new reading keeps
+    /// its last one.
     pub fn sample(&mut self, read: impl FnOnce(&mut [Option<Reading>; N])) {
         read(&mut self.readings);
     }
 
-    /// The newest samples.
+    /// The newest sample of each encoder; `None` before the first.
     pub const fn readings(&self) -> &[Option<Reading>; N] {
         &self.readings
     }
 
-    /// Takes the speeds that observers make of it.
+    /// Takes the speeds that the observers estimate, in the order of the motors.
     pub fn observe(&mut self, speeds: impl Iterator<Item = CountsPerSecond>) {
         for (last, new) in self.speeds.iter_mut().zip(speeds) {
             *last = Some(new);
         }
     }
 
-    /// A motor's position in counts, and its speed if anybody observes that between two ticks. `None` if nothing is known
-    /// of its encoder that is newer than the last tick.
+    /// A motor's position in counts, and its speed; `None` without a sample newer than `tick`. The speed is `None`
+    /// where speeds are estimated at ticks only.
     pub fn look(&self, motor: usize, tick: Micros) -> Option<(i32, Option<CountsPerSecond>)> {
         let new = (*self.readings.get(motor)?).filter(|new| new.at > tick)?;
         Some((new.position, self.speeds.get(motor).copied().flatten()))

@@ -1,4 +1,4 @@
-//! PID with feed-forward, in fixed point, with an integrator that does not wind up.
+//! A PID loop with feed-forward and anti-windup, in fixed point.
 //!
 //! ```
 //! use motor_hub::motion::pid::{Pid, PidInput, Pidf, Value};
@@ -21,63 +21,63 @@
 use crate::units::{Coefficient, Period};
 use fixed::types::{I16F16, I24F8, I40F24};
 
-/// What goes into a loop and comes out of it, in its own unit: +-8 388 607, in steps of 1/256.
+/// An input or the output of a loop, in the loop's unit: +-8 388 607, in steps of 1/256.
 pub type Value = I24F8;
 
-/// A coefficient times a value, exact, and sums of such: +-2^39.
+/// The exact product of a coefficient and a value, or a sum of products: +-2^39.
 type Term = I40F24;
 
-/// The cycle for which hosts choose I and D, in milliseconds: that of the hubs whose protocol this is. A loop of another
-/// period does as much in the same time.
+/// Cycle for which hosts choose I and D, in ms: the control period of REV's hubs. A loop of another period has the same
+/// effect per time.
 const CYCLE_MS: i64 = 50;
 
-/// Coefficients of one loop, as hosts give them.
+/// Coefficients of one loop, in the units of the protocol.
 ///
-/// Velocity loop: steps per count/s of the error (P), of the error in each cycle of 50 ms (I), of its change from one
-/// cycle to the next (D), of the set-point (F). With F a step is 1/32 767 of the battery's voltage, in every scheme and by
-/// both duty rules; without F it is one of the control value. Position loop: counts/s per count, in the same way; F is not
-/// used, its set-point has no rate.
+/// * Velocity loop: control steps per count/s, of the error (P), the error in each cycle of 50 ms (I), the error's
+///   change per cycle (D) and the set-point (F). Without F a step is one of the control value. With F a step is
+///   1/32767 of the battery voltage, in every scheme and by both duty rules.
+/// * Position loop: counts/s per count, of the error (P, I and D). F is not used, because the set-point has no rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Pidf {
-    /// Proportional.
+    /// Proportional coefficient.
     pub p: Coefficient,
-    /// Integral, per cycle of 50 ms: 20 I a second, whatever the period.
+    /// Integral coefficient, per cycle of 50 ms: 20 I per second at every period.
     pub i: Coefficient,
-    /// Derivative, in cycles of 50 ms: D / 20 in seconds; of the measurement, so a set-point step gives no kick.
+    /// Derivative coefficient, in cycles of 50 ms: D / 20 in seconds. It acts on the measurement, so a set-point step
+    /// gives no kick.
     pub d: Coefficient,
-    /// Feed-forward.
+    /// Feed-forward coefficient.
     pub f: Coefficient,
 }
 
 impl Pidf {
-    /// What P makes of an error, and F of what it is for.
+    /// The sum of the proportional and the feed-forward term of an error.
     pub(crate) fn share(&self, error: Value) -> Value {
         Value::saturating_from_num(product(self.p, error).saturating_add(product(self.f, error)))
     }
 }
 
-/// What a loop is given each tick.
+/// The inputs of a loop at one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PidInput {
     /// Set-point minus measurement.
     pub error: Value,
-    /// Measurement; it may wrap, as positions do, so half of the range is the most that it may change
-    /// in a tick.
+    /// Measurement. It may wrap, as positions do; in one tick it may change by half of the range.
     pub measured: Value,
-    /// What F multiplies.
+    /// Factor of the feed-forward coefficient.
     pub feed_forward: Value,
-    /// The output's largest magnitude; the sign does not matter.
+    /// Largest magnitude of the output. The sign of the limit has no effect.
     pub limit: Value,
 }
 
-/// Time constant of the derivative's filter, in milliseconds.
+/// Time constant of the derivative filter, in ms.
 const DERIVATIVE_FILTER_MS: i64 = 20;
 
-/// State of one loop.
+/// The state of one loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pid {
-    /// In the output's unit.
+    /// Integral, in the output's unit.
     integral: Term,
     last_measured: Option<Value>,
     /// Filtered rate of the measurement, per second.
@@ -85,10 +85,10 @@ pub struct Pid {
 }
 
 impl Pid {
-    /// One tick. The output is rounded down, and within `input.limit`.
+    /// Takes a tick and returns the output, rounded down and within `input.limit`.
     ///
-    /// Anti-windup: the integrator moves only if the output does not saturate, or if it moves the
-    /// output back into its range, and never beyond the range by itself. Nor does what is fed forward go beyond it.
+    /// Anti-windup: while the output saturates, the integral changes only towards the range. Integral and feed-forward
+    /// are each limited to the range.
     pub fn step(&mut self, gains: &Pidf, period: Period, input: PidInput) -> Value {
         let limit = Term::from(input.limit).abs();
         let last = self.last_measured.replace(input.measured);
@@ -96,7 +96,7 @@ impl Pid {
             Term::ZERO
         } else {
             if let Some(last) = last {
-                self.follow(input.measured.wrapping_sub(last), period);
+                self.update_rate(input.measured.wrapping_sub(last), period);
             }
             product(gains.d, self.rate) / (1000 / CYCLE_MS)
         };
@@ -116,22 +116,24 @@ impl Pid {
         Value::saturating_from_num(output)
     }
 
-    /// The rate's filter, of first order; what does not fit is far beyond any limit.
-    fn follow(&mut self, change: Value, period: Period) {
-        // At least 1 anyway, which spares the division a panic.
+    /// Filters the rate of the measurement, in first order. A saturated rate is far beyond any limit.
+    fn update_rate(&mut self, change: Value, period: Period) {
+        // A period is at least 1 ms. The compiler then leaves out the check for a division by 0.
         let ms = i64::from(period.as_millis()).max(1);
         let rate = Value::saturating_from_num(Term::from(change) * 1000 / ms);
         let step = (Term::from(rate) - Term::from(self.rate)) * ms / (ms + DERIVATIVE_FILTER_MS);
         self.rate = self.rate.saturating_add(Value::saturating_from_num(step));
     }
 
-    /// Forgets the past, as when a loop is switched on.
+    /// Resets the loop to its initial state.
     pub const fn reset(&mut self) {
         *self = Self { integral: Term::ZERO, last_measured: None, rate: Value::ZERO };
     }
 
-    /// Starts such that the output would be this if nothing were wrong with the measurement. Of the past
-    /// nothing else is left. A loop that does not integrate has no way to unlearn it, and starts at nothing.
+    /// Resets the loop for a bumpless start: at an error of 0 the next output is `output`.
+    ///
+    /// The feed-forward of `measured` is taken off the integral. A loop without I starts with an integral of 0, because
+    /// it could not change another one.
     pub fn preset(&mut self, gains: &Pidf, output: Value, measured: Value) {
         self.reset();
         if gains.i != Coefficient::ZERO {
@@ -140,6 +142,7 @@ impl Pid {
     }
 }
 
+/// The exact product of a coefficient and a value.
 fn product(coefficient: Coefficient, value: Value) -> Term {
     I16F16::from_bits(coefficient.to_bits()).wide_mul(value)
 }

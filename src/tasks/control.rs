@@ -1,6 +1,8 @@
-//! The control ticker: every sample of the encoders to the hub's observers, and with it what bridges say of themselves
-//! and what is new of the bus, which may change the drives at once, as may commands that need no regulator; an alarm of the
-//! bus, which waits for no sample; every period, all commands in, one step of the hub, drives and snapshot out.
+//! Runs the hub: a tick each period, and faster reactions between two ticks.
+//!
+//! * Between two ticks, at each encoder sample and each alarm of the bus: update estimates, execute urgent commands,
+//!   take feedback of the bridges, and apply new limits of the bus. Commands and limits may change what bridges do.
+//! * At each tick: apply all commands, step the hub, and publish bridge commands and snapshot.
 
 use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
@@ -11,28 +13,28 @@ use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
 
-/// Runs for ever. (The hub is borrowed because a future holds an argument twice.)
+/// Runs the control task without end. The hub is borrowed, because a future stores an argument twice.
 ///
-/// Ticks stay on a grid of whole periods from the start. A tick that ends after the next one was due
-/// makes that one be left out and counted, rather than followed by a burst.
+/// Ticks are on a grid of whole periods from the start. After a tick that ends too late, missed ticks are left out and
+/// counted: there is no burst of ticks.
 pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>, health: &Health) -> ! {
     let period = Duration::from_micros(hub.period().as_micros());
     let snapshots = wires.snapshot.sender();
     let mut inputs = Inputs { now: micros(Instant::now()), readings: [None; N], battery: None };
-    // Where every sample has a tick, its snapshot says it all.
-    let between = period > CAPTURE_INTERVAL;
+    // If every sample has a tick, the snapshots have all speeds.
+    let samples_between_ticks = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
     loop {
         if let Either::First(()) = select(wires.news.wait(), Timer::at(due)).await {
-            // After an alarm of the bus these are those of before, of which nothing follows.
-            look(wires, |newest| {
+            // After a bus alarm the readings are unchanged; taking them again has no effect.
+            update_newest(wires, |newest| {
                 hub.sample(newest.readings());
-                if between {
+                if samples_between_ticks {
                     newest.observe(hub.velocities());
                 }
             });
             if wires.urgent.lock(|urgent| urgent.replace(false)) {
-                obey(hub, wires);
+                apply_commands(hub, wires);
                 if let Some(drives) = hub.act(micros(Instant::now()), inputs.battery) {
                     wires.drives.signal(drives);
                 }
@@ -48,12 +50,12 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             }
             continue;
         }
-        // Capture is due at the same time; its sample goes first.
+        // Capture is due at the same time. Its sample comes first.
         yield_now().await;
         wires.news.reset();
-        look(wires, |newest| inputs.readings = *newest.readings());
+        update_newest(wires, |newest| inputs.readings = *newest.readings());
         inputs.now = micros(Instant::now());
-        obey(hub, wires);
+        apply_commands(hub, wires);
         if wires.battery.signaled() {
             inputs.battery = wires.battery.try_take();
         }
@@ -78,20 +80,20 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
     }
 }
 
-/// All commands that wait, in their order.
-fn obey<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>) {
+/// Applies all waiting commands in their order.
+fn apply_commands<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>) {
     while let Ok(command) = wires.commands.try_receive() {
-        // Refused if whoever sent it used an index beyond N; there is no motor to do anything to.
+        // A command to a motor beyond N is refused. It needs no reaction.
         let _ = hub.apply(command);
     }
 }
 
-/// At the newest samples.
-fn look<M: RawMutex, const N: usize>(wires: &Wires<M, N>, at: impl FnOnce(&mut Newest<N>)) {
+/// Calls `access` with the newest samples.
+fn update_newest<M: RawMutex, const N: usize>(wires: &Wires<M, N>, access: impl FnOnce(&mut Newest<N>)) {
     wires.newest.lock(|newest| {
-        // Nobody holds it over an await.
+        // No task keeps the borrow across an await, so the borrow succeeds.
         if let Ok(mut newest) = newest.try_borrow_mut() {
-            at(&mut newest);
+            access(&mut newest);
         }
     });
 }

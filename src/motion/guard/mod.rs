@@ -1,25 +1,30 @@
-//! Is the encoder telling the truth? A regulated motor whose encoder is unplugged or reversed runs
-//! away; this notices, from nothing but effort and counts.
+//! Checks the encoder of a regulated motor by drive voltage and counts. With an encoder that is unplugged or reversed,
+//! a regulated motor runs away.
 //!
-//! * **Reversed:** for 150 ms the control value is at the end of its range and the bridge in reverse, and
-//!   still the motor turns the wrong way, or twice as fast as asked, at 160 counts/s or more, and does
-//!   not slow down. A load that does this to a well-wired motor overpowers it by more than its stall
-//!   torque. In Schemes C and D the end of the range may be less than full reverse, and a load may
-//!   overpower that: there, after 100 ms, the bridge is put in full reverse for another 100 ms, which
-//!   slows down a well-wired motor, and drives on one whose encoder is reversed.
-//! * **Stuck:** the motor does not turn though it should, by what the bridge was told, the motor's acceleration,
-//!   and the heaviest friction; or it turned evenly and falls silent, though under the load that it had it would have gone
-//!   on: see `held`. An unplugged encoder, one with a broken wire, or a motor held by a stop:
-//!   it is released, if there is time for that, and then driven the other way, once, to find out. A motor that is *stalled* is reported,
-//!   which is no fault.
+//! * **Reversed.** For 150 ms the control value is at the end of its range, and the bridge is in reverse. Still the
+//!   motor turns in the wrong direction, or at twice the requested speed, with 160 counts/s or more, and does not slow
+//!   down. With a sound encoder this takes a load of more than the stall torque. In Schemes C and D the end of the
+//!   range may be less than full reverse. There the bridge gets full reverse after 100 ms, for another 100 ms. Full
+//!   reverse slows down a motor with a sound encoder, and drives on a motor with a reversed one.
+//! * **Stuck.** The motor does not count though it should, by its drive voltage, its acceleration and the heaviest
+//!   friction. Or it turned steadily and falls silent, though it should have kept turning under its load. The encoder
+//!   may be unplugged or have a broken wire, or a stop may block the motor. To decide, the motor is released, if there
+//!   is time, and *probed*: driven in the other direction once. Counts mean a *stall*, which is no fault. The file
+//!   `stuck.rs` has the states.
 //!
-//! A motor that turns evenly and whose encoder falls silent is judged within 250 ms, at every control period; so is a clear
-//! case of any other, from when it is given all that it has. It takes longer where counts take longer, and of a motor of
-//! which nothing is known: 1 s if it was last heard turning the wrong way, for it may be that slow to turn back, and some
-//! 4 s if it has fewer than 1000 counts/s at 12 V.
+//! | motor | time to a fault |
+//! |---|---|
+//! | turned steadily, then silent | 250 ms, at every control period |
+//! | other clear cases | 250 ms from full drive voltage on |
+//! | has few counts | longer, by the time that counts take |
+//! | unknown, last turned in the other direction | 1 s, because a heavy motor may take that long to reverse |
+//! | unknown, with fewer than 1000 counts/s at 12 V | some 4 s |
 //!
-//! Open-loop power needs no encoder and is not watched; neither is a motor that holds its position, from which no count is
-//! due, nor one at rest that all of a low battery might not turn against friction.
+//! Three kinds of motors are not checked: a motor in open loop, which needs no encoder; a motor that holds its
+//! position, from which no count is due; and a motor at rest that a low battery may be unable to turn against friction.
+//!
+//! Constants without a stated source have none on record. `motor-hub soak --sweep` counts false alarms with them (see
+//! `docs/concepts/faults.md`), and `tests/guard.rs` checks the times.
 //!
 //! ```
 //! use motor_hub::braking::{Regime, Winding};
@@ -56,125 +61,127 @@
 //! assert_eq!(findings[3], Finding::Fault(EncoderFault::Stuck));
 //! ```
 
-mod heard;
-mod held;
+mod expected;
+mod last_motion;
 mod runaway;
+mod stuck;
 
 use crate::braking::Regime;
 use crate::motion::Reading;
 use crate::units::{Control, CountsPerSecond, EmfConstant, Period, Voltage};
-use held::Held;
 use runaway::{Runaway, Span};
+use stuck::StuckCheck;
 
-/// Effort of a motor that is given all: the end of the control range, but for what the loop's rounding
-/// leaves.
-const FULL_EFFORT: i16 = 30_720;
+/// Least magnitude of a control value at the end of its range: 15/16 of it. The rest is for rounding in the loop.
+const FULL_CONTROL: i16 = 30_720;
 
-/// Way that is due before it is missed, in counts.
-const DUE_COUNTS: f32 = 6.0;
+/// Distance that a motor from rest should cover before missing counts matter, in counts.
+const EXPECTED_COUNTS: f32 = 6.0;
 
-/// What is wrong with an encoder.
+/// A fault of an encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncoderFault {
-    /// No counts under effort, in neither direction.
+    /// The encoder does not count in either direction of drive.
     Stuck,
-    /// Counts against the effort.
+    /// The encoder counts against the drive voltage.
     Reversed,
 }
 
-/// What the bridge was told at the last tick, and for what speed.
+/// The command of the bridge at the last tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Order {
-    /// Speed that was asked for.
+    /// Requested speed.
     pub target: CountsPerSecond,
-    /// Control value,
+    /// Control value of the command.
     pub control: Control,
-    /// its regime,
+    /// Regime of the command.
     pub regime: Regime,
-    /// and the voltage across the motor that it meant.
+    /// Drive voltage of the command: the mean voltage across the motor, positive clockwise.
     pub push: Voltage,
-    /// Speed at that time.
+    /// Estimated speed at the time of the command.
     pub velocity: CountsPerSecond,
 }
 
-/// What was ordered, and what came of it.
+/// The command of the last tick, and the motion since then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evidence {
-    /// In force until now.
+    /// Command in force until now.
     pub order: Order,
-    /// Counts that came meanwhile.
+    /// Counts since the command.
     pub moved: i32,
-    /// Speed after them.
+    /// Estimated speed now.
     pub velocity: CountsPerSecond,
-    /// Of the battery, in volts.
+    /// Battery voltage, in volts.
     pub battery: f32,
-    /// What a volt accelerates the motor by at least, in counts/s², if that is known.
+    /// Least acceleration of the motor per volt, in counts/s²; `None` for an unknown motor.
     pub gain: Option<f32>,
-    /// What a volt is thought to accelerate it by, in counts/s².
+    /// Estimated acceleration of the motor per volt, in counts/s².
     pub volt: f32,
-    /// Its back EMF.
+    /// Back EMF constant of the motor.
     pub emf: EmfConstant,
-    /// The end of the control range may be less than full reverse.
+    /// True if the end of the control range may be less than full reverse.
     pub gentle: bool,
-    /// A motor that does not turn may be driven the other way to find out why.
+    /// True if a motor that does not turn may be probed.
     pub probing: bool,
 }
 
 impl Evidence {
-    /// Counts the way that it is thought to turn: an estimate may lag behind them.
+    /// Counts since the command, positive in the direction of the estimated speed. The estimate may lag behind the
+    /// counts.
     fn counts(&self) -> i64 {
         let moved = i64::from(self.moved);
         if self.velocity < CountsPerSecond::ZERO { -moved } else { moved }
     }
 
-    /// The motor turns the wrong way, or at least twice as fast as asked, against all that control can do.
+    /// True if the motor turns in the wrong direction, or at least twice as fast as requested, against full control in
+    /// reverse.
     fn runs_away(&self) -> bool {
         let Order { target, control, regime, .. } = self.order;
         let (velocity, target) = (i64::from(self.velocity.to_bits()), i64::from(target.to_bits()));
-        let astray = if velocity < 0 { 2 * target >= velocity } else { 2 * target <= velocity };
-        astray && regime == Regime::Reverse && control.get().abs() >= FULL_EFFORT
+        let wrong_speed = if velocity < 0 { 2 * target >= velocity } else { 2 * target <= velocity };
+        wrong_speed && regime == Regime::Reverse && control.get().abs() >= FULL_CONTROL
     }
 }
 
-/// What to do about it.
+/// What the motor has to do at this tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finding {
-    /// Nothing is wrong, or not yet.
+    /// Follow the loop: no fault is found.
     Sound,
-    /// Held against a stop; nothing is wrong with the encoder.
+    /// Follow the loop: the motor is stalled, and its encoder is sound.
     Stalled,
-    /// Brake, to see whether anything moves the motor.
+    /// Brake, and wait for counts.
     Release,
-    /// Use this control value instead of the loop's.
+    /// Apply this control value in open loop instead of the loop's.
     Probe(Control),
-    /// Put the bridge in full reverse, whatever the scheme says to this control value, the end of its range.
+    /// Apply full reverse, in every scheme. The control value is the end of the range.
     Insist(Control),
-    /// Stop using the encoder.
+    /// Stop the regulation: the encoder is at fault.
     Fault(EncoderFault),
 }
 
-/// Watches one regulated motor.
+/// The encoder check of one regulated motor.
 #[derive(Clone, Copy, Debug)]
 pub struct Guard {
     period: Period,
-    held: Held,
+    stuck: StuckCheck,
     runaway: Runaway,
 }
 
 impl Guard {
-    /// For a motor that is stepped every `period`. Nothing is suspected.
+    /// Creates a check that is stepped every `period`.
     pub fn new(period: Period) -> Self {
-        Self { period, held: Held::new(period), runaway: Runaway::default() }
+        Self { period, stuck: StuckCheck::new(period), runaway: Runaway::default() }
     }
 
-    /// Takes a sample of the encoder between two ticks and at them, best every millisecond, and what besides the bridge is
-    /// thought to accelerate the motor then, in counts/s².
+    /// Takes a sample of the encoder, at ticks and best every millisecond between them. `load` computes the estimated
+    /// disturbance: the acceleration by everything but the bridge, in counts/s².
     pub fn sample(&mut self, reading: &Reading, load: impl FnOnce() -> f32) {
-        self.held.sample(reading, load);
+        self.stuck.sample(reading, load);
     }
 
-    /// What a tick says of the encoder, together with those before it.
+    /// Takes the evidence of a tick, and decides by this tick and those before.
     pub fn step(&mut self, evidence: &Evidence) -> Finding {
         if evidence.runs_away() {
             let tick = Span { ms: self.period.as_millis().into(), counts: evidence.counts() };
@@ -185,22 +192,22 @@ impl Guard {
         } else if self.runaway.has_begun() {
             self.runaway = Runaway::default();
         }
-        self.held.step(evidence)
+        self.stuck.step(evidence)
     }
 
-    /// Another thing is asked of the motor: one that is being examined is not driven on because of that. Returns
-    /// whether it was.
+    /// Notes a new set-point. A release or a probe ends, so that it does not disturb the new motion. Returns true if
+    /// there was one.
     pub fn retarget(&mut self) -> bool {
-        let examining = self.held.is_examining();
+        let examining = self.stuck.is_examining();
         if examining {
             self.reset();
         }
         examining
     }
 
-    /// Suspects nothing any more, as when the motor is no longer regulated.
+    /// Discards all evidence, as when the motor is no longer regulated.
     pub fn reset(&mut self) {
-        self.held.reset();
+        self.stuck.reset();
         self.runaway = Runaway::default();
     }
 }
