@@ -374,6 +374,8 @@ impl Regulator {
     }
 
     /// Computes the output for this tick. `moved` is the counts since the last tick.
+    // The budget of the regulator is counted by this symbol.
+    #[inline(never)]
     pub fn step(&mut self, demand: Demand, moved: i32, stage: &Stage<'_>) -> Output {
         let demand = self.hold_at_standstill(demand);
         self.speed_demanded = matches!(demand, Demand::Velocity(_));
