@@ -224,7 +224,7 @@ impl Default for MotorReport {
             setpoint: ReportedSetpoint::Off,
             position: 0,
             velocity: 0,
-            regulator: Kind::Pid,
+            regulator: Kind::Model,
             control: Control::ZERO,
             regime: None,
             drive: Drive::COAST,

@@ -104,7 +104,7 @@ impl Report {
         setpoint: Setpoint::Disabled,
         position: 0,
         velocity: CountsPerSecond::ZERO,
-        regulator: Kind::Pid,
+        regulator: Kind::Model,
         current: Milliamperes::ZERO,
         measured: None,
         sense_line: SenseLine::Absent,

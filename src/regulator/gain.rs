@@ -183,8 +183,9 @@ impl GainEstimate {
         if excited && s.abs() > LEARNING_SENSITIVITY {
             self.variance = at_most(self.variance + VARIANCE_PER_SECOND * age_s, GUESS_VARIANCE);
         }
-        let largest = LARGEST_GAIN_ERROR * s.abs() * sqrtf(self.variance) + LARGEST_NOISE * sqrtf(noise);
-        if innovation.abs() > largest {
+        let is_noise = innovation * innovation <= LARGEST_NOISE * LARGEST_NOISE * noise;
+        let largest = || LARGEST_GAIN_ERROR * s.abs() * sqrtf(self.variance) + LARGEST_NOISE * sqrtf(noise);
+        if !is_noise && innovation.abs() > largest() {
             // With this little sensitivity a wrong gain cannot be the cause.
             if s.abs() < RELEVANT_SENSITIVITY {
                 self.restart();

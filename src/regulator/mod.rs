@@ -381,16 +381,16 @@ impl Regulator {
         self.speed_demanded = matches!(demand, Demand::Velocity(_));
         let position = self.position();
         let velocity = self.velocity();
-        // The voltage with which a PID loop starts, so that the current makes no step.
-        let steady = match self.voltage {
-            Some(voltage) if self.loops.continues() => voltage,
-            _ if self.loops.is_running() => Voltage::from_volts(0.0),
-            _ => self.steady_voltage(velocity),
-        };
         let request = match &self.config.coefficients {
             None => self.by_model(demand, position, stage),
             Some(coefficients) => {
                 let gain = self.motion.plant.b;
+                // The voltage with which a PID loop starts, so that the current makes no step.
+                let steady = match self.voltage {
+                    Some(voltage) if self.loops.continues() => voltage,
+                    _ if self.loops.is_running() => Voltage::from_volts(0.0),
+                    _ => self.steady_voltage(velocity),
+                };
                 let context = loops::Context { coefficients, period: self.period, gain, steady, stage };
                 self.loops.step(demand, position, velocity, &context)
             }

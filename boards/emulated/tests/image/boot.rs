@@ -143,7 +143,7 @@ fn the_whole_hub_needs_little_of_the_core_every_50_ms() {
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_whole_hub_needs_little_of_the_core_every_1_ms() {
-    the_whole_hub_needs_at_most(1, 10.0);
+    the_whole_hub_needs_at_most(1, 20.0);
 }
 
 /// So many percent of the core's instructions at this control period.
