@@ -21,7 +21,7 @@ use motor_hub::motion::EncoderFault;
 use motor_hub::motor::Faults;
 use motor_hub::store::Outcome;
 use motor_hub::supply::BusState;
-use motor_hub::units::Control;
+use motor_hub::units::{Control, Milliamperes};
 
 /// Highest speed of a motor that counts as standing, in counts per second.
 pub const STANDS_CPS: u16 = 3;
@@ -72,8 +72,11 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
             Some("settled at its target")
         }
         ReportedSetpoint::Identify(_) => None,
+        ReportedSetpoint::Current(Milliamperes::ZERO) => Some("the set-point is current 0"),
+        _ if motor.current_limited => Some("held by its current limit: the load needs more current"),
         _ if motor.stalled => Some("stalled: the motor is driven and does not turn"),
         _ if motor.derated => Some("derated: the winding is hot, and the current is limited"),
+        ReportedSetpoint::Current(_) => Some("the load balances the constant current"),
         _ => None,
     }
 }
