@@ -10,6 +10,11 @@
 //! let hub = HubReport { bus: BusState::Quiet, motors: [motor].into_iter().collect(), ..HubReport::default() };
 //! assert_eq!(why_still(&hub, 0), Some("stalled: the motor is driven and does not turn"));
 //!
+//! // A current limit that is too small for the load also stalls the motor.
+//! let limited = MotorReport { current_limited: true, ..motor };
+//! let limited = HubReport { motors: [limited].into_iter().collect(), ..hub.clone() };
+//! assert_eq!(why_still(&limited, 0), Some("held by its current limit: the load needs more current"));
+//!
 //! // The report is older than the newest command, so the reason may have passed.
 //! let commands = Some(Commands { included: 7, newest: 8 });
 //! assert_eq!(why_still(&HubReport { commands, ..hub }, 0), None);
@@ -47,7 +52,8 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
     if let Some(fault) = fault(motor) {
         return Some(fault);
     }
-    if motor.velocity.unsigned_abs() > STANDS_CPS {
+    // The speed of a stalled motor is an estimate, which may differ from 0.
+    if motor.velocity.unsigned_abs() > STANDS_CPS && !motor.stalled {
         return None;
     }
     // The reasons below follow from a set-point that the motor no longer has.
