@@ -90,7 +90,10 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
 const fn fault(motor: &MotorReport) -> Option<&'static str> {
     let regulated = matches!(
         motor.setpoint,
-        ReportedSetpoint::Velocity(_) | ReportedSetpoint::Position(_) | ReportedSetpoint::Together(_)
+        ReportedSetpoint::Current(_)
+            | ReportedSetpoint::Velocity(_)
+            | ReportedSetpoint::Position(_)
+            | ReportedSetpoint::Together(_)
     );
     match motor.faults {
         Faults { bridge: true, .. } => {
