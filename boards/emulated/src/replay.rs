@@ -181,7 +181,7 @@ fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, scenario: &Scenario) 
         talk.order(bench, request(Group::Protection));
     }
     talk.order(bench, request(Group::Motion));
-    for group in [Group::VelocityLoop, Group::PositionLoop] {
+    for group in [Group::CurrentLimit, Group::VelocityLoop, Group::PositionLoop] {
         if group.in_use(&settings) {
             talk.order(bench, request(group));
         }
@@ -232,7 +232,7 @@ fn carry_out(
                 Setpoint::ConstantPower(power) => talk.power(bench, motor, power.get()),
                 Setpoint::Current { current, speed_limit } => {
                     talk.power(bench, motor, 0);
-                    let speed_limit_cps = whole(speed_limit).unsigned_abs();
+                    let speed_limit_cps = u16::try_from(speed_limit.round()).unwrap_or(u16::MAX);
                     let current = MotorFunction::Current { current_ma: current.get(), speed_limit_cps };
                     talk.order(bench, current.to(motor));
                 }
@@ -246,8 +246,8 @@ fn carry_out(
                     talk.ask(bench, request.id(), &request.payload());
                 }
             }
-            // Learning ends when a mode is set.
-            if floats && !matches!(setpoint, Setpoint::Identify { .. }) {
+            // Identification and constant current end when a mode is set.
+            if floats && !matches!(setpoint, Setpoint::Identify { .. } | Setpoint::Current { .. }) {
                 let mode = match setpoint {
                     Setpoint::Velocity(_) => RunMode::Velocity,
                     Setpoint::Position { .. } => RunMode::Position,

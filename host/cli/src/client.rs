@@ -91,7 +91,7 @@ enum Command {
     Faults(faults::Options),
     #[command(flatten)]
     Drive(drive::Drive),
-    /// Drives motors as the three commands above, and records the values: CSV, and a chart of each motor
+    /// Drives motors as the four commands above, and records the values: CSV, and a chart of each motor
     #[command(long_about = record::HELP)]
     Record(record::Options),
     /// Drives motors by keys, while a key is held

@@ -109,8 +109,14 @@ impl<L: Read + Write> Session<L> {
         // The groups replace every setting that a hub reports.
         let mut settings = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
         for group in Group::EACH {
-            if group.in_use(&settings) {
-                settings = self.get(motor, group, &settings)?;
+            match group {
+                Group::VelocityLoop | Group::PositionLoop => (),
+                Group::CurrentLimit => match self.get(motor, group, &settings) {
+                    // Firmware before the current limit has none.
+                    Err(Error::TooOld { .. }) => (),
+                    read => settings = read?,
+                },
+                _ => settings = self.get(motor, group, &settings)?,
             }
         }
         Ok(settings)

@@ -10,6 +10,11 @@
 //! let hub = HubReport { bus: BusState::Quiet, motors: [motor].into_iter().collect(), ..HubReport::default() };
 //! assert_eq!(why_still(&hub, 0), Some("stalled: the motor is driven and does not turn"));
 //!
+//! // A current limit that is too small for the load also stalls the motor.
+//! let limited = MotorReport { current_limited: true, ..motor };
+//! let limited = HubReport { motors: [limited].into_iter().collect(), ..hub.clone() };
+//! assert_eq!(why_still(&limited, 0), Some("held by its current limit: the load needs more current"));
+//!
 //! // The report is older than the newest command, so the reason may have passed.
 //! let commands = Some(Commands { included: 7, newest: 8 });
 //! assert_eq!(why_still(&HubReport { commands, ..hub }, 0), None);
@@ -21,7 +26,7 @@ use motor_hub::motion::EncoderFault;
 use motor_hub::motor::Faults;
 use motor_hub::store::Outcome;
 use motor_hub::supply::BusState;
-use motor_hub::units::Control;
+use motor_hub::units::{Control, Milliamperes};
 
 /// Highest speed of a motor that counts as standing, in counts per second.
 pub const STANDS_CPS: u16 = 3;
@@ -47,7 +52,8 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
     if let Some(fault) = fault(motor) {
         return Some(fault);
     }
-    if motor.velocity.unsigned_abs() > STANDS_CPS {
+    // The speed of a stalled motor is an estimate, which may differ from 0.
+    if motor.velocity.unsigned_abs() > STANDS_CPS && !motor.stalled {
         return None;
     }
     // The reasons below follow from a set-point that the motor no longer has.
@@ -72,8 +78,11 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
             Some("settled at its target")
         }
         ReportedSetpoint::Identify(_) => None,
+        ReportedSetpoint::Current(Milliamperes::ZERO) => Some("the set-point is current 0"),
+        _ if motor.current_limited => Some("held by its current limit: the load needs more current"),
         _ if motor.stalled => Some("stalled: the motor is driven and does not turn"),
         _ if motor.derated => Some("derated: the winding is hot, and the current is limited"),
+        ReportedSetpoint::Current(_) => Some("the load balances the constant current"),
         _ => None,
     }
 }
@@ -81,7 +90,10 @@ pub fn why_still(hub: &HubReport, motor: usize) -> Option<&'static str> {
 const fn fault(motor: &MotorReport) -> Option<&'static str> {
     let regulated = matches!(
         motor.setpoint,
-        ReportedSetpoint::Velocity(_) | ReportedSetpoint::Position(_) | ReportedSetpoint::Together(_)
+        ReportedSetpoint::Current(_)
+            | ReportedSetpoint::Velocity(_)
+            | ReportedSetpoint::Position(_)
+            | ReportedSetpoint::Together(_)
     );
     match motor.faults {
         Faults { bridge: true, .. } => {

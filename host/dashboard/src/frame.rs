@@ -113,7 +113,7 @@ pub(crate) struct Frame {
 pub(crate) struct OfMotor {
     /// Kind of the set-point.
     pub(crate) told: &'static str,
-    /// Set-point as a share of power, in counts/s or in counts; `None` without one.
+    /// Set-point as a share of power, in amperes, in counts/s or in counts; `None` without one.
     pub(crate) target: Option<f64>,
     /// Position in counts.
     pub(crate) position: i32,
@@ -152,6 +152,8 @@ pub(crate) struct More {
     settled: bool,
     stalled: bool,
     derated: bool,
+    /// True if the motor's current limit holds its current down.
+    current_limited: bool,
     fault: bool,
     /// The points S, T, Z and G.
     points: Option<[f64; 4]>,
@@ -316,6 +318,7 @@ impl More {
             settled: motor.settled,
             stalled: motor.stalled,
             derated: motor.derated,
+            current_limited: motor.current_limited,
             fault: motor.faults.any() && motor.enabled,
             points: motor.points.map(|points| points.map(share)),
         }

@@ -53,6 +53,15 @@ pub enum Order {
         #[serde(default, with = "ZeroPowerName")]
         zero: ZeroPower,
     },
+    /// Constant current of an enabled motor. A disabled motor gets power 0 instead.
+    Current {
+        /// Motor, 0 to 3.
+        motor: u8,
+        /// Current in amperes.
+        amperes: f64,
+        /// Speed limit in counts/s; `None` for no limit.
+        speed: Option<f64>,
+    },
     /// Enables or disables a motor.
     Enable {
         /// Motor, 0 to 3.

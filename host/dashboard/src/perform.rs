@@ -25,6 +25,12 @@ const USUAL_SPEED: f64 = 1_000.0;
 /// Highest speed of a group, in counts/s.
 const FASTEST_CPS: u32 = 1_000_000;
 
+/// Largest current that can be requested, in amperes.
+const LARGEST_A: f64 = 65.535;
+
+/// Speed limit of a constant current that no motor reaches, in counts/s.
+const NO_SPEED_LIMIT: f64 = 32_767.0;
+
 /// Number of changes of a motor's settings that can be undone.
 const UNDOABLE: usize = 20;
 
@@ -111,6 +117,7 @@ impl Performer {
             Order::Drive { motor, mode, value, speed, zero } => {
                 drive(session, channel(motor)?, mode, value, speed, zero)?;
             }
+            Order::Current { motor, amperes, speed } => current(session, channel(motor)?, amperes, speed)?,
             Order::Enable { motor, on } => session.enable(channel(motor)?, on)?,
             Order::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
             Order::Together { to, speed, acceleration } => together(session, to, speed, acceleration)?,
@@ -285,6 +292,23 @@ fn drive(
         }
     }
     Ok(session.set_mode(motor, mode, zero)?)
+}
+
+/// Gives an enabled motor a constant current. A disabled motor gets power 0, with which it can be enabled.
+fn current(session: &mut Session<Line>, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), Trouble> {
+    let ma = (1e3 * within("a current in A", amperes, -LARGEST_A, LARGEST_A)?).round();
+    let limit = within("a speed limit in counts/s", speed.unwrap_or(NO_SPEED_LIMIT), 1.0, NO_SPEED_LIMIT)?;
+    if session.report()?.is_none() {
+        return Err(
+            "this hub regulates no current: it is not a hub of this project, or its firmware is too old"
+                .into(),
+        );
+    }
+    if session.enabled(motor)? {
+        return Ok(session.set_current(motor, ma as i32, limit.round() as u16)?);
+    }
+    session.set_power(motor, Control::ZERO)?;
+    Ok(session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?)
 }
 
 fn cps(value: f64) -> Result<i16, Trouble> {

@@ -99,6 +99,10 @@ fn a_hub_of_another_maker_is_driven_and_what_it_does_not_tell_is_left_out() {
         (&frame["motors"][0]["told"], &frame["motors"][0]["target"]),
         (&json!("velocity"), &json!(300.0))
     );
+    let order = json!({ "current": { "motor": 0, "amperes": 0.5 } });
+    page.send(Message::text(order.to_string())).unwrap();
+    let last = until(&mut page, "a refusal", |message| message["kind"] == "refused");
+    assert!(last["why"].as_str().unwrap().contains("regulates no current"), "{last}");
     let order = json!({ "identify": { "motor": 0 } });
     page.send(Message::text(order.to_string())).unwrap();
     let last = until(&mut page, "a refusal", |message| {

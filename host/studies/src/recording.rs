@@ -22,6 +22,8 @@ speed_estimate_cps,control,current_a,settled,schema_version\n";
 pub enum Told {
     /// Control steps, -32767 to 32767.
     Power(i16),
+    /// Milliamperes.
+    Current(i32),
     /// Counts per second.
     Velocity(i16),
     /// Counts.
@@ -32,6 +34,7 @@ impl Told {
     const fn name(self) -> &'static str {
         match self {
             Self::Power(_) => "power",
+            Self::Current(_) => "current",
             Self::Velocity(_) => "velocity",
             Self::Position(_) => "position",
         }
@@ -41,10 +44,12 @@ impl Told {
         if let Self::Power(steps) = self { Some(steps) } else { None }
     }
 
-    fn value(self) -> i32 {
+    /// Steps, amperes, counts per second or counts.
+    fn value(self) -> f64 {
         match self {
             Self::Power(value) | Self::Velocity(value) => value.into(),
-            Self::Position(value) => value,
+            Self::Current(ma) => f64::from(ma) / 1e3,
+            Self::Position(value) => value.into(),
         }
     }
 }
@@ -114,7 +119,7 @@ impl Recording {
             style,
             data: self.samples.iter().filter(|s| s.motor == motor).map(|s| (s.at_s, value(s))).collect(),
         };
-        let told = |_: &Sample| f64::from(self.told.value());
+        let told = |_: &Sample| self.told.value();
         let goal = || line("set-point", colour::RED, Style::DashedStep, &told);
         let position = line("position", colour::INK, Style::Line, &|s| s.position.into());
         let speed = line("speed", colour::INK, Style::Line, &|s| s.cps.into());
@@ -131,7 +136,7 @@ impl Recording {
                 panels.push(panel("speed, counts/s", 170.0, vec![speed]));
             }
             Told::Velocity(_) => panels.push(panel("speed, counts/s", 170.0, vec![goal(), speed])),
-            Told::Power(_) => panels.push(panel("speed, counts/s", 170.0, vec![speed])),
+            Told::Power(_) | Told::Current(_) => panels.push(panel("speed, counts/s", 170.0, vec![speed])),
         }
         let reported = self.samples.iter().any(|sample| sample.motor == motor && sample.control.is_some());
         if reported || self.told.power().is_some() {
@@ -185,5 +190,7 @@ mod tests {
         assert!(row.contains(",-3,1.500,"), "{row}");
         let row = recording.push(Sample { control: Some(7), ..Sample::default() });
         assert!(row.contains(",7,,"), "what the hub tells: {row}");
+        let row = Recording::new("", Told::Current(-800)).push(Sample::default());
+        assert!(row.contains(",current,-0.8,"), "{row}");
     }
 }

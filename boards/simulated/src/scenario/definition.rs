@@ -16,6 +16,7 @@ use motor_hub::protocol::pins::Pin;
 use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
 use motor_hub::supply::{Levels, Limits};
 use motor_hub::units::{Acceleration, Millivolts, Period, RangeError, constant};
+use std::num::NonZeroU16;
 
 /// The longest run, in seconds: a trace must fit in memory.
 pub const LONGEST_S: f64 = 300.0;
@@ -99,6 +100,8 @@ pub struct Motor {
     pub current_line: CurrentLine,
     /// Thermal limit configured in the hub; `None` for no limit.
     pub thermal: Option<ThermalLimit>,
+    /// Current limit configured in the hub, in milliamperes; `None` for no limit.
+    pub current_limit: Option<NonZeroU16>,
     /// Largest acceleration of the model's profiles.
     pub acceleration: Option<Acceleration>,
     /// Coefficients of the velocity loop. `None` for the model regulator, or for the suggested ones if `position` is set.
@@ -253,6 +256,7 @@ impl Motor {
             bridge: BRIDGE,
             current_line: CurrentLine::Absent,
             thermal: None,
+            current_limit: None,
             acceleration: None,
             velocity: None,
             position: None,
@@ -282,6 +286,7 @@ impl Motor {
             zero_power: self.zero_power,
             on_fault: self.on_fault,
             thermal: self.thermal,
+            current_limit: self.current_limit,
             acceleration: self.acceleration,
             dynamics: motion.map(|factors| self.dynamics(&winding, factors)).transpose()?,
             coefficients: own.then(|| Coefficients {

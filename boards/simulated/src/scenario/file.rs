@@ -20,14 +20,18 @@ use motor_hub::model::{battery::Battery, load::Load, si};
 use motor_hub::motion::Pidf;
 use motor_hub::motor::{OnFault, Setpoint, ThermalLimit, ZeroPower};
 use motor_hub::supply::Limits;
-use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Period};
+use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Milliamperes, Period};
 use ranges::{FASTEST_CPS, HARDEST_CPS2, Whole, named, optional, timeline, within};
+use std::num::NonZeroU16;
 use std::ops::RangeInclusive;
 use tables::{
     BridgeWord, CurrentLineWord, File, GainTable, Inertia, MotorTable, OnFaultWord, SetPointTable,
     ToldChoice, ToldTable, ZeroPowerWord,
 };
 use toml::Spanned;
+
+/// Largest current of a set-point or of a limit, in amperes.
+const LARGEST_A: f64 = 65.535;
 
 /// What a Q16.16 coefficient can hold.
 const LARGEST_COEFFICIENT: f64 = 32_767.0;
@@ -175,6 +179,7 @@ impl MotorTable {
                 CurrentLineWord::StuckHigh => CurrentLine::StuckHigh,
             },
             thermal: self.check_thermal(&constants)?,
+            current_limit: self.check_current_limit()?,
             acceleration: self.check_acceleration()?,
             velocity: coefficients.velocity.as_ref().map(GainTable::check).transpose()?,
             position: coefficients.position.as_ref().map(GainTable::check).transpose()?,
@@ -192,10 +197,16 @@ impl MotorTable {
         let winding_s = ranges::whole_or(&table.winding_s, "winding_s", seconds.clone(), usual.0)?;
         let case_s = ranges::whole_or(&table.case_s, "case_s", seconds, usual.1)?;
         let continuous_ma = match &table.continuous_a {
-            Some(amperes) => (1e3 * within(amperes, "continuous_a", 0.001..=65.535)?).round() as u16,
+            Some(amperes) => (1e3 * within(amperes, "continuous_a", 0.001..=LARGEST_A)?).round() as u16,
             None => thermal_limit(motor).map_or(u16::MAX, |usual| usual.continuous_ma()),
         };
         Ok(ThermalLimit::new(continuous_ma, winding_s, case_s).ok())
+    }
+
+    fn check_current_limit(&self) -> Checked<Option<NonZeroU16>> {
+        let Some(amperes) = &self.current_limit_a else { return Ok(None) };
+        let ma = 1e3 * within(amperes, "current_limit_a", 0.001..=LARGEST_A)?;
+        Ok(NonZeroU16::new(ma.round() as u16))
     }
 
     fn check_acceleration(&self) -> Checked<Option<Acceleration>> {
@@ -269,6 +280,7 @@ impl SetPointTable {
     fn check(&self, whole: &Spanned<Self>) -> Checked<Setpoint> {
         let kinds = [
             self.power.is_some(),
+            self.current_a.is_some(),
             self.velocity_cps.is_some(),
             self.position_counts.is_some(),
             self.disable.is_some(),
@@ -287,8 +299,20 @@ impl SetPointTable {
                 speed_limit: speed(limit, "speed_limit_cps", 1)?,
             });
         }
-        if tolerance.is_some() || limit.is_some() {
+        if tolerance.is_some() {
             return Err(fault(whole, Mistake::PositionMissing));
+        }
+        if let Some(current) = &self.current_a {
+            let ma = 1e3 * within(current, "current_a", -LARGEST_A..=LARGEST_A)?;
+            let speed_limit = limit.as_ref().map(|limit| speed(limit, "speed_limit_cps", 1)).transpose()?;
+            return Ok(Setpoint::Current {
+                current: Milliamperes::new(ma.round() as i32),
+                // Without a limit the motor may become as fast as it can.
+                speed_limit: speed_limit.unwrap_or(CountsPerSecond::new(FASTEST_CPS)),
+            });
+        }
+        if limit.is_some() {
+            return Err(fault(whole, Mistake::SpeedLimitAlone));
         }
         if let Some(cps) = &self.velocity_cps {
             return speed(cps, "velocity_cps", -FASTEST_CPS).map(Setpoint::Velocity);

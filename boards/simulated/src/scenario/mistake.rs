@@ -125,8 +125,8 @@ pub enum Mistake {
         .0.recover.to_volts(), .0.max.to_volts()
     )]
     BurnBetween(Levels),
-    /// None, or several, of the four kinds of set-point.
-    #[error("a set-point needs exactly one of power, velocity_cps, position_counts and disable")]
+    /// None, or several, of the five kinds of set-point.
+    #[error("a set-point needs exactly one of power, current_a, velocity_cps, position_counts and disable")]
     SetpointKind,
     /// None, or several, of the three descriptions of an encoder.
     #[error("an encoder needs exactly one of is, glitches_per_s and slot_missing_of")]
@@ -134,9 +134,12 @@ pub enum Mistake {
     /// A position without its two companions.
     #[error("position_counts needs tolerance_counts and speed_limit_cps")]
     PositionAlone,
-    /// The companions of a position without one.
-    #[error("tolerance_counts and speed_limit_cps are allowed with position_counts only")]
+    /// A tolerance without a position.
+    #[error("tolerance_counts is allowed with position_counts only")]
     PositionMissing,
+    /// A speed limit without a position or a current.
+    #[error("speed_limit_cps is allowed with position_counts and current_a only")]
+    SpeedLimitAlone,
     /// `disable = false`.
     #[error("disable = false is not allowed; remove disable")]
     DisableFalse,

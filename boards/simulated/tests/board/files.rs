@@ -151,6 +151,20 @@ fn an_encoder_is_one_thing_at_a_time() {
 #[test]
 fn contradictions_are_found() {
     refused("velocity_cps = 1000", "velocity_cps = 1000, power = 0.5", "14:5", "exactly one of");
+    refused(
+        "velocity_cps = 1000",
+        "velocity_cps = 1000, current_a = 0.5",
+        "14:5",
+        "exactly one of power, current_a",
+    );
+    refused("velocity_cps = 1000", "current_a = -66", "14:31", "-65.535 to 65.535");
+    refused("velocity_cps = 1000", "current_a = 1, speed_limit_cps = 0", "14:52", "1 to 1000000");
+    refused(
+        "velocity_cps = 1000",
+        "power = 1, speed_limit_cps = 9",
+        "14:5",
+        "position_counts and current_a only",
+    );
     refused("velocity_cps = 1000", "", "14:5", "exactly one of");
     refused("velocity_cps = 1000", "disable = false", "14:29", "remove disable");
     refused(

@@ -1,4 +1,4 @@
-//! Set-points of `power`, `velocity` and `position`, and whether motors reach them.
+//! Set-points of `power`, `current`, `velocity` and `position`, and whether motors reach them.
 
 use super::driven::Driven;
 use super::live::motors_of;
@@ -19,6 +19,8 @@ use std::time::Duration;
 pub(super) enum Course {
     /// Share of full power.
     Power(Control),
+    /// Milliamperes, and a speed limit in counts per second.
+    Current { ma: i32, speed: u16 },
     /// Counts per second.
     Velocity(i16),
     /// Counts, and a speed limit in counts per second.
@@ -26,18 +28,21 @@ pub(super) enum Course {
 }
 
 impl Course {
+    /// Mode in which the motor is enabled.
     const fn mode(self) -> RunMode {
         match self {
-            Self::Power(_) => RunMode::Power,
+            Self::Power(_) | Self::Current { .. } => RunMode::Power,
             Self::Velocity(_) => RunMode::Velocity,
             Self::Position { .. } => RunMode::Position,
         }
     }
 
-    /// Sends the set-point to a motor, which applies it once enabled.
+    /// Sends the set-point to a motor, which applies it once enabled. A motor that is to have a constant current gets power 0,
+    /// because a hub takes a constant current for enabled motors only.
     pub(super) fn set(self, session: &mut Session<Line>, motor: u8) -> Result<(), Error> {
         match self {
             Self::Power(power) => session.set_power(motor, power),
+            Self::Current { .. } => session.set_power(motor, Control::ZERO),
             Self::Velocity(cps) => session.set_velocity(motor, cps),
             Self::Position { counts, tolerance, speed } => {
                 session.set_velocity(motor, speed)?;
@@ -50,7 +55,7 @@ impl Course {
     const fn speed(self) -> Option<u32> {
         match self {
             Self::Velocity(cps) => Some(cps.unsigned_abs() as u32),
-            Self::Power(_) | Self::Position { .. } => None,
+            Self::Power(_) | Self::Current { .. } | Self::Position { .. } => None,
         }
     }
 }
@@ -66,6 +71,9 @@ pub(super) struct Order {
 impl Order {
     /// Sets mode and set-point of all motors, then enables them.
     pub(super) fn begin(&self, driven: &mut Driven<'_, Line>) -> Result<(), Trouble> {
+        if matches!(self.course, Course::Current { .. }) && driven.report()?.is_none() {
+            return Err(Failure::work(NO_CURRENT).into());
+        }
         if let Some(speed) = self.course.speed() {
             let speeds: Vec<_> = self.motors.iter().map(|motor| (*motor, speed)).collect();
             warn_of(driven, &speeds)?;
@@ -76,6 +84,11 @@ impl Order {
         }
         for &motor in &self.motors {
             driven.enable(motor)?;
+        }
+        if let Course::Current { ma, speed } = self.course {
+            for &motor in &self.motors {
+                driven.set_current(motor, ma, speed)?;
+            }
         }
         Ok(())
     }
@@ -92,6 +105,10 @@ impl Order {
         Ok(())
     }
 }
+
+/// Answer to a constant current for a hub of another maker.
+const NO_CURRENT: &str = "\
+the hub regulates no current: it is not a hub of this project, or its firmware is too old; use power, velocity or position";
 
 /// Warns of motors whose requested speed exceeds their free speed at the present battery voltage. `speeds` are pairs of
 /// motor and speed in counts per second. Hubs that do not report their motors' constants give no warning.
@@ -176,7 +193,7 @@ impl Progress {
     pub(super) fn judge(&self, length: Option<Duration>) -> Result<(), Failure> {
         let seconds = length.unwrap_or_default().as_secs_f64();
         match self.course {
-            Course::Power(_) => Ok(()),
+            Course::Power(_) | Course::Current { .. } => Ok(()),
             Course::Position { .. } => Err(Failure::Work(format!("target not reached after {seconds} s"))),
             Course::Velocity(wanted) => {
                 let missed: Vec<String> =

@@ -1,4 +1,4 @@
-//! `motor-hub client power`, `velocity` and `position`: motors run while the command runs.
+//! `motor-hub client power`, `current`, `velocity` and `position`: motors run while the command runs.
 
 use super::course::{Course, Order, Progress};
 use super::driven::Driven;
@@ -23,7 +23,7 @@ pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
 /// Readings per printed line, if output is not a terminal.
 pub(crate) const LINE: u32 = 10;
 
-/// Options of all three commands.
+/// Options of all four commands.
 #[derive(clap::Args)]
 struct Common {
     /// Motor 0 to 3, several as 0,2, or all
@@ -67,6 +67,33 @@ pub(super) fn power(text: &str) -> Result<Control, String> {
     power.ok_or("a power is a share of full power, -1 to 1".to_owned())
 }
 
+/// Options of `current`.
+#[derive(clap::Args)]
+pub(crate) struct CurrentOptions {
+    #[command(flatten)]
+    common: Common,
+    /// Current in amperes, -65.535 to 65.535; positive makes the encoder count up
+    #[arg(value_name = "AMPERES", value_parser = milliamperes)]
+    ma: i32,
+    /// Speed in counts per second at which the current decreases, so that the motor becomes no faster; 32767 for no limit
+    #[arg(long = "speed-limit-cps", value_name = "CPS", default_value_t = NO_SPEED_LIMIT)]
+    #[arg(value_parser = whole("a speed limit", 1..=NO_SPEED_LIMIT, "counts/s"))]
+    speed_limit: u16,
+}
+
+/// Largest speed limit of a constant current, which no motor reaches, in counts per second.
+const NO_SPEED_LIMIT: u16 = i16::MAX.unsigned_abs();
+
+/// Largest current that can be requested, in amperes, as for the current limit.
+const LARGEST_A: f64 = 65.535;
+
+/// Amperes as milliamperes.
+fn milliamperes(text: &str) -> Result<i32, String> {
+    let amperes = text.parse().ok().filter(|amperes: &f64| amperes.abs() <= LARGEST_A);
+    let ma = amperes.map(|amperes| (1e3 * amperes).round() as i32);
+    ma.ok_or_else(|| format!("a current is -{LARGEST_A} to {LARGEST_A} A"))
+}
+
 /// Options of `velocity`.
 #[derive(clap::Args)]
 pub(crate) struct VelocityOptions {
@@ -99,6 +126,8 @@ pub(crate) struct PositionOptions {
 pub(crate) enum Drive {
     /// Runs motors with constant power, then disables them
     Power(PowerOptions),
+    /// Runs motors with a constant current, which is a constant torque, then disables them, on hubs of this project
+    Current(CurrentOptions),
     /// Runs motors with regulated velocity, then disables them
     ///
     /// With --for-s the command fails (exit code 1) unless all motors have the speed at the end, within 5 %.
@@ -112,12 +141,14 @@ impl Drive {
     pub(super) fn order(&self) -> Result<(Order, Option<f64>), Failure> {
         let common = match self {
             Self::Power(options) => &options.common,
+            Self::Current(options) => &options.common,
             Self::Velocity(options) => &options.common,
             Self::Position(options) => &options.common,
         };
         let turn = common.turn.counts()?;
         let course = match self {
             Self::Power(options) => Course::Power(options.value),
+            Self::Current(options) => Course::Current { ma: options.ma, speed: options.speed_limit },
             Self::Velocity(options) => Course::Velocity(options.speed.cps(turn)?),
             &Self::Position(PositionOptions { counts, tolerance, speed, .. }) => {
                 let speed = speed.cps(turn)?;

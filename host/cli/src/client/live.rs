@@ -95,7 +95,9 @@ impl Reading {
             let there = if there { format!(", {}", self.word()) } else { String::new() };
             let shaft = turn.map(|turn| shaft_speed(velocity, turn));
             let rpm = shaft.map(|(rpm, rad)| format!(" ({rpm:.1} rpm, {rad:.2} rad/s)")).unwrap_or_default();
-            format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{there}")
+            let current = self.reported(motor).map(|of| format!(", {:.2} A", amperes(of.best_current())));
+            let current = current.unwrap_or_default();
+            format!("; motor {motor}: {position} counts, {velocity} counts/s{rpm}{current}{there}")
         });
         let motors: String = motors.collect();
         format!("{:.1} s, {:.2} V{motors}\n", self.at.as_secs_f64(), self.battery_v())
@@ -153,7 +155,7 @@ fn bridge(report: &MotorReport) -> String {
 }
 
 /// Values of a motor that only hubs of this project report.
-fn report_json(report: &MotorReport) -> [(String, Value); 9] {
+fn report_json(report: &MotorReport) -> [(String, Value); 10] {
     let regulator = regulator_name(report.regulator);
     [
         ("enabled", json!(report.enabled)),
@@ -162,6 +164,7 @@ fn report_json(report: &MotorReport) -> [(String, Value); 9] {
         ("mode", json!(report.regime.map(|_| report.drive.mode.name()))),
         ("duty", json!(report.drive.duty.to_f64())),
         ("current_a", json!(amperes(report.best_current()))),
+        ("current_limited", json!(report.current_limited)),
         ("load_a", json!(report.load.map(amperes))),
         ("regulator", json!(regulator)),
         ("settled", json!(report.settled)),

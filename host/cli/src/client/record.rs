@@ -21,7 +21,7 @@ use studies::recording::{HEADINGS, Recording, Sample, Told};
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
-Drives motors as `power`, `velocity` or `position` do, and records the hub's values: a CSV file while motors run, and at the \
+Drives motors as `power`, `current`, `velocity` or `position` do, and records the hub's values: a CSV file while motors run, and at the \
 end a chart (SVG) of each motor
 
   motor-hub client --port /dev/ttyACM0 record -- velocity 0 1000 --for-s 3
@@ -40,7 +40,7 @@ pub(super) struct Options {
     /// Folder for record.csv and the charts
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/record")]
     out: PathBuf,
-    /// power, velocity or position, with its options
+    /// power, current, velocity or position, with its options
     #[arg(value_name = "DRIVE", required = true, trailing_var_arg = true, allow_hyphen_values = true)]
     drive: Vec<String>,
 }
@@ -114,6 +114,7 @@ impl Recorder {
         file.write_all(HEADINGS.as_bytes()).map_err(failed)?;
         let requested = match order.course {
             Course::Power(power) => Told::Power(power.get()),
+            Course::Current { ma, .. } => Told::Current(ma),
             Course::Velocity(cps) => Told::Velocity(cps),
             Course::Position { counts, .. } => Told::Position(counts),
         };

@@ -23,7 +23,7 @@ Shows, saves, loads, resets, exports or imports the stored settings of a hub of 
 Other commands (setup, coefficients, identify --apply, tune --apply, settings import) change settings until the next reset; \
 `save` stores them permanently.
 
-Stored for each motor: set-up, motion, protection, bridge timing, mode, current alert, and coefficients that a host has set. \
+Stored for each motor: set-up, motion, protection, current limit, bridge timing, mode, current alert, and coefficients that a host has set. \
 Stored for the hub: its address, which set-address saves without `save`.
 
 After a power cut during a save either the old or the new settings are complete. Some saves erase flash, for which all motors \

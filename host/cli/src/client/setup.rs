@@ -16,6 +16,7 @@ use motor_hub_client::line::Line;
 use serde_json::json;
 use simulated::hardware::{thermal_limit, winding};
 use simulated::scheme::{SchemeWords, describe};
+use std::num::NonZeroU16;
 use studies::table;
 
 /// Motor, and settings to change.
@@ -38,18 +39,24 @@ pub(crate) struct Options {
     #[arg(long, value_name = "WORD", ignore_case = true)]
     bridge: Option<BridgeWord>,
     /// Current that the winding tolerates continuously; 0 for no limit [default with --type: a third of the stall current]
-    #[arg(long = "continuous-current-a", alias = "continuous-current", value_name = "A", value_parser = continuous_ma)]
+    #[arg(long = "continuous-current-a", alias = "continuous-current", value_name = "A")]
+    #[arg(value_parser = limit_ma("a continuous current"))]
     continuous_current: Option<u16>,
+    /// Largest current of the motor, driving or braking; 0 for no limit
+    #[arg(long = "current-limit-a", alias = "current-limit", value_name = "A", value_parser = limit_ma("a current limit"))]
+    current_limit: Option<u16>,
     /// JSON instead of a table
     #[arg(long)]
     json: bool,
 }
 
-/// Amperes as milliamperes, 0 for none.
-fn continuous_ma(text: &str) -> Result<u16, String> {
-    let sound = |amperes: &f64| *amperes == 0.0 || (0.001..=65.535).contains(amperes);
-    let amperes = text.parse().ok().filter(sound).map(|amperes| (1e3 * amperes).round() as u16);
-    amperes.ok_or_else(|| "a continuous current is 0.001 to 65.535 A, or 0 for no limit".to_owned())
+/// A parser of amperes as milliamperes, 0 for none. `what` names the limit ("a current limit").
+fn limit_ma(what: &'static str) -> impl Fn(&str) -> Result<u16, String> + Clone {
+    move |text| {
+        let sound = |amperes: &f64| *amperes == 0.0 || (0.001..=65.535).contains(amperes);
+        let amperes = text.parse().ok().filter(sound).map(|amperes| (1e3 * amperes).round() as u16);
+        amperes.ok_or_else(|| format!("{what} is 0.001 to 65.535 A, or 0 for no limit"))
+    }
 }
 
 /// The words of a field, as values of an option.
@@ -94,7 +101,7 @@ impl Options {
         let wanted = self.changed(&before)?;
         // A set-up that was given is written also if it changes nothing: it deletes motion and coefficients.
         let given = self.name.is_some() || !self.choice.is_empty() || !self.constants.is_empty();
-        for group in [Group::Protection, Group::Timing, Group::SetUp] {
+        for group in [Group::Protection, Group::CurrentLimit, Group::Timing, Group::SetUp] {
             let differs = Values::of(group, &wanted) != Values::of(group, &before);
             if differs || group == Group::SetUp && given {
                 session.set(self.motor, group, &wanted)?;
@@ -107,7 +114,8 @@ impl Options {
     /// The settings that the options ask for.
     fn changed(&self, before: &MotorSettings) -> Result<MotorSettings, Failure> {
         let mut settings = *before;
-        let Settings { winding: constants, scheme, duty, thermal, bridge, .. } = &mut settings.motor;
+        let Settings { winding: constants, scheme, duty, thermal, current_limit, bridge, .. } =
+            &mut settings.motor;
         if let Some(name) = &self.name {
             let motor = characterised(name).map_err(Failure::input)?;
             *constants = winding(&motor).map_err(Failure::input)?;
@@ -115,6 +123,9 @@ impl Options {
         }
         if let Some(ma) = self.continuous_current {
             *thermal = ThermalLimit::new(ma, ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S).ok();
+        }
+        if let Some(ma) = self.current_limit {
+            *current_limit = NonZeroU16::new(ma);
         }
         constants.emf = self.constants.emf()?.unwrap_or(constants.emf);
         constants.resistance = self.constants.resistance()?.unwrap_or(constants.resistance);
@@ -145,6 +156,7 @@ impl Options {
         let millihenries = known("inductance_mh");
         let (duty, on_fault) = (word("duty"), word("on_fault"));
         let amperes = known("thermal.continuous_current_ma").map(|ma| ma / 1e3);
+        let limit = known("current_limit_ma").map(|ma| ma / 1e3);
         let Settings { scheme, bridge, .. } = settings.motor;
         let bridge = match bridge.timing() {
             Timing::IDEAL => "ideal",
@@ -177,6 +189,7 @@ impl Options {
                 "measured_current_a": condition.measured_ma.map(|ma| f64::from(ma) / 1e3),
                 "current_line": line_word(condition.sense_line),
                 "continuous_current_a": amperes,
+                "current_limit_a": limit,
                 "motion": tune::motion_json(settings),
             });
             return Ok(print_json(&document)?);
@@ -202,7 +215,8 @@ impl Options {
             .add_row([
                 "continuous current",
                 &amperes.map_or_else(|| "no limit".to_owned(), |a| format!("{a:.3} A")),
-            ]);
+            ])
+            .add_row(["current limit", &limit.map_or_else(|| "none".to_owned(), |a| format!("{a:.3} A"))]);
         for (name, value) in tune::rows(settings) {
             table.add_row([name, &value]);
         }

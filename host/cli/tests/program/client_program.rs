@@ -95,6 +95,12 @@ fn the_program_says_which_motor_is_connected_and_how_it_is_controlled() {
         (&serde_json::Value::Null, &"vnh5019".into())
     );
     assert!(err(&client(&server, &["setup", "1", "--continuous-current", "70"])).contains("65.535"));
+    assert_eq!(free["current_limit_a"], Value::Null);
+    let limited = json(&client(&server, &["setup", "1", "--current-limit", "0.8", "--json"]));
+    assert_eq!((&limited["current_limit_a"], &limited["scheme"]), (&0.8.into(), &"B".into()));
+    assert!(out(&client(&server, &["setup", "1"])).contains("0.800 A"));
+    let free = json(&client(&server, &["setup", "1", "--current-limit-a", "0", "--json"]));
+    assert_eq!(free["current_limit_a"], Value::Null);
     let unknown = client(&server, &["setup", "1", "--type", "AM 41"]);
     assert!(err(&unknown).contains("NeveRest 40"), "{}", err(&unknown));
     let table = out(&client(&server, &["setup", "0"]));
@@ -182,6 +188,17 @@ fn motors_run_for_the_time_asked_for_and_are_disabled_then() {
     let motor = &status["motors"][2];
     assert_eq!((&motor["mode"], &motor["zero_behaviour"]), (&"velocity".into(), &"float".into()));
     assert_eq!((&motor["target_velocity"], &motor["enabled"]), (&(-300).into(), &false.into()));
+}
+
+#[test]
+fn a_constant_current_needs_a_hub_of_this_project() {
+    let mut foreign = Hub::new();
+    foreign.foreign = true;
+    let server = Server::start(foreign);
+    let refused = client(&server, &["current", "0", "0.5"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(err(&refused).contains("the hub regulates no current"), "{}", err(&refused));
+    assert_eq!(server.hub().was_enabled, [false; 4]);
 }
 
 #[test]
@@ -349,6 +366,8 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["--timeout", "0", "status"], "a timeout is a whole number from 10 to 60000 ms"),
         (&["power", "0", "1.01"], "-1 to 1"),
         (&["power", "0", "nan"], "-1 to 1"),
+        (&["current", "0", "-70"], "a current is -65.535 to 65.535 A"),
+        (&["current", "0", "1", "--speed-limit-cps", "0"], "from 1 to 32767 counts/s"),
         (&["power", "4", "0"], "0 to 3, several as 0,2, or all"),
         (&["power", "0,", "0"], "0 to 3"),
         (&["velocity", "0", "32768"], "32768"),
@@ -379,6 +398,10 @@ fn wrong_options_are_refused_before_anything_is_sent() {
         (&["together", "0=1", "0=2"], "motor 0 is given twice"),
         (&["setup", "0", "--type", "AM 61"], "NeveRest 60"),
         (&["setup", "0", "--blend", "0.5"], "give --scheme D"),
+        (
+            &["setup", "0", "--current-limit-a", "0.0001"],
+            "a current limit is 0.001 to 65.535 A, or 0 for no limit",
+        ),
         (&["setup", "0", "--inductance-mh", "nan"], "0.001 to 65.535 mH"),
         (&["coefficients", "0", "position", "--f", "1"], "a position has no feed-forward"),
         (&["together", "0=1", "--acceleration", "0"], "1 to 4294967295"),

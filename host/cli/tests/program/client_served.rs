@@ -83,6 +83,7 @@ fn every_signal_that_can_be_heard_stops_what_the_command_has_set_going() {
         (&["velocity", "0", "500"], &["-TERM"], "stopped by SIGTERM"),
         (&["power", "0", "0.3"], &["-HUP"], "terminal is gone"),
         (&["power", "0", "0.3"], &["-QUIT"], "stopped by SIGQUIT"),
+        (&["current", "0", "0.3"], &["-INT"], "stopped by Ctrl-C"),
         // Terminal and parent process may both send a signal.
         (&["together", "0=300", "--on"], &["-INT", "-INT", "-TERM"], "stopped by"),
     ] {
@@ -334,6 +335,27 @@ fn a_drive_of_four_motors_is_recorded_fifty_times_a_second() {
         let svg = std::fs::read_to_string(folder.join(format!("motor-{motor}.svg"))).unwrap();
         assert!(svg.contains("set-point") && svg.contains("battery, V"), "{motor}");
     }
+    assert_eq!(status(&hub)["motors"][0]["enabled"], false);
+}
+
+#[test]
+fn a_motor_runs_with_a_constant_current_up_to_its_speed_limit() {
+    let hub = served();
+    let folder = crate::common::folder("constant-current");
+    let record = ["record", "--out", folder.to_str().unwrap(), "--"];
+    let drive = ["current", "0", "-0.6", "--speed-limit-cps", "500", "--for-s", "1.5"];
+    out(&client(&hub, &[&record[..], &drive].concat()).output().unwrap());
+    let rows = rows(&folder);
+    assert!(rows.iter().all(|row| row["setpoint"] == "current" && row["setpoint_value"] == "-0.6"));
+    let number =
+        |row: &std::collections::HashMap<String, String>, key: &str| row[key].parse::<f64>().unwrap();
+    // The motor accelerates with the current until it is as fast as its limit.
+    let largest = rows.iter().map(|row| number(row, "current_a")).fold(0.0, f64::max);
+    assert!((largest - 0.6).abs() < 0.05, "{largest} A");
+    let last = number(rows.last().unwrap(), "speed_estimate_cps");
+    assert!((last + 500.0).abs() < 40.0, "{last} counts/s");
+    let shown = out(&client(&hub, &["current", "0", "0.2", "--for-s", "0.3"]).output().unwrap());
+    assert!(shown.contains("motor 0: ") && shown.contains(" A\n"), "{shown}");
     assert_eq!(status(&hub)["motors"][0]["enabled"], false);
 }
 

@@ -39,7 +39,7 @@ fn set_much(hub: &Hub) {
     for arguments in [
         &["setup", "0", "--type", "AM 60 A", "--scheme", "D", "--blend", "0.25", "--on-fault", "brake"][..],
         &["setup", "1", "--scheme", "none", "--duty", "linear-duty", "--bridge", "vnh5019"],
-        &["setup", "3", "--scheme", "D", "--continuous-current-a", "1.234"],
+        &["setup", "3", "--scheme", "D", "--continuous-current-a", "1.234", "--current-limit-a", "0.9"],
         &["coefficients", "2", "velocity", "--p", "1.5", "--i", "-0.001", "--f", "7"],
         &["identify", "0", "--apply"],
     ] {
@@ -136,6 +136,11 @@ fn all_of_a_file_is_checked_before_anything_is_written() {
         ("number = 3", "number = 0", "occurs once"),
         ("schema_version = 1", "schema_version = 2", "schema_version is 2"),
         ("continuous_current_ma = 1234", "continuous_current_ma = 0", "thermal"),
+        (
+            "current_limit_ma = 900",
+            "current_limit_ma = 65536",
+            "current_limit_ma is 65536; allowed is 1 to 65535",
+        ),
         ("p = 1.5", "p = 1e9", "velocity_loop.p is 1000000000.0; allowed is -32768 to 32767.9999847"),
         ("blend = 0.25", "blend = 1.5", "blend"),
     ] {

@@ -191,6 +191,22 @@ fn one_page_is_in_control_and_anyone_may_stop() {
 }
 
 #[test]
+fn a_motor_has_a_constant_current_once_it_is_enabled() {
+    let dashboard = Dashboard::start(&[]);
+    let mut page = Page::ready(&dashboard);
+    let current = json!({ "motor": 0, "amperes": 0.4, "speed": 600 });
+    // A disabled motor gets power 0, with which it can be enabled.
+    page.order("current", current.clone());
+    page.order("enable", json!({ "motor": 0, "on": true }));
+    page.order("current", current);
+    page.until("a constant current", |page, _| {
+        let motor = &page.frame["motors"][0];
+        motor["told"] == "current" && motor["target"] == 0.4 && motor["velocity"].as_f64() > Some(500.0)
+    });
+    assert_eq!(page.frame["motors"][0]["current_limited"], false);
+}
+
+#[test]
 fn what_is_out_of_range_is_refused_with_what_is_allowed() {
     let dashboard = Dashboard::start(&[]);
     let mut page = Page::ready(&dashboard);
@@ -210,6 +226,11 @@ fn what_is_out_of_range_is_refused_with_what_is_allowed() {
             "drive",
             json!({ "motor": 4, "mode": "power", "value": 0 }),
             "there is no motor 4; allowed is 0 to 3",
+        ),
+        (
+            "current",
+            json!({ "motor": 0, "amperes": 70 }),
+            "a current in A of 70 is out of range; allowed is -65.535 to 65.535",
         ),
         ("drive", json!({ "motor": 0, "mode": "sideways", "value": 0 }), "unknown variant `sideways`"),
         ("drive", json!({ "motor": 0, "mode": "power" }), "missing field `value`"),

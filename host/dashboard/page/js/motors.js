@@ -23,6 +23,7 @@ function fastest(/** @type {any} */ settings) {
 /** Range, step and unit of the slider of a mode. */
 function scale(/** @type {string} */ mode, /** @type {any} */ settings) {
   if (mode === "power") return { most: 100, step: 1, unit: "%" };
+  if (mode === "current") return { most: Math.ceil(10 * (12 / (settings?.resistance_ohm || 3))) / 10, step: 0.05, unit: "A" };
   if (mode === "velocity") {
     const most = fastest(settings);
     const step = most > 500 ? 10 : most > 50 ? 1 : 0.1;
@@ -40,7 +41,8 @@ function value(/** @type {any} */ card) {
 }
 
 function drive(/** @type {any} */ card) {
-  link.order("drive", { motor: card.motor, mode: card.mode.value, value: value(card) });
+  if (card.mode.value === "current") link.order("current", { motor: card.motor, amperes: value(card) });
+  else link.order("drive", { motor: card.motor, mode: card.mode.value, value: value(card) });
 }
 
 function fit(/** @type {any} */ card) {
@@ -62,7 +64,7 @@ function build(/** @type {number} */ motor) {
   card.speedUnit = h("span", {}, "");
   card.position = h("b", {}, "–");
   card.current = h("b", {}, "–");
-  card.mode = select([["power", "Power"], ["velocity", "Velocity"], ["position", "Position"]], { "aria-label": `Mode of motor ${motor}` });
+  card.mode = select([["power", "Power"], ["current", "Current"], ["velocity", "Velocity"], ["position", "Position"]], { "aria-label": `Mode of motor ${motor}` });
   card.mode.value = "velocity";
   card.slider = h("input", { type: "range", value: 0 });
   card.number = h("input", { type: "number", value: 0 });
@@ -95,6 +97,8 @@ function run(/** @type {any} */ card) {
   const running = state.frame?.motors[card.motor]?.enabled;
   if (!running) drive(card);
   link.order("enable", { motor: card.motor, on: !running });
+  // A hub takes a constant current for enabled motors only.
+  if (!running && card.mode.value === "current") drive(card);
 }
 
 function show(/** @type {any} */ card, /** @type {any} */ motor) {
@@ -108,8 +112,9 @@ function show(/** @type {any} */ card, /** @type {any} */ motor) {
   const regime = motor.enabled ? motor.regime : null;
   card.pill.className = `pill ${regime ?? ""}`;
   say(card.pill, regime ? `${regime} ${motor.mode}, ${number(100 * motor.duty)} %` : motor.enabled && motor.regime !== undefined ? "bridge open" : motor.enabled ? motor.told : "off");
-  const words = motor.why ? motor.why[0].toUpperCase() + motor.why.slice(1) + "." : motor.told === "identify" ? "Identification runs." : !motor.enabled ? "Disabled, still turning." : motor.regulator ? `Regulated ${motor.regulator === "model" ? "by the motor model" : "by PID"}${motor.derated ? "; derated: the winding is hot, and the current is limited" : ""}${motor.settled ? "; settled at its target" : ""}.` : "";
-  say(card.why, motor.told === "power" && !motor.why ? "Constant power." : words);
+  const words = motor.why ? motor.why[0].toUpperCase() + motor.why.slice(1) + "." : motor.told === "identify" ? "Identification runs." : !motor.enabled ? "Disabled, still turning." : motor.regulator ? `Regulated ${motor.regulator === "model" ? "by the motor model" : "by PID"}${motor.derated ? "; derated: the winding is hot, and the current is limited" : ""}${motor.current_limited ? "; held by its current limit" : ""}${motor.settled ? "; settled at its target" : ""}.` : "";
+  const constant = motor.told === "power" ? "Constant power." : motor.told === "current" ? `Constant current${motor.current_limited ? ", held by the current limit" : ""}.` : null;
+  say(card.why, constant && !motor.why ? constant : words);
   card.why.classList.toggle("fault", Boolean(motor.fault || motor.stalled));
 }
 

@@ -79,6 +79,7 @@ pub(super) struct MotorTable {
     #[serde(default)]
     pub(super) on_fault: OnFaultWord,
     pub(super) thermal: Option<ThermalTable>,
+    pub(super) current_limit_a: Option<Spanned<f64>>,
     #[serde(default)]
     pub(super) bridge: BridgeWord,
     #[serde(default)]
@@ -225,6 +226,7 @@ pub(super) struct GainTable {
 pub(super) struct SetPointTable {
     pub(super) at_s: Spanned<f64>,
     pub(super) power: Option<Spanned<f64>>,
+    pub(super) current_a: Option<Spanned<f64>>,
     pub(super) velocity_cps: Option<Spanned<Whole>>,
     pub(super) position_counts: Option<Spanned<Whole>>,
     pub(super) tolerance_counts: Option<Spanned<Whole>>,
