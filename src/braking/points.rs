@@ -56,26 +56,29 @@ impl OperatingPoint {
 
     /// |emf| and battery voltage in volts, in steps of 1/16 mV: below 132 V and 66 V.
     pub(crate) const fn volts(self) -> (f32, f32) {
-        const VOLT: f32 = 16_000.0;
-        // Both numbers have at most 21 bits in 1/16 mV, and a single has 24.
-        ((self.e >> 16) as i32 as f32 / VOLT, (self.v >> 16) as i32 as f32 / VOLT)
+        (volts_of(self.e), volts_of(self.v))
     }
 
     /// Back EMF in volts; positive for a motor that turns CW.
     pub(crate) const fn emf_volts(self) -> f32 {
-        let (e, _) = self.volts();
+        let e = volts_of(self.e);
         if self.counter_clockwise { -e } else { e }
     }
 
     /// Battery voltage in volts.
     pub(crate) const fn battery_volts(self) -> f32 {
-        self.volts().1
+        volts_of(self.v)
     }
 
     /// True if the back EMF is at least the battery voltage: the battery drives no current in the direction of motion.
     pub const fn is_overrun(self) -> bool {
         self.e >= self.v
     }
+}
+
+/// Volts of a voltage in steps of 2^-20 mV. A voltage has at most 21 bits in 1/16 mV, and a single has 24.
+const fn volts_of(bits: i64) -> f32 {
+    (bits >> 16) as i32 as f32 / 16_000.0
 }
 
 /// A control value that may lie outside the control range, in steps with 8 fractional bits.

@@ -157,7 +157,14 @@ impl GainEstimate {
 
     /// Predicts the sensitivity one sample later. `speed` is the observer's, in counts/s.
     pub(super) fn predict(&mut self, plant: &Plant, speed: f32) {
-        self.net_volts = self.voltage.map_or(0.0, |u| u - plant.kappa * speed);
+        // Back EMF damps the motor only while its bridge is closed.
+        let damping = if let Some(volts) = self.voltage {
+            self.net_volts = volts - plant.kappa * speed;
+            plant.q
+        } else {
+            self.net_volts = 0.0;
+            0.0
+        };
         self.mean_net_volts += (self.net_volts - self.mean_net_volts) * SAMPLE_S / EXCITATION_S;
         if self.settling_s > 0.0 {
             self.settling_s -= SAMPLE_S;
@@ -165,8 +172,7 @@ impl GainEstimate {
         }
         let Sensitivity { position, speed: of_speed, load } = &mut self.sensitivity;
         *position += *of_speed * SAMPLE_S;
-        let damped = if self.voltage.is_some() { plant.q * *of_speed } else { 0.0 };
-        *of_speed += (self.gain * self.net_volts - damped + *load) * SAMPLE_S;
+        *of_speed += (self.gain * self.net_volts - damping * *of_speed + *load) * SAMPLE_S;
     }
 
     /// Updates the estimate by a correction of the observer, after a sample with `moved` counts. A sample without
