@@ -173,7 +173,8 @@ impl Motor {
     /// Replaces all settings at the next step. State is kept, so that a motor may be tuned while it runs.
     pub fn configure(&mut self, settings: Settings) {
         if settings.scheme != self.settings.scheme {
-            self.regulator.change_scheme();
+            // Control values mean other voltages from now on.
+            self.regulator.keep_current();
         }
         self.settings = settings;
         self.changed = true;
@@ -282,7 +283,8 @@ impl Motor {
         self.supply = limits;
         let Some(Command { at, requested, .. }) = self.command else { return false };
         let (before, drove) = (self.drive(), self.pulses.drives());
-        let voltage = self.modulate(at, requested, *turn);
+        let (command, voltage) = self.modulate(at, requested, *turn);
+        self.command = Some(command);
         *turn &= drove || !self.pulses.drives();
         let changed = self.drive() != before;
         if (changed || self.pulses.are_active()) && self.drive() != Drive::COAST {
@@ -453,10 +455,9 @@ impl Motor {
             self.identifier.drive(None);
             return (Control::ZERO, None);
         };
-        let voltage = self.modulate(at, modulation, false);
-        let Some(Command { requested, limited, voltage: mean, .. }) = self.command else {
-            return (Control::ZERO, None);
-        };
+        let (command, voltage) = self.modulate(at, modulation, false);
+        self.command = Some(command);
+        let Command { requested, limited, voltage: mean, .. } = command;
         let control = match control {
             Some(control) if limited == requested => control,
             _ => self.modulator.control(at, mean),
@@ -474,8 +475,8 @@ impl Motor {
         (control, (!open).then_some(voltage))
     }
 
-    /// Commands the bridge to do what was requested, within all limits. Returns the voltage that it makes now.
-    fn modulate(&mut self, at: OperatingPoint, requested: Modulation, turn: bool) -> Voltage {
+    /// The command for what was requested, within all limits, and the voltage that the bridge then makes.
+    fn modulate(&mut self, at: OperatingPoint, requested: Modulation, turn: bool) -> (Command, Voltage) {
         let mut limited = requested;
         let mut voltage = self.modulator.applied(at, requested);
         let allowed = self.limits(at).clamp(voltage.to_volts());
@@ -494,8 +495,7 @@ impl Motor {
         } else {
             self.burn(at, voltage, turn)
         };
-        self.command = Some(Command { at, requested, limited, voltage, given });
-        applied
+        (Command { at, requested, limited, voltage, given }, applied)
     }
 
     /// The voltages that the motor may have at this tick.
@@ -505,17 +505,19 @@ impl Motor {
         if let Some(amperes) = self.thermal.ceiling() {
             limits = limits.and(VoltageLimits::by_driving_current(emf, amperes, ohms));
         }
-        if let Some(limit) = self.settings.current_limit {
-            limits = limits.and(VoltageLimits::by_current(emf, f32::from(limit.get()) / 1000.0, ohms));
+        if let Some(amperes) = self.settings.current_limit_amperes() {
+            limits = limits.and(VoltageLimits::by_current(emf, amperes, ohms));
         }
         limits
     }
 
     /// True if the current limit is in force at this moment.
     fn is_current_limited(&self) -> bool {
-        let (Some(command), Some(limit)) = (&self.command, self.settings.current_limit) else { return false };
+        let (Some(command), Some(limit)) = (&self.command, self.settings.current_limit_amperes()) else {
+            return false;
+        };
         let current = (command.voltage.to_volts() - command.at.emf_volts()) / self.settings.ohms();
-        command.limited != command.requested && current.abs() > 0.98 * f32::from(limit.get()) / 1000.0
+        command.limited != command.requested && current.abs() > 0.98 * limit
     }
 
     /// The burn pulse of a motor that is to have a braking voltage on the mean, and the voltage of the pulse.

@@ -96,6 +96,11 @@ impl Settings {
         Config { emf: winding.emf, dynamics, coefficients, acceleration }
     }
 
+    /// Largest current in amperes; `None` without a limit.
+    pub(super) fn current_limit_amperes(&self) -> Option<f32> {
+        self.current_limit.map(|limit| f32::from(limit.get()) / 1000.0)
+    }
+
     /// Resistance of winding and bridge, in ohms.
     pub(super) fn ohms(&self) -> f32 {
         let milliohms =

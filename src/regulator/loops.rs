@@ -1,17 +1,15 @@
 //! PID regulation by coefficients of a host: the velocity loop, and the position loop above it.
 //!
-//! With feed-forward the velocity loop's output is a share of the battery's voltage, for which hosts choose F. The
-//! output becomes the control value that makes this voltage in the scheme and by the duty rule in force. Without
-//! feed-forward the output is the control value itself.
+//! With feed-forward the velocity loop's output is a share of the battery's voltage, for which hosts choose F, so its
+//! request is a voltage. Without feed-forward the output is a control value.
 
+use super::gain::GUESSED_TIME_CONSTANT_S;
 use super::{Demand, Effort, Output, Reference, Stage};
 use crate::braking::{Blend, BlendFraction, Scheme};
 use crate::motion::pid::{PidInput, Value};
 use crate::motion::{Pid, Pidf};
 use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Period, Voltage};
 use libm::{expf, expm1f, logf, roundf, sqrtf};
-
-use super::gain::GUESSED_TIME_CONSTANT_S;
 
 /// Bandwidth of the closed velocity loop by suggested coefficients, in 1/s.
 const BANDWIDTH: f32 = 18.0;
@@ -100,7 +98,7 @@ enum Start {
     Resume,
     /// The integral alone keeps a current of zero.
     ZeroCurrent,
-    /// Integral and P together keep the present current: coefficients have changed while the motor was regulated.
+    /// Integral and P together keep the present current: coefficients or scheme have changed while the bridge was closed.
     Continue,
 }
 
@@ -128,9 +126,9 @@ pub(super) struct Context<'a> {
 }
 
 impl Loops {
-    /// Coefficients have changed. Whether the motor is `regulated` now decides what keeps its current.
-    pub(super) fn take_coefficients(&mut self, regulated: bool) {
-        if regulated && matches!(self.start, Start::Running | Start::Resume) {
+    /// Keeps the present current at the next step, if the bridge is closed now.
+    pub(super) fn keep_current(&mut self, closed: bool) {
+        if closed && matches!(self.start, Start::Running | Start::Resume) {
             self.start = Start::Continue;
         }
     }

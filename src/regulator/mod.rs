@@ -170,18 +170,19 @@ impl Regulator {
         self.motion = new;
         self.config = config;
         self.gain_estimate.restart();
-        self.loops.take_coefficients(self.voltage.is_some());
+        self.keep_current();
     }
 
-    /// Control values mean other voltages at the next step; PID goes on from the present voltage.
-    pub fn change_scheme(&mut self) {
-        self.loops.take_coefficients(self.voltage.is_some());
+    /// PID keeps the present current at the next step, although its coefficients or the meaning of control values have
+    /// changed.
+    pub fn keep_current(&mut self) {
+        self.loops.keep_current(self.voltage.is_some());
     }
 
     /// Reacts to a changed set-point: a stalled motor [leaves its stop](Self::leave_stop).
     pub fn retarget(&mut self) {
         self.rest_position = None;
-        if self.stalled_ms >= STALLED_MS {
+        if self.is_stalled() {
             self.leave_stop();
         }
         self.stalled_ms = 0;
@@ -210,9 +211,14 @@ impl Regulator {
         // An estimate from an encoder that may be reversed is discarded.
         if self.config.dynamics.is_none() && !self.gain_estimate.is_trusted() {
             self.gain_estimate = GainEstimate::new(self.config.emf.to_volts());
-            let new = Motion::new(&self.config, &self.gain_estimate, self.period, self.motion.observer);
-            self.motion = Motion { state: self.motion.state, ..new };
+            self.use_estimated_gain();
         }
+    }
+
+    /// Prepares the constants of an unknown motor by its gain estimate. Estimate and state of the motion are kept.
+    fn use_estimated_gain(&mut self) {
+        let new = Motion::new(&self.config, &self.gain_estimate, self.period, self.motion.observer);
+        self.motion = Motion { state: self.motion.state, ..new };
     }
 
     /// Takes a sample of the encoder, best every millisecond with a jitter below 0.5 ms.
@@ -231,6 +237,7 @@ impl Regulator {
         let passed =
             if self.predicted_until == before { gap } else { samples(self.predicted_until, reading.at) };
         self.predict(passed, reading.at);
+        let stalled = self.is_stalled();
         let Motion { plant, observer, .. } = &mut self.motion;
         if gap > LONGEST_GAP_SAMPLES {
             *observer = Observer::new(within(1_000.0 * moved as f32 / gap as f32, FASTEST_CPS));
@@ -239,8 +246,7 @@ impl Regulator {
             && self.config.dynamics.is_none()
         {
             let uncertain = self.counts_due && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
-            let stalled = uncertain || self.stalled_ms >= STALLED_MS;
-            self.gain_estimate.correct(&correction, moved, stalled);
+            self.gain_estimate.correct(&correction, moved, uncertain || stalled);
         }
     }
 
@@ -285,10 +291,10 @@ impl Regulator {
         if self.config.dynamics.is_none()
             && let Some(shift) = self.gain_estimate.tick()
         {
-            let mut new = Motion::new(&self.config, &self.gain_estimate, self.period, self.motion.observer);
-            new.observer.shift(&shift);
-            new.observer.drive(&new.plant, self.voltage.map(Voltage::to_volts));
-            self.motion = Motion { state: self.motion.state, ..new };
+            self.use_estimated_gain();
+            let Motion { plant, observer, .. } = &mut self.motion;
+            observer.shift(&shift);
+            observer.drive(plant, self.voltage.map(Voltage::to_volts));
         }
     }
 

@@ -89,8 +89,7 @@ impl Law {
         stage: &Stage<'_>,
     ) -> Output {
         state.holding = false;
-        let w = observer.speed();
-        let next = w + (1.0 - self.remaining) * (target - w);
+        let next = self.next_speed(observer, target);
         self.request(state, observer, plant, next, stage, target)
     }
 
@@ -200,8 +199,13 @@ impl Law {
 
     /// The voltage that brings the motor towards a speed, in V.
     pub(super) fn voltage_for_speed(&self, observer: &Observer, plant: &Plant, target: f32) -> f32 {
+        self.voltage_to(observer, plant, self.next_speed(observer, target))
+    }
+
+    /// Speed at the tick's end on the way to a target speed, in counts/s.
+    fn next_speed(&self, observer: &Observer, target: f32) -> f32 {
         let w = observer.speed();
-        self.voltage_to(observer, plant, w + (1.0 - self.remaining) * (target - w))
+        w + (1.0 - self.remaining) * (target - w)
     }
 
     /// Reverses the friction in the estimated load when the motion is about to reverse, because friction acts against
