@@ -283,7 +283,7 @@ impl<const N: usize> Hub<N> {
         for ((motor, &reading), report) in self.motors.iter_mut().zip(&inputs.readings).zip(&mut motors) {
             *report = motor.step(inputs.now, reading, battery);
         }
-        self.groups.review(&mut motors, &mut self.motors);
+        self.groups.review(&mut motors, &mut self.motors, self.period);
         let bus = self.energy.report(fresh);
         let Self { tick, missed, commands, .. } = *self;
         Snapshot { tick, at: inputs.now, missed, commands, battery, bus, motors }

@@ -33,6 +33,7 @@
 //! | [`bridge`] | the states, modes and commands of a bridge; its constants |
 //! | [`braking`] | from a control value to a bridge command: points S T Z G, schemes, regimes, duty |
 //! | [`motion`] | encoder readings: positions, speeds and plausibility; PID |
+//! | [`settings`] | the settings of a motor |
 //! | [`regulator`] | from a set-point to a control value: by a model of the motor, or by PID with a host's coefficients |
 //! | [`group`] | motors that move synchronously: a reference for each motor |
 //! | [`supply`] | the battery's voltage, and the limits that follow from it |
@@ -75,6 +76,7 @@ pub mod protocol;
 pub mod record;
 pub mod regulator;
 pub mod responder;
+pub mod settings;
 pub mod store;
 pub mod supply;
 #[cfg(feature = "tasks")]

@@ -74,38 +74,6 @@ fn the_code_of_the_guide_to_boards_is_that_of_the_example_which_is_compiled() {
     }
 }
 
-/// Whose public modules open with an example.
-const LIBRARIES: [&str; 7] = [
-    "src",
-    "boards/simulated/src",
-    "boards/emulated/src",
-    "host/client/src",
-    "host/chart/src",
-    "host/studies/src",
-    "host/dashboard/src",
-];
-
-#[test]
-fn every_public_module_opens_with_an_example() {
-    let mut without = Vec::new();
-    for folder in LIBRARIES.map(|library| root().join(library)) {
-        let library = read(&folder.join("lib.rs"));
-        let modules = library.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'));
-        for module in modules {
-            let places = [folder.join(format!("{module}.rs")), folder.join(module).join("mod.rs")];
-            let file = places.into_iter().find(|file| file.exists()).expect("a module has a file");
-            let text = read(&file);
-            let opening = text.lines().take_while(|line| line.starts_with("//!"));
-            // Every second one closes what the one before it opened.
-            let mut fences = opening.filter_map(|line| line.strip_prefix("//! ```")).step_by(2);
-            if !fences.any(|kind| ["", "no_run"].contains(&kind)) {
-                without.push(file.display().to_string());
-            }
-        }
-    }
-    assert!(without.is_empty(), "modules without an example:\n{}", without.join("\n"));
-}
-
 #[test]
 fn the_page_of_faults_has_a_section_for_each_and_for_nothing_else() {
     let page =

@@ -134,7 +134,7 @@ fn a_bridge_draws_its_duty_of_the_current_and_returns_it_while_it_is_open() {
     bench.configure(3, with_velocity(Pidf { f: Coefficient::from_bits(12 << 16), ..Pidf::default() }));
     bench.set(3, velocity(1_300));
     let motors = bench.settle().motors.map(|motor| {
-        let drawn = settings().drawn(&motor, Millivolts::new(12_000));
+        let drawn = motor.drawn(&settings(), Millivolts::new(12_000));
         (motor.current.get(), drawn.get(), motor.drive)
     });
     for (current, drawn, drive) in &motors[..2] {
@@ -381,7 +381,9 @@ fn a_change_of_run_mode_starts_the_position_loop_afresh() {
         bench.set(0, between);
         // Before a tick has come.
         bench.set(0, target);
-        assert_eq!(bench.step().motors[0].control, fresh, "{between:?}");
+        // The voltage of the loop's request is rounded to a control value at the estimated speed.
+        let control = bench.step().motors[0].control;
+        assert!((control.get() - fresh.get()).abs() <= 1, "{control:?}, not {fresh:?}, after {between:?}");
     }
 }
 

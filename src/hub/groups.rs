@@ -100,7 +100,7 @@ impl<const N: usize> Groups<N> {
                 if members.iter().zip(&fresh).all(|(member, reading)| !member || reading.is_some()) {
                     let speeds = motors.each_ref().map(|motor| motor.velocity());
                     let group = Group::new(*together, positions, speeds, period);
-                    *state = State::Moving(group, SettleDetector::new(period));
+                    *state = State::Moving(group, SettleDetector::default());
                 }
             }
             let State::Moving(group, _) = state else { continue };
@@ -114,13 +114,13 @@ impl<const N: usize> Groups<N> {
 
     /// Reviews the reports of a tick. Members settle together. A member with a fault leaves the group, and the others
     /// halt.
-    pub(super) fn review(&mut self, reports: &mut [Report; N], motors: &mut [Motor; N]) {
+    pub(super) fn review(&mut self, reports: &mut [Report; N], motors: &mut [Motor; N], period: Period) {
         for slot in &mut self.states {
             let Some(State::Moving(group, settle_detector)) = slot else { continue };
             let members = *group.members();
             let within_tolerance =
                 group.is_within_tolerance(&reports.each_ref().map(|report| report.position));
-            let settled = settle_detector.step(within_tolerance, fastest(&members, reports));
+            let settled = settle_detector.step(within_tolerance, fastest(&members, reports), period);
             for (index, (report, motor)) in reports.iter_mut().zip(motors.iter_mut()).enumerate() {
                 if members.get(index) != Some(&true) {
                     continue;

@@ -126,7 +126,9 @@ impl BurnPulses {
     pub(super) fn heating(&self) -> f32 {
         let Voltages { requested, emf, .. } = self.voltages;
         let driven = self.drive_volts / emf;
-        let share = if driven > 1.0 { at_most(requested / emf / driven, 1.0) } else { 0.0 };
+        // At standstill `driven` is infinite or not a number, and nothing heats.
+        let share =
+            if driven > 1.0 && driven.is_finite() { at_most(requested / emf / driven, 1.0) } else { 0.0 };
         emf.abs() * sqrtf(1.0 - share + share * (driven - 1.0) * (driven - 1.0))
     }
 }

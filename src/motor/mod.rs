@@ -34,7 +34,6 @@ mod limits;
 mod report;
 mod sense_line;
 mod setpoint;
-mod settings;
 mod settled;
 mod thermal;
 mod watch;
@@ -42,16 +41,15 @@ mod watch;
 pub use report::{Faults, Report, best_current};
 pub use sense_line::SenseLine;
 pub use setpoint::Setpoint;
-pub use settings::{OnFault, Settings, ZeroPower};
 pub use settled::{SettleDetector, within_tolerance};
-pub use thermal::ThermalLimit;
 
 use crate::braking::{Modulation, Modulator, OperatingPoint, Regime, Returned, Scheme};
 use crate::bridge::{Drive, Sensed};
 use crate::motion::Reading;
 use crate::motion::guard::{Evidence, Finding, Order};
 use crate::regulator::identify::{Identifier, Refusal};
-use crate::regulator::{Demand, Effort, Regulator, Stage};
+use crate::regulator::{Context, Demand, Effort, Kind, Regulator};
+pub use crate::settings::{OnFault, Settings, ThermalLimit, ZeroPower};
 use crate::units::{
     Control, CountsPerSecond, Duty, Micros, Milliamperes, Millivolts, Period, Share, Voltage,
 };
@@ -156,11 +154,11 @@ impl Motor {
             setpoint: Setpoint::Disabled,
             changed: false,
             position: 0,
-            regulator: Regulator::new(settings.regulation(), period),
-            identifier: Identifier::new(period),
+            regulator: Regulator::new(&settings, period),
+            identifier: Identifier::default(),
             watch: Watch::new(period),
-            settle_detector: SettleDetector::new(period),
-            thermal: Thermal::new(period, settings.thermal),
+            settle_detector: SettleDetector::default(),
+            thermal: Thermal::default(),
             supply: SupplyLimits::NONE,
             pulses: BurnPulses::NONE,
             command: None,
@@ -172,15 +170,13 @@ impl Motor {
 
     /// Replaces all settings at the next step. State is kept, so that a motor may be tuned while it runs.
     pub fn configure(&mut self, settings: Settings) {
-        if settings.scheme != self.settings.scheme {
-            // Control values mean other voltages from now on.
-            self.regulator.keep_current();
-        }
+        self.regulator.configure(&self.settings, &settings, self.period);
         self.settings = settings;
         self.changed = true;
         self.modulator = settings.modulator();
-        self.regulator.configure(settings.regulation());
-        self.thermal.configure(settings.thermal);
+        if settings.thermal.is_none() {
+            self.thermal.clear(None);
+        }
     }
 
     /// Replaces the set-point at the next step, or with `act`. Disabling the motor ends a latched fault, and so does
@@ -205,7 +201,7 @@ impl Motor {
         }
         if matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe) {
             self.watch.clear();
-            self.thermal.clear();
+            self.thermal.clear(self.settings.thermal);
             self.bridge_fault = false;
         }
         match setpoint {
@@ -287,10 +283,8 @@ impl Motor {
         self.command = Some(command);
         *turn &= drove || !self.pulses.drives();
         let changed = self.drive() != before;
-        if (changed || self.pulses.are_active()) && self.drive() != Drive::COAST {
-            let voltage = self.after_change(voltage, before);
-            self.regulator.drive(Some(voltage));
-            self.identifier.drive(Some(voltage));
+        if changed || self.pulses.are_active() {
+            self.note_voltage(voltage, before);
         }
         changed
     }
@@ -322,7 +316,7 @@ impl Motor {
         self.regulator.tick();
         // An identification keeps an account of voltages, for which the constants must not change meanwhile.
         if !matches!(self.setpoint, Setpoint::Identify { .. }) {
-            self.regulator.update_gain();
+            self.regulator.update_gain(&self.settings, self.period);
         }
         moved
     }
@@ -333,18 +327,12 @@ impl Motor {
     /// [`OnFault`] says. (Without a battery or with a bridge at fault every motor coasts.)
     fn activity(&self, moved: Option<i32>) -> Activity {
         let floats = self.settings.zero_power == ZeroPower::Float;
+        let needs_encoder = !self.setpoint.is_direct();
         let no_encoder = moved.is_none() || self.watch.fault().is_some();
-        let fault = match self.setpoint {
-            Setpoint::Disabled => return Activity::Coast,
-            Setpoint::FailSafe => true,
-            Setpoint::ConstantPower(_) => self.thermal.is_cut(),
-            _ => self.thermal.is_cut() || no_encoder,
-        };
-        if fault {
-            return self.on_fault();
-        }
         match self.setpoint {
-            Setpoint::Disabled | Setpoint::FailSafe => Activity::Coast,
+            Setpoint::Disabled => Activity::Coast,
+            Setpoint::FailSafe => self.on_fault(),
+            _ if self.thermal.is_cut() || needs_encoder && no_encoder => self.on_fault(),
             Setpoint::ConstantPower(Control::ZERO) if floats => Activity::Coast,
             Setpoint::ConstantPower(Control::ZERO) => Activity::Brake,
             Setpoint::ConstantPower(power) => Activity::Power(power),
@@ -403,7 +391,8 @@ impl Motor {
             // The identification watches the encoder itself: of an unknown motor nobody can say when counts are due, only
             // how far it may go without any.
             Activity::Identify => {
-                let voltage = self.identifier.step(self.settings.winding.emf, at.battery_volts())?;
+                let voltage =
+                    self.identifier.step(self.settings.winding.emf, at.battery_volts(), self.period)?;
                 (None, self.modulator.for_voltage(at, voltage))
             }
         };
@@ -425,22 +414,25 @@ impl Motor {
             probing: self.settings.probing,
         });
         let mut speed = self.regulator.demanded_speed(demand);
-        let (control, modulation) =
-            match evidence.map_or(Finding::Sound, |evidence| self.watch.step(&evidence)) {
-                Finding::Fault(_) => return None,
-                Finding::Insist(control) => (Some(control), Modulation::full_reverse(at)),
-                Finding::Release => (Some(Control::ZERO), Modulation::full_braking(at)),
-                // The speed is in doubt, so this is open loop.
-                Finding::Probe(control) => (Some(control), self.modulator.open_loop(at, control)),
-                Finding::Sound | Finding::Stalled => {
-                    let wish = self.regulator.step(demand, moved, &Stage { modulator: &self.modulator, at });
-                    speed = wish.speed;
-                    match wish.effort {
-                        Effort::Voltage(voltage) => (None, self.modulator.for_voltage(at, voltage)),
-                        Effort::Control(control) => (Some(control), self.modulator.for_control(at, control)),
-                    }
+        let (control, modulation) = match evidence
+            .map_or(Finding::Sound, |evidence| self.watch.step(&evidence))
+        {
+            Finding::Fault(_) => return None,
+            Finding::Insist(control) => (Some(control), Modulation::full_reverse(at)),
+            Finding::Release => (Some(Control::ZERO), Modulation::full_braking(at)),
+            // The speed is in doubt, so this is open loop.
+            Finding::Probe(control) => (Some(control), self.modulator.open_loop(at, control)),
+            Finding::Sound | Finding::Stalled => {
+                let context =
+                    Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
+                let output = self.regulator.step(demand, moved, &context);
+                speed = output.speed;
+                match output.effort {
+                    Effort::Voltage(voltage) => (None, self.modulator.for_voltage(at, voltage)),
+                    Effort::Control(control) => (Some(control), self.modulator.for_control(at, control)),
                 }
-            };
+            }
+        };
         Some(Request { at, modulation, control, target: Some(speed) })
     }
 
@@ -467,12 +459,19 @@ impl Motor {
             let regime = limited.regime;
             self.watch.note(Order { target, control, regime, push: mean, velocity });
         }
-        let open = self.drive() == Drive::COAST;
-        let voltage = if open { voltage } else { self.after_change(voltage, before) };
-        self.regulator.drive((!open).then_some(voltage));
+        let voltage = self.note_voltage(voltage, before);
+        (control, voltage.map(|voltage| if self.pulses.are_active() { mean } else { voltage }))
+    }
+
+    /// Passes the voltage that the new command applies to the estimators, and returns this voltage; `None` if the bridge
+    /// is open. `before` is the command that was replaced.
+    fn note_voltage(&mut self, voltage: Voltage, before: Drive) -> Option<Voltage> {
+        let closed = self.drive() != Drive::COAST;
+        let voltage = if closed { self.after_change(voltage, before) } else { voltage };
+        self.regulator.drive(closed.then_some(voltage));
+        // A limit may open the bridge for a moment, which does not end an identification.
         self.identifier.drive(Some(voltage));
-        let voltage = if self.pulses.are_active() { mean } else { voltage };
-        (control, (!open).then_some(voltage))
+        closed.then_some(voltage)
     }
 
     /// The command for what was requested, within all limits, and the voltage that the bridge then makes.
@@ -502,7 +501,7 @@ impl Motor {
     fn limits(&self, at: OperatingPoint) -> VoltageLimits {
         let (emf, ohms) = (at.emf_volts(), self.settings.ohms());
         let mut limits = VoltageLimits::by_draw(emf, at.battery_volts(), self.supply.draw);
-        if let Some(amperes) = self.thermal.ceiling() {
+        if let Some(amperes) = self.thermal.ceiling(self.settings.thermal) {
             limits = limits.and(VoltageLimits::by_driving_current(emf, amperes, ohms));
         }
         if let Some(amperes) = self.settings.current_limit_amperes() {
@@ -581,25 +580,25 @@ impl Motor {
         } else {
             current
         };
-        self.thermal.step(measured.unwrap_or(heating));
+        self.thermal.step(self.settings.thermal, self.period, measured.unwrap_or(heating));
         let current_limited = self.is_current_limited();
         let within_tolerance = self.setpoint.is_within_tolerance(self.position);
         Report {
             setpoint: self.setpoint,
             position: self.position,
             velocity,
-            regulator: self.regulator.kind(),
+            regulator: Kind::of(&self.settings),
             current,
             measured,
             sense_line: self.line.is(),
-            heat: (1000.0 * self.thermal.heat()) as u16,
-            derated: self.thermal.ceiling().is_some(),
+            heat: (1000.0 * self.thermal.heat(self.settings.thermal)) as u16,
+            derated: self.thermal.ceiling(self.settings.thermal).is_some(),
             current_limited,
             load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
             control,
             regime: self.command.map(|command| command.limited.regime),
             drive,
-            settled: self.settle_detector.step(within_tolerance, velocity),
+            settled: self.settle_detector.step(within_tolerance, velocity, self.period),
             // With little current nothing can be said of the encoder: a motor without counts counts as stalled.
             stalled: self.watch.stalled() || current_limited && self.regulator.is_stalled(),
             identification: self.identifier.state(),

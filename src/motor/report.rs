@@ -1,12 +1,12 @@
 //! Report of a motor's state at a tick.
 
-use super::{SenseLine, Setpoint};
+use super::{SenseLine, Setpoint, Settings};
 use crate::braking::Regime;
 use crate::bridge::Drive;
 use crate::motion::EncoderFault;
 use crate::regulator::Kind;
 use crate::regulator::identify::Identification;
-use crate::units::{Control, CountsPerSecond, Milliamperes};
+use crate::units::{Control, CountsPerSecond, Milliamperes, Millivolts};
 
 /// Faults of a motor. With a fault the motor coasts or brakes, by its setting [`OnFault`](super::OnFault).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -97,6 +97,16 @@ impl Report {
     /// The [best current](best_current) of the motor.
     pub const fn best_current(&self) -> Milliamperes {
         best_current(self.current, self.measured)
+    }
+
+    /// Mean current that the bridge draws from the bus; negative while it returns current. The bridge stores no
+    /// energy, so this is the motor's current times the motor's share of the battery voltage, which is the duty while
+    /// the bridge drives. Without a battery voltage every bridge is open, and the current is 0.
+    pub fn drawn(&self, settings: &Settings, battery: Millivolts) -> Milliamperes {
+        let amperes = self.best_current().to_amperes();
+        let across = settings.winding.emf.emf(self.velocity).to_volts() + amperes * settings.ohms();
+        let share = if battery.get() == 0 { 0.0 } else { across / battery.to_volts() };
+        Milliamperes::from_amperes(amperes * share)
     }
 
     /// The report before the first tick: a disabled motor.

@@ -21,31 +21,29 @@ pub const fn within_tolerance(target: i32, position: i32, tolerance: u16) -> boo
 }
 
 /// Detects whether a motor, or a group of motors, has settled.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct SettleDetector {
-    /// Ticks after the first one within tolerance that make up the dwell.
-    dwell: u32,
-    /// Ticks in a row at which the motor was within tolerance and slow; at most one more than the dwell.
-    ticks: u32,
+    /// Time in ms since the first tick in a row at which the motor was within tolerance and slow; `None` if the last tick
+    /// was not.
+    settling_ms: Option<u32>,
 }
 
 impl SettleDetector {
-    /// A detector that is stepped every `period`. The dwell is 50 ms or a period, whichever is longer.
-    pub const fn new(period: Period) -> Self {
-        Self { dwell: DWELL_MS.div_ceil(period.as_millis()), ticks: 0 }
-    }
-
     /// Begins again, because the target has changed.
     pub const fn reset(&mut self) {
-        self.ticks = 0;
+        self.settling_ms = None;
     }
 
-    /// One tick; true if the motor has settled. `within_tolerance` is about the position at this tick.
-    pub fn step(&mut self, within_tolerance: bool, velocity: CountsPerSecond) -> bool {
+    /// One tick; true if the motor has settled. `within_tolerance` is about the position at this tick. The dwell is 50 ms,
+    /// or a period if that is longer.
+    pub fn step(&mut self, within_tolerance: bool, velocity: CountsPerSecond, period: Period) -> bool {
         let slow = velocity.to_bits().unsigned_abs() <= SLOW.to_bits().unsigned_abs();
-        let ticks = self.ticks.saturating_add(1).min(self.dwell + 1);
-        self.ticks = if within_tolerance && slow { ticks } else { 0 };
-        self.ticks > self.dwell
+        self.settling_ms = match self.settling_ms {
+            _ if !(within_tolerance && slow) => None,
+            None => Some(0),
+            Some(ms) => Some(ms.saturating_add(period.as_millis())),
+        };
+        self.settling_ms.is_some_and(|ms| ms >= DWELL_MS)
     }
 }
 
@@ -56,12 +54,17 @@ mod tests {
     /// Pairs of a period in milliseconds and the number of ticks until the dwell is over.
     const TICKS: [(u32, usize); 4] = [(1, 50), (30, 2), (50, 1), (100, 1)];
 
-    fn detector(ms: u32) -> SettleDetector {
-        SettleDetector::new(Period::from_millis(ms).unwrap_or_default())
-    }
+    /// A detector with the control period.
+    struct Detector(SettleDetector, Period);
 
-    fn cps(speed: i32) -> CountsPerSecond {
-        CountsPerSecond::new(speed)
+    impl Detector {
+        fn new(ms: u32) -> Self {
+            Self(SettleDetector::default(), Period::from_millis(ms).unwrap_or_default())
+        }
+
+        fn step(&mut self, within_tolerance: bool, speed: i32) -> bool {
+            self.0.step(within_tolerance, CountsPerSecond::new(speed), self.1)
+        }
     }
 
     #[test]
@@ -88,9 +91,9 @@ mod tests {
     fn a_slow_motor_within_tolerance_has_settled_after_the_dwell() {
         for (ms, ticks) in TICKS {
             for speed in [0, 40, -40] {
-                let mut detector = detector(ms);
-                assert!((0..ticks).all(|_| !detector.step(true, cps(speed))), "{ms} ms, {speed}");
-                assert!((0..200).all(|_| detector.step(true, cps(speed))), "{ms} ms, {speed}");
+                let mut detector = Detector::new(ms);
+                assert!((0..ticks).all(|_| !detector.step(true, speed)), "{ms} ms, {speed}");
+                assert!((0..200).all(|_| detector.step(true, speed)), "{ms} ms, {speed}");
             }
         }
     }
@@ -99,8 +102,8 @@ mod tests {
     fn a_motor_that_passes_its_target_at_speed_has_not_settled() {
         for (ms, _) in TICKS {
             for speed in [41, -41, 3_000] {
-                let mut detector = detector(ms);
-                assert!((0..200).all(|_| !detector.step(true, cps(speed))), "{ms} ms, {speed}");
+                let mut detector = Detector::new(ms);
+                assert!((0..200).all(|_| !detector.step(true, speed)), "{ms} ms, {speed}");
             }
         }
     }
@@ -109,16 +112,16 @@ mod tests {
     fn a_motor_that_is_displaced_or_gets_another_target_settles_again_after_the_dwell() {
         for (ms, ticks) in TICKS {
             for disturb in [
-                |detector: &mut SettleDetector| assert!(!detector.step(false, cps(0))),
-                |detector: &mut SettleDetector| assert!(!detector.step(true, cps(-500))),
-                SettleDetector::reset,
+                |detector: &mut Detector| assert!(!detector.step(false, 0)),
+                |detector: &mut Detector| assert!(!detector.step(true, -500)),
+                |detector: &mut Detector| detector.0.reset(),
             ] {
-                let mut detector = detector(ms);
-                assert!((0..ticks).all(|_| !detector.step(true, cps(0))), "{ms} ms");
-                assert!(detector.step(true, cps(0)), "{ms} ms");
+                let mut detector = Detector::new(ms);
+                assert!((0..ticks).all(|_| !detector.step(true, 0)), "{ms} ms");
+                assert!(detector.step(true, 0), "{ms} ms");
                 disturb(&mut detector);
-                assert!((0..ticks).all(|_| !detector.step(true, cps(0))), "{ms} ms");
-                assert!(detector.step(true, cps(0)), "{ms} ms");
+                assert!((0..ticks).all(|_| !detector.step(true, 0)), "{ms} ms");
+                assert!(detector.step(true, 0), "{ms} ms");
             }
         }
     }

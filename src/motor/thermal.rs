@@ -13,8 +13,9 @@
 //! nor of the room: the limit is the continuous current of the motor's data sheet. The resistance is the configured,
 //! cold one. A hot winding has more resistance, and so less current.
 
+use crate::settings::ThermalLimit;
 use crate::units::single::{at_least, at_most};
-use crate::units::{Milliamperes, Period, RangeError};
+use crate::units::{Milliamperes, Period};
 
 /// Share of the winding's rise that is over the case. In small brushed motors 0.15 to 0.3 of the thermal resistance
 /// lies between winding and case.
@@ -31,63 +32,9 @@ const COOL: f32 = 1.0;
 /// stepped every millisecond would lose them in rounding.
 const AVERAGING_S: f32 = 0.05;
 
-/// Thermal limit of a motor's winding: its continuous current, and the time constants of winding and case.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct ThermalLimit {
-    /// Continuous current, in mA.
-    continuous_ma: u16,
-    /// Time constant of the winding, in s.
-    winding_s: u16,
-    /// Time constant of the case, in s.
-    case_s: u16,
-}
-
-impl ThermalLimit {
-    /// Usual time constant of a winding, in s, for a motor without a known one.
-    pub const USUAL_WINDING_S: u16 = 20;
-    /// Usual time constant of a case, in s, for a motor without a known one.
-    pub const USUAL_CASE_S: u16 = 600;
-
-    /// Creates a limit from the continuous current in mA, and the time constants of winding and case in s.
-    ///
-    /// # Errors
-    /// Fails with [`RangeError::Thermal`] if an argument is 0.
-    pub const fn new(continuous_ma: u16, winding_s: u16, case_s: u16) -> Result<Self, RangeError> {
-        if continuous_ma == 0 || winding_s == 0 || case_s == 0 {
-            return Err(RangeError::Thermal);
-        }
-        Ok(Self { continuous_ma, winding_s, case_s })
-    }
-
-    /// The continuous current: 1 to 65 535 mA.
-    pub const fn continuous_ma(&self) -> u16 {
-        self.continuous_ma
-    }
-
-    /// The time constant of the winding: 1 to 65 535 s.
-    pub const fn winding_s(&self) -> u16 {
-        self.winding_s
-    }
-
-    /// The time constant of the case: 1 to 65 535 s.
-    pub const fn case_s(&self) -> u16 {
-        self.case_s
-    }
-
-    /// The continuous current in A.
-    fn continuous_amperes(&self) -> f32 {
-        f32::from(self.continuous_ma) / 1000.0
-    }
-}
-
-/// State of the thermal model of one motor.
-#[derive(Clone, Copy, Debug)]
+/// State of the thermal model of one motor. The default is a cold motor.
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Thermal {
-    /// Control period, in s.
-    period_s: f32,
-    /// Limit of the motor; `None` for a motor without thermal protection.
-    limit: Option<ThermalLimit>,
     /// Filtered square of the current with the winding's time constant, in A².
     winding: f32,
     /// Filtered square of the current with the case's time constant, in A².
@@ -101,49 +48,35 @@ pub(super) struct Thermal {
 }
 
 impl Thermal {
-    /// Creates the model of a cold motor that is stepped every `period`.
-    pub(super) const fn new(period: Period, limit: Option<ThermalLimit>) -> Self {
-        let period_s = period.as_millis() as f32 / 1000.0;
-        Self { period_s, limit, winding: 0.0, case: 0.0, gathered: 0.0, gathered_s: 0.0, cut: false }
-    }
-
-    /// Replaces the limit. The state of the filters is kept.
-    pub(super) const fn configure(&mut self, limit: Option<ThermalLimit>) {
-        self.limit = limit;
-        if limit.is_none() {
-            self.cut = false;
-        }
-    }
-
-    /// Steps the model by a tick with this current.
-    pub(super) fn step(&mut self, current: Milliamperes) {
-        let Some(limit) = self.limit else { return };
-        let amperes = current.get() as f32 / 1000.0;
-        self.gathered += amperes * amperes * self.period_s;
-        self.gathered_s += self.period_s;
+    /// Steps the model by a tick with this current. Nothing is computed without a limit.
+    pub(super) fn step(&mut self, limit: Option<ThermalLimit>, period: Period, current: Milliamperes) {
+        let Some(limit) = limit else { return };
+        let (amperes, seconds) = (current.to_amperes(), period.to_seconds());
+        self.gathered += amperes * amperes * seconds;
+        self.gathered_s += seconds;
         if self.gathered_s < AVERAGING_S {
             return;
         }
         let square = self.gathered / self.gathered_s;
-        for (mean, seconds) in [(&mut self.winding, limit.winding_s), (&mut self.case, limit.case_s)] {
+        for (mean, seconds) in [(&mut self.winding, limit.winding_s()), (&mut self.case, limit.case_s())] {
             *mean += (square - *mean) * at_most(self.gathered_s / f32::from(seconds), 1.0);
         }
         (self.gathered, self.gathered_s) = (0.0, 0.0);
-        self.cut |= self.heat() > CUT_ABOVE;
+        self.cut |= self.heat(Some(limit)) > CUT_ABOVE;
     }
 
     /// The heat: 1 at the limit, 0 without a limit.
-    pub(super) fn heat(&self) -> f32 {
-        self.limit.map_or(0.0, |limit| {
+    pub(super) fn heat(&self, limit: Option<ThermalLimit>) -> f32 {
+        limit.map_or(0.0, |limit| {
             let mean = WINDING_SHARE * self.winding + (1.0 - WINDING_SHARE) * self.case;
             mean / (limit.continuous_amperes() * limit.continuous_amperes())
         })
     }
 
     /// Largest current in A that may drive the motor; `None` for no limit.
-    pub(super) fn ceiling(&self) -> Option<f32> {
-        let (limit, heat) = (self.limit?, self.heat());
-        (heat > DERATED_FROM).then(|| {
+    pub(super) fn ceiling(&self, limit: Option<ThermalLimit>) -> Option<f32> {
+        let heat = self.heat(limit);
+        limit.filter(|_| heat > DERATED_FROM).map(|limit| {
             let left = at_least((1.0 - heat) / (1.0 - DERATED_FROM), 0.0);
             limit.continuous_amperes() * (1.0 + 3.0 * left)
         })
@@ -154,9 +87,9 @@ impl Thermal {
         self.cut
     }
 
-    /// Lets a disabled motor run again, if it has cooled down.
-    pub(super) fn clear(&mut self) {
-        self.cut &= self.heat() > COOL;
+    /// Lets a motor run again that has cooled down, or whose limit is gone.
+    pub(super) fn clear(&mut self, limit: Option<ThermalLimit>) {
+        self.cut &= self.heat(limit) > COOL;
     }
 }
 
@@ -169,22 +102,35 @@ mod tests {
         ThermalLimit::new(1_000, 20, 600).unwrap_or_else(|error| unreachable!("{error}"))
     }
 
-    fn thermal(ms: u32) -> Thermal {
-        Thermal::new(Period::from_millis(ms).unwrap_or_default(), Some(limit()))
-    }
+    /// A thermal model with its limit and the control period.
+    struct Model(Thermal, Period);
 
-    /// The heat after a constant current in mA for this time.
-    fn after(thermal: &mut Thermal, seconds: f32, ma: i32) -> f32 {
-        for _ in 0..(seconds / thermal.period_s) as u32 {
-            thermal.step(Milliamperes::new(ma));
+    impl Model {
+        fn new(ms: u32) -> Self {
+            Self(Thermal::default(), Period::from_millis(ms).unwrap_or_default())
         }
-        thermal.heat()
+
+        fn heat(&self) -> f32 {
+            self.0.heat(Some(limit()))
+        }
+
+        fn step(&mut self, ma: i32) {
+            self.0.step(Some(limit()), self.1, Milliamperes::new(ma));
+        }
+
+        /// The heat after a constant current in mA for this time.
+        fn after(&mut self, seconds: f32, ma: i32) -> f32 {
+            for _ in 0..(seconds / self.1.to_seconds()) as u32 {
+                self.step(ma);
+            }
+            self.heat()
+        }
     }
 
     #[test]
     fn the_continuous_current_leads_to_the_limit_at_every_period() {
         for ms in [1, 30, 50, 100] {
-            let heat = after(&mut thermal(ms), 6_000.0, -1_000);
+            let heat = Model::new(ms).after(6_000.0, -1_000);
             assert!((heat - 1.0).abs() < 0.01, "{ms} ms: {heat}");
         }
     }
@@ -196,7 +142,7 @@ mod tests {
                 let rise = |tau: f32| 1.0 - (-seconds / tau).exp();
                 let square = (ma as f32 / 1e3).powi(2);
                 let wanted = square * (0.25 * rise(20.0) + 0.75 * rise(600.0));
-                let heat = after(&mut thermal(ms), seconds, ma);
+                let heat = Model::new(ms).after(seconds, ma);
                 assert!((heat - wanted).abs() < 0.01 * wanted, "{ms} ms, {seconds} s: {heat}, {wanted}");
             }
         }
@@ -204,29 +150,30 @@ mod tests {
 
     #[test]
     fn the_current_limit_falls_to_the_continuous_current_before_the_motor_is_cut() {
-        let mut thermal = thermal(50);
-        assert_eq!(thermal.ceiling(), None);
+        let mut model = Model::new(50);
+        let ceiling = |model: &Model| model.0.ceiling(Some(limit()));
+        assert_eq!(ceiling(&model), None);
         let mut least = f32::INFINITY;
         for _ in 0..200 * 20 {
             // A motor within the current limit is not cut.
-            let ma = thermal.ceiling().map_or(4_000.0, |ceiling| (1e3 * ceiling).min(4_000.0));
+            let ma = ceiling(&model).map_or(4_000.0, |ceiling| (1e3 * ceiling).min(4_000.0));
             least = least.min(ma);
-            thermal.step(Milliamperes::new(ma as i32));
+            model.step(ma as i32);
         }
-        assert!((thermal.heat() - 1.0).abs() < 0.1 && !thermal.is_cut(), "{}", thermal.heat());
+        assert!((model.heat() - 1.0).abs() < 0.1 && !model.0.is_cut(), "{}", model.heat());
         assert!((1_000.0..1_400.0).contains(&least), "{least}");
     }
 
     #[test]
     fn a_motor_that_was_too_hot_stays_cut_until_it_has_cooled_down_and_is_disabled() {
-        let mut thermal = thermal(50);
-        after(&mut thermal, 30.0, 4_000);
-        assert!(thermal.is_cut());
-        thermal.clear();
-        assert!(thermal.is_cut(), "still hot: {}", thermal.heat());
-        after(&mut thermal, 900.0, 0);
-        assert!(thermal.is_cut());
-        thermal.clear();
-        assert!(!thermal.is_cut());
+        let mut model = Model::new(50);
+        model.after(30.0, 4_000);
+        assert!(model.0.is_cut());
+        model.0.clear(Some(limit()));
+        assert!(model.0.is_cut(), "still hot: {}", model.heat());
+        model.after(900.0, 0);
+        assert!(model.0.is_cut());
+        model.0.clear(Some(limit()));
+        assert!(!model.0.is_cut());
     }
 }

@@ -15,12 +15,10 @@
 //! explains every error and s is near 0, so a load is not taken for inertia.
 
 use super::observer::{Correction, Plant, SAMPLE_S};
+use crate::settings::GUESSED_TIME_CONSTANT_S;
 use crate::units::single::{at_least, at_most};
-use libm::{expf, sqrtf};
+use libm::{expf, logf, sqrtf};
 
-/// Initial guess of the mechanical time constant of an unknown motor, in s. A bare gear motor has about this time
-/// constant.
-pub(super) const GUESSED_TIME_CONSTANT_S: f32 = 0.14;
 /// Shortest and longest plausible mechanical time constant of a motor with its load, in s.
 const PLAUSIBLE_TIME_CONSTANT_S: (f32, f32) = (0.01, 30.0);
 /// Variance of ln b for the initial guess. The true gain is then within a factor of 2.7 of the guess (one standard
@@ -62,14 +60,10 @@ const HEAVY: f32 = 1.25;
 /// Counts in the direction of the voltage after which an encoder is trusted to count in the right direction.
 const TRUSTED_COUNTS: i32 = 30;
 
-/// The estimate of one motor's gain.
+/// The estimate of one motor's gain, beside the gain b that the observer uses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GainEstimate {
-    /// Back EMF per speed, in V per count/s.
-    kappa: f32,
-    /// The gain b that the observer uses, in counts/s² per V.
-    gain: f32,
-    /// Estimate of ln(true gain / `gain`).
+    /// Estimate of ln(true gain / b).
     theta: f32,
     /// Variance of `theta`.
     variance: f32,
@@ -77,8 +71,6 @@ pub(super) struct GainEstimate {
     sensitivity: Sensitivity,
     /// Counts in the direction of the voltage less counts against it, limited to 0 to twice [`TRUSTED_COUNTS`].
     trust_counts: i32,
-    /// Voltage across the motor, in V; `None` while the bridge is open.
-    voltage: Option<f32>,
     /// Time until the observer has forgotten a wrong initial state, in s. Nothing is learned meanwhile.
     settling_s: f32,
     /// Accelerating voltage in V: the voltage across the motor less the back EMF; 0 while the bridge is open.
@@ -106,25 +98,23 @@ impl Sensitivity {
 }
 
 impl GainEstimate {
-    /// Begins with the initial guess for a motor with this back EMF, in volts per count/s.
-    pub(super) fn new(kappa: f32) -> Self {
+    /// Begins with an observer that uses the [initial guess](guessed_gain).
+    pub(super) const fn new() -> Self {
         Self {
-            kappa,
-            gain: 1.0 / (GUESSED_TIME_CONSTANT_S * kappa),
             theta: 0.0,
             variance: GUESS_VARIANCE,
-            sensitivity: Sensitivity::default(),
+            sensitivity: Sensitivity { position: 0.0, speed: 0.0, load: 0.0 },
             trust_counts: 0,
-            voltage: None,
             settling_s: 0.0,
             net_volts: 0.0,
             mean_net_volts: 0.0,
         }
     }
 
-    /// The gain in use, in counts/s² per V.
-    pub(super) const fn gain(&self) -> f32 {
-        self.gain
+    /// Returns to the initial guess, from an observer that uses another gain. The guess is put in force by
+    /// [`take_gain`](Self::take_gain).
+    pub(super) fn discard(&mut self, plant: &Plant) {
+        *self = Self { theta: logf(guessed_gain(plant.kappa) / plant.b), ..Self::new() };
     }
 
     /// True if the motor has turned in the direction of its voltage, so that its encoder can be trusted.
@@ -134,10 +124,8 @@ impl GainEstimate {
 
     /// True if the motor is surely heavier than a bare gear motor. The estimate of a motor that turns against its
     /// voltage is not used: its encoder may be reversed.
-    pub(super) fn is_heavy(&self) -> bool {
-        self.is_trusted()
-            && self.variance < SURE_VARIANCE
-            && HEAVY * self.gain * GUESSED_TIME_CONSTANT_S * self.kappa < 1.0
+    pub(super) fn is_heavy(&self, plant: &Plant) -> bool {
+        self.is_trusted() && self.variance < SURE_VARIANCE && HEAVY * plant.b < guessed_gain(plant.kappa)
     }
 
     /// Sets the sensitivity of a motor at rest to 0: the observer's state is exact whatever the gain is.
@@ -150,15 +138,11 @@ impl GainEstimate {
         (self.sensitivity, self.settling_s) = (Sensitivity::default(), SETTLING_S);
     }
 
-    /// Sets the voltage in V that the bridge applies from now on; `None` if the bridge is open.
-    pub(super) const fn drive(&mut self, voltage: Option<f32>) {
-        self.voltage = voltage;
-    }
-
-    /// Predicts the sensitivity one sample later. `speed` is the observer's, in counts/s.
-    pub(super) fn predict(&mut self, plant: &Plant, speed: f32) {
+    /// Predicts the sensitivity one sample later. `speed` is the observer's, in counts/s; `voltage` in V is `None` while
+    /// the bridge is open.
+    pub(super) fn predict(&mut self, plant: &Plant, speed: f32, voltage: Option<f32>) {
         // Back EMF damps the motor only while its bridge is closed.
-        let damping = if let Some(volts) = self.voltage {
+        let damping = if let Some(volts) = voltage {
             self.net_volts = volts - plant.kappa * speed;
             plant.q
         } else {
@@ -172,18 +156,31 @@ impl GainEstimate {
         }
         let Sensitivity { position, speed: of_speed, load } = &mut self.sensitivity;
         *position += *of_speed * SAMPLE_S;
-        *of_speed += (self.gain * self.net_volts - damping * *of_speed + *load) * SAMPLE_S;
+        *of_speed += (plant.b * self.net_volts - damping * *of_speed + *load) * SAMPLE_S;
     }
 
-    /// Updates the estimate by a correction of the observer, after a sample with `moved` counts. A sample without
-    /// counts of a motor that may be `stalled` does not update the gain.
-    pub(super) fn correct(&mut self, correction: &Correction, moved: i32, stalled: bool) {
-        let with_voltage = if self.voltage.unwrap_or(0.0) < 0.0 { moved.saturating_neg() } else { moved };
-        self.trust_counts = self.trust_counts.saturating_add(with_voltage).clamp(0, 2 * TRUSTED_COUNTS);
+    /// Updates the estimate by a correction of the observer, after a sample with `moved` counts at this voltage in V. A
+    /// sample without counts of a motor that may be `stalled` does not update the gain.
+    pub(super) fn correct(
+        &mut self,
+        plant: &Plant,
+        correction: &Correction,
+        moved: i32,
+        voltage: Option<f32>,
+        stalled: bool,
+    ) {
+        // A shaft that is turned without a voltage says nothing of the direction in which its encoder counts.
+        let counts_along_voltage = match voltage {
+            Some(volts) if volts > 0.0 => moved,
+            Some(volts) if volts < 0.0 => moved.saturating_neg(),
+            _ => 0,
+        };
+        self.trust_counts =
+            self.trust_counts.saturating_add(counts_along_voltage).clamp(0, 2 * TRUSTED_COUNTS);
         let Correction { error, age_s, position_gain, speed_gain, load_gain } = *correction;
         let s = self.sensitivity.position;
         let innovation = error - s * self.theta;
-        let drift = VOLTAGE_NOISE * self.gain * age_s * age_s / 2.0;
+        let drift = VOLTAGE_NOISE * plant.b * age_s * age_s / 2.0;
         let noise = COUNTING_NOISE * COUNTING_NOISE + drift * drift;
         let excited = (self.net_volts - self.mean_net_volts).abs() > EXCITATION_VOLTS;
         if excited && s.abs() > LEARNING_SENSITIVITY {
@@ -207,25 +204,30 @@ impl GainEstimate {
         self.sensitivity.load -= load_gain * s;
     }
 
-    /// Puts a new gain in force at a control tick. Returns the change of the observer's state that follows from the
-    /// new gain; `None` if the gain is unchanged.
-    pub(super) fn tick(&mut self) -> Option<Sensitivity> {
+    /// Takes the new gain at a control tick, in counts/s² per V, with the change of the observer's state that follows
+    /// from it; `None` if the gain is unchanged.
+    pub(super) fn take_gain(&mut self, plant: &Plant) -> Option<(f32, Sensitivity)> {
         if self.theta.abs() < LEAST_CHANGE {
             return None;
         }
         let (shortest, longest) = PLAUSIBLE_TIME_CONSTANT_S;
-        let theta = at_most(at_least(self.theta, -1.0), 1.0);
+        let (least, most) = (1.0 / (longest * plant.kappa), 1.0 / (shortest * plant.kappa));
+        let step = expf(at_most(at_least(self.theta, -1.0), 1.0));
+        let gain = at_most(at_least(plant.b * step, least), most);
+        // At an end of the plausible range the gain changes by less than the estimate.
+        let change = gain / plant.b;
+        let theta = logf(change);
         self.theta -= theta;
-        let change = expf(theta);
-        self.gain = at_most(
-            at_least(self.gain * change, 1.0 / (longest * self.kappa)),
-            1.0 / (shortest * self.kappa),
-        );
         let shift = self.sensitivity.scaled(theta);
         // Sensitivities are in proportion to the gain in use.
         self.sensitivity = self.sensitivity.scaled(change);
-        Some(shift)
+        Some((gain, shift))
     }
+}
+
+/// Initial guess of the gain of an unknown motor, in counts/s² per V, with its back EMF in V per count/s.
+pub(super) fn guessed_gain(kappa: f32) -> f32 {
+    1.0 / (GUESSED_TIME_CONSTANT_S * kappa)
 }
 
 #[cfg(test)]
@@ -238,22 +240,21 @@ mod tests {
     const FILTER: Filter = Filter { poles: 45.0, least_z: 0.35 };
 
     /// Drives a motor of this time constant (s) and load (V) with each voltage for half a second, at a control period
-    /// in ms. Returns the estimate.
-    fn learned(period: u32, tau: f32, load: f32, volts: &[f32]) -> GainEstimate {
-        let mut estimate = GainEstimate::new(KAPPA);
+    /// in ms. Returns the estimated gain.
+    fn learned(period: u32, tau: f32, load: f32, volts: &[f32]) -> f32 {
+        let mut estimate = GainEstimate::new();
         let plant = |gain: f32| Plant::new(gain, KAPPA, gain * KAPPA, FILTER);
-        let mut estimated = plant(estimate.gain());
+        let mut estimated = plant(guessed_gain(KAPPA));
         let mut observer = Observer::new(0.0);
         let b = 1.0 / (tau * KAPPA);
         let (mut x, mut w, mut count) = (0.5f64, 0.0f32, 0i32);
         for ms in 0..500 * volts.len() as u32 {
             let u = volts.get((ms / 500) as usize).copied().unwrap_or(0.0);
             if ms % period == 0 {
-                if let Some(shift) = estimate.tick() {
-                    estimated = plant(estimate.gain());
+                if let Some((gain, shift)) = estimate.take_gain(&estimated) {
+                    estimated = plant(gain);
                     observer.shift(&shift);
                 }
-                estimate.drive(Some(u));
                 observer.drive(&estimated, Some(u));
             }
             for _ in 0..10 {
@@ -262,20 +263,20 @@ mod tests {
             }
             let moved = x.floor() as i32 - count;
             count += moved;
-            estimate.predict(&estimated, observer.speed());
+            estimate.predict(&estimated, observer.speed(), Some(u));
             observer.predict(&estimated);
             if let Some(correction) = observer.update(&estimated, moved, true) {
-                estimate.correct(&correction, moved, false);
+                estimate.correct(&estimated, &correction, moved, Some(u), false);
             }
         }
-        estimate
+        estimated.b
     }
 
     #[test]
     fn three_steps_of_voltage_identify_light_and_heavy_motors_at_every_period() {
         for tau in [0.05, 0.2, 1.0, 3.0] {
             for period in [1, 5, 20, 50, 100] {
-                let found = 1.0 / (learned(period, tau, 0.0, &[9.0, -6.0, 9.0]).gain() * KAPPA);
+                let found = 1.0 / (learned(period, tau, 0.0, &[9.0, -6.0, 9.0]) * KAPPA);
                 assert!((0.6 * tau..1.25 * tau).contains(&found), "{found}, not {tau} s at {period} ms");
             }
         }
@@ -284,33 +285,32 @@ mod tests {
     #[test]
     fn a_load_is_not_taken_for_inertia() {
         for load in [-2.0, 2.0] {
-            let found = learned(20, 0.4, load, &[9.0, 3.0, 9.0]).gain() * KAPPA;
+            let found = learned(20, 0.4, load, &[9.0, 3.0, 9.0]) * KAPPA;
             assert!((found * 0.4 - 1.0).abs() < 0.35, "{found} with {load} V");
         }
     }
 
     #[test]
     fn a_steady_speed_teaches_nothing_more() {
-        let [short, long] = [20, 240].map(|halves| learned(10, 0.5, 1.0, &vec![9.0; halves]).gain());
+        let [short, long] = [20, 240].map(|halves| learned(10, 0.5, 1.0, &vec![9.0; halves]));
         assert!((long / short - 1.0).abs() < 0.06, "{short} after 10 s, {long} after 2 min");
     }
 
     #[test]
     fn a_stalled_motor_teaches_nothing() {
-        let mut estimate = GainEstimate::new(KAPPA);
-        let guess = estimate.gain();
+        let mut estimate = GainEstimate::new();
+        let guess = guessed_gain(KAPPA);
         let plant = Plant::new(guess, KAPPA, guess * KAPPA, FILTER);
         let mut observer = Observer::new(0.0);
-        estimate.drive(Some(12.0));
         observer.drive(&plant, Some(12.0));
         for _ in 0..2_000 {
-            estimate.predict(&plant, observer.speed());
+            estimate.predict(&plant, observer.speed(), Some(12.0));
             observer.predict(&plant);
             if let Some(correction) = observer.update(&plant, 0, true) {
-                estimate.correct(&correction, 0, true);
+                estimate.correct(&plant, &correction, 0, Some(12.0), true);
             }
-            assert!(estimate.tick().is_none());
+            assert!(estimate.take_gain(&plant).is_none());
         }
-        assert_eq!(estimate.gain().to_bits(), guess.to_bits());
+        assert!(estimate.theta == 0.0);
     }
 }

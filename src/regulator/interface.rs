@@ -1,21 +1,8 @@
 //! Inputs and outputs of both regulators.
 
-use super::{Coefficients, Dynamics};
 use crate::braking::{Modulator, OperatingPoint};
-use crate::units::{Acceleration, Control, CountsPerSecond, EmfConstant, Voltage};
-
-/// Configuration of a regulator.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Config {
-    /// Back EMF per encoder speed.
-    pub emf: EmfConstant,
-    /// Dynamics of the motor with its load; `None` for an unknown motor.
-    pub dynamics: Option<Dynamics>,
-    /// Coefficients of a host, with which the motor is regulated by PID; `None` for the model regulator.
-    pub coefficients: Option<Coefficients>,
-    /// Largest acceleration by the model regulator; `None` for no limit.
-    pub acceleration: Option<Acceleration>,
-}
+use crate::settings::Settings;
+use crate::units::{Control, CountsPerSecond, Period, Voltage};
 
 /// Kind of a regulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +12,16 @@ pub enum Kind {
     Model,
     /// Regulation by proportional, integral and derivative action.
     Pid,
+}
+
+impl Kind {
+    /// The kind of regulator that the settings select.
+    pub const fn of(settings: &Settings) -> Self {
+        match settings.coefficients {
+            None => Self::Model,
+            Some(_) => Self::Pid,
+        }
+    }
 }
 
 /// Demand on a regulated motor.
@@ -69,11 +66,15 @@ impl Reference {
     }
 }
 
-/// State of the bridge and its supply at a tick.
+/// What a tick passes to a regulator.
 #[derive(Clone, Copy, Debug)]
-pub struct Stage<'a> {
+pub struct Context<'a> {
+    /// Settings of the motor.
+    pub settings: &'a Settings,
     /// Maps control values to voltages and back.
     pub modulator: &'a Modulator,
+    /// Control period.
+    pub period: Period,
     /// Back EMF and battery voltage.
     pub at: OperatingPoint,
 }

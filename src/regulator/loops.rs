@@ -3,90 +3,15 @@
 //! With feed-forward the velocity loop's output is a share of the battery's voltage, for which hosts choose F, so its
 //! request is a voltage. Without feed-forward the output is a control value.
 
-use super::gain::GUESSED_TIME_CONSTANT_S;
-use super::{Demand, Effort, Output, Reference, Stage};
-use crate::braking::{Blend, BlendFraction, Scheme};
+use super::{Context, Demand, Effort, Output, Reference};
+use crate::motion::Pid;
 use crate::motion::pid::{PidInput, Value};
-use crate::motion::{Pid, Pidf};
-use crate::units::{Coefficient, Control, CountsPerSecond, EmfConstant, Period, Voltage};
-use libm::{expf, expm1f, logf, roundf, sqrtf};
+use crate::settings::Coefficients;
+use crate::units::{Coefficient, Control, CountsPerSecond, Period, Voltage};
+use libm::{roundf, sqrtf};
 
-/// Bandwidth of the closed velocity loop by suggested coefficients, in 1/s.
-const BANDWIDTH: f32 = 18.0;
-/// Least share of a speed's error that suggested coefficients leave after a tick.
-const QUICKEST_POLE: f32 = 0.6;
-/// Least P of suggested coefficients, in full control at the speed whose back EMF is 12 V.
-const LEAST_P: f32 = 0.3;
-/// Battery voltage for which coefficients are suggested, in V.
-const NOMINAL_VOLTS: f32 = 12.0;
-/// Cycles of 50 ms by which hosts give I.
-const CYCLES_PER_SECOND: f32 = 20.0;
-/// How many times slower than the velocity loop the suggested position loop is: the motor may be much heavier than a
-/// bare one.
-const POSITION_SLOWER: f32 = 6.0;
 /// Voltage of whose acceleration half is planned for braking, in V.
 const BRAKING_VOLTS: f32 = 11.0;
-
-/// Coefficients of both loops.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Coefficients {
-    /// Coefficients of the velocity loop.
-    pub velocity: Pidf,
-    /// Coefficients of the position loop above the velocity loop.
-    pub position: Pidf,
-}
-
-impl Coefficients {
-    /// Suggests coefficients for an unknown motor, taken for a bare gear motor at a battery of 12 V. Hosts read them
-    /// from a motor that has no coefficients.
-    ///
-    /// From one tick to the next a bare gear motor keeps `a = exp(-T / 0.14 s)` of its speed. Both poles are placed at
-    /// `z = exp(-18 T)`, or 0.6. With `f` control steps per count/s, which is full control at the speed
-    /// whose back EMF is 12 V:
-    ///
-    /// ```text
-    /// P = f (a - z^2) / (1 - a)    I = f (1 - z)^2 / ((1 - a) T)
-    /// ```
-    ///
-    /// Where a control value is a current, the back EMF does not damp the motor, and P grows by f to compensate. In
-    /// Schemes C and D the control range spans less current, so P and I grow by up to 60 %. A fixed blend lies
-    /// between B and C.
-    pub fn guessed(emf: EmfConstant, scheme: Scheme, period: Period) -> Self {
-        let f = emf.to_volts() * f32::from(Control::MAX.get()) / NOMINAL_VOLTS;
-        let seconds = period.to_seconds();
-        let lost = -expm1f(-seconds / GUESSED_TIME_CONSTANT_S);
-        let kept = 1.0 - lost;
-        let pole = expf(-BANDWIDTH * seconds).max(QUICKEST_POLE);
-        let bandwidth = -logf(pole) / seconds;
-        let p = ((kept - pole * pole) / lost).max(LEAST_P);
-        let i = (1.0 - pole) * (1.0 - pole) / (lost * seconds);
-        // `share` is how far the scheme is from B to C.
-        let narrow = |share: f32| {
-            let more = 1.0 + 0.6 * share;
-            ((p + 1.0) * more, i * more)
-        };
-        let (p, i) = match scheme {
-            Scheme::ForwardReverse | Scheme::A => (p, i),
-            Scheme::B => narrow(0.0),
-            Scheme::C | Scheme::D(Blend::Automatic) => narrow(1.0),
-            Scheme::D(Blend::Fixed(blend)) => {
-                narrow(blend.to_bits() as f32 / BlendFraction::ONE.to_bits() as f32)
-            }
-        };
-        let pi = |p: f32, i: f32| Pidf {
-            p: coefficient(p),
-            i: coefficient(i / CYCLES_PER_SECOND),
-            ..Pidf::default()
-        };
-        Self { velocity: pi(p * f, i * f), position: pi(bandwidth / POSITION_SLOWER, 0.0) }
-    }
-}
-
-/// Rounds to the nearest step of 2^-16; saturates at the ends of the range.
-fn coefficient(value: f32) -> Coefficient {
-    Coefficient::from_bits(roundf(65_536.0 * value) as i32)
-}
 
 /// How the velocity loop's integral begins at the next step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -110,19 +35,19 @@ pub(super) struct Loops {
     start: Start,
 }
 
-/// Inputs of both loops at a tick besides the motion.
+/// What a tick passes to both loops besides its [`Context`].
 #[derive(Clone, Copy)]
-pub(super) struct Context<'a> {
+pub(super) struct Inputs<'a> {
     /// Coefficients of both loops.
     pub(super) coefficients: &'a Coefficients,
-    /// Control period.
-    pub(super) period: Period,
+    /// Position, in counts.
+    pub(super) position: i32,
+    /// Estimated speed.
+    pub(super) velocity: CountsPerSecond,
     /// Acceleration per volt, in counts/s².
     pub(super) gain: f32,
     /// Voltage that keeps the present current.
     pub(super) steady: Voltage,
-    /// Bridge and supply at the tick.
-    pub(super) stage: &'a Stage<'a>,
 }
 
 impl Loops {
@@ -163,43 +88,34 @@ impl Loops {
         self.start == Start::Continue
     }
 
-    /// Computes the output for this tick, at this position in counts and this speed.
-    pub(super) fn step(
-        &mut self,
-        demand: Demand,
-        position: i32,
-        speed: CountsPerSecond,
-        context: &Context<'_>,
-    ) -> Output {
+    /// Computes the output for this tick.
+    pub(super) fn step(&mut self, demand: Demand, inputs: &Inputs<'_>, context: &Context<'_>) -> Output {
         let target = match demand {
             Demand::Velocity(target) => {
                 self.position.reset();
                 target
             }
-            Demand::Follow(reference) => self.follow(&reference, position, context),
-            Demand::Position { target, speed_limit } => self.approach(target, position, speed_limit, context),
+            Demand::Follow(reference) => self.follow(&reference, inputs, context.period),
+            Demand::Position { target, speed_limit } => {
+                self.approach(target, speed_limit, inputs, context.period)
+            }
         };
-        Output { effort: self.velocity(target, speed, context), speed: target }
+        Output { effort: self.velocity(target, inputs, context), speed: target }
     }
 
     /// Computes the request for a target speed.
-    fn velocity(
-        &mut self,
-        target: CountsPerSecond,
-        measured: CountsPerSecond,
-        context: &Context<'_>,
-    ) -> Effort {
-        let Context { coefficients, period, steady, stage, .. } = *context;
+    fn velocity(&mut self, target: CountsPerSecond, inputs: &Inputs<'_>, context: &Context<'_>) -> Effort {
+        let Inputs { coefficients, velocity, steady, .. } = *inputs;
         let gains = &coefficients.velocity;
         let most = f32::from(Control::MAX.get());
         let of_voltage = gains.f != Coefficient::ZERO;
-        let [target, measured] = [target, measured].map(|speed| Value::from_bits(speed.to_bits()));
+        let [target, measured] = [target, velocity].map(|speed| Value::from_bits(speed.to_bits()));
         let error = target.saturating_sub(measured);
         if self.start != Start::Running {
             let output = Value::saturating_from_num(if of_voltage {
-                most * steady.to_volts() / stage.at.battery_volts()
+                most * steady.to_volts() / context.at.battery_volts()
             } else {
-                f32::from(stage.modulator.control(stage.at, steady).get())
+                f32::from(context.modulator.control(context.at, steady).get())
             });
             let output = if self.continues() { without(output, gains.share(error)) } else { output };
             self.velocity.preset(gains, output, measured);
@@ -207,18 +123,18 @@ impl Loops {
         }
         let input =
             PidInput { error, measured, feed_forward: target, limit: Value::saturating_from_num(most) };
-        let output = self.velocity.step(gains, period, input).to_num::<f32>();
+        let output = self.velocity.step(gains, context.period, input).to_num::<f32>();
         if of_voltage {
-            Effort::Voltage(Voltage::from_volts(output / most * stage.at.battery_volts()))
+            Effort::Voltage(Voltage::from_volts(output / most * context.at.battery_volts()))
         } else {
             Effort::Control(Control::saturating((roundf(output) as i32).into()))
         }
     }
 
     /// The target speed for a moving reference.
-    fn follow(&mut self, reference: &Reference, position: i32, context: &Context<'_>) -> CountsPerSecond {
-        let distance = Value::saturating_from_num(reference.from(position));
-        let closer = self.position_loop(distance, position, Value::MAX, context);
+    fn follow(&mut self, reference: &Reference, inputs: &Inputs<'_>, period: Period) -> CountsPerSecond {
+        let distance = Value::saturating_from_num(reference.from(inputs.position));
+        let closer = self.position_loop(distance, Value::MAX, inputs, period);
         let speed = i64::from(reference.next.to_bits()) + i64::from(closer.to_bits());
         CountsPerSecond::saturating_from_bits(speed)
     }
@@ -227,24 +143,24 @@ impl Loops {
     fn approach(
         &mut self,
         target: i32,
-        position: i32,
         speed_limit: CountsPerSecond,
-        context: &Context<'_>,
+        inputs: &Inputs<'_>,
+        period: Period,
     ) -> CountsPerSecond {
         // The short way round the ring of 2^32 counts; the position loop saturates at 8 million counts.
-        let distance = target.wrapping_sub(position);
-        let stoppable = sqrtf(context.gain * BRAKING_VOLTS * distance.unsigned_abs() as f32);
+        let distance = target.wrapping_sub(inputs.position);
+        let stoppable = sqrtf(inputs.gain * BRAKING_VOLTS * distance.unsigned_abs() as f32);
         let limit = speed_limit.to_bits().unsigned_abs().min((256.0 * stoppable) as u32);
         let limit = Value::from_bits(limit.cast_signed());
-        let speed = self.position_loop(Value::saturating_from_num(distance), position, limit, context);
+        let speed = self.position_loop(Value::saturating_from_num(distance), limit, inputs, period);
         CountsPerSecond::from_bits(speed.to_bits())
     }
 
     /// One step of the position loop: counts to counts/s.
-    fn position_loop(&mut self, error: Value, position: i32, limit: Value, context: &Context<'_>) -> Value {
-        let measured = Value::wrapping_from_num(position);
+    fn position_loop(&mut self, error: Value, limit: Value, inputs: &Inputs<'_>, period: Period) -> Value {
+        let measured = Value::wrapping_from_num(inputs.position);
         let input = PidInput { error, measured, feed_forward: Value::ZERO, limit };
-        self.position.step(&context.coefficients.position, context.period, input)
+        self.position.step(&inputs.coefficients.position, period, input)
     }
 }
 

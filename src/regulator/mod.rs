@@ -2,7 +2,7 @@
 //!
 //! * **Model** is the default. An observer estimates position, speed and load at each sample of the encoder. The law
 //!   computes in closed form the voltage that brings the motor to the demanded speed by the next tick. Nothing
-//!   integrates, so nothing winds up. For an *unknown motor*, which has no configured [`Dynamics`], the regulator
+//!   integrates, so nothing winds up. For an *unknown motor*, which has no configured [`Dynamics`](crate::settings::Dynamics), the regulator
 //!   estimates the acceleration per volt while the motor works.
 //! * **PID** runs for a motor with coefficients of a host: a velocity loop, and a position loop above it. Speeds come
 //!   from the same observer.
@@ -15,27 +15,7 @@
 //!             │    └─▶ corrections ─▶ gain estimate of an unknown motor      │
 //!             └─────────────────────── applied voltage ◀─────────────────────┘
 //! ```
-//!
-//! ```
-//! use motor_hub::braking::Winding;
-//! use motor_hub::bridge::BridgeConstants;
-//! use motor_hub::regulator::{Dynamics, Mechanics};
-//!
-//! // A bare NeveRest 60: rotor alone, in SI units.
-//! let rotor = Mechanics {
-//!     torque_constant: 0.0178,
-//!     counts_per_turn: 28.0,
-//!     inertia: 1.0e-5,
-//!     drag: 1.4e-6,
-//!     friction: 0.0,
-//! };
-//! let dynamics =
-//!     Dynamics::from_mechanics(&Winding::NEVEREST_60, &BridgeConstants::IDEAL, &rotor).expect("in range");
-//! assert_eq!(dynamics.gain.to_f32().round(), 2_333.0); // counts/s² per volt
-//! assert!((1.0 / dynamics.decay.to_f32() - 0.1).abs() < 0.01); // mechanical time constant, s
-//! ```
 
-mod dynamics;
 mod gain;
 pub mod identify;
 mod interface;
@@ -43,15 +23,15 @@ mod loops;
 mod model;
 mod observer;
 
-pub use dynamics::{Dynamics, Mechanics};
-pub use interface::{Config, Demand, Effort, Kind, Output, Reference, Stage};
-pub use loops::Coefficients;
+pub use crate::settings::{Coefficients, Dynamics, Mechanics};
+pub use interface::{Context, Demand, Effort, Kind, Output, Reference};
 
 use crate::braking::OperatingPoint;
 use crate::motion::Reading;
+use crate::settings::Settings;
 use crate::units::single::{at_least, at_most};
 use crate::units::{CountsPerSecond, Micros, Period, Voltage};
-use gain::GainEstimate;
+use gain::{GainEstimate, guessed_gain};
 use loops::Loops;
 use model::{Law, State};
 use observer::{FASTEST_CPS, Observer, Plant};
@@ -78,11 +58,9 @@ const AT_SPEED_VOLTS: f32 = 1.0;
 /// The regulator of one motor.
 #[derive(Clone, Debug)]
 pub struct Regulator {
-    config: Config,
-    period: Period,
     motion: Motion,
-    /// Estimate of the acceleration per volt, used for an unknown motor only.
-    gain_estimate: GainEstimate,
+    /// Estimate of the acceleration per volt; `None` for a motor with configured dynamics.
+    gain_estimate: Option<GainEstimate>,
     loops: Loops,
     /// Last sample of the encoder; `None` before the first one.
     last: Option<Reading>,
@@ -92,10 +70,8 @@ pub struct Regulator {
     rest_position: Option<i32>,
     /// Time in ms for which a motor that should turn has not moved.
     stalled_ms: u32,
-    /// The demanded speed is at least [`COUNTS_DUE_SPEED`].
-    counts_due: bool,
-    /// The error of the speed was below [`AT_SPEED_VOLTS`] at the last tick.
-    at_speed: bool,
+    /// Speed that the last output was to reach; 0 while the bridge is open.
+    requested: CountsPerSecond,
     /// The demand is a speed, not a position.
     speed_demanded: bool,
     /// Voltage across the motor; `None` while the bridge is open.
@@ -113,69 +89,91 @@ struct Motion {
 }
 
 impl Motion {
-    /// Uses the configured dynamics, or the estimated gain of an unknown motor.
-    fn new(config: &Config, gain_estimate: &GainEstimate, period: Period, observer: Observer) -> Self {
-        let kappa = config.emf.to_volts();
-        let (b, q, friction) = match config.dynamics {
+    /// Uses the configured dynamics, or the gain `estimated` for an unknown motor, in counts/s² per V.
+    fn new(settings: &Settings, estimated: f32, period: Period, observer: Observer) -> Self {
+        let kappa = settings.winding.emf.to_volts();
+        let (b, q, friction) = match settings.dynamics {
             Some(dynamics) => (dynamics.gain.to_f32(), dynamics.decay.to_f32(), dynamics.friction.to_volts()),
-            None => (gain_estimate.gain(), gain_estimate.gain() * kappa, 0.0),
+            None => (estimated, estimated * kappa, 0.0),
         };
         let plant = Plant::new(b, kappa, q, Law::filter(period));
-        let law = Law::new(&plant, friction, period, config.acceleration);
+        let law = Law::new(&plant, friction, period, settings.acceleration);
         Self { plant, law, observer, state: State::default() }
     }
 }
 
 impl Regulator {
     /// Creates the regulator of a motor at rest that is stepped every `period`.
-    pub fn new(config: Config, period: Period) -> Self {
-        let gain_estimate = GainEstimate::new(config.emf.to_volts());
-        let motion = Motion::new(&config, &gain_estimate, period, Observer::new(0.0));
+    pub fn new(settings: &Settings, period: Period) -> Self {
+        let guess = guessed_gain(settings.winding.emf.to_volts());
         Self {
-            config,
-            period,
-            motion,
-            gain_estimate,
+            motion: Motion::new(settings, guess, period, Observer::new(0.0)),
+            gain_estimate: settings.dynamics.is_none().then(GainEstimate::new),
             loops: Loops::default(),
             last: None,
             predicted_until: Micros::new(0),
             rest_position: None,
             stalled_ms: 0,
-            counts_due: false,
-            at_speed: true,
+            requested: CountsPerSecond::ZERO,
             speed_demanded: false,
             voltage: None,
         }
     }
 
-    /// Replaces the configuration at the next step. The estimate of the motion is kept, so the motor may run meanwhile.
-    pub fn configure(&mut self, config: Config) {
-        if config == self.config {
-            return;
-        }
-        if config.emf != self.config.emf {
-            self.gain_estimate = GainEstimate::new(config.emf.to_volts());
-        }
-        let mut new = Motion::new(&config, &self.gain_estimate, self.period, self.present_state());
-        let voltage = self.voltage.map(Voltage::to_volts);
-        if self.config.dynamics != config.dynamics {
-            // The old load was estimated with other constants.
-            if self.at_speed {
-                new.observer.assume_steady(&new.plant, voltage);
-            } else if self.config.dynamics.is_none() {
-                new.observer.keep_load_voltage(&self.motion.plant, &new.plant);
+    /// Replaces the motor's settings at the next step. The estimate of the motion is kept, so the motor may run
+    /// meanwhile.
+    pub fn configure(&mut self, old: &Settings, new: &Settings, period: Period) {
+        let emf_changed = old.winding.emf != new.winding.emf;
+        let dynamics_changed = old.dynamics != new.dynamics;
+        if emf_changed || dynamics_changed || old.acceleration != new.acceleration {
+            let known_gain = self.gain_estimate.is_some() && !emf_changed;
+            let gain =
+                if known_gain { self.motion.plant.b } else { guessed_gain(new.winding.emf.to_volts()) };
+            let mut motion = Motion::new(new, gain, period, self.present_state());
+            if dynamics_changed {
+                // The old load was estimated with other constants.
+                if self.is_at_speed() {
+                    motion.observer.assume_steady(&motion.plant, self.volts());
+                } else if old.dynamics.is_none() {
+                    motion.observer.keep_load_voltage(&self.motion.plant, &motion.plant);
+                }
             }
+            motion.observer.drive(&motion.plant, self.volts());
+            self.motion = motion;
+            if new.dynamics.is_some() {
+                self.gain_estimate = None;
+            } else if !known_gain {
+                self.gain_estimate = Some(GainEstimate::new());
+            }
+            self.restart_gain_estimate();
         }
-        new.observer.drive(&new.plant, voltage);
-        self.motion = new;
-        self.config = config;
-        self.gain_estimate.restart();
-        self.keep_current();
+        if emf_changed || dynamics_changed || old.coefficients != new.coefficients || old.scheme != new.scheme
+        {
+            self.keep_current();
+        }
+    }
+
+    /// Voltage across the motor in V; `None` while the bridge is open.
+    fn volts(&self) -> Option<f32> {
+        self.voltage.map(Voltage::to_volts)
+    }
+
+    /// True if the error of the speed is below [`AT_SPEED_VOLTS`], or the bridge is open.
+    fn is_at_speed(&self) -> bool {
+        let error = self.requested.to_f32() - self.velocity().to_f32();
+        self.voltage.is_none() || (self.motion.plant.kappa * error).abs() < AT_SPEED_VOLTS
+    }
+
+    /// Pauses the learning of an unknown motor's gain until the observer has corrected a wrong state.
+    fn restart_gain_estimate(&mut self) {
+        if let Some(estimate) = &mut self.gain_estimate {
+            estimate.restart();
+        }
     }
 
     /// PID keeps the present current at the next step, although its coefficients or the meaning of control values have
     /// changed.
-    pub fn keep_current(&mut self) {
+    fn keep_current(&mut self) {
         self.loops.keep_current(self.voltage.is_some());
     }
 
@@ -209,16 +207,9 @@ impl Regulator {
         self.stalled_ms = 0;
         self.motion.observer.forget_load();
         // An estimate from an encoder that may be reversed is discarded.
-        if self.config.dynamics.is_none() && !self.gain_estimate.is_trusted() {
-            self.gain_estimate = GainEstimate::new(self.config.emf.to_volts());
-            self.use_estimated_gain();
+        if let Some(estimate) = self.gain_estimate.as_mut().filter(|estimate| !estimate.is_trusted()) {
+            estimate.discard(&self.motion.plant);
         }
-    }
-
-    /// Prepares the constants of an unknown motor by its gain estimate. Estimate and state of the motion are kept.
-    fn use_estimated_gain(&mut self) {
-        let new = Motion::new(&self.config, &self.gain_estimate, self.period, self.motion.observer);
-        self.motion = Motion { state: self.motion.state, ..new };
     }
 
     /// Takes a sample of the encoder, best every millisecond with a jitter below 0.5 ms.
@@ -237,16 +228,16 @@ impl Regulator {
         let passed =
             if self.predicted_until == before { gap } else { samples(self.predicted_until, reading.at) };
         self.predict(passed, reading.at);
-        let stalled = self.is_stalled();
+        let uncertain_edge = self.counts_due() && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
+        let (voltage, stalled) = (self.volts(), uncertain_edge || self.is_stalled());
         let Motion { plant, observer, .. } = &mut self.motion;
         if gap > LONGEST_GAP_SAMPLES {
             *observer = Observer::new(within(1_000.0 * moved as f32 / gap as f32, FASTEST_CPS));
-            self.gain_estimate.restart();
+            self.restart_gain_estimate();
         } else if let Some(correction) = observer.update(plant, moved, self.speed_demanded)
-            && self.config.dynamics.is_none()
+            && let Some(estimate) = &mut self.gain_estimate
         {
-            let uncertain = self.counts_due && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
-            self.gain_estimate.correct(&correction, moved, uncertain || stalled);
+            estimate.correct(plant, &correction, moved, voltage, stalled);
         }
     }
 
@@ -261,10 +252,11 @@ impl Regulator {
             return;
         }
         self.predicted_until = now;
+        let voltage = self.volts();
         let Motion { plant, observer, .. } = &mut self.motion;
         for _ in 0..passed.min(LONGEST_GAP_SAMPLES) {
-            if self.config.dynamics.is_none() {
-                self.gain_estimate.predict(plant, observer.speed());
+            if let Some(estimate) = &mut self.gain_estimate {
+                estimate.predict(plant, observer.speed(), voltage);
             }
             observer.predict(plant);
         }
@@ -277,24 +269,27 @@ impl Regulator {
         // With implausible constants the estimate may grow until it overflows.
         if !(observer.speed() + observer.fraction()).is_finite() {
             *observer = Observer::new(0.0);
-            self.gain_estimate.restart();
+            self.restart_gain_estimate();
         }
         let still = |last: &Reading| last.at.since(last.edge_at) >= REST_MICROS;
         if self.voltage.is_none() && self.last.as_ref().is_some_and(still) {
-            observer.rest();
-            self.gain_estimate.rest();
+            self.motion.observer.rest();
+            if let Some(estimate) = &mut self.gain_estimate {
+                estimate.rest();
+            }
         }
     }
 
     /// Puts the estimated gain of an unknown motor in force, if the gain has changed since the last tick.
-    pub fn update_gain(&mut self) {
-        if self.config.dynamics.is_none()
-            && let Some(shift) = self.gain_estimate.tick()
+    pub fn update_gain(&mut self, settings: &Settings, period: Period) {
+        let Motion { plant, observer, state, .. } = self.motion;
+        if let Some((gain, shift)) =
+            self.gain_estimate.as_mut().and_then(|estimate| estimate.take_gain(&plant))
         {
-            self.use_estimated_gain();
-            let Motion { plant, observer, .. } = &mut self.motion;
-            observer.shift(&shift);
-            observer.drive(plant, self.voltage.map(Voltage::to_volts));
+            let mut motion = Motion { state, ..Motion::new(settings, gain, period, observer) };
+            motion.observer.shift(&shift);
+            motion.observer.drive(&motion.plant, self.volts());
+            self.motion = motion;
         }
     }
 
@@ -326,14 +321,19 @@ impl Regulator {
     /// The voltage beyond the back EMF that would keep the speed against load, drag and friction; `None` for an unknown
     /// motor.
     pub fn load(&self) -> Option<Voltage> {
-        let plant = &self.motion.plant;
-        self.config.dynamics.map(|_| Voltage::from_volts(-self.external_acceleration() / plant.b))
+        let known = self.gain_estimate.is_none();
+        known.then(|| Voltage::from_volts(-self.external_acceleration() / self.motion.plant.b))
     }
 
     /// Acceleration by load and drag as of the last count, in counts/s².
     pub fn disturbance(&self) -> f32 {
         let Motion { plant, observer, .. } = &self.motion;
         observer.external_acceleration(plant)
+    }
+
+    /// True if the last output was to reach a speed at which counts are due.
+    const fn counts_due(&self) -> bool {
+        self.requested.to_bits().unsigned_abs() >= COUNTS_DUE_SPEED.to_bits().unsigned_abs()
     }
 
     /// True if the motor should turn, but has sent no count for a while.
@@ -349,16 +349,9 @@ impl Regulator {
     /// Lower bound of the acceleration per volt in counts/s²; `None` for an unknown motor whose estimate does not yet
     /// show a heavy load.
     pub fn least_gain(&self) -> Option<f32> {
-        let known = self.config.dynamics.is_some() || self.gain_estimate.is_heavy();
-        known.then_some(LEAST_GAIN_SHARE * self.motion.plant.b)
-    }
-
-    /// The kind of regulator that the configuration selects.
-    pub const fn kind(&self) -> Kind {
-        match self.config.coefficients {
-            None => Kind::Model,
-            Some(_) => Kind::Pid,
-        }
+        let plant = &self.motion.plant;
+        let known = self.gain_estimate.as_ref().is_none_or(|estimate| estimate.is_heavy(plant));
+        known.then_some(LEAST_GAIN_SHARE * plant.b)
     }
 
     /// The speed that a demand requests far from its target.
@@ -382,14 +375,13 @@ impl Regulator {
     /// Computes the output for this tick. `moved` is the counts since the last tick.
     // The budget of the regulator is counted by this symbol.
     #[inline(never)]
-    pub fn step(&mut self, demand: Demand, moved: i32, stage: &Stage<'_>) -> Output {
-        let demand = self.hold_at_standstill(demand);
+    pub fn step(&mut self, demand: Demand, moved: i32, context: &Context<'_>) -> Output {
+        let demand = self.hold_at_standstill(demand, context.period);
         self.speed_demanded = matches!(demand, Demand::Velocity(_));
-        let position = self.position();
-        let velocity = self.velocity();
-        let request = match &self.config.coefficients {
-            None => self.by_model(demand, position, stage),
+        let output = match &context.settings.coefficients {
+            None => self.by_model(demand, context.at),
             Some(coefficients) => {
+                let (position, velocity) = (self.position(), self.velocity());
                 let gain = self.motion.plant.b;
                 // The voltage with which a PID loop starts, so that the current makes no step.
                 let steady = match self.voltage {
@@ -397,19 +389,17 @@ impl Regulator {
                     _ if self.loops.is_running() => Voltage::from_volts(0.0),
                     _ => self.steady_voltage(velocity),
                 };
-                let context = loops::Context { coefficients, period: self.period, gain, steady, stage };
-                self.loops.step(demand, position, velocity, &context)
+                let inputs = loops::Inputs { coefficients, position, velocity, gain, steady };
+                self.loops.step(demand, &inputs, context)
             }
         };
-        let error = request.speed.to_f32() - velocity.to_f32();
-        self.at_speed = self.config.emf.emf(speed(error)).to_volts().abs() < AT_SPEED_VOLTS;
-        self.counts_due = request.speed.to_bits().unsigned_abs() >= COUNTS_DUE_SPEED.to_bits().unsigned_abs();
-        self.stalled_ms = if self.counts_due && moved == 0 {
-            self.stalled_ms.saturating_add(self.period.as_millis())
+        self.requested = output.speed;
+        self.stalled_ms = if self.counts_due() && moved == 0 {
+            self.stalled_ms.saturating_add(context.period.as_millis())
         } else {
             0
         };
-        request
+        output
     }
 
     /// The voltage, or less of it where the motor would become faster than the limit in the direction of its current. A motor
@@ -424,21 +414,22 @@ impl Regulator {
         Voltage::from_volts(emf + side * within(most, beyond_emf.abs()))
     }
 
-    /// Computes the output by the motor's model, at this position in counts.
-    fn by_model(&mut self, demand: Demand, position: i32, stage: &Stage<'_>) -> Output {
+    /// Computes the output by the motor's model.
+    fn by_model(&mut self, demand: Demand, at: OperatingPoint) -> Output {
+        let position = self.position();
         let mut present = self.present_state();
         let load = present.load();
         let Motion { plant, law, observer, state } = &mut self.motion;
         let request = match demand {
-            Demand::Velocity(target) => law.velocity(state, &mut present, plant, target.to_f32(), stage),
+            Demand::Velocity(target) => law.velocity(state, &mut present, plant, target.to_f32(), at),
             Demand::Follow(reference) => {
                 let speeds = (reference.speed.to_f32(), reference.next.to_f32());
-                law.follow(state, &mut present, plant, reference.from(position), speeds, stage)
+                law.follow(state, &mut present, plant, reference.from(position), speeds, at)
             }
             Demand::Position { target, speed_limit } => {
                 let distance = target.wrapping_sub(position);
                 let limit = speed_limit.to_f32().abs();
-                law.position(state, &mut present, plant, distance, limit, stage)
+                law.position(state, &mut present, plant, distance, limit, at)
             }
         };
         // `present` is a copy: a friction that the law has reversed is reversed in the observer too.
@@ -451,12 +442,12 @@ impl Regulator {
         let plant = &self.motion.plant;
         let load_volts =
             if self.loops.starts_at_zero_current() { 0.0 } else { -self.external_acceleration() / plant.b };
-        Voltage::from_volts(self.config.emf.emf(velocity).to_volts() + load_volts)
+        Voltage::from_volts(plant.kappa * velocity.to_f32() + load_volts)
     }
 
     /// Replaces the demanded speed 0 by the position at which the motor came to rest, and a reference that stands
     /// still by its position.
-    fn hold_at_standstill(&mut self, demand: Demand) -> Demand {
+    fn hold_at_standstill(&mut self, demand: Demand, period: Period) -> Demand {
         let target = match demand {
             Demand::Velocity(target) => target,
             Demand::Follow(reference) if reference.is_still() => {
@@ -468,7 +459,7 @@ impl Regulator {
             self.rest_position = None;
             return demand;
         }
-        let counts = self.velocity().to_f32().abs() * self.period.as_millis().max(20) as f32 / 1000.0;
+        let counts = self.velocity().to_f32().abs() * period.as_millis().max(20) as f32 / 1000.0;
         if self.rest_position.is_none() && counts < 1.0 {
             self.rest_position = Some(self.position());
         }
@@ -484,12 +475,11 @@ impl Regulator {
             self.retarget();
             self.loops.restart_position();
             self.loops.resume();
-            self.at_speed = true;
+            self.requested = CountsPerSecond::ZERO;
             self.speed_demanded = false;
         }
         self.voltage = voltage;
-        let volts = voltage.map(Voltage::to_volts);
-        self.gain_estimate.drive(volts);
+        let volts = self.volts();
         let Motion { plant, observer, .. } = &mut self.motion;
         observer.drive(plant, volts);
     }

@@ -10,7 +10,8 @@
 //! preset.
 
 use super::observer::{Filter, Observer, Plant};
-use super::{Effort, Output, Stage, within};
+use super::{Effort, Output, within};
+use crate::braking::OperatingPoint;
 use crate::units::single::{at_least, at_most};
 use crate::units::{Acceleration, Period, Voltage};
 use libm::{expf, expm1f, sqrtf};
@@ -86,11 +87,11 @@ impl Law {
         observer: &mut Observer,
         plant: &Plant,
         target: f32,
-        stage: &Stage<'_>,
+        at: OperatingPoint,
     ) -> Output {
         state.holding = false;
         let next = self.next_speed(observer, target);
-        self.request(state, observer, plant, next, stage, target)
+        self.request(state, observer, plant, next, at, target)
     }
 
     /// Computes the output for a target position, `distance` counts from the lower edge of the present count.
@@ -101,25 +102,25 @@ impl Law {
         plant: &Plant,
         distance: i32,
         speed_limit: f32,
-        stage: &Stage<'_>,
+        at: OperatingPoint,
     ) -> Output {
         let w = observer.speed();
         let window = at_least(self.period_s, 0.02);
         let near = if state.holding { 2 } else { 1 };
         state.holding = distance.unsigned_abs() <= near && (state.holding || w.abs() * window < 0.5);
         if state.holding {
-            return self.request(state, observer, plant, self.remaining * w, stage, 0.0);
+            return self.request(state, observer, plant, self.remaining * w, at, 0.0);
         }
         // The target is the middle of the target count.
         let distance = distance as f32 + 0.5 - observer.fraction();
         let (side, distance) = (1.0f32.copysign(distance), distance.abs());
-        let full = plant.b * stage.at.battery_volts();
+        let full = plant.b * at.battery_volts();
         let deceleration =
             at_least(PLANNED_SHARE * (full - side * observer.load()), LEAST_PLANNED_SHARE * full);
         let deceleration = self.limit.map_or(deceleration, |limit| at_most(deceleration, limit));
         let (now, end) = self.profile(distance, side * w, deceleration, speed_limit);
         let next = side * (end - self.remaining * (now - side * w));
-        self.request(state, observer, plant, next, stage, side * now)
+        self.request(state, observer, plant, next, at, side * now)
     }
 
     /// Computes the output for a moving reference, `distance` counts from the lower edge of the present count. The
@@ -131,7 +132,7 @@ impl Law {
         plant: &Plant,
         distance: f32,
         (now, end): (f32, f32),
-        stage: &Stage<'_>,
+        at: OperatingPoint,
     ) -> Output {
         state.holding = false;
         let Self { period_s, approach, remaining, .. } = *self;
@@ -142,7 +143,7 @@ impl Law {
         let rest = distance + (now + end - w) * period_s / 2.0;
         let next = (end + approach * rest - remaining * (now + approach * distance - w))
             / (1.0 + approach * period_s / 2.0);
-        self.request(state, observer, plant, next, stage, end + approach * distance)
+        self.request(state, observer, plant, next, at, end + approach * distance)
     }
 
     /// The speeds of the profile at this distance from the target, in counts/s: now, and at the tick's end for a
@@ -175,7 +176,7 @@ impl Law {
         observer: &mut Observer,
         plant: &Plant,
         next: f32,
-        stage: &Stage<'_>,
+        at: OperatingPoint,
         speed: f32,
     ) -> Output {
         let w = observer.speed();
@@ -186,7 +187,7 @@ impl Law {
         self.reverse_friction(state, observer, next);
         let wanted = self.voltage_to(observer, plant, next);
         // In overrun a voltage above the battery's brakes less than the battery's voltage does.
-        let most = at_least(stage.at.battery_volts(), (plant.kappa * w).abs());
+        let most = at_least(at.battery_volts(), (plant.kappa * w).abs());
         let voltage = Voltage::from_volts(within(wanted, most));
         Output { effort: Effort::Voltage(voltage), speed: super::speed(speed) }
     }

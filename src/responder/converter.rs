@@ -54,7 +54,7 @@ pub fn read<'a, const N: usize>(
         BATTERY_CURRENT => {
             let battery = snapshot.battery.unwrap_or_default();
             let drawn =
-                settings.zip(&snapshot.motors).map(|(settings, report)| settings.drawn(report, battery));
+                settings.zip(&snapshot.motors).map(|(settings, report)| report.drawn(settings, battery));
             drawn.fold(0, |sum: i32, drawn| sum.saturating_add(drawn.get()))
         }
         RAIL => RAIL_MV,

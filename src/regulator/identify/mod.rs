@@ -102,18 +102,18 @@ fn full_travel(emf: f32, battery: f32) -> f32 {
 }
 
 /// Identifies one motor on request.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Identifier {
-    period: Period,
     state: Identification,
     stage: Stage,
 }
 
 /// Stage of an identification.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 #[expect(clippy::large_enum_variant, reason = "there is no heap")]
 enum Stage {
     /// No identification runs.
+    #[default]
     Idle,
     /// The bridge is open, to see whether the motor is at rest.
     Resting {
@@ -150,11 +150,6 @@ struct Motion {
 }
 
 impl Identifier {
-    /// Creates the identifier of a motor that is stepped every `period`.
-    pub const fn new(period: Period) -> Self {
-        Self { period, state: Identification::None, stage: Stage::Idle }
-    }
-
     /// State or result of the last identification.
     pub const fn state(&self) -> Identification {
         self.state
@@ -205,14 +200,14 @@ impl Identifier {
     }
 
     /// Computes the voltage until the next tick, after the newest sample and with `battery` in V; `None` to coast.
-    pub fn step(&mut self, emf: EmfConstant, battery: f32) -> Option<Voltage> {
+    pub fn step(&mut self, emf: EmfConstant, battery: f32, period: Period) -> Option<Voltage> {
         let next = match &mut self.stage {
             Stage::Idle => return None,
             Stage::Resting { limit, since, last } => {
                 let limit = *limit;
                 rest(since, *last).and_then(|over| {
                     let Some(reading) = over else { return Ok(None) };
-                    let motion = Motion::new(emf.to_volts(), battery, limit, self.period, reading)?;
+                    let motion = Motion::new(emf.to_volts(), battery, limit, period, reading)?;
                     let [Phase { share, .. }, ..] = PHASES;
                     self.stage = Stage::Moving(motion);
                     Ok(Some(share))

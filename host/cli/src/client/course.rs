@@ -157,6 +157,8 @@ pub(super) struct Progress {
     motors: Vec<u8>,
     /// Detects whether motors have settled whose hub does not report it.
     settle_detector: SettleDetector,
+    /// Time between two readings.
+    interval: Period,
     velocities: VecDeque<(Duration, [i16; 4])>,
 }
 
@@ -165,9 +167,14 @@ impl Progress {
     pub(super) fn new(order: &Order, interval: Duration) -> Self {
         let Order { course, ref motors, .. } = *order;
         let millis = u32::try_from(interval.as_millis()).unwrap_or(u32::MAX);
-        let period = Period::from_millis(millis.clamp(1, LONGEST_PERIOD_MS)).unwrap_or_default();
-        let settle_detector = SettleDetector::new(period);
-        Self { course, motors: motors.clone(), settle_detector, velocities: VecDeque::new() }
+        let interval = Period::from_millis(millis.clamp(1, LONGEST_PERIOD_MS)).unwrap_or_default();
+        Self {
+            course,
+            motors: motors.clone(),
+            settle_detector: SettleDetector::default(),
+            interval,
+            velocities: VecDeque::new(),
+        }
     }
 
     /// Takes a reading at a time since the start; true once all motors have settled at a position. `report` is `None` if
@@ -186,7 +193,8 @@ impl Progress {
         }
         let within_tolerance = motors_of(bulk, &self.motors).all(|(_, _, _, within)| within);
         let fastest = motors_of(bulk, &self.motors).map(|(_, _, cps, _)| i32::from(cps).abs()).max();
-        self.settle_detector.step(within_tolerance, CountsPerSecond::new(fastest.unwrap_or_default()))
+        let fastest = CountsPerSecond::new(fastest.unwrap_or_default());
+        self.settle_detector.step(within_tolerance, fastest, self.interval)
     }
 
     /// Judges the motion when its time is over: fails, and names the motors that did not reach the set-point.

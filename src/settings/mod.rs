@@ -1,10 +1,38 @@
-//! Configuration of a motor: its winding, bridge, scheme, protection and regulation.
+//! Settings of a motor: its winding, bridge, scheme, protection and regulation.
+//!
+//! Settings are stored once, in the motor, and passed to whatever needs them.
+//!
+//! ```
+//! use motor_hub::braking::Winding;
+//! use motor_hub::bridge::BridgeConstants;
+//! use motor_hub::settings::{Dynamics, Mechanics};
+//!
+//! // A bare NeveRest 60: rotor alone, in SI units.
+//! let rotor = Mechanics {
+//!     torque_constant: 0.0178,
+//!     counts_per_turn: 28.0,
+//!     inertia: 1.0e-5,
+//!     drag: 1.4e-6,
+//!     friction: 0.0,
+//! };
+//! let dynamics =
+//!     Dynamics::from_mechanics(&Winding::NEVEREST_60, &BridgeConstants::IDEAL, &rotor).expect("in range");
+//! assert_eq!(dynamics.gain.to_f32().round(), 2_333.0); // counts/s² per volt
+//! assert!((1.0 / dynamics.decay.to_f32() - 0.1).abs() < 0.01); // mechanical time constant, s
+//! ```
 
-use super::{Report, ThermalLimit};
+mod coefficients;
+mod dynamics;
+mod thermal_limit;
+
+pub use coefficients::Coefficients;
+pub(crate) use dynamics::GUESSED_TIME_CONSTANT_S;
+pub use dynamics::{Dynamics, Mechanics};
+pub use thermal_limit::ThermalLimit;
+
 use crate::braking::{DutyRule, Modulator, Scheme, Winding};
 use crate::bridge::BridgeConstants;
-use crate::regulator::{Coefficients, Config, Dynamics};
-use crate::units::{Acceleration, Milliamperes, Millivolts};
+use crate::units::Acceleration;
 use core::num::NonZeroU16;
 
 /// Meaning of a zero set-point in constant power and in regulated velocity.
@@ -90,37 +118,20 @@ impl Settings {
         }
     }
 
-    /// The settings that the regulator uses.
-    pub(super) const fn regulation(&self) -> Config {
-        let Self { winding, dynamics, coefficients, acceleration, .. } = *self;
-        Config { emf: winding.emf, dynamics, coefficients, acceleration }
-    }
-
     /// Largest current in amperes; `None` without a limit.
-    pub(super) fn current_limit_amperes(&self) -> Option<f32> {
+    pub(crate) fn current_limit_amperes(&self) -> Option<f32> {
         self.current_limit.map(|limit| f32::from(limit.get()) / 1000.0)
     }
 
     /// Resistance of winding and bridge, in ohms.
-    pub(super) fn ohms(&self) -> f32 {
+    pub(crate) fn ohms(&self) -> f32 {
         let milliohms =
             u32::from(self.winding.resistance.as_milliohms()) + 2 * u32::from(self.bridge.switch_mohm());
         milliohms as f32 / 1000.0
     }
 
-    /// Mean current that the bridge draws from the bus; negative while it returns current. The bridge stores no
-    /// energy, so this is the motor's current times the motor's share of the battery voltage, which is the duty while
-    /// the bridge drives.
-    pub fn drawn(&self, report: &Report, battery: Millivolts) -> Milliamperes {
-        let amperes = 1e-3 * report.best_current().get() as f32;
-        let across = self.winding.emf.emf(report.velocity).to_volts() + amperes * self.ohms();
-        // Without a battery voltage every bridge is open.
-        let share = if battery.get() == 0 { 0.0 } else { across / battery.to_volts() };
-        Milliamperes::from_amperes(amperes * share)
-    }
-
     /// Maps voltages and control values of the motor to commands of its bridge.
-    pub(super) fn modulator(&self) -> Modulator {
+    pub(crate) fn modulator(&self) -> Modulator {
         Modulator::new(&self.winding, &self.bridge, self.scheme, self.duty)
     }
 }
