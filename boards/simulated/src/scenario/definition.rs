@@ -6,7 +6,7 @@ use crate::encoder::Encoder;
 use crate::hardware::{BRIDGE, mechanics, winding};
 use motor_hub::braking::{DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
-use motor_hub::group::{DriveBase, Together};
+use motor_hub::group::{DriveBase, GroupCommand};
 use motor_hub::hub::{Action, Command};
 use motor_hub::model::load::Load;
 use motor_hub::model::{battery::Battery, catalogue, si};
@@ -126,7 +126,7 @@ pub struct Group {
     /// The drive base of two members that are wheels.
     pub base: Option<DriveBase>,
     /// Courses, times ascending.
-    pub courses: Vec<Timed<Together>>,
+    pub courses: Vec<Timed<GroupCommand>>,
 }
 
 /// A motor's configuration in the hub, in factors of the true constants.
