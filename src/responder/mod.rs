@@ -75,7 +75,7 @@ use crate::protocol::requests::{
 };
 use crate::protocol::{self, Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
 use crate::record::Record;
-use crate::supply::Seen;
+use crate::supply::BusReading;
 use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
 use group::Courses;
 use keep_alive::KeepAlive;
@@ -138,7 +138,7 @@ pub struct Responder<const N: usize> {
     /// Number of the newest command that was sent, while no snapshot includes that command.
     awaited: Option<u32>,
     outputs: Outputs,
-    bus: Seen,
+    bus: BusReading,
     led: Led,
     phone_charge: bool,
     ftdi_reset: bool,
@@ -161,7 +161,7 @@ impl<const N: usize> Responder<N> {
             courses: Courses::NONE,
             awaited: None,
             outputs: Outputs::default(),
-            bus: Seen::NOTHING,
+            bus: BusReading::NOTHING,
             led: Led::default(),
             phone_charge: false,
             ftdi_reset: false,
@@ -194,7 +194,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// Takes the newest state of the bus.
-    pub const fn sense_bus(&mut self, seen: Seen) {
+    pub const fn sense_bus(&mut self, seen: BusReading) {
         self.bus = seen;
     }
 
@@ -495,7 +495,7 @@ impl<const N: usize> Responder<N> {
     }
 
     fn bus_report(&self, now: Micros, bus: &Bus) -> BusReport {
-        let Seen { measured, state, .. } = self.bus.by(now);
+        let BusReading { measured, state, .. } = self.bus.by(now);
         let millijoules = |energy: Microjoules| u32::try_from(energy.get() / 1_000).unwrap_or(u32::MAX);
         BusReport {
             state,

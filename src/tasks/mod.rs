@@ -62,7 +62,7 @@ use crate::bridge::{Drive, Sensed};
 use crate::hub::{Command, Snapshot};
 use crate::motion::Newest;
 use crate::record::{Fault, LastWords, Record, SIZE};
-use crate::supply::{Battery, Seen};
+use crate::supply::{Battery, BusReading};
 use crate::units::Micros;
 use core::cell::{Cell, RefCell};
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -100,7 +100,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// State of the battery, from supply to control.
     pub battery: Signal<M, Battery>,
     /// Last reading of the bus, from supply to all tasks.
-    pub bus: Mutex<M, Cell<Seen>>,
+    pub bus: Mutex<M, Cell<BusReading>>,
     /// Commands to motors, from all tasks to control, each with a number.
     pub commands: Commands<M>,
     /// True if one of the commands is to be applied at the next sample, without waiting for a tick.
@@ -131,7 +131,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         Self {
             news: Signal::new(),
             battery: Signal::new(),
-            bus: Mutex::new(Cell::new(Seen::NOTHING)),
+            bus: Mutex::new(Cell::new(BusReading::NOTHING)),
             commands: Commands::new(),
             urgent: Mutex::new(Cell::new(false)),
             drives: Signal::new(),
