@@ -25,7 +25,7 @@
 mod bus;
 mod groups;
 
-use crate::bridge::{Drive, Sensed};
+use crate::bridge::{BridgeFeedback, Drive};
 use crate::group::{GroupCommand, Halt};
 use crate::motion::Reading;
 use crate::motor::{Motor, Report, Setpoint, Settings, SupplyLimits};
@@ -230,7 +230,7 @@ impl<const N: usize> Hub<N> {
     }
 
     /// Takes feedback of the bridges between two ticks, on a board that reads it.
-    pub fn sense(&mut self, sensed: &[Sensed; N]) {
+    pub fn sense(&mut self, sensed: &[BridgeFeedback; N]) {
         for (motor, sensed) in self.motors.iter_mut().zip(sensed) {
             motor.sense(*sensed);
         }

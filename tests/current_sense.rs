@@ -1,7 +1,7 @@
 //! Current-sense lines: what of a motor's current they show, and which of them a hub believes.
 
 use motor_hub::braking::Winding;
-use motor_hub::bridge::{BridgeConstants, Drive, Mode, SenseScale, Sensed};
+use motor_hub::bridge::{BridgeConstants, BridgeFeedback, Drive, Mode, SenseScale};
 use motor_hub::extension::report::MotorReport;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
@@ -40,7 +40,7 @@ impl Held {
             self.motor.sample(reading);
             if self.ms.is_multiple_of(25) {
                 let current = shown_ma.map(Milliamperes::new);
-                self.motor.sense(Sensed { current, fault: false });
+                self.motor.sense(BridgeFeedback { current, fault: false });
             }
             if self.ms.is_multiple_of(50) {
                 self.report = self.motor.step(at, Some(reading), Some(Millivolts::new(12_000)));
@@ -140,7 +140,7 @@ fn without_its_encoder_nobody_knows_what_is_due() {
     held.power(HALF);
     let battery = Some(Millivolts::new(12_000));
     for tick in 1..40 {
-        held.motor.sense(Sensed { current: Some(Milliamperes::new(0)), fault: false });
+        held.motor.sense(BridgeFeedback { current: Some(Milliamperes::new(0)), fault: false });
         held.report = held.motor.step(Micros::new(50_000 * tick), None, battery);
     }
     assert!(held.report.faults.encoder_stale);

@@ -58,7 +58,7 @@ pub mod update;
 pub use commands::Commands;
 pub use health::{Health, Task};
 
-use crate::bridge::{Drive, Sensed};
+use crate::bridge::{BridgeFeedback, Drive};
 use crate::hub::{Command, Snapshot};
 use crate::motion::Newest;
 use crate::record::{Fault, LastWords, Record, SIZE};
@@ -108,7 +108,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Commands to the bridges, from control to output.
     pub drives: Signal<M, [Drive; N]>,
     /// Feedback of the bridges, from the bridges' task to control.
-    pub sensed: Signal<M, [Sensed; N]>,
+    pub sensed: Signal<M, [BridgeFeedback; N]>,
     /// State of all motors as of the last tick, from control to all tasks.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
     /// Positions of the newest samples, written by capture. Control adds the speeds. All tasks may read them.
