@@ -5,7 +5,7 @@ use motor_hub::bridge::{BridgeConstants, BridgeFeedback, Drive, Mode, SenseScale
 use motor_hub::extension::report::MotorReport;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Influence, Plant};
+use motor_hub::model::plant::{Plant, PlantInput};
 use motor_hub::model::si::{Hertz, KgM2, Seconds, Volts};
 use motor_hub::motion::Reading;
 use motor_hub::motor::{Motor, Report, SenseLine, Setpoint, Settings};
@@ -259,7 +259,7 @@ fn shown(mode: Mode, duty: f64, speed: f64) -> (f64, f64) {
     let mut plant = Plant::new(motor, heavy, BridgeConstants::IDEAL.into(), Hertz(20_000.0));
     let free = 12.0 / motor.ke.0;
     plant.place(Default::default(), motor_hub::model::si::RadPerSec(speed * free), 0.0);
-    let run = |plant: &mut Plant| plant.run(Seconds(0.1), Influence::pwm(mode, duty), Volts(12.0));
+    let run = |plant: &mut Plant| plant.run(Seconds(0.1), PlantInput::pwm(mode, duty), Volts(12.0));
     run(&mut plant);
     let flow = run(&mut plant);
     (flow.mean_current().0, flow.charge_shown.0 / flow.time.0)

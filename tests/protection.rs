@@ -4,7 +4,7 @@ use motor_hub::braking::{Regime, Winding};
 use motor_hub::bridge::{BridgeConstants, BridgeFeedback, Drive};
 use motor_hub::model::catalogue;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Influence, Plant};
+use motor_hub::model::plant::{Plant, PlantInput};
 use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
 use motor_hub::motion::{Reading, Tracker};
@@ -57,7 +57,7 @@ impl Winch {
             }
             let Drive { mode, duty } = self.report.drive;
             let torque_after = NewtonMetres(self.torque);
-            let influence = Influence { torque_after, ..Influence::pwm(mode, duty.to_f64()) };
+            let influence = PlantInput { torque_after, ..PlantInput::pwm(mode, duty.to_f64()) };
             self.plant.run(Seconds(1e-3), influence, Volts(12.0));
             self.ms += 1;
         }

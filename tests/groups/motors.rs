@@ -72,7 +72,7 @@ impl Axis {
     }
 
     fn run_ms(&mut self, drive: Drive) {
-        let mut command = plant::Influence::pwm(drive.mode, drive.duty.to_f64());
+        let mut command = plant::PlantInput::pwm(drive.mode, drive.duty.to_f64());
         command.torque_after = NewtonMetres(self.torque);
         self.plant.run(Seconds(1e-3), command, Volts(12.0));
         if self.plant.angle() > self.stop {
