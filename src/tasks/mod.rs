@@ -61,7 +61,7 @@ pub use health::{Health, Task};
 use crate::bridge::{BridgeFeedback, Drive};
 use crate::hub::{Command, Snapshot};
 use crate::motion::Newest;
-use crate::record::{Fault, LastWords, Record, SIZE};
+use crate::record::{CrashReport, Fault, Record, SIZE};
 use crate::supply::{Battery, BusReading};
 use crate::units::Micros;
 use core::cell::{Cell, RefCell};
@@ -116,7 +116,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Record of faults. Control writes each tick, and the responder reads. `None` if the hub keeps no record.
     pub record: Mutex<M, RefCell<Option<Record<'static>>>>,
     /// Why this run ended, from a fault handler to the next run. `None` if the hub keeps no record.
-    pub last_words: CriticalSectionMutex<RefCell<Option<LastWords<'static>>>>,
+    pub crash_report: CriticalSectionMutex<RefCell<Option<CrashReport<'static>>>>,
     /// Requests of the responder to the task that stores settings, and their results.
     pub store: RequestChannel<M, crate::store::Order, store::Done>,
     /// Requests of the responder to the task that writes new firmware, and their results.
@@ -139,7 +139,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             snapshot: Watch::new(),
             newest: Mutex::new(RefCell::new(Newest::new())),
             record: Mutex::new(RefCell::new(None)),
-            last_words: CriticalSectionMutex::new(RefCell::new(None)),
+            crash_report: CriticalSectionMutex::new(RefCell::new(None)),
             store: RequestChannel::new(),
             update: RequestChannel::new(),
             host_spoke: Mutex::new(Cell::new(false)),
@@ -150,18 +150,18 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
 impl<M: RawMutex, const N: usize> Wires<M, N> {
     /// Starts the record of a run in this memory. `cause` is the cause of the last reset.
     pub fn remember(&self, memory: &'static mut [u8; SIZE], cause: Fault) {
-        let (record, last_words) = Record::open(memory, cause);
+        let (record, crash_report) = Record::open(memory, cause);
         self.record.lock(|slot| slot.replace(Some(record)));
-        self.last_words.lock(|slot| slot.replace(Some(last_words)));
+        self.crash_report.lock(|slot| slot.replace(Some(crash_report)));
     }
 
     /// Writes why the run ends. May be called from any context. A fault during the write is not written.
-    pub fn say_last(&self, fault: Fault, detail: [u32; 2]) {
-        self.last_words.lock(|slot| {
+    pub fn report_crash(&self, fault: Fault, detail: [u32; 2]) {
+        self.crash_report.lock(|slot| {
             if let Ok(mut slot) = slot.try_borrow_mut()
-                && let Some(last_words) = slot.as_mut()
+                && let Some(crash_report) = slot.as_mut()
             {
-                last_words.say(fault, detail);
+                crash_report.store(fault, detail);
             }
         });
     }
