@@ -208,7 +208,7 @@ fn distances_and_headings_are_counts_and_counts_are_them() {
         assert!((base.distance(counts) - mm).abs() < 0.3);
         assert!((base.heading(counts) - degrees).abs() < 0.1);
     }
-    assert_eq!(base.straight(1e9), Err(RangeError::Way));
-    assert_eq!(base.turn(f64::NAN), Err(RangeError::Way));
+    assert_eq!(base.straight(1e9), Err(RangeError::Distance));
+    assert_eq!(base.turn(f64::NAN), Err(RangeError::Distance));
     assert_eq!(base.speeds(1e8, 0.0), Err(RangeError::Speed));
 }
