@@ -4,7 +4,7 @@
 //! payload of the request that would set the group.
 //!
 //! ```text
-//!        save, load, reset, or a new address          order()
+//!        save, load, reset, or a new address          store_request()
 //! idle -----------------------------------> requested -------> busy
 //!   ^                                                            |
 //!   '----------------------- carried_out() ----------------------'
@@ -19,7 +19,7 @@ use crate::hub::Snapshot;
 use crate::motor::Settings;
 use crate::protocol::payload::{Field, Fields, Payload};
 use crate::protocol::{Address, CHANNELS, Nack, Reply};
-use crate::store::{Entry, Found, Full, Order, Outcome, Record, Stored};
+use crate::store::{Entry, Found, Full, Outcome, Record, StoreRequest, Stored};
 use heapless::Vec;
 
 /// The type of the entry with the address, which is the packet type of REV's *set address*.
@@ -139,7 +139,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// The next access to the memory, if one is requested; [`carried_out`](Self::carried_out) reports its result.
-    pub fn order(&mut self, snapshot: &Snapshot<N>) -> Option<Order> {
+    pub fn store_request(&mut self, snapshot: &Snapshot<N>) -> Option<StoreRequest> {
         let memory = self.memory.as_ref()?;
         let may_erase = self.is_off(snapshot);
         let stored = &memory.found.record;
@@ -159,7 +159,7 @@ impl<const N: usize> Responder<N> {
         };
         let afresh = memory.found.stored == Stored::Damaged && access == Access::Reset;
         self.memory.as_mut()?.phase = Phase::Busy(access);
-        Some(Order { record, afresh, may_erase })
+        Some(StoreRequest { record, afresh, may_erase })
     }
 
     /// Takes the result of the last access. `found` is the contents of the memory now; `None` if they have not changed.

@@ -6,7 +6,7 @@ use crate::extension::state::UpdateReport;
 use crate::hub::Snapshot;
 use crate::protocol::payload::Text;
 use crate::protocol::{Nack, Reply};
-use crate::update::{Done, Order, Refusal, Seal, Slot, Update};
+use crate::update::{Done, Refusal, Seal, Slot, Update, UpdateRequest};
 
 /// An update, and the announced version.
 #[derive(Clone, Debug)]
@@ -54,8 +54,8 @@ impl<const N: usize> Responder<N> {
     }
 
     /// The next access to the slot, if there is one; [`update_done`](Self::update_done) reports its result.
-    pub fn update_order(&mut self) -> Option<Order> {
-        self.updating.as_mut()?.update.order()
+    pub fn update_request(&mut self) -> Option<UpdateRequest> {
+        self.updating.as_mut()?.update.request()
     }
 
     /// Takes the result of an access to the slot.

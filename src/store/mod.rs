@@ -57,7 +57,7 @@ pub enum Outcome {
 
 /// An access to the memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Order {
+pub struct StoreRequest {
     /// The record to write in two copies; `None` to read the memory.
     pub record: Option<Record>,
     /// True if the memory must be erased first, because its contents are damaged.

@@ -81,7 +81,7 @@ pub const OBSERVERS: usize = 4;
 /// A pair of signals between the responder and a task whose work takes time.
 pub struct RequestChannel<M: RawMutex, O, D> {
     /// Request to the task, one at a time.
-    pub order: Signal<M, O>,
+    pub request: Signal<M, O>,
     /// Result of the request.
     pub done: Signal<M, D>,
 }
@@ -89,7 +89,7 @@ pub struct RequestChannel<M: RawMutex, O, D> {
 impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
     /// Creates empty signals.
     const fn new() -> Self {
-        Self { order: Signal::new(), done: Signal::new() }
+        Self { request: Signal::new(), done: Signal::new() }
     }
 }
 
@@ -118,9 +118,9 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Why this run ended, from a fault handler to the next run. `None` if the hub keeps no record.
     pub crash_report: CriticalSectionMutex<RefCell<Option<CrashReport<'static>>>>,
     /// Requests of the responder to the task that stores settings, and their results.
-    pub store: RequestChannel<M, crate::store::Order, store::Done>,
+    pub store: RequestChannel<M, crate::store::StoreRequest, store::Done>,
     /// Requests of the responder to the task that writes new firmware, and their results.
-    pub update: RequestChannel<M, crate::update::Order, crate::update::Done>,
+    pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
     /// True once a host has sent a packet since reset, from the responder to all tasks.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }

@@ -31,7 +31,7 @@ mod signature;
 pub use blocking_flash::Waiting;
 
 use super::{Health, Wires};
-use crate::update::{Booted, CHUNK, CRC, Done, Order, Outcome, Seal};
+use crate::update::{Booted, CHUNK, CRC, Done, Outcome, Seal, UpdateRequest};
 use embassy_boot::{FirmwareState, State};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -74,11 +74,11 @@ pub async fn run<M: RawMutex, const N: usize>(
         wires.update.done.signal(Done::Booted(booted));
     }
     loop {
-        let outcome = match wires.update.order.wait().await {
-            Order::Write { offset, bytes } => slots.write(offset, &bytes).await,
-            Order::Arm { length, crc, seal } => slots.arm(length, crc, seal, motors_off(wires)).await,
-            Order::Disarm => slots.confirm().await,
-            Order::Restart => {
+        let outcome = match wires.update.request.wait().await {
+            UpdateRequest::Write { offset, bytes } => slots.write(offset, &bytes).await,
+            UpdateRequest::Arm { length, crc, seal } => slots.arm(length, crc, seal, motors_off(wires)).await,
+            UpdateRequest::Disarm => slots.confirm().await,
+            UpdateRequest::Restart => {
                 Timer::after(RESTART_DELAY).await;
                 restart();
                 Outcome::Refused

@@ -17,11 +17,11 @@
 //! If the slot has a [signer](Slot::signer), the hub accepts no chunk before the signature, and arms an image only if
 //! the signature is valid for it.
 //!
-//! [`Update`] only decides. The *slot task*, which owns the flash, carries out each [`Order`] and answers with
+//! [`Update`] only decides. The *slot task*, which owns the flash, carries out each [`UpdateRequest`] and answers with
 //! [`Done`].
 //!
 //! ```
-//! use motor_hub::update::{Booted, CHUNK, Done, Order, Outcome, Phase, Slot, Update};
+//! use motor_hub::update::{Booted, CHUNK, Done, UpdateRequest, Outcome, Phase, Slot, Update};
 //!
 //! let slot = Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
 //! let mut update = Update::new(slot);
@@ -32,10 +32,10 @@
 //!
 //! update.begin(image.len() as u32, 0x1234_5678, false)?;
 //! update.chunk(0, &image)?;
-//! assert!(matches!(update.order(), Some(Order::Write { offset: 0, .. })));
+//! assert!(matches!(update.request(), Some(UpdateRequest::Write { offset: 0, .. })));
 //! update.done(Done::Carried(Outcome::Done));
 //! update.finish()?;
-//! assert_eq!(update.order(), Some(Order::Arm { length: 96, crc: 0x1234_5678, seal: None }));
+//! assert_eq!(update.request(), Some(UpdateRequest::Arm { length: 96, crc: 0x1234_5678, seal: None }));
 //! // The flash reads back other bytes than the host announced.
 //! update.done(Done::Carried(Outcome::Mismatch));
 //! assert_eq!(update.phase(), Phase::Nothing);
@@ -148,7 +148,7 @@ pub enum Outcome {
 
 /// An order to the slot task.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Order {
+pub enum UpdateRequest {
     /// Write a chunk to the slot. Erase each flash page when a chunk reaches the page's first byte.
     Write {
         /// Distance of the chunk from the beginning of the slot, in bytes.
@@ -248,8 +248,8 @@ pub struct Update {
     received: u32,
     seal: Option<Seal>,
     outcome: Outcome,
-    /// Order that the slot task has not taken yet.
-    pending: Option<Order>,
+    /// UpdateRequest that the slot task has not taken yet.
+    pending: Option<UpdateRequest>,
     /// True from when the slot task takes an order until it reports the result.
     at_work: bool,
 }
@@ -341,7 +341,7 @@ impl Update {
         self.check_idle()?;
         let bytes = Vec::from_slice(bytes).map_err(|_| Refusal::ChunkLength)?;
         self.received += bytes.len() as u32;
-        self.pending = Some(Order::Write { offset, bytes });
+        self.pending = Some(UpdateRequest::Write { offset, bytes });
         Ok(())
     }
 
@@ -360,7 +360,7 @@ impl Update {
         }
         self.check_idle()?;
         self.phase = Phase::Checking;
-        self.pending = Some(Order::Arm { length: self.length, crc: self.crc, seal: self.seal });
+        self.pending = Some(UpdateRequest::Arm { length: self.length, crc: self.crc, seal: self.seal });
         Ok(())
     }
 
@@ -376,7 +376,7 @@ impl Update {
             return Err(Refusal::MotorEnabled);
         }
         if !self.at_work {
-            self.pending = Some(Order::Restart);
+            self.pending = Some(UpdateRequest::Restart);
         }
         Ok(())
     }
@@ -389,7 +389,7 @@ impl Update {
         self.check_idle()?;
         if self.phase == Phase::Armed {
             self.phase = Phase::Disarming;
-            self.pending = Some(Order::Disarm);
+            self.pending = Some(UpdateRequest::Disarm);
         } else {
             self.phase = Phase::Nothing;
         }
@@ -399,7 +399,7 @@ impl Update {
     /// Returns the next order for the slot task, or `None` if there is none or the task is busy.
     ///
     /// The slot task reports the result with [`done`](Self::done).
-    pub fn order(&mut self) -> Option<Order> {
+    pub fn request(&mut self) -> Option<UpdateRequest> {
         if self.at_work {
             return None;
         }

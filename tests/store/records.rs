@@ -94,7 +94,8 @@ fn any_contents_of_a_flash_are_read_in_finite_time() {
         let found = read(&mut flash);
         nothing += u32::from(found.record.number() != 5);
         // Any contents can be erased and written.
-        let order = motor_hub::store::Order { record: Some(record.clone()), afresh: true, may_erase: true };
+        let order =
+            motor_hub::store::StoreRequest { record: Some(record.clone()), afresh: true, may_erase: true };
         let done = crate::flash::block_on(crate::flash::keeper(&mut flash).carry_out(&order));
         assert_eq!((done.outcome, read(&mut flash).record), (Outcome::Done, record), "round {round}");
     }

@@ -1,6 +1,6 @@
 //! What the hub takes of an image, step by step.
 
-use motor_hub::update::{Booted, CHUNK, CRC, Done, Order, Outcome, Phase, Refusal, Slot, Update};
+use motor_hub::update::{Booted, CHUNK, CRC, Done, Outcome, Phase, Refusal, Slot, Update, UpdateRequest};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -31,9 +31,9 @@ struct Memory {
 
 impl Memory {
     fn serve(&mut self, update: &mut Update) {
-        let Some(order) = update.order() else { return };
+        let Some(order) = update.request() else { return };
         let outcome = match order {
-            Order::Write { offset, bytes } => {
+            UpdateRequest::Write { offset, bytes } => {
                 if offset == 0 {
                     // Its page is erased.
                     self.bytes.clear();
@@ -42,7 +42,7 @@ impl Memory {
                 self.bytes[offset as usize..][..bytes.len()].copy_from_slice(&bytes);
                 Outcome::Done
             }
-            Order::Arm { length, crc: announced, .. } => {
+            UpdateRequest::Arm { length, crc: announced, .. } => {
                 let image = self.bytes.get(..length as usize).unwrap_or_default();
                 if crc(image) == announced {
                     self.armed = Some(image.to_vec());
@@ -51,11 +51,11 @@ impl Memory {
                     Outcome::Mismatch
                 }
             }
-            Order::Disarm => {
+            UpdateRequest::Disarm => {
                 self.armed = None;
                 Outcome::Done
             }
-            Order::Restart => Outcome::Done,
+            UpdateRequest::Restart => Outcome::Done,
         };
         update.done(Done::Carried(outcome));
     }
@@ -79,7 +79,7 @@ fn an_image_that_came_whole_is_armed() {
         assert_eq!((update.phase(), memory.armed.as_ref()), (Phase::Armed, Some(&image)), "{length} bytes");
         assert_eq!(update.restart(true), Err(Refusal::MotorEnabled));
         update.restart(false).expect("armed");
-        assert_eq!(update.order(), Some(Order::Restart));
+        assert_eq!(update.request(), Some(UpdateRequest::Restart));
     }
 }
 
@@ -150,7 +150,7 @@ fn a_repeated_chunk_changes_nothing_and_a_gap_is_refused() {
     assert_eq!(update.chunk(96, &image[96..192]), Err(Refusal::AtWork), "the first is not written yet");
     assert_eq!(update.finish(), Err(Refusal::Gap));
     memory.serve(&mut update);
-    assert_eq!((update.chunk(0, &image[..96]), update.order()), (Ok(()), None));
+    assert_eq!((update.chunk(0, &image[..96]), update.request()), (Ok(()), None));
     assert_eq!(update.chunk(95, &image[95..191]), Err(Refusal::Gap));
     assert_eq!(update.progress(), (96, 1_000));
 }
@@ -160,7 +160,7 @@ fn a_flash_that_refuses_a_chunk_ends_the_update() {
     let (mut update, image) = (confirmed(), image(1_000));
     update.begin(1_000, crc(&image), false).expect("begun");
     update.chunk(0, &image[..96]).expect("the first");
-    assert!(update.order().is_some());
+    assert!(update.request().is_some());
     update.done(Done::Carried(Outcome::Refused));
     assert_eq!((update.phase(), update.outcome()), (Phase::Nothing, Outcome::Refused));
     assert_eq!(update.chunk(96, &image[96..192]), Err(Refusal::NotBegun));
