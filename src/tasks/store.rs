@@ -53,7 +53,7 @@
 //! ```
 
 use super::Wires;
-use crate::store::{CAPACITY, Copies, Found, Outcome, Record, StoreRequest, Stored};
+use crate::store::{CAPACITY, Found, Outcome, Record, StoreRequest, Stored};
 use core::ops::Range;
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -231,10 +231,10 @@ impl<F: NorFlash> Keeper<F> {
     /// Reads both copies.
     async fn copies(&mut self) -> Result<Found, ReadError> {
         let (mut map, buffer) = self.map();
-        let mut copies = Copies::default();
+        let mut found = Found::default();
         for copy in COPY_KEYS {
             match map.fetch_item::<&[u8]>(buffer, &copy).await {
-                Ok(bytes) => copies.add(bytes),
+                Ok(bytes) => found.add(bytes),
                 Err(Error::BufferTooSmall(_)) => return Err(ReadError::TooLong),
                 Err(Error::Storage { value: FlashError::MotorsRun, .. }) => {
                     return Err(ReadError::NeedsErase);
@@ -242,7 +242,7 @@ impl<F: NorFlash> Keeper<F> {
                 Err(_) => return Err(ReadError::Damaged),
             }
         }
-        Ok(copies.found())
+        Ok(found)
     }
 }
 
