@@ -32,7 +32,8 @@
 //! ```
 //! use motor_hub::hub::Snapshot;
 //! use motor_hub::motor::Settings;
-//! use motor_hub::protocol::requests::{DISCOVERY, Request, Standard};
+//! use motor_hub::extension::Request;
+//! use motor_hub::protocol::requests::{DISCOVERY, Standard};
 //! use motor_hub::protocol::{Address, BROADCAST};
 //! use motor_hub::responder::Responder;
 //! use motor_hub::braking::Winding;
@@ -73,7 +74,7 @@ use crate::protocol::payload::{Payload, Text};
 use crate::protocol::requests::{
     DISCOVERY, InterfaceName, MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub,
 };
-use crate::protocol::{self, Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
+use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
 use crate::record::Record;
 use crate::supply::BusReading;
 use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
@@ -313,10 +314,10 @@ impl<const N: usize> Responder<N> {
         record: Option<&mut Record<'_>>,
     ) -> Result<Reply, Nack> {
         match request {
-            Request::Rev(protocol::Request::Standard(request)) => self.standard(request, now, snapshot),
-            Request::Rev(protocol::Request::Hub(request)) => self.hub(request, snapshot),
-            Request::Rev(protocol::Request::Pin(request)) => self.outputs.receive(&request),
-            Request::Rev(protocol::Request::Motor(motor, request)) => self.motor(motor, request, snapshot),
+            Request::Standard(request) => self.standard(request, now, snapshot),
+            Request::ToHub(request) => self.hub(request, snapshot),
+            Request::ToPin(request) => self.outputs.receive(&request),
+            Request::ToMotor(motor, request) => self.motor(motor, request, snapshot),
             Request::Set(motor, values) => {
                 self.changed = true;
                 let channel = self.channels.get_mut(usize::from(motor)).ok_or(NO_MOTOR)?;
@@ -433,7 +434,9 @@ impl<const N: usize> Responder<N> {
             }
             ToHub::PhoneCharge => return Ok(Reply::data(&self.phone_charge)),
             ToHub::FtdiReset => return Ok(Reply::data(&self.ftdi_reset)),
-            ToHub::VersionText => return Ok(Reply::data(&Text::new(VERSION_TEXT).unwrap_or_default())),
+            ToHub::VersionText => {
+                return Ok(Reply::data(&Text::from_slice(VERSION_TEXT).unwrap_or_default()));
+            }
             ToHub::Version => return Ok(Reply::data(&VERSION)),
         }
         Ok(Reply::ACK)
@@ -542,7 +545,7 @@ impl<const N: usize> Responder<N> {
 
 /// The packet types of an interface.
 fn interface(name: &InterfaceName) -> Result<Reply, Nack> {
-    match name.bytes() {
+    match name.as_slice() {
         MOTOR_INTERFACE => Ok(Reply::data(&MOTOR_FUNCTIONS)),
         extension::INTERFACE => Ok(Reply::data(&extension::FUNCTIONS)),
         _ => Err(Nack::UNKNOWN),

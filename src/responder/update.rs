@@ -37,11 +37,10 @@ impl<const N: usize> Responder<N> {
             HubFunction::Update => return Ok(Reply::data(&report(update, version))),
             HubFunction::BeginUpdate { length, crc, version: announced } => {
                 update.begin(length, crc, runs)?;
-                let bytes = announced.bytes();
-                *version = Text::new(bytes.get(..VERSION).unwrap_or(bytes)).unwrap_or_default();
+                *version = announced.into_iter().take(VERSION).collect();
             }
             HubFunction::Sign { key, signature } => update.sign(Seal { key, signature })?,
-            HubFunction::Chunk { offset, bytes } => update.chunk(offset, bytes.bytes())?,
+            HubFunction::Chunk { offset, bytes } => update.chunk(offset, &bytes)?,
             HubFunction::FinishUpdate => update.finish()?,
             HubFunction::Restart => update.restart(runs)?,
             HubFunction::AbandonUpdate => update.abandon()?,

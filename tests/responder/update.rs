@@ -14,14 +14,14 @@ fn say(host: &mut TestHost, request: HubFunction) -> Said {
 }
 
 fn begin(host: &mut TestHost, length: u32) -> Said {
-    let version = Text::new(b"mh9.9.9").expect("short");
+    let version = Text::from_slice(b"mh9.9.9").expect("short");
     say(host, HubFunction::BeginUpdate { length, crc: 7, version })
 }
 
 fn chunk(host: &mut TestHost, offset: u32) -> Said {
     let mut bytes = [0; CHUNK];
     bytes[..8].copy_from_slice(&[0, 0, 2, 0x20, 0x41, 0, 2, 8]);
-    say(host, HubFunction::Chunk { offset, bytes: Text::new(&bytes).expect("short") })
+    say(host, HubFunction::Chunk { offset, bytes: Text::from_slice(&bytes).expect("short") })
 }
 
 fn report(host: &mut TestHost) -> UpdateReport {
@@ -75,7 +75,7 @@ fn a_host_sends_an_image_and_has_it_started() {
     assert_eq!(host.responder.update_request(), Some(UpdateRequest::Arm { length: 192, crc: 7, seal: None }));
     host.responder.update_done(Done::Carried(Outcome::Done));
     let told = report(&mut host);
-    let version = Text::new(b"mh9.9.9").expect("short");
+    let version = Text::from_slice(b"mh9.9.9").expect("short");
     assert_eq!((told.phase, told.received, told.length, told.version), (Phase::Armed, 192, 192, version));
     assert_eq!((told.origin, told.capacity), (SLOT.origin, SLOT.length));
     assert_eq!(say(&mut host, HubFunction::Restart), ACK);
@@ -92,7 +92,7 @@ fn each_refusal_has_its_own_number() {
     host.responder.update_done(Done::Booted(Booted::Confirmed));
     assert_eq!(begin(&mut host, 96), ACK);
     assert_eq!(chunk(&mut host, 96), Said::Nack(75));
-    let blank = Text::new(&[0xFF; CHUNK]).expect("short");
+    let blank = Text::from_slice(&[0xFF; CHUNK]).expect("short");
     assert_eq!(say(&mut host, HubFunction::Chunk { offset: 0, bytes: blank }), Said::Nack(76));
     assert_eq!(say(&mut host, HubFunction::AbandonUpdate), ACK);
     assert_eq!(chunk(&mut host, 0), Said::Nack(74));
