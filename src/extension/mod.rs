@@ -5,15 +5,6 @@
 //! Settings last until a reset, unless they are stored. `docs/reference/extension.md` describes each function with its fields
 //! and refusals.
 //!
-//! | module | contents |
-//! |---|---|
-//! | [`settings`] | the table of all settings of a motor: bytes, stored records and documents follow from the table |
-//! | [`report`] | state of motors, bridges and bus |
-//! | [`identification`] | result of an identification |
-//! | [`group`] | motors that move in step |
-//! | [`record`] | faults and resets |
-//! | [`state`] | state of stored settings, and of an update |
-//!
 //! ```
 //! use motor_hub::extension::{HubFunction, Request};
 //! use motor_hub::protocol::payload::Text;

@@ -8,16 +8,6 @@
 //! Reply  <--read--   Packet <--Decoder-- bytes <--encode-- Packet <--write-- Reply
 //! ```
 //!
-//! | module | contents |
-//! |---|---|
-//! | [`frame`] | packets to bytes and back; synchronisation after garbage |
-//! | [`payload`] | values to payloads and back; ranges |
-//! | [`requests`] | requests to the whole hub |
-//! | [`motor`], [`pins`], [`led`] | requests to a motor, to pins and outputs; values of the LED |
-//! | [`answers`] | answers |
-//! | [`refusal`] | reasons of refusals |
-//! | [`address`] | addresses |
-//!
 //! The protocol knows no hub, no time and no line. [`crate::responder`] decides what a hub does with a request;
 //! [`crate::extension`] has what REV's protocol lacks, and the request of any kind.
 //!

@@ -9,20 +9,6 @@
 //!                     +-----------+ --Colour--> status LED
 //! ```
 //!
-//! | module | contents |
-//! |---|---|
-//! | [`Responder`] | the hub as a host sees it |
-//! | [`motor`] | state of one motor for the host, and the commands to the motor |
-//! | [`converter`] | values of the converter's channels |
-//! | [`keep_alive`] | keep-alive timer, status word, attention |
-//! | [`led`] | status LED |
-//! | [`button`] | button on the board, until a host sends a packet |
-//! | [`outputs`] | digital pins, and the stored state of PWM and servo outputs |
-//! | `group` | courses of groups on the way to the motors |
-//! | `store` | settings that outlast power |
-//! | `update` | new firmware |
-//! | `report` | reports of the extension |
-//!
 //! While the battery is low ([`Snapshot::battery_low`]) motors cannot be enabled, and status word and LED show the state.
 //! Motors that are enabled already run on within the limits of the supply.
 //!
