@@ -77,7 +77,7 @@ impl Board {
     /// A millisecond passes.
     fn turn(&self) {
         for (plant, drive) in self.plants.borrow_mut().iter_mut().zip(self.drives.get()) {
-            plant.run(Seconds(0.001), plant::Influence::pwm(drive.mode, drive.duty.to_f64()), Volts(12.0));
+            plant.run(Seconds(0.001), plant::PlantInput::pwm(drive.mode, drive.duty.to_f64()), Volts(12.0));
         }
     }
 }

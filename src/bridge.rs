@@ -134,7 +134,7 @@ impl Drive {
 /// Feedback of a bridge: its measured current and its fault output, on boards that have these signals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Sensed {
+pub struct BridgeFeedback {
     /// Mean current by the current-sense line, positive; `None` without a current-sense line.
     pub current: Option<Milliamperes>,
     /// True if the bridge has switched itself off.

@@ -25,8 +25,8 @@
 mod bus;
 mod groups;
 
-use crate::bridge::{Drive, Sensed};
-use crate::group::{Halt, Together};
+use crate::bridge::{BridgeFeedback, Drive};
+use crate::group::{GroupCommand, Halt};
 use crate::motion::Reading;
 use crate::motor::{Motor, Report, Setpoint, Settings, SupplyLimits};
 use crate::supply::{Battery, Stage};
@@ -56,7 +56,7 @@ pub enum Action {
     Configure(Settings),
     /// Sends a group on a course. The command's motor is any member of the group. Members of other groups leave these
     /// groups. A group that exists with exactly these members continues from its present positions without a step.
-    Lead(Together),
+    Lead(GroupCommand),
 }
 
 /// The inputs of a tick.
@@ -230,7 +230,7 @@ impl<const N: usize> Hub<N> {
     }
 
     /// Takes feedback of the bridges between two ticks, on a board that reads it.
-    pub fn sense(&mut self, sensed: &[Sensed; N]) {
+    pub fn sense(&mut self, sensed: &[BridgeFeedback; N]) {
         for (motor, sensed) in self.motors.iter_mut().zip(sensed) {
             motor.sense(*sensed);
         }

@@ -4,7 +4,7 @@ use motor_hub::braking::{DutyRule, Modulation, Modulator, OperatingPoint, Regime
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Influence, Plant};
+use motor_hub::model::plant::{Plant, PlantInput};
 use motor_hub::model::si::{Amps, Hertz, KgM2, RadPerSec, Seconds, Volts};
 use motor_hub::units::{CountsPerSecond, Duty, Millivolts};
 
@@ -34,7 +34,7 @@ fn what_goes_back_and_what_is_burnt_is_what_the_model_says() {
             let mut plant = Plant::new(motor, load, BridgeConstants::IDEAL.into(), Hertz(20_000.0));
             let speed = f64::from(cps) / 28.0 * std::f64::consts::TAU;
             plant.place(Amps(0.0), RadPerSec(speed), 0.0);
-            let influence = Influence::pwm(drive.mode, drive.duty.to_f64());
+            let influence = PlantInput::pwm(drive.mode, drive.duty.to_f64());
             plant.run(Seconds(0.005), influence, Volts(12.0));
             let flow = plant.run(Seconds(0.01), influence, Volts(12.0));
             let [returned, burnt] = [flow.energy_to_battery.0, flow.heat.0].map(|joules| joules / 0.01);

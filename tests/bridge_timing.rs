@@ -4,7 +4,7 @@ use motor_hub::braking::Winding;
 use motor_hub::bridge::{BridgeConstants, Drive, Mode, Timing};
 use motor_hub::model::catalogue::{self, Motor as Constants};
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Influence, Plant};
+use motor_hub::model::plant::{Plant, PlantInput};
 use motor_hub::model::si::{Amps, Hertz, KgM2, NewtonMetres, RadPerSec, Seconds, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
 use motor_hub::motion::{Reading, Tracker};
@@ -74,7 +74,7 @@ fn a_plant_runs_as_its_steady_current_says_whatever_the_step() {
             let mut run = |seconds: f64| {
                 let mut charge = 0.0;
                 for _ in 0..(seconds / step) as u64 {
-                    charge += plant.run(Seconds(step), Influence::pwm(mode, duty), Volts(12.0)).charge.0;
+                    charge += plant.run(Seconds(step), PlantInput::pwm(mode, duty), Volts(12.0)).charge.0;
                 }
                 charge
             };
@@ -93,7 +93,7 @@ fn a_bridge_is_open_while_its_mode_changes_and_at_no_other_time() {
     let mut plant =
         Plant::new(am60(), Load { inertia_after: KgM2(1e6), ..Load::NONE }, bridge(Timing::VNH5019), PWM);
     let mut charge =
-        |mode, duty, seconds| plant.run(Seconds(seconds), Influence::pwm(mode, duty), Volts(12.0)).charge.0;
+        |mode, duty, seconds| plant.run(Seconds(seconds), PlantInput::pwm(mode, duty), Volts(12.0)).charge.0;
     assert!(charge(Mode::Cw98, 1.0, 6e-4).abs() < 1e-12);
     assert!(charge(Mode::Cw98, 1.0, 6e-4) > 1e-4);
     // Another duty is no other mode.
@@ -137,7 +137,7 @@ fn winch(ms: u64, told: BridgeConstants) -> (f64, f64) {
             drive = motor.step(now, Some(reading), Some(Millivolts::new(12_000))).drive;
         }
         let torque_after = NewtonMetres(if at_ms < 5_000 { 0.0 } else { 0.8 });
-        let influence = Influence { torque_after, ..Influence::pwm(drive.mode, drive.duty.to_f64()) };
+        let influence = PlantInput { torque_after, ..PlantInput::pwm(drive.mode, drive.duty.to_f64()) };
         plant.run(Seconds(1e-3), influence, Volts(12.0));
         let error = (plant.speed().0 / std::f64::consts::TAU * 28.0 - 1_360.0).abs();
         match at_ms {

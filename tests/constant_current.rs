@@ -4,7 +4,7 @@ use motor_hub::braking::Winding;
 use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::catalogue::{self, Motor as Constants};
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Influence, Plant};
+use motor_hub::model::plant::{Plant, PlantInput};
 use motor_hub::model::si::{Hertz, KgM2, RadPerSec, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
 use motor_hub::motion::Tracker;
@@ -62,7 +62,7 @@ impl Bench {
             let drive = self.report.drive;
             let flow = self.plant.run(
                 Seconds(1e-3),
-                Influence::pwm(drive.mode, drive.duty.to_f64()),
+                PlantInput::pwm(drive.mode, drive.duty.to_f64()),
                 Volts(BATTERY),
             );
             charge += flow.charge.0;

@@ -1,14 +1,15 @@
 //! Current-sense lines: what of a motor's current they show, and which of them a hub believes.
 
 use motor_hub::braking::Winding;
-use motor_hub::bridge::{BridgeConstants, Drive, Mode, SenseScale, Sensed};
+use motor_hub::bridge::{BridgeConstants, BridgeFeedback, Drive, Mode, SenseScale};
 use motor_hub::extension::report::MotorReport;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Influence, Plant};
+use motor_hub::model::plant::{Plant, PlantInput};
 use motor_hub::model::si::{Hertz, KgM2, Seconds, Volts};
 use motor_hub::motion::Reading;
 use motor_hub::motor::{Motor, Report, SenseLine, Setpoint, Settings};
+use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::units::{Control, Micros, Milliamperes, Millivolts, Period, RangeError};
 use proptest::prelude::*;
 
@@ -40,7 +41,7 @@ impl Held {
             self.motor.sample(reading);
             if self.ms.is_multiple_of(25) {
                 let current = shown_ma.map(Milliamperes::new);
-                self.motor.sense(Sensed { current, fault: false });
+                self.motor.sense(BridgeFeedback { current, fault: false });
             }
             if self.ms.is_multiple_of(50) {
                 self.report = self.motor.step(at, Some(reading), Some(Millivolts::new(12_000)));
@@ -89,7 +90,8 @@ fn a_host_reads_the_same_best_current_as_the_hub() {
         let current = Milliamperes::new(modelled);
         let of_hub = Report { current, measured: measured.map(Milliamperes::new), ..Report::INITIAL };
         let measured_ma = measured.map(|ma| u16::try_from(ma).expect("a magnitude"));
-        let of_host = MotorReport { current, measured_ma, ..MotorReport::default() };
+        let at_rest = MotorReport::read(&mut Fields::new(&[0; 36])).expect("36 bytes");
+        let of_host = MotorReport { current, measured_ma, ..at_rest };
         assert_eq!((of_hub.best_current().get(), of_host.best_current().get()), (best, best));
     }
 }
@@ -140,7 +142,7 @@ fn without_its_encoder_nobody_knows_what_is_due() {
     held.power(HALF);
     let battery = Some(Millivolts::new(12_000));
     for tick in 1..40 {
-        held.motor.sense(Sensed { current: Some(Milliamperes::new(0)), fault: false });
+        held.motor.sense(BridgeFeedback { current: Some(Milliamperes::new(0)), fault: false });
         held.report = held.motor.step(Micros::new(50_000 * tick), None, battery);
     }
     assert!(held.report.faults.encoder_stale);
@@ -259,7 +261,7 @@ fn shown(mode: Mode, duty: f64, speed: f64) -> (f64, f64) {
     let mut plant = Plant::new(motor, heavy, BridgeConstants::IDEAL.into(), Hertz(20_000.0));
     let free = 12.0 / motor.ke.0;
     plant.place(Default::default(), motor_hub::model::si::RadPerSec(speed * free), 0.0);
-    let run = |plant: &mut Plant| plant.run(Seconds(0.1), Influence::pwm(mode, duty), Volts(12.0));
+    let run = |plant: &mut Plant| plant.run(Seconds(0.1), PlantInput::pwm(mode, duty), Volts(12.0));
     run(&mut plant);
     let flow = run(&mut plant);
     (flow.mean_current().0, flow.charge_shown.0 / flow.time.0)

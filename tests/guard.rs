@@ -78,7 +78,7 @@ impl Axis {
     }
 
     fn run_ms(&mut self, drive: Drive) {
-        let mut command = plant::Influence::pwm(drive.mode, drive.duty.to_f64());
+        let mut command = plant::PlantInput::pwm(drive.mode, drive.duty.to_f64());
         let angle = self.plant.angle();
         let beyond = angle - angle.clamp(self.stops.0, self.stops.1);
         command.torque_after = NewtonMetres(self.torque - self.spring.unwrap_or(0.0) * beyond);

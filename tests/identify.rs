@@ -10,7 +10,7 @@ use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::{Motor as Constants, characterised, motors};
 use motor_hub::model::friction::Friction;
 use motor_hub::model::load::{Load, Shaft};
-use motor_hub::model::plant::{Influence, Plant};
+use motor_hub::model::plant::{Plant, PlantInput};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Ohms, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
@@ -129,9 +129,9 @@ impl Bench {
                 }
             }
             let torque = pull(place, ms) * self.stall() * motor.eta * motor.gear_ratio;
-            let command = Influence {
+            let command = PlantInput {
                 torque_after: NewtonMetres(torque),
-                ..Influence::pwm(drive.mode, drive.duty.to_f64())
+                ..PlantInput::pwm(drive.mode, drive.duty.to_f64())
             };
             rig.run(Seconds(1e-3), &[command]);
         }

@@ -1,10 +1,10 @@
 //! What keeps a motor, and what it moves, from harm when something fails.
 
 use motor_hub::braking::{Regime, Winding};
-use motor_hub::bridge::{BridgeConstants, Drive, Sensed};
+use motor_hub::bridge::{BridgeConstants, BridgeFeedback, Drive};
 use motor_hub::model::catalogue;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Influence, Plant};
+use motor_hub::model::plant::{Plant, PlantInput};
 use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
 use motor_hub::motion::{Reading, Tracker};
@@ -57,7 +57,7 @@ impl Winch {
             }
             let Drive { mode, duty } = self.report.drive;
             let torque_after = NewtonMetres(self.torque);
-            let influence = Influence { torque_after, ..Influence::pwm(mode, duty.to_f64()) };
+            let influence = PlantInput { torque_after, ..PlantInput::pwm(mode, duty.to_f64()) };
             self.plant.run(Seconds(1e-3), influence, Volts(12.0));
             self.ms += 1;
         }
@@ -247,7 +247,7 @@ fn heat_is_of_the_measured_current_where_there_is_one() {
     motor.set(Setpoint::ConstantPower(Control::MAX));
     let mut heat = |measured: Option<i32>| {
         let report = (1..=40).map(|tick| {
-            motor.sense(Sensed { current: measured.map(Milliamperes::new), fault: false });
+            motor.sense(BridgeFeedback { current: measured.map(Milliamperes::new), fault: false });
             let at = Micros::new(50_000 * tick);
             motor.step(at, Some(Reading { position: 0, edge_at: at, at }), Some(Millivolts::new(12_000)))
         });
@@ -266,9 +266,9 @@ fn a_bridge_that_switches_itself_off_is_named_and_stays_off_until_the_motor_is_d
         let mut winch = Winch::new(settings(on_fault));
         winch.motor.set(at(300));
         assert!(!winch.run(0.5).faults.bridge);
-        winch.motor.sense(Sensed { current: None, fault: true });
+        winch.motor.sense(BridgeFeedback { current: None, fault: true });
         // It has come to again.
-        winch.motor.sense(Sensed::default());
+        winch.motor.sense(BridgeFeedback::default());
         let report = winch.run(0.5);
         assert_eq!((report.drive, report.faults.bridge), (Drive::COAST, true), "{on_fault:?}");
         winch.motor.set(Setpoint::Disabled);
@@ -277,9 +277,9 @@ fn a_bridge_that_switches_itself_off_is_named_and_stays_off_until_the_motor_is_d
         let report = winch.run(0.5);
         assert!(report.drive != Drive::COAST && !report.faults.any(), "{report:?}");
         // One that is still at fault does not run again.
-        winch.motor.sense(Sensed { current: None, fault: true });
+        winch.motor.sense(BridgeFeedback { current: None, fault: true });
         winch.motor.set(Setpoint::Disabled);
-        winch.motor.sense(Sensed { current: None, fault: true });
+        winch.motor.sense(BridgeFeedback { current: None, fault: true });
         winch.motor.set(at(300));
         assert_eq!(winch.run(0.02).drive, Drive::COAST);
     }

@@ -101,9 +101,9 @@ fn a_watchdog_reset_leaves_when_what_and_the_ticks_of_the_motor_that_was_driven(
 #[test]
 fn last_words_say_more_than_the_reset_that_follows_them_and_are_said_once() {
     let mut memory = [0; SIZE];
-    let (mut record, mut last_words) = Record::open(&mut memory, Fault::PowerOn);
+    let (mut record, mut crash_report) = Record::open(&mut memory, Fault::PowerOn);
     run(&mut record, 3);
-    last_words.say(Fault::HardFault, [0x0800_1234, 0x0800_5679]);
+    crash_report.store(Fault::HardFault, [0x0800_1234, 0x0800_5679]);
     let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);
     run(&mut record, 3);
     let faults: Vec<_> = heads(&memory, Fault::ResetPin).iter().map(|h| (h.fault, h.detail, h.run)).collect();
@@ -127,7 +127,7 @@ fn a_hub_that_fails_again_and_again_as_it_starts_keeps_what_came_before() {
     run(&mut Record::open(&mut memory, Fault::PowerOn).0, 20);
     let _ = Record::open(&mut memory, Fault::BrownOut);
     for _ in 0..300 {
-        Record::open(&mut memory, Fault::Watchdog).1.say(Fault::Panic, [12, 3]);
+        Record::open(&mut memory, Fault::Watchdog).1.store(Fault::Panic, [12, 3]);
     }
     let seen: Vec<_> =
         heads(&memory, Fault::Watchdog).iter().map(|head| (head.fault, head.times, head.ticks)).collect();
@@ -328,13 +328,13 @@ proptest! {
             // So that what follows is looked at: "MHR1", run 7.
             memory[..12].copy_from_slice(&[0x4D, 0x48, 0x52, 0x31, 7, 0, 0, 0, 0xF8, 0xFF, 0xFF, 0xFF]);
         }
-        let (mut record, mut last_words) = Record::open(&mut memory, Fault::Watchdog);
+        let (mut record, mut crash_report) = Record::open(&mut memory, Fault::Watchdog);
         for head in record.heads() {
             record.ticks(head.number).map(Iterator::count);
         }
         record.ticks(number).map(Iterator::count);
         record.tick(&with_fault(turning(u32::from(number)), 1, STUCK));
-        last_words.say(Fault::Panic, [1, 2]);
+        crash_report.store(Fault::Panic, [1, 2]);
         prop_assert_eq!(record.heads().next().map(|head| head.fault), Some(Fault::EncoderStuck));
     }
 }

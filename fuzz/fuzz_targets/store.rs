@@ -9,7 +9,7 @@ use motor_hub::hub::{Action, Snapshot};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::Address;
 use motor_hub::responder::Responder;
-use motor_hub::store::{Copies, Found, VERSION};
+use motor_hub::store::{Found, VERSION};
 use motor_hub::units::Micros;
 
 /// A hub that has just been powered on with this in its memory, and the settings of its motors.
@@ -31,18 +31,18 @@ fuzz_target!(|copies: (Vec<u8>, Vec<u8>, bool)| {
     if let Some(version) = first.first_mut().filter(|_| known) {
         *version = VERSION;
     }
-    let mut found = Copies::default();
+    let mut found = Found::default();
     found.add(Some(&first));
     found.add(Some(&second));
-    let (mut responder, settings) = powered_on(found.found());
+    let (mut responder, settings) = powered_on(found);
 
     let save = Request::from(HubFunction::Save);
     let packet = save.packet(responder.address().get(), 1, save.id());
     responder.receive(&packet, Micros::new(0), &Snapshot::INITIAL);
-    let Some(saved) = responder.order(&Snapshot::INITIAL).and_then(|order| order.record) else { return };
-    let mut again = Copies::default();
+    let Some(saved) = responder.store_request(&Snapshot::INITIAL).and_then(|request| request.record) else { return };
+    let mut again = Found::default();
     again.add(Some(saved.bytes()));
     again.add(Some(saved.bytes()));
-    let (other, found_again) = powered_on(again.found());
+    let (other, found_again) = powered_on(again);
     assert_eq!((other.address(), found_again), (responder.address(), settings));
 });

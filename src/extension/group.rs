@@ -50,7 +50,7 @@ pub struct GroupMove {
 }
 
 impl GroupMove {
-    /// A move with lag, tolerance and halt of [`Together::new`](crate::group::Together::new).
+    /// A move with lag, tolerance and halt of [`GroupCommand::new`](crate::group::GroupCommand::new).
     pub const fn new(course: GroupCourse, speed: CountsPerSecond, acceleration: Acceleration) -> Self {
         let (lag, halt) = (usual_lag(speed), Halt::Stop);
         Self { course, speed, acceleration, lag, tolerance: TOLERANCE, halt }

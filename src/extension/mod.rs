@@ -5,20 +5,11 @@
 //! Settings last until a reset, unless they are stored. `docs/reference/extension.md` describes each function with its fields
 //! and refusals.
 //!
-//! | module | contents |
-//! |---|---|
-//! | [`settings`] | the table of all settings of a motor: bytes, stored records and documents follow from the table |
-//! | [`report`] | state of motors, bridges and bus |
-//! | [`identification`] | result of an identification |
-//! | [`group`] | motors that move in step |
-//! | [`record`] | faults and resets |
-//! | [`state`] | state of stored settings, and of an update |
-//!
 //! ```
 //! use motor_hub::extension::{HubFunction, Request};
 //! use motor_hub::protocol::payload::Text;
 //!
-//! let request = Request::from(HubFunction::Chunk { offset: 96, bytes: Text::new(&[7, 8]).unwrap() });
+//! let request = Request::from(HubFunction::Chunk { offset: 96, bytes: Text::from_slice(&[7, 8]).unwrap() });
 //! assert_eq!((request.id(), &*request.payload()), (0x4D16, &[96, 0, 0, 0, 2, 7, 8][..]));
 //! ```
 
@@ -30,11 +21,12 @@ pub mod settings;
 pub mod state;
 
 use crate::protocol::answers::Functions;
+use crate::protocol::motor::ToMotor;
 use crate::protocol::payload::{Field, Fields, Payload, Text};
 use crate::protocol::pins::ToPin;
 use crate::protocol::request_table::requests;
-use crate::protocol::requests::{MOTOR_INTERFACE, Standard, ToHub};
-use crate::protocol::{self, HOST, Nack, Packet};
+use crate::protocol::requests::{MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub};
+use crate::protocol::{HOST, Nack, Packet};
 use group::GroupMove;
 use settings::{Group, Values};
 
@@ -49,7 +41,7 @@ pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 31 };
 
 requests! {
     /// A function of one motor besides its settings. The motor's number goes before the fields.
-    pub enum MotorFunction {
+    pub enum MotorFunction from FIRST_FUNCTION => {
         /// Starts an identification within this number of counts either way. The answer is a u32, the counts that the motor
         /// will turn at most.
         4 Identify { travel_limit: u32 },
@@ -69,7 +61,7 @@ requests! {
 
 requests! {
     /// A function of the whole hub.
-    pub enum HubFunction {
+    pub enum HubFunction from FIRST_FUNCTION => {
         /// The answer is a [`BusReport`](report::BusReport).
         13 Bus,
         /// Stores the settings in force.
@@ -107,8 +99,14 @@ requests! {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Request {
-    /// A request of REV's protocol.
-    Rev(protocol::Request),
+    /// REV's command of every hub.
+    Standard(Standard),
+    /// REV's function that concerns the whole hub.
+    ToHub(ToHub),
+    /// REV's function of the motor with this number.
+    ToMotor(u8, ToMotor),
+    /// REV's function of a pin or output.
+    ToPin(ToPin),
     /// Sets all fields of a group of the settings of the motor with this number.
     Set(u8, Values),
     /// Asks for all fields of a group of the settings of the motor with this number; the answer is [`Values`].
@@ -120,33 +118,40 @@ pub enum Request {
 }
 
 impl Request {
-    /// Reads a packet, for a hub with `motors` motors. A setting that belongs to REV's protocol is read as [`Rev`](Self::Rev).
+    /// Reads a packet, for a hub with `motors` motors. A setting that belongs to REV's protocol is read as
+    /// [`ToMotor`](Self::ToMotor).
     ///
     /// # Errors
     /// The refusal to answer. A payload that is too short is refused with the number of the first missing parameter.
     pub fn read(packet: &Packet, motors: usize) -> Result<Self, Nack> {
-        let Some(number) = FUNCTIONS.number(packet.id) else {
-            return protocol::Request::read(packet, motors).map(Self::Rev);
-        };
-        let fields = &mut Fields::new(&packet.payload);
-        if HubFunction::NUMBERS.contains(&number) {
-            return HubFunction::read(number, fields).map(Self::Hub);
+        let (id, fields) = (packet.id, &mut Fields::new(&packet.payload));
+        if Standard::has(id) {
+            Standard::read(id, fields).map(Self::Standard)
+        } else if ToHub::has(id) {
+            ToHub::read(id, fields).map(Self::ToHub)
+        } else if ToPin::has(id) {
+            ToPin::read(id, fields).map(Self::ToPin)
+        } else if HubFunction::has(id) {
+            HubFunction::read(id, fields).map(Self::Hub)
+        } else if ToMotor::has(id) {
+            Ok(Self::ToMotor(fields.motor(motors)?, ToMotor::read(id, fields)?))
+        } else if MotorFunction::has(id) {
+            Ok(Self::Motor(fields.motor(motors)?, MotorFunction::read(id, fields)?))
+        } else if let Some(group) = Group::EACH.into_iter().find(|group| group.set_id() == id) {
+            Ok(Self::Set(fields.motor(motors)?, Values::read(group, fields)?))
+        } else if let Some(group) = Group::EACH.into_iter().find(|group| group.get_id() == id) {
+            Ok(Self::Get(fields.motor(motors)?, group))
+        } else {
+            // The tables lack transfers by I2C (37 to 42, 52, 54, 55), because hosts poll an accepted transfer without end.
+            // They lack bulk output (56) too.
+            Err(if MOTOR_FUNCTIONS.number(id).is_some() { Nack::UNSUPPORTED } else { Nack::UNKNOWN })
         }
-        let motor = fields.motor(motors)?;
-        if MotorFunction::NUMBERS.contains(&number) {
-            return Ok(Self::Motor(motor, MotorFunction::read(number, fields)?));
-        }
-        if let Some(group) = Group::EACH.into_iter().find(|group| group.set_id() == packet.id) {
-            return Ok(Self::Set(motor, Values::read(group, fields)?));
-        }
-        let group = Group::EACH.into_iter().find(|group| group.get_id() == packet.id);
-        group.map(|group| Self::Get(motor, group)).ok_or(Nack::UNSUPPORTED)
     }
 
     /// The name of the interface that the request belongs to; `None` for a standard command.
     pub fn interface(&self) -> Option<&'static [u8]> {
         match self {
-            Self::Rev(request) if request.is_standard() => None,
+            Self::Standard(_) => None,
             _ if FUNCTIONS.number(self.id()).is_some() => Some(INTERFACE),
             _ => Some(MOTOR_INTERFACE),
         }
@@ -155,21 +160,20 @@ impl Request {
     /// The number of the function within its interface, or the packet type of a standard command.
     pub fn number(&self) -> u16 {
         let id = self.id();
-        match self.interface() {
-            None => id,
-            Some(INTERFACE) => id - FIRST_FUNCTION,
-            Some(_) => id - protocol::requests::FIRST_FUNCTION,
-        }
+        FUNCTIONS.number(id).or(MOTOR_FUNCTIONS.number(id)).unwrap_or(id)
     }
 
     /// The packet type on hubs of this project.
-    pub fn id(&self) -> u16 {
+    pub const fn id(&self) -> u16 {
         match self {
-            Self::Rev(request) => request.id(),
+            Self::Standard(request) => request.id(),
+            Self::ToHub(request) => request.id(),
+            Self::ToMotor(_, request) => request.id(),
+            Self::ToPin(request) => request.id(),
             Self::Set(_, values) => values.group().set_id(),
             Self::Get(_, group) => group.get_id(),
-            Self::Motor(_, function) => FIRST_FUNCTION + function.number(),
-            Self::Hub(function) => FIRST_FUNCTION + function.number(),
+            Self::Motor(_, function) => function.id(),
+            Self::Hub(function) => function.id(),
         }
     }
 
@@ -177,16 +181,19 @@ impl Request {
     pub fn payload(&self) -> Payload {
         let mut payload = Payload::new();
         match self {
-            Self::Rev(request) => return request.payload(),
-            Self::Set(motor, values) => {
-                values.group().write_name(*motor, &mut payload);
-                values.write(&mut payload);
-            }
+            Self::ToMotor(motor, _) | Self::Motor(motor, _) => motor.write(&mut payload),
+            Self::Set(motor, values) => values.group().write_name(*motor, &mut payload),
             Self::Get(motor, group) => group.write_name(*motor, &mut payload),
-            Self::Motor(motor, function) => {
-                motor.write(&mut payload);
-                function.write(&mut payload);
-            }
+            Self::Standard(_) | Self::ToHub(_) | Self::ToPin(_) | Self::Hub(_) => (),
+        }
+        match self {
+            Self::Standard(request) => request.write(&mut payload),
+            Self::ToHub(request) => request.write(&mut payload),
+            Self::ToMotor(_, request) => request.write(&mut payload),
+            Self::ToPin(request) => request.write(&mut payload),
+            Self::Set(_, values) => values.write(&mut payload),
+            Self::Get(..) => (),
+            Self::Motor(_, function) => function.write(&mut payload),
             Self::Hub(function) => function.write(&mut payload),
         }
         payload
@@ -198,34 +205,25 @@ impl Request {
     }
 }
 
-impl MotorFunction {
-    /// The request to the motor with this number, 0 to 3.
-    pub const fn to(self, motor: u8) -> Request {
-        Request::Motor(motor, self)
-    }
-}
-
-impl From<HubFunction> for Request {
-    fn from(function: HubFunction) -> Self {
-        Self::Hub(function)
-    }
-}
-
-impl From<protocol::Request> for Request {
-    fn from(request: protocol::Request) -> Self {
-        Self::Rev(request)
-    }
-}
-
-/// Requests of REV's protocol that need no motor.
-macro_rules! of_rev {
-    ($($type:ty),+) => {$(
-        impl From<$type> for Request {
-            fn from(request: $type) -> Self {
-                Self::Rev(request.into())
+/// Makes requests of tables without and with a motor's number.
+macro_rules! from_tables {
+    (hub { $($request:ident($table:ident)),+ } motor { $($of_motor:ident($of_motor_table:ident)),+ }) => {
+        $(impl From<$table> for Request {
+            fn from(request: $table) -> Self {
+                Self::$request(request)
             }
-        }
-    )+};
+        })+
+
+        $(impl $of_motor_table {
+            /// The request to the motor with this number, 0 to 3.
+            pub const fn to(self, motor: u8) -> Request {
+                Request::$of_motor(motor, self)
+            }
+        })+
+    };
 }
 
-of_rev!(Standard, ToHub, ToPin);
+from_tables! {
+    hub { Standard(Standard), ToHub(ToHub), ToPin(ToPin), Hub(HubFunction) }
+    motor { ToMotor(ToMotor), Motor(MotorFunction) }
+}

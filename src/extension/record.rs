@@ -3,7 +3,7 @@
 use super::report::battery;
 use crate::bridge::Drive;
 use crate::protocol::Nack;
-use crate::protocol::payload::{Field, Fields, Payload, in_turn};
+use crate::protocol::payload::{Field, Fields, Payload, in_turn, payload};
 use crate::record::{Fault, Head, NOBODY, Record, Tick, drive_bits, drive_of};
 use heapless::Vec;
 
@@ -13,18 +13,18 @@ const ENTRIES: usize = 3;
 /// The most ticks of an answer.
 const TICKS: usize = 8;
 
-/// Entries of the record.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Entries {
-    /// Number of the present run since the record began, from 1; 0 for a hub without a record.
-    pub run: u32,
-    /// Number of entries in the record.
-    pub count: u8,
-    /// Up to three entries, newest first.
-    pub heads: Vec<Head, ENTRIES>,
+payload! {
+    /// Entries of the record.
+    #[derive(Default)]
+    pub struct Entries {
+        /// Number of the present run since the record began, from 1; 0 for a hub without a record.
+        pub run: u32,
+        /// Number of entries in the record.
+        pub count: u8,
+        /// Up to three entries, newest first.
+        pub heads: Vec<Head, ENTRIES> as rest,
+    }
 }
-
-in_turn!(Entries { run, count, heads: rest });
 
 impl Entries {
     /// The entries of the record behind the first `from` entries.
@@ -38,16 +38,16 @@ impl Entries {
     }
 }
 
-/// Control ticks of an entry.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Ticks {
-    /// Number of ticks of the entry.
-    pub count: u8,
-    /// Up to eight ticks, oldest first.
-    pub ticks: Vec<Tick, TICKS>,
+payload! {
+    /// Control ticks of an entry.
+    #[derive(Default)]
+    pub struct Ticks {
+        /// Number of ticks of the entry.
+        pub count: u8,
+        /// Up to eight ticks, oldest first.
+        pub ticks: Vec<Tick, TICKS> as rest,
+    }
 }
-
-in_turn!(Ticks { count, ticks: rest });
 
 impl Ticks {
     /// The ticks of the entry with this number, behind the first `from` ticks; `None` if there is no such entry.

@@ -6,20 +6,21 @@
 //! include the newest requests.
 //!
 //! ```
-//! use motor_hub::extension::report::{HubReport, MotorReport};
+//! use motor_hub::extension::report::HubReport;
 //! use motor_hub::protocol::payload::{Field, Fields, Payload};
 //!
 //! let mut payload = Payload::new();
-//! HubReport { motors: [MotorReport::default(); 2].into_iter().collect(), ..HubReport::default() }.write(&mut payload);
+//! let report = HubReport { at_ms: 20, ..HubReport::default() };
+//! report.write(&mut payload);
 //! payload.extend_from_slice(&[1, 2, 3]).unwrap();
-//! assert_eq!(HubReport::read(&mut Fields::new(&payload)).unwrap().motors.len(), 2);
+//! assert_eq!(HubReport::read(&mut Fields::new(&payload)), Ok(report));
 //! ```
 
 use crate::braking::Regime;
 use crate::bridge::{Drive, Mode};
 use crate::motion::EncoderFault;
 use crate::motor::{Faults, SenseLine, best_current};
-use crate::protocol::payload::{ByteIn, Field, Fields, Payload, codes, in_turn};
+use crate::protocol::payload::{ByteIn, Field, Fields, Payload, bits, byte, codes, payload};
 use crate::protocol::{CHANNELS, Nack};
 use crate::regulator::Kind;
 use crate::supply::BusState;
@@ -41,49 +42,49 @@ const NOT_MEASURED: u16 = u16::MAX;
 const UNKNOWN: i16 = i16::MIN;
 
 codes!(Mode { 0 = Cw98, 1 = Ccw62, 2 = Brake50 });
+// 0 is an open bridge.
+codes!(Option<Regime> { 0 = None, 1 = Some(Regime::Reverse), 2 = Some(Regime::Braking), 3 = Some(Regime::Forward) });
 codes!(Kind { 0 = Model, 1 = Pid });
 codes!(SenseLine { 0 = Absent, 1 = Sound, 2 = Silent, 3 = Stuck, 4 = Excessive });
 codes!(BusState { 0 = Silent, 1 = TooLow, 2 = Cut, 3 = Derated, 4 = Quiet, 5 = Burning, 6 = TooHigh });
 
-/// State of a motor and its bridge.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Condition {
-    /// Mean current by the motor's constants.
-    pub current: Milliamperes,
-    /// Magnitude of the mean current in milliamperes; `None` if the hub does not measure the current.
-    pub measured_ma: Option<u16>,
-    /// Heat of the winding in 1/1000 of its limit; 0 without a limit.
-    pub heat: u16,
-    /// True if the current is limited because the winding is hot.
-    pub derated: bool,
-    /// True if the motor was switched off because the winding is too hot.
-    pub overheated: bool,
-    /// True if the bridge has switched itself off.
-    pub bridge_fault: bool,
-    /// State of the current-sense line.
-    pub sense_line: SenseLine,
+payload! {
+    /// State of a motor and its bridge.
+    #[derive(Copy, Default)]
+    pub struct Condition {
+        /// Mean current by the motor's constants.
+        pub current: Milliamperes,
+        /// Magnitude of the mean current in milliamperes; `None` if the hub does not measure the current.
+        pub measured_ma: Option<u16> as measured,
+        /// Heat of the winding in 1/1000 of its limit; 0 without a limit.
+        pub heat: u16,
+        /// True if the current is limited because the winding is hot.
+        pub derated: bool,
+        /// True if the motor was switched off because the winding is too hot.
+        pub overheated: bool,
+        /// True if the bridge has switched itself off.
+        pub bridge_fault: bool,
+        /// State of the current-sense line.
+        pub sense_line: SenseLine,
+    }
 }
 
-in_turn!(Condition { current, measured_ma: measured, heat, derated, overheated, bridge_fault, sense_line });
-
-/// State of the bus of battery and bridges.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct BusReport {
-    /// The range that the voltage is in.
-    pub state: BusState,
-    /// The newest sample, plausible or not; `None` if the converter does not answer.
-    pub measured: Option<Millivolts>,
-    /// Share of the returned energy that braking motors dissipate, in 1/1000.
-    pub burning: u16,
-    /// Energy that braking motors have returned since boot, in millijoules.
-    pub returned_mj: u32,
-    /// Energy that braking motors have dissipated since boot, in millijoules.
-    pub burnt_mj: u32,
+payload! {
+    /// State of the bus of battery and bridges.
+    #[derive(Copy, Default)]
+    pub struct BusReport {
+        /// The range that the voltage is in.
+        pub state: BusState,
+        /// The newest sample, plausible or not; `None` if the converter does not answer.
+        pub measured: Option<Millivolts> as measured,
+        /// Share of the returned energy that braking motors dissipate, in 1/1000.
+        pub burning: u16,
+        /// Energy that braking motors have returned since boot, in millijoules.
+        pub returned_mj: u32,
+        /// Energy that braking motors have dissipated since boot, in millijoules.
+        pub burnt_mj: u32,
+    }
 }
-
-in_turn!(BusReport { state, measured: measured, burning, returned_mj, burnt_mj });
 
 /// A value behind a bool, which is true if the value is measured.
 mod measured {
@@ -217,32 +218,6 @@ pub enum ReportedSetpoint {
     Identify(u32),
 }
 
-impl Default for MotorReport {
-    /// The state of a disabled motor after a reset.
-    fn default() -> Self {
-        Self {
-            setpoint: ReportedSetpoint::Off,
-            position: 0,
-            velocity: 0,
-            regulator: Kind::Model,
-            control: Control::ZERO,
-            regime: None,
-            drive: Drive::COAST,
-            current: Milliamperes::ZERO,
-            measured_ma: None,
-            load: None,
-            heat: 0,
-            enabled: false,
-            settled: false,
-            stalled: false,
-            derated: false,
-            current_limited: false,
-            faults: Faults::default(),
-            points: None,
-        }
-    }
-}
-
 impl Field for HubReport {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let version = ByteIn::<1, { u8::MAX }>::read(fields)?.get();
@@ -283,7 +258,7 @@ impl Field for MotorReport {
         let (position, velocity) = (i32::read(fields)?, i16::read(fields)?);
         let regulator = Kind::read(fields)?;
         let control = Control::read(fields)?;
-        let regime = regime::read(fields)?;
+        let regime = Field::read(fields)?;
         let drive = Drive { mode: Mode::read(fields)?, duty: Duty::read(fields)? };
         let current = Milliamperes::new(i16::read(fields)?.into());
         let measured_ma = Some(u16::read(fields)?).filter(|ma| *ma != NOT_MEASURED);
@@ -320,14 +295,14 @@ impl Field for MotorReport {
         self.velocity.write(payload);
         self.regulator.write(payload);
         self.control.write(payload);
-        regime::write(self.regime, payload);
+        self.regime.write(payload);
         self.drive.mode.write(payload);
         self.drive.duty.write(payload);
         milliamperes(self.current).write(payload);
         self.measured_ma.map_or(NOT_MEASURED, |ma| ma.min(NOT_MEASURED - 1)).write(payload);
         self.load.map_or(UNKNOWN, milliamperes).write(payload);
         self.heat.write(payload);
-        byte(&[self.enabled, self.settled, self.stalled, self.derated, self.current_limited]).write(payload);
+        byte([self.enabled, self.settled, self.stalled, self.derated, self.current_limited]).write(payload);
         fault_bits(self.faults).write(payload);
         self.points.map_or([0; 4], |points| points.map(Control::get)).write(payload);
     }
@@ -365,47 +340,15 @@ impl Field for ReportedSetpoint {
     }
 }
 
-/// A regime, where 0 is an open bridge.
-mod regime {
-    use super::{ByteIn, Field, Fields, Nack, Payload, Regime};
-
-    pub(super) fn read(fields: &mut Fields<'_>) -> Result<Option<Regime>, Nack> {
-        Ok(match ByteIn::<0, 3>::read(fields)?.get() {
-            0 => None,
-            1 => Some(Regime::Reverse),
-            2 => Some(Regime::Braking),
-            _ => Some(Regime::Forward),
-        })
-    }
-
-    pub(super) fn write(regime: Option<Regime>, payload: &mut Payload) {
-        let code: u8 = match regime {
-            None => 0,
-            Some(Regime::Reverse) => 1,
-            Some(Regime::Braking) => 2,
-            Some(Regime::Forward) => 3,
-        };
-        code.write(payload);
-    }
-}
-
 /// The current within 16 bits; -32768 stands for an unknown current.
 fn milliamperes(current: Milliamperes) -> i16 {
     current.get().clamp(-i32::from(i16::MAX), i16::MAX.into()) as i16
 }
 
-fn bits(byte: u8) -> [bool; 8] {
-    core::array::from_fn(|bit| byte & 1 << bit != 0)
-}
-
-fn byte(bits: &[bool]) -> u8 {
-    bits.iter().rev().fold(0, |byte, bit| byte << 1 | u8::from(*bit))
-}
-
 fn fault_bits(faults: Faults) -> u8 {
     let Faults { battery_unknown, encoder_stale, encoder, overheated, bridge } = faults;
     let [stuck, reversed] = [EncoderFault::Stuck, EncoderFault::Reversed].map(|fault| encoder == Some(fault));
-    byte(&[battery_unknown, encoder_stale, stuck, reversed, overheated, bridge])
+    byte([battery_unknown, encoder_stale, stuck, reversed, overheated, bridge])
 }
 
 fn faults(byte: u8) -> Faults {

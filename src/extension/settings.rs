@@ -34,7 +34,7 @@ use crate::motion::Pidf;
 use crate::motor::{OnFault, Settings, ThermalLimit, ZeroPower};
 use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode};
 use crate::protocol::payload::{Field as _, Fields, Payload};
-use crate::protocol::{self, Nack, requests};
+use crate::protocol::{Nack, requests};
 use crate::regulator::{self, Dynamics};
 use crate::units::{
     Acceleration, AccelerationPerVolt, Coefficient, DecayRate, EmfConstant, Inductance, Millivolts, Period,
@@ -67,14 +67,13 @@ impl MotorSettings {
 
     /// What regulates the motor, and whether the motor floats at zero, in terms of REV's protocol.
     pub fn channel_mode(&self) -> ChannelMode {
-        let floats = protocol::payload::Flag(self.motor.zero_power == ZeroPower::Float);
-        ChannelMode { mode: self.mode, floats }
+        ChannelMode { mode: self.mode, floats: self.motor.zero_power == ZeroPower::Float }
     }
 
     /// Sets what [`channel_mode`](Self::channel_mode) returns.
     pub const fn set_channel_mode(&mut self, ChannelMode { mode, floats }: ChannelMode) {
         self.mode = mode;
-        self.motor.zero_power = if floats.0 { ZeroPower::Float } else { ZeroPower::Brake };
+        self.motor.zero_power = if floats { ZeroPower::Float } else { ZeroPower::Brake };
     }
 
     /// Coefficients of a loop: a host's coefficients, else the guess for a motor without a known load.

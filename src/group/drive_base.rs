@@ -36,7 +36,7 @@ impl DriveBase {
     /// Returns the counts of the left and the right wheel for a straight distance. Negative distances are backwards.
     ///
     /// # Errors
-    /// [`RangeError::Way`] if a wheel would move by more than 2^31 - 1 counts.
+    /// [`RangeError::Distance`] if a wheel would move by more than 2^31 - 1 counts.
     pub const fn straight(&self, mm: f64) -> Result<[i32; 2], RangeError> {
         self.arc(mm, 0.0)
     }
@@ -44,7 +44,7 @@ impl DriveBase {
     /// Returns the counts of both wheels for a turn on the spot. Positive angles are to the left.
     ///
     /// # Errors
-    /// [`RangeError::Way`] if a wheel would move by more than 2^31 - 1 counts.
+    /// [`RangeError::Distance`] if a wheel would move by more than 2^31 - 1 counts.
     pub const fn turn(&self, degrees: f64) -> Result<[i32; 2], RangeError> {
         self.arc(0.0, degrees)
     }
@@ -53,12 +53,12 @@ impl DriveBase {
     /// change of the heading.
     ///
     /// # Errors
-    /// [`RangeError::Way`] if a wheel would move by more than 2^31 - 1 counts.
+    /// [`RangeError::Distance`] if a wheel would move by more than 2^31 - 1 counts.
     pub const fn arc(&self, mm: f64, degrees: f64) -> Result<[i32; 2], RangeError> {
         let [left, right] = self.counts(mm, degrees);
         match (to_i32(left), to_i32(right)) {
             (Some(left), Some(right)) => Ok([left, right]),
-            _ => Err(RangeError::Way),
+            _ => Err(RangeError::Distance),
         }
     }
 

@@ -8,13 +8,13 @@
 //! speed falls in proportion. At the full lag the group stands still and waits.
 //!
 //! ```
-//! use motor_hub::group::{Course, Group, Together};
+//! use motor_hub::group::{Course, Group, GroupCommand};
 //! use motor_hub::units::{Acceleration, CountsPerSecond, Period};
 //!
 //! // Motor 0 moves 1000 counts forward, motor 2 moves 500 counts back.
 //! let course = Course::by(&[(0, 1_000), (2, -500)])?;
-//! let usual = Together::new(course, CountsPerSecond::new(2_000), Acceleration::new(4_000)?);
-//! let together = Together { tolerance: 0, ..usual };
+//! let usual = GroupCommand::new(course, CountsPerSecond::new(2_000), Acceleration::new(4_000)?);
+//! let together = GroupCommand { tolerance: 0, ..usual };
 //! let mut positions = [70, 0, -30];
 //! let mut group = Group::new(together, positions, [CountsPerSecond::ZERO; 3], Period::DEFAULT);
 //! while !group.is_within_tolerance(&positions) {
@@ -113,7 +113,7 @@ pub enum Halt {
 /// A command to a group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Together {
+pub struct GroupCommand {
     /// Members, and where they move.
     pub course: Course,
     /// Speed of the member that moves farthest, as a magnitude. [`Course::On`] has speeds of its own.
@@ -128,7 +128,7 @@ pub struct Together {
     pub halt: Halt,
 }
 
-impl Together {
+impl GroupCommand {
     /// Creates a command with the [usual lag](usual_lag), a tolerance of [`TOLERANCE`] counts and [`Halt::Stop`]. For
     /// [`Course::On`] the lag is computed from `speed`.
     pub const fn new(course: Course, speed: CountsPerSecond, acceleration: Acceleration) -> Self {
@@ -181,12 +181,12 @@ pub struct Group<const N: usize> {
 impl<const N: usize> Group<N> {
     /// Creates a group that starts at these positions and speeds. Members that the hub does not have are ignored.
     pub fn new(
-        together: Together,
+        together: GroupCommand,
         positions: [i32; N],
         mut speeds: [CountsPerSecond; N],
         period: Period,
     ) -> Self {
-        let Together { course, acceleration, lag, tolerance, halt, .. } = together;
+        let GroupCommand { course, acceleration, lag, tolerance, halt, .. } = together;
         let members = to_hub_motors(course.members(), false);
         for (speed, member) in speeds.iter_mut().zip(members) {
             if !member {
@@ -202,8 +202,8 @@ impl<const N: usize> Group<N> {
 
     /// Takes another course. The references change without a step, from their present positions and speeds. The members
     /// stay the same.
-    pub fn redirect(&mut self, together: Together) {
-        let Together { course, speed, acceleration, lag, tolerance, halt } = together;
+    pub fn redirect(&mut self, together: GroupCommand) {
+        let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = together;
         (self.acceleration, self.lag, self.tolerance, self.halt) = (acceleration, lag, tolerance, halt);
         let references = self.trajectory.references().map(|reference| (reference >> 16) as i32);
         let positions = |values: ByMotor<i32>, target: fn(i32, i32) -> i32| {

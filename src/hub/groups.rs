@@ -1,7 +1,7 @@
 //! Manages the groups of a hub: their members, their start and their end.
 
 use super::Inputs;
-use crate::group::{Group, Halt, MOTORS, Together};
+use crate::group::{Group, GroupCommand, Halt, MOTORS};
 use crate::motor::{self, Motor, Report, Setpoint, SettleDetector};
 use crate::units::{CountsPerSecond, Period, RangeError};
 
@@ -9,7 +9,7 @@ use crate::units::{CountsPerSecond, Period, RangeError};
 #[derive(Clone, Debug)]
 enum State<const N: usize> {
     /// The group starts at the first tick at which all members have a fresh encoder reading.
-    Waiting(Together),
+    Waiting(GroupCommand),
     /// The group follows its course. The detector says whether all members have settled at the end of the course.
     Moving(Group<N>, SettleDetector),
 }
@@ -30,7 +30,7 @@ impl<const N: usize> Groups<N> {
     pub(super) fn lead(
         &mut self,
         leader: usize,
-        together: Together,
+        together: GroupCommand,
         motors: &mut [Motor; N],
     ) -> Result<(), RangeError> {
         let wanted = together.course.members();

@@ -11,7 +11,7 @@
 //! use motor_hub::model::catalogue::{Motor, characterised};
 //! use motor_hub::model::friction::Friction;
 //! use motor_hub::model::load::Load;
-//! use motor_hub::model::plant::{Influence, Plant};
+//! use motor_hub::model::plant::{PlantInput, Plant};
 //! use motor_hub::model::si::{Hertz, NewtonMetres, RadPerSec, Seconds, Volts};
 //! use motor_hub::model::switching::Bridge;
 //!
@@ -20,9 +20,9 @@
 //! let coulomb = NewtonMetres(0.05 * motor.stall_torque(Volts(12.0)).0);
 //! let motor = Motor { friction: Friction::with_coulomb(coulomb), ..motor };
 //! let mut plant = Plant::new(motor, Load::NONE, Bridge::IDEAL, Hertz(20_000.0));
-//! plant.run(Seconds(1.0), Influence::pwm(Mode::Cw98, 1.0), Volts(0.06 * 12.0));
+//! plant.run(Seconds(1.0), PlantInput::pwm(Mode::Cw98, 1.0), Volts(0.06 * 12.0));
 //! assert_eq!((plant.speed(), plant.angle()), (RadPerSec(0.0), 0.0));
-//! plant.run(Seconds(1.0), Influence::pwm(Mode::Cw98, 1.0), Volts(0.07 * 12.0));
+//! plant.run(Seconds(1.0), PlantInput::pwm(Mode::Cw98, 1.0), Volts(0.07 * 12.0));
 //! assert!(plant.speed().0 > 1.0);
 //! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
 //! ```

@@ -19,14 +19,14 @@
 //! use motor_hub::bridge::Mode;
 //! use motor_hub::model::catalogue::characterised;
 //! use motor_hub::model::load::Load;
-//! use motor_hub::model::plant::{Influence, Plant};
+//! use motor_hub::model::plant::{PlantInput, Plant};
 //! use motor_hub::model::si::{Hertz, Seconds, Volts};
 //! use motor_hub::model::switching::Bridge;
 //!
 //! // The motor is driven clockwise at duty 0.5 for 0.1 s.
 //! let motor = characterised("AM 60 A")?.with_measured_rotor_inertia();
 //! let mut plant = Plant::new(motor, Load::NONE, Bridge::IDEAL, Hertz(20_000.0));
-//! let flow = plant.run(Seconds(0.1), Influence::pwm(Mode::Cw98, 0.5), Volts(12.0));
+//! let flow = plant.run(Seconds(0.1), PlantInput::pwm(Mode::Cw98, 0.5), Volts(12.0));
 //! assert!(plant.counts() > 0 && flow.mean_current().0 > 0.0);
 //! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
 //! ```
@@ -44,7 +44,7 @@ const WINDOW_LIMIT: f64 = 0.15;
 
 /// Inputs of a plant: the command to its bridge, and an external torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Influence {
+pub struct PlantInput {
     /// State of the bridge in the first part of each PWM period.
     pub on: State,
     /// State of the bridge in the rest of each PWM period.
@@ -55,7 +55,7 @@ pub struct Influence {
     pub torque_after: NewtonMetres,
 }
 
-impl Influence {
+impl PlantInput {
     /// All switches are open, and there is no external torque.
     pub const COAST: Self =
         Self { on: State::Coast, off: State::Coast, duty: 0.0, torque_after: NewtonMetres(0.0) };
@@ -155,7 +155,7 @@ pub struct Plant {
 /// Inputs that are constant during a run.
 #[derive(Clone, Copy)]
 struct Run {
-    influence: Influence,
+    influence: PlantInput,
     /// Time spent in the on state in each PWM period, s.
     on_time: f64,
     battery: Volts,
@@ -267,7 +267,7 @@ impl Plant {
     ///
     /// The PWM period continues from the last run. A new duty is applied immediately. Before a new mode is applied, the
     /// bridge is open for [`Edges::change`](super::switching::Edges::change).
-    pub fn run(&mut self, dt: Seconds, influence: Influence, battery: Volts) -> Flow {
+    pub fn run(&mut self, dt: Seconds, influence: PlantInput, battery: Volts) -> Flow {
         if influence.off != self.mode {
             self.mode = influence.off;
             self.open_s = self.circuit.bridge.edges.change.0;
@@ -277,14 +277,14 @@ impl Plant {
             return self.advance(dt, influence, battery);
         }
         self.open_s -= open_s;
-        let open = Influence { torque_after: influence.torque_after, ..Influence::COAST };
+        let open = PlantInput { torque_after: influence.torque_after, ..PlantInput::COAST };
         let mut flow = self.advance(Seconds(open_s), open, battery);
         flow.append(&self.advance(Seconds(dt.0 - open_s), influence, battery));
         flow
     }
 
     /// Advances by `dt` without a change of the mode.
-    fn advance(&mut self, dt: Seconds, influence: Influence, battery: Volts) -> Flow {
+    fn advance(&mut self, dt: Seconds, influence: PlantInput, battery: Volts) -> Flow {
         let torque = (self.load.torque_after.0 + influence.torque_after.0) * self.shaft.torque_ratio;
         let on_time = influence.duty.clamp(0.0, 1.0) * self.period;
         let run = Run { influence, on_time, battery, torque };
@@ -383,7 +383,7 @@ impl Plant {
     /// Returns final current (A), integrals and mean current (A) of a window from the present current and phase.
     fn electrical(&self, window: f64, emf: f64, run: &Run) -> (f64, Integrals, f64) {
         let at = Conditions { battery: run.battery, emf: Volts(emf) };
-        let Influence { on, off, .. } = run.influence;
+        let PlantInput { on, off, .. } = run.influence;
         let part =
             Part { on, off, on_s: run.on_time, period_s: self.period, from_s: self.phase, window_s: window };
         let mut sums = Integrals::default();

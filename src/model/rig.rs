@@ -5,7 +5,7 @@
 //! use motor_hub::model::battery::Battery;
 //! use motor_hub::model::catalogue::characterised;
 //! use motor_hub::model::load::Load;
-//! use motor_hub::model::plant::{Influence, Plant};
+//! use motor_hub::model::plant::{PlantInput, Plant};
 //! use motor_hub::model::rig::Rig;
 //! use motor_hub::model::si::{Hertz, Ohms, Seconds, Volts};
 //! use motor_hub::model::switching::Bridge;
@@ -15,14 +15,14 @@
 //! let plant = Plant::new(motor, Load::NONE, Bridge::IDEAL, Hertz(20_000.0));
 //! let battery = Battery { emf: Volts(12.0), resistance: Ohms(0.1) };
 //! let mut rig = Rig::new(battery, vec![plant.clone(), plant]);
-//! let flow = rig.run(Seconds(0.01), &[Influence::pwm(Mode::Cw98, 1.0); 2]);
+//! let flow = rig.run(Seconds(0.01), &[PlantInput::pwm(Mode::Cw98, 1.0); 2]);
 //! assert!(flow.current.0 > 1.0 && rig.voltage().0 < 12.0);
 //! # Ok::<(), motor_hub::model::catalogue::UnknownMotor>(())
 //! ```
 
 use super::battery::Battery;
 use super::bus::{Bus, Shutdown};
-use super::plant::{Flow, Influence, Plant};
+use super::plant::{Flow, Plant, PlantInput};
 use super::si::{Amps, Coulombs, Seconds, Volts};
 
 /// Longest step with a constant battery voltage, in s, for a rig without bus capacitor.
@@ -100,7 +100,7 @@ impl Rig {
     }
 
     /// Advances each plant by `dt`. A plant without an influence coasts.
-    pub fn run(&mut self, dt: Seconds, influences: &[Influence]) -> RigFlow {
+    pub fn run(&mut self, dt: Seconds, influences: &[PlantInput]) -> RigFlow {
         let mut total = RigFlow { flows: vec![Flow::default(); self.plants.len()], ..RigFlow::default() };
         if dt.0 <= 0.0 {
             total.voltage = self.voltage();
@@ -137,16 +137,16 @@ impl Rig {
     }
 
     /// Advances all plants at the present voltage. Returns the net charge that they drew, C.
-    fn step(&mut self, step: Seconds, influences: &[Influence], sums: &mut [Flow]) -> f64 {
+    fn step(&mut self, step: Seconds, influences: &[PlantInput], sums: &mut [Flow]) -> f64 {
         let voltage = self.voltage();
         let mut drawn = 0.0;
         let plants = self.plants.iter_mut().zip(&mut self.shutdowns).zip(sums);
         for (index, ((plant, shutdown), sum)) in plants.enumerate() {
-            let mut influence = influences.get(index).copied().unwrap_or(Influence::COAST);
+            let mut influence = influences.get(index).copied().unwrap_or(PlantInput::COAST);
             if let Some(bus) = &self.bus {
                 *shutdown = shutdown.step(&bus.protection, voltage, (influence.on, influence.off));
                 if *shutdown != Shutdown::None {
-                    influence = Influence { torque_after: influence.torque_after, ..Influence::COAST };
+                    influence = PlantInput { torque_after: influence.torque_after, ..PlantInput::COAST };
                 }
             }
             let flow = plant.run(step, influence, voltage);

@@ -44,7 +44,7 @@ pub use setpoint::Setpoint;
 pub use settled::{SettleDetector, within_tolerance};
 
 use crate::braking::{Modulation, Modulator, OperatingPoint, Regime, Returned, Scheme};
-use crate::bridge::{Drive, Sensed};
+use crate::bridge::{BridgeFeedback, Drive};
 use crate::motion::Reading;
 use crate::motion::guard::{Evidence, Finding, Order};
 use crate::regulator::identify::{Identifier, Refusal};
@@ -244,7 +244,7 @@ impl Motor {
     }
 
     /// Takes what the bridge reports, on a board that can read it.
-    pub fn sense(&mut self, sensed: Sensed) {
+    pub fn sense(&mut self, sensed: BridgeFeedback) {
         self.bridge_fault |= sensed.fault;
         let mode = (!self.pulses.are_active()).then_some(self.drive().mode);
         self.line.step(sensed.current, mode, self.modelled);

@@ -1,9 +1,10 @@
 //! Answers of the hub. The line of a request in [`requests`](super::requests) states the type of its answer.
 //!
 //! ```
+//! use motor_hub::extension::Request;
 //! use motor_hub::protocol::answers::{Reply, Status};
 //! use motor_hub::protocol::payload::{Field, Fields};
-//! use motor_hub::protocol::requests::{Request, Standard};
+//! use motor_hub::protocol::requests::Standard;
 //!
 //! let request = Request::from(Standard::Status { clear: false });
 //! let asked = request.packet(3, 1, request.id());
@@ -18,7 +19,7 @@
 
 use super::CHANNELS;
 use super::frame::Packet;
-use super::payload::{Field, Fields, Flag, Payload, in_turn};
+use super::payload::{Field, Fields, Payload, bits, byte, flag, payload};
 use super::refusal::Nack;
 use core::fmt;
 use heapless::Vec;
@@ -79,13 +80,15 @@ impl Reply {
     }
 }
 
-/// The packet types of an interface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Functions {
-    /// The type of function 0.
-    pub first: u16,
-    /// The number of functions.
-    pub count: u16,
+payload! {
+    /// The packet types of an interface.
+    #[derive(Copy)]
+    pub struct Functions {
+        /// The type of function 0.
+        pub first: u16,
+        /// The number of functions.
+        pub count: u16,
+    }
 }
 
 impl Functions {
@@ -103,15 +106,15 @@ impl Functions {
     }
 }
 
-in_turn!(Functions { first, count });
-
-/// Module status.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Status {
-    /// Events and states of the hub, one bit each.
-    pub status: u8,
-    /// Alerts: bits 0 to 3 are set if motor 0 to 3 lost counts, bits 4 to 7 if the bridge of motor 0 to 3 is too hot.
-    pub motor_alerts: u8,
+payload! {
+    /// Module status.
+    #[derive(Copy, Default)]
+    pub struct Status {
+        /// Events and states of the hub, one bit each.
+        pub status: u8,
+        /// Alerts: bits 0 to 3 are set if motor 0 to 3 lost counts, bits 4 to 7 if the bridge of motor 0 to 3 is too hot.
+        pub motor_alerts: u8,
+    }
 }
 
 /// An alert of one motor.
@@ -165,8 +168,6 @@ impl Status {
     }
 }
 
-in_turn!(Status { status, motor_alerts });
-
 /// All values that change while motors run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bulk {
@@ -190,25 +191,23 @@ pub struct Bulk {
 /// bit 4 on.
 impl Field for Bulk {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        let (digital, encoders, motors) = (u8::read(fields)?, Field::read(fields)?, u8::read(fields)?);
-        let bits = |first: usize| core::array::from_fn(|motor| motors & 1 << (first + motor) != 0);
+        let (digital, encoders) = (u8::read(fields)?, Field::read(fields)?);
+        let [a, b, c, d, within_tolerance @ ..] = bits(u8::read(fields)?);
         Ok(Self {
             digital,
             encoders,
-            over_current: bits(0),
-            within_tolerance: bits(4),
+            over_current: [a, b, c, d],
+            within_tolerance,
             velocities: Field::read(fields)?,
             analog: Field::read(fields)?,
-            attention: Flag::read(fields).ok().map(|flag| flag.0),
+            attention: flag::read(fields).ok(),
         })
     }
 
     fn write(&self, payload: &mut Payload) {
-        let bits = self.over_current.iter().chain(&self.within_tolerance).enumerate();
-        let motors = bits.fold(0, |bits, (bit, is)| bits | u8::from(*is) << bit);
         self.digital.write(payload);
         self.encoders.write(payload);
-        motors.write(payload);
+        byte(self.over_current.into_iter().chain(self.within_tolerance)).write(payload);
         self.velocities.write(payload);
         self.analog.write(payload);
         if let Some(attention) = self.attention {
@@ -217,17 +216,17 @@ impl Field for Bulk {
     }
 }
 
-/// Version of firmware and hardware. Hosts derive the functions of a hub from the version: PIDF from 1.8.2 on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the names of the protocol")]
-pub struct Version {
-    pub engineering: u8,
-    pub minor: u8,
-    pub major: u8,
-    pub hardware_minor: u8,
-    pub hardware_major: u8,
-    /// The type of hub.
-    pub hardware: u32,
+payload! {
+    /// Version of firmware and hardware. Hosts derive the functions of a hub from the version: PIDF from 1.8.2 on.
+    #[derive(Copy, Default)]
+    #[expect(missing_docs, reason = "the names of the protocol")]
+    pub struct Version {
+        pub engineering: u8,
+        pub minor: u8,
+        pub major: u8,
+        pub hardware_minor: u8,
+        pub hardware_major: u8,
+        /// The type of hub.
+        pub hardware: u32,
+    }
 }
-
-in_turn!(Version { engineering, minor, major, hardware_minor, hardware_major, hardware });

@@ -18,7 +18,7 @@
 
 use super::payload::{PAYLOAD_KEPT, Payload};
 use crate::units::Micros;
-use heapless::{Deque, Vec};
+use heapless::Vec;
 
 /// The first bytes of every frame.
 pub const START: [u8; 2] = [0x44, 0x4B];
@@ -56,7 +56,7 @@ pub struct Packet {
 #[derive(Debug)]
 pub struct Decoder {
     /// Received bytes. The first byte is `44`.
-    bytes: Deque<u8, LONGEST>,
+    bytes: Vec<u8, LONGEST>,
     /// Time of the first byte, or later.
     first_at: Micros,
     /// Time of the last byte.
@@ -76,7 +76,7 @@ enum Candidate {
 impl Decoder {
     /// A decoder without bytes.
     pub const fn new() -> Self {
-        Self { bytes: Deque::new(), first_at: Micros::new(0), last_at: Micros::new(0) }
+        Self { bytes: Vec::new(), first_at: Micros::new(0), last_at: Micros::new(0) }
     }
 
     /// Takes bytes off the front of `input` until a packet is complete; `None` if `input` is used up. The bytes have come by
@@ -85,10 +85,10 @@ impl Decoder {
         loop {
             match self.candidate() {
                 Candidate::Good(length) => return Some(self.take(length)),
-                Candidate::Bad => self.resynchronise(),
+                Candidate::Bad => self.drop_bytes(1),
                 // After a pause this drops one unfinished frame after the other.
                 Candidate::Unfinished if self.deadline().is_some_and(|deadline| deadline <= now) => {
-                    self.resynchronise();
+                    self.drop_bytes(1);
                 }
                 Candidate::Unfinished => {
                     let (&byte, rest) = input.split_first()?;
@@ -113,58 +113,45 @@ impl Decoder {
         }
         self.last_at = now;
         // There is room, because a full buffer has at least one complete frame.
-        let _ = self.bytes.push_back(byte);
+        let _ = self.bytes.push(byte);
     }
 
     fn candidate(&self) -> Candidate {
-        let mut bytes = self.bytes.iter().copied();
-        let (Some(_), second) = (bytes.next(), bytes.next()) else { return Candidate::Unfinished };
-        if second.is_some_and(|second| second != START[1]) {
-            return Candidate::Bad;
-        }
-        let (Some(low), Some(high)) = (bytes.next(), bytes.next()) else { return Candidate::Unfinished };
-        let length = usize::from(u16::from_le_bytes([low, high]));
+        let length = match *self.bytes {
+            [_, second, ..] if second != START[1] => return Candidate::Bad,
+            [_, _, low, high, ..] => usize::from(u16::from_le_bytes([low, high])),
+            _ => return Candidate::Unfinished,
+        };
         if !(OVERHEAD..=LONGEST).contains(&length) {
             return Candidate::Bad;
         }
-        if self.bytes.len() < length {
-            return Candidate::Unfinished;
+        match self.bytes.get(..length).and_then(<[u8]>::split_last) {
+            None => Candidate::Unfinished,
+            Some((sum, bytes)) if *sum == checksum(bytes) => Candidate::Good(length),
+            Some(_) => Candidate::Bad,
         }
-        let sum = self.bytes.iter().take(length - 1).fold(0u8, |sum, byte| sum.wrapping_add(*byte));
-        if self.bytes.get(length - 1) == Some(&sum) { Candidate::Good(length) } else { Candidate::Bad }
     }
 
     /// Removes the frame at the front.
     fn take(&mut self, length: usize) -> Packet {
-        let mut packet = Packet::default();
-        for at in 0..length {
-            let byte = self.bytes.pop_front().unwrap_or_default();
-            match at {
-                4 => packet.destination = byte,
-                5 => packet.source = byte,
-                6 => packet.number = byte,
-                7 => packet.reference = byte,
-                8 => packet.id = u16::from(byte),
-                9 => packet.id |= u16::from(byte) << 8,
-                // The packet keeps the first bytes of a long payload only.
-                10.. if at + 1 < length => drop(packet.payload.push(byte)),
-                _ => (),
-            }
-        }
-        self.synchronise();
-        packet
+        let [_, _, _, _, destination, source, number, reference, id_low, id_high, ref rest @ ..] =
+            *self.bytes
+        else {
+            return Packet::default();
+        };
+        // The packet keeps the first bytes of a long payload only.
+        let kept = length.saturating_sub(OVERHEAD).min(PAYLOAD_KEPT);
+        let payload = rest.iter().copied().take(kept).collect();
+        let id = u16::from_le_bytes([id_low, id_high]);
+        self.drop_bytes(length);
+        Packet { destination, source, number, reference, id, payload }
     }
 
-    /// Drops the first byte and what cannot start a frame after it.
-    fn resynchronise(&mut self) {
-        self.bytes.pop_front();
-        self.synchronise();
-    }
-
-    fn synchronise(&mut self) {
-        while self.bytes.front().is_some_and(|&byte| byte != START[0]) {
-            self.bytes.pop_front();
-        }
+    /// Drops bytes, and then what cannot start a frame.
+    fn drop_bytes(&mut self, count: usize) {
+        let start = self.bytes.iter().skip(count).position(|byte| *byte == START[0]);
+        let dropped = start.map_or(self.bytes.len(), |start| count + start);
+        self.bytes.drain(..dropped);
         // The time of the new first byte is unknown, and not after the time of the last byte.
         self.first_at = self.last_at;
     }
@@ -184,10 +171,9 @@ pub fn encode(packet: &Packet) -> Frame {
     let [id_low, id_high] = packet.id.to_le_bytes();
     // The length is OVERHEAD + PAYLOAD_KEPT at most.
     let [length_low, length_high] = ((OVERHEAD + packet.payload.len()) as u16).to_le_bytes();
-    let [start, second] = START;
     let head = [
-        start,
-        second,
+        START[0],
+        START[1],
         length_low,
         length_high,
         packet.destination,
@@ -198,12 +184,13 @@ pub fn encode(packet: &Packet) -> Frame {
         id_high,
     ];
     let mut frame = Frame::new();
-    let mut sum = 0u8;
-    for &byte in head.iter().chain(&packet.payload) {
-        sum = sum.wrapping_add(byte);
-        // There is room by the types.
-        let _ = frame.push(byte);
-    }
-    let _ = frame.push(sum);
+    // There is room by the types.
+    let _ = frame.extend_from_slice(&head);
+    let _ = frame.extend_from_slice(&packet.payload);
+    let _ = frame.push(checksum(&frame));
     frame
+}
+
+fn checksum(bytes: &[u8]) -> u8 {
+    bytes.iter().fold(0, |sum, byte| sum.wrapping_add(*byte))
 }

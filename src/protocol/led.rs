@@ -14,19 +14,20 @@
 //! assert_eq!(LedPattern::read(&mut Fields::new(&payload)), Ok(blinking));
 //! ```
 
-use super::payload::{Field, Fields, Payload};
+use super::payload::{Field, Fields, Payload, payload};
 use super::refusal::Nack;
 
-/// Colour of an RGB LED; 0 is dark, 255 is full.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Colour {
-    /// Red part.
-    pub red: u8,
-    /// Green part.
-    pub green: u8,
-    /// Blue part.
-    pub blue: u8,
+payload! {
+    /// Colour of an RGB LED; 0 is dark, 255 is full.
+    #[derive(Copy, Default)]
+    pub struct Colour {
+        /// Red part.
+        pub red: u8,
+        /// Green part.
+        pub green: u8,
+        /// Blue part.
+        pub blue: u8,
+    }
 }
 
 impl Colour {
@@ -38,19 +39,6 @@ impl Colour {
     pub const GREEN: Self = Self { red: 0, green: 255, blue: 0 };
     /// The battery is low; blinking.
     pub const ORANGE: Self = Self { red: 255, green: 64, blue: 0 };
-}
-
-/// The fields are red, green and blue.
-impl Field for Colour {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        let [red, green, blue] = Field::read(fields)?;
-        Ok(Self { red, green, blue })
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        let Self { red, green, blue } = *self;
-        [red, green, blue].write(payload);
-    }
 }
 
 /// The most steps of a pattern.

@@ -3,27 +3,18 @@
 //! documented here.
 //!
 //! ```text
-//! host                                                hub
-//! [Request] --write--> Packet --encode--> bytes --Decoder--> Packet --read--> [Request]
-//! [Reply]  <--read--   Packet <--Decoder-- bytes <--encode-- Packet <--write-- [Reply]
+//! host                                             hub
+//! Request --write--> Packet --encode--> bytes --Decoder--> Packet --read--> Request
+//! Reply  <--read--   Packet <--Decoder-- bytes <--encode-- Packet <--write-- Reply
 //! ```
-//!
-//! | module | contents |
-//! |---|---|
-//! | [`frame`] | packets to bytes and back; synchronisation after garbage |
-//! | [`payload`] | values to payloads and back; ranges |
-//! | [`requests`] | requests to the whole hub |
-//! | [`motor`], [`pins`], [`led`] | requests to a motor, to pins and outputs; values of the LED |
-//! | [`answers`] | answers |
-//! | [`refusal`] | reasons of refusals |
-//! | [`address`] | addresses |
 //!
 //! The protocol knows no hub, no time and no line. [`crate::responder`] decides what a hub does with a request;
-//! [`crate::extension`] has what REV's protocol lacks.
+//! [`crate::extension`] has what REV's protocol lacks, and the request of any kind.
 //!
 //! ```
+//! use motor_hub::extension::Request;
 //! use motor_hub::protocol::motor::ToMotor;
-//! use motor_hub::protocol::{Address, CHANNELS, Decoder, Request, frame};
+//! use motor_hub::protocol::{Address, CHANNELS, Decoder, frame};
 //! use motor_hub::units::Micros;
 //!
 //! // A host sets motor 1 of the hub at address 2 to 300 counts/s backwards.
@@ -52,7 +43,6 @@ pub use answers::Reply;
 pub use frame::{Decoder, Frame, Packet};
 pub use led::Colour;
 pub use refusal::Nack;
-pub use requests::Request;
 
 /// Speed of a serial line in bits per second; 8 data bits, no parity, 1 stop bit, no flow control.
 pub const BAUD: u32 = 460_800;

@@ -9,16 +9,16 @@
 //! assert_eq!(*request.payload(), [0, 0x18, 0xFC, 0xFF, 0xFF, 25, 0]);
 //! ```
 
-use super::payload::{Flag, codes, in_turn};
+use super::payload::{codes, flag, payload};
 use super::request_table::requests;
-use super::requests::Request;
+use super::requests::FIRST_FUNCTION;
 use crate::units::{Coefficient, Control};
 
 requests! {
     /// A request to one motor.
-    pub enum ToMotor {
+    pub enum ToMotor from FIRST_FUNCTION => {
         /// Sets what regulates the motor, and whether the motor floats at zero.
-        8 SetMode { mode: RunMode, floats: Flag },
+        8 SetMode { mode: ChannelMode },
         /// The answer is a [`ChannelMode`].
         9 Mode,
         10 SetEnable { on: bool },
@@ -49,13 +49,6 @@ requests! {
         51 SetPidf { of: Loop, coefficients: Coefficients },
         /// The answer is a [`Coefficients`].
         53 Pidf { of: Loop },
-    }
-}
-
-impl ToMotor {
-    /// The request to the motor with this number, 0 to 3.
-    pub const fn to(self, motor: u8) -> Request {
-        Request::Motor(motor, self)
     }
 }
 
@@ -98,45 +91,42 @@ pub enum Algorithm {
 
 codes!(Algorithm { 0 = Legacy, 1 = Pidf });
 
-/// What regulates a motor, and what the motor does at zero.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct ChannelMode {
-    /// What regulates the motor.
-    pub mode: RunMode,
-    /// True if the motor floats at zero power, false if it brakes.
-    pub floats: Flag,
+payload! {
+    /// What regulates a motor, and what the motor does at zero.
+    #[derive(Copy)]
+    pub struct ChannelMode {
+        /// What regulates the motor.
+        pub mode: RunMode,
+        /// True if the motor floats at zero power, false if it brakes.
+        pub floats: bool as flag,
+    }
 }
 
-in_turn!(ChannelMode { mode, floats });
-
-/// The target of a position loop.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Target {
-    /// Position in encoder counts.
-    pub counts: i32,
-    /// Counts from the target within which the motor is at its target.
-    pub tolerance: u16,
+payload! {
+    /// The target of a position loop.
+    #[derive(Copy, Default)]
+    pub struct Target {
+        /// Position in encoder counts.
+        pub counts: i32,
+        /// Counts from the target within which the motor is at its target.
+        pub tolerance: u16,
+    }
 }
 
-in_turn!(Target { counts, tolerance });
-
-/// Coefficients of a loop, read back bit for bit. I and D are by cycles of 50 ms; F is for full control at the battery's
-/// voltage.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Coefficients {
-    /// Proportional coefficient.
-    pub p: Coefficient,
-    /// Integral coefficient.
-    pub i: Coefficient,
-    /// Derivative coefficient.
-    pub d: Coefficient,
-    /// Feed-forward coefficient.
-    pub f: Coefficient,
-    /// How the host means the coefficients.
-    pub algorithm: Algorithm,
+payload! {
+    /// Coefficients of a loop, read back bit for bit. I and D are by cycles of 50 ms; F is for full control at the battery's
+    /// voltage.
+    #[derive(Copy)]
+    pub struct Coefficients {
+        /// Proportional coefficient.
+        pub p: Coefficient,
+        /// Integral coefficient.
+        pub i: Coefficient,
+        /// Derivative coefficient.
+        pub d: Coefficient,
+        /// Feed-forward coefficient.
+        pub f: Coefficient,
+        /// How the host means the coefficients.
+        pub algorithm: Algorithm,
+    }
 }
-
-in_turn!(Coefficients { p, i, d, f, algorithm });

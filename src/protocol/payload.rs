@@ -162,21 +162,6 @@ impl Field for bool {
     }
 }
 
-/// A byte that is written as 0 or 1, and whose every value but 0 is read as true.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Flag(pub bool);
-
-impl Field for Flag {
-    fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        u8::read(fields).map(|byte| Self(byte != 0))
-    }
-
-    fn write(&self, payload: &mut Payload) {
-        self.0.write(payload);
-    }
-}
-
 impl<T: Field + Default + Copy, const N: usize> Field for [T; N] {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let mut all = [T::default(); N];
@@ -236,52 +221,38 @@ limited! {
 /// The most bytes of a [`Text`].
 pub const TEXT: usize = 100;
 
-/// A length and that number of bytes, up to [`TEXT`]. The protocol does not define their encoding.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Text(Vec<u8, TEXT>);
-
-impl Text {
-    /// A text of these bytes; `None` if there are more than [`TEXT`].
-    pub fn new(bytes: &[u8]) -> Option<Self> {
-        Vec::from_slice(bytes).ok().map(Self)
-    }
-
-    /// The bytes without their length.
-    pub fn bytes(&self) -> &[u8] {
-        &self.0
-    }
-}
+/// Bytes, up to [`TEXT`], behind their number. The protocol does not define their encoding.
+pub type Text = Vec<u8, TEXT>;
 
 impl Field for Text {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let length = ByteIn::<0, { TEXT as u8 }>::read(fields)?;
         let bytes = fields.slice(length.get().into())?;
-        Ok(Self(bytes.iter().copied().collect()))
+        Ok(bytes.iter().copied().collect())
     }
 
     fn write(&self, payload: &mut Payload) {
-        (self.0.len() as u8).write(payload);
-        append(payload, &self.0);
+        (self.len() as u8).write(payload);
+        append(payload, self);
     }
 }
 
 /// Implements [`Field`] for an enum, by the byte that stands for each value.
 macro_rules! codes {
-    ($type:ty { $($code:literal = $value:ident),+ $(,)? }) => {
+    ($type:ty { $($code:literal = $value:ident $(($inner:path))?),+ $(,)? }) => {
         impl $crate::protocol::payload::Field for $type {
             fn read(
                 fields: &mut $crate::protocol::payload::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
                 fields.checked(|code: u8| match code {
-                    $($code => Some(Self::$value),)+
+                    $($code => Some(Self::$value $(($inner))?),)+
                     _ => None,
                 })
             }
 
             fn write(&self, payload: &mut $crate::protocol::payload::Payload) {
                 let code: u8 = match self {
-                    $(Self::$value => $code,)+
+                    $(Self::$value $(($inner))? => $code,)+
                 };
                 code.write(payload);
             }
@@ -312,3 +283,45 @@ macro_rules! in_turn {
     (@write $value:expr, $payload:ident, $way:ident) => { $way::write(&$value, $payload) };
 }
 pub(crate) use in_turn;
+
+/// Defines a struct, and implements [`Field`] for it by its fields in their order. A field that is not written as its own type
+/// names the module with the functions `read` and `write` for it behind `as`.
+macro_rules! payload {
+    (
+        $(#[$about:meta])*
+        pub struct $name:ident { $($(#[$says:meta])* pub $field:ident: $type:ty $(as $way:ident)?),+ $(,)? }
+    ) => {
+        $(#[$about])*
+        #[derive(Clone, Debug, PartialEq, Eq)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub struct $name {
+            $($(#[$says])* pub $field: $type,)+
+        }
+
+        $crate::protocol::payload::in_turn!($name { $($field $(: $way)?),+ });
+    };
+}
+pub(crate) use payload;
+
+/// A byte that is written as 0 or 1, and whose every value but 0 is read as true.
+pub(crate) mod flag {
+    use super::{Field, Fields, Nack, Payload};
+
+    pub(crate) fn read(fields: &mut Fields<'_>) -> Result<bool, Nack> {
+        u8::read(fields).map(|byte| byte != 0)
+    }
+
+    pub(crate) fn write(flag: &bool, payload: &mut Payload) {
+        flag.write(payload);
+    }
+}
+
+/// True for each bit of a byte that is set, from bit 0 on.
+pub(crate) fn bits(byte: u8) -> [bool; 8] {
+    core::array::from_fn(|bit| byte & 1 << bit != 0)
+}
+
+/// The byte of these bits, from bit 0 on.
+pub(crate) fn byte(bits: impl IntoIterator<Item = bool>) -> u8 {
+    bits.into_iter().take(8).enumerate().fold(0, |byte, (index, bit)| byte | u8::from(bit) << index)
+}

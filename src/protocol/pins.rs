@@ -2,7 +2,7 @@
 //! hub that has none.
 //!
 //! ```
-//! use motor_hub::protocol::Request;
+//! use motor_hub::extension::Request;
 //! use motor_hub::protocol::pins::{Pin, ToPin};
 //!
 //! let pin = Pin::new(7).expect("0 to 7");
@@ -13,6 +13,7 @@
 
 use super::payload::{ByteIn, WordFrom};
 use super::request_table::requests;
+use super::requests::FIRST_FUNCTION;
 
 /// The number of a digital pin.
 pub type Pin = ByteIn<0, 7>;
@@ -29,7 +30,7 @@ pub type I2cBus = ByteIn<0, 3>;
 requests! {
     /// A request to a pin or output. Periods and widths are in microseconds. Levels of all pins are one bit each. A fast bus
     /// has 400 kbit/s, any other bus 100 kbit/s. An answer has the type of the field that the request sets.
-    pub enum ToPin {
+    pub enum ToPin from FIRST_FUNCTION => {
         1 SetOutput { pin: Pin, high: bool },
         2 SetOutputs { levels: u8 },
         3 SetDirection { pin: Pin, output: bool },

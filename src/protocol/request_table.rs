@@ -1,10 +1,11 @@
 //! The macro that makes an enum of requests from a table.
 
-/// Defines an enum of requests by a table of number, name and fields. Reading and writing follow from the table.
+/// Defines an enum of requests by a table of number, name and fields. Reading and writing follow from the table. The packet
+/// types of the table's numbers begin at `from`.
 macro_rules! requests {
     (
         $(#[$about:meta])*
-        pub enum $name:ident {
+        pub enum $name:ident from $first:expr => {
             $($(#[$says:meta])* $number:literal $request:ident $({ $($field:ident: $type:ty),+ })?,)+
         }
     ) => {
@@ -20,6 +21,16 @@ macro_rules! requests {
             /// The numbers of these requests.
             pub const NUMBERS: &[u16] = &[$($number),+];
 
+            /// True if a request of this table has this packet type, on hubs of this project.
+            pub fn has(id: u16) -> bool {
+                Self::NUMBERS.contains(&id.wrapping_sub($first))
+            }
+
+            /// The packet type, on hubs of this project.
+            pub const fn id(&self) -> u16 {
+                $first + self.number()
+            }
+
             /// The number of the request.
             pub const fn number(&self) -> u16 {
                 match self {
@@ -27,14 +38,14 @@ macro_rules! requests {
                 }
             }
 
-            /// Reads the fields of the request with this number.
+            /// Reads the fields of the request with this packet type.
             pub(crate) fn read(
-                number: u16,
+                id: u16,
                 fields: &mut $crate::protocol::payload::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
                 // In a table without fields the argument is not used otherwise.
                 let _ = &fields;
-                Ok(match number {
+                Ok(match id.wrapping_sub($first) {
                     $($number => Self::$request $({
                         $($field: <$type as $crate::protocol::payload::Field>::read(fields)?),+
                     })?,)+

@@ -4,7 +4,8 @@
 //! A function belongs to an interface. The hub tells a host where the packet types of an interface begin.
 //!
 //! ```
-//! use motor_hub::protocol::requests::{Request, Standard, ToHub};
+//! use motor_hub::extension::Request;
+//! use motor_hub::protocol::requests::{Standard, ToHub};
 //!
 //! let request = Request::from(ToHub::SetPhoneCharge { on: true });
 //! assert_eq!((request.id(), request.number()), (0x102C, 44));
@@ -12,16 +13,13 @@
 //!
 //! // The number of a standard command is its packet type.
 //! let status = Request::from(Standard::Status { clear: true });
-//! assert_eq!((status.is_standard(), status.id()), (true, 0x7F03));
+//! assert_eq!((status.interface(), status.id()), (None, 0x7F03));
 //! ```
 
-use super::address::{Address, HOST};
+use super::address::Address;
 use super::answers::Functions;
-use super::frame::Packet;
 use super::led::{Colour, LedPattern};
-use super::motor::ToMotor;
 use super::payload::{ByteIn, Field, Fields, Payload, Text, append};
-use super::pins::ToPin;
 use super::refusal::Nack;
 use super::request_table::requests;
 use heapless::Vec;
@@ -43,36 +41,22 @@ pub const DISCOVERY: u16 = 0x7F0F;
 const LONGEST_NAME: usize = 16;
 
 /// The name of an interface. A payload has a zero behind the name.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct InterfaceName(Vec<u8, LONGEST_NAME>);
-
-impl InterfaceName {
-    /// The name of these bytes, which have no zero; `None` if there are more than 16.
-    pub fn new(name: &[u8]) -> Option<Self> {
-        Vec::from_slice(name).ok().map(Self)
-    }
-
-    /// The name without the zero.
-    pub fn bytes(&self) -> &[u8] {
-        &self.0
-    }
-}
+pub type InterfaceName = Vec<u8, LONGEST_NAME>;
 
 impl Field for InterfaceName {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
-        Self::new(fields.zero_terminated()?).ok_or(Nack::UNKNOWN)
+        Self::from_slice(fields.zero_terminated()?).map_err(|_| Nack::UNKNOWN)
     }
 
     fn write(&self, payload: &mut Payload) {
-        append(payload, &self.0);
+        append(payload, self);
         0u8.write(payload);
     }
 }
 
 requests! {
     /// Commands of every hub, numbered by their packet types.
-    pub enum Standard {
+    pub enum Standard from 0 => {
         /// The answer is a [`Status`](super::answers::Status).
         0x7F03 Status { clear: bool },
         0x7F04 KeepAlive,
@@ -113,7 +97,7 @@ pub const TEMPERATURE: AdcChannel = AdcChannel::new(14).expect("in range");
 
 requests! {
     /// Functions of the motor interface that concern the whole hub.
-    pub enum ToHub {
+    pub enum ToHub from FIRST_FUNCTION => {
         /// The answer is a [`Bulk`](super::answers::Bulk).
         0 Bulk,
         /// The answer is an i16 in millivolts, milliamperes or 0.1 degrees, or in raw counts.
@@ -130,102 +114,5 @@ requests! {
         50 FtdiReset,
         /// The answer is a [`Version`](super::answers::Version).
         57 Version,
-    }
-}
-
-/// A request of REV's protocol with all its parameters in range.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Request {
-    /// A command of every hub.
-    Standard(Standard),
-    /// A function that concerns the whole hub.
-    Hub(ToHub),
-    /// A function of the motor with this number.
-    Motor(u8, ToMotor),
-    /// A function of a pin or output.
-    Pin(ToPin),
-}
-
-impl Request {
-    /// Reads a packet, for a hub with `motors` motors.
-    ///
-    /// # Errors
-    /// The refusal to answer. A payload that is too short is refused with the number of the first missing parameter.
-    pub fn read(packet: &Packet, motors: usize) -> Result<Self, Nack> {
-        let fields = &mut Fields::new(&packet.payload);
-        let Some(number) = MOTOR_FUNCTIONS.number(packet.id) else {
-            if Standard::NUMBERS.contains(&packet.id) {
-                return Standard::read(packet.id, fields).map(Self::Standard);
-            }
-            return Err(Nack::UNKNOWN);
-        };
-        if ToMotor::NUMBERS.contains(&number) {
-            return Ok(Self::Motor(fields.motor(motors)?, ToMotor::read(number, fields)?));
-        }
-        if ToPin::NUMBERS.contains(&number) {
-            return ToPin::read(number, fields).map(Self::Pin);
-        }
-        // The tables lack transfers by I2C (37 to 42, 52, 54, 55), because hosts poll an accepted transfer without end. They
-        // lack bulk output (56) too.
-        ToHub::read(number, fields).map(Self::Hub)
-    }
-
-    /// True for a command of every hub, which belongs to no interface.
-    pub const fn is_standard(&self) -> bool {
-        matches!(self, Self::Standard(_))
-    }
-
-    /// The number of the function within its interface, or the packet type of a standard command.
-    pub const fn number(&self) -> u16 {
-        match self {
-            Self::Standard(request) => request.number(),
-            Self::Hub(request) => request.number(),
-            Self::Motor(_, request) => request.number(),
-            Self::Pin(request) => request.number(),
-        }
-    }
-
-    /// The packet type on hubs of this project.
-    pub const fn id(&self) -> u16 {
-        if self.is_standard() { self.number() } else { FIRST_FUNCTION + self.number() }
-    }
-
-    /// The fields as bytes.
-    pub fn payload(&self) -> Payload {
-        let mut payload = Payload::new();
-        match self {
-            Self::Standard(request) => request.write(&mut payload),
-            Self::Hub(request) => request.write(&mut payload),
-            Self::Pin(request) => request.write(&mut payload),
-            Self::Motor(motor, request) => {
-                motor.write(&mut payload);
-                request.write(&mut payload);
-            }
-        }
-        payload
-    }
-
-    /// A host's packet of type `id`, which is [`id`](Self::id) unless the hub reports other packet types.
-    pub fn packet(&self, destination: u8, number: u8, id: u16) -> Packet {
-        Packet { destination, source: HOST, number, reference: 0, id, payload: self.payload() }
-    }
-}
-
-impl From<Standard> for Request {
-    fn from(request: Standard) -> Self {
-        Self::Standard(request)
-    }
-}
-
-impl From<ToHub> for Request {
-    fn from(request: ToHub) -> Self {
-        Self::Hub(request)
-    }
-}
-
-impl From<ToPin> for Request {
-    fn from(request: ToPin) -> Self {
-        Self::Pin(request)
     }
 }

@@ -16,7 +16,7 @@ const NOW: usize = 3;
 
 /// Size of [`Live`] in memory, in bytes.
 pub(super) const LIVE: usize = 6 * 4;
-/// Size of [`LastWords`] in memory, in bytes.
+/// Size of [`CrashReport`] in memory, in bytes.
 pub(super) const WORDS: usize = 4 * 4;
 
 /// Memory for the number of the present run and for the state at its last tick.
@@ -27,7 +27,7 @@ pub(super) struct Live<'a>(pub(super) &'a mut [[u8; 4]]);
 ///
 /// The memory is separate from [`Record`](super::Record), because the fault may interrupt a write to the record.
 #[derive(Debug)]
-pub struct LastWords<'a>(pub(super) &'a mut [[u8; 4]]);
+pub struct CrashReport<'a>(pub(super) &'a mut [[u8; 4]]);
 
 /// State of the run at its last tick.
 #[derive(Clone, Copy, Debug, Default)]
@@ -87,11 +87,11 @@ impl Live<'_> {
     }
 }
 
-impl LastWords<'_> {
+impl CrashReport<'_> {
     /// Stores the fault that ends the run, and its [detail](super::Head::detail).
     ///
     /// A fault handler calls this before the reset. The next start of the hub makes an entry of the fault.
-    pub fn say(&mut self, fault: Fault, [first, second]: [u32; 2]) {
+    pub fn store(&mut self, fault: Fault, [first, second]: [u32; 2]) {
         let number = u32::from(fault.number());
         put(self.0, 0, [number, first, second, sum_of([number, first, second])]);
     }

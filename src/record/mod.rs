@@ -3,7 +3,7 @@
 //! ```text
 //! reset cause, at start-----------> +--------+ --heads, ticks--> responder
 //! control --Snapshot, every tick--> | Record |
-//! fault handlers --LastWords------> +--------+ read at the next start
+//! fault handlers --CrashReport----> +--------+ read at the next start
 //! ```
 //!
 //! Terms:
@@ -24,10 +24,10 @@
 //!
 //! let mut memory = [0x5A; SIZE];
 //! // The memory has random content after power-on, so the record is empty.
-//! let (mut record, mut last_words) = Record::open(&mut memory, Fault::PowerOn);
+//! let (mut record, mut crash_report) = Record::open(&mut memory, Fault::PowerOn);
 //! assert_eq!(record.heads().count(), 0);
 //! record.tick(&Snapshot::<4>::INITIAL);
-//! last_words.say(Fault::Panic, [120, 5]);
+//! crash_report.store(Fault::Panic, [120, 5]);
 //!
 //! // The watchdog then resets the chip.
 //! let (record, _) = Record::open(&mut memory, Fault::Watchdog);
@@ -42,7 +42,7 @@ mod live;
 pub use entry::{Head, Tick};
 pub(crate) use entry::{NOBODY, drive_bits, drive_of};
 pub use fault::Fault;
-pub use live::LastWords;
+pub use live::CrashReport;
 
 use crate::bridge::{Drive, Mode};
 use crate::hub::Snapshot;
@@ -103,9 +103,9 @@ impl<'a> Record<'a> {
     /// Opens the record after a reset with this cause.
     ///
     /// If the memory holds an earlier run, the end of the earlier run becomes an entry. Its fault comes from
-    /// [`LastWords`], where a fault handler stored it. Otherwise its fault is the reset cause.
+    /// [`CrashReport`], where a fault handler stored it. Otherwise its fault is the reset cause.
     #[inline(never)]
-    pub fn open(memory: &'a mut [u8; SIZE], cause: Fault) -> (Self, LastWords<'a>) {
+    pub fn open(memory: &'a mut [u8; SIZE], cause: Fault) -> (Self, CrashReport<'a>) {
         let (live, rest) = memory.split_at_mut(LIVE);
         let (words, rest) = rest.split_at_mut(WORDS);
         let (ring, rest) = rest.split_at_mut(SLOTS * SLOT);
@@ -120,8 +120,8 @@ impl<'a> Record<'a> {
             number: 0,
             last_faults: [0; MOTORS],
         };
-        let mut last_words = LastWords(words.as_chunks_mut().0);
-        let reported = last_words.take();
+        let mut crash_report = CrashReport(words.as_chunks_mut().0);
+        let reported = crash_report.take();
         match record.live.ended_run() {
             Some(ended) => {
                 (record.run, record.now) = (ended.run, ended.now);
@@ -134,7 +134,7 @@ impl<'a> Record<'a> {
         record.run = record.run.wrapping_add(1);
         record.now = Now::default();
         record.live.begin(record.run);
-        (record, last_words)
+        (record, crash_report)
     }
 
     /// Deletes all entries. The present run continues.

@@ -1,20 +1,20 @@
 //! Courses of groups that the motors have not received yet.
 
 use crate::extension::group::{GroupCourse, GroupMove};
-use crate::group::{ByMotor, Course, MOTORS, Together};
+use crate::group::{ByMotor, Course, GroupCommand, MOTORS};
 use crate::protocol::CHANNELS;
 
 /// Pending courses, by the motor that the host's request names.
 #[derive(Clone, Debug)]
 pub(super) struct Courses<const N: usize> {
-    pending: [Option<Together>; N],
+    pending: [Option<GroupCommand>; N],
 }
 
 impl<const N: usize> Courses<N> {
     pub(super) const NONE: Self = Self { pending: [None; N] };
 
     /// Adds a course, and removes all pending courses of its members.
-    pub(super) fn put(&mut self, leader: usize, together: Together) {
+    pub(super) fn put(&mut self, leader: usize, together: GroupCommand) {
         for (motor, member) in together.course.members().into_iter().enumerate() {
             if member {
                 self.remove(motor);
@@ -37,12 +37,12 @@ impl<const N: usize> Courses<N> {
     }
 
     /// The first pending course.
-    pub(super) fn next(&self) -> Option<(usize, Together)> {
+    pub(super) fn next(&self) -> Option<(usize, GroupCommand)> {
         self.pending.iter().enumerate().find_map(|(leader, together)| Some((leader, (*together)?)))
     }
 
     /// Removes the first pending course, because it has been sent.
-    pub(super) fn sent(&mut self) -> Option<Together> {
+    pub(super) fn sent(&mut self) -> Option<GroupCommand> {
         self.pending.iter_mut().find_map(Option::take)
     }
 
@@ -53,7 +53,7 @@ impl<const N: usize> Courses<N> {
 }
 
 /// A host's course in the counts of the motors. `goal` converts a motor's number and a target in the host's counts.
-pub(super) fn together(wanted: GroupMove, goal: impl Fn(usize, i32) -> i32) -> Together {
+pub(super) fn together(wanted: GroupMove, goal: impl Fn(usize, i32) -> i32) -> GroupCommand {
     let GroupMove { course, speed, acceleration, lag, tolerance, halt } = wanted;
     let course = match course {
         GroupCourse::To(counts) => {
@@ -65,7 +65,7 @@ pub(super) fn together(wanted: GroupMove, goal: impl Fn(usize, i32) -> i32) -> T
         }
         GroupCourse::On(speeds) => Course::On(by_motor(speeds)),
     };
-    Together { course, speed, acceleration, lag, tolerance, halt }
+    GroupCommand { course, speed, acceleration, lag, tolerance, halt }
 }
 
 fn by_motor<T: Copy>(channels: [Option<T>; CHANNELS]) -> ByMotor<T> {

@@ -9,20 +9,6 @@
 //!                     +-----------+ --Colour--> status LED
 //! ```
 //!
-//! | module | contents |
-//! |---|---|
-//! | [`Responder`] | the hub as a host sees it |
-//! | [`motor`] | state of one motor for the host, and the commands to the motor |
-//! | [`converter`] | values of the converter's channels |
-//! | [`keep_alive`] | keep-alive timer, status word, attention |
-//! | [`led`] | status LED |
-//! | [`button`] | button on the board, until a host sends a packet |
-//! | [`outputs`] | digital pins, and the stored state of PWM and servo outputs |
-//! | `group` | courses of groups on the way to the motors |
-//! | `store` | settings that outlast power |
-//! | `update` | new firmware |
-//! | `report` | reports of the extension |
-//!
 //! While the battery is low ([`Snapshot::battery_low`]) motors cannot be enabled, and status word and LED show the state.
 //! Motors that are enabled already run on within the limits of the supply.
 //!
@@ -32,7 +18,8 @@
 //! ```
 //! use motor_hub::hub::Snapshot;
 //! use motor_hub::motor::Settings;
-//! use motor_hub::protocol::requests::{DISCOVERY, Request, Standard};
+//! use motor_hub::extension::Request;
+//! use motor_hub::protocol::requests::{DISCOVERY, Standard};
 //! use motor_hub::protocol::{Address, BROADCAST};
 //! use motor_hub::responder::Responder;
 //! use motor_hub::braking::Winding;
@@ -73,9 +60,9 @@ use crate::protocol::payload::{Payload, Text};
 use crate::protocol::requests::{
     DISCOVERY, InterfaceName, MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub,
 };
-use crate::protocol::{self, Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
+use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply};
 use crate::record::Record;
-use crate::supply::Seen;
+use crate::supply::BusReading;
 use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
 use group::Courses;
 use keep_alive::KeepAlive;
@@ -138,7 +125,7 @@ pub struct Responder<const N: usize> {
     /// Number of the newest command that was sent, while no snapshot includes that command.
     awaited: Option<u32>,
     outputs: Outputs,
-    bus: Seen,
+    bus: BusReading,
     led: Led,
     phone_charge: bool,
     ftdi_reset: bool,
@@ -161,7 +148,7 @@ impl<const N: usize> Responder<N> {
             courses: Courses::NONE,
             awaited: None,
             outputs: Outputs::default(),
-            bus: Seen::NOTHING,
+            bus: BusReading::NOTHING,
             led: Led::default(),
             phone_charge: false,
             ftdi_reset: false,
@@ -194,7 +181,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// Takes the newest state of the bus.
-    pub const fn sense_bus(&mut self, seen: Seen) {
+    pub const fn sense_bus(&mut self, seen: BusReading) {
         self.bus = seen;
     }
 
@@ -313,10 +300,10 @@ impl<const N: usize> Responder<N> {
         record: Option<&mut Record<'_>>,
     ) -> Result<Reply, Nack> {
         match request {
-            Request::Rev(protocol::Request::Standard(request)) => self.standard(request, now, snapshot),
-            Request::Rev(protocol::Request::Hub(request)) => self.hub(request, snapshot),
-            Request::Rev(protocol::Request::Pin(request)) => self.outputs.receive(&request),
-            Request::Rev(protocol::Request::Motor(motor, request)) => self.motor(motor, request, snapshot),
+            Request::Standard(request) => self.standard(request, now, snapshot),
+            Request::ToHub(request) => self.hub(request, snapshot),
+            Request::ToPin(request) => self.outputs.receive(&request),
+            Request::ToMotor(motor, request) => self.motor(motor, request, snapshot),
             Request::Set(motor, values) => {
                 self.changed = true;
                 let channel = self.channels.get_mut(usize::from(motor)).ok_or(NO_MOTOR)?;
@@ -433,7 +420,9 @@ impl<const N: usize> Responder<N> {
             }
             ToHub::PhoneCharge => return Ok(Reply::data(&self.phone_charge)),
             ToHub::FtdiReset => return Ok(Reply::data(&self.ftdi_reset)),
-            ToHub::VersionText => return Ok(Reply::data(&Text::new(VERSION_TEXT).unwrap_or_default())),
+            ToHub::VersionText => {
+                return Ok(Reply::data(&Text::from_slice(VERSION_TEXT).unwrap_or_default()));
+            }
             ToHub::Version => return Ok(Reply::data(&VERSION)),
         }
         Ok(Reply::ACK)
@@ -495,7 +484,7 @@ impl<const N: usize> Responder<N> {
     }
 
     fn bus_report(&self, now: Micros, bus: &Bus) -> BusReport {
-        let Seen { measured, state, .. } = self.bus.by(now);
+        let BusReading { measured, state, .. } = self.bus.by(now);
         let millijoules = |energy: Microjoules| u32::try_from(energy.get() / 1_000).unwrap_or(u32::MAX);
         BusReport {
             state,
@@ -542,7 +531,7 @@ impl<const N: usize> Responder<N> {
 
 /// The packet types of an interface.
 fn interface(name: &InterfaceName) -> Result<Reply, Nack> {
-    match name.bytes() {
+    match name.as_slice() {
         MOTOR_INTERFACE => Ok(Reply::data(&MOTOR_FUNCTIONS)),
         extension::INTERFACE => Ok(Reply::data(&extension::FUNCTIONS)),
         _ => Err(Nack::UNKNOWN),

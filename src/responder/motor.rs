@@ -27,7 +27,7 @@ use super::report::magnitude;
 use crate::extension::settings::{MotorSettings, Values};
 use crate::hub::Action;
 use crate::motor::{self, OnFault, Report, Setpoint, Settings};
-use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, RunMode, Target, ToMotor};
+use crate::protocol::motor::{Algorithm, Coefficients, RunMode, Target, ToMotor};
 use crate::protocol::{Nack, Reply};
 use crate::regulator::identify::{Identification, travel};
 use crate::units::{Coefficient, Control, CountsPerSecond, Milliamperes, Millivolts, is_included};
@@ -105,8 +105,8 @@ impl MotorChannel {
     pub fn receive(&mut self, request: ToMotor, report: &Report, battery_good: bool) -> Result<Reply, Nack> {
         self.last_position = report.position;
         match request {
-            ToMotor::SetMode { mode, floats } => {
-                self.settings.set_channel_mode(ChannelMode { mode, floats });
+            ToMotor::SetMode { mode } => {
+                self.settings.set_channel_mode(mode);
                 self.pending.configure = true;
                 self.retarget();
             }

@@ -4,7 +4,7 @@
 //! payload of the request that would set the group.
 //!
 //! ```text
-//!        save, load, reset, or a new address          order()
+//!        save, load, reset, or a new address          store_request()
 //! idle -----------------------------------> requested -------> busy
 //!   ^                                                            |
 //!   '----------------------- carried_out() ----------------------'
@@ -19,8 +19,8 @@ use crate::hub::Snapshot;
 use crate::motor::Settings;
 use crate::protocol::payload::{Field, Fields, Payload};
 use crate::protocol::{Address, CHANNELS, Nack, Reply};
-use crate::store::{Entry, Found, Full, Order, Outcome, Record, Stored};
-use heapless::Vec;
+use crate::store::{Entry, Found, Outcome, Record, StoreRequest, Stored};
+use heapless::{CapacityError, Vec};
 
 /// The type of the entry with the address, which is the packet type of REV's *set address*.
 const ADDRESS: u16 = 0x7F06;
@@ -106,7 +106,7 @@ impl<const N: usize> Responder<N> {
         let access = match request {
             HubFunction::Save => {
                 memory.refusal().map_or(Ok(()), Err)?;
-                self.record(&memory.found.record).map_err(|Full| Nack::STORE_FULL)?;
+                self.record(&memory.found.record).map_err(|_| Nack::STORE_FULL)?;
                 Access::Save
             }
             _ if !self.is_off(snapshot) => return Err(Nack::MOTOR_ENABLED),
@@ -139,7 +139,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// The next access to the memory, if one is requested; [`carried_out`](Self::carried_out) reports its result.
-    pub fn order(&mut self, snapshot: &Snapshot<N>) -> Option<Order> {
+    pub fn store_request(&mut self, snapshot: &Snapshot<N>) -> Option<StoreRequest> {
         let memory = self.memory.as_ref()?;
         let may_erase = self.is_off(snapshot);
         let stored = &memory.found.record;
@@ -159,7 +159,7 @@ impl<const N: usize> Responder<N> {
         };
         let afresh = memory.found.stored == Stored::Damaged && access == Access::Reset;
         self.memory.as_mut()?.phase = Phase::Busy(access);
-        Some(Order { record, afresh, may_erase })
+        Some(StoreRequest { record, afresh, may_erase })
     }
 
     /// Takes the result of the last access. `found` is the contents of the memory now; `None` if they have not changed.
@@ -218,7 +218,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// The next record: all settings in force, and the stored entries that this firmware does not know.
-    fn record(&self, stored: &Record) -> Result<Record, Full> {
+    fn record(&self, stored: &Record) -> Result<Record, CapacityError> {
         let mut record = Record::new(stored.number().wrapping_add(1));
         record.push(ADDRESS, &[self.address.get()])?;
         for (motor, channel) in (0..).zip(&self.channels) {
@@ -240,7 +240,7 @@ impl<const N: usize> Responder<N> {
     }
 
     /// The next record: the stored entries with the address in force.
-    fn record_with_address(&self, stored: &Record) -> Result<Record, Full> {
+    fn record_with_address(&self, stored: &Record) -> Result<Record, CapacityError> {
         let mut record = Record::new(stored.number().wrapping_add(1));
         record.push(ADDRESS, &[self.address.get()])?;
         for entry in stored.entries().filter(|entry| entry.id != ADDRESS) {

@@ -6,7 +6,7 @@ use crate::extension::state::UpdateReport;
 use crate::hub::Snapshot;
 use crate::protocol::payload::Text;
 use crate::protocol::{Nack, Reply};
-use crate::update::{Done, Order, Refusal, Seal, Slot, Update};
+use crate::update::{Done, Seal, Slot, Update, UpdateRequest};
 
 /// An update, and the announced version.
 #[derive(Clone, Debug)]
@@ -33,29 +33,25 @@ impl<const N: usize> Responder<N> {
     ) -> Result<Reply, Nack> {
         let runs = !self.is_off(snapshot);
         let Updating { update, version } = self.updating.as_mut().ok_or(Nack::UNSUPPORTED)?;
-        let done = match function {
+        match function {
             HubFunction::Update => return Ok(Reply::data(&report(update, version))),
             HubFunction::BeginUpdate { length, crc, version: announced } => {
-                let begun = update.begin(length, crc, runs);
-                if begun.is_ok() {
-                    let bytes = announced.bytes();
-                    *version = Text::new(bytes.get(..VERSION).unwrap_or(bytes)).unwrap_or_default();
-                }
-                begun
+                update.begin(length, crc, runs)?;
+                *version = announced.into_iter().take(VERSION).collect();
             }
-            HubFunction::Sign { key, signature } => update.sign(Seal { key, signature }),
-            HubFunction::Chunk { offset, bytes } => update.chunk(offset, bytes.bytes()),
-            HubFunction::FinishUpdate => update.finish(),
-            HubFunction::Restart => update.restart(runs),
-            HubFunction::AbandonUpdate => update.abandon(),
+            HubFunction::Sign { key, signature } => update.sign(Seal { key, signature })?,
+            HubFunction::Chunk { offset, bytes } => update.chunk(offset, &bytes)?,
+            HubFunction::FinishUpdate => update.finish()?,
+            HubFunction::Restart => update.restart(runs)?,
+            HubFunction::AbandonUpdate => update.abandon()?,
             _ => return Err(Nack::UNSUPPORTED),
-        };
-        done.map(|()| Reply::ACK).map_err(nack)
+        }
+        Ok(Reply::ACK)
     }
 
     /// The next access to the slot, if there is one; [`update_done`](Self::update_done) reports its result.
-    pub fn update_order(&mut self) -> Option<Order> {
-        self.updating.as_mut()?.update.order()
+    pub fn update_request(&mut self) -> Option<UpdateRequest> {
+        self.updating.as_mut()?.update.request()
     }
 
     /// Takes the result of an access to the slot.
@@ -78,23 +74,5 @@ fn report(update: &Update, version: &Text) -> UpdateReport {
         origin: slot.origin,
         capacity: slot.length,
         version: version.clone(),
-    }
-}
-
-const fn nack(refusal: Refusal) -> Nack {
-    match refusal {
-        Refusal::MotorEnabled => Nack::MOTOR_ENABLED,
-        Refusal::AtWork => Nack::UPDATE_BUSY,
-        Refusal::OnTrial => Nack::UPDATE_ON_TRIAL,
-        Refusal::Armed => Nack::UPDATE_ARMED,
-        Refusal::Length => Nack::UPDATE_TOO_LONG,
-        Refusal::NotBegun => Nack::UPDATE_NOT_BEGUN,
-        Refusal::Gap => Nack::UPDATE_GAP,
-        Refusal::NotAnImage => Nack::UPDATE_NOT_AN_IMAGE,
-        Refusal::NotArmed => Nack::UPDATE_NOT_ARMED,
-        Refusal::Unsigned => Nack::UPDATE_UNSIGNED,
-        Refusal::OtherKey => Nack::UPDATE_OTHER_KEY,
-        Refusal::NoSigner => Nack::UPDATE_NO_SIGNER,
-        Refusal::ChunkLength => Nack::parameter(1),
     }
 }

@@ -18,25 +18,24 @@
 //! differ. `tasks::store` decides where the copies are.
 //!
 //! ```
-//! use motor_hub::store::{Copies, Record, Stored};
+//! use motor_hub::store::{Found, Record, Stored};
 //!
 //! let mut record = Record::new(7);
 //! record.push(0x7F06, &[5])?; // Set the address to 5.
 //!
-//! let mut copies = Copies::default();
-//! copies.add(Some(record.bytes()));
-//! copies.add(None); // Never written, or damaged.
-//! let found = copies.found();
+//! let mut found = Found::default();
+//! found.add(Some(record.bytes()));
+//! found.add(None); // Never written, or damaged.
 //! assert_eq!((found.stored, found.record.number()), (Stored::OneCopy, 7));
 //! assert_eq!(found.record.entries().next().map(|entry| entry.id), Some(0x7F06));
-//! # Ok::<(), motor_hub::store::Full>(())
+//! # Ok::<(), heapless::CapacityError>(())
 //! ```
 
-mod copies;
+mod found;
 mod record;
 
-pub use copies::{Copies, Found, Stored};
-pub use record::{CAPACITY, Entry, Full, Record, Unreadable, VERSION};
+pub use found::{Found, Stored};
+pub use record::{CAPACITY, Entry, Record, Unreadable, VERSION};
 
 /// Result of the last access to the memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,7 +56,7 @@ pub enum Outcome {
 
 /// An access to the memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Order {
+pub struct StoreRequest {
     /// The record to write in two copies; `None` to read the memory.
     pub record: Option<Record>,
     /// True if the memory must be erased first, because its contents are damaged.

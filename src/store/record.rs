@@ -1,6 +1,6 @@
 //! A record as bytes.
 
-use heapless::Vec;
+use heapless::{CapacityError, Vec};
 
 /// The layout that this firmware writes.
 pub const VERSION: u8 = 1;
@@ -13,18 +13,6 @@ const HEAD: usize = 5;
 
 /// Bytes of an entry's type and length.
 const ENTRY_HEAD: usize = 3;
-
-/// The record has no room for an entry.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Full;
-
-impl core::fmt::Display for Full {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "a record has at most {CAPACITY} bytes")
-    }
-}
-
-impl core::error::Error for Full {}
 
 /// Why bytes are not read as a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,10 +89,10 @@ impl Record {
     ///
     /// # Errors
     /// If there is no room for the whole entry; nothing is appended then.
-    pub fn push(&mut self, id: u16, payload: &[u8]) -> Result<(), Full> {
-        let length = u8::try_from(payload.len()).map_err(|_| Full)?;
+    pub fn push(&mut self, id: u16, payload: &[u8]) -> Result<(), CapacityError> {
+        let length = u8::try_from(payload.len()).map_err(|_| CapacityError::default())?;
         if self.bytes.len() + ENTRY_HEAD + payload.len() > CAPACITY {
-            return Err(Full);
+            return Err(CapacityError::default());
         }
         let [low, high] = id.to_le_bytes();
         self.bytes.extend([low, high, length]);

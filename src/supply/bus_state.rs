@@ -28,7 +28,7 @@ pub enum BusState {
 /// The last reading of the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Seen {
+pub struct BusReading {
     /// Voltage as measured, plausible or not; `None` if the converter did not answer.
     pub measured: Option<Millivolts>,
     /// The range in which the bus was.
@@ -37,7 +37,7 @@ pub struct Seen {
     pub at: Micros,
 }
 
-impl Seen {
+impl BusReading {
     /// The state before the first reading.
     pub const NOTHING: Self = Self { measured: None, state: BusState::Silent, at: Micros::new(0) };
 

@@ -32,7 +32,7 @@ mod overvoltage;
 mod undervoltage;
 mod vrefint;
 
-pub use bus_state::{BusState, Seen};
+pub use bus_state::{BusReading, BusState};
 pub use limits::{Levels, Limits};
 pub use undervoltage::Stage;
 pub use vrefint::{VrefintCalibration, VrefintSample, VrefintScale};
@@ -93,7 +93,7 @@ pub struct Supply {
     /// Result of the last plausible sample; `None` since the converter last failed to answer.
     last_battery: Option<Battery>,
     /// The last reading, plausible or not.
-    last_reading: Seen,
+    last_reading: BusReading,
 }
 
 /// First-order low-pass filter of the voltage.
@@ -137,7 +137,7 @@ impl Supply {
             derating: Derating::INITIAL,
             overvoltage: Overvoltage::IDLE,
             last_battery: None,
-            last_reading: Seen::NOTHING,
+            last_reading: BusReading::NOTHING,
         }
     }
 
@@ -165,12 +165,12 @@ impl Supply {
     /// the quiet range the interval is limited to 1 ms.
     pub fn step(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
         let battery = self.update(voltage, now);
-        self.last_reading = Seen::new(&self.limits, voltage, battery.as_ref(), now);
+        self.last_reading = BusReading::new(&self.limits, voltage, battery.as_ref(), now);
         battery
     }
 
     /// Returns the reading of the last step, plausible or not.
-    pub const fn seen(&self) -> Seen {
+    pub const fn seen(&self) -> BusReading {
         self.last_reading
     }
 

@@ -2,7 +2,7 @@
 
 use super::{Health, Task, Wires};
 use crate::board::{BridgeFaults, CurrentSense};
-use crate::bridge::Sensed;
+use crate::bridge::BridgeFeedback;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Ticker};
 
@@ -22,7 +22,7 @@ pub async fn run<M: RawMutex, const N: usize>(
 ) -> ! {
     let mut ticker = Ticker::every(SENSE_INTERVAL);
     loop {
-        let mut sensed = currents.sample().await.map(|current| Sensed { current, fault: false });
+        let mut sensed = currents.sample().await.map(|current| BridgeFeedback { current, fault: false });
         for (sensed, fault) in sensed.iter_mut().zip(faults.faults()) {
             sensed.fault = fault;
         }

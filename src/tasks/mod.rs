@@ -58,11 +58,11 @@ pub mod update;
 pub use commands::Commands;
 pub use health::{Health, Task};
 
-use crate::bridge::{Drive, Sensed};
+use crate::bridge::{BridgeFeedback, Drive};
 use crate::hub::{Command, Snapshot};
 use crate::motion::Newest;
-use crate::record::{Fault, LastWords, Record, SIZE};
-use crate::supply::{Battery, Seen};
+use crate::record::{CrashReport, Fault, Record, SIZE};
+use crate::supply::{Battery, BusReading};
 use crate::units::Micros;
 use core::cell::{Cell, RefCell};
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -81,7 +81,7 @@ pub const OBSERVERS: usize = 4;
 /// A pair of signals between the responder and a task whose work takes time.
 pub struct RequestChannel<M: RawMutex, O, D> {
     /// Request to the task, one at a time.
-    pub order: Signal<M, O>,
+    pub request: Signal<M, O>,
     /// Result of the request.
     pub done: Signal<M, D>,
 }
@@ -89,7 +89,7 @@ pub struct RequestChannel<M: RawMutex, O, D> {
 impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
     /// Creates empty signals.
     const fn new() -> Self {
-        Self { order: Signal::new(), done: Signal::new() }
+        Self { request: Signal::new(), done: Signal::new() }
     }
 }
 
@@ -100,7 +100,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// State of the battery, from supply to control.
     pub battery: Signal<M, Battery>,
     /// Last reading of the bus, from supply to all tasks.
-    pub bus: Mutex<M, Cell<Seen>>,
+    pub bus: Mutex<M, Cell<BusReading>>,
     /// Commands to motors, from all tasks to control, each with a number.
     pub commands: Commands<M>,
     /// True if one of the commands is to be applied at the next sample, without waiting for a tick.
@@ -108,7 +108,7 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Commands to the bridges, from control to output.
     pub drives: Signal<M, [Drive; N]>,
     /// Feedback of the bridges, from the bridges' task to control.
-    pub sensed: Signal<M, [Sensed; N]>,
+    pub sensed: Signal<M, [BridgeFeedback; N]>,
     /// State of all motors as of the last tick, from control to all tasks.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
     /// Positions of the newest samples, written by capture. Control adds the speeds. All tasks may read them.
@@ -116,11 +116,11 @@ pub struct Wires<M: RawMutex, const N: usize> {
     /// Record of faults. Control writes each tick, and the responder reads. `None` if the hub keeps no record.
     pub record: Mutex<M, RefCell<Option<Record<'static>>>>,
     /// Why this run ended, from a fault handler to the next run. `None` if the hub keeps no record.
-    pub last_words: CriticalSectionMutex<RefCell<Option<LastWords<'static>>>>,
+    pub crash_report: CriticalSectionMutex<RefCell<Option<CrashReport<'static>>>>,
     /// Requests of the responder to the task that stores settings, and their results.
-    pub store: RequestChannel<M, crate::store::Order, store::Done>,
+    pub store: RequestChannel<M, crate::store::StoreRequest, store::Done>,
     /// Requests of the responder to the task that writes new firmware, and their results.
-    pub update: RequestChannel<M, crate::update::Order, crate::update::Done>,
+    pub update: RequestChannel<M, crate::update::UpdateRequest, crate::update::Done>,
     /// True once a host has sent a packet since reset, from the responder to all tasks.
     pub host_spoke: Mutex<M, Cell<bool>>,
 }
@@ -131,7 +131,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         Self {
             news: Signal::new(),
             battery: Signal::new(),
-            bus: Mutex::new(Cell::new(Seen::NOTHING)),
+            bus: Mutex::new(Cell::new(BusReading::NOTHING)),
             commands: Commands::new(),
             urgent: Mutex::new(Cell::new(false)),
             drives: Signal::new(),
@@ -139,7 +139,7 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
             snapshot: Watch::new(),
             newest: Mutex::new(RefCell::new(Newest::new())),
             record: Mutex::new(RefCell::new(None)),
-            last_words: CriticalSectionMutex::new(RefCell::new(None)),
+            crash_report: CriticalSectionMutex::new(RefCell::new(None)),
             store: RequestChannel::new(),
             update: RequestChannel::new(),
             host_spoke: Mutex::new(Cell::new(false)),
@@ -150,18 +150,18 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
 impl<M: RawMutex, const N: usize> Wires<M, N> {
     /// Starts the record of a run in this memory. `cause` is the cause of the last reset.
     pub fn remember(&self, memory: &'static mut [u8; SIZE], cause: Fault) {
-        let (record, last_words) = Record::open(memory, cause);
+        let (record, crash_report) = Record::open(memory, cause);
         self.record.lock(|slot| slot.replace(Some(record)));
-        self.last_words.lock(|slot| slot.replace(Some(last_words)));
+        self.crash_report.lock(|slot| slot.replace(Some(crash_report)));
     }
 
     /// Writes why the run ends. May be called from any context. A fault during the write is not written.
-    pub fn say_last(&self, fault: Fault, detail: [u32; 2]) {
-        self.last_words.lock(|slot| {
+    pub fn report_crash(&self, fault: Fault, detail: [u32; 2]) {
+        self.crash_report.lock(|slot| {
             if let Ok(mut slot) = slot.try_borrow_mut()
-                && let Some(last_words) = slot.as_mut()
+                && let Some(crash_report) = slot.as_mut()
             {
-                last_words.say(fault, detail);
+                crash_report.store(fault, detail);
             }
         });
     }

@@ -146,12 +146,12 @@ fn settle<M: RawMutex, const N: usize>(
     if let Some(Done { found, outcome }) = wires.store.done.try_take() {
         responder.carried_out(found, outcome);
     }
-    if let Some(order) = responder.order(&snapshot) {
-        wires.store.order.signal(order);
+    if let Some(order) = responder.store_request(&snapshot) {
+        wires.store.request.signal(order);
     }
     hear_slot(responder, wires);
-    if let Some(order) = responder.update_order() {
-        wires.update.order.signal(order);
+    if let Some(order) = responder.update_request() {
+        wires.update.request.signal(order);
     }
     wires.host_spoke.lock(|spoke| spoke.set(responder.host_spoke()));
     while let Some(command) = responder.pending() {

@@ -7,7 +7,7 @@
 //! ```
 //! use embassy_futures::block_on;
 //! use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-//! use motor_hub::store::{Order, Outcome, Record, Stored};
+//! use motor_hub::store::{StoreRequest, Outcome, Record, Stored};
 //! use motor_hub::tasks::store::Keeper;
 //!
 //! /// Two pages in memory.
@@ -47,13 +47,13 @@
 //!
 //! let mut keeper = Keeper::new(Pages(vec![0xFF; 32 * 1024]), 0..32 * 1024).expect("two pages");
 //! assert_eq!(block_on(keeper.read()).stored, Stored::Nothing);
-//! let order = Order { record: Some(Record::new(1)), afresh: false, may_erase: true };
+//! let order = StoreRequest { record: Some(Record::new(1)), afresh: false, may_erase: true };
 //! let done = block_on(keeper.carry_out(&order));
 //! assert_eq!((done.outcome, done.found.map(|found| found.stored)), (Outcome::Done, Some(Stored::Whole)));
 //! ```
 
 use super::Wires;
-use crate::store::{CAPACITY, Copies, Found, Order, Outcome, Record, Stored};
+use crate::store::{CAPACITY, Found, Outcome, Record, StoreRequest, Stored};
 use core::ops::Range;
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -88,7 +88,7 @@ pub async fn run<M: RawMutex, const N: usize>(mut keeper: Keeper<impl NorFlash>,
     let found = Some(keeper.read().await);
     wires.store.done.signal(Done { found, outcome: Outcome::None });
     loop {
-        let order = wires.store.order.wait().await;
+        let order = wires.store.request.wait().await;
         wires.store.done.signal(keeper.carry_out(&order).await);
     }
 }
@@ -190,7 +190,7 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     /// Carries out a request: writes a record if the request has one, and then reads what is stored.
-    pub async fn carry_out(&mut self, order: &Order) -> Done {
+    pub async fn carry_out(&mut self, order: &StoreRequest) -> Done {
         self.flash.may_erase = order.may_erase;
         let repaired = if self.intact { Ok(()) } else { self.repair().await };
         let written = match repaired {
@@ -212,7 +212,7 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     /// Writes both copies of the request's record, if the request has one.
-    async fn write(&mut self, order: &Order) -> Outcome {
+    async fn write(&mut self, order: &StoreRequest) -> Outcome {
         let Some(record) = &order.record else { return Outcome::Done };
         let (mut map, buffer) = self.map();
         if order.afresh
@@ -231,10 +231,10 @@ impl<F: NorFlash> Keeper<F> {
     /// Reads both copies.
     async fn copies(&mut self) -> Result<Found, ReadError> {
         let (mut map, buffer) = self.map();
-        let mut copies = Copies::default();
+        let mut found = Found::default();
         for copy in COPY_KEYS {
             match map.fetch_item::<&[u8]>(buffer, &copy).await {
-                Ok(bytes) => copies.add(bytes),
+                Ok(bytes) => found.add(bytes),
                 Err(Error::BufferTooSmall(_)) => return Err(ReadError::TooLong),
                 Err(Error::Storage { value: FlashError::MotorsRun, .. }) => {
                     return Err(ReadError::NeedsErase);
@@ -242,7 +242,7 @@ impl<F: NorFlash> Keeper<F> {
                 Err(_) => return Err(ReadError::Damaged),
             }
         }
-        Ok(copies.found())
+        Ok(found)
     }
 }
 

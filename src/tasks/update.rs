@@ -15,12 +15,12 @@
 //! The watchdog resets new firmware whose tasks do not all check in.
 //!
 //! ```
-//! use motor_hub::tasks::update::{CONFIRM_AFTER_ROUNDS, Marks};
+//! use motor_hub::tasks::update::{CONFIRM_AFTER_ROUNDS, StateFlash};
 //!
 //! // This takes 2 s at a control period of 50 ms.
 //! assert_eq!(CONFIRM_AFTER_ROUNDS, 40);
 //! // The bootloader uses the same wrapper for its state.
-//! let state = Marks("a flash");
+//! let state = StateFlash("a flash");
 //! assert_eq!(state.0, "a flash");
 //! ```
 
@@ -28,10 +28,10 @@ mod blocking_flash;
 #[cfg(feature = "signed")]
 mod signature;
 
-pub use blocking_flash::Waiting;
+pub use blocking_flash::BlockingFlash;
 
 use super::{Health, Wires};
-use crate::update::{Booted, CHUNK, CRC, Done, Order, Outcome, Seal};
+use crate::update::{Booted, CHUNK, CRC, Done, Outcome, Seal, UpdateRequest};
 use embassy_boot::{FirmwareState, State};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -74,11 +74,11 @@ pub async fn run<M: RawMutex, const N: usize>(
         wires.update.done.signal(Done::Booted(booted));
     }
     loop {
-        let outcome = match wires.update.order.wait().await {
-            Order::Write { offset, bytes } => slots.write(offset, &bytes).await,
-            Order::Arm { length, crc, seal } => slots.arm(length, crc, seal, motors_off(wires)).await,
-            Order::Disarm => slots.confirm().await,
-            Order::Restart => {
+        let outcome = match wires.update.request.wait().await {
+            UpdateRequest::Write { offset, bytes } => slots.write(offset, &bytes).await,
+            UpdateRequest::Arm { length, crc, seal } => slots.arm(length, crc, seal, motors_off(wires)).await,
+            UpdateRequest::Disarm => slots.confirm().await,
+            UpdateRequest::Restart => {
                 Timer::after(RESTART_DELAY).await;
                 restart();
                 Outcome::Refused
@@ -98,7 +98,7 @@ async fn motors_off<M: RawMutex, const N: usize>(wires: &Wires<M, N>) {
 /// The download slot, which images are written to, and the bootloader's state.
 pub struct Slots<D, S> {
     download: D,
-    state: Marks<S>,
+    state: StateFlash<S>,
 }
 
 impl<D: NorFlash, S: NorFlash> Slots<D, S> {
@@ -108,11 +108,11 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
     pub fn new(download: D, state: S) -> Option<Self> {
         let words = [D::WRITE_SIZE, S::WRITE_SIZE, S::READ_SIZE];
         let fits = words.iter().all(|word| *word <= WORD) && CHUNK.is_multiple_of(D::WRITE_SIZE);
-        fits.then_some(Self { download, state: Marks(state) })
+        fits.then_some(Self { download, state: StateFlash(state) })
     }
 
     /// Returns access to the bootloader's state. `word` is its buffer for one word of the flash.
-    fn state<'a>(&'a mut self, word: &'a mut [u8; WORD]) -> FirmwareState<'a, &'a mut Marks<S>> {
+    fn state<'a>(&'a mut self, word: &'a mut [u8; WORD]) -> FirmwareState<'a, &'a mut StateFlash<S>> {
         // The word is long enough, which `new` has checked.
         let word = word.get_mut(..S::WRITE_SIZE.max(S::READ_SIZE)).unwrap_or_default();
         FirmwareState::new(&mut self.state, word)
@@ -215,13 +215,13 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
 ///
 /// The first word tells the bootloader what to do. The progress of a swap follows. If power failed during an erasure, the
 /// first word could remain while the progress is already erased. The bootloader would then swap a second time.
-pub struct Marks<S>(pub S);
+pub struct StateFlash<S>(pub S);
 
-impl<S: ErrorType> ErrorType for Marks<S> {
+impl<S: ErrorType> ErrorType for StateFlash<S> {
     type Error = S::Error;
 }
 
-impl<S: NorFlash> ReadNorFlash for Marks<S> {
+impl<S: NorFlash> ReadNorFlash for StateFlash<S> {
     const READ_SIZE: usize = S::READ_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
@@ -233,7 +233,7 @@ impl<S: NorFlash> ReadNorFlash for Marks<S> {
     }
 }
 
-impl<S: NorFlash> NorFlash for Marks<S> {
+impl<S: NorFlash> NorFlash for StateFlash<S> {
     const WRITE_SIZE: usize = S::WRITE_SIZE;
     const ERASE_SIZE: usize = S::ERASE_SIZE;
 

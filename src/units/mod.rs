@@ -117,7 +117,7 @@ pub enum RangeError {
     /// A speed must lie within +-8 388 607 counts/s, and the counts per revolution must be above 0.
     Speed,
     /// A distance must lie within +-(2^31 - 1) counts.
-    Way,
+    Distance,
     /// A blend must lie in 0 to 1.
     Blend,
     /// The control period must be 1 to 100 ms.
@@ -151,7 +151,7 @@ impl core::fmt::Display for RangeError {
             Self::DecayRate => "decay rate must be 0 to 65536 per second",
             Self::Acceleration => "acceleration must be above 0 counts/s^2",
             Self::Speed => "speed must be -8388607 to 8388607 counts/s, counts per revolution above 0",
-            Self::Way => "distance must be -2147483647 to 2147483647 counts",
+            Self::Distance => "distance must be -2147483647 to 2147483647 counts",
             Self::Blend => "blend must be 0 to 1",
             Self::Period => "control period must be 1 to 100 ms",
             Self::Divider => "both resistances of the battery divider must be above 0",

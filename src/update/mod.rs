@@ -17,11 +17,11 @@
 //! If the slot has a [signer](Slot::signer), the hub accepts no chunk before the signature, and arms an image only if
 //! the signature is valid for it.
 //!
-//! [`Update`] only decides. The *slot task*, which owns the flash, carries out each [`Order`] and answers with
+//! [`Update`] only decides. The *slot task*, which owns the flash, carries out each [`UpdateRequest`] and answers with
 //! [`Done`].
 //!
 //! ```
-//! use motor_hub::update::{Booted, CHUNK, Done, Order, Outcome, Phase, Slot, Update};
+//! use motor_hub::update::{Booted, CHUNK, Done, UpdateRequest, Outcome, Phase, Slot, Update};
 //!
 //! let slot = Slot { origin: 0x0802_0000, length: 512 * 1024, ram: (0x2000_0000, 0x2002_0000), signer: None };
 //! let mut update = Update::new(slot);
@@ -32,16 +32,17 @@
 //!
 //! update.begin(image.len() as u32, 0x1234_5678, false)?;
 //! update.chunk(0, &image)?;
-//! assert!(matches!(update.order(), Some(Order::Write { offset: 0, .. })));
+//! assert!(matches!(update.request(), Some(UpdateRequest::Write { offset: 0, .. })));
 //! update.done(Done::Carried(Outcome::Done));
 //! update.finish()?;
-//! assert_eq!(update.order(), Some(Order::Arm { length: 96, crc: 0x1234_5678, seal: None }));
+//! assert_eq!(update.request(), Some(UpdateRequest::Arm { length: 96, crc: 0x1234_5678, seal: None }));
 //! // The flash reads back other bytes than the host announced.
 //! update.done(Done::Carried(Outcome::Mismatch));
 //! assert_eq!(update.phase(), Phase::Nothing);
-//! # Ok::<(), motor_hub::update::Refusal>(())
+//! # Ok::<(), motor_hub::protocol::Nack>(())
 //! ```
 
+use crate::protocol::Nack;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use heapless::Vec;
 
@@ -148,7 +149,7 @@ pub enum Outcome {
 
 /// An order to the slot task.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Order {
+pub enum UpdateRequest {
     /// Write a chunk to the slot. Erase each flash page when a chunk reaches the page's first byte.
     Write {
         /// Distance of the chunk from the beginning of the slot, in bytes.
@@ -180,59 +181,8 @@ pub enum Done {
     Carried(Outcome),
 }
 
-/// Reason why a request was refused. A refused request changes nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Refusal {
-    /// A motor is enabled.
-    MotorEnabled,
-    /// The hub is still writing the last chunk, or still checking the image.
-    AtWork,
-    /// The present firmware is not confirmed yet, and the slot still holds the previous firmware.
-    OnTrial,
-    /// An image is armed already.
-    Armed,
-    /// No image is armed.
-    NotArmed,
-    /// No image is announced, or the flash reported an error while a chunk was written.
-    NotBegun,
-    /// The image is longer than the slot, or shorter than its two vectors.
-    Length,
-    /// A chunk before this chunk is missing.
-    Gap,
-    /// The chunk is not [`CHUNK`] bytes long. The last chunk must have the remaining length of the image.
-    ChunkLength,
-    /// The image's stack pointer is not in this chip's RAM, or its reset vector is not in the slot.
-    NotAnImage,
-    /// The image must be signed, and the host sent no signature.
-    Unsigned,
-    /// The signature was made with another key than the slot's signer has.
-    OtherKey,
-    /// The hub has no key, so it cannot check a signature.
-    NoSigner,
-}
-
-impl core::fmt::Display for Refusal {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str(match self {
-            Self::MotorEnabled => "a motor is enabled: disable all motors first",
-            Self::AtWork => "the hub is still writing or checking the image: try again",
-            Self::OnTrial => "the present firmware is not confirmed yet: try again in some seconds",
-            Self::Armed => "an image is armed already: restart the hub or abandon the image",
-            Self::NotArmed => "no image is armed: send and finish an image first",
-            Self::NotBegun => "no image is announced, or the flash failed: begin the update again",
-            Self::Length => "the image is empty, or longer than its slot",
-            Self::Gap => "an earlier chunk is missing: send the chunks in order",
-            Self::ChunkLength => "the chunk is too short or too long",
-            Self::NotAnImage => "not an image for this hub: its stack or its code is at another address",
-            Self::Unsigned => "the image must be signed: send its signature before the first chunk",
-            Self::OtherKey => "the signature is by another key than the hub's",
-            Self::NoSigner => "the hub was built without a key, and checks no signatures",
-        })
-    }
-}
-
-impl core::error::Error for Refusal {}
+/// The refusal of a chunk that is not [`CHUNK`] bytes long. The last chunk must have the remaining length of the image.
+const CHUNK_LENGTH: Nack = Nack::parameter(1);
 
 /// State machine of firmware updates. It decides; the slot task writes to the flash.
 #[derive(Clone, Debug)]
@@ -248,8 +198,8 @@ pub struct Update {
     received: u32,
     seal: Option<Seal>,
     outcome: Outcome,
-    /// Order that the slot task has not taken yet.
-    pending: Option<Order>,
+    /// UpdateRequest that the slot task has not taken yet.
+    pending: Option<UpdateRequest>,
     /// True from when the slot task takes an order until it reports the result.
     at_work: bool,
 }
@@ -275,21 +225,21 @@ impl Update {
     /// Announces an image of `length` bytes with this CRC-32 (IEEE 802.3). Chunks of an earlier image are discarded.
     ///
     /// # Errors
-    /// Returns a [`Refusal`] if a motor runs, the slot task is busy, or an image is armed. The present firmware must be
+    /// Returns a [`Nack`] if a motor runs, the slot task is busy, or an image is armed. The present firmware must be
     /// confirmed, and the length must fit the slot.
-    pub fn begin(&mut self, length: u32, crc: u32, motors_run: bool) -> Result<(), Refusal> {
+    pub fn begin(&mut self, length: u32, crc: u32, motors_run: bool) -> Result<(), Nack> {
         if motors_run {
-            return Err(Refusal::MotorEnabled);
+            return Err(Nack::MOTOR_ENABLED);
         }
         if matches!(self.booted, Booted::Unknown | Booted::OnTrial) {
-            return Err(Refusal::OnTrial);
+            return Err(Nack::UPDATE_ON_TRIAL);
         }
         self.check_idle()?;
         if self.phase == Phase::Armed {
-            return Err(Refusal::Armed);
+            return Err(Nack::UPDATE_ARMED);
         }
         if length < VECTORS || length > self.slot.length {
-            return Err(Refusal::Length);
+            return Err(Nack::UPDATE_TOO_LONG);
         }
         (self.phase, self.outcome) = (Phase::Receiving, Outcome::None);
         (self.length, self.crc, self.received, self.seal) = (length, crc, 0, None);
@@ -299,14 +249,14 @@ impl Update {
     /// Accepts the signature of the announced image. The signature is verified when the whole image is in the slot.
     ///
     /// # Errors
-    /// Returns a [`Refusal`] if the hub has no key, if no image is announced, or if another key made the signature.
-    pub fn sign(&mut self, seal: Seal) -> Result<(), Refusal> {
-        let signer = self.slot.signer.ok_or(Refusal::NoSigner)?;
+    /// Returns a [`Nack`] if the hub has no key, if no image is announced, or if another key made the signature.
+    pub fn sign(&mut self, seal: Seal) -> Result<(), Nack> {
+        let signer = self.slot.signer.ok_or(Nack::UPDATE_NO_SIGNER)?;
         if self.phase != Phase::Receiving {
-            return Err(Refusal::NotBegun);
+            return Err(Nack::UPDATE_NOT_BEGUN);
         }
         if seal.key != signer {
-            return Err(Refusal::OtherKey);
+            return Err(Nack::UPDATE_OTHER_KEY);
         }
         self.seal = Some(seal);
         Ok(())
@@ -315,68 +265,68 @@ impl Update {
     /// Accepts the next chunk. A repeated chunk is acknowledged and changes nothing, because an answer may get lost.
     ///
     /// # Errors
-    /// Returns a [`Refusal`] if the chunk is not the next chunk, has a wrong length, or comes while the slot task is
+    /// Returns a [`Nack`] if the chunk is not the next chunk, has a wrong length, or comes while the slot task is
     /// busy. The first chunk must be the beginning of an image for this hub, and come after the signature if one is
     /// needed.
-    pub fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Refusal> {
+    pub fn chunk(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Nack> {
         if self.phase != Phase::Receiving {
-            return Err(Refusal::NotBegun);
+            return Err(Nack::UPDATE_NOT_BEGUN);
         }
         if self.slot.signer.is_some() && self.seal.is_none() {
-            return Err(Refusal::Unsigned);
+            return Err(Nack::UPDATE_UNSIGNED);
         }
         if offset < self.received && offset.is_multiple_of(CHUNK as u32) {
             return Ok(());
         }
         if offset != self.received {
-            return Err(Refusal::Gap);
+            return Err(Nack::UPDATE_GAP);
         }
         let left = self.length.saturating_sub(offset);
         if bytes.is_empty() || bytes.len() as u32 != left.min(CHUNK as u32) {
-            return Err(Refusal::ChunkLength);
+            return Err(CHUNK_LENGTH);
         }
         if offset == 0 && !self.slot.accepts(bytes) {
-            return Err(Refusal::NotAnImage);
+            return Err(Nack::UPDATE_NOT_AN_IMAGE);
         }
         self.check_idle()?;
-        let bytes = Vec::from_slice(bytes).map_err(|_| Refusal::ChunkLength)?;
+        let bytes = Vec::from_slice(bytes).map_err(|_| CHUNK_LENGTH)?;
         self.received += bytes.len() as u32;
-        self.pending = Some(Order::Write { offset, bytes });
+        self.pending = Some(UpdateRequest::Write { offset, bytes });
         Ok(())
     }
 
     /// Ends the transfer: the slot task then checks the image and arms it. A repeated call changes nothing.
     ///
     /// # Errors
-    /// Returns a [`Refusal`] if no image is announced, if chunks are missing, or if the slot task is busy.
-    pub fn finish(&mut self) -> Result<(), Refusal> {
+    /// Returns a [`Nack`] if no image is announced, if chunks are missing, or if the slot task is busy.
+    pub fn finish(&mut self) -> Result<(), Nack> {
         match self.phase {
             Phase::Checking | Phase::Armed => return Ok(()),
             Phase::Receiving => (),
-            Phase::Nothing | Phase::Disarming => return Err(Refusal::NotBegun),
+            Phase::Nothing | Phase::Disarming => return Err(Nack::UPDATE_NOT_BEGUN),
         }
         if self.received < self.length {
-            return Err(Refusal::Gap);
+            return Err(Nack::UPDATE_GAP);
         }
         self.check_idle()?;
         self.phase = Phase::Checking;
-        self.pending = Some(Order::Arm { length: self.length, crc: self.crc, seal: self.seal });
+        self.pending = Some(UpdateRequest::Arm { length: self.length, crc: self.crc, seal: self.seal });
         Ok(())
     }
 
     /// Resets the chip, so that the bootloader starts the armed image.
     ///
     /// # Errors
-    /// Returns a [`Refusal`] if no image is armed, or if a motor runs.
-    pub fn restart(&mut self, motors_run: bool) -> Result<(), Refusal> {
+    /// Returns a [`Nack`] if no image is armed, or if a motor runs.
+    pub fn restart(&mut self, motors_run: bool) -> Result<(), Nack> {
         if self.phase != Phase::Armed {
-            return Err(Refusal::NotArmed);
+            return Err(Nack::UPDATE_NOT_ARMED);
         }
         if motors_run {
-            return Err(Refusal::MotorEnabled);
+            return Err(Nack::MOTOR_ENABLED);
         }
         if !self.at_work {
-            self.pending = Some(Order::Restart);
+            self.pending = Some(UpdateRequest::Restart);
         }
         Ok(())
     }
@@ -384,12 +334,12 @@ impl Update {
     /// Discards the announced image. An armed image is disarmed.
     ///
     /// # Errors
-    /// Returns [`Refusal::AtWork`] while the slot task is busy.
-    pub fn abandon(&mut self) -> Result<(), Refusal> {
+    /// Returns [`Nack::UPDATE_BUSY`] while the slot task is busy.
+    pub fn abandon(&mut self) -> Result<(), Nack> {
         self.check_idle()?;
         if self.phase == Phase::Armed {
             self.phase = Phase::Disarming;
-            self.pending = Some(Order::Disarm);
+            self.pending = Some(UpdateRequest::Disarm);
         } else {
             self.phase = Phase::Nothing;
         }
@@ -399,7 +349,7 @@ impl Update {
     /// Returns the next order for the slot task, or `None` if there is none or the task is busy.
     ///
     /// The slot task reports the result with [`done`](Self::done).
-    pub fn order(&mut self) -> Option<Order> {
+    pub fn request(&mut self) -> Option<UpdateRequest> {
         if self.at_work {
             return None;
         }
@@ -457,9 +407,9 @@ impl Update {
         self.slot
     }
 
-    /// Refuses with [`Refusal::AtWork`] while the slot task is busy.
-    const fn check_idle(&self) -> Result<(), Refusal> {
-        if self.at_work() { Err(Refusal::AtWork) } else { Ok(()) }
+    /// Refuses with [`Nack::UPDATE_BUSY`] while the slot task is busy.
+    const fn check_idle(&self) -> Result<(), Nack> {
+        if self.at_work() { Err(Nack::UPDATE_BUSY) } else { Ok(()) }
     }
 }
 

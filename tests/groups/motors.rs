@@ -2,7 +2,7 @@
 
 use motor_hub::braking::{Scheme, Winding};
 use motor_hub::bridge::{BridgeConstants, Drive};
-use motor_hub::group::{Course, DriveBase, Halt, Together};
+use motor_hub::group::{Course, DriveBase, GroupCommand, Halt};
 use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
 use motor_hub::model::catalogue::{self, Motor};
 use motor_hub::model::load::{Load, Shaft};
@@ -72,7 +72,7 @@ impl Axis {
     }
 
     fn run_ms(&mut self, drive: Drive) {
-        let mut command = plant::Influence::pwm(drive.mode, drive.duty.to_f64());
+        let mut command = plant::PlantInput::pwm(drive.mode, drive.duty.to_f64());
         command.torque_after = NewtonMetres(self.torque);
         self.plant.run(Seconds(1e-3), command, Volts(12.0));
         if self.plant.angle() > self.stop {
@@ -119,7 +119,7 @@ impl<const N: usize> Bench<N> {
         self.hub.apply(Command { motor, action: Action::Set(setpoint) }).expect("motor");
     }
 
-    fn lead(&mut self, together: Together) {
+    fn lead(&mut self, together: GroupCommand) {
         let motor = together.course.members().iter().position(|member| *member).expect("members");
         self.hub.apply(Command { motor, action: Action::Lead(together) }).expect("members");
     }
@@ -167,10 +167,10 @@ impl<const N: usize> Bench<N> {
     }
 }
 
-fn together(course: Course, mm_s: f64, mm_s2: f64) -> Together {
+fn together(course: Course, mm_s: f64, mm_s2: f64) -> GroupCommand {
     let [speed, _] = BASE.speeds(mm_s, 0.0).expect("in range");
     let [acceleration, _] = BASE.speeds(mm_s2, 0.0).expect("in range");
-    Together {
+    GroupCommand {
         course,
         speed,
         acceleration: Acceleration::new(acceleration.round() as u32).expect("above 0"),
@@ -235,10 +235,10 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
                 let [usual, endless] = [false, true].map(|endless| {
                     let loads = [WHEEL, Load { drag_after: drag(0.12), ..WHEEL }];
                     let mut bench = Bench::new(period, two(), known, loads, WHEEL);
-                    let Together { course, speed, acceleration, .. } =
+                    let GroupCommand { course, speed, acceleration, .. } =
                         together(pair([1_000; 2]), mm_s, mm_s2);
-                    let usual = Together::new(course, speed, acceleration);
-                    bench.lead(if endless { Together { lag: u16::MAX, ..usual } } else { usual });
+                    let usual = GroupCommand::new(course, speed, acceleration);
+                    bench.lead(if endless { GroupCommand { lag: u16::MAX, ..usual } } else { usual });
                     while !matches!(bench.snapshot.motors[0].setpoint,
                         Setpoint::Together(reference) if reference.position == 1_000)
                     {
@@ -319,7 +319,7 @@ fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
 fn a_fault_of_one_stops_all_or_lets_all_go() {
     for (halt, period) in [Halt::Stop, Halt::Coast].into_iter().flat_map(|halt| PERIODS.map(|p| (halt, p))) {
         let mut bench = Bench::new(period, two(), true, [WHEEL; 2], WHEEL);
-        bench.lead(Together { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
+        bench.lead(GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
         bench.run_ms(1_500);
         bench.axes[1].unplugged = true;
         bench.run_ms(1_500);
@@ -349,7 +349,7 @@ fn a_member_that_is_told_something_else_leaves_and_the_others_halt() {
         for (halt, setpoint) in [(Halt::Stop, alone), (Halt::Coast, alone), (Halt::Stop, Setpoint::Disabled)]
         {
             let mut bench = Bench::new(period, two(), true, [WHEEL; 2], WHEEL);
-            bench.lead(Together { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
+            bench.lead(GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
             bench.run_ms(1_500);
             bench.set(1, setpoint);
             bench.run_ms(1_500);

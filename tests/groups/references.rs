@@ -1,12 +1,12 @@
 //! What a group asks of its members, without any motors.
 
-use motor_hub::group::{Course, DriveBase, Group, Halt, MOTORS, Together};
+use motor_hub::group::{Course, DriveBase, Group, GroupCommand, Halt, MOTORS};
 use motor_hub::regulator::Reference;
 use motor_hub::units::{Acceleration, CountsPerSecond, Period, RangeError};
 use proptest::prelude::*;
 
-fn together(course: Course, speed: i32, acceleration: u32) -> Together {
-    Together {
+fn together(course: Course, speed: i32, acceleration: u32) -> GroupCommand {
+    GroupCommand {
         course,
         speed: CountsPerSecond::new(speed),
         acceleration: Acceleration::new(acceleration).expect("above 0"),
@@ -33,7 +33,7 @@ struct Perfect<const N: usize> {
 }
 
 impl<const N: usize> Perfect<N> {
-    fn new(together: Together, positions: [i32; N], ms: u32) -> Self {
+    fn new(together: GroupCommand, positions: [i32; N], ms: u32) -> Self {
         let group = Group::new(together, positions, [CountsPerSecond::ZERO; N], period(ms));
         let last = positions.map(|position| Reference { position, ..Reference::default() });
         Self { group, last, moved: [0.0; N] }
@@ -168,7 +168,7 @@ fn who_lags_slows_all_down_and_stops_all() {
         for sign in [1, -1] {
             let on = [sign * 1_000, sign * 500].map(CountsPerSecond::new);
             let course = Course::on(&numbered(&on)).expect("two");
-            let together = Together { lag: 100, ..together(course, 0, 1_000_000) };
+            let together = GroupCommand { lag: 100, ..together(course, 0, 1_000_000) };
             let mut motors = Perfect::new(together, [0; 2], 10);
             for _ in 0..10 {
                 motors.step();
@@ -208,7 +208,7 @@ fn distances_and_headings_are_counts_and_counts_are_them() {
         assert!((base.distance(counts) - mm).abs() < 0.3);
         assert!((base.heading(counts) - degrees).abs() < 0.1);
     }
-    assert_eq!(base.straight(1e9), Err(RangeError::Way));
-    assert_eq!(base.turn(f64::NAN), Err(RangeError::Way));
+    assert_eq!(base.straight(1e9), Err(RangeError::Distance));
+    assert_eq!(base.turn(f64::NAN), Err(RangeError::Distance));
     assert_eq!(base.speeds(1e8, 0.0), Err(RangeError::Speed));
 }

@@ -5,7 +5,7 @@ use motor_hub::model::battery::Battery;
 use motor_hub::model::bus::{Bus, Protection, Shutdown};
 use motor_hub::model::catalogue::characterised;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Flow, Influence, Plant};
+use motor_hub::model::plant::{Flow, Plant, PlantInput};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Amps, Hertz, KgM2, Ohms, RadPerSec, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
@@ -49,7 +49,7 @@ fn source_capacitor_winding_shaft_and_heat_balance_to_1e_9() {
         {
             let mut rig = spinning(0.7, kind);
             let before = rig.bus.expect("there").stored().0;
-            let flow = rig.run(Seconds(0.02), &[Influence::pwm(mode, duty)]).flows[0];
+            let flow = rig.run(Seconds(0.02), &[PlantInput::pwm(mode, duty)]).flows[0];
             let bus = rig.bus.expect("there");
             // What left the source is in the capacitor and the winding, or became heat and motion.
             let found =
@@ -65,22 +65,22 @@ fn source_capacitor_winding_shaft_and_heat_balance_to_1e_9() {
 fn proportional_braking_lifts_a_bus_that_cannot_sink_beyond_what_bridges_stand() {
     // A fixed duty of 5/0 at 0.2 kg m2, from 80 % of the free speed, and no bridge that lets go.
     let mut rig = spinning(0.8, unprotected);
-    rig.run(Seconds(2.0), &[Influence::pwm(Mode::Brake50, 0.5)]);
+    rig.run(Seconds(2.0), &[PlantInput::pwm(Mode::Brake50, 0.5)]);
     let (_, highest) = rig.range();
     assert!(highest.0 > 41.0, "the absolute maximum of a VNH5019 is 41 V: {highest}");
     // A battery takes it, and so does a full short.
     let mut rig = spinning(0.8, |_| ());
-    rig.run(Seconds(2.0), &[Influence::pwm(Mode::Brake50, 0.5)]);
+    rig.run(Seconds(2.0), &[PlantInput::pwm(Mode::Brake50, 0.5)]);
     assert!(rig.range().1.0 < 12.2, "{}", rig.range().1);
     let mut rig = spinning(0.8, unprotected);
-    rig.run(Seconds(2.0), &[Influence::pwm(Mode::Brake50, 1.0)]);
+    rig.run(Seconds(2.0), &[PlantInput::pwm(Mode::Brake50, 1.0)]);
     assert!(rig.range().1.0 < 12.01, "{}", rig.range().1);
 }
 
 #[test]
 fn a_contactor_that_opens_in_mid_braking_leaves_the_bus_to_the_motor() {
     let mut rig = spinning(0.8, |_| ());
-    let braking = [Influence::pwm(Mode::Brake50, 0.5)];
+    let braking = [PlantInput::pwm(Mode::Brake50, 0.5)];
     rig.run(Seconds(0.1), &braking);
     assert!(rig.voltage().0 < 12.2);
     rig.bus.as_mut().expect("there").closed = false;
@@ -91,7 +91,7 @@ fn a_contactor_that_opens_in_mid_braking_leaves_the_bus_to_the_motor() {
 #[test]
 fn a_bridge_opens_on_over_voltage_and_stays_open_until_its_lines_change() {
     let mut rig = spinning(0.8, |bus| bus.one_way = true);
-    let braking = [Influence::pwm(Mode::Brake50, 0.5)];
+    let braking = [PlantInput::pwm(Mode::Brake50, 0.5)];
     rig.run(Seconds(0.5), &braking);
     assert_eq!(rig.shutdowns(), [Shutdown::Over(State::BrakeLow, State::Coast)]);
     assert!(rig.range().1.0 < Protection::VNH5019.over.0 + 1.0, "{}", rig.range().1);
@@ -101,7 +101,7 @@ fn a_bridge_opens_on_over_voltage_and_stays_open_until_its_lines_change() {
     rig.bus = Some(Bus::new(SOURCE, 1e-3));
     rig.run(Seconds(1e-3), &braking);
     assert_ne!(rig.shutdowns(), [Shutdown::None], "the same lines do not");
-    let driving = rig.run(Seconds(1e-3), &[Influence::pwm(Mode::Cw98, 1.0)]).flows[0];
+    let driving = rig.run(Seconds(1e-3), &[PlantInput::pwm(Mode::Cw98, 1.0)]).flows[0];
     assert_eq!(rig.shutdowns(), [Shutdown::None]);
     assert!(driving.charge.0 > 0.0);
 }
@@ -120,7 +120,7 @@ fn a_bridge_opens_on_under_voltage_and_comes_back_with_hysteresis() {
 #[test]
 fn a_capacitor_that_is_drawn_on_recovers_by_its_source() {
     let mut rig = spinning(0.0, |_| ());
-    let driving = [Influence::pwm(Mode::Cw98, 1.0)];
+    let driving = [PlantInput::pwm(Mode::Cw98, 1.0)];
     let flow: Flow = rig.run(Seconds(0.05), &driving).flows[0];
     let sag = 12.0 - rig.voltage().0;
     let drawn = flow.battery_charge() / 0.05;

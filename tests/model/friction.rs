@@ -8,7 +8,7 @@ use motor_hub::bridge::{BridgeConstants, Mode, State};
 use motor_hub::model::catalogue::{Motor, characterised, motors};
 use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::load::{Load, Shaft};
-use motor_hub::model::plant::{Flow, Influence, Plant};
+use motor_hub::model::plant::{Flow, Plant, PlantInput};
 use motor_hub::model::si::{Amps, Drag, Hertz, KgM2, NewtonMetres, RadPerSec, Seconds, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions};
 
@@ -34,7 +34,7 @@ fn bare(motor: Motor) -> Plant {
 }
 
 /// The voltage on the motor for the whole period.
-const FULL: Influence = Influence::pwm(Mode::Cw98, 1.0);
+const FULL: PlantInput = PlantInput::pwm(Mode::Cw98, 1.0);
 
 fn close(got: f64, want: f64, tolerance: f64, what: impl core::fmt::Debug) {
     assert!((got - want).abs() <= tolerance, "{what:?}: {got} instead of {want}");
@@ -127,7 +127,7 @@ fn plant_with_friction_and_cogging_follows_an_integration_in_small_steps() {
                 let torque = percent / 100.0 * motor.stall_torque(BATTERY).0;
                 steps.torque = torque;
                 let torque_after = NewtonMetres(torque / shaft.torque_ratio);
-                let command = Influence { torque_after, ..Influence::pwm(mode, duty) };
+                let command = PlantInput { torque_after, ..PlantInput::pwm(mode, duty) };
                 for _ in 0..ms {
                     let before = plant.speed().0;
                     flow.append(&plant.run(Seconds(1e-3), command, BATTERY));
@@ -163,10 +163,10 @@ fn a_resting_motor_neither_creeps_nor_trembles() {
         // Up to 6 % of the stall torque, either way, driven and pushed.
         let torque_after = NewtonMetres(0.03 * motor.stall_torque(BATTERY).0 * motor.gear_ratio * motor.eta);
         let command = match ms % 4 {
-            0 => Influence::pwm(Mode::Cw98, 0.06),
-            1 => Influence::pwm(Mode::Ccw62, 0.05),
-            2 => Influence { torque_after, ..Influence::pwm(Mode::Cw98, 0.03) },
-            _ => Influence::pwm(Mode::Brake50, 0.7),
+            0 => PlantInput::pwm(Mode::Cw98, 0.06),
+            1 => PlantInput::pwm(Mode::Ccw62, 0.05),
+            2 => PlantInput { torque_after, ..PlantInput::pwm(Mode::Cw98, 0.03) },
+            _ => PlantInput::pwm(Mode::Brake50, 0.7),
         };
         flow.append(&plant.run(Seconds(1e-3), command, BATTERY));
         assert_eq!((plant.speed(), plant.angle()), (RadPerSec(0.0), 0.123), "at {ms} ms");
@@ -177,13 +177,13 @@ fn a_resting_motor_neither_creeps_nor_trembles() {
 #[test]
 fn every_motor_breaks_away_at_the_voltage_of_its_breakaway_torque() {
     for motor in motors().map(|motor| rough(motor, 4.0, 0.0)) {
-        let moves = |volts: f64, command: Influence| {
+        let moves = |volts: f64, command: PlantInput| {
             let mut plant = bare(motor);
             plant.run(Seconds(0.2), command, Volts(volts));
             (plant.speed().0 * volts.signum() > 0.0).then_some(plant.angle())
         };
         let voltage = 1.3 * 0.04 * BATTERY.0;
-        let reverse = Influence::pwm(Mode::Ccw62, 1.0);
+        let reverse = PlantInput::pwm(Mode::Ccw62, 1.0);
         for command in [FULL, reverse] {
             assert_eq!(moves(0.9999 * voltage, command), None, "{}", motor.name);
         }
@@ -204,7 +204,7 @@ fn under_pulses_the_mean_torque_breaks_away() {
         let choice = circuit.duty_for_current(current, PWM, at);
         assert!(choice.duty < 0.5, "pulses");
         let mut plant = bare(motor);
-        plant.run(Seconds(0.1), Influence::pwm(choice.mode, choice.duty), BATTERY);
+        plant.run(Seconds(0.1), PlantInput::pwm(choice.mode, choice.duty), BATTERY);
         assert_eq!(plant.speed().0 > 0.0, moves, "{percent} %");
     }
 }
@@ -217,7 +217,7 @@ fn a_load_on_the_output_breaks_away_either_way() {
         for sign in [1.0, -1.0] {
             let mut plant = bare(motor);
             let torque_after = NewtonMetres(sign * share * breakaway);
-            plant.run(Seconds(0.1), Influence { torque_after, ..Influence::COAST }, BATTERY);
+            plant.run(Seconds(0.1), PlantInput { torque_after, ..PlantInput::COAST }, BATTERY);
             assert_eq!(plant.speed().0 * sign > 0.0, moves, "{share} {sign}");
             assert_eq!(plant.speed().0 == 0.0, !moves, "{share} {sign}");
         }
@@ -235,22 +235,22 @@ fn coasting_down_ends_when_the_closed_form_says_and_where() {
                 let stop = inertia / drag * (drag * start.abs() / torque).ln_1p();
                 let mut plant = bare(motor);
                 plant.place(Amps(0.0), RadPerSec(start), 2.0);
-                let half = plant.run(Seconds(0.5 * stop), Influence::COAST, BATTERY);
+                let half = plant.run(Seconds(0.5 * stop), PlantInput::COAST, BATTERY);
                 let offset = torque / drag;
                 let speed = (start.abs() + offset) * (-0.5 * stop * drag / inertia).exp() - offset;
                 close(plant.speed().0 / start, speed / start.abs(), 1e-9, (name, coulomb, "half-way"));
                 // To within a microsecond: no sooner, no later.
                 let rest = 0.5 * stop;
-                let mut flow = plant.run(Seconds(rest - 1e-6), Influence::COAST, BATTERY);
+                let mut flow = plant.run(Seconds(rest - 1e-6), PlantInput::COAST, BATTERY);
                 assert!(plant.speed().0 * start > 0.0, "{name} {coulomb}");
-                flow.append(&plant.run(Seconds(2e-6), Influence::COAST, BATTERY));
+                flow.append(&plant.run(Seconds(2e-6), PlantInput::COAST, BATTERY));
                 assert_eq!(plant.speed().0, 0.0, "{name} {coulomb}");
                 let turned = (start.abs() * inertia - torque * stop) / drag;
                 close((plant.angle() - 2.0) * start.signum() / turned, 1.0, 1e-9, (name, coulomb, "angle"));
                 flow.append(&half);
                 close(flow.friction_heat.0 / (torque * turned), 1.0, 1e-9, (name, coulomb, "heat"));
                 let there = plant.angle();
-                plant.run(Seconds(1.0), Influence::COAST, BATTERY);
+                plant.run(Seconds(1.0), PlantInput::COAST, BATTERY);
                 assert_eq!((plant.speed().0, plant.angle()), (0.0, there), "{name} {coulomb}");
             }
         }
@@ -271,7 +271,7 @@ fn pulled_by_a_slow_spring_the_shaft_sticks_and_slips() {
     for step in 0..400_000 {
         let torque = stiffness * (pull * f64::from(step) * 5e-5 - plant.angle());
         let torque_after = NewtonMetres(torque / ratio);
-        plant.run(Seconds(5e-5), Influence { torque_after, ..Influence::COAST }, BATTERY);
+        plant.run(Seconds(5e-5), PlantInput { torque_after, ..PlantInput::COAST }, BATTERY);
         let moves = plant.speed().0 != 0.0;
         if moving && !moves {
             slips.push(plant.angle() - from);
@@ -302,7 +302,7 @@ fn battery_energy_is_heat_friction_and_what_is_stored() {
                 [(Mode::Cw98, 0.6), (Mode::Ccw62, 0.8), (Mode::Brake50, 0.5), (Mode::Cw98, 0.3)]
             {
                 for _ in 0..300 {
-                    flow.append(&plant.run(Seconds(1e-3), Influence::pwm(mode, duty), BATTERY));
+                    flow.append(&plant.run(Seconds(1e-3), PlantInput::pwm(mode, duty), BATTERY));
                     let battery = flow.energy_from_battery.0 - flow.energy_to_battery.0;
                     let coil = 0.5 * motor.l.0 * plant.current().0.powi(2);
                     let motion =
@@ -334,7 +334,7 @@ fn without_friction_the_way_through_it_changes_no_bit() {
             plant.place(Amps(0.2), RadPerSec(200.0), 1.0);
         }
         for ms in 0..500 {
-            let command = Influence::pwm(mode, f64::from(ms % 100) / 100.0);
+            let command = PlantInput::pwm(mode, f64::from(ms % 100) / 100.0);
             let flows = [&mut a, &mut b].map(|plant| plant.run(Seconds(1e-3), command, BATTERY));
             let [rough, smooth] =
                 [&a, &b].map(|plant| [plant.speed().0, plant.angle(), plant.current().0].map(f64::to_bits));
@@ -359,7 +359,7 @@ fn cogging_alone_takes_nothing_from_a_coasting_rotor() {
         let first = energy(&plant);
         let (mut slowest, mut fastest) = (start, start);
         for _ in 0..100_000 {
-            plant.run(Seconds(1e-4), Influence::COAST, BATTERY);
+            plant.run(Seconds(1e-4), PlantInput::COAST, BATTERY);
             close(energy(&plant) / first, 1.0, 1e-9, share);
             slowest = plant.speed().0.min(slowest);
             fastest = plant.speed().0.max(fastest);
@@ -384,9 +384,9 @@ fn a_rotor_swings_in_its_notch_as_a_pendulum_does() {
         let period = core::f64::consts::TAU / own / a;
         let mut plant = bare(motor);
         plant.place(Amps(0.0), RadPerSec(0.0), swing / teeth);
-        plant.run(Seconds(20.0 * period), Influence::COAST, BATTERY);
+        plant.run(Seconds(20.0 * period), PlantInput::COAST, BATTERY);
         close(plant.angle() * teeth / swing, 1.0, 2e-3, swing);
-        plant.run(Seconds(0.5 * period), Influence::COAST, BATTERY);
+        plant.run(Seconds(0.5 * period), PlantInput::COAST, BATTERY);
         close(plant.angle() * teeth / swing, -1.0, 2e-3, swing);
     }
 }

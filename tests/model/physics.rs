@@ -11,7 +11,7 @@ use motor_hub::model::friction::{Cogging, Friction};
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::paper::OpenLoop;
 use motor_hub::model::periodic::Conduction;
-use motor_hub::model::plant::{Flow, Influence, Plant, counts};
+use motor_hub::model::plant::{Flow, Plant, PlantInput, counts};
 use motor_hub::model::response::{Applied, GearedMotor, Motion};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{
@@ -384,7 +384,8 @@ fn plant_follows_the_event_exact_motor_within_a_thousandth() {
                     let mut reference = Reference { motor, shaft, torque, state: [0.0, 300.0, 0.0] };
                     let mut plant = Plant::new(motor, load, BRIDGE, Hertz(frequency));
                     plant.place(Amps(0.0), RadPerSec(300.0), 0.0);
-                    let command = Influence { torque_after: NewtonMetres(0.5), ..Influence::pwm(mode, duty) };
+                    let command =
+                        PlantInput { torque_after: NewtonMetres(0.5), ..PlantInput::pwm(mode, duty) };
                     // Means over 5 ms, as a controller would see them.
                     for _ in 0..4 {
                         let periods = (5e-3 * frequency).round();
@@ -426,7 +427,7 @@ fn plant_conserves_energy() {
             let mut plant = Plant::new(frictionless, Load::inertia(KgM2(0.01)), BRIDGE, Hertz(20e3));
             plant.place(Amps(0.5), RadPerSec(400.0), 0.0);
             let before = (energies(&plant), plant.current().0);
-            let flow = plant.run(Seconds(0.1), Influence::pwm(mode, 0.6), Volts(BATTERY));
+            let flow = plant.run(Seconds(0.1), PlantInput::pwm(mode, 0.6), Volts(BATTERY));
             let battery = flow.energy_from_battery.0 - flow.energy_to_battery.0;
             let coil = 0.5 * frictionless.l.0 * (plant.current().0.powi(2) - before.1.powi(2));
             let scale = battery.abs() + flow.heat.0 + flow.shaft_work.0.abs();
@@ -440,7 +441,7 @@ fn plant_conserves_energy() {
 
 #[test]
 fn plant_run_in_uneven_pieces_is_one_run() {
-    let command = Influence::pwm(Mode::Cw98, 0.37);
+    let command = PlantInput::pwm(Mode::Cw98, 0.37);
     let new = || Plant::new(am60(), Load::inertia(KgM2(0.01)), BRIDGE, Hertz(15.6e3));
     let (mut whole, mut pieces) = (new(), new());
     let at_once = whole.run(Seconds(0.1), command, Volts(BATTERY));
@@ -459,7 +460,7 @@ fn plant_run_in_uneven_pieces_is_one_run() {
 fn plant_settles_at_the_steady_speed_of_its_duty() {
     for (mode, duty) in [(Mode::Cw98, 0.3), (Mode::Cw98, 0.9), (Mode::Ccw62, 0.5)] {
         let mut plant = Plant::new(am60(), Load::NONE, BRIDGE, Hertz(20e3));
-        plant.run(Seconds(6.0), Influence::pwm(mode, duty), Volts(BATTERY));
+        plant.run(Seconds(6.0), PlantInput::pwm(mode, duty), Volts(BATTERY));
         let pwm = Pwm::new(mode, duty, Hertz(20e3));
         let steady = OpenLoop::new(&am60(), &Load::NONE, BRIDGE).steady_speed(pwm, Volts(BATTERY));
         close(plant.speed().0, steady.0, 0.02, (mode, duty));
@@ -470,7 +471,7 @@ fn plant_settles_at_the_steady_speed_of_its_duty() {
 fn a_plant_out_of_current_coasts_down_by_its_drag_alone() {
     let mut plant = Plant::new(am60(), Load::NONE, BRIDGE, Hertz(20e3));
     plant.place(Amps(0.0), RadPerSec(500.0), 1.0);
-    let flow = plant.run(Seconds(1.0), Influence::COAST, Volts(BATTERY));
+    let flow = plant.run(Seconds(1.0), PlantInput::COAST, Volts(BATTERY));
     let rate = am60().b.0 / am60().j.0;
     close(plant.speed().0, 500.0 * (-rate).exp(), 1e-9, "speed");
     close(plant.angle(), 1.0 + 500.0 * (1.0 - (-rate).exp()) / rate, 1e-8, "angle");
@@ -487,7 +488,7 @@ fn plant_stays_bounded_for_any_inertia() {
         for mode in MODES {
             let mut plant = Plant::new(motor, Load::NONE, BRIDGE, Hertz(8e3));
             for _ in 0..10 {
-                plant.run(Seconds(1e-3), Influence::pwm(mode, 0.5), Volts(BATTERY));
+                plant.run(Seconds(1e-3), PlantInput::pwm(mode, 0.5), Volts(BATTERY));
                 assert!(plant.speed().0.abs() < 3.0 * BATTERY / motor.ke.0, "{j} {mode:?}");
                 assert!(plant.current().0.abs() < 3.0 * BATTERY / motor.r.0, "{j} {mode:?}");
             }
@@ -523,7 +524,7 @@ fn plants_on_one_battery_share_its_sag_and_its_gain() {
     };
     // Two motors at standstill with full voltage: v = emf - Rb 2 v / (R + 2 Ron).
     let mut rig = Rig::new(battery, vec![plant(0.0), plant(0.0)]);
-    let full = Influence::pwm(Mode::Cw98, 1.0);
+    let full = PlantInput::pwm(Mode::Cw98, 1.0);
     let total = rig.run(Seconds(0.05), &[full, full]);
     close(total.voltage.0, 12.0 / (1.0 + 0.4 / 3.4), 2e-2, "sag");
     close(rig.voltage().0, 12.0 - 0.2 * total.current.0, 2e-2, "present");
@@ -531,7 +532,7 @@ fn plants_on_one_battery_share_its_sag_and_its_gain() {
 
     // Braking with 5/0 at speed is a boost chopper: it charges the battery. No command is to coast.
     let mut rig = Rig::new(battery, vec![plant(550.0), plant(550.0)]);
-    let total = rig.run(Seconds(0.05), &[Influence::pwm(Mode::Brake50, 0.5)]);
+    let total = rig.run(Seconds(0.05), &[PlantInput::pwm(Mode::Brake50, 0.5)]);
     assert!(total.voltage.0 > 12.05, "{}", total.voltage);
     assert_eq!(total.flows.last().map(|flow| flow.charge.0), Some(0.0));
 }
@@ -546,7 +547,7 @@ fn report_of_the_plant_s_speed() {
                 plant.place(Amps(0.0), RadPerSec(300.0), 0.0);
                 let begin = std::time::Instant::now();
                 for _ in 0..1000 {
-                    plant.run(Seconds(1e-3), Influence::pwm(mode, 0.4), Volts(BATTERY));
+                    plant.run(Seconds(1e-3), PlantInput::pwm(mode, 0.4), Volts(BATTERY));
                 }
                 let spent = begin.elapsed().as_secs_f64() * 1e3;
                 println!("{name}, {frequency} Hz, {}: {spent:.2} ms per second", mode.name());

@@ -17,10 +17,10 @@ use motor_hub::motor::{Faults, OnFault, SenseLine, Settings, ThermalLimit};
 use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
 use motor_hub::protocol::led::{LedPattern, STEPS, Step};
 use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
-use motor_hub::protocol::payload::{ByteIn, Field, Fields, Flag, Payload, Text, WordFrom};
+use motor_hub::protocol::payload::{ByteIn, Field, Fields, Payload, Text, WordFrom};
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Standard, ToHub};
-use motor_hub::protocol::{self, Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
+use motor_hub::protocol::{Address, CHANNELS, Colour, Decoder, Nack, Packet, Reply, frame};
 use motor_hub::record::{Fault, Head, Tick};
 use motor_hub::regulator::identify::{Identification, Identified, Refusal};
 use motor_hub::regulator::{Dynamics, Kind};
@@ -54,7 +54,7 @@ fn address() -> impl Strategy<Value = Address> {
 }
 
 fn text() -> impl Strategy<Value = Text> {
-    vec(any::<u8>(), 0..=100).prop_map(|bytes| Text::new(&bytes).expect("short"))
+    vec(any::<u8>(), 0..=100).prop_map(|bytes| Text::from_slice(&bytes).expect("short"))
 }
 
 fn colour() -> impl Strategy<Value = Colour> {
@@ -70,8 +70,8 @@ fn run_mode() -> impl Strategy<Value = RunMode> {
     prop_oneof![Just(RunMode::Power), Just(RunMode::Velocity), Just(RunMode::Position)]
 }
 
-fn floats() -> impl Strategy<Value = Flag> {
-    any::<bool>().prop_map(Flag)
+fn floats() -> impl Strategy<Value = bool> {
+    any::<bool>()
 }
 
 fn of() -> impl Strategy<Value = Loop> {
@@ -335,7 +335,7 @@ fn standard() -> Vec<BoxedStrategy<Case>> {
         plain(Standard::FailSafe),
         with(&[1], address(), |address| Standard::SetAddress { address }),
         name.prop_map(|name| {
-            let request = Standard::QueryInterface { name: InterfaceName::new(name).expect("short") };
+            let request = Standard::QueryInterface { name: InterfaceName::from_slice(name).expect("short") };
             (request.into(), vec![name.len() + 1])
         })
         .boxed(),
@@ -357,7 +357,7 @@ fn to_hub() -> Vec<BoxedStrategy<Case>> {
         plain(ToHub::PhoneCharge),
         text()
             .prop_map(|text| {
-                let sizes = vec![1, text.bytes().len()];
+                let sizes = vec![1, text.len()];
                 (ToHub::LogHint { text }.into(), sizes)
             })
             .boxed(),
@@ -407,7 +407,7 @@ fn to_motor() -> Vec<BoxedStrategy<Case>> {
     let pid = (of(), [coefficient(), coefficient(), coefficient()]);
     vec![
         with(&[1, 1, 1], (motor(), run_mode(), floats()), |(motor, mode, floats)| {
-            ToMotor::SetMode { mode, floats }.to(motor)
+            ToMotor::SetMode { mode: ChannelMode { mode, floats } }.to(motor)
         }),
         of_motor(ToMotor::Mode),
         with(&[1, 1], (motor(), any::<bool>()), |(motor, on)| ToMotor::SetEnable { on }.to(motor)),
@@ -555,13 +555,13 @@ fn update_functions() -> Vec<BoxedStrategy<Case>> {
     vec![
         (any::<u32>(), any::<u32>(), text())
             .prop_map(|(length, crc, version)| {
-                let sizes = vec![4, 4, 1, version.bytes().len()];
+                let sizes = vec![4, 4, 1, version.len()];
                 (HubFunction::BeginUpdate { length, crc, version }.into(), sizes)
             })
             .boxed(),
         (any::<u32>(), text())
             .prop_map(|(offset, bytes)| {
-                let sizes = vec![4, 1, bytes.bytes().len()];
+                let sizes = vec![4, 1, bytes.len()];
                 (HubFunction::Chunk { offset, bytes }.into(), sizes)
             })
             .boxed(),
@@ -646,7 +646,7 @@ proptest! {
         let packet = request.packet(2, 1, request.id());
         let read = Request::read(&packet, motors);
         match request {
-            Request::Rev(protocol::Request::Motor(motor, _))
+            Request::ToMotor(motor, _)
             | Request::Set(motor, _)
             | Request::Get(motor, _)
             | Request::Motor(motor, _)
@@ -708,7 +708,7 @@ proptest! {
         let mut settings = MotorSettings { current_alert_ma: alert, ..settings };
         settings.set_coefficients(Loop::Velocity, velocity);
         settings.set_coefficients(Loop::Position, position);
-        settings.set_channel_mode(ChannelMode { mode: RunMode::Position, floats: Flag(true) });
+        settings.set_channel_mode(ChannelMode { mode: RunMode::Position, floats: true });
         let mut put = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
         for group in Group::EACH {
             let values = Values::of(group, &settings);

@@ -3,7 +3,7 @@
 use crate::host::{N, Said, TestHost};
 use motor_hub::extension::MotorFunction;
 use motor_hub::extension::group::{GroupCourse, GroupMove};
-use motor_hub::group::{Course, Halt, MOTORS, Together};
+use motor_hub::group::{Course, GroupCommand, Halt, MOTORS};
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Report, Setpoint};
 use motor_hub::regulator::Reference;
@@ -31,7 +31,7 @@ fn lead(motor: usize, left: i32, right: i32) -> Command {
     let mut counts = [None; MOTORS];
     (counts[1], counts[3]) = (Some(left), Some(right));
     let GroupMove { speed, acceleration, lag, tolerance, halt, .. } = pair(0, 0);
-    let together = Together { course: Course::To(counts), speed, acceleration, lag, tolerance, halt };
+    let together = GroupCommand { course: Course::To(counts), speed, acceleration, lag, tolerance, halt };
     Command { motor, action: Action::Lead(together) }
 }
 

@@ -11,7 +11,7 @@ use motor_hub::protocol::Address;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::responder::Responder;
-use motor_hub::supply::{BusState, Seen, Stage};
+use motor_hub::supply::{BusReading, BusState, Stage};
 use motor_hub::units::{
     AccelerationPerVolt, Control, CountsPerSecond, DecayRate, Duty, EmfConstant, Inductance, Microjoules,
     Micros, Milliamperes, Millivolts, Resistance, Share,
@@ -298,7 +298,7 @@ fn the_bus_is_reported_as_measured_last_until_the_measurement_is_too_old() {
     };
     let at = host.now;
     for (mv, state) in [(19_000, BusState::TooHigh), (14_600, BusState::Burning), (4_500, BusState::TooLow)] {
-        host.responder.sense_bus(Seen { measured: Some(Millivolts::new(mv)), state, at });
+        host.responder.sense_bus(BusReading { measured: Some(Millivolts::new(mv)), state, at });
         let code = [(BusState::TooHigh, 6), (BusState::Burning, 5), (BusState::TooLow, 1)]
             .into_iter()
             .find_map(|(known, code)| (known == state).then_some(code));

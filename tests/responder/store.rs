@@ -12,7 +12,7 @@ use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::{Address, Packet};
 use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::responder::Responder;
-use motor_hub::store::{Found, Order, Outcome, Record, Stored};
+use motor_hub::store::{Found, Outcome, Record, StoreRequest, Stored};
 use motor_hub::units::{
     Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, EmfConstant,
     Millivolts,
@@ -40,8 +40,8 @@ fn empty() -> TestHost {
     powered_on(Found::without_record(Stored::Nothing, 0))
 }
 
-fn order(host: &mut TestHost) -> Order {
-    host.responder.order(&host.snapshot).expect("an order")
+fn order(host: &mut TestHost) -> StoreRequest {
+    host.responder.store_request(&host.snapshot).expect("an order")
 }
 
 /// Carries out the order; what is stored then.
@@ -90,7 +90,7 @@ fn a_board_without_a_memory_refuses_and_accesses_nothing() {
     for function in [SAVE, LOAD, RESET, STATE] {
         assert_eq!(host.ask(function, &[]), Said::Nack(253));
     }
-    assert_eq!(host.responder.order(&host.snapshot), None);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn with_an_empty_memory_a_hub_is_as_without_a_memory() {
     // Whatever a host does, nothing is written.
     set_everything(&mut host);
     host.do_all(&[(17, &[2, 100, 0]), (10, &[2, 1]), (10, &[2, 0])]);
-    assert_eq!(host.responder.order(&host.snapshot), None);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
 
 #[test]
@@ -227,7 +227,7 @@ fn additional_bytes_of_an_entry_are_kept_or_the_save_is_refused() {
             assert!(saved.entries().any(|entry| entry.payload == longer), "{saved:?}");
         } else {
             assert_eq!(said, Said::Nack(64));
-            assert_eq!(host.responder.order(&host.snapshot), None);
+            assert_eq!(host.responder.store_request(&host.snapshot), None);
         }
     }
 }
@@ -238,7 +238,7 @@ fn settings_that_leave_no_room_for_unknown_entries_are_not_saved() {
     record.push(0x4D55, &[7; 240]).expect("room");
     let mut host = powered_on(found(&record));
     assert_eq!(host.ask(SAVE, &[]), Said::Nack(64));
-    assert_eq!(host.responder.order(&host.snapshot), None);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
 
 #[test]
@@ -265,7 +265,7 @@ fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
     let StoreReport { outcome, stored, .. } = report(&mut host);
     assert_eq!((outcome, stored), (Outcome::NeedsErase, Stored::Nothing));
     // The hub does not try again.
-    assert_eq!(host.responder.order(&host.snapshot), None);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
     // Disabled, while the motors' reports still have a set-point, or a button has set one.
     host.do_all(&[(10, &[1, 0])]);
     for setpoint in [Setpoint::ConstantPower(Control::MAX), Setpoint::Velocity(CountsPerSecond::ZERO)] {
@@ -310,10 +310,13 @@ fn a_later_firmwares_settings_are_refused_and_kept_until_they_are_reset() {
     assert_eq!(host.ask(SAVE, &[]), Said::Nack(62));
     // Not even the address.
     host.ask(0x7F06, &[9]);
-    assert_eq!(host.responder.order(&host.snapshot), None);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
     let mut host = powered_on(Found::without_record(Stored::Later, 3));
     assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
-    assert_eq!(order(&mut host), Order { record: Some(Record::new(1)), afresh: false, may_erase: true });
+    assert_eq!(
+        order(&mut host),
+        StoreRequest { record: Some(Record::new(1)), afresh: false, may_erase: true }
+    );
 }
 
 #[test]
@@ -321,7 +324,10 @@ fn a_damaged_memory_refuses_saves_until_a_reset() {
     let mut host = powered_on(Found::without_record(Stored::Damaged, 0));
     assert_eq!(host.ask(SAVE, &[]), Said::Nack(63));
     assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
-    assert_eq!(order(&mut host), Order { record: Some(Record::new(1)), afresh: true, may_erase: true });
+    assert_eq!(
+        order(&mut host),
+        StoreRequest { record: Some(Record::new(1)), afresh: true, may_erase: true }
+    );
 }
 
 #[test]
@@ -341,7 +347,7 @@ fn a_new_address_is_stored_alone() {
     assert_eq!(others(&record), others(&before));
     assert_eq!(powered_on(found(&record)).responder.address().get(), 9);
     // Once.
-    assert_eq!(host.responder.order(&host.snapshot), None);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
 
 #[test]
@@ -351,19 +357,19 @@ fn an_address_that_has_no_room_waits_for_motors_to_be_off() {
     host.ask(0x7F06, &[HUB + 1]);
     assert!(!order(&mut host).may_erase);
     host.responder.carried_out(None, Outcome::NeedsErase);
-    assert_eq!(host.responder.order(&host.snapshot), None);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
     host.responder.tick(motor_hub::units::Micros::new(60_000_000), &host.snapshot);
     assert!(order(&mut host).may_erase);
     // A memory that fails is not worn out by it.
     host.responder.carried_out(None, Outcome::Refused);
-    assert_eq!(host.responder.order(&host.snapshot), None);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
 
 #[test]
 fn the_address_in_force_is_not_stored_again() {
     let mut host = empty();
     host.ask(0x7F06, &[HUB]);
-    assert_eq!(host.responder.order(&host.snapshot), None);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
 
 fn entry() -> impl Strategy<Value = (u16, Vec<u8>)> {
@@ -403,7 +409,7 @@ proptest! {
         let save = motor_hub::extension::Request::from(motor_hub::extension::HubFunction::Save);
         let packet = save.packet(address.get(), 1, save.id());
         host.responder.receive(&packet, host.now, &host.snapshot);
-        if let Some(Order { record: Some(saved), .. }) = host.responder.order(&host.snapshot) {
+        if let Some(StoreRequest { record: Some(saved), .. }) = host.responder.store_request(&host.snapshot) {
             let mut again = TestHost::new();
             again.responder.restore(found(&saved));
             prop_assert_eq!(settings_in_force(&again.told()), before);

@@ -455,7 +455,7 @@ fn a_hub_with_a_memory_reads_packets_once_the_memory_has_reported() {
     // A request reaches the memory's task, and its result comes back.
     world.send(&frame_to(HUB, 2, 0x4D0E, &[]));
     run_ms(&mut task, 2);
-    let order = world.wires.store.order.try_take().expect("an order");
+    let order = world.wires.store.request.try_take().expect("an order");
     assert_eq!(order.record.map(|record| record.number()), Some(2));
     assert_eq!(world.replies(), [(0x7F01, 1)]);
     // The task of the LED feeds the watchdog meanwhile.

@@ -6,7 +6,7 @@ use motor_hub::extension::Request;
 use motor_hub::extension::state::UpdateReport;
 use motor_hub::hub::Snapshot;
 use motor_hub::protocol::payload::{Field, Fields, Text};
-use motor_hub::update::{Booted, CHUNK, Done, Order, Outcome, Phase, Seal, Slot};
+use motor_hub::update::{Booted, CHUNK, Done, Outcome, Phase, Seal, Slot, UpdateRequest};
 
 fn say(host: &mut TestHost, request: HubFunction) -> Said {
     let request = Request::from(request);
@@ -14,14 +14,14 @@ fn say(host: &mut TestHost, request: HubFunction) -> Said {
 }
 
 fn begin(host: &mut TestHost, length: u32) -> Said {
-    let version = Text::new(b"mh9.9.9").expect("short");
+    let version = Text::from_slice(b"mh9.9.9").expect("short");
     say(host, HubFunction::BeginUpdate { length, crc: 7, version })
 }
 
 fn chunk(host: &mut TestHost, offset: u32) -> Said {
     let mut bytes = [0; CHUNK];
     bytes[..8].copy_from_slice(&[0, 0, 2, 0x20, 0x41, 0, 2, 8]);
-    say(host, HubFunction::Chunk { offset, bytes: Text::new(&bytes).expect("short") })
+    say(host, HubFunction::Chunk { offset, bytes: Text::from_slice(&bytes).expect("short") })
 }
 
 fn report(host: &mut TestHost) -> UpdateReport {
@@ -65,21 +65,21 @@ fn a_host_sends_an_image_and_has_it_started() {
     for offset in [0, 96] {
         assert_eq!(chunk(&mut host, offset), ACK);
         assert!(
-            matches!(host.responder.update_order(), Some(Order::Write { offset: to, .. }) if to == offset)
+            matches!(host.responder.update_request(), Some(UpdateRequest::Write { offset: to, .. }) if to == offset)
         );
         assert_eq!(chunk(&mut host, offset + 96), Said::Nack(if offset == 0 { 70 } else { 1 }));
         host.responder.update_done(Done::Carried(Outcome::Done));
     }
     assert_eq!(say(&mut host, HubFunction::Restart), Said::Nack(77));
     assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
-    assert_eq!(host.responder.update_order(), Some(Order::Arm { length: 192, crc: 7, seal: None }));
+    assert_eq!(host.responder.update_request(), Some(UpdateRequest::Arm { length: 192, crc: 7, seal: None }));
     host.responder.update_done(Done::Carried(Outcome::Done));
     let told = report(&mut host);
-    let version = Text::new(b"mh9.9.9").expect("short");
+    let version = Text::from_slice(b"mh9.9.9").expect("short");
     assert_eq!((told.phase, told.received, told.length, told.version), (Phase::Armed, 192, 192, version));
     assert_eq!((told.origin, told.capacity), (SLOT.origin, SLOT.length));
     assert_eq!(say(&mut host, HubFunction::Restart), ACK);
-    assert_eq!(host.responder.update_order(), Some(Order::Restart));
+    assert_eq!(host.responder.update_request(), Some(UpdateRequest::Restart));
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn each_refusal_has_its_own_number() {
     host.responder.update_done(Done::Booted(Booted::Confirmed));
     assert_eq!(begin(&mut host, 96), ACK);
     assert_eq!(chunk(&mut host, 96), Said::Nack(75));
-    let blank = Text::new(&[0xFF; CHUNK]).expect("short");
+    let blank = Text::from_slice(&[0xFF; CHUNK]).expect("short");
     assert_eq!(say(&mut host, HubFunction::Chunk { offset: 0, bytes: blank }), Said::Nack(76));
     assert_eq!(say(&mut host, HubFunction::AbandonUpdate), ACK);
     assert_eq!(chunk(&mut host, 0), Said::Nack(74));
@@ -112,11 +112,11 @@ fn signatures_are_required_with_a_key_and_refused_without_one() {
     assert_eq!(chunk(&mut host, 0), Said::Nack(78));
     assert_eq!(sign(&mut host, 5), ACK);
     assert_eq!(chunk(&mut host, 0), ACK);
-    host.responder.update_order().expect("a chunk to write");
+    host.responder.update_request().expect("a chunk to write");
     host.responder.update_done(Done::Carried(Outcome::Done));
     assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
     let seal = Some(Seal { key: [5; 32], signature: [9; 64] });
-    assert_eq!(host.responder.update_order(), Some(Order::Arm { length: 96, crc: 7, seal }));
+    assert_eq!(host.responder.update_request(), Some(UpdateRequest::Arm { length: 96, crc: 7, seal }));
     host.responder.update_done(Done::Carried(Outcome::WrongSignature));
     let told = report(&mut host);
     assert_eq!((told.phase, told.outcome), (Phase::Nothing, Outcome::WrongSignature));

@@ -2,7 +2,7 @@
 
 use crate::flash::{Flash, NoPower, block_on, read, write};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use motor_hub::store::{Found, Order, Outcome, Record, Stored};
+use motor_hub::store::{Found, Outcome, Record, StoreRequest, Stored};
 use motor_hub::tasks::store::Keeper;
 use sequential_storage::cache::Cache;
 use sequential_storage::map::{MapConfig, MapStorage};
@@ -136,7 +136,7 @@ impl NorFlash for Worn {
 fn a_memory_that_loses_writes_is_reported() {
     for (says_so, outcome) in [(true, Outcome::Refused), (false, Outcome::Lost)] {
         let mut keeper = Keeper::new(Worn::new(says_so), 0..2048).expect("two pages");
-        let order = Order { record: Some(record(1)), afresh: false, may_erase: true };
+        let order = StoreRequest { record: Some(record(1)), afresh: false, may_erase: true };
         let done = block_on(keeper.carry_out(&order));
         assert_eq!(done.outcome, outcome);
         assert_eq!(done.found.map(|found| found.stored), Some(Stored::Nothing));

@@ -3,7 +3,7 @@
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
-use motor_hub::store::{Found, Order, Record};
+use motor_hub::store::{Found, Record, StoreRequest};
 use motor_hub::tasks::store::{Done, Keeper};
 
 pub(crate) use embassy_futures::block_on;
@@ -157,7 +157,7 @@ pub(crate) fn write<const WORD: usize, const PAGE: usize>(
     record: &Record,
     may_erase: bool,
 ) -> Done {
-    let order = Order { record: Some(record.clone()), afresh: false, may_erase };
+    let order = StoreRequest { record: Some(record.clone()), afresh: false, may_erase };
     block_on(keeper(flash).carry_out(&order))
 }
 

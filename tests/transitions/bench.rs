@@ -236,7 +236,7 @@ impl Bench {
     }
 
     fn run_ms(&mut self, report: &Report) -> f64 {
-        let mut influence = plant::Influence::pwm(report.drive.mode, report.drive.duty.to_f64());
+        let mut influence = plant::PlantInput::pwm(report.drive.mode, report.drive.duty.to_f64());
         let stall_torque = self.constants.motor.kt.0 * self.constants.stall_current;
         influence.torque_after = NewtonMetres(self.load * stall_torque / self.constants.shaft.torque_ratio);
         let flow = self.plant.run(Seconds(1e-3), influence, Volts(BATTERY));

@@ -6,7 +6,7 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
-use motor_hub::tasks::update::{Marks, Slots, Waiting};
+use motor_hub::tasks::update::{BlockingFlash, Slots, StateFlash};
 use motor_hub::update::{Booted, CHUNK, CRC, Outcome};
 use std::cell::RefCell;
 use std::future::ready;
@@ -197,9 +197,9 @@ fn image(version: u8) -> Vec<u8> {
 fn boot(chip: &RefCell<Chip>) -> Result<u8, NoPower> {
     let idle = || unreachable!("this flash is never busy");
     let config = BootLoaderConfig {
-        active: Waiting { flash: Part(chip, ACTIVE), idle },
-        dfu: Waiting { flash: Part(chip, DOWNLOAD), idle },
-        state: Waiting { flash: Marks(Part(chip, STATE)), idle },
+        active: BlockingFlash { flash: Part(chip, ACTIVE), idle },
+        dfu: BlockingFlash { flash: Part(chip, DOWNLOAD), idle },
+        state: BlockingFlash { flash: StateFlash(Part(chip, STATE)), idle },
     };
     let done = BootLoader::new(config).prepare_boot(&mut [0; 2 * WORD]);
     chip.borrow().alive()?;

@@ -1,6 +1,7 @@
 //! What the hub takes of an image, step by step.
 
-use motor_hub::update::{Booted, CHUNK, CRC, Done, Order, Outcome, Phase, Refusal, Slot, Update};
+use motor_hub::protocol::Nack;
+use motor_hub::update::{Booted, CHUNK, CRC, Done, Outcome, Phase, Slot, Update, UpdateRequest};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -31,9 +32,9 @@ struct Memory {
 
 impl Memory {
     fn serve(&mut self, update: &mut Update) {
-        let Some(order) = update.order() else { return };
+        let Some(order) = update.request() else { return };
         let outcome = match order {
-            Order::Write { offset, bytes } => {
+            UpdateRequest::Write { offset, bytes } => {
                 if offset == 0 {
                     // Its page is erased.
                     self.bytes.clear();
@@ -42,7 +43,7 @@ impl Memory {
                 self.bytes[offset as usize..][..bytes.len()].copy_from_slice(&bytes);
                 Outcome::Done
             }
-            Order::Arm { length, crc: announced, .. } => {
+            UpdateRequest::Arm { length, crc: announced, .. } => {
                 let image = self.bytes.get(..length as usize).unwrap_or_default();
                 if crc(image) == announced {
                     self.armed = Some(image.to_vec());
@@ -51,11 +52,11 @@ impl Memory {
                     Outcome::Mismatch
                 }
             }
-            Order::Disarm => {
+            UpdateRequest::Disarm => {
                 self.armed = None;
                 Outcome::Done
             }
-            Order::Restart => Outcome::Done,
+            UpdateRequest::Restart => Outcome::Done,
         };
         update.done(Done::Carried(outcome));
     }
@@ -77,9 +78,9 @@ fn an_image_that_came_whole_is_armed() {
         update.finish().expect("all is there");
         memory.serve(&mut update);
         assert_eq!((update.phase(), memory.armed.as_ref()), (Phase::Armed, Some(&image)), "{length} bytes");
-        assert_eq!(update.restart(true), Err(Refusal::MotorEnabled));
+        assert_eq!(update.restart(true), Err(Nack::MOTOR_ENABLED));
         update.restart(false).expect("armed");
-        assert_eq!(update.order(), Some(Order::Restart));
+        assert_eq!(update.request(), Some(UpdateRequest::Restart));
     }
 }
 
@@ -91,19 +92,19 @@ fn an_image_that_reads_back_otherwise_is_not_armed() {
     update.finish().expect("all is there");
     memory.serve(&mut update);
     assert_eq!((update.phase(), update.outcome()), (Phase::Nothing, Outcome::Mismatch));
-    assert_eq!((update.restart(false), memory.armed), (Err(Refusal::NotArmed), None));
+    assert_eq!((update.restart(false), memory.armed), (Err(Nack::UPDATE_NOT_ARMED), None));
 }
 
 #[test]
 fn nothing_begins_while_it_would_harm() {
     let mut update = Update::new(SLOT);
-    assert_eq!(update.begin(1_000, 0, false), Err(Refusal::OnTrial), "how it was started is not known");
+    assert_eq!(update.begin(1_000, 0, false), Err(Nack::UPDATE_ON_TRIAL), "how it was started is not known");
     update.done(Done::Booted(Booted::OnTrial));
-    assert_eq!(update.begin(1_000, 0, false), Err(Refusal::OnTrial), "the slot has the firmware before");
+    assert_eq!(update.begin(1_000, 0, false), Err(Nack::UPDATE_ON_TRIAL), "the slot has the firmware before");
     update.done(Done::Booted(Booted::WentBack));
-    assert_eq!(update.begin(1_000, 0, true), Err(Refusal::MotorEnabled));
+    assert_eq!(update.begin(1_000, 0, true), Err(Nack::MOTOR_ENABLED));
     for length in [0, 7, SLOT.length + 1, u32::MAX] {
-        assert_eq!(update.begin(length, 0, false), Err(Refusal::Length));
+        assert_eq!(update.begin(length, 0, false), Err(Nack::UPDATE_TOO_LONG));
     }
     assert_eq!(update.begin(SLOT.length, 0, false), Ok(()));
 }
@@ -134,7 +135,7 @@ fn an_image_for_another_chip_or_address_is_refused_at_its_first_chunk() {
     for (image, taken) in cases {
         let mut update = confirmed();
         update.begin(CHUNK as u32, 0, false).expect("begun");
-        let expected = if taken { Ok(()) } else { Err(Refusal::NotAnImage) };
+        let expected = if taken { Ok(()) } else { Err(Nack::UPDATE_NOT_AN_IMAGE) };
         assert_eq!(update.chunk(0, &image), expected, "{:02x?}", &image[..8]);
     }
 }
@@ -142,16 +143,16 @@ fn an_image_for_another_chip_or_address_is_refused_at_its_first_chunk() {
 #[test]
 fn a_repeated_chunk_changes_nothing_and_a_gap_is_refused() {
     let (mut update, mut memory, image) = (confirmed(), Memory::default(), image(1_000));
-    assert_eq!(update.chunk(0, &image[..CHUNK]), Err(Refusal::NotBegun));
+    assert_eq!(update.chunk(0, &image[..CHUNK]), Err(Nack::UPDATE_NOT_BEGUN));
     update.begin(1_000, crc(&image), false).expect("begun");
-    assert_eq!(update.chunk(96, &image[96..192]), Err(Refusal::Gap));
-    assert_eq!(update.chunk(0, &image[..95]), Err(Refusal::ChunkLength));
+    assert_eq!(update.chunk(96, &image[96..192]), Err(Nack::UPDATE_GAP));
+    assert_eq!(update.chunk(0, &image[..95]), Err(Nack::parameter(1)));
     update.chunk(0, &image[..96]).expect("the first");
-    assert_eq!(update.chunk(96, &image[96..192]), Err(Refusal::AtWork), "the first is not written yet");
-    assert_eq!(update.finish(), Err(Refusal::Gap));
+    assert_eq!(update.chunk(96, &image[96..192]), Err(Nack::UPDATE_BUSY), "the first is not written yet");
+    assert_eq!(update.finish(), Err(Nack::UPDATE_GAP));
     memory.serve(&mut update);
-    assert_eq!((update.chunk(0, &image[..96]), update.order()), (Ok(()), None));
-    assert_eq!(update.chunk(95, &image[95..191]), Err(Refusal::Gap));
+    assert_eq!((update.chunk(0, &image[..96]), update.request()), (Ok(()), None));
+    assert_eq!(update.chunk(95, &image[95..191]), Err(Nack::UPDATE_GAP));
     assert_eq!(update.progress(), (96, 1_000));
 }
 
@@ -160,10 +161,10 @@ fn a_flash_that_refuses_a_chunk_ends_the_update() {
     let (mut update, image) = (confirmed(), image(1_000));
     update.begin(1_000, crc(&image), false).expect("begun");
     update.chunk(0, &image[..96]).expect("the first");
-    assert!(update.order().is_some());
+    assert!(update.request().is_some());
     update.done(Done::Carried(Outcome::Refused));
     assert_eq!((update.phase(), update.outcome()), (Phase::Nothing, Outcome::Refused));
-    assert_eq!(update.chunk(96, &image[96..192]), Err(Refusal::NotBegun));
+    assert_eq!(update.chunk(96, &image[96..192]), Err(Nack::UPDATE_NOT_BEGUN));
 }
 
 #[test]
@@ -173,9 +174,9 @@ fn an_armed_image_is_started_or_abandoned_before_there_is_another() {
     send(&mut update, &mut memory, &image);
     update.finish().expect("all is there");
     memory.serve(&mut update);
-    assert_eq!(update.begin(100, 0, false), Err(Refusal::Armed), "its slot must not be erased");
+    assert_eq!(update.begin(100, 0, false), Err(Nack::UPDATE_ARMED), "its slot must not be erased");
     update.abandon().expect("nothing is at work");
-    assert_eq!(update.restart(false), Err(Refusal::NotArmed));
+    assert_eq!(update.restart(false), Err(Nack::UPDATE_NOT_ARMED));
     memory.serve(&mut update);
     assert_eq!((update.phase(), memory.armed), (Phase::Nothing, None));
 }

@@ -20,7 +20,7 @@ use embassy_stm32::{bind_interrupts, pac, rcc};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::mutex::Mutex;
 use embedded_storage_async::nor_flash::NorFlash;
-use motor_hub::tasks::update::{Marks, Waiting};
+use motor_hub::tasks::update::{BlockingFlash, StateFlash};
 
 bind_interrupts!(struct Irqs {
     FLASH => InterruptHandler;
@@ -39,9 +39,9 @@ fn main() -> ! {
     let first: Mutex<NoopRawMutex, _> = Mutex::new(Words::new(regions.bank1_region, 0));
     let second: Mutex<NoopRawMutex, _> = Mutex::new(Words::new(regions.bank2_region, 1));
     let config = BootLoaderConfig {
-        active: waiting(part(&first, layout::ACTIVE)),
-        dfu: waiting(part(&second, layout::DOWNLOAD)),
-        state: waiting(Marks(part(&second, layout::STATE))),
+        active: blocking(part(&first, layout::ACTIVE)),
+        dfu: blocking(part(&second, layout::DOWNLOAD)),
+        state: blocking(StateFlash(part(&second, layout::STATE))),
     };
     let Ok(loader) = BootLoader::try_prepare::<_, _, _, BUFFER>(config) else {
         // What is booted may be half of each.
@@ -74,8 +74,8 @@ fn part<F: NorFlash>(flash: &Mutex<NoopRawMutex, F>, at: Range<u32>) -> Partitio
 }
 
 /// Any interrupt is an event, also one just before the core sleeps.
-const fn waiting<F>(flash: F) -> Waiting<F> {
-    Waiting { flash, idle: wfe }
+const fn blocking<F>(flash: F) -> BlockingFlash<F> {
+    BlockingFlash { flash, idle: wfe }
 }
 
 #[panic_handler]

@@ -28,7 +28,7 @@ use std::time::Duration;
 
 use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::bridge::Drive;
-use motor_hub::model::plant::{Influence, Plant};
+use motor_hub::model::plant::{Plant, PlantInput};
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::motion::{Reading, Tracker};
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
@@ -190,9 +190,9 @@ impl Recording {
         for tick in 0..ticks {
             let volts = 13.0 - 2.0 * tick as f64 / ticks as f64;
             for ms in 1..=u64::from(period.as_millis()) {
-                let command = Influence {
+                let command = PlantInput {
                     torque_after: NewtonMetres(torque(tick)),
-                    ..Influence::pwm(drive.mode, drive.duty.to_f64())
+                    ..PlantInput::pwm(drive.mode, drive.duty.to_f64())
                 };
                 plant.run(Seconds(1e-3), command, Volts(volts));
                 let now = Micros::new(tick as u64 * period.as_micros() + ms * 1000);

@@ -24,8 +24,7 @@ use motor_hub::model::plant::Flow;
 use motor_hub::motion::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, Setpoint, ZeroPower};
 use motor_hub::protocol::answers::Reply;
-use motor_hub::protocol::motor::{RunMode, ToMotor};
-use motor_hub::protocol::payload::Flag;
+use motor_hub::protocol::motor::{ChannelMode, RunMode, ToMotor};
 use motor_hub::units::{CountsPerSecond, Duty, Period, RangeError};
 use simulated::encoder::Encoder;
 use simulated::scenario::{Motor, Scenario};
@@ -253,7 +252,7 @@ fn carry_out(
                     Setpoint::Position { .. } => RunMode::Position,
                     _ => RunMode::Power,
                 };
-                talk.order(bench, ToMotor::SetMode { mode, floats: Flag(true) }.to(motor));
+                talk.order(bench, ToMotor::SetMode { mode: ChannelMode { mode, floats: true } }.to(motor));
             }
         }
     }

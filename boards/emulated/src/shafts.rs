@@ -11,7 +11,7 @@ use motor_hub::bridge::BridgeConstants;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Flow, Influence, Plant};
+use motor_hub::model::plant::{Flow, Plant, PlantInput};
 use motor_hub::model::si::{Amps, Hertz, NewtonMetres, RadPerSec, Seconds};
 use motor_hub::model::switching::Bridge;
 
@@ -59,7 +59,7 @@ pub struct Look {
 #[derive(Clone, Debug)]
 struct Shaft {
     mounting: Mounting,
-    command: Influence,
+    command: PlantInput,
     /// As of `base_at`.
     base: Plant,
     base_at: u64,
@@ -84,7 +84,7 @@ impl Shaft {
         let plant = Plant::new(mounting.motor, mounting.load, mounting.bridge, IDLE_PWM);
         Self {
             mounting,
-            command: Influence::COAST,
+            command: PlantInput::COAST,
             base: plant.clone(),
             base_at: 0,
             base_flow: Flow::default(),
@@ -278,7 +278,7 @@ impl Shafts {
             Output::Level(high) => (lines.state(high), lines.state(high)),
             Output::Pulse(_) => (lines.state(true), lines.state(false)),
         };
-        self.shafts[index].command = Influence { on, off, duty: lines.duty(ticks), torque_after };
+        self.shafts[index].command = PlantInput { on, off, duty: lines.duty(ticks), torque_after };
         self.simulate_anew(index);
     }
 

@@ -17,8 +17,8 @@ use std::time::Duration;
 use motor_hub::extension::Request;
 use motor_hub::protocol::answers::{Bulk, Reply};
 use motor_hub::protocol::frame::{self, Decoder, OVERHEAD, Packet};
-use motor_hub::protocol::motor::{RunMode, Target, ToMotor};
-use motor_hub::protocol::payload::{Field, Fields, Flag};
+use motor_hub::protocol::motor::{ChannelMode, RunMode, Target, ToMotor};
+use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::requests::{Standard, ToHub};
 use motor_hub::protocol::{Address, HOST};
 use motor_hub::units::{Control, Micros};
@@ -133,7 +133,7 @@ impl Talk {
 
     /// Mode, and brake at zero.
     pub fn set_mode(&mut self, bench: &mut Bench, motor: u8, mode: RunMode) {
-        self.order(bench, ToMotor::SetMode { mode, floats: Flag(false) }.to(motor));
+        self.order(bench, ToMotor::SetMode { mode: ChannelMode { mode, floats: false } }.to(motor));
     }
 
     /// Enables or disables a motor.

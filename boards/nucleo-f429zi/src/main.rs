@@ -69,7 +69,7 @@ bind_interrupts!(struct Irqs {
     USART3 => BufferedInterruptHandler<USART3>;
 });
 
-const END: End = End { open: open_all_bridges, say: |fault, detail| WIRES.say_last(fault, detail) };
+const END: End = End { open: open_all_bridges, say: |fault, detail| WIRES.report_crash(fault, detail) };
 
 motor_hub_stm32::end_faults_with!(END);
 

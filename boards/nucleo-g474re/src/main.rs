@@ -60,7 +60,7 @@ bind_interrupts!(struct Irqs {
     LPUART1 => BufferedInterruptHandler<LPUART1>;
 });
 
-const END: End = End { open: open_all_bridges, say: |fault, detail| WIRES.say_last(fault, detail) };
+const END: End = End { open: open_all_bridges, say: |fault, detail| WIRES.report_crash(fault, detail) };
 
 motor_hub_stm32::end_faults_with!(END);
 

@@ -18,7 +18,7 @@ use crate::sim::{self, RunError, STEP_S};
 use crate::world::View;
 use embassy_futures::block_on;
 use motor_hub::board::{BridgeFaults, Bridges, CurrentSense, Encoders, SupplyAdc};
-use motor_hub::bridge::{Drive, Sensed};
+use motor_hub::bridge::{BridgeFeedback, Drive};
 use motor_hub::hub::{Command, Hub, Inputs, Snapshot};
 use motor_hub::model::si::Seconds;
 use motor_hub::motion::Tracker;
@@ -80,8 +80,8 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             }
         }
         if ms.is_multiple_of(SENSE_INTERVAL.as_millis()) {
-            let mut sensed =
-                block_on(CurrentSense::sample(&mut board)).map(|current| Sensed { current, fault: false });
+            let mut sensed = block_on(CurrentSense::sample(&mut board))
+                .map(|current| BridgeFeedback { current, fault: false });
             for (sensed, fault) in sensed.iter_mut().zip(board.faults()) {
                 sensed.fault = fault;
             }

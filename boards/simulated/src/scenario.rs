@@ -23,7 +23,9 @@ use motor_hub::model::friction::Friction;
 use motor_hub::model::si::{NewtonMetres, Volts};
 use std::path::Path;
 
-pub use definition::{Bus, Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion, UNLIMITED};
+pub use definition::{
+    Bus, Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED,
+};
 pub use mistake::{Mistake, ScenarioError, line_and_column};
 
 /// Dry friction of motors that are served, of their stall torque at 12 V.

@@ -28,7 +28,7 @@ use motor_hub::model::bus::{Bus, Shutdown};
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Flow, Influence, Plant};
+use motor_hub::model::plant::{Flow, Plant, PlantInput};
 use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::supply::{VrefintCalibration, VrefintSample, VrefintScale};
@@ -186,9 +186,9 @@ impl Board {
         let drives = drives.map(|(drive, fault)| if fault { Drive::COAST } else { *drive });
         let commands: Vec<_> = drives
             .zip(torques)
-            .map(|(drive, &torque)| Influence {
+            .map(|(drive, &torque)| PlantInput {
                 torque_after: NewtonMetres(torque),
-                ..Influence::pwm(drive.mode, drive.duty.to_f64())
+                ..PlantInput::pwm(drive.mode, drive.duty.to_f64())
             })
             .collect();
         world.unfed_s += time.0;

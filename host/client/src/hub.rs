@@ -221,7 +221,7 @@ impl<L: Read + Write> Session<L> {
     pub fn version(&mut self) -> Result<String, Error> {
         let text: Text = self.ask(ToHub::VersionText)?;
         // The text may end in zeros. Control characters must not reach a terminal.
-        let text = String::from_utf8_lossy(text.bytes());
+        let text = String::from_utf8_lossy(&text);
         Ok(text.chars().filter(|c| !c.is_control()).collect())
     }
 }

@@ -28,7 +28,7 @@ use motor_hub::extension::{MotorFunction, Request};
 use motor_hub::motor::{Settings, ZeroPower};
 use motor_hub::protocol::Nack;
 use motor_hub::protocol::motor::{ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
-use motor_hub::protocol::payload::{Fields, Flag};
+use motor_hub::protocol::payload::Fields;
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use std::io::{Read, Write};
@@ -56,7 +56,7 @@ impl<L: Read + Write> Session<L> {
     /// # Errors
     /// See [`Session::ask`], as for all commands.
     pub fn motor(&mut self, motor: u8) -> Result<MotorState, Error> {
-        let ChannelMode { mode, floats: Flag(floats) } = self.ask(ToMotor::Mode.to(motor))?;
+        let ChannelMode { mode, floats } = self.ask(ToMotor::Mode.to(motor))?;
         Ok(MotorState {
             mode,
             zero_power: if floats { ZeroPower::Float } else { ZeroPower::Brake },
@@ -69,8 +69,8 @@ impl<L: Read + Write> Session<L> {
 
     /// Sets the mode of a motor, and whether it brakes or floats at zero.
     pub fn set_mode(&mut self, motor: u8, mode: RunMode, zero_power: ZeroPower) -> Result<(), Error> {
-        let floats = Flag(zero_power == ZeroPower::Float);
-        self.order(ToMotor::SetMode { mode, floats }.to(motor))
+        let mode = ChannelMode { mode, floats: zero_power == ZeroPower::Float };
+        self.order(ToMotor::SetMode { mode }.to(motor))
     }
 
     /// Enables or disables a motor. A disabled motor floats.

@@ -2,14 +2,16 @@
 
 use motor_hub::extension::settings::Group;
 use motor_hub::extension::{HubFunction, INTERFACE, MotorFunction, Request};
-use motor_hub::protocol::Request as Rev;
 use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::requests::{BATTERY, Standard, ToHub};
 
 /// Text that completes "the hub was asked to".
 pub(crate) fn text(request: &Request) -> String {
     match request {
-        Request::Rev(request) => of_rev(request),
+        Request::Standard(request) => standard(request).to_owned(),
+        Request::ToHub(request) => hub(request).to_owned(),
+        Request::ToMotor(motor, request) => format!("{} motor {motor}", of_motor(request)),
+        Request::ToPin(request) => format!("execute function {} of its pins", request.number()),
         Request::Set(motor, values) => format!("set the {} of motor {motor}", of_group(values.group())),
         Request::Get(motor, group) => format!("report the {} of motor {motor}", of_group(*group)),
         Request::Motor(motor, MotorFunction::Identify { .. }) => format!("identify motor {motor}"),
@@ -63,24 +65,13 @@ const fn of_hub(function: &HubFunction) -> &'static str {
     }
 }
 
-fn of_rev(request: &Rev) -> String {
-    match request {
-        Rev::Standard(request) => standard(request).to_owned(),
-        Rev::Hub(request) => hub(request).to_owned(),
-        Rev::Motor(motor, request) => format!("{} motor {motor}", of_motor(request)),
-        Rev::Pin(request) => format!("execute function {} of its pins", request.number()),
-    }
-}
-
 fn standard(request: &Standard) -> &'static str {
     match request {
         Standard::Status { .. } => "report its status",
         Standard::KeepAlive => "keep running",
         Standard::FailSafe => "disable all motors",
         Standard::SetAddress { .. } => "change its address",
-        Standard::QueryInterface { name } if name.bytes() == INTERFACE => {
-            "report the numbers of its own functions"
-        }
+        Standard::QueryInterface { name } if name == INTERFACE => "report the numbers of its own functions",
         Standard::QueryInterface { .. } => "report the numbers of its motor functions",
         Standard::SetLedColour { .. } => "set its LED colour",
         Standard::LedColour => "report its LED colour",

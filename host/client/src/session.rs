@@ -224,7 +224,7 @@ impl<L: Read + Write> Session<L> {
         let functions = match known {
             Some(functions) => functions,
             None => {
-                let name = InterfaceName::new(interface).expect("a short name");
+                let name = InterfaceName::from_slice(interface).expect("a short name");
                 self.ask(Standard::QueryInterface { name })?
             }
         };

@@ -87,7 +87,7 @@ impl<L: Read + Write> Session<L> {
     ) -> Result<UpdateReport, E> {
         let length = u32::try_from(image.len()).unwrap_or(u32::MAX);
         let bytes = version.as_bytes();
-        let version = Text::new(bytes.get(..TEXT).unwrap_or(bytes)).unwrap_or_default();
+        let version = Text::from_slice(bytes.get(..TEXT).unwrap_or(bytes)).unwrap_or_default();
         let begin = HubFunction::BeginUpdate { length, crc: CRC.checksum(image), version };
         self.catch_up()?;
         self.order(begin)?;
@@ -97,7 +97,7 @@ impl<L: Read + Write> Session<L> {
         for (index, chunk) in image.chunks(CHUNK).enumerate() {
             progress(index * CHUNK)?;
             let offset = u32::try_from(index * CHUNK).unwrap_or(u32::MAX);
-            let bytes = Text::new(chunk).unwrap_or_default();
+            let bytes = Text::from_slice(chunk).unwrap_or_default();
             self.persist(&HubFunction::Chunk { offset, bytes })?;
         }
         progress(image.len())?;

@@ -4,11 +4,12 @@
 mod hub_support;
 
 use hub_support::{ADDRESS, Hub, Memory};
+use motor_hub::extension::Request;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::answers::Bulk;
 use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::payload::{Field, Fields};
-use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Request, Standard};
+use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Standard};
 use motor_hub::protocol::{Address, Colour, Nack, frame};
 use motor_hub::supply::BusState;
 use motor_hub::units::{Coefficient, Control, Milliamperes, Millivolts};
@@ -51,7 +52,7 @@ fn requests_are_the_bytes_of_the_protocol() {
             request(
                 3,
                 2,
-                Standard::QueryInterface { name: InterfaceName::new(MOTOR_INTERFACE).expect("short") },
+                Standard::QueryInterface { name: InterfaceName::from_slice(MOTOR_INTERFACE).expect("short") },
             ),
             "44 4b 10 00 03 00 02 00 07 7f 44 45 4b 41 00 3f",
         ),

@@ -18,7 +18,7 @@ use motor_hub::regulator::Dynamics;
 use motor_hub::regulator::identify::{Identification, Identified};
 use motor_hub::units::{EmfConstant, RangeError};
 use serde_json::{Value, json};
-use simulated::scenario::{Motor, Scenario, Timed, Told};
+use simulated::scenario::{Configuration, Motor, Scenario, Timed};
 use simulated::trace::{Sample, Trace};
 
 /// By then the battery is known and every task runs.
@@ -66,7 +66,7 @@ impl Identifications {
         let settings = |motor: &Motor| motor.settings();
         let configured = scenario.motors.iter().map(settings).collect::<Result<_, _>>()?;
         let truth = scenario.motors.iter().map(|motor| {
-            let known = settings(&Motor { told: Told::TRUTH, ..motor.clone() })?;
+            let known = settings(&Motor { configuration: Configuration::EXACT, ..motor.clone() })?;
             known.dynamics.ok_or(RangeError::AccelerationPerVolt)
         });
         let truth = truth.collect::<Result<_, _>>()?;

@@ -1,9 +1,9 @@
 //! The reports of a hub while a host drove its motors: rows of comma-separated values, and the chart of a run.
 //!
 //! ```
-//! use studies::recording::{Recording, Sample, Told};
+//! use studies::recording::{Recording, Sample, Target};
 //!
-//! let mut recording = Recording::new("bench", Told::Velocity(500));
+//! let mut recording = Recording::new("bench", Target::Velocity(500));
 //! let sample = Sample { at_s: 0.02, motor: 0, battery_v: 12.5, position: 10, cps: 480, ..Sample::default() };
 //! assert_eq!(recording.push(sample), "0.0200,0,12.500,velocity,500,10,480,,,,2\n");
 //! assert_eq!(recording.figures().len(), 1);
@@ -19,7 +19,7 @@ speed_estimate_cps,control,current_a,settled,schema_version\n";
 
 /// The set-point of all motors of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Told {
+pub enum Target {
     /// Control steps, -32767 to 32767.
     Power(i16),
     /// Milliamperes.
@@ -30,7 +30,7 @@ pub enum Told {
     Position(i32),
 }
 
-impl Told {
+impl Target {
     const fn name(self) -> &'static str {
         match self {
             Self::Power(_) => "power",
@@ -79,25 +79,25 @@ pub struct Sample {
 #[derive(Clone, Debug)]
 pub struct Recording {
     subtitle: String,
-    told: Told,
+    target: Target,
     samples: Vec<Sample>,
 }
 
 impl Recording {
     /// An empty recording; `of` is the subtitle of its charts.
     #[must_use]
-    pub fn new(of: &str, told: Told) -> Self {
-        Self { subtitle: of.to_owned(), told, samples: Vec::new() }
+    pub fn new(of: &str, target: Target) -> Self {
+        Self { subtitle: of.to_owned(), target, samples: Vec::new() }
     }
 
     /// Keeps a sample, and returns its row.
     pub fn push(&mut self, sample: Sample) -> String {
         self.samples.push(sample);
         let Sample { at_s, motor, battery_v, position, cps, control, current_a, settled } = sample;
-        let control = control.or(self.told.power()).map(|steps| steps.to_string()).unwrap_or_default();
+        let control = control.or(self.target.power()).map(|steps| steps.to_string()).unwrap_or_default();
         let current = current_a.map(|current| format!("{current:.3}")).unwrap_or_default();
         let settled = settled.map(|settled| settled.to_string()).unwrap_or_default();
-        let (name, value) = (self.told.name(), self.told.value());
+        let (name, value) = (self.target.name(), self.target.value());
         format!(
             "{at_s:.4},{motor},{battery_v:.3},{name},{value},{position},{cps},{control},{current},{settled},{SCHEMA_VERSION}\n"
         )
@@ -119,7 +119,7 @@ impl Recording {
             style,
             data: self.samples.iter().filter(|s| s.motor == motor).map(|s| (s.at_s, value(s))).collect(),
         };
-        let told = |_: &Sample| self.told.value();
+        let told = |_: &Sample| self.target.value();
         let goal = || line("set-point", colour::RED, Style::DashedStep, &told);
         let position = line("position", colour::INK, Style::Line, &|s| s.position.into());
         let speed = line("speed", colour::INK, Style::Line, &|s| s.cps.into());
@@ -130,17 +130,19 @@ impl Recording {
             ..Panel::default()
         };
         let mut panels = Vec::new();
-        match self.told {
-            Told::Position(_) => {
+        match self.target {
+            Target::Position(_) => {
                 panels.push(panel("position, counts", 150.0, vec![goal(), position]));
                 panels.push(panel("speed, counts/s", 170.0, vec![speed]));
             }
-            Told::Velocity(_) => panels.push(panel("speed, counts/s", 170.0, vec![goal(), speed])),
-            Told::Power(_) | Told::Current(_) => panels.push(panel("speed, counts/s", 170.0, vec![speed])),
+            Target::Velocity(_) => panels.push(panel("speed, counts/s", 170.0, vec![goal(), speed])),
+            Target::Power(_) | Target::Current(_) => {
+                panels.push(panel("speed, counts/s", 170.0, vec![speed]))
+            }
         }
         let reported = self.samples.iter().any(|sample| sample.motor == motor && sample.control.is_some());
-        if reported || self.told.power().is_some() {
-            let value = |s: &Sample| s.control.or(self.told.power()).map_or(f64::NAN, fraction);
+        if reported || self.target.power().is_some() {
+            let value = |s: &Sample| s.control.or(self.target.power()).map_or(f64::NAN, fraction);
             let control = line("control", colour::BLUE, Style::Step, &value);
             panels.push(Panel { y_range: Some(CONTROL_RANGE), ..panel("control", 130.0, vec![control]) });
         }
@@ -155,7 +157,7 @@ impl Recording {
         let battery = line("as measured", colour::GREEN, Style::Line, &|s| s.battery_v);
         panels.push(panel("battery, V", 80.0, vec![battery]));
         Figure {
-            title: format!("motor {motor}: {} {}", self.told.name(), self.told.value()),
+            title: format!("motor {motor}: {} {}", self.target.name(), self.target.value()),
             subtitle: self.subtitle.clone(),
             x_label: "time, s".into(),
             x_range: None,
@@ -176,21 +178,21 @@ mod tests {
             let figures = recording.figures();
             figures.into_iter().flat_map(|(_, figure)| figure.panels).map(|panel| panel.y_label).collect()
         };
-        assert_eq!(labels(Told::Velocity(1), None), ["speed, counts/s", "battery, V"]);
-        assert!(labels(Told::Position(1), None).contains(&"position, counts".to_owned()));
-        let everything = labels(Told::Power(1), Some(0.5));
+        assert_eq!(labels(Target::Velocity(1), None), ["speed, counts/s", "battery, V"]);
+        assert!(labels(Target::Position(1), None).contains(&"position, counts".to_owned()));
+        let everything = labels(Target::Power(1), Some(0.5));
         assert!(everything.len() == 4 && everything[2].contains("current, A"), "{everything:?}");
     }
 
     #[test]
     fn a_row_has_as_many_fields_as_the_headings() {
-        let mut recording = Recording::new("", Told::Power(-3));
+        let mut recording = Recording::new("", Target::Power(-3));
         let row = recording.push(Sample { current_a: Some(1.5), ..Sample::default() });
         assert_eq!(row.matches(',').count(), HEADINGS.matches(',').count());
         assert!(row.contains(",-3,1.500,"), "{row}");
         let row = recording.push(Sample { control: Some(7), ..Sample::default() });
         assert!(row.contains(",7,,"), "what the hub tells: {row}");
-        let row = Recording::new("", Told::Current(-800)).push(Sample::default());
+        let row = Recording::new("", Target::Current(-800)).push(Sample::default());
         assert!(row.contains(",current,-0.8,"), "{row}");
     }
 }

@@ -38,7 +38,7 @@ use motor_hub::model::catalogue;
 use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::si::Volts;
 use serde::Serialize;
-use simulated::scenario::{Motor, Scenario, Told, ToldMotion};
+use simulated::scenario::{Configuration, ConfiguredMotion, Motor, Scenario};
 use simulated::scheme::{DutyWord, SchemeWords, describe};
 
 /// How the motion of a motor is configured in the hub.
@@ -69,15 +69,15 @@ impl Knowledge {
         }
     }
 
-    fn configured(self) -> Told {
-        let motion = |inertia| Some(ToldMotion { inertia, drag: 1.0, friction: 1.0 });
+    fn configured(self) -> Configuration {
+        let motion = |inertia| Some(ConfiguredMotion { inertia, drag: 1.0, friction: 1.0 });
         let motion = match self {
             Self::Exact => motion(1.0),
             Self::Lighter => motion(0.7),
             Self::Heavier => motion(1.4),
             Self::Unknown => None,
         };
-        Told { motion, ..Told::TRUTH }
+        Configuration { motion, ..Configuration::EXACT }
     }
 }
 
@@ -154,7 +154,7 @@ fn responses(seed: u64, number: u64) -> Result<(usize, Vec<Response>), StudyErro
     let mut verdicts: Vec<Vec<Verdict>> = vec![Vec::new(); challenges.len()];
     for knowledge in Knowledge::ALL {
         let mut scenario = scenario.clone();
-        scenario.motors.iter_mut().for_each(|motor| motor.told = knowledge.configured());
+        scenario.motors.iter_mut().for_each(|motor| motor.configuration = knowledge.configured());
         let tracks = judge::watch(&scenario)?;
         for (challenge, all) in challenges.iter().zip(&mut verdicts) {
             all.push(judge::judge(challenge, tracks.get(challenge.motor).map_or(&[], |track| track)));

@@ -10,14 +10,14 @@ use embedded_storage_async::nor_flash::{ErrorType, NorFlash};
 ///
 /// While an operation is pending, `idle` is called repeatedly. Words of only 0xFF bytes are not written, because erased
 /// flash reads the same.
-pub struct Waiting<F> {
+pub struct BlockingFlash<F> {
     /// The async flash.
     pub flash: F,
     /// Function that is called while an operation is pending. It may sleep until the next interrupt.
     pub idle: fn(),
 }
 
-impl<F> Waiting<F> {
+impl<F> BlockingFlash<F> {
     fn wait<T>(idle: fn(), work: impl Future<Output = T>) -> T {
         let mut work = pin!(work);
         let mut context = Context::from_waker(Waker::noop());
@@ -30,11 +30,11 @@ impl<F> Waiting<F> {
     }
 }
 
-impl<F: ErrorType> blocking::ErrorType for Waiting<F> {
+impl<F: ErrorType> blocking::ErrorType for BlockingFlash<F> {
     type Error = F::Error;
 }
 
-impl<F: NorFlash> blocking::ReadNorFlash for Waiting<F> {
+impl<F: NorFlash> blocking::ReadNorFlash for BlockingFlash<F> {
     const READ_SIZE: usize = F::READ_SIZE;
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
@@ -46,7 +46,7 @@ impl<F: NorFlash> blocking::ReadNorFlash for Waiting<F> {
     }
 }
 
-impl<F: NorFlash> blocking::NorFlash for Waiting<F> {
+impl<F: NorFlash> blocking::NorFlash for BlockingFlash<F> {
     const WRITE_SIZE: usize = F::WRITE_SIZE;
     const ERASE_SIZE: usize = F::ERASE_SIZE;
 

@@ -19,7 +19,7 @@ use motor_hub::protocol::Reply;
 use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::payload::Fields;
 use motor_hub::protocol::requests::Standard;
-use motor_hub::store::{Order, Outcome, Record, Stored};
+use motor_hub::store::{Outcome, Record, StoreRequest, Stored};
 use motor_hub::tasks::store::Keeper;
 
 const BOARD: Board = Board::NucleoH743zi2;
@@ -161,7 +161,7 @@ fn full() -> (Vec<u8>, u32) {
     let save = |pages: &mut Pages, number| {
         let mut record = Record::new(number);
         record.push(0x4D55, &[7; 100]).expect("room");
-        let order = Order { record: Some(record), afresh: false, may_erase: false };
+        let order = StoreRequest { record: Some(record), afresh: false, may_erase: false };
         block_on(Keeper::new(pages, 0..256 * 1024).expect("two pages").carry_out(&order)).outcome
     };
     let mut before = Vec::new();

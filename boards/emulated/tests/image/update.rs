@@ -30,7 +30,7 @@ fn state(bench: &mut Bench, talk: &mut Talk) -> UpdateReport {
 
 fn version(bench: &mut Bench, talk: &mut Talk) -> String {
     let text: Text = talk.question(bench, ToHub::VersionText);
-    String::from_utf8_lossy(text.bytes()).into_owned()
+    String::from_utf8_lossy(&text).into_owned()
 }
 
 /// An order that may have to wait until the hub has written what was before.
@@ -48,7 +48,7 @@ fn persist(bench: &mut Bench, talk: &mut Talk, request: &HubFunction) {
 
 /// Announces an image.
 fn begin(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
-    let version = Text::new(b"a test").expect("short");
+    let version = Text::from_slice(b"a test").expect("short");
     talk.order(
         bench,
         HubFunction::BeginUpdate { length: image.len() as u32, crc: CRC.checksum(image), version },
@@ -70,7 +70,7 @@ fn checked(bench: &mut Bench, talk: &mut Talk, image: &[u8]) -> UpdateReport {
 /// Sends it, and says that this was all.
 fn write(bench: &mut Bench, talk: &mut Talk, image: &[u8]) {
     for (offset, bytes) in (0..).step_by(CHUNK).zip(image.chunks(CHUNK)) {
-        let bytes = Text::new(bytes).expect("short");
+        let bytes = Text::from_slice(bytes).expect("short");
         persist(bench, talk, &HubFunction::Chunk { offset, bytes });
     }
     persist(bench, talk, &HubFunction::FinishUpdate);
@@ -223,7 +223,7 @@ fn a_hub_with_a_signers_key_arms_what_that_one_has_signed_and_nothing_else() {
         assert_eq!(talk.ask(bench, request.id(), &request.payload()), Reply::Nack(why));
     };
     begin(&mut bench, &mut talk, &image);
-    let bytes = Text::new(&image).expect("short");
+    let bytes = Text::from_slice(&image).expect("short");
     refused(&mut bench, &mut talk, HubFunction::Chunk { offset: 0, bytes }, Nack::UPDATE_UNSIGNED);
     let other = HubFunction::Sign { key: [7; 32], signature: *SIGNATURE };
     refused(&mut bench, &mut talk, other, Nack::UPDATE_OTHER_KEY);

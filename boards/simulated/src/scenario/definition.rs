@@ -6,7 +6,7 @@ use crate::encoder::Encoder;
 use crate::hardware::{BRIDGE, mechanics, winding};
 use motor_hub::braking::{DutyRule, Scheme, Winding};
 use motor_hub::bridge::BridgeConstants;
-use motor_hub::group::{DriveBase, Together};
+use motor_hub::group::{DriveBase, GroupCommand};
 use motor_hub::hub::{Action, Command};
 use motor_hub::model::load::Load;
 use motor_hub::model::{battery::Battery, catalogue, si};
@@ -85,7 +85,7 @@ pub struct Motor {
     /// Load of the output shaft; its torque is in `torques`.
     pub load: Load,
     /// The hub's configuration, relative to the constants.
-    pub told: Told,
+    pub configuration: Configuration,
     /// The meaning of control values.
     pub scheme: Scheme,
     /// Rule for duties within a regime.
@@ -126,23 +126,23 @@ pub struct Group {
     /// The drive base of two members that are wheels.
     pub base: Option<DriveBase>,
     /// Courses, times ascending.
-    pub courses: Vec<Timed<Together>>,
+    pub courses: Vec<Timed<GroupCommand>>,
 }
 
 /// A motor's configuration in the hub, in factors of the true constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Told {
+pub struct Configuration {
     /// Of the winding resistance.
     pub resistance: f64,
     /// Of the back-EMF constant.
     pub emf: f64,
     /// Inertia, drag and friction; `None` for an unknown motor, of which only the winding is configured.
-    pub motion: Option<ToldMotion>,
+    pub motion: Option<ConfiguredMotion>,
 }
 
 /// Configured inertia, drag and friction, in factors of the true values with the load.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToldMotion {
+pub struct ConfiguredMotion {
     /// Of the moment of inertia.
     pub inertia: f64,
     /// Of the viscous drag.
@@ -151,12 +151,12 @@ pub struct ToldMotion {
     pub friction: f64,
 }
 
-impl Told {
+impl Configuration {
     /// Configured exactly.
-    pub const TRUTH: Self = Self {
+    pub const EXACT: Self = Self {
         resistance: 1.0,
         emf: 1.0,
-        motion: Some(ToldMotion { inertia: 1.0, drag: 1.0, friction: 1.0 }),
+        motion: Some(ConfiguredMotion { inertia: 1.0, drag: 1.0, friction: 1.0 }),
     };
 }
 
@@ -248,7 +248,7 @@ impl Motor {
             label: constants.name.to_owned(),
             constants,
             load,
-            told: Told::TRUTH,
+            configuration: Configuration::EXACT,
             scheme: Scheme::A,
             duty: DutyRule::LinearCurrent,
             zero_power: ZeroPower::Brake,
@@ -271,7 +271,7 @@ impl Motor {
     /// # Errors
     /// If one of the motor's constants does not fit the firmware's range.
     pub fn settings(&self) -> Result<Settings, RangeError> {
-        let Told { resistance, emf, motion } = self.told;
+        let Configuration { resistance, emf, motion } = self.configuration;
         let told = catalogue::Motor {
             r: si::Ohms(self.constants.r.0 * resistance),
             ke: si::EmfConstant(self.constants.ke.0 * emf),
@@ -298,7 +298,7 @@ impl Motor {
     }
 
     /// The configured dynamics of the motor with its load.
-    fn dynamics(&self, winding: &Winding, told: ToldMotion) -> Result<Dynamics, RangeError> {
+    fn dynamics(&self, winding: &Winding, told: ConfiguredMotion) -> Result<Dynamics, RangeError> {
         let truth = mechanics(&self.constants, &self.load);
         let mechanics = Mechanics {
             inertia: truth.inertia * told.inertia,

@@ -9,7 +9,9 @@ mod groups;
 mod ranges;
 mod tables;
 
-use super::definition::{Group, LONGEST_S, Motor, Scenario, Timed, Told, ToldMotion, UNLIMITED};
+use super::definition::{
+    Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED,
+};
 use super::mistake::{Checked, Fault, Mistake, fault};
 use crate::current_line::CurrentLine;
 use crate::hardware::{BRIDGE, MOTORS, REAL_BRIDGE, thermal_limit};
@@ -157,7 +159,7 @@ impl MotorTable {
                 Inertia::Paper => constants,
             },
             load,
-            told: self.told.check()?,
+            configuration: self.told.check()?,
             scheme,
             duty: self.duty,
             zero_power: match self.zero_power {
@@ -232,23 +234,23 @@ const TORQUE: RangeInclusive<f64> = -1000.0..=1000.0;
 const EMF: RangeInclusive<f64> = 1.0..=60.0;
 
 impl ToldChoice {
-    fn check(&self) -> Checked<Told> {
+    fn check(&self) -> Checked<Configuration> {
         match self {
-            Self::Nothing => Ok(Told { motion: None, ..Told::TRUTH }),
+            Self::Nothing => Ok(Configuration { motion: None, ..Configuration::EXACT }),
             Self::Factors(factors) => factors.check(),
         }
     }
 }
 
 impl ToldTable {
-    fn check(&self) -> Checked<Told> {
+    fn check(&self) -> Checked<Configuration> {
         let factor = |value: &Option<Spanned<f64>>, key: &'static str| {
             value.as_ref().map_or(Ok(1.0), |value| within(value, key, 0.1..=10.0))
         };
-        Ok(Told {
+        Ok(Configuration {
             resistance: factor(&self.resistance, "resistance")?,
             emf: factor(&self.emf, "emf")?,
-            motion: Some(ToldMotion {
+            motion: Some(ConfiguredMotion {
                 inertia: factor(&self.inertia, "inertia")?,
                 drag: self.drag.as_ref().map_or(Ok(1.0), |drag| within(drag, "drag", 0.0..=10.0))?,
                 friction: factor(&self.friction, "friction")?,

@@ -1,6 +1,6 @@
 //! Scenario files with mistakes: each is refused with its place and with what is allowed.
 
-use motor_hub::group::{Course, Halt, TOLERANCE, Together, usual_lag};
+use motor_hub::group::{Course, GroupCommand, Halt, TOLERANCE, usual_lag};
 use motor_hub::hub::{Action, Command};
 use motor_hub::model::catalogue::{Motor, characterised};
 use motor_hub::model::si::{NewtonMetres, Volts};
@@ -325,8 +325,8 @@ heading_error_below_degrees = 0.5
 fn a_group_is_sent_on_courses_by_the_wheels_of_its_base() {
     let scenario = Scenario::parse("g.toml", TWO_WHEELS).expect("it is valid");
     let group = scenario.groups.first().expect("a group");
-    let courses: Vec<Together> = group.courses.iter().map(|course| course.value).collect();
-    let [first, second]: [Together; 2] = courses.try_into().expect("two courses");
+    let courses: Vec<GroupCommand> = group.courses.iter().map(|course| course.value).collect();
+    let [first, second]: [GroupCommand; 2] = courses.try_into().expect("two courses");
     // 100 mm less and more the 235.6 mm that a wheel goes in a quarter of a turn, the right one mirrored.
     assert_eq!(first.course, Course::by(&[(0, -806), (1, -1994)]).expect("two motors"));
     let usual = (usual_lag(CountsPerSecond::new(1_000)), TOLERANCE);

@@ -69,7 +69,7 @@ impl Axis {
         let mut scenario = Scenario::parse("wires.toml", &text).expect("valid");
         scenario.period = Period::from_millis(period_ms).expect("in range");
         for motor in &mut scenario.motors {
-            motor.told.motion = motor.told.motion.filter(|_| told);
+            motor.configuration.motion = motor.configuration.motion.filter(|_| told);
         }
         scenario
     }

@@ -17,7 +17,7 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use studies::recording::{HEADINGS, Recording, Sample, Told};
+use studies::recording::{HEADINGS, Recording, Sample, Target};
 
 /// Text of the long help.
 pub(super) const HELP: &str = "\
@@ -113,10 +113,10 @@ impl Recorder {
         let mut file = File::create(&path).map_err(failed)?;
         file.write_all(HEADINGS.as_bytes()).map_err(failed)?;
         let requested = match order.course {
-            Course::Power(power) => Told::Power(power.get()),
-            Course::Current { ma, .. } => Told::Current(ma),
-            Course::Velocity(cps) => Told::Velocity(cps),
-            Course::Position { counts, .. } => Told::Position(counts),
+            Course::Power(power) => Target::Power(power.get()),
+            Course::Current { ma, .. } => Target::Current(ma),
+            Course::Velocity(cps) => Target::Velocity(cps),
+            Course::Position { counts, .. } => Target::Position(counts),
         };
         Ok(Self {
             path,

@@ -5,7 +5,7 @@ use crate::common::folder;
 use crate::hub_support::{Hub, Server, responder};
 use crate::output::{err, out};
 use motor_hub::responder::Responder;
-use motor_hub::update::{Booted, Done, Order, Outcome, Seal, Slot, public_key};
+use motor_hub::update::{Booted, Done, Outcome, Seal, Slot, UpdateRequest, public_key};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -25,27 +25,27 @@ fn started(slot: Slot, booted: Booted) -> Responder<4> {
     responder
 }
 
-fn serve(slot: Slot, flash: fn(&mut Responder<4>, Order)) -> Server {
+fn serve(slot: Slot, flash: fn(&mut Responder<4>, UpdateRequest)) -> Server {
     let mut hub = Hub::new();
     (hub.responder, hub.flash) = (started(slot, Booted::Confirmed), flash);
     Server::start(hub)
 }
 
 /// A fake flash that executes all orders; a restart starts the new firmware, which confirms itself.
-fn good(responder: &mut Responder<4>, order: Order) {
+fn good(responder: &mut Responder<4>, order: UpdateRequest) {
     carry_out(responder, order, Booted::Confirmed);
 }
 
 /// A fake flash whose restart ends with the former firmware.
-fn goes_back(responder: &mut Responder<4>, order: Order) {
+fn goes_back(responder: &mut Responder<4>, order: UpdateRequest) {
     carry_out(responder, order, Booted::WentBack);
 }
 
-fn carry_out(responder: &mut Responder<4>, order: Order, restarted: Booted) {
+fn carry_out(responder: &mut Responder<4>, order: UpdateRequest, restarted: Booted) {
     let wrong = |seal: Seal| seal.signature != SIGNATURE;
     match order {
-        Order::Restart => *responder = started(SLOT, restarted),
-        Order::Arm { seal: Some(seal), .. } if wrong(seal) => {
+        UpdateRequest::Restart => *responder = started(SLOT, restarted),
+        UpdateRequest::Arm { seal: Some(seal), .. } if wrong(seal) => {
             responder.update_done(Done::Carried(Outcome::WrongSignature));
         }
         _ => responder.update_done(Done::Carried(Outcome::Done)),

@@ -9,7 +9,7 @@ use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_INTERFACE};
 use motor_hub::protocol::{Address, Decoder, frame};
 use motor_hub::responder::Responder;
 use motor_hub::units::{Micros, Millivolts};
-use motor_hub::update::{Done, Order, Outcome};
+use motor_hub::update::{Done, Outcome, UpdateRequest};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -37,7 +37,7 @@ pub(crate) struct Hub {
     /// True for a hub without this project's own interface.
     pub(crate) foreign: bool,
     /// Keeper of the slot for new firmware, which also restarts the hub.
-    pub(crate) flash: fn(&mut Responder<4>, Order),
+    pub(crate) flash: fn(&mut Responder<4>, UpdateRequest),
     /// Number of requests received.
     pub(crate) requests: Arc<AtomicU32>,
     decoder: Decoder,
@@ -93,7 +93,7 @@ impl Hub {
             } else if reply.id & 0x8000 != 0 && reply.id < 0xFF00 {
                 reply.id += self.first - FIRST_FUNCTION;
             }
-            if let Some(order) = self.responder.update_order() {
+            if let Some(order) = self.responder.update_request() {
                 (self.flash)(&mut self.responder, order);
             }
             while self.responder.pending().is_some() {

@@ -7,7 +7,7 @@ use motor_hub::model::si::{KgM2, Kilograms, Metres, Ohms, Volts};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::CountsPerSecond;
 use serde::Serialize;
-use simulated::scenario::{Motor, Scenario, Timed, Told};
+use simulated::scenario::{Configuration, Motor, Scenario, Timed};
 
 /// Free speed of the motor at 12 V, in counts/s.
 const FREE_CPS: f64 = 2720.0;
@@ -76,7 +76,9 @@ pub(super) fn all() -> Result<Vec<Task>, UnknownMotor> {
         ("ke-110", "The step, configured with 1.1 Ke", 1.0, 1.1),
     ] {
         let mut scenario = step()?;
-        scenario.motors.iter_mut().for_each(|motor| motor.told = Told { resistance, emf, ..Told::TRUTH });
+        scenario.motors.iter_mut().for_each(|motor| {
+            motor.configuration = Configuration { resistance, emf, ..Configuration::EXACT }
+        });
         tasks.push(task(key, what, EVENT_S, Ok(scenario))?);
     }
     Ok(tasks)

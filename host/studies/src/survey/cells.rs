@@ -101,7 +101,7 @@ fn both(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<[Verdic
     let mut scenario = scenario.clone();
     scenario.period = Period::from_millis(period_ms)?;
     if !configured {
-        scenario.motors.iter_mut().for_each(|motor| motor.told.motion = None);
+        scenario.motors.iter_mut().for_each(|motor| motor.configuration.motion = None);
     }
     let tracks = watch(&scenario)?;
     match (challenges(&scenario).as_slice(), tracks.first()) {

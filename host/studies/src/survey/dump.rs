@@ -5,7 +5,7 @@ use motor_hub::braking::{Blend, BlendFraction, DutyRule, Scheme};
 use motor_hub::motor::{OnFault, Setpoint, ZeroPower};
 use motor_hub::units::Control;
 use simulated::hardware::REAL_BRIDGE;
-use simulated::scenario::{Motor, Scenario, Told, UNLIMITED};
+use simulated::scenario::{Configuration, Motor, Scenario, UNLIMITED};
 use std::fmt::Write;
 
 /// The scenario in TOML; what has no place in a survey (coefficients, expectations, a battery that runs down) is
@@ -56,7 +56,7 @@ fn table(out: &mut String, motor: &Motor) -> std::fmt::Result {
     if motor.zero_power == ZeroPower::Float {
         writeln!(out, "zero_power = \"float\"")?;
     }
-    let Told { resistance, emf, motion } = motor.told;
+    let Configuration { resistance, emf, motion } = motor.configuration;
     match motion {
         None => writeln!(out, "told = \"nothing\"")?,
         Some(motion) => writeln!(

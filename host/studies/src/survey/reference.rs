@@ -223,7 +223,7 @@ fn worst(task: &Task, configured: bool, period_ms: u32) -> Result<Verdict, Study
         let mut scenario = scenario.clone();
         scenario.period = Period::from_millis(period_ms)?;
         if !configured {
-            scenario.motors.iter_mut().for_each(|motor| motor.told.motion = None);
+            scenario.motors.iter_mut().for_each(|motor| motor.configuration.motion = None);
         }
         let tracks = watch(&scenario)?;
         let challenges = challenges(&scenario);

@@ -175,7 +175,7 @@ fn scenario(seed: u64, number: u64) -> (Scenario, Knowledge) {
     let mut scenario = random::scenario(seed, number);
     let knowledge = Knowledge::ALL.into_iter().cycle().nth((number % 4) as usize).unwrap_or(Knowledge::Exact);
     for motor in &mut scenario.motors {
-        motor.told = knowledge.configured();
+        motor.configuration = knowledge.configured();
         // From at most 10 % of the stall torque to at most 40.
         motor.constants.friction =
             Friction::with_coulomb(NewtonMetres(4.0 * motor.constants.friction.coulomb.0));

@@ -31,7 +31,7 @@ pub(super) fn scenarios(every: usize) -> Vec<(Scenario, Knowledge)> {
             for motors in motors(volts).chunks(MOTORS) {
                 let mut motors = motors.to_vec();
                 for motor in &mut motors {
-                    motor.told = knowledge.configured();
+                    motor.configuration = knowledge.configured();
                     if all.len() % 2 == 1 {
                         motor.bridge = REAL_BRIDGE;
                     }

@@ -3,7 +3,7 @@
 use super::ranges::{self, FASTEST_CPS, HARDEST_CPS2, Whole, named, timeline, within};
 use crate::scenario::definition::{Group, Motor};
 use crate::scenario::mistake::{Checked, Mistake, fault};
-use motor_hub::group::{Course, DriveBase, Halt, Together};
+use motor_hub::group::{Course, DriveBase, GroupCommand, Halt};
 use motor_hub::units::{Acceleration, CountsPerSecond, RangeError};
 use serde::Deserialize;
 use std::ops::RangeInclusive;
@@ -83,7 +83,7 @@ impl GroupTable {
             HaltWord::Coast => Halt::Coast,
         };
         let course = |table: &CourseTable, whole: &Spanned<CourseTable>| {
-            Ok(Together { halt, ..table.check(whole, &motors, base.as_ref())? })
+            Ok(GroupCommand { halt, ..table.check(whole, &motors, base.as_ref())? })
         };
         let courses = timeline(&self.courses, duration_s, |course| &course.at_s, course)?;
         Ok(Group { label: named(&self.label, "label")?, motors, base, courses })
@@ -130,13 +130,18 @@ impl BaseTable {
 }
 
 impl CourseTable {
-    fn check(&self, whole: &Spanned<Self>, members: &[usize], base: Option<&DriveBase>) -> Checked<Together> {
+    fn check(
+        &self,
+        whole: &Spanned<Self>,
+        members: &[usize],
+        base: Option<&DriveBase>,
+    ) -> Checked<GroupCommand> {
         let course = self.course(whole, members, base)?;
         let limit = ranges::whole(&self.acceleration_cps2, "acceleration_cps2", 1..=HARDEST_CPS2)?;
         let too_long = |_: RangeError| fault(whole, Mistake::CourseTooLong);
         let acceleration = Acceleration::new(limit).map_err(too_long)?;
-        let usual = Together::new(course, self.speed(whole, &course)?, acceleration);
-        Ok(Together {
+        let usual = GroupCommand::new(course, self.speed(whole, &course)?, acceleration);
+        Ok(GroupCommand {
             lag: ranges::whole_or(&self.lag_counts, "lag_counts", 0..=u16::MAX, usual.lag)?,
             tolerance: ranges::whole_or(
                 &self.tolerance_counts,
