@@ -1,56 +1,43 @@
 //! Current-sense lines: what of a motor's current they show, and which of them a hub believes.
 
+mod common;
+
+use common::{BATTERY, Bench, inertia, neverest_60, plant};
 use motor_hub::braking::Winding;
-use motor_hub::bridge::{BridgeConstants, Drive, Mode, SenseScale, Sensed};
+use motor_hub::bridge::{Drive, Mode, SenseScale, Sensed};
 use motor_hub::extension::report::MotorReport;
-use motor_hub::model::catalogue::characterised;
-use motor_hub::model::load::Load;
-use motor_hub::model::plant::{Influence, Plant};
-use motor_hub::model::si::{Hertz, KgM2, Seconds, Volts};
-use motor_hub::motion::Reading;
-use motor_hub::motor::{Motor, Report, SenseLine, Setpoint, Settings};
-use motor_hub::units::{Control, Micros, Milliamperes, Millivolts, Period, RangeError};
+use motor_hub::model::plant::Influence;
+use motor_hub::model::si::{Amps, RadPerSec, Seconds, Volts};
+use motor_hub::motor::{Report, SenseLine, Setpoint, Settings};
+use motor_hub::units::{Control, Milliamperes, Millivolts, RangeError};
 use proptest::prelude::*;
 
 const HALF: Control = Control::new(16_384);
 
 /// A motor that a stop holds, on a line of which a test says what it shows.
-struct Held {
-    motor: Motor,
-    ms: u64,
-    /// Counts up to now, and in a millisecond.
-    counts: i32,
-    turns: i32,
-    report: Report,
-}
+struct Held(Bench<1>);
 
 impl Held {
     fn new() -> Self {
-        let motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);
-        Self { motor, ms: 0, counts: 0, turns: 0, report: Report::INITIAL }
+        let mut bench = Bench::turned(Settings::new(Winding::NEVEREST_60), [0.0]);
+        // Its last millisecond is that of a tick from now on.
+        bench.run_ms(1);
+        Self(bench)
     }
 
-    /// A sample every 25 ms, and a tick every 50.
+    /// A sample of the line every 25 ms, and a tick every 50.
     fn run(&mut self, ms: u64, shown_ma: Option<i32>) -> &Report {
         for _ in 0..ms {
-            self.ms += 1;
-            self.counts += self.turns;
-            let at = Micros::new(1_000 * self.ms);
-            let reading = Reading { position: self.counts, edge_at: at, at };
-            self.motor.sample(reading);
-            if self.ms.is_multiple_of(25) {
-                let current = shown_ma.map(Milliamperes::new);
-                self.motor.sense(Sensed { current, fault: false });
+            if self.0.ms.is_multiple_of(25) {
+                self.0.hub.sense(&[Sensed { current: shown_ma.map(Milliamperes::new), fault: false }]);
             }
-            if self.ms.is_multiple_of(50) {
-                self.report = self.motor.step(at, Some(reading), Some(Millivolts::new(12_000)));
-            }
+            self.0.run_ms(1);
         }
-        &self.report
+        self.0.report()
     }
 
     fn power(&mut self, power: Control) {
-        self.motor.set(Setpoint::ConstantPower(power));
+        self.0.set(0, Setpoint::ConstantPower(power));
     }
 }
 
@@ -99,7 +86,7 @@ fn in_5_0_a_line_shows_nothing_and_the_model_goes_on() {
     let mut held = Held::new();
     held.power(HALF);
     held.run(500, Some(1_800));
-    held.turns = -2;
+    held.0.axes[0].turned = Some(-2_000.0);
     held.power(Control::ZERO);
     let report = held.run(500, Some(0));
     assert_eq!(report.drive, Drive::BRAKE);
@@ -138,13 +125,10 @@ fn nothing_where_an_ampere_is_due_is_a_broken_line_but_little_is_another_motor()
 fn without_its_encoder_nobody_knows_what_is_due() {
     let mut held = Held::new();
     held.power(HALF);
-    let battery = Some(Millivolts::new(12_000));
-    for tick in 1..40 {
-        held.motor.sense(Sensed { current: Some(Milliamperes::new(0)), fault: false });
-        held.report = held.motor.step(Micros::new(50_000 * tick), None, battery);
-    }
-    assert!(held.report.faults.encoder_stale);
-    assert_eq!(told(&held.report), (SenseLine::Sound, None));
+    held.0.axes[0].unread_ms = u64::MAX;
+    let report = held.run(2_000, Some(0));
+    assert!(report.faults.encoder_stale);
+    assert_eq!(told(report), (SenseLine::Sound, None));
 }
 
 #[test]
@@ -254,14 +238,12 @@ proptest! {
 
 /// What flows and what a bridge shows of it, A, after a tenth of a second in a mode at a duty, from a speed on.
 fn shown(mode: Mode, duty: f64, speed: f64) -> (f64, f64) {
-    let motor = characterised("AM 60 A").expect("known").with_measured_rotor_inertia();
-    let heavy = Load { inertia_after: KgM2(1e3), ..Load::NONE };
-    let mut plant = Plant::new(motor, heavy, BridgeConstants::IDEAL.into(), Hertz(20_000.0));
-    let free = 12.0 / motor.ke.0;
-    plant.place(Default::default(), motor_hub::model::si::RadPerSec(speed * free), 0.0);
-    let run = |plant: &mut Plant| plant.run(Seconds(0.1), Influence::pwm(mode, duty), Volts(12.0));
-    run(&mut plant);
-    let flow = run(&mut plant);
+    // So heavy that the speed stays.
+    let mut plant = plant(neverest_60(), inertia(1e3));
+    plant.place(Amps(0.0), RadPerSec(speed * BATTERY / plant.motor().ke.0), 0.0);
+    let mut run = || plant.run(Seconds(0.1), Influence::pwm(mode, duty), Volts(BATTERY));
+    run();
+    let flow = run();
     (flow.mean_current().0, flow.charge_shown.0 / flow.time.0)
 }
 

@@ -88,7 +88,7 @@ fn a_motor_that_needs_no_encoder_is_not_braked_for_want_of_one() {
         (Setpoint::ConstantPower(Control::ZERO), true),
         (Setpoint::Disabled, false),
     ] {
-        let mut bench = Bench::turned(settings(OnFault::Brake), 0.0);
+        let mut bench = Bench::turned(settings(OnFault::Brake), [0.0]);
         bench.axes[0].unread_ms = u64::MAX;
         bench.set(0, setpoint);
         bench.tick();
@@ -105,7 +105,7 @@ fn limited(on_fault: OnFault) -> Settings {
 
 /// Currents in A of a motor whose shaft is held, one for each second.
 fn stalled(settings: Settings, setpoint: Setpoint, seconds: u64) -> (Vec<f64>, Bench<1>) {
-    let mut bench = Bench::turned(settings, 0.0);
+    let mut bench = Bench::turned(settings, [0.0]);
     bench.set(0, setpoint);
     let amperes = (0..seconds).map(|_| {
         bench.run_ms(1_000);
@@ -177,7 +177,7 @@ fn braking_is_not_derated_but_a_motor_that_gets_too_hot_by_it_is_cut_and_reporte
 
 #[test]
 fn heat_is_of_the_measured_current_where_there_is_one() {
-    let mut bench = Bench::turned(limited(OnFault::Coast), 0.0);
+    let mut bench = Bench::turned(limited(OnFault::Coast), [0.0]);
     bench.set(0, Setpoint::ConstantPower(Control::MAX));
     let mut heat = |measured: Option<i32>| {
         for _ in 0..40 {

@@ -62,7 +62,7 @@ fn samples_that_are_early_or_late_or_missing_tell_the_same_speed() {
 #[test]
 fn a_motor_that_has_rolled_out_is_known_to_rest() {
     for friction in [500.0, 2_000.0, 6_000.0] {
-        let mut bench = Bench::turned(Settings::new(Winding::NEVEREST_60), 1_000.0);
+        let mut bench = Bench::turned(Settings::new(Winding::NEVEREST_60), [1_000.0]);
         bench.run_ms(500);
         for ms in 500..6_000 {
             bench.axes[0].turned = bench.axes[0].turned.map(|cps| (cps - friction * 1e-3).max(0.0));

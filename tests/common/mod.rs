@@ -174,13 +174,6 @@ impl Bench<1> {
         Self::new([settings], [plant], period_ms)
     }
 
-    /// Sets up a NeveRest 60 that a machine turns at a speed in counts/s, at a period of 50 ms.
-    pub(crate) fn turned(settings: Settings, cps: f64) -> Self {
-        let mut bench = Self::one(settings, plant(neverest_60(), Load::NONE), 50);
-        bench.axes[0].turned = Some(cps);
-        bench
-    }
-
     pub(crate) fn report(&self) -> &Report {
         &self.snapshot.motors[0]
     }
@@ -201,6 +194,16 @@ impl<const N: usize> Bench<N> {
         // In the middle of a count, so that a shaft at rest does not tremble across an edge.
         (0..N).for_each(|motor| bench.place(motor, 0.5, 0.0));
         bench.sample();
+        bench
+    }
+
+    /// Sets up NeveRest 60 that machines turn at these speeds in counts/s, at a period of 50 ms.
+    pub(crate) fn turned(settings: Settings, cps: [f64; N]) -> Self {
+        let plants = std::array::from_fn(|_| plant(neverest_60(), Load::NONE));
+        let mut bench = Self::new([settings; N], plants, 50);
+        for (axis, cps) in bench.axes.iter_mut().zip(cps) {
+            axis.turned = Some(cps);
+        }
         bench
     }
 
