@@ -109,6 +109,20 @@ fn a_sample_of_another_mode_is_not_the_current_of_this_one() {
 }
 
 #[test]
+fn the_first_sample_of_a_mode_proves_nothing_and_four_after_it_do() {
+    let mut held = Held::new();
+    held.power(HALF);
+    held.run(500, Some(1_800));
+    held.power(Control::ZERO);
+    held.run(500, Some(0));
+    held.power(HALF);
+    held.run(50, Some(0));
+    // Four samples in 9/8, the first of which may be of the short, and then the fourth of those that count.
+    assert_eq!(held.run(100, Some(0)).sense_line, SenseLine::Sound);
+    assert_eq!(held.run(50, Some(0)).sense_line, SenseLine::Silent);
+}
+
+#[test]
 fn nothing_where_an_ampere_is_due_is_a_broken_line_but_little_is_another_motor() {
     for (ma, line) in [(0, SenseLine::Silent), (40, SenseLine::Silent), (60, SenseLine::Sound)] {
         let mut held = Held::new();
