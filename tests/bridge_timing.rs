@@ -1,21 +1,20 @@
 //! A bridge that takes its time to switch, as the model has it and as the hub reckons with it.
 
+mod common;
+
+use common::{Bench, inertia, neverest_60 as am60, velocity};
 use motor_hub::braking::Winding;
-use motor_hub::bridge::{BridgeConstants, Drive, Mode, Timing};
-use motor_hub::model::catalogue::{self, Motor as Constants};
-use motor_hub::model::load::Load;
+use motor_hub::bridge::{BridgeConstants, Mode, Timing};
 use motor_hub::model::plant::{Plant, PlantInput};
-use motor_hub::model::si::{Amps, Hertz, KgM2, NewtonMetres, RadPerSec, Seconds, Volts};
+use motor_hub::model::si::{Amps, Hertz, RadPerSec, Seconds, Volts};
 use motor_hub::model::switching::{Bridge, Circuit, Conditions, Pwm};
-use motor_hub::motion::{Reading, Tracker};
-use motor_hub::motor::{Motor, Setpoint, Settings};
-use motor_hub::units::{Control, CountsPerSecond, Micros, Millivolts, Period};
+use motor_hub::motor::{Setpoint, Settings};
+use motor_hub::units::Control;
 
 const PWM: Hertz = Hertz(20_000.0);
 
-fn am60() -> Constants {
-    catalogue::find("AM 60 A").and_then(|entry| entry.motor).expect("known").with_measured_rotor_inertia()
-}
+/// A flywheel so heavy that the speed stays.
+const HEAVY_KG_M2: f64 = 1e6;
 
 fn bridge(timing: Timing) -> Bridge {
     Bridge::new(BridgeConstants::IDEAL.with_timing(timing))
@@ -62,14 +61,13 @@ fn switches_get_the_heat_of_their_edges() {
 
 #[test]
 fn a_plant_runs_as_its_steady_current_says_whatever_the_step() {
-    let load = Load { inertia_after: KgM2(1e6), ..Load::NONE };
     let emf = am60().ke.0 * 100.0;
     let at = Conditions { battery: Volts(12.0), emf: Volts(emf) };
     let timing = Timing { change_us: 0, ..Timing::VNH5019 };
     for (mode, duty) in [(Mode::Cw98, 0.3), (Mode::Cw98, 0.7), (Mode::Brake50, 0.5), (Mode::Ccw62, 0.1)] {
         let wanted = Circuit::new(&am60(), bridge(timing)).steady(Pwm::new(mode, duty, PWM), at).mean.0;
         for step in [1e-3, 1.7e-5] {
-            let mut plant = Plant::new(am60(), load, bridge(timing), PWM);
+            let mut plant = Plant::new(am60(), inertia(HEAVY_KG_M2), bridge(timing), PWM);
             plant.place(Amps(wanted), RadPerSec(100.0), 0.0);
             let mut run = |seconds: f64| {
                 let mut charge = 0.0;
@@ -90,8 +88,7 @@ fn a_plant_runs_as_its_steady_current_says_whatever_the_step() {
 
 #[test]
 fn a_bridge_is_open_while_its_mode_changes_and_at_no_other_time() {
-    let mut plant =
-        Plant::new(am60(), Load { inertia_after: KgM2(1e6), ..Load::NONE }, bridge(Timing::VNH5019), PWM);
+    let mut plant = Plant::new(am60(), inertia(HEAVY_KG_M2), bridge(Timing::VNH5019), PWM);
     let mut charge =
         |mode, duty, seconds| plant.run(Seconds(seconds), PlantInput::pwm(mode, duty), Volts(12.0)).charge.0;
     assert!(charge(Mode::Cw98, 1.0, 6e-4).abs() < 1e-12);
@@ -111,49 +108,29 @@ fn the_current_of_a_period_that_begins_with_a_change_of_mode_is_less_by_what_tha
     let bridge = BridgeConstants::VNH5019;
     for (ms, left) in [(50, 1.0 - 0.6 / 50.0), (10, 0.94), (1, 0.4)] {
         let settings = Settings { bridge, ..Settings::new(Winding::NEVEREST_60) };
-        let mut motor = Motor::new(settings, Period::from_millis(ms).expect("in range"));
-        motor.set(Setpoint::ConstantPower(Control::MAX));
-        let at = Micros::new(1_000 * u64::from(ms));
-        let reading = Reading { position: 0, edge_at: at, at };
-        let first = motor.step(at, Some(reading), Some(Millivolts::new(12_000))).current.get();
+        let mut bench = Bench::one(settings, common::plant(am60(), inertia(HEAVY_KG_M2)), ms);
+        bench.set(0, Setpoint::ConstantPower(Control::MAX));
+        let first = bench.tick().motors[0].current.get();
         assert!((f64::from(first) - left * 12_000.0 / 3.4).abs() < 2.0, "{ms} ms: {first}");
     }
-}
-
-/// The speeds of a winch, counts/s: held, and while a load of 0.8 N m drives it, at worst a second after the change.
-fn winch(ms: u64, told: BridgeConstants) -> (f64, f64) {
-    let settings = Settings { bridge: told, ..Settings::new(Winding::NEVEREST_60) };
-    let mut motor = Motor::new(settings, Period::from_millis(ms as u32).expect("in range"));
-    let load = Load { inertia_after: KgM2(0.05), ..Load::NONE };
-    let mut plant = Plant::new(am60(), load, bridge(Timing::VNH5019), PWM);
-    let (mut tracker, mut drive) = (Tracker::default(), Drive::COAST);
-    motor.set(Setpoint::Velocity(CountsPerSecond::new(1_360)));
-    let (mut held, mut driven) = (0.0f64, 0.0f64);
-    for at_ms in 0..10_000u64 {
-        let now = Micros::new(1_000 * at_ms);
-        let reading = tracker.step(plant.counts() as u16, now);
-        motor.sample(reading);
-        if at_ms.is_multiple_of(ms) {
-            drive = motor.step(now, Some(reading), Some(Millivolts::new(12_000))).drive;
-        }
-        let torque_after = NewtonMetres(if at_ms < 5_000 { 0.0 } else { 0.8 });
-        let influence = PlantInput { torque_after, ..PlantInput::pwm(drive.mode, drive.duty.to_f64()) };
-        plant.run(Seconds(1e-3), influence, Volts(12.0));
-        let error = (plant.speed().0 / std::f64::consts::TAU * 28.0 - 1_360.0).abs();
-        match at_ms {
-            4_000..5_000 => held = held.max(error),
-            9_000.. => driven = driven.max(error),
-            _ => (),
-        }
-    }
-    (held, driven)
 }
 
 #[test]
 fn a_winch_on_a_real_bridge_is_held_as_on_an_ideal_one() {
     for ms in [50, 10] {
-        let (held, driven) = winch(ms, BridgeConstants::VNH5019);
-        println!("{ms} ms: held within {held:.1}, driven within {driven:.1} counts/s");
-        assert!(held < 15.0 && driven < 15.0, "{ms} ms: {held}, {driven}");
+        let settings = Settings { bridge: BridgeConstants::VNH5019, ..Settings::new(Winding::NEVEREST_60) };
+        let plant = Plant::new(am60(), inertia(0.05), bridge(Timing::VNH5019), PWM);
+        let mut bench = Bench::one(settings, plant, ms);
+        bench.set(0, velocity(1_360));
+        // Without a load, and lowering one.
+        for torque in [0.0, 0.8] {
+            bench.axes[0].torque = torque;
+            bench.run_ms(4_000);
+            for _ in 0..1_000 {
+                bench.run_ms(1);
+                let error = bench.speed(0) - 1_360.0;
+                assert!(error.abs() < 15.0, "{ms} ms, {torque} N m: {error} counts/s");
+            }
+        }
     }
 }

@@ -1,34 +1,28 @@
 //! A motor on a bench that does to it whatever a test wants is asked to learn what it is: it says so within
 //! 10 %, or says why it cannot.
 
-#![cfg(feature = "model")]
-#![expect(clippy::expect_used, reason = "a failed expectation is a failed test")]
+mod common;
 
+use common::{Bench, Cable, motor, velocity};
 use motor_hub::braking::{Scheme, Winding};
-use motor_hub::bridge::{BridgeConstants, Drive};
+use motor_hub::bridge::Drive;
 use motor_hub::model::battery::Battery;
-use motor_hub::model::catalogue::{Motor as Constants, characterised, motors};
+use motor_hub::model::catalogue::{Motor, motors};
 use motor_hub::model::friction::Friction;
 use motor_hub::model::load::{Load, Shaft};
-use motor_hub::model::plant::{Plant, PlantInput};
-use motor_hub::model::rig::Rig;
-use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Ohms, Seconds, Volts};
-use motor_hub::model::switching::Bridge;
-use motor_hub::motion::Tracker;
-use motor_hub::motor::{Motor, Setpoint, Settings};
+use motor_hub::model::si::{KgM2, NewtonMetres, Ohms, Volts};
+use motor_hub::motor::{Setpoint, Settings};
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
-use motor_hub::units::{
-    Control, CountsPerSecond, EmfConstant, Inductance, Micros, Millivolts, Period, Resistance,
-};
+use motor_hub::units::{Control, EmfConstant, Millivolts, Resistance};
 use std::f64::consts::TAU;
 
 /// What friction and loads are shares of: the torque of the motor held at 12 V.
 const NOMINAL: Volts = Volts(12.0);
 
-/// A motor on the bench, and what the hub is told of it.
+/// A motor with its load, and what the hub is told of it.
 #[derive(Clone, Copy, Debug)]
-struct Bench {
-    motor: Constants,
+struct Setup {
+    motor: Motor,
     /// Of the load, in those of the rotor.
     inertia: f64,
     /// Coulomb friction, as a share of the stall torque.
@@ -48,14 +42,14 @@ struct Outcome {
     travel: (i64, i64),
 }
 
-impl Bench {
+impl Setup {
     fn new(name: &str) -> Self {
-        Self::of(characterised(name).expect("in the catalogue"))
+        Self::of(motor(name))
     }
 
-    fn of(motor: Constants) -> Self {
+    fn of(motor: Motor) -> Self {
         Self {
-            motor: motor.with_measured_rotor_inertia(),
+            motor,
             inertia: 1.0,
             friction: 0.03,
             told: (1.0, 1.0),
@@ -67,7 +61,7 @@ impl Bench {
     }
 
     fn load(&self) -> Load {
-        let Constants { j, eta, gear_ratio, .. } = self.motor;
+        let Motor { j, eta, gear_ratio, .. } = self.motor;
         Load::inertia(KgM2(self.inertia * j.0 * eta * gear_ratio * gear_ratio))
     }
 
@@ -77,11 +71,12 @@ impl Bench {
 
     fn settings(&self) -> Settings {
         let (r, ke) = self.told;
+        let Winding { inductance, .. } = common::winding(&self.motor);
         let winding = Winding {
             emf: EmfConstant::from_ke(self.motor.ke.0 * ke, self.motor.counts_per_rev_motor)
                 .expect("in range"),
             resistance: Resistance::from_ohms(self.motor.r.0 * r).expect("in range"),
-            inductance: Inductance::from_millihenries(1e3 * self.motor.l.0).ok(),
+            inductance,
         };
         Settings::for_scheme(winding, self.scheme)
     }
@@ -94,46 +89,39 @@ impl Bench {
         (per_volt / Shaft::new(&self.motor, &self.load()).inertia.0, friction)
     }
 
-    fn run(&self) -> Outcome {
-        self.disturbed(|_, _| 0.0, |counts, _| counts)
+    fn bench(&self) -> Bench<1> {
+        let friction = Friction::with_coulomb(NewtonMetres(self.friction * self.stall()));
+        let plant = common::plant(Motor { friction, ..self.motor }, self.load());
+        let mut bench = Bench::one(self.settings(), plant, self.period_ms);
+        bench.rig.battery = self.battery;
+        bench.set(0, Setpoint::Identify { travel_limit: self.limit });
+        bench
     }
 
-    /// `pull` is a torque on the motor's shaft, as a share of the stall torque, by counts and milliseconds;
-    /// `wire` is what the encoder makes of the counts.
-    fn disturbed(&self, pull: impl Fn(f64, u64) -> f64, wire: impl Fn(i64, u64) -> i64) -> Outcome {
-        let friction = Friction::with_coulomb(NewtonMetres(self.friction * self.stall()));
-        let motor = Constants { friction, ..self.motor };
-        let bridge = Bridge::new(BridgeConstants::IDEAL);
-        let plant = Plant::new(motor, self.load(), bridge, Hertz(20_000.0));
-        let mut rig = Rig::new(self.battery, vec![plant]);
-        let mut hub = Motor::new(self.settings(), Period::from_millis(self.period_ms).expect("in range"));
-        hub.set(Setpoint::Identify { travel_limit: self.limit });
-        let mut tracker = Tracker::default();
-        let mut outcome = Outcome { identification: Identification::None, travel: (0, 0) };
-        let mut drive = Drive::COAST;
-        for ms in 0..40_000 {
-            let now = Micros::new(1000 * ms);
-            let plant = rig.plants.first().expect("there is one");
-            let (counts, place) = (plant.counts(), plant.angle() / TAU * motor.counts_per_rev_motor);
-            outcome.travel = (outcome.travel.0.min(counts), outcome.travel.1.max(counts));
-            let reading = tracker.step(wire(counts, ms) as u16, now);
-            hub.sample(reading);
-            if ms % u64::from(self.period_ms) == 0 {
-                let battery = Millivolts::from_volts(rig.voltage().0).ok();
-                let report = hub.step(now, Some(reading), battery);
-                outcome.identification = report.identification;
-                drive = report.drive;
-                if !matches!(report.identification, Identification::Running(_)) {
-                    assert_eq!(drive, Drive::COAST, "it coasts afterwards");
-                    return outcome;
-                }
+    fn run(&self) -> Outcome {
+        self.disturbed(|_| ())
+    }
+
+    /// A load that takes or drives this share of the stall torque, by counts and milliseconds.
+    fn loaded(&self, share: impl Fn(f64, u64) -> f64) -> Outcome {
+        let stall_after = self.stall() * self.motor.eta * self.motor.gear_ratio;
+        self.disturbed(|bench| bench.axes[0].torque = share(bench.counts(0), bench.ms) * stall_after)
+    }
+
+    /// `act` does something to the bench every millisecond.
+    fn disturbed(&self, act: impl Fn(&mut Bench<1>)) -> Outcome {
+        let mut bench = self.bench();
+        let mut travel = (0, 0);
+        while bench.ms < 40_000 {
+            act(&mut bench);
+            let counts = bench.rig.plants[0].counts();
+            travel = (travel.0.min(counts), travel.1.max(counts));
+            bench.run_ms(1);
+            let report = bench.report();
+            if !matches!(report.identification, Identification::Running(_)) {
+                assert_eq!(report.drive, Drive::COAST, "it coasts afterwards");
+                return Outcome { identification: report.identification, travel };
             }
-            let torque = pull(place, ms) * self.stall() * motor.eta * motor.gear_ratio;
-            let command = PlantInput {
-                torque_after: NewtonMetres(torque),
-                ..PlantInput::pwm(drive.mode, drive.duty.to_f64())
-            };
-            rig.run(Seconds(1e-3), &[command]);
         }
         panic!("no end: {self:?}");
     }
@@ -154,21 +142,21 @@ fn found(outcome: &Outcome) -> Identified {
 }
 
 /// Every motor with these loads, frictions and told constants.
-fn benches(loads: &[f64], frictions: &[f64], told: &[(f64, f64)]) -> Vec<Bench> {
+fn setups(loads: &[f64], frictions: &[f64], told: &[(f64, f64)]) -> Vec<Setup> {
     let each = |motor| {
         loads.iter().flat_map(move |&inertia| {
             frictions.iter().flat_map(move |&friction| {
-                told.iter().map(move |&told| Bench { inertia, friction, told, ..Bench::of(motor) })
+                told.iter().map(move |&told| Setup { inertia, friction, told, ..Setup::of(motor) })
             })
         })
     };
-    motors().flat_map(each).collect()
+    motors().map(Motor::with_measured_rotor_inertia).flat_map(each).collect()
 }
 
 const TOLD: [(f64, f64); 5] = [(1.0, 1.0), (0.7, 1.1), (1.3, 0.9), (0.7, 0.9), (1.3, 1.1)];
 
 /// Runs all of them; the errors of b in order, and how many were refused.
-fn sweep(benches: &[Bench]) -> (Vec<f64>, usize) {
+fn sweep(benches: &[Setup]) -> (Vec<f64>, usize) {
     let mut errors = Vec::new();
     for bench in benches {
         if let Identification::Found(found) = bench.run().identification {
@@ -187,7 +175,7 @@ fn quantile(sorted: &[f64], share: f64) -> f64 {
 #[test]
 fn every_motor_of_the_catalogue_is_known_within_10_percent() {
     for (period_ms, told) in [(10, (0.7, 1.1)), (50, (1.3, 0.9))] {
-        let mut benches = benches(&[0.0, 4.0], &[0.0, 0.1], &[told]);
+        let mut benches = setups(&[0.0, 4.0], &[0.0, 0.1], &[told]);
         benches.iter_mut().for_each(|bench| bench.period_ms = period_ms);
         let (errors, refused) = sweep(&benches);
         assert!(quantile(&errors, 0.9) < 0.06, "{period_ms} ms: {errors:?}");
@@ -211,7 +199,7 @@ fn report_of_what_all_of_the_catalogue_comes_to() {
         (50, 12.6, 0.0, 1_000),
         (10, 12.6, 0.0, 500),
     ] {
-        let mut benches = benches(&[0.0, 1.0, 4.0], &[0.0, 0.05, 0.1], &TOLD);
+        let mut benches = setups(&[0.0, 1.0, 4.0], &[0.0, 0.05, 0.1], &TOLD);
         for bench in &mut benches {
             bench.period_ms = period_ms;
             bench.battery = Battery { emf: Volts(emf), resistance: Ohms(ohms) };
@@ -229,13 +217,13 @@ fn report_of_what_all_of_the_catalogue_comes_to() {
 
 #[test]
 fn friction_and_back_emf_are_found_with_honest_errors() {
-    let bench = Bench { friction: 0.05, ..Bench::new("AM 60 A") };
+    let bench = Setup { friction: 0.05, ..Setup::new("AM 60 A") };
     let found = found(&bench.run());
     let (b, c) = bench.errors(&found);
     assert!(b.abs() < 3.0 * f64::from(found.gain_error) / 1e3, "{b} {found:?}");
     assert!(c.abs() < 3.0 * f64::from(found.friction_error.get()) / 1e3, "{c} {found:?}");
     // Back EMF and drag: q / b = Ke / kc + B R / (Kt kc).
-    let Constants { ke, kt, b: drag, r, .. } = bench.motor;
+    let Motor { ke, kt, b: drag, r, .. } = bench.motor;
     let true_emf = EmfConstant::from_ke(ke.0 + drag.0 * (r.0 + 0.1) / kt.0, 28.0).expect("in range");
     let off = f64::from(found.emf.to_bits()) / f64::from(true_emf.to_bits()) - 1.0;
     assert!(!found.emf_is_told && off.abs() < 3.0 * f64::from(found.emf_error) / 1e3, "{off} {found:?}");
@@ -247,7 +235,7 @@ fn friction_and_back_emf_are_found_with_honest_errors() {
 #[test]
 fn what_a_short_motion_cannot_tell_is_taken_as_told() {
     // A time constant of 13 s.
-    let bench = Bench { inertia: 4.0, told: (1.0, 0.9), ..Bench::new("Matrix C") };
+    let bench = Setup { inertia: 4.0, told: (1.0, 0.9), ..Setup::new("Matrix C") };
     let found = found(&bench.run());
     assert!(found.emf_is_told && found.emf_error > 100, "{found:?}");
     assert!((found.emf.to_bits() - bench.settings().winding.emf.to_bits()).abs() <= 1);
@@ -258,7 +246,7 @@ fn a_scheme_changes_nothing_of_what_is_found() {
     // With too large a back EMF told, the bridge is open at the end of a stretch.
     for told in [(1.0, 1.0), (1.0, 1.1)] {
         for scheme in [Scheme::ForwardReverse, Scheme::A, Scheme::B, Scheme::C] {
-            let bench = Bench { scheme, told, friction: 0.0, ..Bench::new("AM 60 A") };
+            let bench = Setup { scheme, told, friction: 0.0, ..Setup::new("AM 60 A") };
             let (b, _) = bench.errors(&found(&bench.run()));
             assert!(b.abs() < 0.05, "{scheme:?} {told:?}: {b}");
         }
@@ -268,8 +256,8 @@ fn a_scheme_changes_nothing_of_what_is_found() {
 #[test]
 fn the_motor_turns_no_further_than_announced() {
     for limit in [u32::MAX, 2_000, 1_000, 900] {
-        for bench in benches(&[0.0, 4.0], &[0.0], &[(1.0, 1.1), (1.0, 0.9)]) {
-            let bench = Bench { limit, period_ms: 10, ..bench };
+        for bench in setups(&[0.0, 4.0], &[0.0], &[(1.0, 1.1), (1.0, 0.9)]) {
+            let bench = Setup { limit, period_ms: 10, ..bench };
             let most = travel(bench.settings().winding.emf, Millivolts::new(12_600), limit);
             let (least, reached) = bench.run().travel;
             let most = i64::from(most);
@@ -280,11 +268,11 @@ fn the_motor_turns_no_further_than_announced() {
 
 #[test]
 fn a_limit_shortens_the_motion_and_may_leave_too_little_of_it() {
-    let bench = Bench { limit: 1_000, period_ms: 10, ..Bench::new("AM 60 A") };
+    let bench = Setup { limit: 1_000, period_ms: 10, ..Setup::new("AM 60 A") };
     let outcome = bench.run();
     assert!(found(&outcome).gain_error < 50);
     assert!(outcome.travel.1 > 500, "{:?}", outcome.travel);
-    let outcome = Bench { limit: 300, ..bench }.run();
+    let outcome = Setup { limit: 300, ..bench }.run();
     assert_eq!(outcome.identification, Identification::Refused(Refusal::TravelLimit));
     assert_eq!(outcome.travel, (0, 0));
 }
@@ -297,7 +285,7 @@ fn refused(outcome: Outcome, reasons: &[Refusal], what: &str) {
 }
 
 /// What a load does to a motor or hides from it, or b that is right all the same.
-fn refused_or_right(bench: &Bench, outcome: &Outcome, what: &str) {
+fn refused_or_right(bench: &Setup, outcome: &Outcome, what: &str) {
     if let Identification::Found(found) = outcome.identification {
         let (b, _) = bench.errors(&found);
         assert!(b.abs() < 0.12, "{what}: b off by {b}, {:?}, {bench:?}", outcome.travel);
@@ -308,8 +296,8 @@ fn refused_or_right(bench: &Bench, outcome: &Outcome, what: &str) {
 fn a_motor_under_gravity_is_refused() {
     for name in ["AM 60 A", "AM 20 C", "AM 40 C", "AM 3.7 C"] {
         for (friction, share) in [(0.0, 0.1), (0.0, -0.1), (0.1, 0.05), (0.1, -0.05), (0.05, 0.4)] {
-            let bench = Bench { friction, ..Bench::new(name) };
-            let outcome = bench.disturbed(|_, _| share, |counts, _| counts);
+            let bench = Setup { friction, ..Setup::new(name) };
+            let outcome = bench.loaded(|_, _| share);
             refused(outcome, &[Refusal::NotAtRest, Refusal::Load], &format!("{name} {share}"));
         }
     }
@@ -319,8 +307,8 @@ fn a_motor_under_gravity_is_refused() {
 fn a_spring_is_refused() {
     for friction in [0.0, 0.05] {
         for per_1000 in [0.1, 0.2, 0.4, 0.8, 2.0] {
-            let bench = Bench { friction, ..Bench::new("AM 60 A") };
-            let outcome = bench.disturbed(|counts, _| -per_1000 * counts / 1000.0, |counts, _| counts);
+            let bench = Setup { friction, ..Setup::new("AM 60 A") };
+            let outcome = bench.loaded(|counts, _| -per_1000 * counts / 1000.0);
             let reasons = [Refusal::Spring, Refusal::Load, Refusal::NoCounts, Refusal::Implausible];
             refused(outcome, &reasons, &format!("{per_1000} of stall per 1000 counts"));
         }
@@ -331,7 +319,7 @@ fn a_spring_is_refused() {
 fn a_stop_on_the_way_is_refused() {
     for at in [20.0, 100.0, 300.0, 1_000.0] {
         let stop = |counts: f64, _| if counts > at { -0.3 * (counts - at) } else { 0.0 };
-        let outcome = Bench::new("AM 60 A").disturbed(stop, |counts, _| counts);
+        let outcome = Setup::new("AM 60 A").loaded(stop);
         refused(
             outcome,
             &[Refusal::NoCounts, Refusal::Uneven, Refusal::Load, Refusal::Spring],
@@ -344,10 +332,10 @@ fn a_stop_on_the_way_is_refused() {
 fn no_load_makes_it_say_something_wrong() {
     for name in ["AM 60 A", "AM 40 B", "AM 20 B", "AM 3.7 B", "Matrix C"] {
         for (inertia, friction, period_ms) in [(0.0, 0.0, 50), (1.0, 0.05, 10), (4.0, 0.05, 50)] {
-            let bench = Bench { inertia, friction, period_ms, ..Bench::new(name) };
+            let bench = Setup { inertia, friction, period_ms, ..Setup::new(name) };
             let turn = bench.motor.counts_per_rev_motor * bench.motor.gear_ratio / TAU;
             let check = |what: String, pull: &dyn Fn(f64, u64) -> f64| {
-                refused_or_right(&bench, &bench.disturbed(pull, |counts, _| counts), &what);
+                refused_or_right(&bench, &bench.loaded(pull), &what);
             };
             for share in [0.05, 0.1, 0.2, 0.4] {
                 check(format!("gravity {share}"), &|_, _| -share);
@@ -364,22 +352,17 @@ fn no_load_makes_it_say_something_wrong() {
 
 #[test]
 fn an_encoder_that_does_not_count_or_counts_backwards_is_refused() {
-    let bench = Bench::new("AM 60 A");
-    refused(bench.disturbed(|_, _| 0.0, |_, _| 0), &[Refusal::NoCounts], "unplugged");
-    refused(bench.disturbed(|_, _| 0.0, |counts, _| -counts), &[Refusal::Backwards], "reversed");
-    for unplugged in [600, 1_000, 1_290, 2_000, 2_600] {
-        let last = std::cell::Cell::new(0);
-        let wire = |counts, ms| {
-            if ms < unplugged {
-                last.set(counts);
+    let setup = Setup::new("AM 60 A");
+    let faulty = |cable, from_ms| {
+        setup.disturbed(|bench| {
+            if bench.ms >= from_ms {
+                bench.axes[0].cable = cable;
             }
-            last.get()
-        };
-        refused(
-            bench.disturbed(|_, _| 0.0, wire),
-            &[Refusal::NoCounts],
-            &format!("unplugged at {unplugged}"),
-        );
+        })
+    };
+    refused(faulty(Cable::Reversed, 0), &[Refusal::Backwards], "reversed");
+    for from_ms in [0, 600, 1_000, 1_290, 2_000, 2_600] {
+        refused(faulty(Cable::Unplugged, from_ms), &[Refusal::NoCounts], &format!("unplugged at {from_ms}"));
     }
 }
 
@@ -388,68 +371,57 @@ fn a_weak_battery_is_refused() {
     for (emf, ohms) in [(5.5, 0.0), (12.6, 3.0)] {
         let battery = Battery { emf: Volts(emf), resistance: Ohms(ohms) };
         refused(
-            Bench { battery, ..Bench::new("AM 60 A") }.run(),
+            Setup { battery, ..Setup::new("AM 60 A") }.run(),
             &[Refusal::Battery],
             &format!("{battery:?}"),
         );
     }
 }
 
-/// A motor that is being identified, half a second after it was asked to; its encoder counts.
-fn half_a_second() -> (Motor, impl FnMut(&mut Motor, bool) -> motor_hub::motor::Report) {
-    let mut motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);
-    motor.set(Setpoint::Identify { travel_limit: u32::MAX });
-    let (mut tracker, mut ms) = (Tracker::default(), 0);
-    let mut step = move |motor: &mut Motor, battery: bool| {
-        ms += 50;
-        let now = Micros::new(1000 * ms);
-        let count = if ms > 250 { (ms - 250) as u16 } else { 0 };
-        motor.step(now, Some(tracker.step(count, now)), battery.then_some(Millivolts::new(12_000)))
-    };
-    for _ in 0..10 {
-        let report = step(&mut motor, true);
-        assert!(matches!(report.identification, Identification::Running(_)), "{report:?}");
-    }
-    (motor, step)
+/// A motor that is being identified for half a second.
+fn half_a_second() -> Bench<1> {
+    let mut bench = Setup::new("AM 60 A").bench();
+    bench.run_ms(500);
+    let report = bench.report();
+    assert!(matches!(report.identification, Identification::Running(_)), "{report:?}");
+    bench
 }
 
 #[test]
 fn anything_else_that_is_asked_of_the_motor_ends_it() {
-    for other in [
-        Setpoint::Disabled,
-        Setpoint::ConstantPower(Control::ZERO),
-        Setpoint::Velocity(CountsPerSecond::new(100)),
-    ] {
-        let (mut motor, mut step) = half_a_second();
-        motor.set(other);
-        assert_eq!(step(&mut motor, true).identification, Identification::Refused(Refusal::Stopped));
+    for other in [Setpoint::Disabled, Setpoint::ConstantPower(Control::ZERO), velocity(100)] {
+        let mut bench = half_a_second();
+        bench.set(0, other);
+        let [report] = bench.tick().motors;
+        assert_eq!(report.identification, Identification::Refused(Refusal::Stopped));
     }
 }
 
 #[test]
 fn a_lost_battery_or_encoder_ends_it_for_good() {
-    let (mut motor, mut step) = half_a_second();
-    for battery in [false, true, true] {
-        let report = step(&mut motor, battery);
-        assert_eq!(report.identification, Identification::Refused(Refusal::Interrupted));
-        assert_eq!(report.drive, Drive::COAST);
+    let losses: [fn(&mut Bench<1>); 2] =
+        [|bench| bench.battery_read = false, |bench| bench.axes[0].unread_ms = 100];
+    for lost in losses {
+        let mut bench = half_a_second();
+        lost(&mut bench);
+        bench.run_ms(100);
+        bench.battery_read = true;
+        for _ in 0..3 {
+            let [report] = bench.tick().motors;
+            assert_eq!(report.identification, Identification::Refused(Refusal::Interrupted));
+            assert_eq!(report.drive, Drive::COAST);
+        }
     }
-    let (mut motor, _) = half_a_second();
-    let report = motor.step(Micros::new(600_000), None, Some(Millivolts::new(12_000)));
-    assert_eq!(report.identification, Identification::Refused(Refusal::Interrupted));
 }
 
 #[test]
 fn a_motor_that_turns_is_not_driven() {
-    let mut motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);
-    motor.set(Setpoint::Identify { travel_limit: u32::MAX });
-    let mut tracker = Tracker::default();
-    for ms in (0..400).step_by(50) {
-        let now = Micros::new(1000 * ms);
-        let report = motor.step(now, Some(tracker.step(ms as u16 / 20, now)), Some(Millivolts::new(12_000)));
-        assert_eq!(report.drive, Drive::COAST);
+    let mut bench = Setup::new("AM 60 A").bench();
+    bench.axes[0].turned = Some(50.0);
+    for _ in 0..8 {
+        assert_eq!(bench.tick().motors[0].drive, Drive::COAST);
     }
-    let now = Micros::new(400_000);
-    let report = motor.step(now, Some(tracker.step(0, now)), None);
+    bench.battery_read = false;
+    let [report] = bench.tick().motors;
     assert_eq!(report.identification, Identification::Refused(Refusal::NotAtRest));
 }

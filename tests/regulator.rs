@@ -1,5 +1,8 @@
 //! What is known of a motor's motion from samples that come as they come.
 
+mod common;
+
+use common::Bench;
 use motor_hub::braking::Winding;
 use motor_hub::motion::{Reading, Tracker};
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
@@ -59,21 +62,13 @@ fn samples_that_are_early_or_late_or_missing_tell_the_same_speed() {
 #[test]
 fn a_motor_that_has_rolled_out_is_known_to_rest() {
     for friction in [500.0, 2_000.0, 6_000.0] {
-        let mut motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);
-        let (mut tracker, mut x, mut w) = (Tracker::default(), 0.3f64, 1_000.0f64);
-        for ms in 0..6_000u64 {
-            let now = Micros::new(1_000 * ms);
-            if ms > 500 {
-                w = (w - friction * 1e-3).max(0.0);
-            }
-            x += w * 1e-3;
-            let reading = tracker.step(x as u16, now);
-            motor.sample(reading);
-            if ms % 50 == 0 {
-                let report = motor.step(now, Some(reading), Some(Millivolts::new(12_000)));
-                let speed = report.velocity.to_f64();
-                assert!(ms < 3_500 || speed.abs() < 0.5, "{speed} counts/s after {ms} ms of {friction}");
-            }
+        let mut bench = Bench::turned(Settings::new(Winding::NEVEREST_60), [1_000.0]);
+        bench.run_ms(500);
+        for ms in 500..6_000 {
+            bench.axes[0].turned = bench.axes[0].turned.map(|cps| (cps - friction * 1e-3).max(0.0));
+            bench.run_ms(1);
+            let speed = bench.report().velocity.to_f64();
+            assert!(ms < 3_500 || speed.abs() < 0.5, "{speed} counts/s after {ms} ms of {friction}");
         }
     }
 }

@@ -171,6 +171,20 @@ fn only_the_tasks_know_of_embassy() {
 }
 
 #[test]
+fn tests_of_the_library_drive_motors_and_their_physics_on_the_common_bench() {
+    let both = |path: &PathBuf| {
+        let code: String = code(path).into_iter().map(|(_, line)| line).collect();
+        let regulated = code.contains("Hub::new(") || code.contains(" Motor::new(");
+        regulated && code.contains("Plant::new(")
+    };
+    let found: Vec<_> = sources("tests").into_iter().filter(both).collect();
+    // The check of encoders has mechanical stops and faults that nothing else needs.
+    let allowed = ["tests/common/mod.rs", "tests/guard.rs", "tests/rooms.rs"].map(|path| root().join(path));
+    let found: Vec<_> = found.iter().filter(|path| !allowed.contains(path)).collect();
+    assert!(found.is_empty(), "drive motors on the bench of tests/common: {found:?}");
+}
+
+#[test]
 fn only_programs_print() {
     // What people read on a terminal is for host/cli and xtask to say.
     let libraries =

@@ -1,4 +1,6 @@
 //! Motors that move in step.
 
+#[path = "../common/mod.rs"]
+mod common;
 mod motors;
 mod references;

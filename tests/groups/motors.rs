@@ -1,23 +1,14 @@
 //! Motors that move in step, on simulated plants.
 
-use motor_hub::braking::{Scheme, Winding};
-use motor_hub::bridge::{BridgeConstants, Drive};
+use crate::common::{self, Cable, configured, motor, unknown, velocity};
+use motor_hub::bridge::Drive;
 use motor_hub::group::{Course, DriveBase, GroupCommand, Halt};
-use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
-use motor_hub::model::catalogue::{self, Motor};
-use motor_hub::model::load::{Load, Shaft};
-use motor_hub::model::plant::{self, Plant};
-use motor_hub::model::si::{Drag, Hertz, KgM2, NewtonMetres, RadPerSec, Seconds, Volts};
-use motor_hub::model::switching::Bridge;
-use motor_hub::motion::Tracker;
-use motor_hub::motor::{Setpoint, Settings};
-use motor_hub::regulator::{Dynamics, Mechanics};
-use motor_hub::supply::Battery;
-use motor_hub::units::{
-    Acceleration, CountsPerSecond, EmfConstant, Inductance, Micros, Millivolts, Period, Resistance,
-};
-
-const BRIDGE: BridgeConstants = BridgeConstants::IDEAL;
+use motor_hub::hub::{Action, Command};
+use motor_hub::model::catalogue::Motor;
+use motor_hub::model::load::Load;
+use motor_hub::model::si::{Drag, KgM2};
+use motor_hub::motor::Setpoint;
+use motor_hub::units::{Acceleration, CountsPerSecond};
 
 /// Wheels of 90 mm, 300 mm apart, each on the output of a NeveRest 60.
 const BASE: DriveBase =
@@ -25,146 +16,51 @@ const BASE: DriveBase =
 /// Half of a robot of 6 kg at the rim of a wheel.
 const WHEEL: Load = Load { inertia_after: KgM2(3.0 * 0.045 * 0.045), ..Load::NONE };
 
-fn motor(name: &str) -> Motor {
-    catalogue::characterised(name).expect("known").with_measured_rotor_inertia()
+type Bench<const N: usize> = common::Bench<N>;
+
+/// Motors with these loads 100 ms after the start. Where they are configured, it is for a wheel.
+fn set_up<const N: usize>(period_ms: u32, motors: [Motor; N], known: bool, loads: [Load; N]) -> Bench<N> {
+    let settings = motors.map(|motor| if known { configured(&motor, &WHEEL) } else { unknown(&motor) });
+    let plants = std::array::from_fn(|n| common::plant(motors[n], loads[n]));
+    let mut bench = Bench::new(settings, plants, period_ms);
+    bench.run_ms(100);
+    bench
 }
 
-fn settings(motor: &Motor, load: &Load, known: bool) -> Settings {
-    let winding = Winding {
-        emf: EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor).expect("in range"),
-        resistance: Resistance::from_ohms(motor.r.0).expect("in range"),
-        inductance: Inductance::from_millihenries(1e3 * motor.l.0).ok(),
-    };
-    let shaft = Shaft::new(motor, load);
-    let mechanics = Mechanics {
-        torque_constant: motor.kt.0,
-        counts_per_turn: motor.counts_per_rev_motor,
-        inertia: shaft.inertia.0,
-        drag: shaft.drag.0,
-        friction: 0.0,
-    };
-    let dynamics = Dynamics::from_mechanics(&winding, &BRIDGE, &mechanics).expect("in range");
-    Settings { dynamics: known.then_some(dynamics), ..Settings::for_scheme(winding, Scheme::A) }
+fn lead<const N: usize>(bench: &mut Bench<N>, together: GroupCommand) {
+    let motor = together.course.members().iter().position(|member| *member).expect("members");
+    bench.hub.apply(Command { motor, action: Action::Lead(together) }).expect("members");
 }
 
-/// A motor with its load and its encoder.
-struct Axis {
-    plant: Plant,
-    tracker: Tracker,
-    unplugged: bool,
-    count: i64,
-    /// Motor angle beyond which it cannot turn.
-    stop: f64,
-    /// Output torque.
-    torque: f64,
+/// Until the group has arrived; milliseconds.
+fn arrive<const N: usize>(bench: &mut Bench<N>, mut each_ms: impl FnMut(&Bench<N>)) -> u64 {
+    let start = bench.ms;
+    // What was said of the course before is no answer.
+    bench.snapshot.motors.iter_mut().for_each(|motor| motor.settled = false);
+    while !bench.snapshot.motors[0].settled {
+        assert!(bench.ms - start < 20_000, "never arrived: {:?}", bench.snapshot);
+        bench.run_ms(1);
+        each_ms(bench);
+    }
+    bench.ms - start
 }
 
-impl Axis {
-    fn new(motor: Motor, load: Load) -> Self {
-        Self {
-            plant: Plant::new(motor, load, Bridge::new(BRIDGE), Hertz(20_000.0)),
-            tracker: Tracker::default(),
-            unplugged: false,
-            count: 0,
-            stop: f64::INFINITY,
-            torque: 0.0,
-        }
-    }
-
-    fn run_ms(&mut self, drive: Drive) {
-        let mut command = plant::PlantInput::pwm(drive.mode, drive.duty.to_f64());
-        command.torque_after = NewtonMetres(self.torque);
-        self.plant.run(Seconds(1e-3), command, Volts(12.0));
-        if self.plant.angle() > self.stop {
-            self.plant.place(self.plant.current(), RadPerSec(0.0), self.stop);
-        }
-        if !self.unplugged {
-            self.count = self.plant.counts();
-        }
-    }
-
-    /// Counts, and parts of such.
-    fn place(&self) -> f64 {
-        self.plant.angle() / std::f64::consts::TAU * self.plant.motor().counts_per_rev_motor
-    }
+/// Positions of all motors in counts.
+fn places<const N: usize>(bench: &Bench<N>) -> [f64; N] {
+    std::array::from_fn(|motor| bench.counts(motor))
 }
 
-/// A hub with its motors, run in steps of a millisecond.
-struct Bench<const N: usize> {
-    hub: Hub<N>,
-    axes: [Axis; N],
-    drives: [Drive; N],
-    ms: u64,
-    snapshot: Snapshot<N>,
-    /// Largest change of any motor's current from one tick to the next, in amperes.
-    current_step: f64,
-}
-
-impl<const N: usize> Bench<N> {
-    fn new(period_ms: u32, motors: [Motor; N], known: bool, loads: [Load; N], told: Load) -> Self {
-        let period = Period::from_millis(period_ms).expect("period");
-        let mut bench = Self {
-            hub: Hub::new(motors.each_ref().map(|motor| settings(motor, &told, known)), period),
-            axes: std::array::from_fn(|index| Axis::new(motors[index], loads[index])),
-            drives: [Drive::COAST; N],
-            ms: 0,
-            snapshot: Snapshot::INITIAL,
-            current_step: 0.0,
-        };
-        bench.run_ms(100);
-        bench
-    }
-
-    fn set(&mut self, motor: usize, setpoint: Setpoint) {
-        self.hub.apply(Command { motor, action: Action::Set(setpoint) }).expect("motor");
-    }
-
-    fn lead(&mut self, together: GroupCommand) {
-        let motor = together.course.members().iter().position(|member| *member).expect("members");
-        self.hub.apply(Command { motor, action: Action::Lead(together) }).expect("members");
-    }
-
-    fn run_ms(&mut self, ms: u64) {
-        for _ in 0..ms {
-            self.ms += 1;
-            let now = Micros::new(self.ms * 1000);
-            let mut readings = [None; N];
-            for ((axis, drive), reading) in self.axes.iter_mut().zip(self.drives).zip(&mut readings) {
-                axis.run_ms(drive);
-                *reading = Some(axis.tracker.step(axis.count as u16, now));
-            }
-            self.hub.sample(&readings);
-            if self.ms.is_multiple_of(u64::from(self.hub.period().as_millis())) {
-                let battery = Some(Battery::good(Millivolts::new(12_000), now));
-                let before = self.snapshot.motors.map(|motor| motor.current);
-                self.snapshot = self.hub.step(&Inputs { now, readings, battery });
-                for (motor, before) in self.snapshot.motors.iter().zip(before) {
-                    let step = (motor.current.get() - before.get()).abs();
-                    self.current_step = self.current_step.max(f64::from(step) / 1e3);
-                }
-                self.drives = self.snapshot.drives();
-            }
+/// Lets time pass. Returns the largest change of the first motor's reported current from one tick to the next, in A.
+fn largest_current_step<const N: usize>(bench: &mut Bench<N>, ms: u64) -> f64 {
+    let mut largest = 0.0f64;
+    for _ in 0..ms {
+        let before = bench.snapshot.motors.map(|motor| motor.current);
+        bench.run_ms(1);
+        for (motor, before) in bench.snapshot.motors.iter().zip(before) {
+            largest = largest.max(f64::from((motor.current.get() - before.get()).abs()) / 1e3);
         }
     }
-
-    /// Until the group has arrived; milliseconds.
-    fn arrive(&mut self, mut each_ms: impl FnMut(&mut Self)) -> u64 {
-        let start = self.ms;
-        // What was said of the course before is no answer.
-        self.snapshot.motors.iter_mut().for_each(|motor| motor.settled = false);
-        loop {
-            self.run_ms(1);
-            each_ms(self);
-            if self.snapshot.motors[0].settled {
-                return self.ms - start;
-            }
-            assert!(self.ms - start < 20_000, "never arrived: {:?}", self.snapshot);
-        }
-    }
-
-    fn places(&self) -> [f64; N] {
-        self.axes.each_ref().map(Axis::place)
-    }
+    largest
 }
 
 fn together(course: Course, mm_s: f64, mm_s2: f64) -> GroupCommand {
@@ -209,12 +105,12 @@ fn a_drive_base_goes_straight_with_equal_loads_and_with_unequal_ones() {
         for (dragged, limit) in [(0.0, 0.1), (0.12, 0.5)] {
             for period in PERIODS {
                 let loads = [WHEEL, Load { drag_after: drag(dragged), ..WHEEL }];
-                let mut bench = Bench::new(period, two(), known, loads, WHEEL);
-                bench.lead(together(pair(BASE.straight(1000.0).expect("short")), 350.0, 700.0));
+                let mut bench = set_up(period, two(), known, loads);
+                lead(&mut bench, together(pair(BASE.straight(1000.0).expect("short")), 350.0, 700.0));
                 let mut worst = 0.0f64;
-                let ms = bench.arrive(|bench| worst = worst.max(heading(bench.places()).abs()));
+                let ms = arrive(&mut bench, |bench| worst = worst.max(heading(places(bench)).abs()));
                 bench.run_ms(500);
-                let end = heading(bench.places()).abs();
+                let end = heading(places(&bench)).abs();
                 println!(
                     "1 m, known {known}, drag {dragged}, {period} ms: {ms} ms, heading {worst:.3}, in the end {end:.3}"
                 );
@@ -234,11 +130,11 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
                 // Milliseconds until the references have come to their end, which nothing but a lag delays.
                 let [usual, endless] = [false, true].map(|endless| {
                     let loads = [WHEEL, Load { drag_after: drag(0.12), ..WHEEL }];
-                    let mut bench = Bench::new(period, two(), known, loads, WHEEL);
+                    let mut bench = set_up(period, two(), known, loads);
                     let GroupCommand { course, speed, acceleration, .. } =
                         together(pair([1_000; 2]), mm_s, mm_s2);
                     let usual = GroupCommand::new(course, speed, acceleration);
-                    bench.lead(if endless { GroupCommand { lag: u16::MAX, ..usual } } else { usual });
+                    lead(&mut bench, if endless { GroupCommand { lag: u16::MAX, ..usual } } else { usual });
                     while !matches!(bench.snapshot.motors[0].setpoint,
                         Setpoint::Together(reference) if reference.position == 1_000)
                     {
@@ -257,11 +153,11 @@ fn with_the_usual_lag_nobody_waits_for_a_member_that_follows_as_well_as_it_can()
 fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
     for known in [true, false] {
         for period in PERIODS {
-            let mut bench = Bench::new(period, two(), known, [WHEEL; 2], WHEEL);
-            bench.lead(together(pair(BASE.turn(90.0).expect("short")), 380.0, 850.0));
-            let ms = bench.arrive(|_| ());
+            let mut bench = set_up(period, two(), known, [WHEEL; 2]);
+            lead(&mut bench, together(pair(BASE.turn(90.0).expect("short")), 380.0, 850.0));
+            let ms = arrive(&mut bench, |_| ());
             bench.run_ms(500);
-            let [left, right] = bench.places();
+            let [left, right] = places(&bench);
             let (error, aside) = (heading([left, right]) - 90.0, left + right);
             println!(
                 "90 degrees, known {known}, {period} ms: {ms} ms, off by {error:.3}, aside by {aside:.1} counts"
@@ -278,15 +174,15 @@ fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
 fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
     for known in [true, false] {
         for period in PERIODS {
-            let mut bench = Bench::new(period, two(), known, [WHEEL; 2], WHEEL);
-            bench.lead(together(pair([5_000; 2]), 300.0, 700.0));
-            bench.axes[1].stop = 2_000.0 / 28.0 * std::f64::consts::TAU;
+            let mut bench = set_up(period, two(), known, [WHEEL; 2]);
+            lead(&mut bench, together(pair([5_000; 2]), 300.0, 700.0));
+            bench.axes[1].stop = Some(2_000.0);
             bench.run_ms(2_000);
             let mut ahead = 0.0f64;
             let mut moved = (f64::INFINITY, f64::NEG_INFINITY);
             for ms in 0..2_000 {
                 bench.run_ms(1);
-                let [free, held] = bench.places();
+                let [free, held] = places(&bench);
                 ahead = ahead.max(free - held);
                 if ms >= 1_000 {
                     moved = (moved.0.min(free), moved.1.max(free));
@@ -304,13 +200,13 @@ fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
             assert!(ahead <= most, "{ahead}");
             // An unknown motor may swing by a few counts.
             assert!(moved.1 - moved.0 < if known { 3.0 } else { 10.0 }, "{moved:?}");
-            bench.axes[1].stop = f64::INFINITY;
-            let ms = bench.arrive(|bench| {
-                let [free, held] = bench.places();
+            bench.axes[1].stop = None;
+            let ms = arrive(&mut bench, |bench| {
+                let [free, held] = places(bench);
                 assert!((free - held).abs() <= most, "{free} {held}");
             });
             println!("  and then {ms} ms to the end");
-            assert!(bench.places().iter().all(|place| (place - 5_000.0).abs() < 6.0), "{:?}", bench.places());
+            assert!(places(&bench).iter().all(|place| (place - 5_000.0).abs() < 6.0), "{:?}", places(&bench));
         }
     }
 }
@@ -318,21 +214,21 @@ fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
 #[test]
 fn a_fault_of_one_stops_all_or_lets_all_go() {
     for (halt, period) in [Halt::Stop, Halt::Coast].into_iter().flat_map(|halt| PERIODS.map(|p| (halt, p))) {
-        let mut bench = Bench::new(period, two(), true, [WHEEL; 2], WHEEL);
-        bench.lead(GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
+        let mut bench = set_up(period, two(), true, [WHEEL; 2]);
+        lead(&mut bench, GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
         bench.run_ms(1_500);
-        bench.axes[1].unplugged = true;
+        bench.axes[1].cable = Cable::Unplugged;
         bench.run_ms(1_500);
         let [other, faulty] = bench.snapshot.motors;
         assert!(faulty.faults.encoder.is_some(), "{faulty:?}");
         assert_eq!(faulty.drive, Drive::COAST);
-        let place = bench.axes[0].place();
+        let place = bench.counts(0);
         match halt {
             Halt::Stop => {
                 assert!(matches!(other.setpoint, Setpoint::Together(_)), "{other:?}");
                 bench.axes[0].torque = 0.4;
                 bench.run_ms(1_000);
-                let moved = bench.axes[0].place() - place;
+                let moved = bench.counts(0) - place;
                 assert!(moved.abs() < 4.0, "{period} ms: {moved}");
             }
             Halt::Coast => {
@@ -344,12 +240,12 @@ fn a_fault_of_one_stops_all_or_lets_all_go() {
 
 #[test]
 fn a_member_that_is_told_something_else_leaves_and_the_others_halt() {
-    let alone = Setpoint::Velocity(CountsPerSecond::new(300));
+    let alone = velocity(300);
     for period in PERIODS {
         for (halt, setpoint) in [(Halt::Stop, alone), (Halt::Coast, alone), (Halt::Stop, Setpoint::Disabled)]
         {
-            let mut bench = Bench::new(period, two(), true, [WHEEL; 2], WHEEL);
-            bench.lead(GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
+            let mut bench = set_up(period, two(), true, [WHEEL; 2]);
+            lead(&mut bench, GroupCommand { halt, ..together(pair([20_000; 2]), 300.0, 700.0) });
             bench.run_ms(1_500);
             bench.set(1, setpoint);
             bench.run_ms(1_500);
@@ -359,14 +255,16 @@ fn a_member_that_is_told_something_else_leaves_and_the_others_halt() {
                 assert_eq!(other.setpoint, Setpoint::Disabled);
             } else {
                 assert!(matches!(other.setpoint, Setpoint::Together(_)), "{other:?}");
-                let place = bench.axes[0].place();
+                let place = bench.counts(0);
                 bench.run_ms(200);
-                assert!((bench.axes[0].place() - place).abs() < 0.5, "{other:?}");
+                let moved = bench.counts(0) - place;
+                // The resolution of the encoder.
+                assert!(moved.abs() < 1.0, "{period} ms: {moved} {other:?}");
                 // What is left of the group is still one.
-                bench.lead(together(Course::by(&[(0, 500)]).expect("a motor"), 300.0, 700.0));
-                let place = bench.axes[0].place();
-                bench.arrive(|_| ());
-                assert!((bench.axes[0].place() - place - 500.0).abs() < 8.0);
+                lead(&mut bench, together(Course::by(&[(0, 500)]).expect("a motor"), 300.0, 700.0));
+                let place = bench.counts(0);
+                arrive(&mut bench, |_| ());
+                assert!((bench.counts(0) - place - 500.0).abs() < 8.0);
             }
         }
     }
@@ -392,19 +290,16 @@ fn another_course_in_mid_move_makes_no_step_of_current() {
     ];
     for known in [true, false] {
         for period in PERIODS {
-            let mut bench = Bench::new(period, two(), known, [WHEEL; 2], WHEEL);
+            let mut bench = set_up(period, two(), known, [WHEEL; 2]);
             let first = together(pair([4_000; 2]), 300.0, 700.0);
-            bench.lead(first);
-            bench.run_ms(800);
-            let ordinary = bench.current_step;
+            lead(&mut bench, first);
+            let ordinary = largest_current_step(&mut bench, 800);
             for (name, course) in courses {
-                let mut bench = Bench::new(period, two(), known, [WHEEL; 2], WHEEL);
-                bench.lead(first);
+                let mut bench = set_up(period, two(), known, [WHEEL; 2]);
+                lead(&mut bench, first);
                 bench.run_ms(1_000);
-                bench.current_step = 0.0;
-                bench.lead(together(course, 300.0, 700.0));
-                bench.run_ms(800);
-                let step = bench.current_step;
+                lead(&mut bench, together(course, 300.0, 700.0));
+                let step = largest_current_step(&mut bench, 800);
                 println!("{name}, known {known}, {period} ms: {step:.2} A, on setting out {ordinary:.2} A");
                 assert!(step <= 1.2 * ordinary, "{step} {ordinary}");
             }
@@ -418,23 +313,22 @@ fn a_gantry_of_four_different_motors_comes_level_and_goes_up() {
     let motors = names.map(motor);
     for known in [true, false] {
         for period in PERIODS {
-            let load = Load { torque_after: NewtonMetres(0.0), ..WHEEL };
-            let mut bench = Bench::new(period, motors, known, [load; 4], load);
+            let mut bench = set_up(period, motors, known, [WHEEL; 4]);
             for (axis, torque) in bench.axes.iter_mut().zip([-0.1, -0.3, -0.2, -0.1]) {
                 axis.torque = torque;
             }
             let level = |counts| Course::to(&[0, 1, 2, 3].map(|motor| (motor, counts))).expect("four motors");
-            bench.lead(together(level(100), 100.0, 700.0));
-            bench.arrive(|_| ());
+            lead(&mut bench, together(level(100), 100.0, 700.0));
+            arrive(&mut bench, |_| ());
             let mut apart = 0.0f64;
-            bench.lead(together(level(6_000), 150.0, 700.0));
-            let ms = bench.arrive(|bench| {
-                let places = bench.places();
+            lead(&mut bench, together(level(6_000), 150.0, 700.0));
+            let ms = arrive(&mut bench, |bench| {
+                let places = places(bench);
                 let [least, most] = [f64::min, f64::max].map(|f| places.into_iter().reduce(f).expect("four"));
                 apart = apart.max(most - least);
             });
             println!("gantry, known {known}, {period} ms: {ms} ms, {apart:.1} counts apart");
-            assert!(bench.places().iter().all(|place| (place - 6_000.0).abs() < 6.0), "{:?}", bench.places());
+            assert!(places(&bench).iter().all(|place| (place - 6_000.0).abs() < 6.0), "{:?}", places(&bench));
         }
     }
 }
@@ -445,12 +339,12 @@ fn the_slowest_sets_the_pace() {
         for period in PERIODS {
             // Of these the second one makes a third of the speed that is asked for.
             let motors = ["AM 60 A", "AM 40 B"].map(motor);
-            let mut bench = Bench::new(period, motors, known, [WHEEL; 2], WHEEL);
+            let mut bench = set_up(period, motors, known, [WHEEL; 2]);
             bench.axes[1].torque = -0.1;
-            bench.lead(together(pair([2_000; 2]), 250.0, 700.0));
+            lead(&mut bench, together(pair([2_000; 2]), 250.0, 700.0));
             let mut apart = 0.0f64;
-            let ms = bench.arrive(|bench| {
-                let [quick, slow] = bench.places();
+            let ms = arrive(&mut bench, |bench| {
+                let [quick, slow] = places(bench);
                 apart = apart.max((quick - slow).abs());
             });
             println!("slow, known {known}, {period} ms: {ms} ms, {apart:.1} counts apart");

@@ -91,6 +91,10 @@ impl Read for Rough<'_> {
     }
 }
 
+fn responder() -> Responder<N> {
+    Responder::new(Address::new(HUB).expect("an address"), [settings(); N])
+}
+
 struct World {
     to_hub: Pipe<NoopRawMutex, 1024>,
     line: Line,
@@ -120,7 +124,7 @@ impl World {
     }
 
     async fn task(&self) {
-        let mut responder = Responder::new(Address::new(HUB).expect("an address"), [settings(); N]);
+        let mut responder = responder();
         tasks::responder::run(&self.to_hub, &self.line, &self.pins, &mut responder, &self.wires, |c| {
             self.shown.set(c)
         })
@@ -137,6 +141,11 @@ impl World {
 
     fn call(&self, function: u16, payload: &[u8]) {
         self.send(&frame_to(HUB, 1, 0x1000 + function, payload));
+    }
+
+    fn drive_motor_0(&self) {
+        self.call(15, &[0, 0, 64]);
+        self.call(10, &[0, 1]);
     }
 
     /// Types and first bytes of the replies since the last time.
@@ -221,8 +230,7 @@ fn motors_are_released_2500_ms_after_the_last_packet_to_the_millisecond() {
     let world = World::new();
     let mut task = pin!(world.task());
     run_ms(&mut task, 5);
-    world.call(15, &[0, 0, 64]);
-    world.call(10, &[0, 1]);
+    world.drive_motor_0();
     run_ms(&mut task, 0);
     assert_eq!(world.told().len(), 1);
     run_ms(&mut task, 2499);
@@ -236,8 +244,7 @@ fn motors_are_released_2500_ms_after_the_last_packet_to_the_millisecond() {
 fn silences_of_2100_ms_are_harmless() {
     let world = World::new();
     let mut task = pin!(world.task());
-    world.call(15, &[0, 0, 64]);
-    world.call(10, &[0, 1]);
+    world.drive_motor_0();
     run_ms(&mut task, 0);
     world.told();
     for _ in 0..5 {
@@ -251,8 +258,7 @@ fn silences_of_2100_ms_are_harmless() {
 fn noise_without_end_does_not_keep_a_lost_host_alive() {
     let world = World::new();
     let mut task = pin!(world.task());
-    world.call(15, &[0, 0, 64]);
-    world.call(10, &[0, 1]);
+    world.drive_motor_0();
     run_ms(&mut task, 0);
     world.told();
     for _ in 0..2500 {
@@ -266,8 +272,7 @@ fn noise_without_end_does_not_keep_a_lost_host_alive() {
 fn a_host_that_takes_no_replies_loses_its_motors_too() {
     let world = World::new();
     let mut task = pin!(world.task());
-    world.call(15, &[0, 0, 64]);
-    world.call(10, &[0, 1]);
+    world.drive_motor_0();
     run_ms(&mut task, 0);
     world.told();
     world.line.jammed.set(true);
@@ -403,7 +408,7 @@ fn line_errors_are_survived_and_the_end_of_the_line_ends_the_task() {
     let world = World::new();
     world.send(&frame_to(HUB, 1, 0x7F04, &[]));
     let rough = Rough { errors: 5, pipe: &world.to_hub };
-    let mut responder = Responder::new(Address::new(HUB).expect("an address"), [settings(); N]);
+    let mut responder = responder();
     let mut task = pin!(tasks::responder::run(rough, &world.line, (), &mut responder, &world.wires, |_| ()));
     run_ms(&mut task, 4);
     MockDriver::get().advance(Duration::from_millis(1));
@@ -414,9 +419,8 @@ fn line_errors_are_survived_and_the_end_of_the_line_ends_the_task() {
 #[test]
 fn between_connections_the_timer_runs_on() {
     let world = World::new();
-    let mut responder = Responder::new(Address::new(HUB).expect("an address"), [settings(); N]);
-    world.call(15, &[0, 0, 64]);
-    world.call(10, &[0, 1]);
+    let mut responder = responder();
+    world.drive_motor_0();
     let connection = Rough { errors: 0, pipe: &world.to_hub };
     {
         let session =
@@ -434,8 +438,7 @@ fn between_connections_the_timer_runs_on() {
 #[test]
 fn a_hub_with_a_memory_reads_packets_once_the_memory_has_reported() {
     let world = World::new();
-    let mut responder =
-        Responder::new(Address::new(HUB).expect("an address"), [settings(); N]).expecting_store();
+    let mut responder = responder().expecting_store();
     let shown = Cell::new(0);
     let mut task =
         pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| {
@@ -465,8 +468,7 @@ fn a_hub_with_a_memory_reads_packets_once_the_memory_has_reported() {
 #[test]
 fn a_memory_that_never_reports_does_not_block_the_hub() {
     let world = World::new();
-    let mut responder =
-        Responder::new(Address::new(HUB).expect("an address"), [settings(); N]).expecting_store();
+    let mut responder = responder().expecting_store();
     let mut task =
         pin!(tasks::responder::run(&world.to_hub, &world.line, (), &mut responder, &world.wires, |_| ()));
     world.send(&frame_to(HUB, 1, 0x7F04, &[]));

@@ -1,21 +1,21 @@
 //! What hosts set the loops to while the motor runs.
 
-use crate::bench::{Bench, Knowledge};
+use crate::common::velocity;
+use crate::subject::{Knowledge, Subject};
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::motion::Pidf;
-use motor_hub::motor::Setpoint;
 use motor_hub::regulator::Coefficients;
-use motor_hub::units::{Coefficient, CountsPerSecond, Period};
+use motor_hub::units::{Coefficient, Period};
 
-fn velocity(values: [f64; 4]) -> Coefficients {
+fn coefficients(values: [f64; 4]) -> Coefficients {
     let [p, i, d, f] = values.map(|value| Coefficient::from_bits((65_536.0 * value) as i32));
     Coefficients { velocity: Pidf { p, i, d, f }, position: Pidf::default() }
 }
 
 /// Mean current of so many milliseconds, A.
-fn mean(bench: &mut Bench, ms: u32) -> f64 {
-    let ticks = (ms / bench.period.as_millis()).max(1);
-    (0..ticks).map(|_| bench.tick().current).sum::<f64>() / f64::from(ticks)
+fn mean(subject: &mut Subject, ms: u32) -> f64 {
+    let ticks = (ms / subject.period_ms()).max(1);
+    (0..ticks).map(|_| subject.tick().current).sum::<f64>() / f64::from(ticks)
 }
 
 #[test]
@@ -25,22 +25,22 @@ fn a_motor_that_is_given_other_coefficients_while_it_runs_goes_on_as_it_was() {
         for duty in DutyRule::EACH {
             for ms in [1, 10, 50, 100] {
                 let period = Period::from_millis(ms).expect("in range");
-                let mut bench = Bench::new(Knowledge::Configured, scheme, period, 0.0);
-                let speed = bench.constants.free_speed / 2.0;
-                bench.configure(|settings| settings.duty = duty);
-                bench.motor.set(Setpoint::Velocity(CountsPerSecond::new(speed as i32)));
-                mean(&mut bench, 3_000);
+                let mut subject = Subject::new(Knowledge::Configured, scheme, period, 0.0, 0.0);
+                let speed = subject.constants.free_speed / 2.0;
+                subject.configure(|settings| settings.duty = duty);
+                subject.bench.set(0, velocity(speed as i32));
+                mean(&mut subject, 3_000);
                 for set in sets {
-                    let before = mean(&mut bench, 200);
-                    bench.configure(|settings| settings.coefficients = Some(velocity(set)));
-                    let after = mean(&mut bench, 20);
-                    let step = (after - before) / bench.constants.stall_current;
+                    let before = mean(&mut subject, 200);
+                    subject.configure(|settings| settings.coefficients = Some(coefficients(set)));
+                    let after = mean(&mut subject, 20);
+                    let step = (after - before) / subject.constants.stall_current;
                     assert!(
                         step.abs() < 0.1,
                         "{step} of the stall current: {scheme:?}, {duty:?}, {ms} ms, {set:?}"
                     );
-                    mean(&mut bench, 6_000);
-                    let off = bench.speed() / speed - 1.0;
+                    mean(&mut subject, 6_000);
+                    let off = subject.speed() / speed - 1.0;
                     assert!(off.abs() < 0.02, "off by {off}: {scheme:?}, {duty:?}, {ms} ms, {set:?}");
                 }
             }

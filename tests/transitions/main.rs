@@ -1,7 +1,9 @@
 //! What becomes of a motor when something else is asked of it, or configured.
 
-mod bench;
 mod cells;
+#[path = "../common/mod.rs"]
+mod common;
 mod host;
 mod properties;
+mod subject;
 mod table;

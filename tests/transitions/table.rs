@@ -1,6 +1,7 @@
 //! The table's margins: what a motor may be doing, what may happen to it, and what is asked of it from then on.
 
-use crate::bench::{BATTERY, Bench, Constants, Knowledge};
+use crate::common::{BATTERY, Cable};
+use crate::subject::{Constants, Knowledge, Subject};
 use motor_hub::braking::{self, Blend, DutyRule, Scheme};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::units::{Control, CountsPerSecond, Period};
@@ -175,190 +176,161 @@ pub(crate) enum Demand {
     },
 }
 
-/// A motor in a state, and what is asked of it.
-pub(crate) type Placed = (Bench, Demand);
-
 pub(crate) const BRISK: f64 = 0.4;
-pub(crate) const STOP: i64 = 300;
+const STOP: f64 = 300.5;
 
-pub(crate) fn cps(speed: f64) -> CountsPerSecond {
+fn cps(speed: f64) -> CountsPerSecond {
     CountsPerSecond::saturating_from_bits((256.0 * speed) as i64)
 }
 
-/// Sets what stands for the demand.
-pub(crate) fn ask(bench: &mut Bench, demand: Demand) -> Demand {
-    bench.configure(|settings| settings.zero_power = ZeroPower::Brake);
-    bench.motor.set(match demand {
-        Demand::Coast => Setpoint::Disabled,
-        Demand::Brake => Setpoint::ConstantPower(Control::ZERO),
-        Demand::Power(share) => Setpoint::ConstantPower(Control::saturating((32_767.0 * share) as i64)),
-        Demand::Speed(speed) => Setpoint::Velocity(cps(speed)),
-        Demand::Position { target, limit } => {
-            Setpoint::Position { target, tolerance: 10, speed_limit: cps(limit) }
-        }
-    });
-    demand
+impl Subject {
+    /// Sets what stands for a demand.
+    pub(crate) fn ask(&mut self, demand: Demand) {
+        self.demand = demand;
+        self.configure(|settings| settings.zero_power = ZeroPower::Brake);
+        let setpoint = match demand {
+            Demand::Coast => Setpoint::Disabled,
+            Demand::Brake => Setpoint::ConstantPower(Control::ZERO),
+            Demand::Power(share) => Setpoint::ConstantPower(Control::saturating((32_767.0 * share) as i64)),
+            Demand::Speed(speed) => Setpoint::Velocity(cps(speed)),
+            Demand::Position { target, limit } => {
+                Setpoint::Position { target, tolerance: 10, speed_limit: cps(limit) }
+            }
+        };
+        self.bench.set(0, setpoint);
+    }
+
+    /// Coasts by a velocity of 0 of a motor that floats at zero.
+    fn float(&mut self) {
+        self.demand = Demand::Coast;
+        self.configure(|settings| settings.zero_power = ZeroPower::Float);
+        self.bench.set(0, Setpoint::Velocity(CountsPerSecond::ZERO));
+    }
+
+    /// The power that keeps the speed, as far as powers can.
+    fn steady_power(&self) -> Demand {
+        let speed = self.speed();
+        let volts = self.constants.kappa * speed + self.constants.ohms * self.need();
+        Demand::Power(if speed.abs() < 20.0 { 0.3 } else { (volts / BATTERY).clamp(0.1, 1.0) })
+    }
+
+    fn far(&self) -> Demand {
+        let limit = self.speed().abs().max(BRISK * self.constants.free_speed);
+        Demand::Position { target: self.position() + 20_000, limit }
+    }
 }
 
-pub(crate) fn float(bench: &mut Bench) -> Demand {
-    bench.configure(|settings| settings.zero_power = ZeroPower::Float);
-    bench.motor.set(Setpoint::Velocity(CountsPerSecond::ZERO));
-    Demand::Coast
-}
-
-/// The power that keeps the speed, as far as powers can.
-pub(crate) fn power_of(bench: &Bench) -> f64 {
-    let speed = bench.speed();
-    let steady = (bench.constants.kappa * speed + bench.constants.ohms * bench.need(speed)) / BATTERY;
-    if speed.abs() < 20.0 { 0.3 } else { steady.clamp(0.1, 1.0) }
-}
-
-pub(crate) fn far(bench: &Bench) -> Demand {
-    let limit = bench.speed().abs().max(BRISK * bench.constants.free_speed);
-    Demand::Position { target: bench.position() + 20_000, limit }
-}
-
-/// A motor that is moved by its regulator as this says, for long.
-pub(crate) fn under_way(motion: Motion, knowledge: Knowledge, scheme: Scheme, period: Period) -> Placed {
+/// A motor that its regulator has moved like this for long.
+pub(crate) fn under_way(motion: Motion, knowledge: Knowledge, scheme: Scheme, period: Period) -> Subject {
     let speed = motion.speed() * Constants::new().free_speed;
-    let mut bench = Bench::new(knowledge, scheme, period, speed);
-    bench.load = motion.load();
-    let demand = if motion == Motion::Rest { Demand::Coast } else { Demand::Speed(speed) };
-    ask(&mut bench, demand);
-    bench.run(if motion == Motion::Rest { 100 } else { 1_000 });
-    (bench, demand)
+    let mut subject = Subject::new(knowledge, scheme, period, speed, motion.load());
+    subject.ask(if motion == Motion::Rest { Demand::Coast } else { Demand::Speed(speed) });
+    subject.run(if motion == Motion::Rest { 100 } else { 1_000 });
+    subject
 }
 
-/// The same in a state; `None` where there is no such thing.
-pub(crate) fn enter(state: State, motion: Motion, (bench, demand): &Placed) -> Option<Placed> {
-    let (mut bench, mut demand) = (bench.clone(), *demand);
-    let brisk = BRISK * bench.constants.free_speed;
+/// True if a motor that moves like this can be in a state.
+fn has(state: State, motion: Motion) -> bool {
     let standing = matches!(motion, Motion::Rest | Motion::Hanging);
     match state {
-        State::Disabled | State::Floating | State::Braked | State::Power if motion == Motion::Hanging => {
-            return None;
-        }
-        State::Velocity | State::Moving if standing => return None,
-        State::Holding if !standing => return None,
-        State::Power if standing || motion == Motion::Lowering => return None,
-        State::Stalled | State::Pressing if motion != Motion::Rest => return None,
-        State::Faulted if !matches!(motion, Motion::Rest | Motion::Turning) => return None,
-        State::Disabled => demand = ask(&mut bench, Demand::Coast),
-        State::Floating => demand = float(&mut bench),
-        State::Braked => demand = ask(&mut bench, Demand::Brake),
-        State::Power => {
-            let power = Demand::Power(power_of(&bench));
-            demand = ask(&mut bench, power);
-        }
+        State::Disabled | State::Floating | State::Braked => motion != Motion::Hanging,
+        State::Power => !standing && motion != Motion::Lowering,
+        State::Velocity | State::Moving => !standing,
+        State::Holding => standing,
+        State::Stalled | State::Pressing => motion == Motion::Rest,
+        State::Faulted => matches!(motion, Motion::Rest | Motion::Turning),
+        State::Zero | State::BatteryLost | State::EncoderLost => true,
+    }
+}
+
+/// Brings the motor into a state; `None` if there is no such thing.
+pub(crate) fn enter(state: State, motion: Motion, under_way: &Subject) -> Option<Subject> {
+    if !has(state, motion) {
+        return None;
+    }
+    let mut subject = under_way.clone();
+    let brisk = BRISK * subject.constants.free_speed;
+    let standing = matches!(motion, Motion::Rest | Motion::Hanging);
+    match state {
         State::Velocity => {}
-        State::Zero => demand = ask(&mut bench, Demand::Speed(0.0)),
-        State::Moving => {
-            let far = far(&bench);
-            demand = ask(&mut bench, far);
+        State::Disabled | State::Floating | State::Braked | State::Zero => {
+            match state {
+                State::Disabled => subject.ask(Demand::Coast),
+                State::Floating => subject.float(),
+                State::Braked => subject.ask(Demand::Brake),
+                _ => subject.ask(Demand::Speed(0.0)),
+            }
+            subject.run(if standing { 300 } else { 1 });
         }
-        State::Holding => {
-            let here = Demand::Position { target: bench.position(), limit: brisk };
-            demand = ask(&mut bench, here);
+        State::Power | State::Moving | State::Holding => {
+            subject.ask(match state {
+                State::Power => subject.steady_power(),
+                State::Moving => subject.far(),
+                _ => Demand::Position { target: subject.position(), limit: brisk },
+            });
+            subject.run(300);
         }
         State::Stalled | State::Pressing => {
-            bench.stop = Some(i64::from(bench.position()) + STOP);
-            let far = far(&bench);
-            demand = ask(&mut bench, if state == State::Stalled { Demand::Speed(brisk) } else { far });
-            bench.run(1_000);
+            subject.bench.axes[0].stop = Some(f64::from(subject.position()) + STOP);
+            subject.ask(if state == State::Stalled { Demand::Speed(brisk) } else { subject.far() });
+            subject.run(1_000);
             let held = (0..30).any(|_| {
-                let tick = bench.run(100);
-                tick.speeds == (0.0, 0.0) && tick.report.stalled
+                let before = subject.speed();
+                let tick = subject.run(100);
+                (before, tick.speed) == (0.0, 0.0) && tick.report.stalled
             });
             assert!(held, "a motor is not held by its stop");
         }
         State::Faulted => {
-            bench.plugged = false;
-            ask(&mut bench, Demand::Speed(brisk));
-            let latched = (0..40).any(|_| bench.run(100).report.faults.encoder.is_some());
+            subject.bench.axes[0].cable = Cable::Unplugged;
+            subject.ask(Demand::Speed(brisk));
+            let latched = (0..40).any(|_| subject.run(100).report.faults.encoder.is_some());
             assert!(latched, "an encoder's fault goes unnoticed in 4 s");
-            bench.plugged = true;
-            bench.run(300);
-            demand = Demand::Coast;
+            subject.bench.axes[0].cable = Cable::Plugged;
+            subject.run(300);
+            subject.demand = Demand::Coast;
         }
-        State::BatteryLost => {
-            bench.battery = false;
-            bench.run(60);
-            bench.battery = true;
-        }
-        State::EncoderLost => {
-            bench.read = false;
-            bench.run(60);
-            bench.read = true;
-            bench.sample();
-        }
+        State::BatteryLost => subject.lose_battery(60),
+        State::EncoderLost => subject.lose_encoder(),
     }
-    match state {
-        State::Disabled | State::Floating | State::Braked | State::Zero if !standing => {
-            bench.tick();
-        }
-        State::BatteryLost | State::EncoderLost | State::Faulted => {}
-        State::Stalled | State::Pressing | State::Velocity => {}
-        _ => {
-            bench.run(300);
-        }
-    }
-    Some((bench, demand))
+    Some(subject)
 }
 
-/// The event; what is asked of the motor from then on.
-pub(crate) fn happen(event: Event, state: State, (bench, before): &mut Placed) -> Demand {
-    let (speed, brisk) = (bench.speed(), BRISK * bench.constants.free_speed);
+/// Lets the event happen. A set-point that it brings is the new demand.
+pub(crate) fn happen(event: Event, state: State, subject: &mut Subject) {
+    let (speed, brisk) = (subject.speed(), BRISK * subject.constants.free_speed);
     let brisk = if speed.abs() < 20.0 { brisk } else { speed };
-    let (constants, period) = (bench.constants, bench.period);
+    let constants = subject.constants;
+    let period = subject.bench.hub.period();
     if state == State::Faulted {
-        bench.motor.set(Setpoint::Disabled);
+        subject.bench.set(0, Setpoint::Disabled);
     }
     match event {
-        Event::Disable => return ask(bench, Demand::Coast),
-        Event::Float => return float(bench),
-        Event::Brake => return ask(bench, Demand::Brake),
-        Event::Power => {
-            let power = Demand::Power(power_of(bench));
-            return ask(bench, power);
+        Event::Disable => subject.ask(Demand::Coast),
+        Event::Float => subject.float(),
+        Event::Brake => subject.ask(Demand::Brake),
+        Event::Power => subject.ask(subject.steady_power()),
+        Event::Velocity => subject.ask(Demand::Speed(brisk)),
+        Event::Zero => subject.ask(Demand::Speed(0.0)),
+        // Slowly, away from a stop.
+        Event::Back => subject.ask(Demand::Speed(if state.against_a_stop() { -0.1 } else { -1.0 } * brisk)),
+        Event::Here => subject.ask(Demand::Position { target: subject.position(), limit: brisk.abs() }),
+        Event::Behind => {
+            subject.ask(Demand::Position { target: subject.position() - 1_000, limit: brisk.abs() });
         }
-        Event::Velocity => return ask(bench, Demand::Speed(brisk)),
-        Event::Zero => return ask(bench, Demand::Speed(0.0)),
-        Event::Back => {
-            // Slowly, away from a stop.
-            let back = if state.against_a_stop() { -0.1 * brisk } else { -brisk };
-            return ask(bench, Demand::Speed(back));
-        }
-        Event::Here | Event::Behind => {
-            let target = bench.position() - if event == Event::Here { 0 } else { 1_000 };
-            return ask(bench, Demand::Position { target, limit: brisk.abs() });
-        }
-        Event::Far => {
-            let far = far(bench);
-            return ask(bench, far);
-        }
-        Event::SetCoefficients => bench.configure(|settings| {
+        Event::Far => subject.ask(subject.far()),
+        Event::SetCoefficients => subject.configure(|settings| {
             settings.coefficients = Some(constants.coefficients(settings.scheme, period));
         }),
-        Event::ClearCoefficients => bench.configure(|settings| settings.coefficients = None),
+        Event::ClearCoefficients => subject.configure(|settings| settings.coefficients = None),
         Event::ConfigureDynamics => {
-            bench.configure(|settings| settings.dynamics = Some(constants.dynamics()))
+            subject.configure(|settings| settings.dynamics = Some(constants.dynamics()));
         }
-        Event::ForgetDynamics => bench.configure(|settings| settings.dynamics = None),
-        Event::Scheme(scheme) => bench.configure(|settings| settings.scheme = scheme),
-        Event::LinearDuty => bench.configure(|settings| settings.duty = DutyRule::LinearDuty),
-        Event::BatteryGap => {
-            bench.battery = false;
-            bench.tick();
-            bench.tick();
-            bench.battery = true;
-        }
-        Event::EncoderBlink => bench.blind_ms = 5,
-        Event::EncoderGap => {
-            bench.read = false;
-            bench.run(60);
-            bench.read = true;
-            bench.sample();
-        }
+        Event::ForgetDynamics => subject.configure(|settings| settings.dynamics = None),
+        Event::Scheme(scheme) => subject.configure(|settings| settings.scheme = scheme),
+        Event::LinearDuty => subject.configure(|settings| settings.duty = DutyRule::LinearDuty),
+        Event::BatteryGap => subject.lose_battery(2 * period.as_millis()),
+        Event::EncoderBlink => subject.bench.axes[0].unread_ms = 5,
+        Event::EncoderGap => subject.lose_encoder(),
     }
-    *before
 }

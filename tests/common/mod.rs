@@ -1,0 +1,307 @@
+//! The bench of every test that drives motors: a hub, its motors on one battery, and their encoders, in steps of 1 ms.
+//!
+//! A test sets a [`Bench`] up, acts on it (set-points, settings, loads, faults), lets time pass, and looks at the last
+//! snapshot of the hub or at the physics.
+//!
+//! Each millisecond: a tick of the hub if one is due, then the physics, then a sample of the encoders.
+#![allow(dead_code, reason = "each test uses its own part of the bench")]
+
+use motor_hub::braking::{Scheme, Winding};
+use motor_hub::bridge::{BridgeConstants, Drive};
+use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
+use motor_hub::model::battery::Battery as Source;
+use motor_hub::model::catalogue::{self, Motor};
+use motor_hub::model::load::{Load, Shaft};
+use motor_hub::model::plant::{Plant, PlantInput};
+use motor_hub::model::rig::Rig;
+use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Ohms, RadPerSec, Seconds, Volts};
+use motor_hub::model::switching::Bridge;
+use motor_hub::motion::{Reading, Tracker};
+use motor_hub::motor::{Report, Setpoint, Settings};
+use motor_hub::regulator::{Dynamics, Mechanics};
+use motor_hub::supply::Battery;
+use motor_hub::units::{CountsPerSecond, EmfConstant, Inductance, Micros, Millivolts, Period, Resistance};
+use std::f64::consts::TAU;
+
+/// Voltage of the bench's battery, in volts. It has no inner resistance.
+pub(crate) const BATTERY: f64 = 12.0;
+/// The bridge of every motor on the bench.
+pub(crate) const BRIDGE: BridgeConstants = BridgeConstants::IDEAL;
+
+/// Returns a motor of the catalogue with the inertia that was measured at its rotor.
+pub(crate) fn motor(name: &str) -> Motor {
+    catalogue::characterised(name).expect("in the catalogue").with_measured_rotor_inertia()
+}
+
+/// Returns the motor whose winding is [`Winding::NEVEREST_60`].
+pub(crate) fn neverest_60() -> Motor {
+    motor("AM 60 A")
+}
+
+/// Returns a load with an inertia in kg m² on the output shaft.
+pub(crate) fn inertia(kg_m2: f64) -> Load {
+    Load::inertia(KgM2(kg_m2))
+}
+
+/// Returns the winding as a user would configure it.
+pub(crate) fn winding(motor: &Motor) -> Winding {
+    Winding {
+        emf: EmfConstant::from_ke(motor.ke.0, motor.counts_per_rev_motor).expect("in range"),
+        resistance: Resistance::from_ohms(motor.r.0).expect("in range"),
+        inductance: Inductance::from_millihenries(1e3 * motor.l.0).ok(),
+    }
+}
+
+/// Returns the true dynamics of a motor with a load.
+pub(crate) fn dynamics(motor: &Motor, load: &Load) -> Dynamics {
+    let shaft = Shaft::new(motor, load);
+    let mechanics = Mechanics {
+        torque_constant: motor.kt.0,
+        counts_per_turn: motor.counts_per_rev_motor,
+        inertia: shaft.inertia.0,
+        drag: shaft.drag.0,
+        friction: 0.0,
+    };
+    Dynamics::from_mechanics(&winding(motor), &BRIDGE, &mechanics).expect("in range")
+}
+
+/// Returns the settings of a motor whose dynamics are not configured, in Scheme A.
+pub(crate) fn unknown(motor: &Motor) -> Settings {
+    Settings::for_scheme(winding(motor), Scheme::A)
+}
+
+/// Returns the settings of a motor whose dynamics are configured for a load, in Scheme A.
+pub(crate) fn configured(motor: &Motor, load: &Load) -> Settings {
+    Settings { dynamics: Some(dynamics(motor, load)), ..unknown(motor) }
+}
+
+/// Returns the plant of a motor on [`BRIDGE`].
+pub(crate) fn plant(motor: Motor, load: Load) -> Plant {
+    Plant::new(motor, load, Bridge::new(BRIDGE), Hertz(f64::from(BRIDGE.pwm_hz())))
+}
+
+pub(crate) fn velocity(cps: i32) -> Setpoint {
+    Setpoint::Velocity(CountsPerSecond::new(cps))
+}
+
+pub(crate) fn position(target: i32, tolerance: u16, cps: i32) -> Setpoint {
+    Setpoint::Position { target, tolerance, speed_limit: CountsPerSecond::new(cps) }
+}
+
+/// Condition of an encoder's cable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cable {
+    Plugged,
+    /// The counter stays where it is.
+    Unplugged,
+    /// The counter counts in the other direction.
+    Reversed,
+}
+
+/// The surroundings of one motor, which a test changes while time passes.
+#[derive(Clone, Debug)]
+pub(crate) struct Axis {
+    /// External torque on the output shaft in N m, positive clockwise.
+    pub(crate) torque: f64,
+    /// Position in counts beyond which the shaft cannot turn clockwise.
+    pub(crate) stop: Option<f64>,
+    /// Speed in counts/s at which a machine turns the shaft, whatever the motor does; `None` leaves it to the physics.
+    pub(crate) turned: Option<f64>,
+    pub(crate) cable: Cable,
+    /// The encoder's counter is not read for so many ms more.
+    pub(crate) unread_ms: u64,
+    /// The newest reading.
+    pub(crate) reading: Option<Reading>,
+    tracker: Tracker,
+    counter: i64,
+    /// Whole counts of the shaft at the last sample.
+    sampled: i64,
+    /// Charge in C through the winding in the last millisecond.
+    charge: f64,
+}
+
+impl Axis {
+    fn new() -> Self {
+        Self {
+            torque: 0.0,
+            stop: None,
+            turned: None,
+            cable: Cable::Plugged,
+            unread_ms: 0,
+            reading: None,
+            tracker: Tracker::default(),
+            counter: 0,
+            sampled: 0,
+            charge: 0.0,
+        }
+    }
+
+    fn sample(&mut self, counts: i64, now: Micros) -> Option<Reading> {
+        let moved = counts - std::mem::replace(&mut self.sampled, counts);
+        match self.cable {
+            Cable::Plugged => self.counter += moved,
+            Cable::Reversed => self.counter -= moved,
+            Cable::Unplugged => {}
+        }
+        if self.unread_ms > 0 {
+            self.unread_ms -= 1;
+            return None;
+        }
+        self.reading = Some(self.tracker.step(self.counter as u16, now));
+        self.reading
+    }
+}
+
+/// A hub with its motors, which stand still at first.
+#[derive(Clone, Debug)]
+pub(crate) struct Bench<const N: usize> {
+    pub(crate) hub: Hub<N>,
+    pub(crate) settings: [Settings; N],
+    /// The physics, one plant for each motor.
+    pub(crate) rig: Rig,
+    pub(crate) axes: [Axis; N],
+    /// True if the hub measures the battery's voltage.
+    pub(crate) battery_read: bool,
+    /// Time since the start.
+    pub(crate) ms: u64,
+    /// The newest snapshot.
+    pub(crate) snapshot: Snapshot<N>,
+}
+
+impl Bench<1> {
+    /// Sets up one motor.
+    pub(crate) fn one(settings: Settings, plant: Plant, period_ms: u32) -> Self {
+        Self::new([settings], [plant], period_ms)
+    }
+
+    pub(crate) fn report(&self) -> &Report {
+        &self.snapshot.motors[0]
+    }
+}
+
+impl<const N: usize> Bench<N> {
+    pub(crate) fn new(settings: [Settings; N], plants: [Plant; N], period_ms: u32) -> Self {
+        let source = Source { emf: Volts(BATTERY), resistance: Ohms(0.0) };
+        let mut bench = Self {
+            hub: Hub::new(settings, Period::from_millis(period_ms).expect("in range")),
+            settings,
+            rig: Rig::new(source, plants.into()),
+            axes: std::array::from_fn(|_| Axis::new()),
+            battery_read: true,
+            ms: 0,
+            snapshot: Snapshot::INITIAL,
+        };
+        // In the middle of a count, so that a shaft at rest does not tremble across an edge.
+        (0..N).for_each(|motor| bench.place(motor, 0.5, 0.0));
+        bench.sample();
+        bench
+    }
+
+    /// Sets up NeveRest 60 that machines turn at these speeds in counts/s, at a period of 50 ms.
+    pub(crate) fn turned(settings: Settings, cps: [f64; N]) -> Self {
+        let plants = std::array::from_fn(|_| plant(neverest_60(), Load::NONE));
+        let mut bench = Self::new([settings; N], plants, 50);
+        for (axis, cps) in bench.axes.iter_mut().zip(cps) {
+            axis.turned = Some(cps);
+        }
+        bench
+    }
+
+    /// Puts the shaft of a motor at a position in counts, turning at a speed in counts/s.
+    pub(crate) fn place(&mut self, motor: usize, counts: f64, cps: f64) {
+        let plant = &mut self.rig.plants[motor];
+        let rad = TAU / plant.motor().counts_per_rev_motor;
+        plant.place(plant.current(), RadPerSec(cps * rad), counts * rad);
+    }
+
+    pub(crate) fn set(&mut self, motor: usize, setpoint: Setpoint) {
+        self.hub.apply(Command { motor, action: Action::Set(setpoint) }).expect("a motor of the hub");
+    }
+
+    /// Changes settings of a motor while it runs.
+    pub(crate) fn configure(&mut self, motor: usize, change: impl FnOnce(&mut Settings)) {
+        change(&mut self.settings[motor]);
+        let action = Action::Configure(self.settings[motor]);
+        self.hub.apply(Command { motor, action }).expect("a motor of the hub");
+    }
+
+    /// Position of a motor shaft in counts, to parts of a count.
+    pub(crate) fn counts(&self, motor: usize) -> f64 {
+        let plant = &self.rig.plants[motor];
+        plant.angle() / TAU * plant.motor().counts_per_rev_motor
+    }
+
+    /// Speed of a motor shaft in counts/s.
+    pub(crate) fn speed(&self, motor: usize) -> f64 {
+        let plant = &self.rig.plants[motor];
+        plant.speed().0 / TAU * plant.motor().counts_per_rev_motor
+    }
+
+    /// Lets time pass. Returns the mean current of each winding in A.
+    pub(crate) fn run_ms(&mut self, ms: u64) -> [f64; N] {
+        let mut charges = [0.0; N];
+        for _ in 0..ms {
+            if self.ms.is_multiple_of(self.hub.period().as_millis().into()) {
+                self.step_hub();
+            }
+            self.step_physics();
+            self.ms += 1;
+            self.sample();
+            for (sum, axis) in charges.iter_mut().zip(&self.axes) {
+                *sum += axis.charge;
+            }
+        }
+        charges.map(|charge| 1e3 * charge / ms as f64)
+    }
+
+    /// Takes a tick that is due now, and lets time pass until the next. Returns the tick's snapshot.
+    pub(crate) fn tick(&mut self) -> Snapshot<N> {
+        self.run_ms(self.hub.period().as_millis().into());
+        self.snapshot
+    }
+
+    fn now(&self) -> Micros {
+        Micros::new(1_000 * self.ms)
+    }
+
+    fn step_hub(&mut self) {
+        let now = self.now();
+        let voltage = Millivolts::from_volts(self.rig.voltage().0).ok().filter(|_| self.battery_read);
+        let battery = voltage.map(|voltage| Battery::good(voltage, now));
+        let readings = self.axes.each_ref().map(|axis| axis.reading);
+        self.snapshot = self.hub.step(&Inputs { now, readings, battery });
+    }
+
+    fn step_physics(&mut self) {
+        let influences: [PlantInput; N] = std::array::from_fn(|motor| {
+            let Drive { mode, duty } = self.snapshot.motors[motor].drive;
+            let torque_after = NewtonMetres(self.axes[motor].torque);
+            PlantInput { torque_after, ..PlantInput::pwm(mode, duty.to_f64()) }
+        });
+        let before: [f64; N] = std::array::from_fn(|motor| self.counts(motor));
+        if self.axes.iter().any(|axis| axis.turned.is_none()) {
+            let flow = self.rig.run(Seconds(1e-3), &influences);
+            for (axis, flow) in self.axes.iter_mut().zip(flow.flows) {
+                axis.charge = flow.charge.0;
+            }
+        }
+        for (motor, before) in before.into_iter().enumerate() {
+            let Axis { stop, turned, .. } = self.axes[motor];
+            if let Some(cps) = turned {
+                self.place(motor, before + 1e-3 * cps, cps);
+            } else if let Some(stop) = stop.filter(|stop| self.counts(motor) > *stop) {
+                self.place(motor, stop, 0.0);
+            }
+        }
+    }
+
+    /// Samples all encoders, as the capture task does every millisecond.
+    pub(crate) fn sample(&mut self) {
+        let now = self.now();
+        let mut readings = [None; N];
+        for ((axis, plant), reading) in self.axes.iter_mut().zip(&self.rig.plants).zip(&mut readings) {
+            *reading = axis.sample(plant.counts(), now);
+        }
+        self.hub.sample(&readings);
+    }
+}
