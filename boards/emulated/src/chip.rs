@@ -51,6 +51,7 @@ macro_rules! same_on_every_chip {
 mod f427;
 mod guard;
 mod h743;
+mod sampled;
 mod watchdog;
 
 use std::fmt::Debug;
@@ -137,6 +138,9 @@ pub(crate) trait Part: Mcu + Debug + Send {
 
     /// The voltage on the battery's pin, mV.
     fn set_battery(&mut self, millivolts: u32);
+
+    /// Disconnects the battery's pin from everything, or connects it again.
+    fn open_battery(&mut self, open: bool);
 
     /// The voltage on the pin of a motor's current-sense line, mV.
     fn set_current(&mut self, motor: usize, millivolts: u32);

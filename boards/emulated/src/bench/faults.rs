@@ -92,6 +92,12 @@ impl Bench {
         });
     }
 
+    /// Disconnects the battery's pin from everything, as a broken wire to a divider without a resistor at the chip does,
+    /// or connects it again.
+    pub fn open_battery_pin(&mut self, open: bool) {
+        self.at_stop(move |_, session, _| session.board_mut().chip.open_battery(open));
+    }
+
     /// Another rail of the chip, in millivolts, from now on.
     pub fn set_rail(&mut self, millivolts: u32) {
         self.at_stop(move |lab, session, _| {

@@ -74,6 +74,8 @@ pub(super) struct Chip {
     encoder_slots: [usize; wiring::BRIDGES],
     port_slots: [usize; wiring::PORTS.len()],
     supply_low: bool,
+    /// Nothing is connected to the battery's pin, which keeps its charge: ADC1 converts no other channel.
+    battery_open: bool,
 }
 
 impl Chip {
@@ -111,6 +113,7 @@ impl Chip {
             encoder_slots,
             port_slots,
             supply_low: false,
+            battery_open: false,
         })
     }
 }
@@ -205,7 +208,13 @@ impl Part for Chip {
     fn set_battery(&mut self, millivolts: u32) {
         // ADC12_INP15 is PA3.
         let channel = adc::Channel::new(15).expect("a channel on a pin");
-        self.converter.converter.set_input(channel, millivolts);
+        if !self.battery_open {
+            self.converter.converter.set_input(channel, millivolts);
+        }
+    }
+
+    fn open_battery(&mut self, open: bool) {
+        self.battery_open = open;
     }
 
     fn set_current(&mut self, motor: usize, millivolts: u32) {

@@ -145,6 +145,22 @@ pub(crate) fn a_battery_that_breaks_down_is_seen_at_once() {
     bench.assert_sound();
 }
 
+#[test]
+fn a_battery_pin_that_nothing_is_connected_to_has_no_voltage() {
+    on(Board::NucleoF429zi, || {
+        let mut bench = turning(four_loads());
+        let at = bench.now();
+        bench.open_battery_pin(true);
+        bench.run(ms(1000));
+        for motor in 0..4 {
+            let time = time_to_safe(&mut bench, motor, at);
+            assert!(time < ms(4), "bridge {motor}: {time:?}");
+        }
+        assert!(log(&mut bench).contains("battery None"), "{}", log(&mut bench));
+        bench.assert_sound();
+    });
+}
+
 /// Four motors keep their speed for longer than the log's buffer lasts, with duties that are renewed in every second.
 fn runs_on_unread(bench: &mut Bench) {
     for second in 0..15 {
