@@ -214,6 +214,10 @@ impl Part for Chip {
         self.part.adc[2].set_input(channel, millivolts);
     }
 
+    fn delay_currents(&mut self, _: u64) -> bool {
+        false
+    }
+
     fn set_dead(&mut self, dead: bool) {
         self.adc_dead = dead;
     }
