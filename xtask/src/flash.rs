@@ -3,17 +3,59 @@
 use crate::board;
 use crate::tool::{Failed, command, output, run};
 
-const MISSING: &str =
-    "probe-rs is missing, which flashes boards. Its guide (https://probe.rs) has an installer for
+const INSTALL: &str = "Its guide (https://probe.rs) has an installer for
 each system; or, with libudev-dev, pkg-config and cmake on Linux, build it:
     cargo install probe-rs-tools --locked";
+
+/// The first version of probe-rs that has the options of [`UNHALTED`].
+const LEAST: (u32, u32) = (0, 28);
+
+/// Neither a HardFault nor a reset stops in the debugger: the firmware opens its bridges and starts afresh.
+const UNHALTED: [&str; 2] = ["--no-catch-hardfault", "--no-catch-reset"];
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     let board = board::named(arguments)?;
     // Before the build, which takes longer.
-    output(command("probe-rs").arg("--version")).map_err(|_| Failed(MISSING.to_owned()))?;
+    check(&output(command("probe-rs").arg("--version")).unwrap_or_default())?;
     let image = board.build()?;
-    // Neither a HardFault nor a reset stops in the debugger: the firmware opens its bridges and starts afresh.
-    let unhalted = ["--no-catch-hardfault", "--no-catch-reset"];
-    run(command("probe-rs").args(["run", "--chip", board.chip]).args(unhalted).arg(image))
+    run(command("probe-rs").args(["run", "--chip", board.chip]).args(UNHALTED).arg(image))
+}
+
+/// Whether a probe-rs that says this of its version can flash; it says nothing if there is none.
+fn check(says: &str) -> Result<(), Failed> {
+    let why = match version(says) {
+        Some(version) if version >= LEAST => return Ok(()),
+        Some((major, minor)) => {
+            format!("probe-rs {major}.{minor} is too old, {}.{} and later are good.", LEAST.0, LEAST.1)
+        }
+        None if says.is_empty() => "probe-rs is missing, which flashes boards.".to_owned(),
+        None => format!("probe-rs says {:?} instead of its version.", says.trim_end()),
+    };
+    Err(Failed(format!("{why} {INSTALL}")))
+}
+
+/// The first two numbers in `probe-rs 0.29.1 (git commit: ...)`.
+fn version(says: &str) -> Option<(u32, u32)> {
+    let mut numbers = says.strip_prefix("probe-rs ")?.split('.');
+    Some((numbers.next()?.parse().ok()?, numbers.next()?.parse().ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_probe_rs_without_the_options_is_refused_with_what_to_install() {
+        for good in ["probe-rs 0.28.0 (git commit: c2a6e1b)\n", "probe-rs 0.29.1", "probe-rs 1.0.0-rc.1"] {
+            assert!(check(good).is_ok(), "{good}");
+        }
+        for (bad, why) in [
+            ("probe-rs 0.27.0 (git commit: v0.27.0)", "probe-rs 0.27 is too old, 0.28 and later are good"),
+            ("", "probe-rs is missing"),
+            ("cargo-flash", "instead of its version"),
+        ] {
+            let Err(Failed(says)) = check(bad) else { panic!("{bad} is good") };
+            assert!(says.contains(why) && says.contains("cargo install probe-rs-tools"), "{says}");
+        }
+    }
 }

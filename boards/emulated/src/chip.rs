@@ -51,6 +51,8 @@ macro_rules! same_on_every_chip {
 mod f427;
 mod guard;
 mod h743;
+mod late;
+mod sampled;
 mod watchdog;
 
 use std::fmt::Debug;
@@ -138,8 +140,14 @@ pub(crate) trait Part: Mcu + Debug + Send {
     /// The voltage on the battery's pin, mV.
     fn set_battery(&mut self, millivolts: u32);
 
+    /// Disconnects the battery's pin from everything, or connects it again.
+    fn open_battery(&mut self, open: bool);
+
     /// The voltage on the pin of a motor's current-sense line, mV.
     fn set_current(&mut self, motor: usize, millivolts: u32);
+
+    /// The next conversion of a current ends later by this time; false if it cannot on this chip.
+    fn delay_currents(&mut self, nanos: u64) -> bool;
 
     /// The battery's converter takes orders and does nothing, or works again.
     fn set_dead(&mut self, dead: bool);

@@ -100,45 +100,75 @@ pub fn bootloader(board: Board) -> PathBuf {
     build(board.bootloader().unwrap_or_else(|| panic!("{board} has no bootloader")))
 }
 
-/// What is wrong with the image that `MOTOR_HUB_ELF` names.
+/// Why there is no image to run.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
-    /// It cannot be read.
-    #[error("MOTOR_HUB_ELF={place}: {error}")]
+    /// The file cannot be read.
+    #[error("{place}: {error}")]
     Unreadable {
-        /// Its path.
+        /// The option or variable, and its path.
         place: String,
         /// Why not.
         error: std::io::Error,
     },
-    /// It is something else.
-    #[error("MOTOR_HUB_ELF={place} is not the ELF file of a firmware")]
+    /// The file is something else.
+    #[error("{place} is not the ELF file of a firmware")]
     NoFirmware {
-        /// Its path.
+        /// The option or variable, and its path.
         place: String,
+    },
+    /// This program was started elsewhere than in the sources that it was built from.
+    #[error(
+        "images are built from the sources in {sources}, and this program was not started there; give --image FILE"
+    )]
+    Elsewhere {
+        /// The folder of the sources.
+        sources: String,
     },
 }
 
-/// Whether the image that `MOTOR_HUB_ELF` names, if it names one, can be run.
+/// The image that is run instead of the freshly built one.
+static CHOSEN: OnceLock<PathBuf> = OnceLock::new();
+
+/// Chooses the image to run: a file, or that which `MOTOR_HUB_ELF` names, or else one that is built from the sources of
+/// this program.
 ///
 /// # Errors
-/// If there is no such file, or if it is no ELF file.
-pub fn check_named() -> Result<(), ImageError> {
-    let Some(name) = std::env::var_os("MOTOR_HUB_ELF") else { return Ok(()) };
-    let place = Path::new(&name).display().to_string();
-    let image = match std::fs::read(&name) {
+/// If the file cannot be read, if it is no firmware, or if the image would be built from the sources of this program while
+/// the working directory is elsewhere.
+pub fn choose(file: Option<&Path>) -> Result<(), ImageError> {
+    let variable = std::env::var_os("MOTOR_HUB_ELF").map(PathBuf::from);
+    let (place, file) = match (file, variable) {
+        (Some(file), _) => (format!("--image {}", file.display()), file.to_owned()),
+        (None, Some(file)) => (format!("MOTOR_HUB_ELF={}", file.display()), file),
+        (None, None) => return in_the_sources(),
+    };
+    let image = match std::fs::read(&file) {
         Ok(image) => image,
         Err(error) => return Err(ImageError::Unreadable { place, error }),
     };
-    let sound = object::File::parse(&*image).is_ok() && defmt_decoder::Table::parse(&image).is_ok();
-    if sound { Ok(()) } else { Err(ImageError::NoFirmware { place }) }
+    if object::File::parse(&*image).is_err() || defmt_decoder::Table::parse(&image).is_err() {
+        return Err(ImageError::NoFirmware { place });
+    }
+    CHOSEN.get_or_init(|| file);
+    Ok(())
 }
 
-/// A board's firmware, built if it is not fresh. `MOTOR_HUB_ELF` names another image to run instead.
+/// Whether the working directory is in the sources that this program was built from.
+fn in_the_sources() -> Result<(), ImageError> {
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let found = (std::env::current_dir().and_then(|here| here.canonicalize()), sources.canonicalize());
+    match found {
+        (Ok(here), Ok(sources)) if here.starts_with(&sources) => Ok(()),
+        _ => Err(ImageError::Elsewhere { sources: sources.display().to_string() }),
+    }
+}
+
+/// A board's firmware, built if it is not fresh. [`choose`] or `MOTOR_HUB_ELF` names another image to run instead.
 #[must_use]
 pub fn hub(board: Board) -> PathBuf {
     static BUILT: [OnceLock<PathBuf>; Board::ALL.len()] = [const { OnceLock::new() }; Board::ALL.len()];
-    let named = || std::env::var_os("MOTOR_HUB_ELF").map(PathBuf::from);
+    let named = || CHOSEN.get().cloned().or_else(|| std::env::var_os("MOTOR_HUB_ELF").map(PathBuf::from));
     BUILT[board as usize].get_or_init(|| named().unwrap_or_else(|| build(board.name()))).clone()
 }
 

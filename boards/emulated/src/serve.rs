@@ -15,7 +15,7 @@ use motor_hub::model::catalogue::characterised;
 use motor_hub::protocol::Address;
 use motor_hub::protocol::requests::Standard;
 use simulated::scenario::{Scenario, ScenarioError};
-use simulated::serve::{Line, Moment, line_on, pace};
+use simulated::serve::{BYTES_A_STEP, Line, Moment, line_on, pace};
 
 use crate::bench::{Bench, Setup};
 use crate::board::Board;
@@ -62,7 +62,7 @@ pub fn run(
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), ReplayError> {
     let mut bench = Bench::new(Setup { bootloader, ..stand(scenario, board) });
-    let mut chunk = [0; 512];
+    let mut chunk = [0; BYTES_A_STEP];
     let mut reply: Vec<u8> = Vec::new();
     if scenario.wire.is_some() {
         bench.wire_pins();

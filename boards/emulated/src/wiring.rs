@@ -19,6 +19,22 @@ pub(crate) const PWM_PINS: [u8; BRIDGES] = [9, 11, 13, 14];
 /// DIAG by bridge, on the same port: PE2, PE4, PE5, PE6.
 pub(crate) const DIAG_PINS: [u8; BRIDGES] = [2, 4, 5, 6];
 
+/// 1 kohm between a bridge's DIAG line and the chip's pin.
+const DIAG_OHMS: f64 = 1e3;
+/// What a bridge leaves of its DIAG line, V (data sheet of the VNH5019A-E, Doc ID 15701, logic inputs: at most).
+const DIAG_LOW_VOLTS: f64 = 0.4;
+/// The strongest pull-up of a pin (DS9405 and DS12110, I/O static characteristics).
+const PULL_UP_OHMS: f64 = 30e3;
+/// The rail, and up to which share of it a pin reads low (the same).
+const RAIL_VOLTS: f64 = 3.3;
+const LOW_SHARE: f64 = 0.3;
+
+/// Whether the chip reads a DIAG line low that a bridge pulls low, against the pin's pull-up.
+pub(crate) fn diag_reads_low() -> bool {
+    let volts = DIAG_LOW_VOLTS + (RAIL_VOLTS - DIAG_LOW_VOLTS) * DIAG_OHMS / (DIAG_OHMS + PULL_UP_OHMS);
+    volts <= LOW_SHARE * RAIL_VOLTS
+}
+
 /// Port D.
 pub(crate) const LINE_PORT: usize = 3;
 /// INA and INB by bridge.

@@ -4,6 +4,10 @@
 //! The HAL has neither. The battery is the regular group, VREFINT an injected one behind it (RM0090 13.3.9,
 //! auto-injection): each has a data register of its own, without DMA, and a converter that has stopped shows in a flag
 //! that does not come again.
+//!
+//! All channels share one sampling capacitor. A pin that nothing is connected to would keep the voltage of the conversion
+//! before, which is VREFINT: 11 V at the battery. So the group ends with a pin that the chip drives low (PC2): an open
+//! battery pin then reads 0 V, which is no battery.
 
 use core::future::poll_fn;
 use core::ops::RangeInclusive;
@@ -11,9 +15,9 @@ use core::task::Poll;
 
 use embassy_stm32::Peri;
 use embassy_stm32::adc::{Adc, SampleTime};
-use embassy_stm32::gpio::Flex;
+use embassy_stm32::gpio::{Flex, Level, Output, Speed};
 use embassy_stm32::pac::adc::vals::Awdsgl;
-use embassy_stm32::peripherals::{ADC1, PA3};
+use embassy_stm32::peripherals::{ADC1, PA3, PC2};
 use embassy_stm32::{interrupt, pac};
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::Timer;
@@ -25,8 +29,10 @@ use motor_hub::units::{Millivolts, RangeError};
 const BATTERY_CHANNEL: u8 = 3;
 /// ADC1_IN17 is VREFINT (RM0090 13.10).
 const VREFINT_CHANNEL: u8 = 17;
+/// ADC1_IN12 is PC2 (STM32F429 data sheet, pin definitions).
+const GROUND_CHANNEL: u8 = 12;
 
-/// Two conversions of 480 + 12 cycles at 21 MHz (PCLK2 / 4) take 47 us.
+/// Two conversions of 480 + 12 cycles and one of 28 + 12 at 21 MHz (PCLK2 / 4) take 49 us.
 const WAIT_MICROS: u64 = 100;
 
 /// Who waits for the watchdog.
@@ -38,23 +44,27 @@ pub(crate) struct BatteryAdc {
     /// The newest.
     vrefint: u16,
     _adc: Adc<'static, ADC1>,
-    _pin: Flex<'static>,
+    _pins: (Flex<'static>, Output<'static>),
 }
 
 impl BatteryAdc {
-    /// Converts from now on, behind a divider of these resistances to the battery and to ground.
+    /// Converts from now on, behind a divider of these resistances to the battery and to ground. Nothing may be
+    /// connected to the pin `ground`.
     ///
     /// # Errors
     /// [`RangeError::Divider`] if a resistance is 0.
     pub(crate) fn new(
         adc: Peri<'static, ADC1>,
         pin: Peri<'static, PA3>,
+        ground: Peri<'static, PC2>,
         (top_ohms, bottom_ohms): (u32, u32),
     ) -> Result<Self, RangeError> {
         let calibration = vrefint_calibration();
         let scale = VrefintScale::new(top_ohms, bottom_ohms, calibration)?;
         let mut pin = Flex::new(pin);
         pin.set_as_analog();
+        // An output's pin is connected to the converter too (RM0090 8.3, figure 25).
+        let ground = Output::new(ground, Level::Low, Speed::Low);
         let adc = Adc::new(adc);
         adc.enable_vrefint();
         // The longest sampling time, 22.9 us: VREFINT needs 10 us (data sheet), and the divider's 8.9 kohm
@@ -62,9 +72,16 @@ impl BatteryAdc {
         let slow = SampleTime::CYCLES480;
         pac::ADC1.smpr2().modify(|w| w.set_smp(usize::from(BATTERY_CHANNEL), slow));
         pac::ADC1.smpr1().modify(|w| w.set_smp(usize::from(VREFINT_CHANNEL) - 10, slow));
+        // 1.3 us: the capacitor's 7 pF behind 6 kohm (data sheet, ADC characteristics) need 0.4 us.
+        let quick = SampleTime::CYCLES28;
+        pac::ADC1.smpr1().modify(|w| w.set_smp(usize::from(GROUND_CHANNEL) - 10, quick));
         pac::ADC1.sqr3().write(|w| w.set_sq(0, BATTERY_CHANNEL));
-        // A group of one is the last of the four places (RM0090 13.13.12).
-        pac::ADC1.jsqr().write(|w| w.set_jsq(3, VREFINT_CHANNEL));
+        // A group of two is the last two of the four places (RM0090 13.13.12).
+        pac::ADC1.jsqr().write(|w| {
+            w.set_jl(1);
+            w.set_jsq(2, VREFINT_CHANNEL);
+            w.set_jsq(3, GROUND_CHANNEL);
+        });
         pac::ADC1.cr1().modify(|w| {
             w.set_jauto(true);
             w.set_awdsgl(Awdsgl::SINGLE_CHANNEL);
@@ -73,7 +90,7 @@ impl BatteryAdc {
         });
         unmask_watchdog();
         start();
-        Ok(Self { scale, vrefint: calibration.reading, _adc: adc, _pin: pin })
+        Ok(Self { scale, vrefint: calibration.reading, _adc: adc, _pins: (pin, ground) })
     }
 }
 

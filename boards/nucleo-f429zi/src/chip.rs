@@ -101,7 +101,7 @@ fn unmask_pvd() {
 }
 
 /// False on chips whose second bank may be read wrongly, depending on the level of PA12, which is USB's here: those before
-/// revision 3 (ES0206, erratum 2.2.14). The HAL panics there.
+/// revision 3 (ES0206, erratum 2.2.11). The HAL panics there.
 pub(crate) fn reads_second_bank() -> bool {
     const REVISION_3: u16 = 0x2001;
     pac::DBGMCU.idcode().read().rev_id() >= REVISION_3

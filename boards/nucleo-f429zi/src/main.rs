@@ -118,7 +118,7 @@ async fn main(spawner: Spawner) {
     ));
     let diag = |pin: Peri<'static, AnyPin>| Input::new(pin, Pull::Up);
     let diag = DiagLines([diag(p.PE2.into()), diag(p.PE4.into()), diag(p.PE5.into()), diag(p.PE6.into())]);
-    let adc = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, DIVIDER_OHMS));
+    let adc = unwrap!(BatteryAdc::new(p.ADC1, p.PA3, p.PC2, DIVIDER_OHMS));
     let lines = CurrentLines::new(p.ADC3, (p.PC0, p.PC3, p.PF3, p.PF5), SenseScale::VNH5019_CARRIER);
     // These bridges are real.
     let settings = Settings { bridge: BridgeConstants::VNH5019, ..Settings::new(Winding::NEVEREST_60) };

@@ -53,6 +53,8 @@ pub(crate) fn set_up() {
 }
 
 /// Why the chip began anew. Says so if it was the watchdog: the last run ended in a fault or a hang.
+///
+/// This chip has one flag, BORRSTF, for power-on and brown-out (RM0440 7.4.29). What it is mostly is power-on.
 pub(crate) fn reset_cause() -> Fault {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));
@@ -60,7 +62,7 @@ pub(crate) fn reset_cause() -> Fault {
         warn!("started by the watchdog");
     }
     record::cause([
-        (flags.borrstf(), Fault::BrownOut),
+        (flags.borrstf(), Fault::PowerOn),
         (flags.iwdgrstf(), Fault::Watchdog),
         (flags.sftrstf(), Fault::SoftwareReset),
         (flags.wwdgrstf(), Fault::OtherReset),

@@ -135,7 +135,7 @@ fn start(converter: Adc) {
 }
 
 /// Stops a conversion that goes on, which takes a few of the converter's cycles.
-fn stop(converter: Adc) {
+pub(crate) fn stop(converter: Adc) {
     if converter.cr().read().adstart() {
         converter.cr().modify(|w| w.set_adstp(Adstp::STOP));
         for _ in 0..STOP_READS {

@@ -12,13 +12,16 @@ use motor_hub::bridge::SenseScale;
 use motor_hub::units::Milliamperes;
 
 use crate::MOTORS;
-use crate::adc::{calibrate, power_up};
+use crate::adc::{calibrate, power_up, stop};
 
 /// ADC12_INP10, INP5, INP3, INP19 (STM32H743 data sheet, pin definitions), by motor.
 const CHANNELS: [u8; MOTORS] = [10, 5, 3, 19];
 
 /// Four conversions of 64.5 + 8.5 cycles at 16 MHz take 18 us.
 const WAIT_MICROS: u64 = 40;
+
+/// Words that the data register's FIFO keeps (RM0433 25.4.27).
+const FIFO_WORDS: usize = 8;
 
 /// ADC2 with its pins.
 pub(crate) struct CurrentLines {
@@ -66,7 +69,15 @@ impl CurrentLines {
 
 impl CurrentSense<MOTORS> for CurrentLines {
     async fn sample(&mut self) -> [Option<Milliamperes>; MOTORS] {
-        pac::ADC2.isr().write(|w| w.set_eos(true));
+        // Words that came too late for the last sample would be taken for other motors' currents.
+        stop(pac::ADC2);
+        for _ in 0..FIFO_WORDS {
+            let _ = pac::ADC2.dr().read();
+        }
+        pac::ADC2.isr().write(|w| {
+            w.set_eos(true);
+            w.set_ovr(true);
+        });
         pac::ADC2.cr().modify(|w| w.set_adstart(true));
         Timer::after_micros(WAIT_MICROS).await;
         if !pac::ADC2.isr().read().eos() {

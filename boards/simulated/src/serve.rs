@@ -3,7 +3,8 @@
 //!
 //! Whatever runs the hub moves in steps of a millisecond, and the wall clock sets the pace. Bytes are
 //! looked for between two steps, so a reply leaves a millisecond after its request, which is less than
-//! a USB serial port takes.
+//! a USB serial port takes. In a step the hub receives as many bytes as its serial line would carry
+//! ([`BYTES_A_STEP`]), however fast a host sends.
 //!
 //! ```no_run
 //! use motor_hub::protocol::Address;
@@ -33,7 +34,7 @@ use embassy_time::MockDriver;
 use embedded_io_async::{ErrorType, Read, Write};
 use motor_hub::bridge::Drive;
 use motor_hub::hub::Snapshot;
-use motor_hub::protocol::{Address, Colour};
+use motor_hub::protocol::{Address, BAUD, Colour};
 use motor_hub::record::{Fault, SIZE};
 use motor_hub::responder::Responder;
 use motor_hub::tasks::{Health, Task, responder, store};
@@ -45,6 +46,9 @@ use std::task::Poll;
 use std::time::{Duration, Instant};
 
 const STEP: Duration = Duration::from_millis(1);
+
+/// The bytes that the serial line of a hub carries in a step; each takes ten bits.
+pub const BYTES_A_STEP: usize = (BAUD / 10 / 1000) as usize;
 
 /// Further behind than this, the hub lets real time go: it would catch up in a burst otherwise.
 const LATE: Duration = Duration::from_millis(100);
@@ -122,7 +126,7 @@ pub fn run(
     let settings = sim::all_settings(&scenario.motors)?;
     let tasks = sim::tasks(scenario, &board, &wires, &health)?;
 
-    let line = RefCell::new(line);
+    let (line, left) = (RefCell::new(line), Cell::new(0));
     let led = Cell::new(Colour::default());
     let keeps = memory.is_some();
     let serve = async {
@@ -134,7 +138,8 @@ pub fn run(
         if keeps {
             hub = hub.expecting_store();
         }
-        responder::run(End(&line), End(&line), board.clone(), &mut hub, &wires, show).await;
+        let end = || End { line: &line, left: &left };
+        responder::run(end(), end(), board.clone(), &mut hub, &wires, show).await;
     };
     let keep = async {
         match memory.and_then(Memory::keeper) {
@@ -150,6 +155,7 @@ pub fn run(
     pace(|step, lost| {
         let at_s = step as f64 * sim::STEP_S;
         // Bytes may have come, of which no waker tells.
+        left.set(BYTES_A_STEP);
         executor.wake();
         executor.run(everything.as_mut());
         let before = hands;
@@ -179,7 +185,24 @@ pub fn run(
 }
 
 /// The hub's end of the line, to be polled again within a millisecond whatever its waker says.
-struct End<'a>(&'a RefCell<Line>);
+struct End<'a> {
+    line: &'a RefCell<Line>,
+    /// Bytes that may still be received in this step. Without a limit, a host that never pauses would keep the step from
+    /// ending.
+    left: &'a Cell<usize>,
+}
+
+impl End<'_> {
+    fn receive(&self, bytes: &mut [u8]) -> usize {
+        let room = bytes.len().min(self.left.get());
+        let received = bytes.get_mut(..room).map_or(0, |bytes| match bytes {
+            [] => 0,
+            bytes => self.line.borrow_mut().receive(bytes),
+        });
+        self.left.set(self.left.get() - received);
+        received
+    }
+}
 
 impl ErrorType for End<'_> {
     type Error = Infallible;
@@ -187,13 +210,13 @@ impl ErrorType for End<'_> {
 
 impl Read for End<'_> {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Infallible> {
-        poll_fn(|_| ready(self.0.borrow_mut().receive(bytes))).await
+        poll_fn(|_| ready(self.receive(bytes))).await
     }
 }
 
 impl Write for End<'_> {
     async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
-        poll_fn(|_| ready(self.0.borrow_mut().send(bytes))).await
+        poll_fn(|_| ready(self.line.borrow_mut().send(bytes))).await
     }
 
     async fn flush(&mut self) -> Result<(), Infallible> {

@@ -4,7 +4,7 @@ use embassy_stm32::gpio::Input;
 use motor_hub::board::BridgeFaults;
 
 /// A line for each bridge, to which both of its DIAG/EN pins are tied; pulled up, so that one that is not connected
-/// is no fault.
+/// is no fault. At most 1 kohm may lie between pin and bridge: behind 10 kohm the pull-up keeps the pin above low.
 pub struct DiagLines<const N: usize>(pub [Input<'static>; N]);
 
 impl<const N: usize> BridgeFaults<N> for DiagLines<N> {

@@ -1,7 +1,8 @@
 //! Quadrature encoders, each on a timer that counts all four edges of A and B.
 //!
-//! Inputs are pulled up: open-collector encoders need it, and an unplugged one then stands still
-//! instead of counting noise.
+//! Resistors outside the chip pull the inputs up to 3.3 V: open-collector encoders need it, and an unplugged one then
+//! stands still instead of counting noise. The chip's own pull-ups stay off: a pin takes the 5 V of an encoder only
+//! without them (DS9405 table 15, DS12110 and DS12288, I/O static characteristics).
 //!
 //! They are filtered too (RM0090 18.4.7, IC1F and IC2F): a level counts once eight samples in a row, one every
 //! 128 clocks of the timer, agree. On a timer at 84 MHz that takes 12.2 us, at 168 MHz 6.1 us, at 200 MHz 5.1 us, which the ringing of a
@@ -31,7 +32,7 @@ impl<T: GeneralInstance4Channel> Counter<T> {
         a: Peri<'static, impl TimerPin<T, Ch1>>,
         b: Peri<'static, impl TimerPin<T, Ch2>>,
     ) -> Self {
-        let (a, b) = (CapturePin::new(a, Pull::Up), CapturePin::new(b, Pull::Up));
+        let (a, b) = (CapturePin::new(a, Pull::None), CapturePin::new(b, Pull::None));
         let timer = Timer::new(timer);
         // A sample every 4 * 32 clocks, eight alike.
         timer.set_clock_division(Ckd::DIV4);

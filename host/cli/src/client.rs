@@ -22,13 +22,14 @@ mod turn;
 mod update;
 mod watch;
 
-use crate::output::{Failure, print};
+use crate::output::{Failure, print, print_json};
 use crate::parse::{address, channel, host_and_port, whole};
 use clap::builder::NonEmptyStringValueParser;
 use driven::stop_abandoned;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
+use serde_json::json;
 use std::time::Duration;
 use studies::table;
 use trouble::Trouble;
@@ -40,8 +41,9 @@ Commands for a hub that speaks the REV Hub Serial Protocol, real or simulated
 Without --address the hub is found by discovery, which takes 0.25 s.
 
 A command that runs motors disables them when it ends: normally, after an error, after a panic, or by Ctrl-C, SIGTERM, \
-SIGQUIT or SIGHUP (closed terminal). It reports that on standard error, unless it ended normally. After SIGKILL the hub \
-receives nothing more, and disables all motors after its keep-alive timeout of 2.5 s. `stop` disables all motors immediately.
+SIGQUIT or SIGHUP (closed terminal). Ctrl-Z ends it too, instead of suspending it. It reports that on standard error, unless \
+it ended normally. After SIGKILL, and after the console window of Windows is closed, the hub receives nothing more, and \
+disables all motors after its keep-alive timeout of 2.5 s. `stop` disables all motors immediately.
 
 Any packet resets the hub's keep-alive. Each command, also `status` and `watch`, therefore first disables motors that it \
 finds enabled, and reports that. A line has one host at a time, so the host that enabled them is gone.
@@ -78,12 +80,16 @@ pub(crate) struct Options {
 #[derive(clap::Subcommand)]
 enum Command {
     /// Lists the serial ports of this machine
-    Ports,
+    Ports(ports::Options),
     /// Looks for hubs on all serial ports of this machine and at given places
     #[command(long_about = scan::HELP)]
     Scan(scan::Options),
     /// Lists all hubs on the line
-    Discover,
+    Discover {
+        /// JSON instead of a table
+        #[arg(long)]
+        json: bool,
+    },
     /// Shows status, version, battery, LED and all motors; disables running motors first
     Status(status::Options),
     /// Lists the last faults and resets, on hubs of this project
@@ -150,7 +156,7 @@ enum Command {
 impl Options {
     pub(crate) fn execute(self) -> Result<(), Failure> {
         match &self.command {
-            Command::Ports => return print(&ports::list()?),
+            Command::Ports(options) => return options.execute(),
             Command::Scan(options) => {
                 let named = self.port.iter().chain(&self.tcp).cloned();
                 return options.execute(named, Duration::from_millis(self.timeout));
@@ -195,18 +201,8 @@ impl Options {
 
 impl Command {
     fn execute(self, line: Line, address: Option<Address>, timeout: Duration) -> Result<(), Trouble> {
-        if matches!(self, Self::Discover) {
-            let mut table = table::new(&["address", "hub"], 0);
-            let mut session = Session::new(line, Address::DEFAULT, timeout);
-            for hub in session.discover()? {
-                if let Some(address) = Address::new(hub.address) {
-                    session.talk_to(address);
-                    stop_abandoned(&mut session)?;
-                }
-                let kind = if hub.parent { "parent" } else { "child" };
-                table.add_row([hub.address.to_string(), kind.to_owned()]);
-            }
-            return Ok(print(&format!("{table}\n"))?);
+        if let Self::Discover { json } = self {
+            return discover(Session::new(line, Address::DEFAULT, timeout), json);
         }
         let mut session = match address {
             Some(address) => Session::new(line, address, timeout),
@@ -217,7 +213,7 @@ impl Command {
         }
         let done = match self {
             // These commands need no session and returned above.
-            Self::Ports | Self::Scan(_) | Self::Discover => return Ok(()),
+            Self::Ports(_) | Self::Scan(_) | Self::Discover { .. } => return Ok(()),
             Self::Status(options) => return options.execute(&mut session),
             Self::Faults(options) => return options.execute(&mut session),
             Self::Drive(drive) => return drive.execute(&mut session),
@@ -245,9 +241,27 @@ impl Command {
             }
             Self::SetAddress { new } => {
                 session.set_address(new)?;
-                format!("the hub's address is {}", new.get())
+                let until = settings::why_address_is_lost(&mut session)?;
+                let until = until.map_or_else(String::new, |why| format!(" until the next reset: {why}"));
+                format!("the hub's address is {}{until}", new.get())
             }
         };
         Ok(print(&format!("{done}\n"))?)
     }
+}
+
+/// Lists all hubs on the line, and disables the motors that they have enabled.
+fn discover(mut session: Session<Line>, json: bool) -> Result<(), Trouble> {
+    let mut table = table::new(&["address", "hub"], 0);
+    let mut hubs = Vec::new();
+    for hub in session.discover()? {
+        if let Some(address) = Address::new(hub.address) {
+            session.talk_to(address);
+            stop_abandoned(&mut session)?;
+        }
+        let kind = scan::kind(hub.parent);
+        table.add_row([hub.address.to_string(), kind.to_owned()]);
+        hubs.push(json!({ "address": hub.address, "kind": kind }));
+    }
+    Ok(if json { print_json(&json!({ "hubs": hubs })) } else { print(&format!("{table}\n")) }?)
 }

@@ -8,8 +8,8 @@ pub(crate) const HELP: &str = "\
 Runs a scenario twice, on an emulated chip and on the simulated board, and compares the two
 
 The emulated chip (nucleo-f429zi: STM32F427, nucleo-h743zi2: STM32H743) runs the board's unmodified image; its pins drive the \
-motors. The simulated board runs the same library. The image is built first if it is out of date; MOTOR_HUB_ELF names another \
-image. Set-points take effect half a control period late, because the line needs time.";
+motors. The simulated board runs the same library. In the sources of this program the image is built first if it is out of date; \
+elsewhere give --image. Set-points take effect half a control period late, because the line needs time.";
 
 /// Options of `emulate`.
 #[derive(clap::Args)]
@@ -21,6 +21,9 @@ pub(crate) struct Options {
     /// Board of the image: nucleo-f429zi or nucleo-h743zi2
     #[arg(long, value_name = "BOARD", default_value = "nucleo-f429zi")]
     board: String,
+    /// ELF file of the image, instead of one that is built
+    #[arg(long, value_name = "FILE")]
+    image: Option<PathBuf>,
     /// Folder for the chart
     #[arg(long, value_name = "DIR", default_value = "target/motor-hub/emulate")]
     out: PathBuf,
@@ -41,7 +44,7 @@ impl Options {
         use studies::overlay::Overlay;
 
         let board: Board = self.board.parse().map_err(Failure::input)?;
-        elf::check_named().map_err(Failure::input)?;
+        elf::choose(self.image.as_deref()).map_err(Failure::input)?;
         let scenario = match &self.scenario {
             Some(file) => Scenario::load(file),
             None => Scenario::default_one(),

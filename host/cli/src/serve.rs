@@ -35,7 +35,8 @@ Motors, loads and battery are those of a scenario. Its set-points are ignored, a
 The torques of a scenario act from the start. In the default scenario no load acts on the motors, and dry friction \
 is 6 % of the stall torque. All motors use Scheme A.
 
-The hub accepts one host at a time. It closes a second TCP connection, and reports that on standard error. Standard error also \
+The hub accepts one host at a time. It closes a second TCP connection, and reports that on standard error; a host that has \
+been silent for 5 s gives way instead. Standard error also \
 reports when this machine is too slow for real time.
 
 `motor-hub client scan` finds the hub by a note in a folder of this user: motor-hub in XDG_RUNTIME_DIR, else in the folder for \
@@ -55,8 +56,8 @@ pub(crate) struct Options {
     /// File for the hub's stored settings, which outlast the program; created if it does not exist
     #[arg(long, value_name = "FILE")]
     store: Option<PathBuf>,
-    /// Serves a board's image on an emulated chip instead of the simulated board; builds the image first if it is out of
-    /// date; the hub's address is 2
+    /// Serves a board's image on an emulated chip instead of the simulated board; in the sources of this program the image
+    /// is built first if it is out of date; the hub's address is 2
     #[arg(long, conflicts_with_all = ["address", "store"])]
     emulated: bool,
     /// Board of the image: nucleo-f429zi or nucleo-h743zi2
@@ -66,6 +67,13 @@ pub(crate) struct Options {
         expect(dead_code, reason = "read only where there is an emulator")
     )]
     board: String,
+    /// ELF file of the image, instead of one that is built
+    #[arg(long, value_name = "FILE", requires = "emulated", conflicts_with = "bootloader")]
+    #[cfg_attr(
+        not(feature = "emulated"),
+        expect(dead_code, reason = "read only where there is an emulator")
+    )]
+    image: Option<PathBuf>,
     /// Starts the board's bootloader first, so that `client update` works; nucleo-h743zi2 only
     #[arg(long, requires = "emulated")]
     #[cfg_attr(
@@ -96,7 +104,7 @@ impl Options {
         use emulated::{Board, elf};
 
         let board: Board = self.board.parse().map_err(Failure::input)?;
-        elf::check_named().map_err(Failure::input)?;
+        elf::choose(self.image.as_deref()).map_err(Failure::input)?;
         if self.bootloader && board.bootloader().is_none() {
             return Err(Failure::Input(format!(
                 "--bootloader: {board} has no bootloader; give --board nucleo-h743zi2"

@@ -41,12 +41,22 @@ impl Bench {
         self.at_stop(move |lab, _, _| lab.current_lines[motor] = line);
     }
 
+    /// The next conversion of a current takes longer by this time.
+    ///
+    /// # Panics
+    /// On another chip than the H743: a converter of the F427 has a data register for each current.
+    pub fn delay_currents(&mut self, time: Duration) {
+        let nanos = u64::try_from(time.as_nanos()).expect("a short time");
+        let late = self.at_stop(move |_, session, _| session.board_mut().chip.delay_currents(nanos));
+        assert!(late, "only a converter of the H743 can be late");
+    }
+
     /// A bridge pulls its DIAG line low, as one does that has switched itself off, or lets go of it.
     pub fn pull_diag(&mut self, motor: usize, low: bool) {
         self.at_stop(move |lab, session, _| {
             let pin = Pin::new(wiring::DIAG_PINS[motor]).expect("a pin of a port");
             let at = VirtualNanos(lab.now);
-            let level = low.then_some(Level::Low);
+            let level = (low && wiring::diag_reads_low()).then_some(Level::Low);
             session.board_mut().chip.drive_pin(at, wiring::PWM_PORT, pin, level);
         });
     }
@@ -90,6 +100,12 @@ impl Bench {
             let battery = lab.shafts.battery();
             lab.shafts.set_battery(Battery { emf: Volts(volts), ..battery });
         });
+    }
+
+    /// Disconnects the battery's pin from everything, as a broken wire to a divider without a resistor at the chip does,
+    /// or connects it again.
+    pub fn open_battery_pin(&mut self, open: bool) {
+        self.at_stop(move |_, session, _| session.board_mut().chip.open_battery(open));
     }
 
     /// Another rail of the chip, in millivolts, from now on.

@@ -1,13 +1,13 @@
 //! The STM32F427, for the F429 of its board: one reference manual, RM0090, and the same registers but for a display
 //! controller that the firmware does not use. Of the EXTI, which the emulator lacks, the line of the voltage detector
-//! is put in.
+//! is put in, and ADC1 has a [sampling capacitor](super::sampled).
 
 use std::num::{NonZeroU32, NonZeroU64};
 use std::path::Path;
 
 use rigless::chip::uart::Errors;
 use rigless::cpu::armv7m::windows;
-use rigless::device::{ErasedDevice, Level, ResetCause};
+use rigless::device::{Device, ErasedDevice, Level, ResetCause};
 use rigless::image::Image;
 use rigless::machine::Target;
 use rigless::machine::armv7m::{Core, Fpu, MpuRegions, Variant};
@@ -24,6 +24,7 @@ use rigless::soc::stm32f427::peripherals::{adc, rcc::Apb};
 use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
+use super::sampled::Sampled;
 use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
 use crate::board::Board;
 use crate::processor::Mpu;
@@ -43,6 +44,11 @@ const DETECTOR_LINE: u64 = 1 << 16;
 /// The detector's interrupt, as the emulator's PWR lists it.
 const DETECTOR_INTERRUPT: usize = 0;
 
+/// ADC1_IN3 is PA3, the battery's divider.
+const BATTERY: adc::Channel = adc::Channel::new(3).expect("a channel on a pin");
+/// ADC1_IN12 is PC2, to which nothing is connected; port C is 2 by its place.
+const UNCONNECTED: (usize, u8, adc::Channel) = (2, 2, adc::Channel::new(12).expect("a channel on a pin"));
+
 /// The words that the factory writes.
 pub(super) fn factory_image() -> Result<Image, rigless::image::Error> {
     let mut words = [0_u8; 32];
@@ -57,6 +63,10 @@ pub(super) struct Chip {
     part: Stm32f427,
     pwm: Pwm,
     adc_dead: bool,
+    /// ADC1.
+    converter: Sampled,
+    /// Nothing is connected to the battery's pin.
+    battery_open: bool,
     plain_timer: Remembers<Tim1>,
     plain_converter: Remembers<adc1::Register>,
     plain_exti: Remembers<exti::Register>,
@@ -72,7 +82,8 @@ impl Chip {
     pub(super) fn new(pwm: Pwm) -> Result<Self, Error> {
         let mut part = Stm32f427::new()?;
         part.set_supply(RAIL_MV);
-        for converter in &mut part.adc {
+        let mut converter = Sampled::new();
+        for converter in part.adc.iter_mut().chain([&mut converter.converter]) {
             converter.set_reference(RAIL_MV);
             converter.set_backup_battery(RAIL_MV);
         }
@@ -86,6 +97,8 @@ impl Chip {
             part,
             pwm,
             adc_dead: false,
+            converter,
+            battery_open: false,
             plain_timer: Remembers::default(),
             plain_converter: Remembers::default(),
             plain_exti: Remembers::default(),
@@ -95,6 +108,18 @@ impl Chip {
             port_slots,
             supply_fell: false,
         })
+    }
+
+    /// A pin of ADC1 floats if nothing outside is connected to it and the chip does not drive it low.
+    fn follow_open_pins(&mut self) {
+        let (port, pin, channel) = UNCONNECTED;
+        let is_low = self.port(port).drives(pin) == Some(false);
+        self.converter.converter.set_input(channel, 0);
+        let open = [(BATTERY, self.battery_open), (channel, !is_low)];
+        self.converter.floating.clear();
+        self.converter
+            .floating
+            .extend(open.into_iter().filter_map(|(channel, open)| open.then_some(channel)));
     }
 }
 
@@ -109,6 +134,7 @@ impl Mcu for Chip {
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         self.part.reset(at, cause);
+        Device::reset(&mut self.converter);
     }
 
     fn poll(&mut self, now: VirtualNanos) {
@@ -120,6 +146,9 @@ impl Mcu for Chip {
             (self.part.bus_mut(), Some(&mut self.plain_timer))
         } else if slot == self.converter_slot && self.adc_dead {
             (self.part.bus_mut(), Some(&mut self.plain_converter))
+        } else if slot == self.converter_slot {
+            self.follow_open_pins();
+            (self.part.bus_mut(), Some(&mut self.converter))
         } else if slot == self.exti_slot {
             (self.part.bus_mut(), Some(&mut self.plain_exti))
         } else {
@@ -172,15 +201,21 @@ impl Part for Chip {
     }
 
     fn set_battery(&mut self, millivolts: u32) {
-        // ADC1_IN3 is PA3.
-        let channel = adc::Channel::new(3).expect("a channel on a pin");
-        self.part.adc[0].set_input(channel, millivolts);
+        self.converter.converter.set_input(BATTERY, millivolts);
+    }
+
+    fn open_battery(&mut self, open: bool) {
+        self.battery_open = open;
     }
 
     fn set_current(&mut self, motor: usize, millivolts: u32) {
         // ADC3_IN10, IN13, IN9 and IN15 are PC0, PC3, PF3 and PF5.
         let channel = adc::Channel::new([10, 13, 9, 15][motor]).expect("a channel on a pin");
         self.part.adc[2].set_input(channel, millivolts);
+    }
+
+    fn delay_currents(&mut self, _: u64) -> bool {
+        false
     }
 
     fn set_dead(&mut self, dead: bool) {

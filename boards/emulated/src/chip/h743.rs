@@ -1,5 +1,6 @@
 //! The STM32H743, RM0433. What the emulator lacks and the firmware uses is put in: the [watchdog](super::watchdog), the
-//! converters' [analog watchdog](super::guard), and the wire from the voltage detector to the EXTI.
+//! converters' [analog watchdog](super::guard), and the wire from the voltage detector to the EXTI. A conversion of the
+//! currents can be [late](super::late).
 
 use std::num::{NonZeroU32, NonZeroU64};
 use std::path::Path;
@@ -25,6 +26,7 @@ use rigless::soc::{Bus, Error, Width};
 use rigless::time::VirtualNanos;
 
 use super::guard::Guarded;
+use super::late::Late;
 use super::watchdog::Watchdog;
 use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
 use crate::board::Board;
@@ -68,12 +70,17 @@ pub(super) struct Chip {
     watchdog: Watchdog,
     /// ADC1.
     converter: Guarded,
+    /// ADC2.
+    currents: Late,
     timer_slot: usize,
     watchdog_slot: usize,
     converter_slot: usize,
+    currents_slot: usize,
     encoder_slots: [usize; wiring::BRIDGES],
     port_slots: [usize; wiring::PORTS.len()],
     supply_low: bool,
+    /// Nothing is connected to the battery's pin, which keeps its charge: ADC1 converts no other channel.
+    battery_open: bool,
 }
 
 impl Chip {
@@ -82,12 +89,13 @@ impl Chip {
         part.set_supply(RAIL_MV);
         part.set_analog_supply(RAIL_MV);
         let mut converter = Guarded::new(adc::Converter::Adc1);
-        for converter in part.adc.iter_mut().chain([&mut converter.converter]) {
+        let mut currents = Late::new(adc::Converter::Adc2);
+        for converter in part.adc.iter_mut().chain([&mut converter.converter, &mut currents.converter]) {
             converter.set_reference(RAIL_MV);
             converter.set_backup_battery(RAIL_MV);
         }
-        let [timer_slot, watchdog_slot, converter_slot] =
-            [part.bus().slot("TIM1")?, part.bus().slot("IWDG")?, part.bus().slot("ADC1")?];
+        let [timer_slot, watchdog_slot] = [part.bus().slot("TIM1")?, part.bus().slot("IWDG")?];
+        let [converter_slot, currents_slot] = [part.bus().slot("ADC1")?, part.bus().slot("ADC2")?];
         let mut encoder_slots = [0; wiring::BRIDGES];
         for (slot, counter) in encoder_slots.iter_mut().zip(&wiring::ENCODERS) {
             *slot = part.bus().slot(match *counter {
@@ -105,12 +113,15 @@ impl Chip {
             plain_timer: Remembers::default(),
             watchdog: Watchdog::default(),
             converter,
+            currents,
             timer_slot,
             watchdog_slot,
             converter_slot,
+            currents_slot,
             encoder_slots,
             port_slots,
             supply_low: false,
+            battery_open: false,
         })
     }
 }
@@ -128,6 +139,7 @@ impl Mcu for Chip {
         self.part.reset(at, cause);
         Device::reset(&mut self.watchdog);
         Device::reset(&mut self.converter);
+        Device::reset(&mut self.currents);
     }
 
     fn poll(&mut self, now: VirtualNanos) {
@@ -139,6 +151,8 @@ impl Mcu for Chip {
             (self.part.bus_mut(), Some(&mut self.plain_timer))
         } else if slot == self.converter_slot {
             (self.part.bus_mut(), Some(&mut self.converter))
+        } else if slot == self.currents_slot {
+            (self.part.bus_mut(), Some(&mut self.currents))
         } else if slot == self.watchdog_slot {
             (self.part.bus_mut(), Some(&mut self.watchdog))
         } else {
@@ -205,13 +219,24 @@ impl Part for Chip {
     fn set_battery(&mut self, millivolts: u32) {
         // ADC12_INP15 is PA3.
         let channel = adc::Channel::new(15).expect("a channel on a pin");
-        self.converter.converter.set_input(channel, millivolts);
+        if !self.battery_open {
+            self.converter.converter.set_input(channel, millivolts);
+        }
+    }
+
+    fn open_battery(&mut self, open: bool) {
+        self.battery_open = open;
     }
 
     fn set_current(&mut self, motor: usize, millivolts: u32) {
         // ADC12_INP10, INP5, INP3 and INP19 are PC0, PB1, PA6 and PA5.
         let channel = adc::Channel::new([10, 5, 3, 19][motor]).expect("a channel on a pin");
-        self.part.adc[1].set_input(channel, millivolts);
+        self.currents.converter.set_input(channel, millivolts);
+    }
+
+    fn delay_currents(&mut self, nanos: u64) -> bool {
+        self.currents.next_is_late_by = Some(nanos);
+        true
     }
 
     fn set_dead(&mut self, dead: bool) {

@@ -1,8 +1,10 @@
 //! Currents: what flows, what the lines show of it, and what a host is told.
 
-use crate::common::{am60, booted, ms};
+use std::time::Duration;
+
+use crate::common::{am60, booted, ms, on};
 use emulated::talk::Talk;
-use emulated::{Bench, Mounting};
+use emulated::{Bench, Board, Mounting};
 use motor_hub::extension::MotorFunction;
 use motor_hub::extension::report::Condition;
 use motor_hub::model::si::Ohms;
@@ -67,6 +69,31 @@ pub(crate) fn a_host_is_told_the_currents_that_flow_also_of_a_motor_that_is_anot
     let told = analog(&mut bench, &mut talk, BATTERY_CURRENT);
     println!("battery: {drawn:.0} mA, {told:.0} mA told");
     bench.assert_sound();
+}
+
+#[test]
+fn after_conversions_that_came_too_late_each_motor_has_its_own_current_again() {
+    on(Board::NucleoH743zi2, || {
+        let mut bench = booted(vec![held(), held(), held(), held()]);
+        let mut talk = Talk::default();
+        // The words of three times are more than the converter keeps.
+        for _ in 0..3 {
+            bench.delay_currents(Duration::from_micros(300));
+            bench.run(ms(60));
+        }
+        for (motor, power) in [(0, 16_384), (1, 12_000), (2, 8_000), (3, 4_000)] {
+            talk.power(&mut bench, motor, power);
+        }
+        bench.run(ms(600));
+        let (flows, _) = flowing(&mut bench);
+        for (motor, flows) in (0..).zip(flows) {
+            let told = analog(&mut bench, &mut talk, motor_channel(motor));
+            let measured = condition(&mut bench, &mut talk, motor).measured_ma;
+            assert!(measured.is_some(), "motor {motor}");
+            assert!((told - flows).abs() < 10.0 + 0.02 * flows, "motor {motor}: {flows}, {told} mA");
+        }
+        bench.assert_sound();
+    });
 }
 
 #[test]

@@ -66,6 +66,21 @@ pub(crate) fn encoder_inputs_are_filtered() {
     }
 }
 
+/// A pull-up of the chip would let the current of an encoder's 5 V into it.
+#[test]
+fn encoder_pins_have_no_pull_of_the_chip() {
+    let mut bench = booted(vec![am60()]);
+    let first: u64 = match board() {
+        Board::NucleoF429zi => 0x4002_0000,
+        Board::NucleoH743zi2 => 0x5802_0000,
+    };
+    // PA15, PB3, PB4, PB5, PC6, PC7, PD12, PD13: GPIOx_PUPDR.
+    for (port, pin) in [(0, 15), (1, 3), (1, 4), (1, 5), (2, 6), (2, 7), (3, 12), (3, 13)] {
+        let pulls = bench.register(first + 0x400 * port + 0x0C);
+        assert_eq!(bits(pulls, 2 * pin + 1, 2 * pin), 0b00, "port {port} from A, pin {pin}");
+    }
+}
+
 #[test]
 fn a_line_that_no_host_drives_is_pulled_up() {
     let mut bench = booted(vec![am60()]);
@@ -143,6 +158,22 @@ pub(crate) fn a_battery_that_breaks_down_is_seen_at_once() {
         bench.run(ms(200));
     }
     bench.assert_sound();
+}
+
+#[test]
+fn a_battery_pin_that_nothing_is_connected_to_has_no_voltage() {
+    on(Board::NucleoF429zi, || {
+        let mut bench = turning(four_loads());
+        let at = bench.now();
+        bench.open_battery_pin(true);
+        bench.run(ms(1000));
+        for motor in 0..4 {
+            let time = time_to_safe(&mut bench, motor, at);
+            assert!(time < ms(4), "bridge {motor}: {time:?}");
+        }
+        assert!(log(&mut bench).contains("battery None"), "{}", log(&mut bench));
+        bench.assert_sound();
+    });
 }
 
 /// Four motors keep their speed for longer than the log's buffer lasts, with duties that are renewed in every second.

@@ -54,7 +54,7 @@ impl Line {
     }
 
     /// A TCP port; port 0 is any that is free. It has one host at a time: another is hung up on after 0.2 s, if the
-    /// first is still there then.
+    /// first is still there then. A host that has sent nothing for 5 s gives way to another.
     ///
     /// # Errors
     /// If it cannot be listened to.
@@ -81,8 +81,8 @@ impl Line {
         }
     }
 
-    /// A host is there: connected, or on a pseudo-terminal heard within the hub's keep-alive time of 2.5 s and, on
-    /// Linux, not gone since.
+    /// A host is there: connected and not silent for 5 s, or on a pseudo-terminal heard within the hub's keep-alive time
+    /// of 2.5 s and, on Linux, not gone since.
     pub fn is_taken(&self) -> bool {
         match &self.0 {
             #[cfg(unix)]

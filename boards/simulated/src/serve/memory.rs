@@ -4,7 +4,7 @@ use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
 use motor_hub::tasks::store::Keeper;
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
@@ -22,6 +22,14 @@ pub enum MemoryError {
         /// What the system says.
         error: io::Error,
     },
+    /// Another program has it open.
+    #[error(
+        "{path} is the store of another served hub, which still runs; give another file, or end that hub"
+    )]
+    InUse {
+        /// The file.
+        path: String,
+    },
     /// It is something else.
     #[error("{path} is not a store of a hub's settings: it has {size} bytes, which would be {SIZE}")]
     NotAStore {
@@ -37,18 +45,32 @@ pub enum MemoryError {
 pub struct Memory(File);
 
 impl Memory {
-    /// A file that is made if there is none.
+    /// A file that is made if there is none. It is locked: no other hub can have it as long as this one runs.
+    ///
+    /// A shorter file of erased bytes is completed: it is what a full disk leaves of a new store.
     ///
     /// # Errors
-    /// If it cannot be read and written, or is of another size.
+    /// If it cannot be read and written, is another hub's, or is something else.
     pub fn open(path: &Path) -> Result<Self, MemoryError> {
-        let at = |error| MemoryError::File { path: path.display().to_string(), error };
+        let shown = || path.display().to_string();
+        let at = |error| MemoryError::File { path: shown(), error };
         let mut file =
             OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path).map_err(at)?;
-        match file.metadata().map_err(at)?.len() {
-            0 => file.write_all(&[0xFF; SIZE as usize]).map_err(at)?,
-            size if size == u64::from(SIZE) => (),
-            size => return Err(MemoryError::NotAStore { path: path.display().to_string(), size }),
+        match file.try_lock() {
+            Ok(()) => (),
+            Err(TryLockError::WouldBlock) => return Err(MemoryError::InUse { path: shown() }),
+            Err(TryLockError::Error(error)) => return Err(at(error)),
+        }
+        let size = file.metadata().map_err(at)?.len();
+        if size != u64::from(SIZE) {
+            let mut begun = Vec::new();
+            // One byte more than a whole store says that the file is longer.
+            (&file).take(u64::from(SIZE) + 1).read_to_end(&mut begun).map_err(at)?;
+            let rest = (SIZE as usize).checked_sub(begun.len());
+            let Some(rest) = rest.filter(|_| begun.iter().all(|byte| *byte == 0xFF)) else {
+                return Err(MemoryError::NotAStore { path: shown(), size });
+            };
+            file.write_all(&vec![0xFF; rest]).map_err(at)?;
         }
         Ok(Self(file))
     }

@@ -1,9 +1,12 @@
-//! Signals that end a command which drives motors: Ctrl-C, SIGTERM, SIGQUIT, a closed terminal. The command ends as after
-//! any error: it disables the motors that it has enabled. Further signals do not interrupt that.
+//! Signals that end a command which drives motors: Ctrl-C, SIGTERM, SIGQUIT, a closed terminal, Ctrl-Z. The command ends as
+//! after any error: it disables the motors that it has enabled. Further signals do not interrupt that.
+//!
+//! Ctrl-Z would suspend the command: its motors would turn until the hub's keep-alive has ended, and a command that
+//! continues later would drive motors that nobody expects to turn.
 
 use crate::output::Failure;
 #[cfg(unix)]
-use signal_hook::consts::{SIGHUP, SIGQUIT};
+use signal_hook::consts::{SIGHUP, SIGQUIT, SIGTSTP};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register_usize;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -19,6 +22,12 @@ pub(crate) const SIGNALS: &[(i32, &str)] = &[
     (SIGHUP, "SIGHUP: the terminal is gone"),
     #[cfg(unix)]
     (SIGQUIT, "SIGQUIT"),
+];
+
+/// Signals that end a command which drives motors, and only such a command.
+const SUSPENDS: &[(i32, &str)] = &[
+    #[cfg(unix)]
+    (SIGTSTP, "Ctrl-Z"),
 ];
 
 /// Interval between two checks for signals.
@@ -38,7 +47,7 @@ pub(super) fn listen() -> Result<(), Failure> {
         return Ok(());
     }
     let raised = Arc::new(AtomicUsize::new(0));
-    for (place, (signal, _)) in (1..).zip(SIGNALS) {
+    for (place, (signal, _)) in (1..).zip(SIGNALS.iter().chain(SUSPENDS)) {
         register_usize(*signal, Arc::clone(&raised), place)
             .map_err(|error| Failure::Work(format!("no handler for signals could be installed: {error}")))?;
     }
@@ -51,7 +60,8 @@ fn watch(raised: &AtomicUsize) {
     loop {
         thread::sleep(LOOK);
         let place = raised.swap(0, Ordering::Relaxed);
-        let Some((_, name)) = place.checked_sub(1).and_then(|place| SIGNALS.get(place)) else { continue };
+        let mut signals = SIGNALS.iter().chain(SUSPENDS);
+        let Some((_, name)) = place.checked_sub(1).and_then(|place| signals.nth(place)) else { continue };
         match first {
             None => {
                 first = Some(Instant::now());

@@ -1,15 +1,40 @@
 //! List of the serial ports of this machine, and messages for ports that cannot be opened.
 
-use crate::output::Failure;
+use crate::output::{Failure, print, print_json};
 use motor_hub_client::OpenError;
-use motor_hub_client::line;
+use motor_hub_client::line::{self, Port};
+use serde_json::json;
 
 /// Path of the udev rule that gives access to a port without membership of a group.
 const RULE: &str = "boards/nucleo-f429zi/70-motor-hub.rules";
 
+/// Form of the output.
+#[derive(clap::Args)]
+pub(super) struct Options {
+    /// JSON instead of text
+    #[arg(long)]
+    json: bool,
+}
+
+impl Options {
+    pub(super) fn execute(&self) -> Result<(), Failure> {
+        if !self.json {
+            return print(&list()?);
+        }
+        let ports = all()?;
+        let ports = ports.iter().map(|port| json!({ "path": port.path, "description": port.description }));
+        print_json(&json!({ "ports": ports.collect::<Vec<_>>() }))
+    }
+}
+
+/// The serial ports of this machine.
+pub(super) fn all() -> Result<Vec<Port>, Failure> {
+    line::ports().map_err(|e| Failure::Work(format!("serial ports cannot be listed: {e}")))
+}
+
 /// The serial ports of this machine as text.
 pub(super) fn list() -> Result<String, Failure> {
-    let ports = line::ports().map_err(|e| Failure::Work(format!("serial ports cannot be listed: {e}")))?;
+    let ports = all()?;
     if ports.is_empty() {
         return Ok("No serial ports found\n".to_owned());
     }

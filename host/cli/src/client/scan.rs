@@ -2,12 +2,13 @@
 
 use super::driven::stop_abandoned;
 use super::ports;
-use crate::output::{Failure, print, say};
+use crate::output::{Failure, print, print_json, say};
 use crate::served::{self, Served};
 use clap::builder::NonEmptyStringValueParser;
 use motor_hub::protocol::Address;
-use motor_hub_client::line::{self, Line, is_tcp};
+use motor_hub_client::line::{Line, is_tcp};
 use motor_hub_client::{Error, OpenError, Session};
+use serde_json::{Value, json};
 use std::net::ToSocketAddrs;
 use std::path::PathBuf;
 use std::thread;
@@ -34,6 +35,21 @@ pub(super) struct Options {
     /// Skips the serial ports that the system lists: scans only served hubs and the given places
     #[arg(long)]
     only: bool,
+    /// JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+/// A hub at a place.
+struct Found {
+    address: u8,
+    is_parent: bool,
+    version: String,
+}
+
+/// A hub's place on its line.
+pub(super) const fn kind(is_parent: bool) -> &'static str {
+    if is_parent { "parent" } else { "child" }
 }
 
 /// A place to scan.
@@ -58,9 +74,7 @@ impl Options {
     ) -> Result<(), Failure> {
         let mut places: Vec<Place> = named.chain(self.places.iter().cloned()).map(Place::from).collect();
         if !self.only {
-            let ports = line::ports();
-            let ports = ports.map_err(|e| Failure::Work(format!("serial ports cannot be listed: {e}")))?;
-            places.extend(ports.into_iter().map(|port| port.path.into()));
+            places.extend(ports::all()?.into_iter().map(|port| port.path.into()));
         }
         let served = served::all().unwrap_or_else(|error| {
             say(&format!("note: served hubs of this machine cannot be listed: {error}"));
@@ -81,20 +95,19 @@ impl Options {
                 .map(|thread| thread.join().unwrap_or_else(|_| Err(Silence::NoAnswer)))
                 .collect()
         });
-        let mut table = table::new(&["place", "address", "hub"], 3);
-        let mut hubs = 0;
-        for (Place { name, .. }, asked) in places.iter().zip(asked) {
-            hubs += match &asked {
-                Ok(rows) => rows.len(),
+        let hubs: usize = asked
+            .iter()
+            .map(|asked| match asked {
+                Ok(found) => found.len(),
                 Err(silence) => usize::from(matches!(silence, Silence::Taken)),
-            };
-            let rows = asked.unwrap_or_else(|silence| vec![[String::new(), silence.words(name)]]);
-            for [address, words] in rows {
-                table.add_row([name, &address, &words]);
-            }
-        }
-        if !places.is_empty() {
-            print(&format!("{table}\n"))?;
+            })
+            .sum();
+        let scanned: Vec<_> = places.iter().map(|place| &*place.name).zip(asked).collect();
+        if self.json {
+            let places: Vec<Value> = scanned.into_iter().map(|(name, asked)| document(name, asked)).collect();
+            print_json(&json!({ "places": places }))?;
+        } else if !scanned.is_empty() {
+            print(&text(scanned))?;
         }
         match (hubs, places.len()) {
             (0, 0) if self.only => {
@@ -108,6 +121,36 @@ impl Options {
             _ => Ok(()),
         }
     }
+}
+
+/// Places and what is there, as a table.
+fn text(scanned: Vec<(&str, Result<Vec<Found>, Silence>)>) -> String {
+    let mut table = table::new(&["place", "address", "hub"], 3);
+    for (name, asked) in scanned {
+        match asked {
+            Ok(hubs) => {
+                for Found { address, is_parent, version } in hubs {
+                    let hub = format!("{}, {version}", kind(is_parent));
+                    table.add_row([name, &address.to_string(), &hub]);
+                }
+            }
+            Err(silence) => drop(table.add_row([name, "", &silence.words(name)])),
+        }
+    }
+    format!("{table}\n")
+}
+
+/// A place and what is there, for programs.
+fn document(name: &str, asked: Result<Vec<Found>, Silence>) -> Value {
+    let in_use = matches!(asked, Err(Silence::Taken));
+    let (hubs, reason) = match asked {
+        Ok(hubs) => (hubs, None),
+        Err(silence) => (Vec::new(), Some(silence.words(name))),
+    };
+    let hubs = hubs.into_iter().map(|Found { address, is_parent, version }| {
+        json!({ "address": address, "kind": kind(is_parent), "version": version })
+    });
+    json!({ "place": name, "hubs": hubs.collect::<Vec<_>>(), "in_use": in_use, "reason": reason })
 }
 
 /// True for two names of one place. A place accepts one host at a time, so it must not be asked twice.
@@ -170,8 +213,8 @@ impl Silence {
     }
 }
 
-/// The hubs at a place: address, and text with kind and version.
-fn ask(place: &Place, timeout: Duration) -> Result<Vec<[String; 2]>, Silence> {
+/// The hubs at a place.
+fn ask(place: &Place, timeout: Duration) -> Result<Vec<Found>, Silence> {
     match place.served {
         Some(true) => Err(Silence::Taken),
         Some(false) => hubs_at(&place.name, timeout).map_err(Silence::of_served),
@@ -179,16 +222,15 @@ fn ask(place: &Place, timeout: Duration) -> Result<Vec<[String; 2]>, Silence> {
     }
 }
 
-fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<[String; 2]>, Silence> {
+fn hubs_at(place: &str, timeout: Duration) -> Result<Vec<Found>, Silence> {
     let line = Line::open(place, timeout).map_err(Silence::Unopened)?;
     let mut session = Session::new(line, Address::DEFAULT, timeout);
-    let mut rows = Vec::new();
+    let mut found = Vec::new();
     for hub in session.discover()? {
         let Some(address) = Address::new(hub.address) else { continue };
         session.talk_to(address);
         stop_abandoned(&mut session)?;
-        let kind = if hub.parent { "parent" } else { "child" };
-        rows.push([hub.address.to_string(), format!("{kind}, {}", session.version()?)]);
+        found.push(Found { address: hub.address, is_parent: hub.parent, version: session.version()? });
     }
-    Ok(rows)
+    Ok(found)
 }

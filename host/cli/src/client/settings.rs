@@ -8,9 +8,9 @@ use motor_hub::extension::HubFunction;
 use motor_hub::extension::Request;
 use motor_hub::extension::state::StoreReport;
 use motor_hub::store::{Outcome, Stored};
-use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use motor_hub_client::reasons::why_unsaved;
+use motor_hub_client::{Error, Session};
 use serde_json::json;
 use simulated::scenario::line_and_column;
 use std::path::{Path, PathBuf};
@@ -49,7 +49,7 @@ enum Command {
     Load,
     /// Puts the firmware's defaults in force and stores them; the address becomes the default at the next reset
     Reset,
-    /// Writes the settings in force as TOML to a file or to standard output
+    /// Writes the settings in force as TOML to a file, or to standard output without a file or with -
     Export {
         #[arg(value_name = "FILE")]
         file: Option<PathBuf>,
@@ -88,7 +88,7 @@ impl Options {
             }
             Command::Export { file } => {
                 let text = document::export(session)?;
-                let Some(file) = file else { return Ok(print(&text)?) };
+                let Some(file) = file.filter(|file| file != Path::new("-")) else { return Ok(print(&text)?) };
                 std::fs::write(&file, text).map_err(|error| at(&file, error))?;
                 format!("wrote {}", file.display())
             }
@@ -109,6 +109,17 @@ fn saved(session: &mut Session<Line>) -> Result<String, Trouble> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
     Ok(format!("stored: {}", describe(&report)))
+}
+
+/// Why a hub that stores settings does not keep its new address; `None` if it does, or if it stores nothing.
+pub(super) fn why_address_is_lost(session: &mut Session<Line>) -> Result<Option<String>, Error> {
+    match session.stored() {
+        Ok(report @ StoreReport { stored: Stored::Later | Stored::Damaged, .. }) => {
+            Ok(Some(format!("the memory has {}", describe(&report))))
+        }
+        Ok(_) | Err(Error::Refused { .. } | Error::TooOld { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
 }
 
 /// The requests that put the settings of a file in force.

@@ -15,6 +15,32 @@ fn a_board_that_there_is_not_is_refused_with_those_that_there_are() {
 }
 
 #[test]
+fn elsewhere_than_in_its_sources_an_image_is_taken_and_not_built() {
+    // The folder for the tests of this package is in the sources.
+    let elsewhere = std::env::temp_dir();
+    let start = |arguments: &[&str]| {
+        let program = std::process::Command::new(env!("CARGO_BIN_EXE_motor-hub"))
+            .args(arguments)
+            .current_dir(&elsewhere)
+            .env_remove("MOTOR_HUB_ELF")
+            .output()
+            .unwrap();
+        (program.status.code(), err(&program))
+    };
+    for command in [&["emulate"][..], &["serve", "--emulated", "--pty", "--for-s", "0.1"]] {
+        let (code, error) = start(command);
+        assert!(code == Some(2) && error.contains("give --image FILE"), "{command:?}: {error}");
+        let (code, error) = start(&[command, &["--image", "/no/such/image"]].concat());
+        assert!(code == Some(2) && error.contains("--image /no/such/image: No such file"), "{error}");
+    }
+    let image = emulated::elf::hub(emulated::Board::NucleoF429zi);
+    let image = image.canonicalize().unwrap().display().to_string();
+    let (code, error) =
+        start(&["serve", "--emulated", "--tcp", "127.0.0.1:0", "--for-s", "0.1", "--image", &image]);
+    assert_eq!(code, Some(0), "{error}");
+}
+
+#[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_image_of_either_board_runs_a_scenario_over_the_simulation() {
     let folder = folder("emulated");

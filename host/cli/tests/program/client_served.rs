@@ -84,6 +84,8 @@ fn every_signal_that_can_be_heard_stops_what_the_command_has_set_going() {
         (&["power", "0", "0.3"], &["-HUP"], "terminal is gone"),
         (&["power", "0", "0.3"], &["-QUIT"], "stopped by SIGQUIT"),
         (&["current", "0", "0.3"], &["-INT"], "stopped by Ctrl-C"),
+        // The command ends instead of being suspended.
+        (&["power", "0", "0.3"], &["-TSTP"], "stopped by Ctrl-Z"),
         // Terminal and parent process may both send a signal.
         (&["together", "0=300", "--on"], &["-INT", "-INT", "-TERM"], "stopped by"),
     ] {

@@ -196,3 +196,36 @@ fn a_store_that_makes_no_sense_is_told_and_can_be_cleared() {
     assert_eq!(shown(&hub)["stored"], "nothing");
     assert_eq!(settings(&hub, &["save"]), "stored: save 1\n");
 }
+
+#[test]
+fn an_address_that_a_later_firmwares_settings_keep_from_being_stored_is_told_so() {
+    let (_, store) = store("settings-later");
+    // The mark of the first page, then an item of sequential-storage: check sums and length, key 1, and a record of
+    // version 2 with one byte.
+    let begin = [
+        0, 0, 0, 0, 0x9F, 0xB7, 0x89, 0x23, 0x07, 0x00, 0x31, 0xF5, 0x01, 0x02, 0x01, 0x00, 0x00, 0x00, 0x2A,
+    ];
+    let mut bytes = vec![0xFF; 32 * 1024];
+    bytes[..begin.len()].copy_from_slice(&begin);
+    std::fs::write(&store, bytes).unwrap();
+    let hub = served(&store);
+    assert_eq!(shown(&hub)["stored"], "later");
+    let said = out(&client(&hub, &["set-address", "9"]));
+    assert!(said.contains("the hub's address is 9 until the next reset: "), "{said}");
+    assert!(said.contains("settings of a later firmware (version 2)"), "{said}");
+}
+
+#[test]
+fn settings_are_exported_to_standard_output_by_a_dash() {
+    let (folder, store) = store("settings-dash");
+    std::fs::create_dir_all(&folder).unwrap();
+    let hub = served(&store);
+    let exported = settings(&hub, &["export"]);
+    let client = Command::new(PROGRAM)
+        .args(["client", "--tcp", &hub.place, "settings", "export", "-"])
+        .current_dir(&folder)
+        .output()
+        .unwrap();
+    assert_eq!(out(&client), exported);
+    assert!(!folder.join("-").exists());
+}

@@ -135,6 +135,9 @@ fn the_client_prints_what_the_page_says() {
     assert_agree("client coefficients", &[client(&["coefficients", "0", "velocity"])]);
     assert_agree("client identify", &[client(&["identify", "0"])]);
     assert_agree("client tune", &[client(&["tune", "1"])]);
+    assert_agree("client discover", &[client(&["discover"])]);
+    assert_agree("client scan", &[client(&["scan", "--only", "/no/such/port"])]);
+    assert_agree("client ports", &[client(&["ports"])]);
     let watch = ["client", "--tcp", &served.1, "watch", "--for-s", "0.2", "--type", "AM 60 A", "--json"];
     let lines = motor_hub(&watch).stdout;
     let line = lines.split(|byte| *byte == b'\n').next().unwrap();

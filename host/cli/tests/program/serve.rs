@@ -8,7 +8,7 @@
 
 use crate::conformance::{Data, HUB, Hub, KEEP_ALIVE, conforms, drive, packet};
 use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 
@@ -222,4 +222,77 @@ fn wrong_options_are_refused() {
         let error = String::from_utf8(output.stderr).unwrap();
         assert!(error.contains(says), "{arguments:?}: {error}");
     }
+}
+
+#[test]
+fn noise_as_fast_as_a_host_can_send_does_not_keep_the_hub_from_its_work() {
+    use std::io::Write;
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let mut host = hub.tcp();
+    drive(&mut host);
+    drop(host);
+    let mut noisy = std::net::TcpStream::connect(&hub.place).unwrap();
+    noisy.set_write_timeout(Some(Duration::from_millis(100))).unwrap();
+    // Longer than the keep-alive of 2.5 s.
+    let end = Instant::now() + Duration::from_secs(4);
+    while Instant::now() < end {
+        let _ = noisy.write(&[0x5A; 65_536]);
+    }
+    drop(noisy);
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(!hub.tcp().enabled(), "the keep-alive has ended");
+}
+
+#[test]
+fn a_host_that_is_silent_gives_way_to_another() {
+    use std::io::Read;
+    let hub = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0"]);
+    let mut silent = std::net::TcpStream::connect(&hub.place).unwrap();
+    std::thread::sleep(Duration::from_millis(5200));
+    assert!(!hub.tcp().enabled());
+    silent.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
+    assert_eq!(silent.read(&mut [0; 8]).unwrap(), 0, "nothing comes but the end");
+}
+
+#[test]
+fn a_store_is_one_hubs_alone() {
+    let store = crate::common::folder("store-of-one");
+    std::fs::create_dir_all(&store).unwrap();
+    let store = store.join("store").display().to_string();
+    let serve = || {
+        let mut program = Command::new(PROGRAM);
+        program.args(["serve", "--tcp", "127.0.0.1:0", "--for-s", "0.1", "--store", &store]).output().unwrap()
+    };
+    let first = Hub::start(PROGRAM, &["--tcp", "127.0.0.1:0", "--store", &store]);
+    let second = serve();
+    let error = String::from_utf8(second.stderr).unwrap();
+    assert!(second.status.code() == Some(2) && error.contains("another served hub"), "{error}");
+    drop(first);
+    assert!(serve().status.success());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_store_that_a_full_disk_has_cut_short_is_completed_later() {
+    let store = crate::common::folder("store-cut-short");
+    std::fs::create_dir_all(&store).unwrap();
+    let store = store.join("store").display().to_string();
+    let arguments = ["serve", "--tcp", "127.0.0.1:0", "--for-s", "0.1", "--store", &store];
+    // No file of this shell may be longer than 8 kB: a write beyond that fails, as on a full disk.
+    let limited = Command::new("bash")
+        .args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$@\"", "bash", PROGRAM])
+        .args(arguments)
+        .output()
+        .unwrap();
+    let error = String::from_utf8(limited.stderr).unwrap();
+    assert!(limited.status.code() == Some(2) && error.contains("File too large"), "{error}");
+    assert_eq!(std::fs::metadata(&store).unwrap().len(), 8192);
+    let whole = Command::new(PROGRAM).args(arguments).output().unwrap();
+    assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
+    assert_eq!(std::fs::read(&store).unwrap(), [0xFF; 32 * 1024]);
+    // Anything else of that length is somebody's.
+    std::fs::write(&store, [0x00; 8192]).unwrap();
+    let refused = Command::new(PROGRAM).args(arguments).output().unwrap();
+    assert!(String::from_utf8(refused.stderr).unwrap().contains("not a store"));
+    assert_eq!(std::fs::read(&store).unwrap(), [0; 8192]);
 }

@@ -55,8 +55,8 @@ const fn plain(byte: u8) -> Option<Key> {
         b'a' => Some(Key::All),
         digit @ b'0'..=b'3' => Some(Key::One(digit - b'0')),
         b' ' => Some(Key::Stop),
-        // A raw terminal sends Ctrl-C, Ctrl-D and Ctrl-\ as keys.
-        b'q' | 0x03 | 0x04 | 0x1C => Some(Key::Quit),
+        // A raw terminal sends Ctrl-C, Ctrl-D, Ctrl-Z and Ctrl-\ as keys.
+        b'q' | 0x03 | 0x04 | 0x1A | 0x1C => Some(Key::Quit),
         _ => None,
     }
 }

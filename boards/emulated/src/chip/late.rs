@@ -1,0 +1,81 @@
+//! A converter of the STM32H743 of which a conversion can take longer than it should.
+
+use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
+use rigless::soc::stm32h743::generated::adc3::Register;
+use rigless::soc::stm32h743::peripherals::adc::{Adc, Converter};
+use rigless::time::{EventId, VirtualNanos};
+
+#[derive(Debug)]
+pub(super) struct Late {
+    pub(super) converter: Adc,
+    /// The next conversion ends later by this time, ns.
+    pub(super) next_is_late_by: Option<u64>,
+    /// The event on which a late conversion ends, and the event on which it should have ended.
+    late: Option<(EventId, EventId)>,
+}
+
+impl Late {
+    pub(super) fn new(converter: Converter) -> Self {
+        // Without a clock until the clock tree gives one.
+        Self { converter: Adc::new(converter, 0), next_is_late_by: None, late: None }
+    }
+}
+
+impl Device for Late {
+    type Register = Register;
+
+    fn read(
+        &mut self,
+        register: Register,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
+        self.converter.read(register, registers, context)
+    }
+
+    fn peek(&self, register: Register, registers: &RegisterFile, now: VirtualNanos) -> Option<u64> {
+        self.converter.peek(register, registers, now)
+    }
+
+    fn write(
+        &mut self,
+        register: Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.converter.write(register, value, registers, context);
+    }
+
+    fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        if let Some(nanos) = self.next_is_late_by.take() {
+            let at = VirtualNanos(context.now().0 + nanos);
+            self.late = Some((context.schedule(at), event));
+            return;
+        }
+        let event = self.late.take_if(|(mine, _)| *mine == event).map_or(event, |(_, theirs)| theirs);
+        self.converter.on_event(event, registers, context);
+    }
+
+    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.converter.on_clock(hz, registers, context);
+    }
+
+    fn on_request(
+        &mut self,
+        request: RequestChange,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.converter.on_request(request, registers, context);
+    }
+
+    fn reset(&mut self) {
+        Device::reset(&mut self.converter);
+        (self.next_is_late_by, self.late) = (None, None);
+    }
+
+    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.converter.reset_line(registers, context);
+    }
+}

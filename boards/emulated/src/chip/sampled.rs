@@ -1,0 +1,94 @@
+//! A converter of the STM32F427 with its sampling capacitor: a channel that nothing drives keeps the charge of the
+//! conversion before. The emulator has a voltage on every channel.
+
+use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
+use rigless::soc::stm32f427::generated::adc1::Register;
+use rigless::soc::stm32f427::peripherals::adc::{Adc, Channel};
+use rigless::time::EventId;
+
+use super::RAIL_MV;
+
+/// Full scale of 12 bits.
+const FULL_SCALE: u64 = 0xFFF;
+
+/// The data registers of both groups.
+const DATA: [Register; 5] = [Register::Dr, Register::Jdr1, Register::Jdr2, Register::Jdr3, Register::Jdr4];
+
+/// No word of a converter.
+const NO_WORD: u64 = 0xFFFF_FFFF;
+
+#[derive(Debug)]
+pub(super) struct Sampled {
+    pub(super) converter: Adc,
+    /// Channels that nothing drives.
+    pub(super) floating: Vec<Channel>,
+    /// The voltage of the sampling capacitor, mV.
+    held: u32,
+}
+
+impl Sampled {
+    pub(super) fn new() -> Self {
+        // Without a clock until the common block gives one.
+        Self { converter: Adc::with_clock(0), floating: Vec::new(), held: 0 }
+    }
+}
+
+impl Device for Sampled {
+    type Register = Register;
+
+    fn read(
+        &mut self,
+        register: Register,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
+        self.converter.read(register, registers, context)
+    }
+
+    fn write(
+        &mut self,
+        register: Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.converter.write(register, value, registers, context);
+    }
+
+    fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        for channel in &self.floating {
+            self.converter.set_input(*channel, self.held);
+        }
+        // The register that has a new word afterwards says what was converted.
+        let before = DATA.map(|register| registers.get(register));
+        DATA.into_iter().for_each(|register| registers.set(register, NO_WORD));
+        self.converter.on_event(event, registers, context);
+        for (register, before) in DATA.into_iter().zip(before) {
+            match registers.get(register) {
+                NO_WORD => registers.set(register, before),
+                word => self.held = (word * u64::from(RAIL_MV)).div_ceil(FULL_SCALE) as u32,
+            }
+        }
+    }
+
+    fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.converter.on_clock(hz, registers, context);
+    }
+
+    fn on_request(
+        &mut self,
+        request: RequestChange,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.converter.on_request(request, registers, context);
+    }
+
+    fn reset(&mut self) {
+        Device::reset(&mut self.converter);
+    }
+
+    fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.converter.reset_line(registers, context);
+    }
+}
