@@ -3,6 +3,7 @@
 use crate::output::{Failure, print, say};
 use crate::parse::host_and_port;
 use crate::serve::stop_flag;
+use dashboard::gate::PublicUrl;
 use dashboard::script::Script;
 use dashboard::world::World;
 use dashboard::{Place, Server};
@@ -11,6 +12,8 @@ use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
 use simulated::scenario::Scenario;
 use simulated::serve::{self, Memory};
+use std::fs::OpenOptions;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -55,6 +58,9 @@ pub(crate) struct Options {
     /// Address of the page for other machines too, such as a phone; anyone on the network who has the URL has access
     #[arg(long, value_name = "ADDR:PORT", conflicts_with = "http", value_parser = host_and_port)]
     listen: Option<String>,
+    /// URL by which browsers reach the page, if that is not its address: behind a tunnel (ssh -L), a host name or a proxy
+    #[arg(long, value_name = "URL")]
+    public_url: Option<PublicUrl>,
     /// Opens the page in this machine's browser
     #[arg(long)]
     open: bool,
@@ -71,6 +77,10 @@ impl Options {
             );
             return Err(Failure::Input(why));
         }
+        let server = match self.public_url {
+            Some(public) => server.reached_as(public),
+            None => server,
+        };
         let (place, simulation) = match self.port.as_ref().or(self.tcp.as_ref()) {
             Some(place) => (real(place), None),
             None => {
@@ -84,9 +94,8 @@ impl Options {
         if self.listen.is_some() {
             say("warning: anyone on the network who has this URL can move the motors");
         }
-        if self.open {
-            open(&url);
-        }
+        // The file is removed when the program ends.
+        let _handover = self.open.then(|| open(&url));
         server.run(place, &stop);
         // The simulated hub ends with the server; an error before that is reported here.
         stop.store(true, Ordering::Relaxed);
@@ -151,8 +160,35 @@ fn simulate(
     Ok((Place::simulated(&name, world, script, open), simulation))
 }
 
-/// Opens the URL with this machine's program for URLs. If that fails, the user opens the printed URL.
-fn open(url: &str) {
+/// A file that leads a browser to the page, and that only this user can read. Every user of the machine can read the
+/// arguments of a program, so the URL with its token is not one.
+struct Handover(PathBuf);
+
+impl Handover {
+    fn write(url: &str) -> std::io::Result<Self> {
+        let folder = std::env::var_os("XDG_RUNTIME_DIR").map_or_else(std::env::temp_dir, PathBuf::from);
+        let path = folder.join(format!("motor-hub-dashboard-{}.html", std::process::id()));
+        let mut options = OpenOptions::new();
+        // A file that somebody else has put there is not used.
+        options.write(true).create_new(true);
+        #[cfg(unix)]
+        std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+        let mut file = options.open(&path)?;
+        let handover = Self(path);
+        writeln!(file, "<!doctype html><meta http-equiv=\"refresh\" content=\"0;url={url}\">")?;
+        Ok(handover)
+    }
+}
+
+impl Drop for Handover {
+    fn drop(&mut self) {
+        // A file that cannot be removed names a page that no longer exists.
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+/// Opens the URL with this machine's program for files. If that fails, the user opens the printed URL.
+fn open(url: &str) -> Option<Handover> {
     let program = if cfg!(target_os = "macos") {
         "open"
     } else if cfg!(windows) {
@@ -160,8 +196,12 @@ fn open(url: &str) {
     } else {
         "xdg-open"
     };
-    let started = Command::new(program).arg(url).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    let started = Handover::write(url).and_then(|handover| {
+        Command::new(program).arg(&handover.0).stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
+        Ok(handover)
+    });
     if started.is_err() {
         say("no browser could be started: open the URL above");
     }
+    started.ok()
 }

@@ -46,11 +46,24 @@ pub enum Gone {
     Hidden,
 }
 
+/// What came of a page's request for control.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Taken {
+    /// The page is in control.
+    Control,
+    /// Another page is in control, and is asked to release it.
+    Asked,
+    /// There is no such page.
+    Nothing,
+}
+
 /// All pages, and which of them is in control.
 #[derive(Clone, Debug, Default)]
 pub struct Desk {
     pages: BTreeMap<u32, Page>,
     controller: Option<u32>,
+    /// The page that has asked for control last, while another page is in control.
+    asks: Option<u32>,
     sent: VecDeque<(u64, Instant)>,
 }
 
@@ -77,28 +90,50 @@ impl Desk {
     /// Removes a page; returns [`Gone::Closed`] if the page was in control.
     pub fn leave(&mut self, id: u32) -> Option<Gone> {
         self.pages.remove(&id);
-        self.gives_up(id).then_some(Gone::Closed)
+        self.asks = self.asks.filter(|asks| *asks != id);
+        self.loses(id).then_some(Gone::Closed)
     }
 
-    /// Puts a page in control; false if another page is in control.
-    pub fn take(&mut self, id: u32, now: Instant) -> bool {
-        if self.controller.is_some_and(|other| other != id) {
-            return false;
+    /// Puts a page in control, or asks the page that is in control to release it.
+    pub fn take(&mut self, id: u32, now: Instant) -> Taken {
+        let Some(page) = self.pages.get_mut(&id) else { return Taken::Nothing };
+        match self.controller {
+            Some(controller) if controller != id => {
+                self.asks = Some(id);
+                Taken::Asked
+            }
+            Some(_) => Taken::Control,
+            None => {
+                // The user has just clicked in this page.
+                page.fresh_at = now;
+                (self.controller, self.asks) = (Some(id), None);
+                Taken::Control
+            }
         }
-        let Some(page) = self.pages.get_mut(&id) else { return false };
-        if self.controller.is_none() {
-            // The user has just clicked in this page.
-            page.fresh_at = now;
-        }
-        self.controller = Some(id);
-        true
     }
 
-    /// Ends a page's control; true if the page was in control.
-    pub fn gives_up(&mut self, id: u32) -> bool {
+    /// Ends a page's control, and gives it to the page that has asked for it; false if the page was not in control.
+    pub fn release(&mut self, id: u32) -> bool {
         let was = self.controller == Some(id);
-        self.controller = self.controller.filter(|controller| *controller != id);
+        if was {
+            self.controller = self.asks.take();
+        }
         was
+    }
+
+    /// Ends the control of a page that is gone; no other page gets control without its user.
+    fn loses(&mut self, id: u32) -> bool {
+        let was = self.controller == Some(id);
+        if was {
+            (self.controller, self.asks) = (None, None);
+        }
+        was
+    }
+
+    /// Number of the page that asks for control.
+    #[must_use]
+    pub const fn asks(&self) -> Option<u32> {
+        self.asks
     }
 
     /// Number of the page in control.
@@ -149,7 +184,7 @@ impl Desk {
             None
         };
         if gone.is_some() {
-            self.controller = None;
+            self.loses(id);
         }
         gone
     }

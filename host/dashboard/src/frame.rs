@@ -26,12 +26,14 @@ pub(crate) enum Message {
     Frame(Frame),
     /// Sent when the settings of a motor have changed.
     Settings(SettingsOf),
-    /// Sent when the page in control or the number of pages has changed.
+    /// Sent when the page in control, the number of pages, or a request for control has changed.
     Desk {
         /// Number of the page in control.
         controller: Option<u32>,
         /// Number of pages.
         pages: usize,
+        /// Number of the page that asks for control.
+        asks: Option<u32>,
     },
     /// Sent when the hub has been connected or lost.
     Line {

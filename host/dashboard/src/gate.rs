@@ -1,8 +1,9 @@
 //! Decides which requests the server admits.
 //!
 //! A page of another site in the same browser can also send requests to this server, and its name may even resolve to this
-//! machine. Therefore the Host of a request must be the address that was connected to. The Origin of a socket must be this
-//! server's own page. Page and socket both need the token, which only readers of the printed URL know.
+//! machine. Therefore the Host of a request must be the address that was connected to, or the [`PublicUrl`] that the user has
+//! given. The Origin of a socket must be this server's own page. Page and socket both need the token, which only readers of
+//! the printed URL know.
 //!
 //! ```
 //! use dashboard::gate::{Gate, Refusal, Wanted};
@@ -14,12 +15,14 @@
 //!     gate.admit(&head, "127.0.0.1:8000".parse().unwrap())
 //! };
 //! assert_eq!(asked("127.0.0.1:8000", "/?token=0123456789abcdef"), Ok(Wanted::Page));
-//! assert_eq!(asked("evil.example:8000", "/?token=0123456789abcdef"), Err(Refusal::Host));
+//! assert!(matches!(asked("evil.example:8000", "/?token=0123456789abcdef"), Err(Refusal::Host { .. })));
 //! assert_eq!(asked("127.0.0.1:8000", "/"), Err(Refusal::Token));
 //! ```
 
 use crate::http::Head;
+use std::fmt;
 use std::net::SocketAddr;
+use std::str::FromStr;
 
 /// Number of random bytes in a token, which is written as hexadecimal digits.
 const TOKEN_BYTES: usize = 16;
@@ -31,6 +34,49 @@ pub const SOCKET: &str = "/ws";
 #[derive(Clone, Debug)]
 pub struct Gate {
     token: String,
+    public: Option<PublicUrl>,
+}
+
+/// A URL by which browsers reach the server and that is not the server's own address: behind a tunnel, a host name or a proxy.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PublicUrl {
+    /// `http://` or `https://`, and host with port, as browsers send them in an Origin.
+    origin: String,
+    /// Host, with its port unless the port is the scheme's own, as browsers send it in a Host.
+    host: String,
+}
+
+/// The text is not a URL of a server's root.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is not the URL of a page's root: give http://HOST, https://HOST, or either with :PORT")]
+pub struct NotPublicUrl(String);
+
+impl FromStr for PublicUrl {
+    type Err = NotPublicUrl;
+
+    fn from_str(text: &str) -> Result<Self, NotPublicUrl> {
+        let wrong = || NotPublicUrl(text.to_owned());
+        let (scheme, rest) = text.split_once("://").ok_or_else(wrong)?;
+        let scheme = scheme.to_ascii_lowercase();
+        let usual_port = match scheme.as_str() {
+            "http" => ":80",
+            "https" => ":443",
+            _ => return Err(wrong()),
+        };
+        let host = rest.strip_suffix('/').unwrap_or(rest).to_ascii_lowercase();
+        let allowed = |letter: char| letter.is_ascii_alphanumeric() || ".-_:[]".contains(letter);
+        if host.is_empty() || host.starts_with(':') || !host.chars().all(allowed) {
+            return Err(wrong());
+        }
+        let host = host.strip_suffix(usual_port).unwrap_or(&host).to_owned();
+        Ok(Self { origin: format!("{scheme}://{host}"), host })
+    }
+}
+
+impl fmt::Display for PublicUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.origin)
+    }
 }
 
 /// The resource that an admitted request asks for.
@@ -45,14 +91,23 @@ pub enum Wanted {
 }
 
 /// Why a request is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
     /// The method is not GET.
     #[error("only GET requests are allowed")]
     Method,
-    /// The Host is missing, repeated, or not the address that was connected to.
-    #[error("the Host header must be the address and port of this server")]
-    Host,
+    /// The Host is missing, repeated, or neither the address that was connected to nor the public URL's.
+    #[error(
+        "this server is http://{own}, but the browser asked for `{given}`. Open the URL that `motor-hub dashboard` printed. \
+         Behind a tunnel (ssh -L), a host name or a proxy, start it with --public-url and what stands in the browser's \
+         address line, such as --public-url http://{given}"
+    )]
+    Host {
+        /// The Host headers of the request.
+        given: String,
+        /// The address that was connected to.
+        own: SocketAddr,
+    },
     /// The request comes from a page of another site.
     #[error("the Origin header must be this server")]
     Origin,
@@ -67,10 +122,10 @@ pub enum Refusal {
 impl Refusal {
     /// HTTP status of the answer.
     #[must_use]
-    pub const fn status(self) -> &'static str {
+    pub const fn status(&self) -> &'static str {
         match self {
             Self::Method => "405 Method Not Allowed",
-            Self::Host => "421 Misdirected Request",
+            Self::Host { .. } => "421 Misdirected Request",
             Self::Origin | Self::Token => "403 Forbidden",
             Self::Handshake => "426 Upgrade Required",
         }
@@ -81,7 +136,19 @@ impl Gate {
     /// Admits requests with this token.
     #[must_use]
     pub const fn new(token: String) -> Self {
-        Self { token }
+        Self { token, public: None }
+    }
+
+    /// Admits requests for this URL too.
+    #[must_use]
+    pub fn reached_as(self, public: PublicUrl) -> Self {
+        Self { public: Some(public), ..self }
+    }
+
+    /// The URL that was given, by which browsers reach the server; `None` if they connect to its address.
+    #[must_use]
+    pub const fn public(&self) -> Option<&PublicUrl> {
+        self.public.as_ref()
     }
 
     /// Makes a token of 128 random bits.
@@ -108,12 +175,8 @@ impl Gate {
         if head.method != "GET" {
             return Err(Refusal::Method);
         }
-        let [host] = head.host.as_slice() else { return Err(Refusal::Host) };
-        let named = local.ip().is_loopback() && *host == format!("localhost:{}", local.port());
-        if *host != local.to_string() && !named {
-            return Err(Refusal::Host);
-        }
-        let own = |origin: &String| *origin == format!("http://{host}");
+        let own = self.origin(head, local)?;
+        let own = |origin: &String| *origin == own;
         let (path, query) = head.target.split_once('?').unwrap_or((&head.target, ""));
         if path == SOCKET {
             // Browsers always send an Origin with a WebSocket handshake.
@@ -132,6 +195,17 @@ impl Gate {
             return Ok(Wanted::Page);
         }
         Ok(Wanted::Asset(path.to_owned()))
+    }
+
+    /// The Origin of this server's own page, by the Host of a request.
+    fn origin(&self, head: &Head, local: SocketAddr) -> Result<String, Refusal> {
+        let refused = || Refusal::Host { given: head.host.join(", "), own: local };
+        let [host] = head.host.as_slice() else { return Err(refused()) };
+        if let Some(public) = self.public.as_ref().filter(|public| public.host == *host) {
+            return Ok(public.origin.clone());
+        }
+        let named = local.ip().is_loopback() && *host == format!("localhost:{}", local.port());
+        if *host == local.to_string() || named { Ok(format!("http://{host}")) } else { Err(refused()) }
     }
 
     fn check(&self, query: &str) -> Result<(), Refusal> {

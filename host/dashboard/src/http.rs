@@ -11,7 +11,7 @@
 //! assert!(matches!(Head::read(&mut &b"GET /"[..], soon), Err(HeadError::CutShort)));
 //! ```
 
-use std::io::{self, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::time::Instant;
 
 /// Longest head of a request, in bytes.
@@ -76,8 +76,12 @@ impl Head {
             if bytes.len() >= LONGEST_HEAD {
                 return Err(HeadError::TooLong);
             }
-            match stream.read(&mut one) {
-                Ok(1..) if Instant::now() < by => bytes.extend(one),
+            let read = stream.read(&mut one);
+            match read {
+                _ if Instant::now() >= by => return Err(HeadError::CutShort),
+                Ok(1..) => bytes.extend(one),
+                // The stream's own time-out is shorter, so that the time `by` is kept.
+                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => (),
                 _ => return Err(HeadError::CutShort),
             }
         }

@@ -34,9 +34,9 @@ pub enum Order {
     },
     /// Disables all motors. Any page may stop.
     Stop,
-    /// Takes control.
+    /// Takes control, or asks the page in control to release it.
     Take,
-    /// Releases control.
+    /// Releases control, and gives it to the page that has asked for it.
     Release,
     /// Set-point of a motor, applied once the motor is enabled.
     Drive {

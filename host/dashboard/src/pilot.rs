@@ -1,7 +1,7 @@
 //! The thread that owns the hub. It reads the motors' state 50 times per second, sends frames to all pages, and executes
 //! orders as they arrive. Motors run only while the page in control is open: see [`desk`](crate::desk).
 
-use crate::desk::{Desk, Gone};
+use crate::desk::{Desk, Gone, Taken};
 use crate::frame::{Found, Frame, Learned, Message, OfMotor, Welcome, refused};
 use crate::order::Order;
 use crate::perform::{Changed, Performer, Trouble, channel};
@@ -11,7 +11,8 @@ use crate::world::World;
 use motor_hub::extension::HubFunction;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
-use motor_hub::protocol::motor::RunMode;
+use motor_hub::protocol::motor::{Loop, RunMode};
+use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use motor_hub_client::reasons::why_unsaved;
@@ -211,13 +212,13 @@ impl Pilot {
             Order::Hidden { hidden } => return self.desk.hide(id, hidden, now),
             Order::Stop => return self.switch_off("stopped"),
             Order::Take => {
-                if !self.desk.take(id, now) {
-                    self.answer(id, "another page is in control; close that page first");
+                if self.desk.take(id, now) == Taken::Asked {
+                    self.answer(id, Answer::Done("the page in control is asked to release it".to_owned()));
                 }
                 return self.tell_desk();
             }
             Order::Release => {
-                if self.desk.gives_up(id) {
+                if self.desk.release(id) {
                     self.switch_off_if_any("control was released");
                 }
                 return self.tell_desk();
@@ -225,10 +226,15 @@ impl Pilot {
             _ => (),
         }
         if self.desk.controller() != Some(id) {
-            return self.answer(id, "this page is not in control");
+            return self.answer(id, Answer::Refused("this page is not in control".to_owned()));
         }
-        if let Err(why) = self.carry_out(order) {
-            self.answer(id, &why);
+        match self.carry_out(order) {
+            Ok(()) => {
+                if let Some(done) = done(order) {
+                    self.answer(id, Answer::Done(done));
+                }
+            }
+            Err(why) => self.answer(id, Answer::Refused(why)),
         }
     }
 
@@ -528,7 +534,8 @@ impl Pilot {
     }
 
     fn tell_desk(&mut self) {
-        let message = Message::Desk { controller: self.desk.controller(), pages: self.desk.pages() };
+        let Self { desk, .. } = &*self;
+        let message = Message::Desk { controller: desk.controller(), pages: desk.pages(), asks: desk.asks() };
         self.tell(&message.text());
     }
 
@@ -542,11 +549,44 @@ impl Pilot {
         self.pages.retain(|_, pen| pen.tell(text.clone()));
     }
 
-    fn answer(&self, id: u32, why: &str) {
-        if let Some(pen) = self.pages.get(&id) {
-            pen.tell(refused(why));
-        }
+    fn answer(&self, id: u32, answer: Answer) {
+        let Some(pen) = self.pages.get(&id) else { return };
+        pen.tell(match answer {
+            Answer::Done(text) => Message::Notice { text, grave: false }.text(),
+            Answer::Refused(why) => refused(&why),
+        });
     }
+}
+
+/// Answer to the page that has sent an order.
+enum Answer {
+    /// The order is executed.
+    Done(String),
+    /// The order is not executed.
+    Refused(String),
+}
+
+/// What an executed order has done, for orders whose effect is not in sight.
+fn done(order: &Order) -> Option<String> {
+    Some(match *order {
+        Order::Coefficients { motor, of: Loop::Velocity, .. } => {
+            format!("motor {motor}: the coefficients of the velocity loop are set, and PID regulates")
+        }
+        Order::Coefficients { motor, of: Loop::Position, .. } => {
+            format!("motor {motor}: the coefficients of the position loop are set, and PID regulates")
+        }
+        Order::Regulator { motor, kind: Kind::Model } => format!("motor {motor} is regulated by its model"),
+        Order::Regulator { motor, kind: Kind::Pid } => format!("motor {motor} is regulated by PID"),
+        Order::SetUp { motor, .. } => format!("motor {motor} is set up"),
+        Order::Acceleration { motor, limit: Some(limit) } => {
+            format!("motor {motor}: the acceleration limit is {limit} counts/s²")
+        }
+        Order::Acceleration { motor, limit: None } => format!("motor {motor} has no acceleration limit"),
+        Order::Apply { motor } => format!("motor {motor} uses the identified values"),
+        Order::Undo { motor } => format!("motor {motor}: the last change is undone"),
+        Order::ResetEncoder { motor } => format!("motor {motor}: the present position is 0"),
+        _ => return None,
+    })
 }
 
 /// Message about a hub that does not answer.

@@ -9,7 +9,7 @@
 //! ```
 
 use crate::assets;
-use crate::gate::{Gate, Wanted};
+use crate::gate::{Gate, PublicUrl, Wanted};
 use crate::http::{self, Head, HeadError};
 use crate::pilot::{Event, Pilot, Place};
 use crate::viewer;
@@ -22,8 +22,15 @@ use std::time::{Duration, Instant};
 /// Largest number of simultaneous connections; a page has one, and some more while it loads.
 const MOST: u32 = 48;
 
-/// Time-out for receiving a request, and for sending an answer.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Time in which a client must have sent its whole request. Before the token anybody may hold a connection, so the time is
+/// short: 48 silent connections keep a page out for no longer.
+const ADMISSION: Duration = Duration::from_secs(1);
+
+/// Time-out of one read during [`ADMISSION`].
+const READ: Duration = Duration::from_millis(100);
+
+/// Time-out for sending an answer.
+const SENDING: Duration = Duration::from_secs(5);
 
 /// The server of the page: its listener, and the gate that admits requests.
 #[derive(Debug)]
@@ -62,6 +69,12 @@ impl Server {
         Ok(Self { listener, address, gate })
     }
 
+    /// Tells the server by which URL browsers reach it, if that is not its own address.
+    #[must_use]
+    pub fn reached_as(self, public: PublicUrl) -> Self {
+        Self { gate: self.gate.reached_as(public), ..self }
+    }
+
     /// Address at which the server listens.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
@@ -71,7 +84,11 @@ impl Server {
     /// URL of the page, with the token.
     #[must_use]
     pub fn url(&self) -> String {
-        format!("http://{}/?token={}", reachable(self.address), self.gate.token())
+        let root = self
+            .gate
+            .public()
+            .map_or_else(|| format!("http://{}", reachable(self.address)), PublicUrl::to_string);
+        format!("{root}/?token={}", self.gate.token())
     }
 
     /// Serves the hub at a place until `stop` is set, then disables its motors.
@@ -121,14 +138,14 @@ fn serve(
     events: &Sender<Event>,
     pages: &AtomicU32,
 ) -> std::io::Result<()> {
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
+    stream.set_read_timeout(Some(READ))?;
+    stream.set_write_timeout(Some(SENDING))?;
     stream.set_nodelay(true)?;
     let local = stream.local_addr()?;
     if full {
         return refuse(&mut stream, "503 Service Unavailable", "too many connections: close other pages");
     }
-    let head = match Head::read(&mut stream, Instant::now() + PATIENCE) {
+    let head = match Head::read(&mut stream, Instant::now() + ADMISSION) {
         Ok(head) => head,
         Err(HeadError::TooLong) => {
             return refuse(&mut stream, "431 Request Header Fields Too Large", "the request is too long");

@@ -1,7 +1,7 @@
 //! Which page is in control, and when a page counts as gone.
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
 
-use dashboard::desk::{Desk, Gone, HIDDEN, SILENCE};
+use dashboard::desk::{Desk, Gone, HIDDEN, SILENCE, Taken};
 use std::time::{Duration, Instant};
 
 const MS: Duration = Duration::from_millis(1);
@@ -88,25 +88,44 @@ fn a_hidden_page_is_gone_after_a_while_and_one_that_is_seen_again_is_not() {
 }
 
 #[test]
-fn control_is_taken_only_where_nobody_has_it() {
+fn control_is_taken_where_nobody_has_it_and_asked_for_elsewhere() {
     let (mut desk, now) = desk();
     desk.join(2, now);
-    assert_eq!((desk.controller(), desk.pages()), (Some(1), 2), "who comes later looks on");
-    assert!(!desk.take(2, now) && desk.take(1, now));
-    assert!(!desk.gives_up(2) && desk.gives_up(1));
-    assert!(desk.take(2, now));
-    assert_eq!(desk.leave(1), None, "it was not in control");
-    assert_eq!(desk.leave(2), Some(Gone::Closed));
-    assert_eq!((desk.controller(), desk.pages()), (None, 0));
-    assert!(!desk.take(9, now), "there is no such page");
+    desk.join(3, now);
+    assert_eq!((desk.controller(), desk.pages()), (Some(1), 3), "who comes later looks on");
+    assert_eq!(desk.take(1, now), Taken::Control);
+    assert_eq!(desk.take(2, now), Taken::Asked);
+    assert_eq!(desk.take(3, now), Taken::Asked);
+    assert_eq!((desk.controller(), desk.asks()), (Some(1), Some(3)));
+    assert!(!desk.release(2), "it is not in control");
+    assert!(desk.release(1));
+    assert_eq!((desk.controller(), desk.asks()), (Some(3), None), "who has asked last gets it");
+    assert_eq!(desk.take(2, now), Taken::Asked);
+    assert_eq!(desk.leave(2), None, "it was not in control");
+    assert_eq!(desk.asks(), None, "it is gone");
+    assert!(desk.release(3));
+    assert_eq!(desk.take(1, now), Taken::Control);
+    assert_eq!(desk.take(3, now), Taken::Asked);
+    assert_eq!(desk.leave(1), Some(Gone::Closed));
+    assert_eq!((desk.controller(), desk.asks()), (None, None), "a page that is gone gives nothing");
+    assert_eq!(desk.take(9, now), Taken::Nothing);
+}
+
+#[test]
+fn a_page_that_gets_control_must_show_frames_like_any_other() {
+    let (mut desk, now) = desk();
+    desk.join(2, now);
+    assert_eq!(desk.take(2, now), Taken::Asked);
+    assert!(desk.release(1));
+    assert_eq!(desk.review(now + SILENCE + MS), Some(Gone::Silent));
 }
 
 #[test]
 fn who_takes_control_has_just_been_there() {
     let (mut desk, now) = desk();
-    desk.gives_up(1);
+    desk.release(1);
     let later = now + 60 * SILENCE;
-    assert!(desk.take(1, later));
+    assert_eq!(desk.take(1, later), Taken::Control);
     assert_eq!(desk.review(later + SILENCE), None);
     assert_eq!(desk.review(later + SILENCE + MS), Some(Gone::Silent));
 }

@@ -1,11 +1,12 @@
 //! Which requests are admitted, over real connections: requests of a page of another site, another machine, or a broken program.
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
+use dashboard::gate::PublicUrl;
 use dashboard::{Place, Server, assets};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::atomic::AtomicBool;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A server without a hub, and its token.
 fn served() -> (SocketAddr, String) {
@@ -186,6 +187,79 @@ fn more_connections_than_pages_need_are_turned_away() {
     drop(held);
     std::thread::sleep(Duration::from_millis(200));
     assert_eq!(status(&get(address, &request, &format!("Host: {address}\r\n"))), "200");
+}
+
+#[test]
+fn connections_that_never_ask_make_room_after_a_second() {
+    let (address, token) = served();
+    let silent: Vec<TcpStream> = (0..24).map(|_| TcpStream::connect(address).unwrap()).collect();
+    let mut slow: Vec<TcpStream> = (0..24).map(|_| TcpStream::connect(address).unwrap()).collect();
+    let begun = Instant::now();
+    while begun.elapsed() < Duration::from_millis(1300) {
+        for stream in &mut slow {
+            // The server may have closed the connection.
+            let _ = stream.write_all(b"G");
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let page = get(address, &format!("/?token={token}"), &format!("Host: {address}\r\n"));
+    assert_eq!(status(&page), "200");
+    drop(silent);
+}
+
+#[test]
+fn a_public_url_is_a_host_and_an_origin_and_its_page_is_named_by_it() {
+    for (given, host, origin) in [
+        ("http://localhost:9000", "localhost:9000", "http://localhost:9000"),
+        ("http://Robot.local:80/", "robot.local", "http://robot.local"),
+        ("https://robot.example", "robot.example", "https://robot.example"),
+        ("https://robot.example:8443", "robot.example:8443", "https://robot.example:8443"),
+    ] {
+        let server = Server::bind("127.0.0.1:0").unwrap().reached_as(given.parse().unwrap());
+        let (address, url) = (server.address(), server.url());
+        let token = url.strip_prefix(&format!("{origin}/?token=")).unwrap().to_owned();
+        std::thread::spawn(move || {
+            server.run(Place::real("nowhere", || Err("there is none".to_owned())), &AtomicBool::new(false));
+        });
+        let asked = |host: &str, origin: &str| {
+            let target = format!("/ws?token={token}");
+            let headers = format!("Host: {host}\r\nOrigin: {origin}\r\n{HANDSHAKE}");
+            status(&get(address, &target, &headers)).to_owned()
+        };
+        assert_eq!(asked(host, origin), "101", "{given}");
+        assert_eq!(
+            asked(&address.to_string(), &format!("http://{address}")),
+            "101",
+            "{given}: its own address too"
+        );
+        assert_eq!(asked(host, &format!("http://{address}")), "403", "{given}");
+        assert_eq!(asked(host, "http://evil.example"), "403", "{given}");
+        assert_eq!(asked("evil.example", origin), "421", "{given}");
+        assert_eq!(status(&get(address, "/", &format!("Host: {host}\r\n"))), "403", "{given}: no token");
+    }
+    for wrong in [
+        "robot.local",
+        "ftp://robot.local",
+        "http://",
+        "http://:80",
+        "http://a/b",
+        "http://a b",
+        "http://u@a",
+        "http://a?x",
+    ] {
+        assert!(wrong.parse::<PublicUrl>().is_err(), "{wrong}");
+    }
+}
+
+#[test]
+fn a_host_that_is_refused_is_named_with_the_option_that_admits_it() {
+    let (address, token) = served();
+    let answer = get(address, &format!("/?token={token}"), "Host: localhost:9000\r\n");
+    assert_eq!(status(&answer), "421");
+    assert!(
+        answer.contains("--public-url http://localhost:9000") && answer.contains(&address.to_string()),
+        "{answer}"
+    );
 }
 
 #[test]

@@ -176,7 +176,6 @@ fn one_page_is_in_control_and_anyone_may_stop() {
     ] {
         assert_eq!(viewer.refused(order, fields), "this page is not in control", "{order}");
     }
-    assert!(viewer.refused("take", Value::Null).contains("another page is in control"));
     driver.run(0);
     viewer.order("stop", Value::Null);
     driver.off("stopped");
@@ -188,6 +187,43 @@ fn one_page_is_in_control_and_anyone_may_stop() {
     viewer.until("control", |_, message| message["kind"] == "desk" && message["controller"] == 2);
     viewer.run(0);
     assert_eq!(driver.refused("enable", json!({ "motor": 0, "on": false })), "this page is not in control");
+}
+
+#[test]
+fn a_page_that_asks_for_control_gets_it_when_the_other_releases_it_with_its_motors_off() {
+    let dashboard = Dashboard::start(&[]);
+    let (mut driver, mut viewer) = (Page::ready(&dashboard), Page::ready(&dashboard));
+    driver.run(0);
+    viewer.order("take", Value::Null);
+    driver.until("a request", |_, message| message["kind"] == "desk" && message["asks"] == 2);
+    driver.stay(Duration::from_millis(300));
+    assert!(driver.enabled(0), "a request alone stops nothing");
+    assert_eq!(viewer.refused("enable", json!({ "motor": 0, "on": true })), "this page is not in control");
+    driver.order("release", Value::Null);
+    driver.off("control was released");
+    viewer.run(0);
+}
+
+#[test]
+fn a_change_of_settings_is_answered_to_the_page_that_asked_for_it() {
+    let dashboard = Dashboard::start(&[]);
+    let mut page = Page::ready(&dashboard);
+    for (order, fields) in [
+        ("set-up", json!({ "motor": 1, "scheme": "B", "duty": "linear-duty" })),
+        ("acceleration", json!({ "motor": 1, "limit": 2000 })),
+        ("regulator", json!({ "motor": 1, "kind": "pid" })),
+        ("coefficients", json!({ "motor": 1, "of": "velocity", "pidf": [1, 0, 0, 0] })),
+        ("undo", json!({ "motor": 1 })),
+        ("reset-encoder", json!({ "motor": 1 })),
+    ] {
+        page.order(order, fields);
+        let answer =
+            page.until(order, |_, message| ["notice", "refused"].iter().any(|kind| message["kind"] == *kind));
+        assert!(
+            answer["kind"] == "notice" && answer["text"].as_str().unwrap().contains("motor 1"),
+            "{answer}"
+        );
+    }
 }
 
 #[test]

@@ -1,17 +1,17 @@
 //! `motor-hub dashboard` in a real browser: what a user sees and does.
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
-use crate::browser::page::{drive, live, motor, pictures, unobstructed};
+use crate::browser::page::{drive, live, motor, off, pictures, unobstructed};
 use crate::browser::{Browser, Tab, find, wait_for};
 use crate::common::alone;
 use crate::page::Dashboard;
 use std::time::{Duration, Instant};
 
-const ESCAPE: (&str, u32) = ("Escape", 27);
-const SPACE: (&str, u32) = (" ", 32);
+pub(crate) const ESCAPE: (&str, u32) = ("Escape", 27);
+pub(crate) const SPACE: (&str, u32) = (" ", 32);
 
 /// Runs a test with a page of a simulated hub, in desktop size. The browser's console must have no errors at the end.
-fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
+pub(crate) fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
     let Some(program) = find() else { return };
     let _alone = alone();
     let dashboard = Dashboard::start(&[]);
@@ -23,7 +23,7 @@ fn with_page(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
 }
 
 /// Opens two pages of one hub, ends the first page, and checks in the second page that the motors are disabled.
-fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
+pub(crate) fn with_two_pages(name: &str, end: impl FnOnce(Tab<'_>), says: &str, most: Duration) {
     let Some(program) = find() else { return };
     let _alone = alone();
     let dashboard = Dashboard::start(&[]);
@@ -70,12 +70,6 @@ fn a_tab_that_is_closed_loses_its_motors() {
 fn a_tab_that_hangs_loses_its_motors_after_a_second() {
     let hang = |mut tab: Tab<'_>| tab.hang();
     with_two_pages("hanging", hang, "showed no new values for 1 s", Duration::from_secs(3));
-}
-
-/// Waits until motor 0 is disabled, and returns the time since `since`.
-fn off(tab: &mut Tab<'_>, since: Instant) -> Duration {
-    tab.wait(&format!("{} === false", motor(0, "enabled")));
-    since.elapsed()
 }
 
 #[test]

@@ -13,6 +13,8 @@ mod compare;
 mod conformance;
 mod dashboard;
 mod dashboard_browser;
+#[cfg(unix)]
+mod dashboard_safety;
 mod eval;
 #[path = "../../../client/tests/hub_support/mod.rs"]
 mod hub_support;

@@ -3,6 +3,7 @@
 import { by, say } from "./dom.js";
 import { learned } from "./learn.js";
 import { Link } from "./link.js";
+import { select } from "./list.js";
 import { startMotors } from "./motors.js";
 import { startPanels } from "./panels.js";
 import { drawn, startPlots } from "./plots.js";
@@ -113,22 +114,35 @@ const stop = () => {
   if (!link.order("stop")) notice("This page has no connection: STOP did not reach the server. The server disables all motors when the page in control is gone");
 };
 
-/** Fields in which Space enters a character, or chooses. */
-const typing = (/** @type {any} */ target) => target.matches?.("input:not([type=range]), select, textarea");
+/** Fields in which Space enters a character. */
+const typing = (/** @type {any} */ target) => target.matches?.("input:not([type=range]), textarea");
 
-document.addEventListener("keydown", (event) => {
+// On the window and while the event goes down, so that nothing on the page can take a key before STOP.
+addEventListener("keydown", (event) => {
   if (event.key === "Escape" || (event.key === " " && !typing(event.target))) {
     event.preventDefault();
     stop();
+  } else if (event.key === "Enter" && typing(event.target)) {
+    // The field sends its value when it loses the focus, and Space stops again.
+    /** @type {HTMLElement} */ (event.target).blur();
   } else if (/^[0-3]$/.test(event.key) && !typing(event.target) && !event.ctrlKey && !event.altKey && !event.metaKey) {
     choose(Number(event.key));
   }
 }, true);
 
+// The wheel changes a number field that has the focus, and scrolls the page elsewhere. Here it always scrolls.
+addEventListener("wheel", (event) => {
+  if (event.ctrlKey || event.target !== document.activeElement || !typing(event.target)) return;
+  event.preventDefault();
+  scrollBy(event.deltaX, event.deltaY);
+}, { passive: false });
+
 by("stop").addEventListener("click", stop);
 by("take").addEventListener("click", () => link.order("take"));
-by("unit").addEventListener("change", (/** @type {any} */ event) => {
-  units.chosen = event.target.value;
+const unit = select([["cps", "counts/s"], ["rpm", "rpm"], ["rad", "rad/s"]], { id: "unit", "aria-label": "Unit of speeds" });
+by("units").append(unit);
+unit.addEventListener("change", () => {
+  units.chosen = unit.value;
   tell("unit");
 });
 by("theme").addEventListener("click", () => theme(THEMES[(THEMES.indexOf(by("theme").dataset.chosen) + 1) % THEMES.length]));

@@ -24,8 +24,3 @@ export const by = (id) => document.getElementById(id);
 export function say(/** @type {Element} */ element, /** @type {string} */ text) {
   if (element.textContent !== text) element.textContent = text;
 }
-
-/** A select element: `options` are pairs of value and label. */
-export function select(/** @type {string[][]} */ options, /** @type {Record<string, any>} */ attributes = {}) {
-  return h("select", attributes, ...options.map(([value, words]) => h("option", { value }, words)));
-}

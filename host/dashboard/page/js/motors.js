@@ -1,11 +1,18 @@
-// A card for each motor: state, reason why it stands, and set-point.
+// A card for each motor: state, reason why it stands, and set-point. The set-point of a running motor is the hub's, so that
+// every page shows what runs. A motor that was stopped starts again at zero.
 
-import { by, h, say, select } from "./dom.js";
+import { by, h, say } from "./dom.js";
+import { select } from "./list.js";
+import { slider } from "./slider.js";
 import { choose, inControl, on, state } from "./state.js";
 import { fromCps, number, speed, speedUnit, toCps } from "./units.js";
 
 /** Shortest interval between two set-points of a dragged slider, in milliseconds. */
 const DRAG_MS = 50;
+/** Time after an order during which reported set-points may be older than the order, in milliseconds. */
+const ORDER_MS = 500;
+/** Time for which a limited value is said, in milliseconds. */
+const SAID_MS = 8000;
 /** Highest speed that a hub accepts, in counts/s. */
 const MOST_CPS = 32767;
 
@@ -14,48 +21,73 @@ let link;
 /** @type {any[]} */
 const cards = [];
 
-/** Free speed of a motor at 12 V, in the chosen unit. */
-function fastest(/** @type {any} */ settings) {
-  const cps = Math.min(MOST_CPS, settings ? 12000 / settings.emf_mv_s_per_count : 3000);
-  return fromCps(cps, settings);
-}
-
-/** Range, step and unit of the slider of a mode. */
+/**
+ * Range, step and unit of a mode. `shown` converts from the server's unit, `meant` converts to it. `limit` names what limits
+ * entered values; without it only the slider has limits.
+ * @returns {{most: number, step: number, digits: number, unit: string, limit?: string, shown: (value: number) => number, meant: (value: number) => number}}
+ */
 function scale(/** @type {string} */ mode, /** @type {any} */ settings) {
-  if (mode === "power") return { most: 100, step: 1, unit: "%" };
-  if (mode === "current") return { most: Math.ceil(10 * (12 / (settings?.resistance_ohm || 3))) / 10, step: 0.05, unit: "A" };
-  if (mode === "velocity") {
-    const most = fastest(settings);
-    const step = most > 500 ? 10 : most > 50 ? 1 : 0.1;
-    return { most: Math.floor(most / step) * step, step, unit: speedUnit(settings) };
+  const same = (/** @type {number} */ value) => value;
+  if (mode === "power") return { most: 100, step: 1, digits: 1, unit: "%", limit: "full power", shown: (value) => 100 * value, meant: (value) => value / 100 };
+  if (mode === "current") {
+    const most = Math.ceil(10 * (12 / (settings?.resistance_ohm || 3))) / 10;
+    return { most, step: 0.05, digits: 2, unit: "A", limit: "the stall current at 12 V", shown: same, meant: same };
   }
-  return { most: Math.round(5 * (settings?.counts_per_turn ?? 1000)), step: 1, unit: "counts" };
+  if (mode === "velocity") {
+    const free = fromCps(Math.min(MOST_CPS, settings ? 12000 / settings.emf_mv_s_per_count : 3000), settings);
+    const step = free > 500 ? 10 : free > 50 ? 1 : 0.1;
+    return { most: Math.floor(free / step) * step, step, digits: speedUnit(settings) === "counts/s" ? 0 : 1, unit: speedUnit(settings), limit: "the free speed at 12 V", shown: (value) => fromCps(value, settings), meant: (value) => toCps(value, settings) };
+  }
+  return { most: Math.round(5 * (settings?.counts_per_turn ?? 1000)), step: 1, digits: 0, unit: "counts", shown: same, meant: same };
 }
 
-/** The set-point in the server's unit. */
-function value(/** @type {any} */ card) {
-  const given = Number(card.number.value) || 0;
-  const mode = card.mode.value;
-  if (mode === "power") return given / 100;
-  return mode === "velocity" ? Math.max(-MOST_CPS, Math.min(MOST_CPS, toCps(given, state.settings[card.motor]))) : given;
-}
+const of = (/** @type {any} */ card) => scale(card.mode.value, state.settings[card.motor]);
 
+/** Sends the set-point. */
 function drive(/** @type {any} */ card) {
-  if (card.mode.value === "current") link.order("current", { motor: card.motor, amperes: value(card) });
-  else link.order("drive", { motor: card.motor, mode: card.mode.value, value: value(card) });
+  card.orderedAt = performance.now();
+  if (card.mode.value === "current") link.order("current", { motor: card.motor, amperes: card.target });
+  else link.order("drive", { motor: card.motor, mode: card.mode.value, value: card.target });
 }
 
+/** Takes a value in the unit of the card, limits it to what the motor can, and sends it. */
+function enter(/** @type {any} */ card, /** @type {number} */ given) {
+  const { most, digits, unit, limit, meant } = of(card);
+  const value = limit ? Math.max(-most, Math.min(most, given)) : given;
+  card.target = meant(value);
+  card.limited = value === given ? null : { words: `Limited to ${number(value, digits)} ${unit}, ${limit}: ${given} was entered.`, until: performance.now() + SAID_MS };
+  clearTimeout(card.timer);
+  drive(card);
+}
+
+/** The set-point of a motor that is not driven. */
+function rest(/** @type {any} */ card) {
+  card.target = card.mode.value === "position" ? state.frame?.motors[card.motor]?.position ?? 0 : 0;
+  clearTimeout(card.timer);
+}
+
+/** Shows the set-point in slider and field. A field into which somebody types stays as it is. */
+function showTarget(/** @type {any} */ card) {
+  const { digits, shown } = of(card);
+  const value = Number(shown(card.target).toFixed(digits));
+  card.slider.set(value);
+  if (document.activeElement !== card.number) card.number.value = String(value);
+}
+
+/** Adapts slider and field to mode, motor and unit. */
 function fit(/** @type {any} */ card) {
-  const { most, step, unit } = scale(card.mode.value, state.settings[card.motor]);
-  for (const input of [card.slider, card.number]) Object.assign(input, { min: input === card.number && card.mode.value !== "power" ? "" : -most, max: input === card.number && card.mode.value !== "power" ? "" : most, step: input === card.number && unit === "counts" ? 1 : step });
-  card.slider.setAttribute("aria-label", `Set-point of motor ${card.motor}, ${unit}`);
+  const { most, step, unit } = of(card);
+  Object.assign(card.slider.input, { min: -most, max: most, step });
+  card.number.step = step;
+  card.slider.input.setAttribute("aria-label", `Slider for the set-point of motor ${card.motor}, ${unit}`);
   card.number.setAttribute("aria-label", `Set-point of motor ${card.motor}, ${unit}`);
   say(card.unit, unit);
+  showTarget(card);
 }
 
 function build(/** @type {number} */ motor) {
   /** @type {any} */
-  const card = { motor, sent: 0 };
+  const card = { motor, target: 0, sent: 0, orderedAt: -Infinity };
   card.name = h("small", {});
   card.choose = h("button", { class: "choose", type: "button", "aria-pressed": "false", onclick: () => choose(motor) }, `Motor ${motor} `, card.name);
   card.pill = h("span", { class: "pill" }, "off");
@@ -66,27 +98,31 @@ function build(/** @type {number} */ motor) {
   card.current = h("b", {}, "–");
   card.mode = select([["power", "Power"], ["current", "Current"], ["velocity", "Velocity"], ["position", "Position"]], { "aria-label": `Mode of motor ${motor}` });
   card.mode.value = "velocity";
-  card.slider = h("input", { type: "range", value: 0 });
-  card.number = h("input", { type: "number", value: 0 });
-  card.unit = h("span", { class: "muted" });
-  card.why = h("p", { class: "why", role: "status" });
-  card.mode.addEventListener("change", () => {
-    card.slider.value = card.number.value = "0";
-    if (card.mode.value === "position") card.number.value = String(Math.round(state.frame?.motors[motor]?.position ?? 0));
-    fit(card);
-    drive(card);
-  });
-  card.slider.addEventListener("input", () => {
-    card.number.value = card.slider.value;
+  card.slider = slider({ value: 0 }, (value) => {
+    card.target = of(card).meant(value);
+    card.number.value = String(value);
     clearTimeout(card.timer);
     const wait = Math.max(0, card.sent + DRAG_MS - performance.now());
     card.timer = setTimeout(() => { card.sent = performance.now(); drive(card); }, wait);
   });
-  card.number.addEventListener("change", () => { card.slider.value = card.number.value; drive(card); });
+  card.number = h("input", { type: "number", value: 0 });
+  card.unit = h("span", { class: "unit muted" });
+  card.why = h("p", { class: "why", role: "status" });
+  card.mode.addEventListener("change", () => {
+    rest(card);
+    fit(card);
+    drive(card);
+  });
+  card.number.addEventListener("change", () => {
+    enter(card, Number(card.number.value) || 0);
+    const { digits, shown } = of(card);
+    card.number.value = String(Number(shown(card.target).toFixed(digits)));
+    showTarget(card);
+  });
   card.element = h("article", { class: "card", "aria-label": `Motor ${motor}` },
     h("header", {}, card.choose, card.run),
     h("div", { class: "numbers" }, h("span", { class: "speed" }, card.speed, " ", card.speedUnit), h("span", { class: "grow" }), h("span", {}, card.current, " A"), h("span", {}, card.position, " counts")),
-    h("div", { class: "setpoint" }, card.mode, card.slider, card.number),
+    h("div", { class: "setpoint" }, card.mode, card.slider.element, card.number),
     h("div", { class: "does" }, card.pill, card.why));
   by("motors").append(card.element);
   cards.push(card);
@@ -101,8 +137,39 @@ function run(/** @type {any} */ card) {
   if (!running && card.mode.value === "current") drive(card);
 }
 
+/** Follows the hub's set-point. */
+function follow(/** @type {any} */ card, /** @type {any} */ motor) {
+  const stopped = card.enabled && !motor.enabled;
+  card.enabled = motor.enabled;
+  if (stopped) {
+    rest(card);
+    if (document.activeElement === card.number) card.number.value = "0";
+    return showTarget(card);
+  }
+  const mine = card.slider.held() || performance.now() - card.orderedAt < ORDER_MS;
+  if (!motor.enabled || mine || motor.target === null || !card.mode.options.some(([mode]) => mode === motor.told)) return;
+  if (card.mode.value === motor.told && card.target === motor.target) return;
+  card.mode.value = motor.told;
+  card.target = motor.target;
+  fit(card);
+}
+
+/** What a motor does, or why it does nothing. */
+function words(/** @type {any} */ motor) {
+  if (motor.why) return motor.why[0].toUpperCase() + motor.why.slice(1) + ".";
+  if (motor.told === "power") return "Constant power.";
+  if (motor.told === "current") return `Constant current${motor.current_limited ? ", held by the current limit" : ""}.`;
+  if (motor.told === "identify") return "Identification runs.";
+  if (!motor.enabled) return "Disabled, still turning.";
+  if (!motor.regulator) return "";
+  const regulator = motor.regulator === "model" ? "by the motor model" : "by PID";
+  const limits = `${motor.derated ? "; derated: the winding is hot, and the current is limited" : ""}${motor.current_limited ? "; held by its current limit" : ""}`;
+  return `Regulated ${regulator}${limits}${motor.settled ? "; settled at its target" : ""}.`;
+}
+
 function show(/** @type {any} */ card, /** @type {any} */ motor) {
   const settings = state.settings[card.motor];
+  follow(card, motor);
   say(card.speed, speed(motor.velocity, settings));
   say(card.speedUnit, speedUnit(settings));
   say(card.position, number(motor.position));
@@ -112,15 +179,14 @@ function show(/** @type {any} */ card, /** @type {any} */ motor) {
   const regime = motor.enabled ? motor.regime : null;
   card.pill.className = `pill ${regime ?? ""}`;
   say(card.pill, regime ? `${regime} ${motor.mode}, ${number(100 * motor.duty)} %` : motor.enabled && motor.regime !== undefined ? "bridge open" : motor.enabled ? motor.told : "off");
-  const words = motor.why ? motor.why[0].toUpperCase() + motor.why.slice(1) + "." : motor.told === "identify" ? "Identification runs." : !motor.enabled ? "Disabled, still turning." : motor.regulator ? `Regulated ${motor.regulator === "model" ? "by the motor model" : "by PID"}${motor.derated ? "; derated: the winding is hot, and the current is limited" : ""}${motor.current_limited ? "; held by its current limit" : ""}${motor.settled ? "; settled at its target" : ""}.` : "";
-  const constant = motor.told === "power" ? "Constant power." : motor.told === "current" ? `Constant current${motor.current_limited ? ", held by the current limit" : ""}.` : null;
-  say(card.why, constant && !motor.why ? constant : words);
+  const limited = card.limited && performance.now() < card.limited.until && !motor.fault && !motor.stalled;
+  say(card.why, limited ? card.limited.words : words(motor));
   card.why.classList.toggle("fault", Boolean(motor.fault || motor.stalled));
 }
 
 function allow() {
   const may = inControl() && state.connected;
-  for (const card of cards) for (const element of [card.run, card.mode, card.slider, card.number]) element.disabled = !may;
+  for (const card of cards) for (const element of [card.run, card.mode, card.slider.input, card.number]) element.disabled = !may;
 }
 
 export function startMotors(/** @type {any} */ to) {
@@ -136,10 +202,7 @@ export function startMotors(/** @type {any} */ to) {
     say(cards[motor].name, state.settings[motor]?.name ?? "");
     fit(cards[motor]);
   });
-  on("unit", () => cards.forEach((card) => {
-    if (card.mode.value === "velocity") card.slider.value = card.number.value = "0";
-    fit(card);
-  }));
+  on("unit", () => cards.forEach(fit));
   on("chosen", () => cards.forEach((card) => {
     card.element.classList.toggle("chosen", card.motor === state.chosen);
     card.choose.setAttribute("aria-pressed", String(card.motor === state.chosen));

@@ -3,6 +3,7 @@
 
 import { drawBands, nameBands } from "./bands.js";
 import { by, h, say } from "./dom.js";
+import { select } from "./list.js";
 import { on, state } from "./state.js";
 import { fromCps, number, speedUnit } from "./units.js";
 
@@ -191,8 +192,11 @@ export function startPlots() {
     view.zoom = null;
     pause(view.paused);
   });
-  by("window").addEventListener("change", (/** @type {any} */ event) => {
-    view.window = Number(event.target.value);
+  const window = select([["10", "10 s"], ["30", "30 s"], ["60", "60 s"]], { id: "window", "aria-label": "Time shown in the plots" });
+  window.value = "60";
+  by("windows").append(window);
+  window.addEventListener("change", () => {
+    view.window = Number(window.value);
     draw();
   });
   new ResizeObserver(() => {

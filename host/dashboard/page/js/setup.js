@@ -1,15 +1,18 @@
 // Panel for the set-up: the connected motor, the scheme, and the duty rule.
 
-import { h, say, select } from "./dom.js";
+import { h, say } from "./dom.js";
+import { select } from "./list.js";
 import { inControl, on, state } from "./state.js";
 import { number } from "./units.js";
 
 const SCHEMES = [["A", "A: control is an equivalent voltage"], ["B", "B: control is a current"], ["C", "C: as B, with braking as steep as driving"], ["D", "D: between B and C"], ["none", "No braking regime"]];
 const DUTIES = [["linear-current", "Linear current"], ["linear-duty", "Linear duty, as in the paper"]];
 
+const UNCHANGED = [["", "unchanged"]];
+
 /** @param {any} link */
 export function setupPanel(link) {
-  const name = h("select", { id: "setup-name" }, h("option", { value: "" }, "unchanged"));
+  const name = select(UNCHANGED, { id: "setup-name" });
   const scheme = select(SCHEMES, { id: "setup-scheme" });
   const duty = select(DUTIES, { id: "setup-duty" });
   const facts = h("p", { class: "muted" });
@@ -35,7 +38,7 @@ export function setupPanel(link) {
     say(saving, state.stores || !state.connected ? "Settings of all motors last until the hub restarts, unless they are saved." : "This hub cannot store settings: they last until it restarts.");
     fill();
   }
-  on("welcome", () => name.replaceChildren(h("option", { value: "" }, "unchanged"), ...state.catalogue.map((/** @type {any} */ motor) => h("option", { value: motor.name }, motor.name))));
+  on("welcome", () => { name.options = [...UNCHANGED, ...state.catalogue.map((/** @type {any} */ motor) => [motor.name, motor.name])]; });
   for (const what of ["settings", "chosen"]) on(what, fill);
   for (const what of ["desk", "open", "line"]) on(what, allow);
   return h("div", { class: "columns" },

@@ -1,6 +1,8 @@
 // Panel for a simulated hub: loads, torques, battery and faults, to see how the hub reacts.
 
-import { h, say, select } from "./dom.js";
+import { h, say } from "./dom.js";
+import { select } from "./list.js";
+import { slider } from "./slider.js";
 import { inControl, on, state } from "./state.js";
 import { number } from "./units.js";
 
@@ -8,26 +10,34 @@ const ENCODERS = [["sound", "sound"], ["unplugged", "unplugged"], ["reversed", "
 const WAIT_MS = 50;
 
 /** A slider with its value as text. @param {{label: string, min: number, max: number, step: number, words: (value: number) => string, send: (value: number) => void}} of */
-function slider({ label, min, max, step, words, send }) {
-  const input = h("input", { type: "range", min, max, step, "aria-label": label });
+function labelled({ label, min, max, step, words, send }) {
   const output = h("output", {}, "");
   /** @type {any} */
   let timer;
-  input.addEventListener("input", () => {
-    say(output, words(Number(input.value)));
+  const { input, element, held, set } = slider({ min, max, step, "aria-label": label }, (value) => {
+    say(output, words(value));
     clearTimeout(timer);
-    timer = setTimeout(() => send(Number(input.value)), WAIT_MS);
+    timer = setTimeout(() => send(value), WAIT_MS);
   });
-  return { input, element: h("div", { class: "slider" }, input, output), set(/** @type {number} */ value) { input.value = String(value); say(output, words(value)); } };
+  return {
+    input,
+    element: h("div", { class: "slider" }, element, output),
+    /** Shows the value in force; without one the scenario's value is in force. */
+    show(/** @type {number|null} */ value, /** @type {number} */ otherwise) {
+      if (held() || document.activeElement === input) return;
+      set(value ?? otherwise);
+      say(output, value === null ? "scenario" : words(value));
+    },
+  };
 }
 
 /** @param {any} link */
 export function worldPanel(link) {
   const change = (/** @type {string} */ what, /** @type {any} */ fields) => link.order("world", { [what]: fields });
   const motor = () => state.chosen;
-  const volts = slider({ label: "Battery without load, V", min: 0, max: 16, step: 0.1, words: (value) => `${number(value, 1)} V`, send: (value) => change("battery", { volts: value }) });
-  const torque = slider({ label: "Torque on the output shaft, N m", min: -2, max: 2, step: 0.05, words: (value) => `${number(value, 2)} N m`, send: (value) => change("torque", { motor: motor(), nm: value }) });
-  const inertia = slider({ label: "Inertia on the output shaft, kg m²", min: 0, max: 0.02, step: 0.0005, words: (value) => `${number(1e3 * value, 1)} g m²`, send: (value) => change("inertia", { motor: motor(), kg_m2: value }) });
+  const volts = labelled({ label: "Battery without load, V", min: 0, max: 16, step: 0.1, words: (value) => `${number(value, 1)} V`, send: (value) => change("battery", { volts: value }) });
+  const torque = labelled({ label: "Torque on the output shaft, N m", min: -2, max: 2, step: 0.05, words: (value) => `${number(value, 2)} N m`, send: (value) => change("torque", { motor: motor(), nm: value }) });
+  const inertia = labelled({ label: "Inertia on the output shaft, kg m²", min: 0, max: 0.02, step: 0.0005, words: (value) => `${number(1e3 * value, 1)} g m²`, send: (value) => change("inertia", { motor: motor(), kg_m2: value }) });
   const hold = h("button", { type: "button", "aria-pressed": "false", onclick: () => change("hold", { motor: motor(), held: hold.getAttribute("aria-pressed") !== "true" }) }, "Hold the shaft");
   const encoder = select(ENCODERS, { id: "world-encoder", onchange: () => change("encoder", { motor: motor(), is: encoder.value }) });
   const of = h("h3", {}, "");
@@ -46,12 +56,9 @@ export function worldPanel(link) {
     say(of, `Motor ${state.chosen}`);
     if (!world) return;
     const at = world.motors[state.chosen];
-    if (document.activeElement !== volts.input) volts.set(world.volts ?? 12.6);
-    if (document.activeElement !== torque.input) torque.set(at.nm ?? 0);
-    if (document.activeElement !== inertia.input) inertia.set(at.kg_m2 ?? 0);
-    if (at.kg_m2 === null) say(/** @type {any} */ (inertia.element.lastChild), "scenario");
-    if (at.nm === null) say(/** @type {any} */ (torque.element.lastChild), "scenario");
-    if (world.volts === null) say(/** @type {any} */ (volts.element.lastChild), "scenario");
+    volts.show(world.volts, 12.6);
+    torque.show(at.nm, 0);
+    inertia.show(at.kg_m2, 0);
     hold.setAttribute("aria-pressed", String(at.held));
     say(hold, at.held ? "Release the shaft" : "Hold the shaft");
     encoder.value = at.encoder;

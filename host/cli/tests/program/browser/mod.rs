@@ -252,6 +252,15 @@ impl Tab<'_> {
         self.browser.socket.send(Message::text(command.to_string())).expect("the browser listens");
     }
 
+    /// Number of the process that paints the browser's pages.
+    pub(crate) fn painter(&mut self) -> i64 {
+        let info = self.browser.call(None, "SystemInfo.getProcessInfo", json!({}));
+        let processes = info["processInfo"].as_array().expect("processes");
+        let painter =
+            processes.iter().find(|process| process["type"] == "GPU").expect("a process that paints");
+        painter["id"].as_i64().expect("a number")
+    }
+
     pub(crate) fn close(self) {
         self.browser.call(None, "Target.closeTarget", json!({ "targetId": self.target }));
     }

@@ -2,6 +2,7 @@
 
 use super::Tab;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// Where pictures go: `target/dashboard`.
 pub(crate) fn pictures() -> PathBuf {
@@ -15,6 +16,25 @@ pub(crate) fn motor(motor: usize, what: &str) -> String {
     format!("dashboard.state.frame.motors[{motor}].{what}")
 }
 
+/// A part of a motor's card, as a selector.
+pub(crate) fn card(motor: usize, part: &str) -> String {
+    format!("#motors .card:nth-child({}) {part}", motor + 1)
+}
+
+/// A point in an element, scrolled into view; `x` and `y` are expressions of its box `b`, from its left upper corner.
+pub(crate) fn point(tab: &mut Tab<'_>, selector: &str, x: &str, y: &str) -> (f64, f64) {
+    let at = tab.ask(&format!(
+        "(() => {{ const e = document.querySelector('{selector}'); e.scrollIntoView({{block: 'nearest'}}); const b = e.getBoundingClientRect(); return [b.x + {x}, b.y + {y}] }})()"
+    ));
+    (at[0].as_f64().unwrap_or_default(), at[1].as_f64().unwrap_or_default())
+}
+
+/// Waits until motor 0 is disabled, and returns the time since `since`.
+pub(crate) fn off(tab: &mut Tab<'_>, since: Instant) -> Duration {
+    tab.wait(&format!("{} === false", motor(0, "enabled")));
+    since.elapsed()
+}
+
 /// Until frames come, and everything is known.
 pub(crate) fn live(tab: &mut Tab<'_>) {
     tab.wait("window.dashboard?.state.frame?.number > 20 && dashboard.state.settings.length === 4");
@@ -23,9 +43,8 @@ pub(crate) fn live(tab: &mut Tab<'_>) {
 
 /// Takes a motor to a speed, by the page's own fields.
 pub(crate) fn drive(tab: &mut Tab<'_>, index: usize, cps: i32) {
-    let card = format!("#motors .card:nth-child({})", index + 1);
-    tab.fill(&format!("{card} input[type=number]"), &cps.to_string());
-    tab.click(&format!("{card} .run"));
+    tab.fill(&card(index, "input[type=number]"), &cps.to_string());
+    tab.click(&card(index, ".run"));
     tab.wait(&format!("Math.abs({} - {cps}) < {}", motor(index, "velocity"), cps.abs() / 20));
 }
 

@@ -11,8 +11,14 @@ pub(crate) struct Dashboard {
 
 impl Dashboard {
     pub(crate) fn start(arguments: &[&str]) -> Self {
+        Self::start_with(arguments, &[])
+    }
+
+    /// Starts it with these variables of the environment.
+    pub(crate) fn start_with(arguments: &[&str], variables: &[(&str, &str)]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_motor-hub"));
-        let mut process = command.arg("dashboard").args(arguments).stdout(Stdio::piped()).spawn().unwrap();
+        command.arg("dashboard").args(arguments).envs(variables.iter().copied());
+        let mut process = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut url = String::new();
         BufReader::new(process.stdout.take().unwrap()).read_line(&mut url).unwrap();
         Self { process, url: url.trim().to_owned() }

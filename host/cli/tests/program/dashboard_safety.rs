@@ -1,0 +1,354 @@
+//! `motor-hub dashboard` in a real browser: nothing moves by accident, STOP always stops, and the page shows what runs.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+use crate::browser::page::{card, drive, live, motor, off, point};
+use crate::browser::{Browser, Tab, find, wait_for};
+use crate::common::{alone, folder};
+use crate::dashboard_browser::{ESCAPE, SPACE, with_page, with_two_pages};
+use crate::page::Dashboard;
+use serde_json::{Value, json};
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+const ENTER: (&str, u32) = ("Enter", 13);
+
+/// Long enough for an order to reach the hub, and for its answer to reach the page.
+const ANSWERED: Duration = Duration::from_millis(400);
+
+/// Share of the slider's track at which its thumb stands, 0 to 1.
+const THUMB: &str = "(() => { const e = document.querySelector('#motors .card:nth-child(1) input[type=range]'); \
+                     return (e.value - e.min) / (e.max - e.min) })()";
+
+/// Place of the slider of motor 0 at a share of its track: the thumb's middle, where `None`.
+fn on_slider(tab: &mut Tab<'_>, share: Option<f64>) -> (f64, f64) {
+    let share = share.unwrap_or_else(|| tab.ask(THUMB).as_f64().unwrap());
+    // A thumb's middle stays half a thumb away from both ends.
+    point(tab, &card(0, "input[type=range]"), &format!("8 + {share} * (b.width - 16)"), "b.height / 2")
+}
+
+fn target(tab: &mut Tab<'_>) -> f64 {
+    std::thread::sleep(ANSWERED);
+    tab.ask(&motor(0, "target")).as_f64().unwrap()
+}
+
+/// Puts a finger down, moves it in small steps, and ends with `end`.
+fn swipe(tab: &mut Tab<'_>, (x, y): (f64, f64), (by_x, by_y): (f64, f64), end: &str) {
+    let touch = |tab: &mut Tab<'_>, kind: &str, points: Value| {
+        tab.call("Input.dispatchTouchEvent", json!({ "type": kind, "touchPoints": points }));
+    };
+    touch(tab, "touchStart", json!([{ "x": x, "y": y }]));
+    for step in 1..=20 {
+        let share = f64::from(step) / 20.0;
+        touch(tab, "touchMove", json!([{ "x": x + share * by_x, "y": y + share * by_y }]));
+        std::thread::sleep(Duration::from_millis(12));
+    }
+    touch(tab, end, json!([]));
+}
+
+fn mouse(tab: &mut Tab<'_>, kind: &str, (x, y): (f64, f64)) {
+    let buttons = i32::from(kind != "mouseReleased");
+    tab.call(
+        "Input.dispatchMouseEvent",
+        json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1 }),
+    );
+}
+
+fn as_phone(tab: &mut Tab<'_>) {
+    let size = json!({ "width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": true });
+    tab.call("Emulation.setDeviceMetricsOverride", size);
+    tab.call("Emulation.setTouchEmulationEnabled", json!({ "enabled": true }));
+}
+
+#[test]
+fn a_swipe_that_scrolls_the_page_leaves_the_speed_wherever_it_starts() {
+    with_page("swipe", |tab| {
+        as_phone(tab);
+        drive(tab, 0, 200);
+        let mut scrolled = false;
+        for share in [None, Some(0.95), Some(0.05)] {
+            for (by_x, by_y) in [(0.0, -150.0), (30.0, -150.0), (-30.0, 150.0)] {
+                tab.ask("scrollTo(0, 200)");
+                tab.ask(&format!(
+                    "document.querySelector('{}').scrollIntoView({{block: 'center'}})",
+                    card(0, "input[type=range]")
+                ));
+                let (from, top) = (on_slider(tab, share), tab.ask("scrollY"));
+                swipe(tab, from, (by_x, by_y), "touchEnd");
+                assert!((target(tab) - 200.0).abs() < 0.5, "from {share:?} by {by_x}, {by_y}");
+                scrolled |= tab.ask("scrollY") != top;
+            }
+        }
+        assert!(scrolled, "the swipes scroll the page");
+    });
+}
+
+#[test]
+fn a_tap_or_a_click_on_a_track_does_not_jump() {
+    with_page("tap", |tab| {
+        drive(tab, 0, 200);
+        for share in [0.05, 0.9, 0.95] {
+            let at = on_slider(tab, Some(share));
+            mouse(tab, "mousePressed", at);
+            mouse(tab, "mouseReleased", at);
+            assert!((target(tab) - 200.0).abs() < 0.5, "click at {share}");
+        }
+        as_phone(tab);
+        for share in [0.05, 0.9, 0.95] {
+            let at = on_slider(tab, Some(share));
+            swipe(tab, at, (0.0, 0.0), "touchEnd");
+            // A drag that does not start at the thumb is none either.
+            swipe(tab, at, (-40.0, 0.0), "touchEnd");
+            assert!((target(tab) - 200.0).abs() < 0.5, "tap at {share}");
+        }
+    });
+}
+
+#[test]
+fn a_drag_of_the_thumb_sets_the_speed_and_a_cancelled_one_restores_it() {
+    with_page("drag", |tab| {
+        drive(tab, 0, 200);
+        let (x, y) = on_slider(tab, None);
+        mouse(tab, "mousePressed", (x, y));
+        for step in 1..=10 {
+            mouse(tab, "mouseMoved", (x + f64::from(4 * step), y));
+        }
+        mouse(tab, "mouseReleased", (x + 40.0, y));
+        let dragged = target(tab);
+        assert!(dragged > 400.0, "{dragged}");
+        assert_eq!(
+            tab.ask(&format!("Number(document.querySelector('{}').value)", card(0, "input[type=number]"))),
+            dragged
+        );
+        as_phone(tab);
+        let at = on_slider(tab, None);
+        swipe(tab, at, (60.0, 0.0), "touchCancel");
+        assert!((target(tab) - dragged).abs() < 0.5, "a cancelled drag");
+        let at = on_slider(tab, None);
+        swipe(tab, at, (-60.0, 0.0), "touchEnd");
+        assert!(target(tab) < dragged - 100.0, "a drag with a finger");
+    });
+}
+
+/// Goes on with a process that was stopped, also if the test fails.
+struct Stopped(i64);
+
+impl Drop for Stopped {
+    fn drop(&mut self) {
+        signal("CONT", self.0);
+    }
+}
+
+fn signal(name: &str, process: i64) {
+    Command::new("kill").args([&format!("-{name}"), &process.to_string()]).status().unwrap();
+}
+
+#[test]
+fn a_page_that_paints_nothing_loses_its_motors_after_a_second() {
+    let mut stopped = None;
+    let stop_painting = |mut tab: Tab<'_>| {
+        let painter = tab.painter();
+        signal("STOP", painter);
+        stopped = Some(Stopped(painter));
+    };
+    with_two_pages("unpainted", stop_painting, "showed no new values for 1 s", Duration::from_secs(3));
+    drop(stopped);
+}
+
+#[test]
+fn escape_stops_also_while_a_list_is_open() {
+    with_page("list", |tab| {
+        for list in ["#unit", "#motors .card:nth-child(1) [aria-label^=Mode]", "#window"] {
+            drive(tab, 0, 900);
+            tab.click(list);
+            std::thread::sleep(Duration::from_millis(300));
+            let since = Instant::now();
+            tab.press(ESCAPE);
+            println!("stopped by Escape in an open list after {:.0} ms", off(tab, since).as_secs_f64() * 1e3);
+            tab.wait(&format!("{} === 0", motor(0, "velocity")));
+        }
+    });
+}
+
+#[test]
+fn space_stops_after_a_speed_was_entered() {
+    with_page("enter", |tab| {
+        drive(tab, 0, 300);
+        tab.click(&card(0, "input[type=number]"));
+        tab.ask("document.activeElement.select()");
+        tab.call("Input.insertText", json!({ "text": "700" }));
+        tab.press(ENTER);
+        tab.wait(&format!("{} === 700", motor(0, "target")));
+        let since = Instant::now();
+        tab.press(SPACE);
+        println!("stopped by Space after Enter after {:.0} ms", off(tab, since).as_secs_f64() * 1e3);
+    });
+}
+
+#[test]
+fn run_after_stop_asks_for_a_speed_anew() {
+    with_page("again", |tab| {
+        drive(tab, 0, 900);
+        tab.click("#stop");
+        off(tab, Instant::now());
+        tab.wait(&format!("{} === 0", motor(0, "velocity")));
+        tab.click(&card(0, ".run"));
+        tab.wait(&motor(0, "enabled"));
+        assert_eq!(target(tab), 0.0);
+        assert_eq!(tab.ask(&motor(0, "velocity")), 0);
+    });
+}
+
+#[test]
+fn a_page_that_only_watches_shows_the_speed_that_runs() {
+    let Some(program) = find() else { return };
+    let _alone = alone();
+    let dashboard = Dashboard::start(&[]);
+    let mut first = Browser::start(&program, "mirror-driver");
+    let mut second = Browser::start(&program, "mirror-viewer");
+    let mut driver = first.open(&dashboard.url, 1280, 1000);
+    live(&mut driver);
+    let mut viewer = second.open(&dashboard.url, 1280, 1000);
+    live(&mut viewer);
+    drive(&mut driver, 0, 900);
+    let shows = |tab: &mut Tab<'_>, what: &str, value: &str| {
+        tab.wait(&format!("document.querySelector('{}').value === '{value}'", card(0, what)));
+    };
+    shows(&mut viewer, "input[type=number]", "900");
+    shows(&mut viewer, "input[type=range]", "900");
+    driver.fill(&card(0, "[aria-label^=Mode]"), "power");
+    driver.fill(&card(0, "input[type=number]"), "25");
+    shows(&mut viewer, "[aria-label^=Mode]", "power");
+    shows(&mut viewer, "input[type=number]", "25");
+    driver.click("#stop");
+    shows(&mut viewer, "input[type=number]", "0");
+    shows(&mut driver, "input[type=number]", "0");
+}
+
+#[test]
+#[ignore = "long: cargo xtask long"]
+fn a_scenario_that_plays_is_shown_in_the_cards() {
+    let Some(program) = find() else { return };
+    let _alone = alone();
+    let winch = concat!(env!("CARGO_MANIFEST_DIR"), "/../../boards/simulated/scenarios/winch.toml");
+    let dashboard = Dashboard::start(&["--scenario", winch]);
+    let mut browser = Browser::start(&program, "scenario");
+    let mut tab = browser.open(&dashboard.url, 1280, 1000);
+    live(&mut tab);
+    tab.click("#tab-world");
+    tab.click("#world-play");
+    tab.wait(&motor(0, "enabled"));
+    let field = |part: &str| format!("document.querySelector('{}').value", card(0, part));
+    tab.wait(&format!("{} === {}", field("[aria-label^=Mode]"), motor(0, "told")));
+    tab.wait(&format!("Number({}) !== 0", field("input[type=number]")));
+}
+
+#[test]
+fn another_unit_converts_the_entered_speed_and_leaves_the_motor_alone() {
+    with_page("units", |tab| {
+        drive(tab, 0, 900);
+        let number = format!("Number(document.querySelector('{}').value)", card(0, "input[type=number]"));
+        let per_turn = tab.ask("dashboard.state.settings[0].counts_per_turn").as_f64().unwrap();
+        tab.fill("#unit", "rpm");
+        let rpm = tab.ask(&number).as_f64().unwrap();
+        assert!((rpm - 900.0 * 60.0 / per_turn).abs() < 0.06, "{rpm} rpm");
+        assert!((target(tab) - 900.0).abs() < 0.5);
+        tab.fill("#unit", "cps");
+        assert_eq!(tab.ask(&number), 900);
+    });
+}
+
+#[test]
+fn a_speed_beyond_what_the_motor_can_is_limited_and_said() {
+    with_page("limit", |tab| {
+        let free = tab.ask("12000 / dashboard.state.settings[0].emf_mv_s_per_count").as_f64().unwrap();
+        drive(tab, 0, 300);
+        tab.fill(&card(0, "input[type=number]"), "9999");
+        let limited = target(tab);
+        assert!(limited <= free && limited > 0.98 * free, "{limited} of {free}");
+        let number =
+            tab.ask(&format!("Number(document.querySelector('{}').value)", card(0, "input[type=number]")));
+        assert_eq!(number, limited);
+        tab.wait(&format!("document.querySelector('{}').textContent.includes('9999')", card(0, ".why")));
+    });
+}
+
+#[test]
+fn the_wheel_over_a_field_changes_nothing() {
+    with_page("wheel", |tab| {
+        drive(tab, 0, 300);
+        tab.click(&card(0, "input[type=number]"));
+        let (x, y) = point(tab, &card(0, "input[type=number]"), "b.width / 3", "b.height / 2");
+        for by in [-120, 120, 120] {
+            tab.call(
+                "Input.dispatchMouseEvent",
+                json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": by }),
+            );
+        }
+        assert!((target(tab) - 300.0).abs() < 0.5);
+        assert_eq!(
+            tab.ask(&format!("document.querySelector('{}').value", card(0, "input[type=number]"))),
+            "300"
+        );
+    });
+}
+
+/// Text of the reason in the card of motor 0, once there is one of these words.
+fn reason(tab: &mut Tab<'_>, word: &str) -> String {
+    let why = format!("document.querySelector('{}').textContent", card(0, ".why"));
+    tab.wait(&format!("{why}.includes('{word}')"));
+    tab.ask(&why).as_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_held_shaft_is_stalled_or_in_doubt_but_its_encoder_is_not_accused() {
+    with_page("held", |tab| {
+        drive(tab, 0, 600);
+        tab.ask("dashboard.link.order('world', { hold: { motor: 0, held: true } })");
+        let stalls = format!("{} || {}", motor(0, "stalled"), motor(0, "fault"));
+        tab.wait(&stalls);
+        let why = reason(tab, "held");
+        assert!(!why.contains("does not count") && !why.contains("plug,"), "{why}");
+    });
+}
+
+#[test]
+fn a_load_beyond_the_stall_torque_is_named_before_swapped_wires() {
+    with_page("overload", |tab| {
+        drive(tab, 0, 600);
+        // Beyond the stall torque of each motor of the scenario.
+        tab.ask("dashboard.link.order('world', { torque: { motor: 0, nm: -5 } })");
+        let why = reason(tab, "load");
+        assert!(why.find("load").unwrap() < why.find("swapped").unwrap_or(usize::MAX), "{why}");
+    });
+}
+
+#[test]
+fn the_browser_is_started_without_the_token_in_the_process_list() {
+    let folder = folder("dashboard-open");
+    std::fs::create_dir_all(&folder).unwrap();
+    let (opener, said) = (folder.join("xdg-open"), folder.join("said"));
+    std::fs::write(
+        &opener,
+        format!("#!/bin/sh\necho \"$@\" > {0}.part && mv {0}.part {0}\n", said.display()),
+    )
+    .unwrap();
+    std::fs::set_permissions(&opener, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let path = format!("{}:{}", folder.display(), std::env::var("PATH").unwrap());
+    let mut dashboard = Dashboard::start_with(&["--open"], &[("PATH", &path)]);
+    let given = wait_for("a started browser", || std::fs::read_to_string(&said).ok());
+    let (_, token) = dashboard.url.split_once("token=").unwrap();
+    assert!(!given.contains(token), "{given}");
+    let file = Path::new(given.trim().trim_start_matches("file://")).to_owned();
+    let mode = std::fs::metadata(&file).unwrap().permissions().mode();
+    assert_eq!(mode & 0o777, 0o600, "{}", file.display());
+    if let Some(program) = find() {
+        let _alone = alone();
+        let mut browser = Browser::start(&program, "opened");
+        let mut tab = browser.open(&format!("file://{}", file.display()), 1280, 1000);
+        live(&mut tab);
+    }
+    dashboard.end();
+    assert!(!file.exists(), "the file is removed at the end");
+}

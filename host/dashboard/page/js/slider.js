@@ -1,0 +1,68 @@
+// A slider that only a drag of its thumb, or an arrow key, moves. A tap on its track, and a swipe that scrolls the page, change
+// nothing: they would set a motor's speed by accident.
+
+import { h } from "./dom.js";
+
+/** Distance from the thumb's middle at which a finger still takes the thumb. */
+const REACH_PX = 22;
+/** Distance from which a pressed pointer counts as a drag. */
+const SLOP_PX = 6;
+/** Width of the thumb, as in the style sheet. */
+const THUMB_PX = 20;
+
+/** @param {Record<string, any>} attributes of the input element @param {(value: number) => void} moved called with each new value */
+export function slider(attributes, moved) {
+  const input = h("input", { type: "range", ...attributes });
+  const element = h("div", { class: "drag" }, input);
+  /** @type {{pointer: number, x: number, y: number, from: string, moves: boolean}|null} */
+  let drag = null;
+
+  const room = () => Math.max(1, input.clientWidth - THUMB_PX);
+  const range = () => Number(input.max) - Number(input.min);
+  const thumb = () => input.getBoundingClientRect().left + THUMB_PX / 2 + ((Number(input.value) - Number(input.min)) / range()) * room();
+  function move(/** @type {string|number} */ value) {
+    const before = input.value;
+    input.value = String(value);
+    if (input.value !== before) moved(Number(input.value));
+  }
+  function cancel() {
+    const was = drag;
+    drag = null;
+    if (was?.moves) move(was.from);
+  }
+
+  element.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {
+    if (input.disabled || !event.isPrimary || event.button !== 0 || Math.abs(event.clientX - thumb()) > REACH_PX) return;
+    drag = { pointer: event.pointerId, x: event.clientX, y: event.clientY, from: input.value, moves: false };
+    element.setPointerCapture(event.pointerId);
+  });
+  element.addEventListener("pointermove", (/** @type {PointerEvent} */ event) => {
+    if (drag?.pointer !== event.pointerId || input.disabled) return;
+    const by = event.clientX - drag.x;
+    if (!drag.moves) {
+      if (Math.abs(by) < SLOP_PX || Math.abs(by) < Math.abs(event.clientY - drag.y)) return;
+      // The drag begins here, so that the value does not jump.
+      Object.assign(drag, { x: event.clientX, moves: true });
+      return;
+    }
+    move(Number(drag.from) + (by / room()) * range());
+  });
+  element.addEventListener("pointerup", () => { drag = null; });
+  // The browser scrolls the page, or the finger came too near to the screen's edge: that was no drag.
+  element.addEventListener("pointercancel", cancel);
+  element.addEventListener("lostpointercapture", cancel);
+  // Arrow keys. The pointer does not reach the input element.
+  input.addEventListener("input", () => moved(Number(input.value)));
+
+  return {
+    input,
+    element,
+    /** True while the thumb is held. */
+    held: () => drag !== null,
+    /** Shows a value; a drag ends without a new value. */
+    set(/** @type {number} */ value) {
+      drag = null;
+      input.value = String(value);
+    },
+  };
+}
