@@ -12,7 +12,8 @@
 //!              +-----------+
 //! ```
 //!
-//! The watchdog resets new firmware whose tasks do not all check in.
+//! The watchdog resets new firmware whose tasks do not all check in. If the confirmation cannot be written, the firmware
+//! runs on, and reports [`Booted::Unconfirmable`].
 //!
 //! ```
 //! use motor_hub::tasks::update::{CONFIRM_AFTER_ROUNDS, StateFlash};
@@ -44,6 +45,12 @@ pub const CONFIRM_AFTER_ROUNDS: u32 = 40;
 /// Interval at which the task checks a condition that it waits for.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
+/// Number of attempts to write the confirmation of new firmware.
+const CONFIRM_ATTEMPTS: u32 = 10;
+
+/// Pause between two attempts to write the confirmation. The other tasks run in the pause.
+const CONFIRM_PAUSE: Duration = Duration::from_secs(1);
+
 /// Time before a restart. The reply to the host that requested the restart takes less.
 const RESTART_DELAY: Duration = Duration::from_millis(50);
 
@@ -60,18 +67,13 @@ pub async fn run<M: RawMutex, const N: usize>(
     health: &Health,
     mut restart: impl FnMut(),
 ) -> ! {
-    let mut booted = slots.booted().await;
+    let booted = slots.booted().await;
     wires.update.done.signal(Done::Booted(booted));
     if booted == Booted::OnTrial {
         while health.rounds() < CONFIRM_AFTER_ROUNDS {
             Timer::after(POLL_INTERVAL).await;
         }
-        while booted == Booted::OnTrial {
-            // A failed confirmation is repeated. Without it the bootloader would restore the previous firmware.
-            slots.confirm().await;
-            booted = slots.booted().await;
-        }
-        wires.update.done.signal(Done::Booted(booted));
+        wires.update.done.signal(Done::Booted(confirm(&mut slots).await));
     }
     loop {
         let outcome = match wires.update.request.wait().await {
@@ -86,6 +88,21 @@ pub async fn run<M: RawMutex, const N: usize>(
         };
         wires.update.done.signal(Done::Carried(outcome));
     }
+}
+
+/// Confirms this firmware, and returns how the bootloader will treat it.
+///
+/// A failed confirmation is repeated after a pause, because without it the bootloader would restore the previous firmware.
+async fn confirm(slots: &mut Slots<impl NorFlash, impl NorFlash>) -> Booted {
+    for _ in 0..CONFIRM_ATTEMPTS {
+        slots.confirm().await;
+        let booted = slots.booted().await;
+        if booted != Booted::OnTrial {
+            return booted;
+        }
+        Timer::after(CONFIRM_PAUSE).await;
+    }
+    Booted::Unconfirmable
 }
 
 /// Waits until all motors are disabled.

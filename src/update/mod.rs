@@ -128,6 +128,9 @@ pub enum Booted {
     OnTrial,
     /// Newer firmware did not confirm itself, so the bootloader restored the present firmware.
     WentBack,
+    /// The present firmware is new and runs, but its confirmation cannot be written to the flash. The next reset restores
+    /// the previous firmware.
+    Unconfirmable,
 }
 
 /// Result of the last order that the slot task carried out.
@@ -231,7 +234,7 @@ impl Update {
         if motors_run {
             return Err(Nack::MOTOR_ENABLED);
         }
-        if matches!(self.booted, Booted::Unknown | Booted::OnTrial) {
+        if matches!(self.booted, Booted::Unknown | Booted::OnTrial | Booted::Unconfirmable) {
             return Err(Nack::UPDATE_ON_TRIAL);
         }
         self.check_idle()?;

@@ -3,3 +3,4 @@
 mod power;
 mod signature;
 mod steps;
+mod task;

@@ -101,6 +101,8 @@ fn nothing_begins_while_it_would_harm() {
     assert_eq!(update.begin(1_000, 0, false), Err(Nack::UPDATE_ON_TRIAL), "how it was started is not known");
     update.done(Done::Booted(Booted::OnTrial));
     assert_eq!(update.begin(1_000, 0, false), Err(Nack::UPDATE_ON_TRIAL), "the slot has the firmware before");
+    update.done(Done::Booted(Booted::Unconfirmable));
+    assert_eq!(update.begin(1_000, 0, false), Err(Nack::UPDATE_ON_TRIAL), "the slot has the firmware before");
     update.done(Done::Booted(Booted::WentBack));
     assert_eq!(update.begin(1_000, 0, true), Err(Nack::MOTOR_ENABLED));
     for length in [0, 7, SLOT.length + 1, u32::MAX] {

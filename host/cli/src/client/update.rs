@@ -104,6 +104,9 @@ impl Options {
             Booted::OnTrial | Booted::Unknown => {
                 Err("the new firmware runs, but has not confirmed itself".to_owned())
             }
+            Booted::Unconfirmable => Err(
+                "the new firmware runs, but the flash of the hub refuses its confirmation: the next reset restores the firmware before".to_owned(),
+            ),
         };
         match done {
             Ok(now) if now == image.version => {
@@ -190,7 +193,7 @@ fn returned(session: &mut Session<Line>) -> Result<UpdateReport, Trouble> {
         match report {
             Ok(report) => {
                 let done = report.phase != Phase::Armed
-                    && matches!(report.booted, Booted::Confirmed | Booted::WentBack);
+                    && matches!(report.booted, Booted::Confirmed | Booted::WentBack | Booted::Unconfirmable);
                 if done || waited {
                     bar.finish_and_clear();
                     return Ok(report);

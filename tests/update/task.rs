@@ -1,0 +1,100 @@
+//! The task that owns the slots, under virtual time.
+
+use crate::power::{Chip, DOWNLOAD, Part, STATE};
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_time::{Duration, MockDriver};
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use motor_hub::board::Watchdog;
+use motor_hub::tasks::update::{CONFIRM_AFTER_ROUNDS, Slots};
+use motor_hub::tasks::{self, Health, Task, Wires};
+use motor_hub::update::{Booted, Done};
+use std::pin::pin;
+use std::task::{Context, Waker};
+
+/// A flash that holds the mark of a swap everywhere, and refuses all writes and erasures.
+#[derive(Default)]
+struct Refusing {
+    refused: u32,
+}
+
+impl Refusing {
+    fn refuse(&mut self) -> Result<(), Refused> {
+        self.refused += 1;
+        assert!(self.refused < 1_000, "it is tried for ever, and no other task runs");
+        Err(Refused)
+    }
+}
+
+/// What the bootloader finds in its state once it has swapped the slots.
+const SWAPPED: u8 = 0xF0;
+
+#[derive(Debug)]
+struct Refused;
+
+impl NorFlashError for Refused {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl ErrorType for Refusing {
+    type Error = Refused;
+}
+
+impl ReadNorFlash for Refusing {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, _: u32, bytes: &mut [u8]) -> Result<(), Refused> {
+        bytes.fill(SWAPPED);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        STATE.len()
+    }
+}
+
+impl NorFlash for Refusing {
+    const WRITE_SIZE: usize = 32;
+    const ERASE_SIZE: usize = STATE.end - STATE.start;
+
+    async fn erase(&mut self, _: u32, _: u32) -> Result<(), Refused> {
+        self.refuse()
+    }
+
+    async fn write(&mut self, _: u32, _: &[u8]) -> Result<(), Refused> {
+        self.refuse()
+    }
+}
+
+struct Fed;
+
+impl Watchdog for Fed {
+    fn feed(&mut self) {}
+}
+
+#[test]
+fn firmware_that_cannot_confirm_itself_lets_all_other_tasks_run_and_says_so() {
+    MockDriver::get().reset();
+    let chip = Chip::new(true);
+    let slots = Slots::new(Part(&chip, DOWNLOAD), Refusing::default()).expect("words that fit");
+    let wires = Wires::<NoopRawMutex, 1>::new();
+    let health = Health::new();
+    let mut update = pin!(tasks::update::run(slots, &wires, &health, || unreachable!("nobody restarts it")));
+    let mut supervision = pin!(tasks::health::run(Fed, &health));
+    let mut context = Context::from_waker(Waker::noop());
+    let mut told = Vec::new();
+    for _ in 0..CONFIRM_AFTER_ROUNDS + 20 * 20 {
+        for task in [Task::Capture, Task::Supply, Task::Control, Task::Output] {
+            health.check_in(task);
+        }
+        assert!(supervision.as_mut().poll(&mut context).is_pending());
+        // It comes back, so others get their turn.
+        assert!(update.as_mut().poll(&mut context).is_pending());
+        told.extend(wires.update.done.try_take());
+        MockDriver::get().advance(Duration::from_millis(50));
+    }
+    assert_eq!(told, [Booted::OnTrial, Booted::Unconfirmable].map(Done::Booted));
+}
