@@ -172,7 +172,7 @@ fn a_winch_is_seen_going_through_the_regimes() {
                 "document.querySelector('#motors .pill').textContent.startsWith('{expected}')"
             ));
         };
-        regime(tab, "forward");
+        regime(tab, "Driving");
         tab.click("#tab-world");
         let pull = |tab: &mut Tab<'_>, nm: &str| {
             tab.fill("#panel-world input[type=range]", nm);
@@ -183,17 +183,17 @@ fn a_winch_is_seen_going_through_the_regimes() {
             std::thread::sleep(Duration::from_millis(1500));
         };
         pull(tab, "0.3");
-        regime(tab, "braking");
+        regime(tab, "Braking");
         turn(tab, "1600");
-        regime(tab, "braking");
+        regime(tab, "Braking");
         pull(tab, "0.6");
         turn(tab, "1000");
         pull(tab, "-0.3");
-        regime(tab, "forward");
+        regime(tab, "Driving");
         turn(tab, "1800");
         pull(tab, "0.4");
         turn(tab, "1200");
-        regime(tab, "braking");
+        regime(tab, "Braking");
         // Without the panels below the plots.
         tab.ask("scrollTo(0, 0)");
         tab.resize(1280, 900);
@@ -301,7 +301,7 @@ fn a_recording_is_saved_and_looked_at_again() {
             "{rows:?}"
         );
         tab.wait("document.querySelector('#panel-record [role=status]').textContent.startsWith('run.csv is shown')");
-        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Resume");
+        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Resume live");
         tab.click("#pause");
         assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Pause");
     });
