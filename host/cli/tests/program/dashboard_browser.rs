@@ -172,7 +172,7 @@ fn a_winch_is_seen_going_through_the_regimes() {
                 "document.querySelector('#motors .pill').textContent.startsWith('{expected}')"
             ));
         };
-        regime(tab, "forward");
+        regime(tab, "Driving");
         tab.click("#tab-world");
         let pull = |tab: &mut Tab<'_>, nm: &str| {
             tab.fill("#panel-world input[type=range]", nm);
@@ -183,17 +183,17 @@ fn a_winch_is_seen_going_through_the_regimes() {
             std::thread::sleep(Duration::from_millis(1500));
         };
         pull(tab, "0.3");
-        regime(tab, "braking");
+        regime(tab, "Braking");
         turn(tab, "1600");
-        regime(tab, "braking");
+        regime(tab, "Braking");
         pull(tab, "0.6");
         turn(tab, "1000");
         pull(tab, "-0.3");
-        regime(tab, "forward");
+        regime(tab, "Driving");
         turn(tab, "1800");
         pull(tab, "0.4");
         turn(tab, "1200");
-        regime(tab, "braking");
+        regime(tab, "Braking");
         // Without the panels below the plots.
         tab.ask("scrollTo(0, 0)");
         tab.resize(1280, 900);
@@ -301,7 +301,7 @@ fn a_recording_is_saved_and_looked_at_again() {
             "{rows:?}"
         );
         tab.wait("document.querySelector('#panel-record [role=status]').textContent.startsWith('run.csv is shown')");
-        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Resume");
+        assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Resume live");
         tab.click("#pause");
         assert_eq!(tab.ask("document.querySelector('#pause').textContent"), "Pause");
     });
@@ -357,4 +357,74 @@ fn report_of_drawing_full_plots() {
         );
         println!("{report:#}");
     });
+}
+
+#[test]
+fn motors_plots_and_the_panel_in_use_are_in_sight_at_1366_by_768() {
+    with_page("laptop", |tab| {
+        tab.resize(1366, 768);
+        for panel in ["tune", "learn", "setup", "group", "record", "world"] {
+            tab.click(&format!("#tab-{panel}"));
+            std::thread::sleep(Duration::from_millis(200));
+            let hidden = tab.ask(
+                "[...document.querySelectorAll('.card, .chart, #panel button, #panel input')] \
+                    .filter((e) => e.checkVisibility() && e.getBoundingClientRect().bottom > innerHeight).length",
+            );
+            assert_eq!(hidden, 0, "{panel}");
+            assert_eq!(tab.ask("document.documentElement.scrollHeight <= innerHeight"), true, "{panel}");
+        }
+    });
+}
+
+#[test]
+fn a_reload_keeps_unit_motor_tab_and_curves() {
+    with_page("reload", |tab| {
+        tab.fill("#unit", "rpm");
+        tab.press(("2", 50));
+        tab.click("#tab-record");
+        tab.click("#curves-button");
+        tab.click("#curves .row:nth-child(1) button:nth-of-type(2)");
+        tab.click("#curves .row:nth-child(4) button:nth-of-type(1)");
+        let position = "document.querySelector('.chart[aria-label^=Position]').checkVisibility()";
+        assert_eq!(tab.ask(position), true);
+        tab.call("Page.reload", serde_json::json!({}));
+        // Until the old page is gone.
+        std::thread::sleep(Duration::from_millis(500));
+        live(tab);
+        assert_eq!(tab.ask("document.querySelector('#unit').value"), "rpm");
+        assert_eq!(tab.ask("document.querySelector('.card.chosen').getAttribute('aria-label')"), "Motor 2");
+        assert_eq!(tab.ask("document.querySelector('#tab-record').getAttribute('aria-selected')"), "true");
+        assert_eq!(tab.ask(position), true);
+        // A plot says its curves in words, also those of another motor.
+        tab.wait("document.querySelector('.chart[aria-label^=Speed]').getAttribute('aria-label').includes('motor 0 0')");
+    });
+}
+
+#[test]
+fn a_step_that_the_server_refuses_is_not_done() {
+    with_page("refused", |tab| {
+        tab.click("#tab-tune");
+        tab.fill("#panel-tune [aria-label=\"Step to\"]", "40000");
+        tab.click("#panel-tune button.primary");
+        let says = "document.querySelector('#panel-tune [role=status]').textContent";
+        tab.wait(&format!("{says}.startsWith('Refused')"));
+        tab.wait(&format!("{} === false", motor(0, "enabled")));
+        assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 0);
+    });
+}
+
+#[test]
+fn a_page_of_a_program_that_was_started_again_says_so() {
+    let Some(program) = find() else { return };
+    let _alone = alone();
+    let mut dashboard = Dashboard::start(&[]);
+    let mut browser = Browser::start(&program, "restart");
+    let mut tab = browser.open(&dashboard.url, 1280, 1000);
+    live(&mut tab);
+    let line = "document.querySelector('#line').textContent";
+    let address = dashboard.url.trim_start_matches("http://").split('/').next().unwrap().to_owned();
+    dashboard.end();
+    tab.wait(&format!("{line}.startsWith('No connection')"));
+    let _again = Dashboard::start(&["--http", &address]);
+    tab.wait(&format!("{line}.includes('started again: open the URL')"));
 }

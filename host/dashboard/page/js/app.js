@@ -2,12 +2,12 @@
 
 import { by, say } from "./dom.js";
 import { learned } from "./learn.js";
-import { Link } from "./link.js";
+import { Link, admitted } from "./link.js";
 import { select } from "./list.js";
 import { startMotors } from "./motors.js";
 import { startPanels } from "./panels.js";
 import { drawn, startPlots } from "./plots.js";
-import { choose, inControl, on, state, tell } from "./state.js";
+import { choose, inControl, keep, kept, on, state, tell } from "./state.js";
 import { number, units } from "./units.js";
 
 const THEMES = ["auto", "light", "dark"];
@@ -30,6 +30,7 @@ function hear(message) {
     case "desk":
       state.controller = message.controller;
       state.pages = message.pages;
+      state.asks = message.asks;
       break;
     case "settings":
       state.settings[message.motor] = message;
@@ -75,7 +76,8 @@ function facts() {
   say(by("place"), state.place || "motor-hub");
   say(by("kind"), state.simulated ? "SIMULATED" : "HARDWARE");
   by("kind").classList.toggle("simulated", state.simulated);
-  if (!state.open) fact(by("line"), true, "No connection to the server: values are old");
+  if (state.restarted) fact(by("line"), true, "The program was started again: open the URL that it printed");
+  else if (!state.open) fact(by("line"), true, "No connection to the program, values are old: is it running? Once started again, it prints a new URL to open");
   else if (!state.connected) fact(by("line"), true, `Hub not connected: ${state.why}`);
   else if (stale) fact(by("line"), true, "No new values from the hub");
   else fact(by("line"), false, "Connected");
@@ -83,8 +85,14 @@ function facts() {
   fact(by("battery"), state.connected && volts === null, volts ? `Battery ${number(volts, 1)} V` : "Battery unknown");
   const others = (state.pages ?? 1) - 1;
   const watched = others > 0 ? `, ${others} other page${others > 1 ? "s" : ""}` : "";
-  say(by("control"), !state.open ? "" : inControl() ? `You are in control${watched}` : state.controller ? "Another page is in control" : "No page is in control");
-  by("take").hidden = !state.open || state.controller !== null;
+  const asked = state.asks === state.you ? ", and is asked to release it" : "";
+  const asks = inControl() && state.asks !== null;
+  say(by("control"), !state.open ? "" : asks ? "Another page asks for control" : inControl() ? `You are in control${watched}` : state.controller ? `Another page is in control${asked}` : "No page is in control");
+  by("control").classList.toggle("asks", asks);
+  by("take").hidden = !state.open || inControl();
+  by("take").disabled = state.asks === state.you;
+  by("release").hidden = !inControl() || !others;
+  by("release").classList.toggle("primary", asks);
   if (noticeUntil && performance.now() > noticeUntil) {
     hint();
     noticeUntil = 0;
@@ -95,19 +103,21 @@ function theme(/** @type {string} */ chosen) {
   const dark = chosen === "dark" || (chosen === "auto" && matchMedia("(prefers-color-scheme: dark)").matches);
   document.documentElement.dataset.theme = dark ? "dark" : "light";
   say(by("theme"), { auto: "◐ auto", light: "○ light", dark: "● dark" }[chosen] ?? "");
-  by("theme").setAttribute("aria-label", chosen === "auto" ? "Theme: same as the system" : `Theme: ${chosen}`);
+  by("theme").title = chosen === "auto" ? "Theme of the system" : `${chosen} theme`;
   by("theme").dataset.chosen = chosen;
-  localStorage.setItem("theme", chosen);
+  keep("theme", chosen);
   tell("theme");
 }
 
 const link = new Link(hear, (open) => {
   state.open = open;
-  if (!open) Object.assign(state, { controller: null, connected: false });
-  else state.history.clear();
+  if (open) state.history.clear();
+  else Object.assign(state, { controller: null, asks: null, connected: false });
   facts();
   tell("open");
   tell("desk");
+  if (open) state.restarted = false;
+  else admitted().then((is) => { state.restarted = is === false && !state.open; });
 });
 
 const stop = () => {
@@ -139,21 +149,24 @@ addEventListener("wheel", (event) => {
 
 by("stop").addEventListener("click", stop);
 by("take").addEventListener("click", () => link.order("take"));
+by("release").addEventListener("click", () => link.order("release"));
 const unit = select([["cps", "counts/s"], ["rpm", "rpm"], ["rad", "rad/s"]], { id: "unit", "aria-label": "Unit of speeds" });
 by("units").append(unit);
 unit.addEventListener("change", () => {
   units.chosen = unit.value;
+  keep("unit", unit.value);
   tell("unit");
 });
+units.chosen = unit.value = kept("unit", "cps");
 by("theme").addEventListener("click", () => theme(THEMES[(THEMES.indexOf(by("theme").dataset.chosen) + 1) % THEMES.length]));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => theme(by("theme").dataset.chosen));
 
 startMotors(link);
 startPlots();
 startPanels(link);
-theme(THEMES.includes(localStorage.getItem("theme") ?? "") ? /** @type {string} */ (localStorage.getItem("theme")) : "auto");
+theme(kept("theme", "auto"));
 hint();
-choose(0);
+choose(kept("motor", 0));
 for (const what of ["welcome", "line", "desk"]) on(what, facts);
 setInterval(facts, 250);
 // For tests and measurements.

@@ -5,7 +5,7 @@ import { inControl, on, state } from "./state.js";
 
 /** @param {any} link */
 export function groupPanel(link) {
-  const places = [0, 1, 2, 3].map((motor) => h("input", { type: "number", step: 1, placeholder: "stays", "aria-label": `Distance of motor ${motor}, counts` }));
+  const places = [0, 1, 2, 3].map((motor) => h("input", { type: "number", step: 1, placeholder: "stays", "aria-label": `Move motor ${motor} by, counts` }));
   const speed = h("input", { type: "number", min: 1, value: 1000, step: 1, id: "group-speed" });
   const acceleration = h("input", { type: "number", min: 1, value: 2000, step: 1, id: "group-acceleration" });
   const go = h("button", { type: "button", class: "primary", onclick: () => {
@@ -18,7 +18,7 @@ export function groupPanel(link) {
   for (const what of ["desk", "open", "line"]) on(what, allow);
   return h("div", { class: "columns" },
     h("div", { class: "stack" },
-      h("div", { class: "grid4" }, h("span", {}), ...[0, 1, 2, 3].map((motor) => h("span", { class: "head" }, `motor ${motor}`)), h("span", {}, "distance, counts"), ...places),
+      h("div", { class: "grid4" }, h("span", {}), ...[0, 1, 2, 3].map((motor) => h("span", { class: "head" }, `motor ${motor}`)), h("span", {}, "Move by, counts"), ...places),
       h("div", { class: "pair" }, h("label", { for: "group-speed" }, "Speed, counts/s"), speed, h("label", { for: "group-acceleration" }, "Acceleration, counts/s²"), acceleration),
       h("div", { class: "row" }, go)),
     h("p", { class: "muted" }, "All motors travel in proportion and arrive at the same time. If a motor lags, the others wait for it. Choose a motor above to see its motion in the plots."));

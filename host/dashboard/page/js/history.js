@@ -3,8 +3,8 @@
 /** Number of frames kept: one minute at 50 frames per second. */
 export const KEPT = 3000;
 
-/** Quantities of a motor. */
-export const OF_MOTOR = ["velocity", "target", "position", "control", "s", "t", "z", "g", "current", "load", "measured"];
+/** Quantities of a motor. `target` is a speed, `goal` a position. */
+export const OF_MOTOR = ["velocity", "target", "position", "goal", "control", "s", "t", "z", "g", "current", "load", "measured"];
 
 /** Values of one quantity, null where unknown; the last KEPT are available. */
 class Column {
@@ -44,7 +44,8 @@ export class History {
       const motor = frame.motors[index] ?? {};
       const [s, t, z, g] = motor.points ?? [];
       const target = motor.told === "velocity" ? motor.target : null;
-      const row = { velocity: motor.velocity, target, position: motor.position, control: motor.control, s, t, z, g, current: motor.current_a, load: motor.load_a, measured: motor.measured_a };
+      const goal = motor.told === "position" || motor.told === "together" ? motor.target : null;
+      const row = { velocity: motor.velocity, target, position: motor.position, goal, control: motor.control, s, t, z, g, current: motor.current_a, load: motor.load_a, measured: motor.measured_a };
       for (const name of OF_MOTOR) columns[name].push(row[name] ?? null);
     });
   }

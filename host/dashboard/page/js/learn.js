@@ -42,7 +42,7 @@ function misfit(measured, predicted) {
 export function learnPanel(link) {
   const travel = h("input", { type: "number", min: 1, step: 1, placeholder: "no limit", "aria-label": "Longest travel either way, counts" });
   const begin = h("button", { type: "button", class: "primary", onclick: () => start() }, "Identify");
-  const apply = h("button", { type: "button", onclick: () => link.order("apply", { motor: state.chosen }) }, "Apply the result");
+  const apply = h("button", { type: "button", onclick: () => link.order("apply", { motor: state.chosen }) }, "Use these values");
   const progress = h("progress", { max: 100, value: 0, "aria-label": "Progress of the identification" });
   const says = h("p", { role: "status" }, "The motor turns both ways for some 3 s. It must stand before, and be free to turn.");
   const found = h("tbody", {});

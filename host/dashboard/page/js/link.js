@@ -5,6 +5,9 @@
 const EVERY = 5;
 const AGAIN_MS = 1000;
 
+/** Whether the program that answers here admits this page: `null` if no program answers. @returns {Promise<boolean|null>} */
+export const admitted = () => fetch(`/${location.search}`).then(({ ok }) => ok, () => null);
+
 /** @typedef {{kind: string, [key: string]: any}} Message */
 
 export class Link {

@@ -13,6 +13,8 @@ const DRAG_MS = 50;
 const ORDER_MS = 500;
 /** Time for which a limited value is said, in milliseconds. */
 const SAID_MS = 8000;
+/** Highest speed of a motor that counts as standing, as in the client. */
+const STANDS_CPS = 3;
 /** Highest speed that a hub accepts, in counts/s. */
 const MOST_CPS = 32767;
 
@@ -89,8 +91,8 @@ function build(/** @type {number} */ motor) {
   /** @type {any} */
   const card = { motor, target: 0, sent: 0, orderedAt: -Infinity };
   card.name = h("small", {});
-  card.choose = h("button", { class: "choose", type: "button", "aria-pressed": "false", onclick: () => choose(motor) }, `Motor ${motor} `, card.name);
-  card.pill = h("span", { class: "pill" }, "off");
+  card.choose = h("button", { class: "choose", type: "button", "aria-pressed": "false", onclick: () => choose(motor) }, h("span", {}, `Motor ${motor}`), card.name);
+  card.pill = h("span", { class: "pill" }, "Off (coasting)");
   card.run = h("button", { class: "run", type: "button", role: "switch", "aria-checked": "false", "aria-label": `Enable motor ${motor}`, onclick: () => run(card) }, "Run");
   card.speed = h("b", {}, "–");
   card.speedUnit = h("span", {}, "");
@@ -120,10 +122,10 @@ function build(/** @type {number} */ motor) {
     showTarget(card);
   });
   card.element = h("article", { class: "card", "aria-label": `Motor ${motor}` },
-    h("header", {}, card.choose, card.run),
-    h("div", { class: "numbers" }, h("span", { class: "speed" }, card.speed, " ", card.speedUnit), h("span", { class: "grow" }), h("span", {}, card.current, " A"), h("span", {}, card.position, " counts")),
+    h("header", {}, card.choose, h("span", { class: "speed" }, card.speed, " ", card.speedUnit), card.run),
     h("div", { class: "setpoint" }, card.mode, card.slider.element, card.number),
-    h("div", { class: "does" }, card.pill, card.why));
+    h("div", { class: "numbers" }, card.pill, h("span", {}, card.current, " A"), h("span", {}, card.position, " counts")),
+    card.why);
   by("motors").append(card.element);
   cards.push(card);
   fit(card);
@@ -154,17 +156,34 @@ function follow(/** @type {any} */ card, /** @type {any} */ motor) {
   fit(card);
 }
 
+/** Words for the regimes, and what the bridge does in them. */
+const REGIMES = {
+  forward: ["Driving", "the bridge drives the motor for this share of the time, and shorts it for the rest"],
+  braking: ["Braking", "the bridge shorts the winding for this share of the time, and opens it for the rest: the motor brakes, and returns energy to the supply"],
+  reverse: ["Reversing", "the bridge drives the motor against its motion for this share of the time, and shorts it for the rest"],
+};
+
+/** State of the bridge in a few words, and what it means. */
+function bridge(/** @type {any} */ motor) {
+  if (!motor.enabled) return ["Off (coasting)", "The bridge is open: the motor turns freely."];
+  const regime = REGIMES[/** @type {keyof typeof REGIMES} */ (motor.regime)];
+  if (regime) return [`${regime[0]}, ${number(100 * motor.duty)} % duty`, `Mode ${motor.mode}: ${regime[1]}.`];
+  return motor.regime === undefined ? [motor.told, ""] : ["Coasting", "The bridge is open: the motor turns freely."];
+}
+
 /** What a motor does, or why it does nothing. */
 function words(/** @type {any} */ motor) {
+  const troubled = motor.fault || motor.stalled;
+  if (motor.enabled && motor.told === "velocity" && motor.target === 0 && motor.regulator && !troubled && Math.abs(motor.velocity) <= STANDS_CPS) return "Holding at zero speed.";
   if (motor.why) return motor.why[0].toUpperCase() + motor.why.slice(1) + ".";
+  if (!motor.enabled) return "Disabled, still turning.";
   if (motor.told === "power") return "Constant power.";
   if (motor.told === "current") return `Constant current${motor.current_limited ? ", held by the current limit" : ""}.`;
   if (motor.told === "identify") return "Identification runs.";
-  if (!motor.enabled) return "Disabled, still turning.";
   if (!motor.regulator) return "";
   const regulator = motor.regulator === "model" ? "by the motor model" : "by PID";
   const limits = `${motor.derated ? "; derated: the winding is hot, and the current is limited" : ""}${motor.current_limited ? "; held by its current limit" : ""}`;
-  return `Regulated ${regulator}${limits}${motor.settled ? "; settled at its target" : ""}.`;
+  return `Regulated ${regulator}${limits}${motor.settled ? "; settled" : ""}.`;
 }
 
 function show(/** @type {any} */ card, /** @type {any} */ motor) {
@@ -178,7 +197,9 @@ function show(/** @type {any} */ card, /** @type {any} */ motor) {
   say(card.run, motor.enabled ? "Running" : "Run");
   const regime = motor.enabled ? motor.regime : null;
   card.pill.className = `pill ${regime ?? ""}`;
-  say(card.pill, regime ? `${regime} ${motor.mode}, ${number(100 * motor.duty)} %` : motor.enabled && motor.regime !== undefined ? "bridge open" : motor.enabled ? motor.told : "off");
+  const [does, meaning] = bridge(motor);
+  say(card.pill, does);
+  if (card.pill.title !== meaning) card.pill.title = meaning;
   const limited = card.limited && performance.now() < card.limited.until && !motor.fault && !motor.stalled;
   say(card.why, limited ? card.limited.words : words(motor));
   card.why.classList.toggle("fault", Boolean(motor.fault || motor.stalled));

@@ -5,7 +5,7 @@ import { groupPanel } from "./group.js";
 import { learnPanel } from "./learn.js";
 import { recordPanel } from "./record.js";
 import { setupPanel } from "./setup.js";
-import { state, on } from "./state.js";
+import { keep, kept, on, state } from "./state.js";
 import { tunePanel } from "./tune.js";
 import { worldPanel } from "./world.js";
 
@@ -14,15 +14,15 @@ export function startPanels(link) {
   const panels = [
     ["tune", "Tune", tunePanel(link)],
     ["learn", "Identify", learnPanel(link)],
-    ["setup", "Motor and scheme", setupPanel(link)],
-    ["group", "In step", groupPanel(link)],
+    ["setup", "Set up", setupPanel(link)],
+    ["group", "Group", groupPanel(link)],
     ["record", "Record", recordPanel()],
-    ["world", "Simulated world", worldPanel(link)],
+    ["world", "Simulate", worldPanel(link)],
   ];
   const buttons = panels.map(([name, words, panel]) => {
     const element = h("div", { role: "tabpanel", id: `panel-${name}`, "aria-labelledby": `tab-${name}` }, panel);
     by("panel").append(element);
-    return h("button", { type: "button", role: "tab", id: `tab-${name}`, "aria-controls": `panel-${name}`, onclick: () => open(name) }, words);
+    return h("button", { type: "button", role: "tab", id: `tab-${name}`, "aria-controls": `panel-${name}`, onclick: () => { open(name); keep("tab", name); } }, words);
   });
   by("tabs").append(...buttons);
   function open(/** @type {string} */ chosen) {
@@ -43,8 +43,14 @@ export function startPanels(link) {
     next.click();
   });
   open("tune");
+  let first = true;
   on("welcome", () => {
     by("tab-world").hidden = !state.simulated;
-    if (state.simulated) open("world");
+    // A socket that connects again leaves the tab as it is.
+    if (!first) return;
+    first = false;
+    const usual = state.simulated ? "world" : "tune";
+    const last = kept("tab", usual);
+    open(panels.some(([name]) => name === last) && (state.simulated || last !== "world") ? last : usual);
   });
 }

@@ -1,33 +1,48 @@
-// Four plots over time: speed, control, current, battery. They share a cursor. Dragging zooms in. Pausing freezes the plots
-// while the hub continues.
+// Plots over time: speed, position, control, current or torque, battery. They share a cursor. Dragging zooms in. Pausing freezes
+// the plots while the hub continues. Which curves are shown is chosen, and kept for the next visit.
 
 import { drawBands, nameBands } from "./bands.js";
 import { by, h, say } from "./dom.js";
 import { select } from "./list.js";
-import { on, state } from "./state.js";
+import { keep, kept, on, state } from "./state.js";
 import { fromCps, number, speedUnit } from "./units.js";
 
-/** @typedef {{name: string, words: string, colour: string, dash?: number[], digits: number}} Line */
+/** @typedef {{name: string, words: string, colour: string, dash?: number[], digits: number, of?: number}} Line `of` is a motor, where it is not the chosen one */
 /** @typedef {{title: string, height: number, lines: Line[], range?: (u: any, low: number, high: number) => number[]}} Plot */
 
-const speeds = (/** @type {any} */ _, /** @type {number} */ low, /** @type {number} */ high) => around(low, high, 50);
+/** Colours and dashes of motors that are shown beside the chosen one. */
+const MOTORS = [["speed", [2, 3]], ["target", [9, 3, 2, 3]], ["measured", [5, 4]], ["reverse-edge", [1, 3]]];
+
+/** A motor's curve beside the chosen motor's curves. @returns {Line[]} */
+const others = (/** @type {string} */ name, /** @type {number} */ digits) => MOTORS.map(([colour, dash], motor) => ({ name, words: `motor ${motor}`, colour: /** @type {string} */ (colour), dash: /** @type {number[]} */ (dash), digits, of: motor }));
+
 /** @type {Record<string, Plot>} */
 const PLOTS = {
-  speed: { title: "Speed", height: 170, range: speeds, lines: [
+  speed: { title: "Speed", height: 170, range: (_, low, high) => around(low, high, 50), lines: [
     { name: "velocity", words: "measured", colour: "speed", digits: 0 },
-    { name: "target", words: "set-point", colour: "target", dash: [7, 5], digits: 0 }] },
+    { name: "target", words: "set-point", colour: "target", dash: [7, 5], digits: 0 }, ...others("velocity", 0)] },
+  position: { title: "Position, counts", height: 140, range: (_, low, high) => around(low, high, 10), lines: [
+    { name: "position", words: "measured", colour: "speed", digits: 0 },
+    { name: "goal", words: "set-point", colour: "target", dash: [7, 5], digits: 0 }, ...others("position", 0)] },
   control: { title: "Control and regimes", height: 190, range: () => [-1.05, 1.05], lines: [
-    { name: "control", words: "control", colour: "control", digits: 2 }] },
-  current: { title: "Current, A", height: 140, range: (_, low, high) => around(low, high, 0.2), lines: [
+    { name: "control", words: "control", colour: "control", digits: 2 }, ...others("control", 2)] },
+  current: { title: "Current, A", height: 140, range: (_, low, high) => around(low, high, 0.1), lines: [
     { name: "current", words: "modelled", colour: "current", digits: 2 },
     { name: "load", words: "load", colour: "load", dash: [7, 5], digits: 2 },
-    { name: "measured", words: "measured", colour: "measured", dash: [2, 3], digits: 2 }] },
+    { name: "measured", words: "measured", colour: "measured", dash: [2, 3], digits: 2 }, ...others("current", 2)] },
   battery: { title: "Battery, V", height: 110, range: (_, low, high) => around(low, high, 0.25), lines: [
     { name: "battery", words: "at the hub", colour: "volts", digits: 2 }] },
 };
 
+/** Words for the state of the supply. */
+const BUS = { silent: "Battery voltage unknown", "too low": "Battery voltage too low for the bridges", cut: "Battery too low: no current drawn", derated: "Battery low: current limited", quiet: "Supply OK", burning: "Supply takes nothing back: braking energy is dissipated", "too high": "Bus voltage too high" };
+
 /** Shortest interval between two drawings, in milliseconds. */
 const DRAW_MS = 30;
+/** Interval between two texts that describe a plot, in milliseconds. */
+const DESCRIBE_MS = 1000;
+/** Least height of a plot, in pixels. */
+const LEAST_PX = 56;
 
 /** Range of an axis: that of the values and a margin of at least `least`. @returns {number[]} */
 function around(/** @type {any} */ low, /** @type {any} */ high, /** @type {number} */ least) {
@@ -46,37 +61,54 @@ function colour(/** @type {string} */ name) {
   return known;
 }
 
-/** @type {Map<string, {plot: any, values: Map<string, Element>, host: any}>} */
+/** @type {Map<string, {plot: any, values: any[], spans: any[], host: any, legend: any}>} */
 const charts = new Map();
 /** State of the view. While paused or zoomed in, the plots do not follow the hub. */
-const view = { window: 60, paused: false, /** @type {number[]|null} */ zoom: null, /** @type {any} */ frozen: null, /** @type {number|null} */ cursor: null };
+const view = { window: kept("window", 60), paused: false, /** @type {number[]|null} */ zoom: null, /** @type {any} */ frozen: null, /** @type {number|null} */ cursor: null };
+/** Chosen curves: plots and curves that are hidden, motors that are shown beside the chosen one, and the unit of currents. */
+const chosen = { hidden: ["position"], motors: /** @type {number[]} */ ([]), torque: false, ...kept("curves", {}) };
 /** Durations of the last drawings in milliseconds, and times between them; for measurements. */
 export const drawn = { /** @type {number[]} */ took: [], /** @type {number[]} */ apart: [] };
 
-/** Columns of the chosen motor. @returns {Record<string, any>} */
-function columns() {
-  if (view.frozen) return view.frozen.motors[state.chosen];
+/** Columns of a motor. @returns {Record<string, any>} */
+function columns(motor = state.chosen) {
+  if (view.frozen) return view.frozen.motors[motor];
   const { history } = state;
-  const all = Object.entries(history.motors[state.chosen]).map(([name, column]) => [name, column.last()]);
+  const all = Object.entries(history.motors[motor]).map(([name, column]) => [name, column.last()]);
   return { ...Object.fromEntries(all), battery: history.battery.last(), time: history.time.last() };
 }
 
 /** Copies all values, so that new frames do not change the plots. */
 function freeze() {
-  const chosen = state.chosen;
-  const motors = [0, 1, 2, 3].map((motor) => {
-    state.chosen = motor;
-    return Object.fromEntries(Object.entries(columns()).map(([name, values]) => [name, values.slice()]));
-  });
-  state.chosen = chosen;
+  const motors = [0, 1, 2, 3].map((motor) => Object.fromEntries(Object.entries(columns(motor)).map(([name, values]) => [name, values.slice()])));
   view.frozen = { motors };
 }
 
-/** Converts speeds to the chosen unit. */
-function inUnits(/** @type {string} */ name, /** @type {any[]} */ values) {
-  const factor = fromCps(1, state.settings[state.chosen]);
-  return factor === 1 || (name !== "velocity" && name !== "target") ? values : values.map((value) => (value === null ? null : value * factor));
+/** Torque of the output shaft per ampere, in N m/A, by the back EMF; null for a motor whose counts per turn are unknown. */
+function torquePerAmpere(motor = state.chosen) {
+  const settings = state.settings[motor];
+  return settings?.counts_per_turn ? (settings.emf_mv_s_per_count / 1000) * (settings.counts_per_turn / (2 * Math.PI)) : null;
 }
+
+/** Factor from a frame's unit to the shown unit. */
+function factor(/** @type {Line} */ { name, of }) {
+  const motor = of ?? state.chosen;
+  if (name === "velocity" || name === "target") return fromCps(1, state.settings[motor]);
+  if (chosen.torque && ["current", "load", "measured"].includes(name)) return torquePerAmpere(motor) ?? 1;
+  return 1;
+}
+
+/** Values of a curve in the shown unit. */
+function valuesOf(/** @type {Line} */ line, /** @type {Record<string, any>} */ of) {
+  const values = line.of === undefined ? of[line.name] : columns(line.of)[line.name];
+  const times = factor(line);
+  return times === 1 ? values : values.map((/** @type {number|null} */ value) => (value === null ? null : value * times));
+}
+
+const plotShown = (/** @type {string} */ name) => !chosen.hidden.includes(name);
+const lineShown = (/** @type {string} */ name, /** @type {Line} */ line) => (line.of === undefined ? !chosen.hidden.includes(`${name}.${line.name}`) : chosen.motors.includes(line.of) && line.of !== state.chosen);
+/** The lowest plot, which has the times. */
+const lowest = () => Object.keys(PLOTS).filter(plotShown).at(-1);
 
 function swatch(/** @type {Line} */ line) {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
@@ -91,31 +123,28 @@ function swatch(/** @type {Line} */ line) {
 }
 
 function build(/** @type {string} */ name, /** @type {Plot} */ { title, height, lines, range }) {
-  const values = new Map();
-  const legend = h("div", { class: "legend" }, h("h3", {}, title));
-  for (const line of lines) {
-    const value = h("b", {}, "–");
-    values.set(line.name, value);
-    legend.append(h("span", {}, swatch(line), `${line.words} `, value));
-  }
+  const values = lines.map(() => h("b", {}, "–"));
+  const spans = lines.map((line, index) => h("span", {}, swatch(line), `${line.words} `, values[index]));
+  const legend = h("div", { class: "legend" }, h("h3", {}, title), ...spans);
   if (name === "battery") legend.append(h("span", { id: "bus" }));
   const host = h("div", { class: "chart", role: "img", "aria-label": `${title} over time` });
+  host.style.setProperty("--height", String(height));
   by("charts").append(legend, host);
-  const axis = { stroke: () => colour("muted"), grid: { stroke: () => colour("grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif" };
+  const axis = { stroke: () => colour("muted"), grid: { stroke: () => colour("grid"), width: 1 }, ticks: { show: false }, font: `${matchMedia("(min-width: 2600px)").matches ? 16 : 12}px system-ui, sans-serif` };
   const plot = new uPlot({
     width: Math.max(200, host.clientWidth), height, legend: { show: false }, padding: [6, 8, 0, 0],
     cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 7 } },
     scales: { x: { time: false, range: (/** @type {any} */ u, /** @type {number} */ low, /** @type {number} */ high) => view.zoom ?? [Math.max(low, high - view.window), Math.max(high, low + 1)] }, y: { range } },
-    axes: [{ ...axis, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60], space: 60, size: name === "battery" ? 40 : 18, values: name === "battery" ? (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map((tick) => `${number(tick, Number.isInteger(tick) ? 0 : 1)} s`) : () => [] }, { ...axis, size: 62, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(tickWords) }],
-    series: [{}, ...lines.map((line) => ({ stroke: () => colour(line.colour), width: 2, dash: line.dash, points: { show: false }, spanGaps: false }))],
+    axes: [{ ...axis, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60], space: 60, size: () => (name === lowest() ? 34 : 12), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => (name === lowest() ? ticks.map((tick) => `${number(tick, Number.isInteger(tick) ? 0 : 1)} s`) : []) }, { ...axis, size: 62, space: 26, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(tickWords) }],
+    series: [{}, ...lines.map((line) => ({ stroke: () => colour(line.colour), width: 2, dash: line.dash, points: { show: false }, spanGaps: false, show: lineShown(name, line) }))],
     hooks: {
       drawAxes: name === "control" ? [(/** @type {any} */ u) => drawBands(u, columns(), colour)] : [],
       draw: name === "control" ? [(/** @type {any} */ u) => nameBands(u, columns(), colour)] : [],
       setSelect: [(/** @type {any} */ u) => zoom(u)],
-      setCursor: [(/** @type {any} */ u) => { if (view.cursor !== u.cursor.idx) { view.cursor = u.cursor.idx; legends(); } }],
+      setCursor: [(/** @type {any} */ u) => { if (view.cursor !== u.cursor.idx) { view.cursor = u.cursor.idx; legends(columns()); } }],
     },
   }, [[], ...lines.map(() => [])], host);
-  charts.set(name, { plot, values, host });
+  charts.set(name, { plot, values, spans, host, legend });
 }
 
 function zoom(/** @type {any} */ u) {
@@ -128,21 +157,37 @@ function zoom(/** @type {any} */ u) {
   draw();
 }
 
-/** Shows the values of all lines, at the cursor or at the end. */
-function legends() {
-  const of = columns();
+const digitsOf = (/** @type {Line} */ line) => (["velocity", "target"].includes(line.name) && speedUnit(state.settings[line.of ?? state.chosen]) !== "counts/s" ? 1 : line.digits);
+
+/** Shows the values of all curves, at the cursor or at the end. */
+function legends(/** @type {Record<string, any>} */ of) {
   const at = view.cursor ?? of.time.length - 1;
   for (const [name, { lines }] of Object.entries(PLOTS)) {
+    if (!plotShown(name)) continue;
     const { values } = /** @type {any} */ (charts.get(name));
-    for (const line of lines) {
-      const value = of[line.name]?.[at];
-      const isSpeed = line.name === "velocity" || line.name === "target";
-      const shown = isSpeed && value !== null ? fromCps(value, state.settings[state.chosen]) : value;
-      say(values.get(line.name), number(shown, line.digits || (speedUnit(state.settings[state.chosen]) === "counts/s" ? 0 : 1)));
-    }
+    lines.forEach((line, index) => {
+      if (!lineShown(name, line)) return;
+      const value = (line.of === undefined ? of : columns(line.of))[line.name]?.[at] ?? null;
+      say(values[index], number(value === null ? null : value * factor(line), digitsOf(line)));
+    });
   }
   const ago = of.time[of.time.length - 1] - of.time[at];
   say(by("cursor"), view.cursor === null ? "drag in a plot to zoom in" : `${number(of.time[at], 2)} s, ${number(ago, 2)} s ago`);
+}
+
+/** Describes the plots in words, for users who do not see them. */
+function describe() {
+  const of = columns();
+  const first = of.time.findIndex((/** @type {number} */ time) => time >= of.time[of.time.length - 1] - view.window);
+  for (const [name, { title, lines }] of Object.entries(PLOTS)) {
+    const { host, legend } = /** @type {any} */ (charts.get(name));
+    const curves = lines.filter((line) => lineShown(name, line)).map((line) => {
+      const known = valuesOf(line, of).slice(Math.max(0, first)).filter((/** @type {number|null} */ value) => value !== null);
+      const words = (/** @type {number} */ value) => number(value, digitsOf(line));
+      return known.length ? `${line.words} ${words(known.at(-1))}, from ${words(Math.min(...known))} to ${words(Math.max(...known))}` : `${line.words} unknown`;
+    });
+    host.setAttribute("aria-label", `${legend.querySelector("h3").textContent || title}, last ${view.window} s: ${curves.join("; ")}`);
+  }
 }
 
 let last = 0;
@@ -150,22 +195,74 @@ let last = 0;
 export function draw() {
   const begun = performance.now();
   const of = columns();
+  const nothing = new Array(of.time.length).fill(null);
   for (const [name, { lines }] of Object.entries(PLOTS)) {
+    if (!plotShown(name)) continue;
     const { plot } = /** @type {any} */ (charts.get(name));
-    plot.batch(() => plot.setData([of.time, ...lines.map((line) => inUnits(line.name, of[line.name]))]));
+    plot.batch(() => plot.setData([of.time, ...lines.map((line) => (lineShown(name, line) ? valuesOf(line, of) : nothing))]));
   }
-  legends();
+  legends(of);
   drawn.took.push(performance.now() - begun);
   drawn.apart.push(begun - last);
   if (drawn.took.length > 500) [drawn.took, drawn.apart] = [drawn.took.slice(-250), drawn.apart.slice(-250)];
   last = begun;
 }
 
-function title() {
+function titles() {
   const settings = state.settings[state.chosen];
   say(by("plots-of"), `Motor ${state.chosen}${settings?.name ? `, ${settings.name}` : ""}`);
-  const heading = by("charts").querySelector("h3");
-  if (heading) say(heading, `Speed, ${speedUnit(settings)}`);
+  const title = (/** @type {string} */ name, /** @type {string} */ words) => say(charts.get(name)?.legend.querySelector("h3"), words);
+  title("speed", `Speed, ${speedUnit(settings)}`);
+  title("current", chosen.torque && torquePerAmpere() !== null ? "Torque of the shaft, N m" : "Current, A");
+}
+
+/** Shows and hides plots and curves as chosen. */
+function arrange() {
+  for (const [name, { lines }] of Object.entries(PLOTS)) {
+    const { plot, spans, host, legend } = /** @type {any} */ (charts.get(name));
+    host.hidden = legend.hidden = !plotShown(name);
+    plot.batch(() => lines.forEach((line, index) => {
+      const is = lineShown(name, line);
+      spans[index].hidden = !is;
+      if (plot.series[index + 1].show !== is) plot.setSeries(index + 1, { show: is });
+    }));
+  }
+  titles();
+  fit();
+  draw();
+}
+
+/** Fits the plots into their boxes. */
+function fit() {
+  for (const { plot, host } of charts.values()) {
+    const [width, height] = [Math.max(200, host.clientWidth), Math.max(LEAST_PX, host.clientHeight)];
+    if (!host.hidden && (plot.width !== width || plot.height !== height)) plot.setSize({ width, height });
+  }
+}
+
+/** Buttons that choose the curves. */
+function startCurves() {
+  /** @type {[any, () => boolean][]} */
+  const toggles = [];
+  const toggle = (/** @type {string} */ label, /** @type {() => boolean} */ is, /** @type {() => void} */ change) => {
+    const button = h("button", { type: "button", onclick: () => { change(); keep("curves", chosen); paint(); arrange(); } }, label);
+    toggles.push([button, is]);
+    return button;
+  };
+  const flip = (/** @type {any[]} */ list, /** @type {any} */ item) => (list.includes(item) ? list.filter((other) => other !== item) : [...list, item]);
+  const paint = () => toggles.forEach(([button, is]) => button.setAttribute("aria-pressed", String(is())));
+  const hide = (/** @type {string} */ name) => () => { chosen.hidden = flip(chosen.hidden, name); };
+  const row = (/** @type {string} */ label, /** @type {any[]} */ buttons) => h("div", { class: "row", role: "group", "aria-label": label }, h("span", { class: "muted" }, label), ...buttons);
+  by("curves").append(
+    row("Plots", Object.entries(PLOTS).map(([name, { title }]) => toggle(title.split(",")[0], () => plotShown(name), hide(name)))),
+    row("Speed, position", [["speed", 1], ["position", 1]].map(([name, index]) => toggle(`Set-point of ${name}`, () => lineShown(String(name), PLOTS[name].lines[Number(index)]), hide(`${name}.${PLOTS[name].lines[Number(index)].name}`)))),
+    row("Current", [...PLOTS.current.lines.filter((line) => line.of === undefined).map((line) => toggle(line.words[0].toUpperCase() + line.words.slice(1), () => lineShown("current", line), hide(`current.${line.name}`))), toggle("As torque, N m", () => chosen.torque, () => { chosen.torque = !chosen.torque; })]),
+    row("Also show", [0, 1, 2, 3].map((motor) => toggle(`Motor ${motor}`, () => chosen.motors.includes(motor), () => { chosen.motors = flip(chosen.motors, motor); }))));
+  by("curves-button").addEventListener("click", () => {
+    by("curves").hidden = !by("curves").hidden;
+    by("curves-button").setAttribute("aria-expanded", String(!by("curves").hidden));
+  });
+  paint();
 }
 
 /** Shows a recording instead of the hub. */
@@ -179,33 +276,35 @@ function pause(/** @type {boolean} */ paused) {
   if (paused && !view.frozen) freeze();
   if (!paused) [view.frozen, view.zoom] = [null, null];
   by("pause").setAttribute("aria-pressed", String(paused));
-  say(by("pause"), paused ? "Resume" : "Pause");
+  say(by("pause"), paused ? "Resume live" : "Pause");
   by("unzoom").disabled = view.zoom === null;
   draw();
 }
 
 export function startPlots() {
+  const window = select([["10", "10 s"], ["30", "30 s"], ["60", "60 s"]], { id: "window", "aria-label": "Time shown in the plots" });
+  window.value = String(view.window);
+  by("windows").append(window);
+  window.addEventListener("change", () => {
+    view.window = Number(window.value);
+    keep("window", view.window);
+    draw();
+  });
   for (const [name, plot] of Object.entries(PLOTS)) build(name, plot);
-  title();
+  startCurves();
+  arrange();
   by("pause").addEventListener("click", () => pause(!view.paused));
   by("unzoom").addEventListener("click", () => {
     view.zoom = null;
     pause(view.paused);
   });
-  const window = select([["10", "10 s"], ["30", "30 s"], ["60", "60 s"]], { id: "window", "aria-label": "Time shown in the plots" });
-  window.value = "60";
-  by("windows").append(window);
-  window.addEventListener("change", () => {
-    view.window = Number(window.value);
-    draw();
-  });
-  new ResizeObserver(() => {
-    for (const [name, { plot, host }] of charts) plot.setSize({ width: Math.max(200, host.clientWidth), height: PLOTS[name].height });
-  }).observe(by("charts"));
-  for (const what of ["chosen", "settings", "unit"]) on(what, () => { title(); draw(); });
+  const boxes = new ResizeObserver(fit);
+  for (const { host } of charts.values()) boxes.observe(host);
+  for (const what of ["chosen", "settings", "unit"]) on(what, arrange);
   on("theme", () => { colours = new Map(); draw(); });
   on("line", () => { by("untold").hidden = state.reports; });
-  on("frame", (frame) => say(by("bus"), frame.bus ? `bus ${frame.bus}${frame.burning ? `, dissipates ${number(100 * frame.burning)} %` : ""}` : ""));
+  on("frame", (frame) => say(by("bus"), frame.bus ? `${BUS[/** @type {keyof typeof BUS} */ (frame.bus)] ?? frame.bus}${frame.burning ? `, ${number(100 * frame.burning)} %` : ""}` : ""));
+  setInterval(describe, DESCRIBE_MS);
   const loop = (/** @type {number} */ now) => {
     if (!view.paused && !view.zoom && now - last >= DRAW_MS && state.history.length) draw();
     requestAnimationFrame(loop);

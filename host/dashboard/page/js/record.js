@@ -8,6 +8,8 @@ import { on } from "./state.js";
 /** The longest recording, in frames: half an hour. */
 const MOST = 90000;
 const HEADINGS = ["time_s", "motor", "battery_v", ...OF_MOTOR];
+/** Columns that older recordings do not have. */
+const LATER = ["goal"];
 /** Columns of a recording, and the fields of a motor in a frame. */
 const VALUES = { velocity: "velocity", target: "target", position: "position", control: "control", current: "current_a", load: "load_a", measured: "measured_a" };
 
@@ -15,7 +17,7 @@ const VALUES = { velocity: "velocity", target: "target", position: "position", c
 function rows(/** @type {any} */ frame) {
   return frame.motors.map((/** @type {any} */ motor, /** @type {number} */ index) => {
     const [s, t, z, g] = motor.points ?? [];
-    const of = { ...Object.fromEntries(Object.entries(VALUES).map(([name, key]) => [name, motor[key]])), s, t, z, g, target: motor.told === "velocity" ? motor.target : null };
+    const of = { ...Object.fromEntries(Object.entries(VALUES).map(([name, key]) => [name, motor[key]])), s, t, z, g, target: motor.told === "velocity" ? motor.target : null, goal: motor.told === "position" || motor.told === "together" ? motor.target : null };
     return [frame.at_s.toFixed(4), index, frame.battery_v ?? "", ...OF_MOTOR.map((name) => of[name] ?? "")].join(",");
   }).join("\n");
 }
@@ -24,12 +26,12 @@ function rows(/** @type {any} */ frame) {
 export function parse(/** @type {string} */ text) {
   const [head, ...lines] = text.trim().split(/\r?\n/);
   const names = head.split(",");
-  const missing = HEADINGS.filter((name) => !names.includes(name));
+  const missing = HEADINGS.filter((name) => !names.includes(name) && !LATER.includes(name));
   if (missing.length) throw new Error(`not a recording of this page: the file has no column ${missing.join(", ")}`);
   const motors = [0, 1, 2, 3].map(() => Object.fromEntries([...OF_MOTOR, "time", "battery"].map((name) => [name, /** @type {(number|null)[]} */ ([])])));
   lines.forEach((line, index) => {
     const cells = line.split(",");
-    const value = (/** @type {string} */ name) => (cells[names.indexOf(name)] === "" ? null : Number(cells[names.indexOf(name)]));
+    const value = (/** @type {string} */ name) => (!names.includes(name) || cells[names.indexOf(name)] === "" ? null : Number(cells[names.indexOf(name)]));
     const of = motors[value("motor") ?? -1];
     if (!of || cells.length !== names.length || [...cells.keys()].some((i) => Number.isNaN(Number(cells[i])))) throw new Error(`line ${index + 2} is not a row of a recording`);
     of.time.push(value("time_s") ?? 0);
@@ -62,7 +64,7 @@ export function recordPanel() {
     if (!chosen) return;
     try {
       show(parse(await chosen.text()));
-      say(says, `${chosen.name} is shown in the plots; Resume shows the hub again.`);
+      say(says, `${chosen.name} is shown in the plots; Resume live shows the hub again.`);
     } catch (error) {
       say(says, `${chosen.name}: ${/** @type {Error} */ (error).message}`);
     }
@@ -78,5 +80,5 @@ export function recordPanel() {
     if (recorded.length % 50 === 0) tell();
     if (recorded.length >= MOST) toggle.click();
   });
-  return h("div", { class: "stack" }, h("div", { class: "row" }, toggle, save, load, file), says, h("p", { class: "muted" }, "A recording has a row for each motor and frame, 50 frames per second: time in s, battery in V, speeds in counts/s, control and points S, T, Z, G from -1 to 1, currents in A. It lasts half an hour at most."));
+  return h("div", { class: "stack" }, h("div", { class: "row" }, toggle, save, load, file), says, h("p", { class: "muted" }, "A recording has a row for each motor and frame, 50 frames per second: time in s, battery in V, speeds in counts/s, positions (goal: set-point) in counts, control and points S, T, Z, G from -1 to 1, currents in A. It lasts half an hour at most."));
 }

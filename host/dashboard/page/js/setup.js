@@ -20,7 +20,7 @@ export function setupPanel(link) {
   const undo = h("button", { type: "button", onclick: () => link.order("undo", { motor: state.chosen }) }, "Undo");
   const save = h("button", { type: "button", id: "save", onclick: () => link.order("save") }, "Save settings");
   const saving = h("p", { class: "muted" });
-  const zero = h("button", { type: "button", onclick: () => link.order("reset-encoder", { motor: state.chosen }) }, "Set position to 0");
+  const zero = h("button", { type: "button", onclick: () => link.order("reset-encoder", { motor: state.chosen }) }, "Set zero here");
 
   function fill() {
     const settings = state.settings[state.chosen];

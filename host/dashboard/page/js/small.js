@@ -2,13 +2,16 @@
 
 import { h } from "./dom.js";
 import { on } from "./state.js";
+import { number } from "./units.js";
 
 /** @typedef {{words: string, colour: string, dash?: number[]}} Line */
 
 export class SmallPlot {
-  /** @param {string} label @param {Line[]} lines */
-  constructor(label, lines) {
+  /** @param {string} label @param {Line[]} lines @param {number} height in pixels */
+  constructor(label, lines, height = 200) {
     this.lines = lines;
+    this.label = label;
+    this.height = height;
     this.host = h("div", { class: "chart", role: "img", "aria-label": label });
     const names = lines.map(({ words, colour, dash }) => {
       const span = h("span", {});
@@ -24,6 +27,12 @@ export class SmallPlot {
   /** @param {any[]} data times in seconds, then the values of each line */
   show(data) {
     this.data = data;
+    // A text for users who do not see the plot.
+    const words = this.lines.map(({ words }, index) => {
+      const known = data[index + 1].filter((/** @type {number|null} */ value) => value !== null);
+      return known.length ? `${words} from ${number(Math.min(...known))} to ${number(Math.max(...known))}, at the end ${number(known.at(-1))}` : `${words} empty`;
+    });
+    this.host.setAttribute("aria-label", `${this.label}: ${words.join("; ")}`);
     this.draw();
   }
 
@@ -33,12 +42,12 @@ export class SmallPlot {
     const colour = (/** @type {string} */ name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
     const axis = { stroke: colour("muted"), grid: { stroke: colour("grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif" };
     this.plot ??= new uPlot({
-      width, height: 200, legend: { show: false }, cursor: { drag: { x: false, y: false } }, padding: [8, 8, 0, 0],
+      width, height: this.height, legend: { show: false }, cursor: { drag: { x: false, y: false } }, padding: [8, 8, 0, 0],
       scales: { x: { time: false }, y: { range: (/** @type {any} */ _, /** @type {any} */ low, /** @type {any} */ high) => (low === null ? [0, 1000] : uPlot.rangeNum(low, high, 0.1, true)) } },
-      axes: [{ ...axis, size: 40, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map((tick) => `${+tick.toFixed(2)} s`) }, { ...axis, size: 62 }],
+      axes: [{ ...axis, size: 28, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map((tick) => `${+tick.toFixed(2)} s`) }, { ...axis, size: 62 }],
       series: [{}, ...this.lines.map(({ colour: name, dash }) => ({ stroke: colour(name), width: 2, dash, points: { show: false } }))],
     }, this.data, this.host);
-    if (this.plot.width !== width) this.plot.setSize({ width, height: 200 });
+    if (this.plot.width !== width) this.plot.setSize({ width, height: this.height });
     this.plot.setData(this.data);
   }
 }

@@ -6,7 +6,9 @@ import { History } from "./history.js";
 export const state = {
   /** This page's number. */ you: 0,
   /** The page in control. */ controller: null,
+  /** The page that asks for control. */ asks: null,
   open: false,
+  /** The program was started again, with another token. */ restarted: false,
   connected: false,
   reports: true,
   /** The hub can store its settings. */ stores: false,
@@ -40,5 +42,18 @@ export const inControl = () => state.open && state.controller === state.you;
 /** @param {number} motor */
 export function choose(motor) {
   state.chosen = motor;
+  keep("motor", motor);
   tell("chosen");
 }
+
+/** What this browser keeps for a reload of the page: a choice by its name. @param {string} name @param {any} fallback */
+export function kept(name, fallback) {
+  try {
+    return JSON.parse(localStorage.getItem(name) ?? "") ?? fallback;
+  } catch {
+    return fallback;
+  }
+}
+
+/** @param {string} name @param {any} value */
+export const keep = (name, value) => localStorage.setItem(name, JSON.stringify(value));

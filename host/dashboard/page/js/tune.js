@@ -28,24 +28,24 @@ export function tunePanel(link) {
   const order = (/** @type {string} */ name, /** @type {any} */ fields = {}) => link.order(name, { motor: state.chosen, ...fields });
   const fields = Object.fromEntries(["velocity", "position"].map((of) => [of, ["P", "I", "D", "F"].map((letter) => h("input", { type: "number", step: "any", "aria-label": `${letter} of the ${of} loop` }))]));
   const regulator = h("b", {}, "–");
-  const model = h("p", { class: "muted" });
+  const model = h("span", { class: "muted" });
   const undo = h("button", { type: "button", onclick: () => order("undo") }, "Undo");
-  const byModel = h("button", { type: "button", onclick: () => order("regulator", { kind: "model" }) }, "Regulate by the motor model");
-  const byPid = h("button", { type: "button", onclick: () => order("regulator", { kind: "pid" }) }, "Regulate by PID");
+  const byModel = h("button", { type: "button", onclick: () => order("regulator", { kind: "model" }) }, "By the model");
+  const byPid = h("button", { type: "button", onclick: () => order("regulator", { kind: "pid" }) }, "By PID");
   const limit = h("input", { type: "number", min: 1, step: 1, placeholder: "none", "aria-label": "Largest acceleration, counts/s²" });
-  const setLimit = h("button", { type: "button", onclick: () => order("acceleration", { limit: limit.value ? Number(limit.value) : null }) }, "Set limit");
-  const rows = ["velocity", "position"].flatMap((of) => [h("span", {}, of), ...fields[of]]);
-  const apply = ["velocity", "position"].map((of) => h("button", { type: "button", onclick: () => order("coefficients", { of, pidf: fields[of].map((/** @type {any} */ field) => Number(field.value) || 0) }) }, `Set ${of} loop`));
+  const setLimit = h("button", { type: "button", onclick: () => order("acceleration", { limit: limit.value ? Number(limit.value) : null }) }, "Set");
+  const apply = ["velocity", "position"].map((of) => h("button", { type: "button", "aria-label": `Set the ${of} loop`, onclick: () => order("coefficients", { of, pidf: fields[of].map((/** @type {any} */ field) => Number(field.value) || 0) }) }, "Set"));
+  const rows = ["velocity", "position"].flatMap((of, index) => [h("span", {}, of), ...fields[of], apply[index]]);
 
   const from = h("input", { type: "number", value: 0, "aria-label": "Step from" });
   const to = h("input", { type: "number", value: 800, "aria-label": "Step to" });
   const unit = h("span", { class: "muted" }, "counts/s");
-  const begin = h("button", { type: "button", class: "primary", onclick: () => step() }, "Run a step");
+  const begin = h("button", { type: "button", class: "primary", onclick: () => step() }, "Run step");
   const says = h("p", { class: "muted", role: "status" });
-  const plot = new SmallPlot("Step response", [
+  const plot = new SmallPlot("Step", [
     { words: "set-point", colour: "target", dash: [7, 5] },
     { words: "before", colour: "muted", dash: [2, 3] },
-    { words: "now", colour: "speed" }]);
+    { words: "now", colour: "speed" }], 130);
   const results = h("tbody", {});
   /** @type {any} */
   let running = null;
@@ -81,8 +81,16 @@ export function tunePanel(link) {
       return at < 0 ? null : fromCps(before.speeds[at], settings);
     }) : now.times.map(() => null);
     plot.show([now.times, now.times.map(() => fromCps(now.high, settings)), other, now.speeds.map((/** @type {number} */ speed) => fromCps(speed, settings))]);
-    results.replaceChildren(...[["before", before], ["now", now]].filter(([, run]) => run).map(([name, run]) => h("tr", {}, h("th", {}, name), h("td", { class: "n" }, `${number(run.reached, 2)} s`), h("td", { class: "n" }, `${number(100 * run.overshoot, 1)} %`), h("td", { class: "n" }, `${number(run.settled, 2)} s`), h("td", { class: "n" }, `${number(run.error, 1)} counts/s`))));
+    results.replaceChildren(...[["before", before], ["now", now]].filter(([, run]) => run).map(([name, run]) => h("tr", {}, h("th", {}, name), h("td", { class: "n" }, `${number(run.reached, 2)} s`), h("td", { class: "n" }, `${number(100 * run.overshoot, 1)} %`), h("td", { class: "n" }, `${number(run.settled, 2)} s`), h("td", { class: "n" }, number(run.error, 1)))));
   }
+
+  // An answer does not name its order. While a step runs, a refusal is taken for one of the step.
+  on("refused", ({ why }) => {
+    if (!running) return;
+    order("enable", { motor: running.motor, on: false });
+    running = null;
+    say(says, `Refused: ${why}.`);
+  });
 
   on("frame", (frame) => {
     const motor = frame.motors[state.chosen];
@@ -125,13 +133,12 @@ export function tunePanel(link) {
 
   return h("div", { class: "columns" },
     h("div", { class: "stack" },
-      h("p", {}, "Regulator: ", regulator), model,
+      h("p", {}, "Regulated by ", regulator, ". ", model),
       h("div", { class: "row" }, byModel, byPid, undo),
-      h("div", { class: "grid4" }, h("span", {}), ...["P", "I", "D", "F"].map((letter) => h("span", { class: "head" }, letter)), ...rows),
-      h("div", { class: "row" }, ...apply),
+      h("div", { class: "loops" }, h("span", {}), ...["P", "I", "D", "F"].map((letter) => h("span", { class: "head" }, letter)), h("span", {}), ...rows),
       h("div", { class: "pair" }, h("span", {}, "Largest acceleration, counts/s²"), h("div", { class: "slider" }, limit, setLimit))),
     h("div", { class: "stack" },
-      h("div", { class: "row" }, h("label", { class: "field" }, "From", from), h("label", { class: "field" }, "to", to), unit, begin),
+      h("div", { class: "row step" }, h("label", { class: "field" }, "From", from), h("label", { class: "field" }, "to", to), unit, begin),
       says, plot.element,
-      h("table", {}, h("thead", {}, h("tr", {}, ...["", "at 90 %", "overshoot", "settled", "error at the end"].map((words, i) => h("th", { class: i ? "n" : "" }, words)))), results)));
+      h("table", {}, h("thead", {}, h("tr", {}, h("td", {}), ...["Rise time (90 %)", "Overshoot", "Settled", "End error, counts/s"].map((words) => h("th", { class: "n" }, words)))), results)));
 }

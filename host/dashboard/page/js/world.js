@@ -42,10 +42,10 @@ export function worldPanel(link) {
   const encoder = select(ENCODERS, { id: "world-encoder", onchange: () => change("encoder", { motor: motor(), is: encoder.value }) });
   const of = h("h3", {}, "");
   const buttons = [
-    ["Winch: load of 0.8 N m", () => { link.order("drive", { motor: motor(), mode: "velocity", value: 800 }); link.order("enable", { motor: motor(), on: true }); change("torque", { motor: motor(), nm: 0.8 }); }],
+    ["Winch of 0.8 N m", () => { link.order("drive", { motor: motor(), mode: "velocity", value: 800 }); link.order("enable", { motor: motor(), on: true }); change("torque", { motor: motor(), nm: 0.8 }); }],
     ["Unplug the encoder", () => change("encoder", { motor: motor(), is: "unplugged" })],
-    ["Drop the battery to 7 V", () => change("battery", { volts: 7 })],
-    ["Reset all", () => change("reset", null)],
+    ["Battery to 7 V", () => change("battery", { volts: 7 })],
+    ["Reset simulation", () => change("reset", null)],
   ].map(([words, act]) => h("button", { type: "button", onclick: act }, words));
 
   const play = h("button", { type: "button", class: "primary", id: "world-play", hidden: true, onclick: () => link.order("play") }, "Play the scenario");
