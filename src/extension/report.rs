@@ -218,6 +218,32 @@ pub enum ReportedSetpoint {
     Identify(u32),
 }
 
+impl Default for MotorReport {
+    /// The state of a disabled motor after a reset.
+    fn default() -> Self {
+        Self {
+            setpoint: ReportedSetpoint::Off,
+            position: 0,
+            velocity: 0,
+            regulator: Kind::Model,
+            control: Control::ZERO,
+            regime: None,
+            drive: Drive::COAST,
+            current: Milliamperes::ZERO,
+            measured_ma: None,
+            load: None,
+            heat: 0,
+            enabled: false,
+            settled: false,
+            stalled: false,
+            derated: false,
+            current_limited: false,
+            faults: Faults::default(),
+            points: None,
+        }
+    }
+}
+
 impl Field for HubReport {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let version = ByteIn::<1, { u8::MAX }>::read(fields)?.get();
