@@ -2,24 +2,24 @@
 //!
 //! ```
 //! use motor_hub::extension::MotorFunction;
-//! use motor_hub::extension::group::{GroupCourse, GroupMove};
-//! use motor_hub::group::DriveBase;
+//! use motor_hub::extension::group::GroupCourse;
+//! use motor_hub::group::{DriveBase, GroupCommand};
 //! use motor_hub::units::{Acceleration, CountsPerSecond};
 //!
 //! // A drive base on motors 0 and 1 turns a quarter to the left.
 //! let base = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1680.0; 2] };
 //! let [left, right] = base.turn(90.0)?;
 //! let course = GroupCourse::To([Some(left), Some(right), None, None]);
-//! let turn = GroupMove::new(course, CountsPerSecond::new(2_000), Acceleration::new(5_000)?);
+//! let turn = GroupCommand::new(course, CountsPerSecond::new(2_000), Acceleration::new(5_000)?);
 //! let request = MotorFunction::Move { wanted: turn }.to(0);
 //! assert_eq!((request.id(), request.payload().len()), (0x4D06, 32));
 //! # Ok::<(), motor_hub::units::RangeError>(())
 //! ```
 
-use crate::group::{Halt, TOLERANCE, usual_lag};
-use crate::protocol::payload::{ByteIn, Field, Fields, Payload, codes, in_turn};
+use crate::group::{GroupCommand, Halt};
+use crate::protocol::payload::{ByteIn, Field, Fields, Payload, bits, byte, codes, in_turn};
 use crate::protocol::{CHANNELS, Nack};
-use crate::units::{Acceleration, CountsPerSecond};
+use crate::units::CountsPerSecond;
 
 /// The course of a group, by motor; `None` for a motor outside the group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,32 +29,6 @@ pub enum GroupCourse {
     To([Option<i32>; CHANNELS]),
     /// The members turn at these speeds; the group stops if all speeds are 0.
     On([Option<CountsPerSecond>; CHANNELS]),
-}
-
-/// A group and its course.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct GroupMove {
-    /// Members, and the targets of the members.
-    pub course: GroupCourse,
-    /// Magnitude of the speed of the member that moves most, towards positions.
-    pub speed: CountsPerSecond,
-    /// Largest acceleration of any member.
-    pub acceleration: Acceleration,
-    /// Lag, in counts, at which all other members wait for a member.
-    pub lag: u16,
-    /// Largest distance of each member to its target, in counts, at which the group can settle.
-    pub tolerance: u16,
-    /// What the other members do when a member is lost.
-    pub halt: Halt,
-}
-
-impl GroupMove {
-    /// A move with lag, tolerance and halt of [`GroupCommand::new`](crate::group::GroupCommand::new).
-    pub const fn new(course: GroupCourse, speed: CountsPerSecond, acceleration: Acceleration) -> Self {
-        let (lag, halt) = (usual_lag(speed), Halt::Stop);
-        Self { course, speed, acceleration, lag, tolerance: TOLERANCE, halt }
-    }
 }
 
 /// State of a motor's group.
@@ -75,11 +49,11 @@ codes!(GroupState { 0 = Alone, 1 = Moving, 2 = Settled });
 impl Field for GroupCourse {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let goes_on = bool::read(fields)?;
-        let members = ByteIn::<0, 15>::read(fields)?.get();
+        let members = bits(ByteIn::<0, 15>::read(fields)?.get());
         let values = <[i32; CHANNELS]>::read(fields)?;
         let mut all = [None; CHANNELS];
-        for (motor, (slot, value)) in all.iter_mut().zip(values).enumerate() {
-            *slot = (members >> motor & 1 == 1).then_some(value);
+        for (slot, (member, value)) in all.iter_mut().zip(members.into_iter().zip(values)) {
+            *slot = member.then_some(value);
         }
         Ok(if goes_on {
             Self::On(all.map(|bits| bits.map(CountsPerSecond::from_bits)))
@@ -93,11 +67,10 @@ impl Field for GroupCourse {
             Self::To(counts) => (false, *counts),
             Self::On(speeds) => (true, speeds.map(|speed| speed.map(CountsPerSecond::to_bits))),
         };
-        let members = all.iter().enumerate().map(|(motor, value)| u8::from(value.is_some()) << motor);
         goes_on.write(payload);
-        members.sum::<u8>().write(payload);
+        byte(all.map(|value| value.is_some())).write(payload);
         all.map(Option::unwrap_or_default).write(payload);
     }
 }
 
-in_turn!(GroupMove { course, speed, acceleration, lag, tolerance, halt });
+in_turn!(GroupCommand<GroupCourse> { course, speed, acceleration, lag, tolerance, halt });

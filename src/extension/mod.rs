@@ -20,6 +20,7 @@ pub mod report;
 pub mod settings;
 pub mod state;
 
+use crate::group::GroupCommand;
 use crate::protocol::answers::Functions;
 use crate::protocol::motor::ToMotor;
 use crate::protocol::payload::{Field, Fields, Payload, Text};
@@ -27,7 +28,7 @@ use crate::protocol::pins::ToPin;
 use crate::protocol::request_table::requests;
 use crate::protocol::requests::{MOTOR_FUNCTIONS, MOTOR_INTERFACE, Standard, ToHub};
 use crate::protocol::{HOST, Nack, Packet};
-use group::GroupMove;
+use group::GroupCourse;
 use settings::{Group, Values};
 
 /// The name of the interface.
@@ -48,7 +49,7 @@ requests! {
         /// The answer is an [`Identification`](crate::regulator::identify::Identification).
         5 Identification,
         /// Moves a group that the motor belongs to.
-        6 Move { wanted: GroupMove },
+        6 Move { wanted: GroupCommand<GroupCourse> },
         /// The answer is a [`GroupState`](group::GroupState).
         7 Group,
         /// The answer is a [`Condition`](report::Condition).

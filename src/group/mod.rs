@@ -110,12 +110,12 @@ pub enum Halt {
     Coast,
 }
 
-/// A command to a group.
+/// A command to a group. Hosts state the course `C` in their own counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct GroupCommand {
+pub struct GroupCommand<C = Course> {
     /// Members, and where they move.
-    pub course: Course,
+    pub course: C,
     /// Speed of the member that moves farthest, as a magnitude. [`Course::On`] has speeds of its own.
     pub speed: CountsPerSecond,
     /// Largest acceleration of any member.
@@ -128,10 +128,10 @@ pub struct GroupCommand {
     pub halt: Halt,
 }
 
-impl GroupCommand {
+impl<C> GroupCommand<C> {
     /// Creates a command with the [usual lag](usual_lag), a tolerance of [`TOLERANCE`] counts and [`Halt::Stop`]. For
     /// [`Course::On`] the lag is computed from `speed`.
-    pub const fn new(course: Course, speed: CountsPerSecond, acceleration: Acceleration) -> Self {
+    pub const fn new(course: C, speed: CountsPerSecond, acceleration: Acceleration) -> Self {
         let (lag, halt) = (usual_lag(speed), Halt::Stop);
         Self { course, speed, acceleration, lag, tolerance: TOLERANCE, halt }
     }

@@ -1,6 +1,6 @@
 //! Courses of groups that the motors have not received yet.
 
-use crate::extension::group::{GroupCourse, GroupMove};
+use crate::extension::group::GroupCourse;
 use crate::group::{ByMotor, Course, GroupCommand, MOTORS};
 use crate::protocol::CHANNELS;
 
@@ -53,8 +53,8 @@ impl<const N: usize> Courses<N> {
 }
 
 /// A host's course in the counts of the motors. `goal` converts a motor's number and a target in the host's counts.
-pub(super) fn together(wanted: GroupMove, goal: impl Fn(usize, i32) -> i32) -> GroupCommand {
-    let GroupMove { course, speed, acceleration, lag, tolerance, halt } = wanted;
+pub(super) fn together(wanted: GroupCommand<GroupCourse>, goal: impl Fn(usize, i32) -> i32) -> GroupCommand {
+    let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = wanted;
     let course = match course {
         GroupCourse::To(counts) => {
             let mut targets = by_motor(counts);

@@ -47,11 +47,12 @@ mod report;
 mod store;
 mod update;
 
-use crate::extension::group::{GroupMove, GroupState};
+use crate::extension::group::{GroupCourse, GroupState};
 use crate::extension::record::{Entries, Ticks};
 use crate::extension::report::{BusReport, Commands, HubReport};
 use crate::extension::settings::Values;
 use crate::extension::{self, HubFunction, MotorFunction, Request};
+use crate::group::GroupCommand;
 use crate::hub::{Action, Bus, Command, Snapshot};
 use crate::motor::{Report, Setpoint, Settings};
 use crate::protocol::answers::{Bulk, Status, Version};
@@ -445,7 +446,7 @@ impl<const N: usize> Responder<N> {
     fn move_group(
         &mut self,
         leader: usize,
-        wanted: GroupMove,
+        wanted: GroupCommand<GroupCourse>,
         snapshot: &Snapshot<N>,
     ) -> Result<Reply, Nack> {
         let goal = |motor: usize, counts: i32| {

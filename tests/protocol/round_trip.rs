@@ -3,7 +3,7 @@
 use core::num::NonZeroU16;
 use motor_hub::braking::{Blend, BlendFraction, DutyRule, Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode, Timing};
-use motor_hub::extension::group::{GroupCourse, GroupMove, GroupState};
+use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::extension::report::{
     BusReport, Commands, Condition, HubReport, MotorReport, ReportedSetpoint,
@@ -11,7 +11,7 @@ use motor_hub::extension::report::{
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::state::StoreReport;
 use motor_hub::extension::{HubFunction, INTERFACE, MotorFunction, Request};
-use motor_hub::group::Halt;
+use motor_hub::group::{GroupCommand, Halt};
 use motor_hub::motion::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, SenseLine, Settings, ThermalLimit};
 use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
@@ -481,7 +481,7 @@ fn group_functions() -> Vec<BoxedStrategy<Case>> {
     let wanted = (course, limits, halt).prop_map(|(course, (speed, acceleration, lag, tolerance), halt)| {
         let speed = CountsPerSecond::from_bits(speed);
         let acceleration = Acceleration::new(acceleration).expect("above 0");
-        GroupMove { course, speed, acceleration, lag, tolerance, halt }
+        GroupCommand { course, speed, acceleration, lag, tolerance, halt }
     });
     vec![
         with(&[1, 1, 1, 4, 4, 4, 4, 4, 4, 2, 2, 1], (motor(), wanted), |(motor, wanted)| {

@@ -2,7 +2,7 @@
 
 use crate::host::{N, Said, TestHost};
 use motor_hub::extension::MotorFunction;
-use motor_hub::extension::group::{GroupCourse, GroupMove};
+use motor_hub::extension::group::GroupCourse;
 use motor_hub::group::{Course, GroupCommand, Halt, MOTORS};
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Report, Setpoint};
@@ -12,8 +12,8 @@ use motor_hub::units::{Acceleration, Control, CountsPerSecond};
 const MOVE: u16 = 0x4D06;
 const STATE: u16 = 0x4D07;
 
-fn wanted(course: GroupCourse) -> GroupMove {
-    GroupMove {
+fn wanted(course: GroupCourse) -> GroupCommand<GroupCourse> {
+    GroupCommand {
         course,
         speed: CountsPerSecond::new(2_000),
         acceleration: Acceleration::new(5_000).expect("above 0"),
@@ -23,19 +23,19 @@ fn wanted(course: GroupCourse) -> GroupMove {
     }
 }
 
-fn pair(left: i32, right: i32) -> GroupMove {
+fn pair(left: i32, right: i32) -> GroupCommand<GroupCourse> {
     wanted(GroupCourse::To([None, Some(left), None, Some(right)]))
 }
 
 fn lead(motor: usize, left: i32, right: i32) -> Command {
     let mut counts = [None; MOTORS];
     (counts[1], counts[3]) = (Some(left), Some(right));
-    let GroupMove { speed, acceleration, lag, tolerance, halt, .. } = pair(0, 0);
+    let GroupCommand { speed, acceleration, lag, tolerance, halt, .. } = pair(0, 0);
     let together = GroupCommand { course: Course::To(counts), speed, acceleration, lag, tolerance, halt };
     Command { motor, action: Action::Lead(together) }
 }
 
-fn ask(host: &mut TestHost, motor: u8, wanted: GroupMove) -> Said {
+fn ask(host: &mut TestHost, motor: u8, wanted: GroupCommand<GroupCourse>) -> Said {
     host.ask(MOVE, &MotorFunction::Move { wanted }.to(motor).payload())
 }
 

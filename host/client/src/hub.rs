@@ -14,11 +14,12 @@
 //! ```
 
 use crate::{Error, Session};
-use motor_hub::extension::group::{GroupMove, GroupState};
+use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::extension::record::{Entries, Ticks};
 use motor_hub::extension::report::{BusReport, HubReport};
 use motor_hub::extension::state::StoreReport;
 use motor_hub::extension::{HubFunction, MotorFunction};
+use motor_hub::group::GroupCommand;
 use motor_hub::protocol::answers::{Bulk, Status};
 use motor_hub::protocol::payload::Text;
 use motor_hub::protocol::requests::{AdcChannel, BATTERY, FIRST_CURRENT, Standard, ToHub};
@@ -208,7 +209,7 @@ impl<L: Read + Write> Session<L> {
 
     /// Moves a group of motors in step; `motor` is a member of the group. The move replaces each motor's set-point. All
     /// members must be enabled. Needs this project's firmware.
-    pub fn move_together(&mut self, motor: u8, wanted: GroupMove) -> Result<(), Error> {
+    pub fn move_together(&mut self, motor: u8, wanted: GroupCommand<GroupCourse>) -> Result<(), Error> {
         self.order(MotorFunction::Move { wanted }.to(motor))
     }
 

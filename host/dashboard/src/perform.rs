@@ -4,8 +4,9 @@ use crate::frame::{SettingsOf, scheme};
 use crate::order::Order;
 use crate::world::World;
 use motor_hub::braking::DutyRule;
-use motor_hub::extension::group::{GroupCourse, GroupMove};
+use motor_hub::extension::group::GroupCourse;
 use motor_hub::extension::settings::{Group, MotorSettings};
+use motor_hub::group::GroupCommand;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
@@ -370,7 +371,7 @@ fn together(
         session.enable(motor, true)?;
     }
     let speed = CountsPerSecond::new(i32::try_from(speed).unwrap_or(i32::MAX));
-    Ok(session.move_together(first, GroupMove::new(GroupCourse::To(to), speed, limit))?)
+    Ok(session.move_together(first, GroupCommand::new(GroupCourse::To(to), speed, limit))?)
 }
 
 fn restore(session: &mut Session<Line>, motor: u8, before: &Before) -> Result<(), Trouble> {

@@ -7,8 +7,8 @@ use super::live::{Live, Reading, repeat};
 use super::trouble::Trouble;
 use crate::output::{Failure, print};
 use crate::parse::{channel, whole, within_a_day};
-use motor_hub::extension::group::{GroupCourse, GroupMove, GroupState};
-use motor_hub::group::{Halt, TOLERANCE};
+use motor_hub::extension::group::{GroupCourse, GroupState};
+use motor_hub::group::{GroupCommand, Halt, TOLERANCE};
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
 use motor_hub::protocol::motor::RunMode;
@@ -117,7 +117,7 @@ impl Options {
         &self,
         session: &mut Session<Line>,
         values: [Option<i32>; CHANNELS],
-    ) -> Result<GroupMove, Trouble> {
+    ) -> Result<GroupCommand<GroupCourse>, Trouble> {
         let mut speed = CountsPerSecond::new(self.speed);
         let course = if self.on {
             let fastest = values.iter().flatten().map(|cps| cps.abs()).max();
@@ -133,8 +133,8 @@ impl Options {
             }
             GroupCourse::To(places)
         };
-        let usual = GroupMove::new(course, speed, self.acceleration);
-        Ok(GroupMove {
+        let usual = GroupCommand::new(course, speed, self.acceleration);
+        Ok(GroupCommand {
             lag: self.lag.unwrap_or(usual.lag),
             tolerance: self.tolerance,
             halt: if self.coast { Halt::Coast } else { Halt::Stop },
@@ -143,7 +143,12 @@ impl Options {
     }
 
     /// Starts the group and shows its motion; true if all motors have settled, false if the time is over.
-    fn lead(&self, session: &mut Session<Line>, motors: &[u8], wanted: GroupMove) -> Result<bool, Trouble> {
+    fn lead(
+        &self,
+        session: &mut Session<Line>,
+        motors: &[u8],
+        wanted: GroupCommand<GroupCourse>,
+    ) -> Result<bool, Trouble> {
         let Some(&first) = motors.first() else { return Ok(false) };
         session.move_together(first, wanted)?;
         let (mut live, mut readings) = (Live::new(), 0u32);
