@@ -2,7 +2,7 @@
 //!
 //! * **Model** is the default. An observer estimates position, speed and load at each sample of the encoder. The law
 //!   computes in closed form the voltage that brings the motor to the demanded speed by the next tick. Nothing
-//!   integrates, so nothing winds up. For an *unknown motor*, which has no configured [`Dynamics`](crate::settings::Dynamics), the regulator
+//!   integrates, so nothing winds up. For an *unknown motor*, which has no configured [`Dynamics`], the regulator
 //!   estimates the acceleration per volt while the motor works.
 //! * **PID** runs for a motor with coefficients of a host: a velocity loop, and a position loop above it. Speeds come
 //!   from the same observer.
@@ -228,16 +228,18 @@ impl Regulator {
         let passed =
             if self.predicted_until == before { gap } else { samples(self.predicted_until, reading.at) };
         self.predict(passed, reading.at);
-        let uncertain_edge = self.counts_due() && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
-        let (voltage, stalled) = (self.volts(), uncertain_edge || self.is_stalled());
-        let Motion { plant, observer, .. } = &mut self.motion;
+        let stalled = self.is_stalled();
+        let Self { motion: Motion { plant, observer, .. }, gain_estimate, voltage, requested, .. } = self;
         if gap > LONGEST_GAP_SAMPLES {
             *observer = Observer::new(within(1_000.0 * moved as f32 / gap as f32, FASTEST_CPS));
             self.restart_gain_estimate();
         } else if let Some(correction) = observer.update(plant, moved, self.speed_demanded)
-            && let Some(estimate) = &mut self.gain_estimate
+            && let Some(estimate) = gain_estimate
         {
-            estimate.correct(plant, &correction, moved, voltage, stalled);
+            let uncertain =
+                counts_due(*requested) && reading.at.since(reading.edge_at) >= UNCERTAIN_EDGE_MICROS;
+            let volts = voltage.map(Voltage::to_volts);
+            estimate.correct(plant, &correction, moved, volts, uncertain || stalled);
         }
     }
 
@@ -252,11 +254,10 @@ impl Regulator {
             return;
         }
         self.predicted_until = now;
-        let voltage = self.volts();
-        let Motion { plant, observer, .. } = &mut self.motion;
+        let Self { motion: Motion { plant, observer, .. }, gain_estimate, voltage, .. } = self;
         for _ in 0..passed.min(LONGEST_GAP_SAMPLES) {
-            if let Some(estimate) = &mut self.gain_estimate {
-                estimate.predict(plant, observer.speed(), voltage);
+            if let Some(estimate) = gain_estimate {
+                estimate.predict(plant, observer.speed(), voltage.map(Voltage::to_volts));
             }
             observer.predict(plant);
         }
@@ -331,11 +332,6 @@ impl Regulator {
         observer.external_acceleration(plant)
     }
 
-    /// True if the last output was to reach a speed at which counts are due.
-    const fn counts_due(&self) -> bool {
-        self.requested.to_bits().unsigned_abs() >= COUNTS_DUE_SPEED.to_bits().unsigned_abs()
-    }
-
     /// True if the motor should turn, but has sent no count for a while.
     pub const fn is_stalled(&self) -> bool {
         self.stalled_ms >= STALLED_MS
@@ -394,7 +390,7 @@ impl Regulator {
             }
         };
         self.requested = output.speed;
-        self.stalled_ms = if self.counts_due() && moved == 0 {
+        self.stalled_ms = if counts_due(self.requested) && moved == 0 {
             self.stalled_ms.saturating_add(context.period.as_millis())
         } else {
             0
@@ -483,6 +479,11 @@ impl Regulator {
         let Motion { plant, observer, .. } = &mut self.motion;
         observer.drive(plant, volts);
     }
+}
+
+/// True if a motor that turns at this speed should have sent a count by the time it counts as stalled.
+const fn counts_due(requested: CountsPerSecond) -> bool {
+    requested.to_bits().unsigned_abs() >= COUNTS_DUE_SPEED.to_bits().unsigned_abs()
 }
 
 /// Samples of 1 ms from one time to another, rounded. A division of 32 bits is shorter than one of 64 bits.
