@@ -6,8 +6,8 @@
 //! | [`BridgeFaults`], [`CurrentSense`] | boards that can read fault outputs or current-sense lines of their bridges |
 //! | [`DigitalPins`] | boards with digital pins for the host |
 //!
-//! A board also spawns the tasks of `crate::tasks`. embedded-hal 1.0 has no traits for quadrature counters, for ADCs or
-//! for bridges with three lines. This crate therefore defines its own.
+//! A board also spawns the tasks of `crate::tasks`. These traits exist because embedded-hal 1.0 has none for quadrature
+//! counters, ADCs and H bridges.
 //!
 //! ```
 //! use motor_hub::board::Encoders;
@@ -29,11 +29,10 @@ use core::ops::RangeInclusive;
 
 /// The quadrature counters of N motors.
 pub trait Encoders<const N: usize> {
-    /// Returns all counters; `None` for a counter that cannot be read now. Must not block.
+    /// Returns all counters. `None` for a counter that cannot be read now. Must not block.
     ///
-    /// Counters wrap at 16 bits and count up when the motor turns CW. A motor whose counter has not been read for 20 ms
-    /// has no encoder; other motors are not affected. When the counter can be read again, it is assumed to have counted
-    /// by less than 32 768 meanwhile.
+    /// Counters wrap at 16 bits, and count up when the motor turns CW. If a counter has not been read for 20 ms, its motor is
+    /// treated as a motor without encoder. Between two reads a counter must change by less than 32 768.
     fn counts(&mut self) -> [Option<u16>; N];
 }
 
@@ -42,23 +41,23 @@ pub trait Encoders<const N: usize> {
 pub trait SupplyAdc {
     /// Measures the battery's voltage. `None` if the converter does not answer, or if its reference is invalid.
     ///
-    /// The voltage is scaled, for example with [`crate::supply::VrefintScale`], but not checked for plausibility. Must
+    /// The voltage is not checked for plausibility. [`crate::supply::VrefintScale`] can convert readings to millivolts. Must
     /// return within a few milliseconds.
     async fn sample(&mut self) -> Option<Millivolts>;
 
     /// Waits until the battery's voltage has left the range `quiet`, and returns at most a millisecond later.
     ///
-    /// May also return when the voltage is closer to a limit than the converter can resolve. The analog watchdog of an ADC
-    /// does this without the processor. The future may be dropped at any time.
+    /// May also return while the voltage is in the range, if it differs from a limit by less than the converter's resolution.
+    /// The analog watchdog of an ADC can watch the range without the processor. The future may be dropped at any time.
     async fn leaves(&mut self, quiet: RangeInclusive<Millivolts>);
 }
 
 /// N H bridges.
 pub trait Bridges<const N: usize> {
-    /// Applies a command to each bridge, until the next call.
+    /// Applies a command to each bridge. The command stays in force until the next call.
     ///
-    /// While a bridge changes from one command to another, it must only be in states that may be commanded. It must never
-    /// short the supply, and never drive in the new direction with the old duty.
+    /// While a bridge changes from one command to another, it must never short the supply. It must never drive in the new
+    /// direction with the old duty.
     fn apply(&mut self, drives: &[Drive; N]);
 }
 
@@ -68,13 +67,13 @@ pub trait BridgeFaults<const N: usize> {
     fn faults(&mut self) -> [bool; N];
 }
 
-/// Current-sense lines of bridges. Each line has a filter with a time constant of some tenths of a millisecond.
+/// Current-sense lines of bridges. Each line needs a filter with a time constant of some tenths of a millisecond.
 #[allow(async_fn_in_trait, reason = "tasks of one thread: no bound on the future is needed")]
 pub trait CurrentSense<const N: usize> {
-    /// Measures the mean current of each motor, positive. `None` for a motor without a line, or if the converter does not
-    /// answer; 0 is a valid measurement.
+    /// Measures the magnitude of the mean current of each motor. `None` for a motor without a current-sense line, or if the
+    /// converter does not answer. 0 is a valid measurement.
     ///
-    /// A line shows the current in the modes 9/8 and 6/2. In mode 5/0 it shows 0. Must return within a few milliseconds.
+    /// A line shows the motor's current in the modes 9/8 and 6/2. In mode 5/0 it shows 0. Must return within a few milliseconds.
     async fn sample(&mut self) -> [Option<Milliamperes>; N];
 }
 
@@ -87,10 +86,11 @@ impl<const N: usize> CurrentSense<N> for () {
 
 /// Up to eight digital pins for the host's own use, numbered from 0.
 pub trait DigitalPins {
-    /// Drives some pins and returns the levels of all pins. Bit i stands for pin i, and 1 is high. Must not block.
+    /// Sets the direction and the level of all pins, and returns their levels. Bit i stands for pin i, and 1 is high. Must not
+    /// block.
     ///
-    /// Pins with a bit in `driven` are outputs with the level in `levels`. All other pins are inputs with a pull-up. Pins
-    /// that the board does not have read 1, like open inputs.
+    /// A pin whose bit in `driven` is 1 is an output with its level in `levels`. All other pins are inputs with a pull-up. A pin
+    /// that the board does not have reads 1, like an open input.
     fn exchange(&mut self, driven: u8, levels: u8) -> u8;
 }
 
@@ -108,7 +108,7 @@ impl DigitalPins for () {
     }
 }
 
-/// A watchdog that resets the chip unless it is fed. A reset opens the bridges.
+/// A watchdog that resets the chip unless it is fed within its time-out. A reset opens all bridges.
 pub trait Watchdog {
     /// Restarts the watchdog's time-out.
     fn feed(&mut self);

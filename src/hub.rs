@@ -29,24 +29,24 @@ use crate::bridge::{BridgeFeedback, Drive};
 use crate::group::{GroupCommand, Halt};
 use crate::motion::Reading;
 use crate::motor::{Motor, Report, Setpoint, Settings, SupplyLimits};
-use crate::supply::{Battery, Stage};
+use crate::supply::{Battery, DrawStage};
 use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share, is_included};
 use bus::EnergyMeter;
 use groups::Groups;
 
 pub use bus::Bus;
 
-/// A command to one motor, which takes effect at the next tick.
+/// A command to one motor, or to the group that the motor belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Command {
     /// Index of the motor, 0 to N - 1.
     pub motor: usize,
-    /// What the command does.
+    /// The action for this motor.
     pub action: Action,
 }
 
-/// The action of a command.
+/// What a command does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Action {
@@ -54,8 +54,10 @@ pub enum Action {
     Set(Setpoint),
     /// Replaces all settings.
     Configure(Settings),
-    /// Sends a group on a course. The command's motor is any member of the group. Members of other groups leave these
-    /// groups. A group that exists with exactly these members continues from its present positions without a step.
+    /// Moves a group. The command's motor is any member of the group.
+    ///
+    /// A member of another group leaves that group. If a group with exactly these members exists, the group changes its course
+    /// without a step in its references.
     Lead(GroupCommand),
 }
 
@@ -64,9 +66,9 @@ pub enum Action {
 pub struct Inputs<const N: usize> {
     /// Time of the tick.
     pub now: Micros,
-    /// Newest reading of each encoder, of any age; `None` before the first.
+    /// Newest reading of each encoder, of any age. `None` before the first reading.
     pub readings: [Option<Reading>; N],
-    /// Newest battery reading, of any age; `None` before the first.
+    /// Newest state of the battery, of any age. `None` before the first state.
     pub battery: Option<Battery>,
 }
 
@@ -74,15 +76,16 @@ pub struct Inputs<const N: usize> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Snapshot<const N: usize> {
-    /// Number of ticks since boot; 0 before the first.
+    /// Number of ticks since boot. 0 before the first tick.
     pub tick: u32,
     /// Time of the tick.
     pub at: Micros,
     /// Number of ticks that were left out because a tick ended too late.
     pub missed: u32,
-    /// Number of the newest command that the snapshot includes, from 1; 0 before the first. After 2^32 - 1 comes 0.
+    /// Number of the newest command that the snapshot includes. 0 before the first command, which has number 1. Numbers wrap
+    /// from 2^32 - 1 to 0.
     pub commands: u32,
-    /// Battery voltage; `None` without a fresh reading.
+    /// Battery voltage. `None` without a [fresh](Battery::is_fresh) state of the battery.
     pub battery: Option<Millivolts>,
     /// Limits of the supply, and the energy of braking motors.
     pub bus: Bus,
@@ -91,7 +94,8 @@ pub struct Snapshot<const N: usize> {
 }
 
 impl Action {
-    /// True if a motor can execute the action between two ticks: an open bridge or constant power.
+    /// True if a motor can execute the action between two ticks. Such a *direct* action disables the motor, starts its
+    /// fail-safe, or sets constant power, and needs no regulator.
     pub const fn is_direct(&self) -> bool {
         matches!(self, Self::Set(setpoint) if setpoint.is_direct())
     }
@@ -109,19 +113,19 @@ impl<const N: usize> Snapshot<N> {
         motors: [Report::INITIAL; N],
     };
 
-    /// True if the snapshot includes the command of this number: it was made after the hub had applied the command.
+    /// True if the snapshot was made after the hub had applied the command with this number.
     pub const fn includes(&self, number: u32) -> bool {
         is_included(number, self.commands)
     }
 
-    /// The battery voltage if motors may be enabled; `None` if the voltage is unknown or low.
+    /// Returns the battery voltage if motors may be enabled. `None` if the voltage is unknown or low.
     pub fn good_battery(&self) -> Option<Millivolts> {
-        self.battery.filter(|_| self.bus.stage == Stage::Full)
+        self.battery.filter(|_| self.bus.stage == DrawStage::Full)
     }
 
-    /// True if the battery is low; false if its voltage is unknown. A low battery stays low until it has recovered.
+    /// True if the battery voltage is known and low. A low battery stays low until its voltage has recovered.
     pub fn battery_low(&self) -> bool {
-        self.battery.is_some() && self.bus.stage != Stage::Full
+        self.battery.is_some() && self.bus.stage != DrawStage::Full
     }
 
     /// True if every motor is disabled.
@@ -129,16 +133,16 @@ impl<const N: usize> Snapshot<N> {
         self.motors.iter().all(|motor| motor.setpoint == Setpoint::Disabled)
     }
 
-    /// The commands of all bridges.
+    /// Returns the commands of all bridges.
     pub fn drives(&self) -> [Drive; N] {
         self.motors.map(|motor| motor.drive)
     }
 }
 
-/// N motors, alone or in groups.
+/// N motors, each alone or in a group.
 ///
-/// A member leaves its group when it gets a set-point of its own, or when it has a fault. The other members then halt
-/// as the group's setting says. Disabling one member disables all of them.
+/// A member leaves its group when it gets its own set-point, or when it has a fault. The other members then halt according to
+/// [`GroupCommand::halt`]. Disabling one member disables all members.
 #[derive(Clone, Debug)]
 pub struct Hub<const N: usize> {
     motors: [Motor; N],
@@ -149,10 +153,10 @@ pub struct Hub<const N: usize> {
     /// Number of the newest command that was applied.
     commands: u32,
     energy: EnergyMeter,
-    /// [`Battery::draw`] as last applied to the motors.
+    /// The [`Battery::draw`] that motors are limited to.
     draw: Share,
-    /// [`Battery::burn`] as last applied to the motors.
-    burn: Share,
+    /// The [`Battery::dissipate`] that motors are limited to.
+    dissipate: Share,
 }
 
 impl<const N: usize> Hub<N> {
@@ -168,21 +172,21 @@ impl<const N: usize> Hub<N> {
             commands: 0,
             energy: EnergyMeter::new(period),
             draw: Share::ALL,
-            burn: Share::NONE,
+            dissipate: Share::NONE,
         }
     }
 
-    /// The control period.
+    /// Returns the control period.
     pub const fn period(&self) -> Period {
         self.period
     }
 
-    /// Applies a command, which takes effect at the next [`step`](Self::step) or [`act`](Self::act). Refused commands
-    /// are counted too: [`Snapshot::commands`] is the number of the newest command.
+    /// Applies a command. The command takes effect at the next [`step`](Self::step). A [direct](Action::is_direct) action can
+    /// take effect earlier, at the next [`execute_direct`](Self::execute_direct).
     ///
     /// # Errors
-    /// [`RangeError::Motor`] if a motor of the command does not exist, or if the command's motor is no member of its
-    /// group. Only the number of commands changes then.
+    /// [`RangeError::Motor`] if a motor of the command does not exist, or if the command's motor is not a member of the group
+    /// that the command moves. [`Snapshot::commands`] also counts refused commands.
     pub fn apply(&mut self, command: Command) -> Result<(), RangeError> {
         self.commands = self.commands.wrapping_add(1);
         let Self { motors, groups, .. } = self;
@@ -195,32 +199,33 @@ impl<const N: usize> Hub<N> {
                 groups.leave(index, releases.then_some(Halt::Coast), motors);
             }
             Action::Configure(settings) => motor.configure(settings),
-            Action::Lead(together) => groups.lead(index, together, motors)?,
+            Action::Lead(group) => groups.lead(index, group, motors)?,
         }
         Ok(())
     }
 
-    /// Executes between two ticks the commands that need no regulator: an open bridge and constant power. Returns the
-    /// commands of all bridges if one has changed.
-    pub fn act(&mut self, now: Micros, battery: Option<Battery>) -> Option<[Drive; N]> {
+    /// Executes the applied [direct](Action::is_direct) actions, between two ticks. Returns the commands of all bridges if one
+    /// of them has changed.
+    pub fn execute_direct(&mut self, now: Micros, battery: Option<Battery>) -> Option<[Drive; N]> {
         let battery = battery.filter(|battery| battery.is_fresh(now)).map(|battery| battery.voltage);
         self.update_energy(now);
-        let changed = self.motors.iter_mut().fold(false, |changed, motor| motor.act(battery) | changed);
+        let changed =
+            self.motors.iter_mut().fold(false, |changed, motor| motor.step_direct(battery) | changed);
         changed.then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// The estimated speeds as of the newest samples, in the order of the motors.
+    /// Returns the estimated speed of each motor at its newest sample.
     pub fn velocities(&self) -> impl Iterator<Item = CountsPerSecond> {
         self.motors.iter().map(Motor::velocity)
     }
 
-    /// Adds ticks that were left out.
+    /// Adds `ticks` to [`Snapshot::missed`].
     pub const fn note_missed(&mut self, ticks: u32) {
         self.missed = self.missed.saturating_add(ticks);
     }
 
-    /// Takes a sample of all encoders between two ticks, best every millisecond: more samples give a better estimate. A
-    /// reading is `None` before the first of its encoder.
+    /// Updates the estimates of motion with a sample of all encoders, between two ticks. Samples every millisecond give the
+    /// best estimates. `None` stands for an encoder without a reading so far.
     pub fn sample(&mut self, readings: &[Option<Reading>; N]) {
         for (motor, reading) in self.motors.iter_mut().zip(readings) {
             if let Some(reading) = reading {
@@ -229,45 +234,49 @@ impl<const N: usize> Hub<N> {
         }
     }
 
-    /// Takes feedback of the bridges between two ticks, on a board that reads it.
+    /// Passes feedback of the bridges to the motors, between two ticks. Boards without feedback never call this.
     pub fn sense(&mut self, sensed: &[BridgeFeedback; N]) {
         for (motor, sensed) in self.motors.iter_mut().zip(sensed) {
             motor.sense(*sensed);
         }
     }
 
-    /// Applies new limits of the bus between two ticks, best every millisecond while the limits change. A bus that
-    /// cannot take the energy of braking motors must not wait for a tick. Returns the commands of all bridges if one
-    /// has changed.
-    pub fn watch_bus(&mut self, battery: Battery) -> Option<[Drive; N]> {
+    /// Limits all motors according to a new state of the bus, between two ticks. Returns the commands of all bridges if one of
+    /// them has changed.
+    ///
+    /// A bus that cannot take the energy of braking motors rises within milliseconds, so this must not wait for a tick.
+    pub fn apply_limits(&mut self, battery: Battery) -> Option<[Drive; N]> {
         if !self.needs_limits(&battery) {
             return None;
         }
         self.limit_supply(&battery, battery.at).then(|| self.motors.each_ref().map(Motor::drive))
     }
 
-    /// True if the supply has new limits, or if braking motors get burn pulses, which are chosen at every call.
+    /// True if the limits have changed, or if motors must dissipate energy. Bridges that dissipate get a new pulse at each call.
     fn needs_limits(&self, battery: &Battery) -> bool {
-        (self.draw, self.burn) != (battery.draw, battery.burn) || battery.burn != Share::NONE
+        (self.draw, self.dissipate) != (battery.draw, battery.dissipate) || battery.dissipate != Share::NONE
     }
 
-    /// Limits all motors to what the supply allows. Returns true if the command of a bridge has changed.
+    /// Limits all motors according to the state of the bus. Returns true if the command of a bridge has changed.
     #[cold]
     fn limit_supply(&mut self, battery: &Battery, now: Micros) -> bool {
-        let &Battery { draw, burn, newest, .. } = battery;
-        (self.draw, self.burn) = (draw, burn);
+        let &Battery { draw, dissipate, newest, .. } = battery;
+        (self.draw, self.dissipate) = (draw, dissipate);
         self.update_energy(now);
-        let limits = SupplyLimits { draw, dissipate: burn, bus: newest, from: now };
+        let limits = SupplyLimits { draw, dissipate, bus: newest, from: now };
+        // Only one motor at a time may return the energy of its winding.
         let mut turn = true;
         self.motors.iter_mut().fold(false, |changed, motor| motor.limit_supply(limits, &mut turn) | changed)
     }
 
-    /// Adds the energy of all motors up to now.
+    /// Adds the energy of all motors from the last addition until `now`.
     fn update_energy(&mut self, now: Micros) {
         self.energy.add(now, self.motors.iter().map(Motor::returned));
     }
 
-    /// Takes one tick of all motors. A motor uses its own encoder only. A fault affects other motors in its group only.
+    /// Runs one tick of all motors, and returns the state after the tick.
+    ///
+    /// A motor depends on no other motor, except for the other members of its group.
     pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
         let fresh = inputs.battery.as_ref().filter(|battery| battery.is_fresh(inputs.now));
         let battery = fresh.map(|fresh| fresh.voltage);

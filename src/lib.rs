@@ -1,6 +1,6 @@
-//! A motor hub: several brushed DC gear motors, each on an asynchronous sign-magnitude H bridge,
-//! slowed down by *proportional braking* (R. Atkinson, "On Proportional Braking in H Bridges", 2018)
-//! instead of being slammed into reverse.
+//! The firmware of a motor hub: it controls several brushed DC gear motors, each on an asynchronous sign-magnitude H bridge.
+//! Motors slow down by *proportional braking* (R. Atkinson, "On Proportional Braking in H Bridges", 2018): the bridge shorts the
+//! winding for a part of each PWM period.
 //!
 //! ```text
 //!     link    --Command-->  +---------+ --Drive[N]--> output --> bridges --> motors
@@ -16,7 +16,7 @@
 //! use motor_hub::motor::{Motor, Setpoint, Settings};
 //! use motor_hub::units::{Control, Micros, Millivolts, Period};
 //!
-//! // One motor, from a set-point to the command of its bridge.
+//! // One motor, from its set-point to the command of its bridge.
 //! let mut motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);
 //! motor.set(Setpoint::ConstantPower(Control::MAX));
 //! let report = motor.step(Micros::new(50_000), None, Some(Millivolts::new(12_000)));
@@ -25,33 +25,35 @@
 //! assert_eq!(motor.step(Micros::new(100_000), None, None).drive, Drive::COAST);
 //! ```
 //!
-//! A value enters at a task, goes through the core once, and leaves at a task.
+//! Tasks wait for inputs, call the core, and pass its results on. `docs/reference/glossary.md` explains the terms of this
+//! library.
 //!
 //! | module | purpose |
 //! |---|---|
 //! | [`units`] | quantities with their ranges and resolutions |
 //! | [`bridge`] | the states, modes and commands of a bridge; its constants |
-//! | [`braking`] | from a control value to a bridge command: points S T Z G, schemes, regimes, duty |
+//! | [`braking`] | conversion of a control value to a bridge command: points S T Z G, schemes, regimes, duty |
 //! | [`motion`] | encoder readings: positions, speeds and plausibility; PID |
 //! | [`settings`] | the settings of a motor |
-//! | [`regulator`] | from a set-point to a control value: by a model of the motor, or by PID with a host's coefficients |
+//! | [`regulator`] | regulation of velocity and position, with a model of the motor or with PID |
 //! | [`group`] | motors that move synchronously: a reference for each motor |
 //! | [`supply`] | the battery's voltage, and the limits that follow from it |
 //! | [`motor`], [`hub`] | one motor, N motors: `step(inputs) -> outputs` |
 //! | [`record`] | a record of faults and resets with the ticks before them, in memory that survives a reset |
-//! | [`protocol`] | REV's protocol as bytes, for both ends: frames, requests, replies |
-//! | [`extension`] | the hub's own requests beside REV's; the table of all settings |
-//! | [`responder`] | the hub's side of both: its state, keep-alive time-out and LED |
+//! | [`protocol`] | REV's protocol as bytes, for hosts and hubs: frames, requests, answers |
+//! | [`extension`] | the hub's own protocol: requests that REV's protocol lacks; the table of all settings |
+//! | [`responder`] | the hub's side of both protocols: its state, keep-alive timer and LED |
 //! | [`store`] | settings in non-volatile memory: the stored format, and the choice between two copies |
 //! | [`update`] | new firmware: which chunks of an image are accepted, and when the image may start |
 //! | [`board`] | the traits that a board implements |
 //! | `tasks` (feature `tasks`, on by default) | async tasks that run the modules above |
 //! | `model` (feature `model`) | physics in `f64`, for simulators and tests; independent of the control |
 //!
-//! The core is `no_std`, without allocation, panics or `unsafe`. It has no clock and accesses no hardware. Currents and
-//! motion are computed in single precision, everything else in integers. Constants may be computed in `f64`.
+//! The *core* is all modules except `tasks` and `model`. It is `no_std`, without allocation, panics or `unsafe`. It has no clock
+//! and accesses no hardware. Currents and motion are computed in single precision, everything else in integers. Constants may be
+//! computed in `f64`.
 //!
-//! Positive control values, counts and speeds are in the same direction, called CW.
+//! Positive control values, counts and speeds have the same direction, which is called CW.
 //!
 //! # Features
 //! * `tasks` (on by default): the async tasks, on embassy. Without this feature the core has four small dependencies.

@@ -1,7 +1,7 @@
 //! The button on a board.
 
 use motor_hub::motor::Setpoint;
-use motor_hub::responder::button::{Button, DEBOUNCE_MICROS, HOLD_MICROS, Look};
+use motor_hub::responder::button::{Button, ButtonInputs, DEBOUNCE_MICROS, HOLD_MICROS};
 use motor_hub::units::{CountsPerSecond, Micros};
 
 const TURN: Setpoint = Setpoint::Velocity(CountsPerSecond::new(1000));
@@ -29,7 +29,7 @@ impl Bench {
     fn look(&mut self, down: bool) -> Setpoint {
         self.now += STEP;
         let (battery_good, host_spoke) = (self.battery_good, self.host_spoke);
-        self.button.step(Look { down, host_spoke, battery_good, now: Micros::new(self.now) })
+        self.button.step(ButtonInputs { down, host_spoke, battery_good, now: Micros::new(self.now) })
     }
 
     /// What is wanted at the end of so long.
@@ -45,7 +45,7 @@ impl Bench {
 }
 
 #[test]
-fn motors_turn_while_it_is_held_then_halt_and_a_second_later_are_let_go() {
+fn motors_turn_while_the_button_is_held_then_halt_and_coast_a_second_later() {
     let mut bench = Bench::new();
     assert_eq!(bench.keep(true, DEBOUNCE_MICROS), Setpoint::Disabled);
     assert_eq!(bench.look(true), TURN);
@@ -56,7 +56,7 @@ fn motors_turn_while_it_is_held_then_halt_and_a_second_later_are_let_go() {
 }
 
 #[test]
-fn it_may_be_pressed_again_before_that_second_is_over() {
+fn the_button_may_be_pressed_again_while_motors_are_held_at_standstill() {
     let mut bench = Bench::turning();
     assert_eq!(bench.keep(false, 500_000), HALT);
     assert_eq!(bench.keep(true, 500_000), TURN);
@@ -73,7 +73,7 @@ fn a_contact_that_bounces_is_not_pressed() {
 }
 
 #[test]
-fn one_that_is_stuck_or_held_through_a_reset_starts_nothing_until_it_is_pressed_anew() {
+fn a_button_that_is_closed_since_a_reset_has_no_effect_until_it_is_pressed_again() {
     let mut bench = Bench { button: Button::new(), ..Bench::new() };
     assert_eq!(bench.keep(true, 5_000_000), Setpoint::Disabled);
     assert_eq!(bench.look(false), Setpoint::Disabled);
@@ -81,7 +81,7 @@ fn one_that_is_stuck_or_held_through_a_reset_starts_nothing_until_it_is_pressed_
 }
 
 #[test]
-fn a_battery_that_is_low_or_unknown_when_it_is_pressed_starts_nothing_however_long_it_is_held() {
+fn a_button_that_is_pressed_while_the_battery_is_low_or_unknown_has_no_effect() {
     let mut bench = Bench { battery_good: false, ..Bench::new() };
     assert_eq!(bench.keep(true, 1_000_000), Setpoint::Disabled);
     bench.battery_good = true;
@@ -91,14 +91,14 @@ fn a_battery_that_is_low_or_unknown_when_it_is_pressed_starts_nothing_however_lo
 }
 
 #[test]
-fn motors_that_turn_go_on_when_the_battery_sags_under_them() {
+fn turning_motors_continue_when_the_battery_becomes_low() {
     let mut bench = Bench::turning();
     bench.battery_good = false;
     assert_eq!(bench.keep(true, 1_000_000), TURN);
 }
 
 #[test]
-fn a_host_that_speaks_ends_what_it_began_and_disarms_it() {
+fn the_first_packet_of_a_host_disables_the_motors_and_the_button() {
     let mut bench = Bench::turning();
     bench.host_spoke = true;
     assert_eq!(bench.look(true), Setpoint::Disabled);

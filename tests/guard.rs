@@ -8,12 +8,11 @@ use motor_hub::model::load::{Load, Shaft};
 use motor_hub::model::plant::{self, Plant};
 use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
-use motor_hub::motion::guard::{Evidence, Finding, Order};
-use motor_hub::motion::{EncoderFault, Guard, Pidf, Reading, Tracker};
-use motor_hub::motor::{Motor as Controlled, Report, Setpoint, Settings};
+use motor_hub::motion::{Pidf, Reading, Tracker};
+use motor_hub::motor::{EncoderFault, Motor as Controlled, Report, Setpoint, Settings};
 use motor_hub::regulator::{Coefficients, Dynamics, Mechanics};
 use motor_hub::supply::Battery;
-use motor_hub::units::{Coefficient, Control, CountsPerSecond, Duty, Micros, Millivolts, Period, Voltage};
+use motor_hub::units::{Coefficient, Control, CountsPerSecond, Duty, Micros, Millivolts, Period};
 
 const BRIDGE: Bridge = Bridge::new(BridgeConstants::IDEAL);
 
@@ -484,30 +483,13 @@ fn a_load_that_drives_the_motor_is_not_taken_for_a_reversed_encoder_in_any_schem
 #[test]
 fn a_motor_that_turns_back_slower_than_160_counts_per_s_is_no_runaway() {
     let faults = |moved: i32| {
-        let mut guard = Guard::new(Period::from_millis(50).expect("period"));
-        (0..40).any(|tick| {
-            let velocity = CountsPerSecond::new(-20 * moved);
-            let at = Micros::new(50_000 * tick);
-            guard.sample(&Reading { position: -moved * tick as i32, edge_at: at, at }, || 0.0);
-            let order = Order {
-                target: CountsPerSecond::new(1_000),
-                control: Control::MAX,
-                regime: Regime::Reverse,
-                push: Voltage::from_volts(12.0),
-                velocity,
-            };
-            let evidence = Evidence {
-                order,
-                moved: -moved,
-                velocity,
-                battery: 12.0,
-                gain: None,
-                volt: 1_500.0,
-                emf: Winding::NEVEREST_60.emf,
-                gentle: false,
-                probing: true,
-            };
-            matches!(guard.step(&evidence), Finding::Fault(_))
+        let period = Period::from_millis(50).expect("in range");
+        let mut motor = Controlled::new(Settings::new(Winding::NEVEREST_60), period);
+        motor.set(velocity(1_000));
+        (1..40).any(|tick: i32| {
+            let at = Micros::new(50_000 * u64::from(tick.unsigned_abs()));
+            let reading = Reading { position: -moved * tick, edge_at: at, at };
+            motor.step(at, Some(reading), Some(Millivolts::new(12_000))).faults.encoder.is_some()
         })
     };
     // 20, 140, 160 and 2000 counts/s.

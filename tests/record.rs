@@ -8,7 +8,7 @@
 
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::Snapshot;
-use motor_hub::motion::EncoderFault;
+use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, Report, Setpoint};
 use motor_hub::record::{Fault, HEADS, Head, PAGES, Record, SIZE, TICKS, Tick};
 use motor_hub::units::{Control, CountsPerSecond, Duty, Micros, Millivolts};
@@ -64,7 +64,7 @@ fn memory_as_it_is_after_power_on_is_an_empty_record() {
 }
 
 #[test]
-fn a_watchdog_reset_leaves_when_what_and_the_ticks_of_the_motor_that_was_driven() {
+fn a_watchdog_reset_leaves_an_entry_with_the_ticks_of_the_driven_motor() {
     let mut memory = [0; SIZE];
     let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
     for tick in 1..=100 {
@@ -99,7 +99,7 @@ fn a_watchdog_reset_leaves_when_what_and_the_ticks_of_the_motor_that_was_driven(
 }
 
 #[test]
-fn last_words_say_more_than_the_reset_that_follows_them_and_are_said_once() {
+fn a_crash_report_replaces_the_reset_cause_once() {
     let mut memory = [0; SIZE];
     let (mut record, mut crash_report) = Record::open(&mut memory, Fault::PowerOn);
     run(&mut record, 3);
@@ -135,7 +135,7 @@ fn a_hub_that_fails_again_and_again_as_it_starts_keeps_what_came_before() {
 }
 
 #[test]
-fn a_motors_fault_leaves_its_ticks_and_what_its_bridge_was_told_before() {
+fn a_motors_fault_leaves_its_ticks_and_the_last_bridge_command() {
     let mut memory = [0; SIZE];
     let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
     run(&mut record, 10);
@@ -151,7 +151,7 @@ fn a_motors_fault_leaves_its_ticks_and_what_its_bridge_was_told_before() {
 }
 
 #[test]
-fn a_fault_that_lasts_is_one_and_one_that_comes_again_is_counted() {
+fn a_lasting_fault_is_one_entry_and_a_repeated_fault_is_counted() {
     let mut memory = [0; SIZE];
     let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
     run(&mut record, 5);
@@ -178,7 +178,7 @@ fn a_battery_that_fails_is_one_fault_of_all_motors() {
 }
 
 #[test]
-fn what_keeps_a_motor_from_nothing_is_no_fault() {
+fn a_disabled_motor_has_no_faults_in_the_record() {
     let mut memory = [0; SIZE];
     let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
     for setpoint in [Setpoint::Disabled, Setpoint::FailSafe] {
@@ -238,7 +238,7 @@ fn before_and_after() -> (Memory, Memory, Vec<(Head, Vec<Tick>)>) {
 
 /// What stands before the ring and the entries is written after these.
 #[test]
-fn an_entry_half_written_when_the_reset_came_is_not_taken_for_whole() {
+fn an_entry_whose_writing_a_reset_interrupted_is_ignored() {
     let (before, after, all) = before_and_after();
     // A word is written at once.
     for cut in (0..SIZE).step_by(4) {
@@ -262,7 +262,7 @@ fn an_entry_half_written_when_the_reset_came_is_not_taken_for_whole() {
 }
 
 #[test]
-fn any_bit_that_flips_costs_an_entry_or_its_ticks_and_makes_up_none() {
+fn a_flipped_bit_removes_an_entry_or_its_ticks_and_adds_none() {
     let (_, memory, sound) = before_and_after();
     for bit in 0..8 * SIZE {
         let mut flipped = memory;
@@ -281,7 +281,7 @@ fn any_bit_that_flips_costs_an_entry_or_its_ticks_and_makes_up_none() {
 
 /// Which run it is and its last tick, 24 bytes.
 #[test]
-fn a_bit_that_flips_in_what_is_told_of_the_run_costs_that_or_the_record() {
+fn a_flipped_bit_in_the_state_of_the_run_removes_that_state_or_the_record() {
     let (_, memory, _) = before_and_after();
     let sound = heads(&memory, Fault::BrownOut)[0];
     assert_eq!((sound.fault, sound.ticks), (Fault::BrownOut, 64));
@@ -296,7 +296,7 @@ fn a_bit_that_flips_in_what_is_told_of_the_run_costs_that_or_the_record() {
 }
 
 #[test]
-fn a_tick_that_a_reset_cut_short_is_in_none() {
+fn a_tick_whose_writing_a_reset_interrupted_is_in_no_entry() {
     let positions = |memory: Memory| -> Vec<u16> {
         let mut memory = memory;
         let (record, _) = Record::open(&mut memory, Fault::Watchdog);

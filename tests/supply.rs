@@ -123,7 +123,7 @@ fn noise_is_filtered_with_a_time_constant_of_30_ms_and_a_sample() {
 }
 
 #[test]
-fn after_an_implausible_reading_the_filter_starts_afresh() {
+fn after_an_implausible_sample_the_filter_restarts() {
     let mut supply = supply();
     supply.step(sample(16_000.0, 3300.0), Micros::new(0));
     assert_eq!(supply.step(sample(0.0, 3300.0), Micros::new(1)), None);
@@ -154,7 +154,7 @@ fn a_reference_calibrated_at_another_rail_and_resolution_gives_the_same_voltage(
 }
 
 #[test]
-fn after_no_reading_the_filter_starts_afresh() {
+fn after_a_failure_of_the_converter_the_filter_restarts() {
     let mut supply = Supply::new(Limits::default());
     supply.step(Some(Millivolts::new(16_000)), Micros::new(0));
     assert_eq!(supply.step(None, Micros::new(1)), None);

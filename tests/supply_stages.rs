@@ -1,6 +1,6 @@
 //! What the supply allows motors to do, by the voltage of the bus.
 
-use motor_hub::supply::{Battery, BusState, Levels, Limits, Stage, Supply};
+use motor_hub::supply::{Battery, BusState, DrawStage, Levels, Limits, Supply};
 use motor_hub::units::{Micros, Millivolts, RangeError, Share};
 
 /// A supply that is sampled every millisecond.
@@ -26,7 +26,7 @@ impl Sampled {
 }
 
 #[test]
-fn the_filter_takes_as_long_however_often_it_is_stepped() {
+fn the_filter_settles_about_equally_fast_at_every_sampling_interval() {
     for interval in [1_000, 2_000, 10_000] {
         let mut supply = Supply::new(Limits::default());
         supply.step(Some(Millivolts::new(12_000)), Micros::new(0));
@@ -41,7 +41,7 @@ fn the_filter_takes_as_long_however_often_it_is_stepped() {
 }
 
 #[test]
-fn a_silence_is_not_bridged_whoever_was_silent() {
+fn after_a_gap_between_samples_the_filter_restarts() {
     let mut supply = Supply::new(Limits::default());
     supply.step(Some(Millivolts::new(12_600)), Micros::new(0));
     // The task itself was held up: nobody said that there was no reading.
@@ -50,12 +50,12 @@ fn a_silence_is_not_bridged_whoever_was_silent() {
 }
 
 #[test]
-fn a_battery_near_its_end_gives_ever_less_and_then_nothing() {
+fn below_derate_the_draw_falls_to_zero_at_cut() {
     let levels = [
-        (12_000, Stage::Full, 1.0),
-        (7_000, Stage::Full, 1.0),
-        (6_500, Stage::Derated, 0.5),
-        (6_000, Stage::Cut, 0.0),
+        (12_000, DrawStage::Full, 1.0),
+        (7_000, DrawStage::Full, 1.0),
+        (6_500, DrawStage::Derated, 0.5),
+        (6_000, DrawStage::Cut, 0.0),
     ];
     for (mv, stage, share) in levels {
         let battery = Sampled::new().hold(mv);
@@ -66,17 +66,17 @@ fn a_battery_near_its_end_gives_ever_less_and_then_nothing() {
 
 #[test]
 fn a_low_battery_stays_low_until_it_has_recovered() {
-    use Stage::{Derated, Full};
+    use DrawStage::{Derated, Full};
     let mut supply = Sampled::new();
     let stages = [7_050, 6_950, 7_050, 7_450, 7_500, 7_050].map(|mv| supply.hold(mv).stage);
     assert_eq!(stages, [Full, Derated, Derated, Derated, Full, Full]);
 }
 
 #[test]
-fn what_is_cut_comes_back_where_derating_began_and_slowly() {
+fn after_a_cut_the_draw_rises_slowly_from_the_derate_level() {
     let mut supply = Sampled::new();
     supply.hold(5_900);
-    assert_eq!(supply.hold(6_950).stage, Stage::Cut, "without load a battery recovers");
+    assert_eq!(supply.hold(6_950).stage, DrawStage::Cut, "without load a battery recovers");
     let shares: Vec<f32> = (0..1_200).map(|_| supply.see(7_400).draw.to_f32()).collect();
     let first = shares.iter().position(|&share| share > 0.0).expect("it comes back");
     assert!((0.45..0.55).contains(&shares[first + 500]), "half of it after half a second");
@@ -84,14 +84,14 @@ fn what_is_cut_comes_back_where_derating_began_and_slowly() {
 }
 
 #[test]
-fn a_sagging_battery_finds_a_share_that_it_can_give_and_does_not_flicker() {
+fn the_draw_from_a_weak_battery_converges_without_a_cut() {
     // 8 V behind a resistance at which the motors would take 3 V.
     let (mut supply, mut share) = (Sampled::new(), 1.0);
     supply.hold(8_000);
     let mut late = Vec::new();
     for ms in 0..8_000 {
         let battery = supply.see((8_000.0 - 3_000.0 * share) as u16);
-        assert_ne!(battery.stage, Stage::Cut, "at {ms} ms");
+        assert_ne!(battery.stage, DrawStage::Cut, "at {ms} ms");
         share = f64::from(battery.draw.to_f32());
         if ms > 4_000 {
             late.push(share);
@@ -102,17 +102,17 @@ fn a_sagging_battery_finds_a_share_that_it_can_give_and_does_not_flicker() {
 }
 
 #[test]
-fn a_bus_that_breaks_down_below_what_is_plausible_is_given_up_at_once_and_grows_old() {
+fn a_collapsed_bus_gives_a_draw_of_zero_until_the_last_state_is_stale() {
     let mut supply = Supply::new(Limits::default());
     let mut see = |ms: u64, mv| supply.step(Some(Millivolts::new(mv)), Micros::new(1000 * ms));
     let before = see(10, 7_600).expect("plausible");
     assert_eq!(see(11, 4_700), None, "one may be a bad reading");
     let down = see(12, 4_700).expect("known");
-    assert_eq!(down, Battery { stage: Stage::Derated, draw: Share::NONE, ..before });
+    assert_eq!(down, Battery { stage: DrawStage::Derated, draw: Share::NONE, ..before });
     assert!(!down.is_fresh(Micros::new(111_000)));
     // Nothing is drawn, and it is back; nothing is bridged.
     let back = see(13, 7_400).expect("plausible");
-    assert_eq!((back.voltage, back.stage), (Millivolts::new(7_400), Stage::Derated));
+    assert_eq!((back.voltage, back.stage), (Millivolts::new(7_400), DrawStage::Derated));
     assert!(back.draw < Share::from_f32(0.01), "{:?}", back.draw);
     let after_silence = {
         supply.step(None, Micros::new(14_000));
@@ -122,7 +122,7 @@ fn a_bus_that_breaks_down_below_what_is_plausible_is_given_up_at_once_and_grows_
 }
 
 #[test]
-fn a_bus_need_not_be_looked_at_while_nothing_changes_for_the_motors() {
+fn the_bus_is_quiet_only_while_motors_are_not_limited() {
     let quiet = |mv: &[u16]| {
         let mut supply = Sampled::new();
         for mv in mv {
@@ -146,20 +146,20 @@ fn a_bus_need_not_be_looked_at_while_nothing_changes_for_the_motors() {
 }
 
 #[test]
-fn a_bus_that_was_too_high_is_burnt_for_a_while_however_low_it_is_and_is_quiet_then() {
+fn after_an_overvoltage_motors_dissipate_for_50_ms_and_the_bus_is_then_quiet() {
     for mv in [13_900, 12_000] {
         let mut supply = Sampled::new();
         supply.see(14_100);
         for ms in 1..=60 {
-            let burn = supply.see(mv).burn;
-            assert_eq!(burn > Share::NONE, ms < 50, "{mv} mV, {ms} ms later");
-            assert_eq!(supply.supply.quiet().is_some(), burn == Share::NONE, "{mv} mV, {ms} ms later");
+            let dissipate = supply.see(mv).dissipate;
+            assert_eq!(dissipate > Share::NONE, ms < 50, "{mv} mV, {ms} ms later");
+            assert_eq!(supply.supply.quiet().is_some(), dissipate == Share::NONE, "{mv} mV, {ms} ms later");
         }
     }
 }
 
 #[test]
-fn a_bus_that_leaves_the_quiet_voltages_has_only_just_done_so() {
+fn the_first_sample_outside_the_quiet_range_counts_for_one_millisecond() {
     let mut supply = Supply::new(Limits::default());
     supply.step(Some(Millivolts::new(7_600)), Micros::new(0));
     let battery = supply.step(Some(Millivolts::new(5_000)), Micros::new(9_000)).expect("plausible");
@@ -167,24 +167,24 @@ fn a_bus_that_leaves_the_quiet_voltages_has_only_just_done_so() {
 }
 
 #[test]
-fn a_rising_bus_is_burnt_from_the_lower_limit_on_and_fully_before_the_upper_one() {
+fn motors_dissipate_above_the_dissipate_level_and_fully_below_the_ceiling() {
     for (mv, some, all) in
         [(12_600, false, false), (14_000, false, false), (14_100, true, false), (15_000, true, true)]
     {
-        let burn = Sampled::new().hold(mv).burn;
-        assert_eq!((burn > Share::NONE, burn == Share::ALL), (some, all), "{mv} mV");
+        let dissipate = Sampled::new().hold(mv).dissipate;
+        assert_eq!((dissipate > Share::NONE, dissipate == Share::ALL), (some, all), "{mv} mV");
     }
     // 200 mV a millisecond: where it will be counts.
     let mut supply = Sampled::new();
     supply.see(13_700);
-    assert!(supply.see(13_900).burn > Share::NONE);
+    assert!(supply.see(13_900).dissipate > Share::NONE);
 }
 
 #[test]
-fn above_what_is_plausible_nothing_is_drawn_and_all_is_burnt() {
+fn above_the_highest_plausible_voltage_nothing_is_drawn_and_all_energy_is_dissipated() {
     for mv in [24_001, u16::MAX] {
-        let Battery { voltage, stage, draw, burn, .. } = Sampled::new().hold(mv);
-        assert_eq!((stage, draw, burn), (Stage::Cut, Share::NONE, Share::ALL), "{mv} mV");
+        let Battery { voltage, stage, draw, dissipate, .. } = Sampled::new().hold(mv);
+        assert_eq!((stage, draw, dissipate), (DrawStage::Cut, Share::NONE, Share::ALL), "{mv} mV");
         assert_eq!(voltage, Millivolts::new(24_000));
     }
 }
@@ -199,8 +199,8 @@ fn levels_that_do_not_ascend_are_refused() {
         Levels { cut: v(7_000), ..good },
         Levels { derate: v(7_501), ..good },
         Levels { recover: v(14_000), ..good },
-        Levels { burn: v(15_500), ..good },
-        Levels { burn_all: v(24_001), ..good },
+        Levels { dissipate: v(15_500), ..good },
+        Levels { ceiling: v(24_001), ..good },
         Levels { max: v(15_499), ..good },
     ];
     for levels in wrong {
@@ -210,13 +210,13 @@ fn levels_that_do_not_ascend_are_refused() {
 }
 
 #[test]
-fn the_bus_is_seen_in_one_of_its_ranges_whether_or_not_motors_may_run_on_it() {
+fn every_voltage_is_reported_in_its_range() {
     for (mv, state) in [
         (4_500, BusState::TooLow),
         (5_900, BusState::Cut),
         (6_500, BusState::Derated),
         (12_000, BusState::Quiet),
-        (14_600, BusState::Burning),
+        (14_600, BusState::Dissipating),
         (15_600, BusState::TooHigh),
         (30_000, BusState::TooHigh),
     ] {
@@ -224,10 +224,10 @@ fn the_bus_is_seen_in_one_of_its_ranges_whether_or_not_motors_may_run_on_it() {
         for ms in 0..100 {
             supply.step(Some(Millivolts::new(mv)), Micros::new(1_000 * ms));
         }
-        let seen = supply.seen();
+        let seen = supply.last_reading();
         assert_eq!((seen.state, seen.measured), (state, Some(Millivolts::new(mv))), "{mv} mV");
-        assert_eq!(seen.by(Micros::new(199_001)).state, BusState::Silent, "{mv} mV, long ago");
+        assert_eq!(seen.as_of(Micros::new(199_001)).state, BusState::Silent, "{mv} mV, long ago");
         supply.step(None, Micros::new(100_000));
-        assert_eq!((supply.seen().state, supply.seen().measured), (BusState::Silent, None));
+        assert_eq!((supply.last_reading().state, supply.last_reading().measured), (BusState::Silent, None));
     }
 }

@@ -1,15 +1,16 @@
 //! The linear-current rule: the duty with which the motor's mean current is linear in the control value.
 //!
-//! At a given speed the bridge's current is not linear in duty. While the winding's current is continuous, the
-//! relation is nearly linear, with an offset from the catch diodes. At light load the current falls to zero within
-//! each PWM period, and its mean grows with the square of the duty. This module inverts both, in all three regimes,
-//! so that the current is continuous and linear from S to G. That includes the drop across the diodes at T (the
-//! paper's to-do `controlReverse0`).
+//! At a given speed the mean current of a bridge is not linear in the duty. While the winding's current is continuous,
+//! the relation is nearly linear, with an offset from the catch diodes. At light load the current is discontinuous: it
+//! falls to zero within each PWM period, and its mean grows with the square of the duty. This module inverts both
+//! relations in all three regimes, so that the current is continuous and linear from S to G. The offset of the diodes
+//! at the point T is included (the paper's to-do `controlReverse0`).
 //!
-//! All formulas are for CW motion, with voltages in V and times in winding time constants. `R2 = R + 2 Ron` is the
-//! whole resistance between the battery's terminals. The target current `I` is given as the voltage `w = R2 I`, so
-//! the equivalent DC voltage of a control value is `e + w` (paper, sections 2.1 and 3.2). The duty D for this current
-//! is:
+//! All formulas are for CW motion. Voltages are in V. `R` is the winding's resistance, `Ron` that of a closed switch,
+//! `Vd` the drop of a diode, `V` the battery voltage, `e` the back EMF. `R2 = R + 2 Ron` is the whole resistance between
+//! the battery's terminals. The target current `I` is given as the voltage `w = R2 I`, so that the equivalent DC
+//! voltage of a control value is `e + w` (paper, sections 2.1 and 3.2). `T` is the PWM period here, and `tau` the
+//! winding's time constant. The duty D for the target current is:
 //!
 //! ```text
 //! continuous:     D = (c + m w) / (a + c - k w)
@@ -26,22 +27,23 @@
 //! | driving (9/8, 6/2) | `V - e` | `e + Vd` | `Ron / R2` |
 //! | braking (5/0) | `e` | `V + 2 Vd - e` | `2 Ron / R2` |
 //!
-//! The duty is the smaller of the two. Driving against the motion is driving with the motion at the back EMF `-e`. In
-//! the opposite direction, from a duty to its current, the equations give `w` directly, and the larger `w` is right.
+//! The smaller of these two duties is right. Reverse driving (6/2) uses the row of forward driving with `-e` in place of
+//! `e`. The same equations, solved for `w`, give the current of a duty; there the larger `w` is right.
 //!
-//! If the [timing](crate::bridge::Timing) of a bridge is known, the duty compensates its edges. For a continuous
-//! current an edge of length t acts like a step in its middle. A current that starts at zero within the edge starts
-//! late, as if the step came `t (1 - a / (2 (a + c)))` after the edge's start. A duty that the timing does not permit
-//! becomes the nearest permitted one; the error of the current that remains cannot be avoided.
+//! If the [timing](crate::bridge::Timing) of a bridge is known, the duty compensates the edges of the output. For a
+//! continuous current an edge of length t acts like a step in the middle of the edge. A discontinuous current starts at
+//! zero within the edge, and therefore later: as if the step came `t (1 - a / (2 (a + c)))` after the edge's start. A
+//! duty that the timing does not permit is replaced by the nearest permitted duty. The current then has an error that
+//! no duty avoids.
 //!
-//! Single precision is enough: no formula takes a small difference of large numbers, and a duty has 15 bits.
+//! Single precision is enough: a duty has 15 bits, and no formula subtracts large numbers that are nearly equal.
 //!
 //! ```
 //! use motor_hub::braking::{LinearCurrent, OperatingPoint, Scheme, Winding, linear_current, linear_duty};
 //! use motor_hub::bridge::BridgeConstants;
 //! use motor_hub::units::{Control, CountsPerSecond, Millivolts};
 //!
-//! // At half of the free speed a small current flows in pulses, and needs more duty than its share.
+//! // At half of the free speed a small current is discontinuous. It needs more duty than the linear-duty rule gives.
 //! let winding = Winding::NEVEREST_60;
 //! let current = LinearCurrent::new(&winding, &BridgeConstants::IDEAL);
 //! let emf = winding.emf.emf(CountsPerSecond::new(1505));
@@ -66,12 +68,12 @@ pub struct LinearCurrent {
     diode_volts: f32,
     /// `Ron / R2`, limited to 1/4, which is more than any usable bridge has.
     switch_share: f32,
-    /// PWM period; `None` for a current that hardly changes within a period.
+    /// PWM period; `None` if the current hardly changes within a period, so that it is always continuous.
     period: Option<PwmPeriod>,
     timing: TimingShares,
 }
 
-/// A bridge's timing in shares of the PWM period.
+/// A bridge's timing. Each time is a share of the PWM period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 struct TimingShares {
@@ -154,7 +156,7 @@ impl LinearCurrent {
         battery + 2.0 * self.diode_volts
     }
 
-    /// The voltages that drive the current in a regime.
+    /// The constants of the module's formulas in a regime.
     const fn drive_state(&self, regime: Regime, at: OperatingPoint) -> DriveState {
         let (e, v) = at.volts();
         let TimingShares { turn_on, turn_off, .. } = self.timing;
@@ -218,13 +220,12 @@ impl DriveState {
         }
     }
 
-    /// Share of the period by which the PWM line must be high longer, because of the edges, for a continuous current.
+    /// Share of the period by which the PWM line must be high longer to compensate the edges of a continuous current.
     const fn late_continuous(self) -> f32 {
         (self.turn_on - self.turn_off) / 2.0
     }
 
-    /// Share of the period by which the PWM line must be high longer, because of the edges, for a current that starts
-    /// at zero.
+    /// Share of the period by which the PWM line must be high longer to compensate the edges of a discontinuous current.
     fn late_pulse(self) -> f32 {
         if self.turn_on == 0.0 && self.turn_off == 0.0 {
             return 0.0;
@@ -253,14 +254,14 @@ impl DriveState {
         }
     }
 
-    /// False if the current surely lasts into the next period: nothing makes it fall, or the duty is beyond the duty
-    /// of a pulse of one period. The on time of such a pulse, `ln(1 + (exp(T / tau) - 1) c / (a + c))`, is less than
-    /// the limit used here.
+    /// False if the current is continuous for certain. This is so where no voltage makes it fall (c <= 0), and above a
+    /// limit of the duty. The current is at the edge of being continuous when the on time is
+    /// `ln(1 + (exp(T / tau) - 1) c / (a + c))` time constants. The limit used here is larger and needs no logarithm.
     fn may_end(self, duty: f32, period: PwmPeriod) -> bool {
         self.c > 0.0 && duty * (self.a + self.c) < period.growth * self.c
     }
 
-    /// The q of an on time x, and its derivative by x.
+    /// Returns q of the module's formula for an on time x, and the derivative of q with respect to x.
     fn pulse(self, x: f32) -> (f32, f32) {
         let Self { a, c, .. } = self;
         let m = self.m();
@@ -270,11 +271,11 @@ impl DriveState {
         (x - h + h * defect / m, h + (1.0 - h) * z / (1.0 + z) / m)
     }
 
-    /// The on time x of a q, at most `most`.
+    /// Solves the module's formula for the on time x of a given q. The result is at most `most`.
     ///
-    /// With `r = a / c` the series of q begins with `x^2/2 (1 + r) (1 - (1 + 2r) x/3)`, so the series of x begins
-    /// with `s + (1 + 2r) s^2/6`, where `s^2 = 2 q / (1 + r)`. Also x is at most q + 1. From the smaller of the two a
-    /// single step of Newton's method leaves an error below 3e-4 of a duty.
+    /// With `r = a / c`, the power series of q in x begins with `x^2/2 (1 + r) (1 - (1 + 2r) x/3)`. Inverted, the series
+    /// of x begins with `s + (1 + 2r) s^2/6`, where `s^2 = 2 q / (1 + r)`. A second bound is x <= q + 1. The smaller of
+    /// these two values is the guess. One step of Newton's method from this guess leaves an error below 3e-4 of a duty.
     fn on_time(self, q: f32, most: f32) -> f32 {
         let part = q * self.c / (self.a + self.c);
         let series = sqrtf(2.0 * part) + (2.0 * q - part) / 3.0;
@@ -301,8 +302,9 @@ struct PwmPeriod {
 }
 
 impl PwmPeriod {
-    /// Creates a period of this length. A length above 127 becomes 127: the current then follows the switches without
-    /// delay. `None` for a length up to 2^-10: the current then hardly changes within a period.
+    /// Creates a period from its length in winding time constants. A length above 127 becomes 127, because there the
+    /// current already follows the switches without delay. `None` for a length up to 2^-10, because there the current
+    /// hardly changes within a period.
     fn new(length: f32) -> Option<Self> {
         let length = at_most(length, 127.0);
         (length > 1.0 / 1024.0).then(|| Self { length, growth: at_most(expm1f(length) / length, 4096.0) })

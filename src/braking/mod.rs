@@ -8,12 +8,13 @@
 //!     |--- reverse, 6/2 ---|--- braking, 5/0 ---|--- forward, 9/8 ---|
 //! ```
 //!
-//! * A [`Scheme`] maps control values to voltages: the control values of its [`Points`] S, T, Z and G mean these four
-//!   voltages, and between two points the map is linear.
-//! * A [`DutyRule`] maps the [`Location`] of a control value in its regime to a duty.
+//! * A control value is a number from -32767 to 32767, with which hosts of the hub request torque.
+//! * A [`Scheme`] maps control values to voltages. Its [`Points`] are the control values of the voltages S, T, Z and G.
+//!   Between two points the map is linear.
+//! * A [`DutyRule`] maps the [`Location`] of a control value within its regime to a duty.
 //! * A [`Modulator`] has both maps for one motor, and their inverses.
 //!
-//! "Voltage" always means the equivalent DC voltage of the motor's mean current: e plus current times resistance.
+//! In this module a voltage is the equivalent DC voltage of the motor's mean current: e plus current times resistance.
 //!
 //! ```
 //! use motor_hub::braking::{DutyRule, Modulator, OperatingPoint, Regime, Scheme, Winding};
@@ -46,7 +47,7 @@ pub use winding::Winding;
 use crate::bridge::{BridgeConstants, Drive};
 use crate::units::{Control, Duty, Voltage};
 
-/// A bridge's command, and its regime.
+/// A command to the bridge, with the regime that it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Modulation {
     /// The regime, relative to the direction in which the motor turns.
@@ -56,12 +57,12 @@ pub struct Modulation {
 }
 
 impl Modulation {
-    /// Brakes the motor with a shorted winding, full dynamic braking.
+    /// Full dynamic braking: the bridge shorts the winding all the time.
     pub const fn full_braking(at: OperatingPoint) -> Self {
         Self::new(Regime::Braking, Duty::ONE, at)
     }
 
-    /// Drives the motor against its motion with full duty: S in volts, whatever the scheme.
+    /// Full reverse: the bridge drives against the motion with duty 1. In volts this is the point S of every scheme.
     pub const fn full_reverse(at: OperatingPoint) -> Self {
         Self::new(Regime::Reverse, Duty::ONE, at)
     }
@@ -71,13 +72,13 @@ impl Modulation {
     }
 }
 
-/// Rule by which the duty follows from the location in a regime.
+/// Map from a location within a regime to a duty.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum DutyRule {
-    /// The duty is linear between the points, as in the paper.
+    /// Between two points the duty is linear in the control value, as in the paper.
     LinearDuty,
-    /// The mean current is linear between the points.
+    /// Between two points the motor's mean current is linear in the control value.
     #[default]
     LinearCurrent,
 }
@@ -102,10 +103,11 @@ impl Modulator {
         Self { scheme, rule, current: LinearCurrent::new(winding, bridge) }
     }
 
-    /// The command that applies a voltage. A voltage beyond the battery voltage becomes the nearest voltage that the
-    /// bridge can apply.
+    /// The command that applies a voltage, with linear current. A voltage that exceeds the battery voltage is replaced by
+    /// the nearest voltage that the bridge can apply.
     ///
-    /// [`Scheme::ForwardReverse`] has no braking regime: between no braking and full braking the bridge opens.
+    /// [`Scheme::ForwardReverse`] has no braking regime. With this scheme the bridge opens wherever others brake in
+    /// part; only full braking is applied.
     pub fn for_voltage(&self, at: OperatingPoint, voltage: Voltage) -> Modulation {
         let (regime, share) = points::share(clockwise_volts(at, voltage), at);
         let opens = self.scheme == Scheme::ForwardReverse && regime == Regime::Braking && share < 1.0;
@@ -114,7 +116,7 @@ impl Modulator {
         Modulation::new(regime, self.current.duty(location, at), at)
     }
 
-    /// The command that a control value means.
+    /// The command for a control value.
     pub fn for_control(&self, at: OperatingPoint, control: Control) -> Modulation {
         match self.rule {
             DutyRule::LinearDuty => self.with_feasible_duty(linear_duty(self.scheme, at, control)),
@@ -122,7 +124,8 @@ impl Modulator {
         }
     }
 
-    /// The command of open-loop power: 9/8 or 6/2 with this share of the control range as duty, whatever the scheme.
+    /// The command for open-loop power: mode 9/8 for positive and 6/2 for negative power, in every scheme. The duty is
+    /// |power| / 32767.
     pub fn open_loop(&self, at: OperatingPoint, power: Control) -> Modulation {
         self.with_feasible_duty(linear_duty(Scheme::ForwardReverse, at, power))
     }
@@ -132,7 +135,7 @@ impl Modulator {
         Modulation { regime, drive: Drive { duty: self.current.feasible(drive.duty), ..drive } }
     }
 
-    /// The control value that means a voltage. A voltage beyond the scheme's range gives the nearest control value.
+    /// The control value for a voltage. A voltage beyond the scheme's range gives the nearest control value.
     pub fn control(&self, at: OperatingPoint, voltage: Voltage) -> Control {
         let (regime, share) = points::share(clockwise_volts(at, voltage), at);
         let share = match self.rule {
@@ -145,7 +148,7 @@ impl Modulator {
         clockwise(at, points::control(&Points::new(self.scheme, at), (regime, share)))
     }
 
-    /// The voltage that a command applies.
+    /// The equivalent DC voltage that a command applies.
     pub fn applied(&self, at: OperatingPoint, Modulation { regime, drive }: Modulation) -> Voltage {
         let (emf, _) = at.volts();
         let current = self.current.current(regime, drive.duty, at);
@@ -154,24 +157,24 @@ impl Modulator {
     }
 }
 
-/// Mirrors the voltage of a motor that turns CCW to CW motion; in volts.
+/// Converts to volts, and for a motor that turns CCW negates the voltage, so that formulas for CW motion apply.
 const fn clockwise_volts(at: OperatingPoint, voltage: Voltage) -> f32 {
     let volts = voltage.to_volts();
     if at.counter_clockwise() { -volts } else { volts }
 }
 
-/// Mirrors the control value of a motor that turns CCW to CW motion.
+/// Negates the control value of a motor that turns CCW, so that formulas for CW motion apply.
 const fn clockwise(at: OperatingPoint, control: Control) -> Control {
     if at.counter_clockwise() { control.reversed() } else { control }
 }
 
-/// The command that a control value means where the duty is linear between the points (paper, section 1.3).
+/// The command for a control value by [`DutyRule::LinearDuty`] (paper, section 1.3).
 pub const fn linear_duty(scheme: Scheme, at: OperatingPoint, control: Control) -> Modulation {
     let Location { regime, fraction } = Points::new(scheme, at).locate(clockwise(at, control));
     Modulation::new(regime, fraction.to_duty(), at)
 }
 
-/// The command that a control value means where the motor's mean current is linear between the points.
+/// The command for a control value by [`DutyRule::LinearCurrent`].
 pub fn linear_current(
     current: &LinearCurrent,
     scheme: Scheme,
@@ -180,7 +183,7 @@ pub fn linear_current(
 ) -> Modulation {
     let location = Points::new(scheme, at).locate(clockwise(at, control));
     let location = match location.regime {
-        // In overrun the battery drives no current.
+        // In overrun the battery cannot drive a current, so the bridge opens.
         Regime::Forward if at.is_overrun() => Location { regime: Regime::Braking, fraction: Fraction::ZERO },
         _ => location,
     };

@@ -5,9 +5,9 @@
 //!   S ---- reverse, 6/2 ---- T ---- braking, 5/0 ---- Z ---- forward, 9/8 ---- G
 //! ```
 //!
-//! All formulas assume clockwise motion; [`super::linear_duty`] mirrors counter-clockwise motion. The arithmetic is
-//! of integers on exact ratios. A point computed from e and V is within 1/512 step of its formula. A point computed
-//! from other points is within 1/100 step, however close |emf| is to the battery voltage.
+//! All formulas assume clockwise motion; [`super::linear_duty`] mirrors counter-clockwise motion. Points are computed in
+//! integers. A point that is computed from the back EMF e and the battery voltage V has an error below 1/512 step. A
+//! point that is computed from other points, such as a blend, has an error below 1/100 step.
 //!
 //! ```
 //! use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
@@ -40,7 +40,7 @@ pub struct OperatingPoint {
 }
 
 impl OperatingPoint {
-    /// Creates an operating point; `None` if the battery voltage is 0, with which the points have no meaning.
+    /// Creates an operating point. `None` if the battery voltage is 0, because the points are ratios to this voltage.
     pub const fn new(emf: Emf, battery: Millivolts) -> Option<Self> {
         if battery.get() == 0 {
             return None;
@@ -76,7 +76,8 @@ impl OperatingPoint {
     }
 }
 
-/// Volts of a voltage in steps of 2^-20 mV. A voltage has at most 21 bits in 1/16 mV, and a single has 24.
+/// Converts steps of 2^-20 mV to volts. In steps of 1/16 mV the voltage has at most 21 bits, so an `f32` with its 24
+/// bits holds the steps exactly.
 const fn volts_of(bits: i64) -> f32 {
     (bits >> 16) as i32 as f32 / 16_000.0
 }
@@ -159,8 +160,9 @@ pub struct Location {
 }
 
 impl Location {
-    /// Voltage across the resistance, in V and in the regime's direction, whose current the location means. Full
-    /// forward is `V - e`, full braking `e`, full reverse `V + e`.
+    /// The mean current that this location requests, as the voltage `w` of [`mod@super::linear_current`]: current times
+    /// resistance, in V, positive in the regime's direction. Full forward is `V - e`, full braking `e`, full reverse
+    /// `V + e`.
     pub(super) const fn current(self, at: OperatingPoint) -> f32 {
         let (e, v) = at.volts();
         let fraction = self.fraction.to_f32();
@@ -189,7 +191,7 @@ impl Fraction {
         } else if part >= whole {
             Self::ONE
         } else {
-            // Both are cut to 33 bits, which leaves room for the 30 bits of the fraction.
+            // Both numbers lose their low bits until `whole` has 33 bits, so that a shift by 30 bits does not overflow.
             let (part, whole) = (part.unsigned_abs(), whole.unsigned_abs());
             let surplus = 31u32.saturating_sub(whole.leading_zeros());
             Self(U2F30::from_bits((((part >> surplus) << 30) / (whole >> surplus)) as u32))
@@ -201,12 +203,12 @@ impl Fraction {
         Duty::from_bits(((self.0.to_bits() + (1 << 14)) >> 15) as u16)
     }
 
-    /// The nearest single, within 2^-24.
+    /// The fraction as the nearest `f32`, with an error below 2^-24.
     const fn to_f32(self) -> f32 {
         self.0.to_bits() as f32 / (1 << 30) as f32
     }
 
-    /// Converts from a single, limited to 0 to 1.
+    /// Converts from an `f32`. Values outside of 0 to 1 are limited to this range.
     pub(super) const fn from_f32(share: f32) -> Self {
         Self(U2F30::from_bits((at_most(at_least(share, 0.0), 1.0) * (1 << 30) as f32) as u32))
     }
@@ -234,19 +236,22 @@ impl Points {
     /// The points that the firmware uses. They are the paper's, except that Schemes C and D keep braking within the
     /// control range near and in overrun.
     ///
-    /// By the paper's formula T of Schemes C and D goes to minus infinity as |emf| approaches the battery voltage.
-    /// Then no control value brakes any more, just where only braking helps: a motor in overrun runs away. So the
-    /// firmware limits T, with u = |emf| / battery:
+    /// In the paper's formula for Schemes C and D, T goes to minus infinity as |emf| approaches the battery voltage.
+    /// Then no control value within the control range brakes noticeably. In overrun, where |emf| exceeds the battery
+    /// voltage, only braking slows a motor down. So the firmware limits T, with u = |emf| / battery voltage:
     ///
-    /// * Scheme C: T is at least `-controlMax / a`, and S keeps its ratio to T. a is the share of full dynamic
-    ///   braking at the end of the control range: 0 up to u = 0.9, then in proportion up to 1 at u = 1.
-    /// * Scheme D with a fixed blend lies between Schemes B and C at all speeds.
-    /// * Automatic D has a = 1 at all speeds. Below overrun this is the paper's blend of `min(1, (1 - u) / (2 u^2))`.
+    /// * Scheme C: T is at least `-controlMax / a`, and the ratio of S to T follows the formula. The negative end of
+    ///   the control range then requests at least the share a of full dynamic braking. a is 0 up to u = 0.9, and grows
+    ///   linearly from there to 1 at u = 1.
+    /// * Scheme D with a fixed blend: the blend is between Scheme B and this limited Scheme C.
+    /// * Scheme D with the automatic blend: a = 1 at all speeds. Below overrun this limit equals the paper's blend of
+    ///   `min(1, (1 - u) / (2 u^2))`.
     ///
-    /// So the points are continuous in the speed. They are the paper's up to u = 0.9, and for automatic D up to u = 1.
+    /// The limited points are continuous in the speed. They equal the paper's points up to u = 0.9, and with the
+    /// automatic blend up to u = 1.
     ///
-    /// Points beyond the control range are not limited otherwise: with Scheme A in overrun every positive control
-    /// value is braking.
+    /// No other point is limited to the control range. With Scheme A in overrun, for example, Z lies beyond the
+    /// control range, and every positive control value brakes.
     pub const fn new(scheme: Scheme, at: OperatingPoint) -> Self {
         match scheme {
             Scheme::ForwardReverse => Self::on_line(Abscissa::ZERO, Abscissa::ZERO),
@@ -260,8 +265,9 @@ impl Points {
         }
     }
 
-    /// The points by the paper's formula of the scheme, also in overrun, where Schemes C and D have no meaning.
-    /// `None` where the formula is infinite: Schemes C and D with |emf| equal to the battery voltage.
+    /// The points that the paper's formula gives, without the limits of [`new`](Self::new). In overrun the formulas of
+    /// Schemes C and D give points that describe no braking. `None` for Schemes C and D with |emf| equal to the battery
+    /// voltage, where the formula is infinite.
     pub const fn from_formula(scheme: Scheme, at: OperatingPoint) -> Option<Self> {
         match scheme {
             Scheme::C => Self::scheme_c(at),
@@ -304,7 +310,7 @@ impl Points {
         })
     }
 
-    /// The points of Scheme C with T at `lowest` in overrun, and where the formula has a lower T.
+    /// The points of Scheme C, with T at `lowest` in overrun and wherever the formula gives a lower T.
     const fn scheme_c_down_to(lowest: Abscissa, at: OperatingPoint) -> Self {
         match Self::scheme_c(at) {
             Some(points) if !at.is_overrun() && points.t.to_bits() >= lowest.to_bits() => points,
@@ -324,8 +330,8 @@ impl Points {
 
     /// Locates a control value among the points (paper, section 1.3).
     ///
-    /// A control value at Z is braking with the fraction 0: the bridge is open. So is a control value at T = Z. Any
-    /// other control value at T is full braking.
+    /// A control value at Z is in the braking regime with the fraction 0, which opens the bridge. This also holds where
+    /// T = Z. Where T differs from Z, a control value at T is full braking.
     pub const fn locate(&self, control: Control) -> Location {
         let c = Abscissa::of(control).to_bits();
         let (s, t) = (self.s.to_bits(), self.t.to_bits());
@@ -340,7 +346,8 @@ impl Points {
     }
 }
 
-/// The regime of a voltage in V, for CW motion, and the share of the regime's current.
+/// The regime of a voltage, and the share of the regime's largest current that the voltage requests. The voltage is in V
+/// and for CW motion.
 pub(super) fn share(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     let (e, v) = at.volts();
     if voltage > e {
@@ -352,10 +359,11 @@ pub(super) fn share(voltage: f32, at: OperatingPoint) -> (Regime, f32) {
     }
 }
 
-/// The control value at this share of a regime, within about a step, the resolution of a single.
+/// The control value that requests this share of a regime's largest current. The error is about one step, because an
+/// `f32` resolves no more.
 ///
-/// A value that the scheme does not have becomes the nearest one: the end of the control range, or, in a scheme
-/// without a braking regime, no current.
+/// A control value beyond the control range is limited to the range. In a scheme without a braking regime, T equals Z:
+/// every share of braking becomes the control value at Z, which requests no current.
 pub(super) fn control(points: &Points, (regime, share): (Regime, f32)) -> Control {
     let (from, to) = match regime {
         Regime::Forward => (points.z, points.g),
@@ -366,8 +374,8 @@ pub(super) fn control(points: &Points, (regime, share): (Regime, f32)) -> Contro
     Control::saturating((roundf(from + share * (to - from)) as i32).into())
 }
 
-/// Limit of a point in 1/256 steps. The limit is far beyond the control range, and keeps the products of a blend in
-/// 64 bits.
+/// Largest magnitude of a point, in 1/256 step: 4 million times the control range. The limit keeps the products of a
+/// blend within 64 bits.
 const FAR: i64 = 1 << 45;
 
 /// `controlMax * numerator / denominator`, rounded to 1/256 step.
@@ -384,7 +392,7 @@ const fn scaled(numerator: i64, denominator: i64) -> Abscissa {
     })
 }
 
-/// Lowest T of Scheme C: `-controlMax / a` with a = 10 u - 9, limited to 0 to 1.
+/// Lowest T of Scheme C: `-controlMax / a`, where a = 10 u - 9, limited to 0 to 1 (see [`Points::new`]).
 const fn near_overrun(at: OperatingPoint) -> Abscissa {
     let OperatingPoint { e, v, .. } = at;
     let part = 10 * e - 9 * v;
@@ -410,7 +418,6 @@ const fn between(b: Abscissa, c: Abscissa, weight: BlendFraction) -> Abscissa {
 
 /// Divides and rounds to the nearest integer, halves away from zero. The denominator must not be 0.
 const fn div_round(numerator: i64, denominator: i64) -> i64 {
-    // An unsigned division is shorter than a signed one.
     let (n, d) = (numerator.unsigned_abs(), denominator.unsigned_abs());
     let size = ((n + d / 2) / d) as i64;
     if (numerator < 0) == (denominator < 0) { size } else { -size }

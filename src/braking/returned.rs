@@ -1,10 +1,10 @@
-//! Power of a braking motor: a part returns to the bus, the rest heats winding and bridge.
+//! Power of a braking motor. One part returns to the supply bus, the rest heats winding and bridge.
 
 use super::points::{OperatingPoint, Regime};
 use super::{Modulation, Modulator, clockwise_volts};
 use crate::units::Voltage;
 
-/// Shares of the power of a braking motor, in W, each at least 0.
+/// The two parts of the power of a braking motor, in W, each at least 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Returned {
@@ -15,13 +15,13 @@ pub struct Returned {
 }
 
 impl Returned {
-    /// No power, of a motor that does not brake.
+    /// The power of a motor that does not brake.
     pub const NONE: Self = Self { returned: 0.0, burnt: 0.0 };
 }
 
 impl Modulator {
-    /// Computes the shares of the braking power while this command applies this voltage. `ohms` is the resistance of
-    /// winding and bridge.
+    /// Computes the braking power while the command `modulation` applies the voltage `applied`. `ohms` is the resistance
+    /// of winding and bridge.
     pub fn returned(
         &self,
         at: OperatingPoint,
@@ -36,8 +36,9 @@ impl Modulator {
             Regime::Forward => Returned::NONE,
             Regime::Reverse => Returned { returned: 0.0, burnt: braked },
             Regime::Braking => {
-                // While the bridge is open, the current flows into the bus and falls. In continuous conduction it
-                // flows for the whole of this time, otherwise until the volt seconds of the short are used up.
+                // `share` is the part of the mean current that flows into the bus, which is while the bridge is open and
+                // the current falls. A continuous current falls for all of this time. A discontinuous current reaches
+                // zero before; e raised it in the on time, and the falling voltage less e ends it.
                 let open = 1.0 - modulation.drive.duty.to_f32();
                 let share = open.min(e / self.current.falling_volts(v));
                 let returned = (v * current * share).min(braked);

@@ -16,22 +16,25 @@ use crate::units::RangeError;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Scheme {
-    /// There is no braking regime: positive control values are 9/8 and negative ones 6/2, whatever the direction of
-    /// motion. Firmware in the field did so in 2018. This scheme is for comparison.
+    /// Positive control values use mode 9/8 and negative ones mode 6/2, in both directions of motion. There is no
+    /// braking regime. Hub firmware of 2018 worked in this way; the scheme is here for comparison.
     ForwardReverse,
-    /// A control value is an equivalent DC voltage (paper, section 2): T is at 0, and Z moves with the speed.
+    /// A control value is proportional to an equivalent DC voltage (paper, section 2). T is at 0, and Z moves with the
+    /// speed.
     A,
-    /// A control value is a current (paper, section 3): Z is at 0, and T moves with the speed.
+    /// A control value is proportional to a current, with one factor for forward driving and another one for braking and
+    /// reverse (paper, section 3). Z is at 0, and T moves with the speed.
     B,
-    /// Scheme B without its knee at Z: braking is as steep as driving. Less reverse current is left within the
-    /// control range, and above half of the free speed also less braking current.
+    /// Scheme B with the same factor for braking as for forward driving, so that the current has no knee at Z. T and S
+    /// lie lower than in Scheme B: the control range ends at less reverse current. Above half of the free speed the
+    /// control range ends before full braking.
     C,
-    /// A blend between B (0) and C (1).
+    /// A blend of the points of Schemes B (blend 0) and C (blend 1).
     D(Blend),
 }
 
 impl Scheme {
-    /// One scheme of each kind, with D once automatic and once half-way.
+    /// Every scheme once. Scheme D is present twice: with the automatic blend, and with the fixed blend 1/2.
     pub const EACH: [Self; 6] = [
         Self::ForwardReverse,
         Self::A,
@@ -48,7 +51,7 @@ impl Scheme {
 pub enum Blend {
     /// The blend is the same at all speeds.
     Fixed(BlendFraction),
-    /// The blend is the largest that keeps full dynamic braking within the control range.
+    /// The blend follows the speed: the largest blend that keeps full dynamic braking within the control range.
     Automatic,
 }
 

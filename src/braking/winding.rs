@@ -2,10 +2,11 @@
 
 use crate::units::{EmfConstant, Inductance, Resistance, constant};
 
-/// Electrical constants of a motor's winding, with the back EMF in units of its encoder.
+/// Electrical constants of a motor's winding. The back EMF is per encoder speed.
 ///
-/// A resistance or an inductance that is wrong by a factor of two has little effect. With an unknown inductance the
-/// current counts as continuous, which is the limit of a high PWM frequency.
+/// The duties of [linear current](mod@super::linear_current) depend little on resistance and inductance: an error of a
+/// factor of two is tolerable. With an unknown inductance the current is taken as continuous, as it is at a high PWM
+/// frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Winding {

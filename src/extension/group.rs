@@ -1,4 +1,5 @@
-//! Motors that move in step. A repeated request does no harm; hosts repeat a request when an answer is lost.
+//! Requests to groups: motors that move synchronously. Hosts repeat a request whose answer was lost, so all these requests may
+//! be repeated without a further effect.
 //!
 //! ```
 //! use motor_hub::extension::MotorFunction;
@@ -17,21 +18,21 @@
 //! ```
 
 use crate::group::{GroupCommand, Halt};
-use crate::protocol::payload::{ByteIn, Field, Fields, Payload, bits, byte, codes, in_turn};
+use crate::protocol::payload::{ByteIn, Field, Fields, Payload, bits, byte, codes, fields_in_order};
 use crate::protocol::{CHANNELS, Nack};
 use crate::units::CountsPerSecond;
 
-/// The course of a group, by motor; `None` for a motor outside the group.
+/// Where a group moves. The motors that have a value are the members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum GroupCourse {
-    /// The members go to these positions, in the host's counts.
+    /// Each member moves to a position in the host's counts.
     To([Option<i32>; CHANNELS]),
-    /// The members turn at these speeds; the group stops if all speeds are 0.
+    /// Each member turns at a speed, until the next request. If all speeds are 0, the group stops.
     On([Option<CountsPerSecond>; CHANNELS]),
 }
 
-/// State of a motor's group.
+/// State of the group that a motor is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum GroupState {
@@ -73,4 +74,4 @@ impl Field for GroupCourse {
     }
 }
 
-in_turn!(GroupCommand<GroupCourse> { course, speed, acceleration, lag, tolerance, halt });
+fields_in_order!(GroupCommand<GroupCourse> { course, speed, acceleration, lag, tolerance, halt });

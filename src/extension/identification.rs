@@ -1,7 +1,7 @@
-//! The result of an identification, byte by byte: a code, and then only the fields that go with this code.
+//! The state of an identification in a payload: a code, and the fields that the code has.
 
 use crate::protocol::Nack;
-use crate::protocol::payload::{ByteIn, Field, Fields, Payload, codes, in_turn};
+use crate::protocol::payload::{ByteIn, Field, Fields, Payload, codes, fields_in_order};
 use crate::regulator::Dynamics;
 use crate::regulator::identify::{Identification, Identified, Refusal};
 
@@ -47,9 +47,9 @@ impl Field for Identification {
     }
 }
 
-in_turn!(Dynamics { gain, decay, friction });
+fields_in_order!(Dynamics { gain, decay, friction });
 
-in_turn!(Identified {
+fields_in_order!(Identified {
     dynamics,
     emf,
     emf_is_told,

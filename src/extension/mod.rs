@@ -1,9 +1,8 @@
-//! The hub's own interface, for everything that REV's protocol has no requests for: settings, reports, groups, identification,
-//! the record of faults, stored settings, new firmware.
+//! The *extension*: the hub's own interface, for what REV's protocol has no requests for. Its functions are about settings,
+//! reports, groups, identification, the record of faults, stored settings, and new firmware.
 //!
-//! A host finds the interface by its name, [`INTERFACE`]. A host that does not ask for this name never meets the interface.
-//! Settings last until a reset, unless they are stored. `docs/reference/extension.md` describes each function with its fields
-//! and refusals.
+//! A host finds the interface by its name, [`INTERFACE`]. Other hosts are not affected. Settings last until a reset, unless they
+//! are stored. `docs/reference/extension.md` describes each function with its fields and refusals.
 //!
 //! ```
 //! use motor_hub::extension::{HubFunction, Request};
@@ -41,10 +40,10 @@ pub const FIRST_FUNCTION: u16 = 0x4D00;
 pub const FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 31 };
 
 requests! {
-    /// A function of one motor besides its settings. The motor's number goes before the fields.
+    /// A function for one motor, except for settings. The first field of the request is the motor's number.
     pub enum MotorFunction from FIRST_FUNCTION => {
-        /// Starts an identification within this number of counts either way. The answer is a u32, the counts that the motor
-        /// will turn at most.
+        /// Starts an identification. The motor stays within the travel limit, in counts in either direction. The answer is a u32:
+        /// the largest number of counts that the motor will turn.
         4 Identify { travel_limit: u32 },
         /// The answer is an [`Identification`](crate::regulator::identify::Identification).
         5 Identification,
@@ -54,14 +53,13 @@ requests! {
         7 Group,
         /// The answer is a [`Condition`](report::Condition).
         10 Condition,
-        /// Gives the enabled motor a constant current in milliamperes, up to this speed in counts per second, until another
-        /// target follows.
+        /// Regulates the enabled motor to a constant current, up to a speed limit, until the motor gets another target.
         30 Current { current_ma: i32, speed_limit_cps: u16 },
     }
 }
 
 requests! {
-    /// A function of the whole hub.
+    /// A function for the whole hub.
     pub enum HubFunction from FIRST_FUNCTION => {
         /// The answer is a [`BusReport`](report::BusReport).
         13 Bus,
@@ -69,61 +67,62 @@ requests! {
         14 Save,
         /// Puts the stored settings in force.
         15 Load,
-        /// Puts the firmware's settings in force and stores them.
+        /// Deletes the stored settings, and puts the firmware's settings in force.
         16 Reset,
         /// The answer is a [`StoreReport`](state::StoreReport).
         17 Stored,
-        /// The answer is [`Entries`](record::Entries) from this number on. `clear` empties the record afterwards.
+        /// The answer is [`Entries`](record::Entries) without the newest `from` entries. `clear` then empties the record.
         18 Entries { from: u8, clear: bool },
-        /// The answer is [`Ticks`](record::Ticks) of the entry with this number.
+        /// The answer is [`Ticks`](record::Ticks) of the entry with this number, without the oldest `from` ticks.
         19 Ticks { number: u16, from: u8 },
         /// The answer is a [`HubReport`](report::HubReport).
         20 Report,
         /// Announces new firmware with its length in bytes, its CRC-32 (IEEE 802.3) and its version.
         21 BeginUpdate { length: u32, crc: u32, version: Text },
-        /// Sends 96 bytes of new firmware, or the rest of it, for this offset.
+        /// Sends the bytes of new firmware that begin at this offset. Each chunk has 96 bytes, the last one may have less.
         22 Chunk { offset: u32, bytes: Text },
         /// Ends the transfer; the hub checks and arms the new firmware.
         23 FinishUpdate,
         /// Restarts the hub with the armed firmware.
         24 Restart,
-        /// Ends an update, also of armed firmware.
+        /// Cancels the update. Armed firmware is not started then.
         25 AbandonUpdate,
         /// The answer is an [`UpdateReport`](state::UpdateReport).
         26 Update,
-        /// Sends the public key (Ed25519) and the signature of the firmware's SHA-512.
+        /// Sends a public key (Ed25519), and its signature of the firmware's SHA-512 hash.
         27 Sign { key: [u8; 32], signature: [u8; 64] },
     }
 }
 
-/// A request to a hub of this project, by REV's protocol or by the extension, with all its parameters in range.
+/// A request of REV's protocol or of the extension, with all its parameters in range.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Request {
-    /// REV's command of every hub.
+    /// REV's standard command.
     Standard(Standard),
-    /// REV's function that concerns the whole hub.
+    /// REV's function for the whole hub.
     ToHub(ToHub),
-    /// REV's function of the motor with this number.
+    /// REV's function for the motor with this number.
     ToMotor(u8, ToMotor),
-    /// REV's function of a pin or output.
+    /// REV's function for a pin or an output.
     ToPin(ToPin),
-    /// Sets all fields of a group of the settings of the motor with this number.
+    /// Sets one group of settings of the motor with this number.
     Set(u8, Values),
-    /// Asks for all fields of a group of the settings of the motor with this number; the answer is [`Values`].
+    /// Asks for one group of settings of the motor with this number. The answer has the fields of the group.
     Get(u8, Group),
-    /// A function of the motor with this number.
+    /// The extension's function for the motor with this number.
     Motor(u8, MotorFunction),
-    /// A function of the whole hub.
+    /// The extension's function for the whole hub.
     Hub(HubFunction),
 }
 
 impl Request {
-    /// Reads a packet, for a hub with `motors` motors. A setting that belongs to REV's protocol is read as
-    /// [`ToMotor`](Self::ToMotor).
+    /// Reads the request of a packet, for a hub with `motors` motors.
+    ///
+    /// Some groups of settings are requests of REV's protocol. They are read as [`ToMotor`](Self::ToMotor).
     ///
     /// # Errors
-    /// The refusal to answer. A payload that is too short is refused with the number of the first missing parameter.
+    /// Returns the refusal with which the hub must answer.
     pub fn read(packet: &Packet, motors: usize) -> Result<Self, Nack> {
         let (id, fields) = (packet.id, &mut Fields::new(&packet.payload));
         if Standard::has(id) {
@@ -138,18 +137,18 @@ impl Request {
             Ok(Self::ToMotor(fields.motor(motors)?, ToMotor::read(id, fields)?))
         } else if MotorFunction::has(id) {
             Ok(Self::Motor(fields.motor(motors)?, MotorFunction::read(id, fields)?))
-        } else if let Some(group) = Group::EACH.into_iter().find(|group| group.set_id() == id) {
+        } else if let Some(group) = Group::ALL.into_iter().find(|group| group.set_id() == id) {
             Ok(Self::Set(fields.motor(motors)?, Values::read(group, fields)?))
-        } else if let Some(group) = Group::EACH.into_iter().find(|group| group.get_id() == id) {
+        } else if let Some(group) = Group::ALL.into_iter().find(|group| group.get_id() == id) {
             Ok(Self::Get(fields.motor(motors)?, group))
         } else {
-            // The tables lack transfers by I2C (37 to 42, 52, 54, 55), because hosts poll an accepted transfer without end.
-            // They lack bulk output (56) too.
+            // The tables lack I2C transfers (functions 37 to 42, 52, 54, 55), because hosts would poll an accepted transfer
+            // endlessly. They also lack bulk output (56).
             Err(if MOTOR_FUNCTIONS.number(id).is_some() { Nack::UNSUPPORTED } else { Nack::UNKNOWN })
         }
     }
 
-    /// The name of the interface that the request belongs to; `None` for a standard command.
+    /// Returns the name of the interface that the request belongs to. `None` for a standard command.
     pub fn interface(&self) -> Option<&'static [u8]> {
         match self {
             Self::Standard(_) => None,
@@ -158,13 +157,13 @@ impl Request {
         }
     }
 
-    /// The number of the function within its interface, or the packet type of a standard command.
+    /// Returns the number of the function within its interface, or the packet type of a standard command.
     pub fn number(&self) -> u16 {
         let id = self.id();
         FUNCTIONS.number(id).or(MOTOR_FUNCTIONS.number(id)).unwrap_or(id)
     }
 
-    /// The packet type on hubs of this project.
+    /// Returns the packet type, on hubs of this project.
     pub const fn id(&self) -> u16 {
         match self {
             Self::Standard(request) => request.id(),
@@ -178,7 +177,7 @@ impl Request {
         }
     }
 
-    /// The fields as bytes.
+    /// Returns the fields as bytes.
     pub fn payload(&self) -> Payload {
         let mut payload = Payload::new();
         match self {
@@ -200,13 +199,14 @@ impl Request {
         payload
     }
 
-    /// A host's packet of type `id`, which is [`id`](Self::id) unless the hub reports other packet types.
+    /// Builds a host's packet for this request. `id` is the packet type on the hub: [`id`](Self::id), unless the hub has
+    /// reported other packet types for the interface.
     pub fn packet(&self, destination: u8, number: u8, id: u16) -> Packet {
         Packet { destination, source: HOST, number, reference: 0, id, payload: self.payload() }
     }
 }
 
-/// Makes requests of tables without and with a motor's number.
+/// Converts the enums of requests to [`Request`]. A request to a motor also needs the motor's number.
 macro_rules! from_tables {
     (hub { $($request:ident($table:ident)),+ } motor { $($of_motor:ident($of_motor_table:ident)),+ }) => {
         $(impl From<$table> for Request {
@@ -216,7 +216,7 @@ macro_rules! from_tables {
         })+
 
         $(impl $of_motor_table {
-            /// The request to the motor with this number, 0 to 3.
+            /// Returns the request to the motor with this number, 0 to 3.
             pub const fn to(self, motor: u8) -> Request {
                 Request::$of_motor(motor, self)
             }

@@ -1,25 +1,25 @@
-//! The record of faults and resets, as a host reads it in parts.
+//! Answers with parts of the record of faults and resets. [`crate::record`] defines the terms.
 
 use super::report::battery;
 use crate::bridge::Drive;
 use crate::protocol::Nack;
-use crate::protocol::payload::{Field, Fields, Payload, in_turn, payload};
+use crate::protocol::payload::{Field, Fields, Payload, fields_in_order, payload};
 use crate::record::{Fault, Head, NOBODY, Record, Tick, drive_bits, drive_of};
 use heapless::Vec;
 
-/// The most entries of an answer.
+/// Largest number of entries in an answer.
 const ENTRIES: usize = 3;
 
-/// The most ticks of an answer.
+/// Largest number of ticks in an answer.
 const TICKS: usize = 8;
 
 payload! {
-    /// Entries of the record.
+    /// Some entries of the record.
     #[derive(Default)]
     pub struct Entries {
-        /// Number of the present run since the record began, from 1; 0 for a hub without a record.
+        /// Number of the present run. 0 for a hub without a record.
         pub run: u32,
-        /// Number of entries in the record.
+        /// Number of entries in the whole record.
         pub count: u8,
         /// Up to three entries, newest first.
         pub heads: Vec<Head, ENTRIES> as rest,
@@ -27,7 +27,7 @@ payload! {
 }
 
 impl Entries {
-    /// The entries of the record behind the first `from` entries.
+    /// Reads entries from the record, newest first. The newest `from` entries are left out.
     pub fn of(record: &Record<'_>, from: u8) -> Self {
         let heads = || record.heads();
         Self {
@@ -39,10 +39,10 @@ impl Entries {
 }
 
 payload! {
-    /// Control ticks of an entry.
+    /// Some control ticks of an entry.
     #[derive(Default)]
     pub struct Ticks {
-        /// Number of ticks of the entry.
+        /// Number of all ticks of the entry.
         pub count: u8,
         /// Up to eight ticks, oldest first.
         pub ticks: Vec<Tick, TICKS> as rest,
@@ -50,14 +50,15 @@ payload! {
 }
 
 impl Ticks {
-    /// The ticks of the entry with this number, behind the first `from` ticks; `None` if there is no such entry.
+    /// Reads ticks of the entry with this number, oldest first. The oldest `from` ticks are left out. `None` if the record has no
+    /// ticks of this entry.
     pub fn of(record: &Record<'_>, number: u16, from: u8) -> Option<Self> {
         let ticks = record.ticks(number)?;
         Some(Self { count: ticks.len() as u8, ticks: ticks.skip(from.into()).take(TICKS).collect() })
     }
 }
 
-/// All values to the end of the payload, as many as the vector has room for.
+/// A list of values that ends with the payload, or when the vector is full.
 mod rest {
     use super::{Field, Fields, Nack, Payload, Vec};
 
@@ -84,7 +85,7 @@ impl Field for Fault {
     }
 }
 
-/// A motor, where [`NOBODY`] is none.
+/// An optional motor. [`NOBODY`] stands for `None`.
 mod motor {
     use super::{Field, Fields, NOBODY, Nack, Payload};
 
@@ -97,7 +98,7 @@ mod motor {
     }
 }
 
-/// The command of a bridge in 16 bits.
+/// The command to a bridge in 16 bits, see [`drive_bits`].
 mod drive {
     use super::{Drive, Field, Fields, Nack, Payload, drive_bits, drive_of};
 
@@ -110,7 +111,7 @@ mod drive {
     }
 }
 
-in_turn!(Head {
+fields_in_order!(Head {
     number,
     fault,
     times,
@@ -123,4 +124,4 @@ in_turn!(Head {
     ticks
 });
 
-in_turn!(Tick { position, velocity, control, drive: drive });
+fields_in_order!(Tick { position, velocity, control, drive: drive });

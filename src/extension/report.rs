@@ -1,9 +1,11 @@
-//! State of motors, bridges and bus, as the hub reports it.
+//! Reports of motors, bridges and bus.
 //!
-//! A [`HubReport`] has the state of all motors and of the bus in one answer, for hosts that draw, tune or record while motors
-//! run. Values are from the last control tick, except position and velocity, which are newer. A newer hub reports more fields
-//! at the end of each motor, or behind all motors; a host reads the fields that it knows. [`Commands`] say whether the values
-//! include the newest requests.
+//! A [`HubReport`] has the state of all motors and of the bus in one answer, for hosts that plot, tune or record while motors
+//! run. Its values are those of the last control tick, except positions and velocities, which are newer. [`Commands`] say
+//! whether the values include the newest requests.
+//!
+//! A newer hub may add fields at the end of each motor's fields, and after all motors. A host ignores fields that it does not
+//! know.
 //!
 //! ```
 //! use motor_hub::extension::report::HubReport;
@@ -18,7 +20,7 @@
 
 use crate::braking::Regime;
 use crate::bridge::{Drive, Mode};
-use crate::motion::EncoderFault;
+use crate::motor::EncoderFault;
 use crate::motor::{Faults, SenseLine, best_current};
 use crate::protocol::payload::{ByteIn, Field, Fields, Payload, bits, byte, codes, payload};
 use crate::protocol::{CHANNELS, Nack};
@@ -27,40 +29,40 @@ use crate::supply::BusState;
 use crate::units::{Control, Duty, Milliamperes, Millivolts, is_included};
 use heapless::Vec;
 
-/// Version of the fields of a [`HubReport`]. A higher version has more fields.
+/// Version of a [`HubReport`] that this firmware sends. A higher version has more fields.
 pub const VERSION: u8 = 2;
 
-/// The first version whose fields include [`Commands`].
+/// Lowest version that includes [`Commands`].
 const WITH_COMMANDS: u8 = 2;
 
-/// Bytes of a motor's fields.
+/// Size of one motor's fields in bytes.
 const STRIDE: u8 = 36;
 
-/// A measured current that is not measured.
+/// Stands for the measured current of a motor whose current is not measured.
 const NOT_MEASURED: u16 = u16::MAX;
-/// A load current that is unknown.
+/// Stands for an unknown load.
 const UNKNOWN: i16 = i16::MIN;
 
 codes!(Mode { 0 = Cw98, 1 = Ccw62, 2 = Brake50 });
-// 0 is an open bridge.
+// `None` stands for an open bridge.
 codes!(Option<Regime> { 0 = None, 1 = Some(Regime::Reverse), 2 = Some(Regime::Braking), 3 = Some(Regime::Forward) });
 codes!(Kind { 0 = Model, 1 = Pid });
 codes!(SenseLine { 0 = Absent, 1 = Sound, 2 = Silent, 3 = Stuck, 4 = Excessive });
-codes!(BusState { 0 = Silent, 1 = TooLow, 2 = Cut, 3 = Derated, 4 = Quiet, 5 = Burning, 6 = TooHigh });
+codes!(BusState { 0 = Silent, 1 = TooLow, 2 = Cut, 3 = Derated, 4 = Quiet, 5 = Dissipating, 6 = TooHigh });
 
 payload! {
     /// State of a motor and its bridge.
     #[derive(Copy, Default)]
     pub struct Condition {
-        /// Mean current by the motor's constants.
+        /// Mean current, modelled from the motor's constants.
         pub current: Milliamperes,
         /// Magnitude of the mean current in milliamperes; `None` if the hub does not measure the current.
         pub measured_ma: Option<u16> as measured,
-        /// Heat of the winding in 1/1000 of its limit; 0 without a limit.
+        /// Heat of the winding in 1/1000 of its thermal limit. 0 without a thermal limit.
         pub heat: u16,
         /// True if the current is limited because the winding is hot.
         pub derated: bool,
-        /// True if the motor was switched off because the winding is too hot.
+        /// True if the motor is switched off because the winding is too hot.
         pub overheated: bool,
         /// True if the bridge has switched itself off.
         pub bridge_fault: bool,
@@ -70,23 +72,23 @@ payload! {
 }
 
 payload! {
-    /// State of the bus of battery and bridges.
+    /// State of the bus that battery and bridges share.
     #[derive(Copy, Default)]
     pub struct BusReport {
-        /// The range that the voltage is in.
+        /// Range of the bus voltage.
         pub state: BusState,
-        /// The newest sample, plausible or not; `None` if the converter does not answer.
+        /// Voltage of the newest sample, plausible or not. `None` if the converter does not answer.
         pub measured: Option<Millivolts> as measured,
-        /// Share of the returned energy that braking motors dissipate, in 1/1000.
-        pub burning: u16,
-        /// Energy that braking motors have returned since boot, in millijoules.
+        /// How strongly braking motors must dissipate energy, in 1/1000. 0 while they may return it to the bus.
+        pub dissipate: u16,
+        /// Energy that braking motors have returned to the bus since boot, in millijoules.
         pub returned_mj: u32,
         /// Energy that braking motors have dissipated since boot, in millijoules.
-        pub burnt_mj: u32,
+        pub dissipated_mj: u32,
     }
 }
 
-/// A value behind a bool, which is true if the value is measured.
+/// An optional value as a bool, which is true if the value is measured, and the value or 0.
 mod measured {
     use super::{Field, Fields, Nack, Payload};
 
@@ -101,7 +103,7 @@ mod measured {
     }
 }
 
-/// A battery voltage, which is 0 if it is unknown.
+/// A battery voltage. 0 stands for an unknown voltage.
 pub(super) mod battery {
     use super::{Field, Fields, Millivolts, Nack, Payload};
 
@@ -114,35 +116,35 @@ pub(super) mod battery {
     }
 }
 
-/// State of motors and bus.
+/// State of all motors and of the bus.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct HubReport {
-    /// Time of the control tick since boot in milliseconds; wraps at 2^32.
+    /// Time of the control tick since boot, in milliseconds. Wraps at 2^32.
     pub at_ms: u32,
-    /// The battery voltage in force; `None` if it is unknown.
+    /// Filtered battery voltage. `None` if the voltage is unknown.
     pub battery: Option<Millivolts>,
-    /// The range that the bus voltage is in.
+    /// Range of the bus voltage.
     pub bus: BusState,
-    /// Share of the returned energy that braking motors dissipate, in 1/1000.
-    pub burning: u16,
+    /// How strongly braking motors must dissipate energy, in 1/1000. 0 while they may return it to the bus.
+    pub dissipate: u16,
     /// State of each motor.
     pub motors: Vec<MotorReport, CHANNELS>,
-    /// Which commands the report includes; `None` for a hub that does not report this.
+    /// Commands that the report includes. `None` from a hub of version 1, which does not report them.
     pub commands: Option<Commands>,
 }
 
-/// Numbers of commands to the motors. They count commands since the hub's start, and begin again at 2^32.
+/// Numbers of commands to the motors. Commands are counted from the start of the hub, modulo 2^32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Commands {
     /// Number of the newest command that the report includes.
     pub included: u32,
-    /// Number of the newest command that follows from the requests that the hub has answered.
+    /// Number of the newest command that the hub's answers have caused. Higher than `included` while such a command is pending.
     pub newest: u32,
 }
 
 impl HubReport {
-    /// True if the report includes all commands that follow from the requests before it. A hub that does not report its
-    /// commands counts as up to date.
+    /// True if the report includes all commands that earlier requests have caused. True for a hub that does not report its
+    /// commands.
     pub fn is_up_to_date(&self) -> bool {
         self.commands.is_none_or(|Commands { included, newest }| is_included(newest, included))
     }
@@ -153,50 +155,51 @@ impl HubReport {
 pub struct MotorReport {
     /// The set-point in force.
     pub setpoint: ReportedSetpoint,
-    /// Position in counts, from where the host has set 0.
+    /// Position in the host's counts.
     pub position: i32,
     /// Velocity in counts per second.
     pub velocity: i16,
-    /// What regulates the motor.
+    /// Kind of the motor's regulator.
     pub regulator: Kind,
-    /// The control value; 0 while the bridge is open.
+    /// Control value. 0 while the bridge is open.
     pub control: Control,
-    /// The regime; `None` while the bridge is open because the motor is disabled, floating or at fault.
+    /// Regime. `None` while the bridge is open because the motor is disabled, floating or at fault.
     pub regime: Option<Regime>,
-    /// The command of the bridge.
+    /// Command to the bridge.
     pub drive: Drive,
-    /// Mean current by the motor's constants and the command of the bridge; 32.767 A at most.
+    /// Mean current, modelled from the motor's constants and the command to the bridge. Limited to 32.767 A.
     pub current: Milliamperes,
-    /// Magnitude of the mean current in milliamperes, 65 534 at most; `None` if the hub does not measure the current.
+    /// Magnitude of the mean current in milliamperes, limited to 65 534. `None` if the hub does not measure the current.
     pub measured_ma: Option<u16>,
-    /// The current that balances the load; `None` for an unknown motor.
+    /// Current that balances the load. `None` for an unknown motor.
     pub load: Option<Milliamperes>,
-    /// Heat of the winding in 1/1000 of its limit; 0 without a limit.
+    /// Heat of the winding in 1/1000 of its thermal limit. 0 without a thermal limit.
     pub heat: u16,
-    /// True if the host has enabled the motor.
+    /// True if a host has enabled the motor.
     pub enabled: bool,
-    /// True if the motor has settled at its target, or its group at its end.
+    /// True if the motor has settled at its target. A member of a group settles with the whole group.
     pub settled: bool,
     /// True if the motor is driven and does not turn.
     pub stalled: bool,
     /// True if the current is limited because the winding is hot.
     pub derated: bool,
-    /// True if the current limit of the motor holds its current down.
+    /// True if the motor's current limit reduces the current.
     pub current_limited: bool,
     /// Faults that keep the motor from running.
     pub faults: Faults,
-    /// S, T, Z and G as control values, at the present speed and battery voltage; `None` if the battery is unknown.
+    /// Points S, T, Z and G of the scheme as control values, at the present speed and battery voltage. `None` if the battery
+    /// voltage is unknown.
     pub points: Option<[Control; 4]>,
 }
 
 impl MotorReport {
-    /// The [best current](best_current) of the motor.
+    /// Returns the [best current](best_current) of the motor.
     pub fn best_current(&self) -> Milliamperes {
         best_current(self.current, self.measured_ma.map(|ma| Milliamperes::new(ma.into())))
     }
 }
 
-/// A set-point as one number.
+/// The kind of a set-point, with its most important number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ReportedSetpoint {
     /// The motor is disabled.
@@ -204,17 +207,17 @@ pub enum ReportedSetpoint {
     Off,
     /// The motor is disabled because its host is silent.
     FailSafe,
-    /// Constant power.
+    /// Constant power, as a control value.
     Power(Control),
     /// Velocity in counts per second.
     Velocity(i32),
-    /// Position in counts, from where the host has set 0.
+    /// Position in the host's counts.
     Position(i32),
-    /// The present reference of a group, in counts, from where the host has set 0.
+    /// Motion in a group. The number is the present reference position in the host's counts.
     Together(i32),
-    /// A constant current.
+    /// Constant current.
     Current(Milliamperes),
-    /// An identification, with the counts that the motor may turn either way.
+    /// Identification. The number is the travel limit in counts in either direction.
     Identify(u32),
 }
 
@@ -250,18 +253,18 @@ impl Field for HubReport {
         let (count, stride) = (u8::read(fields)?, ByteIn::<STRIDE, { u8::MAX }>::read(fields)?.get());
         let at_ms = u32::read(fields)?;
         let battery = battery::read(fields)?;
-        let (bus, burning) = (BusState::read(fields)?, u16::read(fields)?);
+        let (bus, dissipate) = (BusState::read(fields)?, u16::read(fields)?);
         let mut motors = Vec::new();
         for _ in 0..count {
             let of_motor = fields.slice(stride.into())?;
-            // A host of this protocol has no numbers for more motors.
+            // Motors beyond the channels of REV's protocol are ignored.
             let _ = motors.push(MotorReport::read(&mut Fields::new(of_motor))?);
         }
         let commands = match version {
             WITH_COMMANDS.. => Some(Commands { included: u32::read(fields)?, newest: u32::read(fields)? }),
             _ => None,
         };
-        Ok(Self { at_ms, battery, bus, burning, motors, commands })
+        Ok(Self { at_ms, battery, bus, dissipate, motors, commands })
     }
 
     fn write(&self, payload: &mut Payload) {
@@ -270,7 +273,7 @@ impl Field for HubReport {
         self.at_ms.write(payload);
         battery::write(&self.battery, payload);
         self.bus.write(payload);
-        self.burning.write(payload);
+        self.dissipate.write(payload);
         self.motors.iter().for_each(|motor| motor.write(payload));
         if let Some(Commands { included, newest }) = self.commands {
             [included, newest].write(payload);
@@ -366,7 +369,7 @@ impl Field for ReportedSetpoint {
     }
 }
 
-/// The current within 16 bits; -32768 stands for an unknown current.
+/// Converts a current to 16 bits. The result is never -32768, which is [`UNKNOWN`].
 fn milliamperes(current: Milliamperes) -> i16 {
     current.get().clamp(-i32::from(i16::MAX), i16::MAX.into()) as i16
 }

@@ -1,15 +1,21 @@
-//! All settings of a motor, in one table of fields. The bytes on the line, stored records, documents (TOML, JSON) and the
-//! options of programs follow from this table.
+//! The settings of one motor, in one table of fields. Packets, stored records, settings files (TOML, JSON) and options of
+//! programs follow from this table.
+//!
+//! * A *field* is one setting. Its *raw value* is the integer that stands for the setting in a packet.
+//! * A *group* is a list of fields that one request sets together. Groups of motors ([`crate::group`]) are something else.
+//! * [`Values`] are the raw values of all fields of one group.
 //!
 //! ```text
-//!              Values::of          Values::write
-//! MotorSettings ------> Values ---------------> bytes on the line, and of a stored record
-//!               <------        <---------------
-//!                 put            Values::read
+//!                  Values::of              Values::write
+//! MotorSettings ----------------> Values -----------------> payload of a packet, or of a stored entry
+//!               <----------------        <-----------------
+//!                Values::apply_to          Values::read
 //! ```
 //!
-//! Fields stand in groups, since one request sets all fields of a group. Some groups are functions of the extension, the
-//! others are requests of REV's protocol. A later firmware may add fields at the end of a group.
+//! The fields of a group are applied in the order of the table, and a field may depend on fields before it. For example,
+//! `blend` has an effect only if `scheme` is `D`. A later firmware may add fields at the end of a group.
+//!
+//! The extension has requests for some groups, and REV's protocol has requests for the others.
 //!
 //! ```
 //! use motor_hub::braking::{Scheme, Winding};
@@ -32,7 +38,7 @@ use crate::braking::{Blend, BlendFraction, DutyRule, Scheme, Winding};
 use crate::bridge::Timing;
 use crate::motion::Pidf;
 use crate::motor::{OnFault, Settings, ThermalLimit, ZeroPower};
-use crate::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode};
+use crate::protocol::motor::{ChannelMode, Coefficients, Loop, RunMode, Terms};
 use crate::protocol::payload::{Field as _, Fields, Payload};
 use crate::protocol::{Nack, requests};
 use crate::regulator::{self, Dynamics};
@@ -43,7 +49,7 @@ use crate::units::{
 use core::convert::Infallible;
 use core::num::NonZeroU16;
 
-/// Settings of one motor that a host can change and a hub can store.
+/// All settings of one motor that a host can change and a hub can store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotorSettings {
     /// Settings of the motor itself.
@@ -52,47 +58,47 @@ pub struct MotorSettings {
     pub mode: RunMode,
     /// Current above which the hub reports an alert, in milliamperes; 0 for no alert.
     pub current_alert_ma: u16,
-    /// How the host means the coefficients of the velocity loop.
-    pub velocity_algorithm: Algorithm,
-    /// How the host means the coefficients of the position loop.
-    pub position_algorithm: Algorithm,
+    /// Terms that a host has stated for the velocity loop. Only a host reads them back.
+    pub velocity_terms: Terms,
+    /// Terms that a host has stated for the position loop. Only a host reads them back.
+    pub position_terms: Terms,
 }
 
 impl MotorSettings {
-    /// Settings of a motor before a host has set anything: open loop, no current alert.
+    /// Creates the settings before a host has changed any: open loop, and no current alert.
     pub const fn new(motor: Settings) -> Self {
-        let (velocity_algorithm, position_algorithm) = (Algorithm::Pidf, Algorithm::Pidf);
-        Self { motor, mode: RunMode::Power, current_alert_ma: 0, velocity_algorithm, position_algorithm }
+        let (velocity_terms, position_terms) = (Terms::Pidf, Terms::Pidf);
+        Self { motor, mode: RunMode::Power, current_alert_ma: 0, velocity_terms, position_terms }
     }
 
-    /// What regulates the motor, and whether the motor floats at zero, in terms of REV's protocol.
+    /// Returns the mode of the motor as REV's protocol has it.
     pub fn channel_mode(&self) -> ChannelMode {
         ChannelMode { mode: self.mode, floats: self.motor.zero_power == ZeroPower::Float }
     }
 
-    /// Sets what [`channel_mode`](Self::channel_mode) returns.
+    /// Sets the mode of the motor as REV's protocol has it.
     pub const fn set_channel_mode(&mut self, ChannelMode { mode, floats }: ChannelMode) {
         self.mode = mode;
         self.motor.zero_power = if floats { ZeroPower::Float } else { ZeroPower::Brake };
     }
 
-    /// Coefficients of a loop: a host's coefficients, else the guess for a motor without a known load.
+    /// Returns the coefficients of a loop. Without coefficients from a host these are guessed from the back EMF.
     pub fn coefficients(&self, of: Loop) -> Coefficients {
         let both = self.both_loops();
-        let (Pidf { p, i, d, f }, algorithm) = match of {
-            Loop::Velocity => (both.velocity, self.velocity_algorithm),
-            Loop::Position => (both.position, self.position_algorithm),
+        let (Pidf { p, i, d, f }, terms) = match of {
+            Loop::Velocity => (both.velocity, self.velocity_terms),
+            Loop::Position => (both.position, self.position_terms),
         };
-        Coefficients { p, i, d, f, algorithm }
+        Coefficients { p, i, d, f, terms }
     }
 
-    /// Sets the coefficients of a loop. From then on PID regulates the motor.
+    /// Sets the coefficients of one loop. PID with the coefficients of both loops then regulates the motor.
     pub fn set_coefficients(&mut self, of: Loop, coefficients: Coefficients) {
-        let Coefficients { p, i, d, f, algorithm } = coefficients;
+        let Coefficients { p, i, d, f, terms } = coefficients;
         let (mut both, pidf) = (self.both_loops(), Pidf { p, i, d, f });
         match of {
-            Loop::Velocity => (both.velocity, self.velocity_algorithm) = (pidf, algorithm),
-            Loop::Position => (both.position, self.position_algorithm) = (pidf, algorithm),
+            Loop::Velocity => (both.velocity, self.velocity_terms) = (pidf, terms),
+            Loop::Position => (both.position, self.position_terms) = (pidf, terms),
         }
         self.motor.coefficients = Some(both);
     }
@@ -103,20 +109,22 @@ impl MotorSettings {
     }
 }
 
-/// Fields that one request sets.
+/// A group of fields that one request sets together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Group {
-    /// The connected motor, and the meaning of its control values. Setting this group deletes motion and coefficients, which
-    /// belong to the motor that was connected before. A resistance of 0 keeps resistance and inductance.
+    /// Constants of the connected motor, its scheme and its duty rule.
+    ///
+    /// Setting this group deletes dynamics, acceleration limit and coefficients, because they belong to the motor that was
+    /// connected before. A resistance of 0 keeps the present resistance and inductance.
     SetUp,
-    /// How the motor's bridge switches.
+    /// Switching times of the motor's bridge.
     Timing,
-    /// What keeps the motor and its load from harm.
+    /// Behaviour at a fault, and the thermal limit.
     Protection,
-    /// The largest current of the motor.
+    /// Current limit of the motor.
     CurrentLimit,
-    /// How the motor moves with its load, and its acceleration limit.
+    /// Dynamics of the motor with its load, and the acceleration limit.
     Motion,
     /// REV's mode of the motor.
     Mode,
@@ -129,8 +137,8 @@ pub enum Group {
 }
 
 impl Group {
-    /// All groups, in an order in which no group deletes what another group before it has set.
-    pub const EACH: [Self; 9] = [
+    /// All groups. `SetUp` is first, because it deletes settings of other groups.
+    pub const ALL: [Self; 9] = [
         Self::SetUp,
         Self::Timing,
         Self::Protection,
@@ -142,7 +150,7 @@ impl Group {
         Self::PositionLoop,
     ];
 
-    /// The packet type of the request that sets the group, on hubs of this project. A stored record uses it too.
+    /// Returns the packet type of the request that sets the group, on hubs of this project. A stored entry has the same type.
     pub const fn set_id(self) -> u16 {
         match self {
             Self::SetUp => FIRST_FUNCTION,
@@ -156,7 +164,7 @@ impl Group {
         }
     }
 
-    /// The packet type of the request that asks for the group, on hubs of this project.
+    /// Returns the packet type of the request that asks for the group, on hubs of this project.
     pub const fn get_id(self) -> u16 {
         match self {
             Self::VelocityLoop | Self::PositionLoop => requests::FIRST_FUNCTION + 53,
@@ -164,7 +172,7 @@ impl Group {
         }
     }
 
-    /// The loop whose coefficients the group has.
+    /// Returns the loop whose coefficients are in the group. `None` for a group without coefficients.
     const fn loop_of(self) -> Option<Loop> {
         match self {
             Self::VelocityLoop => Some(Loop::Velocity),
@@ -173,7 +181,7 @@ impl Group {
         }
     }
 
-    /// Appends the fields before the values, which name the motor and the loop.
+    /// Appends the number of the motor and, for a group of coefficients, the code of the loop. The values follow them.
     pub fn write_name(self, motor: u8, payload: &mut Payload) {
         motor.write(payload);
         if let Some(of) = self.loop_of() {
@@ -181,8 +189,9 @@ impl Group {
         }
     }
 
-    /// False for coefficients and a current limit that no host has set. A hub stores only groups that are in use.
-    pub const fn in_use(self, settings: &MotorSettings) -> bool {
+    /// Returns false for a group of coefficients, and for a current limit, that is not configured. The hub stores only groups
+    /// for which this is true.
+    pub const fn is_configured(self, settings: &MotorSettings) -> bool {
         match self {
             Self::VelocityLoop | Self::PositionLoop => settings.motor.coefficients.is_some(),
             Self::CurrentLimit => settings.motor.current_limit.is_some(),
@@ -190,7 +199,7 @@ impl Group {
         }
     }
 
-    /// The fields in their order.
+    /// Returns the fields of the group, in the order in which they are sent and applied.
     pub const fn fields(self) -> &'static [Field] {
         match self {
             Self::SetUp => SET_UP,
@@ -206,47 +215,62 @@ impl Group {
     }
 }
 
-/// A field of the table.
+/// One field of the table.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
-    /// The key in documents, which ends with the unit. A key with a dot belongs to a table of the document.
+    /// Key in a settings file. A number's key ends with its unit. A key with a dot belongs to a table of the file.
     pub name: &'static str,
-    /// The meaning of the raw values.
+    /// Meaning of the raw values.
     pub form: Form,
-    /// True if the raw value 0 means that nothing is configured. A document then leaves out the key, and the table that the
-    /// key belongs to.
-    pub optional: bool,
-    /// Bytes of a raw value.
+    /// Meaning of the raw value 0.
+    pub zero: Zero,
+    /// Size of the raw value in a packet, in bytes.
     size: usize,
-    /// True if the raw value may be below 0.
+    /// True if the raw value in a packet is signed.
     signed: bool,
+    /// Smallest raw value in a packet.
     least: i64,
+    /// Largest raw value in a packet.
     most: i64,
+    /// Returns the raw value in these settings.
     get: fn(&MotorSettings) -> i64,
-    put: fn(&mut MotorSettings, i64) -> Option<()>,
+    /// Sets a raw value that is in range. `None` if the settings cannot have the value.
+    set: fn(&mut MotorSettings, i64) -> Option<()>,
+}
+
+/// Meaning of a field's raw value 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Zero {
+    /// The number 0, or the first word.
+    Value,
+    /// The setting is not configured. A settings file then lacks the key; if the key is the first of a table, it lacks the
+    /// table.
+    NotConfigured,
+    /// The present setting is kept. A hub never reports this value, and a settings file cannot have it.
+    Keeps,
 }
 
 /// The meaning of a field's raw values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// A number; this many steps of the raw value are one unit.
+    /// A number. One unit is this many steps of the raw value.
     Steps(u32),
-    /// An index of one of these words.
+    /// A choice. The raw value is the index of one of these words.
     Words(&'static [&'static str]),
 }
 
 impl Field {
-    /// The field with this name.
+    /// Finds the field with this name.
     pub fn named(name: &str) -> Option<&'static Self> {
-        Group::EACH.iter().flat_map(|group| group.fields()).find(|field| field.name == name)
+        Group::ALL.iter().flat_map(|group| group.fields()).find(|field| field.name == name)
     }
 
-    /// The raw value of the field in these settings.
+    /// Returns the raw value of the field in these settings.
     pub fn get(&self, settings: &MotorSettings) -> i64 {
         (self.get)(settings)
     }
 
-    /// The word of a raw value; `None` for a number.
+    /// Converts a raw value to its word. `None` if the field is a number.
     pub fn word_of(&self, raw: i64) -> Option<&'static str> {
         match self.form {
             Form::Words(words) => words.get(usize::try_from(raw).ok()?).copied(),
@@ -254,13 +278,13 @@ impl Field {
         }
     }
 
-    /// The raw value of a word; `None` if the field has no such word.
+    /// Converts a word to its raw value. `None` if the field does not have this word.
     pub fn raw_of_word(&self, word: &str) -> Option<i64> {
         let Form::Words(words) = self.form else { return None };
         words.iter().position(|known| *known == word).map(|index| index as i64)
     }
 
-    /// The number of units of a raw value; the raw value itself for a word.
+    /// Converts a raw value to a number of units. The raw value of a word is not converted.
     pub fn number_of(&self, raw: i64) -> f64 {
         match self.form {
             Form::Steps(steps) => raw as f64 / f64::from(steps),
@@ -268,22 +292,26 @@ impl Field {
         }
     }
 
-    /// The nearest raw value of a number of units; `None` if the number is out of [range](Self::range).
+    /// Converts a number of units to the nearest raw value. `None` if the number is out of [range](Self::range), or if the
+    /// field has words.
     pub fn raw_of(&self, number: f64) -> Option<i64> {
         let Form::Steps(steps) = self.form else { return None };
         let raw = libm::round(number * f64::from(steps));
-        (self.least_given() as f64..=self.most as f64).contains(&raw).then_some(raw as i64)
+        (self.least_in_file() as f64..=self.most as f64).contains(&raw).then_some(raw as i64)
     }
 
-    /// The least and the largest number of units in a document.
+    /// Returns the smallest and the largest number of units in a settings file.
     pub fn range(&self) -> (f64, f64) {
-        (self.number_of(self.least_given()), self.number_of(self.most))
+        (self.number_of(self.least_in_file()), self.number_of(self.most))
     }
 
-    fn least_given(&self) -> i64 {
-        if self.optional { self.least.max(1) } else { self.least }
+    /// Returns the smallest raw value in a settings file. A file never contains a 0 that has another meaning than
+    /// [`Zero::Value`].
+    fn least_in_file(&self) -> i64 {
+        if self.zero == Zero::Value { self.least } else { self.least.max(1) }
     }
 
+    /// Reads a raw value from a packet.
     fn read(&self, fields: &mut Fields<'_>) -> Result<i64, Nack> {
         let index = fields.index();
         let bytes = fields.slice(self.size)?;
@@ -292,7 +320,7 @@ impl Field {
         if (self.least..=self.most).contains(&raw) { Ok(raw) } else { Err(Nack::parameter(index)) }
     }
 
-    /// Appends a raw value, which is in range.
+    /// Appends a raw value to a packet. The value must be in range.
     fn write(&self, raw: i64, payload: &mut Payload) {
         for byte in raw.to_le_bytes().iter().take(self.size) {
             byte.write(payload);
@@ -300,23 +328,23 @@ impl Field {
     }
 }
 
-/// The most fields of a group.
+/// Largest number of fields of a group.
 const MOST_FIELDS: usize = 6;
 
-/// Values of all fields of one group, each in the range of its field.
+/// Raw values of all fields of one group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Values {
     group: Group,
-    /// Raw values in the order of the fields; 0 behind the last field.
+    /// Raw values in the order of the fields, each in the range of its field. Unused elements are 0.
     raw: [i64; MOST_FIELDS],
 }
 
 impl Values {
-    /// The raw values that `value` returns for the fields.
+    /// Collects the raw values that `value` returns for the fields. `value` must return values in the range of the field.
     ///
     /// # Errors
-    /// The first error of `value`.
+    /// Returns the first error of `value`.
     pub fn collect<E>(group: Group, mut value: impl FnMut(&Field) -> Result<i64, E>) -> Result<Self, E> {
         let mut raw = [0; MOST_FIELDS];
         for (slot, field) in raw.iter_mut().zip(group.fields()) {
@@ -325,49 +353,52 @@ impl Values {
         Ok(Self { group, raw })
     }
 
-    /// The values in these settings.
+    /// Returns the values of a group in these settings.
     pub fn of(group: Group, settings: &MotorSettings) -> Self {
         let Ok(values) = Self::collect(group, |field| Ok::<_, Infallible>(field.get(settings)));
         values
     }
 
-    /// Reads the values of a group, behind the fields that name the motor and the loop.
+    /// Reads the values of a group from a payload. The number of the motor and the code of the loop must have been read.
     ///
     /// # Errors
-    /// The number of the first field that is missing or out of range.
+    /// Refuses a field that is missing or out of range, with the number of the field in the payload.
     pub fn read(group: Group, fields: &mut Fields<'_>) -> Result<Self, Nack> {
         Self::collect(group, |field| field.read(fields))
     }
 
-    /// Appends the values.
+    /// Appends the values to a payload.
     pub fn write(&self, payload: &mut Payload) {
         for (field, raw) in self.group.fields().iter().zip(self.raw) {
             field.write(raw, payload);
         }
     }
 
-    /// The group that the values belong to.
+    /// Returns the group of the values.
     pub const fn group(&self) -> Group {
         self.group
     }
 
-    /// The settings with these values.
+    /// Returns `settings` with these values.
     ///
     /// # Errors
-    /// The number of a field that does not go with the other fields: linear current without a resistance, or a thermal limit
-    /// without time constants.
-    pub fn put(&self, settings: &MotorSettings) -> Result<MotorSettings, Nack> {
+    /// Refuses linear current without a resistance, and a thermal limit with a time constant of 0. The refusal has the number
+    /// of the field in the payload.
+    pub fn apply_to(&self, settings: &MotorSettings) -> Result<MotorSettings, Nack> {
         let mut new = *settings;
         if self.group == Group::SetUp {
+            // The other settings of the motor are deleted.
             let Settings { winding, bridge, scheme, zero_power, on_fault, thermal, current_limit, .. } =
                 settings.motor;
             let unknown = Settings::for_scheme(winding, scheme);
             new.motor = Settings { bridge, zero_power, on_fault, thermal, current_limit, ..unknown };
         }
+        // The number of the motor, and for coefficients the code of the loop, are the first fields of the payload.
         let first = if self.group.loop_of().is_some() { 2 } else { 1 };
         for ((index, field), value) in (first..).zip(self.group.fields()).zip(self.raw) {
-            (field.put)(&mut new, value).ok_or(Nack::parameter(index))?;
+            (field.set)(&mut new, value).ok_or(Nack::parameter(index))?;
         }
+        // The second field of a set-up is the resistance.
         if let (Group::SetUp, [_, 0, ..]) = (self.group, self.raw) {
             if new.motor.duty == DutyRule::LinearCurrent {
                 return Err(Nack::parameter(2));
@@ -378,23 +409,28 @@ impl Values {
     }
 }
 
-/// Defines fields. A number states its integer type on the line, its steps in a unit, its value in the settings, and how the
-/// settings take a value; `limits` replaces the limits of the type. Words state their values and the place in the settings.
+/// Defines a list of fields.
+///
+/// A number has the parts `name, integer type in a packet / steps per unit, get, set`. `limits` replaces the limits of the
+/// integer type. `zero` is the meaning of 0 if that is not the number 0.
+///
+/// A choice has the parts `name, each word with its value; place in the settings`. `up to` replaces the largest raw value;
+/// values beyond the last word mean the last word.
 macro_rules! fields {
     (@ {
-        $name:literal, $type:ident / $steps:expr $(, limits $least:literal to $most:expr)? $(, optional $optional:literal)?,
+        $name:literal, $type:ident / $steps:expr $(, limits $least:literal to $most:expr)? $(, zero $zero:ident)?,
         |$settings:ident| $get:expr, |$into:ident, $value:ident| $put:expr
     }) => {
         Field {
             name: $name,
             form: Form::Steps($steps),
-            optional: false $(|| $optional)?,
+            zero: stated_or(&[$(Zero::$zero)?], Zero::Value),
             size: size_of::<$type>(),
             signed: $type::MIN != 0,
-            least: first(&[$($least,)? $type::MIN as i64]),
-            most: first(&[$($most,)? $type::MAX as i64]),
+            least: stated_or(&[$($least)?], $type::MIN as i64),
+            most: stated_or(&[$($most)?], $type::MAX as i64),
             get: |$settings| i64::from($get),
-            put: |$into, value| {
+            set: |$into, value| {
                 let $value = $type::try_from(value).ok()?;
                 $put;
                 Some(())
@@ -405,18 +441,18 @@ macro_rules! fields {
         Field {
             name: $name,
             form: Form::Words(&[$($word),+]),
-            optional: false,
+            zero: Zero::Value,
             size: 1,
             signed: false,
             least: 0,
-            most: first(&[$($most,)? [$($word),+].len() as i64 - 1]),
+            most: stated_or(&[$($most)?], [$($word),+].len() as i64 - 1),
             get: |settings| {
                 let mut values = [$($value),+].into_iter();
-                // The last word also stands for all values that are not listed.
+                // A value that is not listed, such as Scheme D with another blend, has the last word.
                 let last = values.len() as i64 - 1;
                 values.position(|value| value == settings.$($place).+).map_or(last, |code| code as i64)
             },
-            put: |settings, code| {
+            set: |settings, code| {
                 let values = [$($value),+];
                 settings.$($place).+ = *values.get(usize::try_from(code).ok()?).or(values.last())?;
                 Some(())
@@ -426,14 +462,15 @@ macro_rules! fields {
     ($($fields:tt)*) => { &[$(fields!(@ $fields)),*] };
 }
 
-/// The first of some limits: the limit that a field states, else the limit of its integer type.
-const fn first(limits: &[i64]) -> i64 {
-    match limits {
-        [first, ..] => *first,
-        [] => 0,
+/// Returns the part that a field states, or `default` if the field does not state this part.
+const fn stated_or<T: Copy>(stated: &[T], default: T) -> T {
+    match stated {
+        [stated, ..] => *stated,
+        [] => default,
     }
 }
 
+/// Fields of [`Group::SetUp`]. `blend` depends on `scheme`.
 const SET_UP: &[Field] = fields! {
     {
         "emf_mv_s_per_count", i32 / 1 << 20, limits 1 to (1 << 25) - 1,
@@ -441,15 +478,14 @@ const SET_UP: &[Field] = fields! {
         |settings, bits| settings.motor.winding.emf = EmfConstant::from_bits(bits).ok()?
     }
     {
-        // 0 keeps the winding: `Values::put`.
-        "resistance_ohm", u16 / 1_000, optional true,
+        "resistance_ohm", u16 / 1_000, zero Keeps,
         |settings| settings.motor.winding.resistance.as_milliohms(),
         |settings, milliohms| if let Ok(resistance) = Resistance::from_milliohms(milliohms) {
             settings.motor.winding.resistance = resistance;
         }
     }
     {
-        "inductance_mh", u16 / 1_000, optional true,
+        "inductance_mh", u16 / 1_000, zero NotConfigured,
         |settings| settings.motor.winding.inductance.map_or(0, Inductance::as_microhenries),
         |settings, microhenries| {
             settings.motor.winding.inductance = Inductance::from_microhenries(microhenries).ok();
@@ -461,7 +497,7 @@ const SET_UP: &[Field] = fields! {
         motor.scheme
     }
     {
-        // 16 bits end just below 1, which is Scheme C.
+        // A blend of 1, which is Scheme C, does not fit in 16 bits.
         "blend", u16 / 1 << 16,
         |settings| match settings.motor.scheme {
             Scheme::D(Blend::Fixed(blend)) => u16::try_from(blend.to_bits()).unwrap_or(u16::MAX),
@@ -502,23 +538,24 @@ fn set_timing(settings: &mut MotorSettings, change: impl FnOnce(Timing) -> Timin
     settings.motor.bridge = bridge.with_timing(change(bridge.timing()));
 }
 
+/// Fields of [`Group::Protection`]. The time constants depend on `thermal.continuous_current_ma`.
 const PROTECTION: &[Field] = fields! {
     { "on_fault", "coast" OnFault::Coast, "brake" OnFault::Brake; motor.on_fault }
     {
-        "thermal.continuous_current_ma", u16 / 1, optional true,
+        "thermal.continuous_current_ma", u16 / 1, zero NotConfigured,
         |settings| settings.motor.thermal.map_or(0, |limit| limit.continuous_ma()),
         |settings, ma| settings.motor.thermal =
             ThermalLimit::new(ma, ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S).ok()
     }
     {
-        "thermal.winding_s", u16 / 1, optional true,
+        "thermal.winding_s", u16 / 1, zero NotConfigured,
         |settings| settings.motor.thermal.map_or(0, |limit| limit.winding_s()),
         |settings, winding_s| if let Some(limit) = &mut settings.motor.thermal {
             *limit = ThermalLimit::new(limit.continuous_ma(), winding_s, limit.case_s()).ok()?;
         }
     }
     {
-        "thermal.case_s", u16 / 1, optional true,
+        "thermal.case_s", u16 / 1, zero NotConfigured,
         |settings| settings.motor.thermal.map_or(0, |limit| limit.case_s()),
         |settings, case_s| if let Some(limit) = &mut settings.motor.thermal {
             *limit = ThermalLimit::new(limit.continuous_ma(), limit.winding_s(), case_s).ok()?;
@@ -528,15 +565,16 @@ const PROTECTION: &[Field] = fields! {
 
 const CURRENT_LIMIT: &[Field] = fields! {
     {
-        "current_limit_ma", u16 / 1, optional true,
+        "current_limit_ma", u16 / 1, zero NotConfigured,
         |settings| settings.motor.current_limit.map_or(0, NonZeroU16::get),
         |settings, ma| settings.motor.current_limit = NonZeroU16::new(ma)
     }
 };
 
+/// Fields of [`Group::Motion`]. Decay and friction depend on `dynamics.acceleration_cps2_per_v`.
 const MOTION: &[Field] = fields! {
     {
-        "dynamics.acceleration_cps2_per_v", u32 / 1 << 8, optional true,
+        "dynamics.acceleration_cps2_per_v", u32 / 1 << 8, zero NotConfigured,
         |settings| settings.motor.dynamics.map_or(0, |dynamics| dynamics.gain.to_bits()),
         |settings, bits| {
             let (decay, friction) = (DecayRate::from_bits(0), Millivolts::new(0));
@@ -559,7 +597,7 @@ const MOTION: &[Field] = fields! {
         }
     }
     {
-        "acceleration_limit_cps2", u32 / 1, optional true,
+        "acceleration_limit_cps2", u32 / 1, zero NotConfigured,
         |settings| settings.motor.acceleration.map_or(0, Acceleration::get),
         |settings, limit| settings.motor.acceleration = Acceleration::new(limit).ok()
     }
@@ -567,7 +605,7 @@ const MOTION: &[Field] = fields! {
 
 const MODE: &[Field] = fields! {
     { "mode", "power" RunMode::Power, "velocity" RunMode::Velocity, "position" RunMode::Position; mode }
-    // Hosts send any byte but 0 for a motor that floats.
+    // Hosts may send any byte except 0 for a motor that floats.
     { "at_zero_power", "brake" ZeroPower::Brake, "float" ZeroPower::Float; motor.zero_power, up to 255 }
 };
 
@@ -578,9 +616,9 @@ const CURRENT_ALERT: &[Field] = fields! {
     }
 };
 
-/// The fields of a loop's coefficients.
+/// Defines the fields of one loop: its coefficients, and then its terms.
 macro_rules! coefficients {
-    ($loop:ident, $algorithm:ident, $($name:literal $field:ident),+; $terms:literal) => {
+    ($loop:ident, $($name:literal $field:ident),+; $terms_name:literal $terms:ident) => {
         fields! {
             $({
                 $name, i32 / 1 << 16,
@@ -591,17 +629,17 @@ macro_rules! coefficients {
                     settings.set_coefficients(Loop::$loop, Coefficients { $field, ..before });
                 }
             })+
-            { $terms, "pid" Algorithm::Legacy, "pidf" Algorithm::Pidf; $algorithm }
+            { $terms_name, "pid" Terms::Pid, "pidf" Terms::Pidf; $terms }
         }
     };
 }
 
 const VELOCITY_LOOP: &[Field] = coefficients!(
-    Velocity, velocity_algorithm, "velocity_loop.p" p, "velocity_loop.i" i, "velocity_loop.d" d,
-    "velocity_loop.f" f; "velocity_loop.terms"
+    Velocity, "velocity_loop.p" p, "velocity_loop.i" i, "velocity_loop.d" d,
+    "velocity_loop.f" f; "velocity_loop.terms" velocity_terms
 );
 
 const POSITION_LOOP: &[Field] = coefficients!(
-    Position, position_algorithm, "position_loop.p" p, "position_loop.i" i, "position_loop.d" d,
-    "position_loop.f" f; "position_loop.terms"
+    Position, "position_loop.p" p, "position_loop.i" i, "position_loop.d" d,
+    "position_loop.f" f; "position_loop.terms" position_terms
 );

@@ -1,4 +1,4 @@
-//! State of the stored settings, and of an update of the firmware.
+//! Reports of the stored settings and of a firmware update.
 
 use crate::protocol::payload::{Text, codes, payload};
 use crate::store::{self, Stored};
@@ -11,51 +11,52 @@ codes!(Booted { 0 = Unknown, 1 = Confirmed, 2 = OnTrial, 3 = WentBack, 4 = Uncon
 codes!(update::Outcome { 0 = None, 1 = Done, 2 = Refused, 3 = Mismatch, 4 = WrongSignature });
 
 payload! {
-    /// State of the stored settings.
+    /// State of the stored settings. [`crate::store`] defines its terms.
     #[derive(Copy, Default)]
     pub struct StoreReport {
         /// State of the stored record.
         pub stored: Stored,
         /// Version of the record's layout; 0 without a record.
         pub version: u8,
-        /// Number of the save, from 1; 0 without a record.
+        /// Number of the save that wrote the record, from 1. 0 without a record.
         pub number: u32,
         /// True while a save, a load or a reset is running.
         pub at_work: bool,
         /// Result of the last save, load or reset.
         pub outcome: store::Outcome,
-        /// True if the settings in force differ from the stored settings.
+        /// True if the settings in force differ from the stored settings. While an access is running, also true if a host may
+        /// have changed settings since power-on.
         pub differs: bool,
-        /// Stored entries that this firmware does not know. A save keeps them.
+        /// Number of stored entries that this firmware does not know. A save keeps these entries.
         pub unknown: u8,
-        /// Stored entries that this firmware refuses. The firmware's own settings apply instead.
+        /// Number of stored entries that this firmware refuses. The firmware's own settings apply instead.
         pub refused: u8,
-        /// Motors whose coefficients a host has set: bit 0 is motor 0.
+        /// Motors whose coefficients a host has set. Bit i stands for motor i.
         pub coefficients: u8,
     }
 }
 
 payload! {
-    /// State of an update.
+    /// State of a firmware update. [`crate::update`] defines its terms.
     #[derive(Default)]
     pub struct UpdateReport {
         /// Phase of the update.
         pub phase: Phase,
-        /// Result of the last request.
+        /// Result of the last access to the flash.
         pub outcome: update::Outcome,
-        /// True while the hub writes or checks.
+        /// True while the hub writes to the flash or checks the image.
         pub at_work: bool,
-        /// How the firmware that runs was started.
+        /// How the present firmware was started.
         pub booted: Booted,
-        /// Bytes received.
+        /// Number of bytes received so far.
         pub received: u32,
-        /// Bytes of the announced image.
+        /// Announced length of the image in bytes.
         pub length: u32,
-        /// Address that images are linked to.
+        /// Address that images must be linked to.
         pub origin: u32,
-        /// The most bytes of an image.
+        /// Largest length of an image in bytes.
         pub capacity: u32,
-        /// Version of the image, as announced.
+        /// Announced version of the image.
         pub version: Text,
     }
 }

@@ -1,11 +1,11 @@
 //! Motors that move synchronously: the two wheels of a drive base, or the two or four screws of a gantry.
 //!
-//! A group follows a [`Course`]. The group has one progress, limited in speed and acceleration. Each tick the progress
-//! gives a [`Reference`] for each member: the position and the speed that the member should have now. The member's own
-//! regulator follows the reference.
-//!
-//! A member that lags slows down the progress, and with the progress all members. From half of the permitted lag on, the
-//! speed falls in proportion. At the full lag the group stands still and waits.
+//! * A *group* is a set of motors, its *members*, that follow a [`Course`] together.
+//! * The *progress* of a group says how far along its course the group is. Speed and acceleration of the progress are limited.
+//! * A [`Reference`] is the position and the speed that a member should have now. Each tick the progress gives a reference for
+//!   each member, and the member's own regulator follows the reference.
+//! * The *lag* is how far a member is behind its reference. If a lag exceeds half of the permitted lag, the progress slows down,
+//!   and with it all members. The more the lag, the slower the progress. At the full permitted lag the group waits.
 //!
 //! ```
 //! use motor_hub::group::{Course, Group, GroupCommand};
@@ -14,9 +14,9 @@
 //! // Motor 0 moves 1000 counts forward, motor 2 moves 500 counts back.
 //! let course = Course::by(&[(0, 1_000), (2, -500)])?;
 //! let usual = GroupCommand::new(course, CountsPerSecond::new(2_000), Acceleration::new(4_000)?);
-//! let together = GroupCommand { tolerance: 0, ..usual };
+//! let command = GroupCommand { tolerance: 0, ..usual };
 //! let mut positions = [70, 0, -30];
-//! let mut group = Group::new(together, positions, [CountsPerSecond::ZERO; 3], Period::DEFAULT);
+//! let mut group = Group::new(command, positions, [CountsPerSecond::ZERO; 3], Period::DEFAULT);
 //! while !group.is_within_tolerance(&positions) {
 //!     for (motor, reference) in group.step(&positions).into_iter().enumerate() {
 //!         // Perfect motors.
@@ -39,14 +39,14 @@ use trajectory::{Target, Trajectory};
 /// Number of motors that may be members of groups: the motors 0 to 7.
 pub const MOTORS: usize = 8;
 
-/// A value for each member, by the motor's number; `None` for motors that are not members.
+/// A value for each member. The index is the motor's number. `None` for a motor that is not a member.
 pub type ByMotor<T> = [Option<T>; MOTORS];
 
 /// Where a group moves. The motors that have a value are the members.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Course {
-    /// Each member moves by a distance in counts, from its present reference.
+    /// Each member moves by a distance in counts. The distance is counted from its present reference.
     By(ByMotor<i32>),
     /// Each member moves to a position in counts. Positions wrap, and members take the shorter direction.
     To(ByMotor<i32>),
@@ -97,13 +97,13 @@ fn by_motor<T: Copy>(members: &[(usize, T)]) -> Result<ByMotor<T>, RangeError> {
     Ok(all)
 }
 
-/// What the other members do when a member has a fault or gets a set-point of its own.
+/// How the other members of a group halt when a member is *lost*: when it has a fault, or gets its own set-point.
 ///
-/// Disabling one member disables all members, whatever this setting is.
+/// Disabling one member disables all members with either setting.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Halt {
-    /// The other members brake together with the group's acceleration. They hold the positions where they stop.
+    /// The other members brake together, limited by the group's acceleration. They hold the positions where they stop.
     #[default]
     Stop,
     /// The other members are disabled.
@@ -116,45 +116,44 @@ pub enum Halt {
 pub struct GroupCommand<C = Course> {
     /// Members, and where they move.
     pub course: C,
-    /// Speed of the member that moves farthest, as a magnitude. [`Course::On`] has speeds of its own.
+    /// Speed of the member that moves farthest. Its sign has no effect. Not used for [`Course::On`].
     pub speed: CountsPerSecond,
     /// Largest acceleration of any member.
     pub acceleration: Acceleration,
-    /// Lag of a member in counts at which the group stands still. From half of this lag on the group slows down.
+    /// Permitted lag in counts. The group slows down if a member lags by more than half of it, and waits at the full lag.
     pub lag: u16,
-    /// Largest distance of each member to its end, in counts, at which the group can settle.
+    /// Largest distance of each member from its end position, in counts, at which the group can settle.
     pub tolerance: u16,
-    /// What the other members do when a member is lost.
+    /// How the other members halt when a member is lost.
     pub halt: Halt,
 }
 
 impl<C> GroupCommand<C> {
-    /// Creates a command with the [usual lag](usual_lag), a tolerance of [`TOLERANCE`] counts and [`Halt::Stop`]. For
-    /// [`Course::On`] the lag is computed from `speed`.
+    /// Creates a command with the [usual lag](usual_lag) for `speed`, a tolerance of [`TOLERANCE`] counts, and [`Halt::Stop`].
     pub const fn new(course: C, speed: CountsPerSecond, acceleration: Acceleration) -> Self {
         let (lag, halt) = (usual_lag(speed), Halt::Stop);
         Self { course, speed, acceleration, lag, tolerance: TOLERANCE, halt }
     }
 }
 
-/// Default tolerance of a group in counts; that of REV's host software.
+/// Default tolerance of a group in counts. REV's host software has the same default for a motor.
 pub const TOLERANCE: u16 = 5;
-/// Time in ms in which a member covers the usual lag.
+/// Time in ms in which a member at full speed covers the usual lag.
 const LAG_MS: u32 = 100;
 /// Smallest usual lag in counts, for slow groups.
 const MIN_LAG_COUNTS: u32 = 24;
 
 /// Returns the default lag for members with this maximum speed: the distance of 0.1 s, and at least 24 counts.
 ///
-/// A group slows down from half of its lag on, so half of the lag must exceed what a healthy member lags. For a
-/// wheel of a 6 kg robot these are:
+/// A group slows down if a member lags by more than half of the permitted lag. Half of the lag must therefore exceed the lag of
+/// a healthy member. For a wheel of a 6 kg robot the largest lags are:
 ///
-/// * 12 counts with the model-based regulator, at periods of 1 to 100 ms.
-/// * The distance of 52 ms with PID and guessed coefficients, at periods up to 50 ms.
+/// * 12 counts with the model-based regulator, at control periods of 1 to 100 ms.
+/// * The distance of 52 ms with PID and guessed coefficients, at control periods up to 50 ms.
 ///
-/// A larger lag would only let members move farther apart.
+/// A larger permitted lag would only let members move farther apart.
 pub const fn usual_lag(speed: CountsPerSecond) -> u16 {
-    // A speed has steps of 1/256 counts/s.
+    // The bits of a speed count steps of 1/256 counts/s.
     let counts = (speed.to_bits().unsigned_abs() as u64 * LAG_MS as u64) / 256_000;
     if counts < MIN_LAG_COUNTS as u64 {
         MIN_LAG_COUNTS as u16
@@ -168,6 +167,7 @@ pub const fn usual_lag(speed: CountsPerSecond) -> u16 {
 /// A moving group in a hub with N motors.
 #[derive(Clone, Debug)]
 pub struct Group<const N: usize> {
+    /// For each motor, true if it is a member.
     members: [bool; N],
     trajectory: Trajectory<N>,
     acceleration: Acceleration,
@@ -181,12 +181,12 @@ pub struct Group<const N: usize> {
 impl<const N: usize> Group<N> {
     /// Creates a group that starts at these positions and speeds. Members that the hub does not have are ignored.
     pub fn new(
-        together: GroupCommand,
+        command: GroupCommand,
         positions: [i32; N],
         mut speeds: [CountsPerSecond; N],
         period: Period,
     ) -> Self {
-        let GroupCommand { course, acceleration, lag, tolerance, halt, .. } = together;
+        let GroupCommand { course, acceleration, lag, tolerance, halt, .. } = command;
         let members = to_hub_motors(course.members(), false);
         for (speed, member) in speeds.iter_mut().zip(members) {
             if !member {
@@ -196,14 +196,14 @@ impl<const N: usize> Group<N> {
         let trajectory = Trajectory::new(positions, speeds.map(CountsPerSecond::to_f32), acceleration);
         let tick_s = period.to_seconds();
         let mut group = Self { members, trajectory, acceleration, lag, tolerance, halt, tick_s };
-        group.redirect(together);
+        group.redirect(command);
         group
     }
 
-    /// Takes another course. The references change without a step, from their present positions and speeds. The members
-    /// stay the same.
-    pub fn redirect(&mut self, together: GroupCommand) {
-        let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = together;
+    /// Changes the course. The references continue from their present positions and speeds without a step. The course must have
+    /// the members of the group.
+    pub fn redirect(&mut self, command: GroupCommand) {
+        let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = command;
         (self.acceleration, self.lag, self.tolerance, self.halt) = (acceleration, lag, tolerance, halt);
         let references = self.trajectory.references().map(|reference| (reference >> 16) as i32);
         let positions = |values: ByMotor<i32>, target: fn(i32, i32) -> i32| {
@@ -233,19 +233,19 @@ impl<const N: usize> Group<N> {
         &self.members
     }
 
-    /// Removes a member. The group goes on with the others.
+    /// Removes a member. The course of the other members does not change.
     pub fn remove(&mut self, motor: usize) {
         if let Some(member) = self.members.get_mut(motor) {
             *member = false;
         }
     }
 
-    /// Returns what the other members do when a member is lost.
+    /// Returns how the other members halt when a member is lost.
     pub const fn halt(&self) -> Halt {
         self.halt
     }
 
-    /// True if the course is at its end and every member is within the tolerance of its own end.
+    /// True if the course is at its end, and every member is within the tolerance of its end position.
     pub fn is_within_tolerance(&self, positions: &[i32; N]) -> bool {
         let near = |error: i64| error.unsigned_abs() <= u64::from(self.tolerance);
         self.trajectory.is_at_end() && self.errors(positions).into_iter().all(near)
@@ -282,10 +282,11 @@ impl<const N: usize> Group<N> {
         all
     }
 
-    /// Returns how fast the trajectory's time runs: 1, less if a member lags, 0 if a member lags by the permitted lag.
+    /// Returns the factor by which the progress slows down: 1 up to half of the permitted lag, then falling linearly to 0 at the
+    /// permitted lag.
     fn time_scale(&self, positions: &[i32; N], speeds_cps: &[f32; N]) -> f32 {
         let lags = self.errors(positions).into_iter().zip(speeds_cps).map(|(error, speed)| {
-            // A member that is ahead does not lag. A member that should stand still lags by any error.
+            // A member that is ahead of its reference does not lag. For a member that should stand still every error is a lag.
             if *speed > 0.0 {
                 error
             } else if *speed < 0.0 {

@@ -1,18 +1,20 @@
-//! The trajectory of a group: one progress, and from it a reference for each member.
+//! The trajectory of a group. Computes the progress of the group, and from the progress the reference of each member.
 //!
-//! All members move on one straight line in the space of their positions. With all quantities in counts:
+//! In the space of the members' positions the trajectory is a straight line. With all quantities in counts:
 //!
 //! ```text
 //!     reference[i] = base[i] + (share[i] - start_offset[i]) * progress / length - drift[i]
 //! ```
 //!
+//! * A *share* is the distance that a member moves along the whole trajectory, with its sign. A motor that is not a member has
+//!   the share 0. `length` is the magnitude of the largest share.
 //! * *Progress* is the distance that the member with the largest share has moved, in steps of 2^-16 counts.
-//! * A *share* is what a member moves while progress covers `length`. A motor that is no member has the share 0.
-//! * *Drift* is motion of the previous trajectory that does not lie along the new one. The new trajectory starts where
-//!   the drift comes to rest. Drift is braked to 0 while progress along the new trajectory begins.
+//! * *Drift* is motion of the previous trajectory in a direction that the new trajectory does not have. It is braked to 0 while
+//!   the progress along the new trajectory begins. The new trajectory starts at the positions where the drift ends.
 //!
-//! Progress and positions are integers, so references stay in proportion to within one count. A trajectory without end
-//! starts again each time it has covered its length. Rounding errors therefore do not accumulate.
+//! Progress and positions are integers, so the references of all members fit together to within one count. A trajectory
+//! without end consists of *rounds*: when it has covered its length, its base moves by the shares, and its progress starts
+//! again. Rounding errors therefore do not accumulate.
 
 use super::Reference;
 use crate::units::{Acceleration, CountsPerSecond};
@@ -44,7 +46,7 @@ pub(super) struct Trajectory<const N: usize> {
     base: [i64; N],
     /// Distance that a motor moves while progress covers `length`, in counts.
     share: [i32; N],
-    /// Distance of the start beyond the nearest whole count, in steps. Progress reduces the offset to 0.
+    /// Difference of the start from the nearest whole count, in steps. It is reduced to 0 in proportion to the progress.
     start_offset: [i32; N],
     /// Magnitude of the largest share, at least 1.
     length: i64,
@@ -54,7 +56,7 @@ pub(super) struct Trajectory<const N: usize> {
     progress: i64,
     /// Speed of the progress in counts/s.
     speed_cps: f32,
-    /// Set-point of the speed of the progress in counts/s.
+    /// Speed in counts/s that the progress accelerates to.
     speed_limit_cps: f32,
     /// Largest acceleration of the member that moves farthest, in counts/s².
     acceleration_cps2: f32,
@@ -62,7 +64,7 @@ pub(super) struct Trajectory<const N: usize> {
     drift_deceleration_cps2: [f32; N],
     /// Time until the drift has come to rest, in seconds; 0 without drift.
     drift_s: f32,
-    /// True if the group stops. Drift is then braked with all of the acceleration.
+    /// True if the group only brakes to a stop. The whole acceleration is then available to brake the drift.
     stopping: bool,
 }
 
@@ -99,7 +101,7 @@ impl<const N: usize> Trajectory<N> {
                 self.endless = true;
                 self.share = speeds.map(CountsPerSecond::to_bits);
                 self.update_length();
-                // A share is the speed in steps of 1/256 counts/s.
+                // A share is the bits of a speed: steps of 1/256 counts/s.
                 self.speed_limit_cps = if self.is_still() { 0.0 } else { self.length as f32 / 256.0 };
                 let (along, across) = split(&speeds_cps, &self.direction());
                 self.speed_cps = along;
@@ -111,7 +113,7 @@ impl<const N: usize> Trajectory<N> {
                 self.head_for(&counts);
                 let (along, across) = split(&speeds_cps, &self.direction());
                 let stoppable = along * along <= 2.0 * self.acceleration_cps2 * self.length as f32;
-                // A drift of at most a quarter of the speed change in a tick is neglected.
+                // A drift whose speed is at most a quarter of the largest speed change in a tick is neglected.
                 if along == 0.0 || !stoppable || largest(&across) > self.acceleration_cps2 * tick_s / 4.0 {
                     self.start_drift(speeds_cps);
                     self.head_for(&counts);
@@ -140,7 +142,7 @@ impl<const N: usize> Trajectory<N> {
         self.length = i64::from(longest.unwrap_or_default().max(1));
     }
 
-    /// Returns the movement of each motor for a progress of 1, -1 to 1.
+    /// Returns how far each motor moves while the progress is one count: -1 to 1.
     fn direction(&self) -> [f32; N] {
         self.share.map(|share| share as f32 / self.length as f32)
     }
@@ -161,7 +163,7 @@ impl<const N: usize> Trajectory<N> {
         }
     }
 
-    /// Returns the part of the acceleration that brakes drift. The rest accelerates progress.
+    /// Returns the part of the acceleration that brakes the drift. The other part is available to the progress.
     fn drift_acceleration_cps2(&self) -> f32 {
         if self.stopping { self.acceleration_cps2 } else { self.acceleration_cps2 / 2.0 }
     }
@@ -172,7 +174,7 @@ impl<const N: usize> Trajectory<N> {
         self.drift_deceleration_cps2.map(|deceleration| roundf(deceleration * steps_per_deceleration) as i64)
     }
 
-    /// True if the members have come to rest at the end. A trajectory that stops the group has an end too.
+    /// True if the references have come to rest at the end. A trajectory that only stops the group has an end too.
     pub(super) fn is_at_end(&self) -> bool {
         let at_end = if self.endless { self.is_still() } else { self.progress == self.length << 16 };
         at_end && self.drift_s <= 0.0
@@ -185,7 +187,7 @@ impl<const N: usize> Trajectory<N> {
         let moves = self.share.iter().zip(&self.start_offset).zip(self.drifts());
         for (reference, ((share, start_offset), drift)) in references.iter_mut().zip(moves) {
             let share = i64::from(*share);
-            // The products have at most 62 and 48 bits. The length is at least 1.
+            // The products have at most 62 and 48 bits. The divisions never fail, because the length is at least 1.
             let moved = share * whole;
             let counts = moved.checked_div(self.length).unwrap_or_default();
             let rest =
@@ -216,7 +218,7 @@ impl<const N: usize> Trajectory<N> {
         let end = self.length << 16;
         let mut wanted = self.speed_limit_cps;
         if !self.endless {
-            // Distance to the end, less the part of this step's distance that the old speed determines.
+            // Distance to the end, minus half of the distance that the old speed covers in this step.
             let rest = (end - self.progress) as f32 / STEPS_PER_COUNT - before * seconds / 2.0;
             let half_change = speed_change / 2.0;
             let stoppable =
@@ -247,7 +249,7 @@ impl<const N: usize> Trajectory<N> {
 /// Builds a reference from a position in steps and the speeds in counts/s now and at the next tick.
 pub(super) fn reference(position_steps: i64, now_cps: f32, next_cps: f32) -> Reference {
     Reference {
-        // Positions wrap.
+        // The conversion wraps, as positions do.
         position: (position_steps >> 16) as i32,
         fraction: position_steps as u16,
         speed: CountsPerSecond::from_f32(now_cps),
@@ -260,7 +262,7 @@ fn largest<const N: usize>(values: &[f32; N]) -> f32 {
     values.iter().fold(0.0, |most, value| value.abs().max(most))
 }
 
-/// Splits speeds into a multiple of a direction and the remaining speeds.
+/// Splits speeds into a part along a direction, and the remaining speeds. Returns the speed along the direction first.
 fn split<const N: usize>(speeds: &[f32; N], direction: &[f32; N]) -> (f32, [f32; N]) {
     let product = |a: &[f32; N]| a.iter().zip(direction).map(|(a, b)| a * b).sum::<f32>();
     let square = product(direction);

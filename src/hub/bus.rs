@@ -1,78 +1,83 @@
-//! Reports the bus: the limits of the supply, and the energy that braking motors returned and dissipated.
+//! Reports the limits of the supply, and the energy that braking motors have returned and dissipated.
 
 use crate::braking::Returned;
-use crate::supply::{Battery, Stage};
+use crate::supply::{Battery, DrawStage};
 use crate::units::{Microjoules, Micros, Period, Share};
 
-/// The bus after one tick. None of its values is a fault.
+/// The bus after one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Bus {
-    /// Stage of the supply: it limits how much motors may draw.
-    pub stage: Stage,
-    /// How strongly bridges dissipate the energy of braking motors; [`Share::NONE`] on a supply that takes the energy.
-    pub burn: Share,
-    /// Energy that braking motors have returned to the bus since boot, computed from motor constants and bridge
+    /// How far the supply limits the current that motors draw. [`DrawStage::Cut`] without a fresh state of the battery.
+    pub stage: DrawStage,
+    /// How strongly bridges dissipate the energy of braking motors. [`Share::NONE`] if the supply takes the energy.
+    pub dissipate: Share,
+    /// Energy that braking motors have returned to the bus since boot. It is computed from motor constants and bridge
     /// commands.
     pub returned: Microjoules,
     /// Energy that braking motors have dissipated in windings and bridges since boot.
-    pub burnt: Microjoules,
+    pub dissipated: Microjoules,
 }
 
 impl Bus {
     /// The state before the first tick.
-    pub const INITIAL: Self =
-        Self { stage: Stage::Full, burn: Share::NONE, returned: Microjoules::ZERO, burnt: Microjoules::ZERO };
+    pub const INITIAL: Self = Self {
+        stage: DrawStage::Full,
+        dissipate: Share::NONE,
+        returned: Microjoules::ZERO,
+        dissipated: Microjoules::ZERO,
+    };
 }
 
-/// Time from one addition of energy to the next, in ms. Within it the drive of a motor hardly changes.
+/// Longest time between two additions of energy at control periods up to 50 ms, in ms. The power of a braking motor hardly
+/// changes in this time.
 const INTERVAL_MS: u32 = 50;
 
-/// Adds up the energy of all braking motors.
+/// Integrates the power of all braking motors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EnergyMeter {
-    /// Ticks from one regular addition to the next. A change of the supply's limits makes an addition of its own.
+    /// Ticks between two regular additions. Each change of the limits or of a direct command adds energy too.
     ticks: u32,
-    /// Time up to which energy is added; `None` before the first addition.
+    /// Time of the last addition. `None` before the first addition.
     until: Option<Micros>,
     returned: Microjoules,
-    burnt: Microjoules,
+    dissipated: Microjoules,
 }
 
 impl EnergyMeter {
     /// Creates a meter for a hub that is stepped every `period`.
     pub(super) fn new(period: Period) -> Self {
         let ticks = (INTERVAL_MS / period.as_millis()).max(1);
-        Self { ticks, until: None, returned: Microjoules::ZERO, burnt: Microjoules::ZERO }
+        Self { ticks, until: None, returned: Microjoules::ZERO, dissipated: Microjoules::ZERO }
     }
 
-    /// True if a regular addition is due at the tick of this number.
+    /// True if a regular addition is due at the tick with this number.
     pub(super) const fn is_due(&self, tick: u32) -> bool {
         tick.is_multiple_of(self.ticks)
     }
 
-    /// Adds the energy of all motors up to now, at their present powers.
+    /// Adds the energy since the last addition. The motors' present powers are assumed for the whole time.
     pub(super) fn add(&mut self, now: Micros, motors: impl Iterator<Item = Returned>) {
         let passed = self.until.map_or(0, |until| now.since(until)) as u32;
         self.until = self.until.max(Some(now));
-        let (mut returned, mut burnt) = (0.0, 0.0);
+        let (mut returned, mut dissipated) = (0.0, 0.0);
         for motor in motors {
             returned += motor.returned;
-            burnt += motor.burnt;
+            dissipated += motor.burnt;
         }
-        // Watts times microseconds. The conversion saturates, and makes 0 of NaN.
+        // A watt is a microjoule per microsecond. The conversion to an integer saturates, and converts NaN to 0.
         let microjoules = |watts: f32| (watts * passed as f32) as u32;
         self.returned = self.returned.plus(microjoules(returned));
-        self.burnt = self.burnt.plus(microjoules(burnt));
+        self.dissipated = self.dissipated.plus(microjoules(dissipated));
     }
 
-    /// The report of the bus; `battery` is `None` without a fresh reading.
+    /// Returns the report of the bus. `battery` is `None` without a fresh state of the battery.
     pub(super) fn report(&self, battery: Option<&Battery>) -> Bus {
         Bus {
-            stage: battery.map_or(Stage::Cut, |battery| battery.stage),
-            burn: battery.map_or(Share::NONE, |battery| battery.burn),
+            stage: battery.map_or(DrawStage::Cut, |battery| battery.stage),
+            dissipate: battery.map_or(Share::NONE, |battery| battery.dissipate),
             returned: self.returned,
-            burnt: self.burnt,
+            dissipated: self.dissipated,
         }
     }
 }

@@ -1,4 +1,11 @@
-//! Manages the groups of a hub: their members, their start and their end.
+//! Manages the groups of a hub. A *group* is a set of motors that move synchronously, see [`crate::group`].
+//!
+//! ```text
+//!        lead              all readings fresh             Halt::Coast, or no member left
+//! none ------> Waiting ------------------------> Moving --------------------------------> none
+//!                 |  a member leaves
+//!                 '-------------------> none
+//! ```
 
 use super::Inputs;
 use crate::group::{Group, GroupCommand, Halt, MOTORS};
@@ -8,9 +15,9 @@ use crate::units::{CountsPerSecond, Period, RangeError};
 /// The state of one group.
 #[derive(Clone, Debug)]
 enum State<const N: usize> {
-    /// The group starts at the first tick at which all members have a fresh encoder reading.
+    /// The group waits for the first tick at which all members have a fresh encoder reading.
     Waiting(GroupCommand),
-    /// The group follows its course. The detector says whether all members have settled at the end of the course.
+    /// The group follows its course. The detector finds out when all members have settled at the end of the course.
     Moving(Group<N>, SettleDetector),
 }
 
@@ -21,19 +28,19 @@ pub(super) struct Groups<const N: usize> {
 }
 
 impl<const N: usize> Groups<N> {
-    /// Creates no groups.
+    /// Creates a hub's state without groups.
     pub(super) const fn new() -> Self {
         Self { states: [const { None }; N] }
     }
 
-    /// Sends a group on a course: the group with exactly these members, or else a new one.
+    /// Moves the group that has exactly the members of `command`. Creates the group if there is none.
     pub(super) fn lead(
         &mut self,
         leader: usize,
-        together: GroupCommand,
+        command: GroupCommand,
         motors: &mut [Motor; N],
     ) -> Result<(), RangeError> {
-        let wanted = together.course.members();
+        let wanted = command.course.members();
         let is_wanted = |motor: usize| wanted.get(motor) == Some(&true);
         if !is_wanted(leader) || (N..MOTORS).any(is_wanted) {
             return Err(RangeError::Motor);
@@ -42,7 +49,7 @@ impl<const N: usize> Groups<N> {
             if let State::Moving(group, settle_detector) = state
                 && group.members().iter().enumerate().all(|(motor, member)| *member == is_wanted(motor))
             {
-                group.redirect(together);
+                group.redirect(command);
                 settle_detector.reset();
                 members_of(group.members(), motors).for_each(Motor::retarget);
                 return Ok(());
@@ -57,22 +64,22 @@ impl<const N: usize> Groups<N> {
             }
         }
         if let Some(free) = self.states.iter_mut().find(|state| state.is_none()) {
-            *free = Some(State::Waiting(together));
+            *free = Some(State::Waiting(command));
         }
         Ok(())
     }
 
-    /// Takes a motor out of its group. The other members halt by `halt`, or by the group's own setting. Returns true if
-    /// the group was moving.
+    /// Removes a motor from its group. The other members halt according to `halt`; `None` stands for the group's own setting.
+    /// Returns true if the group was moving.
     pub(super) fn leave(&mut self, motor: usize, halt: Option<Halt>, motors: &mut [Motor; N]) -> bool {
-        let mut moved = false;
+        let mut was_moving = false;
         for slot in &mut self.states {
             match slot {
-                Some(State::Waiting(together)) if together.course.members().get(motor) == Some(&true) => {
+                Some(State::Waiting(command)) if command.course.members().get(motor) == Some(&true) => {
                     *slot = None
                 }
                 Some(State::Moving(group, _)) if group.members().get(motor) == Some(&true) => {
-                    moved = true;
+                    was_moving = true;
                     group.remove(motor);
                     if halt_group(group, halt.unwrap_or(group.halt()), motors) {
                         *slot = None;
@@ -81,7 +88,7 @@ impl<const N: usize> Groups<N> {
                 _ => (),
             }
         }
-        moved
+        was_moving
     }
 
     /// Starts waiting groups, and sets the set-points of all members for this tick.
@@ -95,11 +102,11 @@ impl<const N: usize> Groups<N> {
             *position = reading.map_or(*position, |reading| reading.position);
         }
         for state in self.states.iter_mut().flatten() {
-            if let State::Waiting(together) = state {
-                let members = together.course.members();
+            if let State::Waiting(command) = state {
+                let members = command.course.members();
                 if members.iter().zip(&fresh).all(|(member, reading)| !member || reading.is_some()) {
                     let speeds = motors.each_ref().map(|motor| motor.velocity());
-                    let group = Group::new(*together, positions, speeds, period);
+                    let group = Group::new(*command, positions, speeds, period);
                     *state = State::Moving(group, SettleDetector::default());
                 }
             }
@@ -112,8 +119,8 @@ impl<const N: usize> Groups<N> {
         }
     }
 
-    /// Reviews the reports of a tick. Members settle together. A member with a fault leaves the group, and the others
-    /// halt.
+    /// Finishes a tick of all groups. Sets `settled` in the members' reports, which is the same for all members. A member with
+    /// a fault leaves its group, and the other members halt.
     pub(super) fn review(&mut self, reports: &mut [Report; N], motors: &mut [Motor; N], period: Period) {
         for slot in &mut self.states {
             let Some(State::Moving(group, settle_detector)) = slot else { continue };
@@ -139,7 +146,7 @@ impl<const N: usize> Groups<N> {
     }
 }
 
-/// The velocity of the member that moves fastest.
+/// Returns the velocity of the member that moves fastest.
 fn fastest<const N: usize>(members: &[bool; N], reports: &[Report; N]) -> CountsPerSecond {
     let velocities =
         reports.iter().zip(members).filter(|(_, member)| **member).map(|(report, _)| report.velocity);
@@ -155,7 +162,7 @@ fn halt_group<const N: usize>(group: &mut Group<N>, halt: Halt, motors: &mut [Mo
     halt == Halt::Coast || *group.members() == [false; N]
 }
 
-/// The motors that are members of a group.
+/// Iterates over the motors that are members of a group.
 fn members_of<'a, const N: usize>(
     members: &'a [bool; N],
     motors: &'a mut [Motor; N],

@@ -1,4 +1,4 @@
-//! Position tracking of wrapping encoder counters, the PID loop, and the encoder check.
+//! Positions from wrapping encoder counters, and the PID loop.
 //!
 //! ```
 //! use motor_hub::motion::Tracker;
@@ -12,11 +12,9 @@
 //! ```
 
 pub mod encoder;
-pub mod guard;
 pub mod newest;
 pub mod pid;
 
 pub use encoder::{Reading, Tracker};
-pub use guard::{EncoderFault, Guard};
 pub use newest::Newest;
 pub use pid::{Pid, Pidf};

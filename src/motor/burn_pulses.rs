@@ -1,78 +1,94 @@
-//! Braking that returns no energy to the bus. Two pulses alternate, each some milliseconds long:
+//! Burn pulses: braking that returns no energy to the bus, for a supply that cannot take energy back.
 //!
-//! * **Short:** a full short of the winding. All energy heats the winding, and the motor brakes more than requested.
-//! * **Drive:** the motor is driven a little beyond its back EMF. The bridge draws from the bus what the winding returns when
-//!   the short ends, and the motor brakes less than requested.
+//! A motor that brakes less than a short circuit returns a part of its energy to the bus, unless two pulses alternate.
+//! Each pulse lasts some milliseconds:
+//!
+//! * **Short:** the bridge shorts the winding. The winding dissipates all energy, and the motor brakes more than
+//!   requested.
+//! * **Forward:** the bridge drives the motor a little beyond its back EMF. At the end of a short circuit the winding
+//!   returns energy, and the forward pulse draws this energy from the bus again. The motor brakes less than requested.
 //!
 //! ```text
-//!             surplus > +1.5 ms x e, and no other motor ends its short now
-//!     +-------+ ------------------------------------------------> +-------+
-//!     | Short |                                                   | Drive |
-//!     +-------+ <------------------------------------------------ +-------+
-//!             surplus < -1.5 ms x e
+//!             surplus > +1.5 ms x |e|, and the motor may end its short
+//!     +-------+ ------------------------------------------------> +---------+
+//!     | Short |                                                   | Forward |
+//!     +-------+ <------------------------------------------------ +---------+
+//!             surplus < -1.5 ms x |e|
 //! ```
 //!
-//! `surplus` is the integral of requested less applied voltage, signed in the direction of motion: the volt seconds by which
-//! the motor was braked too much. On the mean the motor therefore brakes as requested.
+//! * *e*: back EMF of the motor, in volts.
+//! * *Requested voltage*: the mean voltage that the motor should have, between 0 and e.
+//! * *Applied voltage*: the voltage of the present pulse.
+//! * *Surplus*: the time integral of requested less applied voltage, signed in the direction of motion. Above 0 the
+//!   motor was braked too much. The pulses keep the surplus near 0, so on average the motor brakes as requested.
 //!
-//! Nothing else returns no energy: proportional braking returns what it does not dissipate, and so does a bridge that opens.
-//! Reverse driving returns nothing, but brakes more than a short does.
+//! There is no simpler command for this. Proportional braking returns what it does not dissipate. A bridge that opens
+//! returns the energy of the winding. Reverse driving returns nothing, but brakes more than a short circuit.
 
 use crate::units::Micros;
 use crate::units::single::{at_least, at_most};
 use libm::sqrtf;
 
-/// Time in us for which a pulse at the whole back EMF may accumulate surplus. Long enough for the energy of a winding to be
-/// small, and for a bridge to change its mode; short enough for the speed not to waver.
+/// Time in us for which a pulse at the whole back EMF may accumulate surplus. This is long enough for the energy of a
+/// winding to be small, and for a bridge to change its mode. It is short enough for the speed to stay even.
 const PULSE_MICROS: f32 = 1_500.0;
 
-/// Largest surplus in pulses. More, which accumulates while the motor may not end its short, is forgotten.
+/// Largest surplus, in pulses. More surplus accumulates while the motor may not end its short circuit, and is discarded.
 const LARGEST_SURPLUS: f32 = 4.0;
 
 /// What the bridge does to a motor now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pulse {
+    /// The bridge shorts the winding.
     Short,
-    Drive,
+    /// The bridge drives the motor beyond its back EMF.
+    Forward,
 }
 
 /// The pulses of one motor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BurnPulses {
-    /// Time until which `surplus` is accounted.
-    until: Micros,
-    /// Volts times microseconds by which the motor was braked too much.
+    /// Time up to which the surplus is integrated.
+    integrated_until: Micros,
+    /// Surplus, in volts times microseconds.
     surplus: f32,
-    /// Voltages since `until`.
+    /// Voltages since `integrated_until`.
     voltages: Voltages,
-    /// The present pulse; `None` while the motor has the requested voltage. The surplus is kept meanwhile.
+    /// Present pulse; `None` while the motor has the requested voltage itself, or does not brake.
     pulse: Option<Pulse>,
-    /// Voltage of the last [`Pulse::Drive`].
-    drive_volts: f32,
+    /// Applied voltage of the last [`Pulse::Forward`], in V.
+    forward_volts: f32,
 }
 
 /// Voltages of a motor during a pulse, in V.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Voltages {
-    /// The voltage that a tick requested.
+    /// Requested voltage.
     pub(super) requested: f32,
-    /// The voltage that the pulse makes instead.
+    /// Applied voltage.
     pub(super) applied: f32,
+    /// Back EMF.
     pub(super) emf: f32,
 }
 
 impl Voltages {
+    /// The voltages while there is no pulse: no surplus accumulates.
     const NONE: Self = Self { requested: 0.0, applied: 0.0, emf: 0.0 };
 }
 
 impl BurnPulses {
     /// No pulse, and no surplus.
-    pub(super) const NONE: Self =
-        Self { until: Micros::new(0), surplus: 0.0, voltages: Voltages::NONE, pulse: None, drive_volts: 0.0 };
+    pub(super) const NONE: Self = Self {
+        integrated_until: Micros::new(0),
+        surplus: 0.0,
+        voltages: Voltages::NONE,
+        pulse: None,
+        forward_volts: 0.0,
+    };
 
-    /// True during a [`Pulse::Drive`].
-    pub(super) fn drives(&self) -> bool {
-        self.pulse == Some(Pulse::Drive)
+    /// True during a [`Pulse::Forward`].
+    pub(super) fn is_forward(&self) -> bool {
+        self.pulse == Some(Pulse::Forward)
     }
 
     /// True while pulses replace the requested voltage.
@@ -80,60 +96,63 @@ impl BurnPulses {
         self.pulse.is_some()
     }
 
-    /// The motor has the requested voltage from now on; the surplus is kept.
+    /// Ends the pulses, because the motor has the requested voltage itself from now on. The surplus is kept.
     pub(super) fn pause(&mut self, now: Micros) {
-        self.account(now);
+        self.integrate(now);
         (self.voltages, self.pulse) = (Voltages::NONE, None);
     }
 
-    /// The motor is not to brake: the surplus is forgotten.
+    /// Ends the pulses and discards the surplus, because the motor no longer brakes.
     pub(super) const fn stop(&mut self) {
         *self = Self::NONE;
     }
 
-    /// Accounts the present voltages until now.
-    pub(super) fn account(&mut self, now: Micros) {
-        let passed = now.since(self.until) as u32;
-        self.until = self.until.max(now);
+    /// Integrates the surplus of the present voltages up to now.
+    pub(super) fn integrate(&mut self, now: Micros) {
+        let passed = now.since(self.integrated_until) as u32;
+        self.integrated_until = self.integrated_until.max(now);
         let Voltages { requested, applied, emf } = self.voltages;
         self.surplus += along(requested - applied, emf) * passed as f32;
     }
 
-    /// The next pulse of a motor with this back EMF in V. A motor may end its short only in its turn.
-    pub(super) fn next(&mut self, emf: f32, turn: bool) -> Pulse {
-        let most = PULSE_MICROS * emf.abs();
-        self.surplus = at_most(at_least(self.surplus, -LARGEST_SURPLUS * most), LARGEST_SURPLUS * most);
+    /// Returns the next pulse of a motor with this back EMF in V. `may_end_short` says whether the motor may end a short
+    /// circuit now.
+    pub(super) fn next(&mut self, emf: f32, may_end_short: bool) -> Pulse {
+        let threshold = PULSE_MICROS * emf.abs();
+        let largest = LARGEST_SURPLUS * threshold;
+        self.surplus = at_most(at_least(self.surplus, -largest), largest);
         match self.pulse {
-            None | Some(Pulse::Short) if turn && self.surplus > most => Pulse::Drive,
-            Some(Pulse::Drive) if self.surplus >= -most => Pulse::Drive,
+            None | Some(Pulse::Short) if may_end_short && self.surplus > threshold => Pulse::Forward,
+            Some(Pulse::Forward) if self.surplus >= -threshold => Pulse::Forward,
             _ => Pulse::Short,
         }
     }
 
-    /// Begins a pulse, or goes on with it. The bridge is open for `change_us` microseconds when the pulse changes.
+    /// Begins a pulse, or continues the present one. When the pulse changes, the bridge is open for `change_us`
+    /// microseconds.
     pub(super) fn apply(&mut self, pulse: Pulse, voltages: Voltages, change_us: u16) {
         if pulse != self.pulse.unwrap_or(Pulse::Short) {
             self.surplus += along(voltages.applied - voltages.emf, voltages.emf) * f32::from(change_us);
         }
-        if pulse == Pulse::Drive {
-            self.drive_volts = voltages.applied;
+        if pulse == Pulse::Forward {
+            self.forward_volts = voltages.applied;
         }
         (self.voltages, self.pulse) = (voltages, Some(pulse));
     }
 
-    /// The voltage beyond the back EMF, in V, whose current heats the winding as much as the pulses do. The pulses heat more
-    /// than their mean current.
+    /// The voltage beyond the back EMF, in V, whose constant current heats the winding as much as the pulses do. The
+    /// pulses heat the winding more than their mean current would.
     pub(super) fn heating(&self) -> f32 {
         let Voltages { requested, emf, .. } = self.voltages;
-        let driven = self.drive_volts / emf;
-        // At standstill `driven` is infinite or not a number, and nothing heats.
+        let forward = self.forward_volts / emf;
+        // At standstill `forward` is infinite or not a number, and nothing heats.
         let share =
-            if driven > 1.0 && driven.is_finite() { at_most(requested / emf / driven, 1.0) } else { 0.0 };
-        emf.abs() * sqrtf(1.0 - share + share * (driven - 1.0) * (driven - 1.0))
+            if forward > 1.0 && forward.is_finite() { at_most(requested / emf / forward, 1.0) } else { 0.0 };
+        emf.abs() * sqrtf(1.0 - share + share * (forward - 1.0) * (forward - 1.0))
     }
 }
 
-/// Volts in the direction in which a motor turns.
+/// Volts in the direction in which the motor turns.
 fn along(volts: f32, emf: f32) -> f32 {
     if emf < 0.0 { -volts } else { volts }
 }
@@ -142,23 +161,24 @@ fn along(volts: f32, emf: f32) -> f32 {
 mod tests {
     use super::*;
 
+    /// Ratio of a forward pulse's voltage to the back EMF.
     const BEYOND: f32 = 1.15;
 
     /// Returns the mean voltage of a motor, and the mean square of its voltage beyond the back EMF, with a step every
     /// millisecond. A change of mode opens the bridge for `change_us`.
-    fn run(emf: f32, wanted: f32, change_us: u16) -> (f32, f32) {
+    fn run(emf: f32, requested: f32, change_us: u16) -> (f32, f32) {
         const MS: u16 = 2_000;
         let mut pulses = BurnPulses::NONE;
         let (mut before, mut mean, mut square) = (Pulse::Short, 0.0, 0.0);
         for ms in 0..MS {
-            pulses.account(Micros::new(1_000 * u64::from(ms)));
+            pulses.integrate(Micros::new(1_000 * u64::from(ms)));
             let pulse = pulses.next(emf, true);
-            let given = if pulse == Pulse::Drive { BEYOND * emf } else { 0.0 };
-            pulses.apply(pulse, Voltages { requested: wanted, applied: given, emf }, change_us);
+            let applied = if pulse == Pulse::Forward { BEYOND * emf } else { 0.0 };
+            pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);
             let open = if pulse == before { 0.0 } else { f32::from(change_us) / 1_000.0 };
             before = pulse;
-            mean += (given * (1.0 - open) + emf * open) / f32::from(MS);
-            square += (given - emf) * (given - emf) * (1.0 - open) / f32::from(MS);
+            mean += (applied * (1.0 - open) + emf * open) / f32::from(MS);
+            square += (applied - emf) * (applied - emf) * (1.0 - open) / f32::from(MS);
         }
         assert!((pulses.heating() / square.sqrt() - 1.0).abs() < 0.1 || change_us > 0);
         (mean, square)
@@ -182,10 +202,10 @@ mod tests {
         let mut pulses = BurnPulses::NONE;
         let (mut changes, mut before) = (0, Pulse::Short);
         for ms in 0..1_000 {
-            pulses.account(Micros::new(1_000 * ms));
+            pulses.integrate(Micros::new(1_000 * ms));
             let pulse = pulses.next(6.0, true);
-            let given = if pulse == Pulse::Drive { BEYOND * 6.0 } else { 0.0 };
-            pulses.apply(pulse, Voltages { requested: 3.0, applied: given, emf: 6.0 }, 0);
+            let applied = if pulse == Pulse::Forward { BEYOND * 6.0 } else { 0.0 };
+            pulses.apply(pulse, Voltages { requested: 3.0, applied, emf: 6.0 }, 0);
             changes += u32::from(pulse != before);
             before = pulse;
         }
@@ -193,17 +213,17 @@ mod tests {
     }
 
     #[test]
-    fn a_short_ends_only_in_its_turn_and_its_surplus_is_made_up_for() {
+    fn a_short_circuit_ends_only_when_the_motor_may_end_it_and_its_surplus_is_compensated() {
         let mut pulses = BurnPulses::NONE;
-        let mut look = |ms: u64, turn| {
-            pulses.account(Micros::new(1_000 * ms));
-            let pulse = pulses.next(6.0, turn);
-            let given = if pulse == Pulse::Drive { BEYOND * 6.0 } else { 0.0 };
-            pulses.apply(pulse, Voltages { requested: 3.0, applied: given, emf: 6.0 }, 0);
+        let mut step = |ms: u64, may_end_short| {
+            pulses.integrate(Micros::new(1_000 * ms));
+            let pulse = pulses.next(6.0, may_end_short);
+            let applied = if pulse == Pulse::Forward { BEYOND * 6.0 } else { 0.0 };
+            pulses.apply(pulse, Voltages { requested: 3.0, applied, emf: 6.0 }, 0);
             pulse
         };
-        assert!((0..8).all(|ms| look(ms, false) == Pulse::Short));
-        let driven = (8..40).take_while(|ms| look(*ms, true) == Pulse::Drive).count();
-        assert!((8..12).contains(&driven), "for {driven} ms");
+        assert!((0..8).all(|ms| step(ms, false) == Pulse::Short));
+        let forward = (8..40).take_while(|ms| step(*ms, true) == Pulse::Forward).count();
+        assert!((8..12).contains(&forward), "forward for {forward} ms");
     }
 }

@@ -1,29 +1,30 @@
-//! Limits of a motor's voltage. Every limit is an interval of volts that contains the back EMF, at which no current flows.
+//! Limits of a motor's voltage. Every limit is an interval of volts. The interval contains the back EMF, because at this
+//! voltage no current flows. So all limits together always allow some voltage.
 
 use crate::units::single::{at_least, at_most};
 use crate::units::{Micros, Millivolts, Share};
 use libm::sqrtf;
 
-/// What the supply can give and take back from a time on.
+/// Limits of the supply: the power that a motor may draw, and the energy that a motor may return.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SupplyLimits {
-    /// Share of the power of a motor at standstill with full duty that the motor may draw.
+    /// Largest power that the motor may draw, as a share of its power at standstill with full duty.
     pub(crate) draw: Share,
-    /// How far motors dissipate the energy that braking would return.
+    /// Share of the energy from braking that motors dissipate instead of returning the energy to the bus.
     pub(crate) dissipate: Share,
-    /// Newest sample of the bus.
+    /// Newest measured voltage of the bus.
     pub(crate) bus: Millivolts,
-    /// Time of this sample.
+    /// Time of the measurement of the bus.
     pub(crate) from: Micros,
 }
 
 impl SupplyLimits {
-    /// Motors may draw and return everything.
+    /// No limits: motors may draw and return any power.
     pub(super) const NONE: Self =
         Self { draw: Share::ALL, dissipate: Share::NONE, bus: Millivolts::new(0), from: Micros::new(0) };
 }
 
-/// Voltages that a motor may have, in volts.
+/// An interval of allowed voltages, in volts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct VoltageLimits {
     least: f32,
@@ -34,20 +35,20 @@ impl VoltageLimits {
     /// Any voltage.
     pub(super) const NONE: Self = Self { least: f32::NEG_INFINITY, most: f32::INFINITY };
 
-    /// No more current than this in either direction, driving or braking.
+    /// Limits the current in either direction, driving or braking.
     pub(super) const fn by_current(emf: f32, amperes: f32, ohms: f32) -> Self {
         Self { least: emf - amperes * ohms, most: emf + amperes * ohms }
     }
 
-    /// No more current than this from the battery into the motor. Braking stays as it is: a load that the motor releases does
-    /// more harm than the heat.
+    /// Limits the current from the battery into the motor. The current of braking is not limited: a falling load does more
+    /// harm than the heat.
     pub(super) const fn by_driving_current(emf: f32, amperes: f32, ohms: f32) -> Self {
         let Self { least, most } = Self::by_current(emf, amperes, ohms);
         Self { least: at_most(least, 0.0), most: at_least(most, 0.0) }
     }
 
-    /// No more power from the battery than this share of `battery² / R`. A bridge that makes the voltage v of the motor draws
-    /// `v (v - emf) / R`. At the share 0 the motor may brake or coast.
+    /// Limits the power from the battery to this share of `battery² / R`. At a motor voltage v the bridge draws the power
+    /// `v (v - emf) / R`. With the share 0 the motor may only brake or coast.
     pub(super) fn by_draw(emf: f32, battery: f32, share: Share) -> Self {
         if share == Share::ALL {
             return Self::NONE;
@@ -56,12 +57,12 @@ impl VoltageLimits {
         Self { least: (emf - root) / 2.0, most: (emf + root) / 2.0 }
     }
 
-    /// Voltages that both limits allow. Both contain the back EMF, so there are some.
+    /// The voltages that both limits allow. Both limits contain the back EMF, so the result is not empty.
     pub(super) const fn and(self, other: Self) -> Self {
         Self { least: at_least(self.least, other.least), most: at_most(self.most, other.most) }
     }
 
-    /// The nearest voltage that is allowed.
+    /// The allowed voltage that is nearest to `volts`.
     pub(super) const fn clamp(self, volts: f32) -> f32 {
         at_most(at_least(volts, self.least), self.most)
     }

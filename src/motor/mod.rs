@@ -1,5 +1,22 @@
 //! One motor: its settings, its set-point, its state, and one step of control.
 //!
+//! A tick ([`Motor::step`]) computes the bridge's command from the newest reading of the encoder:
+//!
+//! ```text
+//! set-point, faults ─▶ Activity ─┬─ Coast ────────────────────────────▶ bridge open
+//!                                ├─ Brake, Power ───────────────┐
+//!                                ├─ Current ─ winding's equation ┤
+//! reading ─▶ regulator ──────────┼─ Regulate ─ encoder check ────┼▶ Request ─▶ limits ─▶ modulator ─▶ bridge
+//!            identifier ─────────┴─ Identify ────────────────────┘                         │
+//!                ▲                                                                         │
+//!                └──────────────────────────── applied voltage ◀───────────────────────────┘
+//! ```
+//!
+//! * *Activity*: what the motor does at a tick. It follows from the set-point, unless a fault ends the set-point.
+//! * *Request*: the modulation that an activity asks for, before limits.
+//! * *Command*: the request, what the limits leave of the request, and what the bridge does.
+//! * *Direct set-point*: a set-point whose command needs no encoder and no tick.
+//!
 //! ```
 //! use motor_hub::braking::{Regime, Winding};
 //! use motor_hub::motion::Reading;
@@ -17,7 +34,7 @@
 //! };
 //! let standing = motor.step(Micros::new(50_000), Some(reading(50, 0)), battery);
 //! assert_eq!(standing.regime, Some(Regime::Forward));
-//! // It comes to 300 counts/s and stays there: the counters are read every millisecond, a tick comes every 50.
+//! // The motor turns at 300 counts/s. The counters are read every millisecond, and a tick comes every 50 ms.
 //! let mut turning = standing;
 //! for ms in 51..=550 {
 //!     let newest = reading(ms, (ms as i32 - 50) * 3 / 10);
@@ -30,23 +47,25 @@
 //! ```
 
 mod burn_pulses;
+mod encoder_check;
+mod expected;
+mod last_motion;
 mod limits;
 mod report;
 mod sense_line;
 mod setpoint;
 mod settled;
 mod thermal;
-mod watch;
 
+pub use encoder_check::EncoderFault;
 pub use report::{Faults, Report, best_current};
 pub use sense_line::SenseLine;
 pub use setpoint::Setpoint;
 pub use settled::{SettleDetector, within_tolerance};
 
-use crate::braking::{Modulation, Modulator, OperatingPoint, Regime, Returned, Scheme};
+use crate::braking::{Modulation, Modulator, OperatingPoint, Regime, Returned};
 use crate::bridge::{BridgeFeedback, Drive};
 use crate::motion::Reading;
-use crate::motion::guard::{Evidence, Finding, Order};
 use crate::regulator::identify::{Identifier, Refusal};
 use crate::regulator::{Context, Demand, Effort, Kind, Regulator};
 pub use crate::settings::{OnFault, Settings, ThermalLimit, ZeroPower};
@@ -55,20 +74,28 @@ use crate::units::{
 };
 use burn_pulses::{BurnPulses, Pulse, Voltages};
 use core::mem::discriminant;
+use encoder_check::{EncoderCheck, Finding, Tick};
 pub(crate) use limits::SupplyLimits;
 use limits::VoltageLimits;
 use sense_line::Line;
 use thermal::Thermal;
-use watch::Watch;
 
-/// Age in us from which on a reading counts as missing: the counters are sampled every millisecond.
+/// Largest age in us of a reading that is used; an older reading counts as missing. The counters are sampled every
+/// millisecond.
 pub const ENCODER_STALE_MICROS: u64 = 20_000;
 
-/// Least and largest share of the back EMF by which a pulse of [`Pulse::Drive`] drives a motor beyond it. The least draws from
-/// the bus what the winding returns when a short ends.
-const BEYOND_EMF: (f32, f32) = (0.1, 0.3);
+/// Voltage of a [`Pulse::Forward`] beyond the back EMF, as a share of the back EMF.
+struct ForwardPulse {
+    /// Share at a supply that begins to reject energy. With this share the pulse draws from the bus what the winding
+    /// returns when a short circuit ends.
+    least: f32,
+    /// Share at a supply that rejects all energy.
+    most: f32,
+}
 
-/// The reading, unless it is too old.
+const FORWARD_PULSE: ForwardPulse = ForwardPulse { least: 0.1, most: 0.3 };
+
+/// The reading; `None` if the reading is older than [`ENCODER_STALE_MICROS`].
 pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
     reading.filter(|reading| now.since(reading.at) <= ENCODER_STALE_MICROS)
 }
@@ -77,28 +104,29 @@ pub(crate) fn fresh(reading: Option<Reading>, now: Micros) -> Option<Reading> {
 #[derive(Clone, Debug)]
 pub struct Motor {
     settings: Settings,
-    /// Maps voltages and control values to commands by the settings.
+    /// Maps voltages and control values to commands, by the settings.
     modulator: Modulator,
+    /// Time between two ticks.
     period: Period,
     setpoint: Setpoint,
-    /// Set-point or settings have changed since the last bridge command.
+    /// True if set-point or settings have changed since the last request.
     changed: bool,
     /// Counts at the last tick.
     position: i32,
     regulator: Regulator,
     identifier: Identifier,
-    watch: Watch,
+    check: EncoderCheck,
     settle_detector: SettleDetector,
     thermal: Thermal,
     supply: SupplyLimits,
     pulses: BurnPulses,
-    /// What the last tick requested, and what is left of that now; `None` while the bridge is open.
+    /// Present command; `None` if the last request was an open bridge.
     command: Option<Command>,
-    /// The current-sense line of the bridge.
+    /// Current-sense line of the bridge.
     line: Line,
-    /// Current by the motor's constants at the last tick; `None` if the speed was not known.
+    /// Current by the motor's constants at the last tick; `None` if the speed was unknown.
     modelled: Option<Milliamperes>,
-    /// The bridge has reported a fault; latched.
+    /// True if the bridge has reported a fault. The fault is latched until the motor is disabled.
     bridge_fault: bool,
 }
 
@@ -109,39 +137,54 @@ enum Activity {
     Coast,
     /// The bridge shorts the winding.
     Brake,
-    /// Open loop at this share of the control range.
+    /// The bridge drives the motor in open loop, at this share of the control range.
     Power(Control),
-    /// A constant current, up to a speed.
+    /// The motor has a constant current, up to a speed.
     Current { current: Milliamperes, speed_limit: CountsPerSecond },
-    /// Closed loop.
+    /// The regulator drives the motor.
     Regulate(Demand),
-    /// The motion of an identification.
+    /// The identification drives the motor.
     Identify,
 }
 
 /// What a tick requests of the bridge, before limits.
 #[derive(Clone, Copy, Debug)]
 struct Request {
-    /// Speed and battery voltage of the tick.
+    /// Back EMF and battery voltage at the tick.
     at: OperatingPoint,
+    /// Requested modulation.
     modulation: Modulation,
-    /// The control value, where the request came as one.
+    /// Control value of the request; `None` if the request is a voltage.
     control: Option<Control>,
-    /// The speed that a regulator wants.
+    /// Speed that the regulator is to reach; `None` if the motor is not regulated.
     target: Option<CountsPerSecond>,
 }
 
-/// A request, and what is left of it.
+/// A command of the bridge.
 #[derive(Clone, Copy, Debug)]
 struct Command {
-    at: OperatingPoint,
-    requested: Modulation,
-    /// The request within all limits.
+    request: Request,
+    /// Modulation within all limits.
     limited: Modulation,
-    /// The voltage that `limited` makes.
+    /// Mean voltage that `limited` applies.
     voltage: Voltage,
-    /// The command of the bridge: `limited`, or the present burn pulse.
-    given: Modulation,
+    /// Modulation of the bridge: `limited`, or the present burn pulse.
+    modulation: Modulation,
+}
+
+impl Command {
+    /// True if the limits change the request.
+    fn is_limited(&self) -> bool {
+        self.limited != self.request.modulation
+    }
+
+    /// The control value of the command.
+    fn control(&self, modulator: &Modulator) -> Control {
+        match self.request.control {
+            Some(control) if !self.is_limited() => control,
+            _ => modulator.control(self.request.at, self.voltage),
+        }
+    }
 }
 
 impl Motor {
@@ -156,7 +199,7 @@ impl Motor {
             position: 0,
             regulator: Regulator::new(&settings, period),
             identifier: Identifier::default(),
-            watch: Watch::new(period),
+            check: EncoderCheck::new(),
             settle_detector: SettleDetector::default(),
             thermal: Thermal::default(),
             supply: SupplyLimits::NONE,
@@ -168,7 +211,8 @@ impl Motor {
         }
     }
 
-    /// Replaces all settings at the next step. State is kept, so that a motor may be tuned while it runs.
+    /// Replaces all settings immediately. The bridge's command changes at the next step. The state is kept, so that a
+    /// motor may be tuned while it runs.
     pub fn configure(&mut self, settings: Settings) {
         self.regulator.configure(&self.settings, &settings, self.period);
         self.settings = settings;
@@ -179,8 +223,9 @@ impl Motor {
         }
     }
 
-    /// Replaces the set-point at the next step, or with `act`. Disabling the motor ends a latched fault, and so does
-    /// fail-safe.
+    /// Replaces the set-point immediately. The bridge's command changes at the next step. The set-points
+    /// [`Disabled`](Setpoint::Disabled) and [`FailSafe`](Setpoint::FailSafe) clear latched faults. An overheated motor
+    /// keeps its fault until the winding has cooled down.
     pub fn set(&mut self, setpoint: Setpoint) {
         self.changed |= setpoint != self.setpoint;
         let follows = matches!((self.setpoint, setpoint), (Setpoint::Together(_), Setpoint::Together(_)));
@@ -190,17 +235,17 @@ impl Motor {
             if discriminant(&setpoint) != discriminant(&self.setpoint) {
                 self.regulator.change_mode();
             }
-            if self.watch.retarget() {
+            if self.check.interrupt() {
                 self.regulator.leave_stop();
             } else if self.setpoint == Setpoint::ConstantPower(Control::ZERO) {
-                // The current of a brake is of no use for what comes.
+                // The current of the brake is not continued.
                 self.regulator.start_at_zero_current();
             } else if !self.setpoint.is_regulated() {
                 self.regulator.resume();
             }
         }
         if matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe) {
-            self.watch.clear();
+            self.check.clear();
             self.thermal.clear(self.settings.thermal);
             self.bridge_fault = false;
         }
@@ -217,10 +262,10 @@ impl Motor {
         self.position
     }
 
-    /// The motor's group has another target.
+    /// Notes that the motor's group has a new target.
     pub(crate) fn retarget(&mut self) {
         self.regulator.retarget();
-        if self.watch.retarget() {
+        if self.check.interrupt() {
             self.regulator.leave_stop();
         }
     }
@@ -235,34 +280,36 @@ impl Motor {
         &self.settings
     }
 
-    /// Takes a sample of the encoder between two ticks, best every millisecond: the more samples, the better the estimate.
+    /// Takes a sample of the encoder between two ticks, best every millisecond. With more samples the estimate is better.
     pub fn sample(&mut self, reading: Reading) {
         self.identifier.sample(&reading);
         self.regulator.sample(reading);
-        let Self { watch, regulator, .. } = self;
-        watch.sample(&reading, || regulator.disturbance());
+        let drive_volts = self.command.map_or(0.0, |command| command.voltage.to_volts());
+        self.check.sample(&reading, &self.regulator, drive_volts);
     }
 
-    /// Takes what the bridge reports, on a board that can read it.
+    /// Takes the feedback of the bridge, on a board that can read the feedback.
     pub fn sense(&mut self, sensed: BridgeFeedback) {
         self.bridge_fault |= sensed.fault;
         let mode = (!self.pulses.are_active()).then_some(self.drive().mode);
         self.line.step(sensed.current, mode, self.modelled);
     }
 
-    /// One control tick: estimate, decide, limit, modulate, report. `reading` is the newest, whether or not it was a sample
-    /// before.
+    /// Takes one control tick: estimate, decide, limit, modulate, report.
+    ///
+    /// `reading` is the newest reading of the encoder; [`sample`](Self::sample) may have taken the same reading before.
+    /// Without a reading or a `battery` voltage the report has a fault.
     pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
-        let moved = fresh(reading, now).map(|reading| self.follow(reading));
+        let moved = fresh(reading, now).map(|reading| self.take_reading(reading));
         self.regulator.predict_until(now);
         let request = self.request(battery, moved);
         let (control, voltage) = self.apply(request);
         self.report(battery, moved, control, voltage)
     }
 
-    /// Executes between two ticks a command that no regulator stands behind: an open bridge and open-loop power need no
-    /// tick. Returns true if the bridge's command has changed.
-    pub(crate) fn act(&mut self, battery: Option<Millivolts>) -> bool {
+    /// Commands the bridge between two ticks, if the set-point is new and direct. Returns true if the bridge's command has
+    /// changed.
+    pub(crate) fn step_direct(&mut self, battery: Option<Millivolts>) -> bool {
         if !self.changed || !self.setpoint.is_direct() {
             return false;
         }
@@ -273,15 +320,16 @@ impl Motor {
     }
 
     /// Limits the present command to what the supply allows from now on. Returns true if the bridge's command has changed.
-    /// One motor at a time may end a short of its burn pulses, because the energy of its winding then returns; `turn` says
-    /// whether this motor may, and becomes false if it did.
-    pub(crate) fn limit_supply(&mut self, limits: SupplyLimits, turn: &mut bool) -> bool {
+    ///
+    /// When a burn pulse ends a short circuit, the energy of the winding returns to the bus. So only one motor at a time
+    /// may end a short circuit. `may_end_short` says whether this motor may, and becomes false if the motor did.
+    pub(crate) fn limit_supply(&mut self, limits: SupplyLimits, may_end_short: &mut bool) -> bool {
         self.supply = limits;
-        let Some(Command { at, requested, .. }) = self.command else { return false };
-        let (before, drove) = (self.drive(), self.pulses.drives());
-        let (command, voltage) = self.modulate(at, requested, *turn);
+        let Some(Command { request, .. }) = self.command else { return false };
+        let (before, was_forward) = (self.drive(), self.pulses.is_forward());
+        let (command, voltage) = self.modulate(request, *may_end_short);
         self.command = Some(command);
-        *turn &= drove || !self.pulses.drives();
+        *may_end_short &= was_forward || !self.pulses.is_forward();
         let changed = self.drive() != before;
         if changed || self.pulses.are_active() {
             self.note_voltage(voltage, before);
@@ -292,43 +340,46 @@ impl Motor {
     /// The bridge's command.
     pub(crate) const fn drive(&self) -> Drive {
         match &self.command {
-            Some(command) => command.given.drive,
+            Some(command) => command.modulation.drive,
             None => Drive::COAST,
         }
     }
 
-    /// Where the motor's energy goes while it brakes by the present command.
+    /// What the motor returns to the bus, and what its winding dissipates, while it brakes by the present command.
     pub(crate) fn returned(&self) -> Returned {
         match &self.command {
-            Some(Command { at, given, .. }) if given.drive != Drive::COAST => {
-                let applied = self.modulator.applied(*at, *given);
-                self.modulator.returned(*at, *given, applied, self.settings.ohms())
+            Some(Command { request: Request { at, .. }, modulation, .. })
+                if modulation.drive != Drive::COAST =>
+            {
+                let applied = self.modulator.applied(*at, *modulation);
+                self.modulator.returned(*at, *modulation, applied, self.settings.ohms())
             }
             _ => Returned::NONE,
         }
     }
 
-    /// Takes a reading; returns the counts since the last tick.
-    fn follow(&mut self, reading: Reading) -> i32 {
+    /// Takes the reading of a tick. Returns the counts since the last tick.
+    fn take_reading(&mut self, reading: Reading) -> i32 {
         let moved = reading.position.wrapping_sub(self.position);
         self.position = reading.position;
         self.sample(reading);
         self.regulator.tick();
-        // An identification keeps an account of voltages, for which the constants must not change meanwhile.
+        // An identification compares voltages, so the estimated gain does not change meanwhile.
         if !matches!(self.setpoint, Setpoint::Identify { .. }) {
             self.regulator.update_gain(&self.settings, self.period);
         }
         moved
     }
 
-    /// What the motor does at this tick. `moved` is the counts since the last tick; `None` without an encoder.
+    /// Chooses the activity of this tick. `moved` is the counts since the last tick; `None` without a reading.
     ///
-    /// A fault of the motor, its encoder or its host ends what the set-point requests, and the motor does as
-    /// [`OnFault`] says. (Without a battery or with a bridge at fault every motor coasts.)
+    /// With a fault of the motor, its encoder or its host, the setting [`OnFault`] chooses the activity instead of the
+    /// set-point. The caller has already excluded a missing battery voltage and a bridge at fault, with which every motor
+    /// coasts.
     fn activity(&self, moved: Option<i32>) -> Activity {
         let floats = self.settings.zero_power == ZeroPower::Float;
         let needs_encoder = !self.setpoint.is_direct();
-        let no_encoder = moved.is_none() || self.watch.fault().is_some();
+        let no_encoder = moved.is_none() || self.check.fault().is_some();
         match self.setpoint {
             Setpoint::Disabled => Activity::Coast,
             Setpoint::FailSafe => self.on_fault(),
@@ -347,6 +398,7 @@ impl Motor {
         }
     }
 
+    /// The activity of a motor at fault.
     const fn on_fault(&self) -> Activity {
         match self.settings.on_fault {
             OnFault::Coast => Activity::Coast,
@@ -354,30 +406,32 @@ impl Motor {
         }
     }
 
-    /// What this tick requests of the bridge; `None` for an open bridge.
+    /// Computes the request of this tick; `None` for an open bridge. `moved` is the counts since the last tick; `None`
+    /// without a reading.
     fn request(&mut self, battery: Option<Millivolts>, moved: Option<i32>) -> Option<Request> {
         self.changed = false;
         let velocity = self.regulator.velocity();
-        // A bridge at fault cannot brake either.
+        // A bridge at fault can neither drive nor brake.
         let battery = battery.filter(|_| !self.bridge_fault);
         let at =
             battery.and_then(|battery| OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery));
         let mut activity = if at.is_some() { self.activity(moved) } else { Activity::Coast };
-        let mut request = at.and_then(|at| self.perform(activity, at, moved));
-        if let (Activity::Regulate(_), Some(at), true) = (activity, at, self.watch.fault().is_some()) {
+        let mut request = at.and_then(|at| self.request_of(activity, at, moved));
+        if let (Activity::Regulate(_), Some(at), true) = (activity, at, self.check.fault().is_some()) {
             // This tick has found the fault.
             activity = self.on_fault();
-            request = self.perform(activity, at, moved);
+            request = self.request_of(activity, at, moved);
         }
         if !self.setpoint.is_regulated() {
-            self.watch.pause();
+            self.check.pause();
         } else if !matches!(activity, Activity::Regulate(_)) {
-            self.watch.interrupt();
+            self.check.interrupt();
         }
         request
     }
 
-    fn perform(&mut self, activity: Activity, at: OperatingPoint, moved: Option<i32>) -> Option<Request> {
+    /// Computes the request of an activity; `None` for an open bridge.
+    fn request_of(&mut self, activity: Activity, at: OperatingPoint, moved: Option<i32>) -> Option<Request> {
         let (control, modulation) = match activity {
             Activity::Coast => return None,
             Activity::Brake => (Some(Control::ZERO), Modulation::full_braking(at)),
@@ -388,8 +442,8 @@ impl Motor {
                 (None, self.modulator.for_voltage(at, voltage))
             }
             Activity::Regulate(demand) => return self.regulate(demand, at, moved?),
-            // The identification watches the encoder itself: of an unknown motor nobody can say when counts are due, only
-            // how far it may go without any.
+            // The identification has its own check of the encoder: an unknown motor may only travel so far without
+            // counts.
             Activity::Identify => {
                 let voltage =
                     self.identifier.step(self.settings.winding.emf, at.battery_volts(), self.period)?;
@@ -399,32 +453,24 @@ impl Motor {
         Some(Request { at, modulation, control, target: None })
     }
 
-    /// The regulator's request, unless the encoder is in doubt.
+    /// Computes the request of the regulator, or of the encoder check if the encoder is in doubt. `None` for an open
+    /// bridge, because this tick has found a fault of the encoder.
     fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Option<Request> {
-        let evidence = self.watch.ordered().map(|order| Evidence {
-            order,
-            moved,
-            velocity: self.regulator.velocity(),
-            battery: at.battery_volts(),
-            gain: self.regulator.least_gain(),
-            volt: self.regulator.gain(),
-            emf: self.settings.winding.emf,
-            // By PID the end of the control range may be less than full reverse.
-            gentle: matches!(self.settings.scheme, Scheme::C | Scheme::D(_)),
-            probing: self.settings.probing,
+        let context =
+            Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
+        let regulated = self.command.as_ref().and_then(|command| Some((command, command.request.target?)));
+        let finding = regulated.map_or(Finding::Sound, |(command, target)| {
+            let (context, regulator, position) = (&context, &self.regulator, self.position);
+            self.check.step(&Tick { context, regulator, command, target, position, moved })
         });
         let mut speed = self.regulator.demanded_speed(demand);
-        let (control, modulation) = match evidence
-            .map_or(Finding::Sound, |evidence| self.watch.step(&evidence))
-        {
-            Finding::Fault(_) => return None,
-            Finding::Insist(control) => (Some(control), Modulation::full_reverse(at)),
+        let (control, modulation) = match finding {
+            Finding::Fault => return None,
+            Finding::FullReverse(control) => (Some(control), Modulation::full_reverse(at)),
             Finding::Release => (Some(Control::ZERO), Modulation::full_braking(at)),
-            // The speed is in doubt, so this is open loop.
+            // The speed is in doubt, so the probe is in open loop.
             Finding::Probe(control) => (Some(control), self.modulator.open_loop(at, control)),
-            Finding::Sound | Finding::Stalled => {
-                let context =
-                    Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
+            Finding::Sound => {
                 let output = self.regulator.step(demand, moved, &context);
                 speed = output.speed;
                 match output.effort {
@@ -436,29 +482,20 @@ impl Motor {
         Some(Request { at, modulation, control, target: Some(speed) })
     }
 
-    /// Limits a request, commands the bridge, and notes what the motor now has. Returns the control value and the voltage;
-    /// no voltage while the bridge is open.
+    /// Limits a request, commands the bridge, and passes the applied voltage to the estimators. Returns the control value
+    /// and the mean voltage; no voltage while the bridge is open.
     fn apply(&mut self, request: Option<Request>) -> (Control, Option<Voltage>) {
         let before = self.drive();
-        let Some(Request { at, modulation, control, target }) = request else {
+        let Some(request) = request else {
             self.command = None;
             self.pulses.stop();
             self.regulator.drive(None);
             self.identifier.drive(None);
             return (Control::ZERO, None);
         };
-        let (command, voltage) = self.modulate(at, modulation, false);
+        let (command, voltage) = self.modulate(request, false);
+        let (control, mean) = (command.control(&self.modulator), command.voltage);
         self.command = Some(command);
-        let Command { requested, limited, voltage: mean, .. } = command;
-        let control = match control {
-            Some(control) if limited == requested => control,
-            _ => self.modulator.control(at, mean),
-        };
-        if let Some(target) = target {
-            let velocity = self.regulator.velocity();
-            let regime = limited.regime;
-            self.watch.note(Order { target, control, regime, push: mean, velocity });
-        }
         let voltage = self.note_voltage(voltage, before);
         (control, voltage.map(|voltage| if self.pulses.are_active() { mean } else { voltage }))
     }
@@ -469,15 +506,15 @@ impl Motor {
         let closed = self.drive() != Drive::COAST;
         let voltage = if closed { self.after_change(voltage, before) } else { voltage };
         self.regulator.drive(closed.then_some(voltage));
-        // A limit may open the bridge for a moment, which does not end an identification.
+        // A limit that opens the bridge for a moment does not end an identification.
         self.identifier.drive(Some(voltage));
         closed.then_some(voltage)
     }
 
-    /// The command for what was requested, within all limits, and the voltage that the bridge then makes.
-    fn modulate(&mut self, at: OperatingPoint, requested: Modulation, turn: bool) -> (Command, Voltage) {
-        let mut limited = requested;
-        let mut voltage = self.modulator.applied(at, requested);
+    /// Computes the command for a request within all limits, and the voltage that the bridge applies.
+    fn modulate(&mut self, request: Request, may_end_short: bool) -> (Command, Voltage) {
+        let Request { at, modulation: mut limited, .. } = request;
+        let mut voltage = self.modulator.applied(at, limited);
         let allowed = self.limits(at).clamp(voltage.to_volts());
         if allowed.to_bits() != voltage.to_volts().to_bits() {
             limited = self.modulator.for_voltage(at, Voltage::from_volts(allowed));
@@ -485,19 +522,19 @@ impl Motor {
         }
         let duty = limited.drive.duty;
         let returns = limited.regime == Regime::Braking && duty != Duty::ZERO && duty != Duty::ONE;
-        let (given, applied) = if !returns {
+        let (modulation, applied) = if !returns {
             self.pulses.stop();
             (limited, voltage)
         } else if self.supply.dissipate == Share::NONE {
             self.pulses.pause(self.supply.from);
             (limited, voltage)
         } else {
-            self.burn(at, voltage, turn)
+            self.burn(at, voltage, may_end_short)
         };
-        (Command { at, requested, limited, voltage, given }, applied)
+        (Command { request, limited, voltage, modulation }, applied)
     }
 
-    /// The voltages that the motor may have at this tick.
+    /// The voltages that all limits together allow.
     fn limits(&self, at: OperatingPoint) -> VoltageLimits {
         let (emf, ohms) = (at.emf_volts(), self.settings.ohms());
         let mut limits = VoltageLimits::by_draw(emf, at.battery_volts(), self.supply.draw);
@@ -510,29 +547,30 @@ impl Motor {
         limits
     }
 
-    /// True if the current limit is in force at this moment.
+    /// True if the current limit holds the current below the requested one.
     fn is_current_limited(&self) -> bool {
         let (Some(command), Some(limit)) = (&self.command, self.settings.current_limit_amperes()) else {
             return false;
         };
-        let current = (command.voltage.to_volts() - command.at.emf_volts()) / self.settings.ohms();
-        command.limited != command.requested && current.abs() > 0.98 * limit
+        let current = (command.voltage.to_volts() - command.request.at.emf_volts()) / self.settings.ohms();
+        command.is_limited() && current.abs() > 0.98 * limit
     }
 
-    /// The burn pulse of a motor that is to have a braking voltage on the mean, and the voltage of the pulse.
-    fn burn(&mut self, at: OperatingPoint, mean: Voltage, turn: bool) -> (Modulation, Voltage) {
+    /// Chooses the burn pulse of a motor that should have the mean voltage `mean`. Returns the modulation of the pulse and
+    /// its voltage.
+    fn burn(&mut self, at: OperatingPoint, mean: Voltage, may_end_short: bool) -> (Modulation, Voltage) {
         let SupplyLimits { draw, dissipate, bus, from } = self.supply;
         let now =
             OperatingPoint::new(self.settings.winding.emf.emf(self.regulator.velocity()), bus).unwrap_or(at);
         let emf = now.emf_volts();
-        let (least, most) = BEYOND_EMF;
+        let ForwardPulse { least, most } = FORWARD_PULSE;
         let beyond = least + (most - least) * dissipate.to_f32();
         let room = now.battery_volts() - emf.abs();
-        self.pulses.account(from);
-        let (pulse, modulation) = match self.pulses.next(emf, turn) {
-            Pulse::Drive if draw == Share::ALL && room > least * emf.abs() => {
+        self.pulses.integrate(from);
+        let (pulse, modulation) = match self.pulses.next(emf, may_end_short) {
+            Pulse::Forward if draw == Share::ALL && room > least * emf.abs() => {
                 let volts = emf + (beyond * emf.abs()).min(room).copysign(emf);
-                (Pulse::Drive, self.modulator.for_voltage(now, Voltage::from_volts(volts)))
+                (Pulse::Forward, self.modulator.for_voltage(now, Voltage::from_volts(volts)))
             }
             _ => (Pulse::Short, Modulation::full_braking(now)),
         };
@@ -542,16 +580,16 @@ impl Motor {
         (modulation, applied)
     }
 
-    /// The mean voltage of a period at whose beginning the bridge is open because its mode changes.
+    /// The mean voltage of a period that begins with a change of the bridge's mode. The bridge is open during the change.
     fn after_change(&self, voltage: Voltage, before: Drive) -> Voltage {
         let change_us = self.settings.bridge.timing().change_us;
         if self.drive().mode == before.mode || change_us == 0 {
             return voltage;
         }
         let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
-        // Burn pulses are chosen every millisecond.
-        let lasts = if self.pulses.are_active() { 1_000.0 } else { self.period.as_micros() as f32 };
-        let left = (1.0 - f32::from(change_us) / lasts).max(0.0);
+        // A burn pulse is chosen every millisecond, in us.
+        let period_us = if self.pulses.are_active() { 1_000.0 } else { self.period.as_micros() as f32 };
+        let left = (1.0 - f32::from(change_us) / period_us).max(0.0);
         Voltage::from_volts(emf + left * (voltage.to_volts() - emf))
     }
 
@@ -561,7 +599,8 @@ impl Motor {
         Milliamperes::from_amperes((voltage.to_volts() - emf) / self.settings.ohms())
     }
 
-    /// Steps what follows from the motor's current, and reports.
+    /// Steps thermal model and settle detector, and reports. `voltage` is the mean voltage; `None` while the bridge is
+    /// open.
     fn report(
         &mut self,
         battery: Option<Millivolts>,
@@ -572,7 +611,7 @@ impl Motor {
         let velocity = self.regulator.velocity();
         let drive = self.drive();
         let current = voltage.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
-        let speed_known = moved.is_some() && self.watch.fault().is_none();
+        let speed_known = moved.is_some() && self.check.fault().is_none();
         self.modelled = speed_known.then_some(current);
         let measured = self.line.measured(drive.mode);
         let heating = if self.pulses.are_active() {
@@ -590,7 +629,7 @@ impl Motor {
             regulator: Kind::of(&self.settings),
             current,
             measured,
-            sense_line: self.line.is(),
+            sense_line: self.line.condition(),
             heat: (1000.0 * self.thermal.heat(self.settings.thermal)) as u16,
             derated: self.thermal.ceiling(self.settings.thermal).is_some(),
             current_limited,
@@ -599,13 +638,13 @@ impl Motor {
             regime: self.command.map(|command| command.limited.regime),
             drive,
             settled: self.settle_detector.step(within_tolerance, velocity, self.period),
-            // With little current nothing can be said of the encoder: a motor without counts counts as stalled.
-            stalled: self.watch.stalled() || current_limited && self.regulator.is_stalled(),
+            // A small current limit leaves no evidence of the encoder, so a motor without counts counts as stalled.
+            stalled: self.check.is_stalled() || current_limited && self.regulator.is_stalled(),
             identification: self.identifier.state(),
             faults: Faults {
                 battery_unknown: battery.is_none(),
                 encoder_stale: moved.is_none(),
-                encoder: self.watch.fault(),
+                encoder: self.check.fault(),
                 overheated: self.thermal.is_cut(),
                 bridge: self.bridge_fault,
             },

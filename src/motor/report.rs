@@ -1,9 +1,8 @@
 //! Report of a motor's state at a tick.
 
-use super::{SenseLine, Setpoint, Settings};
+use super::{EncoderFault, SenseLine, Setpoint, Settings};
 use crate::braking::Regime;
 use crate::bridge::Drive;
-use crate::motion::EncoderFault;
 use crate::regulator::Kind;
 use crate::regulator::identify::Identification;
 use crate::units::{Control, CountsPerSecond, Milliamperes, Millivolts};
@@ -48,7 +47,7 @@ pub const fn best_current(modelled: Milliamperes, measured: Option<Milliamperes>
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Report {
-    /// Set-point.
+    /// Set-point at the tick.
     pub setpoint: Setpoint,
     /// Position in counts.
     pub position: i32,
@@ -60,19 +59,19 @@ pub struct Report {
     /// current turns the motor CW.
     pub current: Milliamperes,
     /// Magnitude of the mean current that the board measures. `None` without a current-sense line, with a broken one,
-    /// and while the bridge is in 5/0, where it shows no current.
+    /// and while the bridge is in 5/0, where the line shows no current.
     pub measured: Option<Milliamperes>,
     /// Condition of the current-sense line.
     pub sense_line: SenseLine,
-    /// Heat of the winding by the measured current, or by the modelled one where none is measured: 1000 at the
-    /// thermal limit, 0 without a limit.
+    /// Heat of the winding, by the measured current or, without a measured current, by the modelled current. The heat is
+    /// 1000 at the thermal limit, and 0 without a limit.
     pub heat: u16,
-    /// The winding is so hot that its current is limited.
+    /// True if the winding is so hot that its current is limited.
     pub derated: bool,
-    /// The [current limit](super::Settings::current_limit) holds the current below what the set-point requests.
+    /// True if the [current limit](super::Settings::current_limit) holds the current below the requested current.
     pub current_limited: bool,
-    /// Current that would balance load, friction and drag; positive for a load that resists CW motion. `None` for an
-    /// unknown motor.
+    /// Current that would balance load, friction and drag. The current is positive for a load that resists CW motion.
+    /// `None` for an unknown motor, whose dynamics are not configured.
     pub load: Option<Milliamperes>,
     /// Control value; 0 while coasting.
     pub control: Control,
@@ -81,11 +80,11 @@ pub struct Report {
     pub regime: Option<Regime>,
     /// Command of the bridge.
     pub drive: Drive,
-    /// The motor has settled in regulated position: it was [within tolerance](super::within_tolerance) and no faster
-    /// than 40 counts/s for the dwell, 50 ms or a longer control period. A member of a group has settled when all
-    /// members have.
+    /// True if the motor has settled in regulated position: the motor was [within tolerance](super::within_tolerance) and
+    /// no faster than 40 counts/s for the dwell. The dwell is 50 ms, or one control period if the period is longer. A
+    /// member of a group has settled when all members have settled.
     pub settled: bool,
-    /// The motor is regulated and driven against a stop.
+    /// True if the motor is regulated, and a stop or a load holds the motor.
     pub stalled: bool,
     /// State or result of the last identification.
     pub identification: Identification,
@@ -99,9 +98,10 @@ impl Report {
         best_current(self.current, self.measured)
     }
 
-    /// Mean current that the bridge draws from the bus; negative while it returns current. The bridge stores no
-    /// energy, so this is the motor's current times the motor's share of the battery voltage, which is the duty while
-    /// the bridge drives. Without a battery voltage every bridge is open, and the current is 0.
+    /// Mean current that the bridge draws from the bus; negative while the bridge returns current.
+    ///
+    /// The bridge stores no energy. So the current from the bus is the motor's current times the ratio of motor voltage
+    /// to battery voltage. Without a battery voltage every bridge is open, and the current is 0.
     pub fn drawn(&self, settings: &Settings, battery: Millivolts) -> Milliamperes {
         let amperes = self.best_current().to_amperes();
         let across = settings.winding.emf.emf(self.velocity).to_volts() + amperes * settings.ohms();

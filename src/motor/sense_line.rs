@@ -102,7 +102,7 @@ impl Line {
     }
 
     /// The condition of the line.
-    pub(super) const fn is(&self) -> SenseLine {
+    pub(super) const fn condition(&self) -> SenseLine {
         self.condition
     }
 

@@ -15,12 +15,12 @@ pub enum Setpoint {
     FailSafe,
     /// Open loop: 9/8 or 6/2 with this share of the control range as duty, whatever the speed.
     ConstantPower(Control),
-    /// A constant current, so a constant torque, while the motor is slower than the limit.
+    /// Constant current, and so constant torque, while the motor is slower than the speed limit.
     Current {
         /// Mean current of the winding; positive drives CW.
         current: Milliamperes,
-        /// Largest speed in the direction of the current; the sign does not matter. At this speed the current falls to what
-        /// keeps the speed; a motor that a load drives faster brakes with at most the current.
+        /// Largest speed in the direction of the current; the sign does not matter. At this speed the current falls to the
+        /// current that keeps the speed. If a load drives the motor faster, the motor brakes with at most `current`.
         speed_limit: CountsPerSecond,
     },
     /// Regulated velocity: the motor turns at this speed.
@@ -42,7 +42,7 @@ pub enum Setpoint {
         travel_limit: u32,
     },
     /// Regulated position in a [group](crate::group): the motor follows this reference. The hub sets a new reference
-    /// at every tick; without a new one the motor stays near the last.
+    /// at every tick. Without a new reference the motor stays near the last one.
     Together(Reference),
 }
 

@@ -1,17 +1,18 @@
-//! Whether a motor is at its target. Two words are defined here, and mean the same everywhere:
+//! Decides whether a motor is at its target. This file defines two words that the whole project uses:
 //!
 //! * *Within tolerance*: the distance to the target is at most the tolerance. Hosts of REV's protocol read this word. The
-//!   speed does not matter, so a motor that passes its target is within tolerance for a moment.
+//!   speed does not matter, so a motor that passes its target is within tolerance for a short time.
 //! * *Settled*: within tolerance and slow, at every tick of a dwell. This hub's own report, groups, the client and the
 //!   dashboard use this word.
 //!
-//! Both words are false for a motor that is disabled or has no target position.
+//! Both words are false for a disabled motor and for a motor without a target position.
 
 use crate::units::{CountsPerSecond, Period};
 
-/// Dwell in milliseconds. A motor that turns back within this time has only passed its target.
+/// Dwell in milliseconds. A motor that is no longer within tolerance or slow after this time has only passed its target.
 const DWELL_MS: u32 = 50;
-/// Highest speed of a settled motor: two counts in 50 ms. One count may be the estimate's, the other a regulator's.
+/// Highest speed of a slow motor: two counts in 50 ms. The estimate may be wrong by one count, and a regulator that holds
+/// a position may move the motor by another count.
 const SLOW: CountsPerSecond = CountsPerSecond::new(40);
 
 /// True if a position is within the tolerance of a target, by REV's definition: |target - position| <= tolerance, the
@@ -23,19 +24,19 @@ pub const fn within_tolerance(target: i32, position: i32, tolerance: u16) -> boo
 /// Detects whether a motor, or a group of motors, has settled.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SettleDetector {
-    /// Time in ms since the first tick in a row at which the motor was within tolerance and slow; `None` if the last tick
-    /// was not.
+    /// Time in ms for which the motor has been within tolerance and slow at every tick; `None` if the motor was not at the
+    /// last tick.
     settling_ms: Option<u32>,
 }
 
 impl SettleDetector {
-    /// Begins again, because the target has changed.
+    /// Restarts the dwell, because the target has changed.
     pub const fn reset(&mut self) {
         self.settling_ms = None;
     }
 
-    /// One tick; true if the motor has settled. `within_tolerance` is about the position at this tick. The dwell is 50 ms,
-    /// or a period if that is longer.
+    /// Takes a tick with its position and speed. Returns true if the motor has settled. The dwell is 50 ms, or one period
+    /// if the period is longer.
     pub fn step(&mut self, within_tolerance: bool, velocity: CountsPerSecond, period: Period) -> bool {
         let slow = velocity.to_bits().unsigned_abs() <= SLOW.to_bits().unsigned_abs();
         self.settling_ms = match self.settling_ms {

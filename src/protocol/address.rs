@@ -12,13 +12,13 @@ use super::payload::ByteIn;
 /// The address of the host.
 pub const HOST: u8 = 0;
 
-/// The destination of a packet to every hub.
+/// The destination of a packet to all hubs.
 pub const BROADCAST: u8 = 255;
 
-/// A hub's address: neither the host's nor that of every hub.
+/// The address of one hub, which is neither [`HOST`] nor [`BROADCAST`].
 pub type Address = ByteIn<1, 254>;
 
 impl Address {
-    /// The address of a hub until a host sets another: 2. Hosts find the address by discovery.
+    /// The address of a hub until a host sets another one. Hosts find out the address by discovery.
     pub const DEFAULT: Self = Self::new(2).expect("1 to 254");
 }

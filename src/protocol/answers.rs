@@ -1,4 +1,4 @@
-//! Answers of the hub. The line of a request in [`requests`](super::requests) states the type of its answer.
+//! Answers of the hub. The table in [`requests`](super::requests) states for each request the type of its answer.
 //!
 //! ```
 //! use motor_hub::extension::Request;
@@ -24,23 +24,25 @@ use super::refusal::Nack;
 use core::fmt;
 use heapless::Vec;
 
-/// The bit that a hub sets in the type of a request to make the type of its answer.
+/// Bit that distinguishes the packet type of an answer from the packet type of its request.
 pub const RESPONSE: u16 = 0x8000;
 
+/// Packet type of an acknowledgement.
 const ACK: u16 = 0x7F01;
+/// Packet type of a refusal.
 const NACK: u16 = 0x7F02;
 
 /// The answer to a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// The hub has done what was requested.
+    /// The hub has executed the request.
     Ack {
-        /// True if the module status has changed since a host read it.
+        /// True if the module status has events that no host has cleared.
         attention: bool,
     },
-    /// The hub refuses the request, and nothing has changed.
+    /// The hub has refused the request, which has changed nothing.
     Nack(Nack),
-    /// The values that a host asked for.
+    /// The hub answers with values.
     Data(Payload),
 }
 
@@ -48,14 +50,15 @@ impl Reply {
     /// An acknowledgement without attention.
     pub const ACK: Self = Self::Ack { attention: false };
 
-    /// An answer with these values.
+    /// Creates an answer with values.
     pub fn data(answer: &impl Field) -> Self {
         let mut payload = Payload::new();
         answer.write(&mut payload);
         Self::Data(payload)
     }
 
-    /// The packet of the answer, from the hub at `source` to the sender of `request`; `number` is the hub's own count.
+    /// Builds the packet of the answer, from the hub at `source` to the sender of `request`. `number` is the message number of
+    /// the answer.
     pub fn packet(self, request: &Packet, source: u8, number: u8) -> Packet {
         let byte = |byte| [byte].into_iter().collect();
         let (id, payload) = match self {
@@ -66,12 +69,12 @@ impl Reply {
         Packet { destination: request.source, source, number, reference: request.number, id, payload }
     }
 
-    /// Reads `packet` as the answer to a request of type `id`; `None` if the packet is no such answer. The reference of the
-    /// packet is not checked.
+    /// Reads the answer to a request of type `id` from a packet. `None` if the packet is not an answer to this type of request.
+    /// The caller must compare the packet's reference with the request's number.
     pub fn read(packet: &Packet, id: u16) -> Option<Self> {
         let first = packet.payload.first().copied();
         match packet.id {
-            // Very old firmware sends no byte.
+            // Very old firmware sends an acknowledgement without payload.
             ACK => Some(Self::Ack { attention: first.unwrap_or_default() != 0 }),
             NACK => first.map(|code| Self::Nack(Nack(code))),
             response if response == id | RESPONSE => Some(Self::Data(packet.payload.clone())),
@@ -81,23 +84,23 @@ impl Reply {
 }
 
 payload! {
-    /// The packet types of an interface.
+    /// The packet types of an interface's functions, which are consecutive.
     #[derive(Copy)]
     pub struct Functions {
-        /// The type of function 0.
+        /// Packet type of function 0.
         pub first: u16,
-        /// The number of functions.
+        /// Number of functions.
         pub count: u16,
     }
 }
 
 impl Functions {
-    /// The type of a function; `None` if there is no such function.
+    /// Returns the packet type of a function. `None` if the interface does not have this function.
     pub fn id(self, number: u16) -> Option<u16> {
         self.first.checked_add(number).filter(|_| number < self.count)
     }
 
-    /// The function of a type; `None` if the type belongs to another interface.
+    /// Returns the number of the function with this packet type. `None` if the type belongs to another interface.
     pub const fn number(self, id: u16) -> Option<u16> {
         match id.checked_sub(self.first) {
             Some(number) if number < self.count => Some(number),
@@ -107,12 +110,12 @@ impl Functions {
 }
 
 payload! {
-    /// Module status.
+    /// Module status: states and events of the hub, and alerts of its motors.
     #[derive(Copy, Default)]
     pub struct Status {
-        /// Events and states of the hub, one bit each.
+        /// States and events of the hub, one bit each.
         pub status: u8,
-        /// Alerts: bits 0 to 3 are set if motor 0 to 3 lost counts, bits 4 to 7 if the bridge of motor 0 to 3 is too hot.
+        /// Alerts of motors. Bit i is set if motor i lost counts. Bit 4 + i is set if the bridge of motor i is too hot.
         pub motor_alerts: u8,
     }
 }
@@ -120,9 +123,9 @@ payload! {
 /// An alert of one motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotorAlert {
-    /// The motor, 0 to 3.
+    /// Number of the motor, 0 to 3.
     pub motor: usize,
-    /// The alert as text.
+    /// Text of the alert.
     pub text: &'static str,
 }
 
@@ -133,16 +136,16 @@ impl fmt::Display for MotorAlert {
 }
 
 impl Status {
-    /// The keep-alive timer ran out.
+    /// The keep-alive timer has run out.
     pub const KEEP_ALIVE_TIMEOUT: u8 = 1;
     /// The hub has been reset.
     pub const RESET: u8 = 1 << 1;
-    /// A host asked for fail-safe.
+    /// A host has requested fail-safe.
     pub const FAIL_SAFE: u8 = 1 << 2;
     /// The battery is low.
     pub const BATTERY_LOW: u8 = 1 << 4;
 
-    /// Texts of the status bits from bit 0 on.
+    /// Text of each status bit; the first text is that of bit 0.
     const WORDS: [&str; 8] = [
         "keep-alive timeout",
         "device reset",
@@ -154,13 +157,13 @@ impl Status {
         "bit 7",
     ];
 
-    /// Texts of the status bits that are set.
+    /// Returns the texts of the status bits that are set.
     pub fn words(self) -> Vec<&'static str, 8> {
         let bits = Self::WORDS.iter().enumerate().filter(|(bit, _)| self.status & 1 << bit != 0);
         bits.map(|(_, word)| *word).collect()
     }
 
-    /// The motor alerts that are set.
+    /// Returns the motor alerts that are set.
     pub fn alerts(self) -> Vec<MotorAlert, 8> {
         let of = |first, text| (0..CHANNELS).map(move |motor| (first + motor, MotorAlert { motor, text }));
         let all = of(0, "lost counts").chain(of(4, "bridge too hot"));
@@ -168,27 +171,28 @@ impl Status {
     }
 }
 
-/// All values that change while motors run.
+/// Bulk input: all values that hosts read regularly, in one answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Bulk {
-    /// Levels of the digital inputs: bit i is input i.
+    /// Levels of the digital inputs. Bit i stands for input i.
     pub digital: u8,
-    /// Positions in counts, by motor.
+    /// Position of each motor in counts.
     pub encoders: [i32; CHANNELS],
-    /// True if the current exceeds the motor's current alert, by motor.
+    /// For each motor, true if its current exceeds its current alert.
     pub over_current: [bool; CHANNELS],
-    /// True in position mode within the tolerance of the target, whatever the speed, by motor.
+    /// For each motor, true if it is in position mode and within the tolerance of its target, at any speed.
     pub within_tolerance: [bool; CHANNELS],
-    /// Velocities in counts per second, by motor.
+    /// Velocity of each motor in counts per second.
     pub velocities: [i16; CHANNELS],
     /// Analog inputs in millivolts.
     pub analog: [i16; CHANNELS],
-    /// True if the module status has changed since a host read it; `None` from firmware up to 1.8.2, which does not report this.
+    /// True if the module status has events that no host has cleared. `None` from REV's firmware up to 1.8.2, which lacks this
+    /// field.
     pub attention: Option<bool>,
 }
 
-/// 35 bytes, or 34 without the attention. One byte has bits of all motors: over-current from bit 0 on, within tolerance from
-/// bit 4 on.
+/// The payload has 35 bytes, or 34 without `attention`. One byte has two bits of each motor: bit i is `over_current` of motor i,
+/// and bit 4 + i is its `within_tolerance`.
 impl Field for Bulk {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let (digital, encoders) = (u8::read(fields)?, Field::read(fields)?);
@@ -217,7 +221,8 @@ impl Field for Bulk {
 }
 
 payload! {
-    /// Version of firmware and hardware. Hosts derive the functions of a hub from the version: PIDF from 1.8.2 on.
+    /// Version of firmware and hardware. Hosts derive the available functions from the version. For example, they use PIDF with
+    /// firmware 1.8.2 and later.
     #[derive(Copy, Default)]
     #[expect(missing_docs, reason = "the names of the protocol")]
     pub struct Version {
@@ -226,7 +231,7 @@ payload! {
         pub major: u8,
         pub hardware_minor: u8,
         pub hardware_major: u8,
-        /// The type of hub.
+        /// REV's number for the type of hub.
         pub hardware: u32,
     }
 }

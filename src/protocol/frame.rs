@@ -1,7 +1,14 @@
-//! Frames: bytes to packets, with synchronisation after any garbage; and packets to bytes.
+//! Frames: the bytes of a packet on a link. The decoder finds the next frame after any stray or damaged bytes.
 //!
-//! A frame is `44 4B`, the length of the frame (16 bits, little-endian), destination, source, message number, reference, type
-//! (16 bits), payload, and a checksum. The checksum is the sum of all bytes before it, modulo 256.
+//! | bytes | field |
+//! |---|---|
+//! | `44 4B` | start |
+//! | u16 | length of the frame, little-endian |
+//! | u8, u8 | destination, source |
+//! | u8, u8 | message number, reference |
+//! | u16 | packet type |
+//! | | payload |
+//! | u8 | checksum: the sum of all bytes before it, modulo 256 |
 //!
 //! ```
 //! use motor_hub::protocol::frame::{Decoder, Packet, encode};
@@ -20,28 +27,28 @@ use super::payload::{PAYLOAD_KEPT, Payload};
 use crate::units::Micros;
 use heapless::Vec;
 
-/// The first bytes of every frame.
+/// First bytes of every frame.
 pub const START: [u8; 2] = [0x44, 0x4B];
 
-/// Bytes of a frame without payload.
+/// Length of a frame without payload, in bytes.
 pub const OVERHEAD: usize = 11;
 
-/// The longest frame that is read. Hosts send at most 512 bytes of payload.
+/// Length of the longest frame that the decoder accepts, in bytes. Hosts send payloads of at most 512 bytes.
 pub const LONGEST: usize = 600;
 
-/// Time after the first byte of a frame within which the frame must be complete.
+/// Time in microseconds, from its first byte, in which a frame must be complete.
 pub const TIMEOUT_MICROS: u64 = 50_000;
 
-/// A packet whose checksum was good, to any destination.
+/// A packet to any destination.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Packet {
-    /// Destination: 0 host, 1 to 254 a hub, 255 every hub.
+    /// Address of the receiver: 0 is the host, 1 to 254 a hub, 255 all hubs.
     pub destination: u8,
     /// Address of the sender.
     pub source: u8,
-    /// Message number. Hosts use a number for several requests.
+    /// Message number. Hosts may use one number for several requests.
     pub number: u8,
-    /// Message number of the request, in a reply.
+    /// In a reply, the message number of the request.
     pub reference: u8,
     /// Packet type.
     pub id: u16,
@@ -51,42 +58,44 @@ pub struct Packet {
 
 /// Finds packets in a stream of bytes.
 ///
-/// The decoder keeps bytes until they cannot start a frame any more. The search after a bad frame begins at its second byte, so
-/// a good packet within a bad frame is not lost.
+/// After a damaged frame the search continues with the second byte of that frame. A good frame that begins inside a damaged one
+/// is therefore found.
 #[derive(Debug)]
 pub struct Decoder {
-    /// Received bytes. The first byte is `44`.
+    /// Received bytes from a possible start of a frame on. The first byte is `44`.
     bytes: Vec<u8, LONGEST>,
-    /// Time of the first byte, or later.
+    /// Time at which the first byte arrived, or a later time.
     first_at: Micros,
-    /// Time of the last byte.
+    /// Time at which the last byte arrived.
     last_at: Micros,
 }
 
-/// What the received bytes are.
+/// What the received bytes can be.
 enum Candidate {
-    /// The start of a frame, perhaps.
+    /// The beginning of a frame.
     Unfinished,
-    /// No frame, at the first byte.
+    /// No frame that begins at the first byte.
     Bad,
-    /// A frame of this length.
+    /// A complete frame of this length, with a correct checksum.
     Good(usize),
 }
 
 impl Decoder {
-    /// A decoder without bytes.
+    /// Creates a decoder that has received no bytes.
     pub const fn new() -> Self {
         Self { bytes: Vec::new(), first_at: Micros::new(0), last_at: Micros::new(0) }
     }
 
-    /// Takes bytes off the front of `input` until a packet is complete; `None` if `input` is used up. The bytes have come by
-    /// `now`. To be called with empty input at [`deadline`](Self::deadline).
+    /// Removes bytes from the front of `input` until a packet is complete. `None` if all bytes were removed without a packet.
+    ///
+    /// `now` is the time at which the bytes have arrived. The method must also be called at the time
+    /// [`deadline`](Self::deadline), with an empty `input` if there are no bytes.
     pub fn next(&mut self, input: &mut &[u8], now: Micros) -> Option<Packet> {
         loop {
             match self.candidate() {
                 Candidate::Good(length) => return Some(self.take(length)),
                 Candidate::Bad => self.drop_bytes(1),
-                // After a pause this drops one unfinished frame after the other.
+                // The bytes of an unfinished frame may contain further starts of frames, which are dropped one after the other.
                 Candidate::Unfinished if self.deadline().is_some_and(|deadline| deadline <= now) => {
                     self.drop_bytes(1);
                 }
@@ -99,11 +108,12 @@ impl Decoder {
         }
     }
 
-    /// Time at which the decoder drops an unfinished frame; `None` without one.
+    /// Returns the time at which an unfinished frame is dropped. `None` if there is none.
     pub fn deadline(&self) -> Option<Micros> {
         (!self.bytes.is_empty()).then_some(Micros::new(self.first_at.get().saturating_add(TIMEOUT_MICROS)))
     }
 
+    /// Appends a received byte. A byte that cannot start a frame is ignored.
     fn push(&mut self, byte: u8, now: Micros) {
         if self.bytes.is_empty() {
             if byte != START[0] {
@@ -112,7 +122,7 @@ impl Decoder {
             self.first_at = now;
         }
         self.last_at = now;
-        // There is room, because a full buffer has at least one complete frame.
+        // There is room: a buffer of this length holds a complete frame, which has been removed.
         let _ = self.bytes.push(byte);
     }
 
@@ -132,14 +142,14 @@ impl Decoder {
         }
     }
 
-    /// Removes the frame at the front.
+    /// Removes the complete frame at the front, and returns its packet.
     fn take(&mut self, length: usize) -> Packet {
         let [_, _, _, _, destination, source, number, reference, id_low, id_high, ref rest @ ..] =
             *self.bytes
         else {
             return Packet::default();
         };
-        // The packet keeps the first bytes of a long payload only.
+        // A packet has only the first bytes of a long payload.
         let kept = length.saturating_sub(OVERHEAD).min(PAYLOAD_KEPT);
         let payload = rest.iter().copied().take(kept).collect();
         let id = u16::from_le_bytes([id_low, id_high]);
@@ -147,12 +157,12 @@ impl Decoder {
         Packet { destination, source, number, reference, id, payload }
     }
 
-    /// Drops bytes, and then what cannot start a frame.
+    /// Drops this number of bytes, and then all bytes before the next `44`.
     fn drop_bytes(&mut self, count: usize) {
         let start = self.bytes.iter().skip(count).position(|byte| *byte == START[0]);
         let dropped = start.map_or(self.bytes.len(), |start| count + start);
         self.bytes.drain(..dropped);
-        // The time of the new first byte is unknown, and not after the time of the last byte.
+        // The arrival of the new first byte was not recorded. It was not later than that of the last byte.
         self.first_at = self.last_at;
     }
 }
@@ -163,13 +173,13 @@ impl Default for Decoder {
     }
 }
 
-/// The bytes of a packet on the line.
+/// The bytes of a frame.
 pub type Frame = Vec<u8, { OVERHEAD + PAYLOAD_KEPT }>;
 
-/// The frame of `packet`.
+/// Encodes a packet as a frame.
 pub fn encode(packet: &Packet) -> Frame {
     let [id_low, id_high] = packet.id.to_le_bytes();
-    // The length is OVERHEAD + PAYLOAD_KEPT at most.
+    // The length fits in 16 bits, because a payload has at most PAYLOAD_KEPT bytes.
     let [length_low, length_high] = ((OVERHEAD + packet.payload.len()) as u16).to_le_bytes();
     let head = [
         START[0],
@@ -184,7 +194,7 @@ pub fn encode(packet: &Packet) -> Frame {
         id_high,
     ];
     let mut frame = Frame::new();
-    // There is room by the types.
+    // The capacity of the type is enough for the longest payload.
     let _ = frame.extend_from_slice(&head);
     let _ = frame.extend_from_slice(&packet.payload);
     let _ = frame.push(checksum(&frame));

@@ -18,49 +18,47 @@ use super::payload::{Field, Fields, Payload, payload};
 use super::refusal::Nack;
 
 payload! {
-    /// Colour of an RGB LED; 0 is dark, 255 is full.
+    /// Colour of an RGB LED. Each part is 0 (dark) to 255 (brightest).
     #[derive(Copy, Default)]
+    #[expect(missing_docs, reason = "the type describes its fields")]
     pub struct Colour {
-        /// Red part.
         pub red: u8,
-        /// Green part.
         pub green: u8,
-        /// Blue part.
         pub blue: u8,
     }
 }
 
 impl Colour {
-    /// The LED is dark.
+    /// Dark.
     pub const OFF: Self = Self { red: 0, green: 0, blue: 0 };
-    /// The hub waits for a host; blinking if the host is lost.
+    /// Colour of a hub that waits for a host. It blinks if the host is lost.
     pub const BLUE: Self = Self { red: 0, green: 0, blue: 255 };
-    /// A host is connected.
+    /// Colour of a hub that is connected to a host.
     pub const GREEN: Self = Self { red: 0, green: 255, blue: 0 };
-    /// The battery is low; blinking.
+    /// Colour, blinking, of a hub whose battery is low.
     pub const ORANGE: Self = Self { red: 255, green: 64, blue: 0 };
 }
 
-/// The most steps of a pattern.
+/// Largest number of steps in a pattern.
 pub const STEPS: usize = 16;
 
 /// One step of a pattern.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Step {
-    /// Duration in units of 0.1 s; 0 ends the pattern.
+    /// Duration in units of 0.1 s. A step with duration 0 ends the pattern and is not shown.
     pub duration: u8,
     /// Colour during the step.
     pub colour: Colour,
 }
 
-/// Up to 16 steps, which the LED repeats.
+/// A pattern of up to 16 steps, which the LED repeats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LedPattern([Step; STEPS]);
 
 impl LedPattern {
-    /// A pattern of the steps before the first step without a duration, 16 at most.
+    /// Creates a pattern of the first 16 steps. It ends before the first step with duration 0.
     pub fn new(steps: &[Step]) -> Self {
         let mut pattern = Self::default();
         let shown = steps.iter().take_while(|step| step.duration > 0);
@@ -68,14 +66,16 @@ impl LedPattern {
         pattern
     }
 
-    /// The steps of the pattern, and then steps without a duration.
+    /// Returns the steps of the pattern. Unused steps at the end have duration 0.
     pub const fn steps(&self) -> &[Step; STEPS] {
         &self.0
     }
 }
 
-/// The fields of a step are duration, blue, green and red. Reading ends at a step without a duration, at the end of the payload,
-/// or after 16 steps; the first duration is required, and every step must be complete. Writing writes 16 steps.
+/// The fields of a step are duration, blue, green and red, in this order.
+///
+/// Reading ends at a step with duration 0, at the end of the payload, or after 16 steps. The first duration is required, and no
+/// step may be incomplete. Writing always writes 16 steps.
 impl Field for LedPattern {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         let mut pattern = Self::default();

@@ -1,6 +1,6 @@
-//! The REV Hub Serial Protocol, byte by byte, for both ends: a host writes what a hub reads, and the other way round, from one
-//! definition. The protocol is known from published host software only; where that leaves a layout open, the choice is
-//! documented here.
+//! The REV Hub Serial Protocol as bytes. One definition serves both ends: hosts write what hubs read, and hubs write what hosts
+//! read. REV has not published the protocol, so it is known from published host software. Where that software leaves a layout
+//! open, the documentation of the type states the layout of this project.
 //!
 //! ```text
 //! host                                             hub
@@ -8,8 +8,8 @@
 //! Reply  <--read--   Packet <--Decoder-- bytes <--encode-- Packet <--write-- Reply
 //! ```
 //!
-//! The protocol knows no hub, no time and no line. [`crate::responder`] decides what a hub does with a request;
-//! [`crate::extension`] has what REV's protocol lacks, and the request of any kind.
+//! This module neither executes requests nor accesses a link. [`crate::responder`] executes requests. [`crate::extension`] has
+//! the requests that REV's protocol lacks, and [`Request`](crate::extension::Request), which is a request of either protocol.
 //!
 //! ```
 //! use motor_hub::extension::Request;
@@ -47,5 +47,5 @@ pub use refusal::Nack;
 /// Speed of a serial line in bits per second; 8 data bits, no parity, 1 stop bit, no flow control.
 pub const BAUD: u32 = 460_800;
 
-/// Motor channels of the protocol. A hub with fewer motors refuses the other channels as out of range.
+/// Number of motor channels in the protocol. A hub with fewer motors refuses the other channels as out of range.
 pub const CHANNELS: usize = 4;

@@ -1,4 +1,4 @@
-//! Requests to one motor, and the types of their answers. The motor's number, 0 to 3, goes before the fields of each request.
+//! Requests to one motor, and the types of their answers. The first field of each request is the motor's number, 0 to 3.
 //!
 //! ```
 //! use motor_hub::protocol::motor::{Target, ToMotor};
@@ -15,9 +15,8 @@ use super::requests::FIRST_FUNCTION;
 use crate::units::{Coefficient, Control};
 
 requests! {
-    /// A request to one motor.
+    /// A request to one motor. The motor's number is not part of it.
     pub enum ToMotor from FIRST_FUNCTION => {
-        /// Sets what regulates the motor, and whether the motor floats at zero.
         8 SetMode { mode: ChannelMode },
         /// The answer is a [`ChannelMode`].
         9 Mode,
@@ -52,22 +51,22 @@ requests! {
     }
 }
 
-/// What regulates a motor.
+/// Mode of a motor: the kind of its set-point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RunMode {
-    /// The motor is in open loop.
+    /// A control value, in open loop.
     #[default]
     Power,
-    /// A velocity loop regulates the motor.
+    /// A velocity.
     Velocity,
-    /// A position loop regulates the motor.
+    /// A position.
     Position,
 }
 
 codes!(RunMode { 0 = Power, 1 = Velocity, 2 = Position });
 
-/// A loop that has coefficients; its code is the code of its mode.
+/// A loop that has coefficients. Its code is the code of the mode that uses the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Loop {
@@ -79,23 +78,24 @@ pub enum Loop {
 
 codes!(Loop { 1 = Velocity, 2 = Position });
 
-/// How a host means its coefficients. This hub runs the same loops either way; it stores the value, which hosts read back.
+/// Terms of a control loop, as a host states them with its coefficients. Hosts read them back. The hub runs the same loop with
+/// either value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Algorithm {
-    /// Without feed-forward.
-    Legacy,
-    /// With feed-forward.
+pub enum Terms {
+    /// Proportional, integral and derivative.
+    Pid,
+    /// Proportional, integral, derivative and feed-forward.
     Pidf,
 }
 
-codes!(Algorithm { 0 = Legacy, 1 = Pidf });
+codes!(Terms { 0 = Pid, 1 = Pidf });
 
 payload! {
-    /// What regulates a motor, and what the motor does at zero.
+    /// Mode of a motor, and what the motor does at zero power.
     #[derive(Copy)]
     pub struct ChannelMode {
-        /// What regulates the motor.
+        /// Kind of the motor's set-point.
         pub mode: RunMode,
         /// True if the motor floats at zero power, false if it brakes.
         pub floats: bool as flag,
@@ -108,14 +108,13 @@ payload! {
     pub struct Target {
         /// Position in encoder counts.
         pub counts: i32,
-        /// Counts from the target within which the motor is at its target.
+        /// Largest distance from the target, in counts, at which the motor counts as at its target.
         pub tolerance: u16,
     }
 }
 
 payload! {
-    /// Coefficients of a loop, read back bit for bit. I and D are by cycles of 50 ms; F is for full control at the battery's
-    /// voltage.
+    /// Coefficients of a loop. A host reads back the bits that it has set. I and D are for cycles of 50 ms.
     #[derive(Copy)]
     pub struct Coefficients {
         /// Proportional coefficient.
@@ -126,7 +125,7 @@ payload! {
         pub d: Coefficient,
         /// Feed-forward coefficient.
         pub f: Coefficient,
-        /// How the host means the coefficients.
-        pub algorithm: Algorithm,
+        /// Terms that the host has stated.
+        pub terms: Terms,
     }
 }

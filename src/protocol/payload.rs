@@ -1,4 +1,5 @@
-//! Payloads, field by field: each type says in one place how it is read and how it is written. Numbers are little-endian.
+//! Payloads of packets as sequences of fields. For each type of field, [`Field`] defines how it is read and written. Numbers are
+//! little-endian.
 //!
 //! ```
 //! use motor_hub::protocol::Nack;
@@ -23,51 +24,53 @@ use crate::units::{
 };
 use heapless::Vec;
 
-/// The longest payload that a packet keeps, in bytes. The longest request has 101, the longest answer 164. A reader ignores
-/// bytes behind the last field.
+/// Number of payload bytes that a packet stores. A received packet may have more; they are ignored. The longest payload of this
+/// project has 164 bytes.
 pub const PAYLOAD_KEPT: usize = 168;
 
 /// The payload of a packet.
 pub type Payload = Vec<u8, PAYLOAD_KEPT>;
 
-/// A value of a payload: one field, or several in a fixed order.
+/// A value in a payload. It consists of one field, or of several fields in a fixed order.
 pub trait Field: Sized {
-    /// Reads the next field or fields.
+    /// Reads the value from the next field or fields.
     ///
     /// # Errors
-    /// The number of the first field that is missing or out of range.
+    /// Returns [`Nack::parameter`] with the number of the first field that is missing or out of range.
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack>;
 
-    /// Appends the value. Bytes beyond [`PAYLOAD_KEPT`] are left out; no layout is that long.
+    /// Appends the value to a payload. Bytes that do not fit in [`PAYLOAD_KEPT`] are dropped; no payload of this project is so
+    /// long.
     fn write(&self, payload: &mut Payload);
 }
 
-/// A payload that is read from its front. The fields are counted, so that a refusal can name the field that is wrong or
-/// missing.
+/// Reads the fields of a payload in their order. Fields are counted, so that a refusal can state the number of a field.
 #[derive(Clone, Debug)]
 pub struct Fields<'a> {
+    /// Bytes of the fields that have not been read.
     rest: &'a [u8],
+    /// Number of the next field, from 0.
     index: u8,
 }
 
 impl<'a> Fields<'a> {
-    /// A reader before the first field.
+    /// Creates a reader that is before the first field.
     pub const fn new(payload: &'a [u8]) -> Self {
         Self { rest: payload, index: 0 }
     }
 
-    /// The number of the next field.
+    /// Returns the number of the next field.
     pub(crate) const fn index(&self) -> u8 {
         self.index
     }
 
-    /// Reads a field and converts it; the field is out of range if `convert` returns `None`.
+    /// Reads a field and converts it. If `convert` returns `None`, the field is out of range.
     pub(crate) fn checked<F: Field, T>(&mut self, convert: impl FnOnce(F) -> Option<T>) -> Result<T, Nack> {
         let index = self.index;
         convert(F::read(self)?).ok_or(Nack::parameter(index))
     }
 
-    /// Reads the number of one of `motors` motors.
+    /// Reads the number of a motor. The number must be less than `motors`.
     pub(crate) fn motor(&mut self, motors: usize) -> Result<u8, Nack> {
         self.checked(|motor: u8| Some(motor).filter(|motor| usize::from(*motor) < motors))
     }
@@ -80,7 +83,7 @@ impl<'a> Fields<'a> {
         Ok(field)
     }
 
-    /// Reads the bytes before the next zero, and the zero, as one field.
+    /// Reads a field that ends with a zero byte. Returns the bytes before the zero.
     pub(super) fn zero_terminated(&mut self) -> Result<&'a [u8], Nack> {
         let length = self.rest.iter().position(|byte| *byte == 0).ok_or(Nack::parameter(self.index))?;
         let text = self.slice(length)?;
@@ -94,13 +97,14 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Appends the bytes that there is room for.
+/// Appends as many bytes as fit in the payload.
 pub(super) fn append(payload: &mut Payload, bytes: &[u8]) {
     for &byte in bytes {
         let _ = payload.push(byte);
     }
 }
 
+/// Implements [`Field`] for integers.
 macro_rules! numbers {
     ($($number:ty),+) => {$(
         impl Field for $number {
@@ -121,7 +125,8 @@ macro_rules! numbers {
 
 numbers!(u8, u16, u32, i16, i32);
 
-/// Quantities as the number that stands for them, with the functions from and to this number.
+/// Implements [`Field`] for quantities. Each line states the integer in the payload, and the functions that convert from and to
+/// this integer.
 macro_rules! quantities {
     ($($type:ident: $number:ty, $from:expr, $to:expr;)+) => {$(
         impl Field for $type {
@@ -151,7 +156,7 @@ quantities! {
     Millivolts: u16, |number: u16| Some(Self::new(number)), Self::get;
 }
 
-/// A byte, 0 or 1.
+/// One byte. Only 0 and 1 are in range.
 impl Field for bool {
     fn read(fields: &mut Fields<'_>) -> Result<Self, Nack> {
         fields.checked(|byte: u8| (byte < 2).then_some(byte == 1))
@@ -176,7 +181,7 @@ impl<T: Field + Default + Copy, const N: usize> Field for [T; N] {
     }
 }
 
-/// Defines an integer of a limited range, and how it is read and written.
+/// Defines an integer type with a limited range, and implements [`Field`] for the type.
 macro_rules! limited {
     ($(#[$about:meta])* $name:ident: $number:ident, $($limit:ident),+; |$value:ident| $allowed:expr) => {
         $(#[$about])*
@@ -185,12 +190,12 @@ macro_rules! limited {
         pub struct $name<$(const $limit: $number),+>($number);
 
         impl<$(const $limit: $number),+> $name<$($limit),+> {
-            /// The value; `None` outside the range.
+            /// Creates a value. `None` if the number is out of range.
             pub const fn new($value: $number) -> Option<Self> {
                 if $allowed { Some(Self($value)) } else { None }
             }
 
-            /// The number, within the range.
+            /// Returns the number.
             pub const fn get(self) -> $number {
                 self.0
             }
@@ -209,19 +214,19 @@ macro_rules! limited {
 }
 
 limited! {
-    /// A byte from `LEAST` to `MOST`.
+    /// An 8-bit integer from `LEAST` to `MOST`.
     ByteIn: u8, LEAST, MOST; |byte| byte >= LEAST && byte <= MOST
 }
 
 limited! {
-    /// 16 bits, from `LEAST` to 65 535.
+    /// A 16-bit integer from `LEAST` to 65 535.
     WordFrom: u16, LEAST; |word| word >= LEAST
 }
 
-/// The most bytes of a [`Text`].
+/// Largest number of bytes in a [`Text`].
 pub const TEXT: usize = 100;
 
-/// Bytes, up to [`TEXT`], behind their number. The protocol does not define their encoding.
+/// A text or other bytes of variable length. In a payload the length comes first. The protocol does not define an encoding.
 pub type Text = Vec<u8, TEXT>;
 
 impl Field for Text {
@@ -237,7 +242,7 @@ impl Field for Text {
     }
 }
 
-/// Implements [`Field`] for an enum, by the byte that stands for each value.
+/// Implements [`Field`] for an enum. In a payload each value is one byte, its code.
 macro_rules! codes {
     ($type:ty { $($code:literal = $value:ident $(($inner:path))?),+ $(,)? }) => {
         impl $crate::protocol::payload::Field for $type {
@@ -261,35 +266,35 @@ macro_rules! codes {
 }
 pub(crate) use codes;
 
-/// Implements [`Field`] for a struct, by its fields in their order. A field that is not written as its own type names the
-/// module with the functions `read` and `write` for it.
-macro_rules! in_turn {
-    ($type:ty { $($field:ident $(: $way:ident)?),+ $(,)? }) => {
+/// Implements [`Field`] for a struct, whose fields are read and written in the stated order.
+///
+/// A field whose type is not itself a [`Field`] states a *codec*: a module with functions `read` and `write`.
+macro_rules! fields_in_order {
+    ($type:ty { $($field:ident $(: $codec:ident)?),+ $(,)? }) => {
         impl $crate::protocol::payload::Field for $type {
             fn read(
                 fields: &mut $crate::protocol::payload::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
-                Ok(Self { $($field: $crate::protocol::payload::in_turn!(@read fields $($way)?)?),+ })
+                Ok(Self { $($field: $crate::protocol::payload::fields_in_order!(@read fields $($codec)?)?),+ })
             }
 
             fn write(&self, payload: &mut $crate::protocol::payload::Payload) {
-                $($crate::protocol::payload::in_turn!(@write self.$field, payload, $($way)?);)+
+                $($crate::protocol::payload::fields_in_order!(@write self.$field, payload, $($codec)?);)+
             }
         }
     };
     (@read $fields:ident) => { $crate::protocol::payload::Field::read($fields) };
-    (@read $fields:ident $way:ident) => { $way::read($fields) };
+    (@read $fields:ident $codec:ident) => { $codec::read($fields) };
     (@write $value:expr, $payload:ident,) => { $crate::protocol::payload::Field::write(&$value, $payload) };
-    (@write $value:expr, $payload:ident, $way:ident) => { $way::write(&$value, $payload) };
+    (@write $value:expr, $payload:ident, $codec:ident) => { $codec::write(&$value, $payload) };
 }
-pub(crate) use in_turn;
+pub(crate) use fields_in_order;
 
-/// Defines a struct, and implements [`Field`] for it by its fields in their order. A field that is not written as its own type
-/// names the module with the functions `read` and `write` for it behind `as`.
+/// Defines a struct, and implements [`Field`] for it like [`fields_in_order`]. `as` states the codec of a field.
 macro_rules! payload {
     (
         $(#[$about:meta])*
-        pub struct $name:ident { $($(#[$says:meta])* pub $field:ident: $type:ty $(as $way:ident)?),+ $(,)? }
+        pub struct $name:ident { $($(#[$says:meta])* pub $field:ident: $type:ty $(as $codec:ident)?),+ $(,)? }
     ) => {
         $(#[$about])*
         #[derive(Clone, Debug, PartialEq, Eq)]
@@ -298,12 +303,12 @@ macro_rules! payload {
             $($(#[$says])* pub $field: $type,)+
         }
 
-        $crate::protocol::payload::in_turn!($name { $($field $(: $way)?),+ });
+        $crate::protocol::payload::fields_in_order!($name { $($field $(: $codec)?),+ });
     };
 }
 pub(crate) use payload;
 
-/// A byte that is written as 0 or 1, and whose every value but 0 is read as true.
+/// A bool as one byte. It is written as 0 or 1. Every byte except 0 is read as true.
 pub(crate) mod flag {
     use super::{Field, Fields, Nack, Payload};
 
@@ -316,12 +321,12 @@ pub(crate) mod flag {
     }
 }
 
-/// True for each bit of a byte that is set, from bit 0 on.
+/// Returns the bits of a byte, beginning with bit 0.
 pub(crate) fn bits(byte: u8) -> [bool; 8] {
     core::array::from_fn(|bit| byte & 1 << bit != 0)
 }
 
-/// The byte of these bits, from bit 0 on.
+/// Returns the byte that has these bits, beginning with bit 0. Bits after the eighth are ignored.
 pub(crate) fn byte(bits: impl IntoIterator<Item = bool>) -> u8 {
     bits.into_iter().take(8).enumerate().fold(0, |byte, (index, bit)| byte | u8::from(bit) << index)
 }

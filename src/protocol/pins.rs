@@ -1,5 +1,5 @@
-//! Requests to digital pins, PWM and servo outputs, and the speeds of I2C buses. Host software sets all of them up, also on a
-//! hub that has none.
+//! Requests to digital pins, PWM outputs, servo outputs and I2C buses. Host software sends them also to a hub without these
+//! outputs and buses.
 //!
 //! ```
 //! use motor_hub::extension::Request;
@@ -28,8 +28,10 @@ pub type ServoOutput = ByteIn<0, 5>;
 pub type I2cBus = ByteIn<0, 3>;
 
 requests! {
-    /// A request to a pin or output. Periods and widths are in microseconds. Levels of all pins are one bit each. A fast bus
-    /// has 400 kbit/s, any other bus 100 kbit/s. An answer has the type of the field that the request sets.
+    /// A request to a pin or an output.
+    ///
+    /// Periods and widths of pulses are in microseconds. In `levels`, bit i stands for pin i. A fast I2C bus runs at 400 kbit/s,
+    /// any other bus at 100 kbit/s. A request that reads a value is answered with the type of the field that sets the value.
     pub enum ToPin from FIRST_FUNCTION => {
         1 SetOutput { pin: Pin, high: bool },
         2 SetOutputs { levels: u8 },

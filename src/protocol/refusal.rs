@@ -1,4 +1,4 @@
-//! The reason of a refusal, as a number and as text.
+//! Reasons why a hub refuses a request, as numbers and as texts.
 //!
 //! ```
 //! use motor_hub::protocol::Nack;
@@ -10,12 +10,12 @@
 use super::pins::Pin;
 use core::fmt;
 
-/// The reason of a refusal by the number that the protocol gives it. A refused request has changed nothing.
+/// The reason of a refusal, as the number in the protocol. A refused request has changed nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Nack(pub u8);
 
-/// Defines the reasons that this hub gives, with their texts, and then the texts of reasons that only other hubs give.
+/// Defines the reasons that this hub uses, with their texts. `others` has the texts of reasons that only other hubs use.
 macro_rules! reasons {
     ({ $($name:ident = $code:literal $text:literal,)+ } others { $($other:literal $other_text:literal,)+ }) => {
         impl Nack {
@@ -71,18 +71,19 @@ reasons! {{
 }}
 
 impl Nack {
-    /// The parameter with this number, counted from 0, is out of range or missing. Reasons from 10 on mean other things, so
-    /// all parameters from the tenth on are called 9.
+    /// Creates the refusal of a parameter that is out of range or missing. `index` is the number of the parameter, from 0.
+    ///
+    /// The numbers 10 and above have other meanings. All parameters after number 9 are therefore reported as 9.
     pub const fn parameter(index: u8) -> Self {
         Self(if index > 9 { 9 } else { index })
     }
 
-    /// The digital pin that a host sets is an input.
+    /// Creates the refusal to set a digital pin that is an input.
     pub const fn not_an_output(pin: Pin) -> Self {
         Self(10 + pin.get())
     }
 
-    /// The digital pin that a host reads is an output.
+    /// Creates the refusal to read a digital pin that is an output.
     pub const fn not_an_input(pin: Pin) -> Self {
         Self(20 + pin.get())
     }

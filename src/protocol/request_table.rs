@@ -1,7 +1,7 @@
-//! The macro that makes an enum of requests from a table.
+//! A macro that defines requests by a table.
 
-/// Defines an enum of requests by a table of number, name and fields. Reading and writing follow from the table. The packet
-/// types of the table's numbers begin at `from`.
+/// Defines an enum of requests by a table. Each line has the number, the name and the fields of a request. The packet type of a
+/// request is its number plus the value after `from`. The macro also generates functions that read and write the requests.
 macro_rules! requests {
     (
         $(#[$about:meta])*
@@ -18,20 +18,20 @@ macro_rules! requests {
         }
 
         impl $name {
-            /// The numbers of these requests.
+            /// Numbers of all requests in the table.
             pub const NUMBERS: &[u16] = &[$($number),+];
 
-            /// True if a request of this table has this packet type, on hubs of this project.
+            /// True if the table has a request with this packet type, on hubs of this project.
             pub fn has(id: u16) -> bool {
                 Self::NUMBERS.contains(&id.wrapping_sub($first))
             }
 
-            /// The packet type, on hubs of this project.
+            /// Returns the packet type, on hubs of this project.
             pub const fn id(&self) -> u16 {
                 $first + self.number()
             }
 
-            /// The number of the request.
+            /// Returns the number of the request in the table.
             pub const fn number(&self) -> u16 {
                 match self {
                     $(Self::$request { .. } => $number,)+
@@ -43,7 +43,7 @@ macro_rules! requests {
                 id: u16,
                 fields: &mut $crate::protocol::payload::Fields<'_>,
             ) -> Result<Self, $crate::protocol::Nack> {
-                // In a table without fields the argument is not used otherwise.
+                // A table whose requests have no fields does not use the argument.
                 let _ = &fields;
                 Ok(match id.wrapping_sub($first) {
                     $($number => Self::$request $({
@@ -53,7 +53,7 @@ macro_rules! requests {
                 })
             }
 
-            /// Appends the fields of the request.
+            /// Appends the fields of the request to a payload.
             pub(crate) fn write(&self, payload: &mut $crate::protocol::payload::Payload) {
                 let _ = &payload;
                 match self {

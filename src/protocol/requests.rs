@@ -1,7 +1,9 @@
-//! Requests of REV's protocol: a line of a table states the number of a request, its name, and its fields in their order.
-//! Reading and writing follow from the tables.
+//! Requests of REV's protocol, in tables. Each line of a table has the number of a request, its name, and its fields in the order
+//! of the payload.
 //!
-//! A function belongs to an interface. The hub tells a host where the packet types of an interface begin.
+//! * A *standard command* has the same packet type on every hub.
+//! * A *function* belongs to an *interface*. Its packet type is the packet type of the interface's function 0 plus its number. A
+//!   host queries the packet type of function 0 from the hub.
 //!
 //! ```
 //! use motor_hub::extension::Request;
@@ -11,7 +13,7 @@
 //! assert_eq!((request.id(), request.number()), (0x102C, 44));
 //! assert_eq!(*request.payload(), [1]);
 //!
-//! // The number of a standard command is its packet type.
+//! // The number of a standard command is also its packet type.
 //! let status = Request::from(Standard::Status { clear: true });
 //! assert_eq!((status.interface(), status.id()), (None, 0x7F03));
 //! ```
@@ -30,17 +32,19 @@ pub const MOTOR_INTERFACE: &[u8] = b"DEKA";
 /// The packet type of the motor interface's function 0, on hubs of this project.
 pub const FIRST_FUNCTION: u16 = 0x1000;
 
-/// The packet types of the motor interface, on hubs of this project. The count covers all functions that hosts know, also the
-/// refused ones (I2C transfers and bulk output): a smaller count would hide coefficients and version.
+/// The packet types of the motor interface, on hubs of this project.
+///
+/// The count includes functions that the hub refuses: I2C transfers and bulk output. With a smaller count hosts would not use
+/// the functions with the highest numbers, which are coefficients and version.
 pub const MOTOR_FUNCTIONS: Functions = Functions { first: FIRST_FUNCTION, count: 58 };
 
-/// The packet type of a discovery, the only request that hubs answer when it is sent to all hubs.
+/// The packet type of a discovery. It is the only request to all hubs that hubs answer.
 pub const DISCOVERY: u16 = 0x7F0F;
 
-/// The most bytes of an interface's name.
+/// Length of the longest interface name in bytes.
 const LONGEST_NAME: usize = 16;
 
-/// The name of an interface. A payload has a zero behind the name.
+/// The name of an interface. In a payload the name ends with a zero byte.
 pub type InterfaceName = Vec<u8, LONGEST_NAME>;
 
 impl Field for InterfaceName {
@@ -55,7 +59,7 @@ impl Field for InterfaceName {
 }
 
 requests! {
-    /// Commands of every hub, numbered by their packet types.
+    /// Standard commands.
     pub enum Standard from 0 => {
         /// The answer is a [`Status`](super::answers::Status).
         0x7F03 Status { clear: bool },
@@ -72,18 +76,18 @@ requests! {
         0x7F0D LedPattern,
         /// Sets the verbosity of a group of messages.
         0x7F0E DebugLevel { group: ByteIn<1, 12>, verbosity: ByteIn<0, 3> },
-        /// The answer is true if there is no hub between this hub and the host, else false.
+        /// The answer is a bool: true if the hub is connected to the host directly, and not through another hub.
         0x7F0F Discovery,
     }
 }
 
-/// A channel of the hub's converter.
+/// An ADC channel.
 pub type AdcChannel = ByteIn<0, 14>;
 
 /// The channel of the battery current, in milliamperes.
 pub const BATTERY_CURRENT: AdcChannel = AdcChannel::new(7).expect("in range");
 
-/// The channel of the current of motor 0, in milliamperes; the channels of the other motors follow.
+/// The channel of the current of motor 0, in milliamperes. The channels of the other motors follow in their order.
 pub const FIRST_CURRENT: AdcChannel = AdcChannel::new(8).expect("in range");
 
 /// The channel of the 5 V rail, in millivolts.
@@ -96,7 +100,7 @@ pub const BATTERY: AdcChannel = AdcChannel::new(13).expect("in range");
 pub const TEMPERATURE: AdcChannel = AdcChannel::new(14).expect("in range");
 
 requests! {
-    /// Functions of the motor interface that concern the whole hub.
+    /// Functions of the motor interface for the whole hub.
     pub enum ToHub from FIRST_FUNCTION => {
         /// The answer is a [`Bulk`](super::answers::Bulk).
         0 Bulk,
@@ -106,9 +110,9 @@ requests! {
         /// The answer is a bool.
         45 PhoneCharge,
         46 LogHint { text: Text },
-        /// The answer is a [`Text`], in which hosts read numbers: see [`Version`](super::answers::Version).
+        /// The answer is a [`Text`] with the numbers of a [`Version`](super::answers::Version).
         48 VersionText,
-        /// Sets whether the hub resets its USB bridge when the keep-alive timer runs out.
+        /// Sets whether a hub of REV resets its USB bridge when the keep-alive timer runs out.
         49 SetFtdiReset { on: bool },
         /// The answer is a bool.
         50 FtdiReset,

@@ -10,7 +10,7 @@ pub(super) const HEAD: usize = 32;
 /// Size of a [`Tick`] in memory, in bytes.
 pub(super) const TICK: usize = 8;
 
-/// Motor index of an entry that is about no motor.
+/// Motor index of an entry that describes no motor.
 pub(crate) const NOBODY: u8 = u8::MAX;
 
 /// Description of one fault or reset.
@@ -21,7 +21,8 @@ pub struct Head {
     pub number: u16,
     /// The fault or the reset cause.
     pub fault: Fault,
-    /// Consecutive occurrences in one run, or in runs that ended before their first tick; 255 means 255 or more.
+    /// Number of consecutive occurrences; 255 means 255 or more. Occurrences in one run are counted, and occurrences in runs that
+    /// ended before their first tick.
     pub times: u8,
     /// Number of the run that the fault occurred in, or that the reset ended. Numbers begin with 1 and wrap.
     pub run: u16,
@@ -29,7 +30,8 @@ pub struct Head {
     pub uptime_ms: u32,
     /// Battery voltage at `uptime_ms`; `None` if the voltage was unknown.
     pub battery: Option<Millivolts>,
-    /// Index of the motor at fault. For a fault of the hub: the motor with the largest duty, `None` if all coasted.
+    /// Index of the motor that had the fault. For a fault of the hub, the motor with the largest duty; `None` if all motors
+    /// coasted.
     pub motor: Option<u8>,
     /// Last command to the bridge of `motor` before the fault; coasting if `motor` is `None`.
     pub drive: Drive,
@@ -58,7 +60,7 @@ pub struct Tick {
     pub drive: Drive,
 }
 
-/// Returns the FNV-1a checksum of `bytes`. It detects each wrong single byte, and misses one in 2^32 of other errors.
+/// Returns the FNV-1a checksum of `bytes`. It detects every error in a single byte, and all but one in 2^32 of other errors.
 pub(super) fn checksum(bytes: &[u8]) -> u32 {
     bytes.iter().fold(0x811C_9DC5, |sum, byte| (sum ^ u32::from(*byte)).wrapping_mul(0x0100_0193))
 }

@@ -1,6 +1,6 @@
 //! All faults and their numbers. Record, link, logs and `docs/reference/fault-numbers.md` use these numbers.
 
-use crate::motion::EncoderFault;
+use crate::motor::EncoderFault;
 use crate::motor::Faults;
 
 macro_rules! faults {

@@ -1,4 +1,4 @@
-//! State of the present run, written while the run lasts, so that the next run can record how this one ended.
+//! State of the present run. It is written at every tick, so that the next run can record how this one ended.
 
 use super::entry::checksum;
 use super::{Fault, SLOTS, TICKS};
@@ -9,7 +9,7 @@ const MAGIC: u32 = 0x3152_484D;
 
 /// Index of the first word about the run: [`MAGIC`], the number of the run, and the complement of that number.
 const RUN: usize = 0;
-/// Index of the first word about the last tick: the time, the rest of [`Now`], and a check word.
+/// Index of the first word about the last tick: the time, the rest of [`RunState`], and a check word.
 ///
 /// The check word is the exclusive or of the two words before it and [`MAGIC`].
 const NOW: usize = 3;
@@ -29,9 +29,11 @@ pub(super) struct Live<'a>(pub(super) &'a mut [[u8; 4]]);
 #[derive(Debug)]
 pub struct CrashReport<'a>(pub(super) &'a mut [[u8; 4]]);
 
-/// State of the run at its last tick.
+/// A run, and its state at its last tick.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Now {
+pub(super) struct RunState {
+    /// Number of the run.
+    pub(super) run: u32,
     /// Time since the run began, in units of 1024 us.
     pub(super) time: u32,
     /// Battery voltage; `None` if it is unknown.
@@ -42,45 +44,39 @@ pub(super) struct Now {
     pub(super) filled: u8,
 }
 
-/// A run that a reset has ended.
-pub(super) struct EndedRun {
-    /// Number of the run.
-    pub(super) run: u32,
-    /// State at the last tick of the run.
-    pub(super) now: Now,
-}
-
 impl Live<'_> {
     /// Returns the run before the reset; `None` if the memory holds no run.
-    pub(super) fn ended_run(&self) -> Option<EndedRun> {
+    pub(super) fn ended_run(&self) -> Option<RunState> {
         let [magic, run, complement] = get(self.0, RUN);
         if magic != MAGIC || run != !complement {
             return None;
         }
         let [time, rest, check] = get(self.0, NOW);
         if check != time ^ rest ^ MAGIC {
-            return Some(EndedRun { run, now: Now::default() });
+            return Some(RunState { run, ..RunState::default() });
         }
         let [b, c, next, filled] = rest.to_le_bytes();
-        let now = Now {
+        Some(RunState {
+            run,
             time,
             battery: Some(Millivolts::new(u16::from_le_bytes([b, c]))).filter(|known| known.get() != 0),
             next: if usize::from(next) < SLOTS { next } else { 0 },
             filled: filled.min(TICKS as u8),
-        };
-        Some(EndedRun { run, now })
+        })
     }
 
-    /// Begins a run.
-    pub(super) fn begin(&mut self, run: u32) {
+    /// Begins the run with this number, and returns its state.
+    pub(super) fn begin(&mut self, run: u32) -> RunState {
+        let state = RunState { run, ..RunState::default() };
         // The run is deleted first and written last. A reset in between leaves no run, never a wrong one.
         put(self.0, RUN, [0; 3]);
-        self.update(Now::default());
+        self.update(state);
         put(self.0, RUN, [MAGIC, run, !run]);
+        state
     }
 
     /// Stores the state at the present tick.
-    pub(super) fn update(&mut self, Now { time, battery, next, filled }: Now) {
+    pub(super) fn update(&mut self, RunState { time, battery, next, filled, .. }: RunState) {
         let [b, c] = battery.map_or(0, Millivolts::get).to_le_bytes();
         let rest = u32::from_le_bytes([b, c, next, filled]);
         put(self.0, NOW, [time, rest, time ^ rest ^ MAGIC]);

@@ -1,4 +1,4 @@
-//! Fault record: the last faults and resets, in memory that survives a reset.
+//! The record of faults: the last faults and resets, in memory that survives a reset.
 //!
 //! ```text
 //! reset cause, at start-----------> +--------+ --heads, ticks--> responder
@@ -10,7 +10,7 @@
 //! * A *run* is the time from one reset to the next.
 //! * A [`Tick`] is the state of one motor at one control tick. A ring holds the last [`TICKS`] ticks of each motor.
 //! * A [`Head`] describes one fault or reset. A head with its ticks is an *entry*.
-//! * A *page* holds the ticks of one entry: a copy of the ring of the motor at fault.
+//! * A *page* holds the ticks of one entry. It is a copy of the ring of the motor that had the fault.
 //!
 //! An entry is written when a fault of a motor begins, and at the start after a run has ended. The record keeps the
 //! newest [`HEADS`] heads, and pages for the newest [`PAGES`] entries.
@@ -48,7 +48,7 @@ use crate::bridge::{Drive, Mode};
 use crate::hub::Snapshot;
 use crate::motor::{Report, Setpoint};
 use entry::{HEAD, TICK, checksum};
-use live::{LIVE, Live, Now, WORDS};
+use live::{LIVE, Live, RunState, WORDS};
 
 /// Size of the record's memory in bytes.
 pub const SIZE: usize = 4096;
@@ -79,19 +79,17 @@ pub struct Record<'a> {
     /// State of the present run, in memory that survives a reset.
     live: Live<'a>,
     /// Copy of the state in `live`.
-    now: Now,
+    state: RunState,
     ring: &'a mut [[u8; SLOT]],
     heads: &'a mut [[u8; HEAD]],
     pages: &'a mut [[u8; PAGE]],
-    /// Number of the present run.
-    run: u32,
     /// Number of the newest entry; 0 before the first entry.
     number: u16,
     /// Faults of each motor at the last tick, as bits.
     last_faults: [u8; MOTORS],
 }
 
-/// The motor that an entry is about.
+/// The motor that an entry describes.
 #[derive(Clone, Copy)]
 struct AffectedMotor {
     index: usize,
@@ -112,11 +110,10 @@ impl<'a> Record<'a> {
         let (heads, pages) = rest.split_at_mut(HEADS * HEAD);
         let mut record = Self {
             live: Live(live.as_chunks_mut().0),
-            now: Now::default(),
+            state: RunState::default(),
             ring: ring.as_chunks_mut().0,
             heads: heads.as_chunks_mut().0,
             pages: pages.as_chunks_mut().0,
-            run: 0,
             number: 0,
             last_faults: [0; MOTORS],
         };
@@ -124,16 +121,14 @@ impl<'a> Record<'a> {
         let reported = crash_report.take();
         match record.live.ended_run() {
             Some(ended) => {
-                (record.run, record.now) = (ended.run, ended.now);
+                record.state = ended;
                 record.number = record.newest().map_or(0, |(head, _)| head.number);
                 let (fault, detail) = reported.unwrap_or((cause, [0; 2]));
                 record.write(fault, detail, record.most_driven());
             }
             None => record.clear(),
         }
-        record.run = record.run.wrapping_add(1);
-        record.now = Now::default();
-        record.live.begin(record.run);
+        record.state = record.live.begin(record.state.run.wrapping_add(1));
         (record, crash_report)
     }
 
@@ -145,17 +140,18 @@ impl<'a> Record<'a> {
 
     /// Records one control tick of all motors. The control task calls this at each tick, for any control period.
     pub fn tick<const N: usize>(&mut self, snapshot: &Snapshot<N>) {
-        let slot = self.ring.get_mut(usize::from(self.now.next)).map(|slot| slot.as_chunks_mut().0);
+        let slot = self.ring.get_mut(usize::from(self.state.next)).map(|slot| slot.as_chunks_mut().0);
         for (bytes, report) in slot.into_iter().flatten().zip(&snapshot.motors) {
             *bytes = Tick::of(report).to_bytes();
         }
-        self.now = Now {
+        self.state = RunState {
+            run: self.state.run,
             time: (snapshot.at.get() >> 10) as u32,
             battery: snapshot.battery,
-            next: if usize::from(self.now.next) + 1 < SLOTS { self.now.next + 1 } else { 0 },
-            filled: if usize::from(self.now.filled) < TICKS { self.now.filled + 1 } else { self.now.filled },
+            next: if usize::from(self.state.next) + 1 < SLOTS { self.state.next + 1 } else { 0 },
+            filled: (self.state.filled + 1).min(TICKS as u8),
         };
-        self.live.update(self.now);
+        self.live.update(self.state);
         for (motor, report) in snapshot.motors.iter().enumerate() {
             let Some(last) = self.last_faults.get_mut(motor) else { break };
             let present = fault_bits(report);
@@ -169,7 +165,7 @@ impl<'a> Record<'a> {
 
     /// Returns the number of the present run. The first run of a record has number 1.
     pub const fn run(&self) -> u32 {
-        self.run
+        self.state.run
     }
 
     /// Iterates over the heads of the entries, newest first.
@@ -207,20 +203,20 @@ impl<'a> Record<'a> {
             let same_motor = head.motor == motor || fault == Fault::BatteryUnknown;
             let repeated = head.fault == fault && head.detail == detail && same_motor;
             // A hub that resets again and again before its first tick fills one entry, and does not delete older ones.
-            let both_without_ticks = self.now.filled == 0 && head.ticks == 0;
-            repeated && (head.run == self.run as u16 || both_without_ticks)
+            let both_without_ticks = self.state.filled == 0 && head.ticks == 0;
+            repeated && (head.run == self.state.run as u16 || both_without_ticks)
         }) {
             return self.put(Head { times: head.times.saturating_add(1), ..head }, sum);
         }
         // Numbers wrap from 65 535 to 1, because 0 means that there is no entry.
         self.number = self.number.checked_add(1).unwrap_or(1);
         let (ticks, sum) = affected.map_or((0, 0), |affected| self.copy(affected.index));
-        let Now { time, battery, .. } = self.now;
+        let RunState { time, battery, .. } = self.state;
         let head = Head {
             number: self.number,
             fault,
             times: 1,
-            run: self.run as u16,
+            run: self.state.run as u16,
             uptime_ms: (u64::from(time) * 128 / 125) as u32,
             battery,
             motor,
@@ -240,7 +236,7 @@ impl<'a> Record<'a> {
 
     /// Copies a motor's ring to the page of the newest entry. Returns the number of ticks and their checksum.
     fn copy(&mut self, motor: usize) -> (u8, u32) {
-        let Now { next, filled, .. } = self.now;
+        let RunState { next, filled, .. } = self.state;
         let Some(page) = self.pages.get_mut(usize::from(self.number) % PAGES) else { return (0, 0) };
         let first = (usize::from(next) + SLOTS - usize::from(filled)) % SLOTS;
         let slots = self.ring.iter().cycle().skip(first).take(filled.into());
@@ -280,8 +276,8 @@ impl<'a> Record<'a> {
 
     /// Returns the tick `ago` ticks ago; 1 is the last tick. `None` before the first tick of the run.
     fn tick_ago(&self, motor: usize, ago: usize) -> Option<Tick> {
-        let slot = (usize::from(self.now.next) + SLOTS - ago) % SLOTS;
-        let bytes = self.ring.get(slot).filter(|_| ago <= usize::from(self.now.filled))?;
+        let slot = (usize::from(self.state.next) + SLOTS - ago) % SLOTS;
+        let bytes = self.ring.get(slot).filter(|_| ago <= usize::from(self.state.filled))?;
         bytes.as_chunks().0.get(motor).map(|bytes| Tick::from_bytes(*bytes))
     }
 

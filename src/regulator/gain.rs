@@ -59,6 +59,9 @@ const SURE_VARIANCE: f32 = 0.15;
 const HEAVY: f32 = 1.25;
 /// Counts in the direction of the voltage after which an encoder is trusted to count in the right direction.
 const TRUSTED_COUNTS: i32 = 30;
+/// Largest balance of counts in the direction of the voltage. A heavy motor that brakes in reverse stays trusted for a
+/// control period of 100 ms at 3000 counts/s, so the encoder check knows that the motor is heavy.
+const MOST_TRUST_COUNTS: i32 = 330;
 
 /// The estimate of one motor's gain, beside the gain b that the observer uses.
 #[derive(Clone, Copy, Debug)]
@@ -69,7 +72,7 @@ pub(super) struct GainEstimate {
     variance: f32,
     /// Sensitivity of the observer's state to ln b.
     sensitivity: Sensitivity,
-    /// Counts in the direction of the voltage less counts against it, limited to 0 to twice [`TRUSTED_COUNTS`].
+    /// Counts in the direction of the voltage less counts against it, limited to 0 to [`MOST_TRUST_COUNTS`].
     trust_counts: i32,
     /// Time until the observer has forgotten a wrong initial state, in s. Nothing is learned meanwhile.
     settling_s: f32,
@@ -176,7 +179,7 @@ impl GainEstimate {
             _ => 0,
         };
         self.trust_counts =
-            self.trust_counts.saturating_add(counts_along_voltage).clamp(0, 2 * TRUSTED_COUNTS);
+            self.trust_counts.saturating_add(counts_along_voltage).clamp(0, MOST_TRUST_COUNTS);
         let Correction { error, age_s, position_gain, speed_gain, load_gain } = *correction;
         let s = self.sensitivity.position;
         let innovation = error - s * self.theta;

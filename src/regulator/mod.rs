@@ -350,6 +350,11 @@ impl Regulator {
         known.then_some(LEAST_GAIN_SHARE * plant.b)
     }
 
+    /// True for an unknown motor that has turned in the direction of its voltage.
+    pub fn trusts_encoder(&self) -> bool {
+        self.gain_estimate.as_ref().is_some_and(GainEstimate::is_trusted)
+    }
+
     /// The speed that a demand requests far from its target.
     pub fn demanded_speed(&self, demand: Demand) -> CountsPerSecond {
         match demand {

@@ -1,75 +1,82 @@
-//! A button on the board, to try motors on the bench without a host: all motors turn while the button is held.
+//! A button on the board, to try motors on the bench without a host. All motors turn while the button is held.
 //!
-//! | | |
+//! | button | motors |
 //! |---|---|
-//! | held | 1000 counts/s |
-//! | released | standstill; a second later all bridges open |
-//! | pressed while the battery is low or unknown | nothing; a host cannot enable a motor then either |
-//! | down since power-on, or since the battery was low | nothing, until the button is released and pressed |
-//! | after the first packet of a host | nothing until a reset; motors that the button has started are disabled |
+//! | held | turn at 1000 counts/s |
+//! | released | stop and hold their position for a second, then all bridges open |
+//! | pressed while the battery is low or unknown | no effect |
+//! | held since power-on, or pressed while the battery was low | no effect until the button is released and pressed again |
+//! | pressed after a host has sent a packet | no effect until a reset |
+//!
+//! The first packet of a host disables motors that the button has started.
 //!
 //! ```
 //! use motor_hub::motor::Setpoint;
-//! use motor_hub::responder::button::{Button, Look};
+//! use motor_hub::responder::button::{Button, ButtonInputs};
 //! use motor_hub::units::{CountsPerSecond, Micros};
 //!
 //! let mut button = Button::new();
-//! let mut look = |down, ms: u64| {
-//!     button.step(Look { down, host_spoke: false, battery_good: true, now: Micros::new(1000 * ms) })
+//! let mut step = |down, ms: u64| {
+//!     button.step(ButtonInputs { down, host_spoke: false, battery_good: true, now: Micros::new(1000 * ms) })
 //! };
-//! look(false, 0);
+//! step(false, 0);
 //! // The contact may bounce at first.
-//! assert_eq!(look(true, 100), Setpoint::Disabled);
-//! assert_eq!(look(true, 120), Setpoint::Velocity(CountsPerSecond::new(1000)));
+//! assert_eq!(step(true, 100), Setpoint::Disabled);
+//! assert_eq!(step(true, 120), Setpoint::Velocity(CountsPerSecond::new(1000)));
 //! ```
 
 use crate::motor::Setpoint;
 use crate::units::{CountsPerSecond, Micros};
 
-/// Time for which a contact must be closed before the button counts as pressed. Contacts bounce for less than half of this
-/// time. An open contact counts immediately.
+/// Time in microseconds for which the contact must be closed before the button counts as pressed.
+///
+/// Contacts bounce for less than half of this time. A contact that opens releases the button immediately.
 pub const DEBOUNCE_MICROS: u64 = 20_000;
 
-/// Time at standstill after a release, before the bridges open.
+/// Time in microseconds for which motors are held at standstill after the button is released.
 pub const HOLD_MICROS: u64 = 1_000_000;
 
-/// Set-point while the button is held. A NeveRest 60 turns about 2700 counts/s at 12 V without load.
+/// Set-point while the button is held. A NeveRest 60 without load turns about 2700 counts/s at 12 V.
 const HELD: Setpoint = Setpoint::Velocity(CountsPerSecond::new(1000));
 
 /// Inputs of a step.
 #[derive(Clone, Copy, Debug)]
-pub struct Look {
+pub struct ButtonInputs {
     /// True if the contact is closed.
     pub down: bool,
-    /// True if a packet has come since reset.
+    /// True if a host has sent a packet since reset.
     pub host_spoke: bool,
-    /// True if the battery is known and not low.
+    /// True if the battery voltage is known and not low.
     pub battery_good: bool,
-    /// The time.
+    /// Present time.
     pub now: Micros,
 }
 
 /// State of the contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Contact {
-    /// Closed since reset: a button that is stuck, or held during a reset.
+    /// Closed since reset. The button is stuck, or was held during the reset.
     Stuck,
+    /// Open.
     Up,
-    /// Closed since this time, and bouncing perhaps.
+    /// Closed since this time, which is less than [`DEBOUNCE_MICROS`] ago. The contact may still bounce.
     Closing(Micros),
+    /// Closed for at least [`DEBOUNCE_MICROS`].
     Down,
 }
 
-/// What the button makes the motors do.
+/// State of the motors, as far as the button commands them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Motion {
-    Nothing,
+    /// The motors are disabled.
+    Off,
+    /// The motors turn.
     Turning,
-    /// At standstill since this time.
+    /// The motors are held at standstill since this time.
     Holding(Micros),
 }
 
-/// The button.
+/// State of the button and its motors.
 #[derive(Clone, Debug)]
 pub struct Button {
     contact: Contact,
@@ -77,29 +84,29 @@ pub struct Button {
 }
 
 impl Button {
-    /// The button after a reset.
+    /// Creates the state after a reset.
     pub const fn new() -> Self {
-        Self { contact: Contact::Stuck, motion: Motion::Nothing }
+        Self { contact: Contact::Stuck, motion: Motion::Off }
     }
 
-    /// The set-point of all motors. To be called about every 10 ms.
-    pub fn step(&mut self, look: Look) -> Setpoint {
-        let pressed = self.pressed(look.down, look.now);
+    /// Returns the set-point of all motors. Must be called about every 10 ms.
+    pub fn step(&mut self, inputs: ButtonInputs) -> Setpoint {
+        let pressed = self.pressed(inputs.down, inputs.now);
         self.motion = match self.motion {
-            _ if look.host_spoke => Motion::Nothing,
-            _ if pressed && look.battery_good => Motion::Turning,
-            Motion::Turning if self.contact == Contact::Up => Motion::Holding(look.now),
-            Motion::Holding(since) if look.now.since(since) >= HOLD_MICROS => Motion::Nothing,
+            _ if inputs.host_spoke => Motion::Off,
+            _ if pressed && inputs.battery_good => Motion::Turning,
+            Motion::Turning if self.contact == Contact::Up => Motion::Holding(inputs.now),
+            Motion::Holding(since) if inputs.now.since(since) >= HOLD_MICROS => Motion::Off,
             motion => motion,
         };
         match self.motion {
-            Motion::Nothing => Setpoint::Disabled,
+            Motion::Off => Setpoint::Disabled,
             Motion::Turning => HELD,
             Motion::Holding(_) => Setpoint::Velocity(CountsPerSecond::ZERO),
         }
     }
 
-    /// True once for each press.
+    /// Updates the contact. Returns true once for each press.
     fn pressed(&mut self, down: bool, now: Micros) -> bool {
         let before = self.contact;
         self.contact = match before {

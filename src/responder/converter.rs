@@ -1,18 +1,18 @@
-//! Channels of the converter. This hub's converter measures the battery, and on some boards the motors' currents. The other
-//! channels have nominal or modelled values.
+//! Values of the ADC channels of REV's protocol. The hub measures the battery, and on some boards the currents of motors. The
+//! other channels have nominal or modelled values.
 //!
 //! | channel | value |
 //! |---|---|
 //! | 0 to 3, analog inputs | 0 mV: the hub has none |
-//! | 4, 5, 6: currents of digital pins, I2C, servos | 0 mA: the hub feeds none |
-//! | 7, battery current | *modelled*: the sum over all bridges; negative while more is returned than drawn |
-//! | 8 to 11, current of motor 0 to 3 | magnitude: measured, or *modelled* by motor constants, speed and bridge command |
+//! | 4, 5, 6: currents of digital pins, I2C, servos | 0 mA: the hub has no such supplies |
+//! | 7, battery current | *modelled*: the sum over all bridges; negative while motors return more than they draw |
+//! | 8 to 11, current of motor 0 to 3 | magnitude: measured, or else *modelled* from motor constants, speed and bridge command |
 //! | 12, 5 V rail | 5000 mV: *nominal* |
 //! | 13, battery | measured; 0 if unknown |
-//! | 14, temperature | 25.0 degrees: *nominal* |
+//! | 14, temperature | 25.0 degrees Celsius: *nominal* |
 //!
-//! Currents are of the last control tick, clamped to 16 bits. Raw counts are of a converter of 12 bits with [`RAW_COUNT`] units
-//! in a count, on every channel.
+//! Values are those of the last control tick, clamped to 16 bits. A host may request *raw counts* instead. On every channel
+//! one raw count is [`RAW_COUNT`] units.
 //!
 //! ```
 //! use motor_hub::braking::Winding;
@@ -34,16 +34,16 @@ use crate::protocol::CHANNELS;
 use crate::protocol::requests::{AdcChannel, BATTERY, BATTERY_CURRENT, FIRST_CURRENT, RAIL, TEMPERATURE};
 use crate::units::Milliamperes;
 
-/// Millivolts, milliamperes or 0.1 degrees in a raw count: 16 bits of an answer in 12 bits of a raw count.
+/// Units in one raw count: millivolts, milliamperes or 0.1 degrees. Chosen so that positive 16-bit values fit in 12 bits.
 pub const RAW_COUNT: i32 = 8;
 
-/// Nominal voltage of the 5 V rail in millivolts, which the hub does not measure.
+/// Nominal voltage of the 5 V rail in millivolts. The hub does not measure this voltage.
 const RAIL_MV: i32 = 5_000;
 
-/// Nominal temperature in 0.1 degrees Celsius, which the hub does not measure.
+/// Nominal temperature in 0.1 degrees Celsius. The hub does not measure its temperature.
 const ROOM_TEMPERATURE: i32 = 250;
 
-/// The value of a channel by the table above, with the settings of all motors.
+/// Returns the value of a channel according to the table above. `settings` are the settings of all motors in their order.
 pub fn read<'a, const N: usize>(
     channel: AdcChannel,
     raw: bool,
@@ -67,7 +67,7 @@ pub fn read<'a, const N: usize>(
     (if raw { value / RAW_COUNT } else { value }) as i16
 }
 
-/// The current of the motor that the channel belongs to; `None` for other channels.
+/// Returns the current of the motor that the channel belongs to. `None` for a channel of no motor.
 fn current_of(channel: AdcChannel, motors: &[Report]) -> Option<Milliamperes> {
     let motor = channel.get().checked_sub(FIRST_CURRENT.get())?;
     motors.iter().take(CHANNELS).nth(motor.into()).map(Report::best_current)

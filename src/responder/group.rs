@@ -1,34 +1,35 @@
-//! Courses of groups that the motors have not received yet.
+//! Courses of groups that must still be sent to the motors.
 
 use crate::extension::group::GroupCourse;
 use crate::group::{ByMotor, Course, GroupCommand, MOTORS};
 use crate::protocol::CHANNELS;
 
-/// Pending courses, by the motor that the host's request names.
+/// Pending courses of groups.
 #[derive(Clone, Debug)]
 pub(super) struct Courses<const N: usize> {
+    /// Course of the group that the host has moved by a request to this motor.
     pending: [Option<GroupCommand>; N],
 }
 
 impl<const N: usize> Courses<N> {
     pub(super) const NONE: Self = Self { pending: [None; N] };
 
-    /// Adds a course, and removes all pending courses of its members.
-    pub(super) fn put(&mut self, leader: usize, together: GroupCommand) {
-        for (motor, member) in together.course.members().into_iter().enumerate() {
+    /// Adds the course of a request to the motor `leader`. Pending courses of the new course's members are removed.
+    pub(super) fn add(&mut self, leader: usize, command: GroupCommand) {
+        for (motor, member) in command.course.members().into_iter().enumerate() {
             if member {
                 self.remove(motor);
             }
         }
         if let Some(slot) = self.pending.get_mut(leader) {
-            *slot = Some(together);
+            *slot = Some(command);
         }
     }
 
-    /// Removes the pending courses of a motor.
+    /// Removes the pending courses that move this motor.
     pub(super) fn remove(&mut self, motor: usize) {
         for slot in &mut self.pending {
-            slot.take_if(|together| together.course.members().get(motor) == Some(&true));
+            slot.take_if(|command| command.course.members().get(motor) == Some(&true));
         }
     }
 
@@ -36,9 +37,9 @@ impl<const N: usize> Courses<N> {
         *self = Self::NONE;
     }
 
-    /// The first pending course.
+    /// Returns the first pending course, and the motor of its request.
     pub(super) fn next(&self) -> Option<(usize, GroupCommand)> {
-        self.pending.iter().enumerate().find_map(|(leader, together)| Some((leader, (*together)?)))
+        self.pending.iter().enumerate().find_map(|(leader, command)| Some((leader, (*command)?)))
     }
 
     /// Removes the first pending course, because it has been sent.
@@ -46,14 +47,17 @@ impl<const N: usize> Courses<N> {
         self.pending.iter_mut().find_map(Option::take)
     }
 
-    /// True if a course of this motor is pending.
-    pub(super) fn concern(&self, motor: usize) -> bool {
-        self.pending.iter().flatten().any(|together| together.course.members().get(motor) == Some(&true))
+    /// True if a course that moves this motor is pending.
+    pub(super) fn move_motor(&self, motor: usize) -> bool {
+        self.pending.iter().flatten().any(|command| command.course.members().get(motor) == Some(&true))
     }
 }
 
-/// A host's course in the counts of the motors. `goal` converts a motor's number and a target in the host's counts.
-pub(super) fn together(wanted: GroupCommand<GroupCourse>, goal: impl Fn(usize, i32) -> i32) -> GroupCommand {
+/// Converts a command from the host's counts to the motors' counts. `goal` converts the target of the motor with this number.
+pub(super) fn in_motor_counts(
+    wanted: GroupCommand<GroupCourse>,
+    goal: impl Fn(usize, i32) -> i32,
+) -> GroupCommand {
     let GroupCommand { course, speed, acceleration, lag, tolerance, halt } = wanted;
     let course = match course {
         GroupCourse::To(counts) => {

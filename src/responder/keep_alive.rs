@@ -1,4 +1,5 @@
-//! The keep-alive timer, and the status word with the events that a host has not read yet.
+//! The keep-alive timer, and REV's module status. The module status has the *events* that no host has cleared, and the state of
+//! the battery.
 //!
 //! ```text
 //!               packet              2.5 s without a packet
@@ -18,51 +19,50 @@
 //! assert!(keep_alive.attention());
 //! ```
 
-use super::led::Sign;
 use crate::protocol::answers::Status;
 use crate::units::Micros;
 
-/// Time without a packet after which a host counts as lost. REV's hubs use 2.5 s.
+/// Time in microseconds without a packet after which the host counts as lost. REV's hubs use 2.5 s.
 pub const TIMEOUT_MICROS: u64 = 2_500_000;
 
 /// Contact with the host.
 #[derive(Clone, Copy, Debug, Default)]
-enum Contact {
-    /// No packet has come since boot, and the timer does not run.
+pub(super) enum Contact {
+    /// No packet has arrived since boot. The timer does not run.
     #[default]
     Awaited,
-    /// The last packet came at this time.
+    /// The last packet arrived at this time. The timer runs.
     Present(Micros),
     /// The timer ran out at this time.
     Lost(Micros),
 }
 
-/// Keep-alive timer and status word.
+/// Keep-alive timer and module status.
 #[derive(Clone, Copy, Debug)]
 pub struct KeepAlive {
     contact: Contact,
-    /// Events since a host cleared them.
+    /// Events that no host has cleared, as bits of [`Status`].
     events: u8,
     battery_low: bool,
 }
 
 impl KeepAlive {
-    /// The state after a reset.
+    /// Creates the state after a reset. The reset itself is the first event.
     pub const fn new() -> Self {
         Self { contact: Contact::Awaited, events: Status::RESET, battery_low: false }
     }
 
-    /// Restarts the timer, because a valid packet has come.
+    /// Restarts the timer, because a packet for this hub has arrived.
     pub const fn packet(&mut self, now: Micros) {
         self.contact = Contact::Present(now);
     }
 
-    /// True if a valid packet has come since reset.
+    /// True if a packet for this hub has arrived since reset.
     pub const fn host_spoke(&self) -> bool {
         !matches!(self.contact, Contact::Awaited)
     }
 
-    /// True if the timer has just run out. The next call returns false.
+    /// Checks the timer. Returns true once when the timer has run out, and adds an event then.
     pub fn ran_out(&mut self, now: Micros) -> bool {
         let ran_out = self.deadline().is_some_and(|deadline| deadline <= now);
         if ran_out {
@@ -72,7 +72,7 @@ impl KeepAlive {
         ran_out
     }
 
-    /// The time at which the timer runs out; `None` if it does not run.
+    /// Returns the time at which the timer runs out. `None` if the timer does not run.
     pub const fn deadline(&self) -> Option<Micros> {
         match self.contact {
             Contact::Present(at) => Some(Micros::new(at.get().saturating_add(TIMEOUT_MICROS))),
@@ -80,13 +80,12 @@ impl KeepAlive {
         }
     }
 
-    /// Adds the event that a host has requested fail-safe.
+    /// Adds the event of a fail-safe that a host has requested.
     pub const fn fail_safe(&mut self) {
         self.events |= Status::FAIL_SAFE;
     }
 
-    /// Takes the state of the battery. A battery that becomes low is an event, which a host can clear. A low battery is a
-    /// state, which a host cannot clear.
+    /// Stores whether the battery is low. Adds an event when the battery becomes low.
     pub const fn battery(&mut self, low: bool) {
         if low && !self.battery_low {
             self.events |= Status::BATTERY_LOW;
@@ -94,29 +93,29 @@ impl KeepAlive {
         self.battery_low = low;
     }
 
-    /// The status word.
+    /// Returns the module status: all events, and the bit of a low battery while the battery is low.
     pub const fn status(&self) -> u8 {
         self.events | if self.battery_low { Status::BATTERY_LOW } else { 0 }
     }
 
-    /// Clears all events.
+    /// Clears all events. The bit of a low battery stays set while the battery is low.
     pub const fn clear(&mut self) {
         self.events = 0;
     }
 
-    /// True if there are events that no host has cleared.
+    /// True if there are events that no host has cleared. Hosts call this *attention*.
     pub const fn attention(&self) -> bool {
         self.events != 0
     }
 
-    /// The sign of the status LED.
-    pub const fn status_sign(&self) -> Sign {
-        match self.contact {
-            Contact::Lost(since) => Sign::Lost(since),
-            _ if self.battery_low => Sign::BatteryLow,
-            Contact::Present(_) => Sign::Connected,
-            Contact::Awaited => Sign::Waiting,
-        }
+    /// Returns the contact with the host.
+    pub(super) const fn contact(&self) -> Contact {
+        self.contact
+    }
+
+    /// True while the battery is low.
+    pub(super) const fn battery_low(&self) -> bool {
+        self.battery_low
     }
 }
 

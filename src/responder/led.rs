@@ -1,69 +1,58 @@
-//! The status LED: the hub's own signs in the colours of Expansion Hubs, and the colour or pattern that a host sets instead.
+//! The colour of the status LED. A host may set a colour or a pattern. Otherwise the LED shows a *signal* in the colours of REV's
+//! Expansion Hubs:
+//!
+//! | state | signal |
+//! |---|---|
+//! | the host was lost | blinking blue, also instead of a host's colour or pattern |
+//! | the battery is low | blinking orange |
+//! | a host is present | green |
+//! | no packet has arrived since boot | blue |
 //!
 //! ```
 //! use motor_hub::protocol::Colour;
-//! use motor_hub::responder::led::{Led, Sign};
+//! use motor_hub::responder::keep_alive::KeepAlive;
+//! use motor_hub::responder::led::Led;
 //! use motor_hub::units::Micros;
 //!
-//! let mut led = Led::default();
-//! assert_eq!(led.at(Micros::new(0), Sign::Connected), Colour::GREEN);
+//! let (mut led, mut keep_alive) = (Led::default(), KeepAlive::new());
+//! keep_alive.packet(Micros::new(0));
+//! assert_eq!(led.at(Micros::new(0), &keep_alive), Colour::GREEN);
 //! led.set_colour(Colour::ORANGE);
-//! assert_eq!(led.at(Micros::new(0), Sign::Connected), Colour::ORANGE);
-//! // The sign of a lost host replaces the host's colour.
-//! assert_eq!(led.at(Micros::new(0), Sign::Lost(Micros::new(0))), Colour::BLUE);
+//! assert_eq!(led.at(Micros::new(0), &keep_alive), Colour::ORANGE);
+//! // The signal of a lost host replaces the host's colour.
+//! let lost = Micros::new(2_500_000);
+//! assert!(keep_alive.ran_out(lost));
+//! assert_eq!(led.at(lost, &keep_alive), Colour::BLUE);
 //! ```
 
+use super::keep_alive::{Contact, KeepAlive};
 use crate::protocol::Colour;
 use crate::protocol::led::LedPattern;
 use crate::units::Micros;
 
-/// Half a period of a blinking sign.
+/// Half the period of a blinking signal, in microseconds.
 pub const BLINK_MICROS: u64 = 500_000;
 
-/// Unit of a step's duration.
+/// Unit in which the duration of a pattern's step is stated, in microseconds.
 const STEP_MICROS: u64 = 100_000;
 
-/// A sign of the hub's own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Sign {
-    /// Blue: no packet has come since boot.
-    Waiting,
-    /// Green: packets come.
-    Connected,
-    /// Blinking blue: the host was lost at this time.
-    Lost(Micros),
-    /// Blinking orange: the battery is low.
-    BatteryLow,
-}
-
-impl Sign {
-    fn at(self, now: Micros) -> Colour {
-        let blink = |since, colour| {
-            if (now.since(since) / BLINK_MICROS).is_multiple_of(2) { colour } else { Colour::OFF }
-        };
-        match self {
-            Self::Waiting => Colour::BLUE,
-            Self::Connected => Colour::GREEN,
-            Self::Lost(since) => blink(since, Colour::BLUE),
-            Self::BatteryLow => blink(Micros::new(0), Colour::ORANGE),
-        }
-    }
-}
-
-/// The LED, with the colour and the pattern that a host has set.
+/// State of the LED.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Led {
+    /// The colour that a host has set last.
     colour: Colour,
+    /// The pattern that a host has set last.
     pattern: LedPattern,
     shown: Shown,
 }
 
-/// What a host has set last.
+/// What the LED shows at a host's request.
 #[derive(Clone, Copy, Debug, Default)]
 enum Shown {
+    /// No host has set a colour or a pattern. The LED shows the hub's signal.
     #[default]
     None,
+    /// The colour.
     Colour,
     /// The pattern, which began at this time.
     Pattern(Micros),
@@ -76,35 +65,43 @@ impl Led {
         self.shown = Shown::Colour;
     }
 
-    /// Shows a host's pattern from now on. After an empty pattern the LED shows the hub's own signs.
+    /// Shows a host's pattern, beginning at `now`. An empty pattern makes the LED show the hub's signals again.
     pub const fn set_pattern(&mut self, pattern: LedPattern, now: Micros) {
         self.pattern = pattern;
         self.shown = Shown::Pattern(now);
     }
 
-    /// The colour last set.
+    /// Returns the colour that a host has set last.
     pub const fn colour(&self) -> Colour {
         self.colour
     }
 
-    /// The pattern last set.
+    /// Returns the pattern that a host has set last.
     pub const fn pattern(&self) -> &LedPattern {
         &self.pattern
     }
 
-    /// The colour of the LED. The sign of a lost host replaces what the host has set.
-    pub fn at(&self, now: Micros, sign: Sign) -> Colour {
-        let colour = match self.shown {
-            _ if matches!(sign, Sign::Lost(_)) => None,
+    /// Returns the colour of the LED. The signal of a lost host has priority over the host's colour and pattern.
+    pub fn at(&self, now: Micros, keep_alive: &KeepAlive) -> Colour {
+        let blink = |since, colour| {
+            if (now.since(since) / BLINK_MICROS).is_multiple_of(2) { colour } else { Colour::OFF }
+        };
+        let of_host = match self.shown {
             Shown::None => None,
             Shown::Colour => Some(self.colour),
             Shown::Pattern(since) => colour_at(&self.pattern, now.since(since)),
         };
-        colour.unwrap_or_else(|| sign.at(now))
+        match (keep_alive.contact(), of_host) {
+            (Contact::Lost(since), _) => blink(since, Colour::BLUE),
+            (_, Some(colour)) => colour,
+            _ if keep_alive.battery_low() => blink(Micros::new(0), Colour::ORANGE),
+            (Contact::Present(_), None) => Colour::GREEN,
+            (Contact::Awaited, None) => Colour::BLUE,
+        }
     }
 }
 
-/// The colour of a pattern after `elapsed` microseconds; `None` if the pattern is empty.
+/// Returns the colour of a pattern `elapsed` microseconds after its beginning. `None` if the pattern is empty.
 fn colour_at(pattern: &LedPattern, elapsed: u64) -> Option<Colour> {
     let total: u64 = pattern.steps().iter().map(|step| u64::from(step.duration) * STEP_MICROS).sum();
     let mut left = elapsed.checked_rem(total)?;

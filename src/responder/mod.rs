@@ -1,6 +1,8 @@
-//! The hub's end of the host's protocol: what the hub stores for a host, and how it answers and acts. Host software for a REV
-//! Expansion Hub runs motors of this hub. Where the published facts leave a behaviour open, the choice is
-//! documented here.
+//! The hub's side of both protocols: REV's protocol and the extension. A [`Responder`] keeps the state that hosts set,
+//! answers requests, and produces the commands to the motors.
+//!
+//! Programs that were written for a REV Expansion Hub can drive the motors of this hub. Where published host software leaves a
+//! behaviour open, the documentation of the function states what this hub does.
 //!
 //! ```text
 //!              Packet +-----------+ Packet
@@ -9,11 +11,13 @@
 //!                     +-----------+ --Colour--> status LED
 //! ```
 //!
-//! While the battery is low ([`Snapshot::battery_low`]) motors cannot be enabled, and status word and LED show the state.
-//! Motors that are enabled already run on within the limits of the supply.
+//! * A *channel* holds the settings, the targets and the pending commands of one motor.
+//! * A request that is refused changes neither settings nor motion.
+//! * A motor is *enabled* by a valid *set enable* only. While the battery is low ([`Snapshot::battery_low`]), *set enable* is
+//!   refused. Motors that are already enabled go on running within the limits of the supply.
+//! * *Fail-safe* disables all motors and outputs, when a host requests it or has been silent for 2.5 s.
 //!
-//! A refused request changes nothing. Only a valid *set enable* enables a motor. The responder has no clock, no await and no
-//! hardware; `tasks::responder` is its task.
+//! The responder has no clock, no await and no hardware. `tasks::responder` is its task.
 //!
 //! ```
 //! use motor_hub::hub::Snapshot;
@@ -65,21 +69,21 @@ use crate::protocol::{Address, BROADCAST, CHANNELS, Colour, Nack, Packet, Reply}
 use crate::record::Record;
 use crate::supply::BusReading;
 use crate::units::{CountsPerSecond, Microjoules, Micros, Milliamperes, Share};
+use crate::update::Update;
 use group::Courses;
 use keep_alive::KeepAlive;
 use led::Led;
 use motor::MotorChannel;
 use outputs::{DigitalLines, Outputs};
 use store::Memory;
-use update::Updating;
 
-/// The version text. The first numbers are REV's version whose functions the hub offers, and REV's hardware: hosts derive from
-/// these numbers what they may ask for. This firmware's own version follows.
+/// The version text. It begins with the version of REV's hardware and firmware that the hub is compatible with. Hosts derive the
+/// available functions from these numbers. The version of this firmware follows.
 const VERSION_TEXT: &[u8] =
     without_zero(concat!("HW: 20, Maj: 1, Min: 8, Eng: 2, mh", env!("CARGO_PKG_VERSION"), "\0").as_bytes());
 const _: () = assert!(VERSION_TEXT.len() <= LONGEST_VERSION);
 
-/// A text without the zero at its end. The zero stays in the image, where a host finds the version text by it.
+/// Returns a text without the zero at its end. Programs find the version text in a firmware image by this zero.
 const fn without_zero(text: &[u8]) -> &[u8] {
     match text.split_last() {
         Some((_, text)) => text,
@@ -87,10 +91,10 @@ const fn without_zero(text: &[u8]) -> &[u8] {
     }
 }
 
-/// The most bytes of a version text that hosts have room for.
+/// Longest version text in bytes that REV's host software reads.
 const LONGEST_VERSION: usize = 39;
 
-/// The first numbers of the version text, with the type of REV's hub.
+/// The same versions of REV's hardware and firmware as in [`VERSION_TEXT`], and the type of REV's hub.
 const VERSION: Version = Version {
     engineering: 2,
     minor: 8,
@@ -103,27 +107,31 @@ const VERSION: Version = Version {
 /// The refusal of a request to a motor that the hub does not have.
 const NO_MOTOR: Nack = Nack::parameter(0);
 
-/// Everything that the hub stores for the host.
+/// State of the hub's side of the protocols, for a hub with N motors.
 #[derive(Clone, Debug)]
 pub struct Responder<const N: usize> {
+    /// Address in force.
     address: Address,
-    /// Number of the last reply.
+    /// Message number of the last reply.
     number: u8,
     keep_alive: KeepAlive,
     channels: [MotorChannel; N],
-    /// Address and settings of the firmware, which stored settings replace.
+    /// Address that the firmware was built with. A stored address replaces it.
     factory_address: Address,
+    /// Settings that the firmware was built with. Stored settings replace them.
     factory: [Settings; N],
     /// True if a host may have changed settings since power-on.
     changed: bool,
-    /// True if a memory for settings will report its contents.
+    /// True if the board has a memory for settings, which will report its contents.
     expects_store: bool,
-    /// The memory for settings; `None` on a board without one.
+    /// The memory for settings. `None` until it has reported its contents, and on a board without a memory.
     memory: Option<Memory>,
-    /// The update of the firmware; `None` without a bootloader.
-    updating: Option<Updating>,
+    /// The firmware update. `None` on a board without a bootloader.
+    update: Option<Update>,
+    /// Version that a host has announced for new firmware.
+    announced_version: Text,
     courses: Courses<N>,
-    /// Number of the newest command that was sent, while no snapshot includes that command.
+    /// Number of the newest sent command. `None` if a snapshot includes it.
     awaited: Option<u32>,
     outputs: Outputs,
     bus: BusReading,
@@ -133,7 +141,7 @@ pub struct Responder<const N: usize> {
 }
 
 impl<const N: usize> Responder<N> {
-    /// The responder after a reset, with motors that start with `settings`.
+    /// Creates the state after a reset. `settings` are the motors' settings without stored ones.
     pub fn new(address: Address, settings: [Settings; N]) -> Self {
         Self {
             address,
@@ -145,59 +153,61 @@ impl<const N: usize> Responder<N> {
             changed: false,
             expects_store: false,
             memory: None,
-            updating: None,
+            update: None,
+            announced_version: Text::new(),
             courses: Courses::NONE,
             awaited: None,
             outputs: Outputs::default(),
-            bus: BusReading::NOTHING,
+            bus: BusReading::INITIAL,
             led: Led::default(),
             phone_charge: false,
             ftdi_reset: false,
         }
     }
 
-    /// The address in force.
+    /// Returns the address in force.
     pub const fn address(&self) -> Address {
         self.address
     }
 
-    /// True for each enabled motor.
+    /// Returns for each motor whether it is enabled.
     pub fn enabled(&self) -> [bool; N] {
         self.channels.each_ref().map(MotorChannel::enabled)
     }
 
-    /// True if a valid packet has come since reset.
+    /// True if a packet for this hub has arrived since reset.
     pub const fn host_spoke(&self) -> bool {
         self.keep_alive.host_spoke()
     }
 
-    /// The command to the digital pins.
+    /// Returns the command to the digital pins.
     pub const fn digital_lines(&self) -> DigitalLines {
         self.outputs.lines()
     }
 
-    /// Takes the levels of the digital pins: bit i is pin i. Before the first call all levels are 1.
+    /// Stores the levels of the digital pins. Bit i stands for pin i. Before the first call all levels are 1.
     pub const fn sense_pins(&mut self, levels: u8) {
         self.outputs.sense(levels);
     }
 
-    /// Takes the newest state of the bus.
-    pub const fn sense_bus(&mut self, seen: BusReading) {
-        self.bus = seen;
+    /// Stores the newest reading of the bus.
+    pub const fn sense_bus(&mut self, bus: BusReading) {
+        self.bus = bus;
     }
 
-    /// The colour of the status LED.
+    /// Returns the colour of the status LED.
     pub fn led(&self, now: Micros) -> Colour {
-        self.led.at(now, self.keep_alive.status_sign())
+        self.led.at(now, &self.keep_alive)
     }
 
-    /// The latest time for the next call of [`tick`](Self::tick).
+    /// Returns the time at which the keep-alive timer runs out; [`tick`](Self::tick) must be called then. `None` if the timer
+    /// does not run.
     pub const fn deadline(&self) -> Option<Micros> {
         self.keep_alive.deadline()
     }
 
-    /// Updates battery state and keep-alive timer, and notes which commands the snapshot includes. When the timer runs out,
-    /// fail-safe disables all motors and outputs.
+    /// Updates battery state and keep-alive timer, and finds out which commands the snapshot includes. When the timer runs
+    /// out, the hub goes to fail-safe.
     pub fn tick(&mut self, now: Micros, snapshot: &Snapshot<N>) {
         self.keep_alive.battery(snapshot.battery_low());
         self.awaited.take_if(|number| snapshot.includes(*number));
@@ -208,13 +218,15 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Executes the request of a packet and returns the answer; `None` for a packet to another hub, and for a packet to all
-    /// hubs that is no discovery. Any other packet resets the keep-alive timer, also if the hub refuses the request.
+    /// Executes the request of a packet and returns the reply. A packet for this hub resets the keep-alive timer, also if the
+    /// hub refuses the request.
+    ///
+    /// Packets for this hub have its address; a discovery has the address of all hubs. `None` for any other packet.
     pub fn receive(&mut self, packet: &Packet, now: Micros, snapshot: &Snapshot<N>) -> Option<Packet> {
         self.receive_with(packet, now, snapshot, None)
     }
 
-    /// Does what [`receive`](Self::receive) does, for a hub with a record of faults.
+    /// Executes a request like [`receive`](Self::receive), on a hub that may have a record of faults.
     pub fn receive_with(
         &mut self,
         packet: &Packet,
@@ -237,28 +249,29 @@ impl<const N: usize> Responder<N> {
             Err(nack) => Reply::Nack(nack),
         };
         self.number = self.number.checked_add(1).unwrap_or(1);
-        // The source is the address of the request, also if the request has changed the address.
+        // If the request has changed the address, the reply still has the old one.
         Some(reply.packet(packet, address, self.number))
     }
 
-    /// The next command to the motors; [`sent`](Self::sent) when it has been sent. Commands that release motors come first,
-    /// courses of groups last.
+    /// Returns the next command to the motors. After sending the command, call [`sent`](Self::sent).
+    ///
+    /// Commands that disable motors come first, courses of groups last.
     pub fn pending(&self) -> Option<Command> {
         if let Some(motor) = self.next_channel() {
             let action = self.channels.get(motor)?.pending()?;
             return Some(Command { motor, action });
         }
-        self.courses.next().map(|(motor, together)| Command { motor, action: Action::Lead(together) })
+        self.courses.next().map(|(motor, command)| Command { motor, action: Action::Lead(command) })
     }
 
-    /// Notes that the command in [`pending`](Self::pending) has been sent with this number. The numbers are those of
-    /// [`Snapshot::commands`].
+    /// Removes the command that [`pending`](Self::pending) returns, because it was sent. `number` is the number of the command
+    /// as in [`Snapshot::commands`].
     pub fn sent(&mut self, number: u32) {
         self.awaited = Some(number);
         if let Some(channel) = self.next_channel().and_then(|motor| self.channels.get_mut(motor)) {
             channel.sent(number);
-        } else if let Some(together) = self.courses.sent() {
-            for (channel, member) in self.channels.iter_mut().zip(together.course.members()) {
+        } else if let Some(command) = self.courses.sent() {
+            for (channel, member) in self.channels.iter_mut().zip(command.course.members()) {
                 if member {
                     channel.course_sent(number);
                 }
@@ -266,33 +279,37 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// True while no snapshot includes a motor's newest set-point or course.
+    /// True until a snapshot includes the motor's newest set-point or course.
     fn awaits_snapshot(&self, motor: usize) -> bool {
-        self.courses.concern(motor) || self.channels.get(motor).is_some_and(MotorChannel::awaits_snapshot)
+        self.courses.move_motor(motor) || self.channels.get(motor).is_some_and(MotorChannel::awaits_snapshot)
     }
 
-    /// Number of the newest command that follows from the requests until now. A command that is not sent yet will have a
-    /// higher number than all that are.
+    /// Returns the number of the newest sent command. While a command is pending, returns the next number, which no snapshot
+    /// includes yet.
     fn newest_command(&self, snapshot: &Snapshot<N>) -> u32 {
         let sent = self.awaited.unwrap_or(snapshot.commands);
         if self.pending().is_some() { sent.wrapping_add(1) } else { sent }
     }
 
+    /// Returns the motor whose command is the next to send.
     fn next_channel(&self) -> Option<usize> {
         let urgent = self.channels.iter().position(MotorChannel::urgent);
         urgent.or_else(|| self.channels.iter().position(|channel| channel.pending().is_some()))
     }
 
+    /// Disables all motors and outputs at a host's request.
     fn disable(&mut self) {
         self.channels.iter_mut().for_each(MotorChannel::disable);
         self.release_groups_and_outputs();
     }
 
+    /// Deletes the pending courses of groups, and releases all outputs.
     fn release_groups_and_outputs(&mut self) {
         self.courses.clear();
         self.outputs.disable();
     }
 
+    /// Executes a request, and returns the reply without attention.
     fn answer(
         &mut self,
         request: Request,
@@ -442,7 +459,10 @@ impl<const N: usize> Responder<N> {
         answer
     }
 
-    /// Moves a group.
+    /// Moves a group that has the motor `leader` as a member.
+    ///
+    /// # Errors
+    /// Refuses a group without the motor `leader`, a member that the hub does not have, and a member that is not enabled.
     fn move_group(
         &mut self,
         leader: usize,
@@ -453,8 +473,8 @@ impl<const N: usize> Responder<N> {
             let of = self.channels.get(motor).zip(snapshot.motors.get(motor));
             of.map_or(counts, |(channel, report)| channel.goal(counts, report.position))
         };
-        let together = group::together(wanted, goal);
-        let members = together.course.members();
+        let command = group::in_motor_counts(wanted, goal);
+        let members = command.course.members();
         let mut others = members.iter().skip(N);
         if members.get(leader) != Some(&true) || others.any(|member| *member) {
             return Err(Nack::parameter(2));
@@ -467,7 +487,7 @@ impl<const N: usize> Responder<N> {
                 channel.join();
             }
         }
-        self.courses.put(leader, together);
+        self.courses.add(leader, command);
         Ok(Reply::ACK)
     }
 
@@ -485,18 +505,17 @@ impl<const N: usize> Responder<N> {
     }
 
     fn bus_report(&self, now: Micros, bus: &Bus) -> BusReport {
-        let BusReading { measured, state, .. } = self.bus.by(now);
+        let BusReading { measured, state, .. } = self.bus.as_of(now);
         let millijoules = |energy: Microjoules| u32::try_from(energy.get() / 1_000).unwrap_or(u32::MAX);
         BusReport {
             state,
             measured,
-            burning: per_mille(bus.burn),
+            dissipate: per_mille(bus.dissipate),
             returned_mj: millijoules(bus.returned),
-            burnt_mj: millijoules(bus.burnt),
+            dissipated_mj: millijoules(bus.dissipated),
         }
     }
 
-    /// The state of all motors and of the bus.
     fn report(&self, now: Micros, snapshot: &Snapshot<N>) -> HubReport {
         let battery = snapshot.battery;
         let motors = self.channels.iter().zip(&snapshot.motors).take(CHANNELS).enumerate();
@@ -506,14 +525,14 @@ impl<const N: usize> Responder<N> {
         HubReport {
             at_ms: (snapshot.at.get() / 1_000) as u32,
             battery,
-            bus: self.bus.by(now).state,
-            burning: per_mille(snapshot.bus.burn),
+            bus: self.bus.as_of(now).state,
+            dissipate: per_mille(snapshot.bus.dissipate),
             motors: motors.collect(),
             commands: Some(Commands { included: snapshot.commands, newest: self.newest_command(snapshot) }),
         }
     }
 
-    /// REV's bulk input. Analog inputs, which the hub lacks, read 0.
+    /// Returns all values of REV's bulk input. The hub has no analog inputs, so they read 0.
     fn bulk(&self, snapshot: &Snapshot<N>) -> Bulk {
         let (digital, attention) = (self.outputs.inputs(), Some(self.keep_alive.attention()));
         let mut bulk = Bulk { digital, attention, ..Bulk::default() };
@@ -530,7 +549,6 @@ impl<const N: usize> Responder<N> {
     }
 }
 
-/// The packet types of an interface.
 fn interface(name: &InterfaceName) -> Result<Reply, Nack> {
     match name.as_slice() {
         MOTOR_INTERFACE => Ok(Reply::data(&MOTOR_FUNCTIONS)),
@@ -543,8 +561,8 @@ fn per_mille(share: Share) -> u16 {
     (1_000.0 * share.to_f32()) as u16
 }
 
-/// Motor alerts. Bits 0 to 3 are set if the encoder of motor 0 to 3 is at fault. Bits 4 to 7 are set if the bridge of motor 0
-/// to 3 has switched itself off.
+/// Returns the motor alerts of REV's module status. Bit i is set if the encoder of motor i has a fault. Bit 4 + i is set if the
+/// bridge of motor i has switched itself off.
 fn motor_alerts(motors: &[Report]) -> u8 {
     let bits = motors.iter().take(CHANNELS).enumerate();
     bits.fold(0, |alerts, (index, motor)| {

@@ -1,13 +1,15 @@
-//! What the hub stores of one motor for the host, and the commands to the motor that follow.
+//! A *channel*: the settings and targets that hosts have set for one motor, and the commands to the motor that follow.
 //!
-//! The host's counts are the motor's counts less an offset, which *reset encoder* sets. Targets are stored as the host sent
-//! them, so after *reset encoder* a target is a position in the new counts.
+//! * The *host's counts* are the motor's counts minus an offset. *Reset encoder* sets the offset so that the present position
+//!   is 0. Targets are stored in the host's counts, so a target means another position after *reset encoder*.
+//! * A *release* is a command that ends the motor's motion: disable, or fail-safe.
 //!
 //! ```text
-//!           set enable, with a target and a good battery
+//!            set enable, with a target and a good battery
 //! disabled ---------------------------------------------> enabled
-//!    ^  ^ ^---- disable, fail-safe: release is pending ------|
-//!    |  '------ host silent: release as the settings say ----'
+//!    ^ ^                                                   |  |
+//!    | '---- disable, or host silent and OnFault::Coast ---'  |    the release is Setpoint::Disabled
+//!    '------ host silent and OnFault::Brake ------------------'    the release is Setpoint::FailSafe
 //! ```
 //!
 //! ```
@@ -27,61 +29,59 @@ use super::report::magnitude;
 use crate::extension::settings::{MotorSettings, Values};
 use crate::hub::Action;
 use crate::motor::{self, OnFault, Report, Setpoint, Settings};
-use crate::protocol::motor::{Algorithm, Coefficients, RunMode, Target, ToMotor};
+use crate::protocol::motor::{Coefficients, RunMode, Target, Terms, ToMotor};
 use crate::protocol::{Nack, Reply};
 use crate::regulator::identify::{Identification, travel};
 use crate::units::{Coefficient, Control, CountsPerSecond, Milliamperes, Millivolts, is_included};
 
-/// The speed limit towards a position in counts per second, until a host sets a velocity: the largest velocity that a host
-/// can set.
+/// Speed limit on the way to a position, in counts per second, until a host sets a velocity. It is the largest velocity that a
+/// host can set.
 pub const SPEED_LIMIT: i16 = i16::MAX;
 
-/// The longest distance to a target, in counts: half of the ring of counts, less 2^24 counts. A load may push the motor back
-/// by 2^24 counts before the other way round is shorter.
+/// Longest distance to a target, in counts.
+///
+/// Counts wrap at 2^32, and the motor takes the shorter way to its target. The distance is 2^24 counts less than half of this
+/// ring, so a load may push the motor back by 2^24 counts before the other way is shorter.
 const LONGEST_DISTANCE: i32 = i32::MAX - (1 << 24);
 
-/// One motor channel.
+/// State of one motor's channel.
 #[derive(Clone, Debug)]
 pub struct MotorChannel {
     settings: MotorSettings,
+    /// True from a valid *set enable* until the motor is released.
     enabled: bool,
-    /// Targets by mode; `None` until a host sets one.
+    /// Target of mode power. `None` until a host sets the target.
     power: Option<Control>,
+    /// Target of mode velocity in counts per second, and speed limit of mode position. `None` until a host sets the velocity.
     velocity: Option<i16>,
+    /// Target of mode position in the host's counts. `None` until a host sets the target.
     position: Option<Target>,
-    /// An identification or a constant current, until another request of the host ends it.
+    /// An identification or a constant current. It replaces the target of the mode until a host sets another target or mode.
     function: Option<Setpoint>,
     /// True if a group's course has replaced the motor's own target.
     in_group: bool,
-    /// Number of the newest command with a set-point or a course, while no snapshot includes that command.
+    /// Number of the newest sent set-point or course. `None` if a snapshot includes it.
     awaited: Option<u32>,
     /// The motor's counts where the host's counts are 0.
     offset: i32,
-    /// The motor's counts at the host's last request to the motor.
+    /// The motor's counts at the last request of REV's protocol to this motor.
     last_position: i32,
     pending: Pending,
 }
 
-/// Commands that the motor has not received yet, in the order in which it receives them. A newer target replaces a pending
-/// target. A release is always sent, because a release ends faults.
+/// Commands that must still be sent to the motor, in this order.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pending {
-    release: Option<Release>,
+    /// The set-point of a release. It is sent also to a disabled motor, because it clears faults.
+    release: Option<Setpoint>,
+    /// True if the settings must be sent.
     configure: bool,
+    /// True if the present target must be sent. A newer target replaces one that is pending.
     set: bool,
 }
 
-/// Why a motor is released.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Release {
-    /// A host has disabled the motor.
-    Disabled,
-    /// The host is silent, and the settings say what the motor does.
-    FailSafe,
-}
-
 impl MotorChannel {
-    /// A disabled motor in open loop without targets, which starts with `settings`.
+    /// Creates the channel of a disabled motor with these settings, in mode power and without targets.
     pub const fn new(settings: Settings) -> Self {
         Self {
             settings: MotorSettings::new(settings),
@@ -98,10 +98,10 @@ impl MotorChannel {
         }
     }
 
-    /// Executes a request. `battery_good` allows enabling.
+    /// Executes a request of REV's protocol. The motor can only be enabled if `battery_good` is true.
     ///
     /// # Errors
-    /// The reason of a refusal; nothing has changed then.
+    /// Returns why the request is refused. The settings and targets have not changed then.
     pub fn receive(&mut self, request: ToMotor, report: &Report, battery_good: bool) -> Result<Reply, Nack> {
         self.last_position = report.position;
         match request {
@@ -130,8 +130,8 @@ impl MotorChannel {
                 self.retarget();
             }
             ToMotor::SetPid { of, p, i, d } => {
-                let algorithm = Algorithm::Legacy;
-                self.settings.set_coefficients(of, Coefficients { p, i, d, f: Coefficient::ZERO, algorithm });
+                let terms = Terms::Pid;
+                self.settings.set_coefficients(of, Coefficients { p, i, d, f: Coefficient::ZERO, terms });
                 self.pending.configure = true;
             }
             ToMotor::SetPidf { of, coefficients } => {
@@ -151,7 +151,7 @@ impl MotorChannel {
             ToMotor::Pid { of } => {
                 let Coefficients { p, i, d, f, .. } = self.settings.coefficients(of);
                 if f != Coefficient::ZERO {
-                    // P, I and D alone would be wrong; after a refusal hosts ask for all four coefficients.
+                    // P, I and D alone would not describe the loop. After a refusal hosts ask for all four coefficients.
                     return Err(Nack::parameter(2));
                 }
                 return Ok(Reply::data(&[p, i, d]));
@@ -160,21 +160,21 @@ impl MotorChannel {
         Ok(Reply::ACK)
     }
 
-    /// Sets a group of settings.
+    /// Sets the settings of one group.
     ///
     /// # Errors
-    /// The number of a field that does not go with the other fields; nothing has changed then.
+    /// Refuses values that do not fit the other settings, see [`Values::apply_to`].
     pub fn set(&mut self, values: &Values) -> Result<(), Nack> {
-        self.settings = values.put(&self.settings)?;
+        self.settings = values.apply_to(&self.settings)?;
         self.pending.configure = true;
         Ok(())
     }
 
-    /// Starts an identification. `battery` is the battery voltage if motors may be enabled. Returns the counts that the motor
-    /// will turn at most.
+    /// Starts an identification, in which the motor stays within `travel_limit` counts from its position. Returns the largest
+    /// number of counts that the motor will turn. `battery` is `None` if motors may not be enabled.
     ///
     /// # Errors
-    /// The battery is low, or the motor is not enabled in constant power of 0.
+    /// Refuses the request if the battery is low, or if the motor is not enabled in mode power with power 0.
     pub fn identify(&mut self, travel_limit: u32, battery: Option<Millivolts>) -> Result<u32, Nack> {
         let battery = battery.ok_or(Nack::BATTERY_LOW)?;
         if !self.enabled || self.settings.mode != RunMode::Power || self.power != Some(Control::ZERO) {
@@ -185,19 +185,19 @@ impl MotorChannel {
         Ok(travel(self.settings.motor.winding.emf, battery, travel_limit))
     }
 
-    /// State or result of the last requested identification.
+    /// Returns the state or the result of the last identification that a host has requested.
     pub fn identification(&self, report: &Report) -> Identification {
         if matches!(self.function, Some(Setpoint::Identify { .. })) && self.awaits_snapshot() {
-            // The report is older than the identification.
+            // The report was made before the identification started.
             return Identification::Running(0);
         }
         report.identification
     }
 
-    /// Gives the motor a constant current.
+    /// Regulates the motor to a constant current, up to a speed limit.
     ///
     /// # Errors
-    /// The motor is not enabled.
+    /// Refuses the request if the motor is not enabled.
     pub fn set_current(&mut self, current: Milliamperes, speed_limit: CountsPerSecond) -> Result<(), Nack> {
         if !self.enabled {
             return Err(Nack::WRONG_MODE);
@@ -219,40 +219,42 @@ impl MotorChannel {
         Ok(())
     }
 
-    /// Disables the motor: its bridge opens. Mode, targets and settings are kept.
+    /// Disables the motor, so its bridge opens. Mode, targets and settings do not change.
     pub const fn disable(&mut self) {
         self.enabled = false;
-        self.release(Release::Disabled);
+        self.release(Setpoint::Disabled);
     }
 
-    /// Disables the motor because the host is silent: the motor does what its settings say of a fault. A motor that brakes
-    /// already goes on braking.
+    /// Disables the motor because the host is silent. The motor then coasts or brakes according to its setting `on_fault`. A
+    /// disabled motor that is to brake keeps its present command, which may be the brake of an earlier fail-safe.
     pub fn fail_safe(&mut self) {
         match self.settings.motor.on_fault {
             OnFault::Coast => self.disable(),
             OnFault::Brake if self.enabled => {
                 self.enabled = false;
-                self.release(Release::FailSafe);
+                self.release(Setpoint::FailSafe);
             }
             OnFault::Brake => (),
         }
     }
 
-    const fn release(&mut self, release: Release) {
+    /// Ends the motor's target, and makes a release with this set-point pending.
+    const fn release(&mut self, setpoint: Setpoint) {
         self.function = None;
         self.in_group = false;
-        self.pending.release = Some(release);
+        self.pending.release = Some(setpoint);
         self.pending.set = false;
     }
 
-    /// Ends an identification or a constant current, and sends the present target to an enabled motor.
+    /// Ends an identification, a constant current or a group's course. For an enabled motor, makes the target of its mode
+    /// pending.
     const fn retarget(&mut self) {
         self.function = None;
         self.in_group = false;
         self.pending.set = self.enabled;
     }
 
-    /// The set-point of the present mode; `None` if no host has set its target.
+    /// Returns the motor's own set-point. `None` if no host has set a target for the present mode.
     fn target(&self) -> Option<Setpoint> {
         if self.function.is_some() {
             return self.function;
@@ -273,24 +275,21 @@ impl MotorChannel {
         }
     }
 
-    /// The next command to the motor; [`sent`](Self::sent) when it has been sent.
+    /// Returns the next command to the motor. After sending the command, call [`sent`](Self::sent).
     pub fn pending(&self) -> Option<Action> {
         if let Some(release) = self.pending.release {
-            Some(Action::Set(match release {
-                Release::Disabled => Setpoint::Disabled,
-                Release::FailSafe => Setpoint::FailSafe,
-            }))
+            Some(Action::Set(release))
         } else if self.pending.configure {
             Some(Action::Configure(self.settings.motor))
         } else if self.pending.set {
-            // An enabled motor that is switched to a mode without a target floats until a host sets one.
+            // An enabled motor whose new mode has no target coasts until a host sets one.
             Some(Action::Set(self.target().unwrap_or_default()))
         } else {
             None
         }
     }
 
-    /// Notes that the command in [`pending`](Self::pending) has been sent with this number.
+    /// Removes the command that [`pending`](Self::pending) returns, because it was sent with this number.
     pub const fn sent(&mut self, number: u32) {
         if self.pending.release.is_some() {
             self.pending.release = None;
@@ -303,18 +302,18 @@ impl MotorChannel {
         }
     }
 
-    /// Notes that a course of the motor's group has been sent as the command of this number.
+    /// Records the number of the command with which a course of the motor's group was sent.
     pub(super) const fn course_sent(&mut self, number: u32) {
         self.awaited = Some(number);
     }
 
-    /// Takes the number of the newest command that the newest snapshot includes.
+    /// Finds out whether a snapshot that includes all commands up to `commands` includes the awaited one.
     pub(super) fn note_snapshot(&mut self, commands: u32) {
         self.awaited.take_if(|number| is_included(*number, commands));
     }
 
-    /// True while no snapshot includes the motor's newest set-point or course. Reports of the motor's set-point are out of
-    /// date then.
+    /// True until a snapshot includes the motor's newest set-point or course. Until then reports of the motor's set-point are
+    /// out of date.
     pub(super) const fn awaits_snapshot(&self) -> bool {
         self.has_new_target() || self.awaited.is_some()
     }
@@ -324,27 +323,29 @@ impl MotorChannel {
         self.in_group
     }
 
-    /// True if a release is pending, which goes before the commands of other motors.
+    /// True if a release is pending. A release is sent before the commands of all other motors.
     pub const fn urgent(&self) -> bool {
         self.pending.release.is_some()
     }
 
-    /// Takes a group's course in place of the motor's own target.
+    /// Replaces the motor's own target by a group's course.
     pub(super) const fn join(&mut self) {
         self.pending.set = false;
         self.in_group = true;
     }
 
-    /// True if a release or a target of the motor's own is pending.
+    /// True if a release or the motor's own target is pending.
     pub(super) const fn has_new_target(&self) -> bool {
         self.pending.set || self.urgent()
     }
 
-    /// The motor's counts of a host's target, for a motor at `position`.
+    /// Converts a target from the host's counts to the motor's counts. The motor is at `position` in its own counts.
     ///
-    /// The motor takes the short way round the ring of its counts. A target ahead of the motor by the host's counts is limited
-    /// to the distance that is still ahead on the ring. Only across the ends of the host's counts, where they jump, the short
-    /// way is the way that the host means.
+    /// The regulator takes the shorter way round the ring of 2^32 counts, but a host expects the direction of target minus
+    /// position. The distance is therefore limited to [`LONGEST_DISTANCE`] in the host's direction.
+    ///
+    /// One case is different. If position and target are close to opposite ends of the 32-bit range, the host has let its
+    /// counts wrap. The motor then takes the short way across the ends.
     pub(super) fn goal(&self, counts: i32, position: i32) -> i32 {
         let from = self.host_counts(position);
         let short_way = counts.wrapping_sub(from);
@@ -353,40 +354,40 @@ impl MotorChannel {
         position.wrapping_add(distance.clamp(-LONGEST_DISTANCE, LONGEST_DISTANCE))
     }
 
-    /// The settings in force.
+    /// Returns the settings in force.
     pub const fn settings(&self) -> &MotorSettings {
         &self.settings
     }
 
-    /// Replaces the settings of a motor that is off. Targets and the offset of the host's counts are kept.
+    /// Replaces all settings. Targets and the offset of the host's counts do not change. The motor must be disabled.
     pub(super) const fn restore(&mut self, settings: MotorSettings) {
         self.settings = settings;
         self.pending.configure = true;
     }
 
-    /// True from a valid *set enable* until a host disables the motor or fail-safe does.
+    /// True from a valid *set enable* until a host or fail-safe disables the motor.
     pub const fn enabled(&self) -> bool {
         self.enabled
     }
 
-    /// True if the current, measured or modelled, exceeds the host's current alert.
+    /// True if the [best current](Report::best_current) exceeds the current alert that a host has set.
     pub fn is_over_current(&self, report: &Report) -> bool {
         let level = self.settings.current_alert_ma;
         level != 0 && magnitude(report.best_current()) > level
     }
 
-    /// The motor's position in the host's counts.
+    /// Returns the motor's position in the host's counts.
     pub const fn counts(&self, report: &Report) -> i32 {
         self.host_counts(report.position)
     }
 
-    /// The host's counts of a position in the motor's counts.
+    /// Converts a position from the motor's counts to the host's counts.
     pub(super) const fn host_counts(&self, counts: i32) -> i32 {
         counts.wrapping_sub(self.offset)
     }
 
-    /// True if the motor is enabled in position mode, in no group, and [within tolerance](motor::within_tolerance) of the
-    /// host's target.
+    /// True if the motor is [within tolerance](motor::within_tolerance) of the host's target. False unless the motor is enabled
+    /// in mode position and in no group.
     pub fn within_tolerance(&self, report: &Report) -> bool {
         let near =
             |Target { counts, tolerance }| motor::within_tolerance(counts, self.counts(report), tolerance);

@@ -1,11 +1,14 @@
 //! Digital pins, PWM and servo outputs, and the speeds of I2C buses.
 //!
-//! Digital pins are inputs after a reset, pulled up. A pin without a connection reads 1, and so does a pin that the board
-//! lacks. A motor hub has no PWM outputs, servo outputs and I2C buses; it stores their settings, because host software sets
-//! them up when it opens a hub, and reads them back.
+//! A motor hub has digital pins, but no PWM outputs, servo outputs and I2C buses. Host software sets them all up when it opens a
+//! hub, and reads the settings back. The hub therefore stores these settings.
 //!
-//! An output is low until a host sets its level. Fail-safe releases all outputs until a host sets them again; they stay
-//! outputs. Fail-safe also switches off PWM and servos. In a request of all inputs, outputs read 0.
+//! * After a reset all digital pins are inputs with a pull-up. A pin without a connection reads 1. A pin that the board does not
+//!   have reads 1 too.
+//! * A pin that becomes an output is low until a host sets its level.
+//! * Fail-safe *releases* the outputs: the board stops driving them, but requests still find them to be outputs. A released
+//!   output is driven again when a host sets its level. Fail-safe also switches off PWM and servos.
+//! * A request of all inputs returns 0 for outputs.
 //!
 //! ```
 //! use motor_hub::protocol::pins::{Pin, ServoOutput, ToPin};
@@ -25,13 +28,14 @@
 use crate::protocol::pins::{I2cBus, Pin, PwmOutput, ServoOutput, ToPin};
 use crate::protocol::{Nack, Reply};
 
-/// Number of PWM outputs that hosts know.
+/// Number of PWM outputs in REV's protocol.
 const PWM: usize = 4;
-/// Number of servo outputs that hosts know.
+/// Number of servo outputs in REV's protocol.
 const SERVOS: usize = 6;
-/// Number of I2C buses that hosts know.
+/// Number of I2C buses in REV's protocol.
 const I2C_BUSES: usize = 4;
 
+/// Settings of a PWM or servo output.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pulses {
     period_micros: u16,
@@ -39,23 +43,23 @@ struct Pulses {
     on: bool,
 }
 
-/// The command to the digital pins: bit i is pin i.
+/// The command to the digital pins. Bit i stands for pin i.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DigitalLines {
-    /// Pins that the board drives.
+    /// 1 for each pin that the board must drive.
     pub driven: u8,
-    /// Levels of the driven pins: 1 is high.
+    /// Level of each driven pin; 1 is high.
     pub levels: u8,
 }
 
-/// State of pins and outputs.
+/// State of all pins, outputs and buses.
 #[derive(Clone, Copy, Debug)]
 pub struct Outputs {
-    /// Bit i is set if pin i is an output.
+    /// Bit i is set if pin i is an output. A released output is an output too.
     outputs: u8,
-    /// The command to the pins. Outputs that fail-safe has released are not driven.
+    /// The command to the pins.
     lines: DigitalLines,
-    /// Bit i is set if the board has found pin i high.
+    /// Bit i is set if pin i was high when the board last read the pins.
     sensed: u8,
     pwm: [Pulses; PWM],
     servos: [Pulses; SERVOS],
@@ -78,17 +82,17 @@ impl Default for Outputs {
 }
 
 impl Outputs {
-    /// Takes the levels of all pins from the board.
+    /// Stores the levels of all pins. Bit i stands for pin i.
     pub const fn sense(&mut self, levels: u8) {
         self.sensed = levels;
     }
 
-    /// The command to the pins.
+    /// Returns the command to the pins.
     pub const fn lines(&self) -> DigitalLines {
         self.lines
     }
 
-    /// Levels of the inputs. Outputs read 0.
+    /// Returns the levels of the inputs. The bits of outputs are 0.
     pub const fn inputs(&self) -> u8 {
         self.sensed & !self.outputs
     }
@@ -96,7 +100,7 @@ impl Outputs {
     /// Executes a request.
     ///
     /// # Errors
-    /// The reason of a refusal; nothing has changed then.
+    /// Returns why the request is refused. Nothing has changed then.
     pub fn receive(&mut self, request: &ToPin) -> Result<Reply, Nack> {
         match *request {
             ToPin::SetOutput { pin, .. } if !self.is_output(pin) => return Err(Nack::not_an_output(pin)),
@@ -105,7 +109,7 @@ impl Outputs {
                 set_bit(&mut self.lines.driven, pin, true);
             }
             ToPin::SetOutputs { .. } if self.outputs == 0 => return Err(Nack::NO_OUTPUT),
-            // A host sends bits for inputs too.
+            // The levels have bits of inputs too, which have no effect.
             ToPin::SetOutputs { levels } => {
                 self.lines = DigitalLines { driven: self.outputs, levels: levels & self.outputs };
             }
@@ -155,7 +159,7 @@ impl Outputs {
         self.fast_i2c.get_mut(usize::from(bus.get())).ok_or(Nack::parameter(0))
     }
 
-    /// Fail-safe: releases all pins, and switches off PWM and servos.
+    /// Releases all outputs, and switches off PWM and servos.
     pub fn disable(&mut self) {
         self.lines.driven = 0;
         for pulses in self.pwm.iter_mut().chain(&mut self.servos) {

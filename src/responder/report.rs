@@ -1,4 +1,4 @@
-//! Reports of the extension, from a snapshot and what the hub stores of its motors.
+//! Builds the reports of the extension from a snapshot and from the channels of the motors.
 
 use super::motor::MotorChannel;
 use crate::braking::{Abscissa, OperatingPoint, Points};
@@ -6,8 +6,7 @@ use crate::extension::report::{Condition, MotorReport, ReportedSetpoint};
 use crate::motor::{Report, Setpoint};
 use crate::units::{Control, Milliamperes, Millivolts};
 
-/// The state of one motor for a report of all motors. `up_to_date` is true if the report includes the motor's newest
-/// set-point.
+/// Returns the state of one motor. `up_to_date` says whether `report` includes the motor's newest set-point.
 pub(super) fn of_motor(
     channel: &MotorChannel,
     report: &Report,
@@ -51,7 +50,6 @@ pub(super) fn of_motor(
     }
 }
 
-/// A set-point in the host's counts.
 fn setpoint(channel: &MotorChannel, setpoint: Setpoint) -> ReportedSetpoint {
     match setpoint {
         Setpoint::Disabled => ReportedSetpoint::Off,
@@ -65,7 +63,7 @@ fn setpoint(channel: &MotorChannel, setpoint: Setpoint) -> ReportedSetpoint {
     }
 }
 
-/// S, T, Z and G in the direction in which the motor turns.
+/// Returns the points S, T, Z and G of the scheme, with the sign of the motor's direction. `None` if the battery voltage is 0.
 fn points(channel: &MotorChannel, report: &Report, battery: Millivolts) -> Option<[Control; 4]> {
     let settings = &channel.settings().motor;
     let at = OperatingPoint::new(settings.winding.emf.emf(report.velocity), battery)?;
@@ -74,7 +72,7 @@ fn points(channel: &MotorChannel, report: &Report, battery: Millivolts) -> Optio
     Some([s, t, z, g].map(|point: Abscissa| Control::saturating(sign * point.round())))
 }
 
-/// The state of a motor and its bridge.
+/// Returns the state of a motor and its bridge.
 pub(super) fn condition(report: &Report) -> Condition {
     let Report { current, measured, sense_line, heat, derated, faults, .. } = *report;
     Condition {
@@ -88,7 +86,7 @@ pub(super) fn condition(report: &Report) -> Condition {
     }
 }
 
-/// The magnitude of a current in milliamperes, 65 535 at most.
+/// Returns the magnitude of a current in milliamperes, limited to 65 535.
 pub(super) fn magnitude(current: Milliamperes) -> u16 {
     u16::try_from(current.get().unsigned_abs()).unwrap_or(u16::MAX)
 }

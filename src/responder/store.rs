@@ -1,14 +1,20 @@
-//! Settings that outlast power: what the hub stores, when it stores it, and what it does with a stored record.
+//! Stored settings: what the hub stores, when it stores settings, and how it restores them.
 //!
-//! A record has an entry for the address and for each [`Group`] of each motor's settings. An entry has the type and the
-//! payload of the request that would set the group.
+//! * The *memory* keeps settings without power. The task `tasks::store` accesses the memory.
+//! * A *record* has an entry for the address, and an entry for each [`Group`] of each motor's settings. An entry has the type
+//!   and the payload of the request that would set the group.
+//! * An *access* writes a record to the memory, or reads the record from it.
 //!
 //! ```text
-//!        save, load, reset, or a new address          store_request()
-//! idle -----------------------------------> requested -------> busy
-//!   ^                                                            |
-//!   '----------------------- carried_out() ----------------------'
+//!          save, load or reset                store_request()
+//!       .---------------------> requested ---------------------.
+//!       |                                                      v
+//!     idle ------------------ store_request() --------------> busy
+//!       ^          an address must be stored                   |
+//!       '------------------- store_done() ---------------------'
 //! ```
+//!
+//! A new address is stored without a request of the host, as soon as no other access is running.
 
 use super::Responder;
 use super::motor::MotorChannel;
@@ -19,41 +25,52 @@ use crate::hub::Snapshot;
 use crate::motor::Settings;
 use crate::protocol::payload::{Field, Fields, Payload};
 use crate::protocol::{Address, CHANNELS, Nack, Reply};
-use crate::store::{Entry, Found, Outcome, Record, StoreRequest, Stored};
+use crate::store::{Entry, Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use heapless::{CapacityError, Vec};
 
-/// The type of the entry with the address, which is the packet type of REV's *set address*.
+/// Type of the entry with the address: the packet type of REV's *set address*.
 const ADDRESS: u16 = 0x7F06;
 
-/// The most bytes of an entry's payload. A later firmware may store more fields behind those of this firmware.
+/// Largest payload of an entry in bytes. The length of an entry is stored in one byte.
 const LONGEST_ENTRY: usize = u8::MAX as usize;
 
-/// State of the memory for settings.
+/// Contents and state of the memory.
 #[derive(Clone, Debug)]
 pub(super) struct Memory {
+    /// Contents of the memory after the last access.
     found: Found,
+    /// Result of the last access.
     outcome: Outcome,
     phase: Phase,
-    /// Entries of the last restored record that are unknown, and that were refused.
+    /// Number of entries in the record that this firmware does not know.
     unknown: u8,
+    /// Number of entries in the record that this firmware refuses.
     refused: u8,
-    /// True if the address in force has yet to be stored.
+    /// True if the address in force must still be stored.
     address_due: bool,
 }
 
+/// State of the accesses to the memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
+    /// No access is running.
     Idle,
+    /// The host has requested the access. The task has not taken the request yet.
     Requested(Access),
+    /// The task carries out the access.
     Busy(Access),
 }
 
 /// An access to the memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Access {
+    /// Writes all settings in force.
     Save,
+    /// Writes the address in force, and keeps all other entries.
     SaveAddress,
+    /// Writes an empty record, after which the firmware's settings apply.
     Reset,
+    /// Reads the record.
     Load,
 }
 
@@ -63,7 +80,7 @@ impl Memory {
         Self { found, outcome, phase, unknown: 0, refused: 0, address_due: false }
     }
 
-    /// Why nothing can be added to the stored record, if so.
+    /// Returns why a save is refused. `None` if a save is possible. A reset is always possible.
     const fn refusal(&self) -> Option<Nack> {
         match self.found.stored {
             Stored::Later => Some(Nack::STORE_LATER),
@@ -74,7 +91,7 @@ impl Memory {
 }
 
 impl<const N: usize> Responder<N> {
-    /// Restores all settings that were found in the memory, with the address. To be called once after a reset.
+    /// Restores settings and address from the contents of the memory. Must be called once after a reset.
     pub fn restore(&mut self, found: Found) {
         self.address = self.boot_address(&found.record);
         self.restore_settings(&found.record);
@@ -82,18 +99,23 @@ impl<const N: usize> Responder<N> {
         self.memory = Some(Memory { unknown, refused, ..Memory::new(found) });
     }
 
-    /// A responder that waits for [`restore`](Self::restore).
+    /// Makes the responder wait for [`restore`](Self::restore): [`awaits_store`](Self::awaits_store) returns true until then.
     #[must_use]
     pub fn expecting_store(self) -> Self {
         Self { expects_store: true, ..self }
     }
 
-    /// True until an expected memory has reported its contents.
+    /// True if the responder expects stored settings that are not restored yet.
     pub const fn awaits_store(&self) -> bool {
         self.expects_store && self.memory.is_none()
     }
 
-    /// Starts a save, a load or a reset.
+    /// Starts a save, a load or a reset. A reset changes the settings in force immediately.
+    ///
+    /// # Errors
+    /// Refuses the request if the hub has no memory, or while another access is running. A save is refused if the stored
+    /// record is damaged or a later firmware's, or if the settings do not fit. Load and reset are refused while a motor is
+    /// enabled.
     pub(super) fn access_store(
         &mut self,
         request: &HubFunction,
@@ -115,7 +137,7 @@ impl<const N: usize> Responder<N> {
         };
         if access == Access::Reset {
             self.changed = true;
-            self.restore_settings(&Record::new(0));
+            self.restore_settings(&SettingsRecord::new(0));
         }
         if let Some(memory) = &mut self.memory {
             memory.phase = Phase::Requested(access);
@@ -123,7 +145,7 @@ impl<const N: usize> Responder<N> {
         Ok(Reply::ACK)
     }
 
-    /// Stores a new address later, unless the record has this address already.
+    /// Marks the address in force to be stored, unless the record has this address already.
     pub(super) fn store_address(&mut self) {
         let Some(memory) = &self.memory else { return };
         let due = memory.refusal().is_none() && self.boot_address(&memory.found.record) != self.address;
@@ -132,13 +154,15 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// The address that the hub has after a reset with this record.
-    fn boot_address(&self, record: &Record) -> Address {
+    /// Returns the address that the hub would have after a reset with this record.
+    fn boot_address(&self, record: &SettingsRecord) -> Address {
         let entries = record.entries().filter(|entry| entry.id == ADDRESS);
         entries.filter_map(|entry| address_of(&entry)).last().unwrap_or(self.factory_address)
     }
 
-    /// The next access to the memory, if one is requested; [`carried_out`](Self::carried_out) reports its result.
+    /// Starts the next access, and returns the request for the task. `None` if no access is due, or while one is running.
+    ///
+    /// The task must report the result to [`store_done`](Self::store_done).
     pub fn store_request(&mut self, snapshot: &Snapshot<N>) -> Option<StoreRequest> {
         let memory = self.memory.as_ref()?;
         let may_erase = self.is_off(snapshot);
@@ -147,7 +171,7 @@ impl<const N: usize> Responder<N> {
             Phase::Busy(_) => return None,
             Phase::Requested(access) => access,
             Phase::Idle if !memory.address_due => return None,
-            // An address that had no room waits until the memory may be erased.
+            // If the address did not fit without an erasure, it is stored when the memory may be erased.
             Phase::Idle if may_erase || memory.outcome != Outcome::NeedsErase => Access::SaveAddress,
             Phase::Idle => return None,
         };
@@ -155,21 +179,23 @@ impl<const N: usize> Responder<N> {
             Access::Load => None,
             Access::Save => self.record(stored).ok(),
             Access::SaveAddress => self.record_with_address(stored).ok(),
-            Access::Reset => Some(Record::new(stored.number().wrapping_add(1))),
+            Access::Reset => Some(SettingsRecord::new(stored.number().wrapping_add(1))),
         };
-        let afresh = memory.found.stored == Stored::Damaged && access == Access::Reset;
+        let erase_first = memory.found.stored == Stored::Damaged && access == Access::Reset;
         self.memory.as_mut()?.phase = Phase::Busy(access);
-        Some(StoreRequest { record, afresh, may_erase })
+        Some(StoreRequest { record, erase_first, may_erase })
     }
 
-    /// Takes the result of the last access. `found` is the contents of the memory now; `None` if they have not changed.
-    pub fn carried_out(&mut self, found: Option<Found>, outcome: Outcome) {
+    /// Ends the running access with its result. A load puts the stored settings in force.
+    ///
+    /// `found` is the contents of the memory after the access; `None` if they have not changed.
+    pub fn store_done(&mut self, found: Option<Found>, outcome: Outcome) {
         let Some(before) = &self.memory else { return };
         let load = before.phase == Phase::Busy(Access::Load);
         let found = found.unwrap_or_else(|| before.found.clone());
-        // The address may have changed during the access. After a failure the hub does not try again.
-        let fails = matches!(outcome, Outcome::Refused | Outcome::Lost);
-        let address_due = before.address_due && !fails && self.boot_address(&found.record) != self.address;
+        // A host may have changed the address during the access. If the memory has failed, the hub does not try again.
+        let failed = matches!(outcome, Outcome::Refused | Outcome::Lost);
+        let address_due = before.address_due && !failed && self.boot_address(&found.record) != self.address;
         if load {
             self.restore_settings(&found.record);
         }
@@ -177,25 +203,28 @@ impl<const N: usize> Responder<N> {
         self.memory = Some(Memory { outcome, unknown, refused, address_due, ..Memory::new(found) });
     }
 
-    /// True if no motor is enabled by a host or otherwise.
+    /// True if no host has enabled a motor, and all motors are disabled in the snapshot.
     pub(super) fn is_off(&self, snapshot: &Snapshot<N>) -> bool {
         !self.channels.iter().any(MotorChannel::enabled) && snapshot.all_disabled()
     }
 
-    /// The state of the memory.
+    /// Reports the state of the memory.
+    ///
+    /// # Errors
+    /// Returns [`Nack::UNSUPPORTED`] if the hub has no memory.
     pub(super) fn store_report(&self) -> Result<StoreReport, Nack> {
         let memory = self.memory.as_ref().ok_or(Nack::UNSUPPORTED)?;
         let Memory { found: Found { stored, version, record }, outcome, unknown, refused, .. } = memory;
-        let at_work = memory.phase != Phase::Idle;
+        let is_busy = memory.phase != Phase::Idle;
         let coefficients = |channel: &MotorChannel| channel.settings().motor.coefficients.is_some();
         let motors = self.channels.iter().take(CHANNELS).enumerate();
         Ok(StoreReport {
             stored: *stored,
             version: *version,
             number: record.number(),
-            at_work,
+            at_work: is_busy,
             outcome: *outcome,
-            differs: self.changed && (at_work || self.differs(record)),
+            differs: self.changed && (is_busy || self.differs(record)),
             unknown: *unknown,
             refused: *refused,
             coefficients: motors
@@ -203,29 +232,32 @@ impl<const N: usize> Responder<N> {
         })
     }
 
-    /// True if a reset with this record would change settings or address.
-    fn differs(&self, record: &Record) -> bool {
+    /// True if the settings or the address in force would change in a reset with this record.
+    fn differs(&self, record: &SettingsRecord) -> bool {
         let stored = |settings: &MotorSettings, group: Group| {
-            group.in_use(settings).then(|| Values::of(group, settings))
+            group.is_configured(settings).then(|| Values::of(group, settings))
         };
         let mut motors = (0..).zip(&self.channels).zip(self.factory);
         self.boot_address(record) != self.address
             || motors.any(|((motor, channel), factory)| {
                 let restored = restored(motor, factory, record);
                 let differs = |&group| stored(&restored, group) != stored(channel.settings(), group);
-                Group::EACH.iter().any(differs)
+                Group::ALL.iter().any(differs)
             })
     }
 
-    /// The next record: all settings in force, and the stored entries that this firmware does not know.
-    fn record(&self, stored: &Record) -> Result<Record, CapacityError> {
-        let mut record = Record::new(stored.number().wrapping_add(1));
+    /// Builds the next record from the settings in force. Stored entries that this firmware does not know are copied.
+    ///
+    /// # Errors
+    /// Returns [`CapacityError`] if the record has no room.
+    fn record(&self, stored: &SettingsRecord) -> Result<SettingsRecord, CapacityError> {
+        let mut record = SettingsRecord::new(stored.number().wrapping_add(1));
         record.push(ADDRESS, &[self.address.get()])?;
         for (motor, channel) in (0..).zip(&self.channels) {
             let settings = channel.settings();
-            for group in Group::EACH.into_iter().filter(|group| group.in_use(settings)) {
+            for group in Group::ALL.into_iter().filter(|group| group.is_configured(settings)) {
                 let fields = payload(motor, &Values::of(group, settings));
-                // A later firmware's fields behind those of this firmware are kept.
+                // A later firmware may have stored more fields at the end of the entry. They are copied too.
                 let before = entries_of(stored, motor, group).last();
                 let more = before.and_then(|entry| entry.payload.get(fields.len()..)).unwrap_or_default();
                 let entry: Vec<u8, LONGEST_ENTRY> =
@@ -233,15 +265,18 @@ impl<const N: usize> Responder<N> {
                 record.push(group.set_id(), &entry)?;
             }
         }
-        for entry in stored.entries().filter(|entry| judge(entry, &self.channels).is_none()) {
+        for entry in stored.entries().filter(|entry| is_accepted(entry, &self.channels).is_none()) {
             record.push(entry.id, entry.payload)?;
         }
         Ok(record)
     }
 
-    /// The next record: the stored entries with the address in force.
-    fn record_with_address(&self, stored: &Record) -> Result<Record, CapacityError> {
-        let mut record = Record::new(stored.number().wrapping_add(1));
+    /// Builds the next record from the stored entries and the address in force.
+    ///
+    /// # Errors
+    /// Returns [`CapacityError`] if the record has no room.
+    fn record_with_address(&self, stored: &SettingsRecord) -> Result<SettingsRecord, CapacityError> {
+        let mut record = SettingsRecord::new(stored.number().wrapping_add(1));
         record.push(ADDRESS, &[self.address.get()])?;
         for entry in stored.entries().filter(|entry| entry.id != ADDRESS) {
             record.push(entry.id, entry.payload)?;
@@ -249,30 +284,32 @@ impl<const N: usize> Responder<N> {
         Ok(record)
     }
 
-    /// Puts the firmware's settings in force, and then the settings of the record.
-    fn restore_settings(&mut self, record: &Record) {
+    /// Puts the settings in force that the motors would have after a reset with this record.
+    fn restore_settings(&mut self, record: &SettingsRecord) {
         for ((motor, channel), factory) in (0..).zip(&mut self.channels).zip(self.factory) {
             channel.restore(restored(motor, factory, record));
         }
     }
 }
 
-/// The settings of a motor after a reset with this record. Entries that are unknown or refused change nothing.
-fn restored(motor: u8, factory: Settings, record: &Record) -> MotorSettings {
+/// Returns the settings that a motor would have after a reset with this record: the firmware's settings, changed by the
+/// entries of the record. Unknown and refused entries have no effect.
+fn restored(motor: u8, factory: Settings, record: &SettingsRecord) -> MotorSettings {
     let mut settings = MotorSettings::new(factory);
-    for group in Group::EACH {
+    for group in Group::ALL {
         let entry = entries_of(record, motor, group).last();
         let values = entry.and_then(|entry| values_of(&entry, motor, group, &settings).ok());
-        // A set-up that changes nothing must not delete motion and coefficients.
-        let changes = |values: &Values| !group.in_use(&settings) || *values != Values::of(group, &settings);
-        if let Some(new) = values.filter(changes).and_then(|values| values.put(&settings).ok()) {
+        // Applying an unchanged set-up would delete dynamics and coefficients that the firmware was built with.
+        let changes =
+            |values: &Values| !group.is_configured(&settings) || *values != Values::of(group, &settings);
+        if let Some(new) = values.filter(changes).and_then(|values| values.apply_to(&settings).ok()) {
             settings = new;
         }
     }
     settings
 }
 
-/// The payload of the request that sets these values.
+/// Returns the payload of the request that sets these values.
 fn payload(motor: u8, values: &Values) -> Payload {
     let mut payload = Payload::new();
     values.group().write_name(motor, &mut payload);
@@ -280,18 +317,23 @@ fn payload(motor: u8, values: &Values) -> Payload {
     payload
 }
 
-/// The entries of a record that set a group of a motor's settings.
-fn entries_of(record: &Record, motor: u8, group: Group) -> impl Iterator<Item = Entry<'_>> {
+/// Iterates over the entries of a record that set this group of this motor's settings.
+fn entries_of(record: &SettingsRecord, motor: u8, group: Group) -> impl Iterator<Item = Entry<'_>> {
     record.entries().filter(move |entry| sets(entry, motor, group))
 }
 
+/// True if the entry sets this group of this motor's settings.
 fn sets(entry: &Entry<'_>, motor: u8, group: Group) -> bool {
     let mut name = Payload::new();
     group.write_name(motor, &mut name);
     entry.id == group.set_id() && entry.payload.starts_with(&name)
 }
 
-/// The values of an entry. Fields that an earlier firmware did not store are as in `settings`.
+/// Reads the values of an entry. A field that is missing, because an earlier firmware stored the entry, is taken from
+/// `settings`.
+///
+/// # Errors
+/// Refuses values that are out of range, or that do not fit the other settings.
 fn values_of(entry: &Entry<'_>, motor: u8, group: Group, settings: &MotorSettings) -> Result<Values, Nack> {
     let mut payload = payload(motor, &Values::of(group, settings));
     for (byte, stored) in payload.iter_mut().zip(entry.payload) {
@@ -300,27 +342,28 @@ fn values_of(entry: &Entry<'_>, motor: u8, group: Group, settings: &MotorSetting
     let mut name = Payload::new();
     group.write_name(motor, &mut name);
     let values = Values::read(group, &mut Fields::new(payload.get(name.len()..).unwrap_or_default()))?;
-    values.put(settings).map(|_| values)
+    values.apply_to(settings).map(|_| values)
 }
 
+/// Reads an address from an entry. `None` if the payload is not a valid address.
 fn address_of(entry: &Entry<'_>) -> Option<Address> {
     Address::read(&mut Fields::new(entry.payload)).ok()
 }
 
-/// True if this firmware accepts the entry, false if it refuses the entry; `None` if it does not know the entry.
-fn judge(entry: &Entry<'_>, channels: &[MotorChannel]) -> Option<bool> {
+/// Returns whether this firmware accepts the entry. `None` if the firmware does not know the entry.
+fn is_accepted(entry: &Entry<'_>, channels: &[MotorChannel]) -> Option<bool> {
     if entry.id == ADDRESS {
         return Some(address_of(entry).is_some());
     }
     let motor = *entry.payload.first()?;
     let settings = channels.get(usize::from(motor))?.settings();
-    let group = Group::EACH.into_iter().find(|group| sets(entry, motor, *group))?;
+    let group = Group::ALL.into_iter().find(|group| sets(entry, motor, *group))?;
     Some(values_of(entry, motor, group, settings).is_ok())
 }
 
-/// The numbers of entries that are unknown, and that are refused.
-fn count(record: &Record, channels: &[MotorChannel]) -> (u8, u8) {
-    record.entries().fold((0u8, 0u8), |(unknown, refused), entry| match judge(&entry, channels) {
+/// Counts the entries that this firmware does not know, and the entries that it refuses.
+fn count(record: &SettingsRecord, channels: &[MotorChannel]) -> (u8, u8) {
+    record.entries().fold((0u8, 0u8), |(unknown, refused), entry| match is_accepted(&entry, channels) {
         None => (unknown.saturating_add(1), refused),
         Some(false) => (unknown, refused.saturating_add(1)),
         Some(true) => (unknown, refused),

@@ -1,4 +1,4 @@
-//! New firmware: a host's requests, and the accesses to the flash that follow.
+//! Requests of a host about new firmware. [`crate::update`] decides, and `tasks::update` accesses the flash.
 
 use super::Responder;
 use crate::extension::HubFunction;
@@ -8,55 +8,52 @@ use crate::protocol::payload::Text;
 use crate::protocol::{Nack, Reply};
 use crate::update::{Done, Seal, Slot, Update, UpdateRequest};
 
-/// An update, and the announced version.
-#[derive(Clone, Debug)]
-pub(super) struct Updating {
-    update: Update,
-    version: Text,
-}
-
-/// The most bytes of a version that the hub reports.
-const VERSION: usize = 40;
+/// Longest announced version in bytes that the hub stores. The rest of a longer version is dropped.
+const LONGEST_VERSION: usize = 40;
 
 impl<const N: usize> Responder<N> {
-    /// A responder of a hub with a bootloader that starts images from this slot.
+    /// Makes the responder accept firmware updates, on a hub whose bootloader starts images from this slot.
     #[must_use]
     pub fn with_slot(self, slot: Slot) -> Self {
-        Self { updating: Some(Updating { update: Update::new(slot), version: Text::default() }), ..self }
+        Self { update: Some(Update::new(slot)), ..self }
     }
 
     /// Executes a request about new firmware.
+    ///
+    /// # Errors
+    /// Returns why the request is refused. [`Nack::UNSUPPORTED`] on a hub without a bootloader.
     pub(super) fn receive_update(
         &mut self,
         function: HubFunction,
         snapshot: &Snapshot<N>,
     ) -> Result<Reply, Nack> {
-        let runs = !self.is_off(snapshot);
-        let Updating { update, version } = self.updating.as_mut().ok_or(Nack::UNSUPPORTED)?;
+        let motors_run = !self.is_off(snapshot);
+        let (update, version) = (self.update.as_mut().ok_or(Nack::UNSUPPORTED)?, &mut self.announced_version);
         match function {
             HubFunction::Update => return Ok(Reply::data(&report(update, version))),
             HubFunction::BeginUpdate { length, crc, version: announced } => {
-                update.begin(length, crc, runs)?;
-                *version = announced.into_iter().take(VERSION).collect();
+                update.begin(length, crc, motors_run)?;
+                *version = announced.into_iter().take(LONGEST_VERSION).collect();
             }
             HubFunction::Sign { key, signature } => update.sign(Seal { key, signature })?,
             HubFunction::Chunk { offset, bytes } => update.chunk(offset, &bytes)?,
             HubFunction::FinishUpdate => update.finish()?,
-            HubFunction::Restart => update.restart(runs)?,
+            HubFunction::Restart => update.restart(motors_run)?,
             HubFunction::AbandonUpdate => update.abandon()?,
             _ => return Err(Nack::UNSUPPORTED),
         }
         Ok(Reply::ACK)
     }
 
-    /// The next access to the slot, if there is one; [`update_done`](Self::update_done) reports its result.
+    /// Returns the next request for the task, if there is one. The task must report the result to
+    /// [`update_done`](Self::update_done).
     pub fn update_request(&mut self) -> Option<UpdateRequest> {
-        self.updating.as_mut()?.update.request()
+        self.update.as_mut()?.request()
     }
 
-    /// Takes the result of an access to the slot.
+    /// Processes a report of the task.
     pub fn update_done(&mut self, done: Done) {
-        if let Some(Updating { update, .. }) = &mut self.updating {
+        if let Some(update) = &mut self.update {
             update.done(done);
         }
     }

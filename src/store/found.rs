@@ -1,46 +1,48 @@
 //! The choice between two copies of a record.
 
-use super::record::{Record, Unreadable, VERSION};
+use super::record::{SettingsRecord, Unreadable, VERSION};
 
-/// State of the stored record.
+/// State of the stored record, from both copies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Stored {
     /// There is no record.
     #[default]
     Nothing,
-    /// There is a record, and both copies are equal.
+    /// Both copies hold the same record.
     Whole,
-    /// There is a record whose other copy is damaged, missing or older: a power cut during the last save, or a worn memory.
+    /// One copy holds the record. The other copy is damaged, missing or older, after a power cut during the last save or in a
+    /// worn memory.
     OneCopy,
-    /// There is a record of a later version, which is kept and not read.
+    /// There is a record of a later version. It cannot be read, and a save must not overwrite it.
     Later,
-    /// The memory's contents are damaged.
+    /// No copy can be read, and at least one copy is damaged.
     Damaged,
 }
 
-/// Contents of the memory, from the copies that were added one after the other.
+/// Contents of the memory. They are found out by adding one copy after the other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
     /// State of the record.
     pub stored: Stored,
-    /// Version of the record; 0 without a record.
+    /// Version of the record. 0 without a record.
     pub version: u8,
-    /// The newer copy; an empty record with number 0 if no copy can be read.
-    pub record: Record,
+    /// The newer copy. An empty record with number 0 if no copy can be read.
+    pub record: SettingsRecord,
 }
 
 impl Found {
-    /// Contents without a record.
+    /// Creates contents without a record that can be read.
     pub fn without_record(stored: Stored, version: u8) -> Self {
-        Self { stored, version, record: Record::new(0) }
+        Self { stored, version, record: SettingsRecord::new(0) }
     }
 
-    /// Adds the bytes of a copy; `None` if the copy is missing or its checksum is wrong. A record of a later version counts
-    /// more than any record that this firmware can read.
+    /// Adds the bytes of a copy. `copy` is `None` if the copy is missing or its checksum is wrong.
+    ///
+    /// If one copy is of a later version, the state is [`Stored::Later`], whatever the other copy is.
     pub fn add(&mut self, copy: Option<&[u8]>) {
         let has_record = matches!(self.stored, Stored::Whole | Stored::OneCopy);
-        match copy.map(Record::read) {
+        match copy.map(SettingsRecord::read) {
             None => (),
             Some(Err(Unreadable::Later(version))) => {
                 *self = Self::without_record(Stored::Later, version.max(self.version));
@@ -56,7 +58,7 @@ impl Found {
 }
 
 impl Default for Found {
-    /// Contents without a copy.
+    /// Creates the contents before the first copy is added.
     fn default() -> Self {
         Self::without_record(Stored::Nothing, 0)
     }

@@ -1,26 +1,28 @@
-//! Records of settings that outlast power, byte by byte, and the choice between two copies of a record.
+//! The stored format of settings, and the choice between two copies of it. The *memory* is what holds settings without power.
 //!
-//! A record has entries with the type and the payload of requests that would set the settings. Settings and last fields that a
-//! record lacks stay as the firmware has them.
+//! A *record* has entries. An entry has the type and the payload of a request that sets some settings. Settings without an entry
+//! have the values that the firmware was built with. The same is true of fields that the payload of an entry lacks at its end.
 //!
-//! | bytes | |
+//! | type | content of a record |
 //! |---|---|
-//! | u8 | [`VERSION`] of the layout |
-//! | u32 | number of the save, from 1 |
-//! | then for each entry: u16 | type of the request, as on hubs of this project |
-//! | u8 | length of its payload |
-//! | | its payload |
+//! | u8 | [`VERSION`] of the format |
+//! | u32 | number of the save that wrote the record, from 1 |
+//! | u16 | first entry: packet type of the request, on hubs of this project |
+//! | u8 | first entry: length of the payload |
+//! | bytes | first entry: payload |
+//! | | the other entries |
 //!
-//! A later firmware may add entries, and fields at the end of an entry, without a new version; a save by this firmware keeps
-//! them. A record of a later version is not read, and only a reset replaces it.
+//! A later firmware may add entries, and fields at the end of an entry, without a new version. This firmware does not know these
+//! additions, but its saves keep them. A record of a later version is neither read nor overwritten by a save; only a reset of the
+//! settings replaces it.
 //!
-//! A save writes two copies, one after the other. After a power cut or a damaged bit one copy is complete, and the copies
-//! differ. `tasks::store` decides where the copies are.
+//! A save writes two copies of the record, one after the other. A power cut or a damaged bit affects one copy only. `tasks::store`
+//! decides where the copies are.
 //!
 //! ```
-//! use motor_hub::store::{Found, Record, Stored};
+//! use motor_hub::store::{Found, SettingsRecord, Stored};
 //!
-//! let mut record = Record::new(7);
+//! let mut record = SettingsRecord::new(7);
 //! record.push(0x7F06, &[5])?; // Set the address to 5.
 //!
 //! let mut found = Found::default();
@@ -35,7 +37,7 @@ mod found;
 mod record;
 
 pub use found::{Found, Stored};
-pub use record::{CAPACITY, Entry, Record, Unreadable, VERSION};
+pub use record::{CAPACITY, Entry, SettingsRecord, Unreadable, VERSION};
 
 /// Result of the last access to the memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,21 +48,21 @@ pub enum Outcome {
     None,
     /// The access has succeeded.
     Done,
-    /// Nothing was written, because the memory must be erased first, for which all motors must be off.
+    /// Nothing was written. The memory must be erased first, and all motors must be off for an erasure.
     NeedsErase,
-    /// The memory refused the access.
+    /// The memory has reported an error.
     Refused,
-    /// The written data does not read back.
+    /// The memory does not read back the written record.
     Lost,
 }
 
-/// An access to the memory.
+/// A request for an access to the memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoreRequest {
-    /// The record to write in two copies; `None` to read the memory.
-    pub record: Option<Record>,
-    /// True if the memory must be erased first, because its contents are damaged.
-    pub afresh: bool,
+    /// The record to write in two copies. `None` if the memory is only to be read.
+    pub record: Option<SettingsRecord>,
+    /// True if the memory must be erased before the record is written, because its contents are damaged.
+    pub erase_first: bool,
     /// True if all motors are off, so that the memory may be erased.
     pub may_erase: bool,
 }

@@ -1,24 +1,24 @@
-//! A record as bytes.
+//! A record of settings as bytes. The documentation of [`crate::store`] states the format.
 
 use heapless::{CapacityError, Vec};
 
-/// The layout that this firmware writes.
+/// Version of the format that this firmware writes, and highest version that it reads.
 pub const VERSION: u8 = 1;
 
-/// The most bytes of a record. The settings of four motors take 469 bytes; a later firmware may add the rest.
+/// Largest size of a record in bytes. All settings of four motors take 493 bytes.
 pub const CAPACITY: usize = 511;
 
-/// Bytes of version and number.
+/// Size of version and number in bytes.
 const HEAD: usize = 5;
 
-/// Bytes of an entry's type and length.
+/// Size of an entry's type and length in bytes.
 const ENTRY_HEAD: usize = 3;
 
-/// Why bytes are not read as a record.
+/// Why bytes cannot be read as a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Unreadable {
-    /// The bytes are a record of this later version.
+    /// The bytes are a record of a later version, which has this number.
     Later(u8),
     /// The bytes are damaged.
     Damaged,
@@ -27,35 +27,35 @@ pub enum Unreadable {
 /// An entry of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry<'a> {
-    /// Type of the request.
+    /// Packet type of the request.
     pub id: u16,
-    /// Fields of the request, as the firmware that wrote the record knew them.
+    /// Payload of the request. It has the fields that the firmware knew that wrote the record.
     pub payload: &'a [u8],
 }
 
-/// A record of this version.
+/// A record of settings, of version [`VERSION`].
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Record {
-    /// Head and complete entries.
+pub struct SettingsRecord {
+    /// Version, number and complete entries.
     bytes: Vec<u8, CAPACITY>,
 }
 
-impl Record {
-    /// A record without entries, with which all settings are the firmware's.
+impl SettingsRecord {
+    /// Creates a record without entries. `number` is the number of the save.
     pub fn new(number: u32) -> Self {
         let [a, b, c, d] = number.to_le_bytes();
         Self { bytes: [VERSION, a, b, c, d].into_iter().collect() }
     }
 
-    /// Reads a record of any version up to this one.
+    /// Reads a record of any version up to [`VERSION`].
     ///
     /// # Errors
-    /// The reason why the bytes are no record of this version.
+    /// Returns why the bytes cannot be read.
     pub fn read(bytes: &[u8]) -> Result<Self, Unreadable> {
         match bytes.first() {
             None | Some(0) => return Err(Unreadable::Damaged),
             Some(&version) if version > VERSION => return Err(Unreadable::Later(version)),
-            // This is the first version.
+            // There is no earlier version than VERSION.
             Some(_) => (),
         }
         let mut rest = bytes.get(HEAD..).ok_or(Unreadable::Damaged)?;
@@ -65,17 +65,17 @@ impl Record {
         Ok(Self { bytes: Vec::from_slice(bytes).map_err(|_| Unreadable::Damaged)? })
     }
 
-    /// The stored bytes.
+    /// Returns the record as bytes.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Number of the save, from 1; 0 for a record that was never stored.
+    /// Returns the number of the save that wrote the record, from 1. 0 for a record that was never stored.
     pub fn number(&self) -> u32 {
         self.bytes.get(1..HEAD).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes)
     }
 
-    /// The entries in their order.
+    /// Iterates over the entries in their order.
     pub fn entries(&self) -> impl Iterator<Item = Entry<'_>> {
         let mut rest = self.bytes.get(HEAD..).unwrap_or_default();
         core::iter::from_fn(move || {
@@ -88,7 +88,7 @@ impl Record {
     /// Appends an entry.
     ///
     /// # Errors
-    /// If there is no room for the whole entry; nothing is appended then.
+    /// Returns [`CapacityError`] if there is no room for the whole entry. The record does not change then.
     pub fn push(&mut self, id: u16, payload: &[u8]) -> Result<(), CapacityError> {
         let length = u8::try_from(payload.len()).map_err(|_| CapacityError::default())?;
         if self.bytes.len() + ENTRY_HEAD + payload.len() > CAPACITY {
@@ -101,7 +101,7 @@ impl Record {
     }
 }
 
-/// The first entry, and the bytes behind it; `None` if the entry is not complete.
+/// Splits bytes into the first entry and the rest. `None` if the first entry is not complete.
 fn split_entry(bytes: &[u8]) -> Option<(Entry<'_>, &[u8])> {
     let (&[low, high, length], rest) = bytes.split_first_chunk()?;
     let (payload, rest) = rest.split_at_checked(length.into())?;

@@ -1,10 +1,10 @@
-//! The bus as a host sees it: the last reading and its range, whether or not motors may run.
+//! The last reading of the bus and its range, for reports to a host.
 
 use super::limits::{Levels, Limits};
-use super::{BATTERY_STALE_MICROS, Battery, Stage};
+use super::{BATTERY_STALE_MICROS, Battery, DrawStage};
 use crate::units::{Micros, Millivolts, Share};
 
-/// The range in which the bus is.
+/// The range that the bus voltage is in. [`Levels`] has the limits of the ranges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BusState {
@@ -13,15 +13,15 @@ pub enum BusState {
     Silent,
     /// The voltage is below [`Levels::min`]. Motors coast once the last plausible reading is stale.
     TooLow,
-    /// No current may be drawn.
+    /// Motors may draw no current.
     Cut,
-    /// The current is limited.
+    /// Motors may draw a limited current, because the battery is low.
     Derated,
-    /// The battery is not low, and braking motors may return energy.
+    /// The battery is not low, and braking motors may return energy to the bus.
     Quiet,
-    /// Braking motors dissipate the energy that they would return.
-    Burning,
-    /// The voltage is above [`Levels::burn_all`] although braking motors dissipate: another source lifts the bus.
+    /// Braking motors dissipate the energy that they would return to the bus.
+    Dissipating,
+    /// The voltage is above [`Levels::ceiling`], which dissipating motors keep. Another source lifts the bus.
     TooHigh,
 }
 
@@ -31,7 +31,7 @@ pub enum BusState {
 pub struct BusReading {
     /// Voltage as measured, plausible or not; `None` if the converter did not answer.
     pub measured: Option<Millivolts>,
-    /// The range in which the bus was.
+    /// Range of the voltage.
     pub state: BusState,
     /// Time of the measurement.
     pub at: Micros,
@@ -39,31 +39,32 @@ pub struct BusReading {
 
 impl BusReading {
     /// The state before the first reading.
-    pub const NOTHING: Self = Self { measured: None, state: BusState::Silent, at: Micros::new(0) };
+    pub const INITIAL: Self = Self { measured: None, state: BusState::Silent, at: Micros::new(0) };
 
-    /// Finds the range of a reading; `battery` is what [`Supply::step`](super::Supply::step) made of the reading.
+    /// Creates a reading. `battery` is the result of [`Supply::step`](super::Supply::step) for this measurement.
     pub(super) fn new(
         limits: &Limits,
         measured: Option<Millivolts>,
         battery: Option<&Battery>,
         at: Micros,
     ) -> Self {
-        let Levels { min, burn_all, .. } = limits.levels();
+        let Levels { min, ceiling, .. } = limits.levels();
         let state = match (measured, battery) {
             (None, _) => BusState::Silent,
             (Some(voltage), _) if voltage < min => BusState::TooLow,
-            (Some(voltage), _) if voltage > burn_all => BusState::TooHigh,
-            (_, Some(Battery { stage: Stage::Cut, .. })) => BusState::Cut,
-            (_, Some(Battery { stage: Stage::Derated, .. })) => BusState::Derated,
-            (_, Some(battery)) if battery.burn != Share::NONE => BusState::Burning,
+            (Some(voltage), _) if voltage > ceiling => BusState::TooHigh,
+            (_, Some(Battery { stage: DrawStage::Cut, .. })) => BusState::Cut,
+            (_, Some(Battery { stage: DrawStage::Derated, .. })) => BusState::Derated,
+            (_, Some(battery)) if battery.dissipate != Share::NONE => BusState::Dissipating,
             _ => BusState::Quiet,
         };
         Self { measured, state, at }
     }
 
-    /// Returns the reading, or [`BusState::Silent`] if the reading is older than [`BATTERY_STALE_MICROS`].
+    /// Returns the reading as it counts at `now`. A reading older than [`BATTERY_STALE_MICROS`] counts as
+    /// [`BusState::Silent`].
     #[must_use]
-    pub fn by(self, now: Micros) -> Self {
-        if now.since(self.at) <= BATTERY_STALE_MICROS { self } else { Self { at: self.at, ..Self::NOTHING } }
+    pub fn as_of(self, now: Micros) -> Self {
+        if now.since(self.at) <= BATTERY_STALE_MICROS { self } else { Self { at: self.at, ..Self::INITIAL } }
     }
 }

@@ -6,20 +6,21 @@ use crate::units::{Millivolts, RangeError};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Levels {
-    /// Lowest plausible voltage. On a lower voltage motors draw no current, and coast once the last plausible reading is
+    /// Lowest plausible voltage. At a lower voltage motors draw no current. They coast once the last plausible reading is
     /// stale.
     pub min: Millivolts,
-    /// At this voltage and below it no current may be drawn. Drawing resumes once the voltage is back at `derate`.
+    /// Highest voltage at which motors may draw no current. They may draw again once the voltage is back at `derate`.
     pub cut: Millivolts,
-    /// Below this voltage the battery counts as low. The current that may be drawn falls in proportion, to 0 at `cut`.
+    /// Voltage below which the battery counts as low. Below it the permitted current falls linearly, to 0 at `cut`.
     pub derate: Millivolts,
-    /// From this voltage on a low battery counts as recovered.
+    /// Voltage at which a low battery counts as recovered.
     pub recover: Millivolts,
-    /// Above this voltage braking motors dissipate the energy that they would return to the bus.
-    pub burn: Millivolts,
-    /// Dissipating motors keep the bus below this voltage. Halfway from `burn` they draw the most current from the bus.
-    pub burn_all: Millivolts,
-    /// Highest plausible voltage. Above it no current may be drawn, and all returned energy is dissipated.
+    /// Voltage above which braking motors dissipate the energy that they would return to the bus.
+    pub dissipate: Millivolts,
+    /// Voltage that the bus does not exceed while motors dissipate. Motors dissipate with full strength from halfway between
+    /// `dissipate` and this voltage.
+    pub ceiling: Millivolts,
+    /// Highest plausible voltage. Above it motors may draw no current, and they dissipate all returned energy.
     pub max: Millivolts,
 }
 
@@ -29,38 +30,37 @@ pub struct Levels {
 pub struct Limits(Levels);
 
 impl Limits {
-    /// Checks that the levels ascend.
+    /// Creates limits from levels that ascend.
     ///
     /// # Errors
-    /// [`RangeError::SupplyLevels`] unless min <= cut < derate <= recover < burn < `burn_all` <= max.
+    /// [`RangeError::SupplyLevels`] unless min <= cut < derate <= recover < dissipate < `ceiling` <= max.
     pub const fn new(levels: Levels) -> Result<Self, RangeError> {
-        let Levels { min, cut, derate, recover, burn, burn_all, max } = levels;
+        let Levels { min, cut, derate, recover, dissipate, ceiling, max } = levels;
         let ascend = min.get() <= cut.get()
             && cut.get() < derate.get()
             && derate.get() <= recover.get()
-            && recover.get() < burn.get()
-            && burn.get() < burn_all.get()
-            && burn_all.get() <= max.get();
+            && recover.get() < dissipate.get()
+            && dissipate.get() < ceiling.get()
+            && ceiling.get() <= max.get();
         if ascend { Ok(Self(levels)) } else { Err(RangeError::SupplyLevels) }
     }
 
-    /// Returns the levels.
+    /// Returns the checked levels.
     pub const fn levels(self) -> Levels {
         self.0
     }
 
-    /// Limits of a 12 V battery.
+    /// Limits of a 12 V battery on VNH5019 bridges.
     ///
-    /// The battery is low below 7.0 V until it is back at 7.5 V, and cut at 6.0 V. Returned energy is dissipated above
-    /// 14.0 V, which keeps the bus below 15.5 V. Plausible are 5 to 24 V: the operating range of VNH5019 bridges with
-    /// a margin for noise (data sheet: 5.5 to 24 V; their absolute maximum is 41 V).
+    /// Voltages of 5 to 24 V are plausible. This range is the operating range of the bridges (data sheet: 5.5 to 24 V) with
+    /// a margin of 0.5 V for noise at its lower end. The bridges' absolute maximum is 41 V.
     pub const TWELVE_VOLTS: Self = Self(Levels {
         min: Millivolts::new(5_000),
         cut: Millivolts::new(6_000),
         derate: Millivolts::new(7_000),
         recover: Millivolts::new(7_500),
-        burn: Millivolts::new(14_000),
-        burn_all: Millivolts::new(15_500),
+        dissipate: Millivolts::new(14_000),
+        ceiling: Millivolts::new(15_500),
         max: Millivolts::new(24_000),
     });
 }

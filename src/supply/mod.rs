@@ -1,28 +1,32 @@
-//! The bus that battery and bridges share: filters the measured voltage and decides what motors may draw and return.
+//! The bus that battery and bridges share. Filters the measured voltage, and limits what motors may draw from the bus and
+//! return to it.
 //!
 //! ```text
-//!        min       cut        derate     recover       burn       burn_all       max
-//!  -------+---------+-----------+----------+------------+------------+------------+-----> bus voltage
-//!   coast |   Cut   |  Derated  |  Full or |    Full    | Full, returned energy   |  Cut, returned energy
-//!         | draws 0 | draws 0-1 |  Derated |  draws all | is dissipated           |  is dissipated
+//!         min        cut        derate    recover     dissipate     ceiling       max
+//!  --------+----------+-----------+----------+------------+------------+-----------+-----> bus voltage
+//!    not   |   Cut    |  Derated  |  Full or |    Full    |   Full, returned       | Cut, returned
+//! plausible| draw 0   | draw 0..1 |  Derated |   draw 1   |   energy is dissipated | energy is dissipated
 //! ```
 //!
-//! * Between `derate` and `recover` the stage depends on the past (hysteresis). Below `derate`, `Cut` lasts until the
-//!   voltage is back at `derate`. See [`Stage`].
-//! * The *draw* is a share of the current that motors draw from the bus at standstill and full duty.
-//! * *Burning* means that braking motors dissipate the energy that they would return to the bus. The bridges alternate
-//!   between a full short and driving slightly above the back EMF.
+//! * The *draw* limits the current that each motor takes from the bus. It is a share of the motor's current at standstill
+//!   and full duty.
+//! * The [`DrawStage`] has hysteresis. A battery that was `Full` stays `Full` down to `derate`, and a battery that was `Derated`
+//!   stays `Derated` up to `recover`. `Cut` lasts until the voltage is back at `derate`.
+//! * Braking motors *dissipate* energy when their bridges turn it to heat instead of returning it to the bus. The bridges then
+//!   alternate between a full short of the winding and driving slightly above the back EMF.
+//! * The *quiet range* is the range from `derate` to `dissipate`. Inside it the limits of motors do not change, so the bus is
+//!   sampled every 10 ms only. An analog watchdog reports when the voltage leaves the range.
 //!
-//! [`VrefintScale`] converts readings of chips that read their own reference beside the battery to millivolts. Boards
-//! with another converter bring their own conversion.
+//! [`VrefintScale`] converts ADC readings to millivolts, on chips that also measure their own reference. Boards with another
+//! converter have their own conversion.
 //!
 //! ```
-//! use motor_hub::supply::{Limits, Stage, Supply};
+//! use motor_hub::supply::{Limits, DrawStage, Supply};
 //! use motor_hub::units::{Micros, Millivolts};
 //!
 //! let mut supply = Supply::new(Limits::default());
 //! let battery = supply.step(Some(Millivolts::new(12_000)), Micros::new(10_000)).expect("plausible");
-//! assert_eq!((battery.voltage, battery.stage), (Millivolts::new(12_000), Stage::Full));
+//! assert_eq!((battery.voltage, battery.stage), (Millivolts::new(12_000), DrawStage::Full));
 //! assert_eq!(supply.step(Some(Millivolts::new(3_000)), Micros::new(20_000)), None);
 //! ```
 
@@ -34,7 +38,7 @@ mod vrefint;
 
 pub use bus_state::{BusReading, BusState};
 pub use limits::{Levels, Limits};
-pub use undervoltage::Stage;
+pub use undervoltage::DrawStage;
 pub use vrefint::{VrefintCalibration, VrefintSample, VrefintScale};
 
 use crate::units::{Micros, Millivolts, Share};
@@ -48,11 +52,13 @@ pub const BATTERY_STALE_MICROS: u64 = 100_000;
 /// Time constant of the voltage filter, in microseconds. One sampling interval adds to the time constant.
 const FILTER_MICROS: f32 = 30_000.0;
 
-/// Longest interval in microseconds that the filter assumes before the first sample outside the quiet range. Quiet
-/// samples are up to 10 ms apart, but the bus has left the quiet range only just before that sample.
+/// Longest interval, in microseconds, that the filter uses for the first sample outside the quiet range.
+///
+/// Samples in the quiet range are up to 10 ms apart. The analog watchdog starts the next sample within 1 ms after the voltage
+/// has left the range, so the new voltage is at most 1 ms old.
 const LEFT_QUIET_MICROS: u32 = 1_000;
 
-/// State of the bus, and when the bus was measured.
+/// State of the bus at its newest plausible sample, and the limits that follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Battery {
@@ -63,17 +69,24 @@ pub struct Battery {
     /// Time of the newest sample.
     pub at: Micros,
     /// Stage of the undervoltage protection.
-    pub stage: Stage,
-    /// Current that may be drawn, as a share of what motors draw at standstill and full duty.
+    pub stage: DrawStage,
+    /// Current that each motor may draw, as a share of its current at standstill and full duty.
     pub draw: Share,
-    /// How strongly braking motors must dissipate energy. Depends on the newest sample, not on the filtered voltage.
-    pub burn: Share,
+    /// How strongly braking motors must dissipate energy. [`Share::NONE`] lets them return it to the bus.
+    pub dissipate: Share,
 }
 
 impl Battery {
-    /// Creates a state in which the supply limits nothing.
+    /// Creates the state of a bus that does not limit its motors.
     pub const fn good(voltage: Millivolts, at: Micros) -> Self {
-        Self { voltage, newest: voltage, at, stage: Stage::Full, draw: Share::ALL, burn: Share::NONE }
+        Self {
+            voltage,
+            newest: voltage,
+            at,
+            stage: DrawStage::Full,
+            draw: Share::ALL,
+            dissipate: Share::NONE,
+        }
     }
 
     /// True unless the newest sample is older than [`BATTERY_STALE_MICROS`].
@@ -86,19 +99,18 @@ impl Battery {
 #[derive(Clone, Debug)]
 pub struct Supply {
     limits: Limits,
-    /// Voltage filter; `None` before the first plausible sample and after an implausible one.
+    /// Voltage filter. `None` until the first plausible sample, and from an implausible one until the next plausible one.
     filter: Option<Filter>,
     derating: Derating,
     overvoltage: Overvoltage,
-    /// Result of the last plausible sample; `None` since the converter last failed to answer.
+    /// State at the last plausible sample. `None` until the first plausible sample, and from a failure of the converter until
+    /// the next plausible sample.
     last_battery: Option<Battery>,
     /// The last reading, plausible or not.
     last_reading: BusReading,
 }
 
 /// First-order low-pass filter of the voltage.
-///
-/// The weight of a sample is computed in single precision, because some chips have no fast 64-bit division.
 #[derive(Clone, Copy, Debug)]
 struct Filter {
     /// Filtered voltage in steps of 2^-8 mV.
@@ -108,8 +120,9 @@ struct Filter {
 }
 
 impl Filter {
-    /// Takes a sample with the weight dt / (dt + 30 ms), where dt is `passed_us`. The first sample, and a sample after
-    /// a gap of more than [`BATTERY_STALE_MICROS`], set the filter.
+    /// Returns the filter after a sample. The weight of the sample is dt / (dt + 30 ms), where dt is `passed_us`.
+    ///
+    /// The first sample becomes the filtered voltage. So does a sample after a gap of more than [`BATTERY_STALE_MICROS`].
     fn step(before: Option<Self>, voltage: Millivolts, at: Micros, passed_us: u32) -> Self {
         let new = i32::from(voltage.get()) << 8;
         let value_q8_mv = match before {
@@ -122,14 +135,14 @@ impl Filter {
         Self { value_q8_mv, at }
     }
 
-    /// Returns the filtered voltage, rounded. All samples fit in 16 bits, hence their mean does too.
+    /// Returns the filtered voltage, rounded to millivolts. The mean of 16-bit samples fits in 16 bits.
     fn voltage(self) -> Millivolts {
         Millivolts::new(((self.value_q8_mv + 128) >> 8) as u16)
     }
 }
 
 impl Supply {
-    /// Creates a supply that has measured no voltage yet.
+    /// Creates the state before the first sample.
     pub const fn new(limits: Limits) -> Self {
         Self {
             limits,
@@ -137,32 +150,30 @@ impl Supply {
             derating: Derating::INITIAL,
             overvoltage: Overvoltage::IDLE,
             last_battery: None,
-            last_reading: BusReading::NOTHING,
+            last_reading: BusReading::INITIAL,
         }
     }
 
-    /// Returns the voltages between which the limits of the motors do not change. While the bus stays between them,
-    /// only the filter needs samples. `None` if the bus must be sampled every millisecond.
+    /// Returns the quiet range if the bus is in it and the supply does not limit the motors. `None` if the bus must be sampled
+    /// every millisecond.
     pub fn quiet(&self) -> Option<RangeInclusive<Millivolts>> {
-        let Levels { derate, burn, .. } = self.limits.levels();
+        let Levels { derate, dissipate, .. } = self.limits.levels();
         let filtered = self.filter?.voltage();
         let unlimited = self.derating.allows_all() && !self.overvoltage.is_active() && filtered >= derate;
-        unlimited.then_some(derate..=burn)
+        unlimited.then_some(derate..=dissipate)
     }
 
-    /// Takes a measured voltage: every millisecond, or less often while the bus is [quiet](Self::quiet).
+    /// Processes a measured voltage, and returns the state of the bus. Must be called every millisecond; every 10 ms is enough
+    /// while the bus is [quiet](Self::quiet).
     ///
-    /// `voltage` is `None` if the converter did not answer. The result is `None` if there is no voltage, or if it is
-    /// implausibly low. The next plausible sample restarts the filter.
+    /// `voltage` is `None` if the converter did not answer. A voltage below [`Levels::min`] is not plausible. In both cases
+    /// the result is `None`, and the next plausible sample restarts the filter.
     ///
-    /// A second implausibly low sample in a row means that the bus collapses. The result is then the last state, with
-    /// its old time and without any current to draw.
+    /// A second voltage in a row that is below [`Levels::min`] means that the bus collapses. The result is then the last
+    /// state with its old time, a draw of 0 and no dissipation.
     ///
-    /// A voltage above [`Levels::max`] counts as plausible, limited to that level. A converter at the end of its range
-    /// must not release a braking motor.
-    ///
-    /// The filter is of first order. Its time constant is 30 ms plus one sampling interval. For the first sample outside
-    /// the quiet range the interval is limited to 1 ms.
+    /// A voltage above [`Levels::max`] is used as [`Levels::max`]. A converter at the end of its range must not release a
+    /// braking motor.
     pub fn step(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
         let battery = self.update(voltage, now);
         self.last_reading = BusReading::new(&self.limits, voltage, battery.as_ref(), now);
@@ -170,11 +181,11 @@ impl Supply {
     }
 
     /// Returns the reading of the last step, plausible or not.
-    pub const fn seen(&self) -> BusReading {
+    pub const fn last_reading(&self) -> BusReading {
         self.last_reading
     }
 
-    /// Checks whether a voltage is plausible, and derives the state from it.
+    /// Does the work of [`step`](Self::step) except for the last reading.
     fn update(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
         match voltage {
             Some(measured) if measured >= self.limits.levels().min => Some(self.accept(measured, now)),
@@ -187,13 +198,13 @@ impl Supply {
                 }
                 self.last_battery.filter(|_| collapses).map(|last| {
                     let (stage, draw) = self.derating.cut_after_collapse();
-                    Battery { stage, draw, burn: Share::NONE, ..last }
+                    Battery { stage, draw, dissipate: Share::NONE, ..last }
                 })
             }
         }
     }
 
-    /// Takes a plausible voltage.
+    /// Updates filter and limits from a plausible voltage.
     fn accept(&mut self, measured: Millivolts, now: Micros) -> Battery {
         let Levels { max, .. } = self.limits.levels();
         let since_us =
@@ -203,10 +214,10 @@ impl Supply {
         let newest = measured.min(max);
         let filter = Filter::step(self.filter, newest, now, passed_us);
         self.filter = Some(filter);
-        let burn = self.overvoltage.step(&self.limits, measured, now);
+        let dissipate = self.overvoltage.step(&self.limits, measured, now);
         let (stage, draw) = self.derating.step(&self.limits, filter.voltage(), passed_us);
-        let (stage, draw) = if measured > max { (Stage::Cut, Share::NONE) } else { (stage, draw) };
-        let battery = Battery { voltage: filter.voltage(), newest, at: now, stage, draw, burn };
+        let (stage, draw) = if measured > max { (DrawStage::Cut, Share::NONE) } else { (stage, draw) };
+        let battery = Battery { voltage: filter.voltage(), newest, at: now, stage, draw, dissipate };
         self.last_battery = Some(battery);
         battery
     }

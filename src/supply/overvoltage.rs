@@ -1,37 +1,38 @@
 //! Overvoltage: decides when braking motors must dissipate the energy that they would return to the bus.
 //!
 //! ```text
-//!                      predicted > burn
+//!                     predicted > dissipate
 //!     +------+ ------------------------------------> +------------+
 //!     | idle |                                       | dissipates |
 //!     +------+ <------------------------------------ +------------+
-//!               predicted <= burn for HOLD_MICROS
+//!               predicted <= dissipate for HOLD_MICROS
 //!
 //!     predicted = voltage + rise since the last sample
-//!     share     = (predicted - burn) / (BAND_FRACTION_AT_ALL * (burn_all - burn)), at most 1;
-//!                 the smallest share above 0 while predicted <= burn
+//!     share     = (predicted - dissipate) / (BAND_FRACTION_AT_ALL * (ceiling - dissipate)), at most 1
+//!     share     = Share::LEAST while predicted <= dissipate, until HOLD_MICROS have passed
 //! ```
 //!
-//! Proportional braking is a boost chopper: one ampere lifts 1000 uF by one volt in a millisecond. The filtered voltage
-//! is therefore too slow. The decision uses each sample, extrapolated by one sampling interval.
+//! A braking motor returns energy to the bus through its bridge, which works as a boost converter. One ampere lifts the
+//! voltage of 1000 uF by one volt in a millisecond. The filtered voltage follows too slowly. Each sample is therefore
+//! extrapolated by one sampling interval.
 
 use super::limits::{Levels, Limits};
 use crate::units::{Micros, Millivolts, Share};
 
-/// Longest interval in microseconds between two samples from which a rise is computed.
+/// Longest interval in microseconds between two samples for which the rise is computed. After a longer interval the rise
+/// counts as 0.
 const MAX_RISE_INTERVAL_MICROS: u64 = 2_500;
 
-/// Fraction of the band from `burn` to `burn_all` at which the share reaches its maximum.
+/// Fraction of the band from `dissipate` to `ceiling` at which the share reaches 1.
 ///
-/// The rest of the band absorbs the energy that returns before the bridges follow. It also absorbs the energy of the
-/// windings, which returns when a bridge changes from a full short to driving.
+/// The rest of the band is a reserve for energy that still returns to the bus. Energy returns until the bridges change their
+/// commands. The energy of a winding also returns when its bridge changes from a full short to driving.
 const BAND_FRACTION_AT_ALL: f32 = 0.5;
 
-/// Time in microseconds for which motors go on dissipating after the bus last exceeded `burn`.
+/// Time in microseconds for which motors go on dissipating after the predicted voltage last exceeded `dissipate`.
 ///
-/// A bus that was too high rises again as soon as motors return energy. After this time the bus counts as quiet, and
-/// the converter's watchdog reports a rise immediately. With one sample a millisecond instead, the bus could rise by
-/// more than the band between two samples.
+/// Without this time the bus would rise again as soon as motors return energy. After this time the bus is quiet, so the
+/// converter's watchdog reports the next rise immediately. Samples a millisecond apart could miss a rise by the whole band.
 const HOLD_MICROS: u64 = 50_000;
 
 /// State of the overvoltage protection.
@@ -39,12 +40,12 @@ const HOLD_MICROS: u64 = 50_000;
 pub(super) struct Overvoltage {
     /// The last sample and its time; `None` before the first sample.
     last_sample: Option<(Millivolts, Micros)>,
-    /// Time at which the bus last exceeded `burn`; `None` while idle.
+    /// Time at which the predicted voltage last exceeded `dissipate`; `None` while idle.
     exceeded_at: Option<Micros>,
 }
 
 impl Overvoltage {
-    /// The state before the first sample: idle.
+    /// The state before the first sample.
     pub(super) const IDLE: Self = Self { last_sample: None, exceeded_at: None };
 
     /// True while braking motors must dissipate energy.
@@ -52,9 +53,9 @@ impl Overvoltage {
         self.exceeded_at.is_some()
     }
 
-    /// Takes a sample and returns how strongly motors must dissipate; [`Share::NONE`] while idle.
+    /// Processes a sample, and returns how strongly motors must dissipate. The result is [`Share::NONE`] while idle.
     pub(super) fn step(&mut self, limits: &Limits, voltage: Millivolts, now: Micros) -> Share {
-        let Levels { burn, burn_all, .. } = limits.levels();
+        let Levels { dissipate, ceiling, .. } = limits.levels();
         let rise_mv = match self.last_sample {
             Some((last, at)) if now.since(at) <= MAX_RISE_INTERVAL_MICROS => {
                 voltage.get().saturating_sub(last.get())
@@ -62,13 +63,14 @@ impl Overvoltage {
             _ => 0,
         };
         self.last_sample = Some((voltage, now));
-        let excess_mv = (u32::from(voltage.get()) + u32::from(rise_mv)).saturating_sub(u32::from(burn.get()));
+        let excess_mv =
+            (u32::from(voltage.get()) + u32::from(rise_mv)).saturating_sub(u32::from(dissipate.get()));
         if excess_mv == 0 {
             self.exceeded_at = self.exceeded_at.filter(|at| now.since(*at) < HOLD_MICROS);
             return if self.is_active() { Share::LEAST } else { Share::NONE };
         }
         self.exceeded_at = Some(now);
-        let band_mv = burn_all.get().saturating_sub(burn.get());
+        let band_mv = ceiling.get().saturating_sub(dissipate.get());
         Share::from_f32(excess_mv as f32 / (BAND_FRACTION_AT_ALL * f32::from(band_mv)))
     }
 }

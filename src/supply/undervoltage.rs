@@ -8,73 +8,78 @@
 //!             voltage >= recover             voltage >= derate
 //! ```
 //!
-//! `Full` changes to `Cut` directly when the voltage falls to `cut` between two samples. The share of current that may
-//! be drawn is 0 in `Cut`. In the other stages the share is proportional to the voltage: 0 at `cut`, 1 at `derate`.
-//! The share falls immediately and rises slowly, by at most 1 in [`FULL_RISE_MICROS`]. A collapse of the bus sets the
-//! share to 0, and changes `Full` to `Derated`.
+//! `Full` changes to `Cut` directly when the voltage falls to `cut` between two samples.
+//!
+//! The *draw* is the share of current that motors may draw. It is 0 in `Cut`. In the other stages the draw rises linearly
+//! with the voltage, from 0 at `cut` to 1 at `derate`, and is 1 above. The draw falls immediately. It rises by at most 1 in
+//! [`FULL_RISE_MICROS`]. A collapse of the bus sets the draw to 0, and changes `Full` to `Derated`.
 
 use super::limits::{Levels, Limits};
 use crate::units::{Millivolts, Share};
 
-/// How much current may be drawn from the bus.
+/// How far the supply limits the current that motors draw from the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Stage {
-    /// The battery is not low. After a low voltage the limit of the current may still be rising.
+pub enum DrawStage {
+    /// The battery is not low. The draw is 1, or still rises to 1 after a low voltage.
     #[default]
     Full,
-    /// The battery is low, and the current is limited.
+    /// The battery is low, and the draw is limited.
     Derated,
-    /// No current may be drawn. Motors brake or coast.
+    /// Motors may draw no current. They brake or coast.
     Cut,
 }
 
-/// Time in microseconds in which the share rises from 0 to 1.
+/// Time in microseconds in which the draw rises from 0 to 1.
 ///
-/// A battery's voltage recovers as soon as less current is drawn. If the share rose immediately, the supply would
-/// switch between drawing and cutting.
+/// A battery's voltage recovers as soon as less current is drawn. If the draw rose immediately, the stage would alternate
+/// between `Cut` and `Derated`.
 const FULL_RISE_MICROS: f32 = 1e6;
 
 /// State of the undervoltage protection.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Derating {
-    /// The present stage.
-    stage: Stage,
-    /// Share of the current that may be drawn, 0 to 1.
+    stage: DrawStage,
+    /// Share of current that motors may draw, 0 to 1.
     draw: f32,
 }
 
 impl Derating {
-    /// The state before the first sample: all current may be drawn.
-    pub(super) const INITIAL: Self = Self { stage: Stage::Full, draw: 1.0 };
+    /// The state before the first sample. Motors may draw all current.
+    pub(super) const INITIAL: Self = Self { stage: DrawStage::Full, draw: 1.0 };
 
-    /// Sets the share to 0 because the bus voltage has collapsed.
-    pub(super) fn cut_after_collapse(&mut self) -> (Stage, Share) {
-        if self.stage == Stage::Full {
-            self.stage = Stage::Derated;
+    /// Sets the draw to 0 because the bus voltage has collapsed.
+    pub(super) fn cut_after_collapse(&mut self) -> (DrawStage, Share) {
+        if self.stage == DrawStage::Full {
+            self.stage = DrawStage::Derated;
         }
         self.draw = 0.0;
         (self.stage, Share::NONE)
     }
 
-    /// True if all current may be drawn.
+    /// True if motors may draw all current.
     pub(super) fn allows_all(&self) -> bool {
-        self.stage == Stage::Full && self.draw >= 1.0
+        self.stage == DrawStage::Full && self.draw >= 1.0
     }
 
-    /// Takes a filtered voltage, `passed_us` microseconds after the last one.
-    pub(super) fn step(&mut self, limits: &Limits, voltage: Millivolts, passed_us: u32) -> (Stage, Share) {
+    /// Updates stage and draw from the filtered voltage, `passed_us` microseconds after the last update.
+    pub(super) fn step(
+        &mut self,
+        limits: &Limits,
+        voltage: Millivolts,
+        passed_us: u32,
+    ) -> (DrawStage, Share) {
         let Levels { cut, derate, recover, .. } = limits.levels();
         self.stage = match self.stage {
-            _ if voltage <= cut => Stage::Cut,
-            Stage::Cut if voltage < derate => Stage::Cut,
-            Stage::Full if voltage >= derate => Stage::Full,
-            Stage::Derated if voltage >= recover => Stage::Full,
-            _ => Stage::Derated,
+            _ if voltage <= cut => DrawStage::Cut,
+            DrawStage::Cut if voltage < derate => DrawStage::Cut,
+            DrawStage::Full if voltage >= derate => DrawStage::Full,
+            DrawStage::Derated if voltage >= recover => DrawStage::Full,
+            _ => DrawStage::Derated,
         };
         let limit = match self.stage {
-            Stage::Cut => 0.0,
-            Stage::Full | Stage::Derated => fraction_between(voltage, cut, derate),
+            DrawStage::Cut => 0.0,
+            DrawStage::Full | DrawStage::Derated => fraction_between(voltage, cut, derate),
         };
         self.draw = limit.min(self.draw + passed_us as f32 / FULL_RISE_MICROS);
         (self.stage, Share::from_f32(self.draw))

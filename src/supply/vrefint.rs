@@ -1,11 +1,12 @@
-//! Converts ADC readings to the battery's voltage, with the chip's internal reference VREFINT read beside the battery.
+//! Converts ADC readings to the battery's voltage. Each conversion uses a reading of the chip's internal reference, VREFINT.
 //!
-//! The calibrated reference gives the converter's true supply. Without it a sagging rail would look like a rising
-//! battery.
+//! An ADC measures relative to its own supply, the *rail*. The reference has a known voltage, so its reading gives the rail.
+//! Without this correction a falling rail would look like a rising battery.
 
 use crate::units::{Millivolts, RangeError};
 
-/// Supply voltages in mV that an STM32 can run from. A VREFINT reading outside this range is invalid.
+/// Rail voltages in mV that an STM32 can run from (data sheets: 1.7 to 3.6 V, here with a margin). A VREFINT reading that means
+/// another rail voltage is invalid.
 const RAIL_MV: core::ops::RangeInclusive<i64> = 1700..=3700;
 
 /// One pair of ADC readings, right-aligned.
@@ -23,13 +24,13 @@ pub struct VrefintSample {
 pub struct VrefintCalibration {
     /// Reading of the reference at calibration.
     pub reading: u16,
-    /// The converter's supply at calibration: 3.3 V for an STM32F4, 3.0 V for a G4 (data sheets).
+    /// Rail at calibration: 3.3 V for an STM32F4, 3.0 V for a G4 (data sheets).
     pub rail: Millivolts,
     /// Resolution of the converter in bits, 1 to 16, for the calibration and for all samples.
     pub bits: u8,
 }
 
-/// Converts between pairs of readings and the battery's voltage.
+/// Converts pairs of readings to the battery's voltage, and back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VrefintScale {
     calibration: VrefintCalibration,
@@ -40,7 +41,7 @@ pub struct VrefintScale {
 }
 
 impl VrefintScale {
-    /// Creates the scale of a divider with `top_ohms` to the battery and `bottom_ohms` to ground.
+    /// Creates the scale of a voltage divider with `top_ohms` to the battery and `bottom_ohms` to ground.
     ///
     /// # Errors
     /// [`RangeError::Divider`] if a resistance is 0. [`RangeError::Resolution`] if the converter does not have 1 to 16
@@ -64,8 +65,8 @@ impl VrefintScale {
         Ok(Self { calibration, ratio, counts_per_mv })
     }
 
-    /// Returns the battery's voltage. `None` if the reference's reading means a supply that the chip cannot run from,
-    /// or if the voltage exceeds 65.535 V.
+    /// Returns the battery's voltage. `None` if the chip cannot run from the rail that the reference reads, or if the voltage
+    /// exceeds 65.535 V.
     pub fn battery(self, sample: VrefintSample) -> Option<Millivolts> {
         let full_scale = (1_i64 << self.calibration.bits) - 1;
         let reference = i64::from(sample.vrefint).min(full_scale);
@@ -77,13 +78,14 @@ impl VrefintScale {
         if !RAIL_MV.contains(&(calibration_product / reference)) {
             return None;
         }
-        // 16 + 16 + 16 bits and a ratio of up to 42 bits can exceed 64 bits. A saturated product ends above 65.535 V.
+        // The product of three 16-bit factors and a ratio of up to 42 bits can exceed 64 bits. A saturated product means a
+        // voltage above 65.535 V, which is refused.
         let pin = i64::from(sample.battery).min(full_scale) * calibration_product;
         let mv = (pin.saturating_mul(self.ratio) / (full_scale * reference)) >> 10;
         u16::try_from(mv).ok().map(Millivolts::new)
     }
 
-    /// Returns the reading of a battery voltage while the reference reads `vrefint`; at most full scale.
+    /// Returns the battery reading for a battery voltage, while the reference reads `vrefint`. At most full scale.
     pub fn reading(self, battery: Millivolts, vrefint: u16) -> u16 {
         let full_scale = (1_i64 << self.calibration.bits) - 1;
         let product = i64::from(battery.get()) * i64::from(vrefint);

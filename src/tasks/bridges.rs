@@ -1,4 +1,4 @@
-//! Bridge feedback, on boards that have these signals: samples faults and currents every 25 ms for control.
+//! Samples the fault outputs and the currents of the bridges for control, on boards that have these signals.
 
 use super::{Health, Task, Wires};
 use crate::board::{BridgeFaults, CurrentSense};
@@ -8,9 +8,9 @@ use embassy_time::{Duration, Ticker};
 
 /// Sampling interval.
 ///
-/// A bridge that has switched itself off stays off until it is commanded on again, so no fault is missed. A mean current settles within
-/// two milliseconds. Currents are used for effects that take seconds: the heat of a winding and alerts for a host. With
-/// two samples in the default control period, a measured current is never older than a modelled one.
+/// A bridge that has switched itself off stays off until it is commanded on again, so no fault is missed between two samples.
+/// Currents are used for slow quantities: the heat of a winding, which changes in seconds, and alerts for a host. Two samples in
+/// the default control period are enough for a measured current to be no older than a modelled one.
 pub const SENSE_INTERVAL: Duration = Duration::from_millis(25);
 
 /// Runs the task. Never returns. A board without current-sense lines passes `()` as `currents`.

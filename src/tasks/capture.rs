@@ -1,6 +1,6 @@
-//! Encoder capture: samples all counters every millisecond, and passes positions and edge times on to control.
+//! Samples all encoder counters every millisecond, and passes positions and times of edges to control.
 //!
-//! A counter that cannot be read keeps its last reading, which control finds stale after 20 ms.
+//! If a counter cannot be read, its last reading stays. Control treats a reading older than 20 ms as a missing encoder.
 
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::board::Encoders;
@@ -37,8 +37,7 @@ pub async fn run<M: RawMutex, const N: usize>(
         });
         wires.news.signal(());
         health.check_in(Task::Capture);
-        // Samples that are late by more than an interval are skipped. The division is slow on some chips, so it is done
-        // only then.
+        // If the next sample is already overdue, samples are skipped up to the next whole millisecond.
         due += CAPTURE_INTERVAL;
         let now = Instant::now();
         if now > due {

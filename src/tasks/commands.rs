@@ -1,8 +1,8 @@
-//! The queue of commands to the control task: none is lost, they stay in order, and each has a number.
+//! The queue of commands to the control task. No command is lost, commands stay in order, and each command has a number.
 //!
-//! The first command since boot has the number 1; after 2^32 - 1 comes 0. [`Hub`](crate::hub::Hub) counts the commands
-//! that it applies, so its [`Snapshot`](crate::hub::Snapshot) says which commands it includes. Both counts agree if the
-//! control task's hub is given commands by this queue only.
+//! The first command since boot has the number 1. Numbers wrap from 2^32 - 1 to 0. [`Hub`](crate::hub::Hub) counts the commands
+//! that it applies, so its [`Snapshot`](crate::hub::Snapshot) states which commands it includes. The numbers of hub and queue
+//! agree only if all commands to the hub go through this queue.
 
 use super::COMMANDS;
 use crate::hub::Command;
@@ -13,13 +13,14 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_sync::channel::{Channel, TryReceiveError, TrySendError};
 
 /// The queue of commands to the control task.
-pub struct Commands<M: RawMutex> {
+pub struct CommandQueue<M: RawMutex> {
     channel: Channel<M, Command, COMMANDS>,
-    /// Number of the newest command in the channel. It is locked while a command enters, so numbers are in order.
+    /// Number of the newest command that has entered the channel. The lock is held while a command enters, so that numbers are
+    /// in order.
     newest: Mutex<M, Cell<u32>>,
 }
 
-impl<M: RawMutex> Commands<M> {
+impl<M: RawMutex> CommandQueue<M> {
     /// An empty queue.
     pub const fn new() -> Self {
         Self { channel: Channel::new(), newest: Mutex::new(Cell::new(0)) }
@@ -37,8 +38,8 @@ impl<M: RawMutex> Commands<M> {
         })
     }
 
-    /// Queues a command once there is room, and returns its number. A command whose future is dropped before that is not
-    /// queued.
+    /// Waits until there is room, queues a command, and returns its number. If the future is dropped before it is ready, the
+    /// command is not queued.
     pub async fn send(&self, command: Command) -> u32 {
         loop {
             if let Ok(number) = self.try_send(command) {
@@ -57,7 +58,7 @@ impl<M: RawMutex> Commands<M> {
     }
 }
 
-impl<M: RawMutex> Default for Commands<M> {
+impl<M: RawMutex> Default for CommandQueue<M> {
     fn default() -> Self {
         Self::new()
     }

@@ -1,8 +1,8 @@
-//! Runs the hub: a tick each period, and faster reactions between two ticks.
+//! Runs the hub: a tick each control period, and faster reactions between two ticks.
 //!
-//! * Between two ticks, at each encoder sample and each alarm of the bus: update estimates, execute urgent commands,
-//!   take feedback of the bridges, and apply new limits of the bus. Commands and limits may change what bridges do.
-//! * At each tick: apply all commands, step the hub, and publish bridge commands and snapshot.
+//! * Between two ticks, at each encoder sample and each alarm of the bus, the task updates estimates, executes direct commands,
+//!   and passes on feedback of the bridges and limits of the bus. Direct commands and limits may change the bridge commands.
+//! * At each tick the task applies all commands, steps the hub, and publishes bridge commands and snapshot.
 
 use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
@@ -13,20 +13,20 @@ use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
 
-/// Runs the control task without end. The hub is borrowed, because a future stores an argument twice.
+/// Runs the task. Never returns. The hub is borrowed, because a future would store an owned argument twice.
 ///
-/// Ticks are on a grid of whole periods from the start. After a tick that ends too late, missed ticks are left out and
-/// counted: there is no burst of ticks.
+/// Ticks are due at multiples of the control period after the start. If a tick ends after the next one was due, the ticks that
+/// were due meanwhile are left out and counted.
 pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>, health: &Health) -> ! {
     let period = Duration::from_micros(hub.period().as_micros());
     let snapshots = wires.snapshot.sender();
     let mut inputs = Inputs { now: micros(Instant::now()), readings: [None; N], battery: None };
-    // If every sample has a tick, the snapshots have all speeds.
+    // Without samples between two ticks, the speeds in the snapshots are the newest.
     let samples_between_ticks = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
     loop {
         if let Either::First(()) = select(wires.news.wait(), Timer::at(due)).await {
-            // After a bus alarm the readings are unchanged; taking them again has no effect.
+            // After an alarm of the bus the readings are unchanged. Processing them again has no effect.
             update_newest(wires, |newest| {
                 hub.sample(newest.readings());
                 if samples_between_ticks {
@@ -35,7 +35,7 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             });
             if wires.urgent.lock(|urgent| urgent.replace(false)) {
                 apply_commands(hub, wires);
-                if let Some(drives) = hub.act(micros(Instant::now()), inputs.battery) {
+                if let Some(drives) = hub.execute_direct(micros(Instant::now()), inputs.battery) {
                     wires.drives.signal(drives);
                 }
             }
@@ -44,13 +44,13 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
             }
             if wires.battery.signaled() {
                 inputs.battery = wires.battery.try_take();
-                if let Some(drives) = inputs.battery.and_then(|sample| hub.watch_bus(sample)) {
+                if let Some(drives) = inputs.battery.and_then(|sample| hub.apply_limits(sample)) {
                     wires.drives.signal(drives);
                 }
             }
             continue;
         }
-        // Capture is due at the same time. Its sample comes first.
+        // The capture task is due at the same time, and must take its sample before the tick.
         yield_now().await;
         wires.news.reset();
         update_newest(wires, |newest| inputs.readings = *newest.readings());
@@ -83,12 +83,12 @@ pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M,
 /// Applies all waiting commands in their order.
 fn apply_commands<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>) {
     while let Ok(command) = wires.commands.try_receive() {
-        // A command to a motor beyond N is refused. It needs no reaction.
+        // The hub counts a command that it refuses. No other reaction is needed.
         let _ = hub.apply(command);
     }
 }
 
-/// Calls `access` with the newest samples.
+/// Calls `access` with the newest encoder samples.
 fn update_newest<M: RawMutex, const N: usize>(wires: &Wires<M, N>, access: impl FnOnce(&mut Newest<N>)) {
     wires.newest.lock(|newest| {
         // No task keeps the borrow across an await, so the borrow succeeds.

@@ -1,4 +1,5 @@
-//! Supervision of the tasks: feeds the watchdog each time that all tasks have checked in.
+//! Supervises the tasks. Feeds the watchdog each time that all tasks have *checked in*, which means that each has done its work
+//! once. A *round* is the time from one feeding to the next.
 
 use crate::board::Watchdog;
 use core::cell::Cell;
@@ -57,12 +58,12 @@ impl Health {
         Self { expected: self.expected | task as u8, ..self }
     }
 
-    /// Notes that a task has done its work.
+    /// Checks in a task, because it has done its work.
     pub fn check_in(&self, task: Task) {
         self.checked_in.lock(|tasks| tasks.set(tasks.get() | task as u8 & self.expected));
     }
 
-    /// Returns how often all tasks have checked in since reset.
+    /// Returns the number of rounds since reset.
     pub fn rounds(&self) -> u32 {
         self.rounds.lock(Cell::get)
     }
@@ -79,7 +80,7 @@ impl Health {
     }
 }
 
-/// Interval at which the check-ins are checked.
+/// Interval at which the task finds out whether all tasks have checked in.
 pub const HEALTH_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Runs the task. Never returns.

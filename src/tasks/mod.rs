@@ -10,22 +10,24 @@
 //!
 //! | channel | kind | when full, or without new data |
 //! |---|---|---|
-//! | newest | the latest encoder readings, in a cell | overwritten; a reading older than 20 ms counts as no encoder |
-//! | news | [`Signal`] | set with each encoder sample, and with the first sample of a bus that has left its quiet range |
-//! | battery | [`Signal`] with the latest state | overwritten; a state older than 100 ms counts as no battery |
-//! | bus | the last reading of the bus, in a cell | overwritten; a reading older than 100 ms counts as none |
-//! | commands | [`Commands`], a numbered queue of 16, first in first out | the sender waits, or gets an error |
-//! | urgent | a flag | set with a command that needs no regulator; control then takes all commands at the next sample |
-//! | drives | [`Signal`] with the latest bridge commands | overwritten; after three control periods without one all bridges coast |
+//! | newest | the latest encoder readings, in a cell | overwritten; a motor whose reading is older than 20 ms counts as a motor without encoder |
+//! | news | [`Signal`] without data | set with each encoder sample, and with the first sample of a bus that has left its quiet range |
+//! | battery | [`Signal`] with the latest state | overwritten; with a state older than 100 ms the battery counts as unknown |
+//! | bus | the last reading of the bus, in a cell | overwritten; a reading older than 100 ms counts as silent |
+//! | commands | [`CommandQueue`], a numbered queue of 16, first in first out | the sender waits, or gets an error |
+//! | urgent | a flag | set with a direct command; control then applies all waiting commands at the next sample |
+//! | drives | [`Signal`] with the latest bridge commands | overwritten; after three control periods without new commands all bridges coast |
 //! | sensed | [`Signal`] with the latest bridge feedback | overwritten; the last feedback stays valid |
-//! | snapshot | [`Watch`]: the latest, for several readers | overwritten; contains tick number and time |
+//! | snapshot | [`Watch`] with the latest snapshot, for several readers | overwritten; contains tick number and time |
 //! | record | the record of faults, in a cell | written with each tick; the oldest entry is overwritten |
-//! | last words | why the run ended, in a cell | written once per run, by fault handlers |
+//! | crash report | the fault that ended the run, in a cell | written once per run, by fault handlers |
 //! | store | two [`Signal`]s: request and result | one request at a time |
 //! | update | two [`Signal`]s: request and result | one request at a time |
-//! | host spoke | a flag | set once the first packet of a host has arrived, until reset |
+//! | host spoke | a flag | set when the first packet of a host has arrived, until reset |
 //!
-//! Control locks `newest` while it updates its observers. A mutex that masks interrupts masks them for that time.
+//! A [*direct* command](crate::hub::Action::is_direct) needs no regulator, so a motor can execute it between two ticks.
+//!
+//! Control locks `newest` while it updates its estimates. A mutex that masks interrupts masks them during this time.
 //!
 //! All tasks are generic over the number of motors and over the board's traits. An embassy task cannot be generic, so a
 //! board wraps each task in an embassy task of one line.
@@ -37,7 +39,7 @@
 //! use motor_hub::tasks::Wires;
 //! use motor_hub::units::Control;
 //!
-//! // A command waits for the next tick, unless it needs no regulator. The example two_motors.rs runs all tasks.
+//! // The command waits for the control task. The example two_motors.rs runs all tasks.
 //! let wires = Wires::<NoopRawMutex, 2>::new();
 //! let command = Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::MAX)) };
 //! assert_eq!(wires.try_send(command), Ok(1), "the first command since boot");
@@ -55,7 +57,7 @@ pub mod store;
 pub mod supply;
 pub mod update;
 
-pub use commands::Commands;
+pub use commands::CommandQueue;
 pub use health::{Health, Task};
 
 use crate::bridge::{BridgeFeedback, Drive};
@@ -72,17 +74,17 @@ use embassy_sync::signal::Signal;
 use embassy_sync::watch::Watch;
 use embassy_time::Instant;
 
-/// Number of commands that can wait for the next tick.
+/// Number of commands that can wait in the queue.
 pub const COMMANDS: usize = 16;
 
-/// Number of receivers of snapshots.
+/// Largest number of tasks that can wait for snapshots.
 pub const OBSERVERS: usize = 4;
 
-/// A pair of signals between the responder and a task whose work takes time.
+/// The signals between the responder and a task that carries out its requests.
 pub struct RequestChannel<M: RawMutex, O, D> {
-    /// Request to the task, one at a time.
+    /// Request of the responder. The responder sends one request at a time.
     pub request: Signal<M, O>,
-    /// Result of the request.
+    /// Result of the request, or another report of the task.
     pub done: Signal<M, D>,
 }
 
@@ -95,27 +97,27 @@ impl<M: RawMutex, O, D> RequestChannel<M, O, D> {
 
 /// The channels between the tasks of a hub with N motors. A board has one static of this type.
 pub struct Wires<M: RawMutex, const N: usize> {
-    /// Tells control that there is new data: an encoder sample from capture, or an alarm of the bus from supply.
+    /// Wakes control, because capture has taken an encoder sample or supply has found that the bus has left its quiet range.
     pub news: Signal<M, ()>,
     /// State of the battery, from supply to control.
     pub battery: Signal<M, Battery>,
     /// Last reading of the bus, from supply to all tasks.
     pub bus: Mutex<M, Cell<BusReading>>,
     /// Commands to motors, from all tasks to control, each with a number.
-    pub commands: Commands<M>,
-    /// True if one of the commands is to be applied at the next sample, without waiting for a tick.
+    pub commands: CommandQueue<M>,
+    /// True if a direct command waits, which control must apply at the next sample.
     pub urgent: Mutex<M, Cell<bool>>,
     /// Commands to the bridges, from control to output.
     pub drives: Signal<M, [Drive; N]>,
     /// Feedback of the bridges, from the bridges' task to control.
     pub sensed: Signal<M, [BridgeFeedback; N]>,
-    /// State of all motors as of the last tick, from control to all tasks.
+    /// State of all motors at the last tick, from control to all tasks.
     pub snapshot: Watch<M, Snapshot<N>, OBSERVERS>,
-    /// Positions of the newest samples, written by capture. Control adds the speeds. All tasks may read them.
+    /// Positions at the newest encoder samples, from capture to all tasks. Control adds the speeds.
     pub newest: Mutex<M, RefCell<Newest<N>>>,
-    /// Record of faults. Control writes each tick, and the responder reads. `None` if the hub keeps no record.
+    /// Record of faults. Control writes the record, and the responder reads it. `None` if the hub has no record.
     pub record: Mutex<M, RefCell<Option<Record<'static>>>>,
-    /// Why this run ended, from a fault handler to the next run. `None` if the hub keeps no record.
+    /// Memory for the fault that ends this run, from a fault handler to the next run. `None` if the hub has no record.
     pub crash_report: CriticalSectionMutex<RefCell<Option<CrashReport<'static>>>>,
     /// Requests of the responder to the task that stores settings, and their results.
     pub store: RequestChannel<M, crate::store::StoreRequest, store::Done>,
@@ -131,8 +133,8 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         Self {
             news: Signal::new(),
             battery: Signal::new(),
-            bus: Mutex::new(Cell::new(BusReading::NOTHING)),
-            commands: Commands::new(),
+            bus: Mutex::new(Cell::new(BusReading::INITIAL)),
+            commands: CommandQueue::new(),
             urgent: Mutex::new(Cell::new(false)),
             drives: Signal::new(),
             sensed: Signal::new(),
@@ -148,14 +150,15 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
 }
 
 impl<M: RawMutex, const N: usize> Wires<M, N> {
-    /// Starts the record of a run in this memory. `cause` is the cause of the last reset.
-    pub fn remember(&self, memory: &'static mut [u8; SIZE], cause: Fault) {
+    /// Opens the record of faults in this memory. `cause` is the cause of the last reset.
+    pub fn open_record(&self, memory: &'static mut [u8; SIZE], cause: Fault) {
         let (record, crash_report) = Record::open(memory, cause);
         self.record.lock(|slot| slot.replace(Some(record)));
         self.crash_report.lock(|slot| slot.replace(Some(crash_report)));
     }
 
-    /// Writes why the run ends. May be called from any context. A fault during the write is not written.
+    /// Stores the fault that ends the run, for the record. May be called from any context. A second fault during the call is not
+    /// stored.
     pub fn report_crash(&self, fault: Fault, detail: [u32; 2]) {
         self.crash_report.lock(|slot| {
             if let Ok(mut slot) = slot.try_borrow_mut()
@@ -166,25 +169,27 @@ impl<M: RawMutex, const N: usize> Wires<M, N> {
         });
     }
 
-    /// Sends a command to the control task, and returns the command's number. A command that needs no regulator is applied
-    /// within a millisecond, any other one at the next tick. [`Snapshot::includes`] says whether a snapshot includes it.
+    /// Sends a command to the control task, and returns the command's number. [`Snapshot::includes`] says whether a snapshot
+    /// includes the command with this number.
+    ///
+    /// Control applies the command at the next tick, or within a millisecond while a direct command waits.
     ///
     /// # Errors
-    /// The command, if 16 wait already.
+    /// Returns the command if [`COMMANDS`] commands wait already.
     pub fn try_send(&self, command: Command) -> Result<u32, TrySendError<Command>> {
         let number = self.commands.try_send(command)?;
         self.mark_urgent(command);
         Ok(number)
     }
 
-    /// Sends a command like [`try_send`](Self::try_send), but waits while there is no room.
+    /// Sends a command like [`try_send`](Self::try_send), but waits while the queue is full.
     pub async fn send(&self, command: Command) -> u32 {
         let number = self.commands.send(command).await;
         self.mark_urgent(command);
         number
     }
 
-    /// Sets the `urgent` flag for a command that needs no regulator.
+    /// Sets the `urgent` flag for a direct command.
     fn mark_urgent(&self, command: Command) {
         if command.action.is_direct() {
             self.urgent.lock(|urgent| urgent.set(true));
@@ -203,7 +208,7 @@ fn micros(instant: Instant) -> Micros {
     Micros::new(instant.as_micros())
 }
 
-/// Returns the first whole millisecond that is not before `now`. Tasks that start there run at the same times.
+/// Rounds a time up to a whole millisecond. Tasks that start at whole milliseconds are due at the same times.
 fn whole_millisecond(now: Instant) -> Instant {
     Instant::from_millis(now.as_micros().div_ceil(1000))
 }

@@ -1,4 +1,4 @@
-//! Bridge output: applies commands to the bridges. If no command comes for three control periods, all bridges coast.
+//! Applies the commands of control to the bridges. If control sends no command for three control periods, all bridges coast.
 
 use super::{Health, Task, Wires};
 use crate::board::Bridges;
@@ -12,8 +12,8 @@ pub const DRIVE_TIMEOUT_PERIODS: u64 = 3;
 
 /// Runs the task. Never returns.
 ///
-/// The task checks in with each command that it applies. While no command comes, the task runs but control does not.
-/// Neither task checks in then, and the watchdog resets the chip.
+/// The task checks in when it applies a command. If control stops sending commands, neither task checks in, and the watchdog
+/// resets the chip.
 pub async fn run<M: RawMutex, const N: usize>(
     mut bridges: impl Bridges<N>,
     period: Period,

@@ -1,5 +1,6 @@
-//! The hub's end of the host's protocol: bytes to packets, packets to commands and replies, digital pins, and the clock for
-//! the keep-alive timer and the status LED.
+//! The hub's end of the link to a host. Bytes become packets, and packets become commands and replies.
+//!
+//! While no bytes arrive, the task runs the keep-alive timer, the digital pins, and the status LED.
 
 use super::store::Done;
 use super::{Wires, micros};
@@ -17,27 +18,29 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, TICK_HZ, Timer};
 use embedded_io_async::{Read, Write};
 
-/// How often the status LED and the battery are looked after: a step of a pattern lasts at least twice as long, and a
-/// battery that breaks down is low for about as long, until it is unknown.
+/// Longest time between two updates of the status LED, of the pins and of the battery state. The shortest step of an LED
+/// pattern lasts twice this time.
 pub const REFRESH: Duration = Duration::from_millis(50);
 
-/// Bytes taken from the line at once.
+/// Most bytes that one read takes from the receiver.
 const CHUNK: usize = 64;
 
-/// The wait after a line error, so that a broken line does not keep the processor busy.
+/// Pause after a line error. Without the pause a broken line would keep the processor busy.
 const RECOVERY: Duration = Duration::from_millis(1);
 
-/// Talks to hosts until `rx` ends (reads nothing), which a serial line never does. Where connections
-/// come and go, [`attend`] to the responder between them: the keep-alive timer runs on.
+/// Answers the requests of hosts until `rx` reads 0 bytes. A serial line never reads 0 bytes.
 ///
-/// A responder that [expects a store](Responder::expecting_store) hears nothing before that has told what is in it.
+/// A program whose connections end must call [`attend`] between two connections. Otherwise the keep-alive timer stops.
 ///
-/// Every reply is one `write_all`. A packet that is cut short or damaged by a line error goes
-/// unanswered, as does one whose reply cannot be written; hosts ask again. While a host does not take
-/// its reply, time goes on for the motors all the same.
+/// If the responder [expects stored settings](Responder::expecting_store), the task waits until they are restored, or for a
+/// time-out. Only then it reads requests.
 ///
-/// `rx.read` must lose nothing when it is dropped before it is ready: on a chip, a receiver with a
-/// buffer of its own. `pins` is `()` on a board without. `show` is given the colour of the status LED, changed or not.
+/// Each reply is written by one `write_all`. The hub does not answer a damaged packet, and a reply that cannot be written
+/// is discarded. Hosts then repeat the request. While a reply waits for the line, commands and timers continue.
+///
+/// The future of `rx.read` is dropped before it is ready. It must not lose bytes then, so a receiver on a chip needs its
+/// own buffer. A board without digital pins passes `()` as `pins`. `show` receives the colour of the status LED at each
+/// update, also if the colour has not changed.
 pub async fn run<M: RawMutex, const N: usize>(
     mut rx: impl Read,
     mut tx: impl Write,
@@ -46,7 +49,7 @@ pub async fn run<M: RawMutex, const N: usize>(
     wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) {
-    recall(responder, wires, &mut show).await;
+    await_store(responder, wires, &mut show).await;
     let mut decoder = Decoder::new();
     let mut chunk = [0; CHUNK];
     loop {
@@ -61,58 +64,58 @@ pub async fn run<M: RawMutex, const N: usize>(
             Either3::Second(()) => 0,
         };
         let mut input = chunk.get(..length).unwrap_or_default();
-        let mut came = now();
-        while let Some(packet) = decoder.next(&mut input, came) {
-            exchange(responder, &mut pins);
+        let mut received_at = now();
+        while let Some(packet) = decoder.next(&mut input, received_at) {
+            exchange_pins(responder, &mut pins);
             responder.sense_bus(wires.bus.lock(Cell::get));
-            hear_slot(responder, wires);
+            take_update_result(responder, wires);
             let reply = wires.record.lock(|record| {
-                // Nobody holds it over an await.
+                // No task keeps the borrow across an await, so the borrow succeeds.
                 let mut record = record.try_borrow_mut().ok();
                 let record = record.as_mut().and_then(|record| record.as_mut());
                 responder.receive_with(&packet, now(), &snapshot(wires), record)
             });
             let Some(reply) = reply else { continue };
-            settle(responder, &mut pins, wires, &mut show);
+            poll(responder, &mut pins, wires, &mut show);
             let frame = frame::encode(&reply);
             let write = async {
-                // Without a reply the host asks again. What was not taken whole may never be flushed.
+                // A host that gets no reply repeats its request. A flush after a failed write may never end.
                 if tx.write_all(&frame).await.is_ok() {
                     let _ = tx.flush().await;
                 }
             };
             select(write, attend(responder, &mut pins, wires, &mut show)).await;
-            // What is left had to wait for that, and whatever belongs to it still does.
-            came = now();
+            // The rest of `input` has waited for the write. The time-out of an unfinished frame must not include this wait.
+            received_at = now();
         }
-        settle(responder, &mut pins, wires, &mut show);
-        // A host that never pauses must not keep other tasks from running.
+        poll(responder, &mut pins, wires, &mut show);
+        // A host that sends without pauses must not keep other tasks from running.
         yield_now().await;
     }
 }
 
-/// A memory that has not told so long after a reset what is in it never will: an erasure that power had cut, and that is
-/// done again, takes 4 s at the most.
-const RECALL: Duration = Duration::from_secs(5);
+/// Longest wait for the stored settings after a reset. Repeating an interrupted erasure takes at most 4 s.
+const STORE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Waits for what is stored, if there is a memory for it.
-async fn recall<M: RawMutex, const N: usize>(
+/// Waits until the stored settings are restored, or until [`STORE_TIMEOUT`]. A hub without a memory does not wait.
+async fn await_store<M: RawMutex, const N: usize>(
     responder: &mut Responder<N>,
     wires: &Wires<M, N>,
     mut show: impl FnMut(Colour),
 ) {
-    let end = Instant::now() + RECALL;
+    let end = Instant::now() + STORE_TIMEOUT;
     while responder.awaits_store() && Instant::now() < end {
         show(responder.led(now()));
-        let told = select(wires.store.done.wait(), Timer::after(REFRESH)).await;
-        if let Either::First(Done { found: Some(found), .. }) = told {
+        let result = select(wires.store.done.wait(), Timer::after(REFRESH)).await;
+        if let Either::First(Done { found: Some(found), .. }) = result {
             responder.restore(found);
         }
     }
 }
 
-/// All that does not depend on bytes: motors are told what they have not been told yet, the keep-alive
-/// timer runs, and the LED shows it. Runs for ever; dropping it loses nothing.
+/// Runs the responder while no bytes arrive: sends pending commands, and updates keep-alive timer, pins and LED.
+///
+/// Never returns. The future may be dropped at any time, and no command is lost or sent twice.
 pub async fn attend<M: RawMutex, const N: usize>(
     responder: &mut Responder<N>,
     mut pins: impl DigitalPins,
@@ -120,7 +123,7 @@ pub async fn attend<M: RawMutex, const N: usize>(
     mut show: impl FnMut(Colour),
 ) -> ! {
     loop {
-        settle(responder, &mut pins, wires, &mut show);
+        poll(responder, &mut pins, wires, &mut show);
         let refresh = Instant::now() + REFRESH;
         let due = responder.deadline().map_or(refresh, |deadline| instant(deadline).min(refresh));
         match responder.pending() {
@@ -134,8 +137,8 @@ pub async fn attend<M: RawMutex, const N: usize>(
     }
 }
 
-/// What can be done without waiting.
-fn settle<M: RawMutex, const N: usize>(
+/// Does all work of the responder that needs no wait.
+fn poll<M: RawMutex, const N: usize>(
     responder: &mut Responder<N>,
     pins: &mut impl DigitalPins,
     wires: &Wires<M, N>,
@@ -144,38 +147,39 @@ fn settle<M: RawMutex, const N: usize>(
     let (now, snapshot) = (now(), snapshot(wires));
     responder.tick(now, &snapshot);
     if let Some(Done { found, outcome }) = wires.store.done.try_take() {
-        responder.carried_out(found, outcome);
+        responder.store_done(found, outcome);
     }
-    if let Some(order) = responder.store_request(&snapshot) {
-        wires.store.request.signal(order);
+    if let Some(request) = responder.store_request(&snapshot) {
+        wires.store.request.signal(request);
     }
-    hear_slot(responder, wires);
-    if let Some(order) = responder.update_request() {
-        wires.update.request.signal(order);
+    take_update_result(responder, wires);
+    if let Some(request) = responder.update_request() {
+        wires.update.request.signal(request);
     }
     wires.host_spoke.lock(|spoke| spoke.set(responder.host_spoke()));
     while let Some(command) = responder.pending() {
         let Ok(number) = wires.try_send(command) else { break };
         responder.sent(number);
     }
-    exchange(responder, pins);
+    exchange_pins(responder, pins);
     show(responder.led(now));
 }
 
-/// What became of a chunk, before the next one is looked at.
-fn hear_slot<M: RawMutex, const N: usize>(responder: &mut Responder<N>, wires: &Wires<M, N>) {
+/// Passes a result of the update task to the responder. The responder must know the result before it accepts the next chunk.
+fn take_update_result<M: RawMutex, const N: usize>(responder: &mut Responder<N>, wires: &Wires<M, N>) {
     if let Some(done) = wires.update.done.try_take() {
         responder.update_done(done);
     }
 }
 
-/// Digital pins are told what to do, and tell how they are.
-fn exchange<const N: usize>(responder: &mut Responder<N>, pins: &mut impl DigitalPins) {
+/// Drives the digital outputs, and reads the levels of all pins.
+fn exchange_pins<const N: usize>(responder: &mut Responder<N>, pins: &mut impl DigitalPins) {
     let DigitalLines { driven, levels } = responder.digital_lines();
     responder.sense_pins(pins.exchange(driven, levels));
 }
 
-/// The latest, or none yet; where the motors are, and how fast, is newer than the last tick.
+/// Returns the newest snapshot, or the initial one before the first tick. Positions and velocities of encoder samples that
+/// are newer replace those of the snapshot.
 fn snapshot<M: RawMutex, const N: usize>(wires: &Wires<M, N>) -> Snapshot<N> {
     let mut snapshot = wires.snapshot.try_get().unwrap_or(Snapshot::INITIAL);
     wires.newest.lock(|newest| {

@@ -1,13 +1,15 @@
 //! Stores settings in flash. The task reads the settings once at boot, and then carries out the requests of the responder.
 //!
-//! Two pages of flash hold a map of [`sequential_storage`]. The map has two keys, which hold two copies of one record. It
-//! appends items until a page is full, and then moves to the other page. Other tasks run between two words. Pages are
-//! erased only while motors are off.
+//! Two pages of flash hold a *map* of [`sequential_storage`], which stores an *item* for each of two keys. Both items are copies
+//! of one [`SettingsRecord`]. The map appends items to one page until the page is full. It then *moves*: it copies the newest
+//! items to the other page, and erases the full page.
+//!
+//! Other tasks run after each word that is written. Pages are erased only while all motors are off.
 //!
 //! ```
 //! use embassy_futures::block_on;
 //! use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-//! use motor_hub::store::{StoreRequest, Outcome, Record, Stored};
+//! use motor_hub::store::{StoreRequest, Outcome, SettingsRecord, Stored};
 //! use motor_hub::tasks::store::Keeper;
 //!
 //! /// Two pages in memory.
@@ -47,13 +49,13 @@
 //!
 //! let mut keeper = Keeper::new(Pages(vec![0xFF; 32 * 1024]), 0..32 * 1024).expect("two pages");
 //! assert_eq!(block_on(keeper.read()).stored, Stored::Nothing);
-//! let order = StoreRequest { record: Some(Record::new(1)), afresh: false, may_erase: true };
-//! let done = block_on(keeper.carry_out(&order));
+//! let request = StoreRequest { record: Some(SettingsRecord::new(1)), erase_first: false, may_erase: true };
+//! let done = block_on(keeper.carry_out(&request));
 //! assert_eq!((done.outcome, done.found.map(|found| found.stored)), (Outcome::Done, Some(Stored::Whole)));
 //! ```
 
 use super::Wires;
-use crate::store::{CAPACITY, Found, Outcome, Record, StoreRequest, Stored};
+use crate::store::{CAPACITY, Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use core::ops::Range;
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
@@ -68,16 +70,17 @@ use sequential_storage::map::{MapConfig, MapStorage};
 /// Keys of the two copies in the map.
 const COPY_KEYS: [u8; 2] = [1, 2];
 
-/// Size of a buffer for a record with its key, in bytes. A multiple of the words of any flash.
+/// Size of a buffer for a record with its key, in bytes. It is a multiple of the word of any flash.
 const BUFFER_BYTES: usize = (1 + CAPACITY).next_multiple_of(32);
 
 /// Longest word that a flash may have, in bytes.
 const WORD_BYTES: usize = 32;
 
-/// Result of a request. At boot the task sends one result without a request.
+/// Result of a request. At boot the task also sends one result, although there was no request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Done {
-    /// Settings that are stored now. `None` if they cannot be read until motors are off; they are unchanged then.
+    /// Contents of the memory after the request. `None` if they cannot be read until all motors are off. The contents have not
+    /// changed then.
     pub found: Option<Found>,
     /// How the request ended.
     pub outcome: Outcome,
@@ -88,8 +91,8 @@ pub async fn run<M: RawMutex, const N: usize>(mut keeper: Keeper<impl NorFlash>,
     let found = Some(keeper.read().await);
     wires.store.done.signal(Done { found, outcome: Outcome::None });
     loop {
-        let order = wires.store.request.wait().await;
-        wires.store.done.signal(keeper.carry_out(&order).await);
+        let request = wires.store.request.wait().await;
+        wires.store.done.signal(keeper.carry_out(&request).await);
     }
 }
 
@@ -103,13 +106,12 @@ pub struct Keeper<F: NorFlash> {
     buffer: [u8; BUFFER_BYTES],
 }
 
-/// The map. Its cache holds the addresses of the copies. Without the cache, moving a full page would search the whole page
-/// for each item.
+/// The map. Its cache holds the addresses of the copies. Without the cache a move would search the whole page for each item.
 type Map<'a, F> =
     MapStorage<u8, &'a mut SharedFlash<F>, Cache<Uncached, Uncached, ArrayKeyPointers<u8, 2>, u8>>;
 
 impl<F: NorFlash> Keeper<F> {
-    /// Creates the store in this range of a flash. `None` unless the range is two whole pages.
+    /// Creates the store in a range of a flash. `None` unless the range is two whole pages.
     pub fn new(flash: F, range: Range<u32>) -> Option<Self> {
         MapConfig::<F>::try_new(range.clone()).ok().filter(|_| range.len() == 2 * F::ERASE_SIZE)?;
         let flash = SharedFlash { flash, may_erase: true, visible: None };
@@ -122,7 +124,7 @@ impl<F: NorFlash> Keeper<F> {
         (MapStorage::new(&mut self.flash, MapConfig::new(self.range.clone()), cache), &mut self.buffer)
     }
 
-    /// Reads the stored settings. Motors must be off, because an erasure that a power failure has interrupted is repeated.
+    /// Reads the stored settings. All motors must be off, because this repeats an erasure that a power failure has interrupted.
     pub async fn read(&mut self) -> Found {
         self.flash.may_erase = true;
         let repaired = self.repair().await;
@@ -134,10 +136,9 @@ impl<F: NorFlash> Keeper<F> {
         })
     }
 
-    /// Repairs pages whose erasure was interrupted by a power failure, by erasing them again.
+    /// Erases each page whose erasure a power failure has interrupted.
     ///
-    /// The map cannot recognise such a page. It would take the page for a blank one, or for one of the two pages of a move
-    /// that was interrupted.
+    /// The map cannot recognise such a page. It would treat the page as blank, or as one of the two pages of an interrupted move.
     async fn repair(&mut self) -> Result<(), FlashError<F::Error>> {
         // Marks of the pages in use; `None` for a blank page.
         let mut in_use = [None; 2];
@@ -151,8 +152,8 @@ impl<F: NorFlash> Keeper<F> {
                 flash.erase(page.start, page.end).await?;
             }
         }
-        // If both pages are in use, a move or an erasure was interrupted. The page with less content is erased, or at equal
-        // content the page that was full.
+        // If both pages are in use, a move or an erasure was interrupted. The page with the older or the less complete content is
+        // erased. If the contents are equal, the full page is erased.
         let ([first, second], [Some(first_marks), Some(second_marks)]) = (&pages, in_use) else {
             return Ok(());
         };
@@ -170,13 +171,13 @@ impl<F: NorFlash> Keeper<F> {
         [start..middle, middle..end]
     }
 
-    /// Reads the content of one page, as if the other page were blank. `None` if the content cannot be understood.
+    /// Reads the content of one page, as if the other page were blank. `None` if the content cannot be read.
     async fn content(&mut self, page: &Range<u32>) -> Option<PageContent> {
         self.flash.visible = Some(page.clone());
         let found = self.copies().await;
         self.flash.visible = None;
         let Found { stored, record, .. } = match found {
-            // The rest of an erasure may look like an item of any length.
+            // What an interrupted erasure has left may look like an item of any length.
             Err(ReadError::TooLong) => return Some(PageContent { save: 0, copies: 0 }),
             found => found.ok()?,
         };
@@ -190,17 +191,18 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     /// Carries out a request: writes a record if the request has one, and then reads what is stored.
-    pub async fn carry_out(&mut self, order: &StoreRequest) -> Done {
-        self.flash.may_erase = order.may_erase;
+    pub async fn carry_out(&mut self, request: &StoreRequest) -> Done {
+        self.flash.may_erase = request.may_erase;
         let repaired = if self.intact { Ok(()) } else { self.repair().await };
         let written = match repaired {
-            Ok(()) => self.write(order).await,
+            Ok(()) => self.write(request).await,
             Err(error) => error.outcome(),
         };
         let found = self.copies().await.map_or_else(ReadError::found, Some);
         let reads_back = |found: &Found| {
-            let is_stored = |record: &Record| found.stored == Stored::Whole && *record == found.record;
-            order.record.as_ref().is_none_or(is_stored)
+            let is_stored =
+                |record: &SettingsRecord| found.stored == Stored::Whole && *record == found.record;
+            request.record.as_ref().is_none_or(is_stored)
         };
         let outcome = match written {
             Outcome::Done if found.is_none() => Outcome::NeedsErase,
@@ -212,10 +214,10 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     /// Writes both copies of the request's record, if the request has one.
-    async fn write(&mut self, order: &StoreRequest) -> Outcome {
-        let Some(record) = &order.record else { return Outcome::Done };
+    async fn write(&mut self, request: &StoreRequest) -> Outcome {
+        let Some(record) = &request.record else { return Outcome::Done };
         let (mut map, buffer) = self.map();
-        if order.afresh
+        if request.erase_first
             && let Err(error) = map.erase_all().await
         {
             return outcome(&error);
@@ -246,27 +248,27 @@ impl<F: NorFlash> Keeper<F> {
     }
 }
 
-/// Content of one page. The greater content is the newer one, or the one with more copies.
+/// Content of one page. Contents are compared by their save, and then by their copies.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct PageContent {
     /// Number of the newest save in the page.
     save: u32,
-    /// Copies of this save in the page, 0 to 2.
+    /// Number of copies of this save in the page, 0 to 2.
     copies: u8,
 }
 
 /// Why the copies could not be read.
 enum ReadError {
-    /// The map must erase a page first, for which motors must be off.
+    /// The map must erase a page first, and motors are not off.
     NeedsErase,
-    /// An item is longer than any that this firmware writes.
+    /// An item is longer than the items that this firmware writes.
     TooLong,
     /// The flash or the map reports an error.
     Damaged,
 }
 
 impl ReadError {
-    /// Returns what the error means for the stored settings. `None` if it says nothing about them.
+    /// Converts the error to the contents of the memory. `None` if the contents stay unknown.
     fn found(self) -> Option<Found> {
         match self {
             Self::NeedsErase => None,
@@ -276,7 +278,7 @@ impl ReadError {
     }
 }
 
-/// Converts an error of the map.
+/// Converts an error of the map to the outcome of a request.
 const fn outcome<E>(error: &Error<FlashError<E>>) -> Outcome {
     match error {
         Error::Storage { value, .. } => value.outcome(),
@@ -284,12 +286,12 @@ const fn outcome<E>(error: &Error<FlashError<E>>) -> Outcome {
     }
 }
 
-/// A flash that lets other tasks run between two words, and that is not erased while motors run.
+/// A flash that lets other tasks run after each word, and that refuses to erase pages while motors run.
 struct SharedFlash<F> {
     flash: F,
     /// True if motors are off, so that pages may be erased.
     may_erase: bool,
-    /// Visible range of addresses. All other addresses read as blank. `None` if all of the flash is visible.
+    /// Range of addresses that can be read. All other addresses read as blank. `None` if the whole flash can be read.
     visible: Option<Range<u32>>,
 }
 
@@ -302,7 +304,7 @@ struct PageMarks {
     full: bool,
 }
 
-/// Number of zero bits in a word from which on the map takes the word for a mark: half of a byte's bits.
+/// Smallest number of zero bits in a word that the map treats as a mark. It is half of the bits of a byte.
 const MARK_BITS: u32 = 4;
 
 impl<F: NorFlash> SharedFlash<F> {
@@ -369,7 +371,7 @@ impl<F: NorFlash> ReadNorFlash for SharedFlash<F> {
     const READ_SIZE: usize = F::READ_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
-        // The map computes a checksum after each read, so other tasks run first.
+        // The map computes a checksum after each read, without letting other tasks run. They run before the read.
         yield_now().await;
         if self.visible.as_ref().is_some_and(|visible| !visible.contains(&offset)) {
             bytes.fill(0xFF);

@@ -1,8 +1,7 @@
-//! Battery sampling: measures the bus every 10 ms, or every millisecond while the bus is not quiet, and passes the state
-//! on to control.
+//! Measures the bus, and passes its state to control. [`crate::supply`] defines the *quiet range* of the voltage.
 //!
-//! While the bus is quiet, the converter's watchdog raises an alarm when the voltage leaves the quiet range. The next
-//! sample is then taken immediately.
+//! While the bus is quiet, the task samples every 10 ms, and otherwise every millisecond. If the voltage leaves the quiet range
+//! between two samples, the converter's analog watchdog raises an *alarm*, and the task samples immediately.
 
 use super::{Health, Task, Wires, micros, whole_millisecond};
 use crate::board::SupplyAdc;
@@ -14,17 +13,18 @@ use embassy_time::{Duration, Instant, Timer};
 /// Sampling interval while the bus is quiet.
 pub const SUPPLY_INTERVAL: Duration = Duration::from_millis(10);
 
-/// Sampling interval while the bus is not quiet. One ampere from braking motors lifts 1000 uF by one volt in this time.
+/// Sampling interval while the bus is not quiet. In this time one ampere from braking motors lifts a capacitor of 1000 uF by one
+/// volt.
 pub const WATCH_INTERVAL: Duration = Duration::from_millis(1);
 
-/// Time from a sample to the next whole millisecond, while the bus is not quiet. At the whole millisecond control
+/// Time by which a sample precedes a whole millisecond, while the bus is not quiet. Control runs at whole milliseconds, and
 /// processes the sample together with the encoder samples.
 const LEAD: Duration = Duration::from_micros(150);
 
 /// Runs the task. Never returns.
 ///
-/// If the converter fails or the voltage is implausible, the task sends no new state. Control finds then that the last
-/// state is stale.
+/// If the converter fails or the voltage is not plausible, the task sends no new state. For control the last state then becomes
+/// stale.
 pub async fn run<M: RawMutex, const N: usize>(
     mut adc: impl SupplyAdc,
     mut supply: Supply,
@@ -41,9 +41,10 @@ pub async fn run<M: RawMutex, const N: usize>(
                 wires.news.signal(());
             }
         }
-        wires.bus.lock(|bus| bus.set(supply.seen()));
+        wires.bus.lock(|bus| bus.set(supply.last_reading()));
         health.check_in(Task::Supply);
-        // The interval after an alarm has no alarm. Noise at the limit of the quiet range would raise one immediately.
+        // There is no second alarm in the interval after an alarm. Noise at the limit of the quiet range would raise alarms
+        // without a pause.
         let quiet = supply.quiet().filter(|_| !alarm);
         due = if quiet.is_some() {
             Instant::now().max(due + SUPPLY_INTERVAL)

@@ -1,5 +1,5 @@
-//! New firmware in flash, for [`embassy_boot`]'s bootloader. The task writes chunks to the download slot, and marks in the
-//! bootloader's state whether the bootloader is to swap the slots.
+//! Writes new firmware to flash, for [`embassy_boot`]'s bootloader. The firmware runs from the *active slot*, and the task writes
+//! chunks to the *download slot*. A mark in the *bootloader's state* makes the bootloader *swap* the two slots at the next reset.
 //!
 //! ```text
 //!              +-----------+ all tasks check in 40 times +-----------+
@@ -12,8 +12,8 @@
 //!              +-----------+
 //! ```
 //!
-//! The watchdog resets new firmware whose tasks do not all check in. If the confirmation cannot be written, the firmware
-//! runs on, and reports [`Booted::Unconfirmable`].
+//! If not all tasks of new firmware check in, the watchdog resets the chip. If the confirmation cannot be written, the firmware
+//! continues to run and reports [`Booted::Unconfirmable`].
 //!
 //! ```
 //! use motor_hub::tasks::update::{CONFIRM_AFTER_ROUNDS, StateFlash};
@@ -28,8 +28,10 @@
 mod blocking_flash;
 #[cfg(feature = "signed")]
 mod signature;
+mod swap;
 
 pub use blocking_flash::BlockingFlash;
+pub use swap::discard_stale_swap;
 
 use super::{Health, Wires};
 use crate::update::{Booted, CHUNK, CRC, Done, Outcome, Seal, UpdateRequest};
@@ -37,9 +39,11 @@ use embassy_boot::{FirmwareState, State};
 use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Timer};
-use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
 
-/// Number of rounds in which all tasks must check in before new firmware is confirmed.
+/// Number of [rounds](Health::rounds), in each of which all tasks check in, before new firmware is confirmed.
 pub const CONFIRM_AFTER_ROUNDS: u32 = 40;
 
 /// Interval at which the task checks a condition that it waits for.
@@ -48,21 +52,24 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Number of attempts to write the confirmation of new firmware.
 const CONFIRM_ATTEMPTS: u32 = 10;
 
-/// Pause between two attempts to write the confirmation. The other tasks run in the pause.
+/// Pause between two attempts to write the confirmation.
 const CONFIRM_PAUSE: Duration = Duration::from_secs(1);
 
-/// Time before a restart. The reply to the host that requested the restart takes less.
+/// Time from the request of a restart to the restart. The reply to the host is sent in this time.
 const RESTART_DELAY: Duration = Duration::from_millis(50);
 
 /// Longest word that a flash may have, in bytes.
 const WORD: usize = 32;
 
+/// Each byte of erased flash.
+const BLANK: u8 = 0xFF;
+
 /// Runs the task. Never returns.
 ///
-/// If this firmware is on trial, the task first confirms the firmware once all tasks have checked in often enough. After
-/// that it carries out the requests of the responder.
+/// If this firmware is on trial, the task first waits for [`CONFIRM_AFTER_ROUNDS`] and confirms the firmware. It then carries
+/// out the requests of the responder.
 pub async fn run<M: RawMutex, const N: usize>(
-    mut slots: Slots<impl NorFlash, impl NorFlash>,
+    mut slots: Slots<impl ReadNorFlash, impl NorFlash, impl NorFlash>,
     wires: &Wires<M, N>,
     health: &Health,
     mut restart: impl FnMut(),
@@ -86,14 +93,14 @@ pub async fn run<M: RawMutex, const N: usize>(
                 Outcome::Refused
             }
         };
-        wires.update.done.signal(Done::Carried(outcome));
+        wires.update.done.signal(Done::Finished(outcome));
     }
 }
 
 /// Confirms this firmware, and returns how the bootloader will treat it.
 ///
 /// A failed confirmation is repeated after a pause, because without it the bootloader would restore the previous firmware.
-async fn confirm(slots: &mut Slots<impl NorFlash, impl NorFlash>) -> Booted {
+async fn confirm(slots: &mut Slots<impl ReadNorFlash, impl NorFlash, impl NorFlash>) -> Booted {
     for _ in 0..CONFIRM_ATTEMPTS {
         slots.confirm().await;
         let booted = slots.booted().await;
@@ -112,25 +119,31 @@ async fn motors_off<M: RawMutex, const N: usize>(wires: &Wires<M, N>) {
     }
 }
 
-/// The download slot, which images are written to, and the bootloader's state.
-pub struct Slots<D, S> {
+/// The slot that this firmware was booted from, the download slot, which images are written to, and the bootloader's state.
+pub struct Slots<A, D, S> {
+    booted: A,
     download: D,
     state: StateFlash<S>,
 }
 
-impl<D: NorFlash, S: NorFlash> Slots<D, S> {
-    /// Creates the slots in two flashes, or in two partitions of one flash.
+impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
+    /// Creates the slots in three flashes, or in partitions of flashes.
     ///
-    /// `None` if a flash has words of more than 32 bytes, or if a chunk is not a multiple of the word.
-    pub fn new(download: D, state: S) -> Option<Self> {
+    /// `None` if a flash has words of more than 32 bytes, if a chunk is not a multiple of the word, or if the state has words
+    /// of less than 8 bytes.
+    pub fn new(booted: A, download: D, state: S) -> Option<Self> {
         let words = [D::WRITE_SIZE, S::WRITE_SIZE, S::READ_SIZE];
         let fits = words.iter().all(|word| *word <= WORD) && CHUNK.is_multiple_of(D::WRITE_SIZE);
-        fits.then_some(Self { download, state: StateFlash(state) })
+        (fits && S::WRITE_SIZE >= swap::SUMS_BYTES).then_some(Self {
+            booted,
+            download,
+            state: StateFlash(state),
+        })
     }
 
-    /// Returns access to the bootloader's state. `word` is its buffer for one word of the flash.
+    /// Returns access to the bootloader's state. `word` is a buffer for one word of the flash.
     fn state<'a>(&'a mut self, word: &'a mut [u8; WORD]) -> FirmwareState<'a, &'a mut StateFlash<S>> {
-        // The word is long enough, which `new` has checked.
+        // `new` has checked that the buffer is long enough.
         let word = word.get_mut(..S::WRITE_SIZE.max(S::READ_SIZE)).unwrap_or_default();
         FirmwareState::new(&mut self.state, word)
     }
@@ -146,7 +159,7 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
         }
     }
 
-    /// Confirms this firmware: the bootloader starts it after each reset. A swap that was requested is cancelled.
+    /// Confirms this firmware, so that the bootloader starts it after each reset. Cancels a swap that was requested.
     pub async fn confirm(&mut self) -> Outcome {
         let mut word = [0; WORD];
         self.state(&mut word).mark_booted().await.map_or(Outcome::Refused, |()| Outcome::Done)
@@ -163,7 +176,7 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
         Outcome::Done
     }
 
-    /// Writes one word, and before the first word of a page erases the page.
+    /// Writes one word. If the word is the first of a page, the page is erased before.
     async fn write_word(&mut self, at: u32, bytes: &[u8]) -> Result<(), D::Error> {
         let page = D::ERASE_SIZE as u32;
         if at.is_multiple_of(page) {
@@ -174,10 +187,10 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
         self.download.write(at, word.get(..D::WRITE_SIZE).unwrap_or_default()).await
     }
 
-    /// Marks the written image to be started by the next reset, if the image is valid.
+    /// Checks the written image. If the image is valid, marks the slots to be swapped at the next reset.
     ///
     /// The image must read back with this CRC-32. If there is a seal, the seal must be a valid signature of the image. The
-    /// check of a seal blocks the processor for some 10 ms, so `motors_off` is awaited before.
+    /// check of a seal blocks the processor for some 10 ms, so the method awaits `motors_off` before.
     pub async fn arm(
         &mut self,
         length: u32,
@@ -185,12 +198,10 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
         seal: Option<Seal>,
         motors_off: impl Future<Output = ()>,
     ) -> Outcome {
-        let mut found = CRC.digest();
-        if self.each_chunk(length, |chunk| found.update(chunk)).await.is_err() {
-            return Outcome::Refused;
-        }
-        if found.finalize() != crc {
-            return Outcome::Mismatch;
+        match checksum(&mut self.download, 0, length).await {
+            Err(_) => return Outcome::Refused,
+            Ok(found) if found != crc => return Outcome::Mismatch,
+            Ok(_) => (),
         }
         if let Some(seal) = seal {
             let genuine = self.verify(length, &seal, motors_off).await;
@@ -198,9 +209,8 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
                 return genuine;
             }
         }
-        let mut word = [0; WORD];
-        if self.state(&mut word).mark_updated().await.is_err() {
-            // The host gets an error, so a mark that was written only in part must not start the image.
+        if swap::order(&mut self.booted, &mut self.download, &mut self.state).await.is_err() {
+            // The host gets an error, so an order that was written only in part must not start the image.
             self.confirm().await;
             return Outcome::Refused;
         }
@@ -212,26 +222,40 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
     async fn verify(&mut self, _: u32, _: &Seal, _: impl Future<Output = ()>) -> Outcome {
         Outcome::WrongSignature
     }
-
-    /// Calls `visit` with each chunk of the written image. Other tasks run between two chunks.
-    async fn each_chunk(&mut self, length: u32, mut visit: impl FnMut(&[u8])) -> Result<(), D::Error> {
-        let mut chunk = [0; CHUNK];
-        for at in (0..length).step_by(CHUNK) {
-            let left = length.saturating_sub(at).min(CHUNK as u32) as usize;
-            // The flash reads whole words only.
-            let read = left.next_multiple_of(D::READ_SIZE).min(CHUNK);
-            self.download.read(at, chunk.get_mut(..read).unwrap_or_default()).await?;
-            visit(chunk.get(..left).unwrap_or_default());
-            yield_now().await;
-        }
-        Ok(())
-    }
 }
 
-/// The flash with the bootloader's state. Before an erasure it overwrites the first word with 0.
+/// Calls `visit` with each chunk of `length` bytes of a flash. Other tasks run between two chunks.
+async fn each_chunk<F: ReadNorFlash>(
+    flash: &mut F,
+    from: u32,
+    length: u32,
+    mut visit: impl FnMut(&[u8]),
+) -> Result<(), F::Error> {
+    let mut chunk = [0; CHUNK];
+    for at in (0..length).step_by(CHUNK) {
+        let left = length.saturating_sub(at).min(CHUNK as u32) as usize;
+        // The flash reads whole words only.
+        let read = left.next_multiple_of(F::READ_SIZE).min(CHUNK);
+        flash.read(from + at, chunk.get_mut(..read).unwrap_or_default()).await?;
+        visit(chunk.get(..left).unwrap_or_default());
+        yield_now().await;
+    }
+    Ok(())
+}
+
+/// Returns the CRC-32 of `length` bytes of a flash.
+async fn checksum<F: ReadNorFlash>(flash: &mut F, from: u32, length: u32) -> Result<u32, NorFlashErrorKind> {
+    let mut sum = CRC.digest();
+    each_chunk(flash, from, length, |chunk| sum.update(chunk)).await.map_err(|error| error.kind())?;
+    Ok(sum.finalize())
+}
+
+/// The flash with the bootloader's state. Before an erasure it overwrites the first word with 0. All other words are written
+/// once.
 ///
-/// The first word tells the bootloader what to do. The progress of a swap follows. If power failed during an erasure, the
-/// first word could remain while the progress is already erased. The bootloader would then swap a second time.
+/// The first word is the mark that makes the bootloader swap the slots. The progress of the swap follows. If a power failure
+/// interrupted an erasure, the mark could remain while the progress is already erased. The bootloader would then swap a second
+/// time.
 pub struct StateFlash<S>(pub S);
 
 impl<S: ErrorType> ErrorType for StateFlash<S> {
@@ -255,11 +279,22 @@ impl<S: NorFlash> NorFlash for StateFlash<S> {
     const ERASE_SIZE: usize = S::ERASE_SIZE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
-        self.0.write(from, [0; WORD].get(..S::WRITE_SIZE).unwrap_or_default()).await?;
+        // A word that is written twice may read back with a wrong bit (RM0433 4.3.9). Whatever the word reads, it is no order.
+        let _ = self.0.write(from, [0; WORD].get(..S::WRITE_SIZE).unwrap_or_default()).await;
         self.0.erase(from, to).await
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
+        let mut buffer = [0; WORD];
+        if bytes.iter().all(|byte| *byte == 0)
+            && let Some(word) = buffer.get_mut(..bytes.len())
+        {
+            // The bootloader repeats a mark of zeros after a power failure. A mark counts if no byte is blank.
+            self.0.read(offset, word).await?;
+            if !word.contains(&BLANK) {
+                return Ok(());
+            }
+        }
         self.0.write(offset, bytes).await
     }
 }

@@ -1,9 +1,12 @@
-//! Firmware update over the host's link: decides which chunks of an image are accepted and when the image may start.
+//! Firmware update over the host's link. Decides which chunks of an image are accepted, and when the image may start.
 //!
 //! The host announces an image by its length and its CRC-32, then sends the image in order, in chunks of [`CHUNK`]
 //! bytes. The hub writes the chunks to a [`Slot`]: a part of the flash that no firmware runs from. The hub then reads
-//! the slot back and checks the image. If the image is correct, it is *armed*: the bootloader swaps it in at the next
-//! reset. A hub that loses power or its host before that keeps its present firmware.
+//! the slot back and checks the image. A correct image is *armed*: at the next reset the bootloader exchanges it with the
+//! present firmware. If the hub loses its power or its host before the image is armed, the present firmware stays.
+//!
+//! New firmware is *on trial* until it *confirms* itself. If a reset comes first, the bootloader restores the previous
+//! firmware.
 //!
 //! ```text
 //!          begin             finish            image is correct          restart
@@ -14,8 +17,8 @@
 //!    +<-----------------+<-------------------+<------------------ Disarming
 //! ```
 //!
-//! If the slot has a [signer](Slot::signer), the hub accepts no chunk before the signature, and arms an image only if
-//! the signature is valid for it.
+//! If the slot has a [signer](Slot::signer), the host must send a signature before the first chunk. The hub then arms only
+//! images for which the signature is valid.
 //!
 //! [`Update`] only decides. The *slot task*, which owns the flash, carries out each [`UpdateRequest`] and answers with
 //! [`Done`].
@@ -33,11 +36,11 @@
 //! update.begin(image.len() as u32, 0x1234_5678, false)?;
 //! update.chunk(0, &image)?;
 //! assert!(matches!(update.request(), Some(UpdateRequest::Write { offset: 0, .. })));
-//! update.done(Done::Carried(Outcome::Done));
+//! update.done(Done::Finished(Outcome::Done));
 //! update.finish()?;
 //! assert_eq!(update.request(), Some(UpdateRequest::Arm { length: 96, crc: 0x1234_5678, seal: None }));
 //! // The flash reads back other bytes than the host announced.
-//! update.done(Done::Carried(Outcome::Mismatch));
+//! update.done(Done::Finished(Outcome::Mismatch));
 //! assert_eq!(update.phase(), Phase::Nothing);
 //! # Ok::<(), motor_hub::protocol::Nack>(())
 //! ```
@@ -49,7 +52,7 @@ use heapless::Vec;
 /// Algorithm of an image's checksum: the CRC-32 of Ethernet (IEEE 802.3).
 pub const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
-/// Length of each chunk except the last, in bytes. It is three times the longest write word of a flash, 32 bytes.
+/// Length of each chunk except the last, in bytes. It is a multiple of the longest word that a flash writes, 32 bytes.
 pub const CHUNK: usize = 96;
 
 /// The part of the flash that images are linked for, and the RAM that their stack may be in.
@@ -59,7 +62,7 @@ pub struct Slot {
     pub origin: u32,
     /// Length of the slot in bytes.
     pub length: u32,
-    /// First address of the RAM, and the first address behind the RAM.
+    /// First address of the RAM, and the address after its last byte.
     pub ram: (u32, u32),
     /// Public key (Ed25519, RFC 8032) that images must be signed with; `None` if unsigned images are accepted.
     pub signer: Option<[u8; 32]>,
@@ -85,8 +88,7 @@ pub struct Seal {
 /// assert_eq!(motor_hub::update::public_key(b"-----BEGIN PUBLIC KEY-----"), None);
 /// ```
 pub const fn public_key(file: &[u8]) -> Option<[u8; 32]> {
-    /// First 12 bytes of the file: a DER header with Ed25519's object identifier, 1.3.101.112, before a key of 32
-    /// bytes.
+    /// First 12 bytes of the file: a DER header with Ed25519's object identifier, 1.3.101.112. A key of 32 bytes follows.
     const HEAD: u128 = 0x302A_3005_0603_2B65_7003_2100;
     let (Some(start), Some((_, key))) = (file.first_chunk(), file.split_first_chunk::<12>()) else {
         return None;
@@ -97,7 +99,7 @@ pub const fn public_key(file: &[u8]) -> Option<[u8; 32]> {
     }
 }
 
-/// State of an update. The module's documentation has a diagram.
+/// State of an update. The documentation of the module has a diagram.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Phase {
@@ -123,8 +125,8 @@ pub enum Booted {
     Unknown,
     /// The present firmware is confirmed: every reset starts it again.
     Confirmed,
-    /// The present firmware is new. The next reset restores the previous firmware unless the present one is confirmed
-    /// first.
+    /// The present firmware is new and on trial. The next reset restores the previous firmware, unless the present one
+    /// confirms itself first.
     OnTrial,
     /// Newer firmware did not confirm itself, so the bootloader restored the present firmware.
     WentBack,
@@ -133,14 +135,14 @@ pub enum Booted {
     Unconfirmable,
 }
 
-/// Result of the last order that the slot task carried out.
+/// Result of the last request that the slot task carried out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Outcome {
-    /// No order has been carried out since boot.
+    /// No request has been carried out since boot.
     #[default]
     None,
-    /// The order was carried out.
+    /// The request was carried out.
     Done,
     /// The flash reported an error.
     Refused,
@@ -150,10 +152,10 @@ pub enum Outcome {
     WrongSignature,
 }
 
-/// An order to the slot task.
+/// A request to the slot task.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum UpdateRequest {
-    /// Write a chunk to the slot. Erase each flash page when a chunk reaches the page's first byte.
+    /// Write a chunk to the slot. If the chunk contains the first byte of a flash page, erase the page before.
     Write {
         /// Distance of the chunk from the beginning of the slot, in bytes.
         offset: u32,
@@ -180,8 +182,8 @@ pub enum UpdateRequest {
 pub enum Done {
     /// How the present firmware was started. The slot task repeats this report after each change.
     Booted(Booted),
-    /// Result of the last order.
-    Carried(Outcome),
+    /// Result of the last request.
+    Finished(Outcome),
 }
 
 /// The refusal of a chunk that is not [`CHUNK`] bytes long. The last chunk must have the remaining length of the image.
@@ -201,14 +203,14 @@ pub struct Update {
     received: u32,
     seal: Option<Seal>,
     outcome: Outcome,
-    /// UpdateRequest that the slot task has not taken yet.
+    /// Request that the slot task has not taken yet.
     pending: Option<UpdateRequest>,
-    /// True from when the slot task takes an order until it reports the result.
+    /// True from the time at which the slot task takes a request until it reports the result.
     at_work: bool,
 }
 
 impl Update {
-    /// The state after a reset. All images are refused until the slot task reports how the present firmware was
+    /// Creates the state after a reset. All images are refused until the slot task reports how the present firmware was
     /// started.
     pub const fn new(slot: Slot) -> Self {
         Self {
@@ -228,8 +230,8 @@ impl Update {
     /// Announces an image of `length` bytes with this CRC-32 (IEEE 802.3). Chunks of an earlier image are discarded.
     ///
     /// # Errors
-    /// Returns a [`Nack`] if a motor runs, the slot task is busy, or an image is armed. The present firmware must be
-    /// confirmed, and the length must fit the slot.
+    /// Returns a [`Nack`] if a motor runs, the slot task is busy, or an image is armed. The same while the present firmware is
+    /// on trial, or if the image does not fit the slot.
     pub fn begin(&mut self, length: u32, crc: u32, motors_run: bool) -> Result<(), Nack> {
         if motors_run {
             return Err(Nack::MOTOR_ENABLED);
@@ -249,7 +251,7 @@ impl Update {
         Ok(())
     }
 
-    /// Accepts the signature of the announced image. The signature is verified when the whole image is in the slot.
+    /// Stores the signature of the announced image. The signature is verified when the whole image is in the slot.
     ///
     /// # Errors
     /// Returns a [`Nack`] if the hub has no key, if no image is announced, or if another key made the signature.
@@ -265,7 +267,8 @@ impl Update {
         Ok(())
     }
 
-    /// Accepts the next chunk. A repeated chunk is acknowledged and changes nothing, because an answer may get lost.
+    /// Accepts the next chunk. A chunk that was accepted before is accepted again without effect, because the host may have
+    /// lost the answer.
     ///
     /// # Errors
     /// Returns a [`Nack`] if the chunk is not the next chunk, has a wrong length, or comes while the slot task is
@@ -317,7 +320,7 @@ impl Update {
         Ok(())
     }
 
-    /// Resets the chip, so that the bootloader starts the armed image.
+    /// Requests a reset of the chip, after which the bootloader starts the armed image.
     ///
     /// # Errors
     /// Returns a [`Nack`] if no image is armed, or if a motor runs.
@@ -334,7 +337,7 @@ impl Update {
         Ok(())
     }
 
-    /// Discards the announced image. An armed image is disarmed.
+    /// Discards the announced image. Requests that an armed image is disarmed.
     ///
     /// # Errors
     /// Returns [`Nack::UPDATE_BUSY`] while the slot task is busy.
@@ -349,16 +352,16 @@ impl Update {
         Ok(())
     }
 
-    /// Returns the next order for the slot task, or `None` if there is none or the task is busy.
+    /// Returns the next request for the slot task, or `None` if there is none or the task is busy.
     ///
     /// The slot task reports the result with [`done`](Self::done).
     pub fn request(&mut self) -> Option<UpdateRequest> {
         if self.at_work {
             return None;
         }
-        let order = self.pending.take();
-        self.at_work = order.is_some();
-        order
+        let request = self.pending.take();
+        self.at_work = request.is_some();
+        request
     }
 
     /// Processes a report of the slot task.
@@ -368,7 +371,7 @@ impl Update {
                 self.booted = booted;
                 return;
             }
-            Done::Carried(outcome) => outcome,
+            Done::Finished(outcome) => outcome,
         };
         (self.at_work, self.outcome) = (false, outcome);
         self.phase = match (self.phase, outcome) {
@@ -390,12 +393,12 @@ impl Update {
         self.booted
     }
 
-    /// Returns the result of the last order.
+    /// Returns the result of the last request.
     pub const fn outcome(&self) -> Outcome {
         self.outcome
     }
 
-    /// Returns true while the slot task carries out an order or has one waiting.
+    /// Returns true while the slot task carries out a request or has one waiting.
     pub const fn at_work(&self) -> bool {
         self.at_work || self.pending.is_some()
     }
@@ -410,7 +413,7 @@ impl Update {
         self.slot
     }
 
-    /// Refuses with [`Nack::UPDATE_BUSY`] while the slot task is busy.
+    /// Checks that the slot task is not busy.
     const fn check_idle(&self) -> Result<(), Nack> {
         if self.at_work() { Err(Nack::UPDATE_BUSY) } else { Ok(()) }
     }

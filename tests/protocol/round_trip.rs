@@ -12,11 +12,11 @@ use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::state::StoreReport;
 use motor_hub::extension::{HubFunction, INTERFACE, MotorFunction, Request};
 use motor_hub::group::{GroupCommand, Halt};
-use motor_hub::motion::EncoderFault;
+use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, SenseLine, Settings, ThermalLimit};
 use motor_hub::protocol::answers::{Bulk, Functions, Status, Version};
 use motor_hub::protocol::led::{LedPattern, STEPS, Step};
-use motor_hub::protocol::motor::{Algorithm, ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
+use motor_hub::protocol::motor::{ChannelMode, Coefficients, Loop, RunMode, Target, Terms, ToMotor};
 use motor_hub::protocol::payload::{ByteIn, Field, Fields, Payload, Text, WordFrom};
 use motor_hub::protocol::pins::ToPin;
 use motor_hub::protocol::requests::{InterfaceName, MOTOR_INTERFACE, Standard, ToHub};
@@ -88,8 +88,8 @@ fn coefficient() -> impl Strategy<Value = Coefficient> {
 
 fn coefficients() -> impl Strategy<Value = Coefficients> {
     let four = [coefficient(), coefficient(), coefficient(), coefficient()];
-    let algorithm = prop_oneof![Just(Algorithm::Legacy), Just(Algorithm::Pidf)];
-    (four, algorithm).prop_map(|([p, i, d, f], algorithm)| Coefficients { p, i, d, f, algorithm })
+    let terms = prop_oneof![Just(Terms::Pid), Just(Terms::Pidf)];
+    (four, terms).prop_map(|([p, i, d, f], terms)| Coefficients { p, i, d, f, terms })
 }
 
 fn target() -> impl Strategy<Value = Target> {
@@ -170,13 +170,13 @@ fn bus_report() -> impl Strategy<Value = BusReport> {
         Just(BusState::Cut),
         Just(BusState::Derated),
         Just(BusState::Quiet),
-        Just(BusState::Burning),
+        Just(BusState::Dissipating),
         Just(BusState::TooHigh),
     ];
     (state, any::<(Option<u16>, u16, u32, u32)>()).prop_map(
-        |(state, (mv, burning, returned_mj, burnt_mj))| {
+        |(state, (mv, dissipate, returned_mj, dissipated_mj))| {
             let measured = mv.map(Millivolts::new);
-            BusReport { state, measured, burning, returned_mj, burnt_mj }
+            BusReport { state, measured, dissipate, returned_mj, dissipated_mj }
         },
     )
 }
@@ -256,11 +256,11 @@ fn motor_report() -> impl Strategy<Value = MotorReport> {
 
 fn hub_report() -> impl Strategy<Value = HubReport> {
     (any::<(u32, u16, u16)>(), bus_report(), vec(motor_report(), 0..=CHANNELS), any::<Option<(u32, u32)>>())
-        .prop_map(|((at_ms, mv, burning), BusReport { state, .. }, motors, commands)| HubReport {
+        .prop_map(|((at_ms, mv, dissipate), BusReport { state, .. }, motors, commands)| HubReport {
             at_ms,
             battery: (mv != 0).then_some(Millivolts::new(mv)),
             bus: state,
-            burning,
+            dissipate,
             motors: motors.into_iter().collect(),
             commands: commands.map(|(included, newest)| Commands { included, newest }),
         })
@@ -710,12 +710,12 @@ proptest! {
         settings.set_coefficients(Loop::Position, position);
         settings.set_channel_mode(ChannelMode { mode: RunMode::Position, floats: true });
         let mut put = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
-        for group in Group::EACH {
+        for group in Group::ALL {
             let values = Values::of(group, &settings);
             let mut payload = Payload::new();
             values.write(&mut payload);
             prop_assert_eq!(Values::read(group, &mut Fields::new(&payload)), Ok(values));
-            put = values.put(&put).expect("values that go together");
+            put = values.apply_to(&put).expect("values that go together");
         }
         prop_assert_eq!(put, settings);
     }

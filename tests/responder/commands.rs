@@ -456,7 +456,7 @@ fn coefficients_without_feed_forward_read_back_as_legacy() {
     assert_eq!(host.call(24, &[0, 1]), Said::Data(pid.to_vec()));
     assert_eq!(host.call(53, &[0, 1]), Said::Data([&pid[..], &[0; 5]].concat()));
     let Said::Data(position) = host.call(53, &[0, 2]) else { panic!() };
-    assert_eq!(position[16], 1, "the other mode keeps its algorithm");
+    assert_eq!(position[16], 1, "the other mode keeps its terms");
 }
 
 #[test]

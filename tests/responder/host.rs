@@ -10,7 +10,7 @@ use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::requests::FIRST_FUNCTION;
 use motor_hub::protocol::{Address, Decoder, Packet, frame};
 use motor_hub::responder::Responder;
-use motor_hub::supply::Stage;
+use motor_hub::supply::DrawStage;
 use motor_hub::units::{Micros, Millivolts};
 use motor_hub::update::{Booted, Done, Slot};
 
@@ -150,7 +150,7 @@ impl TestHost {
     }
 
     /// The hub has found the battery so.
-    pub(crate) fn set_battery(&mut self, millivolts: Option<u16>, stage: Stage) {
+    pub(crate) fn set_battery(&mut self, millivolts: Option<u16>, stage: DrawStage) {
         self.snapshot.battery = millivolts.map(Millivolts::new);
         self.snapshot.bus.stage = stage;
     }

@@ -5,13 +5,13 @@ use motor_hub::braking::{Blend, BlendFraction, DutyRule, OperatingPoint, Points,
 use motor_hub::bridge::{BridgeConstants, Drive, Mode};
 use motor_hub::extension::FIRST_FUNCTION;
 use motor_hub::hub::{Action, Bus, Command};
-use motor_hub::motion::EncoderFault;
+use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, SenseLine, Setpoint, Settings, ThermalLimit, ZeroPower};
 use motor_hub::protocol::Address;
 use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel};
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::responder::Responder;
-use motor_hub::supply::{BusReading, BusState, Stage};
+use motor_hub::supply::{BusReading, BusState, DrawStage};
 use motor_hub::units::{
     AccelerationPerVolt, Control, CountsPerSecond, DecayRate, Duty, EmfConstant, Inductance, Microjoules,
     Micros, Milliamperes, Millivolts, Resistance, Share,
@@ -180,7 +180,7 @@ fn a_motor_that_is_driven_is_not_identified() {
         assert_eq!(learn(&mut host, 500), Said::Nack(51), "{calls:?}");
         assert_eq!(host.told(), []);
     }
-    for (battery, stage) in [(None, Stage::Cut), (Some(6_900), Stage::Derated)] {
+    for (battery, stage) in [(None, DrawStage::Cut), (Some(6_900), DrawStage::Derated)] {
         let mut host = standing();
         host.set_battery(battery, stage);
         assert_eq!(learn(&mut host, 500), Said::Nack(52));
@@ -291,15 +291,17 @@ fn the_bus_is_reported_as_measured_last_until_the_measurement_is_too_old() {
     let ask = |host: &mut TestHost| host.ask(FIRST_FUNCTION + 13, &[]);
     assert_eq!(ask(&mut host), Said::Data(vec![0; 14]), "nothing is measured");
     host.snapshot.bus = Bus {
-        burn: Share::from_f32(0.5),
+        dissipate: Share::from_f32(0.5),
         returned: Microjoules::ZERO.plus(2_500_000),
-        burnt: Microjoules::ZERO.plus(70_000_000),
+        dissipated: Microjoules::ZERO.plus(70_000_000),
         ..Bus::INITIAL
     };
     let at = host.now;
-    for (mv, state) in [(19_000, BusState::TooHigh), (14_600, BusState::Burning), (4_500, BusState::TooLow)] {
+    for (mv, state) in
+        [(19_000, BusState::TooHigh), (14_600, BusState::Dissipating), (4_500, BusState::TooLow)]
+    {
         host.responder.sense_bus(BusReading { measured: Some(Millivolts::new(mv)), state, at });
-        let code = [(BusState::TooHigh, 6), (BusState::Burning, 5), (BusState::TooLow, 1)]
+        let code = [(BusState::TooHigh, 6), (BusState::Dissipating, 5), (BusState::TooLow, 1)]
             .into_iter()
             .find_map(|(known, code)| (known == state).then_some(code));
         let energies = [0xC4, 9, 0, 0, 0x70, 0x11, 1, 0];
@@ -334,7 +336,7 @@ fn all_motors_are_reported_in_one_answer() {
         ..Report::INITIAL
     };
     let Said::Data(told) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
-    // Version, motors, bytes of each, time, 12 V, nothing is measured, nothing is burnt.
+    // Version, motors, bytes of each, time, 12 V, nothing is measured, nothing is dissipated.
     assert_eq!(told[..12], [2, 4, 36, 50, 0, 0, 0, 0xE0, 0x2E, 0, 0, 0]);
     // Behind the motors: no command is included, and the next one to be sent is not.
     assert_eq!(told[12 + 4 * 36..], [0, 0, 0, 0, 1, 0, 0, 0]);

@@ -7,7 +7,7 @@ use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub::responder::Responder;
 use motor_hub::responder::keep_alive::TIMEOUT_MICROS;
-use motor_hub::supply::Stage;
+use motor_hub::supply::DrawStage;
 use motor_hub::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts};
 
 const TIMEOUT_MS: u64 = TIMEOUT_MICROS / 1000;
@@ -246,10 +246,10 @@ fn bulk_velocities_saturate() {
 #[test]
 fn a_motor_is_not_enabled_on_a_low_or_unknown_battery() {
     for (battery, stage, said) in [
-        (Some(7_000), Stage::Full, Said::Ack(0)),
-        (Some(7_200), Stage::Derated, Said::Nack(52)),
-        (Some(5_900), Stage::Cut, Said::Nack(52)),
-        (None, Stage::Cut, Said::Nack(52)),
+        (Some(7_000), DrawStage::Full, Said::Ack(0)),
+        (Some(7_200), DrawStage::Derated, Said::Nack(52)),
+        (Some(5_900), DrawStage::Cut, Said::Nack(52)),
+        (None, DrawStage::Cut, Said::Nack(52)),
     ] {
         let mut host = TestHost::settled();
         host.do_all(&[(15, &[0, 1, 0])]);
@@ -271,12 +271,12 @@ fn the_battery_reads_0_when_unknown_and_saturates() {
 #[test]
 fn a_battery_that_becomes_low_sets_attention_once_and_stays_in_the_status() {
     let mut host = driving();
-    host.set_battery(Some(6_900), Stage::Derated);
+    host.set_battery(Some(6_900), DrawStage::Derated);
     assert_eq!(keep_alive(&mut host), Said::Ack(1));
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![1 << 4, 0]));
     assert_eq!(keep_alive(&mut host), Said::Ack(0));
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![1 << 4, 0]));
-    host.set_battery(Some(7_500), Stage::Full);
+    host.set_battery(Some(7_500), DrawStage::Full);
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![0, 0]));
     assert!(host.responder.enabled()[0], "a running motor goes on");
 }
@@ -386,7 +386,7 @@ fn the_led_shows_the_states_of_host_and_battery() {
         colour
     });
     assert_eq!(seen, [Colour::BLUE, Colour::OFF].repeat(3)[..], "lost");
-    host.set_battery(Some(6_500), Stage::Derated);
+    host.set_battery(Some(6_500), DrawStage::Derated);
     keep_alive(&mut host);
     seen = [0; 6].map(|_| {
         let colour = host.responder.led(host.now);

@@ -12,7 +12,7 @@ use motor_hub::protocol::payload::{Field, Fields};
 use motor_hub::protocol::{Address, Packet};
 use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::responder::Responder;
-use motor_hub::store::{Found, Outcome, Record, StoreRequest, Stored};
+use motor_hub::store::{Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use motor_hub::units::{
     Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, EmfConstant,
     Millivolts,
@@ -24,7 +24,7 @@ const LOAD: u16 = FIRST_FUNCTION + 15;
 const RESET: u16 = FIRST_FUNCTION + 16;
 const STATE: u16 = FIRST_FUNCTION + 17;
 
-fn found(record: &Record) -> Found {
+fn found(record: &SettingsRecord) -> Found {
     Found { stored: Stored::Whole, version: 1, record: record.clone() }
 }
 
@@ -45,9 +45,9 @@ fn order(host: &mut TestHost) -> StoreRequest {
 }
 
 /// Carries out the order; what is stored then.
-fn carried_out(host: &mut TestHost) -> Record {
+fn carried_out(host: &mut TestHost) -> SettingsRecord {
     let record = order(host).record.expect("something to write");
-    host.responder.carried_out(Some(found(&record)), Outcome::Done);
+    host.responder.store_done(Some(found(&record)), Outcome::Done);
     record
 }
 
@@ -126,7 +126,7 @@ fn only_saved_settings_are_restored() {
 }
 
 #[test]
-fn with_an_empty_memory_a_hub_is_as_without_a_memory() {
+fn with_an_empty_memory_the_firmwares_settings_apply() {
     let mut host = empty();
     assert_eq!(all(&mut host), all(&mut TestHost::new()));
     let StoreReport { stored, number, differs, .. } = report(&mut host);
@@ -150,7 +150,7 @@ fn a_stored_set_up_that_changes_nothing_deletes_no_motion() {
         Settings { coefficients: None, ..told.next_back().expect("configured") }
     };
     let mut responder = Responder::new(Address::new(HUB).expect("an address"), [known; N]);
-    let mut record = Record::new(1);
+    let mut record = SettingsRecord::new(1);
     let mut host = TestHost::new();
     std::mem::swap(&mut host.responder, &mut responder);
     let Said::Data(setup) = host.ask(FIRST_FUNCTION + 1, &[1]) else { panic!("no set-up") };
@@ -167,7 +167,7 @@ fn missing_entries_and_fields_are_the_firmwares() {
     host.ask(SAVE, &[]);
     let whole = carried_out(&mut host);
     // As an older firmware would have written it, which knew no inductance, scheme or duty, and no protection at all.
-    let mut older = Record::new(1);
+    let mut older = SettingsRecord::new(1);
     for entry in whole.entries().filter(|entry| entry.id != FIRST_FUNCTION + 8) {
         let length = if entry.id == FIRST_FUNCTION { 7 } else { entry.payload.len() };
         older.push(entry.id, &entry.payload[..length]).expect("room");
@@ -185,7 +185,7 @@ fn missing_entries_and_fields_are_the_firmwares() {
 
 #[test]
 fn unknown_entries_are_kept_and_refused_entries_change_nothing() {
-    let mut record = Record::new(6);
+    let mut record = SettingsRecord::new(6);
     let unknown: [(u16, &[u8]); 4] =
         [(0x4D55, &[1, 2, 3]), (FIRST_FUNCTION + 8, &[9, 1]), (0x100A, &[0, 1]), (0x7F05, &[])];
     for (id, payload) in unknown {
@@ -218,7 +218,7 @@ fn additional_bytes_of_an_entry_are_kept_or_the_save_is_refused() {
     for (length, fits) in [(161, true), (255, false)] {
         let mut longer = vec![2, 1, 0, 0, 0, 0, 0, 0];
         longer.resize(length, 77);
-        let mut record = Record::new(6);
+        let mut record = SettingsRecord::new(6);
         record.push(FIRST_FUNCTION + 8, &longer).expect("room");
         let mut host = powered_on(found(&record));
         let said = host.ask(SAVE, &[]);
@@ -234,7 +234,7 @@ fn additional_bytes_of_an_entry_are_kept_or_the_save_is_refused() {
 
 #[test]
 fn settings_that_leave_no_room_for_unknown_entries_are_not_saved() {
-    let mut record = Record::new(1);
+    let mut record = SettingsRecord::new(1);
     record.push(0x4D55, &[7; 240]).expect("room");
     let mut host = powered_on(found(&record));
     assert_eq!(host.ask(SAVE, &[]), Said::Nack(64));
@@ -261,7 +261,7 @@ fn while_a_motor_runs_settings_are_saved_without_erasing_and_not_read() {
     assert!(matches!(host.ask(SAVE, &[]), Said::Ack(_)));
     assert!(!order(&mut host).may_erase);
     assert_eq!(host.ask(SAVE, &[]), Said::Nack(61));
-    host.responder.carried_out(None, Outcome::NeedsErase);
+    host.responder.store_done(None, Outcome::NeedsErase);
     let StoreReport { outcome, stored, .. } = report(&mut host);
     assert_eq!((outcome, stored), (Outcome::NeedsErase, Stored::Nothing));
     // The hub does not try again.
@@ -290,7 +290,7 @@ fn load_restores_the_stored_settings_and_reset_the_firmwares() {
     assert!(matches!(host.ask(LOAD, &[]), Said::Ack(_)));
     assert_eq!(order(&mut host).record, None);
     assert_ne!(all(&mut host), saved);
-    host.responder.carried_out(Some(found(&record)), Outcome::Done);
+    host.responder.store_done(Some(found(&record)), Outcome::Done);
     assert_eq!((all(&mut host), report(&mut host).differs), (saved, false));
     assert!(host.told().iter().any(|command| command.motor == 2));
 
@@ -315,7 +315,7 @@ fn a_later_firmwares_settings_are_refused_and_kept_until_they_are_reset() {
     assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
     assert_eq!(
         order(&mut host),
-        StoreRequest { record: Some(Record::new(1)), afresh: false, may_erase: true }
+        StoreRequest { record: Some(SettingsRecord::new(1)), erase_first: false, may_erase: true }
     );
 }
 
@@ -326,7 +326,7 @@ fn a_damaged_memory_refuses_saves_until_a_reset() {
     assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
     assert_eq!(
         order(&mut host),
-        StoreRequest { record: Some(Record::new(1)), afresh: true, may_erase: true }
+        StoreRequest { record: Some(SettingsRecord::new(1)), erase_first: true, may_erase: true }
     );
 }
 
@@ -340,7 +340,7 @@ fn a_new_address_is_stored_alone() {
     host.ask(0x7F06, &[9]);
     let record = carried_out(&mut host);
     assert_eq!(record.number(), 2);
-    let others = |record: &Record| -> Vec<(u16, Vec<u8>)> {
+    let others = |record: &SettingsRecord| -> Vec<(u16, Vec<u8>)> {
         let others = record.entries().filter(|entry| entry.id != 0x7F06);
         others.map(|entry| (entry.id, entry.payload.to_vec())).collect()
     };
@@ -356,12 +356,12 @@ fn an_address_that_has_no_room_waits_for_motors_to_be_off() {
     host.do_all(&[(15, &[1, 0, 0x10]), (10, &[1, 1])]);
     host.ask(0x7F06, &[HUB + 1]);
     assert!(!order(&mut host).may_erase);
-    host.responder.carried_out(None, Outcome::NeedsErase);
+    host.responder.store_done(None, Outcome::NeedsErase);
     assert_eq!(host.responder.store_request(&host.snapshot), None);
     host.responder.tick(motor_hub::units::Micros::new(60_000_000), &host.snapshot);
     assert!(order(&mut host).may_erase);
     // A memory that fails is not worn out by it.
-    host.responder.carried_out(None, Outcome::Refused);
+    host.responder.store_done(None, Outcome::Refused);
     assert_eq!(host.responder.store_request(&host.snapshot), None);
 }
 
@@ -389,7 +389,7 @@ proptest! {
     /// Whatever is stored, no motor runs for it, and what is in force can be saved and found again.
     #[test]
     fn any_record_is_survived(entries in prop::collection::vec(entry(), 0..12)) {
-        let mut record = Record::new(3);
+        let mut record = SettingsRecord::new(3);
         for (id, payload) in &entries {
             let _ = record.push(*id, payload);
         }
@@ -464,7 +464,7 @@ const BY_FIRMWARE_0_1_0: [(u16, &str); 29] = [
 
 #[test]
 fn settings_stored_by_firmware_0_1_0_are_restored_and_stored_again_as_the_same_bytes() {
-    let mut stored = Record::new(1);
+    let mut stored = SettingsRecord::new(1);
     for (id, payload) in BY_FIRMWARE_0_1_0 {
         stored.push(id, &bytes_of(payload)).expect("room");
     }

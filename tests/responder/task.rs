@@ -10,7 +10,7 @@ use motor_hub::hub::{Action, Command, Snapshot};
 use motor_hub::motor::Setpoint;
 use motor_hub::protocol::{Address, Colour};
 use motor_hub::responder::Responder;
-use motor_hub::store::{Found, Outcome, Record, Stored};
+use motor_hub::store::{Found, Outcome, SettingsRecord, Stored};
 use motor_hub::tasks::store::Done;
 use motor_hub::tasks::{self, COMMANDS, Wires};
 use motor_hub::units::Millivolts;
@@ -448,7 +448,7 @@ fn a_hub_with_a_memory_reads_packets_once_the_memory_has_reported() {
     world.call(13, &[2]);
     run_ms(&mut task, 400);
     assert_eq!((world.replies(), world.told()), (vec![], vec![]));
-    let mut record = Record::new(1);
+    let mut record = SettingsRecord::new(1);
     record.push(0x100C, &[2, 7, 0]).expect("room");
     let found = Some(Found { stored: Stored::Whole, version: 1, record });
     world.wires.store.done.signal(Done { found, outcome: Outcome::None });

@@ -68,12 +68,12 @@ fn a_host_sends_an_image_and_has_it_started() {
             matches!(host.responder.update_request(), Some(UpdateRequest::Write { offset: to, .. }) if to == offset)
         );
         assert_eq!(chunk(&mut host, offset + 96), Said::Nack(if offset == 0 { 70 } else { 1 }));
-        host.responder.update_done(Done::Carried(Outcome::Done));
+        host.responder.update_done(Done::Finished(Outcome::Done));
     }
     assert_eq!(say(&mut host, HubFunction::Restart), Said::Nack(77));
     assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
     assert_eq!(host.responder.update_request(), Some(UpdateRequest::Arm { length: 192, crc: 7, seal: None }));
-    host.responder.update_done(Done::Carried(Outcome::Done));
+    host.responder.update_done(Done::Finished(Outcome::Done));
     let told = report(&mut host);
     let version = Text::from_slice(b"mh9.9.9").expect("short");
     assert_eq!((told.phase, told.received, told.length, told.version), (Phase::Armed, 192, 192, version));
@@ -113,11 +113,11 @@ fn signatures_are_required_with_a_key_and_refused_without_one() {
     assert_eq!(sign(&mut host, 5), ACK);
     assert_eq!(chunk(&mut host, 0), ACK);
     host.responder.update_request().expect("a chunk to write");
-    host.responder.update_done(Done::Carried(Outcome::Done));
+    host.responder.update_done(Done::Finished(Outcome::Done));
     assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
     let seal = Some(Seal { key: [5; 32], signature: [9; 64] });
     assert_eq!(host.responder.update_request(), Some(UpdateRequest::Arm { length: 96, crc: 7, seal }));
-    host.responder.update_done(Done::Carried(Outcome::WrongSignature));
+    host.responder.update_done(Done::Finished(Outcome::WrongSignature));
     let told = report(&mut host);
     assert_eq!((told.phase, told.outcome), (Phase::Nothing, Outcome::WrongSignature));
     assert_eq!(say(&mut host, HubFunction::Restart), Said::Nack(77));

@@ -2,13 +2,13 @@
 
 use crate::flash::{Flash, NoPower, block_on, read, write};
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
-use motor_hub::store::{Found, Outcome, Record, StoreRequest, Stored};
+use motor_hub::store::{Found, Outcome, SettingsRecord, StoreRequest, Stored};
 use motor_hub::tasks::store::Keeper;
 use sequential_storage::cache::Cache;
 use sequential_storage::map::{MapConfig, MapStorage};
 
-fn record(number: u32) -> Record {
-    let mut record = Record::new(number);
+fn record(number: u32) -> SettingsRecord {
+    let mut record = SettingsRecord::new(number);
     record.push(0x4D00, &[number as u8; 40]).expect("room");
     record
 }
@@ -136,7 +136,7 @@ impl NorFlash for Worn {
 fn a_memory_that_loses_writes_is_reported() {
     for (says_so, outcome) in [(true, Outcome::Refused), (false, Outcome::Lost)] {
         let mut keeper = Keeper::new(Worn::new(says_so), 0..2048).expect("two pages");
-        let order = StoreRequest { record: Some(record(1)), afresh: false, may_erase: true };
+        let order = StoreRequest { record: Some(record(1)), erase_first: false, may_erase: true };
         let done = block_on(keeper.carry_out(&order));
         assert_eq!(done.outcome, outcome);
         assert_eq!(done.found.map(|found| found.stored), Some(Stored::Nothing));
@@ -154,7 +154,7 @@ fn a_range_that_is_not_two_pages_is_refused() {
 fn nothing_is_erased_while_motors_run() {
     let mut flash = Flash::<4, 1024>::new();
     let mut refused = 0;
-    let mut last = Record::new(0);
+    let mut last = SettingsRecord::new(0);
     for number in 1..=60 {
         let before = flash.erased;
         let done = write(&mut flash, &record(number), false);

@@ -3,7 +3,7 @@
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
-use motor_hub::store::{Found, Record, StoreRequest};
+use motor_hub::store::{Found, SettingsRecord, StoreRequest};
 use motor_hub::tasks::store::{Done, Keeper};
 
 pub(crate) use embassy_futures::block_on;
@@ -154,10 +154,10 @@ pub(crate) fn read<const WORD: usize, const PAGE: usize>(flash: &mut Flash<WORD,
 
 pub(crate) fn write<const WORD: usize, const PAGE: usize>(
     flash: &mut Flash<WORD, PAGE>,
-    record: &Record,
+    record: &SettingsRecord,
     may_erase: bool,
 ) -> Done {
-    let order = StoreRequest { record: Some(record.clone()), afresh: false, may_erase };
+    let order = StoreRequest { record: Some(record.clone()), erase_first: false, may_erase };
     block_on(keeper(flash).carry_out(&order))
 }
 

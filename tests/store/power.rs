@@ -1,11 +1,11 @@
 //! Power goes before, in and after every single write.
 
 use crate::flash::{Flash, Lots, Tear, read, write};
-use motor_hub::store::{Outcome, Record, Stored};
+use motor_hub::store::{Outcome, SettingsRecord, Stored};
 
 /// Random entries with this number of bytes in total at most.
-fn record(number: u32, lots: &mut Lots, most: usize) -> Record {
-    let mut record = Record::new(number);
+fn record(number: u32, lots: &mut Lots, most: usize) -> SettingsRecord {
+    let mut record = SettingsRecord::new(number);
     let length = lots.below(most);
     while record.bytes().len() < length {
         let payload: Vec<u8> = (0..lots.below(20)).map(|_| lots.byte()).collect();
@@ -28,9 +28,9 @@ struct Tally {
 /// What must hold when power comes back: old value or new, and the next save is as good as any.
 fn survives<const WORD: usize, const PAGE: usize>(
     flash: &Flash<WORD, PAGE>,
-    (old, new): (&Record, &Record),
+    (old, new): (&SettingsRecord, &SettingsRecord),
     what: &dyn Fn() -> String,
-) -> (Flash<WORD, PAGE>, Record) {
+) -> (Flash<WORD, PAGE>, SettingsRecord) {
     let mut flash = Flash::with(flash.bytes.clone());
     let found = read(&mut flash);
     assert!(found.record == *old || found.record == *new, "{}: {found:?}", what());
@@ -46,7 +46,7 @@ fn history<const WORD: usize, const PAGE: usize>(
     let mut lots = Lots(20_261_122);
     let mut tally = Tally::default();
     let mut flash = Flash::<WORD, PAGE>::new();
-    let mut old = Record::new(0);
+    let mut old = SettingsRecord::new(0);
     for number in 1..=saves {
         let new = record(number, &mut lots, longest);
         let before = flash.bytes.clone();

@@ -1,7 +1,7 @@
 //! What bytes are a record.
 
 use crate::flash::{Flash, Lots, read, write};
-use motor_hub::store::{CAPACITY, Found, Outcome, Record, Stored, Unreadable, VERSION};
+use motor_hub::store::{CAPACITY, Found, Outcome, SettingsRecord, Stored, Unreadable, VERSION};
 use proptest::prelude::*;
 
 fn found(copies: &[Option<&[u8]>]) -> (Stored, u8, u32) {
@@ -12,11 +12,11 @@ fn found(copies: &[Option<&[u8]>]) -> (Stored, u8, u32) {
 
 #[test]
 fn entries_are_read_in_their_order() {
-    let mut record = Record::new(0x0403_0201);
+    let mut record = SettingsRecord::new(0x0403_0201);
     record.push(0x4D00, &[1, 2, 3]).expect("room");
     record.push(0x7F06, &[]).expect("room");
     assert_eq!(record.bytes(), [1, 1, 2, 3, 4, 0x00, 0x4D, 3, 1, 2, 3, 0x06, 0x7F, 0]);
-    let again = Record::read(record.bytes()).expect("a record");
+    let again = SettingsRecord::read(record.bytes()).expect("a record");
     assert_eq!((again.number(), again), (0x0403_0201, record.clone()));
     let entries: Vec<_> = record.entries().map(|entry| (entry.id, entry.payload.to_vec())).collect();
     assert_eq!(entries, [(0x4D00, vec![1, 2, 3]), (0x7F06, vec![])]);
@@ -24,7 +24,7 @@ fn entries_are_read_in_their_order() {
 
 #[test]
 fn an_entry_without_room_is_left_out_whole() {
-    let mut record = Record::new(1);
+    let mut record = SettingsRecord::new(1);
     assert!(record.push(1, &[0; 256]).is_err());
     record.push(1, &[0; 255]).expect("room");
     let rest = CAPACITY - record.bytes().len() - 3;
@@ -39,7 +39,7 @@ fn an_entry_without_room_is_left_out_whole() {
 #[test]
 fn a_later_version_is_not_taken_for_damage() {
     for version in VERSION + 1..=u8::MAX {
-        assert_eq!(Record::read(&[version, 1, 2, 3]), Err(Unreadable::Later(version)));
+        assert_eq!(SettingsRecord::read(&[version, 1, 2, 3]), Err(Unreadable::Later(version)));
     }
     for nonsense in [
         &[][..],
@@ -48,13 +48,13 @@ fn a_later_version_is_not_taken_for_damage() {
         &[VERSION, 0, 0, 0, 0, 1, 2],
         &[VERSION, 0, 0, 0, 0, 1, 2, 3, 4, 5],
     ] {
-        assert_eq!(Record::read(nonsense), Err(Unreadable::Damaged), "{nonsense:?}");
+        assert_eq!(SettingsRecord::read(nonsense), Err(Unreadable::Damaged), "{nonsense:?}");
     }
 }
 
 #[test]
 fn the_newer_of_two_copies_counts_and_a_later_version_above_all() {
-    let [old, new] = [Record::new(7), Record::new(8)];
+    let [old, new] = [SettingsRecord::new(7), SettingsRecord::new(8)];
     let (old, new) = (Some(old.bytes()), Some(new.bytes()));
     let later = Some(&[9, 0][..]);
     let nonsense = Some(&[0][..]);
@@ -80,7 +80,7 @@ fn any_contents_of_a_flash_are_read_in_finite_time() {
     let mut nothing = 0;
     for round in 0..300 {
         let mut flash = Flash::<4, 1024>::new();
-        let record = Record::new(5);
+        let record = SettingsRecord::new(5);
         if round % 2 == 0 {
             write(&mut flash, &record, true);
         }
@@ -93,8 +93,11 @@ fn any_contents_of_a_flash_are_read_in_finite_time() {
         let found = read(&mut flash);
         nothing += u32::from(found.record.number() != 5);
         // Any contents can be erased and written.
-        let order =
-            motor_hub::store::StoreRequest { record: Some(record.clone()), afresh: true, may_erase: true };
+        let order = motor_hub::store::StoreRequest {
+            record: Some(record.clone()),
+            erase_first: true,
+            may_erase: true,
+        };
         let done = crate::flash::block_on(crate::flash::keeper(&mut flash).carry_out(&order));
         assert_eq!((done.outcome, read(&mut flash).record), (Outcome::Done, record), "round {round}");
     }
@@ -110,8 +113,8 @@ proptest! {
         if let Some(first) = bytes.first_mut().filter(|_| known) {
             *first = VERSION;
         }
-        if let Ok(record) = Record::read(&bytes) {
-            let mut again = Record::new(record.number());
+        if let Ok(record) = SettingsRecord::read(&bytes) {
+            let mut again = SettingsRecord::new(record.number());
             for entry in record.entries() {
                 again.push(entry.id, entry.payload).expect("it was there");
             }

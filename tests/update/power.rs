@@ -6,18 +6,18 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
-use motor_hub::tasks::update::{BlockingFlash, Slots, StateFlash};
+use motor_hub::tasks::update::{BlockingFlash, Slots, StateFlash, discard_stale_swap};
 use motor_hub::update::{Booted, CHUNK, CRC, Outcome};
 use std::cell::RefCell;
 use std::future::ready;
 use std::ops::Range;
 
-/// The words of an STM32H743, in smaller pages: as many words as the state of so many pages needs.
+/// The words of an STM32H743, in smaller pages: as many words as the state of so many pages needs, in whole buffers.
 const WORD: usize = 32;
-const PAGE: usize = 16 * WORD;
+const PAGE: usize = 18 * WORD;
 
 /// Pages of the slot that is booted, of the one that is written, and of the state.
-const ACTIVE: Range<usize> = 0..3 * PAGE;
+pub(crate) const ACTIVE: Range<usize> = 0..3 * PAGE;
 pub(crate) const DOWNLOAD: Range<usize> = 3 * PAGE..7 * PAGE;
 pub(crate) const STATE: Range<usize> = 7 * PAGE..8 * PAGE;
 
@@ -59,22 +59,32 @@ impl NorFlashError for NoPower {
     }
 }
 
+/// Codes that a flash has for its words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Code {
+    None,
+    /// The code of a word that was written twice fits the word, or no word at all: the board reads zeros.
+    Detects,
+    /// The code of a word that was written twice makes the flash turn a bit of the word.
+    Corrects,
+}
+
 /// A chip's flash.
 #[derive(Clone)]
 pub(crate) struct Chip {
     bytes: Vec<u8>,
     /// Words with an error-correcting code that does not fit, which the board reads as zeros; none on a chip without.
     torn: Vec<bool>,
-    corrects: bool,
+    code: Code,
     steps: usize,
     cut: Option<(usize, Tear)>,
 }
 
 impl Chip {
-    pub(crate) fn new(corrects: bool) -> RefCell<Self> {
+    pub(crate) fn new(code: Code) -> RefCell<Self> {
         let mut bytes = vec![0xFF; STATE.end];
         bytes[ACTIVE][..LENGTH].copy_from_slice(&image(1));
-        RefCell::new(Self { bytes, torn: vec![false; STATE.end / WORD], corrects, steps: 0, cut: None })
+        RefCell::new(Self { bytes, torn: vec![false; STATE.end / WORD], code, steps: 0, cut: None })
     }
 
     fn alive(&self) -> Result<(), NoPower> {
@@ -108,13 +118,16 @@ impl Chip {
                 Some((Tear::Before, _)) => return Err(NoPower),
                 Some((_, mut lots)) => {
                     word.iter_mut().zip(bytes).for_each(|(old, new)| *old &= new | lots.byte());
-                    self.torn[at / WORD] = self.corrects;
+                    self.torn[at / WORD] = self.code != Code::None;
                     return Err(NoPower);
                 }
                 None => word.copy_from_slice(bytes),
             }
-            // Written twice, its code fits neither.
-            self.torn[at / WORD] |= self.corrects && !blank;
+            if !blank && self.code == Code::Corrects {
+                word[WORD / 2] ^= 1;
+                // The driver reads the word back.
+                return Err(NoPower);
+            }
         }
         Ok(())
     }
@@ -134,7 +147,7 @@ impl Chip {
                 Tear::Before => (),
                 Tear::Bits => {
                     page.iter_mut().for_each(|byte| *byte |= lots.byte());
-                    torn.fill(self.corrects);
+                    torn.fill(self.code != Code::None);
                 }
                 Tear::Half => {
                     page[..PAGE / 2].fill(0xFF);
@@ -196,18 +209,26 @@ fn image(version: u8) -> Vec<u8> {
 /// Power-on, or a reset: what the bootloader starts.
 fn boot(chip: &RefCell<Chip>) -> Result<u8, NoPower> {
     let idle = || unreachable!("this flash is never busy");
+    let erasing = || ();
+    let found = block_on(discard_stale_swap(&mut Part(chip, ACTIVE), &mut StateFlash(Part(chip, STATE))));
+    chip.borrow().alive()?;
+    found.expect("only power fails");
     let config = BootLoaderConfig {
-        active: BlockingFlash { flash: Part(chip, ACTIVE), idle },
-        dfu: BlockingFlash { flash: Part(chip, DOWNLOAD), idle },
-        state: BlockingFlash { flash: StateFlash(Part(chip, STATE)), idle },
+        active: BlockingFlash { flash: Part(chip, ACTIVE), idle, erasing },
+        dfu: BlockingFlash { flash: Part(chip, DOWNLOAD), idle, erasing },
+        state: BlockingFlash { flash: StateFlash(Part(chip, STATE)), idle, erasing },
     };
     let done = BootLoader::new(config).prepare_boot(&mut [0; 2 * WORD]);
     chip.borrow().alive()?;
     done.expect("only power fails");
     let mut booted = vec![0; LENGTH];
     chip.borrow().read(ACTIVE.start, &mut booted)?;
-    let version = (1..=2).find(|version| image(*version) == booted);
-    Ok(version.expect("what boots is the firmware before or the new one"))
+    let version = (1..=3).find(|version| image(*version) == booted);
+    Ok(version.expect("what boots is one whole firmware"))
+}
+
+pub(crate) fn slots(chip: &RefCell<Chip>) -> Slots<Part<'_>, Part<'_>, Part<'_>> {
+    Slots::new(Part(chip, ACTIVE), Part(chip, DOWNLOAD), Part(chip, STATE)).expect("words that fit")
 }
 
 /// From power-on until the hub runs the new firmware, which confirms itself, or, where that is not `good` and never does, the
@@ -215,7 +236,7 @@ fn boot(chip: &RefCell<Chip>) -> Result<u8, NoPower> {
 fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
     let mut version = boot(chip)?;
     let mut tried = false;
-    let mut slots = Slots::new(Part(chip, DOWNLOAD), Part(chip, STATE)).expect("words that fit");
+    let mut slots = slots(chip);
     let done = |outcome| if outcome == Outcome::Done { Ok(()) } else { Err(NoPower) };
     for _ in 0..8 {
         let booted = block_on(slots.booted());
@@ -247,43 +268,68 @@ fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
 }
 
 /// Cuts the power at every step of a life, and of the lives after that.
-fn cut_everywhere(good: bool, corrects: bool) -> (usize, usize) {
-    let whole = Chip::new(corrects);
-    live(&whole, good).expect("power");
-    let steps = whole.borrow().steps;
+fn cut_everywhere(good: bool, code: Code) -> (usize, usize) {
     let (mut cuts, mut second_cuts) = (0, 0);
-    for (at, tear) in (0..steps).flat_map(|at| TEARS.map(|tear| (at, tear))) {
-        let chip = Chip::new(corrects);
-        chip.borrow_mut().cut = Some((at, tear));
-        live(&chip, good).expect_err("power goes");
+    for (left, what) in cuts_of(good, code) {
         cuts += 1;
-        let left = Chip { steps: 0, cut: None, ..chip.into_inner() };
         let mended = RefCell::new(left.clone());
-        live(&mended, good).unwrap_or_else(|_| panic!("no life after {tear:?} at step {at}"));
+        live(&mended, good).unwrap_or_else(|_| panic!("no life after {what}"));
         // A second cut in what follows, by another tear.
         let steps = mended.borrow().steps;
-        for again in (at % 17..steps).step_by(17) {
-            let tear = TEARS[(again + at) % TEARS.len()];
+        for again in (cuts % 41..steps).step_by(41) {
+            let tear = TEARS[(again + cuts) % TEARS.len()];
             let chip = RefCell::new(Chip { cut: Some((again, tear)), ..left.clone() });
             live(&chip, good).expect_err("power goes");
             second_cuts += 1;
             let mended = RefCell::new(Chip { steps: 0, cut: None, ..chip.into_inner() });
-            live(&mended, good).unwrap_or_else(|_| panic!("no life after {tear:?} at {at}, {again}"));
+            live(&mended, good).unwrap_or_else(|_| panic!("no life after {what}, and {again}"));
         }
     }
     (cuts, second_cuts)
 }
 
+/// The chip after a cut at every step of a life, and what was cut.
+fn cuts_of(good: bool, code: Code) -> impl Iterator<Item = (Chip, String)> {
+    let whole = Chip::new(code);
+    live(&whole, good).expect("power");
+    let steps = whole.into_inner().steps;
+    (0..steps).flat_map(|at| TEARS.map(|tear| (at, tear))).map(move |(at, tear)| {
+        let chip = Chip::new(code);
+        chip.borrow_mut().cut = Some((at, tear));
+        live(&chip, good).expect_err("power goes");
+        (Chip { steps: 0, cut: None, ..chip.into_inner() }, format!("{tear:?} at step {at}"))
+    })
+}
+
+const CODES: [Code; 3] = [Code::None, Code::Detects, Code::Corrects];
+
 #[test]
 fn an_update_that_loses_power_anywhere_boots_the_firmware_before_or_the_new_one() {
-    for corrects in [true, false] {
-        println!("words corrected {corrects}: (cuts, second cuts) {:?}", cut_everywhere(true, corrects));
+    for code in CODES {
+        println!("{code:?}: (cuts, second cuts) {:?}", cut_everywhere(true, code));
     }
 }
 
 #[test]
 fn a_rollback_that_loses_power_anywhere_boots_one_of_both_and_ends_with_the_firmware_before() {
-    for corrects in [true, false] {
-        println!("words corrected {corrects}: (cuts, second cuts) {:?}", cut_everywhere(false, corrects));
+    for code in CODES {
+        println!("{code:?}: (cuts, second cuts) {:?}", cut_everywhere(false, code));
+    }
+}
+
+#[test]
+fn what_a_probe_has_written_boots_whatever_swap_was_ordered_or_begun_before() {
+    for good in [true, false] {
+        for (left, what) in cuts_of(good, Code::Detects) {
+            let mut left = left;
+            left.bytes[ACTIVE].fill(0xFF);
+            left.bytes[ACTIVE][..LENGTH].copy_from_slice(&image(3));
+            left.torn[ACTIVE.start / WORD..ACTIVE.end / WORD].fill(false);
+            let chip = RefCell::new(left);
+            for boots in 1..=2 {
+                assert_eq!(boot(&chip).expect("power"), 3, "boot {boots} after {what}");
+            }
+            assert_ne!(block_on(slots(&chip).booted()), Booted::OnTrial, "{what}");
+        }
     }
 }

@@ -1,8 +1,7 @@
 //! Signed images: what is armed and what is not, by a signature of another tool and by our own over any bytes.
 
-use crate::power::{Chip, DOWNLOAD, Part, STATE};
+use crate::power::{Chip, Code, slots};
 use embassy_futures::block_on;
-use motor_hub::tasks::update::Slots;
 use motor_hub::update::{Booted, CHUNK, CRC, Outcome, Seal, public_key};
 use proptest::prelude::*;
 use salty::{Keypair, Sha512};
@@ -22,8 +21,8 @@ fn image() -> Vec<u8> {
 
 /// What becomes of these bytes, sent with this seal, and whether the bootloader would start them.
 fn sent(image: &[u8], seal: Option<Seal>) -> (Outcome, Booted) {
-    let chip = Chip::new(true);
-    let mut slots = Slots::new(Part(&chip, DOWNLOAD), Part(&chip, STATE)).expect("words that fit");
+    let chip = Chip::new(Code::Detects);
+    let mut slots = slots(&chip);
     for (at, bytes) in (0..).step_by(CHUNK).zip(image.chunks(CHUNK)) {
         assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
     }
@@ -75,8 +74,8 @@ fn another_key_signs_nothing() {
 
 #[test]
 fn nothing_is_armed_before_it_is_calm() {
-    let chip = Chip::new(true);
-    let mut slots = Slots::new(Part(&chip, DOWNLOAD), Part(&chip, STATE)).expect("words that fit");
+    let chip = Chip::new(Code::Detects);
+    let mut slots = slots(&chip);
     for (at, bytes) in (0..).step_by(CHUNK).zip(image().chunks(CHUNK)) {
         assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
     }
@@ -88,7 +87,7 @@ fn nothing_is_armed_before_it_is_calm() {
         // Each chunk is a pause.
         assert!((0..100).all(|_| arm.as_mut().poll(&mut context).is_pending()));
         calm.set(true);
-        assert_eq!(arm.as_mut().poll(&mut context), Poll::Ready(Outcome::Done));
+        assert_eq!(block_on(arm), Outcome::Done);
     }
     assert_eq!(block_on(slots.booted()), Booted::OnTrial);
 }

@@ -58,7 +58,7 @@ impl Memory {
             }
             UpdateRequest::Restart => Outcome::Done,
         };
-        update.done(Done::Carried(outcome));
+        update.done(Done::Finished(outcome));
     }
 }
 
@@ -164,7 +164,7 @@ fn a_flash_that_refuses_a_chunk_ends_the_update() {
     update.begin(1_000, crc(&image), false).expect("begun");
     update.chunk(0, &image[..96]).expect("the first");
     assert!(update.request().is_some());
-    update.done(Done::Carried(Outcome::Refused));
+    update.done(Done::Finished(Outcome::Refused));
     assert_eq!((update.phase(), update.outcome()), (Phase::Nothing, Outcome::Refused));
     assert_eq!(update.chunk(96, &image[96..192]), Err(Nack::UPDATE_NOT_BEGUN));
 }

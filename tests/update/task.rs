@@ -1,6 +1,6 @@
 //! The task that owns the slots, under virtual time.
 
-use crate::power::{Chip, DOWNLOAD, Part, STATE};
+use crate::power::{ACTIVE, Chip, Code, DOWNLOAD, Part, STATE};
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_time::{Duration, MockDriver};
 use embedded_storage_async::nor_flash::{
@@ -78,8 +78,9 @@ impl Watchdog for Fed {
 #[test]
 fn firmware_that_cannot_confirm_itself_lets_all_other_tasks_run_and_says_so() {
     MockDriver::get().reset();
-    let chip = Chip::new(true);
-    let slots = Slots::new(Part(&chip, DOWNLOAD), Refusing::default()).expect("words that fit");
+    let chip = Chip::new(Code::Detects);
+    let slots = Slots::new(Part(&chip, ACTIVE), Part(&chip, DOWNLOAD), Refusing::default());
+    let slots = slots.expect("words that fit");
     let wires = Wires::<NoopRawMutex, 1>::new();
     let health = Health::new();
     let mut update = pin!(tasks::update::run(slots, &wires, &health, || unreachable!("nobody restarts it")));

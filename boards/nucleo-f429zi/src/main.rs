@@ -98,7 +98,7 @@ async fn main(spawner: Spawner) {
     let watchdog = IndependentWatchdog::start(p.IWDG);
     info!("{=u32} Hz, {} motors every {=u32} ms", rcc::frequency::<TIM1>().0, MOTORS, PERIOD.as_millis());
     let cause = chip::reset_cause();
-    WIRES.remember(unwrap!(record::memory()), cause);
+    WIRES.open_record(unwrap!(record::memory()), cause);
     chip::watch_supply();
 
     let low = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low);

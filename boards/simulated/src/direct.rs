@@ -74,7 +74,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         // What was said a millisecond ago, and can be done at once, is.
         if waiting.iter().any(|command: &Command| command.action.is_direct()) {
             obey(&mut hub, &mut waiting);
-            if let Some(changed) = hub.act(now, battery) {
+            if let Some(changed) = hub.execute_direct(now, battery) {
                 drives = changed;
                 board.apply(&drives);
             }
@@ -91,7 +91,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         if alarm || ms >= look_ms {
             let sample = supply.step(block_on(SupplyAdc::sample(&mut board)), now);
             battery = sample.or(battery);
-            if let Some(changed) = sample.and_then(|sample| hub.watch_bus(sample)) {
+            if let Some(changed) = sample.and_then(|sample| hub.apply_limits(sample)) {
                 drives = changed;
                 board.apply(&drives);
             }
@@ -121,7 +121,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
                 let now = Micros::new(1_000 * ms + 1_000 * part / parts);
                 let sample = supply.step(block_on(SupplyAdc::sample(&mut board)), now);
                 battery = sample.or(battery);
-                if let Some(changed) = sample.and_then(|sample| hub.watch_bus(sample)) {
+                if let Some(changed) = sample.and_then(|sample| hub.apply_limits(sample)) {
                     board.apply(&changed);
                 }
                 look_ms = ms + 1;

@@ -6,7 +6,7 @@ use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Ticker};
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::Setpoint;
-use motor_hub::responder::button::{Button, Look};
+use motor_hub::responder::button::{Button, ButtonInputs};
 use motor_hub::tasks::Wires;
 use motor_hub::units::Micros;
 
@@ -19,7 +19,7 @@ pub async fn run<M: RawMutex, const N: usize>(input: Input<'static>, wires: &Wir
     let mut current = Setpoint::Disabled;
     loop {
         ticker.next().await;
-        let wanted = button.step(Look {
+        let wanted = button.step(ButtonInputs {
             down: input.is_high(),
             host_spoke: wires.host_spoke.lock(|spoke| spoke.get()),
             battery_good: wires.snapshot.try_get().is_some_and(|snapshot| snapshot.good_battery().is_some()),

@@ -30,7 +30,7 @@ use crate::groups;
 use crate::measures::regime_of;
 use crate::measures::{Measures, Response};
 use motor_hub::braking::Regime;
-use motor_hub::motion::EncoderFault;
+use motor_hub::motor::EncoderFault;
 use motor_hub::motor::Faults;
 use serde::Serialize;
 use serde_json::json;

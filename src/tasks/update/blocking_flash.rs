@@ -15,6 +15,8 @@ pub struct BlockingFlash<F> {
     pub flash: F,
     /// Function that is called while an operation is pending. It may sleep until the next interrupt.
     pub idle: fn(),
+    /// Function that is called before each erasure. A bootloader feeds its watchdog here: a step of its work has succeeded.
+    pub erasing: fn(),
 }
 
 impl<F> BlockingFlash<F> {
@@ -51,6 +53,7 @@ impl<F: NorFlash> blocking::NorFlash for BlockingFlash<F> {
     const ERASE_SIZE: usize = F::ERASE_SIZE;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), F::Error> {
+        (self.erasing)();
         Self::wait(self.idle, self.flash.erase(from, to))
     }
 

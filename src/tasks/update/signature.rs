@@ -1,13 +1,13 @@
-//! Signature check of an image: Ed25519 (RFC 8032) over the image's SHA-512, like [`embassy_boot`]'s own check.
+//! Checks the signature of an image: Ed25519 (RFC 8032) of the image's SHA-512 hash.
 //!
-//! That crate's own check reads two bytes at a time and does not let other tasks run in between. It is not used here.
+//! [`embassy_boot`] has an equal check. It is not used, because it reads two bytes at a time and does not let other tasks run.
 
-use super::{Outcome, Slots};
+use super::{Outcome, Slots, each_chunk};
 use crate::update::Seal;
-use embedded_storage_async::nor_flash::NorFlash;
+use embedded_storage_async::nor_flash::{NorFlash, ReadNorFlash};
 use salty::{PublicKey, Sha512, Signature};
 
-impl<D: NorFlash, S: NorFlash> Slots<D, S> {
+impl<A: ReadNorFlash, D: NorFlash, S: NorFlash> Slots<A, D, S> {
     /// Checks that the seal is a valid signature of the written image. The arithmetic blocks the processor, so `motors_off`
     /// is awaited before.
     pub(super) async fn verify(
@@ -17,7 +17,7 @@ impl<D: NorFlash, S: NorFlash> Slots<D, S> {
         motors_off: impl Future<Output = ()>,
     ) -> Outcome {
         let mut hash = Sha512::new();
-        if self.each_chunk(length, |chunk| hash.update(chunk)).await.is_err() {
+        if each_chunk(&mut self.download, 0, length, |chunk| hash.update(chunk)).await.is_err() {
             return Outcome::Refused;
         }
         let hash = hash.finalize();

@@ -27,8 +27,8 @@ pub const UNLIMITED: Limits = constant!(Limits::new(Levels {
     cut: Millivolts::new(5_000),
     derate: Millivolts::new(5_001),
     recover: Millivolts::new(5_001),
-    burn: Millivolts::new(17_999),
-    burn_all: Millivolts::new(18_000),
+    dissipate: Millivolts::new(17_999),
+    ceiling: Millivolts::new(18_000),
     max: Millivolts::new(18_000),
 }));
 

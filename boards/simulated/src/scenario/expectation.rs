@@ -6,7 +6,7 @@
 //! assert_eq!(Quantity::SettlingTime.key(), "settles_within_s");
 //! ```
 
-use motor_hub::motion::EncoderFault;
+use motor_hub::motor::EncoderFault;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 

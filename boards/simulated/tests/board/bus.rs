@@ -1,7 +1,7 @@
 //! A bus that cannot take what braking motors return: what becomes of it, and of the motors.
 
 use motor_hub::bridge::{Drive, Mode};
-use motor_hub::supply::Stage;
+use motor_hub::supply::DrawStage;
 use simulated::direct;
 use simulated::hardware::MOTORS;
 use simulated::scenario::Scenario;
@@ -84,7 +84,7 @@ impl Run {
             seen.highest_v = moment.highest_v;
             seen.shut_down |= moment.shut_down > 0;
             seen.returned_j = moment.snapshot.bus.returned.get() as f64 / 1e6;
-            seen.burnt_j = moment.snapshot.bus.burnt.get() as f64 / 1e6;
+            seen.burnt_j = moment.snapshot.bus.dissipated.get() as f64 / 1e6;
         })
         .expect("it runs");
         seen
@@ -231,6 +231,6 @@ fn a_battery_near_its_end_is_derated_and_neither_flickers_nor_falls_to_where_bri
     })
     .expect("it runs");
     assert_eq!(opened, 0, "no bridge opens for want of voltage");
-    assert!(!stages.contains(&Stage::Cut) && stages.len() <= 3, "{stages:?}");
+    assert!(!stages.contains(&DrawStage::Cut) && stages.len() <= 3, "{stages:?}");
     assert!(speed > 1_200.0, "it gets there, in its time: {speed} counts/s");
 }

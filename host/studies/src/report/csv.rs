@@ -2,7 +2,7 @@
 
 use crate::SCHEMA_VERSION;
 use crate::points::{regime_name, regulator_name};
-use motor_hub::motion::EncoderFault;
+use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, Setpoint};
 use simulated::scenario::Scenario;
 use simulated::trace::{Sample, Trace};

@@ -15,14 +15,14 @@ impl BusTable {
         Ok(Bus { capacitance_f, one_way: self.one_way, opens_at_s })
     }
 
-    /// The hub's own limits, with the burn levels of the table.
+    /// The hub's own limits, with the dissipation levels of the table.
     pub(super) fn limits(&self) -> Checked<Limits> {
         let limits = Limits::TWELVE_VOLTS;
         let Some(between) = &self.burn_between_v else { return Ok(limits) };
-        let [burn, burn_all] = between.get_ref().map(Millivolts::from_volts);
-        let levels = |burn, burn_all| Limits::new(Levels { burn, burn_all, ..limits.levels() });
-        match (burn, burn_all) {
-            (Ok(burn), Ok(burn_all)) => levels(burn, burn_all),
+        let [dissipate, ceiling] = between.get_ref().map(Millivolts::from_volts);
+        let levels = |dissipate, ceiling| Limits::new(Levels { dissipate, ceiling, ..limits.levels() });
+        match (dissipate, ceiling) {
+            (Ok(dissipate), Ok(ceiling)) => levels(dissipate, ceiling),
             (Err(wrong), _) | (_, Err(wrong)) => Err(wrong),
         }
         .map_err(|_| fault(between, Mistake::BurnBetween(limits.levels())))

@@ -4,7 +4,7 @@ use super::ranges::{FASTEST_CPS, within};
 use crate::scenario::definition::{Group, LONGEST_S, Motor};
 use crate::scenario::expectation::{Bounds, Expectation, Quantity, RegimeName, Subject, Wish};
 use crate::scenario::mistake::{Checked, Mistake, fault};
-use motor_hub::motion::EncoderFault;
+use motor_hub::motor::EncoderFault;
 use serde::Deserialize;
 use std::ops::{Range, RangeInclusive};
 use toml::Spanned;

@@ -1,0 +1,164 @@
+//! Records the last motion of a shaft: its time, its direction, and the estimate of speed and load at that time.
+//!
+//! * *Motion*: a step of two counts or more. A shaft that rests on an edge of the encoder toggles by one count. An
+//!   encoder with one broken wire toggles by one count at any position. So the record has a dead band: the positions
+//!   up to one count to either side of its centre.
+//! * *Run*: a series of motions in one direction without a long gap.
+//! * *Silence*: the time since the last motion.
+//!
+//! In a silence the estimate follows the encoder and is wrong if the encoder is at fault. The record therefore keeps
+//! the estimate of the motion before the last one.
+
+use crate::motion::Reading;
+use crate::regulator::Regulator;
+
+/// Limits of a run.
+struct RunLimits {
+    /// Time after a motion in which samples are not evaluated, in µs. It saves processor time.
+    pause_us: u32,
+    /// Longest time between two motions of one run, in µs.
+    gap_us: u32,
+    /// Shortest duration of a steady run, in µs. A motor that a load threw turns for a shorter time.
+    steady_us: u32,
+    /// Most toggles of a heavy motor that begins to move: one count forward and back again in a probe, and one by
+    /// vibration.
+    creeping_toggles: u16,
+    /// Fewest samples in a silence that show creeping: with one sample a tick, every encoder toggles only a few times.
+    creeping_samples: u16,
+}
+
+const LIMITS: RunLimits = RunLimits {
+    pause_us: 4_000,
+    gap_us: 50_000,
+    steady_us: 200_000,
+    creeping_toggles: 3,
+    creeping_samples: 50,
+};
+
+/// The estimate of the regulator's observer at a motion.
+#[derive(Clone, Copy, Debug, Default)]
+struct Estimate {
+    /// Speed in counts/s, positive clockwise.
+    speed_cps: f32,
+    /// Disturbance in counts/s²: the acceleration by everything but the bridge, positive clockwise.
+    disturbance_cps2: f32,
+}
+
+/// The last motion of a shaft, and the run to which the motion belongs.
+///
+/// Times are the low 32 bits of microseconds.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LastMotion {
+    /// Centre of the dead band, in counts.
+    centre: i32,
+    /// Time of the newest sample.
+    sampled_at: u32,
+    /// Time of the last motion.
+    moved_at: u32,
+    /// Time at which the present run began.
+    run_began_at: u32,
+    /// Direction of the last motion; `None` before the first motion.
+    clockwise: Option<bool>,
+    /// Estimate at the last motion.
+    estimate: Estimate,
+    /// Estimate at the motion before the last one.
+    estimate_before: Estimate,
+    /// Drive voltage at the last motion, in volts, positive clockwise.
+    drive_volts: f32,
+    /// Position at the newest sample, in counts.
+    position: i32,
+    /// Samples in the silence.
+    samples: u16,
+    /// Samples in the silence at which the position has changed.
+    toggles: u16,
+    /// True if there was a motion since the last call of [`take_moved`](Self::take_moved).
+    moved: bool,
+}
+
+/// The steady run before a silence. All values are positive in the direction of motion.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SteadyRun {
+    /// Speed in counts/s; more than 0.
+    pub(super) speed_cps: f32,
+    /// Disturbance in counts/s²: the acceleration by everything but the bridge.
+    pub(super) disturbance_cps2: f32,
+    /// Drive voltage at the last motion, in volts.
+    pub(super) drive_volts: f32,
+}
+
+impl LastMotion {
+    /// Takes a sample that the regulator has already taken. `drive_volts` is the present drive voltage.
+    pub(super) fn sample(&mut self, reading: &Reading, regulator: &Regulator, drive_volts: f32) {
+        self.sampled_at = reading.at.get() as u32;
+        if self.silent_us() < LIMITS.pause_us {
+            return;
+        }
+        let away = reading.position.wrapping_sub(self.centre);
+        if (-1..=1).contains(&away) {
+            self.samples = self.samples.saturating_add(1);
+            self.toggles = self.toggles.saturating_add(u16::from(reading.position != self.position));
+            self.position = reading.position;
+            return;
+        }
+        let clockwise = away > 0;
+        if self.clockwise != Some(clockwise) || self.silent_us() > LIMITS.gap_us {
+            self.run_began_at = self.sampled_at;
+        }
+        let estimate =
+            Estimate { speed_cps: regulator.velocity().to_f32(), disturbance_cps2: regulator.disturbance() };
+        *self = Self {
+            centre: reading.position.wrapping_sub(away.signum()),
+            moved_at: self.sampled_at,
+            clockwise: Some(clockwise),
+            estimate,
+            estimate_before: self.estimate,
+            drive_volts,
+            position: reading.position,
+            samples: 0,
+            toggles: 0,
+            moved: true,
+            run_began_at: self.run_began_at,
+            sampled_at: self.sampled_at,
+        };
+    }
+
+    /// Returns true if there was a motion since the last call.
+    pub(super) const fn take_moved(&mut self) -> bool {
+        core::mem::replace(&mut self.moved, false)
+    }
+
+    /// Time from the last motion, or from [`forget`](Self::forget), to the newest sample, in µs.
+    pub(super) const fn silent_us(&self) -> u32 {
+        self.sampled_at.wrapping_sub(self.moved_at)
+    }
+
+    /// Direction of the last motion; `None` before the first motion.
+    pub(super) const fn clockwise(&self) -> Option<bool> {
+        self.clockwise
+    }
+
+    /// True if the shaft may creep: in the many samples of the silence, the position has toggled a few times. An encoder
+    /// with one broken wire toggles more often, and an unplugged encoder does not toggle.
+    pub(super) fn may_creep(&self) -> bool {
+        self.samples >= LIMITS.creeping_samples && (1..=LIMITS.creeping_toggles).contains(&self.toggles)
+    }
+
+    /// The steady run before the silence; `None` if the motor turned in the other direction or not long enough.
+    pub(super) fn steady(&self, clockwise: bool) -> Option<SteadyRun> {
+        let run_us = self.moved_at.wrapping_sub(self.run_began_at);
+        let side = if clockwise { 1.0 } else { -1.0 };
+        let Estimate { speed_cps, disturbance_cps2 } = self.estimate_before;
+        let run = SteadyRun {
+            speed_cps: side * speed_cps,
+            disturbance_cps2: side * disturbance_cps2,
+            drive_volts: side * self.drive_volts,
+        };
+        let steady = self.clockwise == Some(clockwise) && run_us >= LIMITS.steady_us && run.speed_cps > 0.0;
+        steady.then_some(run)
+    }
+
+    /// Ends the run at the newest sample, so that there is no steady run. Keeps direction and dead band.
+    pub(super) const fn forget(&mut self) {
+        (self.run_began_at, self.moved_at) = (self.sampled_at, self.sampled_at);
+    }
+}
