@@ -20,7 +20,7 @@ use simulated::current_line::CurrentLine;
 
 use crate::astray;
 use crate::board::Board;
-use crate::chip::{Nucleo, Pwm};
+use crate::chip::{FlashFaults, Nucleo, Pwm};
 use crate::elf;
 use crate::lab::{Lab, Order, terminal};
 use crate::pins::{Lines, Transition};
@@ -47,6 +47,11 @@ pub struct Setup {
     pub stored: Vec<u8>,
     /// The board's bootloader comes first, and starts the image that is built for it.
     pub bootloader: bool,
+    /// What the whole flash holds, in place of images: that of [`Board::flash`], as [`Bench::flash`] returns it. Images if
+    /// it is empty.
+    pub flash: Vec<u8>,
+    /// What the interface of an STM32H743's flash does beyond its manual. The emulated F427 has no such faults.
+    pub flash_faults: FlashFaults,
     /// How TIM1 is emulated.
     pub pwm: Pwm,
     /// How the memory protection unit is emulated.
@@ -67,6 +72,8 @@ impl Setup {
             battery,
             stored: Vec::new(),
             bootloader: false,
+            flash: Vec::new(),
+            flash_faults: FlashFaults::default(),
             pwm: Pwm::default(),
             mpu: Mpu::default(),
             gdb: None,
@@ -134,20 +141,25 @@ impl Bench {
         let table = Table::parse(&bytes).expect("the image's log strings are readable");
         let symbols = elf::symbols(&bytes);
         let log_ring = elf::find(&symbols, "_SEGGER_RTT");
-        let mut images = vec![
-            Nucleo::factory_image(setup.board).expect("factory words"),
-            astray::image(elf::find(&symbols, "panic_const_div_by_zero").unwrap_or_default())
-                .expect("an image"),
-            Image::new(image, bytes, None).expect("an image"),
-        ];
-        if setup.bootloader {
-            let place = elf::bootloader(setup.board);
-            let bytes = std::fs::read(&place).unwrap_or_else(|error| panic!("{}: {error}", place.display()));
-            images.push(Image::new(&place, bytes, None).expect("an image"));
-        }
-        if !setup.stored.is_empty() {
-            let at = Some(setup.board.store().start);
-            images.push(Image::new(Path::new("settings"), setup.stored.clone(), at).expect("an image"));
+        let raw = |name: &str, bytes: &[u8], at| {
+            Image::new(Path::new(name), bytes.to_vec(), Some(at)).expect("an image")
+        };
+        let mut images = vec![Nucleo::factory_image(setup.board).expect("factory words")];
+        if setup.flash.is_empty() {
+            let divides_by_zero = elf::find(&symbols, "panic_const_div_by_zero").unwrap_or_default();
+            images.push(astray::image(divides_by_zero).expect("an image"));
+            images.push(Image::new(image, bytes, None).expect("an image"));
+            if setup.bootloader {
+                let place = elf::bootloader(setup.board);
+                let bytes =
+                    std::fs::read(&place).unwrap_or_else(|error| panic!("{}: {error}", place.display()));
+                images.push(Image::new(&place, bytes, None).expect("an image"));
+            }
+            if !setup.stored.is_empty() {
+                images.push(raw("settings", &setup.stored, setup.board.store().start));
+            }
+        } else {
+            images.push(raw("flash", &setup.flash, setup.board.flash().start));
         }
         let (orders, order_queue) = channel();
         let (reached_sender, reached) = sync_channel(0);
@@ -379,7 +391,7 @@ fn run(
     // A bootloader puts other code into flash.
     let lasts = !setup.bootloader;
     let code = Code::new(setup.board, setup.mpu, images, lasts);
-    let mut board = Nucleo::new(setup.board, setup.pwm, code)?;
+    let mut board = Nucleo::new(setup.board, setup.pwm, setup.flash_faults, code)?;
     board.chip.attach(Terminal::default());
     let shafts = Shafts::new(setup.battery, setup.motors);
     let lab = Lab::new(setup.board, shafts, setup.current_lines, log_ring, (orders, reached));

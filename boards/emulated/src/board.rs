@@ -74,6 +74,12 @@ impl Board {
         0x2000_2000..0x2000_8000
     }
 
+    /// Addresses of the flash.
+    #[must_use]
+    pub const fn flash(self) -> Range<u64> {
+        0x0800_0000..0x0820_0000
+    }
+
     /// Addresses of the two pages of flash that its settings are stored in.
     #[must_use]
     pub const fn store(self) -> Range<u64> {

@@ -51,6 +51,7 @@ macro_rules! same_on_every_chip {
 mod f427;
 mod guard;
 mod h743;
+mod interface;
 mod late;
 mod sampled;
 mod watchdog;
@@ -73,6 +74,7 @@ use crate::board::Board;
 use crate::processor::{self, Code, Mpu};
 use crate::pwm::Registers;
 use crate::serial::Terminal;
+pub use interface::FlashFaults;
 
 /// The rail, mV.
 const RAIL_MV: u32 = 3_300;
@@ -201,10 +203,10 @@ pub(crate) struct Nucleo {
 }
 
 impl Nucleo {
-    pub(crate) fn new(board: Board, pwm: Pwm, code: Code) -> Result<Self, Error> {
+    pub(crate) fn new(board: Board, pwm: Pwm, faults: FlashFaults, code: Code) -> Result<Self, Error> {
         let chip: Box<dyn Part> = match board {
             Board::NucleoF429zi => Box::new(f427::Chip::new(pwm)?),
-            Board::NucleoH743zi2 => Box::new(h743::Chip::new(pwm)?),
+            Board::NucleoH743zi2 => Box::new(h743::Chip::new(pwm, faults)?),
         };
         Ok(Self { chip, board, code })
     }

@@ -36,7 +36,7 @@ mod wiring;
 
 pub use bench::{Bench, Reset, SerialByte, Setup};
 pub use board::{Board, UnknownBoard};
-pub use chip::Pwm;
+pub use chip::{FlashFaults, Pwm};
 pub use pins::{Lines, Transition};
 pub use processor::Mpu;
 pub use pwm::{Grid, Output};

@@ -21,7 +21,7 @@ use motor_hub::bridge::{Drive, Mode};
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::{MotorFunction, Request};
 use motor_hub::model::plant::Flow;
-use motor_hub::motion::EncoderFault;
+use motor_hub::motor::EncoderFault;
 use motor_hub::motor::{Faults, OnFault, Report, Setpoint, ZeroPower};
 use motor_hub::protocol::answers::Reply;
 use motor_hub::protocol::motor::{ChannelMode, RunMode, ToMotor};
@@ -181,7 +181,7 @@ fn set_up(bench: &mut Bench, talk: &mut Talk, channel: u8, scenario: &Scenario) 
     }
     talk.order(bench, request(Group::Motion));
     for group in [Group::CurrentLimit, Group::VelocityLoop, Group::PositionLoop] {
-        if group.in_use(&settings) {
+        if group.is_configured(&settings) {
             talk.order(bench, request(group));
         }
     }

@@ -2,6 +2,7 @@
 //! instruction cache, bridges off while a debugger holds the core, and an end before the supply is too low for the
 //! bridges' inputs.
 
+use boot_h743zi2::execute_first_bank_only;
 use defmt::warn;
 use embassy_stm32::{pac, rcc};
 use motor_hub::record::Fault;
@@ -49,8 +50,8 @@ pub(crate) fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Code from the cache, a guard under the stack, and bridges off while a debugger holds the core. To be called right
-/// after the HAL's initialisation, before the core sleeps for the first time.
+/// Code from the cache and from the first bank alone, a guard under the stack, and bridges off while a debugger holds the
+/// core. To be called right after the HAL's initialisation, before the core sleeps for the first time.
 ///
 /// # Caches
 /// Instructions only: see docs/decisions/0014-caches-of-the-h743.md. What is in the flash does not change while this
@@ -63,6 +64,7 @@ pub(crate) fn set_up() {
     if let Some(mut core) = cortex_m::Peripherals::take() {
         core.SCB.enable_icache();
         stack::guard(&mut core.MPU);
+        execute_first_bank_only(&mut core.MPU);
     }
     pac::RCC.cr().modify(|w| w.set_pllon(2, false));
     pac::DBGMCU.apb2fzr1().modify(|w| w.set_tim1(true));

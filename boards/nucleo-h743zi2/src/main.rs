@@ -10,20 +10,20 @@ mod chip;
 mod current;
 
 use adc::BatteryAdc;
-use boot_h743zi2::{Words, layout};
+use boot_h743zi2::{Bank, layout};
 use core::ops::Range;
 use current::CurrentLines;
 use defmt::{info, unwrap};
 use defmt_rtt as _;
 use embassy_embedded_hal::flash::partition::Partition;
 use embassy_executor::Spawner;
-use embassy_stm32::flash::{self, Async, Bank2Region, Flash};
 use embassy_stm32::gpio::{AnyPin, Flex, Input, Level, Output, Pull, Speed};
 use embassy_stm32::peripherals::{IWDG1, TIM1, TIM2, TIM3, TIM4, TIM8, USART3};
 use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUartRx};
 use embassy_stm32::{Peri, bind_interrupts, interrupt, pac, rcc};
 use embassy_sync::blocking_mutex::raw::ThreadModeRawMutex;
 use embassy_sync::mutex::Mutex;
+use embassy_time::{Duration, Timer};
 use motor_hub::braking::Winding;
 use motor_hub::bridge::{BridgeConstants, SenseScale};
 use motor_hub::hub::Hub;
@@ -56,12 +56,11 @@ const PINS: usize = 2;
 /// Divider from the battery to PA3: 24 V, the highest that the bridges take, makes 2.61 V, and 30.3 V the full 3.3 V.
 const DIVIDER_OHMS: (u32, u32) = (82_000, 10_000);
 
-/// The flash's second bank, for settings and new firmware. The code is in the other bank, so it runs on while this one is
-/// written and erased (RM0433 4.3.9).
-type SecondBank = Words<Bank2Region<'static, Async>>;
+/// A part of a bank.
+type Part = Partition<'static, ThreadModeRawMutex, Bank<Timer>>;
 
-/// A part of it.
-type Part = Partition<'static, ThreadModeRawMutex, SecondBank>;
+/// How often the end of an operation of the flash is looked for: a word takes 0.1 to 0.3 ms.
+const FLASH_PAUSE: Duration = Duration::from_micros(200);
 
 /// A bootloader starts this image, and others like it.
 const HAS_BOOTLOADER: bool = cfg!(feature = "bootloader");
@@ -95,7 +94,6 @@ static HEALTH: Health = Health::new().expecting(Task::Responder).expecting(Task:
 type Encoders = QuadratureCounters<(Counter<TIM2>, Counter<TIM3>, Counter<TIM4>, Counter<TIM8>)>;
 
 bind_interrupts!(struct Irqs {
-    FLASH => flash::InterruptHandler;
     USART3 => BufferedInterruptHandler<USART3>;
 });
 
@@ -133,7 +131,7 @@ async fn main(spawner: Spawner) {
         // RAM has an error code here, which is of nothing until it is written: better not read.
         memory.fill(0);
     }
-    WIRES.remember(memory, cause);
+    WIRES.open_record(memory, cause);
     chip::watch_supply();
 
     let low = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low);
@@ -170,16 +168,17 @@ async fn main(spawner: Spawner) {
     let (tx, rx) = unwrap!(serial::open(p.USART3, p.PD8, p.PD9, Irqs, buffers));
     let lamp = Lamp { red: low(p.PB14.into()), green: low(p.PB0.into()), blue: low(p.PE1.into()) };
     let pins = DigitalLines::new([Flex::new(p.PF14), Flex::new(p.PF15)]);
-    static SECOND_BANK: StaticCell<Mutex<ThreadModeRawMutex, SecondBank>> = StaticCell::new();
-    let second_bank = Words::new(Flash::new(p.FLASH, Irqs).into_regions().bank2_region, 1);
-    let second_bank = SECOND_BANK.init(Mutex::new(second_bank));
-    let part = |at: Range<u32>| Part::new(second_bank, at.start, at.end - at.start);
+    static BANKS: StaticCell<[Mutex<ThreadModeRawMutex, Bank<Timer>>; 2]> = StaticCell::new();
+    let [first, second] = BANKS.init(Bank::both(p.FLASH, || Timer::after(FLASH_PAUSE)).map(Mutex::new));
+    let part = |at: Range<u32>| Part::new(second, at.start, at.end - at.start);
     let keeper = Keeper::new(part(layout::STORE), 0..layout::STORE.end - layout::STORE.start);
     let has_store = keeper.is_some();
     if let Some(keeper) = keeper {
         spawner.spawn(unwrap!(store(keeper)));
     }
-    if HAS_BOOTLOADER && let Some(slots) = Slots::new(part(layout::DOWNLOAD), part(layout::STATE)) {
+    let booted = Part::new(first, layout::ACTIVE.start, layout::ACTIVE.end - layout::ACTIVE.start);
+    let slots = Slots::new(booted, part(layout::DOWNLOAD), part(layout::STATE));
+    if HAS_BOOTLOADER && let Some(slots) = slots {
         spawner.spawn(unwrap!(update(slots)));
     }
     spawner.spawn(unwrap!(responder(rx, tx, pins, lamp, settings, has_store)));
@@ -255,7 +254,7 @@ async fn store(keeper: Keeper<Part>) -> ! {
 }
 
 #[embassy_executor::task]
-async fn update(slots: Slots<Part, Part>) -> ! {
+async fn update(slots: Slots<Part, Part, Part>) -> ! {
     tasks::update::run(slots, &WIRES, &HEALTH, || cortex_m::peripheral::SCB::sys_reset()).await
 }
 

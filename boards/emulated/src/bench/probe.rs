@@ -93,6 +93,12 @@ impl Bench {
         })
     }
 
+    /// What the flash holds, as the next one to be powered on may find it: [`Setup::flash`](super::Setup).
+    pub fn flash(&mut self) -> Vec<u8> {
+        let std::ops::Range { start, end } = self.board.flash();
+        self.read_words(start, (end - start) as usize / 4).into_iter().flat_map(u32::to_le_bytes).collect()
+    }
+
     /// What the memory for settings holds, as the next one to be powered on may find it: [`Setup::stored`](super::Setup).
     pub fn stored(&mut self) -> Vec<u8> {
         let std::ops::Range { start, end } = self.board.store();

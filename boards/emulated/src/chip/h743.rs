@@ -1,6 +1,6 @@
 //! The STM32H743, RM0433. What the emulator lacks and the firmware uses is put in: the [watchdog](super::watchdog), the
-//! converters' [analog watchdog](super::guard), and the wire from the voltage detector to the EXTI. A conversion of the
-//! currents can be [late](super::late).
+//! converters' [analog watchdog](super::guard), faults of the [flash interface](super::interface), and the wire from the
+//! voltage detector to the EXTI. A conversion of the currents can be [late](super::late).
 
 use std::num::{NonZeroU32, NonZeroU64};
 use std::path::Path;
@@ -26,6 +26,7 @@ use rigless::soc::{Bus, Error, Width};
 use rigless::time::VirtualNanos;
 
 use super::guard::Guarded;
+use super::interface::{FlashFaults, Interface};
 use super::late::Late;
 use super::watchdog::Watchdog;
 use super::{PRIORITY_BITS, Part, Port, Pwm, RAIL_MV, REFCLK_DIVIDER, Remembers, words};
@@ -70,12 +71,14 @@ pub(super) struct Chip {
     watchdog: Watchdog,
     /// ADC1.
     converter: Guarded,
+    flash: Interface,
     /// ADC2.
     currents: Late,
     timer_slot: usize,
     watchdog_slot: usize,
     converter_slot: usize,
     currents_slot: usize,
+    flash_slot: usize,
     encoder_slots: [usize; wiring::BRIDGES],
     port_slots: [usize; wiring::PORTS.len()],
     supply_low: bool,
@@ -84,7 +87,7 @@ pub(super) struct Chip {
 }
 
 impl Chip {
-    pub(super) fn new(pwm: Pwm) -> Result<Self, Error> {
+    pub(super) fn new(pwm: Pwm, faults: FlashFaults) -> Result<Self, Error> {
         let mut part = Stm32h743::new()?;
         part.set_supply(RAIL_MV);
         part.set_analog_supply(RAIL_MV);
@@ -94,8 +97,9 @@ impl Chip {
             converter.set_reference(RAIL_MV);
             converter.set_backup_battery(RAIL_MV);
         }
-        let [timer_slot, watchdog_slot] = [part.bus().slot("TIM1")?, part.bus().slot("IWDG")?];
-        let [converter_slot, currents_slot] = [part.bus().slot("ADC1")?, part.bus().slot("ADC2")?];
+        let slot = |name| part.bus().slot(name);
+        let [timer_slot, watchdog_slot, converter_slot] = [slot("TIM1")?, slot("IWDG")?, slot("ADC1")?];
+        let [currents_slot, flash_slot] = [slot("ADC2")?, slot("Flash")?];
         let mut encoder_slots = [0; wiring::BRIDGES];
         for (slot, counter) in encoder_slots.iter_mut().zip(&wiring::ENCODERS) {
             *slot = part.bus().slot(match *counter {
@@ -113,11 +117,13 @@ impl Chip {
             plain_timer: Remembers::default(),
             watchdog: Watchdog::default(),
             converter,
+            flash: Interface::new(faults),
             currents,
             timer_slot,
             watchdog_slot,
             converter_slot,
             currents_slot,
+            flash_slot,
             encoder_slots,
             port_slots,
             supply_low: false,
@@ -139,6 +145,7 @@ impl Mcu for Chip {
         self.part.reset(at, cause);
         Device::reset(&mut self.watchdog);
         Device::reset(&mut self.converter);
+        Device::reset(&mut self.flash);
         Device::reset(&mut self.currents);
     }
 
@@ -151,6 +158,8 @@ impl Mcu for Chip {
             (self.part.bus_mut(), Some(&mut self.plain_timer))
         } else if slot == self.converter_slot {
             (self.part.bus_mut(), Some(&mut self.converter))
+        } else if slot == self.flash_slot {
+            (self.part.bus_mut(), Some(&mut self.flash))
         } else if slot == self.currents_slot {
             (self.part.bus_mut(), Some(&mut self.currents))
         } else if slot == self.watchdog_slot {

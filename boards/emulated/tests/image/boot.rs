@@ -11,7 +11,7 @@ use motor_hub::braking::Winding;
 use motor_hub::extension::Request;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::motor::Settings;
-use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, ToMotor};
+use motor_hub::protocol::motor::{Coefficients, Loop, Terms, ToMotor};
 use motor_hub::regulator;
 use motor_hub::units::Period;
 
@@ -108,7 +108,7 @@ pub(crate) fn at_speed(image: &Path, knowledge: Knowledge) -> Bench {
                 let Settings { winding, scheme, .. } = settings;
                 let suggested = regulator::Coefficients::guessed(winding.emf, scheme, Period::DEFAULT);
                 let motor_hub::motion::Pidf { p, i, d, f } = suggested.velocity;
-                let coefficients = Coefficients { p, i, d, f, algorithm: Algorithm::Pidf };
+                let coefficients = Coefficients { p, i, d, f, terms: Terms::Pidf };
                 let order = ToMotor::SetPidf { of: Loop::Velocity, coefficients };
                 talk.order(&mut bench, order.to(motor as u8));
             }

@@ -5,6 +5,7 @@ mod budget;
 mod common;
 mod currents;
 mod faults;
+mod flash;
 mod h743;
 mod link;
 mod matrix;

@@ -19,7 +19,7 @@ use motor_hub::protocol::Reply;
 use motor_hub::protocol::motor::ToMotor;
 use motor_hub::protocol::payload::Fields;
 use motor_hub::protocol::requests::Standard;
-use motor_hub::store::{Outcome, Record, StoreRequest, Stored};
+use motor_hub::store::{Outcome, SettingsRecord, StoreRequest, Stored};
 use motor_hub::tasks::store::Keeper;
 
 const BOARD: Board = Board::NucleoH743zi2;
@@ -41,7 +41,7 @@ fn protection(ma: u16) -> Values {
     Values::of(Group::Protection, &MotorSettings::new(settings))
 }
 
-fn protect(bench: &mut Bench, talk: &mut Talk, ma: u16) {
+pub(crate) fn protect(bench: &mut Bench, talk: &mut Talk, ma: u16) {
     talk.order(bench, Request::Set(1, protection(ma)));
 }
 
@@ -57,7 +57,7 @@ fn state(bench: &mut Bench, talk: &mut Talk) -> StoreReport {
 }
 
 /// Saves, and waits until that is over; how long it took, at least.
-fn save(bench: &mut Bench, talk: &mut Talk) -> (StoreReport, Duration) {
+pub(crate) fn save(bench: &mut Bench, talk: &mut Talk) -> (StoreReport, Duration) {
     let begun = bench.now();
     talk.order(bench, HubFunction::Save);
     loop {
@@ -121,7 +121,7 @@ fn power_that_goes_during_a_save_leaves_the_old_settings_or_the_new() {
 }
 
 /// The flash of the board before it is powered on, for what is written there on the host.
-struct Pages(Vec<u8>);
+pub(crate) struct Pages(pub(crate) Vec<u8>);
 
 impl ErrorType for &mut Pages {
     type Error = Infallible;
@@ -159,9 +159,9 @@ impl NorFlash for &mut Pages {
 fn full() -> (Vec<u8>, u32) {
     let mut pages = Pages(vec![0xFF; 256 * 1024]);
     let save = |pages: &mut Pages, number| {
-        let mut record = Record::new(number);
+        let mut record = SettingsRecord::new(number);
         record.push(0x4D55, &[7; 100]).expect("room");
-        let order = StoreRequest { record: Some(record), afresh: false, may_erase: false };
+        let order = StoreRequest { record: Some(record), erase_first: false, may_erase: false };
         block_on(Keeper::new(pages, 0..256 * 1024).expect("two pages").carry_out(&order)).outcome
     };
     let mut before = Vec::new();

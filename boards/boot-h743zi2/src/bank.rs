@@ -1,0 +1,294 @@
+//! A bank of the flash: the driver of the hub and of its bootloader.
+//!
+//! Three properties of this flash shape the driver.
+//!
+//! * *Errors that nobody made.* The core speculates into the system memory at 0x1FF0_0000, and then both banks show RDPERR
+//!   and RDSERR. A corrected bit in code that runs shows SNECCERR. An error flag therefore says nothing about an operation.
+//!   All error flags are cleared before each operation, and what the flash reads back decides whether it has succeeded.
+//! * *Words that arrive late.* The core may read the status register before the last store of a word has arrived. A barrier
+//!   comes first, and the bank must be idle at several reads in a row.
+//! * *Words that power has cut.* Each word of 32 bytes has a code that corrects one bit of the word. Where power went while
+//!   a word was written, or where a word was written twice, the code may not fit: each read is then a bus error (RM0433
+//!   4.3.9, 4.7.7). Such a word reads as zeros here, which no checksum takes for a setting, and the bootloader for no state.
+
+use crate::layout::SECTOR;
+use core::arch::asm;
+use core::future::Future;
+use core::ptr::{with_exposed_provenance, with_exposed_provenance_mut};
+use cortex_m::asm::dsb;
+use cortex_m::peripheral::SCB;
+use embassy_futures::yield_now;
+use embassy_stm32::peripherals::FLASH;
+use embassy_stm32::{Peri, pac};
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+
+/// Of `SCB_CCR`: loads of a core whose faults are masked may fail (PM0253, configuration and control register).
+const BFHFNMIGN: u32 = 1 << 8;
+
+/// First addresses of the banks, and bytes of each (RM0433 table 15).
+const BASES: [u32; 2] = [0x0800_0000, 0x0810_0000];
+const SIZE: usize = 0x10_0000;
+
+/// Keys that unlock a bank's registers, in this order (RM0433 4.5.1).
+const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
+
+/// PSIZE: the bank programs and erases 32 bits at a time.
+const PARALLELISM: u8 = 0b10;
+
+/// Bytes that are written and read as one, and as many 32-bit words.
+const WORD: usize = 32;
+type Word = [u32; WORD / 4];
+
+/// What erased flash reads.
+const BLANK: Word = [u32::MAX; WORD / 4];
+
+/// Number of reads of the status register in a row that must show an idle bank.
+const IDLE_READS: u32 = 16;
+
+/// Number of attempts at an operation whose result does not read back, while another attempt does no harm.
+const ATTEMPTS: u32 = 3;
+
+/// Bytes that are checked for an erasure without a pause.
+const CHECKED_AT_ONCE: u32 = 1024;
+
+/// A bank of the flash.
+pub struct Bank<T> {
+    /// 0 or 1.
+    number: usize,
+    /// Pauses for a moment, in which others run.
+    pause: fn() -> T,
+}
+
+/// Why the flash did not do what it was asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Error {
+    /// The address or the length is no multiple of what is written or erased as one.
+    NotAligned,
+    /// The addresses are not all in the bank.
+    OutOfBounds,
+    /// The flash does not read back what was written, or is not blank after an erasure.
+    Lost,
+}
+
+impl NorFlashError for Error {
+    fn kind(&self) -> NorFlashErrorKind {
+        match self {
+            Self::NotAligned => NorFlashErrorKind::NotAligned,
+            Self::OutOfBounds => NorFlashErrorKind::OutOfBounds,
+            Self::Lost => NorFlashErrorKind::Other,
+        }
+    }
+}
+
+/// Checks that a range is in the bank and a multiple of `unit` bytes.
+fn check(offset: u32, length: usize, unit: usize) -> Result<(), Error> {
+    let offset = offset as usize;
+    if length > SIZE || offset > SIZE - length {
+        return Err(Error::OutOfBounds);
+    }
+    let aligned = offset.is_multiple_of(unit) && length.is_multiple_of(unit);
+    if aligned { Ok(()) } else { Err(Error::NotAligned) }
+}
+
+impl<T: Future<Output = ()>> Bank<T> {
+    /// Both banks. `pause` returns a future that is awaited again and again while a bank is busy: an erasure takes seconds, a
+    /// word some 0.1 ms.
+    pub fn both(_: Peri<'static, FLASH>, pause: fn() -> T) -> [Self; 2] {
+        [0, 1].map(|number| Self { number, pause })
+    }
+
+    fn registers(&self) -> pac::flash::Bank {
+        pac::FLASH.bank(self.number)
+    }
+
+    fn address(&self, offset: u32) -> u32 {
+        BASES[self.number] + offset
+    }
+
+    /// Reads the word at this offset.
+    fn word(&self, offset: u32) -> Word {
+        let registers = self.registers();
+        registers.ccr().write(|w| w.set_clr_dbeccerr(true));
+        let word = load(self.address(offset));
+        if registers.sr().read().dbeccerr() { [0; WORD / 4] } else { word }
+    }
+
+    /// Waits until the bank is idle.
+    async fn idle(&self) {
+        dsb();
+        let mut reads = 0;
+        while reads < IDLE_READS {
+            let status = self.registers().sr().read();
+            if status.bsy() || status.qw() {
+                reads = 0;
+                (self.pause)().await;
+            } else {
+                reads += 1;
+            }
+        }
+    }
+
+    /// Clears all error flags and unlocks the bank. A flag that stands may block the next operation (RM0433 4.7.3).
+    fn open(&self) -> pac::flash::Bank {
+        let registers = self.registers();
+        registers.ccr().write(|w| {
+            w.set_clr_wrperr(true);
+            w.set_clr_pgserr(true);
+            w.set_clr_strberr(true);
+            w.set_clr_incerr(true);
+            w.set_clr_operr(true);
+            w.set_clr_rdperr(true);
+            w.set_clr_rdserr(true);
+            w.set_clr_sneccerr(true);
+            w.set_clr_dbeccerr(true);
+        });
+        if registers.cr().read().lock() {
+            KEYS.iter().for_each(|key| registers.keyr().write_value(*key));
+        }
+        registers
+    }
+
+    /// Locks the bank again. What is left of a word that was stored in part is dropped.
+    fn close(&self) {
+        self.registers().cr().write(|w| {
+            w.set_psize(PARALLELISM);
+            w.set_lock(true);
+        });
+    }
+
+    async fn write_word(&mut self, offset: u32, new: Word) -> Result<(), Error> {
+        for _ in 0..ATTEMPTS {
+            self.idle().await;
+            self.open().cr().write(|w| {
+                w.set_psize(PARALLELISM);
+                w.set_pg(true);
+            });
+            dsb();
+            store(self.address(offset), new);
+            self.idle().await;
+            self.close();
+            let word = self.word(offset);
+            if word == new {
+                return Ok(());
+            }
+            if word != BLANK {
+                // A word is written once: another attempt could spoil its code.
+                break;
+            }
+        }
+        Err(Error::Lost)
+    }
+
+    async fn erase_sector(&mut self, offset: u32) -> Result<(), Error> {
+        for _ in 0..ATTEMPTS {
+            self.idle().await;
+            let registers = self.open();
+            let sector = (offset / SECTOR) as u8;
+            let erase = |w: &mut pac::flash::regs::Cr| {
+                w.set_psize(PARALLELISM);
+                w.set_ser(true);
+                w.set_snb(sector);
+            };
+            registers.cr().write(erase);
+            registers.cr().modify(|w| w.set_start(true));
+            self.idle().await;
+            self.close();
+            if self.is_blank(offset).await {
+                return Ok(());
+            }
+        }
+        Err(Error::Lost)
+    }
+
+    /// True if the sector from this offset on is blank.
+    async fn is_blank(&mut self, offset: u32) -> bool {
+        for at in (offset..offset + SECTOR).step_by(WORD) {
+            if at.is_multiple_of(CHECKED_AT_ONCE) {
+                yield_now().await;
+            }
+            if self.word(at) != BLANK {
+                return false;
+            }
+        }
+        true
+    }
+}
+
+impl<T> ErrorType for Bank<T> {
+    type Error = Error;
+}
+
+impl<T: Future<Output = ()>> ReadNorFlash for Bank<T> {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, mut bytes: &mut [u8]) -> Result<(), Error> {
+        check(offset, bytes.len(), 1)?;
+        let mut at = offset as usize;
+        while !bytes.is_empty() {
+            let skipped = at % WORD;
+            let length = (WORD - skipped).min(bytes.len());
+            let (piece, rest) = bytes.split_at_mut(length);
+            let word = self.word((at - skipped) as u32).map(u32::to_le_bytes);
+            piece.copy_from_slice(&word.as_flattened()[skipped..skipped + length]);
+            at += length;
+            bytes = rest;
+        }
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        SIZE
+    }
+}
+
+impl<T: Future<Output = ()>> NorFlash for Bank<T> {
+    const WRITE_SIZE: usize = WORD;
+    const ERASE_SIZE: usize = SECTOR as usize;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), Error> {
+        check(from, to.saturating_sub(from) as usize, SECTOR as usize)?;
+        for sector in (from..to).step_by(SECTOR as usize) {
+            self.erase_sector(sector).await?;
+        }
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Error> {
+        check(offset, bytes.len(), WORD)?;
+        for (at, word) in (offset..).step_by(WORD).zip(bytes.as_chunks::<4>().0.chunks(WORD / 4)) {
+            let mut new = BLANK;
+            new.iter_mut().zip(word).for_each(|(to, bytes)| *to = u32::from_le_bytes(*bytes));
+            self.write_word(at, new).await?;
+        }
+        Ok(())
+    }
+}
+
+/// Stores a word into the flash, which programs it.
+#[expect(unsafe_code, reason = "to program the flash is to store into it")]
+fn store(address: u32, word: Word) {
+    let place = with_exposed_provenance_mut::<u32>(address as usize);
+    for (index, part) in word.into_iter().enumerate() {
+        // SAFETY: the address is that of a word of a bank, whose bounds have been checked. The linker puts no variable there.
+        unsafe { place.add(index).write_volatile(part) }
+    }
+}
+
+/// Loads a word of the flash. What a bus error leaves of it has no meaning; the bank's DBECCERR tells of the error.
+#[expect(unsafe_code, reason = "nothing else masks faults")]
+fn load(address: u32) -> Word {
+    // SAFETY: the address is that of a word of a bank, whose bounds have been checked. The register is the core's own, and
+    // nobody else writes it. Interrupts are masked for the copy of 32 bytes, and what is left unmasked at the end is what was
+    // unmasked before: no fault handler ever comes here.
+    unsafe {
+        let scb = &*SCB::PTR;
+        scb.ccr.modify(|ccr| ccr | BFHFNMIGN);
+        asm!("cpsid f", "dsb", "isb");
+        let word = with_exposed_provenance::<Word>(address as usize).read_volatile();
+        asm!("dsb", "cpsie f", "isb");
+        scb.ccr.modify(|ccr| ccr & !BFHFNMIGN);
+        word
+    }
+}

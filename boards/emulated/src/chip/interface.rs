@@ -1,0 +1,139 @@
+//! The flash interface of the STM32H743 (RM0433 4) with what a real one does and the emulator's does not: it shows errors
+//! that nobody made, and the last store of a word arrives after the core has read the status register.
+
+use rigless::device::{Device, DeviceContext, RegisterFile};
+use rigless::soc::Width;
+use rigless::soc::stm32h743::generated::flash::{Register, sr1, sr2};
+use rigless::soc::stm32h743::peripherals::flash::Flash;
+use rigless::time::EventId;
+
+/// Bytes of a word, which is programmed as one.
+const WORD: u64 = 32;
+
+/// What a flash interface does beyond its manual. None of it by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FlashFaults {
+    /// Each time that so many registers of the interface were accessed, both banks show RDPERR, RDSERR and SNECCERR.
+    /// The core's speculation into the system memory sets the first two. Never if 0.
+    pub errors_every: u32,
+    /// The status register is read so often before the last store of a word has arrived.
+    pub late_reads: u32,
+}
+
+/// A store that is on its way.
+#[derive(Clone, Copy, Debug)]
+struct Store {
+    address: u64,
+    width: Width,
+    value: u64,
+    reads: u32,
+}
+
+#[derive(Debug)]
+pub(super) struct Interface {
+    flash: Flash,
+    faults: FlashFaults,
+    accesses: u32,
+    late: Option<Store>,
+}
+
+impl Interface {
+    pub(super) fn new(faults: FlashFaults) -> Self {
+        Self { flash: Flash::new(), faults, accesses: 0, late: None }
+    }
+
+    /// Shows errors, if it is time to.
+    fn accessed(&mut self, registers: &mut RegisterFile) {
+        self.accesses += 1;
+        if self.faults.errors_every == 0 || !self.accesses.is_multiple_of(self.faults.errors_every) {
+            return;
+        }
+        let banks = [
+            (Register::Sr1, [sr1::RDPERR1, sr1::RDSERR1, sr1::SNECCERR]),
+            (Register::Sr2, [sr2::RDPERR2, sr2::RDSERR2, sr2::SNECCERR2]),
+        ];
+        for (register, errors) in banks {
+            let status = errors.iter().fold(registers.get(register), |status, error| error.set(status, 1));
+            registers.set(register, status);
+        }
+    }
+
+    /// What was on its way is there.
+    fn arrive(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        if let Some(Store { address, width, value, .. }) = self.late.take() {
+            self.flash.write_region(address, width, value, registers, context);
+        }
+    }
+}
+
+impl Device for Interface {
+    type Register = Register;
+
+    fn read(
+        &mut self,
+        register: Register,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> Option<u64> {
+        self.accessed(registers);
+        if matches!(register, Register::Sr1 | Register::Sr2)
+            && let Some(store) = &mut self.late
+        {
+            match store.reads.checked_sub(1) {
+                Some(reads) => store.reads = reads,
+                None => self.arrive(registers, context),
+            }
+        }
+        self.flash.read(register, registers, context)
+    }
+
+    fn write(
+        &mut self,
+        register: Register,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.flash.write(register, value, registers, context);
+        self.accessed(registers);
+    }
+
+    fn write_region(
+        &mut self,
+        address: u64,
+        width: Width,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> bool {
+        self.arrive(registers, context);
+        if self.faults.late_reads > 0 && (address + u64::from(width.bytes())).is_multiple_of(WORD) {
+            self.late = Some(Store { address, width, value, reads: self.faults.late_reads });
+            return true;
+        }
+        self.flash.write_region(address, width, value, registers, context)
+    }
+
+    fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.flash.on_event(event, registers, context);
+    }
+
+    fn on_access(
+        &mut self,
+        token: u64,
+        value: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        self.flash.on_access(token, value, registers, context);
+    }
+
+    fn on_refused(&mut self, token: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.flash.on_refused(token, registers, context);
+    }
+
+    fn reset(&mut self) {
+        Device::reset(&mut self.flash);
+        (self.accesses, self.late) = (0, None);
+    }
+}

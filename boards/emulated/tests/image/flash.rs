@@ -1,0 +1,167 @@
+//! The flash of the H743 as a real one is: it shows errors that nobody made, words arrive late, power goes, and a probe
+//! writes behind the bootloader's back. Settings and firmware survive all of it.
+
+use std::time::Duration;
+
+use crate::common::{am60, ms, on, setup};
+use crate::store::{self, Pages};
+use embassy_futures::block_on;
+use emulated::talk::Talk;
+use emulated::{Bench, Board, FlashFaults, Setup};
+use motor_hub::store::{Outcome as Saved, Stored};
+use motor_hub::tasks::update::Slots;
+use motor_hub::update::{CHUNK, CRC, Outcome};
+
+const BOARD: Board = Board::NucleoH743zi2;
+
+/// Errors come at all points of an operation: how often is prime to how many accesses one has.
+const ERRORS: FlashFaults = FlashFaults { errors_every: 7, late_reads: 0 };
+const LATE: FlashFaults = FlashFaults { errors_every: 0, late_reads: 5 };
+
+/// Offsets from the flash's start, in bytes (`boot_h743zi2::layout`): the slot that is booted, the other one, and the
+/// bootloader's state.
+const ACTIVE: usize = 0x2_0000;
+const DOWNLOAD: usize = 0x10_0000;
+const STATE: usize = 0x1A_0000;
+const PAGE: usize = 0x2_0000;
+
+/// The bootloader's state once the firmware has confirmed itself (`embassy_boot::BOOT_MAGIC`).
+const CONFIRMED: u8 = 0xD0;
+
+fn saves(flash_faults: FlashFaults) {
+    let mut bench = on(BOARD, || Bench::new(Setup { flash_faults, ..setup(vec![am60(); 2]) }));
+    bench.run(ms(300));
+    let mut talk = Talk::default();
+    for number in 1..=3 {
+        store::protect(&mut bench, &mut talk, 1_000 + number as u16);
+        let (report, _) = store::save(&mut bench, &mut talk);
+        assert_eq!((report.outcome, report.stored, report.number), (Saved::Done, Stored::Whole, number));
+    }
+    bench.assert_sound();
+}
+
+#[test]
+fn settings_are_saved_while_the_flash_shows_errors_that_nobody_made() {
+    saves(ERRORS);
+}
+
+#[test]
+fn settings_are_saved_though_words_arrive_late() {
+    saves(LATE);
+}
+
+/// The flash of a board whose bootloader finds new firmware armed.
+struct Armed {
+    flash: Vec<u8>,
+    /// The image that is armed.
+    new: Vec<u8>,
+}
+
+fn armed() -> Armed {
+    let mut flash = on(BOARD, || Bench::new(Setup { bootloader: true, ..setup(vec![am60()]) })).flash();
+    let slot = &flash[ACTIVE..ACTIVE + 4 * PAGE];
+    let end = slot.iter().rposition(|byte| *byte != 0xFF).expect("a hub");
+    let before = slot[..(end + 1).next_multiple_of(CHUNK)].to_vec();
+    // The same hub, with something behind its code that nobody reads.
+    let new = [&before[..], &[0x5A; CHUNK]].concat();
+    let mut booted = Pages(flash[ACTIVE..ACTIVE + 4 * PAGE].to_vec());
+    let mut download = Pages(vec![0xFF; 5 * PAGE]);
+    let mut state = Pages(vec![0xFF; PAGE]);
+    let mut slots = Slots::new(&mut booted, &mut download, &mut state).expect("words that fit");
+    for (at, bytes) in (0..).step_by(CHUNK).zip(new.chunks(CHUNK)) {
+        assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
+    }
+    let crc = CRC.checksum(&new);
+    let done = block_on(slots.arm(new.len() as u32, crc, None, std::future::ready(())));
+    assert_eq!(done, Outcome::Done);
+    flash[DOWNLOAD..DOWNLOAD + 5 * PAGE].copy_from_slice(&download.0);
+    flash[STATE..STATE + PAGE].copy_from_slice(&state.0);
+    Armed { flash, new }
+}
+
+fn powered_on(flash: Vec<u8>, flash_faults: FlashFaults) -> Bench {
+    on(BOARD, || Bench::new(Setup { flash, flash_faults, bootloader: true, ..setup(vec![am60()]) }))
+}
+
+/// Whether the firmware that is booted has confirmed itself.
+fn is_confirmed(bench: &mut Bench) -> bool {
+    let at = BOARD.flash().start + STATE as u64;
+    bench.read_words(at, 8) == [u32::from_le_bytes([CONFIRMED; 4]); 8]
+}
+
+/// Runs until firmware has confirmed itself, and expects that in the slot.
+#[track_caller]
+fn boots(bench: &mut Bench, expected: &[u8]) {
+    let begun = bench.now();
+    let confirmed = bench.run_while(ms(250), Duration::from_secs(60), is_confirmed);
+    assert!(confirmed, "nothing runs; resets: {:?}", bench.resets().len());
+    println!("confirmed after {:?}", bench.now() - begun);
+    assert!(bench.flash()[ACTIVE..].starts_with(expected), "other firmware than expected");
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn the_bootloader_swaps_while_the_flash_shows_errors_that_nobody_made() {
+    let Armed { flash, new } = armed();
+    let mut bench = powered_on(flash, ERRORS);
+    boots(&mut bench, &new);
+    assert_eq!(bench.resets(), []);
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn the_bootloader_swaps_though_words_arrive_late() {
+    let Armed { flash, new } = armed();
+    let mut bench = powered_on(flash, LATE);
+    boots(&mut bench, &new);
+    assert_eq!(bench.resets(), []);
+}
+
+/// Registers of the flash's interface (RM0433 2.3).
+const INTERFACE: std::ops::Range<u64> = 0x5200_2000..0x5200_2200;
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn a_fault_in_the_middle_of_a_swap_is_a_reset_and_the_swap_goes_on() {
+    let Armed { flash, new } = armed();
+    let mut bench = powered_on(flash, FlashFaults::default());
+    bench.run(ms(5_000));
+    bench.fail_next_access(INTERFACE);
+    boots(&mut bench, &new);
+    assert_eq!(bench.resets().len(), 1);
+}
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn what_a_probe_has_written_boots_though_other_firmware_was_armed() {
+    let Armed { mut flash, new } = armed();
+    // The same hub, with something else behind its code.
+    let probed = [&new[..new.len() - CHUNK], &[0xA5; CHUNK]].concat();
+    flash[ACTIVE..ACTIVE + probed.len()].copy_from_slice(&probed);
+    let mut bench = powered_on(flash, FlashFaults::default());
+    boots(&mut bench, &probed);
+    assert_eq!(bench.resets(), []);
+}
+
+/// Time between two cuts: each page is erased for 1.1 s, and written for up to 0.53 s.
+const BETWEEN_CUTS: Duration = Duration::from_millis(350);
+
+#[test]
+#[ignore = "long: cargo xtask test nucleo-f429zi"]
+fn power_that_goes_at_any_step_of_a_swap_costs_nothing() {
+    let Armed { flash, new } = armed();
+    let mut bench = powered_on(flash, FlashFaults::default());
+    let mut cuts = 0;
+    loop {
+        bench.run(BETWEEN_CUTS);
+        let left = bench.flash();
+        let is_over = left[STATE] == CONFIRMED;
+        boots(&mut powered_on(left, FlashFaults::default()), &new);
+        cuts += 1;
+        if is_over {
+            break;
+        }
+    }
+    println!("{cuts} cuts");
+    assert!(cuts > 16, "a swap has 16 steps: {cuts}");
+}
