@@ -10,9 +10,12 @@ mod figures;
 mod flash;
 mod fuzz;
 mod generated;
+mod python;
 mod results;
+mod ros;
 mod size;
 mod tool;
+mod try_page;
 
 use std::process::ExitCode;
 use tool::{Failed, REPORTS, cargo, cargo_command, run};
@@ -40,7 +43,7 @@ pub(crate) const IMAGES: [&str; 11] = [
     "--test=emulated",
 ];
 
-const TASKS: [Task; 13] = [
+const TASKS: [Task; 16] = [
     Task {
         name: "check",
         arguments: "",
@@ -70,6 +73,24 @@ const TASKS: [Task; 13] = [
         arguments: "[--check]",
         does: "writes docs/results, or says which are stale",
         start: results::task,
+    },
+    Task {
+        name: "python",
+        arguments: "",
+        does: "builds the Python package and tests it as installed",
+        start: python::task,
+    },
+    Task {
+        name: "ros",
+        arguments: "",
+        does: "checks and builds the ROS 2 package and tests it against programs of others",
+        start: ros::task,
+    },
+    Task {
+        name: "try",
+        arguments: "",
+        does: "docs/try/index.html: the dashboard and a simulated hub in one file, without a server",
+        start: try_page::task,
     },
     Task {
         name: "build-time",

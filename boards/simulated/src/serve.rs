@@ -22,14 +22,17 @@ mod memory;
 #[cfg(unix)]
 mod pty;
 mod tcp;
+mod wire;
 
 use hands::Hands;
 pub use line::{Line, LineError};
 pub use memory::{Memory, MemoryError};
+pub use wire::Wire;
 
 use crate::scenario::Scenario;
 use crate::sim::{self, Executor, RunError, Wires};
 use embassy_futures::join::join3;
+use embassy_futures::{poll_once, yield_now};
 use embassy_time::MockDriver;
 use embedded_io_async::{ErrorType, Read, Write};
 use motor_hub::bridge::Drive;
@@ -117,10 +120,35 @@ pub fn run(
     meddle: &mut dyn FnMut(&mut Hands),
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), RunError> {
+    let so_far = Cell::new(Duration::ZERO);
+    let mut show = |moment: Moment<'_>| show(Moment { lost: so_far.get(), ..moment });
+    let mut hub = pin!(steps(scenario, address, line, memory, meddle, &mut show));
+    pace(|_, lost| {
+        so_far.set(lost);
+        match poll_once(hub.as_mut()) {
+            Poll::Pending => Ok(true),
+            Poll::Ready(end) => end.map(|()| false),
+        }
+    })
+}
+
+/// Serves a hub as [`run`], but each poll of the future is one millisecond, for callers with a clock of their own.
+/// [`Moment::lost`] is 0.
+///
+/// # Errors
+/// Those of [`run`].
+pub async fn steps(
+    scenario: &Scenario,
+    address: Address,
+    line: Line,
+    memory: Option<Memory>,
+    meddle: &mut dyn FnMut(&mut Hands),
+    show: &mut dyn FnMut(Moment<'_>) -> bool,
+) -> Result<(), RunError> {
     MockDriver::get().reset();
     let (board, wires) = (sim::board(scenario), Wires::new());
     // It lasts as long as the process: a simulated hub is never reset.
-    wires.remember(Box::leak(Box::new([0; SIZE])), Fault::PowerOn);
+    wires.open_record(Box::leak(Box::new([0; SIZE])), Fault::PowerOn);
     let health = Health::new().expecting(Task::Responder);
     let mut snapshots = wires.snapshot.receiver().ok_or(RunError::Unobserved)?;
     let settings = sim::all_settings(&scenario.motors)?;
@@ -152,7 +180,7 @@ pub fn run(
     let executor = Executor::new();
     let mut snapshot = Snapshot::INITIAL;
     let (mut hands, mut begun_s) = (Hands::default(), 0.0);
-    pace(|step, lost| {
+    for step in 0_u64.. {
         let at_s = step as f64 * sim::STEP_S;
         // Bytes may have come, of which no waker tells.
         left.set(BYTES_A_STEP);
@@ -180,8 +208,13 @@ pub fn run(
         };
         let (awake, turned_away) = (snapshot.battery.is_some(), line.borrow().turned_away());
         let taken = line.borrow().is_taken();
-        Ok(show(Moment { at_s, awake, taken, lost, turned_away, describe }))
-    })
+        let lost = Duration::ZERO;
+        if !show(Moment { at_s, awake, taken, lost, turned_away, describe }) {
+            break;
+        }
+        yield_now().await;
+    }
+    Ok(())
 }
 
 /// The hub's end of the line, to be polled again within a millisecond whatever its waker says.

@@ -3,13 +3,14 @@
 use crate::output::{Failure, print, say};
 use crate::parse::host_and_port;
 use crate::serve::stop_flag;
-use dashboard::gate::PublicUrl;
+use dashboard::admission::PublicUrl;
 use dashboard::script::Script;
 use dashboard::world::World;
-use dashboard::{Place, Server};
+use dashboard::{Hub, Place, Port, Server};
 use motor_hub::protocol::Address;
 use motor_hub_client::line::Line;
 use motor_hub_client::{Error, Session};
+use qrcodegen::{QrCode, QrCodeEcc};
 use simulated::scenario::Scenario;
 use simulated::serve::{self, Memory};
 use std::fs::OpenOptions;
@@ -55,7 +56,7 @@ pub(crate) struct Options {
     /// Address of the page on this machine; port 0 chooses a free port
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0", value_parser = host_and_port)]
     http: String,
-    /// Address of the page for other machines too, such as a phone; anyone on the network who has the URL has access
+    /// Address of the page for other machines too, such as a phone, for which the URL is printed as a QR code; anyone on the network who has the URL has access
     #[arg(long, value_name = "ADDR:PORT", conflicts_with = "http", value_parser = host_and_port)]
     listen: Option<String>,
     /// URL by which browsers reach the page, if that is not its address: behind a tunnel (ssh -L), a host name or a proxy
@@ -92,6 +93,7 @@ impl Options {
         let url = server.url();
         print(&format!("{url}\n"))?;
         if self.listen.is_some() {
+            print(&code(&url))?;
             say("warning: anyone on the network who has this URL can move the motors");
         }
         // The file is removed when the program ends.
@@ -107,9 +109,27 @@ impl Options {
     }
 }
 
+/// A URL as a QR code for the camera of a phone, for terminals with a dark ground. Two rows of the code are one line of text.
+fn code(url: &str) -> String {
+    // Light modules that must surround a code, by its standard.
+    const MARGIN: i32 = 4;
+    let Ok(code) = QrCode::encode_text(url, QrCodeEcc::Low) else { return String::new() };
+    let all = -MARGIN..code.size() + MARGIN;
+    let line = |y: i32| {
+        let module = |x| match (code.get_module(x, y), code.get_module(x, y + 1)) {
+            (false, false) => '█',
+            (false, true) => '▀',
+            (true, false) => '▄',
+            (true, true) => ' ',
+        };
+        all.clone().map(module).chain(['\n']).collect::<String>()
+    };
+    all.clone().step_by(2).map(line).collect()
+}
+
 fn real(name: &str) -> Place {
     let (place, mut said) = (name.to_owned(), None);
-    Place::real(name, move || match Session::open(&place) {
+    Place::real(name, move || match dashboard::relay::open(&place) {
         Ok(session) => {
             said = None;
             Ok(session)
@@ -151,8 +171,8 @@ fn simulate(
             !stop.load(Ordering::Relaxed)
         })
     });
-    let open = move || -> Result<Session<Line>, String> {
-        let line = Line::tcp(&address, PATIENCE).map_err(|error| error.to_string())?;
+    let open = move || -> Result<Hub, String> {
+        let line: Box<dyn Port> = Box::new(Line::tcp(&address, PATIENCE).map_err(|error| error.to_string())?);
         let mut session = Session::new(line, Address::DEFAULT, PATIENCE);
         session.keep_alive().map_err(|error: Error| error.to_string())?;
         Ok(session)

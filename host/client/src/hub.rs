@@ -13,6 +13,7 @@
 //! # Ok::<(), motor_hub_client::Error>(())
 //! ```
 
+use crate::clock::Instant;
 use crate::{Error, Session};
 use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::extension::record::{Entries, Ticks};
@@ -27,7 +28,7 @@ use motor_hub::protocol::{Address, Colour};
 use motor_hub::record::{Head, Tick};
 use motor_hub::units::{Milliamperes, Millivolts};
 use std::io::{Read, Write};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Time-out of a save, which takes some seconds if flash must be erased.
 const STORING: Duration = Duration::from_secs(10);

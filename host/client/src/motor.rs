@@ -108,7 +108,7 @@ impl<L: Read + Write> Session<L> {
     pub fn settings(&mut self, motor: u8) -> Result<MotorSettings, Error> {
         // The groups replace every setting that a hub reports.
         let mut settings = MotorSettings::new(Settings::new(Winding::NEVEREST_60));
-        for group in Group::EACH {
+        for group in Group::ALL {
             match group {
                 Group::VelocityLoop | Group::PositionLoop => (),
                 Group::CurrentLimit => match self.get(motor, group, &settings) {
@@ -128,7 +128,7 @@ impl<L: Read + Write> Session<L> {
     /// The errors of all commands; an answer with values that do not go together is unexpected.
     pub fn get(&mut self, motor: u8, group: Group, settings: &MotorSettings) -> Result<MotorSettings, Error> {
         let read = |payload: &[u8]| -> Result<MotorSettings, Nack> {
-            Values::read(group, &mut Fields::new(payload))?.put(settings)
+            Values::read(group, &mut Fields::new(payload))?.apply_to(settings)
         };
         self.ask_with(Request::Get(motor, group), read)
     }

@@ -22,7 +22,7 @@
 
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
 use motor_hub::extension::state::StoreReport;
-use motor_hub::motion::EncoderFault;
+use motor_hub::motor::EncoderFault;
 use motor_hub::motor::Faults;
 use motor_hub::store::Outcome;
 use motor_hub::supply::BusState;
@@ -124,6 +124,6 @@ const fn supply(bus: BusState) -> Option<&'static str> {
         BusState::TooLow => Some("the battery voltage is below what the bridges need"),
         BusState::Cut => Some("the battery voltage is too low: the hub draws no current"),
         BusState::TooHigh => Some("the bus voltage is too high, raised by another source than these motors"),
-        BusState::Derated | BusState::Quiet | BusState::Burning => None,
+        BusState::Derated | BusState::Quiet | BusState::Dissipating => None,
     }
 }

@@ -12,6 +12,7 @@
 //! ```
 
 use crate::Error;
+use crate::clock::Instant;
 use crate::error::Addresses;
 #[cfg(feature = "serial")]
 use crate::{Line, OpenError};
@@ -23,7 +24,7 @@ use motor_hub::protocol::{Address, BROADCAST, Decoder, HOST, Nack, Packet, Reply
 use motor_hub::units::Micros;
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Transmissions of a request before the hub counts as silent. A hub may have executed a request whose
 /// answer was lost. Executing any of these requests again has no further effect.

@@ -11,6 +11,7 @@
 //! assert_eq!(refused, "the hub refuses to report its update: this hub does not have it (NACK 253)");
 //! ```
 
+use crate::clock::Instant;
 use crate::{Error, Session};
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::state::UpdateReport;
@@ -19,7 +20,7 @@ use motor_hub::protocol::payload::{TEXT, Text};
 use motor_hub::update::{CHUNK, CRC, Phase, Seal};
 use std::io::{Read, Write};
 use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Time-out of a write: erasing a page takes up to 4 s, erasing the bootloader's state another 4 s.
 const WRITING: Duration = Duration::from_secs(10);

@@ -2,19 +2,29 @@
 //! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
 use crate::world::WorldIs;
-use motor_hub::braking::{Regime, Scheme};
+use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
 use motor_hub::extension::settings::{Field, MotorSettings};
 use motor_hub::model::catalogue::motors;
+use motor_hub::model::paper;
+use motor_hub::model::si::{Ohms, Volts};
+use motor_hub::model::switching::Conditions;
 use motor_hub::protocol::motor::Coefficients;
+use motor_hub::record::Head;
 use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::Identified;
 use motor_hub::supply::BusState;
-use motor_hub::units::{Acceleration, Control, Milliamperes};
+use motor_hub::units::{Acceleration, Control, CountsPerSecond, Milliamperes, Millivolts};
 use motor_hub_client::reasons::why_still;
 use serde::Serialize;
 use simulated::scheme::SchemeWords;
-use tungstenite::Utf8Bytes;
+use std::sync::Arc;
+
+/// Highest speed for which points are computed, in counts/s. No catalogue motor reaches it.
+const MOST_CPS: f64 = 1e6;
+
+/// Highest battery voltage for which points are computed, in volts: the range of [`Millivolts`] is 65.5 V.
+const MOST_VOLTS: f64 = 60.0;
 
 /// All messages to pages.
 #[derive(Clone, Debug, Serialize)]
@@ -27,7 +37,7 @@ pub(crate) enum Message {
     /// Sent when the settings of a motor have changed.
     Settings(SettingsOf),
     /// Sent when the page in control, the number of pages, or a request for control has changed.
-    Desk {
+    Control {
         /// Number of the page in control.
         controller: Option<u32>,
         /// Number of pages.
@@ -60,8 +70,80 @@ pub(crate) enum Message {
     },
     /// Progress or result of an identification.
     Identification(Learned),
+    /// Answer to a page that has asked for points.
+    Points(PointsAt),
+    /// Answer to a page that has asked for the hub's record of faults, newest first.
+    Faults {
+        /// Entries of the record.
+        entries: Vec<FaultEntry>,
+    },
+    /// Answer to a page that has asked for a file.
+    File {
+        /// Name of the file.
+        name: &'static str,
+        /// Contents.
+        text: String,
+    },
     /// Sent when a simulated hub's world has changed.
     World(WorldIs),
+}
+
+/// Explanations of all fault numbers, a section each.
+const EXPLANATIONS: &str = include_str!("../../../docs/reference/fault-numbers.md");
+
+/// An entry of the hub's record of faults.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct FaultEntry {
+    fault: u8,
+    name: &'static str,
+    motor: Option<u8>,
+    /// Number of the run, counted by resets.
+    run: u16,
+    /// Time since the run's start.
+    after_s: f64,
+    times: u16,
+    /// Paragraphs of the documentation: meaning, reaction of the hub, what to check.
+    explanation: Vec<String>,
+}
+
+impl FaultEntry {
+    pub(crate) fn of(head: &Head) -> Self {
+        let fault = head.fault.number();
+        let sections = EXPLANATIONS.split("\n## ").find(|text| text.starts_with(&format!("{fault}:")));
+        let paragraphs = sections.unwrap_or_default().split("\n\n").skip(1);
+        // Of links the text is left.
+        let plain = |text: &str| {
+            let mut parts = text.trim().replace('\n', " ").replace(['*', '`', '['], "");
+            while let Some((before, (_, after))) =
+                parts.split_once("](").and_then(|(before, rest)| Some((before, rest.split_once(')')?)))
+            {
+                parts = format!("{before}{after}");
+            }
+            parts
+        };
+        Self {
+            fault,
+            name: head.fault.name(),
+            motor: head.motor,
+            run: head.run,
+            after_s: f64::from(head.uptime_ms) / 1e3,
+            times: head.times.into(),
+            explanation: paragraphs.map(plain).filter(|text| !text.is_empty()).collect(),
+        }
+    }
+}
+
+/// The points S, T, Z and G of a motor at a speed and a battery voltage.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct PointsAt {
+    /// Back EMF in volts.
+    emf_v: f64,
+    /// Control values by the firmware, -1 to 1.
+    firmware: [f64; 4],
+    /// Control values by the paper's formulas; `None` where a formula is infinite or not defined.
+    paper: [Option<f64>; 4],
+    /// Voltages for Scheme A, currents in A for other schemes, by the paper's formulas.
+    values: [f64; 4],
 }
 
 /// First message to a page.
@@ -226,7 +308,7 @@ pub(crate) struct Found {
 impl Message {
     /// The message as JSON.
     #[must_use]
-    pub(crate) fn text(&self) -> Utf8Bytes {
+    pub(crate) fn text(&self) -> Arc<str> {
         // Serializing plain data cannot fail.
         serde_json::to_string(self).unwrap_or_default().into()
     }
@@ -234,7 +316,7 @@ impl Message {
 
 /// Message to a page whose order was not executed.
 #[must_use]
-pub(crate) fn refused(why: &str) -> Utf8Bytes {
+pub(crate) fn refused(why: &str) -> Arc<str> {
     Message::Refused { why: why.to_owned() }.text()
 }
 
@@ -262,7 +344,7 @@ impl Frame {
             tick_ms: report.at_ms,
             battery_v: report.battery.map(|mv| f64::from(mv.get()) / 1e3),
             bus: Some(bus_word(report.bus)),
-            burning: f64::from(report.burning) / 1e3,
+            burning: f64::from(report.dissipate) / 1e3,
             motors: motors.map(|(index, motor)| OfMotor::of(motor, why_still(report, index))).collect(),
             ..Self::default()
         }
@@ -383,6 +465,35 @@ impl Found {
     }
 }
 
+impl PointsAt {
+    /// The points of a motor with this winding.
+    pub(crate) fn new(winding: &Winding, wanted: &str, cps: f64, volts: f64) -> Result<Self, String> {
+        let wanted = scheme(wanted)?;
+        let (cps, volts) = (cps.clamp(0.0, MOST_CPS), volts.clamp(1.0, MOST_VOLTS));
+        let emf = winding.emf.emf(CountsPerSecond::new(cps.round() as i32));
+        let battery = Millivolts::new((1e3 * volts).round() as u16);
+        let at = OperatingPoint::new(emf, battery).ok_or("points need a battery voltage above 0")?;
+        let Points { s, t, z, g } = Points::new(wanted, at);
+        let (emf_v, ohms) = (emf.to_f64() / 1e3, f64::from(winding.resistance.as_milliohms()) / 1e3);
+        let of_paper = match wanted {
+            Scheme::A => paper::Scheme::A,
+            Scheme::B => paper::Scheme::B,
+            Scheme::C => paper::Scheme::C,
+            Scheme::D(_) => paper::Scheme::D { blend: paper::blend_keeping_t_in_range(emf_v / volts) },
+            Scheme::ForwardReverse => return Err("without braking regime there are no points".to_owned()),
+        };
+        let conditions = Conditions { battery: Volts(volts), emf: Volts(emf_v) };
+        let points = of_paper.points(1.0, Ohms(ohms), conditions);
+        let by_paper = [points.s, points.t, points.z, points.g];
+        Ok(Self {
+            emf_v,
+            firmware: [s, t, z, g].map(|point| point.to_f64() / f64::from(Control::MAX.get())),
+            paper: by_paper.map(|point| Some(point.x).filter(|x| points.valid && x.is_finite())),
+            values: by_paper.map(|point| point.y),
+        })
+    }
+}
+
 const fn bus_word(bus: BusState) -> &'static str {
     match bus {
         BusState::Silent => "silent",
@@ -390,7 +501,7 @@ const fn bus_word(bus: BusState) -> &'static str {
         BusState::Cut => "cut",
         BusState::Derated => "derated",
         BusState::Quiet => "quiet",
-        BusState::Burning => "burning",
+        BusState::Dissipating => "burning",
         BusState::TooHigh => "too high",
     }
 }

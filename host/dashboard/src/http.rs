@@ -30,7 +30,7 @@ Cross-Origin-Opener-Policy: same-origin\r\n\
 Cache-Control: no-store\r\n\
 Connection: close\r\n";
 
-/// The parts of a request that the server uses. Repeated headers are all kept, so that the gate can refuse them.
+/// The parts of a request that the server uses. Repeated headers are all kept, so that the rules of admission can refuse them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Head {
     /// Method, as sent.

@@ -2,21 +2,23 @@
 //! The files of the page are part of the program. The page loads nothing from other servers.
 //!
 //! ```text
-//! page --orders--> viewer --Event--> pilot --requests--> hub
-//! page <--frames-- viewer <--text--- pilot <--answers--- hub
+//! page --orders--> viewer --Event--> relay --requests--> hub
+//! page <--frames-- viewer <--text--- relay <--answers--- hub
 //! ```
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`gate`] | which requests are admitted |
-//! | [`http`], [`assets`] | requests and answers as bytes; the files of the page |
-//! | [`server`] | listener, with a thread for each connection |
-//! | `viewer` | the socket of one page |
-//! | [`desk`] | which page is in control, and whether that page is still open |
-//! | `pilot` | the thread that owns the hub: sends 50 frames per second and executes orders |
-//! | [`order`], `perform` | orders of pages, and their execution |
-//! | `frame` | messages to pages |
+//! | [`relay`] | owns the hub: sends 50 frames per second and executes orders |
+//! | [`pages`] | which page is in control, and whether that page is still open |
+//! | [`order`], `executor` | orders of pages, and their execution |
+//! | `frame`, [`mod@outbox`] | messages to pages, and messages that wait for a page |
 //! | [`world`], [`script`] | changes to a simulated hub's motors and battery; a scenario's set-points |
+//! | [`settings_file`] | settings of a hub as TOML |
+//! | [`assets`] | the files of the page |
+//! | [`server`], `viewer` | listener, with a thread for each connection; the socket of one page |
+//! | [`admission`], [`http`] | which requests are admitted; requests and answers as bytes |
+//!
+//! The modules of the last two rows need the feature `server`. Without it the relay runs in a browser, beside its page.
 //!
 //! One page is in control, any number of pages watch, and any page may stop. A page proves that it is open by returning the
 //! numbers of frames that it has shown. All motors are disabled when the page in control is closed, is hidden for 10 s, or
@@ -24,30 +26,36 @@
 //! nothing more and disables them itself.
 //!
 //! ```no_run
-//! use dashboard::{Place, Server};
-//! use motor_hub_client::Session;
+//! use dashboard::{Place, Server, relay};
 //! use std::sync::atomic::AtomicBool;
 //!
 //! let server = Server::bind("127.0.0.1:0")?;
 //! println!("{}", server.url());
-//! let open = || Session::open("/dev/ttyACM0").map_err(|error| error.to_string());
+//! let open = || relay::open("/dev/ttyACM0").map_err(|error| error.to_string());
 //! server.run(Place::real("/dev/ttyACM0", open), &AtomicBool::new(false));
 //! # Ok::<(), dashboard::BindError>(())
 //! ```
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "server")]
+pub mod admission;
 pub mod assets;
-pub mod desk;
+mod executor;
 mod frame;
-pub mod gate;
+#[cfg(feature = "server")]
 pub mod http;
 pub mod order;
-mod perform;
-mod pilot;
+pub mod outbox;
+pub mod pages;
+pub mod relay;
 pub mod script;
+#[cfg(feature = "server")]
 pub mod server;
+pub mod settings_file;
+#[cfg(feature = "server")]
 mod viewer;
 pub mod world;
 
-pub use pilot::Place;
+pub use relay::{Hub, Place, Port};
+#[cfg(feature = "server")]
 pub use server::{BindError, Server};

@@ -4,10 +4,10 @@
 //! ```
 //! use dashboard::order::Order;
 //!
-//! let order: Order = serde_json::from_str(r#"{"drive":{"motor":0,"mode":"velocity","value":0.5}}"#).unwrap();
+//! let order = Order::parse(r#"{"drive":{"motor":0,"mode":"velocity","value":0.5}}"#).unwrap();
 //! assert!(order.is_for_the_controller());
-//! assert!(!serde_json::from_str::<Order>(r#"{"stop":null}"#).unwrap().is_for_the_controller());
-//! assert!(serde_json::from_str::<Order>(r#"{"explode":null}"#).is_err());
+//! assert!(!Order::parse(r#"{"stop":null}"#).unwrap().is_for_the_controller());
+//! assert!(Order::parse(r#"{"explode":null}"#).is_err());
 //! ```
 
 use crate::world::WorldOrder;
@@ -38,6 +38,17 @@ pub enum Order {
     Take,
     /// Releases control, and gives it to the page that has asked for it.
     Release,
+    /// Asks for the points S, T, Z and G of a motor at a speed and a battery voltage.
+    Points {
+        /// Motor, 0 to 3.
+        motor: u8,
+        /// Scheme: `A` to `D`.
+        scheme: String,
+        /// Speed in counts/s, 0 to 1000000.
+        cps: f64,
+        /// Battery voltage in volts, 1 to 60.
+        volts: f64,
+    },
     /// Set-point of a motor, applied once the motor is enabled.
     Drive {
         /// Motor, 0 to 3.
@@ -137,6 +148,15 @@ pub enum Order {
         /// Motor, 0 to 3.
         motor: u8,
     },
+    /// Asks for the hub's record of faults.
+    Faults,
+    /// Asks for the settings in force as a file.
+    Export,
+    /// Puts the settings of a file in force.
+    Import {
+        /// The file, as [`settings_file`](crate::settings_file) defines it.
+        text: String,
+    },
     /// Stores the settings in force permanently.
     Save,
     /// Plays the scenario of a simulated hub from its beginning.
@@ -146,10 +166,28 @@ pub enum Order {
 }
 
 impl Order {
+    /// Reads an order.
+    ///
+    /// # Errors
+    /// A text that says what is wrong.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        serde_json::from_str(text).map_err(|error| format!("not an order: {error}"))
+    }
+
     /// True for orders that only the page in control may give.
     #[must_use]
     pub const fn is_for_the_controller(&self) -> bool {
-        !matches!(self, Self::Shown { .. } | Self::Hidden { .. } | Self::Stop | Self::Take | Self::Release)
+        !matches!(
+            self,
+            Self::Shown { .. }
+                | Self::Hidden { .. }
+                | Self::Stop
+                | Self::Take
+                | Self::Release
+                | Self::Points { .. }
+                | Self::Faults
+                | Self::Export
+        )
     }
 }
 

@@ -8,14 +8,15 @@
 //! # Ok::<(), simulated::scenario::ScenarioError>(())
 //! ```
 
-use crate::perform::Trouble;
+use crate::executor::Trouble;
+use crate::relay::Hub;
 use motor_hub::hub::{Action, Command};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::protocol::motor::RunMode;
 use motor_hub::units::CountsPerSecond;
-use motor_hub_client::{Line, Session};
+use motor_hub_client::clock::Instant;
 use simulated::scenario::{Scenario, Timed};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Set-points of a scenario, by ascending times.
 #[derive(Clone, Debug)]
@@ -59,7 +60,7 @@ impl Script {
     }
 
     /// Sends the set-points that are due; true once the scenario is over.
-    pub(crate) fn go_on(&self, playing: &mut Playing, session: &mut Session<Line>) -> Result<bool, Trouble> {
+    pub(crate) fn go_on(&self, playing: &mut Playing, session: &mut Hub) -> Result<bool, Trouble> {
         let passed = playing.since.elapsed();
         while let Some((_, step)) = self.steps.get(playing.done).filter(|(at, _)| *at <= passed) {
             step.send(session)?;
@@ -70,7 +71,7 @@ impl Script {
 }
 
 impl Step {
-    fn send(&self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    fn send(&self, session: &mut Hub) -> Result<(), Trouble> {
         let motor = self.motor;
         let mode = match self.setpoint {
             Setpoint::ConstantPower(power) => {

@@ -8,15 +8,15 @@
 //! # Ok::<(), dashboard::BindError>(())
 //! ```
 
+use crate::admission::{Admission, PublicUrl, Wanted};
 use crate::assets;
-use crate::gate::{Gate, PublicUrl, Wanted};
 use crate::http::{self, Head, HeadError};
-use crate::pilot::{Event, Pilot, Place};
+use crate::relay::{Event, INTERVAL, Place, Relay};
 use crate::viewer;
 use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::mpsc::{self, Sender};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
 /// Largest number of simultaneous connections; a page has one, and some more while it loads.
@@ -29,15 +29,18 @@ const ADMISSION: Duration = Duration::from_secs(1);
 /// Time-out of one read during [`ADMISSION`].
 const READ: Duration = Duration::from_millis(100);
 
+/// Longest delay of frames that is caught up by sending later frames sooner.
+const CATCH_UP: Duration = Duration::from_millis(100);
+
 /// Time-out for sending an answer.
 const SENDING: Duration = Duration::from_secs(5);
 
-/// The server of the page: its listener, and the gate that admits requests.
+/// The server of the page: its listener, and the rules of admission.
 #[derive(Debug)]
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
-    gate: Gate,
+    admission: Admission,
 }
 
 /// Why the server could not start.
@@ -65,14 +68,14 @@ impl Server {
         let fails = |error| BindError::Address { address: address.to_owned(), error };
         let listener = TcpListener::bind(address).map_err(fails)?;
         let address = listener.local_addr().map_err(fails)?;
-        let gate = Gate::random().map_err(BindError::Random)?;
-        Ok(Self { listener, address, gate })
+        let admission = Admission::random().map_err(BindError::Random)?;
+        Ok(Self { listener, address, admission })
     }
 
     /// Tells the server by which URL browsers reach it, if that is not its own address.
     #[must_use]
     pub fn reached_as(self, public: PublicUrl) -> Self {
-        Self { gate: self.gate.reached_as(public), ..self }
+        Self { admission: self.admission.reached_as(public), ..self }
     }
 
     /// Address at which the server listens.
@@ -85,19 +88,41 @@ impl Server {
     #[must_use]
     pub fn url(&self) -> String {
         let root = self
-            .gate
+            .admission
             .public()
             .map_or_else(|| format!("http://{}", reachable(self.address)), PublicUrl::to_string);
-        format!("{root}/?token={}", self.gate.token())
+        format!("{root}/?token={}", self.admission.token())
     }
 
     /// Serves the hub at a place until `stop` is set, then disables its motors.
     pub fn run(self, place: Place, stop: &AtomicBool) {
         let (events, heard) = mpsc::channel();
-        let Self { listener, gate, .. } = self;
-        std::thread::spawn(move || listen(&listener, &gate, &events));
-        Pilot::new(place, heard).run(stop);
+        let Self { listener, admission, .. } = self;
+        std::thread::spawn(move || listen(&listener, &admission, &events));
+        relay_until(stop, Relay::new(place), &heard);
     }
+}
+
+/// Passes events to the relay, and has it send frames, until `stop` is set. Then disables all motors.
+fn relay_until(stop: &AtomicBool, mut relay: Relay, events: &Receiver<Event>) {
+    let mut next = Instant::now();
+    while !stop.load(Ordering::Relaxed) {
+        match events.recv_timeout(next.saturating_duration_since(Instant::now())) {
+            Ok(event) => relay.hear(event),
+            Err(RecvTimeoutError::Timeout) => {
+                relay.tick();
+                // After a short delay of the hub the missed frames are caught up, but at most CATCH_UP.
+                next += INTERVAL;
+                next = next.max(Instant::now().checked_sub(CATCH_UP).unwrap_or(next));
+            }
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+        // Many events must not delay the check of the page in control.
+        if next + INTERVAL < Instant::now() {
+            relay.watch();
+        }
+    }
+    relay.switch_off("the server has ended");
 }
 
 /// An address that other machines can reach. For a server that listens at all addresses it is the source address of packets
@@ -115,16 +140,16 @@ fn reachable(address: SocketAddr) -> SocketAddr {
     own.map_or(address, |own| SocketAddr::new(own.ip(), address.port()))
 }
 
-fn listen(listener: &TcpListener, gate: &Gate, events: &Sender<Event>) {
+fn listen(listener: &TcpListener, admission: &Admission, events: &Sender<Event>) {
     let connections = Arc::new(AtomicU32::new(0));
     let pages = Arc::new(AtomicU32::new(0));
     for stream in listener.incoming().flatten() {
-        let (gate, events) = (gate.clone(), events.clone());
+        let (admission, events) = (admission.clone(), events.clone());
         let (connections, pages) = (Arc::clone(&connections), Arc::clone(&pages));
         let full = connections.fetch_add(1, Ordering::Relaxed) >= MOST;
         std::thread::spawn(move || {
             // An error means that the client has closed the connection.
-            let _ = serve(stream, &gate, full, &events, &pages);
+            let _ = serve(stream, &admission, full, &events, &pages);
             connections.fetch_sub(1, Ordering::Relaxed);
         });
     }
@@ -133,7 +158,7 @@ fn listen(listener: &TcpListener, gate: &Gate, events: &Sender<Event>) {
 /// Serves one request, and the WebSocket if the request asks for it.
 fn serve(
     mut stream: TcpStream,
-    gate: &Gate,
+    admission: &Admission,
     full: bool,
     events: &Sender<Event>,
     pages: &AtomicU32,
@@ -152,7 +177,7 @@ fn serve(
         }
         Err(error) => return refuse(&mut stream, "400 Bad Request", &error.to_string()),
     };
-    match gate.admit(&head, local) {
+    match admission.admit(&head, local) {
         Ok(Wanted::Socket(key)) => {
             http::upgrade(&mut stream, &key)?;
             viewer::attend(stream, 1 + pages.fetch_add(1, Ordering::Relaxed), events);

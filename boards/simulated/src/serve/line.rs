@@ -1,7 +1,9 @@
 //! A line to hosts that come and go: to the hub it is a serial line that never ends.
 
 use super::tcp::Tcp;
+use super::wire::Wire;
 use std::fmt;
+use std::io::{Read, Write};
 
 #[cfg(unix)]
 use super::pty::Pty;
@@ -34,6 +36,7 @@ enum Kind {
     #[cfg(unix)]
     Pty(Pty),
     Tcp(Tcp),
+    Wire(Wire),
 }
 
 impl Line {
@@ -63,12 +66,20 @@ impl Line {
         Tcp::listen(address).map(|tcp| Self(Kind::Tcp(tcp))).map_err(fails)
     }
 
+    /// A line within this process, and the host's end of it. The host counts as always there.
+    #[must_use]
+    pub fn within_process() -> (Self, Wire) {
+        let (hub, host) = Wire::pair();
+        (Self(Kind::Wire(hub)), host)
+    }
+
     /// Bytes that have come; 0 if there are none now.
     pub fn receive(&mut self, bytes: &mut [u8]) -> usize {
         match &mut self.0 {
             #[cfg(unix)]
             Kind::Pty(pty) => pty.receive(bytes),
             Kind::Tcp(tcp) => tcp.receive(bytes),
+            Kind::Wire(wire) => wire.read(bytes).unwrap_or(0),
         }
     }
 
@@ -78,6 +89,7 @@ impl Line {
             #[cfg(unix)]
             Kind::Pty(pty) => pty.send(bytes),
             Kind::Tcp(tcp) => tcp.send(bytes),
+            Kind::Wire(wire) => wire.write(bytes).unwrap_or(0),
         }
     }
 
@@ -88,6 +100,7 @@ impl Line {
             #[cfg(unix)]
             Kind::Pty(pty) => pty.is_taken(),
             Kind::Tcp(tcp) => tcp.is_taken(),
+            Kind::Wire(_) => true,
         }
     }
 
@@ -97,6 +110,7 @@ impl Line {
             #[cfg(unix)]
             Kind::Pty(_) => 0,
             Kind::Tcp(tcp) => tcp.turned_away(),
+            Kind::Wire(_) => 0,
         }
     }
 }
@@ -111,6 +125,7 @@ impl fmt::Display for Line {
                 Ok(address) => write!(f, "{address}"),
                 Err(error) => write!(f, "{error}"),
             },
+            Kind::Wire(_) => f.write_str("within this process"),
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::trouble::Trouble;
 use crate::output::{Failure, print, print_json, say};
 use crate::parse::channel;
-use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop};
+use motor_hub::protocol::motor::{Coefficients, Loop, Terms};
 use motor_hub::units::Coefficient;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
@@ -78,14 +78,10 @@ impl Options {
             if [self.p, self.i].iter().flatten().any(|coefficient| coefficient.to_bits() < 0) {
                 say("warning: with P or I below 0 the motor runs away from its set-point");
             }
-            let Coefficients { p, i, d, f, algorithm: _ } = pidf;
+            let Coefficients { p, i, d, f, terms: _ } = pidf;
             let (p, i) = (self.p.unwrap_or(p), self.i.unwrap_or(i));
             let (d, f) = (self.d.unwrap_or(d), self.f.unwrap_or(f));
-            session.set_coefficients(
-                self.motor,
-                of,
-                Coefficients { p, i, d, f, algorithm: Algorithm::Pidf },
-            )?;
+            session.set_coefficients(self.motor, of, Coefficients { p, i, d, f, terms: Terms::Pidf })?;
             pidf = session.coefficients(self.motor, of)?;
         }
         let [p, i, d, f] = [pidf.p, pidf.i, pidf.d, pidf.f].map(decimal);

@@ -1,9 +1,8 @@
 //! `motor-hub client settings`.
 
-mod document;
-
 use super::trouble::Trouble;
 use crate::output::{Failure, print, print_json};
+use dashboard::settings_file;
 use motor_hub::extension::HubFunction;
 use motor_hub::extension::Request;
 use motor_hub::extension::state::StoreReport;
@@ -87,7 +86,9 @@ impl Options {
                 "the firmware's defaults are in force and stored".to_owned()
             }
             Command::Export { file } => {
-                let text = document::export(session)?;
+                // Only the store's report says which coefficients a host has set; without it they would be lost.
+                session.stored()?;
+                let text = settings_file::export(session)?;
                 let Some(file) = file.filter(|file| file != Path::new("-")) else { return Ok(print(&text)?) };
                 std::fs::write(&file, text).map_err(|error| at(&file, error))?;
                 format!("wrote {}", file.display())
@@ -130,7 +131,7 @@ fn read(file: &Path) -> Result<Vec<Request>, Failure> {
         let (line, column) = line_and_column(&text, error.span().unwrap_or_default().start);
         Failure::Input(format!("{}:{line}:{column}: {}", file.display(), error.message()))
     })?;
-    document::requests(document)
+    settings_file::requests(document)
         .map_err(|error| Failure::Input(format!("{}: {}", file.display(), error.trim_end())))
 }
 

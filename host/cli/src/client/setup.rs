@@ -142,7 +142,7 @@ impl Options {
                 }
                 _ => Ok(field.get(&settings)),
             })?;
-            settings = values.put(&settings).map_err(Failure::input)?;
+            settings = values.apply_to(&settings).map_err(Failure::input)?;
         }
         Ok(settings)
     }

@@ -173,7 +173,7 @@ const fn state(state: BusState) -> &'static str {
         BusState::Cut => "cut",
         BusState::Derated => "derated",
         BusState::Quiet => "quiet",
-        BusState::Burning => "burning",
+        BusState::Dissipating => "burning",
         BusState::TooHigh => "too-high",
     }
 }
@@ -185,22 +185,22 @@ fn bus_words(bus: BusReport) -> String {
         BusState::Cut => "too low, motors draw no current",
         BusState::Derated => "low, motors draw less current",
         BusState::Quiet => "normal",
-        BusState::Burning => "takes no energy back, braking motors dissipate it",
+        BusState::Dissipating => "takes no energy back, braking motors dissipate it",
         BusState::TooHigh => "too high, raised by another source than these motors",
     };
-    let [returned, burnt] = [bus.returned_mj, bus.burnt_mj].map(|mj| f64::from(mj) / 1e3);
+    let [returned, dissipated] = [bus.returned_mj, bus.dissipated_mj].map(|mj| f64::from(mj) / 1e3);
     let volts =
         bus.measured.map_or_else(|| "unknown".to_owned(), |mv| format!("{:.3} V", f64::from(mv.get()) / 1e3));
-    format!("{volts}: {meaning}\n{returned:.1} J returned by braking motors, {burnt:.1} J dissipated")
+    format!("{volts}: {meaning}\n{returned:.1} J returned by braking motors, {dissipated:.1} J dissipated")
 }
 
 fn bus_json(bus: BusReport) -> Value {
     json!({
         "state": state(bus.state),
         "measured_v": bus.measured.map(|mv| f64::from(mv.get()) / 1e3),
-        "burning_percent": f64::from(bus.burning) / 10.0,
+        "burning_percent": f64::from(bus.dissipate) / 10.0,
         "returned_j": f64::from(bus.returned_mj) / 1e3,
-        "burnt_j": f64::from(bus.burnt_mj) / 1e3,
+        "burnt_j": f64::from(bus.dissipated_mj) / 1e3,
     })
 }
 

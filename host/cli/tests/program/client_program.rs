@@ -8,7 +8,7 @@
 
 use crate::hub_support::{Hub, Server};
 use crate::output::{err, out};
-use motor_hub::supply::Stage;
+use motor_hub::supply::DrawStage;
 use motor_hub::units::{CountsPerSecond, Milliamperes, Millivolts};
 use serde_json::Value;
 use std::process::{Command, Output, Stdio};
@@ -235,7 +235,7 @@ fn a_motor_that_the_hub_lets_go_ends_the_command() {
 fn the_program_says_why_the_hub_refuses() {
     let mut hub = Hub::new();
     hub.snapshot.battery = Some(Millivolts::new(6_000));
-    hub.snapshot.bus.stage = Stage::Derated;
+    hub.snapshot.bus.stage = DrawStage::Derated;
     let server = Server::start(hub);
     let output = client(&server, &["power", "0", "0.5", "--for", "5"]);
     assert_eq!(output.status.code(), Some(1));

@@ -46,9 +46,9 @@ fn carry_out(responder: &mut Responder<4>, order: UpdateRequest, restarted: Boot
     match order {
         UpdateRequest::Restart => *responder = started(SLOT, restarted),
         UpdateRequest::Arm { seal: Some(seal), .. } if wrong(seal) => {
-            responder.update_done(Done::Carried(Outcome::WrongSignature));
+            responder.update_done(Done::Finished(Outcome::WrongSignature));
         }
-        _ => responder.update_done(Done::Carried(Outcome::Done)),
+        _ => responder.update_done(Done::Finished(Outcome::Done)),
     }
 }
 

@@ -184,7 +184,7 @@ fn one_page_is_in_control_and_anyone_may_stop() {
     driver.order("release", Value::Null);
     driver.off("control was released");
     viewer.order("take", Value::Null);
-    viewer.until("control", |_, message| message["kind"] == "desk" && message["controller"] == 2);
+    viewer.until("control", |_, message| message["kind"] == "control" && message["controller"] == 2);
     viewer.run(0);
     assert_eq!(driver.refused("enable", json!({ "motor": 0, "on": false })), "this page is not in control");
 }
@@ -195,7 +195,7 @@ fn a_page_that_asks_for_control_gets_it_when_the_other_releases_it_with_its_moto
     let (mut driver, mut viewer) = (Page::ready(&dashboard), Page::ready(&dashboard));
     driver.run(0);
     viewer.order("take", Value::Null);
-    driver.until("a request", |_, message| message["kind"] == "desk" && message["asks"] == 2);
+    driver.until("a request", |_, message| message["kind"] == "control" && message["asks"] == 2);
     driver.stay(Duration::from_millis(300));
     assert!(driver.enabled(0), "a request alone stops nothing");
     assert_eq!(viewer.refused("enable", json!({ "motor": 0, "on": true })), "this page is not in control");
@@ -315,7 +315,7 @@ fn a_message_that_is_too_long_ends_its_page_and_no_other() {
     driver.run(0);
     // The server may close the connection during the request.
     let _ = other.socket.send(Message::text("x".repeat(100_000)));
-    driver.until("one page", |_, message| message["kind"] == "desk" && message["pages"] == 1);
+    driver.until("one page", |_, message| message["kind"] == "control" && message["pages"] == 1);
     driver.stay(Duration::from_millis(500));
     assert!(driver.enabled(0));
 }

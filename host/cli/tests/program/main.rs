@@ -15,6 +15,7 @@ mod dashboard;
 mod dashboard_browser;
 #[cfg(unix)]
 mod dashboard_safety;
+mod dashboard_tab;
 mod eval;
 #[path = "../../../client/tests/hub_support/mod.rs"]
 mod hub_support;

@@ -57,7 +57,7 @@ impl Hub {
             first: FIRST_FUNCTION,
             fail_safe_at_bulk: false,
             foreign: false,
-            flash: |responder, _| responder.update_done(Done::Carried(Outcome::Done)),
+            flash: |responder, _| responder.update_done(Done::Finished(Outcome::Done)),
             requests: Arc::default(),
             decoder: Decoder::new(),
             since: Instant::now(),

@@ -1,13 +1,15 @@
 // The page: passes messages of the server to their listeners, and actions of the user to the server.
 
 import { by, say } from "./dom.js";
+import { startGamepad } from "./gamepad.js";
 import { learned } from "./learn.js";
-import { Link, admitted } from "./link.js";
+import { Link } from "./link.js";
 import { select } from "./list.js";
 import { startMotors } from "./motors.js";
 import { startPanels } from "./panels.js";
 import { drawn, startPlots } from "./plots.js";
 import { choose, inControl, keep, kept, on, state, tell } from "./state.js";
+import { admitted } from "./transport.js";
 import { number, units } from "./units.js";
 
 const THEMES = ["auto", "light", "dark"];
@@ -27,7 +29,7 @@ function hear(message) {
     case "line":
       Object.assign(state, { connected: message.connected, why: message.why, reports: message.reports, stores: message.stores });
       break;
-    case "desk":
+    case "control":
       state.controller = message.controller;
       state.pages = message.pages;
       state.asks = message.asks;
@@ -115,7 +117,7 @@ const link = new Link(hear, (open) => {
   else Object.assign(state, { controller: null, asks: null, connected: false });
   facts();
   tell("open");
-  tell("desk");
+  tell("control");
   if (open) state.restarted = false;
   else admitted().then((is) => { state.restarted = is === false && !state.open; });
 });
@@ -164,10 +166,11 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => them
 startMotors(link);
 startPlots();
 startPanels(link);
+startGamepad(link);
 theme(kept("theme", "auto"));
 hint();
 choose(kept("motor", 0));
-for (const what of ["welcome", "line", "desk"]) on(what, facts);
+for (const what of ["welcome", "line", "control"]) on(what, facts);
 setInterval(facts, 250);
 // For tests and measurements.
 Object.assign(window, { dashboard: { state, drawn, link, learned: () => learned } });

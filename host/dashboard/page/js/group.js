@@ -15,7 +15,7 @@ export function groupPanel(link) {
   function allow() {
     for (const element of [...places, speed, acceleration, go]) element.disabled = !(inControl() && state.connected && state.reports);
   }
-  for (const what of ["desk", "open", "line"]) on(what, allow);
+  for (const what of ["control", "open", "line"]) on(what, allow);
   return h("div", { class: "columns" },
     h("div", { class: "stack" },
       h("div", { class: "grid4" }, h("span", {}), ...[0, 1, 2, 3].map((motor) => h("span", { class: "head" }, `motor ${motor}`)), h("span", {}, "Move by, counts"), ...places),

@@ -119,7 +119,7 @@ export function learnPanel(link) {
     begin.disabled = travel.disabled = !(inControl() && state.connected && state.reports);
     show();
   }
-  for (const what of ["desk", "open", "line"]) on(what, allow);
+  for (const what of ["control", "open", "line"]) on(what, allow);
   on("chosen", show);
   return h("div", { class: "columns" },
     h("div", { class: "stack" }, says, h("div", { class: "pair" }, h("span", {}, "Longest travel, counts"), travel), h("div", { class: "row" }, begin, apply), progress, h("table", {}, found)),

@@ -1,12 +1,10 @@
-// The socket to the server. It returns the numbers of painted frames, which proves that somebody can see this page: see the
-// server's module about who is in control. After a loss the socket connects again.
+// Messages and orders. The page returns the numbers of painted frames, which proves that somebody can see this page: see the
+// server's module about who is in control.
 
-/** One of this many frames is acknowledged: ten per second. */
-const EVERY = 5;
-const AGAIN_MS = 1000;
+import { connect } from "./transport.js";
 
-/** Whether the program that answers here admits this page: `null` if no program answers. @returns {Promise<boolean|null>} */
-export const admitted = () => fetch(`/${location.search}`).then(({ ok }) => ok, () => null);
+/** Shortest interval between two acknowledgements, in milliseconds: some ten per second, also where few frames are painted. */
+const EVERY_MS = 90;
 
 /** @typedef {{kind: string, [key: string]: any}} Message */
 
@@ -14,31 +12,23 @@ export class Link {
   /** @param {(message: Message) => void} hear @param {(open: boolean) => void} changed */
   constructor(hear, changed) {
     this.hear = hear;
-    this.changed = changed;
     document.addEventListener("visibilitychange", () => this.order("hidden", { hidden: document.hidden }));
     /** Numbers of frames: the newest, the newest that the page held when it was painted last, and the newest acknowledged. */
     [this.newest, this.held, this.acknowledged] = [0, 0, 0];
-    this.open();
+    this.acknowledgedAt = 0;
+    this.send = connect({
+      changed: (open) => {
+        if (open) [this.newest, this.held, this.acknowledged] = [0, 0, 0];
+        changed(open);
+      },
+      take: (text) => this.take(text),
+    });
     this.paint();
   }
 
-  open() {
-    const token = new URLSearchParams(location.search).get("token") ?? "";
-    this.socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/ws?token=${encodeURIComponent(token)}`);
-    this.socket.onopen = () => {
-      [this.newest, this.held, this.acknowledged] = [0, 0, 0];
-      this.changed(true);
-    };
-    this.socket.onmessage = ({ data }) => this.take(data);
-    this.socket.onclose = () => {
-      this.changed(false);
-      setTimeout(() => this.open(), AGAIN_MS);
-    };
-  }
-
-  /** @param {string} data */
-  take(data) {
-    const message = JSON.parse(data);
+  /** @param {string} text */
+  take(text) {
+    const message = JSON.parse(text);
     this.hear(message);
     if (message.kind !== "frame") return;
     this.newest = message.number;
@@ -55,13 +45,13 @@ export class Link {
 
   /** @param {number} number */
   acknowledge(number) {
-    if (number >= this.acknowledged + EVERY && this.order("shown", { number })) this.acknowledged = number;
+    const now = performance.now();
+    if (number <= this.acknowledged || now - this.acknowledgedAt < EVERY_MS || !this.order("shown", { number })) return;
+    [this.acknowledged, this.acknowledgedAt] = [number, now];
   }
 
   /** @param {string} order @param {Record<string, any>|null} [fields] @returns {boolean} true if the order was sent */
   order(order, fields = null) {
-    if (this.socket?.readyState !== WebSocket.OPEN) return false;
-    this.socket.send(JSON.stringify({ [order]: fields }));
-    return true;
+    return this.send(JSON.stringify({ [order]: fields }));
   }
 }

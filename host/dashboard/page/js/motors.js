@@ -228,6 +228,6 @@ export function startMotors(/** @type {any} */ to) {
     card.element.classList.toggle("chosen", card.motor === state.chosen);
     card.choose.setAttribute("aria-pressed", String(card.motor === state.chosen));
   }));
-  for (const what of ["desk", "open", "line"]) on(what, allow);
+  for (const what of ["control", "open", "line"]) on(what, allow);
   allow();
 }

@@ -2,8 +2,10 @@
 
 import { by, h } from "./dom.js";
 import { groupPanel } from "./group.js";
+import { hubPanel } from "./hub.js";
 import { learnPanel } from "./learn.js";
 import { recordPanel } from "./record.js";
+import { regimesPanel } from "./regimes.js";
 import { setupPanel } from "./setup.js";
 import { keep, kept, on, state } from "./state.js";
 import { tunePanel } from "./tune.js";
@@ -17,6 +19,8 @@ export function startPanels(link) {
     ["setup", "Set up", setupPanel(link)],
     ["group", "Group", groupPanel(link)],
     ["record", "Record", recordPanel()],
+    ["regimes", "S T Z G", regimesPanel(link)],
+    ["hub", "Hub", hubPanel(link)],
     ["world", "Simulate", worldPanel(link)],
   ];
   const buttons = panels.map(([name, words, panel]) => {

@@ -65,6 +65,8 @@ function colour(/** @type {string} */ name) {
 const charts = new Map();
 /** State of the view. While paused or zoomed in, the plots do not follow the hub. */
 const view = { window: kept("window", 60), paused: false, /** @type {number[]|null} */ zoom: null, /** @type {any} */ frozen: null, /** @type {number|null} */ cursor: null };
+/** The times of a whole recording, while one is shown. */
+let whole = /** @type {number[]|null} */ (null);
 /** Chosen curves: plots and curves that are hidden, motors that are shown beside the chosen one, and the unit of currents. */
 const chosen = { hidden: ["position"], motors: /** @type {number[]} */ ([]), torque: false, ...kept("curves", {}) };
 /** Durations of the last drawings in milliseconds, and times between them; for measurements. */
@@ -135,11 +137,14 @@ function build(/** @type {string} */ name, /** @type {Plot} */ { title, height, 
     width: Math.max(200, host.clientWidth), height, legend: { show: false }, padding: [6, 8, 0, 0],
     cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 7 } },
     scales: { x: { time: false, range: (/** @type {any} */ u, /** @type {number} */ low, /** @type {number} */ high) => view.zoom ?? [Math.max(low, high - view.window), Math.max(high, low + 1)] }, y: { range } },
-    axes: [{ ...axis, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60], space: 60, size: () => (name === lowest() ? 34 : 12), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => (name === lowest() ? ticks.map((tick) => `${number(tick, Number.isInteger(tick) ? 0 : 1)} s`) : []) }, { ...axis, size: 62, space: 26, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(tickWords) }],
+    axes: [{ ...axis, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60, 120, 300, 600], space: 60, size: () => (name === lowest() ? 34 : 12), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => (name === lowest() ? ticks.map((tick) => `${number(tick, Number.isInteger(tick) ? 0 : 1)} s`) : []) }, { ...axis, size: 62, space: 26, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(tickWords) }],
     series: [{}, ...lines.map((line) => ({ stroke: () => colour(line.colour), width: 2, dash: line.dash, points: { show: false }, spanGaps: false, show: lineShown(name, line) }))],
     hooks: {
       drawAxes: name === "control" ? [(/** @type {any} */ u) => drawBands(u, columns(), colour)] : [],
-      draw: name === "control" ? [(/** @type {any} */ u) => nameBands(u, columns(), colour)] : [],
+      draw: [(/** @type {any} */ u) => {
+        if (name === "control") nameBands(u, columns(), colour);
+        if (whole) drawMarks(u, columns().marks ?? []);
+      }],
       setSelect: [(/** @type {any} */ u) => zoom(u)],
       setCursor: [(/** @type {any} */ u) => { if (view.cursor !== u.cursor.idx) { view.cursor = u.cursor.idx; legends(columns()); } }],
     },
@@ -267,17 +272,45 @@ function startCurves() {
 
 /** Shows a recording instead of the hub. */
 export function show(/** @type {any[]} */ motors) {
-  view.frozen = { motors };
+  const times = motors.find(({ time }) => time.length)?.time ?? [0, 1];
+  whole = [times[0], times[times.length - 1]];
+  Object.assign(view, { frozen: { motors }, zoom: whole });
   pause(true);
+}
+
+/** Marks the events of a recording. @param {any} u a uPlot @param {{at: number, words: string}[]} marks */
+function drawMarks(u, marks) {
+  const { ctx, bbox } = u;
+  let free = bbox.left;
+  ctx.save();
+  ctx.lineWidth = devicePixelRatio;
+  ctx.setLineDash([4 * devicePixelRatio, 4 * devicePixelRatio]);
+  ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
+  ctx.textBaseline = "top";
+  ctx.textAlign = "left";
+  for (const { at, words } of marks) {
+    const x = Math.round(u.valToPos(at, "x", true));
+    if (x < bbox.left || x > bbox.left + bbox.width) continue;
+    ctx.strokeStyle = ctx.fillStyle = colour(words === "fault" ? "stop" : "muted");
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.stroke();
+    // A name that would lie over the one before is left out.
+    if (x < free) continue;
+    ctx.fillText(words, x + 3 * devicePixelRatio, bbox.top + 2);
+    free = x + ctx.measureText(words).width + 8 * devicePixelRatio;
+  }
+  ctx.restore();
 }
 
 function pause(/** @type {boolean} */ paused) {
   view.paused = paused;
   if (paused && !view.frozen) freeze();
-  if (!paused) [view.frozen, view.zoom] = [null, null];
+  if (!paused) [view.frozen, view.zoom, whole] = [null, null, null];
   by("pause").setAttribute("aria-pressed", String(paused));
   say(by("pause"), paused ? "Resume live" : "Pause");
-  by("unzoom").disabled = view.zoom === null;
+  by("unzoom").disabled = view.zoom === whole;
   draw();
 }
 
@@ -295,7 +328,7 @@ export function startPlots() {
   arrange();
   by("pause").addEventListener("click", () => pause(!view.paused));
   by("unzoom").addEventListener("click", () => {
-    view.zoom = null;
+    view.zoom = whole;
     pause(view.paused);
   });
   const boxes = new ResizeObserver(fit);

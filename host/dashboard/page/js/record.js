@@ -1,63 +1,105 @@
-// Panel for recordings: saves values as CSV, and shows saved CSV files.
+// Panel for recordings: saves values as CSV or MCAP, and shows saved CSV files whole, with their events.
 
-import { h, say } from "./dom.js";
+import { by, h, say } from "./dom.js";
 import { OF_MOTOR } from "./history.js";
+import { mcap } from "./mcap.js";
 import { show } from "./plots.js";
 import { on } from "./state.js";
 
-/** The longest recording, in frames: half an hour. */
-const MOST = 90000;
-const HEADINGS = ["time_s", "motor", "battery_v", ...OF_MOTOR];
+/** Rows that are kept as text; older rows go to a blob, which the browser may keep on disk. */
+const ROWS = 4096;
+const FRAMES_PER_S = 50;
+/** Columns that are words: the kind of the set-point, the bridge's mode, the regime. */
+const WORDS = ["setpoint", "mode", "regime"];
 /** Columns that older recordings do not have. */
-const LATER = ["goal"];
+const LATER = ["goal", "enabled", "setpoint", "power", "current_setpoint", "mode", "duty", "regime", "fault"];
+const HEADINGS = ["time_s", "motor", "battery_v", ...OF_MOTOR, ...LATER.slice(1)];
 /** Columns of a recording, and the fields of a motor in a frame. */
-const VALUES = { velocity: "velocity", target: "target", position: "position", control: "control", current: "current_a", load: "load_a", measured: "measured_a" };
+const FIELDS = { velocity: "velocity", position: "position", control: "control", current: "current_a", load: "load_a", measured: "measured_a", setpoint: "told", mode: "mode", duty: "duty", regime: "regime" };
+/** Columns of set-points, and the kinds of set-points that they hold. */
+const SETPOINTS = { target: ["velocity"], goal: ["position", "together"], power: ["power"], current_setpoint: ["current"] };
 
 /** CSV rows of a frame. */
 function rows(/** @type {any} */ frame) {
   return frame.motors.map((/** @type {any} */ motor, /** @type {number} */ index) => {
     const [s, t, z, g] = motor.points ?? [];
-    const of = { ...Object.fromEntries(Object.entries(VALUES).map(([name, key]) => [name, motor[key]])), s, t, z, g, target: motor.told === "velocity" ? motor.target : null, goal: motor.told === "position" || motor.told === "together" ? motor.target : null };
-    return [frame.at_s.toFixed(4), index, frame.battery_v ?? "", ...OF_MOTOR.map((name) => of[name] ?? "")].join(",");
+    const of = {
+      ...Object.fromEntries(Object.entries(FIELDS).map(([name, key]) => [name, motor[key]])),
+      ...Object.fromEntries(Object.entries(SETPOINTS).map(([name, kinds]) => [name, kinds.includes(motor.told) ? motor.target : null])),
+      s, t, z, g, enabled: Number(motor.enabled), fault: Number(Boolean(motor.fault || motor.stalled)),
+    };
+    return [frame.at_s.toFixed(4), index, frame.battery_v ?? "", ...HEADINGS.slice(3).map((name) => of[name] ?? "")].join(",");
   }).join("\n");
 }
 
-/** Columns of a CSV file by motor; throws an error that says what is wrong. */
-export function parse(/** @type {string} */ text) {
+/** Rows of a CSV file: numbers, words, or null. Throws an error that says what is wrong. */
+function read(/** @type {string} */ text) {
   const [head, ...lines] = text.trim().split(/\r?\n/);
   const names = head.split(",");
   const missing = HEADINGS.filter((name) => !names.includes(name) && !LATER.includes(name));
   if (missing.length) throw new Error(`not a recording of this page: the file has no column ${missing.join(", ")}`);
-  const motors = [0, 1, 2, 3].map(() => Object.fromEntries([...OF_MOTOR, "time", "battery"].map((name) => [name, /** @type {(number|null)[]} */ ([])])));
-  lines.forEach((line, index) => {
+  return lines.map((line, index) => {
     const cells = line.split(",");
-    const value = (/** @type {string} */ name) => (!names.includes(name) || cells[names.indexOf(name)] === "" ? null : Number(cells[names.indexOf(name)]));
-    const of = motors[value("motor") ?? -1];
-    if (!of || cells.length !== names.length || [...cells.keys()].some((i) => Number.isNaN(Number(cells[i])))) throw new Error(`line ${index + 2} is not a row of a recording`);
-    of.time.push(value("time_s") ?? 0);
-    of.battery.push(value("battery_v"));
-    for (const name of OF_MOTOR) of[name].push(value(name));
+    const row = Object.fromEntries(names.map((name, at) => [name, cells[at] === "" ? null : WORDS.includes(name) ? cells[at] : Number(cells[at])]));
+    if (cells.length !== names.length || !(Number(row.motor) in [0, 1, 2, 3]) || Object.values(row).some(Number.isNaN)) throw new Error(`line ${index + 2} is not a row of a recording`);
+    return row;
   });
+}
+
+/** What has happened between two rows of a motor, in words; null if nothing has. */
+function event(/** @type {any} */ before, /** @type {any} */ row) {
+  if (!before) return null;
+  if (row.fault && !before.fault) return "fault";
+  if (before.enabled && row.enabled === 0) return "off";
+  const changed = ["setpoint", ...Object.keys(SETPOINTS)].some((name) => row[name] !== before[name]);
+  return changed && row.enabled !== 0 ? "set-point" : null;
+}
+
+/** Columns by motor, with the events as marks. */
+export function parse(/** @type {string} */ text) {
+  const motors = [0, 1, 2, 3].map(() => ({ ...Object.fromEntries([...OF_MOTOR, "time", "battery"].map((name) => [name, /** @type {any[]} */ ([])])), marks: /** @type {any[]} */ ([]) }));
+  /** @type {any[]} */
+  const before = [];
+  for (const row of read(text)) {
+    const motor = Number(row.motor);
+    const of = /** @type {any} */ (motors[motor]);
+    const words = event(before[motor], row);
+    if (words) of.marks.push({ at: row.time_s, words });
+    before[motor] = row;
+    of.time.push(row.time_s);
+    of.battery.push(row.battery_v);
+    for (const name of OF_MOTOR) of[name].push(row[name] ?? null);
+  }
   return motors;
 }
 
+function download(/** @type {Blob} */ blob, /** @type {number} */ begun, /** @type {string} */ ending) {
+  const url = URL.createObjectURL(blob);
+  h("a", { href: url, download: `motor-hub-${new Date(begun).toISOString().slice(0, 19).replaceAll(":", "")}.${ending}` }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 1000);
+}
+
 export function recordPanel() {
+  /** @type {Blob[]} */
+  let blobs = [];
   /** @type {string[]} */
-  let recorded = [];
-  let recording = false;
+  let recent = [];
+  let [recording, frames, begun] = [false, 0, 0];
+  const whole = () => new Blob([`${HEADINGS.join(",")}\n`, ...blobs, ...recent.map((row) => `${row}\n`)], { type: "text/csv" });
   const says = h("p", { role: "status" }, "No recording yet.");
   const toggle = h("button", { type: "button", class: "primary", "aria-pressed": "false", onclick: () => {
     recording = !recording;
-    if (recording) recorded = [];
+    if (recording) [blobs, recent, frames, begun] = [[], [], 0, Date.now()];
     toggle.setAttribute("aria-pressed", String(recording));
     say(toggle, recording ? "Stop recording" : "Record");
     tell();
+    say(says, recording ? "Recording." : frames ? `${seconds()} s of all motors are recorded.` : "No recording yet.");
   } }, "Record");
-  const save = h("button", { type: "button", disabled: true, onclick: () => {
-    const url = URL.createObjectURL(new Blob([[HEADINGS.join(","), ...recorded].join("\n") + "\n"], { type: "text/csv" }));
-    h("a", { href: url, download: `motor-hub-${new Date().toISOString().slice(0, 19).replaceAll(":", "")}.csv` }).click();
-    setTimeout(() => URL.revokeObjectURL(url), 1000);
-  } }, "Save as CSV");
+  const save = h("button", { type: "button", disabled: true, onclick: () => download(whole(), begun, "csv") }, "Save as CSV");
+  const pack = h("button", { type: "button", disabled: true, onclick: async () => {
+    const all = read(await whole().text()).map(({ motor, time_s, ...values }) => ({ motor: Number(motor), at_s: Number(time_s), values }));
+    download(mcap(all, begun), begun, "mcap");
+  } }, "Save as MCAP");
   const file = h("input", { type: "file", accept: ".csv,text/csv", id: "record-file", hidden: true, onchange: async () => {
     const [chosen] = file.files;
     file.value = "";
@@ -70,15 +112,21 @@ export function recordPanel() {
     }
   } });
   const load = h("button", { type: "button", onclick: () => file.click() }, "Show a recording");
+  const seconds = () => (frames / FRAMES_PER_S).toFixed(0);
   function tell() {
-    save.disabled = !recorded.length;
-    say(says, recording ? `Recording: ${(recorded.length / 50).toFixed(0)} s` : recorded.length ? `${(recorded.length / 50).toFixed(0)} s of all motors are recorded.` : "No recording yet.");
+    save.disabled = pack.disabled = !frames;
+    by("recording").hidden = !recording;
+    say(by("recording"), `● Recording, ${seconds()} s`);
   }
   on("frame", (frame) => {
     if (!recording) return;
-    recorded.push(rows(frame));
-    if (recorded.length % 50 === 0) tell();
-    if (recorded.length >= MOST) toggle.click();
+    frames += 1;
+    recent.push(rows(frame));
+    if (recent.length >= ROWS) {
+      blobs.push(new Blob(recent.map((row) => `${row}\n`)));
+      recent = [];
+    }
+    if (frames % FRAMES_PER_S === 1) tell();
   });
-  return h("div", { class: "stack" }, h("div", { class: "row" }, toggle, save, load, file), says, h("p", { class: "muted" }, "A recording has a row for each motor and frame, 50 frames per second: time in s, battery in V, speeds in counts/s, positions (goal: set-point) in counts, control and points S, T, Z, G from -1 to 1, currents in A. It lasts half an hour at most."));
+  return h("div", { class: "stack" }, h("div", { class: "row" }, toggle, save, pack, load, file), says, h("p", { class: "muted" }, "A recording has a row for each motor and frame, 50 frames per second: time in s, battery in V, speeds in counts/s, positions (goal: set-point) in counts, control, power and points S, T, Z, G from -1 to 1, currents in A, the kind of set-point, and what the bridge does. MCAP opens in Foxglove and PlotJuggler. A shown recording has marks where a set-point changed, a motor was switched off, or a fault came."));
 }

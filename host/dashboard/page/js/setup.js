@@ -40,7 +40,7 @@ export function setupPanel(link) {
   }
   on("welcome", () => { name.options = [...UNCHANGED, ...state.catalogue.map((/** @type {any} */ motor) => [motor.name, motor.name])]; });
   for (const what of ["settings", "chosen"]) on(what, fill);
-  for (const what of ["desk", "open", "line"]) on(what, allow);
+  for (const what of ["control", "open", "line"]) on(what, allow);
   return h("div", { class: "columns" },
     h("div", { class: "stack" },
       h("div", { class: "pair" }, h("label", { for: "setup-name" }, "Motor"), name, h("label", { for: "setup-scheme" }, "Scheme"), scheme, h("label", { for: "setup-duty" }, "Duty"), duty),

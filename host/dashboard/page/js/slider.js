@@ -1,8 +1,10 @@
 // A slider that only a drag of its thumb, or an arrow key, moves. A tap on its track, and a swipe that scrolls the page, change
 // nothing: they would set a motor's speed by accident.
 
-import { h } from "./dom.js";
+import { h, say } from "./dom.js";
 
+/** Shortest interval between two values that a labelled slider sends, in milliseconds. */
+const WAIT_MS = 50;
 /** Distance from the thumb's middle at which a finger still takes the thumb. */
 const REACH_PX = 22;
 /** Distance from which a pressed pointer counts as a drag. */
@@ -63,6 +65,28 @@ export function slider(attributes, moved) {
     set(/** @type {number} */ value) {
       drag = null;
       input.value = String(value);
+    },
+  };
+}
+
+/** A slider with its value as text. @param {{label: string, min: number, max: number, step: number, words: (value: number) => string, send: (value: number) => void}} of */
+export function labelled({ label, min, max, step, words, send }) {
+  const output = h("output", {}, "");
+  /** @type {any} */
+  let timer;
+  const { input, element, held, set } = slider({ min, max, step, "aria-label": label }, (value) => {
+    say(output, words(value));
+    clearTimeout(timer);
+    timer = setTimeout(() => send(value), WAIT_MS);
+  });
+  return {
+    input,
+    element: h("div", { class: "slider" }, element, output),
+    /** Shows the value in force; without one the scenario's value is in force. */
+    show(/** @type {number|null} */ value, /** @type {number} */ otherwise) {
+      if (held() || document.activeElement === input) return;
+      set(value ?? otherwise);
+      say(output, value === null ? "scenario" : words(value));
     },
   };
 }

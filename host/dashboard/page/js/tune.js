@@ -129,7 +129,7 @@ export function tunePanel(link) {
   }
   for (const what of ["settings", "chosen", "unit"]) on(what, fill);
   on("chosen", () => { runs = []; results.replaceChildren(); plot.show([[0, WATCHED_S], [null, null], [null, null], [null, null]]); });
-  for (const what of ["desk", "open", "line"]) on(what, allow);
+  for (const what of ["control", "open", "line"]) on(what, allow);
 
   return h("div", { class: "columns" },
     h("div", { class: "stack" },

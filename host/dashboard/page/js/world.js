@@ -2,35 +2,11 @@
 
 import { h, say } from "./dom.js";
 import { select } from "./list.js";
-import { slider } from "./slider.js";
+import { labelled } from "./slider.js";
 import { inControl, on, state } from "./state.js";
 import { number } from "./units.js";
 
 const ENCODERS = [["sound", "sound"], ["unplugged", "unplugged"], ["reversed", "wires swapped"], ["loose", "loose contact"]];
-const WAIT_MS = 50;
-
-/** A slider with its value as text. @param {{label: string, min: number, max: number, step: number, words: (value: number) => string, send: (value: number) => void}} of */
-function labelled({ label, min, max, step, words, send }) {
-  const output = h("output", {}, "");
-  /** @type {any} */
-  let timer;
-  const { input, element, held, set } = slider({ min, max, step, "aria-label": label }, (value) => {
-    say(output, words(value));
-    clearTimeout(timer);
-    timer = setTimeout(() => send(value), WAIT_MS);
-  });
-  return {
-    input,
-    element: h("div", { class: "slider" }, element, output),
-    /** Shows the value in force; without one the scenario's value is in force. */
-    show(/** @type {number|null} */ value, /** @type {number} */ otherwise) {
-      if (held() || document.activeElement === input) return;
-      set(value ?? otherwise);
-      say(output, value === null ? "scenario" : words(value));
-    },
-  };
-}
-
 /** @param {any} link */
 export function worldPanel(link) {
   const change = (/** @type {string} */ what, /** @type {any} */ fields) => link.order("world", { [what]: fields });
@@ -68,7 +44,7 @@ export function worldPanel(link) {
     fill();
   }
   for (const what of ["world", "chosen"]) on(what, fill);
-  for (const what of ["desk", "open"]) on(what, allow);
+  for (const what of ["control", "open"]) on(what, allow);
   return h("div", { class: "columns" },
     h("div", { class: "stack" }, of,
       h("div", { class: "pair" }, h("span", {}, "Torque on the shaft"), torque.element, h("span", {}, "Inertia on the shaft"), inertia.element, h("label", { for: "world-encoder" }, "Encoder"), encoder, h("span", {}, "Shaft"), hold)),

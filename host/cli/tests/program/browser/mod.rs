@@ -239,6 +239,12 @@ impl Tab<'_> {
             .collect()
     }
 
+    /// Shows another tab of the same window.
+    pub(crate) fn hide(&mut self) {
+        self.browser.call(None, "Target.createTarget", json!({ "url": "about:blank" }));
+        self.wait("document.hidden");
+    }
+
     /// Ends the tab's process, as the system does when there is no memory left.
     pub(crate) fn kill(self) {
         // It has no time to answer.

@@ -1,7 +1,7 @@
 //! Which requests are admitted, over real connections: requests of a page of another site, another machine, or a broken program.
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
 
-use dashboard::gate::PublicUrl;
+use dashboard::admission::PublicUrl;
 use dashboard::{Place, Server, assets};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};

@@ -2,6 +2,8 @@
 
 use crate::frame::{SettingsOf, scheme};
 use crate::order::Order;
+use crate::relay::Hub;
+use crate::settings_file;
 use crate::world::World;
 use motor_hub::braking::DutyRule;
 use motor_hub::extension::group::GroupCourse;
@@ -10,12 +12,13 @@ use motor_hub::group::GroupCommand;
 use motor_hub::model::catalogue::characterised;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::CHANNELS;
-use motor_hub::protocol::motor::{Algorithm, Coefficients, Loop, RunMode};
+use motor_hub::protocol::motor::{Coefficients, Loop, RunMode, Terms};
 use motor_hub::regulator::identify::Identified;
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
-use motor_hub_client::{Error, Line, Session};
+use motor_hub_client::Error;
 use simulated::hardware::winding;
+use std::fmt;
 
 /// Tolerance of a position, in counts.
 const TOLERANCE: u16 = 10;
@@ -42,6 +45,15 @@ pub(crate) enum Trouble {
     Refused(String),
     /// The exchange with the hub failed; the hub may be gone.
     Hub(Error),
+}
+
+impl fmt::Display for Trouble {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Refused(why) => f.write_str(why),
+            Self::Hub(error) => error.fmt(f),
+        }
+    }
 }
 
 impl From<String> for Trouble {
@@ -89,7 +101,7 @@ pub(crate) struct OfMotor {
 
 /// Executes orders.
 #[derive(Debug, Default)]
-pub(crate) struct Performer {
+pub(crate) struct Executor {
     pub(crate) motors: [OfMotor; CHANNELS],
 }
 
@@ -100,17 +112,19 @@ pub(crate) enum Changed {
     Nothing,
     /// Settings of a motor.
     Settings(u8),
+    /// Settings of all motors.
+    AllSettings,
     /// The world of a simulated hub.
     World,
 }
 
 const LOOPS: [Loop; 2] = [Loop::Velocity, Loop::Position];
 
-impl Performer {
-    /// Executes an order. The pilot executes orders about pages and identifications.
-    pub(crate) fn perform(
+impl Executor {
+    /// Executes an order. The relay executes orders about pages and identifications.
+    pub(crate) fn execute(
         &mut self,
-        session: &mut Session<Line>,
+        session: &mut Hub,
         world: Option<&World>,
         order: &Order,
     ) -> Result<Changed, Trouble> {
@@ -122,6 +136,14 @@ impl Performer {
             Order::Enable { motor, on } => session.enable(channel(motor)?, on)?,
             Order::ResetEncoder { motor } => session.reset_encoder(channel(motor)?)?,
             Order::Together { to, speed, acceleration } => together(session, to, speed, acceleration)?,
+            Order::Import { ref text } => {
+                let document = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
+                for request in settings_file::requests(document)? {
+                    session.order(request)?;
+                }
+                self.motors = <[OfMotor; CHANNELS]>::default();
+                return Ok(Changed::AllSettings);
+            }
             Order::World(ref order) => {
                 world.ok_or("this hub is not simulated: its world cannot be changed")?.change(order)?;
                 return Ok(Changed::World);
@@ -132,7 +154,7 @@ impl Performer {
     }
 
     /// Executes an order that changes settings.
-    fn change(&mut self, session: &mut Session<Line>, order: &Order) -> Result<Changed, Trouble> {
+    fn change(&mut self, session: &mut Hub, order: &Order) -> Result<Changed, Trouble> {
         let motor = match *order {
             Order::Coefficients { motor, of, pidf } => {
                 let pidf = coefficients(pidf)?;
@@ -183,7 +205,7 @@ impl Performer {
     }
 
     /// Keeps the present settings of a motor for undo.
-    fn keep(&mut self, session: &mut Session<Line>, motor: u8) -> Result<(), Trouble> {
+    fn keep(&mut self, session: &mut Hub, motor: u8) -> Result<(), Trouble> {
         let settings = session.settings(channel(motor)?)?;
         let of = self.of(motor)?;
         let loops = match of.regulator {
@@ -203,7 +225,7 @@ impl Performer {
     /// Configures a motor. If `other` is false, the motor is the same one, and its motion is kept.
     fn set_up(
         &mut self,
-        session: &mut Session<Line>,
+        session: &mut Hub,
         motor: u8,
         settings: &MotorSettings,
         other: bool,
@@ -218,7 +240,7 @@ impl Performer {
         Ok(())
     }
 
-    fn regulate(&mut self, session: &mut Session<Line>, motor: u8, kind: Kind) -> Result<(), Trouble> {
+    fn regulate(&mut self, session: &mut Hub, motor: u8, kind: Kind) -> Result<(), Trouble> {
         match kind {
             Kind::Model => {
                 let configured = session.settings(channel(motor)?)?.motor.dynamics;
@@ -239,7 +261,7 @@ impl Performer {
     /// the set-up is sent again, which drops them.
     fn regulate_by(
         &mut self,
-        session: &mut Session<Line>,
+        session: &mut Hub,
         motor: u8,
         dynamics: Option<Dynamics>,
     ) -> Result<(), Trouble> {
@@ -250,7 +272,7 @@ impl Performer {
     }
 
     /// Settings of a motor, as a message to pages.
-    pub(crate) fn settings(&mut self, session: &mut Session<Line>, motor: u8) -> Result<SettingsOf, Error> {
+    pub(crate) fn settings(&mut self, session: &mut Hub, motor: u8) -> Result<SettingsOf, Error> {
         let settings = session.settings(motor)?;
         let loops = [session.coefficients(motor, LOOPS[0])?, session.coefficients(motor, LOOPS[1])?];
         let index = usize::from(motor);
@@ -269,7 +291,7 @@ pub(crate) fn channel(motor: u8) -> Result<u8, Trouble> {
 }
 
 fn drive(
-    session: &mut Session<Line>,
+    session: &mut Hub,
     motor: u8,
     mode: RunMode,
     value: f64,
@@ -296,7 +318,7 @@ fn drive(
 }
 
 /// Gives an enabled motor a constant current. A disabled motor gets power 0, with which it can be enabled.
-fn current(session: &mut Session<Line>, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), Trouble> {
+fn current(session: &mut Hub, motor: u8, amperes: f64, speed: Option<f64>) -> Result<(), Trouble> {
     let ma = (1e3 * within("a current in A", amperes, -LARGEST_A, LARGEST_A)?).round();
     let limit = within("a speed limit in counts/s", speed.unwrap_or(NO_SPEED_LIMIT), 1.0, NO_SPEED_LIMIT)?;
     if session.report()?.is_none() {
@@ -330,7 +352,7 @@ fn coefficients(pidf: [f64; 4]) -> Result<Coefficients, Trouble> {
         *slot = Coefficient::from_bits((value * 65_536.0).round() as i32);
     }
     let [p, i, d, f] = bits;
-    Ok(Coefficients { p, i, d, f, algorithm: Algorithm::Pidf })
+    Ok(Coefficients { p, i, d, f, terms: Terms::Pidf })
 }
 
 fn set_up(
@@ -349,7 +371,7 @@ fn set_up(
 }
 
 fn together(
-    session: &mut Session<Line>,
+    session: &mut Hub,
     to: [Option<i32>; CHANNELS],
     speed: u32,
     acceleration: u32,
@@ -374,7 +396,7 @@ fn together(
     Ok(session.move_together(first, GroupCommand::new(GroupCourse::To(to), speed, limit))?)
 }
 
-fn restore(session: &mut Session<Line>, motor: u8, before: &Before) -> Result<(), Trouble> {
+fn restore(session: &mut Hub, motor: u8, before: &Before) -> Result<(), Trouble> {
     session.set(motor, Group::SetUp, &before.settings)?;
     session.set(motor, Group::Motion, &before.settings)?;
     for (of, pidf) in LOOPS.into_iter().zip(before.loops.into_iter().flatten()) {

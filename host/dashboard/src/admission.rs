@@ -6,13 +6,13 @@
 //! the printed URL know.
 //!
 //! ```
-//! use dashboard::gate::{Gate, Refusal, Wanted};
+//! use dashboard::admission::{Admission, Refusal, Wanted};
 //! use dashboard::http::Head;
 //!
-//! let gate = Gate::new("0123456789abcdef".to_owned());
+//! let admission = Admission::new("0123456789abcdef".to_owned());
 //! let asked = |host: &str, target: &str| {
 //!     let head = Head { method: "GET".into(), target: target.into(), host: vec![host.into()], ..Head::default() };
-//!     gate.admit(&head, "127.0.0.1:8000".parse().unwrap())
+//!     admission.admit(&head, "127.0.0.1:8000".parse().unwrap())
 //! };
 //! assert_eq!(asked("127.0.0.1:8000", "/?token=0123456789abcdef"), Ok(Wanted::Page));
 //! assert!(matches!(asked("evil.example:8000", "/?token=0123456789abcdef"), Err(Refusal::Host { .. })));
@@ -32,7 +32,7 @@ pub const SOCKET: &str = "/ws";
 
 /// Admits requests with the right token.
 #[derive(Clone, Debug)]
-pub struct Gate {
+pub struct Admission {
     token: String,
     public: Option<PublicUrl>,
 }
@@ -132,7 +132,7 @@ impl Refusal {
     }
 }
 
-impl Gate {
+impl Admission {
     /// Admits requests with this token.
     #[must_use]
     pub const fn new(token: String) -> Self {

@@ -1,14 +1,13 @@
 //! Settings as TOML, by the firmware's table of settings: read from a hub, and the requests that put them in force again.
 
-use super::super::trouble::Trouble;
 use motor_hub::braking::{Blend, BlendFraction, Scheme, Winding};
 use motor_hub::extension::Request;
-use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values};
+use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values, Zero};
 use motor_hub::motor::Settings;
 use motor_hub::protocol::CHANNELS;
-use motor_hub_client::Session;
-use motor_hub_client::line::Line;
+use motor_hub_client::{Error, Session};
 use simulated::scheme::{BlendChoice, SchemeName};
+use std::io::{Read, Write};
 use toml::{Table, Value};
 
 /// Version of the document that this program writes and reads.
@@ -17,8 +16,16 @@ const SCHEMA_VERSION: i64 = 1;
 const HEAD: &str = "# Settings of a motor hub: `motor-hub client settings import FILE` puts them in force.";
 
 /// The settings in force on a hub as a document.
-pub(super) fn export(session: &mut Session<Line>) -> Result<String, Trouble> {
-    let set_by_host = session.stored()?.coefficients;
+///
+/// # Errors
+/// The exchange with the hub fails, or the hub does not report its settings.
+pub fn export<L: Read + Write>(session: &mut Session<L>) -> Result<String, Error> {
+    // A hub that stores nothing does not report which coefficients a host has set, and all are left out.
+    let set_by_host = match session.stored() {
+        Ok(report) => report.coefficients,
+        Err(Error::Refused { .. } | Error::TooOld { .. }) => 0,
+        Err(error) => return Err(error),
+    };
     let mut text = format!("{HEAD}\nschema_version = {SCHEMA_VERSION}\n");
     for motor in 0..CHANNELS as u8 {
         let mut settings = session.settings(motor)?;
@@ -34,7 +41,7 @@ pub(super) fn export(session: &mut Session<Line>) -> Result<String, Trouble> {
 
 /// The settings of one motor. Keys of the motor itself come before the motor's tables, as TOML requires.
 fn motor_text(motor: u8, settings: &MotorSettings) -> String {
-    let groups = Group::EACH.into_iter().filter(|group| group.in_use(settings));
+    let groups = Group::ALL.into_iter().filter(|group| group.is_configured(settings));
     let fields: Vec<&Field> = groups.flat_map(|group| group.fields()).collect();
     let mut text = format!("\n[[motor]]\nnumber = {motor}\n");
     for field in fields.iter().filter(|field| !field.name.contains('.')) {
@@ -72,7 +79,7 @@ fn value(field: &Field, settings: &MotorSettings) -> Option<Value> {
         ("blend", Scheme::D(Blend::Automatic)) => Some("auto".into()),
         ("blend", Scheme::D(Blend::Fixed(_))) => Some(field.number_of(raw).into()),
         ("blend", _) => None,
-        _ if field.optional && raw == 0 => None,
+        _ if field.zero == Zero::NotConfigured && raw == 0 => None,
         _ => Some(match field.form {
             Form::Words(_) => field.word_of(raw).unwrap_or_default().into(),
             Form::Steps(1) => raw.into(),
@@ -85,7 +92,7 @@ fn value(field: &Field, settings: &MotorSettings) -> Option<Value> {
 ///
 /// # Errors
 /// A text that names motor and key, the given value, and the allowed values.
-pub(super) fn requests(mut document: Table) -> Result<Vec<Request>, String> {
+pub fn requests(mut document: Table) -> Result<Vec<Request>, String> {
     let version = document.remove("schema_version").ok_or("schema_version is missing")?;
     if version.as_integer() != Some(SCHEMA_VERSION) {
         return Err(format!("schema_version is {version}; this program reads {SCHEMA_VERSION}"));
@@ -118,7 +125,7 @@ fn motor_requests(number: u8, mut motor: Table) -> Result<Vec<Request>, String> 
     let scheme = take_scheme(&mut motor)?;
     let mut settings = MotorSettings::new(Settings::for_scheme(Winding::NEVEREST_60, scheme));
     let mut requests = Vec::new();
-    for group in Group::EACH {
+    for group in Group::ALL {
         let loops = ["velocity_loop", "position_loop"];
         let table =
             group.fields().first().and_then(|field| field.name.split_once('.')).map(|(table, _)| table);
@@ -129,7 +136,7 @@ fn motor_requests(number: u8, mut motor: Table) -> Result<Vec<Request>, String> 
             "scheme" | "blend" => Ok(field.get(&settings)),
             _ => take(&mut motor, field),
         })?;
-        settings = values.put(&settings).map_err(|nack| format!("the values of {group:?}: {nack}"))?;
+        settings = values.apply_to(&settings).map_err(|nack| format!("the values of {group:?}: {nack}"))?;
         requests.push(Request::Set(number, values));
     }
     Ok(requests)
@@ -162,7 +169,7 @@ fn take(motor: &mut Table, field: &Field) -> Result<i64, String> {
             None if table != "bridge" => return Ok(0),
             None => None,
         },
-        None if field.optional && !motor.contains_key(name) && name != "resistance_ohm" => return Ok(0),
+        None if field.zero == Zero::NotConfigured && !motor.contains_key(name) => return Ok(0),
         None => motor.remove(name),
     };
     let given = given.ok_or_else(|| format!("{name} is missing"))?;

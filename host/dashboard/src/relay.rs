@@ -1,12 +1,13 @@
 //! The thread that owns the hub. It reads the motors' state 50 times per second, sends frames to all pages, and executes
-//! orders as they arrive. Motors run only while the page in control is open: see [`desk`](crate::desk).
+//! orders as they arrive. Motors run only while the page in control is ooutbox: see [`pages`](crate::pages).
 
-use crate::desk::{Desk, Gone, Taken};
-use crate::frame::{Found, Frame, Learned, Message, OfMotor, Welcome, refused};
+use crate::executor::{Changed, Executor, Trouble, channel};
+use crate::frame::{FaultEntry, Found, Frame, Learned, Message, OfMotor, PointsAt, Welcome, refused};
 use crate::order::Order;
-use crate::perform::{Changed, Performer, Trouble, channel};
+use crate::outbox::Outbox;
+use crate::pages::{Gone, Pages, Taken};
 use crate::script::{Playing, Script};
-use crate::viewer::Pen;
+use crate::settings_file;
 use crate::world::World;
 use motor_hub::extension::HubFunction;
 use motor_hub::motor::ZeroPower;
@@ -15,20 +16,17 @@ use motor_hub::protocol::motor::{Loop, RunMode};
 use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
+use motor_hub_client::clock::Instant;
 use motor_hub_client::reasons::why_unsaved;
-use motor_hub_client::{Error, Line, Session};
+use motor_hub_client::{Error, Session};
 use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::time::{Duration, Instant};
-use tungstenite::Utf8Bytes;
+use std::io::{Read, Write};
+use std::sync::Arc;
+use std::time::Duration;
 
 /// Interval between frames.
-pub(crate) const INTERVAL: Duration = Duration::from_millis(20);
-
-/// Longest delay of frames that is caught up by sending later frames sooner.
-const MADE_UP: Duration = Duration::from_millis(100);
+pub const INTERVAL: Duration = Duration::from_millis(20);
 
 /// Time-out of the hub's answers. It is short, so that a stop or the loss of a page is handled soon.
 const PATIENCE: Duration = Duration::from_millis(300);
@@ -51,18 +49,40 @@ const STANDING: u32 = 15;
 /// Interval between questions whether motors are enabled, to a hub without reports.
 const ENABLED: Duration = Duration::from_millis(200);
 
-/// A hub, and how to open a session with it.
+/// Bytes to and from a hub. A read without bytes fails soon as `WouldBlock` or `TimedOut`.
+pub trait Port: Read + Write + Send + fmt::Debug {}
+
+impl<T: Read + Write + Send + fmt::Debug> Port for T {}
+
+/// A session with a hub on any kind of line.
+pub type Hub = Session<Box<dyn Port>>;
+
+/// Opens a session with the hub at `HOST:PORT` or on a serial port, as [`Session::open`].
+///
+/// # Errors
+/// The line cannot be opened, or not exactly one hub answers as parent.
+#[cfg(feature = "server")]
+pub fn open(place: &str) -> Result<Hub, motor_hub_client::OpenError> {
+    /// Time-out of answers.
+    const TIMEOUT: Duration = Duration::from_secs(1);
+    let line: Box<dyn Port> = Box::new(motor_hub_client::Line::open(place, TIMEOUT)?);
+    Ok(Session::with_parent(line, TIMEOUT)?)
+}
+
+type Opener = Box<dyn FnMut() -> Result<Hub, String> + Send>;
+
+/// A hub, and how to ooutbox a session with it.
 pub struct Place {
     name: String,
     world: Option<World>,
     script: Option<Script>,
-    open: Box<dyn FnMut() -> Result<Session<Line>, String> + Send>,
+    ooutbox: Opener,
 }
 
 impl Place {
     /// A hub on a serial port or TCP connection.
-    pub fn real(name: &str, open: impl FnMut() -> Result<Session<Line>, String> + Send + 'static) -> Self {
-        Self { name: name.to_owned(), world: None, script: None, open: Box::new(open) }
+    pub fn real(name: &str, ooutbox: impl FnMut() -> Result<Hub, String> + Send + 'static) -> Self {
+        Self { name: name.to_owned(), world: None, script: None, ooutbox: Box::new(ooutbox) }
     }
 
     /// A simulated hub. Pages may change its world and play its scenario.
@@ -70,9 +90,9 @@ impl Place {
         name: &str,
         world: World,
         script: Option<Script>,
-        open: impl FnMut() -> Result<Session<Line>, String> + Send + 'static,
+        ooutbox: impl FnMut() -> Result<Hub, String> + Send + 'static,
     ) -> Self {
-        Self { name: name.to_owned(), world: Some(world), script, open: Box::new(open) }
+        Self { name: name.to_owned(), world: Some(world), script, ooutbox: Box::new(ooutbox) }
     }
 }
 
@@ -84,9 +104,9 @@ impl fmt::Debug for Place {
 
 /// An event of a page, with the page's number.
 #[derive(Debug)]
-pub(crate) enum Event {
-    /// The page was opened; the pen sends texts to it.
-    Joined(u32, Pen),
+pub enum Event {
+    /// The page was ooutboxed; the outbox sends texts to it.
+    Joined(u32, Outbox),
     /// The page was closed.
     Left(u32),
     /// The page has sent an order.
@@ -106,13 +126,12 @@ struct Learning {
 
 /// Owns the session with the hub, and sends to all pages.
 #[derive(Debug)]
-pub(crate) struct Pilot {
+pub struct Relay {
     place: Place,
-    events: Receiver<Event>,
-    pages: BTreeMap<u32, Pen>,
-    desk: Desk,
-    session: Option<Session<Line>>,
-    performer: Performer,
+    senders: BTreeMap<u32, Outbox>,
+    pages: Pages,
+    session: Option<Hub>,
+    executor: Executor,
     learning: Option<Learning>,
     playing: Option<Playing>,
     /// Time of the last question about a running save; `None` without a save.
@@ -125,22 +144,21 @@ pub(crate) struct Pilot {
     /// Newest message about the line, for new pages.
     line: Message,
     /// Newest settings by motor, for new pages.
-    settings: BTreeMap<u8, Utf8Bytes>,
+    settings: BTreeMap<u8, Arc<str>>,
 }
 
-impl Pilot {
-    /// Serves the hub at `place` to pages, whose events arrive by `events`.
+impl Relay {
+    /// Serves the hub at `place`, without pages.
     #[must_use]
-    pub(crate) fn new(place: Place, events: Receiver<Event>) -> Self {
+    pub fn new(place: Place) -> Self {
         let now = Instant::now();
         let line = gone("not connected yet".to_owned());
         Self {
             place,
-            events,
-            pages: BTreeMap::new(),
-            desk: Desk::new(),
+            senders: BTreeMap::new(),
+            pages: Pages::new(),
             session: None,
-            performer: Performer::default(),
+            executor: Executor::default(),
             learning: None,
             playing: None,
             saving: None,
@@ -153,46 +171,24 @@ impl Pilot {
         }
     }
 
-    /// Runs until `stop` is set, then disables all motors.
-    pub(crate) fn run(mut self, stop: &AtomicBool) {
-        let mut next = Instant::now();
-        while !stop.load(Ordering::Relaxed) {
-            let now = Instant::now();
-            match self.events.recv_timeout(next.saturating_duration_since(now)) {
-                Ok(event) => self.hear(event),
-                Err(RecvTimeoutError::Timeout) => {
-                    self.tick();
-                    // After a short delay of the hub the missed frames are caught up, but at most MADE_UP.
-                    next += INTERVAL;
-                    next = next.max(Instant::now().checked_sub(MADE_UP).unwrap_or(next));
-                }
-                Err(RecvTimeoutError::Disconnected) => break,
-            }
-            // Many events must not delay the check of the page in control.
-            if next + INTERVAL < Instant::now() {
-                self.watch();
-            }
-        }
-        self.switch_off("the server has ended");
-    }
-
-    fn hear(&mut self, event: Event) {
+    /// Handles an event of a page.
+    pub fn hear(&mut self, event: Event) {
         let now = Instant::now();
         match event {
-            Event::Joined(id, pen) => self.greet(id, pen, now),
+            Event::Joined(id, outbox) => self.greet(id, outbox, now),
             Event::Left(id) => {
-                self.pages.remove(&id);
-                if let Some(gone) = self.desk.leave(id) {
+                self.senders.remove(&id);
+                if let Some(gone) = self.pages.leave(id) {
                     self.abandon(gone);
                 }
-                self.tell_desk();
+                self.tell_control();
             }
             Event::Said(id, order) => self.obey(id, &order, now),
         }
     }
 
-    fn greet(&mut self, id: u32, pen: Pen, now: Instant) {
-        self.desk.join(id, now);
+    fn greet(&mut self, id: u32, outbox: Outbox, now: Instant) {
+        self.pages.join(id, now);
         let welcome =
             Welcome::new(id, &self.place.name, self.place.world.is_some(), self.place.script.is_some());
         let mut first = vec![Message::Welcome(welcome).text(), self.line.text()];
@@ -200,32 +196,39 @@ impl Pilot {
         first.extend(self.place.world.iter().map(|world| Message::World(world.is()).text()));
         for text in first {
             // If the page is gone already, the next event says so.
-            pen.tell(text);
+            outbox.tell(text);
         }
-        self.pages.insert(id, pen);
-        self.tell_desk();
+        self.senders.insert(id, outbox);
+        self.tell_control();
     }
 
     fn obey(&mut self, id: u32, order: &Order, now: Instant) {
         match *order {
-            Order::Shown { number } => return self.desk.shown(id, number),
-            Order::Hidden { hidden } => return self.desk.hide(id, hidden, now),
+            Order::Shown { number } => return self.pages.shown(id, number),
+            Order::Hidden { hidden } => return self.pages.hide(id, hidden, now),
             Order::Stop => return self.switch_off("stopped"),
             Order::Take => {
-                if self.desk.take(id, now) == Taken::Asked {
+                if self.pages.take(id, now) == Taken::Asked {
                     self.answer(id, Answer::Done("the page in control is asked to release it".to_owned()));
                 }
-                return self.tell_desk();
+                return self.tell_control();
             }
             Order::Release => {
-                if self.desk.release(id) {
+                if self.pages.release(id) {
                     self.switch_off_if_any("control was released");
                 }
-                return self.tell_desk();
+                return self.tell_control();
+            }
+            Order::Points { .. } | Order::Faults | Order::Export => {
+                let answer = match self.look_up(order) {
+                    Ok(message) => Answer::Message(message),
+                    Err(why) => Answer::Refused(why.to_string()),
+                };
+                return self.answer(id, answer);
             }
             _ => (),
         }
-        if self.desk.controller() != Some(id) {
+        if self.pages.controller() != Some(id) {
             return self.answer(id, Answer::Refused("this page is not in control".to_owned()));
         }
         match self.carry_out(order) {
@@ -236,6 +239,22 @@ impl Pilot {
             }
             Err(why) => self.answer(id, Answer::Refused(why)),
         }
+    }
+
+    /// Answers an order that only asks.
+    fn look_up(&mut self, order: &Order) -> Result<Message, Trouble> {
+        let session = self.session.as_mut().ok_or("the hub is not connected")?;
+        Ok(match *order {
+            Order::Points { motor, ref scheme, cps, volts } => {
+                let settings = session.settings(channel(motor)?)?;
+                Message::Points(PointsAt::new(&settings.motor.winding, scheme, cps, volts)?)
+            }
+            Order::Faults => {
+                let (_, heads) = session.recorded()?.ok_or("this hub keeps no record of faults")?;
+                Message::Faults { entries: heads.iter().map(FaultEntry::of).collect() }
+            }
+            _ => Message::File { name: "motor-hub-settings.toml", text: settings_file::export(session)? },
+        })
     }
 
     /// Executes an order of the page in control.
@@ -264,11 +283,12 @@ impl Pilot {
                 self.saving = Some(Instant::now());
                 Changed::Nothing
             }),
-            _ => self.performer.perform(session, self.place.world.as_ref(), order),
+            _ => self.executor.execute(session, self.place.world.as_ref(), order),
         };
         match done {
             Ok(Changed::Nothing) => (),
             Ok(Changed::Settings(motor)) => self.tell_settings(motor),
+            Ok(Changed::AllSettings) => (0..CHANNELS as u8).for_each(|motor| self.tell_settings(motor)),
             Ok(Changed::World) => {
                 let world = self.place.world.as_ref().map(|world| Message::World(world.is()).text());
                 world.into_iter().for_each(|text| self.tell(&text));
@@ -288,8 +308,8 @@ impl Pilot {
         Ok(())
     }
 
-    /// Reads the hub's state, and sends a frame.
-    fn tick(&mut self) {
+    /// Checks the page in control, reads the hub's state, and sends a frame. To be called every [`INTERVAL`].
+    pub fn tick(&mut self) {
         self.watch();
         if self.session.is_none() && Instant::now() >= self.connect_at {
             self.connect();
@@ -302,11 +322,11 @@ impl Pilot {
         let now = Instant::now();
         self.frame.at_s = now.duration_since(self.since).as_secs_f64();
         self.frame.number += 1;
-        self.desk.sent(self.frame.number, now);
+        self.pages.sent(self.frame.number, now);
         let text = Message::Frame(self.frame.clone()).text();
-        self.pages.retain(|_, pen| pen.show(text.clone()));
+        self.senders.retain(|_, outbox| outbox.show(text.clone()));
         // Without a page in control no motor may run.
-        if self.desk.controller().is_none() && self.frame.motors.iter().any(|motor| motor.enabled) {
+        if self.pages.controller().is_none() && self.frame.motors.iter().any(|motor| motor.enabled) {
             self.switch_off("motors ran, but no page was in control");
         }
         if let Err(Trouble::Hub(error)) = self.learn().and_then(|()| self.follow_save()) {
@@ -330,10 +350,11 @@ impl Pilot {
         }
     }
 
-    fn watch(&mut self) {
-        if let Some(gone) = self.desk.review(Instant::now()) {
+    /// Disables the motors if the page in control counts as gone. [`tick`](Self::tick) does so too.
+    pub fn watch(&mut self) {
+        if let Some(gone) = self.pages.review(Instant::now()) {
             self.abandon(gone);
-            self.tell_desk();
+            self.tell_control();
         }
     }
 
@@ -342,7 +363,7 @@ impl Pilot {
         let Some(session) = &mut self.session else { return Ok(false) };
         let number = self.frame.number;
         if let Some(report) = session.report()? {
-            for (of, motor) in self.performer.motors.iter_mut().zip(&report.motors) {
+            for (of, motor) in self.executor.motors.iter_mut().zip(&report.motors) {
                 of.regulator = Some(motor.regulator);
             }
             self.frame = Frame { number, ..Frame::of(&report) };
@@ -373,7 +394,7 @@ impl Pilot {
 
     fn connect(&mut self) {
         self.connect_at = Instant::now() + AGAIN;
-        let opened = (self.place.open)().and_then(|mut session| {
+        let ooutboxed = (self.place.ooutbox)().and_then(|mut session| {
             session.hurry(PATIENCE);
             let reports = session.report().map_err(|error| error.to_string())?.is_some();
             let stores = match session.stored() {
@@ -383,7 +404,7 @@ impl Pilot {
             };
             Ok((session, reports, stores))
         });
-        match opened {
+        match ooutboxed {
             Ok((session, reports, stores)) => {
                 self.session = Some(session);
                 self.looked_at = Instant::now();
@@ -426,7 +447,7 @@ impl Pilot {
     }
 
     /// Disables all motors, and sends a notice to all pages.
-    fn switch_off(&mut self, why: &str) {
+    pub fn switch_off(&mut self, why: &str) {
         (self.learning, self.playing) = (None, None);
         let Some(session) = &mut self.session else {
             let text = format!(
@@ -479,7 +500,7 @@ impl Pilot {
                 self.tell(&Message::Identification(learned).text());
             }
             Identification::Found(found) => {
-                if let Some(of) = self.performer.motors.get_mut(usize::from(motor)) {
+                if let Some(of) = self.executor.motors.get_mut(usize::from(motor)) {
                     of.found = Some(found);
                 }
                 self.finish_learning("found", None, Some(Found::of(&found)));
@@ -526,16 +547,17 @@ impl Pilot {
     fn tell_settings(&mut self, motor: u8) {
         let Some(session) = &mut self.session else { return };
         // Another maker's hub does not report settings.
-        if let Ok(settings) = self.performer.settings(session, motor) {
+        if let Ok(settings) = self.executor.settings(session, motor) {
             let text = Message::Settings(settings).text();
             self.tell(&text);
             self.settings.insert(motor, text);
         }
     }
 
-    fn tell_desk(&mut self) {
-        let Self { desk, .. } = &*self;
-        let message = Message::Desk { controller: desk.controller(), pages: desk.pages(), asks: desk.asks() };
+    fn tell_control(&mut self) {
+        let Self { pages, .. } = &*self;
+        let message =
+            Message::Control { controller: pages.controller(), pages: pages.count(), asks: pages.asks() };
         self.tell(&message.text());
     }
 
@@ -545,15 +567,16 @@ impl Pilot {
     }
 
     /// Sends a text to all pages.
-    fn tell(&mut self, text: &Utf8Bytes) {
-        self.pages.retain(|_, pen| pen.tell(text.clone()));
+    fn tell(&mut self, text: &Arc<str>) {
+        self.senders.retain(|_, outbox| outbox.tell(text.clone()));
     }
 
     fn answer(&self, id: u32, answer: Answer) {
-        let Some(pen) = self.pages.get(&id) else { return };
-        pen.tell(match answer {
+        let Some(outbox) = self.senders.get(&id) else { return };
+        outbox.tell(match answer {
             Answer::Done(text) => Message::Notice { text, grave: false }.text(),
             Answer::Refused(why) => refused(&why),
+            Answer::Message(message) => message.text(),
         });
     }
 }
@@ -564,6 +587,8 @@ enum Answer {
     Done(String),
     /// The order is not executed.
     Refused(String),
+    /// What the page has asked for.
+    Message(Message),
 }
 
 /// What an executed order has done, for orders whose effect is not in sight.
@@ -583,6 +608,9 @@ fn done(order: &Order) -> Option<String> {
         }
         Order::Acceleration { motor, limit: None } => format!("motor {motor} has no acceleration limit"),
         Order::Apply { motor } => format!("motor {motor} uses the identified values"),
+        Order::Import { .. } => {
+            "the settings of the file are in force until the hub restarts, unless they are saved".to_owned()
+        }
         Order::Undo { motor } => format!("motor {motor}: the last change is undone"),
         Order::ResetEncoder { motor } => format!("motor {motor}: the present position is 0"),
         _ => return None,
@@ -608,7 +636,7 @@ const fn motor_of(order: &Order) -> Option<u8> {
 }
 
 /// Starts an identification: enables the motor with power 0, so that it brakes until it stands.
-fn begin_to_learn(session: &mut Session<Line>, motor: u8, travel: Option<u32>) -> Result<Learning, Trouble> {
+fn begin_to_learn(session: &mut Hub, motor: u8, travel: Option<u32>) -> Result<Learning, Trouble> {
     let motor = channel(motor)?;
     session.set_power(motor, Control::ZERO)?;
     session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
@@ -618,7 +646,7 @@ fn begin_to_learn(session: &mut Session<Line>, motor: u8, travel: Option<u32>) -
 }
 
 /// State of a motor, as another maker's hub reports it.
-fn ask_foreign(session: &mut Session<Line>, motor: u8) -> Result<OfMotor, Error> {
+fn ask_foreign(session: &mut Hub, motor: u8) -> Result<OfMotor, Error> {
     let state = session.motor(motor)?;
     let share = f64::from(state.power.get()) / f64::from(Control::MAX.get());
     let (told, target) = match (state.enabled, state.mode) {

@@ -5,23 +5,24 @@
 //! dead tab, and a tab that shows old frames from a long queue, therefore count as gone.
 //!
 //! ```
-//! use dashboard::desk::{Desk, Gone, SILENCE};
+//! use dashboard::pages::{Pages, Gone, SILENCE};
 //! use std::time::{Duration, Instant};
 //!
 //! let start = Instant::now();
-//! let mut desk = Desk::new();
+//! let mut pages = Pages::new();
 //! // The first page that comes is in control.
-//! desk.join(1, start);
-//! assert_eq!(desk.controller(), Some(1));
-//! desk.sent(7, start);
-//! desk.shown(1, 7);
-//! assert_eq!(desk.review(start + SILENCE), None);
-//! assert_eq!(desk.review(start + SILENCE + Duration::from_millis(1)), Some(Gone::Silent));
-//! assert_eq!(desk.controller(), None);
+//! pages.join(1, start);
+//! assert_eq!(pages.controller(), Some(1));
+//! pages.sent(7, start);
+//! pages.shown(1, 7);
+//! assert_eq!(pages.review(start + SILENCE), None);
+//! assert_eq!(pages.review(start + SILENCE + Duration::from_millis(1)), Some(Gone::Silent));
+//! assert_eq!(pages.controller(), None);
 //! ```
 
+use motor_hub_client::clock::Instant;
 use std::collections::{BTreeMap, VecDeque};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Age of the newest shown frame from which a page counts as gone.
 pub const SILENCE: Duration = Duration::from_secs(1);
@@ -59,7 +60,7 @@ pub enum Taken {
 
 /// All pages, and which of them is in control.
 #[derive(Clone, Debug, Default)]
-pub struct Desk {
+pub struct Pages {
     pages: BTreeMap<u32, Page>,
     controller: Option<u32>,
     /// The page that has asked for control last, while another page is in control.
@@ -74,8 +75,8 @@ struct Page {
     hidden_since: Option<Instant>,
 }
 
-impl Desk {
-    /// A desk without pages.
+impl Pages {
+    /// Without pages.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -144,7 +145,7 @@ impl Desk {
 
     /// Number of pages.
     #[must_use]
-    pub fn pages(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.pages.len()
     }
 

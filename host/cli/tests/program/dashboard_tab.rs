@@ -1,0 +1,158 @@
+//! `docs/try/index.html`, the dashboard without a server, in a real browser: with its simulated hub, and with a served hub on a
+//! serial port. A stand-in for the browser's serial port passes bytes to the served hub.
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a failed access is a failed test")]
+
+use crate::browser::page::{drive, motor, off};
+use crate::browser::{Browser, Tab, find};
+use crate::common::alone;
+use crate::conformance::Hub;
+use crate::dashboard_browser::ESCAPE;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::time::{Duration, Instant};
+use tungstenite::{Message, accept};
+
+/// The hub's keep-alive.
+const KEEP_ALIVE: Duration = Duration::from_millis(2500);
+
+/// Runs a test with the file that `cargo xtask try` has made.
+fn with_file(name: &str, test: impl FnOnce(&mut Tab<'_>)) {
+    let Some(program) = find() else { return };
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/try/index.html").canonicalize();
+    let file =
+        file.unwrap_or_else(|error| panic!("docs/try/index.html: {error}; `cargo xtask try` makes it"));
+    let _alone = alone();
+    let mut browser = Browser::start(&program, name);
+    let mut tab = browser.open(&format!("file://{}", file.display()), 1366, 768);
+    tab.wait("window.dashboard?.state.frame?.battery_v > 11 && dashboard.state.settings.length === 4");
+    test(&mut tab);
+}
+
+#[test]
+fn without_a_server_a_motor_moves_within_ten_seconds_and_stops() {
+    with_file("try", |tab| {
+        drive(tab, 0, 900);
+        // The page's own clock begins when the file is opened.
+        let took = tab.ask("performance.now()").as_f64().unwrap() / 1e3;
+        println!("a motor at its speed {took:.1} s after the file was opened");
+        assert!(took < 10.0);
+        tab.press(ESCAPE);
+        off(tab, Instant::now());
+        tab.wait(&format!("{} === 0", motor(0, "velocity")));
+    });
+}
+
+#[test]
+fn points_move_with_speed_and_battery_as_the_paper_says() {
+    with_file("points", |tab| {
+        tab.click("#tab-regimes");
+        let cell = |tab: &mut Tab<'_>, point: u32, column: u32| {
+            std::thread::sleep(Duration::from_millis(300));
+            let selector = format!("#panel-regimes tbody tr:nth-child({point}) :nth-child({column})");
+            let text =
+                tab.ask(&format!("document.querySelector('{selector}').textContent.replace('−', '-')"));
+            text.as_str().unwrap().parse::<f64>().unwrap()
+        };
+        let slider = |row: u32| format!("#panel-regimes .pair > :nth-child({}) input", 2 * row);
+        let emf = tab.ask("dashboard.state.settings[0].emf_mv_s_per_count").as_f64().unwrap() / 1e3;
+        for (cps, volts) in [(1000.0, 12.0), (2000.0, 12.0), (1000.0, 8.0)] {
+            tab.fill(&slider(2), &cps.to_string());
+            tab.fill(&slider(3), &volts.to_string());
+            // Scheme A: Z is at e / V. Scheme B: T is at -e / (V + e).
+            let expected = [("A", 3, emf * cps / volts), ("B", 2, -emf * cps / (volts + emf * cps))];
+            for (scheme, point, at) in expected {
+                tab.fill("#regimes-scheme", scheme);
+                for column in [3, 4] {
+                    let shown = cell(tab, point, column);
+                    assert!(
+                        (shown - at).abs() < 1e-3,
+                        "Scheme {scheme}, {cps}, {volts} V: {shown}, not {at}"
+                    );
+                }
+            }
+        }
+    });
+}
+
+/// Passes bytes between the first WebSocket that comes and a served hub.
+fn bridge(place: &str) -> u16 {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let mut hub = TcpStream::connect(place).unwrap();
+    hub.set_read_timeout(Some(Duration::from_millis(1))).unwrap();
+    std::thread::spawn(move || {
+        let (stream, _) = listener.accept().unwrap();
+        let mut page = accept(stream).unwrap();
+        page.get_ref().set_read_timeout(Some(Duration::from_millis(1))).unwrap();
+        let mut bytes = [0; 512];
+        loop {
+            match page.read() {
+                Ok(Message::Binary(sent)) => hub.write_all(&sent).unwrap(),
+                Err(tungstenite::Error::Io(error))
+                    if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+                Ok(Message::Close(_)) | Err(_) => return,
+                Ok(_) => {}
+            }
+            if let Ok(count @ 1..) = hub.read(&mut bytes) {
+                let _ = page.send(Message::binary(bytes[..count].to_vec()));
+            }
+        }
+    });
+    port
+}
+
+/// Connects the page to a served hub, and drives a motor.
+fn connect(tab: &mut Tab<'_>, hub: &Hub) {
+    let port = bridge(&hub.place);
+    tab.ask(&format!(
+        "Object.defineProperty(navigator, 'serial', {{ value: {{ requestPort: async () => ({{ open: async function ({{ baudRate }}) {{ \
+            const socket = new WebSocket('ws://127.0.0.1:{port}'); socket.binaryType = 'arraybuffer'; \
+            await new Promise((open) => {{ socket.onopen = open; }}); window.baud = baudRate; \
+            this.readable = new ReadableStream({{ start(to) {{ socket.onmessage = (m) => to.enqueue(new Uint8Array(m.data)); socket.onclose = () => to.close(); }} }}); \
+            this.writable = new WritableStream({{ write(bytes) {{ socket.send(bytes); }} }}); }} }}) }} }})"
+    ));
+    tab.click("#serial");
+    tab.wait("!dashboard.state.simulated && dashboard.state.connected && dashboard.state.frame.number > 20");
+    assert_eq!(tab.ask("window.baud"), 460_800);
+    tab.wait("dashboard.state.frame.battery_v > 11");
+    drive(tab, 0, 700);
+}
+
+#[test]
+fn a_hub_on_a_serial_port_is_driven_and_stopped_from_the_file() {
+    with_file("serial", |tab| {
+        let hub = Hub::start(env!("CARGO_BIN_EXE_motor-hub"), &["--tcp", "127.0.0.1:0"]);
+        connect(tab, &hub);
+        tab.press(ESCAPE);
+        println!("stopped over the serial port after {:.0} ms", off(tab, Instant::now()).as_secs_f64() * 1e3);
+    });
+}
+
+#[test]
+fn a_file_in_a_hidden_tab_sends_nothing_and_the_hub_disables_its_motors() {
+    with_file("serial-hidden", |tab| {
+        let hub = Hub::start(env!("CARGO_BIN_EXE_motor-hub"), &["--tcp", "127.0.0.1:0"]);
+        connect(tab, &hub);
+        tab.hide();
+        let number = tab.ask("dashboard.state.frame.number");
+        std::thread::sleep(KEEP_ALIVE + Duration::from_millis(500));
+        assert_eq!(tab.ask("dashboard.state.frame.number"), number, "frames of a hidden page");
+        // The page that is seen again reads the hub: the motor is off, and the page must take control anew.
+        tab.call("Page.bringToFront", serde_json::json!({}));
+        tab.wait(&format!("{} === false", motor(0, "enabled")));
+        tab.wait("document.querySelector('#take').checkVisibility()");
+    });
+}
+
+#[test]
+fn a_file_that_hangs_loses_its_motors_by_the_keep_alive() {
+    let hub = Hub::start(env!("CARGO_BIN_EXE_motor-hub"), &["--tcp", "127.0.0.1:0"]);
+    with_file("serial-hanging", |tab| {
+        connect(tab, &hub);
+        tab.hang();
+        std::thread::sleep(KEEP_ALIVE + Duration::from_millis(500));
+    });
+    // The browser is gone, and with it the other host on the hub's line.
+    assert!(!hub.tcp().enabled());
+}

@@ -1,0 +1,50 @@
+// Panel for the hub: its faults and what they mean, its settings as a file, and the keys of this page.
+
+import { h, say } from "./dom.js";
+import { inControl, on, state } from "./state.js";
+import { number } from "./units.js";
+
+const KEYS = [
+  ["Esc", "stops all motors, everywhere on the page"],
+  ["Space", "stops all motors, outside of input fields"],
+  ["0 to 3", "choose a motor"],
+  ["Enter", "in a field: sends its value"],
+  ["← →", "on a slider: change the set-point; on the tabs: the next panel"],
+  ["Gamepad", "while A is held, the left stick drives the chosen motor"],
+];
+
+/** @param {any} link */
+export function hubPanel(link) {
+  const faults = h("div", { class: "stack", role: "status" });
+  const look = h("button", { type: "button", onclick: () => link.order("faults") }, "Show faults");
+  const save = h("button", { type: "button", id: "hub-save", onclick: () => link.order("save") }, "Save settings");
+  const take = h("button", { type: "button", onclick: () => link.order("export") }, "Export to a file");
+  const file = h("input", { type: "file", accept: ".toml,text/plain", id: "settings-file", hidden: true, onchange: async () => {
+    const [chosen] = file.files;
+    file.value = "";
+    if (chosen) link.order("import", { text: await chosen.text() });
+  } });
+  const give = h("button", { type: "button", onclick: () => file.click() }, "Import a file");
+
+  on("faults", ({ entries }) => {
+    faults.replaceChildren(...entries.map((/** @type {any} */ of) => h("details", {},
+      h("summary", {}, h("b", {}, `${of.fault} ${of.name}`), `${of.motor === null ? "" : `, motor ${of.motor}`}, ${number(of.after_s, 1)} s after the start of run ${of.run}${of.times > 1 ? `, ${of.times} times` : ""}`),
+      ...of.explanation.map((/** @type {string} */ words) => h("p", {}, words)))));
+    if (!entries.length) say(faults, "No faults or resets are recorded.");
+  });
+  on("file", ({ name, text }) => {
+    const url = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
+    h("a", { href: url, download: name }).click();
+    setTimeout(() => URL.revokeObjectURL(url), 1000);
+  });
+  function allow() {
+    for (const button of [look, take]) button.disabled = !(state.open && state.connected && state.reports);
+    give.disabled = !(inControl() && state.connected && state.reports);
+    save.disabled = give.disabled || !state.stores;
+  }
+  for (const what of ["control", "open", "line"]) on(what, allow);
+  return h("div", { class: "columns" },
+    h("div", { class: "stack" }, h("h3", {}, "Faults and resets"), h("div", { class: "row" }, look), faults,
+      h("h3", {}, "Settings of all motors"), h("div", { class: "row" }, take, give, save, file)),
+    h("div", { class: "stack" }, h("h3", {}, "Keys"), h("table", {}, h("tbody", {}, ...KEYS.map(([key, does]) => h("tr", {}, h("th", {}, key), h("td", {}, does)))))));
+}

@@ -1,0 +1,131 @@
+//! Which page is in control, and when a page counts as gone.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+use dashboard::pages::{Gone, HIDDEN, Pages, SILENCE, Taken};
+use std::time::{Duration, Instant};
+
+const MS: Duration = Duration::from_millis(1);
+
+/// Pages, with page 1 in control, and the present time.
+fn pages() -> (Pages, Instant) {
+    let (mut pages, now) = (Pages::new(), Instant::now());
+    pages.join(1, now);
+    assert_eq!(pages.controller(), Some(1));
+    (pages, now)
+}
+
+/// Sends frames every 20 ms for a time; page 1 shows each frame after a delay.
+fn watch(pages: &mut Pages, from: Instant, length: Duration, late: usize) -> Option<(Gone, Duration)> {
+    let frames = length.as_millis() as usize / 20;
+    for frame in 0..frames {
+        let now = from + 20 * frame as u32 * MS;
+        pages.sent(frame as u64, now);
+        if let Some(shown) = frame.checked_sub(late) {
+            pages.shown(1, shown as u64);
+        }
+        if let Some(gone) = pages.review(now) {
+            return Some((gone, now - from));
+        }
+    }
+    None
+}
+
+#[test]
+fn a_page_that_shows_frames_as_they_come_stays_in_control() {
+    let (mut pages, now) = pages();
+    assert_eq!(watch(&mut pages, now, 60 * SILENCE, 0), None);
+    assert_eq!(pages.controller(), Some(1));
+}
+
+#[test]
+fn a_page_that_is_fed_from_a_long_queue_is_gone_though_it_shows_something_all_the_time() {
+    let (mut ok, now) = pages();
+    assert_eq!(watch(&mut ok, now, 10 * SILENCE, 45), None, "0.9 s late");
+    let (mut late, now) = pages();
+    assert_eq!(watch(&mut late, now, 10 * SILENCE, 55).unwrap().0, Gone::Silent, "1.1 s late");
+    assert_eq!(late.controller(), None);
+}
+
+#[test]
+fn silence_is_counted_from_the_newest_frame_that_was_shown_and_said_once() {
+    let (mut pages, now) = pages();
+    pages.sent(1, now);
+    pages.sent(2, now + 500 * MS);
+    pages.shown(1, 2);
+    // An older frame shown later has no effect.
+    pages.shown(1, 1);
+    assert_eq!(pages.review(now + 500 * MS + SILENCE), None);
+    assert_eq!(pages.review(now + 501 * MS + SILENCE), Some(Gone::Silent));
+    assert_eq!(pages.review(now + 2 * SILENCE), None);
+}
+
+#[test]
+fn frames_that_were_never_sent_or_not_to_this_page_prove_nothing() {
+    let (mut pages, now) = pages();
+    pages.join(2, now);
+    pages.sent(1, now + 900 * MS);
+    pages.shown(1, 7);
+    pages.shown(2, 1);
+    pages.shown(3, 1);
+    assert_eq!(pages.review(now + SILENCE + MS), Some(Gone::Silent));
+}
+
+#[test]
+fn a_hidden_page_is_gone_after_a_while_and_one_that_is_seen_again_is_not() {
+    let (mut pages, start) = pages();
+    let at = |hidden: bool, after: Duration, pages: &mut Pages| {
+        let now = start + after;
+        pages.sent(after.as_millis() as u64, now);
+        pages.shown(1, after.as_millis() as u64);
+        pages.hide(1, hidden, now);
+        pages.review(now)
+    };
+    assert_eq!(at(true, MS, &mut pages), None);
+    assert_eq!(at(false, HIDDEN, &mut pages), None);
+    assert_eq!(at(true, 2 * HIDDEN, &mut pages), None);
+    assert_eq!(at(true, 3 * HIDDEN, &mut pages), None);
+    assert_eq!(at(true, 3 * HIDDEN + MS, &mut pages), Some(Gone::Hidden));
+}
+
+#[test]
+fn control_is_taken_where_nobody_has_it_and_asked_for_elsewhere() {
+    let (mut pages, now) = pages();
+    pages.join(2, now);
+    pages.join(3, now);
+    assert_eq!((pages.controller(), pages.count()), (Some(1), 3), "who comes later looks on");
+    assert_eq!(pages.take(1, now), Taken::Control);
+    assert_eq!(pages.take(2, now), Taken::Asked);
+    assert_eq!(pages.take(3, now), Taken::Asked);
+    assert_eq!((pages.controller(), pages.asks()), (Some(1), Some(3)));
+    assert!(!pages.release(2), "it is not in control");
+    assert!(pages.release(1));
+    assert_eq!((pages.controller(), pages.asks()), (Some(3), None), "who has asked last gets it");
+    assert_eq!(pages.take(2, now), Taken::Asked);
+    assert_eq!(pages.leave(2), None, "it was not in control");
+    assert_eq!(pages.asks(), None, "it is gone");
+    assert!(pages.release(3));
+    assert_eq!(pages.take(1, now), Taken::Control);
+    assert_eq!(pages.take(3, now), Taken::Asked);
+    assert_eq!(pages.leave(1), Some(Gone::Closed));
+    assert_eq!((pages.controller(), pages.asks()), (None, None), "a page that is gone gives nothing");
+    assert_eq!(pages.take(9, now), Taken::Nothing);
+}
+
+#[test]
+fn a_page_that_gets_control_must_show_frames_like_any_other() {
+    let (mut pages, now) = pages();
+    pages.join(2, now);
+    assert_eq!(pages.take(2, now), Taken::Asked);
+    assert!(pages.release(1));
+    assert_eq!(pages.review(now + SILENCE + MS), Some(Gone::Silent));
+}
+
+#[test]
+fn who_takes_control_has_just_been_there() {
+    let (mut pages, now) = pages();
+    pages.release(1);
+    let later = now + 60 * SILENCE;
+    assert_eq!(pages.take(1, later), Taken::Control);
+    assert_eq!(pages.review(later + SILENCE), None);
+    assert_eq!(pages.review(later + SILENCE + MS), Some(Gone::Silent));
+}

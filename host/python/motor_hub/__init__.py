@@ -1,0 +1,389 @@
+"""Drives the DC motors of a motor hub from Python's asyncio.
+
+>>> import asyncio, motor_hub
+>>> async def main():
+...     hub = motor_hub.connect("/dev/ttyACM0")
+...     with hub.enabled(0):
+...         await hub[0].velocity(800)
+...         await asyncio.sleep(2)
+...         print(await hub[0].read())
+>>> asyncio.run(main())  # doctest: +SKIP
+
+What stops motors
+-----------------
+Motors turn only inside of a ``with hub.enabled(...)`` block. They are disabled however the block ends: at its end, by an
+exception, by Ctrl-C, by cancellation of the task. While the block runs, the event loop sends the hub's keep-alive. If the
+process is killed, or the event loop is blocked for longer than 2.5 s (by ``time.sleep``, for example), the hub disables all
+motors by itself.
+
+Units are encoder counts, counts/s, amperes, volts and seconds. Positive values turn a motor clockwise (CW).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+from collections.abc import AsyncIterator, Iterator, Mapping
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from .native import CHANNELS, HubError, Link, Refused, Unreachable
+
+__all__ = [
+    "CHANNELS",
+    "Hub",
+    "HubError",
+    "Identified",
+    "Motor",
+    "Reading",
+    "Recording",
+    "Refused",
+    "Unreachable",
+    "connect",
+]
+
+# The hub disables all motors 2.5 s after the last packet.
+_KEEP_ALIVE_S = 0.5
+_POLL_S = 0.05
+# Time for which a velocity must be kept to count as settled.
+_KEPT_S = 0.2
+# Longest time in seconds for a braked motor to stand before an identification.
+_REST_S = 5.0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """State of one motor at a control tick.
+
+    A hub of another maker reports motor, position and velocity only; the other fields are then ``None``.
+    """
+
+    motor: int
+    """Number of the motor, 0 to 3."""
+    position: int
+    """Position in counts."""
+    velocity: int
+    """Velocity in counts/s."""
+    time_s: float | None = None
+    """Time of the control tick since the hub's start, in s."""
+    setpoint: str | None = None
+    """Kind of the set-point: off, fail-safe, power, velocity, position, together, current or identify."""
+    setpoint_value: float | None = None
+    """Value of the set-point: share of full power, counts/s, counts or A; ``None`` for off and fail-safe."""
+    enabled: bool | None = None
+    """True if the motor is enabled."""
+    settled: bool | None = None
+    """True if the motor has settled at its target, or its group at its end."""
+    stalled: bool | None = None
+    """True if the motor is driven and does not turn."""
+    fault: bool | None = None
+    """True if a fault keeps the motor from running."""
+    why_still: str | None = None
+    """Why the motor does not turn; ``None`` if it turns, or if no reason is known."""
+    regime: str | None = None
+    """Regime of the bridge: forward, braking or reverse; ``None`` while the bridge is open."""
+    mode: str | None = None
+    """Switching mode of the bridge: 9/8, 6/2 or 5/0; ``None`` while the bridge is open."""
+    duty: float | None = None
+    """Duty of the bridge, 0 to 1."""
+    control: float | None = None
+    """Control value as a share of its range, -1 to 1."""
+    current_a: float | None = None
+    """Mean current in A: measured where the hub measures it, else modelled."""
+    load_a: float | None = None
+    """Current in A that balances the load; ``None`` for a motor that is not configured."""
+    heat: float | None = None
+    """Heat of the winding as a share of its limit; 0 without a limit."""
+    battery_v: float | None = None
+    """Battery voltage in V; ``None`` if the hub does not know it."""
+
+
+@dataclass(frozen=True)
+class Identified:
+    """Constants of a motor with its load, as the hub has found them. Errors are standard errors."""
+
+    acceleration_per_volt: float
+    """Acceleration per volt, in counts/s² per V."""
+    decay_per_s: float
+    """Rate at which the motor approaches its steady speed, per s."""
+    friction_v: float
+    """Voltage that balances the friction, in V."""
+    acceleration_error: float
+    """Error of the acceleration per volt, as a share of it."""
+    decay_error: float
+    """Error of the decay, as a share of it."""
+    residual: float
+    """Changes of speed that the constants do not explain, as a share of all changes (root mean square)."""
+
+
+def connect(place: str) -> Hub:
+    """Opens a hub at a serial port, or at ``HOST:PORT``.
+
+    Motors that a former host has left running are disabled; ``Hub.left_running`` names them.
+
+    Raises ``Unreachable`` if the port cannot be opened, or if no hub answers.
+    """
+    return Hub(Link(place))
+
+
+class Hub:
+    """A hub with its motors: ``hub[0]`` to ``hub[3]``. Open it by ``connect``."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._enabled: set[int] = set()
+        self._motors = tuple(Motor(self, number) for number in range(CHANNELS))
+
+    def __getitem__(self, number: int) -> Motor:
+        if not 0 <= number < CHANNELS:
+            raise IndexError(f"motor is {number}; allowed are 0 to {CHANNELS - 1}")
+        return self._motors[number]
+
+    def __len__(self) -> int:
+        return CHANNELS
+
+    @property
+    def address(self) -> int:
+        """Address of the hub, 1 to 254."""
+        return self._link.address
+
+    @property
+    def left_running(self) -> tuple[int, ...]:
+        """Motors that a former host had left running, and that ``connect`` has disabled."""
+        return tuple(self._link.left_running)
+
+    @contextmanager
+    def enabled(self, *motors: int) -> Iterator[None]:
+        """Enables motors for the length of a ``with`` block, at a power of 0.
+
+        The block must run in an event loop, which sends the hub's keep-alive. The motors are disabled however the block
+        ends.
+        """
+        if not motors:
+            raise ValueError("no motor is given; give each motor's number, as in hub.enabled(0, 1)")
+        if twice := self._enabled.intersection(motors):
+            raise ValueError(f"motor {min(twice)} is already enabled by another block")
+        loop = asyncio.get_running_loop()
+        self._enabled.update(motors)
+        try:
+            self._link.enable(motors)
+            keeper = loop.create_task(self._keep_alive())
+            try:
+                yield
+            finally:
+                keeper.cancel()
+                self._link.disable(motors)
+        finally:
+            self._enabled.difference_update(motors)
+
+    async def _keep_alive(self) -> None:
+        while True:
+            await asyncio.to_thread(self._link.keep_alive)
+            await asyncio.sleep(_KEEP_ALIVE_S)
+
+    async def version(self) -> str:
+        """Version text of the hub's hardware and firmware."""
+        return await asyncio.to_thread(self._link.version)
+
+    async def battery(self) -> float | None:
+        """Battery voltage in V; ``None`` if the hub does not know it."""
+        return await asyncio.to_thread(self._link.battery)
+
+    async def read(self) -> tuple[Reading, ...]:
+        """State of all motors at one control tick."""
+        return tuple(Reading(**fields) for fields in await asyncio.to_thread(self._link.readings))
+
+    async def stop(self) -> None:
+        """Disables all motors of the hub."""
+        await asyncio.to_thread(self._link.fail_safe)
+
+    async def save(self) -> None:
+        """Stores the settings in force, so that they outlast a reset of the hub."""
+        await asyncio.to_thread(self._link.save)
+
+    async def together(
+        self,
+        targets: Mapping[int, int],
+        *,
+        speed: int = 1000,
+        acceleration: int = 2000,
+        tolerance: int | None = None,
+        timeout: float | None = None,
+    ) -> None:
+        """Moves motors in step to positions in counts, and returns once all of them have settled.
+
+        ``speed`` is that of the motor with the longest distance, in counts/s; ``acceleration`` limits each motor, in
+        counts/s². ``tolerance`` is the largest distance in counts at which a motor can settle.
+
+        Raises ``TimeoutError`` after ``timeout`` seconds; ``None`` is no limit.
+        """
+        self._check(*targets)
+        arguments = (dict(targets), False, speed, acceleration, tolerance)
+        await asyncio.to_thread(self._link.together, *arguments)
+        first = min(targets)
+
+        async def settled() -> bool:
+            self._raise_fault(await self.read(), *targets)
+            return await asyncio.to_thread(self._link.group_settled, first)
+
+        await _until(settled, timeout, f"motors {sorted(targets)} have not settled")
+
+    async def together_at(self, speeds: Mapping[int, int], *, acceleration: int = 2000) -> None:
+        """Turns motors in step at speeds in counts/s, until another command follows."""
+        self._check(*speeds)
+        fastest = max((abs(speed) for speed in speeds.values()), default=0)
+        arguments = (dict(speeds), True, max(1, fastest), acceleration, None)
+        await asyncio.to_thread(self._link.together, *arguments)
+
+    @asynccontextmanager
+    async def recording(self, *motors: int, every: float = _POLL_S) -> AsyncIterator[Recording]:
+        """Records motors (all, if none is given) every so many seconds, for the length of an ``async with`` block.
+
+        An error of the recording is raised at the end of the block.
+        """
+        if every <= 0:
+            raise ValueError(f"every is {every}; allowed is more than 0 s")
+        recording = Recording()
+        chosen = {self[motor].number for motor in motors or range(CHANNELS)}
+
+        async def record() -> None:
+            loop = asyncio.get_running_loop()
+            due = loop.time()
+            while True:
+                recording.readings.extend(each for each in await self.read() if each.motor in chosen)
+                due = max(due + every, loop.time())
+                await asyncio.sleep(due - loop.time())
+
+        recorder = asyncio.ensure_future(record())
+        try:
+            yield recording
+        finally:
+            recorder.cancel()
+            (outcome,) = await asyncio.gather(recorder, return_exceptions=True)
+        if isinstance(outcome, Exception):
+            raise outcome
+
+    def _check(self, *motors: int) -> None:
+        """Raises an error for a motor that no block has enabled: the hub would accept its command, and nothing would turn."""
+        for motor in motors:
+            if self[motor].number not in self._enabled:
+                raise HubError(f"motor {motor} is not enabled; enable it by: with hub.enabled({motor}):")
+
+    @staticmethod
+    def _raise_fault(readings: tuple[Reading, ...], *motors: int) -> None:
+        for reading in readings:
+            if reading.motor in motors and (reading.fault or reading.enabled is False):
+                raise HubError(f"motor {reading.motor} does not run: {reading.why_still or 'disabled'}")
+
+
+class Motor:
+    """One motor of a hub. Commands need an enclosing ``with hub.enabled(number)`` block."""
+
+    def __init__(self, hub: Hub, number: int) -> None:
+        self._hub = hub
+        self.number = number
+
+    def __repr__(self) -> str:
+        return f"<motor {self.number} of hub {self._hub.address}>"
+
+    async def _command(self, call: Any, *arguments: Any) -> None:
+        self._hub._check(self.number)
+        await asyncio.to_thread(call, self.number, *arguments)
+
+    async def power(self, share: float) -> None:
+        """Applies a constant share of full power, -1 to 1."""
+        await self._command(self._hub._link.power, share)
+
+    async def velocity(self, velocity: int) -> None:
+        """Regulates the velocity, in counts/s, -32768 to 32767."""
+        await self._command(self._hub._link.velocity, velocity)
+
+    async def position(self, position: int, *, speed: int = 1000, tolerance: int = 10) -> None:
+        """Regulates the position, in counts, at a speed of at most ``speed`` counts/s. Returns before the motor arrives."""
+        await self._command(self._hub._link.position, position, speed, tolerance)
+
+    async def current(self, current: float, *, speed: int) -> None:
+        """Holds a constant current in A, while the motor is slower than ``speed`` in counts/s."""
+        await self._command(self._hub._link.current, current, speed)
+
+    async def settled(self, timeout: float | None = None) -> None:
+        """Waits until the motor has settled at its position, or has kept its velocity for 0.2 s.
+
+        A velocity is kept within 2 % of the set-point, and always within 5 counts/s.
+
+        Raises ``HubError`` if a fault stops the motor, and ``TimeoutError`` after ``timeout`` seconds; ``None`` is no limit.
+        """
+        kept = 0
+
+        async def settled() -> bool:
+            nonlocal kept
+            reading = await self.read()
+            if reading.settled is None:
+                raise HubError("the hub does not report whether motors have settled: it is another maker's, or too old")
+            self._hub._raise_fault((reading,), self.number)
+            if reading.setpoint != "velocity" or reading.setpoint_value is None:
+                return reading.settled
+            error = abs(reading.velocity - reading.setpoint_value)
+            kept = kept + 1 if error <= max(5, 0.02 * abs(reading.setpoint_value)) else 0
+            return kept > _KEPT_S / _POLL_S
+
+        await _until(settled, timeout, f"motor {self.number} has not settled")
+
+    async def read(self) -> Reading:
+        """State of the motor at one control tick."""
+        for reading in await self._hub.read():
+            if reading.motor == self.number:
+                return reading
+        raise HubError(f"the hub has no motor {self.number}")
+
+    async def reset_encoder(self) -> None:
+        """Makes the present position 0 counts."""
+        await asyncio.to_thread(self._hub._link.reset_encoder, self.number)
+
+    async def identify(self, travel: int = 2**32 - 1, *, apply: bool = False) -> Identified:
+        """Finds the constants of the motor with its load, in some 3 s. The motor turns both ways.
+
+        ``travel`` limits the motion in counts either way. With ``apply`` the hub regulates the motor by the result until
+        its reset; ``Hub.save`` keeps the result.
+
+        Raises ``Refused`` with the hub's reason if the constants cannot be found.
+        """
+        link = self._hub._link
+        await self.power(0)
+
+        async def stands() -> bool:
+            before = await self.read()
+            await asyncio.sleep(_POLL_S)
+            return (await self.read()).position == before.position
+
+        await _until(stands, _REST_S, f"motor {self.number} does not stand: its load turns it")
+        await asyncio.to_thread(link.identify, self.number, travel)
+        while not isinstance(found := await asyncio.to_thread(link.identification, self.number), dict):
+            await asyncio.sleep(_POLL_S)
+        if apply:
+            await asyncio.to_thread(link.apply_identification, self.number)
+        return Identified(**found)
+
+
+@dataclass
+class Recording:
+    """Readings in the order of time. ``pandas.DataFrame(recording.columns())`` makes a table of them."""
+
+    readings: list[Reading] = dataclasses.field(default_factory=list)
+    """All readings so far."""
+
+    def columns(self) -> dict[str, list[Any]]:
+        """The readings as columns: field name to list of values."""
+        names = [field.name for field in dataclasses.fields(Reading)]
+        return {name: [getattr(reading, name) for reading in self.readings] for name in names}
+
+
+async def _until(condition: Any, timeout: float | None, failure: str) -> None:
+    """Polls an asynchronous condition. Raises ``TimeoutError`` with the failure's text after ``timeout`` seconds."""
+    loop = asyncio.get_running_loop()
+    end = None if timeout is None else loop.time() + timeout
+    while not await condition():
+        if end is not None and loop.time() > end:
+            raise TimeoutError(f"{failure} within {timeout} s")
+        await asyncio.sleep(_POLL_S)

@@ -1,0 +1,362 @@
+//! Native half of the Python package `motor_hub`: a session with one hub, as blocking calls that release Python's lock.
+//!
+//! `motor_hub/__init__.py` calls these functions from threads, and makes an asyncio interface of them. Numbers arrive from
+//! Python as `i64` or `f64`: a number out of range raises a `ValueError` that names the value and the range.
+
+mod reading;
+
+use motor_hub_client::line::Line;
+use motor_hub_client::motor_hub::extension::HubFunction;
+use motor_hub_client::motor_hub::extension::group::{GroupCourse, GroupState};
+use motor_hub_client::motor_hub::extension::settings::Group;
+use motor_hub_client::motor_hub::group::{GroupCommand, TOLERANCE};
+use motor_hub_client::motor_hub::motor::ZeroPower;
+use motor_hub_client::motor_hub::protocol::CHANNELS;
+use motor_hub_client::motor_hub::protocol::motor::RunMode;
+use motor_hub_client::motor_hub::regulator::identify::Identification;
+use motor_hub_client::motor_hub::units::{Acceleration, Control, CountsPerSecond};
+use motor_hub_client::{Error, Session, reasons};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::collections::BTreeMap;
+use std::fmt::Display;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+pyo3::create_exception!(
+    motor_hub,
+    HubError,
+    pyo3::exceptions::PyException,
+    "A hub refuses, or cannot be reached."
+);
+pyo3::create_exception!(
+    motor_hub,
+    Refused,
+    HubError,
+    "The hub refuses a request, or its firmware is too old for it."
+);
+pyo3::create_exception!(motor_hub, Unreachable, HubError, "The line to the hub fails, or no hub answers.");
+
+/// Time without a packet after which a hub disables its motors.
+const KEEP_ALIVE: Duration = Duration::from_millis(2500);
+
+impl From<Failure> for PyErr {
+    fn from(Failure(error): Failure) -> Self {
+        let text = error.to_string();
+        match error {
+            Error::Refused { .. } | Error::TooOld { .. } => Refused::new_err(text),
+            Error::Unexpected { .. } => HubError::new_err(text),
+            _ => Unreachable::new_err(text),
+        }
+    }
+}
+
+/// An error of the session, on its way to Python.
+struct Failure(Error);
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        Self(error)
+    }
+}
+
+/// Checks a number from Python. The error names the quantity, the number and the range.
+fn within<T: TryFrom<i64>>(name: &str, value: i64, least: i64, most: i64, unit: &str) -> PyResult<T> {
+    let fits = T::try_from(value).ok().filter(|_| (least..=most).contains(&value));
+    fits.ok_or_else(|| outside(name, value, least, most, unit))
+}
+
+fn outside(name: &str, value: impl Display, least: impl Display, most: impl Display, unit: &str) -> PyErr {
+    PyValueError::new_err(
+        format!("{name} is {value}; allowed are {least} to {most} {unit}").trim_end().to_owned(),
+    )
+}
+
+fn channel(motor: i64) -> PyResult<u8> {
+    within("motor", motor, 0, CHANNELS as i64 - 1, "")
+}
+
+/// A session with one hub.
+#[pyclass(frozen, module = "motor_hub")]
+struct Link {
+    session: Mutex<Session<Line>>,
+    /// Motors that a former host had left enabled. They were disabled when the link was opened.
+    #[pyo3(get)]
+    left_running: Vec<u8>,
+}
+
+impl Link {
+    /// Runs a request while other Python threads go on.
+    fn run<T: Send>(
+        &self,
+        py: Python<'_>,
+        request: impl FnOnce(&mut Session<Line>) -> Result<T, Error> + Send,
+    ) -> PyResult<T> {
+        Ok(py.detach(|| request(&mut self.lock())).map_err(Failure)?)
+    }
+
+    /// A session is usable after a panic of another thread: each request begins with a new packet.
+    fn lock(&self) -> MutexGuard<'_, Session<Line>> {
+        self.session.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Disables motors that a former host has left enabled, and returns them: every packet resets the keep-alive that stops them.
+fn stop_abandoned(session: &mut Session<Line>) -> Result<Vec<u8>, Error> {
+    let mut found = Vec::new();
+    for motor in 0..CHANNELS as u8 {
+        match session.enabled(motor) {
+            Ok(false) => (),
+            Ok(true) => {
+                session.enable(motor, false)?;
+                found.push(motor);
+            }
+            // A hub with fewer motors.
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => break,
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(found)
+}
+
+#[pymethods]
+impl Link {
+    /// Opens a serial port, or a TCP connection if `place` is HOST:PORT.
+    #[new]
+    fn open(py: Python<'_>, place: &str) -> PyResult<Self> {
+        py.detach(|| {
+            let mut session = Session::open(place)
+                .map_err(|error| Unreachable::new_err(format!("cannot open {place}: {error}")))?;
+            let left_running = stop_abandoned(&mut session).map_err(Failure)?;
+            Ok(Self { session: Mutex::new(session), left_running })
+        })
+    }
+
+    #[getter]
+    fn address(&self) -> u8 {
+        self.lock().address()
+    }
+
+    fn version(&self, py: Python<'_>) -> PyResult<String> {
+        self.run(py, Session::version)
+    }
+
+    fn keep_alive(&self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, Session::keep_alive)
+    }
+
+    fn fail_safe(&self, py: Python<'_>) -> PyResult<()> {
+        self.run(py, Session::fail_safe)
+    }
+
+    /// Enables motors with a power of 0. After an error of one motor, none of them is enabled.
+    fn enable(&self, py: Python<'_>, motors: Vec<i64>) -> PyResult<()> {
+        let motors = motors.into_iter().map(channel).collect::<PyResult<Vec<u8>>>()?;
+        let enabled = self.run(py, |session| {
+            motors.iter().try_for_each(|motor| {
+                session.set_mode(*motor, RunMode::Power, ZeroPower::Brake)?;
+                session.set_power(*motor, Control::ZERO)?;
+                session.enable(*motor, true)
+            })
+        });
+        if enabled.is_err() {
+            // The error that is reported is the first one.
+            let _ = self.run(py, |session| disable(session, &motors));
+        }
+        enabled
+    }
+
+    /// Disables motors. Tries for as long as the hub would keep them running, and reaches every motor that can be reached.
+    fn disable(&self, py: Python<'_>, motors: Vec<i64>) -> PyResult<()> {
+        let motors = motors.into_iter().map(channel).collect::<PyResult<Vec<u8>>>()?;
+        self.run(py, |session| disable(session, &motors))
+    }
+
+    /// Applies a share of full power, -1 to 1.
+    fn power(&self, py: Python<'_>, motor: i64, share: f64) -> PyResult<()> {
+        let motor = channel(motor)?;
+        if !(-1.0..=1.0).contains(&share) {
+            return Err(outside("power", share, -1, 1, "of full power"));
+        }
+        let power = Control::saturating((share * f64::from(Control::MAX.get())).round() as i64);
+        self.run(py, |session| {
+            // The mode takes the last power of the motor, which is therefore set first.
+            session.set_power(motor, power)?;
+            session.set_mode(motor, RunMode::Power, ZeroPower::Brake)
+        })
+    }
+
+    fn velocity(&self, py: Python<'_>, motor: i64, cps: i64) -> PyResult<()> {
+        let motor = channel(motor)?;
+        let cps = within("velocity", cps, i16::MIN.into(), i16::MAX.into(), "counts/s")?;
+        self.run(py, |session| {
+            session.set_velocity(motor, cps)?;
+            session.set_mode(motor, RunMode::Velocity, ZeroPower::Brake)
+        })
+    }
+
+    fn position(&self, py: Python<'_>, motor: i64, counts: i64, speed: i64, tolerance: i64) -> PyResult<()> {
+        let motor = channel(motor)?;
+        let counts = within("position", counts, i32::MIN.into(), i32::MAX.into(), "counts")?;
+        let speed = within("speed", speed, 1, i16::MAX.into(), "counts/s")?;
+        let tolerance = within("tolerance", tolerance, 0, u16::MAX.into(), "counts")?;
+        self.run(py, |session| {
+            // In velocity mode the speed limit is the speed itself: it may change only after the mode.
+            let first = session.motor(motor)?.mode != RunMode::Velocity;
+            if first {
+                session.set_velocity(motor, speed)?;
+            }
+            session.set_position(motor, counts, tolerance)?;
+            session.set_mode(motor, RunMode::Position, ZeroPower::Brake)?;
+            if first { Ok(()) } else { session.set_velocity(motor, speed) }
+        })
+    }
+
+    /// Holds a constant current in amperes, while the motor is slower than `speed` in counts/s.
+    fn current(&self, py: Python<'_>, motor: i64, amperes: f64, speed: i64) -> PyResult<()> {
+        const MOST: f64 = 1000.0;
+        let motor = channel(motor)?;
+        if !(-MOST..=MOST).contains(&amperes) {
+            return Err(outside("current", amperes, -MOST, MOST, "A"));
+        }
+        let speed = within("speed", speed, 1, u16::MAX.into(), "counts/s")?;
+        self.run(py, |session| session.set_current(motor, (amperes * 1e3).round() as i32, speed))
+    }
+
+    fn reset_encoder(&self, py: Python<'_>, motor: i64) -> PyResult<()> {
+        let motor = channel(motor)?;
+        self.run(py, |session| session.reset_encoder(motor))
+    }
+
+    /// State of all motors: the fields of `Reading` for each of them.
+    fn readings<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let state = self.run(py, |session| {
+            session.catch_up()?;
+            let report = session.report()?;
+            let bulk = if report.is_none() { Some(session.bulk()?) } else { None };
+            Ok((report, bulk))
+        })?;
+        match state {
+            (Some(report), _) => reading::of_report(py, &report),
+            (None, Some(bulk)) => reading::of_bulk(py, &bulk),
+            (None, None) => Ok(Vec::new()),
+        }
+    }
+
+    /// Battery voltage in volts; `None` if the hub does not know it.
+    fn battery(&self, py: Python<'_>) -> PyResult<Option<f64>> {
+        let mv = self.run(py, Session::battery)?.get();
+        Ok((mv != 0).then_some(f64::from(mv) / 1e3))
+    }
+
+    /// Starts an identification. Returns how many counts the motor turns at most, either way.
+    fn identify(&self, py: Python<'_>, motor: i64, travel: i64) -> PyResult<u32> {
+        let motor = channel(motor)?;
+        let travel = within("travel", travel, 1, u32::MAX.into(), "counts")?;
+        self.run(py, |session| session.identify(motor, travel))
+    }
+
+    /// State of the last identification: percent while it runs, `None` before the first one, else the fields of `Identified`.
+    fn identification<'py>(&self, py: Python<'py>, motor: i64) -> PyResult<Bound<'py, PyAny>> {
+        let motor = channel(motor)?;
+        match self.run(py, |session| session.identification(motor))? {
+            Identification::None => Ok(py.None().into_bound(py)),
+            Identification::Running(percent) => Ok(percent.into_pyobject(py)?.into_any()),
+            Identification::Found(found) => Ok(reading::identified(py, &found)?.into_any()),
+            Identification::Refused(why) => {
+                Err(Refused::new_err(format!("motor {motor} was not identified: {why}")))
+            }
+        }
+    }
+
+    /// Puts the result of the last identification in force, until the hub's reset. The hub forgets a host's coefficients.
+    fn apply_identification(&self, py: Python<'_>, motor: i64) -> PyResult<()> {
+        let motor = channel(motor)?;
+        let applied = self.run(py, |session| {
+            let Identification::Found(found) = session.identification(motor)? else { return Ok(false) };
+            let mut settings = session.settings(motor)?;
+            settings.motor.dynamics = Some(found.dynamics);
+            session.set(motor, Group::SetUp, &settings)?;
+            session.set(motor, Group::Motion, &settings)?;
+            Ok(true)
+        })?;
+        if applied { Ok(()) } else { Err(HubError::new_err(format!("motor {motor} is not identified"))) }
+    }
+
+    /// Stores the settings in force, so that they outlast the hub's reset.
+    fn save(&self, py: Python<'_>) -> PyResult<()> {
+        let report = self.run(py, |session| session.store(HubFunction::Save))?;
+        match reasons::why_unsaved(&report) {
+            None => Ok(()),
+            Some(why) => Err(HubError::new_err(format!("settings were not stored: {why}"))),
+        }
+    }
+
+    /// Moves motors in step. The group's members are the motors of `targets`, in counts, or speeds if `on` is true.
+    fn together(
+        &self,
+        py: Python<'_>,
+        targets: BTreeMap<i64, i64>,
+        on: bool,
+        speed: i64,
+        acceleration: i64,
+        tolerance: Option<i64>,
+    ) -> PyResult<()> {
+        /// The fields of a group's speeds have 24 bits before the point.
+        const FASTEST_CPS: i64 = 1_000_000;
+        let speed: i32 = within("speed", speed, 1, FASTEST_CPS, "counts/s")?;
+        let acceleration: u32 = within("acceleration", acceleration, 1, u32::MAX.into(), "counts/s²")?;
+        let acceleration =
+            Acceleration::new(acceleration).map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let (mut places, mut speeds) = ([None; CHANNELS], [None; CHANNELS]);
+        for (&motor, &target) in &targets {
+            let at = usize::from(channel(motor)?);
+            if on {
+                let cps: i32 = within("speed", target, -FASTEST_CPS, FASTEST_CPS, "counts/s")?;
+                speeds[at] = Some(CountsPerSecond::new(cps));
+            } else {
+                places[at] =
+                    Some(within::<i32>("target", target, i32::MIN.into(), i32::MAX.into(), "counts")?);
+            }
+        }
+        let Some(first) = targets.keys().next().copied() else {
+            return Err(PyValueError::new_err("no motor is given; a group has one motor at least"));
+        };
+        let course = if on { GroupCourse::On(speeds) } else { GroupCourse::To(places) };
+        let usual = GroupCommand::new(course, CountsPerSecond::new(speed), acceleration);
+        let tolerance =
+            within("tolerance", tolerance.unwrap_or(TOLERANCE.into()), 0, u16::MAX.into(), "counts")?;
+        let first = channel(first)?;
+        self.run(py, |session| session.move_together(first, GroupCommand { tolerance, ..usual }))
+    }
+
+    /// True once all members of the motor's group have settled.
+    fn group_settled(&self, py: Python<'_>, motor: i64) -> PyResult<bool> {
+        let motor = channel(motor)?;
+        Ok(self.run(py, |session| session.group_state(motor))? == GroupState::Settled)
+    }
+}
+
+/// Disables motors, and repeats that until the hub's own keep-alive has done so.
+fn disable(session: &mut Session<Line>, motors: &[u8]) -> Result<(), Error> {
+    let end = Instant::now() + KEEP_ALIVE;
+    loop {
+        // An error of one motor does not keep the others from being disabled.
+        let disabled = motors.iter().map(|motor| session.enable(*motor, false)).fold(Ok(()), Result::and);
+        match disabled {
+            Err(error) if Instant::now() < end && !error.is_hung_up() => drop(error),
+            done => return done,
+        }
+    }
+}
+
+/// A session with a hub, and its errors.
+#[pymodule]
+fn native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Link>()?;
+    module.add("CHANNELS", CHANNELS)?;
+    module.add("HubError", module.py().get_type::<HubError>())?;
+    module.add("Refused", module.py().get_type::<Refused>())?;
+    module.add("Unreachable", module.py().get_type::<Unreachable>())
+}

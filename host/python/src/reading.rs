@@ -1,0 +1,98 @@
+//! What a hub reports, as dictionaries whose keys are the fields of Python's dataclasses.
+
+use motor_hub_client::motor_hub::braking::Regime;
+use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
+use motor_hub_client::motor_hub::protocol::answers::Bulk;
+use motor_hub_client::motor_hub::regulator::identify::Identified;
+use motor_hub_client::motor_hub::units::{Control, Milliamperes};
+use motor_hub_client::reasons::why_still;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Readings of a hub of this project.
+pub(crate) fn of_report<'py>(py: Python<'py>, report: &HubReport) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    report.motors.iter().enumerate().map(|(number, motor)| of_motor(py, report, number, motor)).collect()
+}
+
+fn of_motor<'py>(
+    py: Python<'py>,
+    report: &HubReport,
+    number: usize,
+    motor: &MotorReport,
+) -> PyResult<Bound<'py, PyDict>> {
+    let regime = motor.regime.map(|regime| match regime {
+        Regime::Reverse => "reverse",
+        Regime::Braking => "braking",
+        Regime::Forward => "forward",
+    });
+    let (setpoint, setpoint_value) = setpoint(motor.setpoint);
+    let reading = PyDict::new(py);
+    reading.set_item("time_s", f64::from(report.at_ms) / 1e3)?;
+    reading.set_item("motor", number)?;
+    reading.set_item("position", motor.position)?;
+    reading.set_item("velocity", motor.velocity)?;
+    reading.set_item("setpoint", setpoint)?;
+    reading.set_item("setpoint_value", setpoint_value)?;
+    reading.set_item("enabled", motor.enabled)?;
+    reading.set_item("settled", motor.settled)?;
+    reading.set_item("stalled", motor.stalled)?;
+    reading.set_item("fault", motor.faults.any())?;
+    reading.set_item("why_still", why_still(report, number))?;
+    reading.set_item("regime", regime)?;
+    reading.set_item("mode", motor.regime.map(|_| motor.drive.mode.name()))?;
+    reading.set_item("duty", motor.drive.duty.to_f64())?;
+    reading.set_item("control", share(motor.control))?;
+    reading.set_item("current_a", amperes(motor.best_current()))?;
+    reading.set_item("load_a", motor.load.map(amperes))?;
+    reading.set_item("heat", f64::from(motor.heat) / 1e3)?;
+    reading.set_item("battery_v", report.battery.map(|battery| f64::from(battery.get()) / 1e3))?;
+    Ok(reading)
+}
+
+/// Readings of a hub that has no report of this project: another maker's.
+pub(crate) fn of_bulk<'py>(py: Python<'py>, bulk: &Bulk) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    let readings = bulk.encoders.iter().zip(&bulk.velocities).enumerate();
+    readings
+        .map(|(number, (position, velocity))| {
+            let reading = PyDict::new(py);
+            reading.set_item("motor", number)?;
+            reading.set_item("position", position)?;
+            reading.set_item("velocity", velocity)?;
+            Ok(reading)
+        })
+        .collect()
+}
+
+/// Name and value of a set-point; the value is in the unit that `Reading` documents.
+fn setpoint(of: ReportedSetpoint) -> (&'static str, Option<f64>) {
+    match of {
+        ReportedSetpoint::Off => ("off", None),
+        ReportedSetpoint::FailSafe => ("fail-safe", None),
+        ReportedSetpoint::Power(power) => ("power", Some(share(power))),
+        ReportedSetpoint::Velocity(cps) => ("velocity", Some(cps.into())),
+        ReportedSetpoint::Position(counts) => ("position", Some(counts.into())),
+        ReportedSetpoint::Together(counts) => ("together", Some(counts.into())),
+        ReportedSetpoint::Current(current) => ("current", Some(amperes(current))),
+        ReportedSetpoint::Identify(travel) => ("identify", Some(travel.into())),
+    }
+}
+
+/// The fields of Python's `Identified`.
+pub(crate) fn identified<'py>(py: Python<'py>, found: &Identified) -> PyResult<Bound<'py, PyDict>> {
+    let fields = PyDict::new(py);
+    fields.set_item("acceleration_per_volt", found.dynamics.gain.to_f32())?;
+    fields.set_item("decay_per_s", found.dynamics.decay.to_f32())?;
+    fields.set_item("friction_v", found.dynamics.friction.to_volts())?;
+    fields.set_item("acceleration_error", f64::from(found.gain_error) / 1e3)?;
+    fields.set_item("decay_error", f64::from(found.decay_error) / 1e3)?;
+    fields.set_item("residual", f64::from(found.residual) / 1e3)?;
+    Ok(fields)
+}
+
+fn amperes(current: Milliamperes) -> f64 {
+    f64::from(current.get()) / 1e3
+}
+
+fn share(control: Control) -> f64 {
+    f64::from(control.get()) / f64::from(Control::MAX.get())
+}

@@ -1,0 +1,286 @@
+"""The package against a served hub: `motor-hub serve`, whose path is in the environment variable MOTOR_HUB."""
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+import unittest
+from pathlib import Path
+
+import motor_hub
+from motor_hub import HubError, Refused, Unreachable, connect
+
+PROGRAM = os.environ["MOTOR_HUB"]
+
+
+class Served:
+    """A simulated hub in a process of its own."""
+
+    def __init__(self) -> None:
+        self.process = subprocess.Popen([PROGRAM, "serve", "--tcp", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        self.place = self.process.stdout.readline().strip()
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()
+
+
+class WithHub(unittest.IsolatedAsyncioTestCase):
+    def setUp(self) -> None:
+        self.served = Served()
+        self.addCleanup(self.served.close)
+        self.hub = connect(self.served.place)
+
+    async def still(self, motor: int = 0) -> None:
+        """Asserts that a motor is disabled."""
+        self.assertFalse((await self.hub[motor].read()).enabled)
+
+
+class Commands(WithHub):
+    async def test_a_velocity_is_reached_and_the_motor_is_disabled_after_the_block(self) -> None:
+        with self.hub.enabled(0):
+            await self.hub[0].velocity(800)
+            await self.hub[0].settled(5)
+            reading = await self.hub[0].read()
+            self.assertAlmostEqual(reading.velocity, 800, delta=16)
+            self.assertEqual((reading.setpoint, reading.setpoint_value), ("velocity", 800))
+            self.assertEqual((reading.regime, reading.mode), ("forward", "9/8"))
+            self.assertTrue(11 < reading.battery_v < 14)
+        await self.still()
+
+    async def test_a_position_follows_a_velocity_and_settles_at_its_target(self) -> None:
+        with self.hub.enabled(1):
+            await self.hub[1].velocity(-500)
+            await asyncio.sleep(0.3)
+            await self.hub[1].position(1000, speed=900)
+            await self.hub[1].settled(10)
+            self.assertAlmostEqual((await self.hub[1].read()).position, 1000, delta=10)
+
+    async def test_a_power_turns_at_once_and_a_current_keeps_its_speed_limit(self) -> None:
+        with self.hub.enabled(2):
+            await self.hub[2].power(0.5)
+            await asyncio.sleep(0.5)
+            self.assertGreater((await self.hub[2].read()).velocity, 500)
+            await self.hub[2].current(1.0, speed=300)
+            await asyncio.sleep(1.0)
+            self.assertAlmostEqual((await self.hub[2].read()).velocity, 300, delta=30)
+
+    async def test_an_encoder_is_reset_to_zero(self) -> None:
+        with self.hub.enabled(0):
+            await self.hub[0].velocity(800)
+            await asyncio.sleep(0.5)
+        await asyncio.sleep(1.0)
+        self.assertGreater((await self.hub[0].read()).position, 100)
+        await self.hub[0].reset_encoder()
+        self.assertAlmostEqual((await self.hub[0].read()).position, 0, delta=1)
+
+    async def test_a_group_moves_in_step_and_settles(self) -> None:
+        with self.hub.enabled(0, 1):
+            await self.hub.together({0: 600, 1: -300}, timeout=10)
+            readings = await self.hub.read()
+            self.assertAlmostEqual(readings[0].position, 600, delta=24)
+            self.assertAlmostEqual(readings[1].position, -300, delta=24)
+            await self.hub.together_at({0: 400, 1: 400})
+            await asyncio.sleep(1)
+            self.assertAlmostEqual((await self.hub[1].read()).velocity, 400, delta=40)
+
+    async def test_an_identification_finds_the_motor_and_applies_the_result(self) -> None:
+        with self.hub.enabled(0):
+            found = await self.hub[0].identify(apply=True)
+        self.assertLess(found.acceleration_error, 0.1)
+        self.assertGreater(found.acceleration_per_volt, 0)
+
+    async def test_an_identification_that_the_hub_stops_is_refused_with_its_reason(self) -> None:
+        with self.hub.enabled(0):
+            with self.assertRaisesRegex(Refused, "travel limit"):
+                await self.hub[0].identify(travel=1)
+
+    async def test_stop_disables_every_motor_and_settled_names_the_reason(self) -> None:
+        with self.hub.enabled(0, 3):
+            await self.hub[3].velocity(500)
+            await self.hub.stop()
+            await self.still(3)
+            with self.assertRaisesRegex(HubError, "motor 3 does not run"):
+                await self.hub[3].settled(1)
+
+    async def test_two_hubs_are_driven_side_by_side(self) -> None:
+        other = Served()
+        self.addCleanup(other.close)
+        second = connect(other.place)
+        with self.hub.enabled(0), second.enabled(0):
+            await asyncio.gather(self.hub[0].velocity(600), second[0].velocity(-600))
+            await asyncio.gather(self.hub[0].settled(5), second[0].settled(5))
+            self.assertAlmostEqual((await self.hub[0].read()).velocity, 600, delta=12)
+            self.assertAlmostEqual((await second[0].read()).velocity, -600, delta=12)
+
+
+class Recordings(WithHub):
+    async def test_a_recording_has_equal_columns_and_its_time_grows(self) -> None:
+        with self.hub.enabled(0):
+            async with self.hub.recording(0, every=0.05) as recording:
+                await self.hub[0].velocity(800)
+                await asyncio.sleep(1)
+        columns = recording.columns()
+        self.assertGreaterEqual(len(columns["time_s"]), 15)
+        self.assertEqual({len(values) for values in columns.values()}, {len(recording.readings)})
+        self.assertEqual(columns["time_s"], sorted(columns["time_s"]))
+        self.assertEqual(set(columns["motor"]), {0})
+        self.assertIn(800.0, columns["setpoint_value"])
+
+    async def test_an_interval_of_zero_is_an_error(self) -> None:
+        with self.assertRaisesRegex(ValueError, "every is 0; allowed is more than 0 s"):
+            async with self.hub.recording(every=0):
+                pass
+
+
+class BadInput(WithHub):
+    async def test_numbers_out_of_range_are_errors_that_name_the_range(self) -> None:
+        with self.hub.enabled(0):
+            motor = self.hub[0]
+            for command, text in [
+                (motor.velocity(40_000), "velocity is 40000; allowed are -32768 to 32767 counts/s"),
+                (motor.power(1.1), "power is 1.1; allowed are -1 to 1 of full power"),
+                (motor.power(float("nan")), "power is NaN; allowed are -1 to 1 of full power"),
+                (motor.position(2**31), "position is 2147483648; allowed are -2147483648 to 2147483647 counts"),
+                (motor.position(0, speed=0), "speed is 0; allowed are 1 to 32767 counts/s"),
+                (motor.current(2000.0, speed=100), "current is 2000; allowed are -1000 to 1000 A"),
+                (motor.identify(travel=0), "travel is 0; allowed are 1 to 4294967295 counts"),
+            ]:
+                with self.assertRaises(ValueError) as caught:
+                    await command
+                self.assertEqual(str(caught.exception), text)
+
+    async def test_a_motor_that_is_not_there_is_an_error(self) -> None:
+        with self.assertRaisesRegex(IndexError, "motor is 4; allowed are 0 to 3"):
+            self.hub[4]
+        with self.assertRaisesRegex(ValueError, "motor is 7; allowed are 0 to 3"):
+            with self.hub.enabled(0, 7):
+                self.fail("the block must not run")
+        await self.still()
+
+    async def test_a_command_to_a_motor_that_is_not_enabled_is_an_error(self) -> None:
+        with self.assertRaisesRegex(HubError, r"motor 1 is not enabled; enable it by: with hub.enabled\(1\):"):
+            await self.hub[1].velocity(100)
+
+    async def test_a_motor_is_enabled_by_one_block_at_a_time(self) -> None:
+        with self.hub.enabled(0):
+            with self.assertRaisesRegex(ValueError, "motor 0 is already enabled by another block"):
+                with self.hub.enabled(0):
+                    self.fail("the block must not run")
+
+    def test_a_hub_that_is_not_there_is_unreachable(self) -> None:
+        with self.assertRaisesRegex(Unreachable, "cannot open 127.0.0.1:1: "):
+            connect("127.0.0.1:1")
+
+
+class WhatStopsMotors(WithHub):
+    async def test_an_exception_disables_the_motors(self) -> None:
+        with self.assertRaises(ZeroDivisionError):
+            with self.hub.enabled(0):
+                await self.hub[0].velocity(800)
+                1 / 0
+        await self.still()
+
+    async def test_a_cancelled_task_disables_the_motors(self) -> None:
+        async def work() -> None:
+            with self.hub.enabled(0):
+                await self.hub[0].velocity(800)
+                await asyncio.sleep(60)
+
+        task = asyncio.create_task(work())
+        await asyncio.sleep(0.5)
+        task.cancel()
+        with self.assertRaises(asyncio.CancelledError):
+            await task
+        await self.still()
+
+    async def test_the_event_loop_keeps_motors_running_and_a_blocked_one_does_not(self) -> None:
+        with self.hub.enabled(0):
+            await self.hub[0].velocity(800)
+            await asyncio.sleep(3.5)
+            self.assertTrue((await self.hub[0].read()).enabled)
+            time.sleep(3.2)
+            self.assertFalse((await self.hub[0].read()).enabled)
+
+    async def test_a_hub_that_disappears_is_unreachable(self) -> None:
+        with self.assertRaises(Unreachable):
+            with self.hub.enabled(0):
+                self.served.process.kill()
+                await asyncio.sleep(0.2)
+                await self.hub[0].velocity(800)
+
+
+class Processes(unittest.TestCase):
+    """What happens to motors when the program that drives them ends."""
+
+    def run_and_signal(self, number: int) -> tuple[str, int]:
+        served = Served()
+        self.addCleanup(served.close)
+        program = textwrap.dedent(f"""
+            import asyncio, motor_hub
+            async def main():
+                hub = motor_hub.connect({served.place!r})
+                with hub.enabled(0):
+                    await hub[0].velocity(800)
+                    print("turning", flush=True)
+                    await asyncio.sleep(60)
+            asyncio.run(main())
+        """)
+        child = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        self.assertEqual(child.stdout.readline(), "turning\n")
+        child.send_signal(number)
+        child.wait(10)
+        child.stdout.close()
+        return served.place, child.returncode
+
+    def test_ctrl_c_disables_the_motors(self) -> None:
+        place, code = self.run_and_signal(signal.SIGINT)
+        self.assertNotEqual(code, 0)
+        self.assertEqual(connect(place).left_running, ())
+
+    def test_after_a_kill_the_hub_disables_the_motors_by_itself(self) -> None:
+        place, code = self.run_and_signal(signal.SIGKILL)
+        self.assertEqual(code, -signal.SIGKILL)
+        time.sleep(3)
+        self.assertEqual(connect(place).left_running, ())
+
+
+class Documents(unittest.TestCase):
+    def test_the_notebook_runs(self) -> None:
+        try:
+            import matplotlib
+            import pandas  # noqa: F401
+        except ImportError as missing:
+            self.skipTest(f"SKIPPED: {missing.name} is not installed")
+        matplotlib.use("Agg")
+        served = Served()
+        self.addCleanup(served.close)
+        path = Path(__file__).parent.parent / "examples" / "first-motion.ipynb"
+        cells = [cell["source"] for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code"]
+        source = "\n".join("".join(cell) + "\n" for cell in cells).replace("/dev/ttyACM0", served.place)
+        code = compile(source, str(path), "exec", flags=compile_flags())
+        names: dict[str, object] = {}
+        outcome = eval(code, names)
+        if outcome is not None:
+            asyncio.run(as_coroutine(outcome))
+        self.assertGreater(len(names["table"]), 20)
+
+
+def compile_flags() -> int:
+    import ast
+
+    return ast.PyCF_ALLOW_TOP_LEVEL_AWAIT
+
+
+async def as_coroutine(outcome):
+    return await outcome
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,236 @@
+//! The dashboard in a browser tab, without a server. [`Relay`] and a simulated hub run beside the page, as WebAssembly. Instead
+//! of the simulated hub a hub on a serial port can be used, by WebSerial. `cargo xtask try` puts all of it into one file.
+//!
+//! ```text
+//! page --order--> relay --requests--> simulated hub, a millisecond a step
+//!      <--tell---       --send------> serial port of the page (WebSerial)
+//!                       <--receive---
+//! ```
+//!
+//! The page calls [`tick`] before it paints, at most every 20 ms. A browser paints no hidden page, and runs no closed page.
+//! Then the hub gets no requests, and its keep-alive disables the motors after 2.5 s.
+//!
+//! A read of the serial port waits for bytes. The page therefore wraps `receive` in `WebAssembly.Suspending`, and the
+//! exported functions in `WebAssembly.promising`: the browser goes on while a call waits. The page starts no second call
+//! until the first has returned.
+#![allow(unsafe_code, reason = "exported names and imported functions; no operation here is unsafe")]
+
+use dashboard::order::Order;
+use dashboard::outbox::{Texts, outbox};
+use dashboard::relay::Event;
+use dashboard::relay::Relay;
+use dashboard::world::World;
+use dashboard::{Hub, Place, Port};
+use motor_hub::protocol::Address;
+use motor_hub_client::{Session, line};
+use simulated::scenario::Scenario;
+use simulated::serve::{self, Wire};
+use std::cell::RefCell;
+use std::io::{ErrorKind, Read, Result, Write};
+use std::pin::Pin;
+use std::task::{Context, Waker};
+use std::time::Duration;
+
+/// Number of the only page.
+const PAGE: u32 = 1;
+
+/// Time-out of answers while a hub is connected.
+const TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Simulated time that is caught up after a delay of the page, in milliseconds.
+const CATCH_UP_MS: u64 = 100;
+
+#[link(wasm_import_module = "page")]
+unsafe extern "C" {
+    /// Time since the page was loaded, in milliseconds.
+    safe fn now_ms() -> f64;
+    /// Passes a message of the relay to the page.
+    safe fn tell(text: *const u8, length: usize);
+    /// Waits for bytes of the serial port, at most `wait_ms`. Returns their number, or -1 if the port is closed.
+    safe fn receive(bytes: *mut u8, length: usize, wait_ms: u32) -> isize;
+    /// Sends bytes to the serial port. Returns their number, or -1 if the port is closed.
+    safe fn send(bytes: *const u8, length: usize) -> isize;
+}
+
+thread_local! {
+    static INPUT: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+    static SERVED: RefCell<Option<(Relay, Texts)>> = const { RefCell::new(None) };
+    static SIMULATION: RefCell<Option<Simulation>> = const { RefCell::new(None) };
+}
+
+/// Starts with a simulated hub, or with the hub on the page's serial port.
+#[unsafe(no_mangle)]
+pub extern "C" fn start(serial: bool) {
+    motor_hub_client::clock::set(|| Duration::from_secs_f64(now_ms() / 1e3));
+    let place = if serial {
+        Place::real("a hub on a serial port of this computer", || open(Box::new(SerialPort)))
+    } else {
+        let world = World::default();
+        SIMULATION.set(Some(Simulation::new(world.clone())));
+        Place::simulated("four motors in this tab", world, None, || open(Box::new(SimulatedHub)))
+    };
+    let mut relay = Relay::new(place);
+    // The relay connects before the page is in control, because a page in control must show new values at least every second.
+    relay.tick();
+    let (sender, texts) = outbox();
+    relay.hear(Event::Joined(PAGE, sender));
+    SERVED.set(Some((relay, texts)));
+    pass_on();
+}
+
+/// A place for the bytes of the next order.
+#[unsafe(no_mangle)]
+pub extern "C" fn input(length: usize) -> *mut u8 {
+    INPUT.with_borrow_mut(|input| {
+        input.clear();
+        input.resize(length, 0);
+        input.as_mut_ptr()
+    })
+}
+
+/// Executes the order in [`input`].
+#[unsafe(no_mangle)]
+pub extern "C" fn order() {
+    let input = INPUT.take();
+    // The page encodes every order itself.
+    let Ok(order) = Order::parse(&String::from_utf8_lossy(&input)) else { return };
+    SERVED.with_borrow_mut(|served| {
+        if let Some((relay, _)) = served {
+            relay.hear(Event::Said(PAGE, order));
+        }
+    });
+    pass_on();
+}
+
+/// Reads the hub's state, and passes it to the page.
+#[unsafe(no_mangle)]
+pub extern "C" fn tick() {
+    SIMULATION.with_borrow_mut(|simulation| {
+        if let Some(simulation) = simulation {
+            simulation.catch_up();
+        }
+    });
+    SERVED.with_borrow_mut(|served| {
+        if let Some((relay, _)) = served {
+            relay.tick();
+        }
+    });
+    pass_on();
+}
+
+/// Passes the relay's messages to the page.
+fn pass_on() {
+    SERVED.with_borrow(|served| {
+        while let Some((_, texts)) = served
+            && let Ok(text) = texts.next()
+        {
+            tell(text.as_ptr(), text.len());
+        }
+    });
+}
+
+fn open(port: Box<dyn Port>) -> std::result::Result<Hub, String> {
+    Session::with_parent(port, TIMEOUT).map_err(|error| error.to_string())
+}
+
+/// The simulated hub, and the host's end of its line.
+struct Simulation {
+    hub: Pin<Box<dyn Future<Output = ()>>>,
+    host: Wire,
+    /// Time of the page at which the simulation began, in milliseconds.
+    begun_ms: u64,
+    /// Milliseconds that the hub has run.
+    steps: u64,
+}
+
+impl Simulation {
+    fn new(world: World) -> Self {
+        let (line, host) = serve::Line::within_process();
+        let hub = async move {
+            let Ok(scenario) = Scenario::to_serve() else { return };
+            let mut hands = |now: &mut _| *now = world.hands();
+            // The scenario of the program itself has no errors, as its tests make sure.
+            let _ = serve::steps(&scenario, Address::DEFAULT, line, None, &mut hands, &mut |_| true).await;
+        };
+        Self { hub: Box::pin(hub), host, begun_ms: now_ms() as u64, steps: 0 }
+    }
+
+    /// Lets the hub run for a millisecond.
+    fn step(&mut self) {
+        self.steps += 1;
+        // The hub never ends, so there is no result to look at.
+        let _ = self.hub.as_mut().poll(&mut Context::from_waker(Waker::noop()));
+    }
+
+    /// Lets the hub run until its time is the page's.
+    fn catch_up(&mut self) {
+        let due = (now_ms() as u64).saturating_sub(self.begun_ms);
+        let late = due.saturating_sub(self.steps).saturating_sub(CATCH_UP_MS);
+        self.begun_ms += late;
+        while self.steps + late < due {
+            self.step();
+        }
+    }
+}
+
+/// The line to the simulated hub. The hub runs while its host waits for an answer.
+#[derive(Debug)]
+struct SimulatedHub;
+
+impl SimulatedHub {
+    fn with<T>(act: impl FnOnce(&mut Simulation) -> Result<T>) -> Result<T> {
+        SIMULATION.with_borrow_mut(|simulation| act(simulation.as_mut().ok_or(ErrorKind::NotConnected)?))
+    }
+}
+
+impl Read for SimulatedHub {
+    fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
+        Self::with(|simulation| {
+            for _ in 0..line::POLL.as_millis() {
+                match simulation.host.read(bytes) {
+                    Err(error) if error.kind() == ErrorKind::WouldBlock => simulation.step(),
+                    read => return read,
+                }
+            }
+            simulation.host.read(bytes)
+        })
+    }
+}
+
+impl Write for SimulatedHub {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize> {
+        Self::with(|simulation| simulation.host.write(bytes))
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// The serial port that the page has opened.
+#[derive(Debug)]
+struct SerialPort;
+
+/// The number of bytes that an imported function has returned.
+fn count(returned: isize) -> Result<usize> {
+    usize::try_from(returned).map_err(|_| ErrorKind::NotConnected.into())
+}
+
+impl Read for SerialPort {
+    fn read(&mut self, bytes: &mut [u8]) -> Result<usize> {
+        match count(receive(bytes.as_mut_ptr(), bytes.len(), line::POLL.as_millis() as u32))? {
+            0 => Err(ErrorKind::WouldBlock.into()),
+            read => Ok(read),
+        }
+    }
+}
+
+impl Write for SerialPort {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize> {
+        count(send(bytes.as_ptr(), bytes.len()))
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        Ok(())
+    }
+}

@@ -1,0 +1,40 @@
+//! `cargo xtask python`: builds the Python package, installs it into an environment of its own, and tests it.
+
+use crate::tool::{Failed, cargo, none, root, run};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The package, from the project's folder.
+const PACKAGE: &str = "host/python";
+
+pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
+    none(arguments)?;
+    // The tests serve a simulated hub by the program.
+    cargo(&["build", "--package", "motor-hub-cli"])?;
+    let target = root().join("target");
+    let python = environment("python", &["pandas", "matplotlib", "mypy"])?;
+    run(install(&python).arg(root().join(PACKAGE)))?;
+    // The package is tested as installed: its sources are not in the search path.
+    run(Command::new(&python)
+        .args(["-m", "mypy", "--strict", "--package", "motor_hub"])
+        .current_dir(&target))?;
+    run(Command::new(&python)
+        .arg(root().join(PACKAGE).join("tests/test_motor_hub.py"))
+        .env("MOTOR_HUB", target.join("debug/motor-hub"))
+        .current_dir(&target))
+}
+
+/// Makes an environment of Python in this folder of `target`, with packages of PyPI. Returns its interpreter.
+pub(crate) fn environment(folder: &str, packages: &[&str]) -> Result<PathBuf, Failed> {
+    let environment = root().join("target").join(folder);
+    run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&environment))?;
+    let python = environment.join("bin/python");
+    run(install(&python).args(packages))?;
+    Ok(python)
+}
+
+fn install(python: &Path) -> Command {
+    let mut command = Command::new(python);
+    command.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]);
+    command
+}

@@ -1,0 +1,117 @@
+//! `cargo xtask try`: the dashboard without a server, in one file that any browser opens: `docs/try/index.html`.
+
+use crate::tool::{Failed, cargo_command, command, none, root, run};
+use std::fmt::Write;
+use std::fs;
+use std::path::PathBuf;
+use std::process::Stdio;
+
+const TARGET: &str = "wasm32-unknown-unknown";
+
+pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
+    none(arguments)?;
+    run(command("rustup").args(["target", "add", TARGET]))?;
+    run(&mut cargo_command(&["build", "--package", "tab", "--target", TARGET, "--profile", "tab"]))?;
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    let relay = target.join(TARGET).join("tab/tab.wasm");
+    let packed = command("gzip").args(["-9", "-n", "-c"]).arg(&relay).stderr(Stdio::inherit()).output();
+    let packed = packed.map_err(|error| Failed(format!("gzip: {error}")))?.stdout;
+    let page = page(&packed)?;
+    let folder = root().join("docs/try");
+    fs::create_dir_all(&folder).map_err(|error| Failed::at(&folder, error))?;
+    let file = folder.join("index.html");
+    fs::write(&file, &page).map_err(|error| Failed::at(&file, error))?;
+    let size = fs::metadata(&relay).map_err(|error| Failed::at(&relay, error))?.len();
+    println!(
+        "docs/try/index.html: {} kB, of which the core and the model are {} kB, {} kB packed",
+        page.len() / 1000,
+        size / 1000,
+        packed.len() / 1000
+    );
+    Ok(())
+}
+
+/// The dashboard's page with everything that it loads.
+fn page(relay: &[u8]) -> Result<String, Failed> {
+    let mut page = dashboard("index.html")?;
+    let mut put = |line: &str, instead: String| {
+        if !page.contains(line) {
+            return Err(Failed(format!("host/dashboard/page/index.html has no line {line}")));
+        }
+        page = page.replace(line, &instead);
+        Ok(())
+    };
+    let icon = base64(dashboard("favicon.svg")?.as_bytes());
+    put("href=\"/favicon.svg\"", format!("href=\"data:image/svg+xml;base64,{icon}\""))?;
+    for sheet in ["vendor/uPlot.min.css", "style.css"] {
+        put(
+            &format!("<link rel=\"stylesheet\" href=\"/{sheet}\">"),
+            format!("<style>\n{}</style>", dashboard(sheet)?),
+        )?;
+    }
+    let plots = dashboard("vendor/uPlot.iife.min.js")?;
+    let licence = dashboard("vendor/LICENSE")?;
+    put(
+        "<script src=\"/vendor/uPlot.iife.min.js\" defer></script>",
+        format!("<!-- uPlot:\n{licence}-->\n<script>{plots}</script>"),
+    )?;
+    put(
+        "<script type=\"module\" src=\"/js/app.js\"></script>",
+        format!(
+            "<script type=\"importmap\">{{\"imports\":{{{}}}}}</script>\n\
+             <script id=\"relay\" type=\"text/plain\">{}</script>\n\
+             <script type=\"module\">import \"page/app.js\";</script>",
+            modules()?,
+            base64(relay)
+        ),
+    )?;
+    Ok(page)
+}
+
+/// The page's modules for an import map: names, and contents as `data:` URLs. Such a URL has no folder, so that the names of
+/// imports cannot be relative.
+fn modules() -> Result<String, Failed> {
+    let folder = root().join("host/dashboard/page/js");
+    let files = fs::read_dir(&folder).map_err(|error| Failed::at(&folder, error))?.flatten();
+    let mut names: Vec<String> = files.map(|file| file.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    let mut map = String::new();
+    for name in names {
+        let text = if name == "transport.js" {
+            read("host/tab/page/transport.js")?
+        } else {
+            dashboard(&format!("js/{name}"))?
+        };
+        let text = text.replace("from \"./", "from \"page/");
+        let comma = if map.is_empty() { "" } else { "," };
+        // Writing to a String cannot fail.
+        let _ =
+            write!(map, "{comma}\"page/{name}\":\"data:text/javascript;base64,{}\"", base64(text.as_bytes()));
+    }
+    Ok(map)
+}
+
+/// A file of the dashboard's page.
+fn dashboard(name: &str) -> Result<String, Failed> {
+    read(&format!("host/dashboard/page/{name}"))
+}
+
+fn read(path: &str) -> Result<String, Failed> {
+    let path = root().join(path);
+    fs::read_to_string(&path).map_err(|error| Failed::at(&path, error))
+}
+
+/// RFC 4648, with padding.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for three in bytes.chunks(3) {
+        let bits =
+            three.iter().fold(0, |bits: u32, byte| bits << 8 | u32::from(*byte)) << (8 * (3 - three.len()));
+        for digit in 0..4 {
+            let index = (bits >> (18 - 6 * digit)) as usize & 63;
+            text.push(if digit > three.len() { '=' } else { char::from(DIGITS[index]) });
+        }
+    }
+    text
+}
