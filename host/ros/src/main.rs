@@ -1,0 +1,107 @@
+//! `motor-hub-ros CONFIG.toml`: makes motor hubs nodes of ROS 2, over Zenoh and without a ROS installation.
+//!
+//! ```text
+//!  ROS nodes <--> router (rmw_zenohd, zenohd) <--> [this program] <--> hubs, by serial port or TCP
+//! ```
+//!
+//! The wire format is that of rmw_zenoh. `docs/guides/ros2.md` explains topics, services, and what stops motors.
+#![forbid(unsafe_code)]
+
+mod cdr;
+mod config;
+mod hub;
+mod messages;
+mod names;
+mod node;
+mod robot;
+
+use config::Config;
+use hub::HubThread;
+use node::Graph;
+use robot::Robot;
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::time::{Duration, Instant};
+use zenoh::Wait;
+
+fn main() -> ExitCode {
+    let mut arguments = std::env::args().skip(1);
+    let outcome = match (arguments.next().as_deref(), arguments.next()) {
+        (Some("--help" | "-h"), None) => {
+            println!(
+                "Usage: motor-hub-ros CONFIG.toml\n\nMakes motor hubs nodes of ROS 2; see docs/guides/ros2.md"
+            );
+            Ok(())
+        }
+        (Some(path), None) => run(Path::new(path)),
+        _ => Err("give one argument: the configuration file".to_owned()),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Runs until Ctrl-C, then disables all motors.
+fn run(path: &Path) -> Result<(), String> {
+    let read =
+        |path: &Path| std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()));
+    let config = Config::read(&read(path)?).map_err(|error| format!("{}: {error}", path.display()))?;
+    let domain = config.domain()?;
+    let ends = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        // A second signal ends the program at once, also while it waits for a router.
+        signal_hook::flag::register_conditional_default(signal, ends.clone())
+            .map_err(|error| error.to_string())?;
+        signal_hook::flag::register(signal, ends.clone()).map_err(|error| error.to_string())?;
+    }
+    println!("waits for the router at {}", config.router);
+    let session = zenoh::open(settings(&config.router)?).wait().map_err(|error| error.to_string())?;
+    println!("domain {domain}, session {}", session.zid());
+
+    let mut graph = Graph::new(&session, domain, config.distribution);
+    let mut threads = Vec::new();
+    for hub in config.hubs {
+        let (sender, events) = std::sync::mpsc::channel();
+        let malformed = Arc::new(AtomicU64::new(0));
+        let description = hub.robot_description.as_deref().map(read).transpose()?;
+        let topics = graph
+            .join(&hub, description.as_deref(), &sender, &malformed)
+            .map_err(|error| format!("hub {}: {error}", hub.place))?;
+        let thread = HubThread {
+            robot: Robot::new(hub),
+            topics,
+            events,
+            malformed,
+            ends: ends.clone(),
+            interval: Duration::from_secs(1) / config.rate_hz,
+            start: Instant::now(),
+        };
+        threads.push(std::thread::spawn(|| thread.run()));
+    }
+    for thread in threads {
+        thread.join().map_err(|_| "the thread of a hub has failed".to_owned())?;
+    }
+    session.close().wait().map_err(|error| error.to_string())
+}
+
+/// A client of the router: it waits for the router without end, also for one that restarts.
+fn settings(router: &str) -> Result<zenoh::Config, String> {
+    let mut settings = zenoh::Config::default();
+    let endpoint = format!("[{router:?}]");
+    for (key, value) in [
+        ("mode", "\"client\""),
+        ("connect/endpoints", &endpoint),
+        ("connect/timeout_ms", "-1"),
+        ("scouting/multicast/enabled", "false"),
+        ("timestamping/enabled", "true"),
+    ] {
+        settings.insert_json5(key, value).map_err(|error| format!("router {router:?}: {error}"))?;
+    }
+    Ok(settings)
+}

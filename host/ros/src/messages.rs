@@ -1,0 +1,334 @@
+//! The ROS messages that a hub sends and receives, with their type names and hashes.
+
+use crate::cdr::{Reader, Writer};
+
+/// A ROS type: its name as DDS spells it, and its hash (REP-2016, version 1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Type {
+    pub(crate) dds: &'static str,
+    pub(crate) hash: &'static str,
+}
+
+macro_rules! types {
+    ($($name:ident $dds:literal $hash:literal,)+) => {
+        $(pub(crate) const $name: Type = Type { dds: $dds, hash: concat!("RIHS01_", $hash) };)+
+    };
+}
+
+types! {
+    TWIST "geometry_msgs::msg::dds_::Twist_" "9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a",
+    TWIST_STAMPED "geometry_msgs::msg::dds_::TwistStamped_" "5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64",
+    JOINT_STATE "sensor_msgs::msg::dds_::JointState_" "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
+    ODOMETRY "nav_msgs::msg::dds_::Odometry_" "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
+    TF "tf2_msgs::msg::dds_::TFMessage_" "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    BATTERY_STATE "sensor_msgs::msg::dds_::BatteryState_" "4bee5dfce981c98faa6828b868307a0a73f992ed0789f374ee96c8f840e69741",
+    DIAGNOSTICS "diagnostic_msgs::msg::dds_::DiagnosticArray_" "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+    STRING "std_msgs::msg::dds_::String_" "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+    TRIGGER "std_srvs::srv::dds_::Trigger_" "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
+    SET_BOOL "std_srvs::srv::dds_::SetBool_" "abe9e4bb6b41b40e6789712c00ec8871923e089af3f667a79992a428cff2da0a",
+}
+
+/// Time since 1970 on the wall clock, in nanoseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Stamp(pub(crate) i64);
+
+impl Stamp {
+    fn write(self, writer: &mut Writer) -> &mut Writer {
+        let (seconds, nanoseconds) = (self.0.div_euclid(1_000_000_000), self.0.rem_euclid(1_000_000_000));
+        writer.u32(seconds as u32).u32(nanoseconds as u32)
+    }
+}
+
+fn header(stamp: Stamp, frame: &str) -> Writer {
+    let mut writer = Writer::new();
+    stamp.write(&mut writer).text(frame);
+    writer
+}
+
+/// Forward speed in m/s and turning speed in rad/s, positive to the left, of a twist. Other components are ignored: a base
+/// with two wheels has none.
+pub(crate) fn read_twist(message: &[u8]) -> Option<(f64, f64)> {
+    twist(Reader::new(message)?)
+}
+
+/// The twist of a stamped twist. Its stamp is ignored, because the clocks of two machines differ.
+pub(crate) fn read_twist_stamped(message: &[u8]) -> Option<(f64, f64)> {
+    let reader = after_header(message)?;
+    twist(reader)
+}
+
+/// Skips the header of a message: its stamp and its frame.
+fn after_header(message: &[u8]) -> Option<Reader<'_>> {
+    let mut reader = Reader::new(message)?;
+    reader.u32()?;
+    reader.u32()?;
+    reader.text()?;
+    Some(reader)
+}
+
+fn twist(mut reader: Reader<'_>) -> Option<(f64, f64)> {
+    let mut values = [0.0; 6];
+    for value in &mut values {
+        *value = reader.f64().filter(|value| value.is_finite())?;
+    }
+    reader.end()?;
+    Some((values[0], values[5]))
+}
+
+/// Commands for joints by name. An array that has not one value for each name is empty here.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct JointCommands {
+    pub(crate) names: Vec<String>,
+    /// rad.
+    pub(crate) positions: Vec<f64>,
+    /// rad/s.
+    pub(crate) velocities: Vec<f64>,
+    /// N m.
+    pub(crate) efforts: Vec<f64>,
+}
+
+pub(crate) fn read_joint_commands(message: &[u8]) -> Option<JointCommands> {
+    let mut reader = after_header(message)?;
+    let names = reader.sequence(5, |reader| Some(reader.text()?.to_owned()))?;
+    let mut array = || {
+        Some(
+            Some(reader.sequence(8, Reader::f64)?).filter(|all| all.len() == names.len()).unwrap_or_default(),
+        )
+    };
+    let (positions, velocities, efforts) = (array()?, array()?, array()?);
+    reader.end()?;
+    Some(JointCommands { names, positions, velocities, efforts })
+}
+
+/// State of the joints, by name. An empty effort is unknown for all of them.
+pub(crate) fn joint_state(
+    stamp: Stamp,
+    names: &[&str],
+    positions: &[f64],
+    velocities: &[f64],
+    efforts: &[f64],
+) -> Vec<u8> {
+    let mut writer = header(stamp, "");
+    writer.count(names.len());
+    for name in names {
+        writer.text(name);
+    }
+    for values in [positions, velocities, efforts] {
+        writer.count(values.len()).f64s(values);
+    }
+    writer.finish()
+}
+
+/// Place of a drive base in its frame `odom`: x and y in m, and the heading in rad.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Pose {
+    pub(crate) x: f64,
+    pub(crate) y: f64,
+    pub(crate) heading: f64,
+}
+
+impl Pose {
+    /// A rotation about z as a quaternion x, y, z, w.
+    fn quaternion(self) -> [f64; 4] {
+        let (z, w) = (self.heading / 2.0).sin_cos();
+        [0.0, 0.0, z, w]
+    }
+}
+
+/// Odometry. `twist` is the forward speed in m/s and the turning speed in rad/s.
+pub(crate) fn odometry(stamp: Stamp, frames: [&str; 2], pose: Pose, twist: (f64, f64)) -> Vec<u8> {
+    let unknown = [0.0; 36];
+    let mut writer = header(stamp, frames[0]);
+    writer.text(frames[1]).f64s(&[pose.x, pose.y, 0.0]).f64s(&pose.quaternion()).f64s(&unknown);
+    writer.f64s(&[twist.0, 0.0, 0.0, 0.0, 0.0, twist.1]).f64s(&unknown).finish()
+}
+
+/// One transform, from the first frame to the second.
+pub(crate) fn transform(stamp: Stamp, frames: [&str; 2], pose: Pose) -> Vec<u8> {
+    let mut writer = Writer::new();
+    writer.count(1);
+    stamp.write(&mut writer).text(frames[0]).text(frames[1]);
+    writer.f64s(&[pose.x, pose.y, 0.0]).f64s(&pose.quaternion()).finish()
+}
+
+/// State of the battery in V and A. A current that leaves the battery is negative. All other values are unknown.
+pub(crate) fn battery_state(stamp: Stamp, volts: Option<f32>, amperes: f32) -> Vec<u8> {
+    let mut writer = header(stamp, "");
+    writer.f32(volts.unwrap_or(f32::NAN)).f32(f32::NAN).f32(amperes);
+    for _ in ["charge", "capacity", "design capacity", "percentage"] {
+        writer.f32(f32::NAN);
+    }
+    // Status, health and technology are unknown, which is 0.
+    writer.u8(0).u8(0).u8(0).u8(volts.is_some().into());
+    // Voltages and temperatures of cells; location and serial number.
+    writer.count(0).count(0).text("").text("").finish()
+}
+
+/// Level of a diagnostic status.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Level {
+    Ok = 0,
+    Warn = 1,
+    Error = 2,
+    /// The newest values are too old.
+    Stale = 3,
+}
+
+/// What a hub or one of its joints says of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Status {
+    pub(crate) level: Level,
+    pub(crate) name: String,
+    pub(crate) message: String,
+    pub(crate) values: Vec<(&'static str, String)>,
+}
+
+pub(crate) fn diagnostics(stamp: Stamp, hardware: &str, all: &[Status]) -> Vec<u8> {
+    let mut writer = header(stamp, "");
+    writer.count(all.len());
+    for Status { level, name, message, values } in all {
+        writer.u8(*level as u8).text(name).text(message).text(hardware).count(values.len());
+        for (key, value) in values {
+            writer.text(key).text(value);
+        }
+    }
+    writer.finish()
+}
+
+pub(crate) fn string(text: &str) -> Vec<u8> {
+    Writer::new().text(text).finish()
+}
+
+/// An empty request, which is one byte.
+pub(crate) fn read_trigger(message: &[u8]) -> Option<()> {
+    let mut reader = Reader::new(message)?;
+    reader.u8()?;
+    reader.end()
+}
+
+pub(crate) fn read_set_bool(message: &[u8]) -> Option<bool> {
+    let mut reader = Reader::new(message)?;
+    let on = reader.u8().filter(|byte| *byte <= 1)?;
+    reader.end()?;
+    Some(on == 1)
+}
+
+/// The answer of both kinds of services.
+pub(crate) fn answer(success: bool, message: &str) -> Vec<u8> {
+    Writer::new().u8(success.into()).text(message).finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bytes of a text in hexadecimal, in which `0*9` means nine zero bytes.
+    fn bytes(text: &str) -> Vec<u8> {
+        let hex: String = text
+            .split_whitespace()
+            .map(|part| match part.strip_prefix("0*") {
+                Some(count) => "00".repeat(count.parse().unwrap()),
+                None => part.to_owned(),
+            })
+            .collect();
+        hex.as_bytes()
+            .chunks(2)
+            .map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap())
+            .collect()
+    }
+
+    const AT: Stamp = Stamp(1_000_000_002);
+    /// Header of a stamp of 1 s and 2 ns with the frame `base_link`.
+    const STAMPED: &str = "0001000001000000020000000a000000626173655f6c696e6b 0*9 e03f 0*38 f0bf";
+
+    // The bytes below were made by rosbags 0.11.9.
+
+    #[test]
+    fn what_a_hub_sends_is_what_ros_writes_byte_for_byte() {
+        let names = ["left", "right"];
+        assert_eq!(
+            joint_state(AT, &names, &[1.0, 2.0], &[0.5, -0.5], &[]),
+            bytes(
+                "000100000100000002000000010000000000000002000000050000006c6566740000000006000000726967687400000002 0*9 \
+                 f03f000000000000004002 0*13 e03f000000000000e0bf00000000"
+            )
+        );
+        let frames = ["odom", "base_link"];
+        assert_eq!(
+            odometry(AT, frames, Pose::default(), (0.5, -1.0)),
+            bytes(
+                "000100000100000002000000050000006f646f6d000000000a000000626173655f6c696e6b 0*61 f03f 0*294 e03f 0*38 f0bf 0*288"
+            )
+        );
+        assert_eq!(
+            transform(AT, frames, Pose { x: 0.5, ..Pose::default() }),
+            bytes(
+                "00010000010000000100000002000000050000006f646f6d000000000a000000626173655f6c696e6b 0*9 e03f 0*46 f03f"
+            )
+        );
+        assert_eq!(
+            battery_state(AT, Some(12.5), -1.5),
+            bytes(
+                "00010000010000000200000001 0*9 48410000c07f0000c0bf0000c07f0000c07f0000c07f0000c07f00000001 0*8 \
+                 01000000000000000100000000"
+            )
+        );
+        let status = Status {
+            level: Level::Warn,
+            name: "hub: motor 0".to_owned(),
+            message: "stall".to_owned(),
+            values: vec![("temp", "40".to_owned())],
+        };
+        assert_eq!(
+            diagnostics(AT, "hub", &[status]),
+            bytes(
+                "000100000100000002000000010000000000000001000000010000000d0000006875623a206d6f746f72203000000000060000007374616c6c\
+                 0000000400000068756200010000000500000074656d700000000003000000343000"
+            )
+        );
+        assert_eq!(answer(true, "ok"), bytes("0001000001000000030000006f6b00"));
+        assert_eq!(string("<robot/>"), bytes("00010000 09000000 3c726f626f742f3e 00"));
+    }
+
+    #[test]
+    fn what_ros_writes_is_read() {
+        assert_eq!(read_twist(&bytes("0001 0*8 e03f 0*38 f0bf")), Some((0.5, -1.0)));
+        assert_eq!(read_twist_stamped(&bytes(STAMPED)), Some((0.5, -1.0)));
+        assert_eq!(read_trigger(&bytes("0001000000")), Some(()));
+        assert_eq!(read_set_bool(&bytes("0001000001")), Some(true));
+        let names = ["left", "right"];
+        let commands = read_joint_commands(&joint_state(AT, &names, &[1.0, 2.0], &[], &[3.0, 4.0])).unwrap();
+        assert_eq!(commands.names, names);
+        assert_eq!(
+            (commands.positions, commands.velocities, commands.efforts),
+            (vec![1.0, 2.0], vec![], vec![3.0, 4.0])
+        );
+    }
+
+    #[test]
+    fn an_array_that_has_not_one_value_for_each_name_is_ignored() {
+        let commands =
+            read_joint_commands(&joint_state(AT, &["left", "right"], &[1.0], &[0.5, 0.5], &[])).unwrap();
+        assert_eq!((commands.positions, commands.velocities), (vec![], vec![0.5, 0.5]));
+    }
+
+    #[test]
+    fn a_message_cut_anywhere_or_too_long_is_refused() {
+        let twist = bytes(STAMPED);
+        assert!((0..twist.len()).all(|end| read_twist_stamped(&twist[..end]).is_none()));
+        assert!(read_twist_stamped(&[&twist[..], &[0; 3]].concat()).is_some());
+        assert!(read_twist_stamped(&[&twist[..], &[0; 4]].concat()).is_none());
+        let joints = joint_state(AT, &["left", "right"], &[1.0, 2.0], &[0.5, -0.5], &[1.0, 1.0]);
+        assert!((0..joints.len()).all(|end| read_joint_commands(&joints[..end]).is_none()));
+        // Big-endian CDR, and a count of 2^32 - 1 elements.
+        assert!(read_set_bool(&[0, 0, 0, 0, 1]).is_none());
+        assert!(read_joint_commands(&bytes("00010000 0*8 01000000 00 0*3 ffffffff")).is_none());
+    }
+
+    #[test]
+    fn a_twist_that_is_not_a_number_is_refused() {
+        let mut twist = bytes("0001 0*8 e03f 0*38 f0bf");
+        twist[4..12].copy_from_slice(&f64::NAN.to_le_bytes());
+        assert!(read_twist(&twist).is_none());
+    }
+}

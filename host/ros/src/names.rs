@@ -1,0 +1,189 @@
+//! Names on the wire of rmw_zenoh: keys of data, liveliness tokens, and the attachment of each message.
+
+use crate::config::Distribution;
+use crate::messages::{Stamp, Type};
+use xxhash_rust::xxh3::xxh3_128;
+
+/// Kind of an entity, as its token spells it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Publisher,
+    Subscriber,
+    Service,
+}
+
+impl Kind {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Publisher => "MP",
+            Self::Subscriber => "MS",
+            Self::Service => "SS",
+        }
+    }
+}
+
+/// A topic or service of a node.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Entity<'a> {
+    pub(crate) kind: Kind,
+    /// Absolute name, such as `/hub0/cmd_vel`.
+    pub(crate) name: &'a str,
+    pub(crate) of: Type,
+    /// True if a late subscriber gets the last message.
+    pub(crate) latched: bool,
+}
+
+/// A node in the graph of ROS.
+#[derive(Clone, Debug)]
+pub(crate) struct Node {
+    pub(crate) domain: u32,
+    pub(crate) distribution: Distribution,
+    /// The session's id, as zenoh prints it.
+    pub(crate) session: String,
+    /// Number of the node, unique among all nodes and entities of the session.
+    pub(crate) number: usize,
+    /// Absolute namespace such as `/hub0`; empty for none.
+    pub(crate) namespace: String,
+    pub(crate) name: &'static str,
+}
+
+impl Node {
+    /// Key of the data of a topic or service.
+    pub(crate) fn key(&self, entity: &Entity<'_>) -> String {
+        let name = entity.name.trim_matches('/');
+        format!("{}/{name}/{}/{}", self.domain, entity.of.dds, self.hash(entity.of))
+    }
+
+    /// Token that makes the node visible.
+    pub(crate) fn token(&self) -> String {
+        self.token_of("NN", self.number)
+    }
+
+    /// Token that makes a topic or service visible. Its number is unique among all nodes and entities of the session.
+    pub(crate) fn entity_token(&self, entity: &Entity<'_>, number: usize) -> String {
+        let qos = if entity.latched { ":1:,1:,:,:,," } else { "::,10:,:,:,," };
+        let (head, name) = (self.token_of(entity.kind.name(), number), mangled(entity.name));
+        format!("{head}/{name}/{}/{}/{qos}", entity.of.dds, self.hash(entity.of))
+    }
+
+    fn token_of(&self, kind: &str, number: usize) -> String {
+        let Self { domain, session, number: node, name, .. } = self;
+        format!("@ros2_lv/{domain}/{session}/{node}/{number}/{kind}/%/{}/{name}", mangled(&self.namespace))
+    }
+
+    /// Humble has no hashes of types.
+    const fn hash(&self, of: Type) -> &'static str {
+        match self.distribution {
+            Distribution::Humble => "TypeHashNotSupported",
+            Distribution::Jazzy | Distribution::Kilted | Distribution::Lyrical => of.hash,
+        }
+    }
+}
+
+/// A name in a token, where `/` is `%`; no name is `%`.
+fn mangled(name: &str) -> String {
+    if name.is_empty() { "%".to_owned() } else { name.replace('/', "%") }
+}
+
+/// Identifies a publisher, or a client of a service.
+pub(crate) type Gid = [u8; 16];
+
+/// The GID of the entity with this token.
+pub(crate) fn gid(token: &str) -> Gid {
+    xxh3_128(token.as_bytes()).to_le_bytes()
+}
+
+/// The attachment of a message. ROS processes abort at an attachment of another length or layout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Attachment {
+    /// Counts the messages of a publisher or client, from 1.
+    pub(crate) sequence: i64,
+    pub(crate) at: Stamp,
+    pub(crate) gid: Gid,
+}
+
+impl Attachment {
+    /// Length of an attachment in bytes.
+    pub(crate) const LENGTH: usize = 33;
+    /// The length of the GID, which precedes the GID.
+    const GID_LENGTH: u8 = 16;
+
+    pub(crate) fn to_bytes(self) -> Vec<u8> {
+        let numbers = [self.sequence.to_le_bytes(), self.at.0.to_le_bytes()].concat();
+        [&numbers[..], &[Self::GID_LENGTH], &self.gid].concat()
+    }
+
+    /// `None` if the bytes are no attachment.
+    pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
+        let bytes: &[u8; Self::LENGTH] = bytes.try_into().ok()?;
+        let number = |from: usize| Some(i64::from_le_bytes(bytes.get(from..from + 8)?.try_into().ok()?));
+        let gid = bytes.get(17..)?.try_into().ok()?;
+        (bytes[16] == Self::GID_LENGTH).then_some(Self { sequence: number(0)?, at: Stamp(number(8)?), gid })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::messages::{JOINT_STATE, TRIGGER};
+
+    fn node(distribution: Distribution) -> Node {
+        Node {
+            domain: 0,
+            distribution,
+            session: "aac3178e146ba6f1fc6e6a4085e77f21".to_owned(),
+            number: 0,
+            namespace: "/hub0".to_owned(),
+            name: "motor_hub",
+        }
+    }
+
+    const STATES: Entity<'static> =
+        Entity { kind: Kind::Publisher, name: "/hub0/joint_states", of: JOINT_STATE, latched: false };
+
+    /// A token of rmw_zenoh's documentation, and its XXH3-128 by an independent implementation.
+    const TOKEN: &str = "@ros2_lv/0/aac3178e146ba6f1fc6e6a4085e77f21/0/1/MP/%/%hub0/motor_hub/%hub0%joint_states/\
+        sensor_msgs::msg::dds_::JointState_/RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e/::,10:,:,:,,";
+    const GID: Gid =
+        [0x85, 0x1b, 0xd7, 0x10, 0xcb, 0x2f, 0xe7, 0x42, 0x94, 0x0f, 0x4f, 0xb2, 0x8a, 0x33, 0xd8, 0xc1];
+
+    #[test]
+    fn keys_and_tokens_are_those_of_rmw_zenoh() {
+        let node = node(Distribution::Jazzy);
+        assert_eq!(node.entity_token(&STATES, 1), TOKEN);
+        assert_eq!(node.token(), "@ros2_lv/0/aac3178e146ba6f1fc6e6a4085e77f21/0/0/NN/%/%hub0/motor_hub");
+        let stop = Entity { kind: Kind::Service, name: "/hub0/stop", of: TRIGGER, latched: false };
+        assert_eq!(node.key(&stop), format!("0/hub0/stop/std_srvs::srv::dds_::Trigger_/{}", TRIGGER.hash));
+        let at_root = Node { namespace: String::new(), ..node };
+        assert_eq!(at_root.token(), "@ros2_lv/0/aac3178e146ba6f1fc6e6a4085e77f21/0/0/NN/%/%/motor_hub");
+    }
+
+    #[test]
+    fn humble_has_no_hashes() {
+        let key = node(Distribution::Humble).key(&STATES);
+        assert_eq!(key, "0/hub0/joint_states/sensor_msgs::msg::dds_::JointState_/TypeHashNotSupported");
+    }
+
+    #[test]
+    fn a_gid_is_the_hash_of_the_token() {
+        assert_eq!(gid(TOKEN), GID);
+    }
+
+    #[test]
+    fn an_attachment_has_33_bytes_and_is_read_back() {
+        let attachment = Attachment { sequence: 7, at: Stamp(1_000_000_002), gid: GID };
+        let bytes = attachment.to_bytes();
+        assert_eq!((bytes.len(), bytes[0], bytes[8], bytes[16]), (33, 7, 2, 16));
+        assert_eq!(Attachment::read(&bytes), Some(attachment));
+    }
+
+    #[test]
+    fn an_attachment_of_another_length_or_layout_is_refused() {
+        let bytes = Attachment { sequence: 7, at: Stamp(0), gid: GID }.to_bytes();
+        assert!((0..33).all(|end| Attachment::read(&bytes[..end]).is_none()));
+        assert_eq!(Attachment::read(&[&bytes[..], &[0]].concat()), None);
+        let mut other = bytes;
+        other[16] = 15;
+        assert_eq!(Attachment::read(&other), None);
+    }
+}

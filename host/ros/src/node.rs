@@ -1,0 +1,292 @@
+//! One hub as a node of ROS 2: its topics and services on a Zenoh session.
+
+use crate::config::{Distribution, Hub};
+use crate::messages::{self, JointCommands, Stamp, Type};
+use crate::names::{Attachment, Entity, Gid, Kind, Node, gid};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::Sender;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::query::{Query, Queryable};
+use zenoh::{Session, Wait};
+use zenoh_ext::{AdvancedPublisher, AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
+
+/// Interval in which a latched publisher says which message was its last.
+const HEARTBEAT: Duration = Duration::from_millis(500);
+
+/// What arrives for a hub.
+pub(crate) enum Event {
+    /// Forward speed in m/s and turning speed in rad/s.
+    Twist(Gid, (f64, f64)),
+    Joints(Gid, JointCommands),
+    Call(Call, Answer),
+}
+
+/// A call of a service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Call {
+    Stop,
+    Enable(bool),
+    ResetEncoders,
+    Identify,
+    SaveSettings,
+}
+
+/// The open end of a call. A client waits for minutes if it gets no answer.
+pub(crate) struct Answer {
+    query: Query,
+    request: Attachment,
+}
+
+impl Answer {
+    /// Answers the call.
+    pub(crate) fn send(self, outcome: Result<String, String>) {
+        let (success, message) = match &outcome {
+            Ok(message) => (true, message),
+            Err(message) => (false, message),
+        };
+        let attachment = Attachment { at: now(), ..self.request };
+        let reply = self.query.reply(self.query.key_expr().clone(), messages::answer(success, message));
+        if let Err(error) = reply.attachment(attachment.to_bytes()).wait() {
+            eprintln!("warning: a call could not be answered: {error}");
+        }
+    }
+}
+
+/// The wall clock.
+pub(crate) fn now() -> Stamp {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    Stamp(i64::try_from(since.as_nanos()).unwrap_or(i64::MAX))
+}
+
+enum Channel {
+    Volatile(zenoh::pubsub::Publisher<'static>),
+    Latched(AdvancedPublisher<'static>),
+}
+
+/// A publisher, visible while it lives.
+pub(crate) struct Publisher {
+    channel: Channel,
+    gid: Gid,
+    sequence: i64,
+    _token: LivelinessToken,
+}
+
+impl Publisher {
+    /// Publishes a message.
+    pub(crate) fn put(&mut self, message: Vec<u8>, at: Stamp) -> zenoh::Result<()> {
+        self.sequence += 1;
+        let attachment = Attachment { sequence: self.sequence, at, gid: self.gid }.to_bytes();
+        match &self.channel {
+            Channel::Volatile(publisher) => publisher.put(message).attachment(attachment).wait(),
+            Channel::Latched(publisher) => publisher.put(message).attachment(attachment).wait(),
+        }
+    }
+}
+
+/// Topics that a hub publishes.
+pub(crate) struct Topics {
+    pub(crate) joint_states: Publisher,
+    /// Odometry and its transform; `None` without a drive base.
+    pub(crate) odometry: Option<(Publisher, Publisher)>,
+    pub(crate) battery_state: Publisher,
+    pub(crate) diagnostics: Publisher,
+    _description: Option<Publisher>,
+    /// What is visible and receives while it lives.
+    _subscribers: Vec<(Subscriber<()>, LivelinessToken)>,
+    _services: Vec<(Queryable<()>, LivelinessToken)>,
+    _node: LivelinessToken,
+}
+
+/// Declares nodes with their entities, which have numbers of their own in the whole session.
+pub(crate) struct Graph<'a> {
+    session: &'a Session,
+    domain: u32,
+    distribution: Distribution,
+    numbers: std::ops::RangeFrom<usize>,
+}
+
+impl<'a> Graph<'a> {
+    pub(crate) const fn new(session: &'a Session, domain: u32, distribution: Distribution) -> Self {
+        Self { session, domain, distribution, numbers: 0.. }
+    }
+
+    /// Declares a hub's node. What arrives goes to `events`; malformed messages are dropped and counted.
+    pub(crate) fn join(
+        &mut self,
+        hub: &Hub,
+        description: Option<&str>,
+        events: &Sender<Event>,
+        malformed: &Arc<AtomicU64>,
+    ) -> zenoh::Result<Topics> {
+        let node = Node {
+            domain: self.domain,
+            distribution: self.distribution,
+            session: self.session.zid().to_string(),
+            number: self.number(),
+            namespace: hub.namespace.clone(),
+            name: "motor_hub",
+        };
+        let visible = self.token(&node.token())?;
+        let name = |topic: &str| format!("{}/{topic}", hub.namespace);
+
+        let commands: [(&str, Type, Reader); 3] = [
+            ("cmd_vel", messages::TWIST, |from, message| {
+                Some(Event::Twist(from, messages::read_twist(message)?))
+            }),
+            ("cmd_vel", messages::TWIST_STAMPED, |from, message| {
+                Some(Event::Twist(from, messages::read_twist_stamped(message)?))
+            }),
+            ("joint_commands", messages::JOINT_STATE, |from, message| {
+                Some(Event::Joints(from, messages::read_joint_commands(message)?))
+            }),
+        ];
+        let mut subscribers = Vec::new();
+        for (topic, of, read) in commands {
+            if topic != "cmd_vel" || hub.base.is_some() {
+                subscribers.push(self.subscriber(&node, &name(topic), of, read, events, malformed)?);
+            }
+        }
+        let calls: [(&str, Type, CallReader); 5] = [
+            ("stop", messages::TRIGGER, |request| messages::read_trigger(request).map(|()| Call::Stop)),
+            ("enable", messages::SET_BOOL, |request| messages::read_set_bool(request).map(Call::Enable)),
+            ("reset_encoders", messages::TRIGGER, |request| {
+                messages::read_trigger(request).map(|()| Call::ResetEncoders)
+            }),
+            ("identify", messages::TRIGGER, |request| {
+                messages::read_trigger(request).map(|()| Call::Identify)
+            }),
+            ("save_settings", messages::TRIGGER, |request| {
+                messages::read_trigger(request).map(|()| Call::SaveSettings)
+            }),
+        ];
+        let mut services = Vec::new();
+        for (service, of, read) in calls {
+            services.push(self.service(&node, &name(service), of, read, events, malformed)?);
+        }
+        let odometry = match hub.base {
+            // Transforms and diagnostics of all robots are on one topic, as ROS has it.
+            Some(_) => Some((
+                self.publisher(&node, &name("odom"), messages::ODOMETRY)?,
+                self.publisher(&node, "/tf", messages::TF)?,
+            )),
+            None => None,
+        };
+        let description = match description {
+            Some(text) => Some(self.latched(&node, &name("robot_description"), messages::STRING, text)?),
+            None => None,
+        };
+        Ok(Topics {
+            joint_states: self.publisher(&node, &name("joint_states"), messages::JOINT_STATE)?,
+            odometry,
+            battery_state: self.publisher(&node, &name("battery_state"), messages::BATTERY_STATE)?,
+            diagnostics: self.publisher(&node, "/diagnostics", messages::DIAGNOSTICS)?,
+            _description: description,
+            _subscribers: subscribers,
+            _services: services,
+            _node: visible,
+        })
+    }
+
+    fn number(&mut self) -> usize {
+        self.numbers.next().unwrap_or_default()
+    }
+
+    fn token(&self, token: &str) -> zenoh::Result<LivelinessToken> {
+        self.session.liveliness().declare_token(token.to_owned()).wait()
+    }
+
+    /// Token of an entity that was declared before: a peer that sees the token uses the entity at once.
+    fn visible(&mut self, node: &Node, entity: &Entity<'_>) -> zenoh::Result<(LivelinessToken, Gid)> {
+        let token = node.entity_token(entity, self.number());
+        Ok((self.token(&token)?, gid(&token)))
+    }
+
+    fn publisher(&mut self, node: &Node, name: &str, of: Type) -> zenoh::Result<Publisher> {
+        let entity = Entity { kind: Kind::Publisher, name, of, latched: false };
+        let channel = Channel::Volatile(self.session.declare_publisher(node.key(&entity)).wait()?);
+        let (token, gid) = self.visible(node, &entity)?;
+        Ok(Publisher { channel, gid, sequence: 0, _token: token })
+    }
+
+    /// A publisher whose one message late subscribers get too.
+    fn latched(&mut self, node: &Node, name: &str, of: Type, text: &str) -> zenoh::Result<Publisher> {
+        let entity = Entity { kind: Kind::Publisher, name, of, latched: true };
+        let publisher = self
+            .session
+            .declare_publisher(node.key(&entity))
+            .cache(CacheConfig::default().max_samples(1))
+            .publisher_detection()
+            .sample_miss_detection(MissDetectionConfig::default().sporadic_heartbeat(HEARTBEAT))
+            .wait()?;
+        let (token, gid) = self.visible(node, &entity)?;
+        let mut publisher =
+            Publisher { channel: Channel::Latched(publisher), gid, sequence: 0, _token: token };
+        publisher.put(messages::string(text), now())?;
+        Ok(publisher)
+    }
+
+    fn subscriber(
+        &mut self,
+        node: &Node,
+        name: &str,
+        of: Type,
+        read: Reader,
+        events: &Sender<Event>,
+        malformed: &Arc<AtomicU64>,
+    ) -> zenoh::Result<(Subscriber<()>, LivelinessToken)> {
+        let entity = Entity { kind: Kind::Subscriber, name, of, latched: false };
+        let (events, malformed) = (events.clone(), malformed.clone());
+        let subscriber = self
+            .session
+            .declare_subscriber(node.key(&entity))
+            .callback(move |sample| {
+                let attachment = sample.attachment().and_then(|bytes| Attachment::read(&bytes.to_bytes()));
+                match attachment.and_then(|attachment| read(attachment.gid, &sample.payload().to_bytes())) {
+                    // The hub's thread ends only with the program.
+                    Some(event) => drop(events.send(event)),
+                    None => drop(malformed.fetch_add(1, Ordering::Relaxed)),
+                }
+            })
+            .wait()?;
+        Ok((subscriber, self.visible(node, &entity)?.0))
+    }
+
+    fn service(
+        &mut self,
+        node: &Node,
+        name: &str,
+        of: Type,
+        read: CallReader,
+        events: &Sender<Event>,
+        malformed: &Arc<AtomicU64>,
+    ) -> zenoh::Result<(Queryable<()>, LivelinessToken)> {
+        let entity = Entity { kind: Kind::Service, name, of, latched: false };
+        let (events, malformed) = (events.clone(), malformed.clone());
+        let queryable = self
+            .session
+            .declare_queryable(node.key(&entity))
+            // A client asks complete queryables only.
+            .complete(true)
+            .callback(move |query| {
+                let request = query.attachment().and_then(|bytes| Attachment::read(&bytes.to_bytes()));
+                let call = query.payload().and_then(|payload| read(&payload.to_bytes()));
+                match (request, call) {
+                    (Some(request), Some(call)) => {
+                        let _ = events.send(Event::Call(call, Answer { query, request }));
+                    }
+                    _ => drop(malformed.fetch_add(1, Ordering::Relaxed)),
+                }
+            })
+            .wait()?;
+        Ok((queryable, self.visible(node, &entity)?.0))
+    }
+}
+
+/// Reads the request of a call.
+type CallReader = fn(&[u8]) -> Option<Call>;
+
+/// Reads a message of a commander.
+type Reader = fn(Gid, &[u8]) -> Option<Event>;

@@ -1,0 +1,598 @@
+//! One hub's motors as joints of a robot: decides what commands make of them, and keeps the odometry.
+//!
+//! ```text
+//!  twist, joint commands --> [Robot] --set-points--> hub
+//!      stop, enable     -->         <--report-----
+//! ```
+//!
+//! * A command is valid for 0.5 s. Then its joint stops, unless another command follows.
+//! * After `stop` the motors are off until `enable`. After a loss of the hub, too. A joint with a fault, or whose motor the
+//!   hub has switched off, is off until `enable`.
+//! * Of two commanders, the one that appeared later drives, as long as it has sent a command within the last 5 s.
+
+use crate::config::{Hub, Joint};
+use crate::messages::{JointCommands, Level, Pose, Status};
+use crate::names::Gid;
+use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
+use motor_hub_client::motor_hub::motion::EncoderFault;
+use motor_hub_client::motor_hub::record::Fault;
+use motor_hub_client::motor_hub::units::CountsPerSecond;
+use motor_hub_client::reasons::why_still;
+use std::time::Duration;
+
+/// Time for which a command is valid.
+pub(crate) const VALID: Duration = Duration::from_millis(500);
+/// Time without commands after which an earlier commander may drive again.
+const SILENT: Duration = Duration::from_secs(5);
+/// The most commanders that are remembered.
+const REMEMBERED: usize = 64;
+/// Fastest set-point, in counts/s: the protocol has 16 bits for it.
+const FASTEST: f64 = i16::MAX as f64;
+
+/// Set-point of a motor, in the units of the hub.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Setpoint {
+    /// Counts per second.
+    Velocity(i16),
+    /// Counts, and a speed limit in counts per second.
+    Position { counts: i32, speed: i16 },
+    /// Milliamperes, and a speed limit in counts per second.
+    Current { ma: i32, speed: u16 },
+}
+
+/// State of one joint's command.
+#[derive(Clone, Debug, Default)]
+struct Command {
+    /// Set-point that the hub has, or gets next; `None` if the motor is off.
+    setpoint: Option<Setpoint>,
+    /// True if the hub does not have the set-point yet.
+    is_new: bool,
+    /// Until when the set-point is valid; `None` for the set-point of a stop.
+    until: Option<Duration>,
+    /// Why commands are ignored until `enable`.
+    off: Option<String>,
+}
+
+/// Who drives the robot.
+#[derive(Clone, Debug, Default)]
+struct Commander {
+    /// All commanders, in the order of their first command.
+    known: Vec<Gid>,
+    /// The one that drives, and when its last command came.
+    driving: Option<(Gid, Duration)>,
+    /// The one whose command was ignored last, and when.
+    ignored: Option<(Gid, Duration)>,
+}
+
+impl Commander {
+    /// True if this commander may drive now.
+    fn admits(&mut self, from: Gid, now: Duration) -> bool {
+        let is_new = !self.known.contains(&from);
+        if is_new {
+            if self.known.len() == REMEMBERED {
+                self.known.remove(0);
+            }
+            self.known.push(from);
+        }
+        match self.driving {
+            Some((driving, last)) if driving != from && !is_new && now.saturating_sub(last) < SILENT => {
+                self.ignored = Some((from, now));
+                return false;
+            }
+            Some((driving, last)) if driving != from && now.saturating_sub(last) < SILENT => {
+                self.ignored = Some((driving, now));
+            }
+            _ => (),
+        }
+        self.driving = Some((from, now));
+        true
+    }
+
+    /// A warning while a commander is ignored.
+    fn conflict(&self, now: Duration) -> Option<String> {
+        let (ignored, at) = self.ignored?;
+        let (driving, _) = self.driving?;
+        let name = |gid: Gid| gid.iter().take(4).map(|byte| format!("{byte:02x}")).collect::<String>();
+        (now.saturating_sub(at) < SILENT)
+            .then(|| format!("two commanders: {} drives, {} is ignored", name(driving), name(ignored)))
+    }
+}
+
+/// The motors of one hub.
+#[derive(Debug)]
+pub(crate) struct Robot {
+    config: Hub,
+    commands: Vec<Command>,
+    commander: Commander,
+    /// Why all commands are ignored until `enable`.
+    off: Option<&'static str>,
+    report: Option<HubReport>,
+    pose: Pose,
+    /// Forward speed in m/s and turning speed in rad/s.
+    twist: (f64, f64),
+}
+
+impl Robot {
+    pub(crate) fn new(config: Hub) -> Self {
+        Self {
+            commands: vec![Command::default(); config.joints.len()],
+            config,
+            commander: Commander::default(),
+            off: None,
+            report: None,
+            pose: Pose::default(),
+            twist: (0.0, 0.0),
+        }
+    }
+
+    pub(crate) const fn config(&self) -> &Hub {
+        &self.config
+    }
+
+    /// Takes a forward speed in m/s and a turning speed in rad/s for the drive base. Speeds beyond what the protocol can
+    /// express are reduced together, so that the curve keeps its radius.
+    pub(crate) fn twist(&mut self, from: Gid, (forward, turn): (f64, f64), now: Duration) {
+        let Some((base, joints)) = self.config.drive_base() else { return };
+        if !self.admits(from, now) {
+            return;
+        }
+        let Ok(speeds) = base.speeds(1e3 * forward, turn.to_degrees()) else { return };
+        let speeds = speeds.map(CountsPerSecond::to_f64);
+        let fastest = speeds.iter().fold(FASTEST, |most, speed| most.max(speed.abs()));
+        for (joint, speed) in joints.into_iter().zip(speeds) {
+            self.set(joint, Setpoint::Velocity((speed * FASTEST / fastest).round() as i16), now);
+        }
+    }
+
+    /// Takes commands for joints by name. A joint with a position goes there, at the velocity if there is one too; a joint
+    /// with a velocity alone turns at it; a joint with an effort alone has this torque. Unknown names and values that are
+    /// not numbers are ignored.
+    pub(crate) fn joints(&mut self, from: Gid, commands: &JointCommands, now: Duration) {
+        if !self.admits(from, now) {
+            return;
+        }
+        for (index, name) in commands.names.iter().enumerate() {
+            let Some(at) = self.config.joints.iter().position(|joint| joint.name == *name) else { continue };
+            let value = |values: &[f64]| values.get(index).copied().filter(|value| value.is_finite());
+            let setpoint = setpoint(
+                &self.config.joints[at],
+                value(&commands.positions),
+                value(&commands.velocities),
+                value(&commands.efforts),
+            );
+            if let Some(setpoint) = setpoint {
+                self.set(at, setpoint, now);
+            }
+        }
+    }
+
+    fn admits(&mut self, from: Gid, now: Duration) -> bool {
+        self.off.is_none() && self.commander.admits(from, now)
+    }
+
+    fn set(&mut self, joint: usize, setpoint: Setpoint, now: Duration) {
+        if let Some(command) = self.commands.get_mut(joint).filter(|command| command.off.is_none()) {
+            command.is_new |= command.setpoint != Some(setpoint);
+            (command.setpoint, command.until) = (Some(setpoint), Some(now + VALID));
+        }
+    }
+
+    /// Set-points that the hub does not have yet, by motor. Joints whose command is no longer valid stop: a position becomes
+    /// the present one, everything else speed 0.
+    pub(crate) fn due(&mut self, now: Duration) -> Vec<(u8, Setpoint)> {
+        let mut due = Vec::new();
+        for (joint, command) in self.config.joints.iter().zip(&mut self.commands) {
+            if command.until.is_some_and(|until| now >= until) {
+                let present = motor(&self.report, joint).map(|motor| motor.position);
+                let stop = match (command.setpoint, present) {
+                    (Some(Setpoint::Position { speed, .. }), Some(counts)) => {
+                        Setpoint::Position { counts, speed }
+                    }
+                    _ => Setpoint::Velocity(0),
+                };
+                command.is_new |= command.setpoint != Some(stop);
+                (command.setpoint, command.until) = (Some(stop), None);
+            }
+            if let Some(setpoint) = command.setpoint.filter(|_| std::mem::take(&mut command.is_new)) {
+                due.push((joint.motor, setpoint));
+            }
+        }
+        due
+    }
+
+    /// The time until [`due`](Self::due) may have a stop; `None` without a valid command.
+    pub(crate) fn next_stop(&self, now: Duration) -> Option<Duration> {
+        self.commands.iter().filter_map(|command| command.until).min().map(|until| until.saturating_sub(now))
+    }
+
+    /// Switches everything off until [`enable`](Self::enable). The caller disables the motors.
+    pub(crate) fn stop(&mut self, why: &'static str) {
+        self.off = Some(why);
+        for command in &mut self.commands {
+            *command = Command { off: command.off.take(), ..Command::default() };
+        }
+    }
+
+    /// The hub cannot be reached any more.
+    pub(crate) fn lose(&mut self) {
+        self.stop("the hub was lost; call enable");
+        self.report = None;
+    }
+
+    /// Accepts commands again, of joints with a fault too.
+    pub(crate) fn enable(&mut self) {
+        self.off = None;
+        for command in &mut self.commands {
+            *command = Command::default();
+        }
+    }
+
+    /// The hub has refused the set-point of a motor, or has switched the motor off.
+    pub(crate) fn refuse(&mut self, of: u8, why: &str) {
+        for (joint, command) in self.config.joints.iter().zip(&mut self.commands) {
+            if joint.motor == of {
+                *command = Command { off: Some(format!("{why}; call enable")), ..Command::default() };
+            }
+        }
+    }
+
+    /// Why the motors of this hub are off; `None` if they accept commands.
+    pub(crate) const fn off(&self) -> Option<&'static str> {
+        self.off
+    }
+
+    /// Takes a report of the hub. Encoders may have been reset since the last one if `positions_jump` is true.
+    pub(crate) fn observe(&mut self, report: HubReport, positions_jump: bool) {
+        let up_to_date = report.is_up_to_date();
+        for joint in self.config.joints.clone() {
+            let Some(motor) = report.motors.get(usize::from(joint.motor)) else { continue };
+            let driven = self.commands.iter().zip(&self.config.joints).any(|(command, other)| {
+                other.motor == joint.motor && command.setpoint.is_some() && !command.is_new
+            });
+            if driven && up_to_date && (motor.faults.any() || !motor.enabled) {
+                let why = why_still(&report, joint.motor.into()).unwrap_or("the hub has disabled the motor");
+                self.refuse(joint.motor, why);
+            }
+        }
+        if let Some((base, joints)) = self.config.drive_base() {
+            let of = |report: &HubReport, value: fn(&MotorReport) -> i32| {
+                let at = |joint: usize| {
+                    self.config.joints.get(joint).map_or(usize::MAX, |joint| joint.motor.into())
+                };
+                joints.map(|joint| report.motors.get(at(joint)).map_or(0, value))
+            };
+            let speeds = of(&report, |motor| motor.velocity.into());
+            self.twist = (base.distance(speeds) / 1e3, base.heading(speeds).to_radians());
+            if let Some(before) = self.report.as_ref().filter(|_| !positions_jump) {
+                let (now, then) = (of(&report, |motor| motor.position), of(before, |motor| motor.position));
+                let moved = [now[0].wrapping_sub(then[0]), now[1].wrapping_sub(then[1])];
+                let (forward, turned) = (base.distance(moved) / 1e3, base.heading(moved).to_radians());
+                // The chord of an arc lies in the direction of its middle.
+                let (sine, cosine) = (self.pose.heading + turned / 2.0).sin_cos();
+                self.pose.x += forward * cosine;
+                self.pose.y += forward * sine;
+                self.pose.heading += turned;
+            }
+        }
+        self.report = Some(report);
+    }
+
+    /// Place and twist of the drive base; `None` without a base or a report.
+    pub(crate) fn odometry(&self) -> Option<(Pose, (f64, f64))> {
+        (self.config.base.is_some() && self.report.is_some()).then_some((self.pose, self.twist))
+    }
+
+    /// Name, position in rad, velocity in rad/s and effort in N m of each joint. The effort is NaN if it is unknown.
+    pub(crate) fn joint_states(&self) -> Vec<(&str, f64, f64, f64)> {
+        let states = self.config.joints.iter().filter_map(|joint| {
+            let (motor, scale) = (motor(&self.report, joint)?, joint.counts_per_radian());
+            let amperes = f64::from(motor.best_current().get()) / 1e3 * scale.signum();
+            let effort = joint.torque_per_ampere.map_or(f64::NAN, |torque| torque * amperes);
+            Some((
+                joint.name.as_str(),
+                f64::from(motor.position) / scale,
+                f64::from(motor.velocity) / scale,
+                effort,
+            ))
+        });
+        states.collect()
+    }
+
+    /// Voltage in V, if the hub knows it, and the current in A that leaves the battery for the motors, by their duties.
+    pub(crate) fn battery(&self) -> Option<(Option<f32>, f32)> {
+        let report = self.report.as_ref()?;
+        let volts = report.battery.map(|battery| f32::from(battery.get()) / 1e3);
+        let drawn = report
+            .motors
+            .iter()
+            .map(|motor| motor.best_current().get().unsigned_abs() as f32 / 1e3 * drawn(motor));
+        Some((volts, -drawn.sum::<f32>()))
+    }
+
+    /// State of the hub and of each joint, for the topic of diagnostics. `malformed` counts messages that were dropped.
+    pub(crate) fn diagnostics(&self, malformed: u64, now: Duration) -> Vec<Status> {
+        let name = self.config.namespace.trim_start_matches('/').replace('/', " ");
+        let name = if name.is_empty() { "hub".to_owned() } else { name };
+        let (level, message) = match (&self.report, self.off, self.commander.conflict(now)) {
+            (None, ..) => (Level::Stale, "the hub cannot be reached".to_owned()),
+            (_, Some(why), _) => (Level::Warn, why.to_owned()),
+            (.., Some(conflict)) => (Level::Warn, conflict),
+            _ => (Level::Ok, "ready".to_owned()),
+        };
+        let values = vec![("malformed messages", malformed.to_string())];
+        let mut all = vec![Status { level, name: name.clone(), message, values }];
+        for (joint, command) in self.config.joints.iter().zip(&self.commands) {
+            let Some(motor) = motor(&self.report, joint) else { continue };
+            let faults: Vec<Fault> = faults(motor);
+            let report = self.report.as_ref();
+            let why = report.and_then(|report| why_still(report, joint.motor.into()));
+            let (level, message) = match (&command.off, faults.first()) {
+                (Some(off), _) => (Level::Error, off.clone()),
+                (None, Some(fault)) => (Level::Error, fault.name().to_owned()),
+                _ if motor.stalled || motor.derated || motor.current_limited => {
+                    (Level::Warn, why.unwrap_or("the current is limited").to_owned())
+                }
+                _ => (Level::Ok, why.unwrap_or("turning").to_owned()),
+            };
+            let mut values = vec![("motor", joint.motor.to_string())];
+            values
+                .extend(faults.iter().map(|fault| ("fault", format!("{} {}", fault.number(), fault.name()))));
+            values.push(("heat", format!("{:.0} %", f64::from(motor.heat) / 10.0)));
+            all.push(Status { level, name: format!("{name}: {}", joint.name), message, values });
+        }
+        all
+    }
+}
+
+fn motor<'a>(report: &'a Option<HubReport>, joint: &Joint) -> Option<&'a MotorReport> {
+    report.as_ref()?.motors.get(usize::from(joint.motor))
+}
+
+/// Share of a motor's current that comes from the battery: the duty while the motor is driven, nothing while it brakes.
+fn drawn(motor: &MotorReport) -> f32 {
+    use motor_hub_client::motor_hub::braking::Regime;
+    match motor.regime {
+        Some(Regime::Forward | Regime::Reverse) => motor.drive.duty.to_f32(),
+        Some(Regime::Braking) | None => 0.0,
+    }
+}
+
+/// All faults of a motor, in the order of their numbers.
+fn faults(motor: &MotorReport) -> Vec<Fault> {
+    let of = motor.faults;
+    [
+        (of.encoder_stale, Fault::EncoderSilent),
+        (of.encoder == Some(EncoderFault::Stuck), Fault::EncoderStuck),
+        (of.encoder == Some(EncoderFault::Reversed), Fault::EncoderReversed),
+        (of.overheated, Fault::Overheated),
+        (of.bridge, Fault::BridgeOff),
+        (of.battery_unknown, Fault::BatteryUnknown),
+    ]
+    .into_iter()
+    .filter_map(|(present, fault)| present.then_some(fault))
+    .collect()
+}
+
+fn setpoint(
+    joint: &Joint,
+    position: Option<f64>,
+    velocity: Option<f64>,
+    effort: Option<f64>,
+) -> Option<Setpoint> {
+    let scale = joint.counts_per_radian();
+    let limit = (joint.speed * scale.abs()).clamp(1.0, FASTEST).round();
+    match (position, velocity, effort) {
+        (Some(position), velocity, _) => {
+            let speed =
+                velocity.map(|velocity| (velocity * scale).abs().round()).filter(|speed| *speed >= 1.0);
+            let counts = (position * scale).round() as i32;
+            Some(Setpoint::Position { counts, speed: speed.unwrap_or(limit).min(limit) as i16 })
+        }
+        (None, Some(velocity), _) => {
+            Some(Setpoint::Velocity((velocity * scale).clamp(-FASTEST, FASTEST).round() as i16))
+        }
+        (None, None, Some(effort)) => {
+            let ma = 1e3 * effort / joint.torque_per_ampere? * scale.signum();
+            Some(Setpoint::Current { ma: ma.round() as i32, speed: limit as u16 })
+        }
+        (None, None, None) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Config, tests::EXAMPLE};
+    use motor_hub_client::motor_hub::extension::report::ReportedSetpoint;
+    use motor_hub_client::motor_hub::motor::Faults;
+
+    const A: Gid = [1; 16];
+    const B: Gid = [2; 16];
+
+    fn robot() -> Robot {
+        Robot::new(Config::read(EXAMPLE).unwrap().hubs.remove(0))
+    }
+
+    fn ms(ms: u64) -> Duration {
+        Duration::from_millis(ms)
+    }
+
+    /// A report of two enabled motors without faults at these positions.
+    fn report(positions: [i32; 2]) -> HubReport {
+        let motor = |position| MotorReport {
+            position,
+            enabled: true,
+            setpoint: ReportedSetpoint::Velocity(0),
+            ..MotorReport::default()
+        };
+        HubReport { motors: positions.into_iter().map(motor).collect(), ..HubReport::default() }
+    }
+
+    fn velocities(names: &[&str], velocities: &[f64]) -> JointCommands {
+        let names = names.iter().map(|name| (*name).to_owned()).collect();
+        JointCommands { names, velocities: velocities.to_vec(), ..JointCommands::default() }
+    }
+
+    #[test]
+    fn a_twist_becomes_two_wheel_speeds_and_ends_after_half_a_second() {
+        let mut robot = robot();
+        robot.twist(A, (0.5, 0.0), ms(0));
+        // 0.5 m/s on wheels of 0.09 m are 1.768 turns/s. The right motor is mirrored.
+        assert_eq!(robot.due(ms(0)), [(0, Setpoint::Velocity(2971)), (1, Setpoint::Velocity(-2971))]);
+        assert_eq!(robot.next_stop(ms(100)), Some(ms(400)));
+        assert_eq!(robot.due(ms(499)), []);
+        assert_eq!(robot.due(ms(500)), [(0, Setpoint::Velocity(0)), (1, Setpoint::Velocity(0))]);
+        assert_eq!((robot.due(ms(5000)), robot.next_stop(ms(5000))), (vec![], None));
+    }
+
+    #[test]
+    fn a_repeated_command_is_sent_once_and_stays_valid() {
+        let mut robot = robot();
+        for tick in 0..100 {
+            robot.twist(A, (0.5, 0.0), ms(20 * tick));
+            assert_eq!(robot.due(ms(20 * tick)).is_empty(), tick > 0);
+        }
+    }
+
+    #[test]
+    fn a_twist_beyond_the_range_keeps_its_curve() {
+        let mut robot = robot();
+        robot.twist(A, (20.0, 20.0), ms(0));
+        let speeds: Vec<_> = robot.due(ms(0)).into_iter().map(|(_, setpoint)| setpoint).collect();
+        // The wheels' speeds are 17 and 23 m/s.
+        let [Setpoint::Velocity(left), Setpoint::Velocity(right)] = speeds[..] else { panic!("{speeds:?}") };
+        assert_eq!(right, -i16::MAX);
+        assert!((f64::from(left) / f64::from(right) + 17.0 / 23.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn joints_are_driven_by_name_and_by_what_is_given() {
+        let mut robot = robot();
+        let names = vec!["right".to_owned(), "none".to_owned(), "left".to_owned()];
+        let all = JointCommands {
+            names,
+            positions: vec![TAU, 0.0, f64::NAN],
+            velocities: vec![1.0, 1.0, f64::NAN],
+            efforts: vec![0.0, 0.0, 1.2],
+        };
+        robot.joints(A, &all, ms(0));
+        assert_eq!(
+            robot.due(ms(0)),
+            [
+                (0, Setpoint::Current { ma: 2000, speed: 1604 }),
+                (1, Setpoint::Position { counts: -1680, speed: 267 })
+            ]
+        );
+        // The right joint has no torque constant, so it takes no effort.
+        let effort =
+            JointCommands { names: vec!["right".to_owned()], efforts: vec![1.0], ..JointCommands::default() };
+        robot.joints(A, &effort, ms(10));
+        assert_eq!(robot.due(ms(10)), []);
+    }
+
+    #[test]
+    fn a_position_whose_commands_end_is_held_where_the_joint_is() {
+        let mut robot = robot();
+        let to = JointCommands {
+            names: vec!["left".to_owned()],
+            positions: vec![TAU],
+            ..JointCommands::default()
+        };
+        robot.joints(A, &to, ms(0));
+        robot.due(ms(0));
+        robot.observe(report([700, 0]), false);
+        assert_eq!(robot.due(ms(600)), [(0, Setpoint::Position { counts: 700, speed: 1604 })]);
+    }
+
+    #[test]
+    fn stop_lasts_until_enable() {
+        let mut robot = robot();
+        robot.twist(A, (0.5, 0.0), ms(0));
+        robot.stop("stop was called; call enable");
+        assert_eq!(robot.due(ms(0)), []);
+        robot.twist(A, (0.5, 0.0), ms(10));
+        robot.joints(A, &velocities(&["left"], &[1.0]), ms(10));
+        assert_eq!(robot.due(ms(10)), []);
+        robot.enable();
+        assert_eq!(robot.due(ms(20)), []);
+        robot.twist(A, (0.5, 0.0), ms(30));
+        assert_eq!(robot.due(ms(30)).len(), 2);
+    }
+
+    #[test]
+    fn the_newest_commander_drives_and_the_conflict_is_told() {
+        let mut robot = robot();
+        robot.observe(report([0, 0]), false);
+        robot.twist(A, (0.1, 0.0), ms(0));
+        robot.twist(B, (0.2, 0.0), ms(10));
+        robot.due(ms(10));
+        robot.twist(A, (0.1, 0.0), ms(20));
+        assert_eq!(robot.due(ms(20)), []);
+        let hub = robot.diagnostics(0, ms(20)).remove(0);
+        assert_eq!(
+            (hub.level, hub.message.as_str()),
+            (Level::Warn, "two commanders: 02020202 drives, 01010101 is ignored")
+        );
+        // The newer one is silent: the older one drives again after 5 s.
+        robot.twist(A, (0.1, 0.0), ms(5009));
+        assert!(robot.due(ms(5009)).iter().all(|(_, setpoint)| *setpoint == Setpoint::Velocity(0)));
+        robot.twist(A, (0.1, 0.0), ms(5010));
+        assert_eq!(robot.due(ms(5010)).len(), 2);
+    }
+
+    #[test]
+    fn a_joint_with_a_fault_is_off_until_enable_and_its_number_is_told() {
+        let mut robot = robot();
+        robot.twist(A, (0.5, 0.0), ms(0));
+        robot.due(ms(0));
+        let mut faulty = report([0, 0]);
+        faulty.motors[0].faults = Faults { bridge: true, ..Faults::default() };
+        robot.observe(faulty, false);
+        let left = robot.diagnostics(0, ms(0)).remove(1);
+        assert_eq!((left.level, left.name.as_str()), (Level::Error, "hub0: left"));
+        assert!(left.values.contains(&("fault", "5 bridge switched itself off".to_owned())), "{left:?}");
+        robot.twist(A, (0.4, 0.0), ms(10));
+        assert_eq!(robot.due(ms(10)).iter().map(|(motor, _)| *motor).collect::<Vec<_>>(), [1]);
+        robot.enable();
+        robot.twist(A, (0.5, 0.0), ms(20));
+        assert_eq!(robot.due(ms(20)).len(), 2);
+    }
+
+    #[test]
+    fn a_lost_hub_reports_nothing_old_and_stays_off() {
+        let mut robot = robot();
+        robot.observe(report([10, 10]), false);
+        robot.lose();
+        assert!(robot.joint_states().is_empty() && robot.odometry().is_none() && robot.battery().is_none());
+        assert_eq!(robot.diagnostics(0, ms(0)).remove(0).level, Level::Stale);
+        robot.observe(report([10, 10]), true);
+        robot.twist(A, (0.5, 0.0), ms(0));
+        assert_eq!(robot.due(ms(0)), []);
+    }
+
+    #[test]
+    fn a_quarter_circle_ends_where_geometry_says() {
+        let mut robot = robot();
+        // The middle drives a quarter of a circle of 1 m radius to the left, in steps of one degree.
+        let counts = |radius: f64, degrees: f64| {
+            (degrees.to_radians() * radius / (std::f64::consts::PI * 0.09) * 1680.0) as i32
+        };
+        for degree in 0..=90 {
+            let degree = f64::from(degree);
+            robot.observe(report([counts(0.85, degree), -counts(1.15, degree)]), false);
+        }
+        let (pose, _) = robot.odometry().unwrap();
+        assert!((pose.x - 1.0).abs() < 2e-3 && (pose.y - 1.0).abs() < 2e-3, "{pose:?}");
+        assert!((pose.heading.to_degrees() - 90.0).abs() < 0.1, "{pose:?}");
+    }
+
+    #[test]
+    fn a_reset_of_the_encoders_moves_no_base() {
+        let mut robot = robot();
+        robot.observe(report([5000, -5000]), false);
+        robot.observe(report([0, 0]), true);
+        assert_eq!(robot.odometry().unwrap().0, Pose::default());
+    }
+
+    use std::f64::consts::TAU;
+}
