@@ -1,7 +1,8 @@
 //! `cargo xtask check`: all that can be said of the sources without running them.
 
 use crate::board::{ALL, BENCHES, DRIVERS};
-use crate::tool::{Failed, cargo, cargo_command, none, run};
+use crate::tool::{Failed, cargo, cargo_command, command, none, run};
+use crate::try_page;
 
 /// Cores without atomic read-modify-write, for which the library alone is checked.
 const SMALL_CORES: [&str; 2] = ["thumbv6m-none-eabi", "riscv32imc-unknown-none-elf"];
@@ -12,7 +13,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     none(arguments)?;
     let chips = || ALL.iter().map(|board| (board.name, board.target)).chain(BENCHES);
     // Two chips, or a chip and the host, do not build in one cargo command.
-    let not_host = chips().map(|(name, _)| name).chain([DRIVERS]);
+    let not_host = chips().map(|(name, _)| name).chain([DRIVERS, try_page::PACKAGE]);
     let host: Vec<&str> =
         ["--workspace"].into_iter().chain(not_host.flat_map(|name| ["--exclude", name])).collect();
 
@@ -21,6 +22,9 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     // The program is linted without its feature above, and with it here.
     let emulated = ["clippy", "--package", "motor-hub-cli", "--features", "emulated", "--all-targets"];
     cargo(&[&emulated[..], &DENY].concat())?;
+    run(command("rustup").args(["target", "add", try_page::TARGET]))?;
+    let tab = ["clippy", "--package", try_page::PACKAGE, "--target", try_page::TARGET];
+    cargo(&[&tab[..], &DENY].concat())?;
     let library = ["clippy", "--package", "motor-hub", "--lib"];
     cargo(&[&library[..], &DENY].concat())?;
     cargo(&[&library[..], &["--no-default-features"], &DENY].concat())?;

@@ -6,12 +6,13 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Stdio;
 
-const TARGET: &str = "wasm32-unknown-unknown";
+pub(crate) const PACKAGE: &str = "tab";
+pub(crate) const TARGET: &str = "wasm32-unknown-unknown";
 
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     none(arguments)?;
     run(command("rustup").args(["target", "add", TARGET]))?;
-    run(&mut cargo_command(&["build", "--package", "tab", "--target", TARGET, "--profile", "tab"]))?;
+    run(&mut cargo_command(&["build", "--package", PACKAGE, "--target", TARGET, "--profile", "tab"]))?;
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
     let relay = target.join(TARGET).join("tab/tab.wasm");
     let packed = command("gzip").args(["-9", "-n", "-c"]).arg(&relay).stderr(Stdio::inherit()).output();

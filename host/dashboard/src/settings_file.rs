@@ -20,13 +20,18 @@ const HEAD: &str = "# Settings of a motor hub: `motor-hub client settings import
 /// # Errors
 /// The exchange with the hub fails, or the hub does not report its settings.
 pub fn export<L: Read + Write>(session: &mut Session<L>) -> Result<String, Error> {
-    // A hub that stores nothing does not report which coefficients a host has set, and all are left out.
+    let mut text = format!("{HEAD}\nschema_version = {SCHEMA_VERSION}\n");
+    // A hub that stores nothing does not report which coefficients a host has set.
     let set_by_host = match session.stored() {
         Ok(report) => report.coefficients,
-        Err(Error::Refused { .. } | Error::TooOld { .. }) => 0,
+        Err(Error::Refused { .. } | Error::TooOld { .. }) => {
+            text.push_str(
+                "# This hub does not report coefficients that a host has set: they are not in this file.\n",
+            );
+            0
+        }
         Err(error) => return Err(error),
     };
-    let mut text = format!("{HEAD}\nschema_version = {SCHEMA_VERSION}\n");
     for motor in 0..CHANNELS as u8 {
         let mut settings = session.settings(motor)?;
         if set_by_host >> motor & 1 != 0 {
