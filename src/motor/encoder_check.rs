@@ -310,8 +310,13 @@ impl EncoderCheck {
     }
 
     /// Takes a sample of the encoder, at ticks and best every millisecond between them. The regulator has already taken
-    /// the sample. `drive_volts` is the drive voltage of the present command.
-    pub(super) fn sample(&mut self, reading: &Reading, regulator: &Regulator, drive_volts: f32) {
+    /// the sample. `drive_volts` returns the drive voltage of the present command.
+    pub(super) fn sample(
+        &mut self,
+        reading: &Reading,
+        regulator: &Regulator,
+        drive_volts: impl FnOnce() -> f32,
+    ) {
         self.last_motion.sample(reading, regulator, drive_volts);
     }
 

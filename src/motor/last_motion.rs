@@ -87,8 +87,14 @@ pub(super) struct SteadyRun {
 }
 
 impl LastMotion {
-    /// Takes a sample that the regulator has already taken. `drive_volts` is the present drive voltage.
-    pub(super) fn sample(&mut self, reading: &Reading, regulator: &Regulator, drive_volts: f32) {
+    /// Takes a sample that the regulator has already taken. `drive_volts` returns the present drive voltage; it is called
+    /// once a motion.
+    pub(super) fn sample(
+        &mut self,
+        reading: &Reading,
+        regulator: &Regulator,
+        drive_volts: impl FnOnce() -> f32,
+    ) {
         self.sampled_at = reading.at.get() as u32;
         if self.silent_us() < LIMITS.pause_us {
             return;
@@ -105,14 +111,14 @@ impl LastMotion {
             self.run_began_at = self.sampled_at;
         }
         let estimate =
-            Estimate { speed_cps: regulator.velocity().to_f32(), disturbance_cps2: regulator.disturbance() };
+            Estimate { speed_cps: regulator.speed_cps(), disturbance_cps2: regulator.disturbance() };
         *self = Self {
             centre: reading.position.wrapping_sub(away.signum()),
             moved_at: self.sampled_at,
             clockwise: Some(clockwise),
             estimate,
             estimate_before: self.estimate,
-            drive_volts,
+            drive_volts: drive_volts(),
             position: reading.position,
             samples: 0,
             toggles: 0,

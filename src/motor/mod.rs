@@ -284,8 +284,9 @@ impl Motor {
     pub fn sample(&mut self, reading: Reading) {
         self.identifier.sample(&reading);
         self.regulator.sample(reading);
-        let drive_volts = self.command.map_or(0.0, |command| command.voltage.to_volts());
-        self.check.sample(&reading, &self.regulator, drive_volts);
+        let Self { check, command, regulator, .. } = self;
+        let drive_volts = || command.as_ref().map_or(0.0, |command| command.voltage.to_volts());
+        check.sample(&reading, regulator, drive_volts);
     }
 
     /// Takes the feedback of the bridge, on a board that can read the feedback.

@@ -304,9 +304,14 @@ impl Regulator {
 
     /// The estimated speed.
     pub fn velocity(&self) -> CountsPerSecond {
+        speed(self.speed_cps())
+    }
+
+    /// The estimated speed in counts/s.
+    pub fn speed_cps(&self) -> f32 {
         let observer = &self.motion.observer;
         // This runs after every sample, so the observer is copied only while a count is late.
-        speed(if observer.is_late() { self.present_state().speed() } else { observer.speed() })
+        if observer.is_late() { self.present_state().speed() } else { observer.speed() }
     }
 
     /// Acceleration by load and drag at this moment, in counts/s².
