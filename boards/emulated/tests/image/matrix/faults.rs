@@ -67,6 +67,8 @@ impl Fault {
             Self::HostGarbled(_) | Self::LogAbandoned => ms(3_000),
             // Until a motor that brakes a load is found out, and a second.
             Self::Encoder(Encoder::Unplugged | Encoder::Stuck { .. }) => ms(2_100),
+            // Until an unknown motor that may be heavy is found out, and a second.
+            Self::Encoder(Encoder::Reversed) => ms(3_400),
             _ => ms(1_100),
         }
     }

@@ -78,7 +78,8 @@ const REVERSED: &[&str] = &["lost counts", "log: reversed"];
 
 /// Whatever the motor does; open loop needs no encoder.
 const SILENT_ENCODER: [Cell; 4] = [WORKS, off(250, STUCK), off(250, STUCK), off(250, STUCK)];
-const BACKWARDS: [Cell; 4] = [WORKS, off(300, REVERSED), off(300, REVERSED), off(400, REVERSED)];
+/// An unknown motor may be heavy, and has 2.2 s to slow down after its encoder counted in the right direction.
+const BACKWARDS: [Cell; 4] = [WORKS, off(2_300, REVERSED), off(2_300, REVERSED), off(400, REVERSED)];
 /// Nobody notices: counts that do not come look like a slower motor, which is driven the faster.
 const SOME_COUNTS_LOST: [Cell; 4] =
     [WORKS, turns(1_000.0, 2_000.0), turns(1_000.0, 2_000.0), turns(240.0, 600.0)];
