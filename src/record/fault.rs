@@ -64,6 +64,11 @@ impl Fault {
         self as u8
     }
 
+    /// Iterates over the faults that keep a motor from running, in the order of their numbers.
+    pub fn of_motor(faults: Faults) -> impl Iterator<Item = Self> {
+        Self::in_bits(Self::bits_of(faults))
+    }
+
     /// Returns the faults that keep a motor from running, as bits by number.
     pub(super) const fn bits_of(faults: Faults) -> u8 {
         let encoder = match faults.encoder {

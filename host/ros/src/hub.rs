@@ -115,7 +115,8 @@ impl HubThread {
 
     /// Serves a connected hub until the program ends, or until the hub is lost.
     fn serve(&mut self, hub: &mut Connected) -> Result<(), Error> {
-        hub.stop_abandoned()?;
+        // A former host may have left motors enabled: every packet prolongs their motion.
+        hub.disable()?;
         let (mut next, mut slow) = (Instant::now(), Instant::now());
         while !self.ends.load(Ordering::Relaxed) {
             let wait = next.saturating_duration_since(Instant::now());
@@ -273,11 +274,6 @@ fn told(published: zenoh::Result<()>) {
 }
 
 impl Connected {
-    /// Disables motors that a former host has left enabled: every packet prolongs their motion.
-    fn stop_abandoned(&mut self) -> Result<(), Error> {
-        self.disable()
-    }
-
     /// Disables all motors, with one packet.
     fn disable(&mut self) -> Result<(), Error> {
         self.sent = [Sent::default(); CHANNELS];

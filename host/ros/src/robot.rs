@@ -14,7 +14,6 @@ use crate::config::{Hub, Joint};
 use crate::messages::{JointCommands, Level, Pose, Status};
 use crate::names::Gid;
 use motor_hub_client::motor_hub::extension::report::{HubReport, MotorReport};
-use motor_hub_client::motor_hub::motion::EncoderFault;
 use motor_hub_client::motor_hub::record::Fault;
 use motor_hub_client::motor_hub::units::CountsPerSecond;
 use motor_hub_client::reasons::why_still;
@@ -323,7 +322,7 @@ impl Robot {
         let mut all = vec![Status { level, name: name.clone(), message, values }];
         for (joint, command) in self.config.joints.iter().zip(&self.commands) {
             let Some(motor) = motor(&self.report, joint) else { continue };
-            let faults: Vec<Fault> = faults(motor);
+            let faults: Vec<Fault> = Fault::of_motor(motor.faults).collect();
             let report = self.report.as_ref();
             let why = report.and_then(|report| why_still(report, joint.motor.into()));
             let (level, message) = match (&command.off, faults.first()) {
@@ -355,22 +354,6 @@ fn drawn(motor: &MotorReport) -> f32 {
         Some(Regime::Forward | Regime::Reverse) => motor.drive.duty.to_f32(),
         Some(Regime::Braking) | None => 0.0,
     }
-}
-
-/// All faults of a motor, in the order of their numbers.
-fn faults(motor: &MotorReport) -> Vec<Fault> {
-    let of = motor.faults;
-    [
-        (of.encoder_stale, Fault::EncoderSilent),
-        (of.encoder == Some(EncoderFault::Stuck), Fault::EncoderStuck),
-        (of.encoder == Some(EncoderFault::Reversed), Fault::EncoderReversed),
-        (of.overheated, Fault::Overheated),
-        (of.bridge, Fault::BridgeOff),
-        (of.battery_unknown, Fault::BatteryUnknown),
-    ]
-    .into_iter()
-    .filter_map(|(present, fault)| present.then_some(fault))
-    .collect()
 }
 
 fn setpoint(
