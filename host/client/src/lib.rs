@@ -62,5 +62,9 @@ pub use error::{Error, OpenError};
 pub use line::Line;
 pub use session::Session;
 
+/// Time without a packet after which a hub disables all motors.
+pub const KEEP_ALIVE: std::time::Duration =
+    std::time::Duration::from_micros(motor_hub::responder::keep_alive::TIMEOUT_MICROS);
+
 /// The firmware's library, whose types the commands use.
 pub use motor_hub;

@@ -26,9 +26,9 @@ use motor_hub::extension::report::Condition;
 use motor_hub::extension::settings::{Group, MotorSettings, Values};
 use motor_hub::extension::{MotorFunction, Request};
 use motor_hub::motor::{Settings, ZeroPower};
-use motor_hub::protocol::Nack;
 use motor_hub::protocol::motor::{ChannelMode, Coefficients, Loop, RunMode, Target, ToMotor};
 use motor_hub::protocol::payload::Fields;
+use motor_hub::protocol::{CHANNELS, Nack};
 use motor_hub::regulator::identify::Identification;
 use motor_hub::units::Control;
 use std::io::{Read, Write};
@@ -51,6 +51,28 @@ pub struct MotorState {
 }
 
 impl<L: Read + Write> Session<L> {
+    /// Disables motors that a former host has left enabled, and returns them. Any packet would reset the keep-alive that
+    /// stops them. A line has one host at a time, so the host that enabled them is gone.
+    ///
+    /// # Errors
+    /// See [`Session::ask`], as for all commands.
+    pub fn stop_abandoned(&mut self) -> Result<Vec<u8>, Error> {
+        let mut found = Vec::new();
+        for motor in 0..CHANNELS as u8 {
+            match self.enabled(motor) {
+                Ok(false) => (),
+                Ok(true) => {
+                    self.enable(motor, false)?;
+                    found.push(motor);
+                }
+                // A hub with fewer motors.
+                Err(Error::Refused { .. } | Error::TooOld { .. }) => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(found)
+    }
+
     /// Mode, enable and all targets of a motor.
     ///
     /// # Errors

@@ -15,14 +15,14 @@ use motor_hub_client::motor_hub::protocol::CHANNELS;
 use motor_hub_client::motor_hub::protocol::motor::RunMode;
 use motor_hub_client::motor_hub::regulator::identify::Identification;
 use motor_hub_client::motor_hub::units::{Acceleration, Control, CountsPerSecond};
-use motor_hub_client::{Error, Session, reasons};
+use motor_hub_client::{Error, KEEP_ALIVE, Session, reasons};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 pyo3::create_exception!(
     motor_hub,
@@ -37,9 +37,6 @@ pyo3::create_exception!(
     "The hub refuses a request, or its firmware is too old for it."
 );
 pyo3::create_exception!(motor_hub, Unreachable, HubError, "The line to the hub fails, or no hub answers.");
-
-/// Time without a packet after which a hub disables its motors.
-const KEEP_ALIVE: Duration = Duration::from_millis(2500);
 
 impl From<Failure> for PyErr {
     fn from(Failure(error): Failure) -> Self {
@@ -102,24 +99,6 @@ impl Link {
     }
 }
 
-/// Disables motors that a former host has left enabled, and returns them: every packet resets the keep-alive that stops them.
-fn stop_abandoned(session: &mut Session<Line>) -> Result<Vec<u8>, Error> {
-    let mut found = Vec::new();
-    for motor in 0..CHANNELS as u8 {
-        match session.enabled(motor) {
-            Ok(false) => (),
-            Ok(true) => {
-                session.enable(motor, false)?;
-                found.push(motor);
-            }
-            // A hub with fewer motors.
-            Err(Error::Refused { .. } | Error::TooOld { .. }) => break,
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(found)
-}
-
 #[pymethods]
 impl Link {
     /// Opens a serial port, or a TCP connection if `place` is HOST:PORT.
@@ -128,7 +107,7 @@ impl Link {
         py.detach(|| {
             let mut session = Session::open(place)
                 .map_err(|error| Unreachable::new_err(format!("cannot open {place}: {error}")))?;
-            let left_running = stop_abandoned(&mut session).map_err(Failure)?;
+            let left_running = session.stop_abandoned().map_err(Failure)?;
             Ok(Self { session: Mutex::new(session), left_running })
         })
     }

@@ -1,17 +1,13 @@
 //! Disables motors that a command has enabled, however the command ends. Also disables motors that a former host left
 //! enabled, before a command does anything else.
 
-use super::drive::ALL;
 use super::interrupt;
 use super::trouble::Trouble;
 use crate::output::{Failure, say};
-use motor_hub_client::{Error, Session};
+use motor_hub_client::{Error, KEEP_ALIVE, Session};
 use std::io::{Read, Write};
 use std::ops::{Deref, DerefMut};
 use std::time::{Duration, Instant};
-
-/// Keep-alive timeout of the hub: without a packet for this time the hub disables all motors.
-const KEEP_ALIVE: Duration = Duration::from_millis(2500);
 
 /// Time-out for disabling one motor, before the next motor is disabled. It shortens a longer `--timeout-ms`.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -119,22 +115,9 @@ impl<L: Read + Write> DerefMut for Driven<'_, L> {
     }
 }
 
-/// Disables motors that a former host has left enabled, and reports that: any packet would reset the keep-alive that stops
-/// them. A line has one host at a time, so the host that enabled them is gone.
+/// Disables motors that a former host has left enabled, and reports that.
 pub(super) fn stop_abandoned(session: &mut Session<impl Read + Write>) -> Result<(), Error> {
-    let mut found = Vec::new();
-    for motor in ALL {
-        match session.enabled(motor) {
-            Ok(false) => (),
-            Ok(true) => {
-                session.enable(motor, false)?;
-                found.push(motor);
-            }
-            // A hub with fewer motors.
-            Err(Error::Refused { .. } | Error::TooOld { .. }) => break,
-            Err(error) => return Err(error),
-        }
-    }
+    let found = session.stop_abandoned()?;
     if !found.is_empty() {
         say(&format!("disabled {}, left running by another host", names(&found)));
     }
