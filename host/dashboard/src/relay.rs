@@ -1,5 +1,5 @@
 //! The thread that owns the hub. It reads the motors' state 50 times per second, sends frames to all pages, and executes
-//! orders as they arrive. Motors run only while the page in control is ooutbox: see [`pages`](crate::pages).
+//! orders as they arrive. Motors run only while the page in control is open: see [`pages`](crate::pages).
 
 use crate::executor::{Changed, Executor, Trouble, channel};
 use crate::frame::{FaultEntry, Found, Frame, Learned, Message, OfMotor, PointsAt, Welcome, refused};
@@ -71,18 +71,18 @@ pub fn open(place: &str) -> Result<Hub, motor_hub_client::OpenError> {
 
 type Opener = Box<dyn FnMut() -> Result<Hub, String> + Send>;
 
-/// A hub, and how to ooutbox a session with it.
+/// A hub, and how to open a session with it.
 pub struct Place {
     name: String,
     world: Option<World>,
     script: Option<Script>,
-    ooutbox: Opener,
+    open: Opener,
 }
 
 impl Place {
     /// A hub on a serial port or TCP connection.
-    pub fn real(name: &str, ooutbox: impl FnMut() -> Result<Hub, String> + Send + 'static) -> Self {
-        Self { name: name.to_owned(), world: None, script: None, ooutbox: Box::new(ooutbox) }
+    pub fn real(name: &str, open: impl FnMut() -> Result<Hub, String> + Send + 'static) -> Self {
+        Self { name: name.to_owned(), world: None, script: None, open: Box::new(open) }
     }
 
     /// A simulated hub. Pages may change its world and play its scenario.
@@ -90,9 +90,9 @@ impl Place {
         name: &str,
         world: World,
         script: Option<Script>,
-        ooutbox: impl FnMut() -> Result<Hub, String> + Send + 'static,
+        open: impl FnMut() -> Result<Hub, String> + Send + 'static,
     ) -> Self {
-        Self { name: name.to_owned(), world: Some(world), script, ooutbox: Box::new(ooutbox) }
+        Self { name: name.to_owned(), world: Some(world), script, open: Box::new(open) }
     }
 }
 
@@ -105,7 +105,7 @@ impl fmt::Debug for Place {
 /// An event of a page, with the page's number.
 #[derive(Debug)]
 pub enum Event {
-    /// The page was ooutboxed; the outbox sends texts to it.
+    /// The page was opened; the outbox sends texts to it.
     Joined(u32, Outbox),
     /// The page was closed.
     Left(u32),
@@ -394,7 +394,7 @@ impl Relay {
 
     fn connect(&mut self) {
         self.connect_at = Instant::now() + AGAIN;
-        let ooutboxed = (self.place.ooutbox)().and_then(|mut session| {
+        let opened = (self.place.open)().and_then(|mut session| {
             session.hurry(PATIENCE);
             let reports = session.report().map_err(|error| error.to_string())?.is_some();
             let stores = match session.stored() {
@@ -404,7 +404,7 @@ impl Relay {
             };
             Ok((session, reports, stores))
         });
-        match ooutboxed {
+        match opened {
             Ok((session, reports, stores)) => {
                 self.session = Some(session);
                 self.looked_at = Instant::now();
