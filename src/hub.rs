@@ -28,7 +28,7 @@ mod groups;
 use crate::bridge::{BridgeFeedback, Drive};
 use crate::group::{GroupCommand, Halt};
 use crate::motion::Reading;
-use crate::motor::{Motor, Report, Setpoint, Settings, SupplyLimits};
+use crate::motor::{Motor, Report, Setpoint, Settings};
 use crate::supply::{Battery, DrawStage};
 use crate::units::{CountsPerSecond, Micros, Millivolts, Period, RangeError, Share, is_included};
 use bus::EnergyMeter;
@@ -207,10 +207,10 @@ impl<const N: usize> Hub<N> {
     /// Executes the applied [direct](Action::is_direct) actions, between two ticks. Returns the commands of all bridges if one
     /// of them has changed.
     pub fn execute_direct(&mut self, now: Micros, battery: Option<Battery>) -> Option<[Drive; N]> {
-        let battery = battery.filter(|battery| battery.is_fresh(now)).map(|battery| battery.voltage);
+        let battery = battery.filter(|battery| battery.is_fresh(now));
         self.update_energy(now);
         let changed =
-            self.motors.iter_mut().fold(false, |changed, motor| motor.step_direct(battery) | changed);
+            self.motors.iter_mut().fold(false, |changed, motor| motor.step_direct(now, battery) | changed);
         changed.then(|| self.motors.each_ref().map(Motor::drive))
     }
 
@@ -258,15 +258,14 @@ impl<const N: usize> Hub<N> {
     }
 
     /// Limits all motors according to the state of the bus. Returns true if the command of a bridge has changed.
-    #[cold]
     fn limit_supply(&mut self, battery: &Battery, now: Micros) -> bool {
-        let &Battery { draw, dissipate, newest, .. } = battery;
-        (self.draw, self.dissipate) = (draw, dissipate);
+        (self.draw, self.dissipate) = (battery.draw, battery.dissipate);
         self.update_energy(now);
-        let limits = SupplyLimits { draw, dissipate, bus: newest, from: now };
         // Only one motor at a time may return the energy of its winding.
-        let mut turn = true;
-        self.motors.iter_mut().fold(false, |changed, motor| motor.limit_supply(limits, &mut turn) | changed)
+        let mut may_end_short = true;
+        let limit =
+            |changed, motor: &mut Motor| motor.limit_supply(now, battery, &mut may_end_short) | changed;
+        self.motors.iter_mut().fold(false, limit)
     }
 
     /// Adds the energy of all motors from the last addition until `now`.
@@ -278,10 +277,9 @@ impl<const N: usize> Hub<N> {
     ///
     /// A motor depends on no other motor, except for the other members of its group.
     pub fn step(&mut self, inputs: &Inputs<N>) -> Snapshot<N> {
-        let fresh = inputs.battery.as_ref().filter(|battery| battery.is_fresh(inputs.now));
-        let battery = fresh.map(|fresh| fresh.voltage);
-        if let Some(fresh) = fresh.filter(|fresh| self.needs_limits(fresh)) {
-            self.limit_supply(fresh, inputs.now);
+        let battery = inputs.battery.filter(|battery| battery.is_fresh(inputs.now));
+        if let Some(battery) = battery.filter(|battery| self.needs_limits(battery)) {
+            self.limit_supply(&battery, inputs.now);
         }
         if self.energy.is_due(self.tick) {
             self.update_energy(inputs.now);
@@ -293,7 +291,8 @@ impl<const N: usize> Hub<N> {
             *report = motor.step(inputs.now, reading, battery);
         }
         self.groups.review(&mut motors, &mut self.motors, self.period);
-        let bus = self.energy.report(fresh);
+        let bus = self.energy.report(battery.as_ref());
+        let battery = battery.map(|battery| battery.voltage);
         let Self { tick, missed, commands, .. } = *self;
         Snapshot { tick, at: inputs.now, missed, commands, battery, bus, motors }
     }

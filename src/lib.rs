@@ -14,12 +14,15 @@
 //! use motor_hub::braking::Winding;
 //! use motor_hub::bridge::{Drive, Mode};
 //! use motor_hub::motor::{Motor, Setpoint, Settings};
+//! use motor_hub::supply::Battery;
 //! use motor_hub::units::{Control, Micros, Millivolts, Period};
 //!
 //! // One motor, from its set-point to the command of its bridge.
 //! let mut motor = Motor::new(Settings::new(Winding::NEVEREST_60), Period::DEFAULT);
 //! motor.set(Setpoint::ConstantPower(Control::MAX));
-//! let report = motor.step(Micros::new(50_000), None, Some(Millivolts::new(12_000)));
+//! let now = Micros::new(50_000);
+//! let battery = Battery::good(Millivolts::new(12_000), now);
+//! let report = motor.step(now, None, Some(battery));
 //! assert_eq!(report.drive.mode, Mode::Cw98);
 //! // Without a battery voltage the motor coasts.
 //! assert_eq!(motor.step(Micros::new(100_000), None, None).drive, Drive::COAST);

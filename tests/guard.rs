@@ -489,7 +489,11 @@ fn a_motor_that_turns_back_slower_than_160_counts_per_s_is_no_runaway() {
         (1..40).any(|tick: i32| {
             let at = Micros::new(50_000 * u64::from(tick.unsigned_abs()));
             let reading = Reading { position: -moved * tick, edge_at: at, at };
-            motor.step(at, Some(reading), Some(Millivolts::new(12_000))).faults.encoder.is_some()
+            motor
+                .step(at, Some(reading), Some(Battery::good(Millivolts::new(12_000), at)))
+                .faults
+                .encoder
+                .is_some()
         })
     };
     // 20, 140, 160 and 2000 counts/s.
@@ -564,7 +568,7 @@ impl Backwards {
         self.ticks += 1;
         let at = Micros::new(u64::from(Self::MS * self.ticks.unsigned_abs()) * 1000);
         let reading = Reading { position: 6 * self.direction * self.ticks, edge_at: at, at };
-        self.motor.step(at, Some(reading), Some(Millivolts::new(12_000)))
+        self.motor.step(at, Some(reading), Some(Battery::good(Millivolts::new(12_000), at)))
     }
 
     /// Takes a tick; returns true if the bridge is in full reverse.

@@ -7,6 +7,7 @@ use motor_hub::braking::Winding;
 use motor_hub::motion::{Reading, Tracker};
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
 use motor_hub::regulator::{Dynamics, Kind};
+use motor_hub::supply::Battery;
 use motor_hub::units::{AccelerationPerVolt, CountsPerSecond, DecayRate, Micros, Millivolts, Period};
 
 /// A NeveRest 60 with about its own inertia.
@@ -36,7 +37,8 @@ fn turning(cps: f64, jitter: impl Fn(u64) -> i64, left_out: impl Fn(u64) -> bool
             last = Some(reading);
         }
         if ms % 50 == 0 {
-            report = motor.step(Micros::new(at), last, Some(Millivolts::new(12_000)));
+            let battery = Battery::good(Millivolts::new(12_000), Micros::new(at));
+            report = motor.step(Micros::new(at), last, Some(battery));
         }
     }
     assert_eq!(report.regulator, Kind::Model);

@@ -35,7 +35,7 @@ pub struct OperatingPoint {
     e: i64,
     /// Battery voltage in steps of 2^-20 mV: above 0, below 2^36.
     v: i64,
-    /// The back EMF is negative: the motor turns counter-clockwise.
+    /// True if the back EMF is negative, so that the motor turns counter-clockwise.
     counter_clockwise: bool,
 }
 

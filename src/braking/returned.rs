@@ -10,13 +10,13 @@ use crate::units::Voltage;
 pub struct Returned {
     /// Power that returns to the bus.
     pub returned: f32,
-    /// Power that heats winding and bridge.
-    pub burnt: f32,
+    /// Power that winding and bridge dissipate.
+    pub dissipated: f32,
 }
 
 impl Returned {
     /// The power of a motor that does not brake.
-    pub const NONE: Self = Self { returned: 0.0, burnt: 0.0 };
+    pub const NONE: Self = Self { returned: 0.0, dissipated: 0.0 };
 }
 
 impl Modulator {
@@ -34,7 +34,7 @@ impl Modulator {
         let braked = e * current;
         match modulation.regime {
             Regime::Forward => Returned::NONE,
-            Regime::Reverse => Returned { returned: 0.0, burnt: braked },
+            Regime::Reverse => Returned { returned: 0.0, dissipated: braked },
             Regime::Braking => {
                 // `share` is the part of the mean current that flows into the bus, which is while the bridge is open and
                 // the current falls. A continuous current falls for all of this time. A discontinuous current reaches
@@ -42,7 +42,7 @@ impl Modulator {
                 let open = 1.0 - modulation.drive.duty.to_f32();
                 let share = open.min(e / self.current.falling_volts(v));
                 let returned = (v * current * share).min(braked);
-                Returned { returned, burnt: braked - returned }
+                Returned { returned, dissipated: braked - returned }
             }
         }
     }

@@ -52,7 +52,7 @@ fields_in_order!(Dynamics { gain, decay, friction });
 fields_in_order!(Identified {
     dynamics,
     emf,
-    emf_is_told,
+    emf_is_configured,
     gain_error,
     decay_error,
     emf_error,

@@ -63,7 +63,7 @@ impl EnergyMeter {
         let (mut returned, mut dissipated) = (0.0, 0.0);
         for motor in motors {
             returned += motor.returned;
-            dissipated += motor.burnt;
+            dissipated += motor.dissipated;
         }
         // A watt is a microjoule per microsecond. The conversion to an integer saturates, and converts NaN to 0.
         let microjoules = |watts: f32| (watts * passed as f32) as u32;

@@ -1,28 +1,9 @@
 //! Limits of a motor's voltage. Every limit is an interval of volts. The interval contains the back EMF, because at this
 //! voltage no current flows. So all limits together always allow some voltage.
 
+use crate::units::Share;
 use crate::units::single::{at_least, at_most};
-use crate::units::{Micros, Millivolts, Share};
 use libm::sqrtf;
-
-/// Limits of the supply: the power that a motor may draw, and the energy that a motor may return.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct SupplyLimits {
-    /// Largest power that the motor may draw, as a share of its power at standstill with full duty.
-    pub(crate) draw: Share,
-    /// Share of the energy from braking that motors dissipate instead of returning the energy to the bus.
-    pub(crate) dissipate: Share,
-    /// Newest measured voltage of the bus.
-    pub(crate) bus: Millivolts,
-    /// Time of the measurement of the bus.
-    pub(crate) from: Micros,
-}
-
-impl SupplyLimits {
-    /// No limits: motors may draw and return any power.
-    pub(super) const NONE: Self =
-        Self { draw: Share::ALL, dissipate: Share::NONE, bus: Millivolts::new(0), from: Micros::new(0) };
-}
 
 /// An interval of allowed voltages, in volts.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -21,25 +21,27 @@
 //! use motor_hub::braking::{Regime, Winding};
 //! use motor_hub::motion::Reading;
 //! use motor_hub::motor::{Motor, Setpoint, Settings};
+//! use motor_hub::supply::Battery;
 //! use motor_hub::units::{CountsPerSecond, Micros, Millivolts, Period};
 //!
 //! let settings = Settings::new(Winding::NEVEREST_60);
 //! let mut motor = Motor::new(settings, Period::DEFAULT);
 //! motor.set(Setpoint::Velocity(CountsPerSecond::new(1_000)));
 //!
-//! let battery = Some(Millivolts::new(12_000));
+//! let battery = |at| Some(Battery::good(Millivolts::new(12_000), at));
 //! let reading = |ms: u64, position| {
 //!     let at = Micros::new(1_000 * ms);
 //!     Reading { position, edge_at: at, at }
 //! };
-//! let standing = motor.step(Micros::new(50_000), Some(reading(50, 0)), battery);
+//! let newest = reading(50, 0);
+//! let standing = motor.step(newest.at, Some(newest), battery(newest.at));
 //! assert_eq!(standing.regime, Some(Regime::Forward));
 //! // The motor turns at 300 counts/s. The counters are read every millisecond, and a tick comes every 50 ms.
 //! let mut turning = standing;
 //! for ms in 51..=550 {
 //!     let newest = reading(ms, (ms as i32 - 50) * 3 / 10);
 //!     match ms % 50 {
-//!         0 => turning = motor.step(newest.at, Some(newest), battery),
+//!         0 => turning = motor.step(newest.at, Some(newest), battery(newest.at)),
 //!         _ => motor.sample(newest),
 //!     }
 //! }
@@ -69,13 +71,11 @@ use crate::motion::Reading;
 use crate::regulator::identify::{Identifier, Refusal};
 use crate::regulator::{Context, Demand, Effort, Kind, Regulator};
 pub use crate::settings::{OnFault, Settings, ThermalLimit, ZeroPower};
-use crate::units::{
-    Control, CountsPerSecond, Duty, Micros, Milliamperes, Millivolts, Period, Share, Voltage,
-};
+use crate::supply::Battery;
+use crate::units::{Control, CountsPerSecond, Duty, Micros, Milliamperes, Period, Share, Voltage};
 use burn_pulses::{BurnPulses, Pulse, Voltages};
 use core::mem::discriminant;
 use encoder_check::{EncoderCheck, Finding, Tick};
-pub(crate) use limits::SupplyLimits;
 use limits::VoltageLimits;
 use sense_line::Line;
 use thermal::Thermal;
@@ -118,7 +118,6 @@ pub struct Motor {
     check: EncoderCheck,
     settle_detector: SettleDetector,
     thermal: Thermal,
-    supply: SupplyLimits,
     pulses: BurnPulses,
     /// Present command; `None` if the last request was an open bridge.
     command: Option<Command>,
@@ -170,9 +169,16 @@ struct Command {
     voltage: Voltage,
     /// Modulation of the bridge: `limited`, or the present burn pulse.
     modulation: Modulation,
+    /// Mean voltage that the bridge applies. During burn pulses this is the voltage of the present pulse.
+    applied: Voltage,
 }
 
 impl Command {
+    /// True if the bridge is open all the time.
+    fn is_open(&self) -> bool {
+        self.modulation.drive == Drive::COAST
+    }
+
     /// True if the limits change the request.
     fn is_limited(&self) -> bool {
         self.limited != self.request.modulation
@@ -202,7 +208,6 @@ impl Motor {
             check: EncoderCheck::new(),
             settle_detector: SettleDetector::default(),
             thermal: Thermal::default(),
-            supply: SupplyLimits::NONE,
             pulses: BurnPulses::NONE,
             command: None,
             line: Line::default(),
@@ -299,41 +304,40 @@ impl Motor {
     /// Takes one control tick: estimate, decide, limit, modulate, report.
     ///
     /// `reading` is the newest reading of the encoder; [`sample`](Self::sample) may have taken the same reading before.
-    /// Without a reading or a `battery` voltage the report has a fault.
-    pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Millivolts>) -> Report {
+    /// `battery` is the state of the bus; `None` if the state is unknown or [stale](Battery::is_fresh). Without a reading or
+    /// a battery the report has a fault.
+    pub fn step(&mut self, now: Micros, reading: Option<Reading>, battery: Option<Battery>) -> Report {
         let moved = fresh(reading, now).map(|reading| self.take_reading(reading));
         self.regulator.predict_until(now);
-        let request = self.request(battery, moved);
-        let (control, voltage) = self.apply(request);
-        self.report(battery, moved, control, voltage)
+        self.apply(now, battery, moved);
+        self.report(battery, moved)
     }
 
     /// Commands the bridge between two ticks, if the set-point is new and direct. Returns true if the bridge's command has
     /// changed.
-    pub(crate) fn step_direct(&mut self, battery: Option<Millivolts>) -> bool {
+    pub(crate) fn step_direct(&mut self, now: Micros, battery: Option<Battery>) -> bool {
         if !self.changed || !self.setpoint.is_direct() {
             return false;
         }
         let before = self.drive();
-        let request = self.request(battery, None);
-        self.apply(request);
+        self.apply(now, battery, None);
         self.drive() != before
     }
 
-    /// Limits the present command to what the supply allows from now on. Returns true if the bridge's command has changed.
+    /// Limits the present command to what the state of the bus allows. Returns true if the bridge's command has changed.
     ///
     /// When a burn pulse ends a short circuit, the energy of the winding returns to the bus. So only one motor at a time
     /// may end a short circuit. `may_end_short` says whether this motor may, and becomes false if the motor did.
-    pub(crate) fn limit_supply(&mut self, limits: SupplyLimits, may_end_short: &mut bool) -> bool {
-        self.supply = limits;
+    pub(crate) fn limit_supply(&mut self, now: Micros, battery: &Battery, may_end_short: &mut bool) -> bool {
         let Some(Command { request, .. }) = self.command else { return false };
         let (before, was_forward) = (self.drive(), self.pulses.is_forward());
-        let (command, voltage) = self.modulate(request, *may_end_short);
-        self.command = Some(command);
+        let command = self.modulate(request, now, battery, *may_end_short);
         *may_end_short &= was_forward || !self.pulses.is_forward();
-        let changed = self.drive() != before;
+        let changed = command.modulation.drive != before;
         if changed || self.pulses.are_active() {
-            self.note_voltage(voltage, before);
+            self.command_bridge(command, before);
+        } else {
+            self.command = Some(command);
         }
         changed
     }
@@ -409,13 +413,13 @@ impl Motor {
 
     /// Computes the request of this tick; `None` for an open bridge. `moved` is the counts since the last tick; `None`
     /// without a reading.
-    fn request(&mut self, battery: Option<Millivolts>, moved: Option<i32>) -> Option<Request> {
-        self.changed = false;
+    fn request(&mut self, battery: Option<&Battery>, moved: Option<i32>) -> Option<Request> {
         let velocity = self.regulator.velocity();
         // A bridge at fault can neither drive nor brake.
         let battery = battery.filter(|_| !self.bridge_fault);
-        let at =
-            battery.and_then(|battery| OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery));
+        let at = battery.and_then(|battery| {
+            OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.voltage)
+        });
         let mut activity = if at.is_some() { self.activity(moved) } else { Activity::Coast };
         let mut request = at.and_then(|at| self.request_of(activity, at, moved));
         if let (Activity::Regulate(_), Some(at), true) = (activity, at, self.check.fault().is_some()) {
@@ -483,62 +487,65 @@ impl Motor {
         Some(Request { at, modulation, control, target: Some(speed) })
     }
 
-    /// Limits a request, commands the bridge, and passes the applied voltage to the estimators. Returns the control value
-    /// and the mean voltage; no voltage while the bridge is open.
-    fn apply(&mut self, request: Option<Request>) -> (Control, Option<Voltage>) {
+    /// Commands the bridge by the request of this moment, within all limits. `moved` is the counts since the last tick;
+    /// `None` without a reading.
+    fn apply(&mut self, now: Micros, battery: Option<Battery>, moved: Option<i32>) {
+        self.changed = false;
         let before = self.drive();
-        let Some(request) = request else {
-            self.command = None;
-            self.pulses.stop();
-            self.regulator.drive(None);
-            self.identifier.drive(None);
-            return (Control::ZERO, None);
-        };
-        let (command, voltage) = self.modulate(request, false);
-        let (control, mean) = (command.control(&self.modulator), command.voltage);
-        self.command = Some(command);
-        let voltage = self.note_voltage(voltage, before);
-        (control, voltage.map(|voltage| if self.pulses.are_active() { mean } else { voltage }))
+        let request = self.request(battery.as_ref(), moved);
+        match (request, battery) {
+            (Some(request), Some(battery)) => {
+                let command = self.modulate(request, now, &battery, false);
+                self.command_bridge(command, before);
+            }
+            _ => {
+                self.command = None;
+                self.pulses.stop();
+                self.regulator.drive(None);
+                self.identifier.drive(None);
+            }
+        }
     }
 
-    /// Passes the voltage that the new command applies to the estimators, and returns this voltage; `None` if the bridge
-    /// is open. `before` is the command that was replaced.
-    fn note_voltage(&mut self, voltage: Voltage, before: Drive) -> Option<Voltage> {
-        let closed = self.drive() != Drive::COAST;
-        let voltage = if closed { self.after_change(voltage, before) } else { voltage };
-        self.regulator.drive(closed.then_some(voltage));
+    /// Commands the bridge, and passes the applied voltage to the estimators. `before` is the bridge's last command.
+    fn command_bridge(&mut self, mut command: Command, before: Drive) {
+        let open = command.is_open();
+        if !open {
+            command.applied = self.after_change(&command, before);
+        }
+        self.regulator.drive((!open).then_some(command.applied));
         // A limit that opens the bridge for a moment does not end an identification.
-        self.identifier.drive(Some(voltage));
-        closed.then_some(voltage)
+        self.identifier.drive(Some(command.applied));
+        self.command = Some(command);
     }
 
-    /// Computes the command for a request within all limits, and the voltage that the bridge applies.
-    fn modulate(&mut self, request: Request, may_end_short: bool) -> (Command, Voltage) {
+    /// Computes the command for a request within all limits. In a period that begins with a change of mode, less voltage is
+    /// applied than [`Command::applied`] says.
+    fn modulate(&mut self, request: Request, now: Micros, battery: &Battery, may_end_short: bool) -> Command {
         let Request { at, modulation: mut limited, .. } = request;
         let mut voltage = self.modulator.applied(at, limited);
-        let allowed = self.limits(at).clamp(voltage.to_volts());
+        let allowed = self.limits(at, battery.draw).clamp(voltage.to_volts());
         if allowed.to_bits() != voltage.to_volts().to_bits() {
             limited = self.modulator.for_voltage(at, Voltage::from_volts(allowed));
             voltage = self.modulator.applied(at, limited);
         }
+        let mut command = Command { request, limited, voltage, modulation: limited, applied: voltage };
         let duty = limited.drive.duty;
         let returns = limited.regime == Regime::Braking && duty != Duty::ZERO && duty != Duty::ONE;
-        let (modulation, applied) = if !returns {
+        if !returns {
             self.pulses.stop();
-            (limited, voltage)
-        } else if self.supply.dissipate == Share::NONE {
-            self.pulses.pause(self.supply.from);
-            (limited, voltage)
+        } else if battery.dissipate == Share::NONE {
+            self.pulses.pause(now);
         } else {
-            self.burn(at, voltage, may_end_short)
-        };
-        (Command { request, limited, voltage, modulation }, applied)
+            self.dissipate(&mut command, now, battery, may_end_short);
+        }
+        command
     }
 
     /// The voltages that all limits together allow.
-    fn limits(&self, at: OperatingPoint) -> VoltageLimits {
+    fn limits(&self, at: OperatingPoint, draw: Share) -> VoltageLimits {
         let (emf, ohms) = (at.emf_volts(), self.settings.ohms());
-        let mut limits = VoltageLimits::by_draw(emf, at.battery_volts(), self.supply.draw);
+        let mut limits = VoltageLimits::by_draw(emf, at.battery_volts(), draw);
         if let Some(amperes) = self.thermal.ceiling(self.settings.thermal) {
             limits = limits.and(VoltageLimits::by_driving_current(emf, amperes, ohms));
         }
@@ -557,41 +564,45 @@ impl Motor {
         command.is_limited() && current.abs() > 0.98 * limit
     }
 
-    /// Chooses the burn pulse of a motor that should have the mean voltage `mean`. Returns the modulation of the pulse and
-    /// its voltage.
-    fn burn(&mut self, at: OperatingPoint, mean: Voltage, may_end_short: bool) -> (Modulation, Voltage) {
-        let SupplyLimits { draw, dissipate, bus, from } = self.supply;
-        let now =
-            OperatingPoint::new(self.settings.winding.emf.emf(self.regulator.velocity()), bus).unwrap_or(at);
-        let emf = now.emf_volts();
+    /// Replaces the modulation of a command by a burn pulse.
+    fn dissipate(&mut self, command: &mut Command, now: Micros, battery: &Battery, may_end_short: bool) {
+        let velocity = self.regulator.velocity();
+        let at = OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.newest)
+            .unwrap_or(command.request.at);
+        let emf = at.emf_volts();
         let ForwardPulse { least, most } = FORWARD_PULSE;
-        let beyond = least + (most - least) * dissipate.to_f32();
-        let room = now.battery_volts() - emf.abs();
-        self.pulses.integrate(from);
-        let (pulse, modulation) = match self.pulses.next(emf, may_end_short) {
-            Pulse::Forward if draw == Share::ALL && room > least * emf.abs() => {
+        let beyond = least + (most - least) * battery.dissipate.to_f32();
+        let room = at.battery_volts() - emf.abs();
+        self.pulses.integrate(now);
+        let mut pulse = self.pulses.next(emf, may_end_short);
+        if battery.draw != Share::ALL || room <= least * emf.abs() {
+            pulse = Pulse::Short;
+        }
+        command.modulation = match pulse {
+            Pulse::Forward => {
                 let volts = emf + (beyond * emf.abs()).min(room).copysign(emf);
-                (Pulse::Forward, self.modulator.for_voltage(now, Voltage::from_volts(volts)))
+                self.modulator.for_voltage(at, Voltage::from_volts(volts))
             }
-            _ => (Pulse::Short, Modulation::full_braking(now)),
+            Pulse::Short => Modulation::full_braking(at),
         };
-        let applied = self.modulator.applied(now, modulation);
-        let voltages = Voltages { requested: mean.to_volts(), applied: applied.to_volts(), emf };
-        self.pulses.apply(pulse, voltages, self.settings.bridge.timing().change_us);
-        (modulation, applied)
+        command.applied = self.modulator.applied(at, command.modulation);
+        let [requested, applied] = [command.voltage, command.applied].map(Voltage::to_volts);
+        let change_us = self.settings.bridge.timing().change_us;
+        self.pulses.apply(pulse, Voltages { requested, applied, emf }, change_us);
     }
 
-    /// The mean voltage of a period that begins with a change of the bridge's mode. The bridge is open during the change.
-    fn after_change(&self, voltage: Voltage, before: Drive) -> Voltage {
+    /// The mean voltage of a period that may begin with a change of the bridge's mode. The bridge is open during the
+    /// change.
+    fn after_change(&self, command: &Command, before: Drive) -> Voltage {
         let change_us = self.settings.bridge.timing().change_us;
-        if self.drive().mode == before.mode || change_us == 0 {
-            return voltage;
+        if command.modulation.drive.mode == before.mode || change_us == 0 {
+            return command.applied;
         }
         let emf = self.settings.winding.emf.emf(self.regulator.velocity()).to_volts();
         // A burn pulse is chosen every millisecond, in us.
         let period_us = if self.pulses.are_active() { 1_000.0 } else { self.period.as_micros() as f32 };
         let left = (1.0 - f32::from(change_us) / period_us).max(0.0);
-        Voltage::from_volts(emf + left * (voltage.to_volts() - emf))
+        Voltage::from_volts(emf + left * (command.applied.to_volts() - emf))
     }
 
     /// The current that a voltage drives through winding and bridge against the back EMF of a speed.
@@ -600,18 +611,23 @@ impl Motor {
         Milliamperes::from_amperes((voltage.to_volts() - emf) / self.settings.ohms())
     }
 
-    /// Steps thermal model and settle detector, and reports. `voltage` is the mean voltage; `None` while the bridge is
-    /// open.
-    fn report(
-        &mut self,
-        battery: Option<Millivolts>,
-        moved: Option<i32>,
-        control: Control,
-        voltage: Option<Voltage>,
-    ) -> Report {
+    /// The mean current of the winding by the motor's constants; 0 while the bridge is open.
+    fn modelled_current(&self) -> Milliamperes {
+        match &self.command {
+            Some(command) if !command.is_open() => {
+                // The mean of burn pulses is the voltage that was to be applied.
+                let voltage = if self.pulses.are_active() { command.voltage } else { command.applied };
+                self.current(voltage, self.regulator.velocity())
+            }
+            _ => Milliamperes::ZERO,
+        }
+    }
+
+    /// Steps thermal model and settle detector, and reports.
+    fn report(&mut self, battery: Option<Battery>, moved: Option<i32>) -> Report {
         let velocity = self.regulator.velocity();
         let drive = self.drive();
-        let current = voltage.map_or(Milliamperes::ZERO, |voltage| self.current(voltage, velocity));
+        let current = self.modelled_current();
         let speed_known = moved.is_some() && self.check.fault().is_none();
         self.modelled = speed_known.then_some(current);
         let measured = self.line.measured(drive.mode);
@@ -635,7 +651,7 @@ impl Motor {
             derated: self.thermal.ceiling(self.settings.thermal).is_some(),
             current_limited,
             load: self.regulator.load().map(|voltage| self.current(voltage, CountsPerSecond::ZERO)),
-            control,
+            control: self.command.map_or(Control::ZERO, |command| command.control(&self.modulator)),
             regime: self.command.map(|command| command.limited.regime),
             drive,
             settled: self.settle_detector.step(within_tolerance, velocity, self.period),

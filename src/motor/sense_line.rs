@@ -37,16 +37,16 @@ pub enum SenseLine {
 /// Samples in a row that must contradict the condition of a line before the condition changes.
 const CONFIRMATIONS: u8 = 4;
 
-/// Current in mA below which a line shows nothing: more than a converter's offset, less than any motor that turns
-/// draws.
+/// Current, in mA, below which a line counts as showing no current. The value is above a converter's offset, and below
+/// the current of any motor that turns.
 const NOTHING_MA: u32 = 50;
-/// Modelled current in mA from which on a line must show a current.
+/// Least modelled current, in mA, at which a line must show a current.
 const DUE_MA: u32 = 1_000;
-/// Largest current in mA that a bridge in 5/0 shows, by leakage.
+/// Largest leakage current, in mA, that the line of a bridge in 5/0 shows.
 const LEAKAGE_MA: u32 = 300;
 
-/// Largest plausible current in mA for a modelled one: the motor may draw twice the modelled current, and the line
-/// may show 1.5 times the motor's. 2 A are added.
+/// Largest plausible current for a modelled current, both in mA. The motor may draw twice the modelled current, and the
+/// line may show 1.5 times the motor's current. 2 A are added.
 const fn largest_plausible(modelled_ma: u32) -> u32 {
     modelled_ma.saturating_mul(3).saturating_add(2_000)
 }

@@ -1,8 +1,8 @@
 //! Thermal model of a winding (I2t): computes the heating from the current, and limits the current of a hot motor.
 //!
-//! Winding and case are two bodies in series, each a filter of first order. A quarter of the winding's rise over the
-//! room is over the case, and follows the square of the current within seconds. The rest is the rise of the case, and
-//! takes minutes:
+//! Winding and case are two bodies in series, each a filter of first order. A quarter of the winding's temperature rise
+//! lies between winding and case. This part follows the square of the current within seconds. The other part lies between
+//! case and room, and takes minutes:
 //!
 //! ```text
 //! heat = (0.25 winding + 0.75 case) / continuous²      winding' = (current² - winding) / winding_s
@@ -10,26 +10,32 @@
 //! ```
 //!
 //! The heat is 1 when the continuous current has flowed for long. The model has no temperatures, neither of the motor
-//! nor of the room: the limit is the continuous current of the motor's data sheet. The resistance is the configured,
-//! cold one. A hot winding has more resistance, and so less current.
+//! nor of the room: the limit is the continuous current of the motor's data sheet. The resistance is the configured
+//! resistance of a cold winding. A hot winding has more resistance, and so less current.
+//!
+//! ```text
+//! Running ── heat above 1.1 ──▶ Cut
+//!    ▲                           │
+//!    └── disabled, heat below 1 ─┘
+//! ```
 
 use crate::settings::ThermalLimit;
 use crate::units::single::{at_least, at_most};
 use crate::units::{Milliamperes, Period};
 
-/// Share of the winding's rise that is over the case. In small brushed motors 0.15 to 0.3 of the thermal resistance
-/// lies between winding and case.
+/// Share of the winding's temperature rise that lies between winding and case. Small brushed motors have 0.15 to 0.3 of
+/// their thermal resistance there.
 const WINDING_SHARE: f32 = 0.25;
-/// Heat above which the current is limited: to four times the continuous current here, and linearly down to the
-/// continuous current at the heat 1.
+/// Heat above which the current is limited. At this heat the limit is four times the continuous current. The limit falls
+/// linearly to the continuous current at the heat 1.
 const DERATED_FROM: f32 = 0.8;
-/// Heat above which the motor is switched off. A limited current keeps the heat near 1, so only a load that drives
-/// the motor leads here.
+/// Heat above which the motor is switched off. The limited current keeps the heat near 1. Only a load that drives the
+/// motor can exceed this heat.
 const CUT_ABOVE: f32 = 1.1;
-/// Heat up to which a motor that was switched off may run again, after it is disabled.
+/// Largest heat at which disabling a motor ends its cut.
 const COOL: f32 = 1.0;
-/// Time in s over which squares of the current are averaged before the filters are stepped. A filter of minutes that is
-/// stepped every millisecond would lose them in rounding.
+/// Time in s over which squares of the current are averaged before the filters are stepped. A filter with a time constant
+/// of minutes that is stepped every millisecond would lose small squares in rounding.
 const AVERAGING_S: f32 = 0.05;
 
 /// State of the thermal model of one motor. The default is a cold motor.
@@ -43,7 +49,7 @@ pub(super) struct Thermal {
     gathered: f32,
     /// Time since the filters were last stepped, in s.
     gathered_s: f32,
-    /// The motor was too hot and is switched off; latched.
+    /// True if the motor was too hot and is switched off. The state is latched.
     cut: bool,
 }
 
@@ -87,7 +93,7 @@ impl Thermal {
         self.cut
     }
 
-    /// Lets a motor run again that has cooled down, or whose limit is gone.
+    /// Ends the cut of a motor that has cooled down, or that has no limit any more.
     pub(super) fn clear(&mut self, limit: Option<ThermalLimit>) {
         self.cut &= self.heat(limit) > COOL;
     }

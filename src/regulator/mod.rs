@@ -41,15 +41,15 @@ use observer::{FASTEST_CPS, Observer, Plant};
 const LONGEST_GAP_SAMPLES: u32 = 300;
 /// Time in ms without a count after which a motor that should turn counts as stalled.
 const STALLED_MS: u32 = 100;
-/// Age of the last edge in us from which on a stop may hold a motor that should turn. Samples without a count then do
+/// Least age of the last edge, in us, at which a stop may hold a motor that should turn. Samples without a count then do
 /// not update the gain.
 const UNCERTAIN_EDGE_MICROS: u64 = 50_000;
-/// Age of the last edge in us from which on a motor with an open bridge is at rest.
+/// Least age of the last edge, in us, at which a motor with an open bridge is at rest.
 const REST_MICROS: u64 = 300_000;
 /// Lowest demanded speed at which counts are due: four counts within [`STALLED_MS`].
 const COUNTS_DUE_SPEED: CountsPerSecond = CountsPerSecond::from_bits(40 << 8);
 
-/// Least acceleration per volt as a share of the configured or estimated one: the load may be heavier than configured.
+/// Ratio of the least to the configured or estimated acceleration per volt. The load may be heavier than configured.
 const LEAST_GAIN_SHARE: f32 = 0.7;
 
 /// Largest error of the speed, as its back EMF in V, at which a motor has reached its demanded speed.
@@ -72,7 +72,7 @@ pub struct Regulator {
     stalled_ms: u32,
     /// Speed that the last output was to reach; 0 while the bridge is open.
     requested: CountsPerSecond,
-    /// The demand is a speed, not a position.
+    /// True if the demand is a speed, false if the demand is a position.
     speed_demanded: bool,
     /// Voltage across the motor; `None` while the bridge is open.
     voltage: Option<Voltage>,
@@ -120,8 +120,7 @@ impl Regulator {
         }
     }
 
-    /// Replaces the motor's settings at the next step. The estimate of the motion is kept, so the motor may run
-    /// meanwhile.
+    /// Replaces the motor's settings immediately. The estimate of the motion is kept, so the motor may run meanwhile.
     pub fn configure(&mut self, old: &Settings, new: &Settings, period: Period) {
         let emf_changed = old.winding.emf != new.winding.emf;
         let dynamics_changed = old.dynamics != new.dynamics;

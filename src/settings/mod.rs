@@ -88,8 +88,8 @@ pub struct Settings {
     pub coefficients: Option<Coefficients>,
     /// Largest acceleration by the model regulator; `None` for no limit.
     pub acceleration: Option<Acceleration>,
-    /// A driven motor without counts may be driven in the other direction once, to find out whether its encoder is at
-    /// fault. If false, the encoder counts as faulty, unless a load moves the motor.
+    /// True if a driven motor without counts may be driven in the other direction once, to find out whether its encoder is
+    /// at fault. If false, the encoder counts as faulty unless a load moves the motor.
     pub probing: bool,
 }
 

@@ -274,7 +274,7 @@ fn identification() -> impl Strategy<Value = Identification> {
                 decay,
                 (friction, friction_error),
                 emf,
-                (emf_is_told, [of_gain, of_decay, of_emf, residual]),
+                (emf_is_configured, [of_gain, of_decay, of_emf, residual]),
             )| {
                 Identified {
                     dynamics: Dynamics {
@@ -283,7 +283,7 @@ fn identification() -> impl Strategy<Value = Identification> {
                         friction: Millivolts::new(friction),
                     },
                     emf: EmfConstant::from_bits(emf).expect("in range"),
-                    emf_is_told,
+                    emf_is_configured,
                     gain_error: of_gain,
                     decay_error: of_decay,
                     emf_error: of_emf,

@@ -7,6 +7,7 @@ use motor_hub::motion::Reading;
 use motor_hub::motor::{Motor, Setpoint};
 use motor_hub::protocol::requests::{FIRST_FUNCTION, MOTOR_FUNCTIONS};
 use motor_hub::responder::outputs::DigitalLines;
+use motor_hub::supply::Battery;
 use motor_hub::units::{Control, CountsPerSecond, Micros, Milliamperes, Millivolts, Period};
 
 /// A command: type, sizes of its fields, a good payload, and bad ones with what they are refused for.
@@ -438,7 +439,7 @@ fn the_largest_coefficients_read_back_bit_for_bit_at_every_period() {
             for tick in 1..50 {
                 let at = Micros::new(1_000 * u64::from(ms) * tick);
                 let reading = Reading { position: 0, edge_at: at, at };
-                let report = motor.step(at, Some(reading), Some(Millivolts::new(12_000)));
+                let report = motor.step(at, Some(reading), Some(Battery::good(Millivolts::new(12_000), at)));
                 assert!((Control::MIN..=Control::MAX).contains(&report.control), "{report:?}");
             }
         }

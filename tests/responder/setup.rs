@@ -220,7 +220,7 @@ fn an_identification_is_reported_as_the_motor_reports_it() {
             friction: Millivolts::new(0x0A09),
         },
         emf: EmfConstant::from_bits(0x010D_0C0B).expect("in range"),
-        emf_is_told: true,
+        emf_is_configured: true,
         gain_error: 0x100F,
         decay_error: 0x1211,
         emf_error: 0x1413,

@@ -6,6 +6,7 @@ use motor_hub::bridge::{BridgeConstants, Drive};
 use motor_hub::motion::{Pidf, Reading};
 use motor_hub::motor::{Motor, Report, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::{Coefficients, Dynamics};
+use motor_hub::supply::Battery;
 use motor_hub::units::{
     Acceleration, AccelerationPerVolt, Coefficient, Control, CountsPerSecond, DecayRate, Duty, EmfConstant,
     Inductance, Micros, Millivolts, Period, Resistance,
@@ -127,7 +128,9 @@ impl Puppet {
     }
 
     fn step(&mut self, battery: Option<u16>) -> Report {
-        self.motor.step(Micros::new(1_000 * self.ms), self.reading, battery.map(Millivolts::new))
+        let now = Micros::new(1_000 * self.ms);
+        let battery = battery.map(|voltage| Battery::good(Millivolts::new(voltage), now));
+        self.motor.step(now, self.reading, battery)
     }
 
     fn suffer(&mut self, happening: &Happening) -> Report {

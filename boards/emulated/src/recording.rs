@@ -33,6 +33,7 @@ use motor_hub::model::si::{Hertz, NewtonMetres, Seconds, Volts};
 use motor_hub::motion::{Reading, Tracker};
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
 use motor_hub::regulator::{Coefficients, Dynamics};
+use motor_hub::supply::Battery;
 use motor_hub::units::{CountsPerSecond, EmfConstant, Micros, Millivolts, Period, RangeError};
 use simulated::hardware::mechanics;
 
@@ -210,7 +211,7 @@ impl Recording {
                 last = setpoint;
                 motor.set(last);
             }
-            let report = motor.step(now, Some(reading), Some(battery));
+            let report = motor.step(now, Some(reading), Some(Battery::good(battery, now)));
             drive = report.drive;
             recording.inputs.push(Input { reading, tick: Some(Tick { now, battery, setpoint }) });
             recording.answers.push(report.into());

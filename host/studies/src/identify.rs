@@ -213,7 +213,8 @@ pub fn found_table(title: &str, found: &Identified, beside: Option<(&str, &Dynam
     let (b, true_b) = of(|d| d.gain.to_f32().into());
     row("acceleration per volt, b", "counts/s²/V", 1, b, per_mille(found.gain_error), true_b);
     let (q, true_q) = of(|d| d.decay.to_f32().into());
-    let configured = |error: u16| if found.emf_is_told { "configured".into() } else { per_mille(error) };
+    let configured =
+        |error: u16| if found.emf_is_configured { "configured".into() } else { per_mille(error) };
     row("decay, q", "/s", 3, q, configured(found.decay_error), true_q);
     let (_, ratio) = of(|d| 1e3 * f64::from(d.decay.to_f32()) / f64::from(d.gain.to_f32()));
     row(
@@ -262,7 +263,7 @@ pub fn json(outcome: Identification) -> Value {
         "outcome": "found",
         "found": dynamics(&found.dynamics),
         "emf_mv_s_per_count": volts_per_speed(found.emf),
-        "emf_is_told": found.emf_is_told,
+        "emf_is_configured": found.emf_is_configured,
         "standard_errors": {
             "acceleration_per_volt": f64::from(found.gain_error) / 1e3,
             "decay": f64::from(found.decay_error) / 1e3,

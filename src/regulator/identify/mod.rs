@@ -59,7 +59,7 @@ const PHASES: [Phase; 3] = [
 ];
 /// Duration of all phases, in ms.
 const MOTION_MS: f32 = 2_800.0;
-/// Largest travel of any motor in these phases, in s at the speed whose back EMF is the battery voltage. The
+/// Largest travel of any motor in these phases, as a time in s at the speed whose back EMF is the battery voltage. The
 /// configured back EMF may be 15 % too large.
 const TRAVEL_S: f32 = 1.15 * 0.65 * 1.1;
 /// Time in ms before the motion, with the bridge open, in which the motor must not turn.
@@ -72,7 +72,8 @@ const SEGMENT_COUNTS: u32 = 5;
 const LONGEST_SEGMENT_S: f32 = 0.5;
 /// Least number of segments of a motion.
 const LEAST_SEGMENTS: f32 = 16.0;
-/// Counts of the first phase below which the phase is made longer. A quarter of the travel is enough too.
+/// Counts in the first phase that end the phase as planned; with fewer counts the phase is made longer. A quarter of the
+/// travel is enough too.
 const FIRST_PHASE_COUNTS: f32 = 100.0;
 /// Longest duration of the first phase, in ms.
 const LONGEST_FIRST_PHASE_MS: f32 = 8_800.0;
@@ -84,8 +85,8 @@ const LARGEST_SAG: f32 = 0.3;
 const STALLED_MS: f32 = 300.0;
 /// Speed in counts/s above which a motor is fast.
 const FAST_CPS: f32 = 50.0;
-/// Time in ms without a count after which a slow motor counts as stalled: by then it could have travelled without
-/// counts.
+/// Time in ms without a count after which a slow motor counts as stalled. In this time a motor with a broken encoder could
+/// have travelled.
 const SLOW_STALLED_MS: f32 = 1_000.0;
 /// Counts by which the shaft may vibrate beyond a limit.
 const VIBRATION_COUNTS: i32 = 3;
@@ -145,7 +146,7 @@ struct Motion {
     began: Micros,
     segments: Segments,
     regression: Regression,
-    /// The speed of the last segment was above [`FAST_CPS`].
+    /// True if the speed of the last segment was above [`FAST_CPS`].
     fast: bool,
 }
 
@@ -230,7 +231,8 @@ impl Identifier {
     }
 }
 
-/// The sample after which a motor has been at rest for [`REST_MS`]; `None` before.
+/// Returns the sample after which a motor has been at rest for [`REST_MS`]; `None` before. The first call stores the
+/// sample `since` which the motor must be at rest.
 fn rest(since: &mut Option<Reading>, last: Option<Reading>) -> Result<Option<Reading>, Identification> {
     let Some(last) = last else { return Err(Identification::Refused(Refusal::Interrupted)) };
     let since = since.get_or_insert(last);

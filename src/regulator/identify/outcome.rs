@@ -7,8 +7,6 @@ use core::fmt;
 /// State or result of the last identification of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-// A tag of a whole word aligns the content: the value is copied at every tick with the report.
-#[repr(u32)]
 pub enum Identification {
     /// No identification was started since the hub's reset.
     #[default]
@@ -32,7 +30,7 @@ pub struct Identified {
     pub emf: EmfConstant,
     /// True if the motion was too short to find the decay: `emf` is then the configured back EMF, and the decay is b
     /// times this back EMF.
-    pub emf_is_told: bool,
+    pub emf_is_configured: bool,
     /// Error of the acceleration per volt, in 1/1000 of the acceleration per volt.
     pub gain_error: u16,
     /// Error of the decay found from the motion, in 1/1000 of the decay.
@@ -81,24 +79,24 @@ pub enum Refusal {
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Stopped => "something else was asked of the motor",
+            Self::Stopped => "another request ended the identification",
             Self::Interrupted => "encoder or battery could not be read",
-            Self::NotAtRest => "the motor turned before it was driven",
-            Self::TravelLimit => "the travel limit leaves too short a motion",
+            Self::NotAtRest => "the motor was not at rest before the motion",
+            Self::TravelLimit => "the travel limit makes the motion too short",
             Self::Battery => "the battery is below 6 V or sags by more than 30 %",
-            Self::TooFar => "the motor went further than announced",
+            Self::TooFar => "the motor turned further than announced",
             Self::NoCounts => {
-                "no counts came: a stop, a jam, too heavy a load, or the encoder is unplugged"
+                "the encoder did not count: a stop, a jam, too heavy a load, or an unplugged encoder"
             }
             Self::Backwards => "the motor turned against the voltage: a reversed encoder or an overpowering load",
-            Self::Load => "something pulls at the motor all the time, as gravity does",
-            Self::Spring => "something pulls the motor back, the more the further it goes",
+            Self::Load => "a constant load drives the motor, as gravity does",
+            Self::Spring => "a spring drives the motor back: the load grows with the distance",
             Self::Uneven => {
-                "it did not move as a motor with inertia, drag and friction does: something in its way, a load \
-                 that changes with the position, or lost counts"
+                "the motion does not fit a motor with inertia, drag and friction: an obstacle, a load that changes \
+                 with the position, or lost counts"
             }
-            Self::Unsure => "too little was seen of the motion to be sure within 10 %",
-            Self::Implausible => "the back EMF found is not that of the motor that the hub was told of",
+            Self::Unsure => "the motion has too few counts for an error below 10 %",
+            Self::Implausible => "the back EMF found is implausible for the configured motor",
         })
     }
 }

@@ -135,8 +135,8 @@ impl Regression {
         if ratio + 2.0 * ratio_error < low || ratio - 2.0 * ratio_error > high {
             return Err(Refusal::Implausible);
         }
-        let emf_is_told = ratio_error.is_nan() || ratio_error >= LARGEST_ERROR * ratio;
-        let emf = if emf_is_told { self.emf } else { ratio * self.emf };
+        let emf_is_configured = ratio_error.is_nan() || ratio_error >= LARGEST_ERROR * ratio;
+        let emf = if emf_is_configured { self.emf } else { ratio * self.emf };
         let volts = friction / b;
         let implausible = |_| Refusal::Implausible;
         Ok(Identified {
@@ -146,7 +146,7 @@ impl Regression {
                 friction: Millivolts::from_volts(volts.max(0.0).into()).map_err(implausible)?,
             },
             emf: EmfConstant::from_bits((emf * 1e3 * (1 << 20) as f32) as i32).map_err(implausible)?,
-            emf_is_told,
+            emf_is_configured,
             gain_error: per_mille(gain_error),
             decay_error: per_mille(best.error(unit(DECAY)) / decay.abs()),
             emf_error: per_mille(ratio_error / ratio.abs()),

@@ -15,6 +15,7 @@ use motor_hub::braking::{DutyRule, Winding};
 use motor_hub::motion::Reading;
 use motor_hub::motor::{Motor, Report, Setpoint, Settings};
 use motor_hub::regulator::{Coefficients, Dynamics};
+use motor_hub::supply::Battery;
 use motor_hub::units::{
     AccelerationPerVolt, Control, CountsPerSecond, DecayRate, EmfConstant, Micros, Millivolts, Period,
 };
@@ -80,7 +81,7 @@ fn sampled() {
 /// A step is counted from here, its first instruction.
 #[inline(never)]
 fn step_motor(motor: &mut Motor, now: Micros, reading: Reading, battery: Millivolts) -> Report {
-    motor.step(now, Some(reading), Some(battery))
+    motor.step(now, Some(reading), Some(Battery::good(battery, now)))
 }
 
 /// It ends here, at its first instruction. The answer, in words: control, mode and duty, velocity, position.

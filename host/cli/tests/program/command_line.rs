@@ -224,7 +224,7 @@ fn motors_are_learned_and_drawn_and_one_under_load_is_refused() {
     let arguments = ["identify", "--scenario", scenario.to_str().unwrap(), "--out", out.to_str().unwrap()];
     let refused = motor_hub(&arguments);
     assert_eq!(refused.status.code(), Some(1));
-    assert!(text(&refused.stdout).contains("refused: the motor turned before it was driven"));
+    assert!(text(&refused.stdout).contains("refused: the motor was not at rest before the motion"));
 }
 
 #[test]
