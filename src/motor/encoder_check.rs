@@ -340,8 +340,9 @@ impl EncoderCheck {
         }
     }
 
-    /// Notes a new set-point, or a tick without regulation. A release or a probe ends, so that the next motion is not
-    /// disturbed. Returns true if there was a release, a probe or a stall.
+    /// Notes a set-point of another kind or direction, or a tick without regulation. A release or a probe ends, so that
+    /// the next motion is not disturbed. A set-point that continues the motion must not end them: a host that streams
+    /// set-points would hide a fault of the encoder. Returns true if there was a release, a probe or a stall.
     pub(super) const fn interrupt(&mut self) -> bool {
         let examining = matches!(self.state, State::Releasing(..) | State::Probing(..));
         if examining {

@@ -235,8 +235,10 @@ impl Motor {
         self.changed |= setpoint != self.setpoint;
         let follows = matches!((self.setpoint, setpoint), (Setpoint::Together(_), Setpoint::Together(_)));
         if setpoint != self.setpoint && !follows {
-            self.regulator.retarget();
             self.settle_detector.reset();
+        }
+        if setpoint != self.setpoint && !self.setpoint.continues_as(setpoint, self.position) {
+            self.regulator.retarget();
             if discriminant(&setpoint) != discriminant(&self.setpoint) {
                 self.regulator.change_mode();
             }
@@ -265,14 +267,6 @@ impl Motor {
     /// Counts at the last tick.
     pub(crate) const fn position(&self) -> i32 {
         self.position
-    }
-
-    /// Notes that the motor's group has a new target.
-    pub(crate) fn retarget(&mut self) {
-        self.regulator.retarget();
-        if self.check.interrupt() {
-            self.regulator.leave_stop();
-        }
     }
 
     /// The estimated speed.
