@@ -288,15 +288,16 @@ impl Relay {
         match done {
             Ok(Changed::Nothing) => (),
             Ok(Changed::Settings(motor)) => self.tell_settings(motor),
-            Ok(Changed::AllSettings) => (0..CHANNELS as u8).for_each(|motor| self.tell_settings(motor)),
+            Ok(Changed::AllSettings) => self.tell_all_settings(),
             Ok(Changed::World) => {
                 let world = self.place.world.as_ref().map(|world| Message::World(world.is()).text());
                 world.into_iter().for_each(|text| self.tell(&text));
             }
             Err(Trouble::Refused(why)) => {
                 // Part of the order may have been executed.
-                if let Some(motor) = motor_of(order) {
-                    self.tell_settings(motor);
+                match order {
+                    Order::Import { .. } => self.tell_all_settings(),
+                    order => motor_of(order).into_iter().for_each(|motor| self.tell_settings(motor)),
                 }
                 return Err(why);
             }
@@ -410,7 +411,7 @@ impl Relay {
                 self.looked_at = Instant::now();
                 self.frame.motors.clear();
                 self.tell_line(Message::Line { connected: true, why: String::new(), reports, stores });
-                (0..CHANNELS as u8).for_each(|motor| self.tell_settings(motor));
+                self.tell_all_settings();
             }
             Err(why) => {
                 self.tell_line(gone(why));
@@ -552,6 +553,10 @@ impl Relay {
             self.tell(&text);
             self.settings.insert(motor, text);
         }
+    }
+
+    fn tell_all_settings(&mut self) {
+        (0..CHANNELS as u8).for_each(|motor| self.tell_settings(motor));
     }
 
     fn tell_control(&mut self) {
