@@ -9,9 +9,9 @@
 use crate::conformance::Hub;
 use crate::page::Dashboard;
 use serde_json::{Value, json};
-use std::io::ErrorKind;
+use std::io::{BufRead, BufReader, ErrorKind};
 use std::net::TcpStream;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Error, Message, WebSocket, client};
@@ -20,7 +20,7 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The socket of a page, without a browser.
-struct Page {
+pub(crate) struct Page {
     socket: WebSocket<TcpStream>,
     /// True if the page returns the numbers of frames.
     alive: bool,
@@ -28,7 +28,7 @@ struct Page {
 }
 
 impl Page {
-    fn open(dashboard: &Dashboard) -> Self {
+    pub(crate) fn open(dashboard: &Dashboard) -> Self {
         let address = dashboard.url.strip_prefix("http://").unwrap();
         let (host, query) = address.split_once("/?").unwrap();
         let mut request = format!("ws://{host}/ws?{query}").into_client_request().unwrap();
@@ -82,7 +82,7 @@ impl Page {
     }
 
     /// Acknowledges frames for a time.
-    fn stay(&mut self, time: Duration) {
+    pub(crate) fn stay(&mut self, time: Duration) {
         let end = Instant::now() + time;
         while Instant::now() < end {
             self.hear();
@@ -400,6 +400,26 @@ fn a_hub_that_goes_away_is_said_to_be_gone_and_found_again() {
     assert_eq!(page.refused("enable", json!({ "motor": 0, "on": true })), "the hub is not connected");
     let _again = Hub::start(PROGRAM, &["--tcp", &place]);
     page.until("a hub", |_, message| message["kind"] == "line" && message["connected"] == true);
+}
+
+#[test]
+fn a_page_for_other_machines_prints_its_url_as_a_square_code() {
+    let mut program = Command::new(PROGRAM);
+    program.args(["dashboard", "--listen", "127.0.0.1:0"]).stdout(Stdio::piped()).stderr(Stdio::null());
+    let mut program = program.spawn().unwrap();
+    let mut lines = BufReader::new(program.stdout.take().unwrap()).lines().map(Result::unwrap);
+    let url = lines.next().unwrap();
+    let first = lines.next().unwrap();
+    let width = first.chars().count();
+    // Two rows of modules are a line. The margin of four modules is light.
+    let rows: Vec<String> = std::iter::once(first).chain(lines.take(width.div_ceil(2) - 1)).collect();
+    program.kill().unwrap();
+    program.wait().unwrap();
+    assert!(url.starts_with("http://127.0.0.1:") && width >= 21 + 8, "{url}");
+    assert!(rows.iter().all(|row| row.chars().count() == width && row.starts_with("████")), "{rows:#?}");
+    assert!(rows.iter().take(2).all(|row| row.chars().all(|module| module == '█')), "{rows:#?}");
+    // The corner of the first finder pattern: a dark line over a light one.
+    assert!(rows[2].starts_with("████ ▄▄▄▄▄ "), "{}", rows[2]);
 }
 
 #[test]

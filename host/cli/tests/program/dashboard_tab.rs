@@ -84,6 +84,21 @@ fn points_move_with_speed_and_battery_as_the_paper_says() {
     });
 }
 
+/// `cargo test --test program report_of_first_paint -- --ignored --nocapture`
+#[test]
+#[ignore = "a report, not a test: times are this machine's"]
+fn report_of_first_paint_and_sizes() {
+    with_file("paint", |tab| {
+        tab.wait("performance.getEntriesByName('first-contentful-paint').length");
+        let report = tab.ask(
+            "({ first_paint_ms: Math.round(performance.getEntriesByName('first-contentful-paint')[0].startTime), \
+                file_kb: Math.round(document.documentElement.outerHTML.length / 1000), \
+                wasm_packed_kb: Math.round(0.75 * document.querySelector('#relay').textContent.length / 1000) })",
+        );
+        println!("{report:#}");
+    });
+}
+
 #[test]
 fn simulated_time_passes_as_on_the_clock_from_the_start() {
     with_file("clock", |tab| {
