@@ -354,13 +354,27 @@ fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
     page.until("settings that are saved", |_, message| {
         message["text"].as_str().is_some_and(|text| text.starts_with("settings are saved"))
     });
+    // Other settings give way to the stored ones, and these to the firmware's own.
+    page.order(
+        "set-up",
+        json!({ "motor": 1, "name": "NeveRest 40", "scheme": "A", "duty": "linear-current" }),
+    );
+    page.until("a third motor", |_, message| of_motor_1(message) && message["name"] == "NeveRest 40");
+    page.order("load", Value::Null);
+    page.until("the stored motor", |_, message| of_motor_1(message) && message["name"] == "Core Hex");
     dashboard.end();
 
     let again = Dashboard::start(&["--store", store.to_str().unwrap()]);
     let mut page = Page::open(&again);
     let seen = page.until("its settings", |_, message| of_motor_1(message));
-    std::fs::remove_file(&store).unwrap();
     assert_eq!((&seen["name"], &seen["duty"]), (&json!("Core Hex"), &json!("linear-duty")), "{seen}");
+
+    page.until("a battery", |page, _| page.frame["battery_v"].as_f64().is_some_and(|volts| volts > 11.0));
+    page.order("reset", Value::Null);
+    page.until("the firmware's settings", |_, message| {
+        of_motor_1(message) && message["duty"] != "linear-duty"
+    });
+    std::fs::remove_file(&store).unwrap();
 
     let other = Dashboard::start(&[]);
     let mut page = Page::open(&other);

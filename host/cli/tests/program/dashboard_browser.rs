@@ -143,6 +143,7 @@ fn space_in_a_field_stops_nothing() {
 fn everything_is_in_sight_and_nothing_lies_over_anything_else() {
     with_page("boxes", |tab| {
         drive(tab, 0, 800);
+        tab.ask("document.querySelector('#all-settings').open = true");
         for (width, height, name) in [(1280, 1000, "wide"), (768, 1024, "tablet"), (390, 844, "phone")] {
             tab.resize(width, height);
             std::thread::sleep(Duration::from_millis(300));

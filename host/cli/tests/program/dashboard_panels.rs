@@ -248,3 +248,66 @@ with open(sys.argv[1], 'rb') as file:
 last = [json.loads(message.data) for topic, message in all if topic == '/motor/0'][-1]
 print(json.dumps({'rows': len(all), 'topics': sorted({topic for topic, _ in all}), 'last': last}))
 ";
+
+#[test]
+fn every_setting_has_a_field_that_changes_it_and_undo_restores_it() {
+    with_page("form", |tab| {
+        tab.click("#tab-setup");
+        tab.click("#all-settings summary");
+        let value = |name: &str| {
+            format!("dashboard.state.settings[0].fields.find((one) => one.name === '{name}').value")
+        };
+        assert_eq!(tab.ask(&value("current_limit_ma")), serde_json::Value::Null);
+        for (name, text) in [
+            ("current_limit_ma", "800"),
+            ("thermal.continuous_current_ma", "1500"),
+            ("on_fault", "brake"),
+            ("bridge.turn_on_ns", "400"),
+        ] {
+            tab.fill(&format!("[id=\"field-{name}\"]"), text);
+        }
+        press(tab, "Apply changes");
+        tab.wait("document.querySelector('#notice').textContent === 'Motor 0: the settings are in force.'");
+        assert_eq!(tab.ask(&value("current_limit_ma")), 800);
+        assert_eq!(tab.ask(&value("on_fault")), "brake");
+        assert_eq!(tab.ask(&value("bridge.turn_on_ns")), 400);
+        assert!(tab.ask(&value("thermal.winding_s")).as_f64() > Some(1.0));
+        tab.fill("[id=\"field-emf_mv_s_per_count\"]", "99");
+        press(tab, "Apply changes");
+        tab.wait(
+            "document.querySelector('#notice').textContent.startsWith('Not done: emf_mv_s_per_count is 99')",
+        );
+        press(tab, "Undo");
+        tab.wait(&format!("{} === null && {} === 'coast'", value("current_limit_ma"), value("on_fault")));
+    });
+}
+
+#[test]
+fn the_hub_panel_says_what_the_hub_is_and_sets_its_lamp() {
+    with_page("status", |tab| {
+        tab.click("#tab-hub");
+        tab.wait("/version.*HW: 20.*address.*2/.test(document.querySelector('#panel-hub').textContent)");
+        tab.fill("#hub-lamp", "#102030");
+        // Another look at the hub shows the colour that the hub has.
+        tab.click("#tab-group");
+        tab.ask("document.querySelector('#hub-lamp').value = '#000000'");
+        tab.click("#tab-hub");
+        tab.wait("document.querySelector('#hub-lamp').value === '#102030'");
+        press(tab, "Clear");
+        tab.wait("document.querySelector('#notice').textContent === 'The record of faults is cleared.'");
+    });
+}
+
+#[test]
+fn motors_turn_together_at_speeds() {
+    with_page("turn", |tab| {
+        tab.click("#tab-group");
+        for (motor, cps) in [(0, "600"), (1, "-300")] {
+            tab.fill(&format!("[aria-label=\"Turn motor {motor} at, counts/s\"]"), cps);
+        }
+        press(tab, "Turn together");
+        tab.wait(&format!("Math.abs({} - 600) < 30", motor(0, "velocity")));
+        tab.wait(&format!("Math.abs({} + 300) < 30", motor(1, "velocity")));
+        assert_eq!(tab.ask(&motor(2, "enabled")), false);
+    });
+}
