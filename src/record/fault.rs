@@ -39,8 +39,8 @@ macro_rules! faults {
 // A number never changes its meaning. The number of a removed fault is not used again.
 faults! {
     1 EncoderSilent "encoder gives no reading",
-    2 EncoderStuck "encoder does not count",
-    3 EncoderReversed "encoder counts backwards",
+    2 EncoderStuck "no counts although driven",
+    3 EncoderReversed "counts against the drive voltage",
     4 Overheated "winding too hot",
     5 BridgeOff "bridge switched itself off",
     6 BatteryUnknown "battery unknown",

@@ -88,8 +88,8 @@ const TASKS: [Task; 16] = [
     },
     Task {
         name: "try",
-        arguments: "",
-        does: "docs/try/index.html: the dashboard and a simulated hub in one file, without a server",
+        arguments: "[--check]",
+        does: "makes docs/try/index.html, the dashboard without a server, or says whether it is stale",
         start: try_page::task,
     },
     Task {

@@ -1,6 +1,6 @@
 //! `cargo xtask python`: builds the Python package, installs it into an environment of its own, and tests it.
 
-use crate::tool::{Failed, cargo, none, root, run};
+use crate::tool::{Failed, cargo, cargo_command, none, root, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -12,7 +12,7 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     // The tests serve a simulated hub by the program.
     cargo(&["build", "--package", "motor-hub-cli"])?;
     let target = root().join("target");
-    let python = environment("python", &["pandas", "matplotlib", "mypy"])?;
+    let python = environment("python", &["pandas", "matplotlib", "mypy", "mcap"])?;
     run(install(&python).arg(root().join(PACKAGE)))?;
     // The package is tested as installed: its sources are not in the search path.
     run(Command::new(&python)
@@ -21,7 +21,11 @@ pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
     run(Command::new(&python)
         .arg(root().join(PACKAGE).join("tests/test_motor_hub.py"))
         .env("MOTOR_HUB", target.join("debug/motor-hub"))
-        .current_dir(&target))
+        .current_dir(&target))?;
+    // A recording of the dashboard's page, read back by PyPI's mcap.
+    let recording =
+        ["test", "--package", "motor-hub-cli", "--test", "program", "saved_as_mcap", "--", "--ignored"];
+    run(cargo_command(&recording).env("MOTOR_HUB_MCAP", &python))
 }
 
 /// Makes an environment of Python in this folder of `target`, with packages of PyPI. Returns its interpreter.

@@ -1,30 +1,91 @@
 //! `cargo xtask try`: the dashboard without a server, in one file that any browser opens: `docs/try/index.html`.
 
-use crate::tool::{Failed, cargo_command, command, none, root, run};
+use crate::tool::{Failed, cargo_command, command, root, run};
 use std::fmt::Write;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
 pub(crate) const PACKAGE: &str = "tab";
 pub(crate) const TARGET: &str = "wasm32-unknown-unknown";
 
+const FILE: &str = "docs/try/index.html";
+
+/// What the file is made of, from the project's folder.
+const SOURCES: [&str; 11] = [
+    "Cargo.lock",
+    "src",
+    "boards/simulated/Cargo.toml",
+    "boards/simulated/scenarios",
+    "boards/simulated/src",
+    "docs/reference/fault-numbers.md",
+    "host/client/src",
+    "host/dashboard/page",
+    "host/dashboard/src",
+    "host/tab",
+    "xtask/src/try_page.rs",
+];
+
 pub(crate) fn task(arguments: &[String]) -> Result<(), Failed> {
-    none(arguments)?;
+    match arguments {
+        [] => make(),
+        [argument] if argument == "--check" => check(),
+        _ => Err(Failed("try takes --check or nothing".to_owned())),
+    }
+}
+
+/// Compares the mark of the sources in the file. The file itself depends on the compiler's version and its folder.
+fn check() -> Result<(), Failed> {
+    if read(FILE)?.contains(&mark()?) {
+        println!("try: {FILE} is fresh");
+        return Ok(());
+    }
+    Err(Failed(format!("{FILE} was made of other sources; `cargo xtask try` makes it again")))
+}
+
+/// A comment with a hash of all sources (FNV-1a, 64 bits): of their names and contents.
+fn mark() -> Result<String, Failed> {
+    let mut files = Vec::new();
+    for source in SOURCES {
+        collect(&root().join(source), &mut files)?;
+    }
+    files.sort();
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    for file in files {
+        let name = file.strip_prefix(root()).unwrap_or(&file).to_string_lossy().into_owned();
+        let contents = fs::read(&file).map_err(|error| Failed::at(&file, error))?;
+        for byte in name.bytes().chain(contents) {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+    Ok(format!("<!-- sources {hash:016x} -->"))
+}
+
+/// Collects the files of a folder, or the one file.
+fn collect(place: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failed> {
+    if !place.is_dir() {
+        files.push(place.to_owned());
+        return Ok(());
+    }
+    for entry in fs::read_dir(place).map_err(|error| Failed::at(place, error))?.flatten() {
+        collect(&entry.path(), files)?;
+    }
+    Ok(())
+}
+
+fn make() -> Result<(), Failed> {
     run(command("rustup").args(["target", "add", TARGET]))?;
     run(&mut cargo_command(&["build", "--package", PACKAGE, "--target", TARGET, "--profile", "tab"]))?;
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
     let relay = target.join(TARGET).join("tab/tab.wasm");
     let packed = command("gzip").args(["-9", "-n", "-c"]).arg(&relay).stderr(Stdio::inherit()).output();
     let packed = packed.map_err(|error| Failed(format!("gzip: {error}")))?.stdout;
-    let page = page(&packed)?;
-    let folder = root().join("docs/try");
-    fs::create_dir_all(&folder).map_err(|error| Failed::at(&folder, error))?;
-    let file = folder.join("index.html");
+    let page = format!("{}{}\n", page(&packed)?, mark()?);
+    let file = root().join(FILE);
     fs::write(&file, &page).map_err(|error| Failed::at(&file, error))?;
     let size = fs::metadata(&relay).map_err(|error| Failed::at(&relay, error))?.len();
     println!(
-        "docs/try/index.html: {} kB, of which the core and the model are {} kB, {} kB packed",
+        "{FILE}: {} kB, of which the core and the model are {} kB, {} kB packed",
         page.len() / 1000,
         size / 1000,
         packed.len() / 1000

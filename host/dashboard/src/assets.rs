@@ -39,6 +39,7 @@ pub const ALL: &[Asset] = assets! {
     "/js/app.js" JS "js/app.js"
     "/js/bands.js" JS "js/bands.js"
     "/js/dom.js" JS "js/dom.js"
+    "/js/fields.js" JS "js/fields.js"
     "/js/gamepad.js" JS "js/gamepad.js"
     "/js/group.js" JS "js/group.js"
     "/js/history.js" JS "js/history.js"

@@ -3,20 +3,22 @@
 use crate::frame::{SettingsOf, scheme};
 use crate::order::Order;
 use crate::relay::Hub;
-use crate::settings_file;
+use crate::settings_file::{self, shown};
 use crate::world::World;
 use motor_hub::braking::DutyRule;
+use motor_hub::extension::Request;
 use motor_hub::extension::group::GroupCourse;
-use motor_hub::extension::settings::{Group, MotorSettings};
+use motor_hub::extension::settings::{Field, Form, Group, MotorSettings, Values, Zero};
 use motor_hub::group::GroupCommand;
 use motor_hub::model::catalogue::characterised;
-use motor_hub::motor::ZeroPower;
-use motor_hub::protocol::CHANNELS;
+use motor_hub::motor::{ThermalLimit, ZeroPower};
 use motor_hub::protocol::motor::{Coefficients, Loop, RunMode, Terms};
+use motor_hub::protocol::{CHANNELS, Colour};
 use motor_hub::regulator::identify::Identified;
 use motor_hub::regulator::{Dynamics, Kind};
 use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond};
 use motor_hub_client::Error;
+use serde_json::{Map, Value};
 use simulated::hardware::winding;
 use std::fmt;
 
@@ -118,6 +120,10 @@ pub(crate) enum Changed {
     World,
 }
 
+/// Groups of settings that a page changes by the names of their fields. Mode and coefficients have orders of their own.
+pub(crate) const CONFIGURABLE: [Group; 6] =
+    [Group::SetUp, Group::Timing, Group::Protection, Group::CurrentLimit, Group::Motion, Group::CurrentAlert];
+
 const LOOPS: [Loop; 2] = [Loop::Velocity, Loop::Position];
 
 impl Executor {
@@ -144,6 +150,9 @@ impl Executor {
                 self.motors = <[OfMotor; CHANNELS]>::default();
                 return Ok(Changed::AllSettings);
             }
+            Order::Turn { at, acceleration } => turn(session, at, acceleration)?,
+            Order::ClearFaults => session.forget_record()?,
+            Order::Led { colour: [red, green, blue] } => session.set_led(Colour { red, green, blue })?,
             Order::World(ref order) => {
                 world.ok_or("this hub is not simulated: its world cannot be changed")?.change(order)?;
                 return Ok(Changed::World);
@@ -180,6 +189,15 @@ impl Executor {
                 let mut settings = session.settings(motor)?;
                 settings.motor.acceleration = acceleration;
                 session.set(motor, Group::Motion, &settings)?;
+                motor
+            }
+            Order::Configure { motor, ref values } => {
+                let before = session.settings(channel(motor)?)?;
+                let requests = configured(motor, &before, values)?;
+                self.keep(session, motor)?;
+                for request in requests {
+                    session.order(request)?;
+                }
                 motor
             }
             Order::Apply { motor } => {
@@ -370,20 +388,104 @@ fn set_up(
     Ok(settings)
 }
 
+/// The requests that change settings of a motor by their names. A set-up deletes the settings of [`Group::Motion`], which are
+/// then sent again.
+fn configured(
+    motor: u8,
+    before: &MotorSettings,
+    given: &Map<String, Value>,
+) -> Result<Vec<Request>, Trouble> {
+    let known = |name: &String| {
+        CONFIGURABLE.iter().any(|group| group.fields().iter().any(|field| field.name == name))
+    };
+    if let Some(name) = given.keys().find(|name| !known(name)) {
+        return Err(format!("{name} is no setting").into());
+    }
+    let mut requests = Vec::new();
+    let mut set_up = false;
+    for group in CONFIGURABLE {
+        let values = Values::collect(group, |field| {
+            let raw = given.get(field.name).map_or(Ok(field.get(before)), |value| raw_of(field, value))?;
+            // A thermal limit needs time constants.
+            Ok::<i64, String>(match (field.name, raw) {
+                ("thermal.winding_s", 0) => ThermalLimit::USUAL_WINDING_S.into(),
+                ("thermal.case_s", 0) => ThermalLimit::USUAL_CASE_S.into(),
+                _ => raw,
+            })
+        })?;
+        let after = values.apply_to(before).map_err(|nack| format!("the values of {group:?}: {nack}"))?;
+        let changes = Values::of(group, &after) != Values::of(group, before);
+        set_up |= changes && group == Group::SetUp;
+        if changes || (set_up && group == Group::Motion) {
+            requests.push(Request::Set(motor, values));
+        }
+    }
+    if requests.is_empty() { Err("no setting has changed".into()) } else { Ok(requests) }
+}
+
+/// The raw value of a setting's number or word; `null` is 0 for a setting that need not be configured.
+fn raw_of(field: &Field, value: &Value) -> Result<i64, String> {
+    let name = field.name;
+    if value.is_null() {
+        return match field.zero {
+            Zero::NotConfigured => Ok(0),
+            _ => Err(format!("{name} is missing")),
+        };
+    }
+    if let Form::Words(words) = field.form {
+        let raw = value.as_str().and_then(|word| field.raw_of_word(word));
+        return raw.ok_or_else(|| format!("{name} is {value}; allowed is {}", words.join(", ")));
+    }
+    let raw = value.as_f64().and_then(|number| field.raw_of(number));
+    let (least, most) = field.range();
+    raw.ok_or_else(|| format!("{name} is {value}; allowed is {} to {}", shown(least), shown(most)))
+}
+
+/// Turns motors at speeds in step. The fastest motor's speed is the group's.
+fn turn(session: &mut Hub, at: [Option<i32>; CHANNELS], acceleration: u32) -> Result<(), Trouble> {
+    let fastest = at.iter().flatten().map(|cps| cps.unsigned_abs()).max().unwrap_or_default();
+    if fastest > FASTEST_CPS {
+        return Err(format!(
+            "a group's speed of {fastest} counts/s is out of range; allowed is -{FASTEST_CPS} to {FASTEST_CPS}"
+        )
+        .into());
+    }
+    let speed = CountsPerSecond::new(i32::try_from(fastest).unwrap_or(i32::MAX));
+    begin_group(
+        session,
+        GroupCourse::On(at.map(|cps| cps.map(CountsPerSecond::new))),
+        at.map(|cps| cps.is_some()),
+        speed,
+        acceleration,
+    )
+}
+
 fn together(
     session: &mut Hub,
     to: [Option<i32>; CHANNELS],
     speed: u32,
     acceleration: u32,
 ) -> Result<(), Trouble> {
-    let members: Vec<u8> = (0..).zip(to).filter_map(|(motor, to)| to.map(|_| motor)).collect();
-    let first = *members.first().ok_or("a group needs at least one motor: enter a distance")?;
     if !(1..=FASTEST_CPS).contains(&speed) {
         return Err(format!(
             "a group's speed of {speed} counts/s is out of range; allowed is 1 to {FASTEST_CPS}"
         )
         .into());
     }
+    let speed = CountsPerSecond::new(i32::try_from(speed).unwrap_or(i32::MAX));
+    begin_group(session, GroupCourse::To(to), to.map(|to| to.is_some()), speed, acceleration)
+}
+
+/// Enables the members of a group, and starts it.
+fn begin_group(
+    session: &mut Hub,
+    course: GroupCourse,
+    takes_part: [bool; CHANNELS],
+    speed: CountsPerSecond,
+    acceleration: u32,
+) -> Result<(), Trouble> {
+    let members: Vec<u8> = (0..).zip(takes_part).filter_map(|(motor, is)| is.then_some(motor)).collect();
+    let first = *members.first().ok_or("a group needs at least one motor: enter a distance or a speed")?;
     let limit =
         Acceleration::new(acceleration).map_err(|_| "an acceleration is 1 to 4294967295 counts/s²")?;
     for &motor in &members {
@@ -392,13 +494,18 @@ fn together(
         session.set_mode(motor, RunMode::Power, ZeroPower::Brake)?;
         session.enable(motor, true)?;
     }
-    let speed = CountsPerSecond::new(i32::try_from(speed).unwrap_or(i32::MAX));
-    Ok(session.move_together(first, GroupCommand::new(GroupCourse::To(to), speed, limit))?)
+    Ok(session.move_together(first, GroupCommand::new(course, speed, limit))?)
 }
 
 fn restore(session: &mut Hub, motor: u8, before: &Before) -> Result<(), Trouble> {
-    session.set(motor, Group::SetUp, &before.settings)?;
-    session.set(motor, Group::Motion, &before.settings)?;
+    let present = session.settings(motor)?;
+    for group in CONFIGURABLE {
+        // Coefficients override the model; a set-up drops them.
+        let always = matches!(group, Group::SetUp | Group::Motion);
+        if always || Values::of(group, &present) != Values::of(group, &before.settings) {
+            session.set(motor, group, &before.settings)?;
+        }
+    }
     for (of, pidf) in LOOPS.into_iter().zip(before.loops.into_iter().flatten()) {
         session.set_coefficients(motor, of, pidf)?;
     }

@@ -1,22 +1,28 @@
 //! Messages to pages: JSON objects with a `kind`. Control values and duties are shares of full control and of full duty, from
 //! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
+use crate::executor::CONFIGURABLE;
+use crate::relay::Hub;
 use crate::world::WorldIs;
 use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
-use motor_hub::extension::settings::{Field, MotorSettings};
+use motor_hub::extension::settings::{Field, Form, MotorSettings, Zero};
 use motor_hub::model::catalogue::motors;
 use motor_hub::model::paper;
 use motor_hub::model::si::{Ohms, Volts};
 use motor_hub::model::switching::Conditions;
+use motor_hub::protocol::Colour;
 use motor_hub::protocol::motor::Coefficients;
 use motor_hub::record::Head;
 use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::Identified;
+use motor_hub::store::Stored;
 use motor_hub::supply::BusState;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Milliamperes, Millivolts};
+use motor_hub_client::Error;
 use motor_hub_client::reasons::why_still;
 use serde::Serialize;
+use serde_json::Value;
 use simulated::scheme::SchemeWords;
 use std::sync::Arc;
 
@@ -84,8 +90,84 @@ pub(crate) enum Message {
         /// Contents.
         text: String,
     },
+    /// Answer to a page that has asked for the hub's status.
+    Status(HubStatus),
     /// Sent when a simulated hub's world has changed.
     World(WorldIs),
+}
+
+/// What a hub is, and what it has stored.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct HubStatus {
+    /// Address on the line.
+    pub(crate) address: u8,
+    /// Hardware and firmware.
+    pub(crate) version: String,
+    /// Colour of the lamp: red, green and blue.
+    pub(crate) led: [u8; 3],
+    /// What is stored; `None` if the hub stores nothing.
+    pub(crate) stored: Option<&'static str>,
+    /// True if the stored settings differ from the settings in force.
+    pub(crate) differs: bool,
+}
+
+impl HubStatus {
+    pub(crate) fn read(session: &mut Hub) -> Result<Self, Error> {
+        let Colour { red, green, blue } = session.led()?;
+        let report = match session.stored() {
+            Ok(report) => Some(report),
+            Err(Error::Refused { .. } | Error::TooOld { .. }) => None,
+            Err(error) => return Err(error),
+        };
+        let stored = report.as_ref().map(|report| match report.stored {
+            Stored::Nothing => "nothing",
+            Stored::Whole => "settings, in two copies",
+            Stored::OneCopy => "settings; one of the two copies is damaged or older: save again",
+            Stored::Later => "settings of a later firmware, which are not in force; Reset deletes them",
+            Stored::Damaged => "damaged data; Reset deletes it",
+        });
+        Ok(Self {
+            address: session.address(),
+            version: session.version()?,
+            led: [red, green, blue],
+            stored,
+            differs: report.is_some_and(|report| report.differs),
+        })
+    }
+}
+
+/// A setting of a motor, as a form shows it.
+#[derive(Clone, Debug, Serialize)]
+struct FieldOf {
+    /// Name in a settings file.
+    name: &'static str,
+    /// Number or word; `None` if the setting is not configured.
+    value: Option<Value>,
+    /// Allowed words; empty for a number.
+    words: &'static [&'static str],
+    /// Smallest and largest number.
+    range: (f64, f64),
+    /// True if the setting may be left empty.
+    optional: bool,
+}
+
+impl FieldOf {
+    fn of(field: &'static Field, settings: &MotorSettings) -> Self {
+        let raw = field.get(settings);
+        let (words, value) = match field.form {
+            Form::Words(words) => (words, field.word_of(raw).map(Value::from)),
+            Form::Steps(1) => (&[][..], Some(Value::from(raw))),
+            Form::Steps(_) => (&[][..], Some(Value::from(field.number_of(raw)))),
+        };
+        let optional = field.zero == Zero::NotConfigured;
+        Self {
+            name: field.name,
+            value: value.filter(|_| !(optional && raw == 0)),
+            words,
+            range: field.range(),
+            optional,
+        }
+    }
 }
 
 /// Explanations of all fault numbers, a section each.
@@ -260,6 +342,8 @@ pub(crate) struct SettingsOf {
     acceleration: Option<u32>,
     velocity: [f64; 4],
     position: [f64; 4],
+    /// All settings but mode and coefficients, for a form.
+    fields: Vec<FieldOf>,
     /// Number of changes that can be undone.
     pub(crate) undoable: usize,
 }
@@ -438,6 +522,11 @@ impl SettingsOf {
             acceleration: settings.motor.acceleration.map(Acceleration::get),
             velocity,
             position,
+            fields: CONFIGURABLE
+                .iter()
+                .flat_map(|group| group.fields())
+                .map(|field| FieldOf::of(field, settings))
+                .collect(),
             undoable,
         }
     }

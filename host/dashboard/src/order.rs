@@ -16,6 +16,7 @@ use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::{Loop, RunMode};
 use motor_hub::regulator::Kind;
 use serde::Deserialize;
+use serde_json::{Map, Value};
 use simulated::scheme::DutyWord;
 
 /// An order of a page.
@@ -124,6 +125,20 @@ pub enum Order {
         #[serde(with = "DutyWord")]
         duty: DutyRule,
     },
+    /// Turns motors at speeds in step, until the next request.
+    Turn {
+        /// Speed by motor in counts/s; `None` for a motor that does not take part.
+        at: [Option<i32>; 4],
+        /// Largest acceleration of any motor, in counts/s².
+        acceleration: u32,
+    },
+    /// Changes settings of a motor, by their names in a settings file.
+    Configure {
+        /// Motor, 0 to 3.
+        motor: u8,
+        /// Number or word by name; `null` for a setting that is not to be configured.
+        values: Map<String, Value>,
+    },
     /// Limits a motor's acceleration.
     Acceleration {
         /// Motor, 0 to 3.
@@ -159,6 +174,19 @@ pub enum Order {
     },
     /// Stores the settings in force permanently.
     Save,
+    /// Puts the stored settings in force.
+    Load,
+    /// Deletes the stored settings, and puts the firmware's settings in force.
+    Reset,
+    /// Clears the hub's record of faults.
+    ClearFaults,
+    /// Asks for address, version, lamp and stored settings of the hub.
+    Status,
+    /// Sets the colour of the hub's lamp.
+    Led {
+        /// Red, green and blue, 0 to 255 each.
+        colour: [u8; 3],
+    },
     /// Plays the scenario of a simulated hub from its beginning.
     Play,
     /// Changes a simulated hub's world.
@@ -186,6 +214,7 @@ impl Order {
                 | Self::Release
                 | Self::Points { .. }
                 | Self::Faults
+                | Self::Status
                 | Self::Export
         )
     }

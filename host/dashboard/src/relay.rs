@@ -2,7 +2,9 @@
 //! orders as they arrive. Motors run only while the page in control is open: see [`pages`](crate::pages).
 
 use crate::executor::{Changed, Executor, Trouble, channel};
-use crate::frame::{FaultEntry, Found, Frame, Learned, Message, OfMotor, PointsAt, Welcome, refused};
+use crate::frame::{
+    FaultEntry, Found, Frame, HubStatus, Learned, Message, OfMotor, PointsAt, Welcome, refused,
+};
 use crate::order::Order;
 use crate::outbox::Outbox;
 use crate::pages::{Gone, Pages, Taken};
@@ -134,8 +136,8 @@ pub struct Relay {
     executor: Executor,
     learning: Option<Learning>,
     playing: Option<Playing>,
-    /// Time of the last question about a running save; `None` without a save.
-    saving: Option<Instant>,
+    /// Time of the last question about a running save, load or reset of settings; `None` without one.
+    saving: Option<(Instant, HubFunction)>,
     /// The newest frame.
     frame: Frame,
     since: Instant,
@@ -219,7 +221,7 @@ impl Relay {
                 }
                 return self.tell_control();
             }
-            Order::Points { .. } | Order::Faults | Order::Export => {
+            Order::Points { .. } | Order::Faults | Order::Export | Order::Status => {
                 let answer = match self.look_up(order) {
                     Ok(message) => Answer::Message(message),
                     Err(why) => Answer::Refused(why.to_string()),
@@ -253,6 +255,7 @@ impl Relay {
                 let (_, heads) = session.recorded()?.ok_or("this hub keeps no record of faults")?;
                 Message::Faults { entries: heads.iter().map(FaultEntry::of).collect() }
             }
+            Order::Status => Message::Status(HubStatus::read(session)?),
             _ => Message::File { name: "motor-hub-settings.toml", text: settings_file::export(session)? },
         })
     }
@@ -279,24 +282,24 @@ impl Relay {
                 }
                 _ => Err("there is no scenario to play: start the dashboard with --scenario FILE".into()),
             },
-            Order::Save => session.order(HubFunction::Save).map_err(Trouble::from).map(|()| {
-                self.saving = Some(Instant::now());
-                Changed::Nothing
-            }),
+            Order::Save => self.store(HubFunction::Save),
+            Order::Load => self.store(HubFunction::Load),
+            Order::Reset => self.store(HubFunction::Reset),
             _ => self.executor.execute(session, self.place.world.as_ref(), order),
         };
         match done {
             Ok(Changed::Nothing) => (),
             Ok(Changed::Settings(motor)) => self.tell_settings(motor),
-            Ok(Changed::AllSettings) => (0..CHANNELS as u8).for_each(|motor| self.tell_settings(motor)),
+            Ok(Changed::AllSettings) => self.tell_all_settings(),
             Ok(Changed::World) => {
                 let world = self.place.world.as_ref().map(|world| Message::World(world.is()).text());
                 world.into_iter().for_each(|text| self.tell(&text));
             }
             Err(Trouble::Refused(why)) => {
                 // Part of the order may have been executed.
-                if let Some(motor) = motor_of(order) {
-                    self.tell_settings(motor);
+                match order {
+                    Order::Import { .. } => self.tell_all_settings(),
+                    order => motor_of(order).into_iter().for_each(|motor| self.tell_settings(motor)),
                 }
                 return Err(why);
             }
@@ -306,6 +309,14 @@ impl Relay {
             }
         }
         Ok(())
+    }
+
+    /// Begins to save, load or reset the stored settings.
+    fn store(&mut self, what: HubFunction) -> Result<Changed, Trouble> {
+        let Some(session) = &mut self.session else { return Ok(Changed::Nothing) };
+        session.order(what.clone())?;
+        self.saving = Some((Instant::now(), what));
+        Ok(Changed::Nothing)
     }
 
     /// Checks the page in control, reads the hub's state, and sends a frame. To be called every [`INTERVAL`].
@@ -410,7 +421,7 @@ impl Relay {
                 self.looked_at = Instant::now();
                 self.frame.motors.clear();
                 self.tell_line(Message::Line { connected: true, why: String::new(), reports, stores });
-                (0..CHANNELS as u8).for_each(|motor| self.tell_settings(motor));
+                self.tell_all_settings();
             }
             Err(why) => {
                 self.tell_line(gone(why));
@@ -513,9 +524,11 @@ impl Relay {
         Ok(())
     }
 
-    /// Asks about a running save, and sends a notice when it has ended.
+    /// Asks about a running save, load or reset, and sends a notice when it has ended.
     fn follow_save(&mut self) -> Result<(), Trouble> {
-        let (Some(asked), Some(session)) = (&mut self.saving, &mut self.session) else { return Ok(()) };
+        let (Some((asked, what)), Some(session)) = (&mut self.saving, &mut self.session) else {
+            return Ok(());
+        };
         if asked.elapsed() < SAVING {
             return Ok(());
         }
@@ -524,11 +537,21 @@ impl Relay {
         if report.at_work {
             return Ok(());
         }
+        let done = match what {
+            HubFunction::Load => "the stored settings are in force",
+            HubFunction::Reset => "the firmware's settings are in force and stored",
+            _ => "settings are saved",
+        };
+        let changed = !matches!(what, HubFunction::Save);
         self.saving = None;
         let text = match why_unsaved(&report) {
-            None => "settings are saved".to_owned(),
+            None => done.to_owned(),
             Some(why) => format!("settings are not saved: {why}"),
         };
+        if changed {
+            self.executor.motors = Default::default();
+            self.tell_all_settings();
+        }
         self.tell(&Message::Notice { text, grave: false }.text());
         Ok(())
     }
@@ -552,6 +575,10 @@ impl Relay {
             self.tell(&text);
             self.settings.insert(motor, text);
         }
+    }
+
+    fn tell_all_settings(&mut self) {
+        (0..CHANNELS as u8).for_each(|motor| self.tell_settings(motor));
     }
 
     fn tell_control(&mut self) {
@@ -611,6 +638,8 @@ fn done(order: &Order) -> Option<String> {
         Order::Import { .. } => {
             "the settings of the file are in force until the hub restarts, unless they are saved".to_owned()
         }
+        Order::Configure { motor, .. } => format!("motor {motor}: the settings are in force"),
+        Order::ClearFaults => "the record of faults is cleared".to_owned(),
         Order::Undo { motor } => format!("motor {motor}: the last change is undone"),
         Order::ResetEncoder { motor } => format!("motor {motor}: the present position is 0"),
         _ => return None,
@@ -628,6 +657,7 @@ const fn motor_of(order: &Order) -> Option<u8> {
         Order::Coefficients { motor, .. }
         | Order::Regulator { motor, .. }
         | Order::SetUp { motor, .. }
+        | Order::Configure { motor, .. }
         | Order::Acceleration { motor, .. }
         | Order::Apply { motor }
         | Order::Undo { motor } => Some(motor),

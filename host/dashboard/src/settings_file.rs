@@ -189,7 +189,7 @@ fn take(motor: &mut Table, field: &Field) -> Result<i64, String> {
 }
 
 /// A limit with seven decimals at most.
-fn shown(limit: f64) -> String {
+pub(crate) fn shown(limit: f64) -> String {
     let text = format!("{limit:.7}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

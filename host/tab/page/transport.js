@@ -112,9 +112,14 @@ export function connect(page) {
     // The user may choose no port.
     const chosen = await browser.serial.requestPort().catch(() => null);
     if (!chosen) return;
-    await chosen.open({ baudRate: BAUD });
+    try {
+      await chosen.open({ baudRate: BAUD });
+    } catch (error) {
+      return page.take(JSON.stringify({ kind: "refused", why: `the serial port cannot be opened: ${/** @type {Error} */ (error).message} Close the program that uses it, and try again` }));
+    }
     button.textContent = "Simulate";
-    read(chosen);
+    // Unplugged, the hub can be connected again.
+    read(chosen).then(() => { button.textContent = "Connect a hub"; });
     await begin(true);
   } }, "Connect a hub");
   if (button.disabled) button.title = "A hub on a serial port needs Chromium, Chrome or Edge, 137 or later";

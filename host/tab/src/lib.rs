@@ -7,7 +7,7 @@
 //!                       <--receive---
 //! ```
 //!
-//! The page calls [`tick`] before it paints, at most every 20 ms. A browser paints no hidden page, and runs no closed page.
+//! The page calls [`tick`] before it paints, at most every 15 ms. A browser paints no hidden page, and runs no closed page.
 //! Then the hub gets no requests, and its keep-alive disables the motors after 2.5 s.
 //!
 //! A read of the serial port waits for bytes. The page therefore wraps `receive` in `WebAssembly.Suspending`, and the
@@ -20,7 +20,7 @@ use dashboard::outbox::{Texts, outbox};
 use dashboard::relay::Event;
 use dashboard::relay::Relay;
 use dashboard::world::World;
-use dashboard::{Hub, Place, Port};
+use dashboard::{Place, Port};
 use motor_hub::protocol::Address;
 use motor_hub_client::{Session, line};
 use simulated::scenario::Scenario;
@@ -37,8 +37,9 @@ const PAGE: u32 = 1;
 /// Time-out of answers while a hub is connected.
 const TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Simulated time that is caught up after a delay of the page, in milliseconds.
-const CATCH_UP_MS: u64 = 100;
+/// Largest difference of the simulated time from the page's, in milliseconds. What a delay of the page has added beyond it
+/// is not simulated. What waits for answers have added beyond it is not waited for.
+const LARGEST_LAG_MS: i64 = 100;
 
 #[link(wasm_import_module = "page")]
 unsafe extern "C" {
@@ -63,11 +64,19 @@ thread_local! {
 pub extern "C" fn start(serial: bool) {
     motor_hub_client::clock::set(|| Duration::from_secs_f64(now_ms() / 1e3));
     let place = if serial {
-        Place::real("a hub on a serial port of this computer", || open(Box::new(SerialPort)))
+        Place::real("a hub on a serial port of this computer", || {
+            let port: Box<dyn Port> = Box::new(SerialPort);
+            Session::with_parent(port, TIMEOUT).map_err(|error| error.to_string())
+        })
     } else {
         let world = World::default();
         SIMULATION.set(Some(Simulation::new(world.clone())));
-        Place::simulated("four motors in this tab", world, None, || open(Box::new(SimulatedHub)))
+        Place::simulated("four motors in this tab", world, None, || {
+            let port: Box<dyn Port> = Box::new(SimulatedHub);
+            let mut session = Session::new(port, Address::DEFAULT, TIMEOUT);
+            session.keep_alive().map_err(|error| error.to_string())?;
+            Ok(session)
+        })
     };
     let mut relay = Relay::new(place);
     // The relay connects before the page is in control, because a page in control must show new values at least every second.
@@ -129,18 +138,14 @@ fn pass_on() {
     });
 }
 
-fn open(port: Box<dyn Port>) -> std::result::Result<Hub, String> {
-    Session::with_parent(port, TIMEOUT).map_err(|error| error.to_string())
-}
-
 /// The simulated hub, and the host's end of its line.
 struct Simulation {
     hub: Pin<Box<dyn Future<Output = ()>>>,
     host: Wire,
-    /// Time of the page at which the simulation began, in milliseconds.
-    begun_ms: u64,
+    /// Time of the page at which the simulated time is 0, in milliseconds.
+    begun_ms: i64,
     /// Milliseconds that the hub has run.
-    steps: u64,
+    steps: i64,
 }
 
 impl Simulation {
@@ -152,7 +157,7 @@ impl Simulation {
             // The scenario of the program itself has no errors, as its tests make sure.
             let _ = serve::steps(&scenario, Address::DEFAULT, line, None, &mut hands, &mut |_| true).await;
         };
-        Self { hub: Box::pin(hub), host, begun_ms: now_ms() as u64, steps: 0 }
+        Self { hub: Box::pin(hub), host, begun_ms: now_ms() as i64, steps: 0 }
     }
 
     /// Lets the hub run for a millisecond.
@@ -164,10 +169,10 @@ impl Simulation {
 
     /// Lets the hub run until its time is the page's.
     fn catch_up(&mut self) {
-        let due = (now_ms() as u64).saturating_sub(self.begun_ms);
-        let late = due.saturating_sub(self.steps).saturating_sub(CATCH_UP_MS);
-        self.begun_ms += late;
-        while self.steps + late < due {
+        let now = now_ms() as i64;
+        let lag = now - self.begun_ms - self.steps;
+        self.begun_ms += lag - lag.clamp(-LARGEST_LAG_MS, LARGEST_LAG_MS);
+        while self.begun_ms + self.steps < now {
             self.step();
         }
     }

@@ -9,9 +9,9 @@
 use crate::conformance::Hub;
 use crate::page::Dashboard;
 use serde_json::{Value, json};
-use std::io::ErrorKind;
+use std::io::{BufRead, BufReader, ErrorKind};
 use std::net::TcpStream;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Error, Message, WebSocket, client};
@@ -20,7 +20,7 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_motor-hub");
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The socket of a page, without a browser.
-struct Page {
+pub(crate) struct Page {
     socket: WebSocket<TcpStream>,
     /// True if the page returns the numbers of frames.
     alive: bool,
@@ -28,7 +28,7 @@ struct Page {
 }
 
 impl Page {
-    fn open(dashboard: &Dashboard) -> Self {
+    pub(crate) fn open(dashboard: &Dashboard) -> Self {
         let address = dashboard.url.strip_prefix("http://").unwrap();
         let (host, query) = address.split_once("/?").unwrap();
         let mut request = format!("ws://{host}/ws?{query}").into_client_request().unwrap();
@@ -82,7 +82,7 @@ impl Page {
     }
 
     /// Acknowledges frames for a time.
-    fn stay(&mut self, time: Duration) {
+    pub(crate) fn stay(&mut self, time: Duration) {
         let end = Instant::now() + time;
         while Instant::now() < end {
             self.hear();
@@ -354,13 +354,27 @@ fn settings_that_a_page_saves_are_in_force_when_the_hub_starts_again() {
     page.until("settings that are saved", |_, message| {
         message["text"].as_str().is_some_and(|text| text.starts_with("settings are saved"))
     });
+    // Other settings give way to the stored ones, and these to the firmware's own.
+    page.order(
+        "set-up",
+        json!({ "motor": 1, "name": "NeveRest 40", "scheme": "A", "duty": "linear-current" }),
+    );
+    page.until("a third motor", |_, message| of_motor_1(message) && message["name"] == "NeveRest 40");
+    page.order("load", Value::Null);
+    page.until("the stored motor", |_, message| of_motor_1(message) && message["name"] == "Core Hex");
     dashboard.end();
 
     let again = Dashboard::start(&["--store", store.to_str().unwrap()]);
     let mut page = Page::open(&again);
     let seen = page.until("its settings", |_, message| of_motor_1(message));
-    std::fs::remove_file(&store).unwrap();
     assert_eq!((&seen["name"], &seen["duty"]), (&json!("Core Hex"), &json!("linear-duty")), "{seen}");
+
+    page.until("a battery", |page, _| page.frame["battery_v"].as_f64().is_some_and(|volts| volts > 11.0));
+    page.order("reset", Value::Null);
+    page.until("the firmware's settings", |_, message| {
+        of_motor_1(message) && message["duty"] != "linear-duty"
+    });
+    std::fs::remove_file(&store).unwrap();
 
     let other = Dashboard::start(&[]);
     let mut page = Page::open(&other);
@@ -400,6 +414,26 @@ fn a_hub_that_goes_away_is_said_to_be_gone_and_found_again() {
     assert_eq!(page.refused("enable", json!({ "motor": 0, "on": true })), "the hub is not connected");
     let _again = Hub::start(PROGRAM, &["--tcp", &place]);
     page.until("a hub", |_, message| message["kind"] == "line" && message["connected"] == true);
+}
+
+#[test]
+fn a_page_for_other_machines_prints_its_url_as_a_square_code() {
+    let mut program = Command::new(PROGRAM);
+    program.args(["dashboard", "--listen", "127.0.0.1:0"]).stdout(Stdio::piped()).stderr(Stdio::null());
+    let mut program = program.spawn().unwrap();
+    let mut lines = BufReader::new(program.stdout.take().unwrap()).lines().map(Result::unwrap);
+    let url = lines.next().unwrap();
+    let first = lines.next().unwrap();
+    let width = first.chars().count();
+    // Two rows of modules are a line. The margin of four modules is light.
+    let rows: Vec<String> = std::iter::once(first).chain(lines.take(width.div_ceil(2) - 1)).collect();
+    program.kill().unwrap();
+    program.wait().unwrap();
+    assert!(url.starts_with("http://127.0.0.1:") && width >= 21 + 8, "{url}");
+    assert!(rows.iter().all(|row| row.chars().count() == width && row.starts_with("████")), "{rows:#?}");
+    assert!(rows.iter().take(2).all(|row| row.chars().all(|module| module == '█')), "{rows:#?}");
+    // The corner of the first finder pattern: a dark line over a light one.
+    assert!(rows[2].starts_with("████ ▄▄▄▄▄ "), "{}", rows[2]);
 }
 
 #[test]

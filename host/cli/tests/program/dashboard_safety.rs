@@ -157,6 +157,30 @@ fn a_page_that_paints_nothing_loses_its_motors_after_a_second() {
 }
 
 #[test]
+fn a_gamepad_drives_while_its_button_is_held_and_not_in_a_hidden_page() {
+    with_page("gamepad", |tab| {
+        tab.ask(
+            "window.pad = { connected: true, buttons: [{ pressed: true }], axes: [0, -1] }; \
+             navigator.getGamepads = () => [window.pad]; 0",
+        );
+        tab.wait(&format!("{} > 300", motor(0, "velocity")));
+        tab.ask("window.pad.buttons[0].pressed = false");
+        off(tab, Instant::now());
+        tab.ask("window.pad.buttons[0].pressed = true");
+        tab.wait(&format!("{} > 300", motor(0, "velocity")));
+        let since = Instant::now();
+        tab.hide();
+        let took = off(tab, since);
+        println!("a motor of the gamepad off {:.0} ms after its page was hidden", took.as_secs_f64() * 1e3);
+        assert!(took < Duration::from_secs(2), "{took:?}");
+        // A page that is seen again waits until the button is released.
+        tab.call("Page.bringToFront", json!({}));
+        std::thread::sleep(Duration::from_secs(1));
+        assert_eq!(tab.ask(&motor(0, "enabled")), false);
+    });
+}
+
+#[test]
 fn escape_stops_also_while_a_list_is_open() {
     with_page("list", |tab| {
         for list in ["#unit", "#motors .card:nth-child(1) [aria-label^=Mode]", "#window"] {

@@ -60,7 +60,16 @@ fn points_move_with_speed_and_battery_as_the_paper_says() {
             tab.fill(&slider(2), &cps.to_string());
             tab.fill(&slider(3), &volts.to_string());
             // Scheme A: Z is at e / V. Scheme B: T is at -e / (V + e).
-            let expected = [("A", 3, emf * cps / volts), ("B", 2, -emf * cps / (volts + emf * cps))];
+            // Scheme C: T is at -e / (V - e), D: at -k e / (V + e).
+            let (e, u) = (emf * cps, emf * cps / volts);
+            let blend = f64::min(1.0, (1.0 - u) / (2.0 * u * u));
+            let k = 1.0 + 2.0 * blend * e / (volts - e);
+            let expected = [
+                ("A", 3, u),
+                ("B", 2, -e / (volts + e)),
+                ("C", 2, -e / (volts - e)),
+                ("D", 2, -k * e / (volts + e)),
+            ];
             for (scheme, point, at) in expected {
                 tab.fill("#regimes-scheme", scheme);
                 for column in [3, 4] {
@@ -72,6 +81,48 @@ fn points_move_with_speed_and_battery_as_the_paper_says() {
                 }
             }
         }
+    });
+}
+
+/// `cargo test --test program report_of_first_paint -- --ignored --nocapture`
+#[test]
+#[ignore = "a report, not a test: times are this machine's"]
+fn report_of_first_paint_and_sizes() {
+    with_file("paint", |tab| {
+        tab.wait("performance.getEntriesByName('first-contentful-paint').length");
+        let report = tab.ask(
+            "({ first_paint_ms: Math.round(performance.getEntriesByName('first-contentful-paint')[0].startTime), \
+                file_kb: Math.round(document.documentElement.outerHTML.length / 1000), \
+                wasm_packed_kb: Math.round(0.75 * document.querySelector('#relay').textContent.length / 1000) })",
+        );
+        println!("{report:#}");
+    });
+}
+
+#[test]
+fn simulated_time_passes_as_on_the_clock_from_the_start() {
+    with_file("clock", |tab| {
+        let mut times = || {
+            let times = tab.ask("[dashboard.state.frame.tick_ms, performance.now()]");
+            [0, 1].map(|index| times.get(index).and_then(serde_json::Value::as_f64).unwrap())
+        };
+        let [tick, now] = times();
+        std::thread::sleep(Duration::from_secs(3));
+        let [later_tick, later] = times();
+        let share = (later_tick - tick) / (later - now);
+        assert!((share - 1.0).abs() < 0.17, "simulated time runs {share:.2} times as fast as the clock");
+    });
+}
+
+#[test]
+fn a_serial_port_that_cannot_be_opened_leaves_the_simulation_and_says_why() {
+    with_file("serial-busy", |tab| {
+        tab.ask("Object.defineProperty(navigator, 'serial', { value: { requestPort: async () => ({ open: async () => { throw new Error('Failed to open serial port.'); } }) } })");
+        tab.click("#serial");
+        tab.wait("document.querySelector('#notice').textContent.includes('cannot be opened: Failed to open serial port.')");
+        assert_eq!(tab.ask("document.querySelector('#serial').textContent"), "Connect a hub");
+        drive(tab, 0, 900);
+        assert_eq!(tab.ask("dashboard.state.simulated"), true);
     });
 }
 
@@ -107,7 +158,7 @@ fn connect(tab: &mut Tab<'_>, hub: &Hub) {
     let port = bridge(&hub.place);
     tab.ask(&format!(
         "Object.defineProperty(navigator, 'serial', {{ value: {{ requestPort: async () => ({{ open: async function ({{ baudRate }}) {{ \
-            const socket = new WebSocket('ws://127.0.0.1:{port}'); socket.binaryType = 'arraybuffer'; \
+            const socket = window.socket = new WebSocket('ws://127.0.0.1:{port}'); socket.binaryType = 'arraybuffer'; \
             await new Promise((open) => {{ socket.onopen = open; }}); window.baud = baudRate; \
             this.readable = new ReadableStream({{ start(to) {{ socket.onmessage = (m) => to.enqueue(new Uint8Array(m.data)); socket.onclose = () => to.close(); }} }}); \
             this.writable = new WritableStream({{ write(bytes) {{ socket.send(bytes); }} }}); }} }}) }} }})"
@@ -127,6 +178,19 @@ fn a_hub_on_a_serial_port_is_driven_and_stopped_from_the_file() {
         tab.press(ESCAPE);
         println!("stopped over the serial port after {:.0} ms", off(tab, Instant::now()).as_secs_f64() * 1e3);
     });
+}
+
+#[test]
+fn an_unplugged_hub_is_said_to_be_gone_and_its_keep_alive_disables_its_motors() {
+    let hub = Hub::start(env!("CARGO_BIN_EXE_motor-hub"), &["--tcp", "127.0.0.1:0"]);
+    with_file("serial-unplugged", |tab| {
+        connect(tab, &hub);
+        tab.ask("window.socket.close()");
+        tab.wait("document.querySelector('#line').textContent.startsWith('Hub not connected')");
+        tab.wait("document.querySelector('#serial').textContent === 'Connect a hub'");
+        std::thread::sleep(KEEP_ALIVE + Duration::from_millis(500));
+    });
+    assert!(!hub.tcp().enabled());
 }
 
 #[test]

@@ -13,6 +13,8 @@ mod compare;
 mod conformance;
 mod dashboard;
 mod dashboard_browser;
+mod dashboard_looks;
+mod dashboard_panels;
 #[cfg(unix)]
 mod dashboard_safety;
 mod dashboard_tab;

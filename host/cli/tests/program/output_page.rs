@@ -159,7 +159,7 @@ fn what_happened_is_printed_as_the_page_says() {
     assert!(ticks.len() > 20 && ticks[0]["velocity"] != ticks[ticks.len() - 1]["velocity"], "{ticks:?}");
 
     let words = |arguments: &[&str]| String::from_utf8(client(arguments).stdout).unwrap();
-    assert!(words(&["faults"]).contains("2 encoder does not count"), "{}", words(&["faults"]));
+    assert!(words(&["faults"]).contains("2 no counts although driven"), "{}", words(&["faults"]));
     assert!(words(&["faults", "1"]).contains("last"), "{}", words(&["faults", "1"]));
     let none = client(&["faults", "7"]);
     let says = String::from_utf8_lossy(&none.stderr).into_owned();

@@ -7,7 +7,7 @@ import { Link } from "./link.js";
 import { select } from "./list.js";
 import { startMotors } from "./motors.js";
 import { startPanels } from "./panels.js";
-import { drawn, startPlots } from "./plots.js";
+import { columns, drawn, startPlots } from "./plots.js";
 import { choose, inControl, keep, kept, on, state, tell } from "./state.js";
 import { admitted } from "./transport.js";
 import { number, units } from "./units.js";
@@ -173,5 +173,5 @@ choose(kept("motor", 0));
 for (const what of ["welcome", "line", "control"]) on(what, facts);
 setInterval(facts, 250);
 // For tests and measurements.
-Object.assign(window, { dashboard: { state, drawn, link, learned: () => learned } });
+Object.assign(window, { dashboard: { state, drawn, link, columns, learned: () => learned } });
 

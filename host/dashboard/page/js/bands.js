@@ -1,6 +1,8 @@
 // Bands behind the control plot: the regimes of the paper at the present speed. Between S and T the motor is driven against its
 // motion, between T and Z it brakes, and between Z and G it is driven with its motion.
 
+import { typeScale } from "./dom.js";
+
 const BANDS = [["s", "t", "reverse"], ["t", "z", "braking"], ["z", "g", "forward"]];
 /** Smallest height in pixels of a band with a name. */
 const NAMED = 15;
@@ -102,7 +104,7 @@ function label(u, low, high, last, name, colour) {
   const inside = (/** @type {number} */ value) => Math.min(bbox.top + bbox.height, Math.max(bbox.top, u.valToPos(value, "y", true)));
   const [top, bottom] = [inside(high[last]), inside(low[last])].sort((a, b) => a - b);
   if (!(bottom - top > NAMED * devicePixelRatio)) return;
-  ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+  ctx.font = `${12 * typeScale() * devicePixelRatio}px system-ui, sans-serif`;
   ctx.textAlign = "right";
   ctx.textBaseline = "middle";
   const [x, y] = [bbox.left + bbox.width - 8 * devicePixelRatio, (top + bottom) / 2];

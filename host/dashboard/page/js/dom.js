@@ -20,6 +20,11 @@ export function h(tag, attributes = {}, ...children) {
 /** @param {string} id @returns {any} */
 export const by = (id) => document.getElementById(id);
 
+/** Matches windows with larger type, as in the style sheet. */
+export const LARGE = matchMedia("(min-width: 2600px)");
+/** Factor of the type in drawings. */
+export const typeScale = () => (LARGE.matches ? 1.6 : 1);
+
 /** Sets a text only if it has changed, so that screen readers do not read it again. */
 export function say(/** @type {Element} */ element, /** @type {string} */ text) {
   if (element.textContent !== text) element.textContent = text;

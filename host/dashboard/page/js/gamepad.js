@@ -1,7 +1,8 @@
-// A gamepad drives the chosen motor while its button A is held: the left stick, forward and back, sets the speed. Released, or
-// without the gamepad, the motor is off.
+// A gamepad drives the chosen motor while its button A is held: the left stick, forward and back, sets the speed. Released,
+// without the gamepad, or in a page that is hidden or without the focus, the motor is off.
 
 import { inControl, on, state } from "./state.js";
+import { freeSpeed } from "./units.js";
 
 const BUTTON = 0;
 const STICK = 1;
@@ -16,7 +17,7 @@ const EVERY_MS = 50;
 export function startGamepad(link) {
   /** @type {number|null} the motor that is driven */
   let driven = null;
-  /** STOP was pressed: the button must be released first. */
+  /** STOP was pressed, or the page was left: the button must be released first. */
   let stopped = false;
   let [sent, speed] = [0, 0];
 
@@ -25,17 +26,23 @@ export function startGamepad(link) {
     driven = null;
   }
 
+  function leave() {
+    stopped ||= driven !== null;
+    off();
+  }
+
   function look() {
     requestAnimationFrame(look);
     const pad = navigator.getGamepads?.().find((one) => one?.connected);
-    const held = pad?.buttons[BUTTON]?.pressed && inControl() && state.connected && document.hasFocus();
-    if (!held) stopped = false;
-    if (!held || stopped) return off();
+    if (!pad?.buttons[BUTTON]?.pressed) {
+      stopped = false;
+      return off();
+    }
+    if (stopped || !inControl() || !state.connected || !document.hasFocus()) return leave();
     const begins = driven === null;
     driven ??= state.chosen;
-    const stick = -(pad?.axes[STICK] ?? 0);
-    const free = 12000 / (state.settings[driven]?.emf_mv_s_per_count ?? 4);
-    const wanted = Math.abs(stick) < DEAD ? 0 : Math.round(stick * SHARE * free);
+    const stick = -(pad.axes[STICK] ?? 0);
+    const wanted = Math.abs(stick) < DEAD ? 0 : Math.round(stick * SHARE * freeSpeed(state.settings[driven]));
     if (!begins && (wanted === speed || performance.now() - sent < EVERY_MS)) return;
     [sent, speed] = [performance.now(), wanted];
     link.order("drive", { motor: driven, mode: "velocity", value: wanted });
@@ -45,5 +52,8 @@ export function startGamepad(link) {
     if (!grave) return;
     [driven, stopped] = [null, true];
   });
+  // A hidden page looks at no gamepad: nothing calls `look`.
+  document.addEventListener("visibilitychange", leave);
+  addEventListener("blur", leave);
   look();
 }

@@ -1,6 +1,6 @@
-// Panel for the hub: its faults and what they mean, its settings as a file, and the keys of this page.
+// Panel for the hub: what it is, its faults and what they mean, its settings, and the keys of this page.
 
-import { h, say } from "./dom.js";
+import { by, h, say } from "./dom.js";
 import { inControl, on, state } from "./state.js";
 import { number } from "./units.js";
 
@@ -18,6 +18,11 @@ export function hubPanel(link) {
   const faults = h("div", { class: "stack", role: "status" });
   const look = h("button", { type: "button", onclick: () => link.order("faults") }, "Show faults");
   const save = h("button", { type: "button", id: "hub-save", onclick: () => link.order("save") }, "Save settings");
+  const clear = h("button", { type: "button", onclick: () => { link.order("clear-faults"); link.order("faults"); } }, "Clear");
+  const about = h("tbody", {});
+  const lamp = h("input", { type: "color", id: "hub-lamp", onchange: () => link.order("led", { colour: [1, 3, 5].map((at) => parseInt(lamp.value.slice(at, at + 2), 16)) }) });
+  const fetchStored = h("button", { type: "button", id: "hub-load", onclick: () => link.order("load") }, "Load saved");
+  const reset = h("button", { type: "button", id: "hub-reset", onclick: () => link.order("reset") }, "Reset to defaults");
   const take = h("button", { type: "button", onclick: () => link.order("export") }, "Export to a file");
   const file = h("input", { type: "file", accept: ".toml,text/plain", id: "settings-file", hidden: true, onchange: async () => {
     const [chosen] = file.files;
@@ -25,6 +30,14 @@ export function hubPanel(link) {
     if (chosen) link.order("import", { text: await chosen.text() });
   } });
   const give = h("button", { type: "button", onclick: () => file.click() }, "Import a file");
+
+  const ask = () => { if (state.open && state.connected && !by("panel-hub").hidden) link.order("status"); };
+  on("status", ({ address, version, led, stored, differs }) => {
+    const rows = [["version", version], ["address", String(address)], ["saved settings", stored === null ? "this hub saves none" : `${stored}${differs ? "; they differ from the settings in force" : ""}`]];
+    about.replaceChildren(...rows.map(([name, value]) => h("tr", {}, h("th", {}, name), h("td", {}, value))));
+    if (document.activeElement !== lamp) lamp.value = `#${led.map((/** @type {number} */ part) => part.toString(16).padStart(2, "0")).join("")}`;
+  });
+  for (const what of ["tab", "line", "settings", "notice"]) on(what, ask);
 
   on("faults", ({ entries }) => {
     faults.replaceChildren(...entries.map((/** @type {any} */ of) => h("details", {},
@@ -40,11 +53,15 @@ export function hubPanel(link) {
   function allow() {
     for (const button of [look, take]) button.disabled = !(state.open && state.connected && state.reports);
     give.disabled = !(inControl() && state.connected && state.reports);
-    save.disabled = give.disabled || !state.stores;
+    lamp.disabled = !(inControl() && state.connected);
+    clear.disabled = give.disabled;
+    for (const button of [save, fetchStored, reset]) button.disabled = give.disabled || !state.stores;
   }
   for (const what of ["control", "open", "line"]) on(what, allow);
   return h("div", { class: "columns" },
-    h("div", { class: "stack" }, h("h3", {}, "Faults and resets"), h("div", { class: "row" }, look), faults,
-      h("h3", {}, "Settings of all motors"), h("div", { class: "row" }, take, give, save, file)),
-    h("div", { class: "stack" }, h("h3", {}, "Keys"), h("table", {}, h("tbody", {}, ...KEYS.map(([key, does]) => h("tr", {}, h("th", {}, key), h("td", {}, does)))))));
+    h("div", { class: "stack" },
+      h("table", {}, about), h("div", { class: "pair" }, h("label", { for: "hub-lamp" }, "Colour of the lamp"), lamp),
+      h("h3", {}, "Faults and resets"), h("div", { class: "row" }, look, clear), faults,
+      h("h3", {}, "Settings of all motors"), h("div", { class: "row" }, take, give, save, fetchStored, reset, file)),
+    h("div", { class: "stack" }, h("p", { class: "muted" }, "The program's command line also changes addresses, lists child hubs, and sends new firmware: see motor-hub client."), h("h3", {}, "Keys"), h("table", {}, h("tbody", {}, ...KEYS.map(([key, does]) => h("tr", {}, h("th", {}, key), h("td", {}, does)))))));
 }

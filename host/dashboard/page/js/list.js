@@ -40,7 +40,7 @@ export function select(options, attributes = {}) {
   }
   function show() {
     open = h("div", { role: "listbox", id: name, class: "options", "aria-label": element.getAttribute("aria-label") ?? "Options" }, ...pairs.map(([key, label], index) => h("div", { role: "option", id: `${name}-${index}`, "aria-selected": String(key === value), onpointerdown: (/** @type {Event} */ event) => event.preventDefault(), onclick: () => pick(index) }, label)));
-    document.body.append(open);
+    (document.querySelector("main") ?? document.body).append(open);
     const [box, size] = [element.getBoundingClientRect(), open.getBoundingClientRect()];
     const below = box.bottom + size.height <= innerHeight || box.top < size.height;
     Object.assign(open.style, { minWidth: `${box.width}px`, left: `${Math.max(4, Math.min(box.left, innerWidth - size.width - 4))}px`, top: `${below ? Math.max(4, Math.min(box.bottom, innerHeight - size.height - 4)) : box.top - size.height}px` });

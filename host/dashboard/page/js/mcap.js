@@ -22,22 +22,37 @@ function record(/** @type {keyof typeof OPCODES} */ kind, /** @type {Uint8Array[
 }
 
 /**
- * A recording as a file.
- * @param {{motor: number, at_s: number, values: Record<string, any>}[]} rows @param {number} begun time of the recording's start in milliseconds since 1970
+ * A recording as a file. Its rows come in pieces, so that a long recording is never in memory as a whole.
+ * @param {AsyncIterable<{motor: number, at_s: number, values: Record<string, any>}[]>} pieces
+ * @param {number} begun time of the recording's start in milliseconds since 1970
  */
-export function mcap(rows, begun) {
-  const properties = Object.fromEntries(Object.entries(rows[0]?.values ?? {}).map(([name, value]) => [name, { type: typeof value === "string" ? "string" : ["number", "null"] }]));
+export async function mcap(pieces, begun) {
+  /** @type {Blob[]} */
+  const parts = [];
+  const add = (/** @type {Uint8Array[]} */ bytes) => parts.push(new Blob(/** @type {BlobPart[]} */ (bytes)));
+  let [first, index] = [0, 0];
+  for await (const rows of pieces) {
+    if (!rows.length) continue;
+    if (!parts.length) {
+      first = rows[0].at_s;
+      add(head(rows));
+    }
+    add(rows.flatMap(({ motor, at_s, values }) => {
+      const at = number(64, BigInt(begun) * 1000000n + BigInt(Math.round((at_s - first) * 1e9)));
+      return record("message", number(16, motor), number(32, index++), at, at, utf8.encode(JSON.stringify(values)));
+    }));
+  }
+  add([...record("end", number(32, 0)), ...record("footer", number(64, 0), number(64, 0), number(32, 0)), MAGIC]);
+  return new Blob(parts);
+}
+
+/** The records before the messages: columns and motors are those of the first rows. */
+function head(/** @type {{motor: number, values: Record<string, any>}[]} */ rows) {
+  const properties = Object.fromEntries(Object.keys(rows[0].values).map((name) => [name, { type: ["number", "string", "null"] }]));
   const schema = JSON.stringify({ type: "object", properties });
   const motors = [...new Set(rows.map(({ motor }) => motor))];
-  const first = rows[0]?.at_s ?? 0;
-  const parts = [MAGIC,
+  return [MAGIC,
     ...record("header", ...text(""), ...text("motor-hub dashboard")),
     ...record("schema", number(16, SCHEMA), ...text("motor"), ...text("jsonschema"), ...text(schema)),
     ...motors.flatMap((motor) => record("channel", number(16, motor), number(16, SCHEMA), ...text(`/motor/${motor}`), ...text("json"), number(32, 0)))];
-  rows.forEach(({ motor, at_s, values }, index) => {
-    const at = number(64, BigInt(begun) * 1000000n + BigInt(Math.round((at_s - first) * 1e9)));
-    parts.push(...record("message", number(16, motor), number(32, index), at, at, utf8.encode(JSON.stringify(values))));
-  });
-  parts.push(...record("end", number(32, 0)), ...record("footer", number(64, 0), number(64, 0), number(32, 0)), MAGIC);
-  return new Blob(/** @type {BlobPart[]} */ (parts));
 }

@@ -5,7 +5,7 @@ import { by, h, say } from "./dom.js";
 import { select } from "./list.js";
 import { slider } from "./slider.js";
 import { choose, inControl, on, state } from "./state.js";
-import { fromCps, number, speed, speedUnit, toCps } from "./units.js";
+import { freeSpeed, fromCps, number, speed, speedUnit, toCps } from "./units.js";
 
 /** Shortest interval between two set-points of a dragged slider, in milliseconds. */
 const DRAG_MS = 50;
@@ -15,8 +15,6 @@ const ORDER_MS = 500;
 const SAID_MS = 8000;
 /** Highest speed of a motor that counts as standing, as in the client. */
 const STANDS_CPS = 3;
-/** Highest speed that a hub accepts, in counts/s. */
-const MOST_CPS = 32767;
 
 /** @type {{order: (order: string, fields?: any) => boolean}} */
 let link;
@@ -28,7 +26,7 @@ const cards = [];
  * entered values; without it only the slider has limits.
  * @returns {{most: number, step: number, digits: number, unit: string, limit?: string, shown: (value: number) => number, meant: (value: number) => number}}
  */
-function scale(/** @type {string} */ mode, /** @type {any} */ settings) {
+export function scale(/** @type {string} */ mode, /** @type {any} */ settings) {
   const same = (/** @type {number} */ value) => value;
   if (mode === "power") return { most: 100, step: 1, digits: 1, unit: "%", limit: "full power", shown: (value) => 100 * value, meant: (value) => value / 100 };
   if (mode === "current") {
@@ -36,11 +34,17 @@ function scale(/** @type {string} */ mode, /** @type {any} */ settings) {
     return { most, step: 0.05, digits: 2, unit: "A", limit: "the stall current at 12 V", shown: same, meant: same };
   }
   if (mode === "velocity") {
-    const free = fromCps(Math.min(MOST_CPS, settings ? 12000 / settings.emf_mv_s_per_count : 3000), settings);
+    const free = fromCps(freeSpeed(settings), settings);
     const step = free > 500 ? 10 : free > 50 ? 1 : 0.1;
     return { most: Math.floor(free / step) * step, step, digits: speedUnit(settings) === "counts/s" ? 0 : 1, unit: speedUnit(settings), limit: "the free speed at 12 V", shown: (value) => fromCps(value, settings), meant: (value) => toCps(value, settings) };
   }
   return { most: Math.round(5 * (settings?.counts_per_turn ?? 1000)), step: 1, digits: 0, unit: "counts", shown: same, meant: same };
+}
+
+/** An entered value within the range of a mode, and words where it was limited. @returns {{value: number, words: string|null}} */
+export function limited(/** @type {ReturnType<typeof scale>} */ { most, digits, unit, limit }, /** @type {number} */ given) {
+  const value = limit ? Math.max(-most, Math.min(most, given)) : given;
+  return { value, words: value === given ? null : `Limited to ${number(value, digits)} ${unit}, ${limit}: ${given} was entered.` };
 }
 
 const of = (/** @type {any} */ card) => scale(card.mode.value, state.settings[card.motor]);
@@ -54,10 +58,9 @@ function drive(/** @type {any} */ card) {
 
 /** Takes a value in the unit of the card, limits it to what the motor can, and sends it. */
 function enter(/** @type {any} */ card, /** @type {number} */ given) {
-  const { most, digits, unit, limit, meant } = of(card);
-  const value = limit ? Math.max(-most, Math.min(most, given)) : given;
-  card.target = meant(value);
-  card.limited = value === given ? null : { words: `Limited to ${number(value, digits)} ${unit}, ${limit}: ${given} was entered.`, until: performance.now() + SAID_MS };
+  const { value, words } = limited(of(card), given);
+  card.target = of(card).meant(value);
+  card.limited = words && { words, until: performance.now() + SAID_MS };
   clearTimeout(card.timer);
   drive(card);
 }

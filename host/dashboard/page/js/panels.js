@@ -7,7 +7,7 @@ import { learnPanel } from "./learn.js";
 import { recordPanel } from "./record.js";
 import { regimesPanel } from "./regimes.js";
 import { setupPanel } from "./setup.js";
-import { keep, kept, on, state } from "./state.js";
+import { keep, kept, on, state, tell } from "./state.js";
 import { tunePanel } from "./tune.js";
 import { worldPanel } from "./world.js";
 
@@ -36,6 +36,7 @@ export function startPanels(link) {
       buttons[index].tabIndex = is ? 0 : -1;
       by(`panel-${name}`).hidden = !is;
     });
+    tell("tab");
   }
   // Arrow keys choose the next tab, as usual for tab lists.
   by("tabs").addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {

@@ -2,7 +2,7 @@
 // the plots while the hub continues. Which curves are shown is chosen, and kept for the next visit.
 
 import { drawBands, nameBands } from "./bands.js";
-import { by, h, say } from "./dom.js";
+import { by, h, LARGE, say, typeScale } from "./dom.js";
 import { select } from "./list.js";
 import { keep, kept, on, state } from "./state.js";
 import { fromCps, number, speedUnit } from "./units.js";
@@ -73,7 +73,7 @@ const chosen = { hidden: ["position"], motors: /** @type {number[]} */ ([]), tor
 export const drawn = { /** @type {number[]} */ took: [], /** @type {number[]} */ apart: [] };
 
 /** Columns of a motor. @returns {Record<string, any>} */
-function columns(motor = state.chosen) {
+export function columns(motor = state.chosen) {
   if (view.frozen) return view.frozen.motors[motor];
   const { history } = state;
   const all = Object.entries(history.motors[motor]).map(([name, column]) => [name, column.last()]);
@@ -132,12 +132,13 @@ function build(/** @type {string} */ name, /** @type {Plot} */ { title, height, 
   const host = h("div", { class: "chart", role: "img", "aria-label": `${title} over time` });
   host.style.setProperty("--height", String(height));
   by("charts").append(legend, host);
-  const axis = { stroke: () => colour("muted"), grid: { stroke: () => colour("grid"), width: 1 }, ticks: { show: false }, font: `${matchMedia("(min-width: 2600px)").matches ? 16 : 12}px system-ui, sans-serif` };
+  const scale = typeScale();
+  const axis = { stroke: () => colour("muted"), grid: { stroke: () => colour("grid"), width: 1 }, ticks: { show: false }, font: `${12 * scale}px system-ui, sans-serif` };
   const plot = new uPlot({
     width: Math.max(200, host.clientWidth), height, legend: { show: false }, padding: [6, 8, 0, 0],
     cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 7 } },
     scales: { x: { time: false, range: (/** @type {any} */ u, /** @type {number} */ low, /** @type {number} */ high) => view.zoom ?? [Math.max(low, high - view.window), Math.max(high, low + 1)] }, y: { range } },
-    axes: [{ ...axis, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60, 120, 300, 600], space: 60, size: () => (name === lowest() ? 34 : 12), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => (name === lowest() ? ticks.map((tick) => `${number(tick, Number.isInteger(tick) ? 0 : 1)} s`) : []) }, { ...axis, size: 62, space: 26, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(tickWords) }],
+    axes: [{ ...axis, incrs: [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 60, 120, 300, 600], space: 60 * scale, size: () => (name === lowest() ? 34 * scale : 12), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => (name === lowest() ? ticks.map((tick) => `${number(tick, Number.isInteger(tick) ? 0 : 1)} s`) : []) }, { ...axis, size: 62 * scale, space: 26 * scale, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map(tickWords) }],
     series: [{}, ...lines.map((line) => ({ stroke: () => colour(line.colour), width: 2, dash: line.dash, points: { show: false }, spanGaps: false, show: lineShown(name, line) }))],
     hooks: {
       drawAxes: name === "control" ? [(/** @type {any} */ u) => drawBands(u, columns(), colour)] : [],
@@ -183,7 +184,7 @@ function legends(/** @type {Record<string, any>} */ of) {
 /** Describes the plots in words, for users who do not see them. */
 function describe() {
   const of = columns();
-  const first = of.time.findIndex((/** @type {number} */ time) => time >= of.time[of.time.length - 1] - view.window);
+  const first = whole ? 0 : of.time.findIndex((/** @type {number} */ time) => time >= of.time[of.time.length - 1] - view.window);
   for (const [name, { title, lines }] of Object.entries(PLOTS)) {
     const { host, legend } = /** @type {any} */ (charts.get(name));
     const curves = lines.filter((line) => lineShown(name, line)).map((line) => {
@@ -191,7 +192,7 @@ function describe() {
       const words = (/** @type {number} */ value) => number(value, digitsOf(line));
       return known.length ? `${line.words} ${words(known.at(-1))}, from ${words(Math.min(...known))} to ${words(Math.max(...known))}` : `${line.words} unknown`;
     });
-    host.setAttribute("aria-label", `${legend.querySelector("h3").textContent || title}, last ${view.window} s: ${curves.join("; ")}`);
+    host.setAttribute("aria-label", `${legend.querySelector("h3").textContent || title}, ${whole ? `recording of ${number(whole[1] - whole[0])} s` : `last ${view.window} s`}: ${curves.join("; ")}`);
   }
 }
 
@@ -323,16 +324,23 @@ export function startPlots() {
     keep("window", view.window);
     draw();
   });
-  for (const [name, plot] of Object.entries(PLOTS)) build(name, plot);
+  const boxes = new ResizeObserver(fit);
+  const buildAll = () => {
+    for (const { plot } of charts.values()) plot.destroy();
+    by("charts").replaceChildren();
+    boxes.disconnect();
+    for (const [name, plot] of Object.entries(PLOTS)) build(name, plot);
+    for (const { host } of charts.values()) boxes.observe(host);
+    arrange();
+  };
   startCurves();
-  arrange();
+  buildAll();
+  LARGE.addEventListener("change", buildAll);
   by("pause").addEventListener("click", () => pause(!view.paused));
   by("unzoom").addEventListener("click", () => {
     view.zoom = whole;
     pause(view.paused);
   });
-  const boxes = new ResizeObserver(fit);
-  for (const { host } of charts.values()) boxes.observe(host);
   for (const what of ["chosen", "settings", "unit"]) on(what, arrange);
   on("theme", () => { colours = new Map(); draw(); });
   on("line", () => { by("untold").hidden = state.reports; });

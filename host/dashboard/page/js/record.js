@@ -85,6 +85,12 @@ export function recordPanel() {
   /** @type {string[]} */
   let recent = [];
   let [recording, frames, begun] = [false, 0, 0];
+  /** The rows as objects, a blob at a time. */
+  async function* pieces() {
+    for (const blob of [...blobs, new Blob(recent.map((row) => `${row}\n`))]) {
+      yield read(`${HEADINGS.join(",")}\n${await blob.text()}`).map(({ motor, time_s, ...values }) => ({ motor: Number(motor), at_s: Number(time_s), values }));
+    }
+  }
   const whole = () => new Blob([`${HEADINGS.join(",")}\n`, ...blobs, ...recent.map((row) => `${row}\n`)], { type: "text/csv" });
   const says = h("p", { role: "status" }, "No recording yet.");
   const toggle = h("button", { type: "button", class: "primary", "aria-pressed": "false", onclick: () => {
@@ -97,8 +103,7 @@ export function recordPanel() {
   } }, "Record");
   const save = h("button", { type: "button", disabled: true, onclick: () => download(whole(), begun, "csv") }, "Save as CSV");
   const pack = h("button", { type: "button", disabled: true, onclick: async () => {
-    const all = read(await whole().text()).map(({ motor, time_s, ...values }) => ({ motor: Number(motor), at_s: Number(time_s), values }));
-    download(mcap(all, begun), begun, "mcap");
+    download(await mcap(pieces(), begun), begun, "mcap");
   } }, "Save as MCAP");
   const file = h("input", { type: "file", accept: ".csv,text/csv", id: "record-file", hidden: true, onchange: async () => {
     const [chosen] = file.files;

@@ -1,6 +1,7 @@
 // Panel for the set-up: the connected motor, the scheme, and the duty rule.
 
 import { h, say } from "./dom.js";
+import { settingsForm } from "./fields.js";
 import { select } from "./list.js";
 import { inControl, on, state } from "./state.js";
 import { number } from "./units.js";
@@ -45,5 +46,6 @@ export function setupPanel(link) {
     h("div", { class: "stack" },
       h("div", { class: "pair" }, h("label", { for: "setup-name" }, "Motor"), name, h("label", { for: "setup-scheme" }, "Scheme"), scheme, h("label", { for: "setup-duty" }, "Duty"), duty),
       h("div", { class: "row" }, apply, undo, zero, save)),
+    settingsForm(link),
     h("div", { class: "stack" }, facts, saving, h("p", { class: "muted" }, "Another motor starts with default coefficients for its constants; its dynamics are reset. The scheme determines the points S, T, Z and G: watch the bands of the control plot while you change it.")));
 }

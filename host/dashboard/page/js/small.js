@@ -1,6 +1,6 @@
 // A small plot: lines over a fixed time.
 
-import { h } from "./dom.js";
+import { h, LARGE, typeScale } from "./dom.js";
 import { on } from "./state.js";
 import { number } from "./units.js";
 
@@ -21,7 +21,9 @@ export class SmallPlot {
     this.element = h("div", {}, h("div", { class: "legend" }, h("h3", {}, label), ...names), this.host);
     this.data = [[0, 1], ...lines.map(() => [null, null])];
     new ResizeObserver(() => this.draw()).observe(this.host);
-    on("theme", () => { this.plot?.destroy(); this.plot = null; this.draw(); });
+    const again = () => { this.plot?.destroy(); this.plot = null; this.draw(); };
+    on("theme", again);
+    LARGE.addEventListener("change", again);
   }
 
   /** @param {any[]} data times in seconds, then the values of each line */
@@ -40,11 +42,11 @@ export class SmallPlot {
     const width = this.host.clientWidth;
     if (width < 50) return;
     const colour = (/** @type {string} */ name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-    const axis = { stroke: colour("muted"), grid: { stroke: colour("grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif" };
+    const axis = { stroke: colour("muted"), grid: { stroke: colour("grid"), width: 1 }, ticks: { show: false }, font: `${12 * typeScale()}px system-ui, sans-serif` };
     this.plot ??= new uPlot({
       width, height: this.height, legend: { show: false }, cursor: { drag: { x: false, y: false } }, padding: [8, 8, 0, 0],
       scales: { x: { time: false }, y: { range: (/** @type {any} */ _, /** @type {any} */ low, /** @type {any} */ high) => (low === null ? [0, 1000] : uPlot.rangeNum(low, high, 0.1, true)) } },
-      axes: [{ ...axis, size: 28, values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map((tick) => `${+tick.toFixed(2)} s`) }, { ...axis, size: 62 }],
+      axes: [{ ...axis, size: 28 * typeScale(), values: (/** @type {any} */ _, /** @type {number[]} */ ticks) => ticks.map((tick) => `${+tick.toFixed(2)} s`) }, { ...axis, size: 62 * typeScale() }],
       series: [{}, ...this.lines.map(({ colour: name, dash }) => ({ stroke: colour(name), width: 2, dash, points: { show: false } }))],
     }, this.data, this.host);
     if (this.plot.width !== width) this.plot.setSize({ width, height: this.height });

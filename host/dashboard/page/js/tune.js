@@ -1,12 +1,21 @@
 // Panel for tuning: coefficients, regulator, and a step response, plotted over the step before.
 
 import { h, say } from "./dom.js";
+import { limited, scale } from "./motors.js";
 import { SmallPlot } from "./small.js";
 import { inControl, on, state } from "./state.js";
-import { number, speedUnit, toCps, fromCps } from "./units.js";
+import { fromCps, number, speed, speedUnit } from "./units.js";
 
 /** Time for which a step is recorded, in seconds. */
 const WATCHED_S = 2;
+/** Longest wait for the speed from which a step begins, in seconds. */
+const REACHED_S = 6;
+/** Time for which the motor must have that speed, in seconds. */
+const HELD_S = 0.2;
+/** Largest error of that speed: in counts/s, and as a share. */
+const [NEAR_CPS, NEAR] = [10, 0.05];
+/** Time after which an order to enable a motor must show, in seconds. */
+const ENABLED_S = 0.3;
 /** Largest error of a settled motor, as a share of the step. */
 const SETTLED = 0.05;
 
@@ -37,8 +46,16 @@ export function tunePanel(link) {
   const apply = ["velocity", "position"].map((of) => h("button", { type: "button", "aria-label": `Set the ${of} loop`, onclick: () => order("coefficients", { of, pidf: fields[of].map((/** @type {any} */ field) => Number(field.value) || 0) }) }, "Set"));
   const rows = ["velocity", "position"].flatMap((of, index) => [h("span", {}, of), ...fields[of], apply[index]]);
 
-  const from = h("input", { type: "number", value: 0, "aria-label": "Step from" });
-  const to = h("input", { type: "number", value: 800, "aria-label": "Step to" });
+  /** Speeds of the step in counts/s, and their fields. */
+  const ends = [0, 800];
+  const endFields = ["Step from", "Step to"].map((label, index) => h("input", { type: "number", "aria-label": label, onchange: () => {
+    const of = scale("velocity", state.settings[state.chosen]);
+    const { value, words } = limited(of, Number(endFields[index].value) || 0);
+    ends[index] = of.meant(value);
+    say(says, words ?? "");
+    showEnds();
+  } }));
+  const [from, to] = endFields;
   const unit = h("span", { class: "muted" }, "counts/s");
   const begin = h("button", { type: "button", class: "primary", onclick: () => step() }, "Run step");
   const says = h("p", { class: "muted", role: "status" });
@@ -47,27 +64,48 @@ export function tunePanel(link) {
     { words: "before", colour: "muted", dash: [2, 3] },
     { words: "now", colour: "speed" }], 130);
   const results = h("tbody", {});
+  const errorUnit = h("span", {}, "End error");
   /** @type {any} */
   let running = null;
   /** @type {any[]} */
   let runs = [];
 
   function step() {
-    const settings = state.settings[state.chosen];
-    const [low, high] = [from, to].map((field) => toCps(Number(field.value) || 0, settings));
+    const [low, high] = ends;
     if (low === high) return say(says, "Enter two different speeds for a step.");
-    running = { motor: state.chosen, low, high, phase: "rest", until: state.frame.at_s + 1.2, times: [], speeds: [] };
+    const now = state.frame.at_s;
+    running = { motor: state.chosen, low, high, phase: "rest", begun: now, near: null, times: [], speeds: [] };
     order("drive", { mode: "velocity", value: low });
     order("enable", { on: true });
     say(says, "Reaching the first speed …");
   }
 
-  function finish() {
+  /** Ends a step, with its motor disabled. */
+  function end(/** @type {string} */ words) {
     order("enable", { motor: running.motor, on: false });
-    runs = [...runs, { ...running, ...judge(running.times, running.speeds, running.low, running.high) }].slice(-2);
     running = null;
-    say(says, "Done.");
+    say(says, words);
+  }
+
+  function finish() {
+    runs = [...runs, { ...running, ...judge(running.times, running.speeds, running.low, running.high) }].slice(-2);
+    end("Done.");
     lay();
+  }
+
+  /** Waits until the motor has the speed from which the step begins. */
+  function reach(/** @type {number} */ now, /** @type {number} */ velocity) {
+    const { motor, low, high } = running;
+    const settings = state.settings[motor];
+    if (Math.abs(velocity - low) > Math.max(NEAR_CPS, NEAR * Math.abs(low))) running.near = null;
+    else running.near ??= now;
+    if (running.near !== null && now - running.near >= HELD_S) {
+      Object.assign(running, { phase: "step", start: now });
+      link.order("drive", { motor, mode: "velocity", value: high });
+      say(says, "Recording the step …");
+    } else if (now - running.begun > REACHED_S) {
+      end(`The motor did not reach ${speed(low, settings)} ${speedUnit(settings)} within ${REACHED_S} s: its speed is ${speed(velocity, settings)} ${speedUnit(settings)}.`);
+    }
   }
 
   /** Shows the last two runs, one over the other. */
@@ -81,36 +119,39 @@ export function tunePanel(link) {
       return at < 0 ? null : fromCps(before.speeds[at], settings);
     }) : now.times.map(() => null);
     plot.show([now.times, now.times.map(() => fromCps(now.high, settings)), other, now.speeds.map((/** @type {number} */ speed) => fromCps(speed, settings))]);
-    results.replaceChildren(...[["before", before], ["now", now]].filter(([, run]) => run).map(([name, run]) => h("tr", {}, h("th", {}, name), h("td", { class: "n" }, `${number(run.reached, 2)} s`), h("td", { class: "n" }, `${number(100 * run.overshoot, 1)} %`), h("td", { class: "n" }, `${number(run.settled, 2)} s`), h("td", { class: "n" }, number(run.error, 1)))));
+    results.replaceChildren(...[["before", before], ["now", now]].filter(([, run]) => run).map(([name, run]) => h("tr", {}, h("th", {}, name), h("td", { class: "n" }, `${number(run.reached, 2)} s`), h("td", { class: "n" }, `${number(100 * run.overshoot, 1)} %`), h("td", { class: "n" }, `${number(run.settled, 2)} s`), h("td", { class: "n" }, number(fromCps(run.error, settings), 1)))));
   }
 
   // An answer does not name its order. While a step runs, a refusal is taken for one of the step.
   on("refused", ({ why }) => {
     if (!running) return;
-    order("enable", { motor: running.motor, on: false });
-    running = null;
-    say(says, `Refused: ${why}.`);
+    end(`Refused: ${why}.`);
   });
 
   on("frame", (frame) => {
     const motor = frame.motors[state.chosen];
     if (motor) say(regulator, motor.regulator === "model" ? "the motor model" : motor.regulator === "pid" ? "PID" : "not reported");
     if (!running) return;
-    if (!frame.motors[running.motor]?.enabled && frame.at_s > running.until - 0.9) {
+    const { enabled, velocity } = frame.motors[running.motor];
+    if (!enabled && frame.at_s - running.begun > ENABLED_S) {
       running = null;
       return say(says, "The motor was disabled; this step is discarded.");
     }
-    if (running.phase === "rest" && frame.at_s > running.until) {
-      running.phase = "step";
-      running.start = frame.at_s;
-      link.order("drive", { motor: running.motor, mode: "velocity", value: running.high });
-      say(says, "Recording the step …");
-    } else if (running.phase === "step") {
+    if (running.phase === "rest") {
+      if (enabled) reach(frame.at_s, velocity);
+    } else {
       running.times.push(frame.at_s - running.start);
-      running.speeds.push(frame.motors[running.motor].velocity);
+      running.speeds.push(velocity);
       if (frame.at_s - running.start > WATCHED_S) finish();
     }
   });
+
+  function showEnds() {
+    const of = scale("velocity", state.settings[state.chosen]);
+    endFields.forEach((field, index) => { field.value = String(Number(of.shown(ends[index]).toFixed(of.digits))); });
+    say(unit, of.unit);
+    say(errorUnit, `End error, ${of.unit}`);
+  }
 
   function fill() {
     const settings = state.settings[state.chosen];
@@ -118,7 +159,6 @@ export function tunePanel(link) {
     say(undo, settings?.undoable ? `Undo (${settings.undoable})` : "Undo");
     for (const of of ["velocity", "position"]) fields[of].forEach((/** @type {any} */ field, /** @type {number} */ i) => { if (document.activeElement !== field && settings) field.value = String(+settings[of][i].toFixed(4)); });
     limit.value = settings?.acceleration ?? "";
-    say(unit, speedUnit(settings));
     const known = settings?.dynamics;
     say(model, known ? `Dynamics: ${number(known.gain)} counts/s² per volt, decay ${number(known.decay, 2)} /s, friction ${number(known.friction_v, 2)} V` : "Dynamics are not configured: the motor model learns the acceleration per volt. Identify measures all three.");
   }
@@ -128,6 +168,12 @@ export function tunePanel(link) {
     fill();
   }
   for (const what of ["settings", "chosen", "unit"]) on(what, fill);
+  for (const what of ["settings", "chosen"]) on(what, () => {
+    const of = scale("velocity", state.settings[state.chosen]);
+    ends.forEach((cps, index) => { ends[index] = of.meant(limited(of, of.shown(cps)).value); });
+    showEnds();
+  });
+  on("unit", () => { showEnds(); lay(); });
   on("chosen", () => { runs = []; results.replaceChildren(); plot.show([[0, WATCHED_S], [null, null], [null, null], [null, null]]); });
   for (const what of ["control", "open", "line"]) on(what, allow);
 
@@ -140,5 +186,5 @@ export function tunePanel(link) {
     h("div", { class: "stack" },
       h("div", { class: "row step" }, h("label", { class: "field" }, "From", from), h("label", { class: "field" }, "to", to), unit, begin),
       says, plot.element,
-      h("table", {}, h("thead", {}, h("tr", {}, h("td", {}), ...["Rise time (90 %)", "Overshoot", "Settled", "End error, counts/s"].map((words) => h("th", { class: "n" }, words)))), results)));
+      h("table", {}, h("thead", {}, h("tr", {}, h("td", {}), ...["Rise time (90 %)", "Overshoot", "Settled", errorUnit].map((words) => h("th", { class: "n" }, words)))), results)));
 }

@@ -19,6 +19,11 @@ export const fromCps = (cps, settings) => cps * (factor(settings) ?? 1);
 /** @param {number} value @param {any} settings */
 export const toCps = (value, settings) => value / (factor(settings) ?? 1);
 
+/** Highest speed that a hub accepts, in counts/s. */
+const MOST_CPS = 32767;
+/** Free speed of a motor at 12 V, in counts/s, as far as a hub accepts it. @param {any} settings */
+export const freeSpeed = (settings) => Math.min(MOST_CPS, settings ? 12000 / settings.emf_mv_s_per_count : 3000);
+
 /** Text of a number, with spaces between thousands; "–" if unknown. @param {number|null|undefined} value @param {number} [digits] */
 export function number(value, digits = 0) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";

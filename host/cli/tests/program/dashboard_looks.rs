@@ -1,0 +1,123 @@
+//! How the page of `motor-hub dashboard` looks in a real browser: accessibility by axe-core, and pictures to look at.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+use crate::browser::Tab;
+use crate::browser::page::{drive, motor, pictures};
+use crate::common::folder;
+use crate::dashboard_browser::{PANELS, with_page};
+use std::io::Write;
+use std::process::Command;
+use std::time::Duration;
+
+/// Phone, laptop, full HD and 4K.
+const SIZES: [(u32, u32); 4] = [(390, 844), (1366, 768), (1920, 1080), (3840, 2160)];
+
+const THEMES: [&str; 2] = ["light", "dark"];
+
+/// The script of axe-core, which npm installs and checks by its hash. Without npm `None`, except on a build server.
+fn axe() -> Option<String> {
+    let folder = folder("axe");
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("package.json"), include_str!("browser/axe/package.json")).unwrap();
+    std::fs::write(folder.join("package-lock.json"), include_str!("browser/axe/package-lock.json")).unwrap();
+    let npm = Command::new("npm").args(["ci", "--no-audit", "--no-fund"]).current_dir(&folder).output();
+    if npm.as_ref().is_err() && std::env::var_os("CI").is_none() {
+        let _ = writeln!(std::io::stderr(), "SKIPPED: there is no npm on this machine (apt install npm)");
+        return None;
+    }
+    let npm = npm.expect("a build server has npm");
+    assert!(npm.status.success(), "{}", String::from_utf8_lossy(&npm.stderr));
+    Some(std::fs::read_to_string(folder.join("node_modules/axe-core/axe.min.js")).unwrap())
+}
+
+/// Chooses a theme with the page's own button.
+fn theme(tab: &mut Tab<'_>, wanted: &str) {
+    for _ in 0..3 {
+        if tab.ask("document.querySelector('#theme').dataset.chosen") == wanted {
+            return;
+        }
+        tab.click("#theme");
+    }
+}
+
+/// Motor 0 runs, motor 1 has a fault, and something has moved.
+fn busy(tab: &mut Tab<'_>) {
+    drive(tab, 0, 900);
+    drive(tab, 1, 600);
+    tab.ask("dashboard.link.order('world', { encoder: { motor: 1, is: 'unplugged' } })");
+    tab.wait(&motor(1, "fault"));
+    for cps in ["1600", "500", "1200"] {
+        tab.fill("#motors .card:nth-child(1) input[type=number]", cps);
+        std::thread::sleep(Duration::from_millis(1500));
+    }
+}
+
+/// What axe-core finds, with the elements.
+fn findings(tab: &mut Tab<'_>, at: &str) -> Vec<String> {
+    let found = tab.ask(
+        "axe.run().then(({ violations }) => violations.flatMap(({ id, nodes }) => nodes.map(({ target, failureSummary }) => `${id}: ${target} ${failureSummary}`)))",
+    );
+    found
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|one| format!("{at}: {}", one.as_str().unwrap_or_default()))
+        .collect()
+}
+
+#[test]
+#[ignore = "long: cargo xtask long"]
+fn axe_finds_nothing_on_any_panel_at_any_size_in_any_theme() {
+    let Some(axe) = axe() else { return };
+    with_page("axe", |tab| {
+        tab.ask(&format!("{axe}; 0"));
+        busy(tab);
+        tab.click("#tab-record");
+        tab.click("#panel-record button.primary");
+        tab.click("#curves-button");
+        tab.ask("document.querySelector('#all-settings').open = true");
+        let mut found = Vec::new();
+        for (width, height) in SIZES {
+            tab.resize(width, height);
+            for name in THEMES {
+                theme(tab, name);
+                // Colours change within an eighth of a second.
+                std::thread::sleep(Duration::from_millis(300));
+                for panel in PANELS {
+                    tab.click(&format!("#tab-{panel}"));
+                    found.extend(findings(tab, &format!("{width} {name} {panel}")));
+                }
+                tab.click("#tab-setup");
+                // A list closes when the page scrolls.
+                tab.ask("document.querySelector('#setup-scheme').scrollIntoView({ block: 'center' })");
+                std::thread::sleep(Duration::from_millis(300));
+                tab.click("#setup-scheme");
+                tab.wait("document.querySelector('.options')");
+                found.extend(findings(tab, &format!("{width} {name} open list")));
+                tab.click("#setup-scheme");
+            }
+        }
+        println!("axe-core: {} findings on {} views", found.len(), SIZES.len() * THEMES.len() * 9);
+        assert_eq!(found, Vec::<String>::new());
+    });
+}
+
+/// Leaves eight pictures in `target/dashboard`, for somebody to look at.
+#[test]
+#[ignore = "long: cargo xtask long"]
+fn pictures_of_four_sizes_and_two_themes() {
+    with_page("sizes", |tab| {
+        busy(tab);
+        for (width, height) in SIZES {
+            tab.resize(width, height);
+            for name in THEMES {
+                theme(tab, name);
+                std::thread::sleep(Duration::from_millis(500));
+                let hidden =
+                    tab.ask("document.querySelector('#stop').getBoundingClientRect().bottom > innerHeight");
+                assert_eq!(hidden, false, "STOP at {width}x{height}");
+                tab.picture(&pictures().join(format!("{width}x{height}-{name}.png")), width < 500);
+            }
+        }
+    });
+}

@@ -1,0 +1,313 @@
+//! The panels of `motor-hub dashboard` in a real browser.
+#![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
+
+use crate::browser::Tab;
+use crate::browser::page::{drive, motor, off, pictures};
+use crate::dashboard_browser::{ESCAPE, with_page};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+const FROM: &str = "#panel-tune [aria-label=\"Step from\"]";
+const TO: &str = "#panel-tune [aria-label=\"Step to\"]";
+const SAYS: &str = "document.querySelector('#panel-tune [role=status]').textContent";
+
+fn number(tab: &mut Tab<'_>, selector: &str) -> f64 {
+    tab.ask(&format!("Number(document.querySelector('{selector}').value)")).as_f64().unwrap()
+}
+
+#[test]
+fn a_step_begins_at_the_speed_that_was_asked_for() {
+    with_page("step-from", |tab| {
+        tab.click("#tab-tune");
+        // So heavy that it takes longer than a second to the first speed.
+        tab.ask("dashboard.link.order('world', { inertia: { motor: 0, kg_m2: 0.02 } })");
+        let free = tab.ask("12000 / dashboard.state.settings[0].emf_mv_s_per_count").as_f64().unwrap();
+        let from = (0.7 * free).round();
+        tab.fill(FROM, &from.to_string());
+        tab.fill(TO, "500");
+        tab.click("#panel-tune button.primary");
+        tab.wait(&format!("{SAYS} === 'Done.'"));
+        let label = "document.querySelector('#panel-tune .chart').getAttribute('aria-label')";
+        let most = tab.ask(&format!("Number({label}.match(/now from .* to (.*),/)[1])")).as_f64().unwrap();
+        assert!((most - from).abs() < 0.06 * from, "from {most} instead of {from} counts/s");
+    });
+}
+
+#[test]
+#[ignore = "long: cargo xtask long"]
+fn a_step_whose_first_speed_is_not_reached_is_not_recorded_and_says_so() {
+    with_page("step-held", |tab| {
+        tab.click("#tab-tune");
+        tab.ask("dashboard.link.order('world', { hold: { motor: 0, held: true } })");
+        tab.fill(FROM, "600");
+        tab.click("#panel-tune button.primary");
+        tab.wait(&format!("{SAYS}.startsWith('The motor did not reach 600 counts/s within 6 s')"));
+        off(tab, Instant::now());
+        assert_eq!(tab.ask("document.querySelectorAll('#panel-tune tbody tr').length"), 0);
+    });
+}
+
+#[test]
+fn the_speeds_of_a_step_are_converted_to_another_unit_and_limited_to_the_motor() {
+    with_page("step-units", |tab| {
+        tab.click("#tab-tune");
+        let per_turn = tab.ask("dashboard.state.settings[0].counts_per_turn").as_f64().unwrap();
+        let free = tab.ask("12000 / dashboard.state.settings[0].emf_mv_s_per_count").as_f64().unwrap();
+        tab.fill("#unit", "rpm");
+        let rpm = number(tab, TO);
+        assert!((rpm - 800.0 * 60.0 / per_turn).abs() < 0.06, "{rpm} rpm");
+        tab.fill(FROM, "99999");
+        let rpm = number(tab, FROM);
+        assert!((rpm - free * 60.0 / per_turn).abs() < 0.02 * rpm, "{rpm} rpm");
+        tab.wait(&format!("{SAYS}.startsWith('Limited to')"));
+        tab.fill("#unit", "cps");
+        assert!((number(tab, TO) - 800.0).abs() < 0.5);
+        assert_eq!(tab.ask(&motor(0, "enabled")), false);
+    });
+}
+
+/// Keeps the next file that the page saves in `window.saved`, as a blob.
+const CATCH: &str = "(() => { const make = URL.createObjectURL; \
+     URL.createObjectURL = (blob) => { window.saved = blob; URL.createObjectURL = make; return make.call(URL, new Blob([])); }; })()";
+
+/// Gives a file to a file field, as somebody who chooses the file.
+fn choose(tab: &mut Tab<'_>, field: &str, name: &str, text: &str) {
+    let text = serde_json::to_string(text).unwrap();
+    tab.ask(&format!(
+        "(() => {{ const field = document.querySelector('{field}'); const kept = new DataTransfer(); \
+         kept.items.add(new File([{text}], '{name}')); field.files = kept.files; field.dispatchEvent(new Event('change')); }})()"
+    ));
+}
+
+/// The text of a saved file.
+fn saved(tab: &mut Tab<'_>) -> String {
+    tab.wait("window.saved");
+    tab.ask("window.saved.text()").as_str().unwrap().to_owned()
+}
+
+#[test]
+fn settings_are_exported_changed_and_imported() {
+    with_page("settings-file", |tab| {
+        tab.click("#tab-hub");
+        tab.ask(CATCH);
+        press(tab, "Export to a file");
+        let text = saved(tab);
+        assert!(text.contains("schema_version = 1") && text.matches("[[motor]]").count() == 4, "{text}");
+        assert_eq!(tab.ask("dashboard.state.settings[2].scheme.scheme"), "A");
+        choose(tab, "#settings-file", "other.toml", &text.replace("scheme = \"A\"", "scheme = \"B\""));
+        tab.wait("dashboard.state.settings.every(({ scheme }) => scheme.scheme === 'B')");
+        choose(tab, "#settings-file", "wrong.toml", "schema_version = 99");
+        tab.wait("document.querySelector('#notice').textContent.includes('schema_version is 99')");
+    });
+}
+
+/// Clicks the button with these words.
+fn press(tab: &mut Tab<'_>, words: &str) {
+    tab.ask(&format!(
+        "document.querySelectorAll('[data-test]').forEach((one) => delete one.dataset.test); \
+         [...document.querySelectorAll('#panel button, #curves button')].find((one) => one.checkVisibility() && one.textContent === '{words}').dataset.test = ''; 0"
+    ));
+    tab.click("[data-test]");
+}
+
+#[test]
+fn faults_are_listed_with_their_explanation() {
+    with_page("faults", |tab| {
+        tab.click("#tab-hub");
+        press(tab, "Show faults");
+        tab.wait("document.querySelector('#panel-hub [role=status]').textContent.startsWith('No faults')");
+        drive(tab, 1, 600);
+        tab.ask("dashboard.link.order('world', { encoder: { motor: 1, is: 'unplugged' } })");
+        tab.wait(&motor(1, "fault"));
+        press(tab, "Show faults");
+        let first = "document.querySelector('#panel-hub details')";
+        tab.wait(&format!("{first}?.textContent.includes('2 no counts although driven, motor 1')"));
+        assert!(tab.ask(&format!("{first}.textContent.includes('Look at the shaft first')")) == true);
+    });
+}
+
+#[test]
+fn currents_are_shown_as_the_torque_of_the_shaft() {
+    with_page("torque", |tab| {
+        drive(tab, 0, 800);
+        tab.ask("dashboard.link.order('world', { torque: { motor: 0, nm: -0.3 } })");
+        tab.click("#curves-button");
+        press(tab, "As torque, N m");
+        tab.wait("[...document.querySelectorAll('.legend h3')].some((one) => one.textContent === 'Torque of the shaft, N m')");
+        // The load current is the current that balances the torque.
+        let load = "[...document.querySelectorAll('.legend span')].find((one) => one.textContent.startsWith('load')).querySelector('b').textContent";
+        tab.wait(&format!("Math.abs(Math.abs(Number({load}.replace('−', '-'))) - 0.3) < 0.1"));
+    });
+}
+
+#[test]
+fn a_position_and_its_set_point_are_plotted() {
+    with_page("position", |tab| {
+        tab.click("#curves-button");
+        tab.click("#curves .row:nth-child(1) button:nth-of-type(2)");
+        tab.fill("#motors .card:nth-child(1) [aria-label^=Mode]", "position");
+        tab.fill("#motors .card:nth-child(1) input[type=number]", "600");
+        tab.click("#motors .card:nth-child(1) .run");
+        tab.wait(&format!("Math.abs({} - 600) < 12", motor(0, "position")));
+        let label = "document.querySelector('.chart[aria-label^=Position]').getAttribute('aria-label')";
+        tab.wait(&format!("{label}.includes('set-point 600')"));
+    });
+}
+
+#[test]
+fn a_card_says_what_the_bridge_does_and_names_slider_and_field_apart() {
+    with_page("words", |tab| {
+        let pill = "document.querySelector('#motors .card:nth-child(1) .pill')";
+        assert_eq!(tab.ask(&format!("{pill}.textContent")), "Off (coasting)");
+        drive(tab, 0, 900);
+        tab.wait(&format!("/^Driving, \\d+ % duty$/.test({pill}.textContent)"));
+        tab.wait(&format!("{pill}.title.startsWith('Mode ' + {})", motor(0, "mode")));
+        assert!(
+            tab.ask(&format!("{pill}.title")).as_str().unwrap().contains("drives the motor for this share")
+        );
+        let name = |of: &str| {
+            format!(
+                "document.querySelector('#motors .card:nth-child(1) input[type={of}]').getAttribute('aria-label')"
+            )
+        };
+        assert_eq!(tab.ask(&name("range")), "Slider for the set-point of motor 0, counts/s");
+        assert_eq!(tab.ask(&name("number")), "Set-point of motor 0, counts/s");
+    });
+}
+
+const STATUS: &str = "document.querySelector('#panel-record [role=status]').textContent";
+
+#[test]
+#[ignore = "long: cargo xtask long"]
+fn a_recording_has_a_banner_all_columns_and_marks_of_its_events() {
+    with_page("recording", |tab| {
+        tab.click("#tab-record");
+        press(tab, "Record");
+        tab.wait("document.querySelector('#recording').textContent.startsWith('● Recording, 1 s')");
+        drive(tab, 0, 700);
+        tab.fill("#motors .card:nth-child(1) input[type=number]", "900");
+        std::thread::sleep(Duration::from_millis(500));
+        tab.press(ESCAPE);
+        off(tab, Instant::now());
+        std::thread::sleep(Duration::from_millis(300));
+        press(tab, "Stop recording");
+        assert_eq!(tab.ask("document.querySelector('#recording').hidden"), true);
+        tab.ask(CATCH);
+        press(tab, "Save as CSV");
+        let text = saved(tab);
+        let head = text.lines().next().unwrap();
+        for column in ["velocity", "goal", "enabled", "setpoint", "mode", "duty", "regime", "fault", "s", "g"]
+        {
+            assert!(head.split(',').any(|name| name == column), "no column {column}: {head}");
+        }
+        choose(tab, "#record-file", "run.csv", &text);
+        tab.wait(&format!("{STATUS}.startsWith('run.csv is shown')"));
+        let marks = tab.ask("dashboard.columns().marks.map(({ words }) => words)");
+        assert_eq!(marks, serde_json::json!(["set-point", "set-point", "off"]));
+        tab.wait("document.querySelector('.chart[aria-label^=Speed]').getAttribute('aria-label').includes(', recording of ')");
+        tab.picture(&pictures().join("recording.png"), false);
+    });
+}
+
+/// With `MOTOR_HUB_MCAP`, a Python that has the package `mcap`, the file is read back by that package.
+#[test]
+#[ignore = "long: cargo xtask long"]
+fn a_recording_saved_as_mcap_has_all_rows() {
+    with_page("mcap", |tab| {
+        tab.click("#tab-record");
+        press(tab, "Record");
+        drive(tab, 0, 700);
+        press(tab, "Stop recording");
+        tab.ask(CATCH);
+        press(tab, "Save as CSV");
+        let rows = saved(tab).lines().count() - 1;
+        tab.ask("delete window.saved; 0");
+        tab.ask(CATCH);
+        press(tab, "Save as MCAP");
+        tab.wait("window.saved");
+        let bytes = tab.ask("window.saved.arrayBuffer().then((all) => [...new Uint8Array(all)])");
+        let bytes: Vec<u8> = serde_json::from_value(bytes).unwrap();
+        assert!(bytes.starts_with(b"\x89MCAP0\r\n") && bytes.ends_with(b"\x89MCAP0\r\n"));
+        let file = pictures().join("recording.mcap");
+        std::fs::write(&file, bytes).unwrap();
+        let Some(python) = std::env::var_os("MOTOR_HUB_MCAP") else { return };
+        let read = Command::new(python).args(["-c", READ]).arg(&file).output().unwrap();
+        assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+        let read: serde_json::Value = serde_json::from_slice(&read.stdout).unwrap();
+        assert_eq!(read["rows"], rows);
+        assert_eq!(read["topics"], serde_json::json!(["/motor/0", "/motor/1", "/motor/2", "/motor/3"]));
+        assert!((read["last"]["velocity"].as_f64().unwrap() - 700.0).abs() < 40.0, "{read}");
+    });
+}
+
+const READ: &str = "
+import json, sys
+from mcap.reader import make_reader
+with open(sys.argv[1], 'rb') as file:
+    all = [(channel.topic, message) for _, channel, message in make_reader(file).iter_messages()]
+last = [json.loads(message.data) for topic, message in all if topic == '/motor/0'][-1]
+print(json.dumps({'rows': len(all), 'topics': sorted({topic for topic, _ in all}), 'last': last}))
+";
+
+#[test]
+fn every_setting_has_a_field_that_changes_it_and_undo_restores_it() {
+    with_page("form", |tab| {
+        tab.click("#tab-setup");
+        tab.click("#all-settings summary");
+        let value = |name: &str| {
+            format!("dashboard.state.settings[0].fields.find((one) => one.name === '{name}').value")
+        };
+        assert_eq!(tab.ask(&value("current_limit_ma")), serde_json::Value::Null);
+        for (name, text) in [
+            ("current_limit_ma", "800"),
+            ("thermal.continuous_current_ma", "1500"),
+            ("on_fault", "brake"),
+            ("bridge.turn_on_ns", "400"),
+        ] {
+            tab.fill(&format!("[id=\"field-{name}\"]"), text);
+        }
+        press(tab, "Apply changes");
+        tab.wait("document.querySelector('#notice').textContent === 'Motor 0: the settings are in force.'");
+        assert_eq!(tab.ask(&value("current_limit_ma")), 800);
+        assert_eq!(tab.ask(&value("on_fault")), "brake");
+        assert_eq!(tab.ask(&value("bridge.turn_on_ns")), 400);
+        assert!(tab.ask(&value("thermal.winding_s")).as_f64() > Some(1.0));
+        tab.fill("[id=\"field-emf_mv_s_per_count\"]", "99");
+        press(tab, "Apply changes");
+        tab.wait(
+            "document.querySelector('#notice').textContent.startsWith('Not done: emf_mv_s_per_count is 99')",
+        );
+        press(tab, "Undo");
+        tab.wait(&format!("{} === null && {} === 'coast'", value("current_limit_ma"), value("on_fault")));
+    });
+}
+
+#[test]
+fn the_hub_panel_says_what_the_hub_is_and_sets_its_lamp() {
+    with_page("status", |tab| {
+        tab.click("#tab-hub");
+        tab.wait("/version.*HW: 20.*address.*2/.test(document.querySelector('#panel-hub').textContent)");
+        tab.fill("#hub-lamp", "#102030");
+        // Another look at the hub shows the colour that the hub has.
+        tab.click("#tab-group");
+        tab.ask("document.querySelector('#hub-lamp').value = '#000000'");
+        tab.click("#tab-hub");
+        tab.wait("document.querySelector('#hub-lamp').value === '#102030'");
+        press(tab, "Clear");
+        tab.wait("document.querySelector('#notice').textContent === 'The record of faults is cleared.'");
+    });
+}
+
+#[test]
+fn motors_turn_together_at_speeds() {
+    with_page("turn", |tab| {
+        tab.click("#tab-group");
+        for (motor, cps) in [(0, "600"), (1, "-300")] {
+            tab.fill(&format!("[aria-label=\"Turn motor {motor} at, counts/s\"]"), cps);
+        }
+        press(tab, "Turn together");
+        tab.wait(&format!("Math.abs({} - 600) < 30", motor(0, "velocity")));
+        tab.wait(&format!("Math.abs({} + 300) < 30", motor(1, "velocity")));
+        assert_eq!(tab.ask(&motor(2, "enabled")), false);
+    });
+}
