@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Bench, position, velocity};
+use common::{Bench, Puppet, position, velocity};
 use motor_hub::braking::{Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
@@ -131,12 +131,10 @@ fn velocity_below_the_set_point_drives_and_above_it_brakes_before_it_reverses() 
 #[test]
 fn position_is_approached_at_the_speed_limit_however_far_it_is_and_the_short_way() {
     let control = |start: i32, setpoint| {
-        let mut hub = Hub::new([with_velocity(ONLY_F)], Period::DEFAULT);
-        hub.apply(Command { motor: 0, action: Action::Set(setpoint) }).expect("motor");
-        let at = Micros::new(50_000);
-        let reading = Reading { position: start, edge_at: at, at };
-        let battery = Some(Battery::good(Millivolts::new(12_000), at));
-        hub.step(&Inputs { now: at, readings: [Some(reading)], battery }).motors[0].control
+        let mut motor = Puppet::new(with_velocity(ONLY_F), Period::DEFAULT);
+        motor.set(setpoint);
+        motor.sample(50, start);
+        motor.step(Some(12_000)).control
     };
     let limit = control(0, velocity(700));
     assert!(limit > Control::ZERO);

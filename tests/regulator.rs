@@ -2,13 +2,11 @@
 
 mod common;
 
-use common::Bench;
+use common::{Bench, Puppet, velocity};
 use motor_hub::braking::Winding;
-use motor_hub::motion::{Reading, Tracker};
-use motor_hub::motor::{Motor, Report, Setpoint, Settings};
+use motor_hub::motor::{Report, Settings};
 use motor_hub::regulator::{Dynamics, Kind};
-use motor_hub::supply::Battery;
-use motor_hub::units::{AccelerationPerVolt, CountsPerSecond, DecayRate, Micros, Millivolts, Period};
+use motor_hub::units::{AccelerationPerVolt, DecayRate, Micros, Millivolts, Period};
 
 /// A NeveRest 60 with about its own inertia.
 fn known() -> Settings {
@@ -23,22 +21,16 @@ fn known() -> Settings {
 /// A motor that turns at this speed whatever it is told, for two seconds, its encoder read at times that are off
 /// by `jitter` microseconds; and left out now and then.
 fn turning(cps: f64, jitter: impl Fn(u64) -> i64, left_out: impl Fn(u64) -> bool) -> Report {
-    let mut motor = Motor::new(known(), Period::DEFAULT);
-    motor.set(Setpoint::Velocity(CountsPerSecond::new(cps as i32)));
-    let mut tracker = Tracker::default();
+    let mut motor = Puppet::new(known(), Period::DEFAULT);
+    motor.set(velocity(cps as i32));
     let mut report = Report::INITIAL;
-    let mut last: Option<Reading> = None;
     for ms in 0..2_000u64 {
         let at = (1_000_000u64 + 1_000 * ms).saturating_add_signed(jitter(ms));
         if !left_out(ms) {
-            let count = (0.5 + cps * (at as f64 * 1e-6 - 1.0)).floor() as i64;
-            let reading = tracker.step(count as u16, Micros::new(at));
-            motor.sample(reading);
-            last = Some(reading);
+            motor.sample_at(Micros::new(at), (0.5 + cps * (at as f64 * 1e-6 - 1.0)).floor() as i32);
         }
         if ms % 50 == 0 {
-            let battery = Battery::good(Millivolts::new(12_000), Micros::new(at));
-            report = motor.step(Micros::new(at), last, Some(battery));
+            report = motor.step(Some(12_000));
         }
     }
     assert_eq!(report.regulator, Kind::Model);

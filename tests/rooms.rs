@@ -178,8 +178,7 @@ fn tests_of_the_library_drive_motors_and_their_physics_on_the_common_bench() {
         regulated && code.contains("Plant::new(")
     };
     let found: Vec<_> = sources("tests").into_iter().filter(both).collect();
-    // The check of encoders has mechanical stops and faults that nothing else needs.
-    let allowed = ["tests/common/mod.rs", "tests/guard.rs", "tests/rooms.rs"].map(|path| root().join(path));
+    let allowed = ["tests/common/mod.rs", "tests/rooms.rs"].map(|path| root().join(path));
     let found: Vec<_> = found.iter().filter(|path| !allowed.contains(path)).collect();
     assert!(found.is_empty(), "drive motors on the bench of tests/common: {found:?}");
 }

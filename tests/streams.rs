@@ -88,7 +88,7 @@ fn a_stall_under_a_stream_of_set_points_is_reported_and_probed_once() {
         for period in [5, 50] {
             for every in [5, 20, 100] {
                 let mut bench = Bench::one(settings, plant(motor, inertia(LOAD)), period);
-                bench.axes[0].stop = Some(500.5);
+                bench.axes[0].stops.1 = 500.5;
                 let (mut probes, mut probing) = (0, false);
                 for k in 0..4_000 / every {
                     bench.set(0, alternating(k, every));

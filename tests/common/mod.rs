@@ -17,7 +17,7 @@ use motor_hub::model::rig::Rig;
 use motor_hub::model::si::{Hertz, KgM2, NewtonMetres, Ohms, RadPerSec, Seconds, Volts};
 use motor_hub::model::switching::Bridge;
 use motor_hub::motion::{Reading, Tracker};
-use motor_hub::motor::{Report, Setpoint, Settings};
+use motor_hub::motor::{Motor as Controlled, Report, Setpoint, Settings};
 use motor_hub::regulator::{Dynamics, Mechanics};
 use motor_hub::supply::Battery;
 use motor_hub::units::{CountsPerSecond, EmfConstant, Inductance, Micros, Millivolts, Period, Resistance};
@@ -96,15 +96,22 @@ pub(crate) enum Cable {
     Unplugged,
     /// The counter counts in the other direction.
     Reversed,
+    /// One of the two wires is broken: the counter goes up and down by one.
+    OneWire,
 }
+
+/// No mechanical stops.
+pub(crate) const NO_STOPS: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 
 /// The surroundings of one motor, which a test changes while time passes.
 #[derive(Clone, Debug)]
 pub(crate) struct Axis {
     /// External torque on the output shaft in N m, positive clockwise.
     pub(crate) torque: f64,
-    /// Position in counts beyond which the shaft cannot turn clockwise.
-    pub(crate) stop: Option<f64>,
+    /// Positions in counts between which the shaft can turn.
+    pub(crate) stops: (f64, f64),
+    /// Stiffness of the stops at the output shaft in N m/rad; `None` for hard stops.
+    pub(crate) stiffness: Option<f64>,
     /// Speed in counts/s at which a machine turns the shaft, whatever the motor does; `None` leaves it to the physics.
     pub(crate) turned: Option<f64>,
     pub(crate) cable: Cable,
@@ -124,7 +131,8 @@ impl Axis {
     fn new() -> Self {
         Self {
             torque: 0.0,
-            stop: None,
+            stops: NO_STOPS,
+            stiffness: None,
             turned: None,
             cable: Cable::Plugged,
             unread_ms: 0,
@@ -142,6 +150,8 @@ impl Axis {
             Cable::Plugged => self.counter += moved,
             Cable::Reversed => self.counter -= moved,
             Cable::Unplugged => {}
+            // The other wire changes once in two counts.
+            Cable::OneWire => self.counter += (counts / 2).rem_euclid(2) - self.counter.rem_euclid(2),
         }
         if self.unread_ms > 0 {
             self.unread_ms -= 1;
@@ -172,10 +182,6 @@ impl Bench<1> {
     /// Sets up one motor.
     pub(crate) fn one(settings: Settings, plant: Plant, period_ms: u32) -> Self {
         Self::new([settings], [plant], period_ms)
-    }
-
-    pub(crate) fn report(&self) -> &Report {
-        &self.snapshot.motors[0]
     }
 }
 
@@ -223,6 +229,11 @@ impl<const N: usize> Bench<N> {
         change(&mut self.settings[motor]);
         let action = Action::Configure(self.settings[motor]);
         self.hub.apply(Command { motor, action }).expect("a motor of the hub");
+    }
+
+    /// Newest report of the first motor.
+    pub(crate) fn report(&self) -> &Report {
+        &self.snapshot.motors[0]
     }
 
     /// Position of a motor shaft in counts, to parts of a count.
@@ -275,7 +286,7 @@ impl<const N: usize> Bench<N> {
     fn step_physics(&mut self) {
         let influences: [PlantInput; N] = std::array::from_fn(|motor| {
             let Drive { mode, duty } = self.snapshot.motors[motor].drive;
-            let torque_after = NewtonMetres(self.axes[motor].torque);
+            let torque_after = NewtonMetres(self.axes[motor].torque + self.stop_torque(motor));
             PlantInput { torque_after, ..PlantInput::pwm(mode, duty.to_f64()) }
         });
         let before: [f64; N] = std::array::from_fn(|motor| self.counts(motor));
@@ -286,13 +297,26 @@ impl<const N: usize> Bench<N> {
             }
         }
         for (motor, before) in before.into_iter().enumerate() {
-            let Axis { stop, turned, .. } = self.axes[motor];
+            let Axis { stiffness, turned, .. } = self.axes[motor];
+            let beyond = self.beyond_stop(motor);
             if let Some(cps) = turned {
                 self.place(motor, before + 1e-3 * cps, cps);
-            } else if let Some(stop) = stop.filter(|stop| self.counts(motor) > *stop) {
-                self.place(motor, stop, 0.0);
+            } else if stiffness.is_none() && beyond != 0.0 {
+                self.place(motor, self.counts(motor) - beyond, 0.0);
             }
         }
+    }
+
+    /// Distance in counts by which a motor is beyond one of its stops.
+    fn beyond_stop(&self, motor: usize) -> f64 {
+        let (counts, (low, high)) = (self.counts(motor), self.axes[motor].stops);
+        counts - counts.clamp(low, high)
+    }
+
+    /// Torque of springy stops on the output shaft in N m.
+    fn stop_torque(&self, motor: usize) -> f64 {
+        let counts_per_rad = self.rig.plants[motor].motor().counts_per_rev_output() / TAU;
+        -self.axes[motor].stiffness.unwrap_or(0.0) * self.beyond_stop(motor) / counts_per_rad
     }
 
     /// Samples all encoders, as the capture task does every millisecond.
@@ -303,5 +327,50 @@ impl<const N: usize> Bench<N> {
             *reading = axis.sample(plant.counts(), now);
         }
         self.hub.sample(&readings);
+    }
+}
+
+/// A motor without physics: its encoder reads what the test says, whatever the bridge does.
+pub(crate) struct Puppet {
+    motor: Controlled,
+    at: Micros,
+    reading: Option<Reading>,
+}
+
+impl Puppet {
+    pub(crate) fn new(settings: Settings, period: Period) -> Self {
+        Self { motor: Controlled::new(settings, period), at: Micros::new(0), reading: None }
+    }
+
+    pub(crate) fn settings(&self) -> &Settings {
+        self.motor.settings()
+    }
+
+    pub(crate) fn set(&mut self, setpoint: Setpoint) {
+        self.motor.set(setpoint);
+    }
+
+    pub(crate) fn configure(&mut self, settings: Settings) {
+        self.motor.configure(settings);
+    }
+
+    /// Lets time pass, and reads the encoder: it has counted so much further.
+    pub(crate) fn sample(&mut self, ms: u64, counts: i32) {
+        let position = self.reading.map_or(0, |last| last.position).wrapping_add(counts);
+        self.sample_at(Micros::new(self.at.get() + 1_000 * ms), position);
+    }
+
+    /// Reads the encoder at this time.
+    pub(crate) fn sample_at(&mut self, at: Micros, position: i32) {
+        let unmoved = self.reading.filter(|last| last.position == position);
+        let reading = Reading { position, edge_at: unmoved.map_or(at, |last| last.edge_at), at };
+        (self.at, self.reading) = (at, Some(reading));
+        self.motor.sample(reading);
+    }
+
+    /// Takes a tick at the time of the last sample. The battery's voltage is in mV.
+    pub(crate) fn step(&mut self, battery: Option<u16>) -> Report {
+        let battery = battery.map(|voltage| Battery::good(Millivolts::new(voltage), self.at));
+        self.motor.step(self.at, self.reading, battery)
     }
 }

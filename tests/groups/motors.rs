@@ -1,6 +1,6 @@
 //! Motors that move in step, on simulated plants.
 
-use crate::common::{self, Cable, configured, motor, unknown, velocity};
+use crate::common::{self, Cable, NO_STOPS, configured, motor, unknown, velocity};
 use motor_hub::bridge::Drive;
 use motor_hub::group::{Course, DriveBase, GroupCommand, Halt};
 use motor_hub::hub::{Action, Command};
@@ -176,7 +176,7 @@ fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
         for period in PERIODS {
             let mut bench = set_up(period, two(), known, [WHEEL; 2]);
             lead(&mut bench, together(pair([5_000; 2]), 300.0, 700.0));
-            bench.axes[1].stop = Some(2_000.0);
+            bench.axes[1].stops.1 = 2_000.0;
             bench.run_ms(2_000);
             let mut ahead = 0.0f64;
             let mut moved = (f64::INFINITY, f64::NEG_INFINITY);
@@ -200,7 +200,7 @@ fn a_wheel_that_is_blocked_stops_the_other_and_both_finish_when_it_is_free() {
             assert!(ahead <= most, "{ahead}");
             // An unknown motor may swing by a few counts.
             assert!(moved.1 - moved.0 < if known { 3.0 } else { 10.0 }, "{moved:?}");
-            bench.axes[1].stop = None;
+            bench.axes[1].stops = NO_STOPS;
             let ms = arrive(&mut bench, |bench| {
                 let [free, held] = places(bench);
                 assert!((free - held).abs() <= most, "{free} {held}");

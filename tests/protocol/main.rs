@@ -4,3 +4,5 @@ mod frame;
 #[path = "../responder/host.rs"]
 mod host;
 mod round_trip;
+#[path = "../common/schemes.rs"]
+mod schemes;

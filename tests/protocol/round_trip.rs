@@ -1,7 +1,8 @@
 //! What one end writes, the other reads: every request and every answer.
 
+use crate::schemes::any_scheme;
 use core::num::NonZeroU16;
-use motor_hub::braking::{Blend, BlendFraction, DutyRule, Regime, Scheme, Winding};
+use motor_hub::braking::{DutyRule, Regime, Winding};
 use motor_hub::bridge::{Drive, Mode, Timing};
 use motor_hub::extension::group::{GroupCourse, GroupState};
 use motor_hub::extension::record::{Entries, Ticks};
@@ -96,21 +97,9 @@ fn target() -> impl Strategy<Value = Target> {
     any::<(i32, u16)>().prop_map(|(counts, tolerance)| Target { counts, tolerance })
 }
 
-fn scheme() -> impl Strategy<Value = Scheme> {
-    let fixed = |bits: u16| Scheme::D(Blend::Fixed(BlendFraction::from_bits(bits.into()).expect("in range")));
-    prop_oneof![
-        Just(Scheme::ForwardReverse),
-        Just(Scheme::A),
-        Just(Scheme::B),
-        Just(Scheme::C),
-        Just(Scheme::D(Blend::Automatic)),
-        any::<u16>().prop_map(fixed),
-    ]
-}
-
 /// Any settings of the groups of the extension.
 fn settings() -> impl Strategy<Value = MotorSettings> {
-    let of_motor = (1i32..1 << 25, 1..=u16::MAX, any::<u16>(), scheme(), any::<bool>());
+    let of_motor = (1i32..1 << 25, 1..=u16::MAX, any::<u16>(), any_scheme(u16::MAX.into()), any::<bool>());
     let of_load = (1u32.., any::<(u32, u16, u32, bool)>());
     let limits = (any::<bool>(), any::<u16>(), [1..=u16::MAX, 1..=u16::MAX]);
     (of_motor, of_load, limits, any::<[u16; 5]>()).prop_map(

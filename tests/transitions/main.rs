@@ -5,5 +5,7 @@ mod cells;
 mod common;
 mod host;
 mod properties;
+#[path = "../common/schemes.rs"]
+mod schemes;
 mod subject;
 mod table;

@@ -271,7 +271,7 @@ pub(crate) fn enter(state: State, motion: Motion, under_way: &Subject) -> Option
             subject.run(300);
         }
         State::Stalled | State::Pressing => {
-            subject.bench.axes[0].stop = Some(f64::from(subject.position()) + STOP);
+            subject.bench.axes[0].stops.1 = f64::from(subject.position()) + STOP;
             subject.ask(if state == State::Stalled { Demand::Speed(brisk) } else { subject.far() });
             subject.run(1_000);
             let held = (0..30).any(|_| {
