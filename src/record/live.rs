@@ -1,4 +1,5 @@
-//! State of the present run. It is written at every tick, so that the next run can record how this one ended.
+//! State of the present run, in memory that survives a reset. The hub writes the state at every tick. The next run reads the
+//! state, and records how this run ended.
 
 use super::entry::checksum;
 use super::{Fault, SLOTS, TICKS};
@@ -7,17 +8,19 @@ use crate::units::Millivolts;
 /// Marks memory that holds a record of this layout: "MHR1" in ASCII.
 const MAGIC: u32 = 0x3152_484D;
 
-/// Index of the first word about the run: [`MAGIC`], the number of the run, and the complement of that number.
-const RUN: usize = 0;
-/// Index of the first word about the last tick: the time, the rest of [`RunState`], and a check word.
+/// Index of the first of three words about the run. The words are [`MAGIC`], the number of the run, and the complement of that
+/// number.
+const RUN_INDEX: usize = 0;
+/// Index of the first of three words about the last tick. The words are the time, then battery, `next` and `filled` in one word,
+/// and a check word.
 ///
 /// The check word is the exclusive or of the two words before it and [`MAGIC`].
-const NOW: usize = 3;
+const TICK_INDEX: usize = 3;
 
-/// Size of [`Live`] in memory, in bytes.
-pub(super) const LIVE: usize = 6 * 4;
-/// Size of [`CrashReport`] in memory, in bytes.
-pub(super) const WORDS: usize = 4 * 4;
+/// Size of the memory that [`Live`] borrows, in bytes.
+pub(super) const LIVE_BYTES: usize = 6 * 4;
+/// Size of the memory that [`CrashReport`] borrows, in bytes.
+pub(super) const CRASH_REPORT_BYTES: usize = 4 * 4;
 
 /// Memory for the number of the present run and for the state at its last tick.
 #[derive(Debug)]
@@ -38,24 +41,25 @@ pub(super) struct RunState {
     pub(super) time: u32,
     /// Battery voltage; `None` if it is unknown.
     pub(super) battery: Option<Millivolts>,
-    /// Index of the slot of the ring that the next tick is written to.
+    /// Index of the next slot to write, in the record's ring of ticks.
     pub(super) next: u8,
-    /// Number of slots before `next` that hold ticks of this run.
+    /// Number of slots before `next`, around the ring, that hold ticks of this run. At most [`TICKS`].
     pub(super) filled: u8,
 }
 
 impl Live<'_> {
-    /// Returns the run before the reset; `None` if the memory holds no run.
+    /// Returns the run before the reset; `None` if the memory holds no run. If the check word is wrong, only the number of the
+    /// run is valid, and all other values are 0.
     pub(super) fn ended_run(&self) -> Option<RunState> {
-        let [magic, run, complement] = get(self.0, RUN);
+        let [magic, run, complement] = get(self.0, RUN_INDEX);
         if magic != MAGIC || run != !complement {
             return None;
         }
-        let [time, rest, check] = get(self.0, NOW);
-        if check != time ^ rest ^ MAGIC {
+        let [time, packed, check] = get(self.0, TICK_INDEX);
+        if check != time ^ packed ^ MAGIC {
             return Some(RunState { run, ..RunState::default() });
         }
-        let [b, c, next, filled] = rest.to_le_bytes();
+        let [b, c, next, filled] = packed.to_le_bytes();
         Some(RunState {
             run,
             time,
@@ -68,31 +72,32 @@ impl Live<'_> {
     /// Begins the run with this number, and returns its state.
     pub(super) fn begin(&mut self, run: u32) -> RunState {
         let state = RunState { run, ..RunState::default() };
-        // The run is deleted first and written last. A reset in between leaves no run, never a wrong one.
-        put(self.0, RUN, [0; 3]);
+        // The words about the run are deleted first and written last. A reset in between leaves no run, never a wrong one.
+        put(self.0, RUN_INDEX, [0; 3]);
         self.update(state);
-        put(self.0, RUN, [MAGIC, run, !run]);
+        put(self.0, RUN_INDEX, [MAGIC, run, !run]);
         state
     }
 
-    /// Stores the state at the present tick.
+    /// Stores the state at the present tick, without the number of the run.
     pub(super) fn update(&mut self, RunState { time, battery, next, filled, .. }: RunState) {
         let [b, c] = battery.map_or(0, Millivolts::get).to_le_bytes();
-        let rest = u32::from_le_bytes([b, c, next, filled]);
-        put(self.0, NOW, [time, rest, time ^ rest ^ MAGIC]);
+        let packed = u32::from_le_bytes([b, c, next, filled]);
+        put(self.0, TICK_INDEX, [time, packed, time ^ packed ^ MAGIC]);
     }
 }
 
 impl CrashReport<'_> {
     /// Stores the fault that ends the run, and its [detail](super::Head::detail).
     ///
-    /// A fault handler calls this before the reset. The next start of the hub makes an entry of the fault.
+    /// A fault handler calls this before the reset. The next start of the hub makes an entry of the fault, if the memory still
+    /// holds a valid run.
     pub fn store(&mut self, fault: Fault, [first, second]: [u32; 2]) {
         let number = u32::from(fault.number());
         put(self.0, 0, [number, first, second, sum_of([number, first, second])]);
     }
 
-    /// Reads and deletes the fault that ended the previous run. `None` if no fault handler stored one.
+    /// Reads and deletes the fault that ended the previous run. `None` if there is no valid report.
     pub(super) fn take(&mut self) -> Option<(Fault, [u32; 2])> {
         let [number, first, second, sum] = get(self.0, 0);
         put(self.0, 0, [0; 4]);

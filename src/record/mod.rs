@@ -48,7 +48,7 @@ use crate::bridge::{Drive, Mode};
 use crate::hub::Snapshot;
 use crate::motor::{Report, Setpoint};
 use entry::{HEAD, TICK, checksum};
-use live::{LIVE, Live, RunState, WORDS};
+use live::{CRASH_REPORT_BYTES, LIVE_BYTES, Live, RunState};
 
 /// Size of the record's memory in bytes.
 pub const SIZE: usize = 4096;
@@ -71,7 +71,7 @@ const SLOTS: usize = TICKS + 1;
 const SLOT: usize = MOTORS * TICK;
 /// Size of a page in bytes.
 const PAGE: usize = TICKS * TICK;
-const _: () = assert!(LIVE + WORDS + SLOTS * SLOT + HEADS * HEAD + PAGES * PAGE <= SIZE);
+const _: () = assert!(LIVE_BYTES + CRASH_REPORT_BYTES + SLOTS * SLOT + HEADS * HEAD + PAGES * PAGE <= SIZE);
 
 /// The fault record, in borrowed memory.
 #[derive(Debug)]
@@ -104,8 +104,8 @@ impl<'a> Record<'a> {
     /// [`CrashReport`], where a fault handler stored it. Otherwise its fault is the reset cause.
     #[inline(never)]
     pub fn open(memory: &'a mut [u8; SIZE], cause: Fault) -> (Self, CrashReport<'a>) {
-        let (live, rest) = memory.split_at_mut(LIVE);
-        let (words, rest) = rest.split_at_mut(WORDS);
+        let (live, rest) = memory.split_at_mut(LIVE_BYTES);
+        let (words, rest) = rest.split_at_mut(CRASH_REPORT_BYTES);
         let (ring, rest) = rest.split_at_mut(SLOTS * SLOT);
         let (heads, pages) = rest.split_at_mut(HEADS * HEAD);
         let mut record = Self {

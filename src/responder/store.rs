@@ -1,8 +1,9 @@
 //! Stored settings: what the hub stores, when it stores settings, and how it restores them.
 //!
 //! * The *memory* keeps settings without power. The task `tasks::store` accesses the memory.
-//! * A *record* has an entry for the address, and an entry for each [`Group`] of each motor's settings. An entry has the type
-//!   and the payload of the request that would set the group.
+//! * A *record* that was saved has an entry for the address, and an entry for each configured [`Group`] of each motor's
+//!   settings. An entry has the type and the payload of the request that would set the group. Of two entries for one group,
+//!   the last one counts. The record after a reset has no entries.
 //! * An *access* writes a record to the memory, or reads the record from it.
 //!
 //! ```text
@@ -14,7 +15,8 @@
 //!       '------------------- store_done() ---------------------'
 //! ```
 //!
-//! A new address is stored without a request of the host, as soon as no other access is running.
+//! When a host has set an address, the hub stores the address without a request to save. The hub waits for a running access, and
+//! until all motors are off if the memory must be erased first.
 
 use super::Responder;
 use super::motor::MotorChannel;
@@ -31,7 +33,7 @@ use heapless::{CapacityError, Vec};
 /// Type of the entry with the address: the packet type of REV's *set address*.
 const ADDRESS: u16 = 0x7F06;
 
-/// Largest payload of an entry in bytes. The length of an entry is stored in one byte.
+/// Largest payload of an entry in bytes. One byte of the record holds the length of the payload.
 const LONGEST_ENTRY: usize = u8::MAX as usize;
 
 /// Contents and state of the memory.
@@ -64,11 +66,11 @@ enum Phase {
 /// An access to the memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Access {
-    /// Writes all settings in force.
+    /// Writes the settings and the address in force, and the stored entries that this firmware does not know.
     Save,
     /// Writes the address in force, and keeps all other entries.
     SaveAddress,
-    /// Writes an empty record, after which the firmware's settings apply.
+    /// Writes an empty record. The firmware's settings are in force since the request.
     Reset,
     /// Reads the record.
     Load,
@@ -80,7 +82,7 @@ impl Memory {
         Self { found, outcome, phase, unknown: 0, refused: 0, address_due: false }
     }
 
-    /// Returns why a save is refused. `None` if a save is possible. A reset is always possible.
+    /// Returns why the contents of the memory prevent a save. `None` if a save is possible. The contents never prevent a reset.
     const fn refusal(&self) -> Option<Nack> {
         match self.found.stored {
             Stored::Later => Some(Nack::STORE_LATER),
@@ -91,7 +93,7 @@ impl Memory {
 }
 
 impl<const N: usize> Responder<N> {
-    /// Restores settings and address from the contents of the memory. Must be called once after a reset.
+    /// Restores settings and address from the contents of the memory. Must be called once after the hub has started.
     pub fn restore(&mut self, found: Found) {
         self.address = self.boot_address(&found.record);
         self.restore_settings(&found.record);
@@ -110,11 +112,12 @@ impl<const N: usize> Responder<N> {
         self.expects_store && self.memory.is_none()
     }
 
-    /// Starts a save, a load or a reset. A reset changes the settings in force immediately.
+    /// Notes a requested save, load or reset for [`store_request`](Self::store_request). A reset changes the settings in force
+    /// immediately. The address in force stays until the next start of the hub.
     ///
     /// # Errors
     /// Refuses the request if the hub has no memory, or while another access is running. A save is refused if the stored
-    /// record is damaged or a later firmware's, or if the settings do not fit. Load and reset are refused while a motor is
+    /// record is damaged or has a later format version, or if the settings do not fit. Load and reset are refused while a motor is
     /// enabled.
     pub(super) fn access_store(
         &mut self,
@@ -145,7 +148,8 @@ impl<const N: usize> Responder<N> {
         Ok(Reply::ACK)
     }
 
-    /// Marks the address in force to be stored, unless the record has this address already.
+    /// Marks the address in force to be stored, if the hub would start with another address. Does nothing if the contents of the
+    /// memory prevent a save.
     pub(super) fn store_address(&mut self) {
         let Some(memory) = &self.memory else { return };
         let due = memory.refusal().is_none() && self.boot_address(&memory.found.record) != self.address;
@@ -154,13 +158,13 @@ impl<const N: usize> Responder<N> {
         }
     }
 
-    /// Returns the address that the hub would have after a reset with this record.
+    /// Returns the address that the hub would have after a restart with this record.
     fn boot_address(&self, record: &SettingsRecord) -> Address {
         let entries = record.entries().filter(|entry| entry.id == ADDRESS);
         entries.filter_map(|entry| address_of(&entry)).last().unwrap_or(self.factory_address)
     }
 
-    /// Starts the next access, and returns the request for the task. `None` if no access is due, or while one is running.
+    /// Hands the next access to the task. `None` if no access is due, while one is running, or if the record has no room.
     ///
     /// The task must report the result to [`store_done`](Self::store_done).
     pub fn store_request(&mut self, snapshot: &Snapshot<N>) -> Option<StoreRequest> {
@@ -171,29 +175,37 @@ impl<const N: usize> Responder<N> {
             Phase::Busy(_) => return None,
             Phase::Requested(access) => access,
             Phase::Idle if !memory.address_due => return None,
-            // If the address did not fit without an erasure, it is stored when the memory may be erased.
+            // The last access needed an erasure. The memory may be erased only while all motors are off, so the address waits.
             Phase::Idle if may_erase || memory.outcome != Outcome::NeedsErase => Access::SaveAddress,
             Phase::Idle => return None,
         };
         let record = match access {
-            Access::Load => None,
-            Access::Save => self.record(stored).ok(),
-            Access::SaveAddress => self.record_with_address(stored).ok(),
-            Access::Reset => Some(SettingsRecord::new(stored.number().wrapping_add(1))),
+            Access::Load => Ok(None),
+            Access::Save => self.record(stored).map(Some),
+            Access::SaveAddress => self.record_with_address(stored).map(Some),
+            Access::Reset => Ok(Some(SettingsRecord::new(stored.number().wrapping_add(1)))),
         };
         let erase_first = memory.found.stored == Stored::Damaged && access == Access::Reset;
-        self.memory.as_mut()?.phase = Phase::Busy(access);
+        let memory = self.memory.as_mut()?;
+        let Ok(record) = record else {
+            // Settings have changed since the request, or the entries of other firmware leave no room for an address.
+            (memory.phase, memory.outcome, memory.address_due) = (Phase::Idle, Outcome::Refused, false);
+            return None;
+        };
+        memory.phase = Phase::Busy(access);
         Some(StoreRequest { record, erase_first, may_erase })
     }
 
     /// Ends the running access with its result. A load puts the stored settings in force.
     ///
-    /// `found` is the contents of the memory after the access; `None` if they have not changed.
+    /// `found` is the contents of the memory after the access. `None` if the memory could not be read before all motors are off;
+    /// the contents have not changed then.
     pub fn store_done(&mut self, found: Option<Found>, outcome: Outcome) {
         let Some(before) = &self.memory else { return };
         let load = before.phase == Phase::Busy(Access::Load);
         let found = found.unwrap_or_else(|| before.found.clone());
-        // A host may have changed the address during the access. If the memory has failed, the hub does not try again.
+        // A host may have changed the address during the access: then the address must still be stored. If the memory has failed,
+        // the hub does not try again.
         let failed = matches!(outcome, Outcome::Refused | Outcome::Lost);
         let address_due = before.address_due && !failed && self.boot_address(&found.record) != self.address;
         if load {
@@ -232,7 +244,7 @@ impl<const N: usize> Responder<N> {
         })
     }
 
-    /// True if the settings or the address in force would change in a reset with this record.
+    /// True if the settings or the address in force would change in a restart with this record.
     fn differs(&self, record: &SettingsRecord) -> bool {
         let stored = |settings: &MotorSettings, group: Group| {
             group.is_configured(settings).then(|| Values::of(group, settings))
@@ -257,7 +269,7 @@ impl<const N: usize> Responder<N> {
             let settings = channel.settings();
             for group in Group::ALL.into_iter().filter(|group| group.is_configured(settings)) {
                 let fields = payload(motor, &Values::of(group, settings));
-                // A later firmware may have stored more fields at the end of the entry. They are copied too.
+                // A later firmware may have stored more fields at the end of the entry. These fields are copied too.
                 let before = entries_of(stored, motor, group).last();
                 let more = before.and_then(|entry| entry.payload.get(fields.len()..)).unwrap_or_default();
                 let entry: Vec<u8, LONGEST_ENTRY> =
@@ -284,7 +296,7 @@ impl<const N: usize> Responder<N> {
         Ok(record)
     }
 
-    /// Puts the settings in force that the motors would have after a reset with this record.
+    /// Puts in force the settings that the motors would have after a restart with this record.
     fn restore_settings(&mut self, record: &SettingsRecord) {
         for ((motor, channel), factory) in (0..).zip(&mut self.channels).zip(self.factory) {
             channel.restore(restored(motor, factory, record));
@@ -292,14 +304,15 @@ impl<const N: usize> Responder<N> {
     }
 }
 
-/// Returns the settings that a motor would have after a reset with this record: the firmware's settings, changed by the
+/// Returns the settings that a motor would have after a restart with this record: the firmware's settings, changed by the
 /// entries of the record. Unknown and refused entries have no effect.
 fn restored(motor: u8, factory: Settings, record: &SettingsRecord) -> MotorSettings {
     let mut settings = MotorSettings::new(factory);
     for group in Group::ALL {
         let entry = entries_of(record, motor, group).last();
         let values = entry.and_then(|entry| values_of(&entry, motor, group, &settings).ok());
-        // Applying an unchanged set-up would delete dynamics and coefficients that the firmware was built with.
+        // The group `SetUp` deletes dynamics, acceleration limit and coefficients when it is applied. So a group with unchanged
+        // values is not applied: the firmware may have been built with such values.
         let changes =
             |values: &Values| !group.is_configured(&settings) || *values != Values::of(group, &settings);
         if let Some(new) = values.filter(changes).and_then(|values| values.apply_to(&settings).ok()) {
@@ -350,7 +363,8 @@ fn address_of(entry: &Entry<'_>) -> Option<Address> {
     Address::read(&mut Fields::new(entry.payload)).ok()
 }
 
-/// Returns whether this firmware accepts the entry. `None` if the firmware does not know the entry.
+/// `Some(true)` if this firmware accepts the entry, `Some(false)` if the firmware refuses the entry. `None` if the firmware does
+/// not know the entry, or has no such motor.
 fn is_accepted(entry: &Entry<'_>, channels: &[MotorChannel]) -> Option<bool> {
     if entry.id == ADDRESS {
         return Some(address_of(entry).is_some());

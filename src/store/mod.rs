@@ -50,7 +50,7 @@ pub enum Outcome {
     Done,
     /// Nothing was written. The memory must be erased first, and all motors must be off for an erasure.
     NeedsErase,
-    /// The memory has reported an error.
+    /// The memory has reported an error, or the record has no room for what is to be stored.
     Refused,
     /// The memory does not read back the written record.
     Lost,

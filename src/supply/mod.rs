@@ -4,18 +4,21 @@
 //! ```text
 //!         min        cut        derate    recover     dissipate     ceiling       max
 //!  --------+----------+-----------+----------+------------+------------+-----------+-----> bus voltage
-//!    not   |   Cut    |  Derated  |  Full or |    Full    |   Full, returned       | Cut, returned
-//! plausible| draw 0   | draw 0..1 |  Derated |   draw 1   |   energy is dissipated | energy is dissipated
+//!    not   |   Cut    |  Derated  |  Full or |    Full    |  Full, and braking motors | Cut, and braking
+//! plausible| draw 0   | draw 0..1 |  Derated | draw to 1  |  dissipate energy         | motors dissipate
 //! ```
 //!
-//! * The *draw* limits the current that each motor takes from the bus. It is a share of the motor's current at standstill
-//!   and full duty.
-//! * The [`DrawStage`] has hysteresis. A battery that was `Full` stays `Full` down to `derate`, and a battery that was `Derated`
-//!   stays `Derated` up to `recover`. `Cut` lasts until the voltage is back at `derate`.
-//! * Braking motors *dissipate* energy when their bridges turn it to heat instead of returning it to the bus. The bridges then
-//!   alternate between a full short of the winding and driving slightly above the back EMF.
-//! * The *quiet range* is the range from `derate` to `dissipate`. Inside it the limits of motors do not change, so the bus is
-//!   sampled every 10 ms only. An analog watchdog reports when the voltage leaves the range.
+//! * The *draw* is a share from 0 to 1. A motor may take that share of its current at standstill and full duty from the bus.
+//!   After the stage `Derated` the draw rises to 1 within a second.
+//! * The [`DrawStage`] has hysteresis. The stage `Full` lasts until the filtered voltage is below `derate`. The stage `Derated`
+//!   lasts until the filtered voltage reaches `recover`. The stage `Cut` lasts until the filtered voltage is back at `derate`.
+//! * Braking motors *dissipate* energy when their bridges turn energy to heat instead of returning it to the bus. The bridge
+//!   then alternates between two pulses. One pulse shorts the winding, which turns the energy to heat. The other pulse drives
+//!   the motor slightly above its back EMF, and takes back what the end of the short has returned to the bus.
+//! * Dissipation begins when the predicted voltage passes `dissipate`. It is complete halfway to `ceiling`.
+//! * The *quiet range* is the range from `derate` to `dissipate`. The bus is *quiet* if its voltage is in this range and the
+//!   supply limits no motor. A quiet bus is sampled every 10 ms only. An analog watchdog reports when the voltage leaves the
+//!   range.
 //!
 //! [`VrefintScale`] converts ADC readings to millivolts, on chips that also measure their own reference. Boards with another
 //! converter have their own conversion.
@@ -49,7 +52,8 @@ use undervoltage::Derating;
 /// Age in microseconds beyond which a battery reading is stale. After a longer gap between samples the filter restarts.
 pub const BATTERY_STALE_MICROS: u64 = 100_000;
 
-/// Time constant of the voltage filter, in microseconds. One sampling interval adds to the time constant.
+/// Time constant of the voltage filter, in microseconds. Sampling lengthens the time constant by about half an interval: to
+/// 30.5 ms at 1 ms, and to 34.8 ms at 10 ms.
 const FILTER_MICROS: f32 = 30_000.0;
 
 /// Longest interval, in microseconds, that the filter uses for the first sample outside the quiet range.
@@ -68,7 +72,7 @@ pub struct Battery {
     pub newest: Millivolts,
     /// Time of the newest sample.
     pub at: Micros,
-    /// Stage of the undervoltage protection.
+    /// Stage of the draw. The stage is `Cut` below [`Levels::cut`] and above [`Levels::max`].
     pub stage: DrawStage,
     /// Current that each motor may draw, as a share of its current at standstill and full duty.
     pub draw: Share,
@@ -99,12 +103,13 @@ impl Battery {
 #[derive(Clone, Debug)]
 pub struct Supply {
     limits: Limits,
-    /// Voltage filter. `None` until the first plausible sample, and from an implausible one until the next plausible one.
+    /// Voltage filter. `None` before the first plausible sample. An implausible voltage or a failed conversion sets the filter
+    /// to `None`.
     filter: Option<Filter>,
     derating: Derating,
     overvoltage: Overvoltage,
-    /// State at the last plausible sample. `None` until the first plausible sample, and from a failure of the converter until
-    /// the next plausible sample.
+    /// State at the last plausible sample. `None` before the first plausible sample. A failed conversion sets the state to
+    /// `None`.
     last_battery: Option<Battery>,
     /// The last reading, plausible or not.
     last_reading: BusReading,
@@ -135,7 +140,8 @@ impl Filter {
         Self { value_q8_mv, at }
     }
 
-    /// Returns the filtered voltage, rounded to millivolts. The mean of 16-bit samples fits in 16 bits.
+    /// Returns the filtered voltage, rounded to millivolts. The filtered voltage is never above the largest sample, so the cast
+    /// to 16 bits loses nothing.
     fn voltage(self) -> Millivolts {
         Millivolts::new(((self.value_q8_mv + 128) >> 8) as u16)
     }
@@ -154,8 +160,8 @@ impl Supply {
         }
     }
 
-    /// Returns the quiet range if the bus is in it and the supply does not limit the motors. `None` if the bus must be sampled
-    /// every millisecond.
+    /// Returns the quiet range if the filtered voltage is at least [`Levels::derate`] and the supply limits no motor. `None` if
+    /// the bus must be sampled every millisecond.
     pub fn quiet(&self) -> Option<RangeInclusive<Millivolts>> {
         let Levels { derate, dissipate, .. } = self.limits.levels();
         let filtered = self.filter?.voltage();
@@ -167,13 +173,14 @@ impl Supply {
     /// while the bus is [quiet](Self::quiet).
     ///
     /// `voltage` is `None` if the converter did not answer. A voltage below [`Levels::min`] is not plausible. In both cases
-    /// the result is `None`, and the next plausible sample restarts the filter.
+    /// the result is `None` except in a collapse, and the next plausible sample restarts the filter.
     ///
-    /// A second voltage in a row that is below [`Levels::min`] means that the bus collapses. The result is then the last
-    /// state with its old time, a draw of 0 and no dissipation.
+    /// The bus has *collapsed* if two or more voltages in a row are below [`Levels::min`]. The result is then the last state
+    /// with its old time, a draw of 0 and no dissipation. The stage `Full` becomes `Derated`. Without a last state the result
+    /// is `None`.
     ///
-    /// A voltage above [`Levels::max`] is used as [`Levels::max`]. A converter at the end of its range must not release a
-    /// braking motor.
+    /// A voltage above [`Levels::max`] enters the filter as [`Levels::max`]. Motors then draw nothing, and braking motors
+    /// dissipate. If such a voltage were not plausible, a converter at the end of its range would make braking motors coast.
     pub fn step(&mut self, voltage: Option<Millivolts>, now: Micros) -> Option<Battery> {
         let battery = self.update(voltage, now);
         self.last_reading = BusReading::new(&self.limits, voltage, battery.as_ref(), now);

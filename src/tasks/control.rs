@@ -1,8 +1,10 @@
 //! Runs the hub: a tick each control period, and faster reactions between two ticks.
 //!
-//! * Between two ticks, at each encoder sample and each alarm of the bus, the task updates estimates, executes direct commands,
-//!   and passes on feedback of the bridges and limits of the bus. Direct commands and limits may change the bridge commands.
-//! * At each tick the task applies all commands, steps the hub, and publishes bridge commands and snapshot.
+//! * Between two ticks the task wakes at each encoder sample, and when the bus leaves its quiet range. The task then updates the
+//!   estimates of the hub, and passes the feedback of the bridges to the hub. If a direct command waits, the task applies all
+//!   waiting commands and executes the direct ones. New limits of the bus may change the bridge commands too.
+//! * At each tick the task applies the commands that still wait, and steps the hub. Then the task publishes the bridge commands
+//!   and the snapshot.
 
 use super::capture::CAPTURE_INTERVAL;
 use super::{Health, Task, Wires, micros, whole_millisecond};
@@ -13,20 +15,21 @@ use embassy_futures::yield_now;
 use embassy_sync::blocking_mutex::raw::RawMutex;
 use embassy_time::{Duration, Instant, Timer};
 
-/// Runs the task. Never returns. The hub is borrowed, because a future would store an owned argument twice.
+/// Runs the task. Never returns. An async function would hold an owned hub twice in its
+/// memory, so the hub is borrowed.
 ///
-/// Ticks are due at multiples of the control period after the start. If a tick ends after the next one was due, the ticks that
+/// Ticks are due at multiples of the control period after the first whole millisecond. If a tick ends after the next one was due, the ticks that
 /// were due meanwhile are left out and counted.
 pub async fn run<M: RawMutex, const N: usize>(hub: &mut Hub<N>, wires: &Wires<M, N>, health: &Health) -> ! {
     let period = Duration::from_micros(hub.period().as_micros());
     let snapshots = wires.snapshot.sender();
     let mut inputs = Inputs { now: micros(Instant::now()), readings: [None; N], battery: None };
-    // Without samples between two ticks, the speeds in the snapshots are the newest.
+    // Speeds are published between ticks only if encoder samples come between ticks. Otherwise the snapshot has the newest ones.
     let samples_between_ticks = period > CAPTURE_INTERVAL;
     let mut due = whole_millisecond(Instant::now()) + period;
     loop {
         if let Either::First(()) = select(wires.news.wait(), Timer::at(due)).await {
-            // After an alarm of the bus the readings are unchanged. Processing them again has no effect.
+            // If the bus has woken the task, the readings are unchanged. Processing them again does not change the estimates.
             update_newest(wires, |newest| {
                 hub.sample(newest.readings());
                 if samples_between_ticks {

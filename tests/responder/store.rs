@@ -366,6 +366,18 @@ fn an_address_that_has_no_room_waits_for_motors_to_be_off() {
 }
 
 #[test]
+fn an_address_that_has_no_room_beside_entries_of_other_firmware_is_given_up_once() {
+    let mut record = SettingsRecord::new(1);
+    while record.push(0x4D55, &[7; 20]).is_ok() {}
+    while record.push(0x4D55, &[]).is_ok() {}
+    let mut host = powered_on(found(&record));
+    host.ask(0x7F06, &[HUB + 1]);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
+    assert_eq!(host.responder.address().get(), HUB + 1);
+    assert_eq!(host.responder.store_request(&host.snapshot), None);
+}
+
+#[test]
 fn the_address_in_force_is_not_stored_again() {
     let mut host = empty();
     host.ask(0x7F06, &[HUB]);

@@ -39,7 +39,7 @@ pub const fn why_unsaved(report: &StoreReport) -> Option<&'static str> {
         Outcome::NeedsErase => {
             Some("the hub must erase flash first, and a motor is enabled: disable all motors and try again")
         }
-        Outcome::Refused => Some("the hub's memory refused the write"),
+        Outcome::Refused => Some("the hub's memory refused the write, or has no room for it"),
         Outcome::Lost => Some("the written data does not read back: the hub's memory is worn or missing"),
     }
 }
