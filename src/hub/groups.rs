@@ -51,7 +51,6 @@ impl<const N: usize> Groups<N> {
             {
                 group.redirect(command);
                 settle_detector.reset();
-                members_of(group.members(), motors).for_each(Motor::retarget);
                 return Ok(());
             }
         }

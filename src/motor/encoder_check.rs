@@ -302,8 +302,9 @@ impl EncoderCheck {
         matches!(self, Self::Stalled(_) | Self::RunningAway(Runaway { stall: Some(_), .. }))
     }
 
-    /// Notes a new set-point, or a tick without regulation. A release or a probe ends, so that the next motion is not
-    /// disturbed. Returns true if there was a release, a probe or a stall.
+    /// Notes a set-point of another kind or direction, or a tick without regulation. A release or a probe ends, so that
+    /// the next motion is not disturbed. A set-point that continues the motion must not end them: a host that streams
+    /// set-points would hide a fault of the encoder. Returns true if there was a release, a probe or a stall.
     pub(super) const fn interrupt(&mut self, last_motion: &mut LastMotion) -> bool {
         let examining = matches!(self, Self::Releasing(..) | Self::Probing(..));
         if examining {

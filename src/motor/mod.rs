@@ -275,6 +275,9 @@ impl Motor {
         let from = self.setpoint;
         let follows = matches!((from, to), (Setpoint::Together(_), Setpoint::Together(_)));
         if to != from && !follows {
+            self.settle_detector.reset();
+        }
+        if to != from && !from.continues_as(to, self.position) {
             let transition = if self.interrupt_check() {
                 Transition::FromStop
             } else if from == Setpoint::ConstantPower(Control::ZERO) {
@@ -287,7 +290,6 @@ impl Motor {
                 Transition::Target
             };
             self.regulator.transition(transition);
-            self.settle_detector.reset();
         }
         match (&self.state, to) {
             (MotorState::Regulated(_), to) if to.is_regulated() => (),
@@ -324,12 +326,6 @@ impl Motor {
     /// Counts at the last tick.
     pub(crate) const fn position(&self) -> i32 {
         self.position
-    }
-
-    /// Notes that the motor's group has a new target.
-    pub(crate) fn retarget(&mut self) {
-        let interrupted = self.interrupt_check();
-        self.regulator.transition(if interrupted { Transition::FromStop } else { Transition::Target });
     }
 
     /// The estimated speed.

@@ -57,6 +57,23 @@ impl Setpoint {
         matches!(self, Self::Disabled | Self::FailSafe | Self::ConstantPower(_))
     }
 
+    /// True if `next` continues the motion of a motor at this position, in counts: the kind of the set-point and the
+    /// direction stay. Hosts stream such set-points.
+    pub(super) fn continues_as(self, next: Self, position: i32) -> bool {
+        let same = |before: i32, after: i32| before != 0 && before.signum() == after.signum();
+        match (self, next) {
+            (Self::Velocity(before), Self::Velocity(after)) => same(before.to_bits(), after.to_bits()),
+            (Self::Position { target: before, .. }, Self::Position { target: after, .. }) => {
+                same(before.wrapping_sub(position), after.wrapping_sub(position))
+            }
+            // The reference of a member that lags stands still. Its direction stays.
+            (Self::Together(before), Self::Together(after)) => {
+                after.next == CountsPerSecond::ZERO || same(before.next.to_bits(), after.next.to_bits())
+            }
+            _ => false,
+        }
+    }
+
     /// True in regulated position if `position` is [within tolerance](within_tolerance).
     pub(super) const fn is_within_tolerance(self, position: i32) -> bool {
         match self {

@@ -8,9 +8,11 @@ use crate::store::{self, Pages};
 use embassy_futures::block_on;
 use emulated::talk::Talk;
 use emulated::{Bench, Board, FlashFaults, Setup};
+use motor_hub::extension::HubFunction;
+use motor_hub::extension::state::UpdateReport;
 use motor_hub::store::{Outcome as Saved, Stored};
 use motor_hub::tasks::update::Slots;
-use motor_hub::update::{CHUNK, CRC, Outcome};
+use motor_hub::update::{Booted, CHUNK, CRC, Outcome};
 
 const BOARD: Board = Board::NucleoH743zi2;
 
@@ -25,7 +27,10 @@ const DOWNLOAD: usize = 0x10_0000;
 const STATE: usize = 0x1A_0000;
 const PAGE: usize = 0x2_0000;
 
-/// The bootloader's state once the firmware has confirmed itself (`embassy_boot::BOOT_MAGIC`).
+/// Each byte of the bootloader's state while a swap is ordered (`SWAP_MAGIC` of embassy-boot).
+const ORDERED: u8 = 0xF0;
+
+/// Each byte of the bootloader's state once the firmware has confirmed itself (`embassy_boot::BOOT_MAGIC`).
 const CONFIRMED: u8 = 0xD0;
 
 fn saves(flash_faults: FlashFaults) {
@@ -53,6 +58,8 @@ fn settings_are_saved_though_words_arrive_late() {
 /// The flash of a board whose bootloader finds new firmware armed.
 struct Armed {
     flash: Vec<u8>,
+    /// The image that is booted before.
+    before: Vec<u8>,
     /// The image that is armed.
     new: Vec<u8>,
 }
@@ -76,33 +83,47 @@ fn armed() -> Armed {
     assert_eq!(done, Outcome::Done);
     flash[DOWNLOAD..DOWNLOAD + 5 * PAGE].copy_from_slice(&download.0);
     flash[STATE..STATE + PAGE].copy_from_slice(&state.0);
-    Armed { flash, new }
+    Armed { flash, before, new }
 }
 
 fn powered_on(flash: Vec<u8>, flash_faults: FlashFaults) -> Bench {
     on(BOARD, || Bench::new(Setup { flash, flash_faults, bootloader: true, ..setup(vec![am60()]) }))
 }
 
-/// Whether the firmware that is booted has confirmed itself.
-fn is_confirmed(bench: &mut Bench) -> bool {
+/// True while the bootloader's state holds the order to swap, which it does until firmware confirms itself.
+fn is_ordered(bench: &mut Bench) -> bool {
     let at = BOARD.flash().start + STATE as u64;
-    bench.read_words(at, 8) == [u32::from_le_bytes([CONFIRMED; 4]); 8]
+    bench.read_words(at, 8) == [u32::from_le_bytes([ORDERED; 4]); 8]
 }
 
-/// Runs until firmware has confirmed itself, and expects that in the slot.
+/// Runs until the hub is no longer on trial, and returns how it was booted, in its own words.
+///
+/// The state itself does not tell it: a confirmation erases the order first, and power may go before the new mark is
+/// written. Without an order the firmware is confirmed all the same.
+#[track_caller]
+fn booted(bench: &mut Bench) -> Booted {
+    let begun = bench.now();
+    bench.run(ms(500));
+    let swapped = bench.run_while(ms(250), Duration::from_secs(60), |bench| !is_ordered(bench));
+    assert!(swapped, "still ordered to swap; resets: {}", bench.resets().len());
+    // The mark is written after an erasure, by the hub or, if it discards a stale swap, by the bootloader.
+    bench.run(ms(3_000));
+    let report: UpdateReport = Talk::default().question(bench, HubFunction::Update);
+    println!("{:?} after {:?}", report.booted, bench.now() - begun);
+    report.booted
+}
+
+/// Runs until the hub's firmware is confirmed, and expects this firmware in the slot.
 #[track_caller]
 fn boots(bench: &mut Bench, expected: &[u8]) {
-    let begun = bench.now();
-    let confirmed = bench.run_while(ms(250), Duration::from_secs(60), is_confirmed);
-    assert!(confirmed, "nothing runs; resets: {:?}", bench.resets().len());
-    println!("confirmed after {:?}", bench.now() - begun);
+    assert_eq!(booted(bench), Booted::Confirmed);
     assert!(bench.flash()[ACTIVE..].starts_with(expected), "other firmware than expected");
 }
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_bootloader_swaps_while_the_flash_shows_errors_that_nobody_made() {
-    let Armed { flash, new } = armed();
+    let Armed { flash, new, .. } = armed();
     let mut bench = powered_on(flash, ERRORS);
     boots(&mut bench, &new);
     assert_eq!(bench.resets(), []);
@@ -111,7 +132,7 @@ fn the_bootloader_swaps_while_the_flash_shows_errors_that_nobody_made() {
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn the_bootloader_swaps_though_words_arrive_late() {
-    let Armed { flash, new } = armed();
+    let Armed { flash, new, .. } = armed();
     let mut bench = powered_on(flash, LATE);
     boots(&mut bench, &new);
     assert_eq!(bench.resets(), []);
@@ -123,7 +144,7 @@ const INTERFACE: std::ops::Range<u64> = 0x5200_2000..0x5200_2200;
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn a_fault_in_the_middle_of_a_swap_is_a_reset_and_the_swap_goes_on() {
-    let Armed { flash, new } = armed();
+    let Armed { flash, new, .. } = armed();
     let mut bench = powered_on(flash, FlashFaults::default());
     bench.run(ms(5_000));
     bench.fail_next_access(INTERFACE);
@@ -134,7 +155,7 @@ fn a_fault_in_the_middle_of_a_swap_is_a_reset_and_the_swap_goes_on() {
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
 fn what_a_probe_has_written_boots_though_other_firmware_was_armed() {
-    let Armed { mut flash, new } = armed();
+    let Armed { mut flash, new, .. } = armed();
     // The same hub, with something else behind its code.
     let probed = [&new[..new.len() - CHUNK], &[0xA5; CHUNK]].concat();
     flash[ACTIVE..ACTIVE + probed.len()].copy_from_slice(&probed);
@@ -148,20 +169,35 @@ const BETWEEN_CUTS: Duration = Duration::from_millis(350);
 
 #[test]
 #[ignore = "long: cargo xtask test nucleo-f429zi"]
-fn power_that_goes_at_any_step_of_a_swap_costs_nothing() {
-    let Armed { flash, new } = armed();
+fn power_that_goes_at_any_step_of_a_swap_leaves_whole_firmware_that_runs() {
+    let Armed { flash, before, new } = armed();
     let mut bench = powered_on(flash, FlashFaults::default());
     let mut cuts = 0;
+    let mut restored = 0;
     loop {
         bench.run(BETWEEN_CUTS);
         let left = bench.flash();
         let is_over = left[STATE] == CONFIRMED;
-        boots(&mut powered_on(left, FlashFaults::default()), &new);
+        let is_on_trial = left[STATE] == ORDERED && left[ACTIVE..].starts_with(&new);
+        let mut powered_on = powered_on(left, FlashFaults::default());
+        let booted = booted(&mut powered_on);
+        // A reset of firmware on trial restores the firmware before, also if the reset is a loss of power.
+        let expected = match booted {
+            Booted::WentBack if is_on_trial => &before,
+            _ => &new,
+        };
+        assert!(
+            powered_on.flash()[ACTIVE..].starts_with(expected),
+            "other firmware than expected: {booted:?}"
+        );
+        restored += u32::from(booted == Booted::WentBack);
+        assert_eq!(booted == Booted::WentBack, expected == &before);
         cuts += 1;
         if is_over {
             break;
         }
     }
-    println!("{cuts} cuts");
+    println!("{cuts} cuts, {restored} of them on trial");
     assert!(cuts > 16, "a swap has 16 steps: {cuts}");
+    assert!(restored > 0, "no cut was on trial");
 }

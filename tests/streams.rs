@@ -1,0 +1,139 @@
+//! A host that streams set-points is checked like a host that sets one: the encoder check finds faults, and a stall
+//! remains a stall.
+
+mod common;
+
+use common::{Bench, Cable, configured, inertia, neverest_60, plant, position, unknown, velocity};
+use motor_hub::group::{Course, GroupCommand};
+use motor_hub::hub::{Action, Command};
+use motor_hub::motor::{EncoderFault, Setpoint, Settings};
+use motor_hub::units::{Acceleration, CountsPerSecond};
+
+/// Inertia of the load on the output shaft, in kg m².
+const LOAD: f64 = 0.01;
+
+/// The set-point number `k` of a stream with one set-point every `every_ms`.
+type Stream = fn(k: i32, every_ms: i32) -> Setpoint;
+
+/// Two speeds in turn.
+fn alternating(k: i32, _: i32) -> Setpoint {
+    velocity(1_000 + k % 2)
+}
+
+/// A speed that grows by 100 counts/s in a second.
+fn ramp(k: i32, every_ms: i32) -> Setpoint {
+    velocity(800 + k * every_ms / 10)
+}
+
+/// A position that moves by 1000 counts/s.
+fn moving_position(k: i32, every_ms: i32) -> Setpoint {
+    position(2_000 + k * every_ms, 10, 1_500)
+}
+
+const STREAMS: [(&str, Stream); 3] =
+    [("alternating", alternating), ("ramp", ramp), ("moving position", moving_position)];
+
+/// Streams set-points while the encoder's cable is plugged in, then while the cable has this condition. Returns the time
+/// in ms from the fault of the cable to the fault that the hub reports, at most 2 s.
+fn time_to_fault(
+    settings: Settings,
+    period_ms: u32,
+    every_ms: i32,
+    stream: Stream,
+    cable: Cable,
+) -> Option<u64> {
+    let mut bench = Bench::one(settings, plant(neverest_60(), inertia(LOAD)), period_ms);
+    let every = every_ms.unsigned_abs().into();
+    let mut k = 0;
+    while bench.ms < 4_000 {
+        if bench.ms >= 2_000 {
+            bench.axes[0].cable = cable;
+        }
+        if bench.ms.is_multiple_of(every) {
+            bench.set(0, stream(k, every_ms));
+            k += 1;
+        }
+        bench.run_ms(1);
+        if bench.report().faults.encoder.is_some() {
+            break;
+        }
+    }
+    let kind = if cable == Cable::Reversed { EncoderFault::Reversed } else { EncoderFault::Stuck };
+    (bench.report().faults.encoder == Some(kind)).then(|| bench.ms - 2_000)
+}
+
+#[test]
+fn an_encoder_unplugged_under_a_stream_of_set_points_is_at_fault_within_300_ms() {
+    let motor = neverest_60();
+    for settings in [configured(&motor, &inertia(LOAD)), unknown(&motor)] {
+        for (name, stream) in STREAMS {
+            for period in [1, 10, 50, 100] {
+                for every in [5, 20, 50, 100, 200] {
+                    let ms = time_to_fault(settings, period, every, stream, Cable::Unplugged);
+                    let known = settings.dynamics.is_some();
+                    assert!(
+                        ms.is_some_and(|ms| ms <= 300),
+                        "{name} every {every} ms, {period} ms period, configured {known}: {ms:?} ms"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_stall_under_a_stream_of_set_points_is_reported_and_probed_once() {
+    let motor = neverest_60();
+    for settings in [configured(&motor, &inertia(LOAD)), unknown(&motor)] {
+        for period in [5, 50] {
+            for every in [5, 20, 100] {
+                let mut bench = Bench::one(settings, plant(motor, inertia(LOAD)), period);
+                bench.axes[0].stop = Some(500.5);
+                let (mut probes, mut probing) = (0, false);
+                for k in 0..4_000 / every {
+                    bench.set(0, alternating(k, every));
+                    for _ in 0..every {
+                        bench.run_ms(1);
+                        let back = bench.report().control.get() < -20_000;
+                        probes += u32::from(back && !probing);
+                        probing = back;
+                    }
+                }
+                let report = bench.report();
+                assert_eq!(report.faults.encoder, None, "{period} ms, every {every} ms");
+                assert!(report.stalled, "{period} ms, every {every} ms: {report:?}");
+                assert_eq!(probes, 1, "{period} ms, every {every} ms");
+            }
+        }
+    }
+}
+
+#[test]
+fn an_encoder_unplugged_in_a_group_under_a_stream_of_courses_is_at_fault_within_300_ms() {
+    let motor = neverest_60();
+    for settings in [configured(&motor, &inertia(LOAD)), unknown(&motor)] {
+        for (period, every) in [(5, 5), (5, 20), (10, 100), (50, 50), (50, 20)] {
+            let plants = [(); 2].map(|()| plant(motor, inertia(LOAD)));
+            let mut bench = Bench::new([settings; 2], plants, period);
+            let mut k = 0;
+            while bench.ms < 4_000 && bench.snapshot.motors[0].faults.encoder.is_none() {
+                if bench.ms >= 2_000 {
+                    bench.axes[0].cable = Cable::Unplugged;
+                }
+                if bench.ms.is_multiple_of(every) {
+                    let speed = CountsPerSecond::new(1_000 + k % 2);
+                    let course = Course::on(&[(0, speed), (1, speed)]).expect("members");
+                    let acceleration = Acceleration::new(5_000).expect("in range");
+                    // A group with this lag does not wait for a member.
+                    let command =
+                        GroupCommand { lag: u16::MAX, ..GroupCommand::new(course, speed, acceleration) };
+                    bench.hub.apply(Command { motor: 0, action: Action::Lead(command) }).expect("members");
+                    k += 1;
+                }
+                bench.run_ms(1);
+            }
+            let ms = bench.ms - 2_000;
+            assert!(ms <= 300, "{period} ms period, every {every} ms: after {ms} ms");
+        }
+    }
+}
