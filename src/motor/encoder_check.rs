@@ -56,11 +56,9 @@
 //! Constants without a stated source have none on record. `motor-hub soak --sweep` counts false alarms with the constants
 //! (see `docs/concepts/faults.md`), and `tests/guard.rs` checks the times.
 
-use super::Command;
-use super::expected::{Expected, LOAD};
+use super::expected::{Expected, LOAD, Tick};
 use super::last_motion::{LastMotion, SteadyRun};
 use crate::braking::{Regime, Scheme};
-use crate::regulator::{Context, Regulator};
 use crate::units::{Control, CountsPerSecond};
 use libm::sqrtf;
 
@@ -202,39 +200,7 @@ pub enum EncoderFault {
     Reversed,
 }
 
-/// What a tick passes to the check.
-#[derive(Clone, Copy)]
-pub(super) struct Tick<'a> {
-    /// Settings, control period, and battery voltage now.
-    pub(super) context: &'a Context<'a>,
-    /// Estimates now.
-    pub(super) regulator: &'a Regulator,
-    /// Command of the bridge since the last tick.
-    pub(super) command: &'a Command,
-    /// Speed that the command was to reach.
-    pub(super) target: CountsPerSecond,
-    /// Position now, in counts.
-    pub(super) position: i32,
-    /// Counts since the last tick.
-    pub(super) moved: i32,
-}
-
 impl Tick<'_> {
-    /// Control period in ms.
-    fn period_ms(&self) -> u32 {
-        self.context.period.as_millis()
-    }
-
-    /// Back EMF constant, in V per count/s.
-    pub(super) fn kappa(&self) -> f32 {
-        self.context.settings.winding.emf.to_volts()
-    }
-
-    /// Estimated speed at the time of the command, in counts/s.
-    pub(super) fn commanded_at_speed(&self) -> f32 {
-        self.command.request.at.emf_volts() / self.kappa()
-    }
-
     /// Control value of the command.
     fn control(&self) -> Control {
         self.command.control(self.context.modulator)
