@@ -7,7 +7,7 @@ use motor_hub::braking::{Regime, Scheme, Winding};
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::hub::{Action, Command, Hub, Inputs, Snapshot};
 use motor_hub::motion::{Pidf, Reading};
-use motor_hub::motor::{Setpoint, Settings, ZeroPower};
+use motor_hub::motor::{Motor, Setpoint, Settings, ZeroPower};
 use motor_hub::regulator::Coefficients;
 use motor_hub::supply::Battery;
 use motor_hub::units::{Coefficient, Control, Duty, Micros, Millivolts, Period, RangeError};
@@ -388,4 +388,11 @@ proptest! {
         let quiet = vec![(Some(0), 0, 0, Setpoint::Disabled); 12];
         prop_assert_eq!(run(&neighbours), run(&quiet));
     }
+}
+
+#[test]
+fn a_motor_takes_no_more_memory_than_it_has_been_given() {
+    // On a computer. A chip's pointers are shorter, but a motor has none. Raise the limit only for a good reason.
+    let bytes = size_of::<Motor>();
+    assert!(bytes <= 984, "{bytes} bytes");
 }

@@ -38,7 +38,7 @@
 //! * *RunningAway*: the bridge is in reverse at the end of the control range. Still the motor turns in the wrong
 //!   direction, or at least twice as fast as requested. A motor with a sound encoder becomes slower, unless its load
 //!   exceeds the stall torque. If the motor does not become slower, its encoder is reversed.
-//! * *Faulty*: the encoder is stuck or reversed. The fault is latched until the motor is disabled.
+//! * *Faulty*: the encoder is stuck or reversed. The check has ended: the motor latches the fault until it is disabled.
 //!
 //! | motor | time to a fault |
 //! |---|---|
@@ -56,12 +56,9 @@
 //! Constants without a stated source have none on record. `motor-hub soak --sweep` counts false alarms with the constants
 //! (see `docs/concepts/faults.md`), and `tests/guard.rs` checks the times.
 
-use super::Command;
-use super::expected::{Expected, LOAD};
+use super::expected::{Expected, LOAD, Tick};
 use super::last_motion::{LastMotion, SteadyRun};
 use crate::braking::{Regime, Scheme};
-use crate::motion::Reading;
-use crate::regulator::{Context, Regulator};
 use crate::units::{Control, CountsPerSecond};
 use libm::sqrtf;
 
@@ -203,39 +200,7 @@ pub enum EncoderFault {
     Reversed,
 }
 
-/// What a tick passes to the check.
-#[derive(Clone, Copy)]
-pub(super) struct Tick<'a> {
-    /// Settings, control period, and battery voltage now.
-    pub(super) context: &'a Context<'a>,
-    /// Estimates now.
-    pub(super) regulator: &'a Regulator,
-    /// Command of the bridge since the last tick.
-    pub(super) command: &'a Command,
-    /// Speed that the command was to reach.
-    pub(super) target: CountsPerSecond,
-    /// Position now, in counts.
-    pub(super) position: i32,
-    /// Counts since the last tick.
-    pub(super) moved: i32,
-}
-
 impl Tick<'_> {
-    /// Control period in ms.
-    fn period_ms(&self) -> u32 {
-        self.context.period.as_millis()
-    }
-
-    /// Back EMF constant, in V per count/s.
-    pub(super) fn kappa(&self) -> f32 {
-        self.context.settings.winding.emf.to_volts()
-    }
-
-    /// Estimated speed at the time of the command, in counts/s.
-    pub(super) fn commanded_at_speed(&self) -> f32 {
-        self.command.request.at.emf_volts() / self.kappa()
-    }
-
     /// Control value of the command.
     fn control(&self) -> Control {
         self.command.control(self.context.modulator)
@@ -276,19 +241,12 @@ pub(super) enum Finding {
     /// Apply full reverse, in every scheme. The control value is the end of the range.
     FullReverse(Control),
     /// End the regulation: the encoder is at fault.
-    Fault,
+    Fault(EncoderFault),
 }
 
-/// The encoder check of one motor.
+/// The encoder check of one motor; the diagram at the top of the file has the transitions.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct EncoderCheck {
-    state: State,
-    last_motion: LastMotion,
-}
-
-/// States of the check; the diagram at the top of the file has the transitions.
-#[derive(Clone, Copy, Debug)]
-enum State {
+pub(super) enum EncoderCheck {
     /// The regulator drives the motor. The expectation covers the present silence.
     Watching(Expected),
     /// The regulator drives the motor in reverse, at the end of the control range.
@@ -299,160 +257,122 @@ enum State {
     Probing(Suspect, Expected),
     /// The regulator drives the motor against a stop.
     Stalled(Stall),
-    /// The encoder is at fault.
-    Faulty(EncoderFault),
 }
 
 impl EncoderCheck {
-    /// The check of a motor that has not moved yet.
-    pub(super) fn new() -> Self {
-        Self { state: State::Watching(Expected::NONE), last_motion: LastMotion::default() }
-    }
-
-    /// Takes a sample of the encoder, at ticks and best every millisecond between them. The regulator has already taken
-    /// the sample. `drive_volts` returns the drive voltage of the present command.
-    pub(super) fn sample(
-        &mut self,
-        reading: &Reading,
-        regulator: &Regulator,
-        drive_volts: impl FnOnce() -> f32,
-    ) {
-        self.last_motion.sample(reading, regulator, drive_volts);
-    }
-
-    /// The fault of the encoder; `None` if there is none.
-    pub(super) const fn fault(&self) -> Option<EncoderFault> {
-        match self.state {
-            State::Faulty(fault) => Some(fault),
-            _ => None,
-        }
-    }
+    /// The check of a motor whose regulation begins.
+    pub(super) const NEW: Self = Self::Watching(Expected::NONE);
 
     /// True if the motor is stalled.
     pub(super) const fn is_stalled(&self) -> bool {
-        matches!(self.state, State::Stalled(_) | State::RunningAway(Runaway { stall: Some(_), .. }))
-    }
-
-    /// Discards all evidence when the motor is not regulated. A fault stays.
-    pub(super) const fn pause(&mut self) {
-        if self.fault().is_none() {
-            self.restart();
-        }
+        matches!(self, Self::Stalled(_) | Self::RunningAway(Runaway { stall: Some(_), .. }))
     }
 
     /// Notes a set-point of another kind or direction, or a tick without regulation. A release or a probe ends, so that
     /// the next motion is not disturbed. A set-point that continues the motion must not end them: a host that streams
     /// set-points would hide a fault of the encoder. Returns true if there was a release, a probe or a stall.
-    pub(super) const fn interrupt(&mut self) -> bool {
-        let examining = matches!(self.state, State::Releasing(..) | State::Probing(..));
+    pub(super) const fn interrupt(&mut self, last_motion: &mut LastMotion) -> bool {
+        let examining = matches!(self, Self::Releasing(..) | Self::Probing(..));
         if examining {
-            self.restart();
+            *self = Self::NEW;
+            last_motion.forget();
         }
         examining || self.is_stalled()
     }
 
-    /// Clears a fault.
-    pub(super) const fn clear(&mut self) {
-        if self.fault().is_some() {
-            self.restart();
-        }
-    }
-
-    /// Begins to watch, without a steady run. The direction of the last motion stays known.
-    const fn restart(&mut self) {
-        self.state = State::Watching(Expected::NONE);
-        self.last_motion.forget();
-    }
-
     /// Takes a regulated tick: chooses the next state, and says what the motor has to do.
-    pub(super) fn step(&mut self, tick: &Tick<'_>) -> Finding {
-        let moved = self.last_motion.take_moved();
-        let turns = self.last_motion.silent_us() < WATCH.quiet_us;
-        let (state, finding) = match self.state {
-            State::Watching(_) if turns && tick.runs_away() => Runaway::new(tick, None).step(tick),
-            State::Stalled(stall) if turns && tick.runs_away() => Runaway::new(tick, Some(stall)).step(tick),
-            State::RunningAway(runaway) if turns && tick.runs_away() => runaway.step(tick),
-            State::Watching(_) if moved => self.watch(Expected::NONE, tick),
-            State::Watching(expected) => self.watch(expected, tick),
-            State::RunningAway(Runaway { stall: Some(stall), .. }) | State::Stalled(stall) => {
-                self.last_motion.forget();
+    pub(super) fn step(&mut self, last_motion: &mut LastMotion, tick: &Tick<'_>) -> Finding {
+        let moved = last_motion.take_moved();
+        let turns = last_motion.silent_us() < WATCH.quiet_us;
+        let (state, finding) = match *self {
+            EncoderCheck::Watching(_) if turns && tick.runs_away() => Runaway::new(tick, None).step(tick),
+            EncoderCheck::Stalled(stall) if turns && tick.runs_away() => {
+                Runaway::new(tick, Some(stall)).step(tick)
+            }
+            EncoderCheck::RunningAway(runaway) if turns && tick.runs_away() => runaway.step(tick),
+            EncoderCheck::Watching(_) if moved => watch(Expected::NONE, last_motion, tick),
+            EncoderCheck::Watching(expected) => watch(expected, last_motion, tick),
+            EncoderCheck::RunningAway(Runaway { stall: Some(stall), .. }) | EncoderCheck::Stalled(stall) => {
+                last_motion.forget();
                 stall.step(tick)
             }
-            State::RunningAway(_) => self.watch(Expected::NONE, tick),
-            State::Releasing(suspect, _) | State::Probing(suspect, _) if moved => suspect.stall(),
-            State::Releasing(suspect, ms) => suspect.release(ms + tick.period_ms(), tick),
-            State::Probing(suspect, expected) => suspect.probe(expected, self.last_motion.may_creep(), tick),
-            State::Faulty(fault) => (State::Faulty(fault), Finding::Fault),
+            EncoderCheck::RunningAway(_) => watch(Expected::NONE, last_motion, tick),
+            EncoderCheck::Releasing(suspect, _) | EncoderCheck::Probing(suspect, _) if moved => {
+                suspect.stall()
+            }
+            EncoderCheck::Releasing(suspect, ms) => suspect.release(ms + tick.period_ms(), tick),
+            EncoderCheck::Probing(suspect, expected) => {
+                suspect.probe(expected, last_motion.may_creep(), tick)
+            }
         };
-        self.state = state;
+        *self = state;
         finding
     }
+}
 
-    /// Takes a tick in Watching: extends the expectation in a silence, and releases or probes a motor with too few counts.
-    fn watch(&mut self, expected: Expected, tick: &Tick<'_>) -> (State, Finding) {
-        let silent_us = self.last_motion.silent_us();
-        if silent_us < WATCH.quiet_us {
-            return (State::Watching(expected), Finding::Sound);
-        }
-        let requested = tick.target.to_f32().abs();
-        if requested < WATCH.least_speed_cps {
-            self.last_motion.forget();
-            return (State::Watching(Expected::NONE), Finding::Sound);
-        }
-        let clockwise = tick.target > CountsPerSecond::ZERO;
-        let drive_volts = along(clockwise, tick.command.voltage.to_volts());
-        // The silence began at the last motion, some time before this tick.
-        let ms = match expected.ms {
-            0 => (silent_us / 1_000).min(tick.period_ms() + WATCH.quiet_us / 1_000),
-            _ => tick.period_ms(),
-        };
-        // A motor that should slow down may come to rest.
-        let run =
-            self.last_motion.steady(clockwise).filter(|run| run.speed_cps <= WATCH.speed_ratio * requested);
-        let least_gain = tick.regulator.least_gain();
-        let (mut expected, counts) = match run {
-            Some(run) => (expected.keep_turning(ms, &run, drive_volts, tick), WATCH.turning_counts),
-            None if drive_volts <= LOAD.friction_volts => {
-                return (State::Watching(Expected::NONE), Finding::Sound);
-            }
-            None => {
-                let acceleration = least_gain.unwrap_or(0.0) * (drive_volts - LOAD.friction_volts);
-                let speed = along(clockwise, tick.commanded_at_speed());
-                (expected.accelerate(ms, acceleration, speed), EXPECTED_COUNTS)
-            }
-        };
-        expected.driven_ms =
-            if drive_volts > LOAD.friction_volts { expected.driven_ms.saturating_add(ms) } else { 0 };
-        let too_few = expected.ms >= WATCH.silence_ms && expected.distance_counts >= counts;
-        let timed_out = least_gain.is_none() && expected.driven_ms >= self.time_out_ms(clockwise, tick);
-        if !too_few && !timed_out {
-            return (State::Watching(expected), Finding::Sound);
-        }
-        let suspect = Suspect::new(clockwise, run, tick);
-        // The time-out of an unknown motor leaves no time for a release.
-        let known = least_gain.is_some() || run.is_some();
-        if known && 4 * tick.period_ms() + WATCH.silence_ms <= PROBE.decided_ms {
-            (State::Releasing(suspect, 0), Finding::Release)
-        } else {
-            suspect.begin_probe(tick)
-        }
+/// Takes a tick in Watching: extends the expectation in a silence, and releases or probes a motor with too few counts.
+fn watch(expected: Expected, last_motion: &mut LastMotion, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
+    let silent_us = last_motion.silent_us();
+    if silent_us < WATCH.quiet_us {
+        return (EncoderCheck::Watching(expected), Finding::Sound);
     }
-
-    /// Time-out of an unknown motor, in ms.
-    fn time_out_ms(&self, clockwise: bool, tick: &Tick<'_>) -> u32 {
-        if tick.has_few_counts() {
-            WATCH.few_counts_ms
-        } else if self.last_motion.clockwise() == Some(!clockwise) || self.last_motion.may_creep() {
-            WATCH.heavy_ms
-        } else {
-            WATCH.unknown_ms
+    let requested = tick.target.to_f32().abs();
+    if requested < WATCH.least_speed_cps {
+        last_motion.forget();
+        return (EncoderCheck::Watching(Expected::NONE), Finding::Sound);
+    }
+    let clockwise = tick.target > CountsPerSecond::ZERO;
+    let drive_volts = along(clockwise, tick.command.voltage.to_volts());
+    // The silence began at the last motion, some time before this tick.
+    let ms = match expected.ms {
+        0 => (silent_us / 1_000).min(tick.period_ms() + WATCH.quiet_us / 1_000),
+        _ => tick.period_ms(),
+    };
+    // A motor that should slow down may come to rest.
+    let run = last_motion.steady(clockwise).filter(|run| run.speed_cps <= WATCH.speed_ratio * requested);
+    let least_gain = tick.regulator.least_gain();
+    let (mut expected, counts) = match run {
+        Some(run) => (expected.keep_turning(ms, &run, drive_volts, tick), WATCH.turning_counts),
+        None if drive_volts <= LOAD.friction_volts => {
+            return (EncoderCheck::Watching(Expected::NONE), Finding::Sound);
         }
+        None => {
+            let acceleration = least_gain.unwrap_or(0.0) * (drive_volts - LOAD.friction_volts);
+            let speed = along(clockwise, tick.commanded_at_speed());
+            (expected.accelerate(ms, acceleration, speed), EXPECTED_COUNTS)
+        }
+    };
+    expected.driven_ms =
+        if drive_volts > LOAD.friction_volts { expected.driven_ms.saturating_add(ms) } else { 0 };
+    let too_few = expected.ms >= WATCH.silence_ms && expected.distance_counts >= counts;
+    let timed_out = least_gain.is_none() && expected.driven_ms >= time_out_ms(last_motion, clockwise, tick);
+    if !too_few && !timed_out {
+        return (EncoderCheck::Watching(expected), Finding::Sound);
+    }
+    let suspect = Suspect::new(clockwise, run, tick);
+    // The time-out of an unknown motor leaves no time for a release.
+    let known = least_gain.is_some() || run.is_some();
+    if known && 4 * tick.period_ms() + WATCH.silence_ms <= PROBE.decided_ms {
+        (EncoderCheck::Releasing(suspect, 0), Finding::Release)
+    } else {
+        suspect.begin_probe(tick)
+    }
+}
+
+/// Time-out of an unknown motor, in ms.
+fn time_out_ms(last_motion: &LastMotion, clockwise: bool, tick: &Tick<'_>) -> u32 {
+    if tick.has_few_counts() {
+        WATCH.few_counts_ms
+    } else if last_motion.clockwise() == Some(!clockwise) || last_motion.may_creep() {
+        WATCH.heavy_ms
+    } else {
+        WATCH.unknown_ms
     }
 }
 
 /// A motor that had too few counts, and is released or probed.
 #[derive(Clone, Copy, Debug)]
-struct Suspect {
+pub(super) struct Suspect {
     /// True if the requested direction is clockwise.
     clockwise: bool,
     /// Position at which the motor had too few counts, in counts.
@@ -489,35 +409,35 @@ impl Suspect {
     }
 
     /// Takes a tick in Releasing without a motion, `ms` after its beginning.
-    fn release(self, ms: u32, tick: &Tick<'_>) -> (State, Finding) {
+    fn release(self, ms: u32, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
         if ms < PROBE.release_ms {
-            (State::Releasing(self, ms), Finding::Release)
+            (EncoderCheck::Releasing(self, ms), Finding::Release)
         } else {
             self.begin_probe(tick)
         }
     }
 
     /// Begins the probe. Where probing is not allowed, the encoder is at fault without a probe.
-    fn begin_probe(self, tick: &Tick<'_>) -> (State, Finding) {
+    fn begin_probe(self, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
         if tick.context.settings.probing {
-            (State::Probing(self, Expected::NONE), Finding::Probe(self.probe_control()))
+            (EncoderCheck::Probing(self, Expected::NONE), Finding::Probe(self.probe_control()))
         } else {
-            (State::Faulty(EncoderFault::Stuck), Finding::Fault)
+            (EncoderCheck::NEW, Finding::Fault(EncoderFault::Stuck))
         }
     }
 
     /// Takes a tick in Probing without a motion: the encoder is at fault when the expected distance is long enough. A heavy
     /// motor that `may_creep` gets the longest time.
-    fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> (State, Finding) {
+    fn probe(self, expected: Expected, may_creep: bool, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
         let volts = PROBE.drive_share * tick.context.at.battery_volts() - self.resisting_volts;
         let expected = expected.accelerate(tick.period_ms(), self.gain_cps2_per_volt * volts, 0.0);
         let shortest_ms = if self.may_be_heavy && may_creep { PROBE.longest_ms } else { PROBE.probe_ms };
         if expected.ms >= shortest_ms && expected.distance_counts >= PROBE.counts {
-            (State::Faulty(EncoderFault::Stuck), Finding::Fault)
+            (EncoderCheck::NEW, Finding::Fault(EncoderFault::Stuck))
         } else if expected.ms >= PROBE.longest_ms || volts <= 0.0 && expected.ms >= PROBE.probe_ms {
             self.stall()
         } else {
-            (State::Probing(self, expected), Finding::Probe(self.probe_control()))
+            (EncoderCheck::Probing(self, expected), Finding::Probe(self.probe_control()))
         }
     }
 
@@ -528,15 +448,15 @@ impl Suspect {
     }
 
     /// Begins a stall at the position where the motor had too few counts.
-    const fn stall(self) -> (State, Finding) {
+    const fn stall(self) -> (EncoderCheck, Finding) {
         let Self { clockwise, position, .. } = self;
-        (State::Stalled(Stall { clockwise, position, free_ms: 0 }), Finding::Sound)
+        (EncoderCheck::Stalled(Stall { clockwise, position, free_ms: 0 }), Finding::Sound)
     }
 }
 
 /// A stop that blocks the motor.
 #[derive(Clone, Copy, Debug)]
-struct Stall {
+pub(super) struct Stall {
     /// True if the stop blocks clockwise motion.
     clockwise: bool,
     /// Position of the stop, in counts.
@@ -547,7 +467,7 @@ struct Stall {
 
 impl Stall {
     /// Takes a tick in Stalled: ends the stall of a free motor, or when the requested direction has changed.
-    fn step(mut self, tick: &Tick<'_>) -> (State, Finding) {
+    fn step(mut self, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
         let moved = tick.position.wrapping_sub(self.position);
         let beyond = if self.clockwise { moved } else { moved.saturating_neg() };
         let requested = along(self.clockwise, tick.target.to_f32());
@@ -555,9 +475,9 @@ impl Stall {
         let free = speed >= STALL.speed_share * requested && beyond >= STALL.counts;
         self.free_ms = if free { self.free_ms.saturating_add(tick.period_ms()) } else { 0 };
         if requested < 0.0 || (requested > 0.0 && self.free_ms >= STALL.free_ms) {
-            (State::Watching(Expected::NONE), Finding::Sound)
+            (EncoderCheck::Watching(Expected::NONE), Finding::Sound)
         } else {
-            (State::Stalled(self), Finding::Sound)
+            (EncoderCheck::Stalled(self), Finding::Sound)
         }
     }
 }
@@ -585,7 +505,7 @@ impl Span {
 
 /// A motor that turns at the wrong speed against full control in reverse.
 #[derive(Clone, Copy, Debug)]
-struct Runaway {
+pub(super) struct Runaway {
     /// Stall of the motor before; `None` if the motor was not stalled.
     stall: Option<Stall>,
     /// Extension of both spans, in ms: for a slow motor, or for an unknown motor whose encoder is trusted.
@@ -618,7 +538,7 @@ impl Runaway {
     }
 
     /// Takes a tick in RunningAway. If the late span is slower than the early span, the comparison begins again.
-    fn step(mut self, tick: &Tick<'_>) -> (State, Finding) {
+    fn step(mut self, tick: &Tick<'_>) -> (EncoderCheck, Finding) {
         // A motor that reversed has followed its drive, even if it swings back later.
         let clockwise = tick.regulator.velocity() >= CountsPerSecond::ZERO;
         if clockwise != self.clockwise {
@@ -635,22 +555,22 @@ impl Runaway {
         };
         if self.early.ms < RUNAWAY.early_ms + extension_ms {
             self.early = self.early.plus(span);
-            return (State::RunningAway(self), Finding::Sound);
+            return (EncoderCheck::RunningAway(self), Finding::Sound);
         }
         self.late = self.late.plus(span);
         let late_ms = if undecided { RUNAWAY.hint_ms } else { RUNAWAY.late_ms + self.slow_ms };
         let too_slow = 50 * self.early.counts < RUNAWAY.counts_in_50_ms * i64::from(self.early.ms);
         if self.late.ms < late_ms {
             let finding = if self.full_reverse { Finding::FullReverse(end) } else { Finding::Sound };
-            (State::RunningAway(self), finding)
+            (EncoderCheck::RunningAway(self), finding)
         } else if too_slow || self.late.is_slower_than(self.early) {
-            (State::RunningAway(self.again(clockwise)), Finding::Sound)
+            (EncoderCheck::RunningAway(self.again(clockwise)), Finding::Sound)
         } else if undecided {
             let early = self.early.plus(self.late);
             let next = Self { early, late: Span::default(), full_reverse: true, ..self };
-            (State::RunningAway(next), Finding::FullReverse(end))
+            (EncoderCheck::RunningAway(next), Finding::FullReverse(end))
         } else {
-            (State::Faulty(EncoderFault::Reversed), Finding::Fault)
+            (EncoderCheck::NEW, Finding::Fault(EncoderFault::Reversed))
         }
     }
 

@@ -1,7 +1,7 @@
 //! Computes the distance that a healthy motor covers at least while its encoder is silent.
 //!
 //! A motor from rest ([`Expected::accelerate`]) accelerates by its gain times the drive voltage that the heaviest
-//! friction leaves. A motor with a steady run behind it ([`Expected::keep_turning`]) keeps its load, and its speed v
+//! friction leaves. A motor that had a steady run ([`Expected::keep_turning`]) keeps its load, and its speed v
 //! follows
 //!
 //! ```text
@@ -13,9 +13,11 @@
 //! * *resisting volts*: the torque of load and friction against the motion, as the drive voltage that balances it;
 //! * *k*: back EMF constant, in volts per count/s.
 
-use super::encoder_check::Tick;
+use super::Command;
 use super::last_motion::SteadyRun;
 use crate::braking::Regime;
+use crate::regulator::{Context, Regulator};
+use crate::units::CountsPerSecond;
 
 /// Limits of friction and load of a motor for 12 V. A torque is given as the voltage that balances it.
 pub(super) struct LoadLimits {
@@ -39,6 +41,40 @@ pub(super) const LOAD: LoadLimits = LoadLimits {
     breakaway_ratio: 4.0 / 3.0,
     uncertainty_volts: 1.0,
 };
+
+/// What a tick passes to the check.
+#[derive(Clone, Copy)]
+pub(super) struct Tick<'a> {
+    /// Settings, control period, and battery voltage now.
+    pub(super) context: &'a Context<'a>,
+    /// Estimates now.
+    pub(super) regulator: &'a Regulator,
+    /// Command of the bridge since the last tick.
+    pub(super) command: &'a Command,
+    /// Speed that the command was to reach.
+    pub(super) target: CountsPerSecond,
+    /// Position now, in counts.
+    pub(super) position: i32,
+    /// Counts since the last tick.
+    pub(super) moved: i32,
+}
+
+impl Tick<'_> {
+    /// Control period in ms.
+    pub(super) fn period_ms(&self) -> u32 {
+        self.context.period.as_millis()
+    }
+
+    /// Back EMF constant, in V per count/s.
+    pub(super) fn kappa(&self) -> f32 {
+        self.context.settings.winding.emf.to_volts()
+    }
+
+    /// Estimated speed at the time of the command, in counts/s.
+    pub(super) fn commanded_at_speed(&self) -> f32 {
+        self.command.request.at.emf_volts() / self.kappa()
+    }
+}
 
 /// The distance expected since the beginning of a silence or of a probe.
 #[derive(Clone, Copy, Debug)]

@@ -9,6 +9,7 @@
 //! In a silence the estimate follows the encoder and is wrong if the encoder is at fault. The record therefore keeps
 //! the estimate of the motion before the last one.
 
+use super::Command;
 use crate::motion::Reading;
 use crate::regulator::Regulator;
 
@@ -87,14 +88,9 @@ pub(super) struct SteadyRun {
 }
 
 impl LastMotion {
-    /// Takes a sample that the regulator has already taken. `drive_volts` returns the present drive voltage; it is called
-    /// once a motion.
-    pub(super) fn sample(
-        &mut self,
-        reading: &Reading,
-        regulator: &Regulator,
-        drive_volts: impl FnOnce() -> f32,
-    ) {
+    /// Takes a sample of the encoder, at ticks and best every millisecond between them. The regulator has already taken the
+    /// sample. `command` is the bridge's command; `None` for an open bridge.
+    pub(super) fn sample(&mut self, reading: &Reading, regulator: &Regulator, command: Option<&Command>) {
         self.sampled_at = reading.at.get() as u32;
         if self.silent_us() < LIMITS.pause_us {
             return;
@@ -118,7 +114,7 @@ impl LastMotion {
             clockwise: Some(clockwise),
             estimate,
             estimate_before: self.estimate,
-            drive_volts: drive_volts(),
+            drive_volts: command.map_or(0.0, |command| command.voltage.to_volts()),
             position: reading.position,
             samples: 0,
             toggles: 0,

@@ -68,14 +68,16 @@ pub use settled::{SettleDetector, within_tolerance};
 use crate::braking::{Modulation, Modulator, OperatingPoint, Regime, Returned};
 use crate::bridge::{BridgeFeedback, Drive};
 use crate::motion::Reading;
-use crate::regulator::identify::{Identifier, Refusal};
-use crate::regulator::{Context, Demand, Effort, Kind, Regulator};
+use crate::regulator::identify::{Identification, Identifier, Refusal};
+use crate::regulator::{Context, Demand, Effort, Kind, Regulator, Transition};
 pub use crate::settings::{OnFault, Settings, ThermalLimit, ZeroPower};
 use crate::supply::Battery;
 use crate::units::{Control, CountsPerSecond, Duty, Micros, Milliamperes, Period, Share, Voltage};
 use burn_pulses::{BurnPulses, Pulse, Voltages};
 use core::mem::discriminant;
-use encoder_check::{EncoderCheck, Finding, Tick};
+use encoder_check::{EncoderCheck, Finding};
+use expected::Tick;
+use last_motion::LastMotion;
 use limits::VoltageLimits;
 use sense_line::Line;
 use thermal::Thermal;
@@ -114,8 +116,13 @@ pub struct Motor {
     /// Counts at the last tick.
     position: i32,
     regulator: Regulator,
-    identifier: Identifier,
-    check: EncoderCheck,
+    state: MotorState,
+    /// State or result of the last identification.
+    identification: Identification,
+    /// Last motion of the shaft, as evidence for the encoder check.
+    last_motion: LastMotion,
+    /// Fault that the encoder check has found. The fault is latched until the motor is disabled.
+    encoder_fault: Option<EncoderFault>,
     settle_detector: SettleDetector,
     thermal: Thermal,
     pulses: BurnPulses,
@@ -127,6 +134,26 @@ pub struct Motor {
     modelled: Option<Milliamperes>,
     /// True if the bridge has reported a fault. The fault is latched until the motor is disabled.
     bridge_fault: bool,
+}
+
+/// State of a motor, with the data that only this state needs. [`Motor::transition`] has all changes of a set-point.
+///
+/// ```text
+///            set-point            set-point                   ┌── fault of the encoder: latched, the bridge opens or
+/// OpenLoop ◀────────▶ Regulated ◀────────▶ Identifying        │   brakes until the motor is disabled
+///     ▲                   └───────────────────────────────────┘        │
+///     └───────────── the identification has ended ─────────────────────┘
+/// ```
+#[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is no heap")]
+enum MotorState {
+    /// Nothing is regulated: the motor is disabled, in fail-safe, in open loop or at constant current. Also the state after
+    /// an identification.
+    OpenLoop,
+    /// The regulator drives the motor, and the encoder is checked.
+    Regulated(EncoderCheck),
+    /// An identification drives the motor, and checks the encoder by the announced travel.
+    Identifying(Identifier),
 }
 
 /// What the motor does at a tick.
@@ -204,8 +231,10 @@ impl Motor {
             changed: false,
             position: 0,
             regulator: Regulator::new(&settings, period),
-            identifier: Identifier::default(),
-            check: EncoderCheck::new(),
+            state: MotorState::OpenLoop,
+            identification: Identification::None,
+            last_motion: LastMotion::default(),
+            encoder_fault: None,
             settle_detector: SettleDetector::default(),
             thermal: Thermal::default(),
             pulses: BurnPulses::NONE,
@@ -233,35 +262,66 @@ impl Motor {
     /// keeps its fault until the winding has cooled down.
     pub fn set(&mut self, setpoint: Setpoint) {
         self.changed |= setpoint != self.setpoint;
-        let follows = matches!((self.setpoint, setpoint), (Setpoint::Together(_), Setpoint::Together(_)));
-        if setpoint != self.setpoint && !follows {
-            self.settle_detector.reset();
-        }
-        if setpoint != self.setpoint && !self.setpoint.continues_as(setpoint, self.position) {
-            self.regulator.retarget();
-            if discriminant(&setpoint) != discriminant(&self.setpoint) {
-                self.regulator.change_mode();
-            }
-            if self.check.interrupt() {
-                self.regulator.leave_stop();
-            } else if self.setpoint == Setpoint::ConstantPower(Control::ZERO) {
-                // The current of the brake is not continued.
-                self.regulator.start_at_zero_current();
-            } else if !self.setpoint.is_regulated() {
-                self.regulator.resume();
-            }
-        }
+        self.transition(setpoint);
         if matches!(setpoint, Setpoint::Disabled | Setpoint::FailSafe) {
-            self.check.clear();
+            self.encoder_fault = None;
             self.thermal.clear(self.settings.thermal);
             self.bridge_fault = false;
         }
-        match setpoint {
-            Setpoint::Identify { .. } if setpoint == self.setpoint && self.identifier.is_running() => (),
-            Setpoint::Identify { travel_limit } => self.identifier.start(travel_limit),
-            _ => self.identifier.stop(Refusal::Stopped),
-        }
         self.setpoint = setpoint;
+    }
+
+    /// Takes the transition from the present set-point to another one.
+    fn transition(&mut self, to: Setpoint) {
+        let from = self.setpoint;
+        let follows = matches!((from, to), (Setpoint::Together(_), Setpoint::Together(_)));
+        if to != from && !follows {
+            self.settle_detector.reset();
+        }
+        if to != from && !from.continues_as(to, self.position) {
+            let transition = if self.interrupt_check() {
+                Transition::FromStop
+            } else if from == Setpoint::ConstantPower(Control::ZERO) {
+                Transition::FromBrake
+            } else if !from.is_regulated() {
+                Transition::FromOpenLoop
+            } else if discriminant(&to) != discriminant(&from) {
+                Transition::Mode
+            } else {
+                Transition::Target
+            };
+            self.regulator.transition(transition);
+        }
+        match (&self.state, to) {
+            (MotorState::Regulated(_), to) if to.is_regulated() => (),
+            (MotorState::Identifying(_), Setpoint::Identify { .. }) if to == from => (),
+            (_, Setpoint::Identify { travel_limit }) => {
+                let identifier = Identifier::new(travel_limit);
+                self.identification = identifier.progress();
+                self.state = MotorState::Identifying(identifier);
+            }
+            (_, to) => {
+                let check = MotorState::Regulated(EncoderCheck::NEW);
+                self.end_identification(Identification::Refused(Refusal::Stopped));
+                self.state = if to.is_regulated() { check } else { MotorState::OpenLoop };
+            }
+        }
+    }
+
+    /// Ends a release or a probe of the encoder check. Returns true if there was one, or if the motor is stalled.
+    const fn interrupt_check(&mut self) -> bool {
+        match &mut self.state {
+            MotorState::Regulated(check) => check.interrupt(&mut self.last_motion),
+            _ => false,
+        }
+    }
+
+    /// Ends an identification that runs.
+    fn end_identification(&mut self, outcome: Identification) {
+        if let MotorState::Identifying(_) = self.state {
+            self.identification = outcome;
+            self.state = MotorState::OpenLoop;
+        }
     }
 
     /// Counts at the last tick.
@@ -281,11 +341,11 @@ impl Motor {
 
     /// Takes a sample of the encoder between two ticks, best every millisecond. With more samples the estimate is better.
     pub fn sample(&mut self, reading: Reading) {
-        self.identifier.sample(&reading);
+        if let MotorState::Identifying(identifier) = &mut self.state {
+            identifier.sample(&reading);
+        }
         self.regulator.sample(reading);
-        let Self { check, command, regulator, .. } = self;
-        let drive_volts = || command.as_ref().map_or(0.0, |command| command.voltage.to_volts());
-        check.sample(&reading, regulator, drive_volts);
+        self.last_motion.sample(&reading, &self.regulator, self.command.as_ref());
     }
 
     /// Takes the feedback of the bridge, on a board that can read the feedback.
@@ -378,7 +438,7 @@ impl Motor {
     fn activity(&self, moved: Option<i32>) -> Activity {
         let floats = self.settings.zero_power == ZeroPower::Float;
         let needs_encoder = !self.setpoint.is_direct();
-        let no_encoder = moved.is_none() || self.check.fault().is_some();
+        let no_encoder = moved.is_none() || self.encoder_fault.is_some();
         match self.setpoint {
             Setpoint::Disabled => Activity::Coast,
             Setpoint::FailSafe => self.on_fault(),
@@ -415,22 +475,44 @@ impl Motor {
             OperatingPoint::new(self.settings.winding.emf.emf(velocity), battery.voltage)
         });
         let mut activity = if at.is_some() { self.activity(moved) } else { Activity::Coast };
-        let mut request = at.and_then(|at| self.request_of(activity, at, moved));
-        if let (Activity::Regulate(_), Some(at), true) = (activity, at, self.check.fault().is_some()) {
-            // This tick has found the fault.
-            activity = self.on_fault();
-            request = self.request_of(activity, at, moved);
+        let mut finding = Finding::Sound;
+        match (activity, at, moved) {
+            (Activity::Regulate(_), Some(at), Some(moved)) => {
+                finding = self.check_encoder(at, moved);
+                if self.encoder_fault.is_some() {
+                    activity = self.on_fault();
+                }
+            }
+            _ if self.setpoint.is_regulated() => _ = self.interrupt_check(),
+            _ => self.last_motion.forget(),
         }
-        if !self.setpoint.is_regulated() {
-            self.check.pause();
-        } else if !matches!(activity, Activity::Regulate(_)) {
-            self.check.interrupt();
-        }
-        request
+        self.request_of(activity, at?, moved, finding)
     }
 
-    /// Computes the request of an activity; `None` for an open bridge.
-    fn request_of(&mut self, activity: Activity, at: OperatingPoint, moved: Option<i32>) -> Option<Request> {
+    /// Checks the encoder of a regulated motor.
+    fn check_encoder(&mut self, at: OperatingPoint, moved: i32) -> Finding {
+        let MotorState::Regulated(check) = &mut self.state else { return Finding::Sound };
+        let Some(command) = &self.command else { return Finding::Sound };
+        let Some(target) = command.request.target else { return Finding::Sound };
+        let context =
+            Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
+        let (regulator, position) = (&self.regulator, self.position);
+        let tick = Tick { context: &context, regulator, command, target, position, moved };
+        let finding = check.step(&mut self.last_motion, &tick);
+        if let Finding::Fault(fault) = finding {
+            self.encoder_fault = Some(fault);
+        }
+        finding
+    }
+
+    /// Computes the request of an activity; `None` for an open bridge. `finding` is what the encoder check has found.
+    fn request_of(
+        &mut self,
+        activity: Activity,
+        at: OperatingPoint,
+        moved: Option<i32>,
+        finding: Finding,
+    ) -> Option<Request> {
         let (control, modulation) = match activity {
             Activity::Coast => return None,
             Activity::Brake => (Some(Control::ZERO), Modulation::full_braking(at)),
@@ -440,36 +522,38 @@ impl Motor {
                 let voltage = self.regulator.limit_speed(Voltage::from_volts(volts), speed_limit, at);
                 (None, self.modulator.for_voltage(at, voltage))
             }
-            Activity::Regulate(demand) => return self.regulate(demand, at, moved?),
-            // The identification has its own check of the encoder: an unknown motor may only travel so far without
-            // counts.
+            Activity::Regulate(demand) => return Some(self.regulate(demand, at, moved?, finding)),
             Activity::Identify => {
-                let voltage =
-                    self.identifier.step(self.settings.winding.emf, at.battery_volts(), self.period)?;
+                let voltage = self.identify(at)?;
                 (None, self.modulator.for_voltage(at, voltage))
             }
         };
         Some(Request { at, modulation, control, target: None })
     }
 
-    /// Computes the request of the regulator, or of the encoder check if the encoder is in doubt. `None` for an open
-    /// bridge, because this tick has found a fault of the encoder.
-    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32) -> Option<Request> {
-        let context =
-            Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
-        let regulated = self.command.as_ref().and_then(|command| Some((command, command.request.target?)));
-        let finding = regulated.map_or(Finding::Sound, |(command, target)| {
-            let (context, regulator, position) = (&context, &self.regulator, self.position);
-            self.check.step(&Tick { context, regulator, command, target, position, moved })
-        });
+    /// Computes the voltage of an identification; `None` for an open bridge. The identification has its own check of the
+    /// encoder: an unknown motor may only travel so far without counts.
+    fn identify(&mut self, at: OperatingPoint) -> Option<Voltage> {
+        let MotorState::Identifying(identifier) = &mut self.state else { return None };
+        let voltage = identifier.step(self.settings.winding.emf, at.battery_volts(), self.period);
+        self.identification = identifier.progress();
+        voltage.unwrap_or_else(|outcome| {
+            self.end_identification(outcome);
+            None
+        })
+    }
+
+    /// Computes the request of the regulator, or of the encoder check if the encoder is in doubt.
+    fn regulate(&mut self, demand: Demand, at: OperatingPoint, moved: i32, finding: Finding) -> Request {
         let mut speed = self.regulator.demanded_speed(demand);
         let (control, modulation) = match finding {
-            Finding::Fault => return None,
             Finding::FullReverse(control) => (Some(control), Modulation::full_reverse(at)),
             Finding::Release => (Some(Control::ZERO), Modulation::full_braking(at)),
             // The speed is in doubt, so the probe is in open loop.
             Finding::Probe(control) => (Some(control), self.modulator.open_loop(at, control)),
-            Finding::Sound => {
+            Finding::Sound | Finding::Fault(_) => {
+                let context =
+                    Context { settings: &self.settings, modulator: &self.modulator, period: self.period, at };
                 let output = self.regulator.step(demand, moved, &context);
                 speed = output.speed;
                 match output.effort {
@@ -478,7 +562,7 @@ impl Motor {
                 }
             }
         };
-        Some(Request { at, modulation, control, target: Some(speed) })
+        Request { at, modulation, control, target: Some(speed) }
     }
 
     /// Commands the bridge by the request of this moment, within all limits. `moved` is the counts since the last tick;
@@ -496,7 +580,9 @@ impl Motor {
                 self.command = None;
                 self.pulses.stop();
                 self.regulator.drive(None);
-                self.identifier.drive(None);
+                if let MotorState::Identifying(Identifier::Moving(_)) = self.state {
+                    self.end_identification(Identification::Refused(Refusal::Interrupted));
+                }
             }
         }
     }
@@ -509,7 +595,9 @@ impl Motor {
         }
         self.regulator.drive((!open).then_some(command.applied));
         // A limit that opens the bridge for a moment does not end an identification.
-        self.identifier.drive(Some(command.applied));
+        if let MotorState::Identifying(identifier) = &mut self.state {
+            identifier.drive(command.applied);
+        }
         self.command = Some(command);
     }
 
@@ -617,12 +705,17 @@ impl Motor {
         }
     }
 
+    /// True if the encoder check has found a stall.
+    const fn is_stalled(&self) -> bool {
+        matches!(&self.state, MotorState::Regulated(check) if check.is_stalled())
+    }
+
     /// Steps thermal model and settle detector, and reports.
     fn report(&mut self, battery: Option<Battery>, moved: Option<i32>) -> Report {
         let velocity = self.regulator.velocity();
         let drive = self.drive();
         let current = self.modelled_current();
-        let speed_known = moved.is_some() && self.check.fault().is_none();
+        let speed_known = moved.is_some() && self.encoder_fault.is_none();
         self.modelled = speed_known.then_some(current);
         let measured = self.line.measured(drive.mode);
         let heating = if self.pulses.are_active() {
@@ -650,12 +743,12 @@ impl Motor {
             drive,
             settled: self.settle_detector.step(within_tolerance, velocity, self.period),
             // A small current limit leaves no evidence of the encoder, so a motor without counts counts as stalled.
-            stalled: self.check.is_stalled() || current_limited && self.regulator.is_stalled(),
-            identification: self.identifier.state(),
+            stalled: self.is_stalled() || current_limited && self.regulator.is_stalled(),
+            identification: self.identification,
             faults: Faults {
                 battery_unknown: battery.is_none(),
                 encoder_stale: moved.is_none(),
-                encoder: self.check.fault(),
+                encoder: self.encoder_fault,
                 overheated: self.thermal.is_cut(),
                 bridge: self.bridge_fault,
             },

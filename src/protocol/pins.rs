@@ -12,6 +12,7 @@
 //! ```
 
 use super::payload::{ByteIn, WordFrom};
+use super::refusal::Nack;
 use super::request_table::requests;
 use super::requests::FIRST_FUNCTION;
 
@@ -53,5 +54,17 @@ requests! {
         36 ServoEnable { servo: ServoOutput },
         43 SetI2cSpeed { bus: I2cBus, fast: bool },
         47 I2cSpeed { bus: I2cBus },
+    }
+}
+
+impl Nack {
+    /// Creates the refusal to set a digital pin that is an input.
+    pub const fn not_an_output(pin: Pin) -> Self {
+        Self(10 + pin.get())
+    }
+
+    /// Creates the refusal to read a digital pin that is an output.
+    pub const fn not_an_input(pin: Pin) -> Self {
+        Self(20 + pin.get())
     }
 }

@@ -7,7 +7,6 @@
 //! assert_eq!(Nack::parameter(1), Nack(1));
 //! ```
 
-use super::pins::Pin;
 use core::fmt;
 
 /// The reason of a refusal, as the number in the protocol. A refused request has changed nothing.
@@ -76,16 +75,6 @@ impl Nack {
     /// The numbers 10 and above have other meanings. All parameters after number 9 are therefore reported as 9.
     pub const fn parameter(index: u8) -> Self {
         Self(if index > 9 { 9 } else { index })
-    }
-
-    /// Creates the refusal to set a digital pin that is an input.
-    pub const fn not_an_output(pin: Pin) -> Self {
-        Self(10 + pin.get())
-    }
-
-    /// Creates the refusal to read a digital pin that is an output.
-    pub const fn not_an_input(pin: Pin) -> Self {
-        Self(20 + pin.get())
     }
 }
 

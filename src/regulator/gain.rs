@@ -14,7 +14,7 @@
 //! system identification (L. Ljung, T. Söderström, 1983). While a motor turns at a steady speed the observer's load
 //! explains every error and s is near 0, so a load is not taken for inertia.
 
-use super::observer::{Correction, Plant, SAMPLE_S};
+use super::observer::{Correction, Plant, SAMPLE_S, Sensitivity};
 use crate::settings::GUESSED_TIME_CONSTANT_S;
 use crate::units::single::{at_least, at_most};
 use libm::{expf, logf, sqrtf};
@@ -27,22 +27,24 @@ const GUESS_VARIANCE: f32 = 1.0;
 /// Growth of the variance in a second, because windings warm up and loads change. Measured by `survey`: 0.01 to 0.1
 /// regulate equally well; 0.0001 leaves twice as many random responses unsettled.
 const VARIANCE_PER_SECOND: f32 = 0.03;
-/// Sensitivity, in counts, from which on the variance grows. Below it nothing is learned, so the variance stays.
+/// Sensitivity, in counts, above which the variance grows. Below this sensitivity the gain is hardly updated, so the
+/// variance stays.
 const LEARNING_SENSITIVITY: f32 = 0.02;
 /// Sensitivity below which a correction does not update the gain, in counts.
 const LEAST_SENSITIVITY: f32 = 0.01;
 /// Sensitivity in counts below which a correction too large for noise shows a wrong state of the observer, not a
 /// wrong gain.
 const RELEVANT_SENSITIVITY: f32 = 0.1;
-/// Standard deviation of a correction by the resolution of whole counts, in counts.
+/// Standard deviation of a correction because of the resolution of whole counts, in counts.
 const COUNTING_NOISE: f32 = 0.25;
-/// Standard deviation of the voltage across the motor, in V, by errors of the bridge and by load and friction that
-/// change between two counts.
+/// Standard deviation of the voltage across the motor, in V. It has errors of the bridge, and load and friction that change
+/// between two counts.
 const VOLTAGE_NOISE: f32 = 0.3;
-/// Share of a wrong gain in the largest correction that gain and noise explain, in standard deviations of ln b. A
-/// larger correction comes from a blow, a stop, or a motor that was already turning when the observer started.
+/// Largest error of ln b that may explain a correction, in standard deviations of the estimate. A correction that neither
+/// this error nor [`LARGEST_NOISE`] explains comes from a blow, a stop, or a motor that was already turning when the
+/// observer started.
 const LARGEST_GAIN_ERROR: f32 = 3.0;
-/// Share of the noise in the largest correction that gain and noise explain, in standard deviations of the noise.
+/// Largest noise that may explain a correction, in standard deviations of the noise.
 const LARGEST_NOISE: f32 = 4.0;
 /// Time after which the observer has corrected a wrong initial state, in s.
 const SETTLING_S: f32 = 0.05;
@@ -51,9 +53,9 @@ const SETTLING_S: f32 = 0.05;
 const EXCITATION_VOLTS: f32 = 0.05;
 /// Time constant of the mean accelerating voltage, in s.
 const EXCITATION_S: f32 = 0.3;
-/// Change of ln b from which on the regulator uses the new gain.
+/// Least change of ln b with which the regulator uses the new gain.
 const LEAST_CHANGE: f32 = 0.05;
-/// Variance of ln b below which the estimate can show a heavy motor: a standard deviation of some 40 %.
+/// Largest variance of ln b with which the estimate can show a heavy motor: a standard deviation of some 40 %.
 const SURE_VARIANCE: f32 = 0.15;
 /// Ratio of the time constant to the initial guess above which a motor counts as heavy.
 const HEAVY: f32 = 1.25;
@@ -80,24 +82,6 @@ pub(super) struct GainEstimate {
     net_volts: f32,
     /// Mean of `net_volts` with the time constant [`EXCITATION_S`].
     mean_net_volts: f32,
-}
-
-/// Sensitivity of the observer's state to ln b: its change per unit of ln b.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sensitivity {
-    /// Sensitivity of the position, in counts.
-    position: f32,
-    /// Sensitivity of the speed, in counts/s.
-    pub(super) speed: f32,
-    /// Sensitivity of the load, in counts/s².
-    pub(super) load: f32,
-}
-
-impl Sensitivity {
-    /// The sensitivity times a factor.
-    fn scaled(self, by: f32) -> Self {
-        Self { position: by * self.position, speed: by * self.speed, load: by * self.load }
-    }
 }
 
 impl GainEstimate {
@@ -190,8 +174,10 @@ impl GainEstimate {
             self.variance = at_most(self.variance + VARIANCE_PER_SECOND * age_s, GUESS_VARIANCE);
         }
         let is_noise = innovation * innovation <= LARGEST_NOISE * LARGEST_NOISE * noise;
-        let largest = || LARGEST_GAIN_ERROR * s.abs() * sqrtf(self.variance) + LARGEST_NOISE * sqrtf(noise);
-        if !is_noise && innovation.abs() > largest() {
+        let is_unexplained = !is_noise
+            && innovation.abs()
+                > LARGEST_GAIN_ERROR * s.abs() * sqrtf(self.variance) + LARGEST_NOISE * sqrtf(noise);
+        if is_unexplained {
             // With this little sensitivity a wrong gain cannot be the cause.
             if s.abs() < RELEVANT_SENSITIVITY {
                 self.restart();

@@ -1,6 +1,12 @@
 //! PID regulation by coefficients of a host: the velocity loop, and the position loop above it.
 //!
-//! With feed-forward the velocity loop's output is a share of the battery's voltage, for which hosts choose F, so its
+//! ```text
+//! distance ─▶ position loop ─▶ target speed ─▶ velocity loop ─▶ voltage (with F) or control value (without F)
+//!               ▲                                ▲
+//!            position                    estimated speed
+//! ```
+//!
+//! With feed-forward the output of the velocity loop is a share of the battery voltage, for which hosts choose F, and the
 //! request is a voltage. Without feed-forward the output is a control value.
 
 use super::{Context, Demand, Effort, Output, Reference};
@@ -10,20 +16,21 @@ use crate::settings::Coefficients;
 use crate::units::{Coefficient, Control, CountsPerSecond, Period, Voltage};
 use libm::{roundf, sqrtf};
 
-/// Voltage of whose acceleration half is planned for braking, in V.
+/// Voltage, in V, whose acceleration is planned for braking by one half.
 const BRAKING_VOLTS: f32 = 11.0;
 
-/// How the velocity loop's integral begins at the next step.
+/// How the integral of the velocity loop begins at the next step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Start {
+pub(super) enum Start {
     /// The integral goes on.
     Running,
-    /// The integral alone keeps the present current. The shares of P and D in the output come on top.
+    /// The integral alone keeps the present current. P and D are added to the integral.
     #[default]
     Resume,
     /// The integral alone keeps a current of zero.
     ZeroCurrent,
-    /// Integral and P together keep the present current: coefficients or scheme have changed while the bridge was closed.
+    /// Integral and P together keep the present current, because coefficients or scheme have changed while the bridge was
+    /// closed.
     Continue,
 }
 
@@ -32,7 +39,8 @@ enum Start {
 pub(super) struct Loops {
     velocity: Pid,
     position: Pid,
-    start: Start,
+    /// How the velocity loop begins.
+    pub(super) start: Start,
 }
 
 /// What a tick passes to both loops besides its [`Context`].
@@ -46,46 +54,15 @@ pub(super) struct Inputs<'a> {
     pub(super) velocity: CountsPerSecond,
     /// Acceleration per volt, in counts/s².
     pub(super) gain: f32,
-    /// Voltage that keeps the present current.
-    pub(super) steady: Voltage,
+    /// Voltage with which the velocity loop begins; `None` if the loop goes on.
+    pub(super) start: Option<Voltage>,
 }
 
 impl Loops {
-    /// Keeps the present current at the next step, if the bridge is closed now.
-    pub(super) fn keep_current(&mut self, closed: bool) {
-        if closed && matches!(self.start, Start::Running | Start::Resume) {
-            self.start = Start::Continue;
-        }
-    }
-
-    /// The position loop forgets the past.
-    pub(super) const fn restart_position(&mut self) {
+    /// Begins the velocity loop in this way at the next step, and the position loop anew.
+    pub(super) const fn begin(&mut self, start: Start) {
+        self.start = start;
         self.position.reset();
-    }
-
-    /// The motor keeps its current at the next step.
-    pub(super) const fn resume(&mut self) {
-        self.start = Start::Resume;
-    }
-
-    /// The motor starts with a current of zero at the next step.
-    pub(super) const fn start_at_zero_current(&mut self) {
-        self.start = Start::ZeroCurrent;
-    }
-
-    /// True if the velocity loop continues from its last step.
-    pub(super) fn is_running(&self) -> bool {
-        self.start == Start::Running
-    }
-
-    /// True if the velocity loop starts with a current of zero.
-    pub(super) fn starts_at_zero_current(&self) -> bool {
-        self.start == Start::ZeroCurrent
-    }
-
-    /// True if the velocity loop continues with other coefficients.
-    pub(super) fn continues(&self) -> bool {
-        self.start == Start::Continue
     }
 
     /// Computes the output for this tick.
@@ -103,21 +80,22 @@ impl Loops {
         Output { effort: self.velocity(target, inputs, context), speed: target }
     }
 
-    /// Computes the request for a target speed.
+    /// Steps the velocity loop for a target speed. Returns the request.
     fn velocity(&mut self, target: CountsPerSecond, inputs: &Inputs<'_>, context: &Context<'_>) -> Effort {
-        let Inputs { coefficients, velocity, steady, .. } = *inputs;
+        let Inputs { coefficients, velocity, start, .. } = *inputs;
         let gains = &coefficients.velocity;
         let most = f32::from(Control::MAX.get());
         let of_voltage = gains.f != Coefficient::ZERO;
         let [target, measured] = [target, velocity].map(|speed| Value::from_bits(speed.to_bits()));
         let error = target.saturating_sub(measured);
-        if self.start != Start::Running {
+        if let Some(start) = start {
             let output = Value::saturating_from_num(if of_voltage {
-                most * steady.to_volts() / context.at.battery_volts()
+                most * start.to_volts() / context.at.battery_volts()
             } else {
-                f32::from(context.modulator.control(context.at, steady).get())
+                f32::from(context.modulator.control(context.at, start).get())
             });
-            let output = if self.continues() { without(output, gains.share(error)) } else { output };
+            let continues = self.start == Start::Continue;
+            let output = if continues { without(output, gains.share(error)) } else { output };
             self.velocity.preset(gains, output, measured);
             self.start = Start::Running;
         }
@@ -131,7 +109,7 @@ impl Loops {
         }
     }
 
-    /// The target speed for a moving reference.
+    /// Steps the position loop for a moving reference. Returns the target speed.
     fn follow(&mut self, reference: &Reference, inputs: &Inputs<'_>, period: Period) -> CountsPerSecond {
         let distance = Value::saturating_from_num(reference.from(inputs.position));
         let closer = self.position_loop(distance, Value::MAX, inputs, period);
@@ -139,7 +117,7 @@ impl Loops {
         CountsPerSecond::saturating_from_bits(speed)
     }
 
-    /// The target speed towards a position, limited so that the motor can still brake.
+    /// Steps the position loop for a target position. Returns the target speed, limited so that the motor can still brake.
     fn approach(
         &mut self,
         target: i32,
@@ -156,7 +134,7 @@ impl Loops {
         CountsPerSecond::from_bits(speed.to_bits())
     }
 
-    /// One step of the position loop: counts to counts/s.
+    /// Steps the position loop, from counts to counts/s.
     fn position_loop(&mut self, error: Value, limit: Value, inputs: &Inputs<'_>, period: Period) -> Value {
         let measured = Value::wrapping_from_num(inputs.position);
         let input = PidInput { error, measured, feed_forward: Value::ZERO, limit };

@@ -32,7 +32,7 @@ use crate::settings::Settings;
 use crate::units::single::{at_least, at_most};
 use crate::units::{CountsPerSecond, Micros, Period, Voltage};
 use gain::{GainEstimate, guessed_gain};
-use loops::Loops;
+use loops::{Loops, Start};
 use model::{Law, State};
 use observer::{FASTEST_CPS, Observer, Plant};
 
@@ -54,6 +54,33 @@ const LEAST_GAIN_SHARE: f32 = 0.7;
 
 /// Largest error of the speed, as its back EMF in V, at which a motor has reached its demanded speed.
 const AT_SPEED_VOLTS: f32 = 1.0;
+
+/// A change that a regulator must know. It decides the current with which regulation begins or continues.
+///
+/// | transition | velocity loop of PID | position loop of PID |
+/// |---|---|---|
+/// | `Target` | goes on | goes on |
+/// | `Mode` | goes on | begins anew |
+/// | `OpenBridge`, `FromOpenLoop` | begins with the present current | begins anew |
+/// | `FromBrake`, `FromStop` | begins with a current of zero | begins anew |
+///
+/// A motor that is [stalled](Regulator::is_stalled) leaves its stop at every transition. The estimated load of the stop is
+/// then forgotten, and regulation begins as after `FromStop`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transition {
+    /// The motor gets another target in the same mode.
+    Target,
+    /// A regulated motor gets another mode.
+    Mode,
+    /// The bridge opens.
+    OpenBridge,
+    /// The motor leaves open loop, constant current or an identification.
+    FromOpenLoop,
+    /// The motor leaves a short circuit, whose current is not continued.
+    FromBrake,
+    /// The motor leaves a stop, or a probe of its encoder.
+    FromStop,
+}
 
 /// The regulator of one motor.
 #[derive(Clone, Debug)]
@@ -148,7 +175,9 @@ impl Regulator {
         }
         if emf_changed || dynamics_changed || old.coefficients != new.coefficients || old.scheme != new.scheme
         {
-            self.keep_current();
+            if self.voltage.is_some() && matches!(self.loops.start, Start::Running | Start::Resume) {
+                self.loops.start = Start::Continue;
+            }
         }
     }
 
@@ -170,45 +199,26 @@ impl Regulator {
         }
     }
 
-    /// PID keeps the present current at the next step, although its coefficients or the meaning of control values have
-    /// changed.
-    fn keep_current(&mut self) {
-        self.loops.keep_current(self.voltage.is_some());
-    }
-
-    /// Reacts to a changed set-point: a stalled motor [leaves its stop](Self::leave_stop).
-    pub fn retarget(&mut self) {
+    /// Notes that the motor gets another target, mode or drive. Regulation begins or continues at the next step.
+    pub fn transition(&mut self, transition: Transition) {
+        let leaves_stop = transition == Transition::FromStop || self.is_stalled();
         self.rest_position = None;
-        if self.is_stalled() {
-            self.leave_stop();
-        }
         self.stalled_ms = 0;
-    }
-
-    /// Reacts to a set-point of another kind: the position loop forgets its past.
-    pub fn change_mode(&mut self) {
-        self.loops.restart_position();
-    }
-
-    /// Begins regulation at the next step with the present current.
-    pub fn resume(&mut self) {
-        self.loops.resume();
-    }
-
-    /// Begins regulation at the next step with a current of zero.
-    pub fn start_at_zero_current(&mut self) {
-        self.loops.start_at_zero_current();
-    }
-
-    /// Forgets the load of a stop, against which the motor was pressed. Regulation begins with a current of zero.
-    pub fn leave_stop(&mut self) {
-        self.loops.start_at_zero_current();
-        self.stalled_ms = 0;
-        self.motion.observer.forget_load();
-        // An estimate from an encoder that may be reversed is discarded.
-        if let Some(estimate) = self.gain_estimate.as_mut().filter(|estimate| !estimate.is_trusted()) {
-            estimate.discard(&self.motion.plant);
+        if leaves_stop {
+            self.motion.observer.forget_load();
+            // An estimate from an encoder that may be reversed is discarded.
+            if let Some(estimate) = self.gain_estimate.as_mut().filter(|estimate| !estimate.is_trusted()) {
+                estimate.discard(&self.motion.plant);
+            }
         }
+        self.loops.begin(match transition {
+            Transition::OpenBridge => Start::Resume,
+            _ if leaves_stop => Start::ZeroCurrent,
+            Transition::Target => return,
+            Transition::Mode => self.loops.start,
+            Transition::FromOpenLoop => Start::Resume,
+            Transition::FromBrake | Transition::FromStop => Start::ZeroCurrent,
+        });
     }
 
     /// Takes a sample of the encoder, best every millisecond with a jitter below 0.5 ms.
@@ -387,14 +397,8 @@ impl Regulator {
             None => self.by_model(demand, context.at),
             Some(coefficients) => {
                 let (position, velocity) = (self.position(), self.velocity());
-                let gain = self.motion.plant.b;
-                // The voltage with which a PID loop starts, so that the current makes no step.
-                let steady = match self.voltage {
-                    Some(voltage) if self.loops.continues() => voltage,
-                    _ if self.loops.is_running() => Voltage::from_volts(0.0),
-                    _ => self.steady_voltage(velocity),
-                };
-                let inputs = loops::Inputs { coefficients, position, velocity, gain, steady };
+                let (gain, start) = (self.motion.plant.b, self.start_voltage(velocity));
+                let inputs = loops::Inputs { coefficients, position, velocity, gain, start };
                 self.loops.step(demand, &inputs, context)
             }
         };
@@ -442,12 +446,19 @@ impl Regulator {
         request
     }
 
-    /// The voltage whose current balances the estimated load, or no current at all after a start at zero current.
-    fn steady_voltage(&self, velocity: CountsPerSecond) -> Voltage {
+    /// The voltage with which PID begins, so that the current makes no step; `None` while PID goes on.
+    fn start_voltage(&self, velocity: CountsPerSecond) -> Option<Voltage> {
         let plant = &self.motion.plant;
-        let load_volts =
-            if self.loops.starts_at_zero_current() { 0.0 } else { -self.external_acceleration() / plant.b };
-        Voltage::from_volts(plant.kappa * velocity.to_f32() + load_volts)
+        let emf = plant.kappa * velocity.to_f32();
+        match (self.loops.start, self.voltage) {
+            (Start::Running, _) => None,
+            (Start::ZeroCurrent, _) => Some(Voltage::from_volts(emf)),
+            (Start::Continue, Some(voltage)) => Some(voltage),
+            // The current of this voltage balances the estimated load.
+            (Start::Continue | Start::Resume, _) => {
+                Some(Voltage::from_volts(emf - self.external_acceleration() / plant.b))
+            }
+        }
     }
 
     /// Replaces the demanded speed 0 by the position at which the motor came to rest, and a reference that stands
@@ -477,9 +488,7 @@ impl Regulator {
     /// Sets the voltage that the bridge applies from now on; `None` if the bridge is open.
     pub fn drive(&mut self, voltage: Option<Voltage>) {
         if voltage.is_none() {
-            self.retarget();
-            self.loops.restart_position();
-            self.loops.resume();
+            self.transition(Transition::OpenBridge);
             self.requested = CountsPerSecond::ZERO;
             self.speed_demanded = false;
         }

@@ -48,7 +48,7 @@ pub(super) struct Law {
 pub(super) struct State {
     /// Direction of motion, -1 or 1, whose friction the estimated load contains; 0 before the first motion.
     friction_side: f32,
-    /// The motor is at its target position and holds it.
+    /// True if the motor is at its target position, and holds this position.
     holding: bool,
 }
 

@@ -26,7 +26,6 @@
 //! gains: 1 - z^3 of the position, 1.5 (1 - z)^2 (1 + z) / t of the speed, (1 - z)^3 / t^2 of the load
 //! ```
 
-use super::gain::Sensitivity;
 use super::within;
 use crate::units::single::{at_least, at_most};
 use libm::{cbrtf, expf, expm1f};
@@ -125,6 +124,24 @@ pub(super) struct Correction {
     pub(super) load_gain: f32,
 }
 
+/// Sensitivity of the observer's state to ln b: its change per unit of ln b.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sensitivity {
+    /// Sensitivity of the position, in counts.
+    pub(super) position: f32,
+    /// Sensitivity of the speed, in counts/s.
+    pub(super) speed: f32,
+    /// Sensitivity of the load, in counts/s².
+    pub(super) load: f32,
+}
+
+impl Sensitivity {
+    /// The sensitivity times a factor.
+    pub(super) fn scaled(self, by: f32) -> Self {
+        Self { position: by * self.position, speed: by * self.speed, load: by * self.load }
+    }
+}
+
 /// The estimate of a motor's motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observer {
@@ -136,13 +153,13 @@ pub(super) struct Observer {
     d: f32,
     /// Acceleration, in counts/s².
     acceleration: f32,
-    /// The bridge is open: only drag and load act.
+    /// True while the bridge is open, so that only drag and load act.
     coasting: bool,
     /// Time since the last correction, in s.
     age_s: f32,
     /// Memory of the filter: exp(-wo age), at least the least z.
     z: f32,
-    /// A count was late by a whole count, and none has come since.
+    /// True if a count was late by a whole count, and no count has come since.
     overdue: bool,
 }
 

@@ -27,7 +27,6 @@
 //! assert_eq!(converter::read(rail, true, &Snapshot::<4>::INITIAL, settings.iter()), 625);
 //! ```
 
-use super::report::magnitude;
 use crate::hub::Snapshot;
 use crate::motor::{Report, Settings};
 use crate::protocol::CHANNELS;
@@ -61,7 +60,7 @@ pub fn read<'a, const N: usize>(
         // An unknown voltage reads 0.
         BATTERY => snapshot.battery.unwrap_or_default().get().into(),
         TEMPERATURE => ROOM_TEMPERATURE,
-        _ => current_of(channel, &snapshot.motors).map_or(0, |current| magnitude(current).into()),
+        _ => current_of(channel, &snapshot.motors).map_or(0, |current| current.magnitude().into()),
     };
     let value = value.clamp(i16::MIN.into(), i16::MAX.into());
     (if raw { value / RAW_COUNT } else { value }) as i16

@@ -25,7 +25,6 @@
 //! # Ok::<(), motor_hub::protocol::Nack>(())
 //! ```
 
-use super::report::magnitude;
 use crate::extension::settings::{MotorSettings, Values};
 use crate::hub::Action;
 use crate::motor::{self, OnFault, Report, Setpoint, Settings};
@@ -373,7 +372,7 @@ impl MotorChannel {
     /// True if the [best current](Report::best_current) exceeds the current alert that a host has set.
     pub fn is_over_current(&self, report: &Report) -> bool {
         let level = self.settings.current_alert_ma;
-        level != 0 && magnitude(report.best_current()) > level
+        level != 0 && report.best_current().magnitude() > level
     }
 
     /// Returns the motor's position in the host's counts.

@@ -37,7 +37,7 @@ pub(super) fn of_motor(
         regime,
         drive,
         current,
-        measured_ma: report.measured.map(magnitude),
+        measured_ma: report.measured.map(Milliamperes::magnitude),
         load,
         heat,
         enabled: channel.enabled(),
@@ -77,16 +77,11 @@ pub(super) fn condition(report: &Report) -> Condition {
     let Report { current, measured, sense_line, heat, derated, faults, .. } = *report;
     Condition {
         current,
-        measured_ma: measured.map(magnitude),
+        measured_ma: measured.map(Milliamperes::magnitude),
         heat,
         derated,
         overheated: faults.overheated,
         bridge_fault: faults.bridge,
         sense_line,
     }
-}
-
-/// Returns the magnitude of a current in milliamperes, limited to 65 535.
-pub(super) fn magnitude(current: Milliamperes) -> u16 {
-    u16::try_from(current.get().unsigned_abs()).unwrap_or(u16::MAX)
 }

@@ -323,4 +323,10 @@ impl Milliamperes {
     pub const fn get(self) -> i32 {
         self.0
     }
+
+    /// Returns the magnitude in milliamperes, limited to 65 535.
+    pub const fn magnitude(self) -> u16 {
+        let magnitude = self.0.unsigned_abs();
+        if magnitude > u16::MAX as u32 { u16::MAX } else { magnitude as u16 }
+    }
 }

@@ -102,20 +102,16 @@ fn full_travel(emf: f32, battery: f32) -> f32 {
     TRAVEL_S * battery / emf
 }
 
-/// Identifies one motor on request.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Identifier {
-    state: Identification,
-    stage: Stage,
-}
-
-/// Stage of an identification.
-#[derive(Clone, Copy, Debug, Default)]
+/// An identification that runs.
+///
+/// ```text
+/// Resting ── at rest for 0.2 s ──▶ Moving ── all phases over ──▶ Identification::Found
+///    │                               │
+///    └──── any reason to refuse ─────┴─────────────────────────▶ Identification::Refused
+/// ```
+#[derive(Clone, Copy, Debug)]
 #[expect(clippy::large_enum_variant, reason = "there is no heap")]
-enum Stage {
-    /// No identification runs.
-    #[default]
-    Idle,
+pub enum Identifier {
     /// The bridge is open, to see whether the motor is at rest.
     Resting {
         /// Travel limit, in counts.
@@ -131,11 +127,7 @@ enum Stage {
 
 /// A motion that runs.
 #[derive(Clone, Copy, Debug)]
-struct Motion {
-    /// Battery voltage before the motion, in V.
-    battery: f32,
-    /// Announced travel, in counts.
-    span: f32,
+pub struct Motion {
     /// Factor of the durations of all phases.
     scale: f32,
     /// Shortest duration of a segment, in s.
@@ -151,83 +143,60 @@ struct Motion {
 }
 
 impl Identifier {
-    /// State or result of the last identification.
-    pub const fn state(&self) -> Identification {
-        self.state
-    }
-
-    /// True while an identification runs.
-    pub const fn is_running(&self) -> bool {
-        matches!(self.state, Identification::Running(_))
-    }
-
     /// Begins an identification at the next step. `limit` is the travel limit of [`travel`].
-    pub const fn start(&mut self, limit: u32) {
-        self.state = Identification::Running(0);
-        self.stage = Stage::Resting { limit, since: None, last: None };
+    pub const fn new(limit: u32) -> Self {
+        Self::Resting { limit, since: None, last: None }
     }
 
-    /// Ends an identification that runs.
-    pub const fn stop(&mut self, why: Refusal) {
-        if self.is_running() {
-            self.end(Identification::Refused(why));
-        }
+    /// True while the motor is driven.
+    pub const fn is_moving(&self) -> bool {
+        matches!(self, Self::Moving(_))
     }
 
-    /// Ends an identification with this outcome.
-    const fn end(&mut self, outcome: Identification) {
-        self.state = outcome;
-        self.stage = Stage::Idle;
+    /// Progress of the identification.
+    pub fn progress(&self) -> Identification {
+        Identification::Running(match self {
+            Self::Resting { .. } => 0,
+            Self::Moving(motion) => motion.percent(),
+        })
     }
 
     /// Takes a sample of the encoder, best every millisecond.
     pub fn sample(&mut self, reading: &Reading) {
-        match &mut self.stage {
-            Stage::Idle => (),
-            Stage::Resting { last, .. } => *last = Some(*reading),
-            Stage::Moving(motion) => motion.segments.sample(*reading),
+        match self {
+            Self::Resting { last, .. } => *last = Some(*reading),
+            Self::Moving(motion) => motion.segments.sample(*reading),
         }
     }
 
-    /// Sets the voltage that the bridge applies until the next step; `None` if the bridge is open, which ends the
-    /// motion.
-    pub const fn drive(&mut self, voltage: Option<Voltage>) {
-        if let Stage::Moving(motion) = &mut self.stage {
-            match voltage {
-                Some(voltage) => motion.segments.drive(voltage.to_volts()),
-                None => self.stop(Refusal::Interrupted),
-            }
+    /// Sets the voltage that the bridge applies until the next step.
+    pub const fn drive(&mut self, voltage: Voltage) {
+        if let Self::Moving(motion) = self {
+            motion.segments.drive(voltage.to_volts());
         }
     }
 
     /// Computes the voltage until the next tick, after the newest sample and with `battery` in V; `None` to coast.
-    pub fn step(&mut self, emf: EmfConstant, battery: f32, period: Period) -> Option<Voltage> {
-        let next = match &mut self.stage {
-            Stage::Idle => return None,
-            Stage::Resting { limit, since, last } => {
+    ///
+    /// # Errors
+    /// The outcome, if the identification has ended.
+    pub fn step(
+        &mut self,
+        emf: EmfConstant,
+        battery: f32,
+        period: Period,
+    ) -> Result<Option<Voltage>, Identification> {
+        let share = match self {
+            Self::Resting { limit, since, last } => {
                 let limit = *limit;
-                rest(since, *last).and_then(|over| {
-                    let Some(reading) = over else { return Ok(None) };
-                    let motion = Motion::new(emf.to_volts(), battery, limit, period, reading)?;
-                    let [Phase { share, .. }, ..] = PHASES;
-                    self.stage = Stage::Moving(motion);
-                    Ok(Some(share))
-                })
+                let Some(reading) = rest(since, *last)? else { return Ok(None) };
+                *self = Self::Moving(Motion::new(emf.to_volts(), battery, limit, period, reading)?);
+                let [Phase { share, .. }, ..] = PHASES;
+                share
             }
-            Stage::Moving(motion) => motion.step(battery).map(Some),
+            Self::Moving(motion) => motion.step(battery)?,
         };
-        match next {
-            Ok(share) => {
-                if let Stage::Moving(motion) = &self.stage {
-                    self.state = Identification::Running(motion.percent());
-                }
-                share.map(|share| Voltage::from_volts(share * battery))
-            }
-            Err(outcome) => {
-                self.end(outcome);
-                None
-            }
-        }
+        Ok(Some(Voltage::from_volts(share * battery)))
     }
 }
 
@@ -262,8 +231,6 @@ impl Motion {
             return Err(Identification::Refused(Refusal::TravelLimit));
         }
         Ok(Self {
-            battery,
-            span,
             scale,
             // Half a millisecond less allows for rounding.
             segment_s: (segment_ms - 0.5) / 1000.0,
@@ -303,11 +270,11 @@ impl Motion {
     fn check(&self, battery: f32) -> Result<(), Refusal> {
         let moved = self.segments.moved();
         let stalled_ms = if self.fast { STALLED_MS } else { (SLOW_STALLED_MS * self.scale).max(STALLED_MS) };
-        if battery < LEAST_VOLTS.max((1.0 - LARGEST_SAG) * self.battery) {
+        if battery < LEAST_VOLTS.max((1.0 - LARGEST_SAG) * self.regression.battery) {
             Err(Refusal::Battery)
         } else if self.phase == 0 && moved < -VIBRATION_COUNTS {
             Err(Refusal::Backwards)
-        } else if moved.saturating_abs().saturating_sub(VIBRATION_COUNTS) as f32 > self.span {
+        } else if moved.saturating_abs().saturating_sub(VIBRATION_COUNTS) as f32 > self.regression.span {
             Err(Refusal::TooFar)
         } else if self.segments.still_ms() >= stalled_ms {
             Err(Refusal::NoCounts)
@@ -320,7 +287,7 @@ impl Motion {
     fn is_over(&mut self, length: f32) -> bool {
         let ms = self.phase_ms();
         if self.phase == 0 {
-            let enough = FIRST_PHASE_COUNTS.min(self.span / 4.0);
+            let enough = FIRST_PHASE_COUNTS.min(self.regression.span / 4.0);
             if (self.segments.moved() as f32) < enough && ms < LONGEST_FIRST_PHASE_MS {
                 return false;
             }

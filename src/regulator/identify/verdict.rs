@@ -52,9 +52,9 @@ pub(super) struct Regression {
     /// Configured back EMF, in V per count/s.
     emf: f32,
     /// Battery voltage before the motion, in V.
-    battery: f32,
-    /// Counts that the motion may take.
-    span: f32,
+    pub(super) battery: f32,
+    /// Announced travel, in counts.
+    pub(super) span: f32,
     fit: Fit,
     /// Running sum of the innovations, in counts.
     sum: f32,
