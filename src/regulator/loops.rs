@@ -100,7 +100,7 @@ impl Loops {
                 self.approach(target, speed_limit, inputs, context.period)
             }
         };
-        Output { effort: self.velocity(target, inputs, context), speed: target }
+        Output { effort: self.velocity(target, inputs, context), speed: target, hunts: false }
     }
 
     /// Computes the request for a target speed.
