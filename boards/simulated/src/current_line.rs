@@ -14,7 +14,8 @@ const VOLTS_PER_AMPERE: f64 = 0.14;
 const HIGHEST_V: f64 = 3.3;
 
 /// How a line is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum CurrentLine {
     /// There is none.
     #[default]

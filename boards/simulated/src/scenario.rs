@@ -12,9 +12,9 @@
 //! ```
 
 mod definition;
+mod error;
 pub mod expectation;
 mod file;
-mod mistake;
 mod substitute;
 
 use motor_hub::braking::Scheme;
@@ -26,7 +26,7 @@ use std::path::Path;
 pub use definition::{
     Bus, Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED,
 };
-pub use mistake::{Mistake, ScenarioError, line_and_column};
+pub use error::{ScenarioError, line_and_column};
 
 /// Dry friction of motors that are served, of their stall torque at 12 V.
 const SERVED_FRICTION: f64 = 0.06;

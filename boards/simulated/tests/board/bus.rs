@@ -135,7 +135,7 @@ fn winches_on_a_bus_that_cannot_sink_are_held_and_the_bus_stays_below_its_upper_
 #[test]
 fn winches_are_held_so_at_every_period_when_unknown_and_by_bridges_that_take_their_time() {
     let real: &'static str = format!("{WINCH}bridge = \"vnh5019\"\n").leak();
-    let unknown: &'static str = format!("{WINCH}told = \"nothing\"\n").leak();
+    let unknown: &'static str = format!("{WINCH}configured = \"nothing\"\n").leak();
     for (period_ms, motor) in [(1, WINCH), (10, real), (10, unknown), (50, real), (100, real)] {
         let seen = Run { motors: 4, bus: ONE_WAY, motor, seconds: 6.0 }.see_every(period_ms, 2_000);
         assert!(seen.highest_v <= UPPER_V && !seen.coasted, "{period_ms} ms: {} V", seen.highest_v);
@@ -171,7 +171,7 @@ fn a_step_down_settles_as_soon_as_on_a_battery_that_sinks() {
 #[test]
 fn motors_that_all_begin_to_brake_at_once_stay_below_the_upper_limit_between_two_looks() {
     let scheme_c: &'static str = format!("{FLYWHEEL}scheme = \"C\"\n").leak();
-    let unknown: &'static str = format!("{FLYWHEEL}told = \"nothing\"\n").leak();
+    let unknown: &'static str = format!("{FLYWHEEL}configured = \"nothing\"\n").leak();
     let real: &'static str = format!("{FLYWHEEL}scheme = \"C\"\nbridge = \"vnh5019\"\n").leak();
     for (period_ms, motor) in [(1, scheme_c), (1, real), (50, scheme_c), (50, unknown), (100, unknown)] {
         let seen = Run { motors: 4, bus: ONE_WAY, motor, seconds: 5.0 }.see_every(period_ms, 3_000);
@@ -195,13 +195,13 @@ fn a_heavy_flywheel_that_is_braked_stays_below_the_upper_limit() {
 fn the_snapshot_tells_what_went_back_and_what_was_burnt() {
     let run = |bus| Run { motors: 1, bus, motor: WINCH, seconds: 8.0 };
     let sinks = run(SINKS).see(2_000);
-    let told = sinks.returned_j;
+    let reported = sinks.returned_j;
     // What the model says went back, from the trace of the same run.
     let trace = simulated::sim::run(&run(SINKS).scenario(50), &mut |_| ()).expect("it runs");
     let truly: f64 = trace.motor(0).map(|(_, sample)| sample.flow.energy_to_battery.0).sum();
-    assert!((told - truly).abs() < 0.15 * truly, "{told} J told, {truly} J went back");
+    assert!((reported - truly).abs() < 0.15 * truly, "{reported} J reported, {truly} J returned");
     let one_way = run(ONE_WAY).see(2_000);
-    assert!(one_way.returned_j < 0.25 * told, "{} J", one_way.returned_j);
+    assert!(one_way.returned_j < 0.25 * reported, "{} J", one_way.returned_j);
     assert!(one_way.burnt_j > 1.5 * sinks.burnt_j, "{} J, {} J", one_way.burnt_j, sinks.burnt_j);
 }
 

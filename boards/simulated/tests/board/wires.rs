@@ -59,7 +59,7 @@ const AXES: [Axis; 8] = [
 ];
 
 impl Axis {
-    fn scenario(&self, period_ms: u32, told: bool) -> Scenario {
+    fn scenario(&self, period_ms: u32, configured: bool) -> Scenario {
         let Self { cps, toml, .. } = self;
         let text = format!(
             "name = \"wires\"\nduration_s = 4.0\n[battery]\nemf_v = 12\nresistance_ohm = 0.05\n\
@@ -69,14 +69,14 @@ impl Axis {
         let mut scenario = Scenario::parse("wires.toml", &text).expect("valid");
         scenario.period = Period::from_millis(period_ms).expect("in range");
         for motor in &mut scenario.motors {
-            motor.configuration.motion = motor.configuration.motion.filter(|_| told);
+            motor.configuration.motion = motor.configuration.motion.filter(|_| configured);
         }
         scenario
     }
 
     /// Milliseconds from the break until the encoder is known to be at fault.
-    fn until_known(&self, period_ms: u32, told: bool, broken: Encoder, phase_ms: u64) -> Option<u64> {
-        let mut scenario = self.scenario(period_ms, told);
+    fn until_known(&self, period_ms: u32, configured: bool, broken: Encoder, phase_ms: u64) -> Option<u64> {
+        let mut scenario = self.scenario(period_ms, configured);
         let breaks_ms = BREAKS_MS + phase_ms;
         for motor in &mut scenario.motors {
             motor.encoder = vec![Timed { at_s: breaks_ms as f64 / 1e3, value: broken }];
@@ -94,27 +94,31 @@ impl Axis {
 }
 
 /// Everywhere between two ticks, in so many steps, in all ways to break: the longest time by period, if it is always known.
-fn longest(axis: &Axis, told: bool, periods_ms: &[u32], steps: u64) -> Vec<(u32, Option<u64>)> {
+fn longest(axis: &Axis, configured: bool, periods_ms: &[u32], steps: u64) -> Vec<(u32, Option<u64>)> {
     let of_period = |&period_ms: &u32| {
         let phases = (0..steps).map(|step| u64::from(period_ms) * step / steps);
         let cases = phases.flat_map(|phase_ms| BROKEN.map(|broken| (phase_ms, broken)));
-        let times = cases.map(|(phase_ms, broken)| axis.until_known(period_ms, told, broken, phase_ms));
+        let times = cases.map(|(phase_ms, broken)| axis.until_known(period_ms, configured, broken, phase_ms));
         (period_ms, times.reduce(|a, b| a.zip(b).map(|(a, b)| a.max(b))).flatten())
     };
     periods_ms.iter().map(of_period).collect()
 }
 
 fn are_known_in_time(periods_ms: &[u32], steps: u64) {
-    for told in [true, false] {
+    for configured in [true, false] {
         thread::scope(|scope| {
             let runs = AXES
                 .each_ref()
-                .map(|axis| (axis, scope.spawn(move || longest(axis, told, periods_ms, steps))));
+                .map(|axis| (axis, scope.spawn(move || longest(axis, configured, periods_ms, steps))));
             for (axis, run) in runs {
                 let longest = run.join().expect("it ends");
-                println!("{:20} told {told:5} {longest:?}", axis.name);
+                println!("{:20} configured {configured:5} {longest:?}", axis.name);
                 let in_time = longest.iter().all(|(_, known)| known.is_some_and(|ms| ms <= WITHIN_MS));
-                assert!(in_time, "{}, told {told}: by period, milliseconds {longest:?}", axis.name);
+                assert!(
+                    in_time,
+                    "{}, configured {configured}: by period, milliseconds {longest:?}",
+                    axis.name
+                );
             }
         });
     }
