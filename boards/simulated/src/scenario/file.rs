@@ -6,8 +6,8 @@ mod groups;
 mod motors;
 mod numbers;
 
-use super::definition::{Bus, Group, Motor, Scenario, Timed, UNLIMITED};
 use super::error::{At, Checked, Fault};
+use super::types::{Bus, Group, Motor, Scenario, Timed, UNLIMITED};
 use crate::hardware::MOTORS;
 use expectations::ExpectTable;
 use groups::GroupTable;

@@ -4,7 +4,7 @@ use motor_hub::motor::{Report, SenseLine};
 use simulated::direct;
 use simulated::scenario::Scenario;
 
-/// An AM 60 A on a flywheel that it hardly moves, for a second after it was told to drive; its last report.
+/// Last report of an AM 60 A after a second of driving a heavy flywheel, which hardly moves.
 fn driving(motor: &str) -> Report {
     let text = format!(
         "name = \"currents\"\nduration_s = 1.5\n[battery]\nemf_v = 12\nresistance_ohm = 0.05\n[[motors]]\n\

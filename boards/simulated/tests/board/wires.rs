@@ -1,5 +1,5 @@
-//! A wire of an encoder breaks while its motor turns: how long until the hub knows, at every period, wherever between two
-//! ticks it happens, whatever the motor turns, told of it or not.
+//! A wire of an encoder breaks while its motor turns. The tests measure the time until the hub detects the fault: at
+//! every period, at any moment between two ticks, with several loads, for configured and unknown motors.
 
 use motor_hub::units::Period;
 use simulated::direct;
@@ -9,13 +9,13 @@ use std::thread;
 
 const PERIODS_MS: [u32; 9] = [1, 2, 5, 10, 20, 50, 60, 80, 100];
 
-/// The time that there is from the break to the drive that is safe.
+/// Longest allowed time from the break to a safe bridge.
 const WITHIN_MS: u64 = 250;
 
-/// When it turns as fast as it is asked to, or nearly.
+/// Time of the break. The motor has reached its speed, or nearly.
 const BREAKS_MS: u64 = 2_500;
 
-/// All ways in which one wire, or both, say nothing any more.
+/// All ways in which one wire or both can break.
 const BROKEN: [Encoder; 5] = [
     Encoder::Unplugged,
     Encoder::Stuck { wire: Wire::A, high: false },
@@ -24,7 +24,7 @@ const BROKEN: [Encoder; 5] = [
     Encoder::Stuck { wire: Wire::B, high: true },
 ];
 
-/// A motor that turns at a speed in counts/s, what it turns, and what pulls at that.
+/// A motor that turns at a speed in counts/s, its inertia, and its load torque.
 struct Axis {
     name: &'static str,
     cps: i32,
@@ -93,7 +93,7 @@ impl Axis {
     }
 }
 
-/// Everywhere between two ticks, in so many steps, in all ways to break: the longest time by period, if it is always known.
+/// Longest time by period over all breaks at a number of moments between two ticks; `None` if a break was not detected.
 fn longest(axis: &Axis, configured: bool, periods_ms: &[u32], steps: u64) -> Vec<(u32, Option<u64>)> {
     let of_period = |&period_ms: &u32| {
         let phases = (0..steps).map(|step| u64::from(period_ms) * step / steps);

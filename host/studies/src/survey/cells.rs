@@ -1,7 +1,7 @@
 //! Every motor of the catalogue without a load, at a speed and to a position, with default settings.
 
 use super::judge::{Verdict, challenges, judge, watch};
-use super::{pool, time_constant};
+use super::{parallel, time_constant};
 use crate::StudyError;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
@@ -59,7 +59,7 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
         .flat_map(|(scenario, configured)| PERIODS.map(|ms| (scenario, configured, ms)))
         .collect();
     let total = cases.len();
-    let verdicts = pool::map(
+    let verdicts = parallel::map(
         &cases,
         |&(scenario, configured, ms)| both(scenario, configured, ms),
         |done| progress(done, total),

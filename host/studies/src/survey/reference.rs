@@ -2,7 +2,7 @@
 //! written.
 
 use super::judge::{Verdict, challenges, judge, watch};
-use super::pool;
+use super::parallel;
 use crate::StudyError;
 use motor_hub::braking::Scheme;
 use motor_hub::model::battery::Battery;
@@ -187,7 +187,7 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyErro
         .flat_map(|(task, configured)| PERIODS.map(|ms| (task, configured, ms)))
         .collect();
     let total = cases.len();
-    let verdicts = pool::map(
+    let verdicts = parallel::map(
         &cases,
         |&(task, configured, ms)| worst(task, configured, ms),
         |done| progress(done, total),

@@ -4,8 +4,8 @@ use super::find;
 use super::numbers::{
     BusVoltage, Degrees, Energy, PositionBound, SettlingTime, SpeedBound, Swing, UpTo1000, out_of_range,
 };
-use crate::scenario::definition::{Group, Motor};
 use crate::scenario::expectation::{Bounds, Expectation, Expected, Quantity, RegimeName, Subject};
+use crate::scenario::types::{Group, Motor};
 use motor_hub::motor::EncoderFault;
 use serde::Deserialize;
 use std::ops::Range;

@@ -4,8 +4,8 @@ use super::numbers::{
     AccelerationLimit, Counts, Course as Way, Distance, Length, Name, Speed, SpeedLimit, or,
 };
 use super::{find, timeline};
-use crate::scenario::definition::{Group, Motor};
 use crate::scenario::error::{At, Checked};
+use crate::scenario::types::{Group, Motor};
 use motor_hub::group::{Course, DriveBase, GroupCommand, Halt};
 use motor_hub::units::{Acceleration, CountsPerSecond};
 use serde::Deserialize;

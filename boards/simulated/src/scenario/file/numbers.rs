@@ -1,6 +1,6 @@
 //! Kinds of numbers and names in a scenario file. Each kind has a range; a value out of its range is refused.
 
-use crate::scenario::definition::LONGEST_S;
+use crate::scenario::types::LONGEST_S;
 use serde::de::{Deserialize, Deserializer, Error, Unexpected, Visitor};
 use std::fmt::{self, Formatter};
 use std::ops::RangeInclusive;

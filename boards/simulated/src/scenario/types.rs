@@ -136,7 +136,7 @@ pub struct Configuration {
     pub resistance: f64,
     /// Of the back-EMF constant.
     pub emf: f64,
-    /// Inertia, drag and friction; `None` for an unknown motor, of which only the winding is configured.
+    /// Inertia, drag and friction; `None` for an unknown motor: only its winding is configured.
     pub motion: Option<ConfiguredMotion>,
 }
 
