@@ -28,7 +28,7 @@ fn what_goes_back_and_what_is_burnt_is_what_the_model_says() {
             let drive = Drive { mode: Mode::Brake50, duty: Duty::ratio(percent, 100) };
             let braking = Modulation { regime: Regime::Braking, drive };
             let flows = modulator().applied(at(cps), braking);
-            let told = modulator().returned(at(cps), braking, flows, OHMS);
+            let energy = modulator().returned(at(cps), braking, flows, OHMS);
             // A flywheel so heavy that the speed stays.
             let load = Load { inertia_after: KgM2(100.0), ..Load::NONE };
             let mut plant = Plant::new(motor, load, BridgeConstants::IDEAL.into(), Hertz(20_000.0));
@@ -38,11 +38,13 @@ fn what_goes_back_and_what_is_burnt_is_what_the_model_says() {
             plant.run(Seconds(0.005), influence, Volts(12.0));
             let flow = plant.run(Seconds(0.01), influence, Volts(12.0));
             let [returned, burnt] = [flow.energy_to_battery.0, flow.heat.0].map(|joules| joules / 0.01);
-            for (what, told, truly) in [("returned", told.returned, returned), ("burnt", told.burnt, burnt)] {
-                let miss = (f64::from(told) - truly).abs();
+            for (what, modelled, truly) in
+                [("returned", energy.returned, returned), ("burnt", energy.burnt, burnt)]
+            {
+                let miss = (f64::from(modelled) - truly).abs();
                 assert!(
                     miss < 0.1 * (returned + burnt) + 0.02,
-                    "{cps} {percent} %: {what} {told} W, {truly} W"
+                    "{cps} {percent} %: {what} {modelled} W, {truly} W"
                 );
             }
         }
