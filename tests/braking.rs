@@ -211,8 +211,8 @@ fn torque(place: Location, u: f64) -> f64 {
 
 #[test]
 fn torque_does_not_jump_as_the_speed_passes_the_free_speed() {
-    // As u rises torque changes by at most 12 times as much, with a fixed blend 55 times (it is worst for
-    // 0.05 at u = 0.91): 1.8 % from one count/s to the next. To that comes the rounding of an abscissa.
+    // A change of u changes the torque by at most 12 times as much, and with a fixed blend by 55 times: 1.8 % from one
+    // count/s to the next. The worst case is a blend of 0.05 at u = 0.91. The rounding of an abscissa is added.
     let steepest = |scheme| if matches!(scheme, Scheme::D(Blend::Fixed(_))) { 55.0 } else { 12.0 };
     for battery in [6_500, 9_500, 12_000, 14_500] {
         let full = f64::from(battery) / (f64::from(Winding::NEVEREST_60.emf.to_bits()) / f64::from(1 << 20));

@@ -7,7 +7,7 @@ use motor_hub::units::{CountsPerSecond, Micros};
 const TURN: Setpoint = Setpoint::Velocity(CountsPerSecond::new(1000));
 const HALT: Setpoint = Setpoint::Velocity(CountsPerSecond::ZERO);
 
-/// How often a board looks.
+/// Interval in us at which a board reads its button.
 const STEP: u64 = 10_000;
 
 /// A board with a button, looked at every 10 ms.
@@ -32,7 +32,7 @@ impl Bench {
         self.button.step(ButtonInputs { down, host_spoke, battery_good, now: Micros::new(self.now) })
     }
 
-    /// What is wanted at the end of so long.
+    /// Holds the button for this time in us. Returns the set-point at the end.
     fn keep(&mut self, down: bool, micros: u64) -> Setpoint {
         (0..micros / STEP).map(|_| self.look(down)).last().expect("10 ms or more")
     }

@@ -14,13 +14,13 @@ use proptest::prelude::*;
 
 const HALF: Control = Control::new(16_384);
 
-/// A motor that a stop holds, on a line of which a test says what it shows.
+/// A motor whose shaft is held, with a current-sense line that shows what the test sets.
 struct Held(Bench<1>);
 
 impl Held {
     fn new() -> Self {
         let mut bench = Bench::turned(Settings::new(Winding::NEVEREST_60), [0.0]);
-        // Its last millisecond is that of a tick from now on.
+        // From now on each run ends with the millisecond of a tick.
         bench.run_ms(1);
         Self(bench)
     }
@@ -43,7 +43,7 @@ impl Held {
     }
 }
 
-fn told(report: &Report) -> (SenseLine, Option<i32>) {
+fn line_and_current(report: &Report) -> (SenseLine, Option<i32>) {
     (report.sense_line, report.measured.map(Milliamperes::get))
 }
 
@@ -52,7 +52,7 @@ fn a_motor_without_a_line_is_told_by_its_model() {
     let mut held = Held::new();
     held.power(HALF);
     let report = held.run(500, None);
-    assert_eq!(told(report), (SenseLine::Absent, None));
+    assert_eq!(line_and_current(report), (SenseLine::Absent, None));
     assert!(report.current.get() > 1_500 && report.best_current() == report.current, "{:?}", report.current);
 }
 
@@ -62,7 +62,7 @@ fn a_line_is_believed_in_9_8_and_6_2_with_the_sign_of_the_model() {
         let mut held = Held::new();
         held.power(power);
         let report = held.run(500, Some(1_234));
-        assert_eq!(told(report), (SenseLine::Sound, Some(1_234)));
+        assert_eq!(line_and_current(report), (SenseLine::Sound, Some(1_234)));
         assert_eq!(report.best_current().get(), sign * 1_234);
     }
 }
@@ -92,7 +92,7 @@ fn in_5_0_a_line_shows_nothing_and_the_model_goes_on() {
     held.power(Control::ZERO);
     let report = held.run(500, Some(0));
     assert_eq!(report.drive, Drive::BRAKE);
-    assert_eq!(told(report), (SenseLine::Sound, None));
+    assert_eq!(line_and_current(report), (SenseLine::Sound, None));
     assert!(report.best_current() == report.current && report.current.get() > 1_000, "{:?}", report.current);
 }
 
@@ -103,11 +103,11 @@ fn a_sample_of_another_mode_is_not_the_current_of_this_one() {
     held.run(500, Some(1_800));
     held.power(Control::ZERO);
     // The tick at 550 ms shorts it; the sample of 525 ms was of 9/8.
-    assert_eq!(told(held.run(50, Some(1_800))), (SenseLine::Sound, None));
+    assert_eq!(line_and_current(held.run(50, Some(1_800))), (SenseLine::Sound, None));
     held.power(HALF);
-    assert_eq!(told(held.run(50, Some(0))), (SenseLine::Sound, None));
-    // And the first one in it may be of before.
-    assert_eq!(told(held.run(50, Some(1_800))), (SenseLine::Sound, Some(1_800)));
+    assert_eq!(line_and_current(held.run(50, Some(0))), (SenseLine::Sound, None));
+    // The first sample in it may belong to the mode before.
+    assert_eq!(line_and_current(held.run(50, Some(1_800))), (SenseLine::Sound, Some(1_800)));
 }
 
 #[test]
@@ -119,7 +119,7 @@ fn the_first_sample_of_a_mode_proves_nothing_and_four_after_it_do() {
     held.run(500, Some(0));
     held.power(HALF);
     held.run(50, Some(0));
-    // Four samples in 9/8, the first of which may be of the short, and then the fourth of those that count.
+    // Four samples in mode 9/8. The first may belong to the short, so the next sample is the fourth that counts.
     assert_eq!(held.run(100, Some(0)).sense_line, SenseLine::Sound);
     assert_eq!(held.run(50, Some(0)).sense_line, SenseLine::Silent);
 }
@@ -131,7 +131,7 @@ fn nothing_where_an_ampere_is_due_is_a_broken_line_but_little_is_another_motor()
         held.power(HALF);
         assert_eq!(held.run(500, Some(ma)).sense_line, line, "{ma} mA");
     }
-    // Of one that takes a few hundred milliamperes nobody can say.
+    // A current of a few hundred milliamperes is too small to judge the line.
     let mut held = Held::new();
     held.power(Control::new(4_000));
     assert_eq!(held.run(500, Some(0)).sense_line, SenseLine::Sound);
@@ -144,7 +144,7 @@ fn without_its_encoder_nobody_knows_what_is_due() {
     held.0.axes[0].unread_ms = u64::MAX;
     let report = held.run(2_000, Some(0));
     assert!(report.faults.encoder_stale);
-    assert_eq!(told(report), (SenseLine::Sound, None));
+    assert_eq!(line_and_current(report), (SenseLine::Sound, None));
 }
 
 #[test]
@@ -152,17 +152,17 @@ fn a_line_to_ground_measures_nothing_however_little_the_motor_takes() {
     let mut held = Held::new();
     held.power(Control::new(4_000));
     let report = held.run(1_000, Some(0));
-    assert_eq!(told(report), (SenseLine::Sound, None), "nothing has been due yet");
+    assert_eq!(line_and_current(report), (SenseLine::Sound, None), "nothing has been due yet");
     held.run(25, Some(80));
     let report = held.run(1_000, Some(0));
-    assert_eq!(told(report), (SenseLine::Sound, None), "a spike is no current");
+    assert_eq!(line_and_current(report), (SenseLine::Sound, None), "a spike is no current");
     assert!(report.best_current() == report.current && report.current.get() > 200, "{:?}", report.current);
     held.power(HALF);
-    assert_eq!(told(held.run(500, Some(0))), (SenseLine::Silent, None));
-    // What it takes when it has come to its speed is no proof that the line is mended.
+    assert_eq!(line_and_current(held.run(500, Some(0))), (SenseLine::Silent, None));
+    // The current at speed does not prove that the line is mended.
     held.power(Control::new(4_000));
     let report = held.run(2_000, Some(0));
-    assert_eq!(told(report), (SenseLine::Silent, None));
+    assert_eq!(line_and_current(report), (SenseLine::Silent, None));
     assert!(report.best_current().get() > 200, "{:?}", report.current);
 }
 
@@ -171,22 +171,22 @@ fn a_line_that_has_shown_a_current_may_show_none() {
     let mut held = Held::new();
     held.power(Control::new(4_000));
     held.run(200, Some(600));
-    assert_eq!(told(held.run(500, Some(10))), (SenseLine::Sound, Some(10)), "it slips");
-    assert_eq!(told(held.run(500, None)), (SenseLine::Absent, None));
-    assert_eq!(told(held.run(500, Some(0))), (SenseLine::Sound, None), "it may be another line");
+    assert_eq!(line_and_current(held.run(500, Some(10))), (SenseLine::Sound, Some(10)), "it slips");
+    assert_eq!(line_and_current(held.run(500, None)), (SenseLine::Absent, None));
+    assert_eq!(line_and_current(held.run(500, Some(0))), (SenseLine::Sound, None), "it may be another line");
 }
 
 #[test]
 fn a_line_that_shows_a_current_where_the_bridge_can_show_none_is_stuck_until_it_shows_none_there() {
     let mut held = Held::new();
-    assert_eq!(told(held.run(300, Some(23_571))), (SenseLine::Stuck, None));
+    assert_eq!(line_and_current(held.run(300, Some(23_571))), (SenseLine::Stuck, None));
     held.power(HALF);
-    // Driving it proves nothing, whatever it shows.
-    assert_eq!(told(held.run(500, Some(1_800))), (SenseLine::Stuck, None));
+    // A line that shows the right current again is not accepted while the motor is driven.
+    assert_eq!(line_and_current(held.run(500, Some(1_800))), (SenseLine::Stuck, None));
     held.power(Control::ZERO);
     assert_eq!(held.run(300, Some(0)).sense_line, SenseLine::Sound);
     held.power(HALF);
-    assert_eq!(told(held.run(100, Some(1_800))), (SenseLine::Sound, Some(1_800)));
+    assert_eq!(line_and_current(held.run(100, Some(1_800))), (SenseLine::Sound, Some(1_800)));
 }
 
 #[test]
@@ -197,7 +197,7 @@ fn a_silent_line_that_is_mended_is_believed_again_by_what_it_shows() {
     held.power(Control::ZERO);
     assert_eq!(held.run(500, Some(0)).sense_line, SenseLine::Silent, "nothing is what it should show here");
     held.power(HALF);
-    assert_eq!(told(held.run(500, Some(1_700))), (SenseLine::Sound, Some(1_700)));
+    assert_eq!(line_and_current(held.run(500, Some(1_700))), (SenseLine::Sound, Some(1_700)));
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn far_more_than_could_flow_is_told_and_believed() {
     held.power(HALF);
     let modelled = held.run(100, Some(1_800)).current.get();
     assert_eq!(held.run(500, Some(2 * modelled)).sense_line, SenseLine::Sound, "a chip of the worst ratio");
-    assert_eq!(told(held.run(500, Some(12_000))), (SenseLine::Excessive, Some(12_000)));
+    assert_eq!(line_and_current(held.run(500, Some(12_000))), (SenseLine::Excessive, Some(12_000)));
     assert_eq!(held.run(500, Some(1_800)).sense_line, SenseLine::Sound);
 }
 
@@ -224,9 +224,9 @@ fn a_spike_convinces_nobody() {
 fn a_converter_that_dies_leaves_the_model() {
     let mut held = Held::new();
     held.power(HALF);
-    assert_eq!(told(held.run(500, Some(1_800))), (SenseLine::Sound, Some(1_800)));
-    assert_eq!(told(held.run(50, None)), (SenseLine::Absent, None));
-    assert_eq!(told(held.run(50, Some(1_800))), (SenseLine::Sound, Some(1_800)));
+    assert_eq!(line_and_current(held.run(500, Some(1_800))), (SenseLine::Sound, Some(1_800)));
+    assert_eq!(line_and_current(held.run(50, None)), (SenseLine::Absent, None));
+    assert_eq!(line_and_current(held.run(50, Some(1_800))), (SenseLine::Sound, Some(1_800)));
 }
 
 #[test]
@@ -244,17 +244,17 @@ proptest! {
         let scale = SenseScale::new(Millivolts::new(mv), mv_per_a).expect("in range");
         let highest = f64::from((1_u32 << bits) - 1);
         let ma = 1e3 * f64::from(mv) / f64::from(mv_per_a) * f64::from(word) / highest;
-        let told = f64::from(scale.current(word, bits).get());
+        let shown = f64::from(scale.current(word, bits).get());
         if f64::from(word) <= highest {
-            prop_assert!((told - ma).abs() <= 2.0, "{told} for {ma}");
+            prop_assert!((shown - ma).abs() <= 2.0, "{shown} for {ma}");
         }
-        prop_assert!(told >= 0.0);
+        prop_assert!(shown >= 0.0);
     }
 }
 
-/// What flows and what a bridge shows of it, A, after a tenth of a second in a mode at a duty, from a speed on.
+/// True and shown current in A, after a tenth of a second in a mode at a duty, from a speed on.
 fn shown(mode: Mode, duty: f64, speed: f64) -> (f64, f64) {
-    // So heavy that the speed stays.
+    // The load is so heavy that the speed does not change.
     let mut plant = plant(neverest_60(), inertia(1e3));
     plant.place(Amps(0.0), RadPerSec(speed * BATTERY / plant.motor().ke.0), 0.0);
     let mut run = || plant.run(Seconds(0.1), PlantInput::pwm(mode, duty), Volts(BATTERY));
@@ -268,7 +268,8 @@ fn a_bridge_shows_the_whole_current_of_9_8_and_6_2_and_none_of_5_0() {
     for duty in [0.0, 0.1, 0.5, 1.0] {
         for speed in [0.0, 0.3, 0.8] {
             let (flows, shows) = shown(Mode::Cw98, duty, speed);
-            // A motor that turns faster than 9/8 drives it gives back through a diode: what is not forward is not shown.
+            // A motor that is faster than its drive returns current through a diode. The line shows forward currents
+            // only.
             let expected = flows.max(0.0);
             assert!((shows - expected).abs() < 1e-3, "9/8 {duty} at {speed}: {shows} of {flows} A");
             let (flows, shows) = shown(Mode::Ccw62, duty, speed);

@@ -44,7 +44,7 @@ fn power(control: i16) -> Setpoint {
     Setpoint::ConstantPower(Control::new(control))
 }
 
-/// Long enough for any estimate to settle; returns the last tick's snapshot.
+/// Runs until every estimate has settled. Returns the last tick's snapshot.
 fn settle<const N: usize>(bench: &mut Bench<N>) -> Snapshot<N> {
     bench.run_ms(1_000);
     bench.tick()
@@ -79,8 +79,8 @@ fn a_bridge_draws_its_duty_of_the_current_and_returns_it_while_it_is_open() {
     for (motor, control) in [(0, 16_384), (1, -16_384), (2, 0)] {
         bench.set(motor, power(control));
     }
-    // A velocity below that of a turning motor, braked by 5/0.
-    // 12 of 32 767 steps for a count/s are some 5.7 V, less than the back EMF.
+    // The set-point is below the motor's speed: mode 5/0 brakes. 12 of 32 767 steps for a count/s are some 5.7 V, less
+    // than the back EMF.
     bench.configure(3, |at| *at = with_velocity(Pidf { f: q16(12), ..Pidf::default() }));
     bench.set(3, velocity(1_300));
     let motors = settle(&mut bench).motors.map(|motor| {
@@ -116,7 +116,7 @@ fn zero_power_and_velocity_zero_brake_or_float_as_the_motor_is_set() {
 
 #[test]
 fn velocity_below_the_set_point_drives_and_above_it_brakes_before_it_reverses() {
-    // Feeds the set-point's back EMF forward, and twice that of the error.
+    // The feed-forward is the back EMF of the set-point; P gives twice the back EMF of the error.
     let f = 32_767.0 * 3.98683 / 12_000.0 * 65_536.0;
     let gains = [2.0 * f, f].map(|bits| Coefficient::from_bits(bits as i32));
     let loop_ = Pidf { p: gains[0], f: gains[1], ..Pidf::default() };
@@ -161,7 +161,7 @@ fn a_motor_is_settled_when_it_has_stood_within_tolerance_under_its_position() {
         [(5, 5, true), (0, 5, true), (6, 5, false), (-5, 5, true), (-6, 5, false), (0, 0, true)]
     {
         bench.set(0, position(target, tolerance, 700));
-        // It may only be passing, wherever it has been before.
+        // A motor may only pass its target, so one tick does not settle it.
         assert!(!bench.tick().motors[0].settled, "{target} {tolerance}");
         assert_eq!(settle(&mut bench).motors[0].settled, settled, "{target} {tolerance}");
     }
@@ -245,13 +245,13 @@ fn nothing_winds_up_while_the_bridge_cannot_obey() {
         }
         bench.tick().motors[0].control.get()
     });
-    // What the observer thinks of the load is not quite the same.
+    // The estimated load differs slightly.
     assert!((interrupted - steady).abs() < ONE_PERCENT, "{interrupted} {steady}");
 }
 
 #[test]
 fn a_change_of_run_mode_starts_from_what_the_motor_does_and_a_new_target_does_not() {
-    // A host's own, which nothing that is learned changes.
+    // Coefficients of a host, which learning does not change.
     let mut bench = Bench::turned(with_velocity(guessed().velocity), [100.0]);
     settle(&mut bench);
     bench.set(0, velocity(300));
@@ -270,7 +270,7 @@ fn a_change_of_run_mode_starts_from_what_the_motor_does_and_a_new_target_does_no
 
 #[test]
 fn a_change_of_run_mode_starts_the_position_loop_afresh() {
-    // Nothing but the position loop's I asks for a speed, and the control value is that of the speed.
+    // Only the I term of the position loop requests a speed. The control value shows the speed.
     let only_i = Pidf { i: Coefficient::from_bits((1 << 16) / 20), ..Pidf::default() };
     let target = position(1_000, 0, 2_000);
     let mut bench = Bench::turned(pid(ONLY_F, only_i), [0.0]);
@@ -355,7 +355,7 @@ fn any_setpoint() -> impl Strategy<Value = Setpoint> {
     ]
 }
 
-/// Whatever a neighbour's encoder does: position if it has not failed, age of its edge, age of the sample.
+/// State of the other motor: position unless the encoder has failed, age of the edge, age of the sample, set-point.
 type Neighbour = (Option<i32>, u64, u64, Setpoint);
 
 proptest! {

@@ -1,5 +1,4 @@
-//! A motor on a bench that does to it whatever a test wants is asked to learn what it is: it says so within
-//! 10 %, or says why it cannot.
+//! The identification of a motor finds its dynamics within 10 %, or says why it cannot.
 
 mod common;
 
@@ -16,29 +15,29 @@ use motor_hub::regulator::identify::{Identification, Identified, Refusal, travel
 use motor_hub::units::{Control, EmfConstant, Millivolts, Resistance};
 use std::f64::consts::TAU;
 
-/// What friction and loads are shares of: the torque of the motor held at 12 V.
+/// Friction and loads are shares of the stall torque at this voltage.
 const NOMINAL: Volts = Volts(12.0);
 
-/// A motor with its load, and what the hub is told of it.
+/// A motor with its load, and its configuration.
 #[derive(Clone, Copy, Debug)]
 struct Setup {
     motor: Motor,
-    /// Of the load, in those of the rotor.
+    /// Inertia of the load, as a multiple of the rotor's inertia.
     inertia: f64,
     /// Coulomb friction, as a share of the stall torque.
     friction: f64,
-    /// Resistance and back EMF told, as factors.
-    told: (f64, f64),
+    /// Configured resistance and back EMF, as factors of the true ones.
+    configured: (f64, f64),
     battery: Battery,
     period_ms: u32,
     scheme: Scheme,
     limit: u32,
 }
 
-/// What came of it.
+/// Result of an identification.
 struct Outcome {
     identification: Identification,
-    /// Counts, least and most.
+    /// Lowest and highest position in counts.
     travel: (i64, i64),
 }
 
@@ -52,7 +51,7 @@ impl Setup {
             motor,
             inertia: 1.0,
             friction: 0.03,
-            told: (1.0, 1.0),
+            configured: (1.0, 1.0),
             battery: Battery { emf: Volts(12.6), resistance: Ohms(0.0) },
             period_ms: 50,
             scheme: Scheme::A,
@@ -70,7 +69,7 @@ impl Setup {
     }
 
     fn settings(&self) -> Settings {
-        let (r, ke) = self.told;
+        let (r, ke) = self.configured;
         let Winding { inductance, .. } = common::winding(&self.motor);
         let winding = Winding {
             emf: EmfConstant::from_ke(self.motor.ke.0 * ke, self.motor.counts_per_rev_motor)
@@ -126,7 +125,7 @@ impl Setup {
         panic!("no end: {self:?}");
     }
 
-    /// How far what was found is off: b in shares of itself, c in volts.
+    /// Errors of the found dynamics: b as a share of its true value, c in volts.
     fn errors(&self, found: &Identified) -> (f64, f64) {
         let (b, c) = self.truth();
         let gain = f64::from(found.dynamics.gain.to_f32());
@@ -141,19 +140,24 @@ fn found(outcome: &Outcome) -> Identified {
     }
 }
 
-/// Every motor with these loads, frictions and told constants.
-fn setups(loads: &[f64], frictions: &[f64], told: &[(f64, f64)]) -> Vec<Setup> {
+/// Every motor with these loads, frictions and configured constants.
+fn setups(loads: &[f64], frictions: &[f64], configured: &[(f64, f64)]) -> Vec<Setup> {
     let each = |motor| {
         loads.iter().flat_map(move |&inertia| {
             frictions.iter().flat_map(move |&friction| {
-                told.iter().map(move |&told| Setup { inertia, friction, told, ..Setup::of(motor) })
+                configured.iter().map(move |&configured| Setup {
+                    inertia,
+                    friction,
+                    configured,
+                    ..Setup::of(motor)
+                })
             })
         })
     };
     motors().map(Motor::with_measured_rotor_inertia).flat_map(each).collect()
 }
 
-const TOLD: [(f64, f64); 5] = [(1.0, 1.0), (0.7, 1.1), (1.3, 0.9), (0.7, 0.9), (1.3, 1.1)];
+const CONFIGURED: [(f64, f64); 5] = [(1.0, 1.0), (0.7, 1.1), (1.3, 0.9), (0.7, 0.9), (1.3, 1.1)];
 
 /// Runs all of them; the errors of b in order, and how many were refused.
 fn sweep(benches: &[Setup]) -> (Vec<f64>, usize) {
@@ -174,8 +178,8 @@ fn quantile(sorted: &[f64], share: f64) -> f64 {
 
 #[test]
 fn every_motor_of_the_catalogue_is_known_within_10_percent() {
-    for (period_ms, told) in [(10, (0.7, 1.1)), (50, (1.3, 0.9))] {
-        let mut benches = setups(&[0.0, 4.0], &[0.0, 0.1], &[told]);
+    for (period_ms, configured) in [(10, (0.7, 1.1)), (50, (1.3, 0.9))] {
+        let mut benches = setups(&[0.0, 4.0], &[0.0, 0.1], &[configured]);
         benches.iter_mut().for_each(|bench| bench.period_ms = period_ms);
         let (errors, refused) = sweep(&benches);
         assert!(quantile(&errors, 0.9) < 0.06, "{period_ms} ms: {errors:?}");
@@ -199,7 +203,7 @@ fn report_of_what_all_of_the_catalogue_comes_to() {
         (50, 12.6, 0.0, 1_000),
         (10, 12.6, 0.0, 500),
     ] {
-        let mut benches = setups(&[0.0, 1.0, 4.0], &[0.0, 0.05, 0.1], &TOLD);
+        let mut benches = setups(&[0.0, 1.0, 4.0], &[0.0, 0.05, 0.1], &CONFIGURED);
         for bench in &mut benches {
             bench.period_ms = period_ms;
             bench.battery = Battery { emf: Volts(emf), resistance: Ohms(ohms) };
@@ -236,9 +240,9 @@ fn friction_and_back_emf_are_found_with_honest_errors() {
 }
 
 #[test]
-fn what_a_short_motion_cannot_tell_is_taken_as_told() {
+fn what_a_short_motion_cannot_show_is_taken_as_configured() {
     // A time constant of 13 s.
-    let bench = Setup { inertia: 4.0, told: (1.0, 0.9), ..Setup::new("Matrix C") };
+    let bench = Setup { inertia: 4.0, configured: (1.0, 0.9), ..Setup::new("Matrix C") };
     let found = found(&bench.run());
     assert!(found.emf_is_configured && found.emf_error > 100, "{found:?}");
     assert!((found.emf.to_bits() - bench.settings().winding.emf.to_bits()).abs() <= 1);
@@ -246,12 +250,12 @@ fn what_a_short_motion_cannot_tell_is_taken_as_told() {
 
 #[test]
 fn a_scheme_changes_nothing_of_what_is_found() {
-    // With too large a back EMF told, the bridge is open at the end of a stretch.
-    for told in [(1.0, 1.0), (1.0, 1.1)] {
+    // If the configured back EMF is too large, the bridge is open at the end of a stretch.
+    for configured in [(1.0, 1.0), (1.0, 1.1)] {
         for scheme in [Scheme::ForwardReverse, Scheme::A, Scheme::B, Scheme::C] {
-            let bench = Setup { scheme, told, friction: 0.0, ..Setup::new("AM 60 A") };
+            let bench = Setup { scheme, configured, friction: 0.0, ..Setup::new("AM 60 A") };
             let (b, _) = bench.errors(&found(&bench.run()));
-            assert!(b.abs() < 0.05, "{scheme:?} {told:?}: {b}");
+            assert!(b.abs() < 0.05, "{scheme:?} {configured:?}: {b}");
         }
     }
 }
@@ -287,7 +291,7 @@ fn refused(outcome: Outcome, reasons: &[Refusal], what: &str) {
     }
 }
 
-/// What a load does to a motor or hides from it, or b that is right all the same.
+/// The identification is refused because of the load, or finds b correctly.
 fn refused_or_right(bench: &Setup, outcome: &Outcome, what: &str) {
     if let Identification::Found(found) = outcome.identification {
         let (b, _) = bench.errors(&found);

@@ -26,7 +26,7 @@ fn schemes() -> [Scheme; 5] {
     ]
 }
 
-/// What the hub is told of a motor and its bridge.
+/// Constants of a motor and its bridge, as configured in the hub.
 #[derive(Clone, Copy, Debug)]
 struct Electrical {
     resistance_mohm: u16,
@@ -222,7 +222,7 @@ fn current_is_continuous_and_rises_with_every_control_value() {
     }
 }
 
-/// Grows with the torque asked for: regime first, then duty.
+/// A number that grows with the requested torque: first by regime, then by duty.
 fn rank(placement: Modulation, emf: f64) -> i32 {
     let duty = i32::from(placement.drive.duty.to_bits());
     let turn = if emf < 0.0 { -1 } else { 1 };
@@ -300,11 +300,11 @@ fn braking_passes_smoothly_into_reverse_driving() {
     assert!(linear_current.abs() < 0.001, "{linear_current}");
 }
 
-/// Largest deviation from the line when the hub is told `told` of the motor.
-fn worst_when_told(motor: &Motor, told: impl Fn(Electrical) -> Electrical) -> f64 {
+/// Largest deviation from the line when the hub has these constants of the motor.
+fn worst_when_configured(motor: &Motor, configured: impl Fn(Electrical) -> Electrical) -> f64 {
     let mut worst = 0.0f64;
     for frequency in FREQUENCIES {
-        let winding = winding(told(electrical(motor, frequency)));
+        let winding = winding(configured(electrical(motor, frequency)));
         for emf in emfs(motor, 12.0) {
             let point = Point::new(emf, 12.0);
             for control in controls() {
@@ -321,12 +321,12 @@ fn worst_when_told(motor: &Motor, told: impl Fn(Electrical) -> Electrical) -> f6
 #[test]
 fn a_resistance_or_inductance_that_is_wrong_costs_little() {
     let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
-    let half = worst_when_told(motor, |e| Electrical { resistance_mohm: e.resistance_mohm / 2, ..e });
-    let double = worst_when_told(motor, |e| Electrical { resistance_mohm: e.resistance_mohm * 2, ..e });
+    let half = worst_when_configured(motor, |e| Electrical { resistance_mohm: e.resistance_mohm / 2, ..e });
+    let double = worst_when_configured(motor, |e| Electrical { resistance_mohm: e.resistance_mohm * 2, ..e });
     let half_l =
-        worst_when_told(motor, |e| Electrical { inductance_uh: e.inductance_uh.map(|l| l / 2), ..e });
+        worst_when_configured(motor, |e| Electrical { inductance_uh: e.inductance_uh.map(|l| l / 2), ..e });
     let double_l =
-        worst_when_told(motor, |e| Electrical { inductance_uh: e.inductance_uh.map(|l| l * 2), ..e });
+        worst_when_configured(motor, |e| Electrical { inductance_uh: e.inductance_uh.map(|l| l * 2), ..e });
     println!("R/2 {half:.4}, 2R {double:.4}, L/2 {half_l:.4}, 2L {double_l:.4} of Vbat/R");
     assert!([half, double, half_l, double_l].into_iter().all(|worst| worst < 0.065));
 }
@@ -395,8 +395,8 @@ fn windings_and_bridges_out_of_range_are_refused() {
     }
     for (diode_mv, switch_mohm, pwm_hz) in [(0, 0, 100), (2_000, 4_095, 200_000)] {
         let bridge = BridgeConstants::new(diode_mv, switch_mohm, pwm_hz).expect("in range");
-        let told = (bridge.diode_mv(), bridge.switch_mohm(), bridge.pwm_hz());
-        assert_eq!(told, (diode_mv, switch_mohm, pwm_hz));
+        let constants = (bridge.diode_mv(), bridge.switch_mohm(), bridge.pwm_hz());
+        assert_eq!(constants, (diode_mv, switch_mohm, pwm_hz));
     }
 }
 
@@ -409,8 +409,8 @@ fn the_neverest_60_is_the_one_of_the_catalogue() {
     assert_eq!(winding.inductance.map(|l| f64::from(l.as_microhenries())), Some((1e6 * motor.l.0).round()));
 }
 
-/// What the hub is told of a motor and a bridge of this frequency.
-fn told_of(motor: &Motor, frequency: f64, timing: Timing) -> LinearCurrent {
+/// The duty rule for a motor and a bridge of this frequency.
+fn configured_for(motor: &Motor, frequency: f64, timing: Timing) -> LinearCurrent {
     let bridge = BridgeConstants::new(700, 50, frequency as u32).expect("in range");
     let electrical = electrical(motor, frequency);
     let winding = Winding {
@@ -421,15 +421,16 @@ fn told_of(motor: &Motor, frequency: f64, timing: Timing) -> LinearCurrent {
     LinearCurrent::new(&winding, &bridge.with_timing(timing))
 }
 
-/// How far a bridge with edges as `real` has them gets from the line when the hub is told of `told`: the worst as a share of
-/// Vbat/R, of all control values, and of those whose duty the bridge may be given.
-fn worst_of_timed(real: Timing, told: Timing, frequency: f64) -> (f64, f64) {
+/// Largest deviation from the line of a bridge with `real` edges, when the hub is configured for other edges. Both
+/// values are shares of Vbat/R: of all control values, and of control values whose duty the bridge accepts.
+fn worst_of_timed(real: Timing, configured: Timing, frequency: f64) -> (f64, f64) {
     let bridge = BridgeConstants::new(700, 50, frequency as u32).expect("in range");
     let bridge = Bridge::new(bridge.with_timing(real));
     let (mut worst, mut of_allowed) = (0.0f64, 0.0f64);
     for motor in &catalogue::motors().collect::<Vec<_>>() {
-        let limited = told_of(motor, frequency, told);
-        let unlimited = told_of(motor, frequency, Timing { least_off_ns: 0, least_on_ns: 0, ..told });
+        let limited = configured_for(motor, frequency, configured);
+        let unlimited =
+            configured_for(motor, frequency, Timing { least_off_ns: 0, least_on_ns: 0, ..configured });
         for battery in BATTERIES {
             for point in emfs(motor, battery).map(|emf| Point::new(emf, battery)) {
                 for control in controls() {
@@ -458,18 +459,18 @@ fn of_a_real_bridge_the_line_keeps_what_the_shortest_low_time_leaves_of_it() {
     let slowest = Timing { turn_on_ns: 2_400, turn_off_ns: 1_600, ..real };
     println!("worst deviation from the line with the timing of a VNH2SP30-E, share of Vbat/R:");
     for (frequency, most) in [(20_000.0, 0.064), (10_000.0, 0.033)] {
-        let (untold, _) = worst_of_timed(real, Timing::IDEAL, frequency);
+        let (uncompensated, _) = worst_of_timed(real, Timing::IDEAL, frequency);
         let (all, allowed) = worst_of_timed(real, real, frequency);
         let (_, slow) = worst_of_timed(slowest, real, frequency);
         println!("{frequency} Hz: {all:.4}; where the duty may be given {allowed:.4}");
         println!(
-            "  with the slowest edges, told the typical ones {slow:.4}; edges made up for by nothing {untold:.4}"
+            "  slowest edges, configured as typical: {slow:.4}; edges not compensated: {uncompensated:.4}"
         );
         // Half of the low time, of V + Vd: 6.3 % of a period of 50 us.
         assert!((most / 2.0..most).contains(&all), "{all}");
         assert!(allowed < 0.0025, "{allowed}");
         assert!(slow < 0.012, "{slow}");
-        assert!(untold > 4.0 * allowed, "{untold}: making up for edges has lost its point");
+        assert!(uncompensated > 4.0 * allowed, "{uncompensated}: making up for edges has lost its point");
     }
 }
 
@@ -480,7 +481,7 @@ fn no_bridge_is_given_a_duty_that_it_must_be_spared() {
     for (hz, off, on) in
         [(20_000, 0.12, 0.048), (10_000, 0.06, 0.024), (1_000, 0.006, 0.0024), (200_000, 1.0, 1.0)]
     {
-        let current = told_of(motor, f64::from(hz), Timing::VNH5019);
+        let current = configured_for(motor, f64::from(hz), Timing::VNH5019);
         let bridge = BridgeConstants::new(700, 50, hz).expect("in range").with_timing(Timing::VNH5019);
         for rule in DutyRule::EACH {
             let modulator = Modulator::new(&winding, &bridge, Scheme::A, rule);
@@ -511,7 +512,7 @@ fn no_bridge_is_given_a_duty_that_it_must_be_spared() {
 
 #[test]
 fn the_current_that_a_duty_is_said_to_make_is_that_of_the_bridge() {
-    // What the regulator is told where the duty had to be another than wanted.
+    // The regulator gets the applied voltage where the bridge cannot have the requested duty.
     let motor = catalogue::find("AM 60 A").and_then(|entry| entry.motor.as_ref()).expect("known");
     for hz in [20_000, 10_000] {
         let bridge = BridgeConstants::new(700, 50, hz).expect("in range").with_timing(Timing::VNH5019);

@@ -1,4 +1,4 @@
-//! What keeps a motor, and what it moves, from harm when something fails.
+//! Protection of a motor and its load when something fails.
 
 mod common;
 
@@ -46,7 +46,7 @@ fn a_load_whose_encoder_is_unplugged_runs_away_from_a_motor_that_coasts_and_sink
 #[test]
 fn a_counter_that_falls_silent_brakes_until_it_speaks_again() {
     for setpoint in [velocity(300), position(9_000, 5, 300)] {
-        // It lifts, so that it is driven forward throughout.
+        // The winch lifts, so that the motor is always driven forward.
         let mut winch = winch(settings(OnFault::Brake), -0.4);
         winch.set(0, setpoint);
         winch.run_ms(1_000);
@@ -123,7 +123,7 @@ fn a_motor_without_a_limit_is_stalled_for_ever_and_one_with_is_derated_to_what_i
     for setpoint in [full, Setpoint::ConstantPower(Control::MIN)] {
         let (amperes, mut bench) = stalled(limited(OnFault::Coast), setpoint, 600);
         let amperes: Vec<f64> = amperes.iter().map(|amperes| amperes.abs()).collect();
-        // All of it as long as it takes to get up speed; then less, step by step, and never cut.
+        // The full current for the time of a start, then less in steps; the motor is never cut.
         assert!(amperes[..7].iter().all(|amperes| *amperes > 3.5), "{amperes:?}");
         assert!(amperes[29] < 2.2, "{}", amperes[29]);
         assert!(amperes.is_sorted_by(|before, after| *after <= before + 0.03), "{amperes:?}");
@@ -151,7 +151,8 @@ fn every_scheme_derates_a_motor_that_is_held() {
     }
 }
 
-/// A load of 2.2 N m, 2.1 A and more than the motor stands for ever, drives it until it is cut.
+/// A motor under a load of 2.2 N m, until the thermal limit cuts it. The load needs 2.1 A, which is above the
+/// continuous current.
 fn overrun(on_fault: OnFault) -> Bench<1> {
     let mut winch = winch(limited(on_fault), 2.2);
     let overheats = (0..240).any(|_| {
@@ -186,7 +187,7 @@ fn heat_is_of_the_measured_current_where_there_is_one() {
         }
         (bench.report().heat, bench.report().measured)
     };
-    // Of the first tick, before which the bridge drove nothing, the modelled one.
+    // At the first tick the heat is modelled, because the bridge was open before.
     let (least, measured) = heat(Some(60));
     assert!(least < 15 && measured == Some(Milliamperes::new(60)), "{least}, {measured:?}");
     let (modelled, none) = heat(None);
@@ -201,7 +202,7 @@ fn a_bridge_that_switches_itself_off_is_named_and_stays_off_until_the_motor_is_d
         winch.run_ms(500);
         assert!(!winch.report().faults.bridge);
         winch.hub.sense(&fault);
-        // It has come to again.
+        // The bridge has recovered.
         winch.hub.sense(&[BridgeFeedback::default()]);
         winch.run_ms(500);
         let report = winch.report();
@@ -212,7 +213,7 @@ fn a_bridge_that_switches_itself_off_is_named_and_stays_off_until_the_motor_is_d
         winch.run_ms(500);
         let report = winch.report();
         assert!(report.drive != Drive::COAST && !report.faults.any(), "{report:?}");
-        // One that is still at fault does not run again.
+        // A bridge that is still at fault does not run again.
         winch.hub.sense(&fault);
         winch.set(0, Setpoint::Disabled);
         winch.hub.sense(&fault);

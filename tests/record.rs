@@ -1,4 +1,4 @@
-//! The record of what happened: it outlasts a reset at any byte, and what memory holds otherwise is no record.
+//! The record of events survives a reset at any byte. Other contents of the memory are no record.
 #![expect(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -51,7 +51,7 @@ fn heads(memory: &Memory, cause: Fault) -> Vec<Head> {
     Record::open(&mut memory.clone(), cause).0.heads().collect()
 }
 
-/// A run of so many ticks.
+/// Records this number of ticks.
 fn run(record: &mut Record<'_>, ticks: u32) {
     (1..=ticks).for_each(|tick| record.tick(&turning(tick)));
 }
@@ -219,7 +219,7 @@ fn a_record_that_is_cleared_is_empty_and_goes_on() {
     assert_eq!(all.iter().map(|head| (head.fault, head.run)).collect::<Vec<_>>(), [(Fault::Watchdog, 2)]);
 }
 
-/// A record with two entries, the same after the tick in which a third is written, and what it then says.
+/// A record with two entries, the record after the tick that writes a third entry, and the contents of both.
 fn before_and_after() -> (Memory, Memory, Vec<(Head, Vec<Tick>)>) {
     let mut memory = [0; SIZE];
     run(&mut Record::open(&mut memory, Fault::PowerOn).0, 90);
@@ -236,11 +236,11 @@ fn before_and_after() -> (Memory, Memory, Vec<(Head, Vec<Tick>)>) {
     (before, memory, all)
 }
 
-/// What stands before the ring and the entries is written after these.
+/// The head is written after the ring and the entries.
 #[test]
 fn an_entry_whose_writing_a_reset_interrupted_is_ignored() {
     let (before, after, all) = before_and_after();
-    // A word is written at once.
+    // A word is written as a whole.
     for cut in (0..SIZE).step_by(4) {
         let mut memory = after;
         memory[..cut].copy_from_slice(&before[..cut]);
@@ -279,7 +279,7 @@ fn a_flipped_bit_removes_an_entry_or_its_ticks_and_adds_none() {
     }
 }
 
-/// Which run it is and its last tick, 24 bytes.
+/// The head has 24 bytes: number and last tick of the run.
 #[test]
 fn a_flipped_bit_in_the_state_of_the_run_removes_that_state_or_the_record() {
     let (_, memory, _) = before_and_after();
@@ -306,7 +306,7 @@ fn a_tick_whose_writing_a_reset_interrupted_is_in_no_entry() {
     let (mut record, _) = Record::open(&mut memory, Fault::PowerOn);
     run(&mut record, 100);
     let before = memory;
-    // What stands before the ring is written last: that the tick is there.
+    // The head is written last, and makes the tick valid.
     for garbled in 0..=32 {
         let mut memory = before;
         let begun = &mut memory[40 + 32 * 35..][..32];
@@ -325,7 +325,7 @@ proptest! {
     ) {
         let mut memory: Memory = bytes.try_into().expect("as many");
         if magic {
-            // So that what follows is looked at: "MHR1", run 7.
+            // A valid beginning, so that the rest is read: "MHR1", run 7.
             memory[..12].copy_from_slice(&[0x4D, 0x48, 0x52, 0x31, 7, 0, 0, 0, 0xF8, 0xFF, 0xFF, 0xFF]);
         }
         let (mut record, mut crash_report) = Record::open(&mut memory, Fault::Watchdog);

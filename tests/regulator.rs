@@ -1,4 +1,4 @@
-//! What is known of a motor's motion from samples that come as they come.
+//! The estimate of a motor's motion from samples at irregular times.
 
 mod common;
 
@@ -18,8 +18,8 @@ fn known() -> Settings {
     Settings { dynamics: Some(dynamics), ..Settings::new(Winding::NEVEREST_60) }
 }
 
-/// A motor that turns at this speed whatever it is told, for two seconds, its encoder read at times that are off
-/// by `jitter` microseconds; and left out now and then.
+/// Last report of a motor that turns at a constant speed for two seconds. The times of its samples are off by `jitter`
+/// microseconds. Samples of `left_out` milliseconds are missing.
 fn turning(cps: f64, jitter: impl Fn(u64) -> i64, left_out: impl Fn(u64) -> bool) -> Report {
     let mut motor = Puppet::new(known(), Period::DEFAULT);
     motor.set(velocity(cps as i32));

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Each room or package with those that it may import.
+/// Each room or package, with the rooms or packages that it may import.
 type Rules = BTreeMap<String, BTreeSet<String>>;
 
 const ROOMS: &str = "| room of the library | may import of it |";
@@ -185,7 +185,7 @@ fn tests_of_the_library_drive_motors_and_their_physics_on_the_common_bench() {
 
 #[test]
 fn only_programs_print() {
-    // What people read on a terminal is for host/cli and xtask to say.
+    // Only host/cli and xtask print to a terminal.
     let libraries =
         ["src", "boards/simulated/src", "boards/emulated/src", "host/client/src", "host/chart/src"];
     let libraries: Vec<String> =
@@ -233,7 +233,7 @@ fn manifest_path(package: &str) -> String {
 }
 
 fn manifest(package: &str) -> String {
-    // That every package is there is another test's to say.
+    // Another test checks that every package exists.
     fs::read_to_string(root().join(manifest_path(package))).unwrap_or_default()
 }
 
@@ -247,7 +247,7 @@ fn by_name(packages: &Rules) -> BTreeMap<String, String> {
     packages.keys().filter_map(name).collect()
 }
 
-/// src, boards, host, from the inside out; tools stand outside.
+/// Order of the wings from the inside out: src, boards, host. Tools are outside.
 fn wing(package: &str) -> usize {
     ["src", "boards", "host"].iter().position(|wing| package.starts_with(wing)).unwrap_or(3)
 }

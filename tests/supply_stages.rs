@@ -19,7 +19,7 @@ impl Sampled {
         self.supply.step(Some(Millivolts::new(mv)), Micros::new(1000 * self.ms)).expect("plausible")
     }
 
-    /// Until the filter has followed, and what is derated has recovered.
+    /// Holds a voltage until the filter has followed and derating has ended.
     fn hold(&mut self, mv: u16) -> Battery {
         (0..2_000).map(|_| self.see(mv)).last().expect("seen")
     }
@@ -44,7 +44,7 @@ fn the_filter_settles_about_equally_fast_at_every_sampling_interval() {
 fn after_a_gap_between_samples_the_filter_restarts() {
     let mut supply = Supply::new(Limits::default());
     supply.step(Some(Millivolts::new(12_600)), Micros::new(0));
-    // The task itself was held up: nobody said that there was no reading.
+    // The task was delayed, and no missing reading was reported.
     let battery = supply.step(Some(Millivolts::new(9_000)), Micros::new(10_000_000)).expect("plausible");
     assert_eq!(battery.voltage, Millivolts::new(9_000));
 }
@@ -110,7 +110,7 @@ fn a_collapsed_bus_gives_a_draw_of_zero_until_the_last_state_is_stale() {
     let down = see(12, 4_700).expect("known");
     assert_eq!(down, Battery { stage: DrawStage::Derated, draw: Share::NONE, ..before });
     assert!(!down.is_fresh(Micros::new(111_000)));
-    // Nothing is drawn, and it is back; nothing is bridged.
+    // Without a load the voltage is back.
     let back = see(13, 7_400).expect("plausible");
     assert_eq!((back.voltage, back.stage), (Millivolts::new(7_400), DrawStage::Derated));
     assert!(back.draw < Share::from_f32(0.01), "{:?}", back.draw);

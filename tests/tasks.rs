@@ -27,7 +27,7 @@ static CLOCK: Mutex<()> = Mutex::new(());
 #[derive(Default)]
 struct World {
     counts: [Cell<u16>; N],
-    /// Counters that do not answer.
+    /// Encoder counters that do not answer.
     dead: [Cell<bool>; N],
     sample: Cell<Option<Millivolts>>,
     /// The converter takes this long.
@@ -88,7 +88,7 @@ impl Wake for Woken {
 
 type TaskFuture<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
 
-/// The tasks of a board, each of which can be stopped.
+/// The tasks of a board. Each can be stopped.
 struct Board<'a> {
     capture: Option<TaskFuture<'a>>,
     supply: Option<TaskFuture<'a>>,
@@ -221,7 +221,7 @@ fn a_command_takes_effect_at_the_next_tick() {
 }
 
 #[test]
-fn constant_power_and_letting_go_wait_for_no_tick_and_regulation_does() {
+fn constant_power_and_coasting_wait_for_no_tick_and_regulation_does() {
     let parts = Parts::new(50);
     let mut board = parts.board();
     board.run_ms(210);
@@ -234,7 +234,7 @@ fn constant_power_and_letting_go_wait_for_no_tick_and_regulation_does() {
     }
     say(2, Setpoint::Velocity(CountsPerSecond::new(1_000)));
     board.run_ms(1);
-    // What came before one that waits for nothing waits no longer either, but for its regulator.
+    // Commands before a direct command are applied with it. Regulated motors wait for a tick.
     assert_eq!(modes(), [Some(Mode::Cw98), Some(Mode::Cw98), None, None]);
     board.run_ms(39);
     assert_eq!(modes(), [Some(Mode::Cw98), Some(Mode::Cw98), Some(Mode::Cw98), None]);
@@ -268,7 +268,7 @@ fn where_motors_are_and_how_fast_is_as_new_as_the_last_sample() {
     };
     let (mut counts, mut turned) = (0, 0);
     for ms in 0..800 {
-        // At once 2000 counts/s, which an observer needs a while to believe, and from the middle on 1000.
+        // 2000 counts/s from the start, which the observer follows with a delay, and 1000 counts/s from the middle on.
         turned += if ms < 400 { 2 } else { 1 };
         counts += 1;
         parts.world.counts[0].set(1_000_u16.wrapping_add(turned));
@@ -435,7 +435,7 @@ fn when_one_encoder_fails_its_motor_coasts_if_regulated_and_no_other_until_it_re
     for motor in 1..N {
         parts.send(motor, Setpoint::Velocity(CountsPerSecond::new(1000)));
     }
-    // All shafts turn at 1000 counts/s, whoever looks.
+    // All shafts turn at 1000 counts/s.
     let turn = |board: &mut Board<'_>, ms| {
         for _ in 0..ms {
             parts.world.counts.each_ref().into_iter().for_each(|count| count.set(count.get() + 1));
@@ -530,7 +530,7 @@ fn a_board_with_a_link_expects_it_to_check_in_too() {
     assert!(fed(false, true) >= 9, "whoever is not expected does not count");
 }
 
-/// Bridges of which one or another is at fault, and a current on the first.
+/// Bridges with faults, and a current on the first bridge.
 struct Heard<'a>(&'a Cell<[bool; N]>);
 
 impl motor_hub::board::BridgeFaults<N> for Heard<'_> {
@@ -586,7 +586,7 @@ fn a_bus_that_rises_between_two_ticks_reaches_the_bridges_at_once() {
         }
     };
     board.poll();
-    // It turns with 2000 counts/s whatever is asked of it, and so is braked.
+    // The motor turns at 2000 counts/s independent of its command, so it is braked.
     turn(&mut board, 500);
     parts.send(0, Setpoint::Velocity(CountsPerSecond::new(1_950)));
     turn(&mut board, 110);
@@ -596,7 +596,7 @@ fn a_bus_that_rises_between_two_ticks_reaches_the_bridges_at_once() {
     parts.world.sample.set(Some(Millivolts::new(15_500)));
     turn(&mut board, 2);
     assert_eq!(parts.world.last_drives(), [Drive::BRAKE, Drive::COAST, Drive::COAST, Drive::COAST]);
-    // And back, when the bus has been down for the time that burning lasts.
+    // The bridges return energy again after the bus has been low for the time of dissipation.
     parts.world.sample.set(Some(GOOD));
     turn(&mut board, 110);
     let drives = parts.world.last_drives();

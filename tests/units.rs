@@ -138,7 +138,7 @@ fn ke_of_a_neverest_60_is_known_to_the_bit_while_it_is_compiled() {
 
 #[test]
 fn ke_out_of_range_is_refused() {
-    // keFw = Ke at this many counts a revolution, in mV s/count.
+    // At this number of counts per turn keFw in mV s/count is equal to Ke.
     let counts = 2e3 * std::f64::consts::PI;
     let step = f64::from(1 << 20).recip();
     let bits = |ke| EmfConstant::from_ke(ke, counts).map(EmfConstant::to_bits);

@@ -120,7 +120,7 @@ pub(crate) struct Axis {
     /// Speed in counts/s at which a machine turns the shaft, whatever the motor does; `None` leaves it to the physics.
     pub(crate) turned: Option<f64>,
     pub(crate) cable: Cable,
-    /// The encoder's counter is not read for so many ms more.
+    /// Time in ms for which the encoder's counter is not read.
     pub(crate) unread_ms: u64,
     /// The newest reading.
     pub(crate) reading: Option<Reading>,
@@ -359,7 +359,7 @@ impl Puppet {
         self.motor.configure(settings);
     }
 
-    /// Lets time pass, and reads the encoder: it has counted so much further.
+    /// Lets time pass, and reads the encoder after it has counted on.
     pub(crate) fn sample(&mut self, ms: u64, counts: i32) {
         let position = self.reading.map_or(0, |last| last.position).wrapping_add(counts);
         self.sample_at(Micros::new(self.at.get() + 1_000 * ms), position);

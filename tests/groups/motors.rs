@@ -32,10 +32,10 @@ fn lead<const N: usize>(bench: &mut Bench<N>, together: GroupCommand) {
     bench.hub.apply(Command { motor, action: Action::Lead(together) }).expect("members");
 }
 
-/// Until the group has arrived; milliseconds.
+/// Runs until the group has arrived. Returns the time in ms.
 fn arrive<const N: usize>(bench: &mut Bench<N>, mut each_ms: impl FnMut(&Bench<N>)) -> u64 {
     let start = bench.ms;
-    // What was said of the course before is no answer.
+    // Reports of the course before do not count.
     bench.snapshot.motors.iter_mut().for_each(|motor| motor.settled = false);
     while !bench.snapshot.motors[0].settled {
         assert!(bench.ms - start < 20_000, "never arrived: {:?}", bench.snapshot);
@@ -162,7 +162,7 @@ fn a_turn_by_90_degrees_takes_little_more_than_a_second() {
             println!(
                 "90 degrees, known {known}, {period} ms: {ms} ms, off by {error:.3}, aside by {aside:.1} counts"
             );
-            // A count of one wheel is 0.032 degrees; a held motor that nobody configured is up to 2 counts off.
+            // A count of one wheel is 0.032 degrees; a held unknown motor is up to 2 counts off.
             assert!(error.abs() <= if known { 0.1 } else { 0.15 }, "{error}");
             // The dwell of 50 ms at the end is part of it.
             assert!(!known || ms <= 1_150 + 50, "{ms}");
@@ -260,7 +260,7 @@ fn a_member_that_is_told_something_else_leaves_and_the_others_halt() {
                 let moved = bench.counts(0) - place;
                 // The resolution of the encoder.
                 assert!(moved.abs() < 1.0, "{period} ms: {moved} {other:?}");
-                // What is left of the group is still one.
+                // The other members still form a group.
                 lead(&mut bench, together(Course::by(&[(0, 500)]).expect("a motor"), 300.0, 700.0));
                 let place = bench.counts(0);
                 arrive(&mut bench, |_| ());
@@ -337,7 +337,7 @@ fn a_gantry_of_four_different_motors_comes_level_and_goes_up() {
 fn the_slowest_sets_the_pace() {
     for known in [true, false] {
         for period in PERIODS {
-            // Of these the second one makes a third of the speed that is asked for.
+            // The second of these motors reaches a third of the requested speed.
             let motors = ["AM 60 A", "AM 40 B"].map(motor);
             let mut bench = set_up(period, motors, known, [WHEEL; 2]);
             bench.axes[1].torque = -0.1;

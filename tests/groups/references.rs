@@ -1,4 +1,4 @@
-//! What a group asks of its members, without any motors.
+//! References of a group's members, without motors.
 
 use motor_hub::group::{Course, DriveBase, Group, GroupCommand, Halt, MOTORS};
 use motor_hub::regulator::Reference;
@@ -177,10 +177,10 @@ fn who_lags_slows_all_down_and_stops_all() {
             motors.step();
             let [_, second] = motors.positions();
             positions[1] = second - sign * lag;
-            // What its wheel is ahead no other need wait for.
+            // The other wheels do not wait for a wheel that is ahead.
             positions[0] += sign * 5_000;
             let [_, slow] = motors.group.step(&positions).map(|reference| reference.expect("a member"));
-            // Of half a tick of 5 counts.
+            // Positions are rounded to counts: half a count per tick is 50 counts/s.
             assert!((slow.next.to_f64() - f64::from(sign) * 500.0 * pace).abs() < 55.0, "{lag}: {slow:?}");
         }
     }
@@ -196,11 +196,11 @@ fn a_course_names_its_members() {
 #[test]
 fn distances_and_headings_are_counts_and_counts_are_them() {
     let base = DriveBase { wheel_diameter_mm: 90.0, track_mm: 300.0, counts_per_turn: [1_680.0, -1_120.0] };
-    // pi 90 mm are a turn.
+    // A turn of a wheel is pi times 90 mm.
     assert_eq!(base.straight(282.743_339), Ok([1_680, -1_120]));
     // A wheel goes 300 pi / 4 mm.
     assert_eq!(base.turn(90.0), Ok([-1_400, -933]));
-    // About its left wheel.
+    // The base turns about its left wheel.
     let [left, right] = base.arc(150.0 * std::f64::consts::PI / 2.0, 90.0).expect("in range");
     assert_eq!((left, right), (0, -1_867));
     for (mm, degrees) in [(1_000.0, 0.0), (-200.0, 45.0), (0.0, -720.0)] {

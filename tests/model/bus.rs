@@ -1,4 +1,5 @@
-//! The bus of the model: nothing is lost, a source that cannot sink does not, and bridges that let go.
+//! The bus of the model: energy is conserved, a source that cannot sink takes no current, and bridges switch themselves
+//! off.
 
 use motor_hub::bridge::{Mode, State};
 use motor_hub::model::battery::Battery;
@@ -29,7 +30,7 @@ fn unprotected(bus: &mut Bus) {
     bus.protection = Protection::NONE;
 }
 
-/// Of the winding.
+/// Magnetic energy of the winding.
 fn magnetic(rig: &Rig) -> f64 {
     let plant = &rig.plants[0];
     0.5 * plant.motor().l.0 * plant.current().0 * plant.current().0
@@ -63,12 +64,12 @@ fn source_capacitor_winding_shaft_and_heat_balance_to_1e_9() {
 
 #[test]
 fn proportional_braking_lifts_a_bus_that_cannot_sink_beyond_what_bridges_stand() {
-    // A fixed duty of 5/0 at 0.2 kg m2, from 80 % of the free speed, and no bridge that lets go.
+    // Mode 5/0 at a fixed duty, with 0.2 kg m² at 80 % of the free speed. No bridge switches itself off.
     let mut rig = spinning(0.8, unprotected);
     rig.run(Seconds(2.0), &[PlantInput::pwm(Mode::Brake50, 0.5)]);
     let (_, highest) = rig.range();
     assert!(highest.0 > 41.0, "the absolute maximum of a VNH5019 is 41 V: {highest}");
-    // A battery takes it, and so does a full short.
+    // A battery takes the energy. A full short returns none.
     let mut rig = spinning(0.8, |_| ());
     rig.run(Seconds(2.0), &[PlantInput::pwm(Mode::Brake50, 0.5)]);
     assert!(rig.range().1.0 < 12.2, "{}", rig.range().1);

@@ -1,5 +1,5 @@
-//! Dry friction and cogging of the plant: against an integration in small steps by another method, and
-//! against what is known in closed form.
+//! Dry friction and cogging of the plant, compared with an integration in small steps by another method, and with
+//! closed forms.
 
 #![cfg(feature = "model")]
 #![expect(clippy::unwrap_used, reason = "a failed access is a failed test")]
@@ -40,8 +40,8 @@ fn close(got: f64, want: f64, tolerance: f64, what: impl core::fmt::Debug) {
     assert!((got - want).abs() <= tolerance, "{what:?}: {got} instead of {want}");
 }
 
-/// Motor and load by Moreau's time stepping: the free motion of a small step, from which friction takes
-/// an impulse of at most its torque times the step, so much that the shaft does not turn back for it.
+/// Motor and load by Moreau's time stepping. After the free motion of a small step friction takes an impulse of at most
+/// its torque times the step. Friction never turns the shaft back.
 struct SmallSteps {
     motor: Motor,
     shaft: Shaft,
@@ -59,7 +59,7 @@ impl SmallSteps {
         let (inertia, drag) = (self.shaft.inertia.0, self.shaft.drag.0);
         for _ in 0..(time / h).round() as u64 {
             let before = self.current;
-            // What the closed switches do not carry goes through diodes, against the battery, and dies away.
+            // Current that no closed switch carries flows through diodes against the battery, and decays.
             let dies = match state {
                 State::Coast => true,
                 State::HighLeft => before < 0.0,

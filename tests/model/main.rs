@@ -1,4 +1,4 @@
-//! The physics, against what was computed elsewhere and otherwise.
+//! The physics, compared with values that were computed by other programs and methods.
 
 mod bus;
 mod friction;

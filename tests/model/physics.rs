@@ -1,5 +1,4 @@
-//! The model against first principles: integration in small steps, and laws that hold whatever the
-//! formulas are.
+//! The model compared with first principles: integration in small steps, and conservation laws.
 
 #![cfg(feature = "model")]
 #![expect(clippy::unwrap_used, clippy::indexing_slicing, reason = "a failed access is a failed test")]
@@ -106,7 +105,7 @@ impl Reference {
             });
             self.state = next;
             if next[0] * way < 0.0 {
-                // Passed zero within the step: stop there and decide anew.
+                // The current has passed zero within the step: stop at zero, and find the direction again.
                 self.state[0] = 0.0;
             }
         }
@@ -326,7 +325,7 @@ fn duty_for_current_inverts_the_bridge_for_every_motor() {
                             worst = worst.max(miss);
                             assert!(miss < 1e-12, "{} {frequency} {at:?} {wanted}: {got}", motor.name);
                         } else {
-                            // Out of reach: as far as the bridge goes.
+                            // Out of reach: the bridge gives its largest voltage.
                             assert!(got.0.abs() <= wanted.0.abs() + 1e-12 * full);
                         }
                         let formula = circuit.duty_for_current_formula(wanted, frequency, at);

@@ -496,8 +496,8 @@ fn store_report() -> impl Strategy<Value = StoreReport> {
     use Stored::{Damaged, Later, Nothing, OneCopy, Whole};
     let stored = select(vec![Nothing, Whole, OneCopy, Later, Damaged]);
     let outcome = select(vec![Outcome::None, Done, NeedsErase, Refused, Lost]);
-    let told = any::<(u8, u32, bool, bool, u8, u8, u8)>();
-    (stored, outcome, told).prop_map(
+    let flags = any::<(u8, u32, bool, bool, u8, u8, u8)>();
+    (stored, outcome, flags).prop_map(
         |(stored, outcome, (version, number, at_work, differs, unknown, refused, coefficients))| {
             StoreReport { stored, version, number, at_work, outcome, differs, unknown, refused, coefficients }
         },

@@ -143,7 +143,7 @@ const FORMS: &[Form] = &[
 fn host() -> TestHost {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 5, 0]), (8, &[1, 1, 0]), (3, &[6, 1])]);
-    host.told();
+    host.new_commands();
     host
 }
 
@@ -208,7 +208,7 @@ fn short_forms_are_refused_with_the_first_missing_field_and_change_nothing() {
             assert_eq!(said, Said::Nack(whole as u8), "{:#06x} {length}", form.id);
         }
         assert_eq!(everything(&mut host), before, "{:#06x}", form.id);
-        assert!(host.told().is_empty());
+        assert!(host.new_commands().is_empty());
     }
 }
 
@@ -221,7 +221,7 @@ fn values_out_of_range_are_refused_with_their_field_and_change_nothing() {
             assert_eq!(host.ask(form.id, payload), Said::Nack(*code), "{:#06x} {payload:?}", form.id);
         }
         assert_eq!(everything(&mut host), before, "{:#06x}", form.id);
-        assert!(host.told().is_empty());
+        assert!(host.new_commands().is_empty());
     }
 }
 
@@ -495,7 +495,7 @@ fn packets_to_other_hubs_and_broadcasts_without_discovery_are_ignored() {
         let heard = host.send(&frame_to(address, 1, 0x7F0F, &[])).len();
         assert_eq!(heard, usize::from(address == 255));
     }
-    assert!(host.told().is_empty());
+    assert!(host.new_commands().is_empty());
 }
 
 #[test]

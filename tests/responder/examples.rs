@@ -43,7 +43,7 @@ fn a_host_runs_a_motor_at_half_power() {
     assert!(replies.iter().all(|reply| decode(reply).id == 0x7F01));
     let settings = motor_hub::motor::Settings { zero_power: ZeroPower::Float, ..crate::host::settings() };
     assert_eq!(
-        host.told(),
+        host.new_commands(),
         [
             Command { motor: 0, action: Action::Configure(settings) },
             Command { motor: 0, action: Action::Set(Setpoint::ConstantPower(Control::new(16_383))) },
@@ -62,11 +62,11 @@ fn a_host_sets_velocity_and_position_targets() {
         ],
     );
     assert!(replies.iter().all(|reply| decode(reply).id == 0x7F01));
-    assert!(host.told().is_empty(), "setting targets enables nothing");
+    assert!(host.new_commands().is_empty(), "setting targets enables nothing");
     host.do_all(&[(8, &[0, 2, 0]), (10, &[0, 1])]);
     let setpoint =
         Setpoint::Position { target: -1000, tolerance: 25, speed_limit: CountsPerSecond::new(300) };
-    assert_eq!(host.told().last().map(|c| c.action), Some(Action::Set(setpoint)));
+    assert_eq!(host.new_commands().last().map(|c| c.action), Some(Action::Set(setpoint)));
 }
 
 #[test]
@@ -88,8 +88,10 @@ fn a_host_sets_pidf_coefficients() {
     let mut host = TestHost::new();
     let request = "44 4b 1e 00 03 00 1b 00 33 10 01 01 8f 42 01 00 42 20 00 00 00 00 00 00 9a 99 0c 00 01 84";
     assert_eq!(decode(&session(&mut host, &[request])[0]).id, 0x7F01);
-    let told = host.told();
-    let [Command { motor: 1, action: Action::Configure(settings) }] = told[..] else { panic!("{told:?}") };
+    let commands = host.new_commands();
+    let [Command { motor: 1, action: Action::Configure(settings) }] = commands[..] else {
+        panic!("{commands:?}")
+    };
     let coefficients = settings.coefficients.expect("a host's own");
     let velocity = coefficients.velocity;
     assert_eq!(
@@ -124,10 +126,10 @@ fn the_fields_of_a_bulk_answer_are_in_order() {
 fn a_host_asks_for_fail_safe() {
     let mut host = TestHost::settled();
     host.do_all(&[(15, &[2, 0, 64]), (10, &[2, 1])]);
-    host.told();
+    host.new_commands();
     let replies = session(&mut host, &["44 4b 0b 00 03 00 0d 00 05 7f 2e"]);
     let reply = decode(&replies[0]);
     assert_eq!((reply.id, reply.payload.as_slice()), (0x7F01, &[1][..]), "attention");
     let expected = [0, 1, 2, 3].map(|motor| Command { motor, action: Action::Set(Setpoint::Disabled) });
-    assert_eq!(host.told(), expected);
+    assert_eq!(host.new_commands(), expected);
 }

@@ -45,7 +45,7 @@ fn enabled() -> TestHost {
     for motor in 0..N as u8 {
         host.do_all(&[(15, &[motor, 0, 0]), (10, &[motor, 1])]);
     }
-    host.told();
+    host.new_commands();
     host.tick();
     host
 }
@@ -56,10 +56,10 @@ fn a_course_is_sent_in_the_counts_of_the_motors() {
     host.snapshot.motors[3].position = 70;
     // Reset encoder.
     host.do_all(&[(14, &[3])]);
-    host.told();
+    host.new_commands();
     assert_eq!(ask(&mut host, 1, pair(500, -500)), Said::Ack(0));
-    assert_eq!(host.told(), [lead(1, 500, -430)]);
-    assert_eq!(host.told(), []);
+    assert_eq!(host.new_commands(), [lead(1, 500, -430)]);
+    assert_eq!(host.new_commands(), []);
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn a_course_follows_earlier_commands_and_replaces_its_members_targets() {
     }
     ask(&mut host, 3, pair(1, 2));
     let power = |motor| Command { motor, action: Action::Set(Setpoint::ConstantPower(Control::new(256))) };
-    assert_eq!(host.told(), [power(0), power(2), lead(3, 1, 2)]);
+    assert_eq!(host.new_commands(), [power(0), power(2), lead(3, 1, 2)]);
 }
 
 #[test]
@@ -79,15 +79,18 @@ fn a_later_command_to_a_member_alone_takes_it_out_of_the_group() {
         let mut host = enabled();
         ask(&mut host, 1, pair(1, 2));
         host.do_all(&[(function, payload)]);
-        let told = host.told();
-        assert!(matches!(told[..], [Command { motor: 3, action: Action::Set(_) }]), "{function}: {told:?}");
+        let commands = host.new_commands();
+        assert!(
+            matches!(commands[..], [Command { motor: 3, action: Action::Set(_) }]),
+            "{function}: {commands:?}"
+        );
     }
     // Questions are none, and neither are others.
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
     assert!(matches!(host.call(11, &[3]), Said::Data(_)));
     host.do_all(&[(15, &[0, 0, 1])]);
-    assert_eq!(host.told().last(), Some(&lead(1, 1, 2)));
+    assert_eq!(host.new_commands().last(), Some(&lead(1, 1, 2)));
 }
 
 #[test]
@@ -95,21 +98,21 @@ fn a_later_course_replaces_a_pending_one() {
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
     ask(&mut host, 3, pair(3, 4));
-    assert_eq!(host.told(), [lead(3, 3, 4)]);
+    assert_eq!(host.new_commands(), [lead(3, 3, 4)]);
 }
 
 #[test]
 fn a_group_with_a_disabled_member_is_refused() {
     let mut host = enabled();
     host.do_all(&[(10, &[3, 0])]);
-    host.told();
+    host.new_commands();
     assert_eq!(ask(&mut host, 1, pair(1, 2)), Said::Nack(51));
-    assert_eq!(host.told(), []);
+    assert_eq!(host.new_commands(), []);
     // Fail-safe disables all.
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
     host.ask(0x7F05, &[]);
-    assert!(host.told().iter().all(|command| command.action == Action::Set(Setpoint::Disabled)));
+    assert!(host.new_commands().iter().all(|command| command.action == Action::Set(Setpoint::Disabled)));
 }
 
 #[test]
@@ -118,7 +121,7 @@ fn a_request_to_a_motor_outside_the_group_is_refused() {
     assert_eq!(ask(&mut host, 0, pair(1, 2)), Said::Nack(2));
     assert_eq!(ask(&mut host, 0, wanted(GroupCourse::On([None; 4]))), Said::Nack(2));
     assert_eq!(ask(&mut host, 7, pair(1, 2)), Said::Nack(0));
-    assert_eq!(host.told(), []);
+    assert_eq!(host.new_commands(), []);
 }
 
 #[test]
@@ -134,7 +137,7 @@ fn the_state_of_a_group_is_reported_once_the_report_is_new_enough() {
     ask(&mut host, 1, pair(1, 2));
     assert_eq!(state(&mut host), Said::Data(vec![1]), "not sent yet");
     assert!(!host.reported(1).settled, "not sent yet");
-    host.told();
+    host.new_commands();
     host.snapshot.tick += 5;
     assert_eq!(state(&mut host), Said::Data(vec![1]), "in no snapshot yet");
     assert!(!host.reported(1).settled, "in no snapshot yet");
@@ -149,14 +152,14 @@ fn the_state_of_a_group_is_reported_once_the_report_is_new_enough() {
 fn a_member_that_gets_a_target_of_its_own_is_alone_even_before_a_snapshot_says_so() {
     let mut host = enabled();
     ask(&mut host, 1, pair(1, 2));
-    host.told();
+    host.new_commands();
     host.tick();
     host.snapshot.motors[1] =
         Report { setpoint: Setpoint::Together(Reference::default()), ..Report::INITIAL };
     assert_eq!(host.ask(STATE, &[1]), Said::Data(vec![1]));
     host.do_all(&[(15, &[1, 0, 1])]);
     assert_eq!(host.ask(STATE, &[1]), Said::Data(vec![0]), "not sent yet");
-    host.told();
+    host.new_commands();
     assert_eq!(host.ask(STATE, &[1]), Said::Data(vec![0]), "in no snapshot yet");
 }
 

@@ -40,7 +40,7 @@ pub(crate) fn frame_to(destination: u8, number: u8, id: u16, payload: &[u8]) -> 
     frame
 }
 
-/// What came back.
+/// Answer of the hub.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Said {
     /// With the attention flag.
@@ -134,7 +134,7 @@ impl TestHost {
     }
 
     /// The commands to the motors since the last call. No snapshot includes them before [`tick`](Self::tick).
-    pub(crate) fn told(&mut self) -> Vec<Command> {
+    pub(crate) fn new_commands(&mut self) -> Vec<Command> {
         std::iter::from_fn(|| {
             let command = self.responder.pending()?;
             self.commands = self.commands.wrapping_add(1);
@@ -193,15 +193,15 @@ pub(crate) enum Event {
     Pause(u16),
 }
 
-/// Lets it all happen to a fresh hub and checks what must hold for whatever comes: no motor runs unless
-/// a frame enabled it, and in the end a keep-alive is answered.
+/// Sends the events to a fresh hub. No motor may run unless a frame has enabled it, and a keep-alive at the end must be
+/// answered.
 pub(crate) fn survive(events: &[Event]) {
     let mut host = TestHost::settled();
-    // As much as a hub can have.
+    // With everything that a hub can have.
     host.responder = host.responder.with_slot(SLOT);
     host.responder.update_done(Done::Booted(Booted::Confirmed));
     let mut stream = Vec::new();
-    let mut told = Vec::new();
+    let mut commands = Vec::new();
     for event in events {
         match event {
             Event::Bytes(bytes, piece) => {
@@ -216,11 +216,11 @@ pub(crate) fn survive(events: &[Event]) {
                 host.responder.tick(host.now, &host.snapshot);
             }
         }
-        told.extend(host.told());
+        commands.extend(host.new_commands());
     }
     if !frames_in(&stream).any(|(_, frame)| enables(frame)) {
         let runs = |c: &Command| matches!(c.action, Action::Set(setpoint) if setpoint != Setpoint::Disabled);
-        assert!(!told.iter().any(runs), "{told:?}");
+        assert!(!commands.iter().any(runs), "{commands:?}");
         assert_eq!(host.responder.enabled(), [false; N]);
     }
 
@@ -240,7 +240,7 @@ pub(crate) fn survive(events: &[Event]) {
     if !hidden && host.responder.address() == address {
         assert_eq!(answers(replies), answered);
     }
-    // After a silence, whatever was before.
+    // After a silence every packet is answered.
     host.wait_ms(50);
     host.send(&[]);
     let packet = keep_alive(&host);

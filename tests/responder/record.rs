@@ -72,8 +72,8 @@ fn a_cleared_record_is_reported_once_more_and_then_empty() {
     resets(&mut memory, 2);
     let (mut record, _) = Record::open(&mut memory, Fault::Watchdog);
     let mut host = TestHost::settled();
-    let told: Entries = ask(&mut host, &mut record, HubFunction::Entries { from: 0, clear: true });
-    assert_eq!(told.count, 2);
-    let told: Entries = ask(&mut host, &mut record, HubFunction::Entries { from: 0, clear: false });
-    assert_eq!((told.run, told.count), (3, 0));
+    let entries: Entries = ask(&mut host, &mut record, HubFunction::Entries { from: 0, clear: true });
+    assert_eq!(entries.count, 2);
+    let entries: Entries = ask(&mut host, &mut record, HubFunction::Entries { from: 0, clear: false });
+    assert_eq!((entries.run, entries.count), (3, 0));
 }

@@ -57,7 +57,7 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
             let mut host = TestHost::settled();
             // What zero means is not part of it.
             host.do_all(&[(8, &[2, 1, 1])]);
-            host.told();
+            host.new_commands();
             let fields = fields(KE, 4_200, uh, code, blend, rule);
             set_up(&mut host, 2, &fields);
 
@@ -70,7 +70,7 @@ fn a_motor_is_set_up_with_the_coefficients_that_go_with_it() {
             };
             let settings =
                 Settings { duty, zero_power: ZeroPower::Float, ..Settings::for_scheme(winding, scheme) };
-            assert_eq!(host.told(), [Command { motor: 2, action: Action::Configure(settings) }]);
+            assert_eq!(host.new_commands(), [Command { motor: 2, action: Action::Configure(settings) }]);
 
             assert_eq!(host.ask(FIRST_FUNCTION + 1, &[2]), Said::Data(fields));
         }
@@ -107,8 +107,8 @@ fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
     set_up(&mut host, 0, &fields(ke, mohm, uh, 1, 0, 1));
 
     let emf = EmfConstant::from_bits(ke).expect("in range");
-    let told: Vec<Settings> = host
-        .told()
+    let settings: Vec<Settings> = host
+        .new_commands()
         .into_iter()
         .map(|command| match command.action {
             Action::Configure(settings) => settings,
@@ -116,8 +116,8 @@ fn choosing_linear_duty_forgets_neither_winding_nor_bridge() {
         })
         .collect();
     let again = Settings { bridge, ..Settings::new(Winding { emf, ..started.winding }) };
-    assert_eq!(told.last(), Some(&again));
-    assert!(told.iter().all(|settings| settings.bridge == bridge), "{told:?}");
+    assert_eq!(settings.last(), Some(&again));
+    assert!(settings.iter().all(|one| one.bridge == bridge), "{settings:?}");
 }
 
 #[test]
@@ -149,7 +149,7 @@ fn setting_up_enables_nothing_and_stops_nothing() {
 fn standing() -> TestHost {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[1, 0, 0]), (15, &[1, 0, 0]), (10, &[1, 1])]);
-    host.told();
+    host.new_commands();
     host
 }
 
@@ -164,7 +164,7 @@ fn an_enabled_motor_at_rest_is_identified_and_its_travel_announced() {
         let counts = travel(settings().winding.emf, Millivolts::new(12_345), limit);
         assert_eq!(learn(&mut host, limit), Said::Data(counts.to_le_bytes().to_vec()));
         let setpoint = Setpoint::Identify { travel_limit: limit };
-        assert_eq!(host.told(), [Command { motor: 1, action: Action::Set(setpoint) }]);
+        assert_eq!(host.new_commands(), [Command { motor: 1, action: Action::Set(setpoint) }]);
     }
 }
 
@@ -176,9 +176,9 @@ fn a_motor_that_is_driven_is_not_identified() {
     for calls in [nothing_but_disabled, driven, regulated] {
         let mut host = standing();
         host.do_all(calls);
-        host.told();
+        host.new_commands();
         assert_eq!(learn(&mut host, 500), Said::Nack(51), "{calls:?}");
-        assert_eq!(host.told(), []);
+        assert_eq!(host.new_commands(), []);
     }
     for (battery, stage) in [(None, DrawStage::Cut), (Some(6_900), DrawStage::Derated)] {
         let mut host = standing();
@@ -195,11 +195,11 @@ fn any_other_target_or_disabling_ends_an_identification() {
     for (function, payload, setpoint) in cases {
         let mut host = standing();
         learn(&mut host, 500);
-        host.told();
+        host.new_commands();
         host.do_all(&[(function, payload)]);
-        assert_eq!(host.told(), [Command { motor: 1, action: Action::Set(setpoint) }]);
+        assert_eq!(host.new_commands(), [Command { motor: 1, action: Action::Set(setpoint) }]);
         host.do_all(&[(10, &[1, 1])]);
-        assert_eq!(host.told().last(), Some(&Command { motor: 1, action: Action::Set(brake) }));
+        assert_eq!(host.new_commands().last(), Some(&Command { motor: 1, action: Action::Set(brake) }));
     }
 }
 
@@ -239,7 +239,7 @@ fn an_old_identification_is_not_reported_as_the_new_one() {
     host.snapshot.motors[1].identification = Identification::Refused(Refusal::Load);
     learn(&mut host, 500);
     assert_eq!(host.ask(FIRST_FUNCTION + 5, &[1]), Said::Data(vec![1, 0]), "not sent yet");
-    host.told();
+    host.new_commands();
     for _ in 0..3 {
         // However many ticks pass before the hub takes the command.
         host.snapshot.tick += 1;
@@ -259,7 +259,7 @@ fn a_protection_reads_back_and_outlasts_a_set_up() {
     assert_eq!(host.ask(FIRST_FUNCTION + 8, &[&[1, 1], &limit[..]].concat()), Said::Ack(0));
     let thermal = ThermalLimit::new(1_200, 20, 600).ok();
     let braking = Settings { on_fault: OnFault::Brake, thermal, ..settings() };
-    assert_eq!(host.told(), [Command { motor: 1, action: Action::Configure(braking) }]);
+    assert_eq!(host.new_commands(), [Command { motor: 1, action: Action::Configure(braking) }]);
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
     assert_eq!(host.ask(FIRST_FUNCTION + 9, &[1]), Said::Data([&[1], &limit[..]].concat()));
     assert_eq!(host.ask(FIRST_FUNCTION + 9, &[0]), Said::Data([&[0], &none[..]].concat()));
@@ -281,8 +281,8 @@ fn the_condition_of_motor_and_bridge_is_that_of_the_last_tick() {
         faults: Faults { overheated: true, bridge: true, ..Faults::default() },
         ..Report::INITIAL
     };
-    let told = [0x50, 0xFB, 0xFF, 0xFF, 1, 0x7E, 4, 0x1A, 4, 1, 1, 1, 4];
-    assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(told.to_vec()));
+    let answer = [0x50, 0xFB, 0xFF, 0xFF, 1, 0x7E, 4, 0x1A, 4, 1, 1, 1, 4];
+    assert_eq!(host.ask(FIRST_FUNCTION + 10, &[2]), Said::Data(answer.to_vec()));
 }
 
 #[test]
@@ -305,12 +305,12 @@ fn the_bus_is_reported_as_measured_last_until_the_measurement_is_too_old() {
             .into_iter()
             .find_map(|(known, code)| (known == state).then_some(code));
         let energies = [0xC4, 9, 0, 0, 0x70, 0x11, 1, 0];
-        let told = [&[code.expect("listed"), 1], &mv.to_le_bytes()[..], &[0xF4, 1], &energies].concat();
-        assert_eq!(ask(&mut host), Said::Data(told), "{state:?}");
+        let answer = [&[code.expect("listed"), 1], &mv.to_le_bytes()[..], &[0xF4, 1], &energies].concat();
+        assert_eq!(ask(&mut host), Said::Data(answer), "{state:?}");
     }
     host.now = Micros::new(at.get() + 100_001);
-    let Said::Data(told) = ask(&mut host) else { panic!("an answer") };
-    assert_eq!(told[..4], [0; 4], "nothing new is measured");
+    let Said::Data(answer) = ask(&mut host) else { panic!("an answer") };
+    assert_eq!(answer[..4], [0; 4], "nothing new is measured");
 }
 
 #[test]
@@ -335,12 +335,12 @@ fn all_motors_are_reported_in_one_answer() {
         faults: Faults { encoder_stale: true, encoder: Some(EncoderFault::Reversed), ..Faults::default() },
         ..Report::INITIAL
     };
-    let Said::Data(told) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    let Said::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
     // Version, motors, bytes of each, time, 12 V, nothing is measured, nothing is dissipated.
-    assert_eq!(told[..12], [2, 4, 36, 50, 0, 0, 0, 0xE0, 0x2E, 0, 0, 0]);
+    assert_eq!(answer[..12], [2, 4, 36, 50, 0, 0, 0, 0xE0, 0x2E, 0, 0, 0]);
     // Behind the motors: no command is included, and the next one to be sent is not.
-    assert_eq!(told[12 + 4 * 36..], [0, 0, 0, 0, 1, 0, 0, 0]);
-    let motor = &told[12 + 36..][..36];
+    assert_eq!(answer[12 + 4 * 36..], [0, 0, 0, 0, 1, 0, 0, 0]);
+    let motor = &answer[12 + 36..][..36];
     // Velocity, 1000; 70 000 counts, -1505 counts/s; by model; 20 000; reverse, 9/8, half; currents; heat; enabled and
     // stalled; silent and reversed.
     let expected = [
@@ -364,13 +364,13 @@ fn all_motors_are_reported_in_one_answer() {
     host.snapshot.motors[1].setpoint =
         Setpoint::Position { target: 70_005, tolerance: 5, speed_limit: CountsPerSecond::new(100) };
     host.do_all(&[(14, &[1])]);
-    let Said::Data(told) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
-    assert_eq!(told[12 + 36..][..9], [4, 5, 0, 0, 0, 0, 0, 0, 0]);
+    let Said::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    assert_eq!(answer[12 + 36..][..9], [4, 5, 0, 0, 0, 0, 0, 0, 0]);
 
     host.snapshot.battery = None;
-    let Said::Data(told) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
+    let Said::Data(answer) = host.ask(FIRST_FUNCTION + 20, &[]) else { panic!("an answer") };
     assert_eq!(
-        (&told[7..9], &told[12 + 36 + 28..][..8]),
+        (&answer[7..9], &answer[12 + 36 + 28..][..8]),
         (&[0; 2][..], &[0; 8][..]),
         "nothing without a battery"
     );
@@ -384,7 +384,7 @@ fn a_bridge_timing_reads_back_and_outlasts_a_set_up() {
     let timing = [0x70, 0x17, 0x60, 9, 0xB0, 4, 0xE8, 3, 0x58, 2];
     assert_eq!(host.ask(FIRST_FUNCTION + 11, &[&[1], &timing[..]].concat()), Said::Ack(0));
     let timed = Settings { bridge: BridgeConstants::VNH5019, ..settings() };
-    assert_eq!(host.told(), [Command { motor: 1, action: Action::Configure(timed) }]);
+    assert_eq!(host.new_commands(), [Command { motor: 1, action: Action::Configure(timed) }]);
     set_up(&mut host, 1, &fields(KE, 4_200, 0, 1, 0, 1));
     assert_eq!(host.ask(FIRST_FUNCTION + 12, &[1]), Said::Data(timing.to_vec()));
 }

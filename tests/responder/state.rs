@@ -20,7 +20,7 @@ fn set(motor: usize, setpoint: Setpoint) -> Command {
 fn driving() -> TestHost {
     let mut host = TestHost::settled();
     host.do_all(&[(15, &[0, 0, 64]), (10, &[0, 1])]);
-    assert_eq!(host.told(), [set(0, Setpoint::ConstantPower(Control::new(16_384)))]);
+    assert_eq!(host.new_commands(), [set(0, Setpoint::ConstantPower(Control::new(16_384)))]);
     host
 }
 
@@ -45,9 +45,9 @@ fn a_motor_is_not_enabled_before_it_has_a_target_for_its_mode() {
         assert_eq!(host.call(10, &[0, 1]), Said::Nack(50), "mode {mode}");
         assert_eq!(host.call(11, &[0]), no());
         host.do_all(&[(function, payload)]);
-        assert!(host.told().iter().all(|command| matches!(command.action, Action::Configure(_))));
+        assert!(host.new_commands().iter().all(|command| matches!(command.action, Action::Configure(_))));
         host.do_all(&[(10, &[0, 1]), (10, &[0, 0])]);
-        host.told();
+        host.new_commands();
     }
 }
 
@@ -55,12 +55,12 @@ fn a_motor_is_not_enabled_before_it_has_a_target_for_its_mode() {
 fn targets_may_be_set_in_any_mode_and_take_effect_in_their_own() {
     let mut host = TestHost::settled();
     host.do_all(&[(19, &[1, 100, 0, 0, 0, 7, 0]), (17, &[1, 0xD4, 0xFE]), (15, &[1, 5, 0]), (10, &[1, 1])]);
-    assert_eq!(host.told(), [set(1, Setpoint::ConstantPower(Control::new(5)))]);
+    assert_eq!(host.new_commands(), [set(1, Setpoint::ConstantPower(Control::new(5)))]);
     let velocity = Setpoint::Velocity(CountsPerSecond::new(-300));
     let position = Setpoint::Position { target: 100, tolerance: 7, speed_limit: CountsPerSecond::new(300) };
     for (mode, setpoint) in [(1, velocity), (2, position)] {
         host.do_all(&[(8, &[1, mode, 0])]);
-        assert_eq!(host.told().last(), Some(&set(1, setpoint)));
+        assert_eq!(host.new_commands().last(), Some(&set(1, setpoint)));
     }
 }
 
@@ -68,9 +68,9 @@ fn targets_may_be_set_in_any_mode_and_take_effect_in_their_own() {
 fn an_enabled_motor_in_a_mode_without_target_floats_until_it_has_one() {
     let mut host = driving();
     host.do_all(&[(8, &[0, 1, 0])]);
-    assert_eq!(host.told().last(), Some(&set(0, Setpoint::Disabled)));
+    assert_eq!(host.new_commands().last(), Some(&set(0, Setpoint::Disabled)));
     host.do_all(&[(17, &[0, 10, 0])]);
-    assert_eq!(host.told(), [set(0, Setpoint::Velocity(CountsPerSecond::new(10)))]);
+    assert_eq!(host.new_commands(), [set(0, Setpoint::Velocity(CountsPerSecond::new(10)))]);
 }
 
 #[test]
@@ -79,12 +79,12 @@ fn a_position_without_a_velocity_has_the_highest_speed_limit() {
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 1, 0, 0, 0, 0, 0]), (10, &[0, 1])]);
     let speed_limit = CountsPerSecond::new(32_767);
     assert_eq!(
-        host.told().last(),
+        host.new_commands().last(),
         Some(&set(0, Setpoint::Position { target: 1, tolerance: 0, speed_limit }))
     );
     host.do_all(&[(17, &[0, 0, 0x80])]);
     let speed_limit = CountsPerSecond::new(32_768);
-    assert_eq!(host.told(), [set(0, Setpoint::Position { target: 1, tolerance: 0, speed_limit })]);
+    assert_eq!(host.new_commands(), [set(0, Setpoint::Position { target: 1, tolerance: 0, speed_limit })]);
 }
 
 #[test]
@@ -93,7 +93,7 @@ fn commands_faster_than_the_motors_take_them_are_sent_by_their_outcome() {
     for power in 0..100 {
         host.do_all(&[(15, &[2, power, 0]), (10, &[2, 1])]);
     }
-    assert_eq!(host.told(), [set(2, Setpoint::ConstantPower(Control::new(99)))]);
+    assert_eq!(host.new_commands(), [set(2, Setpoint::ConstantPower(Control::new(99)))]);
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn a_release_is_sent_first_even_if_the_motor_is_enabled_again_immediately() {
     host.do_all(&[(15, &[1, 1, 0]), (10, &[1, 1]), (10, &[0, 0]), (10, &[0, 1])]);
     let half = Setpoint::ConstantPower(Control::new(16_384));
     let one = Setpoint::ConstantPower(Control::new(1));
-    assert_eq!(host.told(), [set(0, Setpoint::Disabled), set(0, half), set(1, one)]);
+    assert_eq!(host.new_commands(), [set(0, Setpoint::Disabled), set(0, half), set(1, one)]);
 }
 
 #[test]
@@ -111,9 +111,9 @@ fn a_reset_encoder_reads_0_and_targets_are_in_its_counts() {
     host.snapshot.motors[0].position = i32::MAX;
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 10, 0, 0, 0, 3, 0]), (10, &[0, 1]), (14, &[0])]);
     assert_eq!(host.call(22, &[0]), Said::Data(vec![0; 4]));
-    let told = host.told();
-    let Some(Action::Set(Setpoint::Position { target, .. })) = told.last().map(|c| c.action) else {
-        panic!("{told:?}")
+    let commands = host.new_commands();
+    let Some(Action::Set(Setpoint::Position { target, .. })) = commands.last().map(|c| c.action) else {
+        panic!("{commands:?}")
     };
     assert_eq!(target, i32::MAX.wrapping_add(10));
     for (moved, within) in [(6, 0), (7, 1), (13, 1), (14, 0)] {
@@ -137,9 +137,10 @@ fn a_far_target_is_in_the_direction_of_the_hosts_counts() {
             let [a, b, c, d] = to.to_le_bytes();
             host.do_all(&[(19, &[0, a, b, c, d, 0, 0]), (10, &[0, 1])]);
             assert_eq!(host.call(20, &[0]), Said::Data(vec![a, b, c, d, 0, 0]));
-            let told = host.told();
-            let Some(Action::Set(Setpoint::Position { target, .. })) = told.last().map(|c| c.action) else {
-                panic!("{told:?}")
+            let commands = host.new_commands();
+            let Some(Action::Set(Setpoint::Position { target, .. })) = commands.last().map(|c| c.action)
+            else {
+                panic!("{commands:?}")
             };
             let ahead = i64::from(to) - i64::from(from);
             // The ends of the numbers are neighbours on the way of a motor that counts through them.
@@ -174,7 +175,7 @@ fn within_tolerance_is_of_the_newest_target_and_not_of_an_older_report() {
 fn a_motor_in_full_flight_is_within_tolerance_when_it_passes_its_target_but_not_settled() {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0]), (10, &[0, 1])]);
-    host.told();
+    host.new_commands();
     host.snapshot.motors[0].velocity = CountsPerSecond::new(2_000);
     assert_eq!(host.call(21, &[0]), Said::Data(vec![1]));
     assert!(!host.reported(0).settled);
@@ -186,7 +187,7 @@ fn a_disabled_motor_that_stands_on_its_target_is_neither_within_tolerance_nor_se
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0])]);
     for calls in [&[][..], &[(10, &[0, 1][..]), (10, &[0, 0])]] {
         host.do_all(calls);
-        host.told();
+        host.new_commands();
         assert_eq!(host.call(21, &[0]), no());
         let Said::Data(bulk) = host.call(0, &[]) else { panic!() };
         assert_eq!(bulk[17], 0);
@@ -198,13 +199,13 @@ fn a_disabled_motor_that_stands_on_its_target_is_neither_within_tolerance_nor_se
 fn a_motor_is_not_reported_settled_before_a_snapshot_includes_its_newest_target() {
     let mut host = TestHost::settled();
     host.do_all(&[(8, &[0, 2, 0]), (19, &[0, 0, 0, 0, 0, 5, 0]), (10, &[0, 1])]);
-    host.told();
+    host.new_commands();
     host.tick();
     host.snapshot.motors[0].settled = true;
     assert!(host.reported(0).settled);
     host.do_all(&[(19, &[0, 0, 1, 0, 0, 5, 0])]);
     assert!(!host.reported(0).settled, "not sent yet");
-    host.told();
+    host.new_commands();
     assert!(!host.reported(0).settled, "in no snapshot yet");
     host.tick();
     assert!(host.reported(0).settled);
@@ -219,7 +220,7 @@ fn a_report_says_whether_it_includes_all_commands_also_where_the_numbers_wrap() 
         assert!(host.report().is_up_to_date(), "{start}");
         host.do_all(&[(15, &[0, 0, 64]), (10, &[0, 1]), (15, &[2, 0, 64]), (10, &[2, 1])]);
         assert!(!host.report().is_up_to_date(), "not sent yet, {start}");
-        assert_eq!(host.told().len(), 2);
+        assert_eq!(host.new_commands().len(), 2);
         assert!(!host.report().is_up_to_date(), "in no snapshot yet, {start}");
         host.snapshot.commands = start.wrapping_add(1);
         assert!(!host.report().is_up_to_date(), "one of two, {start}");
@@ -308,21 +309,21 @@ fn a_silence_of_2500_ms_disables_all_motors_once() {
     host.wait_ms(TIMEOUT_MS);
     host.now = Micros::new(host.now.get() - 1);
     host.responder.tick(host.now, &host.snapshot);
-    assert!(host.responder.enabled()[0] && host.told().is_empty());
+    assert!(host.responder.enabled()[0] && host.new_commands().is_empty());
     host.now = Micros::new(host.now.get() + 1);
     host.responder.tick(host.now, &host.snapshot);
-    assert_eq!(host.told(), [0, 1, 2, 3].map(|motor| set(motor, Setpoint::Disabled)));
+    assert_eq!(host.new_commands(), [0, 1, 2, 3].map(|motor| set(motor, Setpoint::Disabled)));
     host.wait_ms(10 * TIMEOUT_MS);
     host.responder.tick(host.now, &host.snapshot);
-    assert!(host.told().is_empty());
+    assert!(host.new_commands().is_empty());
     assert_eq!(enabled(&mut host), [no(), no(), no(), no()]);
     assert_eq!(keep_alive(&mut host), Said::Ack(1));
     assert_eq!(host.ask(0x7F03, &[1]), Said::Data(vec![1, 0]));
-    assert!(host.told().is_empty(), "packets alone enable nothing");
+    assert!(host.new_commands().is_empty(), "packets alone enable nothing");
     host.do_all(&[(15, &[0, 0, 64])]);
-    assert!(host.told().is_empty(), "nor do targets");
+    assert!(host.new_commands().is_empty(), "nor do targets");
     host.do_all(&[(10, &[0, 1])]);
-    assert_eq!(host.told(), [set(0, Setpoint::ConstantPower(Control::new(16_384)))]);
+    assert_eq!(host.new_commands(), [set(0, Setpoint::ConstantPower(Control::new(16_384)))]);
 }
 
 #[test]
@@ -456,28 +457,28 @@ fn a_hub_with_fewer_motors_refuses_the_other_channels() {
 #[test]
 fn a_motor_set_to_brake_at_faults_brakes_when_its_host_is_silent() {
     let mut host = driving();
-    host.told();
+    host.new_commands();
     let setup = motor_hub::extension::FIRST_FUNCTION;
     for motor in [0, 1] {
         assert_eq!(host.ask(setup + 8, &[motor, 1, 0, 0, 0, 0, 0, 0]), Said::Ack(0));
     }
     // Of those two only the first runs.
     host.do_all(&[(10, &[1, 0])]);
-    host.told();
+    host.new_commands();
     let silence = |host: &mut TestHost| {
         host.wait_ms(2_500);
         host.responder.tick(host.now, &host.snapshot);
-        host.told()
+        host.new_commands()
     };
-    let told = silence(&mut host);
-    assert_eq!(told.first(), Some(&set(0, Setpoint::FailSafe)));
-    assert!(!told.contains(&set(1, Setpoint::FailSafe)), "{told:?}");
-    assert!(told.contains(&set(2, Setpoint::Disabled)), "{told:?}");
+    let commands = silence(&mut host);
+    assert_eq!(commands.first(), Some(&set(0, Setpoint::FailSafe)));
+    assert!(!commands.contains(&set(1, Setpoint::FailSafe)), "{commands:?}");
+    assert!(commands.contains(&set(2, Setpoint::Disabled)), "{commands:?}");
     assert_eq!(enabled(&mut host), [no(), no(), no(), no()]);
     // The motor brakes until a host disables it.
     assert!(!silence(&mut host).iter().any(|command| command.motor == 0));
     host.do_all(&[(10, &[0, 0])]);
-    assert_eq!(host.told(), [set(0, Setpoint::Disabled)]);
+    assert_eq!(host.new_commands(), [set(0, Setpoint::Disabled)]);
 }
 
 #[test]

@@ -32,7 +32,7 @@ fn found(record: &SettingsRecord) -> Found {
 fn powered_on(found: Found) -> TestHost {
     let mut host = TestHost::new();
     host.responder.restore(found);
-    host.told();
+    host.new_commands();
     host
 }
 
@@ -99,14 +99,17 @@ fn only_saved_settings_are_restored() {
     set_everything(&mut host);
     // Targets are no settings.
     host.do_all(&[(17, &[2, 100, 0]), (10, &[2, 1])]);
-    let (before, told) = (all(&mut host), host.responder.enabled());
-    assert_eq!((told, report(&mut host).differs), ([false, false, true, false], true));
+    let (before, enabled) = (all(&mut host), host.responder.enabled());
+    assert_eq!((enabled, report(&mut host).differs), ([false, false, true, false], true));
     assert!(matches!(host.ask(SAVE, &[]), Said::Ack(_)));
     assert!(report(&mut host).at_work);
     let record = carried_out(&mut host);
-    let told = report(&mut host);
-    assert_eq!((told.stored, told.number, told.at_work), (Stored::Whole, 1, false));
-    assert_eq!((told.outcome, told.differs, told.unknown, told.refused), (Outcome::Done, false, 0, 0));
+    let status = report(&mut host);
+    assert_eq!((status.stored, status.number, status.at_work), (Stored::Whole, 1, false));
+    assert_eq!(
+        (status.outcome, status.differs, status.unknown, status.refused),
+        (Outcome::Done, false, 0, 0)
+    );
 
     let mut again = TestHost::new();
     again.responder.restore(found(&record));
@@ -116,8 +119,8 @@ fn only_saved_settings_are_restored() {
     assert!(!report(&mut again).differs);
     // All motors are configured, and no motor runs.
     let configured = |command: &Command| matches!(command.action, Action::Configure(_));
-    let told = again.told();
-    assert!(told.len() == N && told.iter().all(configured), "{told:?}");
+    let commands = again.new_commands();
+    assert!(commands.len() == N && commands.iter().all(configured), "{commands:?}");
     // A second save of the same is the same, but for its number.
     again.ask(SAVE, &[]);
     let second = carried_out(&mut again);
@@ -143,11 +146,11 @@ fn a_stored_set_up_that_changes_nothing_deletes_no_motion() {
     let known = {
         let mut host = empty();
         set_everything(&mut host);
-        let mut told = host.told().into_iter().filter_map(|command| match command.action {
+        let mut commands = host.new_commands().into_iter().filter_map(|command| match command.action {
             Action::Configure(settings) if command.motor == 2 => Some(settings),
             _ => None,
         });
-        Settings { coefficients: None, ..told.next_back().expect("configured") }
+        Settings { coefficients: None, ..commands.next_back().expect("configured") }
     };
     let mut responder = Responder::new(Address::new(HUB).expect("an address"), [known; N]);
     let mut record = SettingsRecord::new(1);
@@ -285,14 +288,14 @@ fn load_restores_the_stored_settings_and_reset_the_firmwares() {
     let (record, saved) = (carried_out(&mut host), all(&mut host));
     host.do_all(&[(8, &[2, 0, 0])]);
     assert!(report(&mut host).differs);
-    host.told();
+    host.new_commands();
 
     assert!(matches!(host.ask(LOAD, &[]), Said::Ack(_)));
     assert_eq!(order(&mut host).record, None);
     assert_ne!(all(&mut host), saved);
     host.responder.store_done(Some(found(&record)), Outcome::Done);
     assert_eq!((all(&mut host), report(&mut host).differs), (saved, false));
-    assert!(host.told().iter().any(|command| command.motor == 2));
+    assert!(host.new_commands().iter().any(|command| command.motor == 2));
 
     assert!(matches!(host.ask(RESET, &[]), Said::Ack(_)));
     assert_eq!(all(&mut host), all(&mut TestHost::new()));
@@ -407,14 +410,14 @@ proptest! {
         }
         let mut host = TestHost::new();
         host.responder.restore(found(&record));
-        let told = host.told();
-        prop_assert!(told.iter().all(|command| matches!(command.action, Action::Configure(_))), "{:?}", told);
+        let commands = host.new_commands();
+        prop_assert!(commands.iter().all(|command| matches!(command.action, Action::Configure(_))), "{:?}", commands);
         prop_assert_eq!(host.responder.enabled(), [false; N]);
 
-        let settings_in_force = |told: &[Command]| -> Vec<Settings> {
-            told.iter().filter_map(|c| match c.action { Action::Configure(it) => Some(it), _ => None }).collect()
+        let settings_in_force = |commands: &[Command]| -> Vec<Settings> {
+            commands.iter().filter_map(|c| match c.action { Action::Configure(it) => Some(it), _ => None }).collect()
         };
-        let before = settings_in_force(&told);
+        let before = settings_in_force(&commands);
         prop_assert_eq!(before.len(), N);
         let address = host.responder.address();
         // Not by a host, which may not know the address.
@@ -424,7 +427,7 @@ proptest! {
         if let Some(StoreRequest { record: Some(saved), .. }) = host.responder.store_request(&host.snapshot) {
             let mut again = TestHost::new();
             again.responder.restore(found(&saved));
-            prop_assert_eq!(settings_in_force(&again.told()), before);
+            prop_assert_eq!(settings_in_force(&again.new_commands()), before);
             prop_assert_eq!(again.responder.address(), address);
         }
     }
@@ -434,10 +437,10 @@ proptest! {
 fn a_reset_configures_motors_with_the_boards_settings() {
     let mut host = empty();
     set_everything(&mut host);
-    host.told();
+    host.new_commands();
     host.ask(RESET, &[]);
-    let told = host.told();
-    assert!(told.contains(&Command { motor: 2, action: Action::Configure(settings()) }), "{told:?}");
+    let commands = host.new_commands();
+    assert!(commands.contains(&Command { motor: 2, action: Action::Configure(settings()) }), "{commands:?}");
 }
 
 /// A record that firmware 0.1.0 has written: type and payload of each entry. Motor 0 has a fault action and one loop from
@@ -486,7 +489,8 @@ fn settings_stored_by_firmware_0_1_0_are_restored_and_stored_again_as_the_same_b
     assert_eq!(address.get(), 9);
 
     let mut host = TestHost { responder, ..TestHost::new() };
-    let configured: Vec<Settings> = host.told().into_iter().map(|command| configured(&command)).collect();
+    let configured: Vec<Settings> =
+        host.new_commands().into_iter().map(|command| configured(&command)).collect();
     let pid = |[p, i, d, f]: [i32; 4]| {
         let [p, i, d, f] = [p, i, d, f].map(Coefficient::from_bits);
         Pidf { p, i, d, f }

@@ -154,7 +154,7 @@ impl World {
         packets.map(|packet| (packet.id, packet.payload[0])).collect()
     }
 
-    fn told(&self) -> Vec<Command> {
+    fn new_commands(&self) -> Vec<Command> {
         std::iter::from_fn(|| self.wires.commands.try_receive().ok()).collect()
     }
 }
@@ -232,11 +232,11 @@ fn motors_are_released_2500_ms_after_the_last_packet_to_the_millisecond() {
     run_ms(&mut task, 5);
     world.drive_motor_0();
     run_ms(&mut task, 0);
-    assert_eq!(world.told().len(), 1);
+    assert_eq!(world.new_commands().len(), 1);
     run_ms(&mut task, 2499);
-    assert!(world.told().is_empty());
+    assert!(world.new_commands().is_empty());
     run_ms(&mut task, 1);
-    assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));
+    assert_eq!(world.new_commands(), [0, 1, 2, 3].map(disabled));
     assert_eq!(Instant::now().as_millis(), 2505);
 }
 
@@ -246,12 +246,12 @@ fn silences_of_2100_ms_are_harmless() {
     let mut task = pin!(world.task());
     world.drive_motor_0();
     run_ms(&mut task, 0);
-    world.told();
+    world.new_commands();
     for _ in 0..5 {
         run_ms(&mut task, 2100);
         world.call(22, &[0]);
     }
-    assert!(world.told().is_empty());
+    assert!(world.new_commands().is_empty());
 }
 
 #[test]
@@ -260,12 +260,12 @@ fn noise_without_end_does_not_keep_a_lost_host_alive() {
     let mut task = pin!(world.task());
     world.drive_motor_0();
     run_ms(&mut task, 0);
-    world.told();
+    world.new_commands();
     for _ in 0..2500 {
         world.send(&[0x44, 0x4B, 0xF0, 0, 3, 0x44]);
         run_ms(&mut task, 1);
     }
-    assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));
+    assert_eq!(world.new_commands(), [0, 1, 2, 3].map(disabled));
 }
 
 #[test]
@@ -274,11 +274,11 @@ fn a_host_that_takes_no_replies_loses_its_motors_too() {
     let mut task = pin!(world.task());
     world.drive_motor_0();
     run_ms(&mut task, 0);
-    world.told();
+    world.new_commands();
     world.line.jammed.set(true);
     world.call(22, &[0]);
     run_ms(&mut task, 2500);
-    assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));
+    assert_eq!(world.new_commands(), [0, 1, 2, 3].map(disabled));
     assert_eq!(world.shown.get(), Colour::BLUE);
 }
 
@@ -342,15 +342,15 @@ fn commands_wait_for_room_and_are_answered_immediately() {
         run_ms(&mut task, 1);
     }
     assert_eq!(world.replies().len(), 60);
-    assert_eq!(world.told().len(), COMMANDS);
+    assert_eq!(world.new_commands().len(), COMMANDS);
     run_ms(&mut task, 0);
-    let told = world.told();
+    let commands = world.new_commands();
     assert!(
         matches!(
-            told[..],
+            commands[..],
             [Command { motor: 1, action: Action::Set(Setpoint::ConstantPower(power)) }] if power.get() == 29
         ),
-        "{told:?}"
+        "{commands:?}"
     );
 }
 
@@ -427,12 +427,12 @@ fn between_connections_the_timer_runs_on() {
             tasks::responder::run(connection, &world.line, (), &mut responder, &world.wires, |_| ());
         assert!(poll(&mut pin!(session)));
     }
-    assert_eq!(world.told().len(), 1);
+    assert_eq!(world.new_commands().len(), 1);
     let mut task = pin!(async {
         tasks::responder::attend(&mut responder, (), &world.wires, |_| ()).await;
     });
     run_ms(&mut task, 2500);
-    assert_eq!(world.told(), [0, 1, 2, 3].map(disabled));
+    assert_eq!(world.new_commands(), [0, 1, 2, 3].map(disabled));
 }
 
 #[test]
@@ -447,14 +447,14 @@ fn a_hub_with_a_memory_reads_packets_once_the_memory_has_reported() {
     // The current alert of motor 2.
     world.call(13, &[2]);
     run_ms(&mut task, 400);
-    assert_eq!((world.replies(), world.told()), (vec![], vec![]));
+    assert_eq!((world.replies(), world.new_commands()), (vec![], vec![]));
     let mut record = SettingsRecord::new(1);
     record.push(0x100C, &[2, 7, 0]).expect("room");
     let found = Some(Found { stored: Stored::Whole, version: 1, record });
     world.wires.store.done.signal(Done { found, outcome: Outcome::None });
     run_ms(&mut task, 2);
     assert_eq!(world.replies(), [(0x900D, 7)]);
-    assert!(world.told().iter().all(|command| matches!(command.action, Action::Configure(_))));
+    assert!(world.new_commands().iter().all(|command| matches!(command.action, Action::Configure(_))));
     // A request reaches the memory's task, and its result comes back.
     world.send(&frame_to(HUB, 2, 0x4D0E, &[]));
     run_ms(&mut task, 2);

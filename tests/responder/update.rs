@@ -74,10 +74,13 @@ fn a_host_sends_an_image_and_has_it_started() {
     assert_eq!(say(&mut host, HubFunction::FinishUpdate), ACK);
     assert_eq!(host.responder.update_request(), Some(UpdateRequest::Arm { length: 192, crc: 7, seal: None }));
     host.responder.update_done(Done::Finished(Outcome::Done));
-    let told = report(&mut host);
+    let progress = report(&mut host);
     let version = Text::from_slice(b"mh9.9.9").expect("short");
-    assert_eq!((told.phase, told.received, told.length, told.version), (Phase::Armed, 192, 192, version));
-    assert_eq!((told.origin, told.capacity), (SLOT.origin, SLOT.length));
+    assert_eq!(
+        (progress.phase, progress.received, progress.length, progress.version),
+        (Phase::Armed, 192, 192, version)
+    );
+    assert_eq!((progress.origin, progress.capacity), (SLOT.origin, SLOT.length));
     assert_eq!(say(&mut host, HubFunction::Restart), ACK);
     assert_eq!(host.responder.update_request(), Some(UpdateRequest::Restart));
 }
@@ -118,8 +121,8 @@ fn signatures_are_required_with_a_key_and_refused_without_one() {
     let seal = Some(Seal { key: [5; 32], signature: [9; 64] });
     assert_eq!(host.responder.update_request(), Some(UpdateRequest::Arm { length: 96, crc: 7, seal }));
     host.responder.update_done(Done::Finished(Outcome::WrongSignature));
-    let told = report(&mut host);
-    assert_eq!((told.phase, told.outcome), (Phase::Nothing, Outcome::WrongSignature));
+    let progress = report(&mut host);
+    assert_eq!((progress.phase, progress.outcome), (Phase::Nothing, Outcome::WrongSignature));
     assert_eq!(say(&mut host, HubFunction::Restart), Said::Nack(77));
     // A signature is of one image.
     assert_eq!(begin(&mut host, 96), ACK);
@@ -133,7 +136,7 @@ fn no_update_begins_while_a_motor_is_enabled() {
     host.do_all(&[(8, &[0, 0, 0]), (15, &[0, 0, 0]), (10, &[0, 1])]);
     assert_eq!(begin(&mut host, 96), Said::Nack(60));
     host.do_all(&[(10, &[0, 0])]);
-    host.told();
+    host.new_commands();
     host.snapshot = Snapshot { motors: Snapshot::INITIAL.motors, ..host.snapshot };
     assert_eq!(begin(&mut host, 96), ACK);
 }

@@ -29,7 +29,7 @@ fn two_saves<const WORD: usize, const PAGE: usize>() -> (Flash<WORD, PAGE>, [usi
 fn each_bit_turned<const WORD: usize, const PAGE: usize>() {
     let (whole, [_, first, second]) = two_saves::<WORD, PAGE>();
     assert_eq!(read(&mut whole.clone()).stored, Stored::Whole);
-    let mut told = 0;
+    let mut reported = 0;
     for bit in 8 * first..8 * second {
         let mut flash = whole.clone();
         flash.bytes[bit / 8] ^= 1 << (bit % 8);
@@ -37,14 +37,14 @@ fn each_bit_turned<const WORD: usize, const PAGE: usize>() {
         // With a copy of it whole not even the latest is lost.
         assert_eq!(found, record(2), "bit {bit}");
         assert!(matches!(stored, Stored::Whole | Stored::OneCopy), "bit {bit}: {stored:?}");
-        told += usize::from(stored == Stored::OneCopy);
+        reported += usize::from(stored == Stored::OneCopy);
         // The next save makes it good.
         let done = write(&mut flash, &record(3), true);
         assert_eq!((done.outcome, read(&mut flash).stored), (Outcome::Done, Stored::Whole), "bit {bit}");
     }
     // The reported bits are in the item: its head of 8 bytes, its key, and the record. The rest is padding.
     let item = 8 + 1 + record(2).bytes().len();
-    assert_eq!(told, 2 * 8 * item);
+    assert_eq!(reported, 2 * 8 * item);
 }
 
 #[test]

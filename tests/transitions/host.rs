@@ -1,7 +1,7 @@
-//! What hosts set the loops to while the motor runs.
+//! Coefficients that hosts send while the motor runs.
 
 use crate::common::velocity;
-use crate::subject::{Knowledge, Subject};
+use crate::flywheel::{Knowledge, Subject};
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::motion::Pidf;
 use motor_hub::regulator::Coefficients;
@@ -12,7 +12,7 @@ fn coefficients(values: [f64; 4]) -> Coefficients {
     Coefficients { velocity: Pidf { p, i, d, f }, position: Pidf::default() }
 }
 
-/// Mean current of so many milliseconds, A.
+/// Mean current of this number of milliseconds in A.
 fn mean(subject: &mut Subject, ms: u32) -> f64 {
     let ticks = (ms / subject.period_ms()).max(1);
     (0..ticks).map(|_| subject.tick().current).sum::<f64>() / f64::from(ticks)

@@ -1,11 +1,11 @@
-//! What becomes of a motor when something else is asked of it, or configured.
+//! Transitions of a motor: new set-points, new settings and faults while it runs.
 
-mod cells;
 #[path = "../common/mod.rs"]
 mod common;
+mod currents;
+mod events;
+mod flywheel;
 mod host;
 mod properties;
 #[path = "../common/schemes.rs"]
 mod schemes;
-mod subject;
-mod table;

@@ -1,5 +1,5 @@
-//! Whatever a motor is told of itself, and whatever its encoder says: nothing panics, control values and
-//! estimates stay in their ranges, and an encoder that comes to its senses is believed again.
+//! Random settings, set-points and samples cause no panic, and estimates stay in their ranges. After a sound encoder is
+//! back, the estimate follows it again.
 
 use crate::common::Puppet;
 use crate::schemes::any_scheme;
@@ -15,7 +15,7 @@ use motor_hub::units::{
 use proptest::option;
 use proptest::prelude::*;
 
-/// No estimate is beyond this: what no encoder's timer could count, in counts/s.
+/// Highest estimated speed in counts/s, beyond what an encoder's timer could count.
 const FASTEST: f64 = 1e6;
 
 fn pidf() -> impl Strategy<Value = Pidf> {
@@ -25,7 +25,7 @@ fn pidf() -> impl Strategy<Value = Pidf> {
     })
 }
 
-/// Any that can be told.
+/// Any dynamics in their ranges.
 fn dynamics() -> impl Strategy<Value = Dynamics> {
     (1u32.., any::<u32>(), any::<u16>()).prop_map(|(gain, decay, friction)| Dynamics {
         gain: AccelerationPerVolt::from_bits(gain).expect("not 0"),
@@ -42,7 +42,7 @@ fn winding() -> impl Strategy<Value = Winding> {
     })
 }
 
-/// Any that can be made.
+/// Any settings in their ranges.
 fn settings() -> impl Strategy<Value = Settings> {
     let bridge = (0u16..=2_000, 0u16..=4_095, 100u32..=200_000)
         .prop_map(|(mv, mohm, hz)| BridgeConstants::new(mv, mohm, hz).expect("in range"));
@@ -75,7 +75,7 @@ fn setpoint() -> impl Strategy<Value = Setpoint> {
     ]
 }
 
-/// What happens until the next tick.
+/// Events until the next tick.
 #[derive(Clone, Debug)]
 struct Happening {
     setpoint: Option<Setpoint>,
@@ -118,7 +118,7 @@ fn period() -> impl Strategy<Value = Period> {
         .prop_map(|ms| Period::from_millis(ms).expect("in range"))
 }
 
-/// A motor as there are some.
+/// A motor with realistic constants.
 fn plausible() -> impl Strategy<Value = Settings> {
     (20.0..20_000.0f64, 1.0..2.0f64, 0..2_000u16, any_scheme(1 << 16)).prop_map(
         |(b, drag, friction, scheme)| {
@@ -162,7 +162,7 @@ proptest! {
         for happening in &story {
             suffer(&mut puppet, happening);
         }
-        // What it was told was nonsense too.
+        // The settings were random too.
         puppet.configure(settings);
         puppet.set(Setpoint::Disabled);
         let every = u64::from(period.as_millis());
@@ -174,7 +174,7 @@ proptest! {
             }
         }
         prop_assert!(velocity.abs() < 25.0, "{velocity} counts/s at rest");
-        // A speed that somebody turns it at.
+        // The shaft is turned at a constant speed.
         let position = |ms: i64| (i64::from(speed) * ms).div_euclid(1_000) as i32;
         for ms in 1..=3_000i64 {
             puppet.sample(1, position(ms) - position(ms - 1));

@@ -1,4 +1,4 @@
-//! New firmware: what is taken of it, and that a cut of the power at any step leaves firmware that runs.
+//! Updates of the firmware: checks of an image, and cuts of the power at any step.
 
 mod power;
 mod signature;

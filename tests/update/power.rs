@@ -1,5 +1,5 @@
-//! A whole update, and a whole rollback, by the bootloader itself over a flash in memory that loses power before, in and after
-//! any of its writes and erasures, and once more in what follows: what boots then is the firmware before or the new one.
+//! Updates and rollbacks by the bootloader over a flash in memory. The power fails before, in and after every write and
+//! erasure, and a second time afterwards. The firmware before or the new firmware must boot.
 
 use embassy_boot::{BootLoader, BootLoaderConfig};
 use embassy_futures::block_on;
@@ -12,11 +12,12 @@ use std::cell::RefCell;
 use std::future::ready;
 use std::ops::Range;
 
-/// The words of an STM32H743, in smaller pages: as many words as the state of so many pages needs, in whole buffers.
+/// The word of an STM32H743 in bytes. Pages are smaller than on the chip: they have as many words as the state of the
+/// slots needs, in whole buffers.
 const WORD: usize = 32;
 const PAGE: usize = 18 * WORD;
 
-/// Pages of the slot that is booted, of the one that is written, and of the state.
+/// Pages of the booted slot, of the written slot, and of the state.
 pub(crate) const ACTIVE: Range<usize> = 0..3 * PAGE;
 pub(crate) const DOWNLOAD: Range<usize> = 3 * PAGE..7 * PAGE;
 pub(crate) const STATE: Range<usize> = 7 * PAGE..8 * PAGE;
@@ -24,7 +25,7 @@ pub(crate) const STATE: Range<usize> = 7 * PAGE..8 * PAGE;
 /// Bytes of both images: not whole pages, nor whole words.
 const LENGTH: usize = 2 * PAGE + 5 * WORD + 7;
 
-/// Numbers drawn by lot (splitmix64).
+/// Random numbers (splitmix64).
 struct Lots(u64);
 
 impl Lots {
@@ -35,10 +36,10 @@ impl Lots {
     }
 }
 
-/// What happens to the word, or page, at which power goes.
+/// State of the word or page at which the power fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Tear {
-    /// Nothing yet.
+    /// The step has not begun.
     Before,
     /// Each bit has changed, or has not.
     Bits,
@@ -91,7 +92,7 @@ impl Chip {
         if self.cut.is_some_and(|(at, _)| self.steps > at) { Err(NoPower) } else { Ok(()) }
     }
 
-    /// How the next step is cut, if it is.
+    /// Begins the next step. Returns how the power fails in it, `None` if it does not.
     fn step(&mut self) -> Result<Option<(Tear, Lots)>, NoPower> {
         self.alive()?;
         let step = self.steps;
@@ -164,7 +165,7 @@ impl Chip {
     }
 }
 
-/// A part of the chip's flash, for those who wait and for those who do not.
+/// A part of the chip's flash, for blocking and for async access.
 #[derive(Clone)]
 pub(crate) struct Part<'a>(pub(crate) &'a RefCell<Chip>, pub(crate) Range<usize>);
 
@@ -206,7 +207,7 @@ fn image(version: u8) -> Vec<u8> {
     (0..LENGTH).map(|_| lots.byte()).collect()
 }
 
-/// Power-on, or a reset: what the bootloader starts.
+/// Version of the firmware that the bootloader starts after power-on or a reset.
 fn boot(chip: &RefCell<Chip>) -> Result<u8, NoPower> {
     let idle = || unreachable!("this flash is never busy");
     let erasing = || ();
@@ -231,8 +232,8 @@ pub(crate) fn slots(chip: &RefCell<Chip>) -> Slots<Part<'_>, Part<'_>, Part<'_>>
     Slots::new(Part(chip, ACTIVE), Part(chip, DOWNLOAD), Part(chip, STATE)).expect("words that fit")
 }
 
-/// From power-on until the hub runs the new firmware, which confirms itself, or, where that is not `good` and never does, the
-/// firmware before.
+/// Runs from power-on until the hub runs confirmed firmware. Good firmware confirms itself. Otherwise the firmware
+/// before runs again.
 fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
     let mut version = boot(chip)?;
     let mut tried = false;
@@ -243,7 +244,7 @@ fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
         chip.borrow().alive()?;
         match (booted, version) {
             (Booted::OnTrial, 2) if good => done(block_on(slots.confirm()))?,
-            // It hangs, and the watchdog resets.
+            // The firmware hangs, and the watchdog resets the chip.
             (Booted::OnTrial, 2) => version = boot(chip)?,
             (Booted::OnTrial, _) => panic!("the firmware before is not on trial"),
             (_, 2) => {
@@ -267,14 +268,14 @@ fn live(chip: &RefCell<Chip>, good: bool) -> Result<(), NoPower> {
     panic!("it comes to no end");
 }
 
-/// Cuts the power at every step of a life, and of the lives after that.
+/// Cuts the power at every step of an update, and again at every step after the cut.
 fn cut_everywhere(good: bool, code: Code) -> (usize, usize) {
     let (mut cuts, mut second_cuts) = (0, 0);
     for (left, what) in cuts_of(good, code) {
         cuts += 1;
         let mended = RefCell::new(left.clone());
         live(&mended, good).unwrap_or_else(|_| panic!("no life after {what}"));
-        // A second cut in what follows, by another tear.
+        // A second cut after the first one, with another state of the word.
         let steps = mended.borrow().steps;
         for again in (cuts % 41..steps).step_by(41) {
             let tear = TEARS[(again + cuts) % TEARS.len()];
@@ -288,7 +289,7 @@ fn cut_everywhere(good: bool, code: Code) -> (usize, usize) {
     (cuts, second_cuts)
 }
 
-/// The chip after a cut at every step of a life, and what was cut.
+/// The chip after a cut at every step of an update, with a description of the cut.
 fn cuts_of(good: bool, code: Code) -> impl Iterator<Item = (Chip, String)> {
     let whole = Chip::new(code);
     live(&whole, good).expect("power");

@@ -1,4 +1,4 @@
-//! Signed images: what is armed and what is not, by a signature of another tool and by our own over any bytes.
+//! Signed images are armed if the signature is valid. Signatures are made by OpenSSL and by our own code.
 
 use crate::power::{Chip, Code, slots};
 use embassy_futures::block_on;
@@ -19,7 +19,7 @@ fn image() -> Vec<u8> {
     (0..1000_u32).map(|byte| byte as u8).collect()
 }
 
-/// What becomes of these bytes, sent with this seal, and whether the bootloader would start them.
+/// Sends an image with a seal. Returns the outcome, and what the bootloader would start.
 fn sent(image: &[u8], seal: Option<Seal>) -> (Outcome, Booted) {
     let chip = Chip::new(Code::Detects);
     let mut slots = slots(&chip);
@@ -27,7 +27,7 @@ fn sent(image: &[u8], seal: Option<Seal>) -> (Outcome, Booted) {
         assert_eq!(block_on(slots.write(at, bytes)), Outcome::Done);
     }
     let outcome = block_on(slots.arm(image.len() as u32, CRC.checksum(image), seal, ready(())));
-    // What is armed is what would be on trial.
+    // An armed image is on trial after a reset.
     (outcome, block_on(slots.booted()))
 }
 
@@ -55,7 +55,7 @@ fn an_image_or_signature_with_a_bit_turned_is_not_armed() {
         image[at] ^= 0x10;
         assert_eq!(sent(&image, Some(seal(*SIGNATURE))), REFUSED, "byte {at} of the image");
     }
-    // Nor one that was made shorter.
+    // A shortened image is refused.
     assert_eq!(sent(&image()[..999], Some(seal(*SIGNATURE))), REFUSED);
 }
 
@@ -68,7 +68,7 @@ fn another_key_signs_nothing() {
     assert_eq!(sent(&image(), Some(seal(signature))), REFUSED);
     let key = other.public.to_bytes();
     assert_eq!(sent(&image(), Some(Seal { key, signature })), ARMED, "it is that one's own");
-    // What is no point of the curve.
+    // The key is no point of the curve.
     assert_eq!(sent(&image(), Some(Seal { key: [2; 32], signature })), REFUSED);
 }
 
@@ -84,7 +84,7 @@ fn nothing_is_armed_before_it_is_calm() {
     {
         let mut arm = pin!(slots.arm(1000, CRC.checksum(&image()), seal, until_calm));
         let mut context = Context::from_waker(Waker::noop());
-        // Each chunk is a pause.
+        // Each chunk gives other tasks a turn.
         assert!((0..100).all(|_| arm.as_mut().poll(&mut context).is_pending()));
         calm.set(true);
         assert_eq!(block_on(arm), Outcome::Done);

@@ -1,4 +1,4 @@
-//! What the hub takes of an image, step by step.
+//! Reception of an image, step by step.
 
 use motor_hub::protocol::Nack;
 use motor_hub::update::{Booted, CHUNK, CRC, Done, Outcome, Phase, Slot, Update, UpdateRequest};
@@ -13,7 +13,7 @@ fn confirmed() -> Update {
     update
 }
 
-/// So many bytes that begin as an image does.
+/// An image of this length: only its beginning is valid.
 fn image(length: usize) -> Vec<u8> {
     let vectors = [0x2002_0000_u32, SLOT.origin + 0x299].map(u32::to_le_bytes);
     vectors.into_iter().flatten().chain((0..).map(|byte: u32| byte as u8)).take(length).collect()
@@ -23,7 +23,7 @@ fn crc(bytes: &[u8]) -> u32 {
     CRC.checksum(bytes)
 }
 
-/// A slot in memory that does what it is ordered, and what it has armed.
+/// A slot in memory that executes all orders, and the armed image.
 #[derive(Default)]
 struct Memory {
     bytes: Vec<u8>,
@@ -183,7 +183,7 @@ fn an_armed_image_is_started_or_abandoned_before_there_is_another() {
     assert_eq!((update.phase(), memory.armed), (Phase::Nothing, None));
 }
 
-/// What a host, and a line, may do.
+/// Events of a host and its line.
 #[derive(Clone, Copy, Debug)]
 enum Step {
     Begin {
@@ -196,7 +196,7 @@ enum Step {
     Damage(usize),
     Finish,
     Abandon,
-    /// Power goes.
+    /// The power fails.
     Reset,
 }
 
@@ -232,14 +232,14 @@ proptest! {
                     chunk(&mut update, next);
                 }
                 Step::Serve => memory.serve(&mut update),
-                // The bootloader has it from here on.
+                // From here on the image belongs to the bootloader.
                 Step::Damage(at) if memory.armed.is_none() => memory.bytes.iter_mut().skip(at).take(1).for_each(|byte| *byte ^= 4),
                 Step::Damage(_) => (),
                 Step::Finish => drop(update.finish()),
                 Step::Abandon => drop(update.abandon()),
                 Step::Reset => (update, memory.armed) = (confirmed(), None),
             }
-            // What is armed is what is in the slot, still.
+            // The armed image is still in the slot.
             prop_assert!(memory.armed.is_none() || memory.bytes.starts_with(&image));
             prop_assert!(memory.armed.as_ref().is_none_or(|armed| *armed == image));
             prop_assert!(update.phase() != Phase::Armed || memory.armed.is_some());

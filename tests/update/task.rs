@@ -86,16 +86,16 @@ fn firmware_that_cannot_confirm_itself_lets_all_other_tasks_run_and_says_so() {
     let mut update = pin!(tasks::update::run(slots, &wires, &health, || unreachable!("nobody restarts it")));
     let mut supervision = pin!(tasks::health::run(Fed, &health));
     let mut context = Context::from_waker(Waker::noop());
-    let mut told = Vec::new();
+    let mut done = Vec::new();
     for _ in 0..CONFIRM_AFTER_ROUNDS + 20 * 20 {
         for task in [Task::Capture, Task::Supply, Task::Control, Task::Output] {
             health.check_in(task);
         }
         assert!(supervision.as_mut().poll(&mut context).is_pending());
-        // It comes back, so others get their turn.
+        // The task yields, so other tasks get their turn.
         assert!(update.as_mut().poll(&mut context).is_pending());
-        told.extend(wires.update.done.try_take());
+        done.extend(wires.update.done.try_take());
         MockDriver::get().advance(Duration::from_millis(50));
     }
-    assert_eq!(told, [Booted::OnTrial, Booted::Unconfirmable].map(Done::Booted));
+    assert_eq!(done, [Booted::OnTrial, Booted::Unconfirmable].map(Done::Booted));
 }

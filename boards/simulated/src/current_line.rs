@@ -1,4 +1,4 @@
-//! A bridge's current-sense line as it is connected, and what may be wrong with it.
+//! The current-sense line of a bridge, sound or broken.
 //!
 //! ```
 //! use simulated::current_line::CurrentLine;
@@ -8,27 +8,28 @@
 //! assert_eq!(CurrentLine::Absent.volts(2.0), None);
 //! ```
 
-/// Of the usual carriers of a VNH5019A-E.
+/// Sensitivity of the current-sense line on the usual carriers of a VNH5019A-E.
 const VOLTS_PER_AMPERE: f64 = 0.14;
-/// What a pin's protection lets it rise to.
+/// Highest voltage of the line: the protection of the pin limits it.
 const HIGHEST_V: f64 = 3.3;
 
-/// How a line is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// Condition of a current-sense line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum CurrentLine {
-    /// There is none.
+    /// No line is connected.
     #[default]
     Absent,
-    /// It shows what its bridge senses.
+    /// The line shows the current that the bridge senses.
     Sound,
-    /// It is on ground for ever.
+    /// The line is shorted to ground.
     StuckLow,
-    /// It is on the supply for ever.
+    /// The line is shorted to the supply.
     StuckHigh,
 }
 
 impl CurrentLine {
-    /// Its voltage behind its filter while the bridge senses so many amperes; `None` if there is none.
+    /// Returns the voltage of the line behind its filter, at a current of the bridge in amperes; `None` without a line.
     #[must_use]
     pub fn volts(self, amperes: f64) -> Option<f64> {
         match self {

@@ -1,7 +1,7 @@
-//! A scenario's run without tasks and clock: encoders, battery, hub and bridges one after the other, as the
-//! tasks of a board do it that is never late. Such runs need nothing of the process, so many may go on at once,
-//! each on a thread of its own; what comes of them is what [`sim::run`] gives. But a bus that leaves its quiet voltages is
-//! looked at within a tenth of a millisecond, as on a chip, where the time driver of those tasks takes a whole one.
+//! Runs a scenario without tasks and clock. Encoders, battery, hub and bridges take their steps one after the other, as
+//! the tasks of a board do that is never late. Runs on several threads do not disturb each other. The results are those
+//! of [`sim::run`], with one exception: the hub reacts to a bus that leaves its quiet voltages within a tenth of a
+//! millisecond, as on a chip. The time driver of the tasks needs a whole millisecond.
 //!
 //! ```
 //! use simulated::{direct, scenario::Scenario};
@@ -27,11 +27,11 @@ use motor_hub::tasks::bridges::SENSE_INTERVAL;
 use motor_hub::tasks::supply::{SUPPLY_INTERVAL, WATCH_INTERVAL};
 use motor_hub::units::Micros;
 
-/// Into so many a millisecond is divided in which a bus may rise: a converter's own watchdog, and the tasks that it wakes,
-/// take less than one.
+/// Parts of a millisecond in which the bus is watched. On a chip the converter's watchdog and the tasks that it wakes
+/// take less than one part.
 const PARTS: u64 = 10;
 
-/// Everything at one millisecond.
+/// State of a run at one millisecond.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment<'a> {
     /// Milliseconds since the start.
@@ -40,17 +40,17 @@ pub struct Moment<'a> {
     pub snapshot: &'a Snapshot<MOTORS>,
     /// Voltage at the battery's terminals, or of the bus.
     pub battery_v: f64,
-    /// The highest that it has been so far.
+    /// Highest voltage so far.
     pub highest_v: f64,
-    /// Bridges that have opened by themselves.
+    /// Number of bridges that have switched themselves off.
     pub shut_down: usize,
-    /// What the bridges are told.
+    /// Commands of the bridges.
     pub drives: &'a [Drive; MOTORS],
     /// True speed in counts/s and true position in counts, by motor.
     pub motors: &'a [(f64, i64)],
 }
 
-/// Runs a scenario; `each` sees every millisecond, after a tick if there is one then.
+/// Runs a scenario. `each` is called every millisecond, after the tick if one is due.
 ///
 /// # Errors
 /// If a motor's constants do not fit the firmware.
@@ -71,7 +71,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
             *reading = count.map(|count| tracker.step(count, now));
         }
         hub.sample(&readings);
-        // What was said a millisecond ago, and can be done at once, is.
+        // A direct command is applied a millisecond after it was sent, without waiting for a tick.
         if waiting.iter().any(|command: &Command| command.action.is_direct()) {
             obey(&mut hub, &mut waiting);
             if let Some(changed) = hub.execute_direct(now, battery) {
@@ -113,7 +113,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
         let now_s = ms as f64 * STEP_S;
         sim::change(scenario, &board, now_s);
         let torques = sim::torques(scenario, now_s);
-        // A battery that is no more than a resistance does not leave anything within a millisecond.
+        // Without a capacitor the voltage leaves no limit within a millisecond.
         let parts = if scenario.bus.is_some() { PARTS } else { 1 };
         for part in 1..=parts {
             board.run(Seconds(STEP_S / parts as f64), &torques);
@@ -133,7 +133,7 @@ pub fn run(scenario: &Scenario, mut each: impl FnMut(Moment<'_>)) -> Result<(), 
 
 fn obey(hub: &mut Hub<MOTORS>, waiting: &mut Vec<Command>) {
     for command in waiting.drain(..) {
-        // Scenarios know their motors.
+        // The motors of a scenario exist.
         let _ = hub.apply(command);
     }
 }

@@ -1,5 +1,5 @@
-//! Quadrature encoders and what becomes of their two wires, A and B: from a shaft's counts to levels, and from levels
-//! back to what a timer makes of them.
+//! Quadrature encoders and their two wires, A and B. An encoder turns counts of a shaft into levels of the wires; a
+//! decoder turns the levels back into counts, as a timer does.
 //!
 //! ```
 //! use simulated::encoder::{Decoder, Encoder, Wire};
@@ -22,11 +22,11 @@ use std::num::NonZeroU32;
 /// Levels of A and B; true is high.
 pub type Levels = [bool; 2];
 
-/// Counts of a slot.
+/// Counts per slot.
 const SLOT: i64 = 4;
-/// How long a glitch lasts, at least and at most, in nanoseconds.
+/// Shortest and longest duration of a glitch in nanoseconds.
 const GLITCH_NS: (u64, u64) = (200, 500);
-/// How long a loose wire is without contact, and with it, at least and at most.
+/// Shortest and longest time in nanoseconds in which a loose wire has no contact.
 const BROKEN_NS: (u64, u64) = (1_000_000, 60_000_000);
 const MADE_NS: (u64, u64) = (1_000_000, 200_000_000);
 const SECOND_NS: u64 = 1_000_000_000;
@@ -36,49 +36,49 @@ const SECOND_NS: u64 = 1_000_000_000;
 pub enum Wire {
     /// Leads while the count goes up.
     A,
-    /// Follows.
+    /// Follows A while the count goes up.
     B,
 }
 
-/// How an encoder is, and is connected. A line that nobody drives is pulled up.
+/// Condition of an encoder and its wires. A line that is not driven is pulled up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Encoder {
-    /// As it should be.
+    /// Sound.
     #[default]
     Sound,
-    /// A and B change places.
+    /// A and B are swapped.
     Reversed,
     /// No wire is connected.
     Unplugged,
-    /// One wire says the same for ever.
+    /// One wire is stuck at a level.
     Stuck {
-        /// Which.
+        /// The wire.
         wire: Wire,
-        /// What it says.
+        /// True if the wire is stuck high.
         high: bool,
     },
     /// A wire makes contact now and then: for 1 to 200 ms, and not for 1 to 60 ms.
     Loose {
-        /// Which.
+        /// The wire.
         wire: Wire,
     },
-    /// Now this wire, now that one has the wrong level for 200 to 500 ns.
+    /// Either wire has the wrong level for 200 to 500 ns, at random.
     Glitches {
-        /// So often, on average.
+        /// Mean number of glitches per second.
         per_second: NonZeroU32,
     },
-    /// A slot of the wheel is missing: the counts of one slot in so many do not come.
+    /// One slot of the wheel is missing, with its counts.
     MissingSlot {
-        /// Slots of a turn.
+        /// Number of slots per turn.
         of: NonZeroU32,
     },
 }
 
 impl Encoder {
-    /// What the lines are at this count of the shaft, while this wire has no contact, or a glitch.
+    /// Returns the levels of the wires at a count of the shaft. The `disturbed` wire has no contact, or a glitch.
     #[must_use]
     pub fn levels(self, count: i64, disturbed: Option<Wire>) -> Levels {
-        // Up is 00, 10, 11, 01.
+        // The levels of ascending counts are 00, 10, 11, 01.
         let phase = count.rem_euclid(SLOT);
         let [a, b] = [phase == 1 || phase == 2, phase >= 2];
         let with = |wire, level| if wire == Wire::A { [level, b] } else { [a, level] };
@@ -97,15 +97,15 @@ impl Encoder {
         }
     }
 
-    /// What happens to its wires from now on, by itself, drawn by lot.
+    /// Returns random disturbances of the wires, from a time in nanoseconds on.
     #[must_use]
     pub fn disturbances(self, seed: u64) -> Disturbances {
         Disturbances { encoder: self, lot: fastrand::Rng::with_seed(seed), disturbed: None, at_ns: 0 }
     }
 }
 
-/// Instants in nanoseconds, ascending, and which wire is disturbed from each on. None of most encoders, else without
-/// end.
+/// Iterates over ascending times in nanoseconds, each with the wire that is disturbed from then on. Loose wires and
+/// glitches go on without end; other encoders have no disturbances.
 #[derive(Clone, Debug)]
 pub struct Disturbances {
     encoder: Encoder,
@@ -134,16 +134,16 @@ impl Iterator for Disturbances {
     }
 }
 
-/// What a timer in encoder mode makes of the lines, without a filter: it counts every edge of both.
+/// A timer in encoder mode without a filter: it counts every edge of both wires.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Decoder {
     levels: Levels,
-    /// Counts so far.
+    /// Count since the start.
     pub count: i64,
 }
 
 impl Decoder {
-    /// The lines are like this from now on. If both change at once, nobody can say which way: that does not count.
+    /// Takes new levels of the wires. If both wires change together, the direction is unknown, and nothing is counted.
     pub fn see(&mut self, levels: Levels) {
         let place = |[a, b]: Levels| match (a, b) {
             (false, false) => 0,
@@ -165,18 +165,18 @@ impl Decoder {
 pub(crate) struct Counter {
     encoder: Encoder,
     to_come: std::iter::Peekable<Disturbances>,
-    /// When it was connected like this.
+    /// Time of the last change of condition.
     since_ns: u64,
     disturbed: Option<Wire>,
     decoder: Decoder,
-    /// Counts of the shaft, and when.
+    /// Count of the shaft and its time.
     shaft: i64,
     now_ns: u64,
     seed: u64,
 }
 
 impl Counter {
-    /// Sound, at count 0.
+    /// A sound encoder at count 0.
     pub(crate) fn new(seed: u64) -> Self {
         let to_come = Encoder::Sound.disturbances(seed).peekable();
         let decoder = Decoder::default();
@@ -192,7 +192,7 @@ impl Counter {
         }
     }
 
-    /// It is connected like this from now on.
+    /// Changes the condition of the encoder.
     pub(crate) fn connect(&mut self, encoder: Encoder) {
         if encoder != self.encoder {
             self.encoder = encoder;
@@ -202,7 +202,7 @@ impl Counter {
         }
     }
 
-    /// So much later the shaft is here; it turned evenly meanwhile.
+    /// Turns the shaft evenly to a count, within a time in nanoseconds.
     pub(crate) fn turn(&mut self, shaft: i64, ns: u64) {
         let (from, way) = (self.shaft, shaft - self.shaft);
         let end = self.now_ns + ns;
@@ -228,7 +228,7 @@ impl Counter {
         self.decoder.see(self.encoder.levels(self.shaft, self.disturbed));
     }
 
-    /// What the timer has counted.
+    /// Returns the count of the timer.
     pub(crate) const fn count(&self) -> i64 {
         self.decoder.count
     }
@@ -239,7 +239,7 @@ impl Counter {
 mod tests {
     use super::*;
 
-    /// What is counted of a shaft that turns by a count per millisecond for ten seconds.
+    /// Counts of a timer while a shaft turns by one count per millisecond for ten seconds.
     fn counted(encoder: Encoder) -> i64 {
         let mut counter = Counter::new(1);
         counter.connect(encoder);

@@ -1,12 +1,12 @@
-//! What the simulated board is made of, and what the firmware is told of it and of its motors.
+//! Parts of the simulated board, and the constants of its motors as the firmware is configured for them.
 //!
 //! ```
 //! use motor_hub::model::catalogue::characterised;
 //! use simulated::hardware::winding;
 //!
 //! let motor = characterised("AM 60 A")?;
-//! let told = winding(&motor)?;
-//! assert!((f64::from(told.resistance.as_milliohms()) - 1e3 * motor.r.0).abs() < 1.0);
+//! let configured = winding(&motor)?;
+//! assert!((f64::from(configured.resistance.as_milliohms()) - 1e3 * motor.r.0).abs() < 1.0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -18,16 +18,16 @@ use motor_hub::motor::ThermalLimit;
 use motor_hub::regulator::Mechanics;
 use motor_hub::units::{EmfConstant, Inductance, RangeError, Resistance};
 
-/// How many motors the hub drives.
+/// Number of motors that the hub drives.
 pub const MOTORS: usize = 4;
 
-/// This board's bridges, unless a scenario wants real ones: those switch at once, and obey any duty.
+/// An ideal bridge: it switches without delay and accepts any duty. Scenarios have ideal bridges by default.
 pub const BRIDGE: BridgeConstants = BridgeConstants::IDEAL;
 
-/// The same as it really is, with its timing.
+/// The real bridge, with its timing.
 pub const REAL_BRIDGE: BridgeConstants = BridgeConstants::VNH5019;
 
-/// What the firmware is told of a motor.
+/// Returns the winding constants that the firmware is configured with.
 ///
 /// # Errors
 /// If one of its constants does not fit the firmware's range.
@@ -39,17 +39,18 @@ pub fn winding(motor: &Motor) -> Result<Winding, RangeError> {
     })
 }
 
-/// What a motor's winding stands, for want of a data sheet that says so: a third of its stall current at 12 V for
-/// ever, 4.4 W of an AM 60 A's 40 W, with the usual time constants. A guess on the safe side; nobody has measured it.
+/// Returns a thermal limit for a motor whose data sheet gives none: the continuous current is a third of the stall
+/// current at 12 V. An AM 60 A then heats its winding by 4.4 W; a stall heats it by 40 W. The time constants are the
+/// usual ones. This is a cautious guess, not a measurement.
 ///
 /// # Errors
-/// If that current does not fit the firmware's range.
+/// If the continuous current does not fit the firmware's range.
 pub fn thermal_limit(motor: &Motor) -> Result<ThermalLimit, RangeError> {
     let stall_ma = 1e3 * 12.0 / motor.r.0;
     ThermalLimit::new((stall_ma / 3.0) as u16, ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S)
 }
 
-/// How a motor moves with its load, seen from the motor's shaft.
+/// Returns the mechanics of a motor with its load, at the motor's shaft.
 pub fn mechanics(motor: &Motor, load: &Load) -> Mechanics {
     let shaft = Shaft::new(motor, load);
     Mechanics {

@@ -6,17 +6,17 @@
 //!     serve: the same in real time, with hosts on its line
 //! ```
 //!
-//! | room | what is decided there |
+//! | room | contents |
 //! |---|---|
-//! | [`hardware`] | what this board is made of, and what the firmware is told of it |
-//! | [`current_line`] | what a sound or broken current-sense line says of its bridge |
-//! | [`encoder`] | what a sound or broken encoder says of its shaft |
+//! | [`hardware`] | bridges and motor constants of this board, as the firmware is configured for them |
+//! | [`current_line`] | sound and broken current-sense lines |
+//! | [`encoder`] | sound and broken encoders |
 //! | [`world`] | the board's traits over plants on a battery |
-//! | [`scheme`] | how people name schemes, blends and duty rules |
-//! | [`scenario`] | which motors with which loads are told what, and when |
+//! | [`scheme`] | names of schemes, blends and duty rules |
+//! | [`scenario`] | motors with their loads, commands and expectations over time |
 //! | [`sim`] | a scenario's run in virtual time |
-//! | [`direct`] | the same without tasks and clock, for many runs at once |
-//! | [`trace`] | what is remembered of it |
+//! | [`direct`] | a scenario's run without tasks and clock, for many threads |
+//! | [`trace`] | the record of a run |
 //! | [`serve`] | a hub in real time, for host software |
 #![forbid(unsafe_code)]
 

@@ -11,11 +11,11 @@
 //! assert_eq!(refused, "my.toml:2:14: duration_s = 301 is out of range; allowed is 0.001 to 300");
 //! ```
 
-mod definition;
+mod error;
 pub mod expectation;
 mod file;
-mod mistake;
-mod substitute;
+mod other_motor;
+mod types;
 
 use motor_hub::braking::Scheme;
 use motor_hub::model::catalogue::characterised;
@@ -23,10 +23,8 @@ use motor_hub::model::friction::Friction;
 use motor_hub::model::si::{NewtonMetres, Volts};
 use std::path::Path;
 
-pub use definition::{
-    Bus, Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED,
-};
-pub use mistake::{Mistake, ScenarioError, line_and_column};
+pub use error::{ScenarioError, line_and_column};
+pub use types::{Bus, Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED};
 
 /// Dry friction of motors that are served, of their stall torque at 12 V.
 const SERVED_FRICTION: f64 = 0.06;

@@ -1,10 +1,9 @@
 //! A hub that host software can talk to, in real time: behind a serial line on this machine (a
 //! pseudo-terminal) or a TCP port.
 //!
-//! Whatever runs the hub moves in steps of a millisecond, and the wall clock sets the pace. Bytes are
-//! looked for between two steps, so a reply leaves a millisecond after its request, which is less than
-//! a USB serial port takes. In a step the hub receives as many bytes as its serial line would carry
-//! ([`BYTES_A_STEP`]), however fast a host sends.
+//! The hub runs in steps of a millisecond of real time. Bytes are read between two steps, so a reply leaves a
+//! millisecond after its request. A USB serial port is slower. In a step the hub receives at most the bytes that its
+//! serial line carries ([`BYTES_A_STEP`]).
 //!
 //! ```no_run
 //! use motor_hub::protocol::Address;
@@ -16,7 +15,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub mod hands;
+pub mod interventions;
 mod line;
 mod memory;
 #[cfg(unix)]
@@ -24,7 +23,7 @@ mod pty;
 mod tcp;
 mod wire;
 
-use hands::Hands;
+use interventions::Interventions;
 pub use line::{Line, LineError};
 pub use memory::{Memory, MemoryError};
 pub use wire::Wire;
@@ -50,17 +49,18 @@ use std::time::{Duration, Instant};
 
 const STEP: Duration = Duration::from_millis(1);
 
-/// The bytes that the serial line of a hub carries in a step; each takes ten bits.
+/// Bytes that the serial line of a hub carries in a step; each takes ten bits.
 pub const BYTES_A_STEP: usize = (BAUD / 10 / 1000) as usize;
 
-/// Further behind than this, the hub lets real time go: it would catch up in a burst otherwise.
+/// Largest delay behind real time that is caught up. A longer delay is given up, because the hub would run a burst of
+/// steps.
 const LATE: Duration = Duration::from_millis(100);
 
 /// Calls `step` with its number, from 0, and the time that was lost so far because steps took longer, once a millisecond of
 /// real time, until it returns false.
 ///
 /// # Errors
-/// Those of `step`.
+/// Returns the errors of `step`.
 pub fn pace<E>(mut step: impl FnMut(u64, Duration) -> Result<bool, E>) -> Result<(), E> {
     let mut due = Instant::now();
     let mut lost = Duration::ZERO;
@@ -80,23 +80,23 @@ pub fn pace<E>(mut step: impl FnMut(u64, Duration) -> Result<bool, E>) -> Result
     Ok(())
 }
 
-/// A hub that is served, a millisecond later.
+/// State of a served hub after a step.
 pub struct Moment<'a> {
     /// Seconds since the start.
     pub at_s: f64,
-    /// Motors can be enabled.
+    /// True if motors can be enabled.
     pub awake: bool,
-    /// A host is on the line: see [`Line::is_taken`].
+    /// True if a host is on the line: see [`Line::is_taken`].
     pub taken: bool,
-    /// Real time that was lost so far because this machine was too slow.
+    /// Real time that was given up so far because this machine was too slow.
     pub lost: Duration,
-    /// Hosts that found another one on the line, and were hung up on.
+    /// Number of hosts that were disconnected because another host was on the line.
     pub turned_away: u32,
-    /// One line on what the hub does.
+    /// Returns a line of text about the state of the hub.
     pub describe: &'a mut dyn FnMut() -> String,
 }
 
-/// One line: the battery in volts, and of each motor the speed in counts/s and what the bridge does.
+/// Returns a line of text: the battery in volts, and the speed in counts/s and the bridge command of each motor.
 pub fn line_on(battery_v: f64, motors: impl Iterator<Item = (f64, Drive)>) -> String {
     let motors = motors.map(|(cps, Drive { mode, duty })| {
         format!(" | {cps:.0} counts/s {} {:.0} %", mode.name(), 100.0 * duty.to_f64())
@@ -107,8 +107,8 @@ pub fn line_on(battery_v: f64, motors: impl Iterator<Item = (f64, Drive)>) -> St
 /// Serves the hub of a scenario with its motors, loads and battery. Its set-points are left to the host. With a `memory`
 /// its settings outlast the program.
 ///
-/// `meddle` is called every millisecond and may change what somebody does to battery and motors, from the scenario's own on;
-/// then `show`, of which false ends it.
+/// Every millisecond `intervene` is called, and may change the interventions in battery and motors. Then `show` is called.
+/// The hub is served until `show` returns false.
 ///
 /// # Errors
 /// If a motor's constants do not fit the firmware, or if the hub's watchdog was not fed.
@@ -117,12 +117,12 @@ pub fn run(
     address: Address,
     line: Line,
     memory: Option<Memory>,
-    meddle: &mut dyn FnMut(&mut Hands),
+    intervene: &mut dyn FnMut(&mut Interventions),
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), RunError> {
     let so_far = Cell::new(Duration::ZERO);
     let mut show = |moment: Moment<'_>| show(Moment { lost: so_far.get(), ..moment });
-    let mut hub = pin!(steps(scenario, address, line, memory, meddle, &mut show));
+    let mut hub = pin!(steps(scenario, address, line, memory, intervene, &mut show));
     pace(|_, lost| {
         so_far.set(lost);
         match poll_once(hub.as_mut()) {
@@ -136,18 +136,18 @@ pub fn run(
 /// [`Moment::lost`] is 0.
 ///
 /// # Errors
-/// Those of [`run`].
+/// Returns the errors of [`run`].
 pub async fn steps(
     scenario: &Scenario,
     address: Address,
     line: Line,
     memory: Option<Memory>,
-    meddle: &mut dyn FnMut(&mut Hands),
+    intervene: &mut dyn FnMut(&mut Interventions),
     show: &mut dyn FnMut(Moment<'_>) -> bool,
 ) -> Result<(), RunError> {
     MockDriver::get().reset();
     let (board, wires) = (sim::board(scenario), Wires::new());
-    // It lasts as long as the process: a simulated hub is never reset.
+    // The record lasts as long as the process, because a simulated hub is never reset.
     wires.open_record(Box::leak(Box::new([0; SIZE])), Fault::PowerOn);
     let health = Health::new().expecting(Task::Responder);
     let mut snapshots = wires.snapshot.receiver().ok_or(RunError::Unobserved)?;
@@ -179,23 +179,23 @@ pub async fn steps(
 
     let executor = Executor::new();
     let mut snapshot = Snapshot::INITIAL;
-    let (mut hands, mut begun_s) = (Hands::default(), 0.0);
+    let (mut interventions, mut begun_s) = (Interventions::default(), 0.0);
     for step in 0_u64.. {
         let at_s = step as f64 * sim::STEP_S;
-        // Bytes may have come, of which no waker tells.
+        // Bytes may have arrived; the line has no waker.
         left.set(BYTES_A_STEP);
         executor.wake();
         executor.run(everything.as_mut());
-        let before = hands;
-        meddle(&mut hands);
-        hands.grip(&before, scenario, &board);
-        if hands.restarts != before.restarts {
+        let before = interventions;
+        intervene(&mut interventions);
+        interventions.set_loads(&before, scenario, &board);
+        if interventions.restarts != before.restarts {
             begun_s = at_s;
         }
         let scenario_s = at_s - begun_s;
         sim::change(scenario, &board, scenario_s);
-        hands.meddle(&board);
-        sim::pass(&board, &hands.torques(scenario, scenario_s));
+        interventions.set_emf_and_encoders(&board);
+        sim::pass(&board, &interventions.torques(scenario, scenario_s));
         if board.starved() {
             return Err(RunError::Starved);
         }
@@ -217,7 +217,7 @@ pub async fn steps(
     Ok(())
 }
 
-/// The hub's end of the line, to be polled again within a millisecond whatever its waker says.
+/// The hub's end of the line. It is polled every millisecond and needs no waker.
 struct End<'a> {
     line: &'a RefCell<Line>,
     /// Bytes that may still be received in this step. Without a limit, a host that never pauses would keep the step from

@@ -1,8 +1,8 @@
 //! Runs the hub's own tasks against the world, in virtual time.
 //!
-//! The tasks are one future, polled when its waker says so. Between polls the clock of the mock time
-//! driver and the plants advance together, a millisecond at a time: the interval at which the
-//! encoders are sampled, so nothing the hub could notice falls between.
+//! The tasks are one future, which is polled when its waker asks for it. Between polls the clock of the mock time
+//! driver and the plants advance together by a millisecond. The encoders are sampled at the same interval, so the hub
+//! misses nothing.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, sim};
@@ -34,29 +34,29 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Wake, Waker};
 
-/// Why a run did not come to its end.
+/// Error of a run.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RunError {
     /// A motor's constants do not fit the firmware.
     #[error("{label}: {error}")]
     Motor {
-        /// The motor's.
+        /// Label of the motor.
         label: String,
-        /// Which, and what is allowed.
+        /// The constant that does not fit, and the allowed range.
         error: RangeError,
     },
-    /// There is nothing to run.
+    /// The scenario has no motor.
     #[error("a scenario without a motor")]
     NoMotors,
-    /// The watchdog bit.
+    /// The hub did not feed its watchdog.
     #[error("the hub did not feed its watchdog: a real board would have been reset")]
     Starved,
-    /// Nobody can look at the hub: all its observers' places are taken.
+    /// All receivers of the hub's snapshots are in use.
     #[error("the hub has no receiver to spare")]
     Unobserved,
 }
 
-/// How far the clock and the world move at once, in seconds.
+/// Step of the clock and of the world in seconds.
 pub(crate) const STEP_S: f64 = 1e-3;
 
 /// The hub's wires.
@@ -83,12 +83,12 @@ impl Executor {
         Self { waker: Waker::from(flag.clone()), flag }
     }
 
-    /// Something happened that no waker tells of.
+    /// Polls the future at the next run, though no waker has asked for it.
     pub(crate) fn wake(&self) {
         self.waker.wake_by_ref();
     }
 
-    /// Until there is nothing left to do.
+    /// Polls the future until its waker is quiet.
     pub(crate) fn run<T>(&self, mut future: Pin<&mut impl Future<Output = T>>) {
         while self.flag.0.swap(false, Ordering::Relaxed) {
             // The tasks never end, so there is no result to look at.
@@ -97,7 +97,7 @@ impl Executor {
     }
 }
 
-/// The hub's tasks on the simulated board, but for the one that tells motors what to do.
+/// Returns the hub's tasks on the simulated board, without the task that commands the motors.
 ///
 /// # Errors
 /// If a motor's constants do not fit the firmware.
@@ -129,14 +129,14 @@ pub(crate) fn advance(scenario: &Scenario, board: &Board, now_s: f64, torques: &
     pass(board, torques)
 }
 
-/// The same without what the scenario changes.
+/// Lets [`STEP_S`] pass without changes by the scenario.
 pub(crate) fn pass(board: &Board, torques: &[f64]) -> Vec<Flow> {
     let flows = board.run(Seconds(STEP_S), torques);
     MockDriver::get().advance(Duration::from_millis(1));
     flows
 }
 
-/// What a scenario changes about the board but for torques.
+/// Sets battery and encoders as the scenario has them at a time.
 pub(crate) fn change(scenario: &Scenario, board: &Board, now_s: f64) {
     board.set_emf(scenario.emf_at(now_s));
     if scenario.bus.is_some_and(|bus| bus.opens_at_s.is_some_and(|at_s| now_s >= at_s)) {
@@ -152,7 +152,7 @@ pub(crate) fn torques(scenario: &Scenario, now_s: f64) -> Vec<f64> {
     scenario.motors.iter().map(|m| m.torque_at(now_s)).collect()
 }
 
-/// Runs a scenario; `progress` is told the virtual time in seconds now and then.
+/// Runs a scenario. `progress` is called from time to time with the virtual time in seconds.
 ///
 /// The time driver is one for the whole process, so only one run at a time is possible in it.
 ///
@@ -187,7 +187,7 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
     if board.starved() { Err(RunError::Starved) } else { Ok(trace) }
 }
 
-/// Settings of every channel; those without a motor stay disabled, whatever their settings.
+/// Returns the settings of every channel. A channel without a motor is never enabled.
 pub(crate) fn all_settings(motors: &[Motor]) -> Result<[Settings; MOTORS], RunError> {
     let spare = motors.first().ok_or(RunError::NoMotors)?;
     let mut settings = [settings_of(spare)?; MOTORS];
@@ -219,7 +219,7 @@ pub(crate) fn board(scenario: &Scenario) -> Board {
     board
 }
 
-/// The host that tells the hub what to do, when the scenario says so.
+/// The host, which sends the scenario's commands at their times.
 async fn operate(scenario: &Scenario, wires: &Wires) {
     for Timed { at_s, value: command } in scenario.commands() {
         Timer::at(Instant::from_micros((at_s * 1e6).round() as u64)).await;
@@ -231,7 +231,7 @@ fn observe(board: &Board, snapshot: &Snapshot<MOTORS>, torques: &[f64]) -> Tick 
     let view = board.view();
     let motors = view.motors.into_iter().zip(&snapshot.motors).zip(torques);
     Tick {
-        // A division, so that 7.95 s is the number that a scenario file writes so.
+        // A division gives the same number as the text 7.95 in a scenario file.
         at_s: snapshot.at.get() as f64 / 1e6,
         battery_v: view.battery_v,
         measured_v: snapshot.battery.map(|mv| f64::from(mv.get()) * 1e-3),

@@ -1,4 +1,4 @@
-//! What is remembered of a run: everything at each control tick, and what flowed until the next.
+//! The record of a run: the state at each control tick, and charge and energy until the next tick.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, sim};
@@ -16,7 +16,7 @@ use motor_hub::motor::Report;
 /// A whole run.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
-    /// By time.
+    /// Control ticks by time.
     pub ticks: Vec<Tick>,
 }
 
@@ -27,16 +27,16 @@ pub struct Tick {
     pub at_s: f64,
     /// Voltage at the battery's terminals.
     pub battery_v: f64,
-    /// What the hub takes it for.
+    /// Voltage that the hub has measured; `None` without a measurement.
     pub measured_v: Option<f64>,
-    /// By motor.
+    /// Samples of the motors.
     pub motors: Vec<Sample>,
 }
 
 /// One motor at one control tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample {
-    /// What the hub says.
+    /// Report of the hub.
     pub report: Report,
     /// True speed in counts per second.
     pub speed_cps: f64,
@@ -44,7 +44,7 @@ pub struct Sample {
     pub counts: i64,
     /// External torque on the output shaft in newton metres.
     pub torque_nm: f64,
-    /// What flowed from this tick to the next.
+    /// Charge and energy from this tick to the next.
     pub flow: Flow,
 }
 

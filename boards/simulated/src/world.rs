@@ -1,5 +1,4 @@
-//! The physical world behind the board's traits: plants on a battery, and what a chip would measure
-//! and switch of them.
+//! The physical world behind the board's traits: plants on a battery, with the measurements and outputs of a chip.
 //!
 //! ```
 //! use motor_hub::board::Bridges;
@@ -38,18 +37,18 @@ use std::cell::RefCell;
 use std::ops::RangeInclusive;
 use std::rc::Rc;
 
-/// The bus's divider: 47 k over 10 k brings 18 V within the converter's range; what is more reads as that.
+/// The bus's divider: 47 k over 10 k brings 18 V within the converter's range. Higher voltages read as 18 V.
 const DIVIDER_OHMS: (u32, u32) = (47_000, 10_000);
-/// The chip's supply, off its nominal 3.3 V as real ones are.
+/// Supply of the chip: as on real boards it differs from the nominal 3.3 V.
 const RAIL_V: f64 = 3.27;
 const VREFINT_V: f64 = 1.21;
-/// What the factory measured of VREFINT.
+/// Calibration of VREFINT by the factory.
 const CALIBRATION: VrefintCalibration =
     VrefintCalibration { reading: 1501, rail: Millivolts::new(3_300), bits: 12 };
-/// How this board reads its converter.
+/// Scale of the converter for voltages.
 const SCALE: VrefintScale = constant!(VrefintScale::new(DIVIDER_OHMS.0, DIVIDER_OHMS.1, CALIBRATION));
 const FULL_SCALE: f64 = 4095.0;
-/// And currents.
+/// Scale of the converter for currents.
 const SENSE_SCALE: SenseScale = SenseScale::VNH5019_CARRIER;
 /// Standard deviation of a conversion, in counts.
 const NOISE: f64 = 1.5;
@@ -67,9 +66,9 @@ pub struct World {
     lines: [(CurrentLine, f64); MOTORS],
     /// Bridges that have switched themselves off, until their lines go low.
     faults: [bool; MOTORS],
-    /// Levels that something outside gives to digital pins: bit i is pin i, and pulled up where nothing does.
+    /// Levels of the digital pins from outside: bit i is pin i. Pins that are not driven are pulled up.
     outside: u8,
-    /// Digital pins that a wire connects, in the same way.
+    /// Digital pins that a wire connects: bit i is pin i.
     wired: u8,
     noise: fastrand::Rng,
     unfed_s: f64,
@@ -80,21 +79,21 @@ pub struct World {
 #[derive(Clone)]
 pub struct Board(Rc<RefCell<World>>);
 
-/// What the outside sees of the world at one moment.
+/// State of the world at one moment.
 #[derive(Clone, Debug)]
 pub struct View {
     /// Voltage at the battery's terminals, or of the bus, in volts.
     pub battery_v: f64,
-    /// The highest that it has been so far.
+    /// Highest voltage so far.
     pub highest_v: f64,
-    /// Bridges that have opened by themselves.
+    /// Number of bridges that have switched themselves off.
     pub shut_down: usize,
     /// Speed in counts per second and whole counts, by motor.
     pub motors: Vec<(f64, i64)>,
 }
 
 impl Board {
-    /// Motors with their loads and bridges on a battery, at rest; `seed` is what the noise of the measurements follows from.
+    /// Motors with their loads and bridges on a battery, at rest; `seed` is the seed of the measurement noise.
     pub fn new(
         battery: Battery,
         motors: impl Iterator<Item = (Motor, Load, BridgeConstants)>,
@@ -294,7 +293,7 @@ impl CurrentSense<MOTORS> for Board {
     }
 }
 
-/// A PWM line that is low for too short a time looks to a real bridge as if its output were shorted to the battery.
+/// A real bridge takes a PWM line that is low for too short a time for a short circuit of its output to the battery.
 fn takes_for_a_short_circuit(bridge: &BridgeConstants, duty: Duty) -> bool {
     let low_ns = 1e9 * (1.0 - duty.to_f64()) / f64::from(bridge.pwm_hz());
     // A duty has 15 bits.
@@ -302,17 +301,17 @@ fn takes_for_a_short_circuit(bridge: &BridgeConstants, duty: Duty) -> bool {
     low_ns > 0.0 && low_ns + rounding_ns < f64::from(bridge.timing().least_off_ns)
 }
 
-/// All eight.
+/// The board has all eight digital pins.
 impl DigitalPins for Board {
     fn exchange(&mut self, driven: u8, levels: u8) -> u8 {
         let world = self.0.borrow();
         let alone = world.outside & !driven | levels & driven;
-        // Whoever pulls a wire low wins.
+        // A wire is low if one of its pins is low.
         if alone & world.wired == world.wired { alone } else { alone & !world.wired }
     }
 }
 
-/// That of a digital pin; none beyond the eighth.
+/// Bit of a digital pin; 0 beyond the eighth pin.
 fn bit(pin: u8) -> u8 {
     1u8.checked_shl(pin.into()).unwrap_or(0)
 }

@@ -14,10 +14,10 @@
 //! ```
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+mod colour_blindness;
 mod drawing;
 mod scale;
-#[cfg(test)]
-mod sight;
 mod svg;
 
 use scale::Scale;

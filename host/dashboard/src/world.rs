@@ -11,7 +11,7 @@
 
 use serde::{Deserialize, Serialize};
 use simulated::encoder::{Encoder, Wire};
-use simulated::serve::hands::{Hands, OnMotor};
+use simulated::serve::interventions::{Interventions as Hands, OnMotor};
 use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, PoisonError};
 

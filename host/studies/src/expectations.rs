@@ -34,7 +34,7 @@ use motor_hub::motor::EncoderFault;
 use motor_hub::motor::Faults;
 use serde::Serialize;
 use serde_json::json;
-use simulated::scenario::expectation::{Bounds, Expectation, Quantity, RegimeName, Subject, Wish};
+use simulated::scenario::expectation::{Bounds, Expectation, Expected, Quantity, RegimeName, Subject};
 use simulated::scenario::{Group, Scenario};
 use simulated::trace::{Sample, Trace};
 use std::fmt;
@@ -48,7 +48,7 @@ pub struct Verdict {
     /// The window in seconds.
     pub window_s: Range<f64>,
     /// The expected quantity, regime or fault.
-    pub wish: Wish,
+    pub expected: Expected,
     /// The measurement.
     pub measured: Measured,
 }
@@ -100,7 +100,7 @@ impl From<EncoderFault> for FaultName {
 #[must_use]
 pub fn judge(scenario: &Scenario, trace: &Trace) -> Vec<Verdict> {
     let verdict = |expectation: &Expectation| {
-        let Expectation { subject, window_s, wish } = expectation;
+        let Expectation { subject, window_s, expected } = expectation;
         let label = match subject {
             Subject::Motor(index) => scenario.motors.get(*index).map(|motor| motor.label.clone()),
             Subject::Group(index) => scenario.groups.get(*index).map(|group| group.label.clone()),
@@ -109,7 +109,7 @@ pub fn judge(scenario: &Scenario, trace: &Trace) -> Vec<Verdict> {
         Verdict {
             subject: label.unwrap_or_default(),
             window_s: window_s.clone(),
-            wish: *wish,
+            expected: *expected,
             measured: measure(scenario, trace, expectation).unwrap_or(Measured::Nothing),
         }
     };
@@ -140,8 +140,8 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
         measures.responses.iter().filter_map(of).reduce(f64::max).map(Measured::Number)
     };
     let speeds = || extent(samples.iter().map(|sample| sample.speed_cps));
-    Some(match expectation.wish {
-        Wish::Quantity(quantity, _) => match quantity {
+    Some(match expectation.expected {
+        Expected::Quantity(quantity, _) => match quantity {
             Quantity::SettlingTime => worst(&|response| Some(response.settling_s.unwrap_or(f64::INFINITY)))?,
             Quantity::Overshoot => worst(&|response| response.overshoot_percent)?,
             Quantity::Speed => speeds().map(|(low, high)| Measured::Between(low, high))?,
@@ -156,10 +156,10 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
             // Of a motor there is none.
             Quantity::HeadingError | Quantity::Bus => return None,
         },
-        Wish::Ever(_) | Wish::Never(_) => {
+        Expected::Ever(_) | Expected::Never(_) => {
             Measured::Regimes(each_once(samples.iter().map(|sample| regime(sample))))
         }
-        Wish::Fault(_) => {
+        Expected::Fault(_) => {
             Measured::Faults(each_once(samples.iter().flat_map(|sample| faults(sample.report.faults))))
         }
     })
@@ -167,10 +167,12 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
 
 /// The measurement of a group.
 fn of_group(group: &Group, trace: &Trace, expectation: &Expectation) -> Option<f64> {
-    let Expectation { window_s, wish, .. } = expectation;
-    match wish {
-        Wish::Quantity(Quantity::SettlingTime, _) => groups::longest_arrival_s(group, trace, window_s),
-        Wish::Quantity(Quantity::HeadingError, _) => groups::largest_heading_error(group, trace, window_s),
+    let Expectation { window_s, expected, .. } = expectation;
+    match expected {
+        Expected::Quantity(Quantity::SettlingTime, _) => groups::longest_arrival_s(group, trace, window_s),
+        Expected::Quantity(Quantity::HeadingError, _) => {
+            groups::largest_heading_error(group, trace, window_s)
+        }
         _ => None,
     }
 }
@@ -211,16 +213,16 @@ impl Verdict {
     /// True if the measurement meets the expectation.
     #[must_use]
     pub fn met(&self) -> bool {
-        match (self.wish, &self.measured) {
-            (Wish::Quantity(_, Bounds { low, high }), &Measured::Number(value)) => {
+        match (self.expected, &self.measured) {
+            (Expected::Quantity(_, Bounds { low, high }), &Measured::Number(value)) => {
                 low <= value && value <= high
             }
-            (Wish::Quantity(_, Bounds { low, high }), &Measured::Between(least, most)) => {
+            (Expected::Quantity(_, Bounds { low, high }), &Measured::Between(least, most)) => {
                 low <= least && most <= high
             }
-            (Wish::Ever(regime), Measured::Regimes(seen)) => seen.contains(&regime),
-            (Wish::Never(regime), Measured::Regimes(seen)) => !seen.contains(&regime),
-            (Wish::Fault(wanted), Measured::Faults(seen)) => {
+            (Expected::Ever(regime), Measured::Regimes(seen)) => seen.contains(&regime),
+            (Expected::Never(regime), Measured::Regimes(seen)) => !seen.contains(&regime),
+            (Expected::Fault(wanted), Measured::Faults(seen)) => {
                 seen.iter().copied().eq(wanted.map(FaultName::from))
             }
             _ => false,
@@ -230,11 +232,11 @@ impl Verdict {
     /// For programs. Quantities are in the unit that their name in scenario files ends with.
     #[must_use]
     pub fn json(&self) -> serde_json::Value {
-        let (expected, wanted) = match self.wish {
-            Wish::Quantity(quantity, Bounds { low, high }) => (quantity.key(), json!([low, high])),
-            Wish::Ever(regime) => ("ever", json!(regime)),
-            Wish::Never(regime) => ("never", json!(regime)),
-            Wish::Fault(fault) => ("fault", json!(fault.map(FaultName::from))),
+        let (expected, wanted) = match self.expected {
+            Expected::Quantity(quantity, Bounds { low, high }) => (quantity.key(), json!([low, high])),
+            Expected::Ever(regime) => ("ever", json!(regime)),
+            Expected::Never(regime) => ("never", json!(regime)),
+            Expected::Fault(fault) => ("fault", json!(fault.map(FaultName::from))),
         };
         json!({
             "of": self.subject,
@@ -250,19 +252,19 @@ impl Verdict {
 
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { subject, window_s, wish, measured } = self;
+        let Self { subject, window_s, expected, measured } = self;
         let Range { start, end } = window_s;
-        write!(f, "{subject}, {start} to {end} s: expected {}, measured {measured}", Wanted(*wish))
+        write!(f, "{subject}, {start} to {end} s: expected {}, measured {measured}", Wanted(*expected))
     }
 }
 
-/// A wish in words.
-pub struct Wanted(pub Wish);
+/// An expectation in words.
+pub struct Wanted(pub Expected);
 
 impl fmt::Display for Wanted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
-            Wish::Quantity(quantity, Bounds { low, high }) => match quantity {
+            Expected::Quantity(quantity, Bounds { low, high }) => match quantity {
                 Quantity::SettlingTime => write!(f, "settles within {high} s"),
                 Quantity::Overshoot => write!(f, "overshoot at most {high} %"),
                 Quantity::Speed => write!(f, "speed {low} to {high} counts/s"),
@@ -273,10 +275,10 @@ impl fmt::Display for Wanted {
                 Quantity::HeadingError => write!(f, "heading error at most {high} degrees"),
                 Quantity::Bus => write!(f, "bus {low} to {high} V"),
             },
-            Wish::Ever(regime) => write!(f, "{} at times", Name(&regime)),
-            Wish::Never(regime) => write!(f, "never {}", Name(&regime)),
-            Wish::Fault(None) => f.write_str("no fault"),
-            Wish::Fault(Some(fault)) => write!(f, "fault: {}", Name(&FaultName::from(fault))),
+            Expected::Ever(regime) => write!(f, "{} at times", Name(&regime)),
+            Expected::Never(regime) => write!(f, "never {}", Name(&regime)),
+            Expected::Fault(None) => f.write_str("no fault"),
+            Expected::Fault(Some(fault)) => write!(f, "fault: {}", Name(&FaultName::from(fault))),
         }
     }
 }

@@ -119,8 +119,8 @@ impl Recording {
             style,
             data: self.samples.iter().filter(|s| s.motor == motor).map(|s| (s.at_s, value(s))).collect(),
         };
-        let told = |_: &Sample| self.target.value();
-        let goal = || line("set-point", colour::RED, Style::DashedStep, &told);
+        let target = |_: &Sample| self.target.value();
+        let goal = || line("set-point", colour::RED, Style::DashedStep, &target);
         let position = line("position", colour::INK, Style::Line, &|s| s.position.into());
         let speed = line("speed", colour::INK, Style::Line, &|s| s.cps.into());
         let panel = |y_label: &str, height, series| Panel {
@@ -172,8 +172,8 @@ mod tests {
 
     #[test]
     fn a_chart_has_a_panel_for_everything_that_is_known() {
-        let labels = |told, current_a| -> Vec<String> {
-            let mut recording = Recording::new("", told);
+        let labels = |target, current_a| -> Vec<String> {
+            let mut recording = Recording::new("", target);
             let _ = recording.push(Sample { current_a, ..Sample::default() });
             let figures = recording.figures();
             figures.into_iter().flat_map(|(_, figure)| figure.panels).map(|panel| panel.y_label).collect()

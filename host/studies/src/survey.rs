@@ -15,23 +15,23 @@
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 
-mod bound;
 pub mod cells;
 pub mod chart;
-mod dump;
+mod fastest;
 mod judge;
-mod pool;
+mod parallel;
 pub mod random;
 pub mod reference;
+mod scenario_file;
 pub mod soak;
 mod sweep;
 pub mod text;
 
-pub use dump::toml;
 pub use judge::{Kind, Verdict};
+pub use scenario_file::toml;
 
 use crate::StudyError;
-use bound::settleable;
+use fastest::settleable;
 use judge::{Challenge, Goal};
 use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue;
@@ -135,7 +135,7 @@ impl Survey {
     ) -> Result<Self, StudyError> {
         let numbers: Vec<u64> = (0..scenarios).collect();
         let results =
-            pool::map(&numbers, |&number| responses(seed, number), |done| progress(done, numbers.len()));
+            parallel::map(&numbers, |&number| responses(seed, number), |done| progress(done, numbers.len()));
         let (mut asked, mut responses) = (0, Vec::new());
         for result in results {
             let (all, settleable) = result?;

@@ -1,8 +1,8 @@
 //! What is drawn in every figure that the program draws: its words, axes, lines and points.
 //!
-//! A figure of curves is some 70 kB of SVG, which nobody would read in a review and which changes in a
-//! thousand places with the last bit of a duty. How lines become SVG is tested with the charts themselves;
-//! so of each line here stand its look, length, ends, extremes and mean, to five digits.
+//! A figure of curves is some 70 kB of SVG. It is too long for a review, and changes in many places with the last bit
+//! of a duty. How lines become SVG is tested with the charts themselves; so of each line here stand its look, length,
+//! ends, extremes and mean, to five digits.
 
 #[path = "../../chart/tests/snapshot/mod.rs"]
 mod snapshot;

@@ -114,7 +114,7 @@ motor = "AM 60 A"
 label = "right"
 motor = "AM 60 A"
 load = {{ drag_nms_per_rad = 0.05 }}
-told = {{ drag = 0.1 }}
+configured = {{ drag = 0.1 }}
 [[groups]]
 label = "base"
 motors = ["left", "right"]

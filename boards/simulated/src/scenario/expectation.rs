@@ -18,7 +18,7 @@ pub struct Expectation {
     /// The window in seconds.
     pub window_s: Range<f64>,
     /// The expected quantity, regime or fault.
-    pub wish: Wish,
+    pub expected: Expected,
 }
 
 /// The subject of an expectation.
@@ -34,7 +34,7 @@ pub enum Subject {
 
 /// An expected quantity, regime or fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Wish {
+pub enum Expected {
     /// A quantity lies within limits, during the whole window if it changes.
     Quantity(Quantity, Bounds),
     /// The motor is in this regime at one control tick or more.

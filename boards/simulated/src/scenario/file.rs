@@ -1,83 +1,105 @@
-//! Reads a scenario file: from its tables, by checks, to a [`Scenario`].
+//! Reads a scenario file: its tables become a [`Scenario`]. A kind of number checks its own range; what depends on
+//! several keys is checked here.
 
-mod bus;
-mod constants;
-mod encoders;
-mod expect;
-mod friction;
+mod expectations;
 mod groups;
-mod ranges;
-mod tables;
+mod motors;
+mod numbers;
 
-use super::definition::{
-    Configuration, ConfiguredMotion, Group, LONGEST_S, Motor, Scenario, Timed, UNLIMITED,
-};
-use super::mistake::{Checked, Fault, Mistake, fault};
-use crate::current_line::CurrentLine;
-use crate::hardware::{BRIDGE, MOTORS, REAL_BRIDGE, thermal_limit};
-use crate::scheme::SchemeName;
-use encoders::check as check_encoder;
-use motor_hub::model::catalogue::{self, characterised};
-use motor_hub::model::{battery::Battery, load::Load, si};
-use motor_hub::motion::Pidf;
-use motor_hub::motor::{OnFault, Setpoint, ThermalLimit, ZeroPower};
-use motor_hub::supply::Limits;
-use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Milliamperes, Period};
-use ranges::{FASTEST_CPS, HARDEST_CPS2, Whole, named, optional, timeline, within};
-use std::num::NonZeroU16;
-use std::ops::RangeInclusive;
-use tables::{
-    BridgeWord, CurrentLineWord, File, GainTable, Inertia, MotorTable, OnFaultWord, SetPointTable,
-    ToldChoice, ToldTable, ZeroPowerWord,
-};
+use super::error::{At, Checked, Fault};
+use super::types::{Bus, Group, Motor, Scenario, Timed, UNLIMITED};
+use crate::hardware::MOTORS;
+use expectations::ExpectTable;
+use groups::GroupTable;
+use motor_hub::model::{battery::Battery, si};
+use motor_hub::supply::{Levels, Limits};
+use motor_hub::units::{Millivolts, Period};
+use motors::MotorTable;
+use numbers::{BatteryEmf, BatteryResistance, Capacitance, Duration, Name, PeriodMs, Seed, or, out_of_range};
+use serde::Deserialize;
 use toml::Spanned;
 
-/// Largest current of a set-point or of a limit, in amperes.
-const LARGEST_A: f64 = 65.535;
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    name: Name,
+    duration_s: Duration,
+    control_period_ms: Option<PeriodMs>,
+    seed: Option<Seed>,
+    #[serde(default)]
+    emulated: bool,
+    battery: BatteryTable,
+    bus: Option<Spanned<BusTable>>,
+    motors: Spanned<Vec<Spanned<MotorTable>>>,
+    #[serde(default)]
+    groups: Vec<Spanned<GroupTable>>,
+    #[serde(default)]
+    expect: Vec<Spanned<ExpectTable>>,
+}
 
-/// What a Q16.16 coefficient can hold.
-const LARGEST_COEFFICIENT: f64 = 32_767.0;
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BatteryTable {
+    emf_v: BatteryEmf,
+    resistance_ohm: BatteryResistance,
+    #[serde(default)]
+    unlimited: bool,
+    #[serde(default)]
+    emf_over_time: Vec<Spanned<EmfTable>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EmfTable {
+    at_s: f64,
+    emf_v: BatteryEmf,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BusTable {
+    capacitance_f: Capacitance,
+    #[serde(default)]
+    one_way: bool,
+    opens_at_s: Option<f64>,
+    burn_between_v: Option<[f64; 2]>,
+}
 
 /// Reads and checks a whole file. A complete one has a set-point or a course for every motor.
 pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
-    let file: File = toml::from_str(text).map_err(|error| Fault::of_toml(&error))?;
-    let duration_s = within(&file.duration_s, "duration_s", 0.001..=LONGEST_S)?;
-    let motors = check_motors(&file, duration_s)?;
-    let groups = groups::check(&file.groups, &motors, duration_s)?;
+    let file: File = toml::from_str(text).map_err(|error| Fault::of_toml(&error, text))?;
+    let duration_s = file.duration_s.0;
+    let motors = file.motors(duration_s)?;
+    let groups = file.groups(&motors, duration_s)?;
     if is_complete {
-        check_commanded(&file, &groups)?;
+        file.check_commanded(&groups)?;
     }
-    check_emulated(&file)?;
-    let period = match &file.control_period_ms {
-        Some(ms) => Period::from_millis(ranges::whole(ms, "control_period_ms", 1..=100)?).unwrap_or_default(),
-        None => Period::DEFAULT,
-    };
+    file.check_emulated()?;
     let mut expectations = Vec::new();
     for table in &file.expect {
-        expectations.extend(table.get_ref().check(table, &motors, &groups, duration_s)?);
+        expectations.extend(table.get_ref().check(&motors, &groups, duration_s).at(table)?);
     }
+    let battery = file.battery;
+    let (bus, limits) = match &file.bus {
+        Some(table) if battery.unlimited => {
+            return Err("a bus needs a battery with limits; remove unlimited".to_owned()).at(table);
+        }
+        Some(table) => {
+            let (bus, limits) = table.get_ref().check(duration_s).at(table)?;
+            (Some(bus), limits)
+        }
+        None if battery.unlimited => (None, UNLIMITED),
+        None => (None, Limits::TWELVE_VOLTS),
+    };
     Ok(Scenario {
-        name: named(&file.name, "name")?,
+        name: file.name.0,
         duration_s,
-        period,
-        seed: ranges::whole_or(&file.seed, "seed", 0..=u32::MAX, 1)?.into(),
-        battery: Battery {
-            emf: si::Volts(within(&file.battery.emf_v, "emf_v", EMF)?),
-            resistance: si::Ohms(within(&file.battery.resistance_ohm, "resistance_ohm", 0.0..=1.0)?),
-        },
-        bus: file.bus.as_ref().map(|table| table.get_ref().check(duration_s)).transpose()?,
-        limits: match &file.bus {
-            Some(bus) if file.battery.unlimited => return Err(fault(bus, Mistake::BusUnlimited)),
-            Some(bus) => bus.get_ref().limits()?,
-            None if file.battery.unlimited => UNLIMITED,
-            None => Limits::TWELVE_VOLTS,
-        },
-        emf_over_time: timeline(
-            &file.battery.emf_over_time,
-            duration_s,
-            |t| &t.at_s,
-            |t, _| within(&t.emf_v, "emf_v", EMF),
-        )?,
+        period: file.control_period_ms.and_then(|ms| Period::from_millis(ms.0).ok()).unwrap_or_default(),
+        seed: or(file.seed, 1_u32).into(),
+        battery: Battery { emf: si::Volts(battery.emf_v.0), resistance: si::Ohms(battery.resistance_ohm.0) },
+        bus,
+        limits,
+        emf_over_time: timeline(&battery.emf_over_time, duration_s, |t| t.at_s, |t| Ok(t.emf_v.0))?,
         motors,
         groups,
         wire: None,
@@ -86,250 +108,124 @@ pub(super) fn read(text: &str, is_complete: bool) -> Checked<Scenario> {
     })
 }
 
-fn check_motors(file: &File, duration_s: f64) -> Checked<Vec<Motor>> {
-    let count = file.motors.get_ref().len();
-    if !(1..=MOTORS).contains(&count) {
-        return Err(fault(&file.motors, Mistake::Motors(count)));
-    }
-    let mut motors: Vec<Motor> = Vec::with_capacity(count);
-    for table in file.motors.get_ref() {
-        let motor = table.get_ref().check(table, duration_s)?;
-        if motors.iter().any(|m| m.label == motor.label) {
-            return Err(fault(&table.get_ref().label, Mistake::LabelTaken(motor.label)));
+impl File {
+    fn motors(&self, duration_s: f64) -> Checked<Vec<Motor>> {
+        let count = self.motors.get_ref().len();
+        if !(1..=MOTORS).contains(&count) {
+            return Err(format!("there are {count} motors; allowed are 1 to {MOTORS}")).at(&self.motors);
         }
-        motors.push(motor);
+        let mut motors: Vec<Motor> = Vec::with_capacity(count);
+        for table in self.motors.get_ref() {
+            let motor = table.get_ref().check(table, duration_s)?;
+            unused(&motor.label, motors.iter().map(|other| &other.label)).at(table)?;
+            motors.push(motor);
+        }
+        Ok(motors)
     }
-    Ok(motors)
+
+    fn groups(&self, motors: &[Motor], duration_s: f64) -> Checked<Vec<Group>> {
+        let mut groups: Vec<Group> = Vec::with_capacity(self.groups.len());
+        for table in &self.groups {
+            let group = table.get_ref().check(table, motors, duration_s)?;
+            unused(&group.label, groups.iter().map(|other| &other.label)).at(table)?;
+            groups.push(group);
+        }
+        Ok(groups)
+    }
+
+    /// Every motor has a set-point of its own or a group.
+    fn check_commanded(&self, groups: &[Group]) -> Checked<()> {
+        for (index, table) in self.motors.get_ref().iter().enumerate() {
+            let grouped = groups.iter().any(|group| group.motors.contains(&index));
+            if table.get_ref().setpoints.is_empty() && !grouped {
+                return Err("a motor needs at least one set-point, or a group".to_owned()).at(table);
+            }
+        }
+        Ok(())
+    }
+
+    /// The emulated chip does not report groups, and has no bus.
+    fn check_emulated(&self) -> Checked<()> {
+        match (self.groups.first(), &self.bus) {
+            (Some(group), _) if self.emulated => {
+                Err("groups do not run on the emulated chip; remove emulated".to_owned()).at(group)
+            }
+            (_, Some(bus)) if self.emulated => {
+                Err("a bus does not run on the emulated chip; remove emulated".to_owned()).at(bus)
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
-/// Every motor has a set-point of its own or a group.
-fn check_commanded(file: &File, groups: &[Group]) -> Checked<()> {
-    for (index, table) in file.motors.get_ref().iter().enumerate() {
-        let grouped = groups.iter().any(|group| group.motors.contains(&index));
-        if table.get_ref().setpoints.is_empty() && !grouped {
-            return Err(fault(table, Mistake::NoSetpoints));
+impl BusTable {
+    /// The bus, and the hub's own limits with the dissipation levels of the table.
+    fn check(&self, duration_s: f64) -> Result<(Bus, Limits), String> {
+        let opens_at_s = self.opens_at_s;
+        if let Some(at_s) = opens_at_s.filter(|at_s| !(0.0..=duration_s).contains(at_s)) {
+            return Err(out_of_range("opens_at_s", at_s, 0.0..=duration_s));
         }
+        let bus = Bus { capacitance_f: self.capacitance_f.0, one_way: self.one_way, opens_at_s };
+        let limits = Limits::TWELVE_VOLTS;
+        let Some(between) = self.burn_between_v else { return Ok((bus, limits)) };
+        let limits = match between.map(Millivolts::from_volts) {
+            [Ok(dissipate), Ok(ceiling)] => {
+                Limits::new(Levels { dissipate, ceiling, ..limits.levels() }).ok()
+            }
+            _ => None,
+        };
+        let Levels { recover, max, .. } = Limits::TWELVE_VOLTS.levels();
+        let limits = limits.ok_or_else(|| {
+            format!(
+                "burn_between_v = {between:?} is out of range; it needs [low, high] with low above {} V, below high, \
+                 and high up to {} V",
+                recover.to_volts(),
+                max.to_volts()
+            )
+        })?;
+        Ok((bus, limits))
+    }
+}
+
+/// Checks a list by time: each entry is later than the entry before it, and all are within the run.
+fn timeline<F, T>(
+    entries: &[Spanned<F>],
+    duration_s: f64,
+    at_s: impl Fn(&F) -> f64,
+    value: impl Fn(&F) -> Result<T, String>,
+) -> Checked<Vec<Timed<T>>> {
+    let mut timed: Vec<Timed<T>> = Vec::with_capacity(entries.len());
+    for entry in entries {
+        let at_s = at_s(entry.get_ref());
+        // Not a number is not within the run either.
+        let message = if !(0.0..=duration_s).contains(&at_s) {
+            Err(format!("at_s = {at_s} is outside the run; allowed is 0 to {duration_s}"))
+        } else if let Some(last) = timed.last().filter(|last| last.at_s >= at_s) {
+            Err(format!("at_s = {at_s} is not after {}; times must ascend", last.at_s))
+        } else {
+            value(entry.get_ref())
+        };
+        timed.push(Timed { at_s, value: message.at(entry)? });
+    }
+    Ok(timed)
+}
+
+/// Labels of a list differ.
+fn unused<'a>(label: &String, mut others: impl Iterator<Item = &'a String>) -> Result<(), String> {
+    if others.any(|other| other == label) {
+        return Err(format!("label {label:?} is used twice; labels must differ"));
     }
     Ok(())
 }
 
-/// The emulated chip does not report groups.
-fn check_emulated(file: &File) -> Checked<()> {
-    match (file.groups.first(), &file.bus) {
-        (Some(group), _) if file.emulated => Err(fault(group, Mistake::GroupsEmulated)),
-        (_, Some(bus)) if file.emulated => Err(fault(bus, Mistake::BusEmulated)),
-        _ => Ok(()),
-    }
-}
-
-impl MotorTable {
-    fn check(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Motor> {
-        let mut constants = match (&self.motor, &self.constants) {
-            (Some(name), None) => {
-                characterised(name.get_ref()).map_err(|unknown| fault(name, Mistake::Motor(unknown)))?
-            }
-            (None, Some(table)) => table.get_ref().check()?,
-            _ => return Err(fault(whole, Mistake::MotorOrConstants)),
-        };
-        if let Some(table) = &self.friction {
-            constants.friction = table.check(&constants)?;
-        }
-        if let Some(table) = &self.cogging {
-            constants.cogging = table.check(&constants)?;
-        }
-        let Some(scheme) = self.scheme.or(self.blend.is_none().then_some(SchemeName::A)) else {
-            return Err(fault(whole, Mistake::BlendAlone));
-        };
-        let blend = self.blend.as_ref().map(|b| *b.get_ref());
-        let scheme = scheme.with_blend(blend).map_err(|error| match &self.blend {
-            Some(at) => fault(at, Mistake::Blend(error)),
-            None => fault(whole, Mistake::Blend(error)),
-        })?;
-        let any = 0.0..=1000.0;
-        let load = Load {
-            inertia_after: si::KgM2(optional(&self.load.inertia_kg_m2, "inertia_kg_m2", any.clone())?),
-            drag_after: si::Drag(optional(&self.load.drag_nms_per_rad, "drag_nms_per_rad", any)?),
-            ..Load::NONE
-        };
-        let coefficients = &self.coefficients;
-        Ok(Motor {
-            label: named(&self.label, "label")?,
-            constants: match self.inertia {
-                Inertia::Rotor => constants.with_measured_rotor_inertia(),
-                Inertia::Paper => constants,
-            },
-            load,
-            configuration: self.told.check()?,
-            scheme,
-            duty: self.duty,
-            zero_power: match self.zero_power {
-                ZeroPowerWord::Brake => ZeroPower::Brake,
-                ZeroPowerWord::Float => ZeroPower::Float,
-            },
-            on_fault: match self.on_fault {
-                OnFaultWord::Coast => OnFault::Coast,
-                OnFaultWord::Brake => OnFault::Brake,
-            },
-            bridge: match self.bridge {
-                BridgeWord::Ideal => BRIDGE,
-                BridgeWord::Vnh5019 => REAL_BRIDGE,
-            },
-            current_line: match self.current_line {
-                CurrentLineWord::Absent => CurrentLine::Absent,
-                CurrentLineWord::Sound => CurrentLine::Sound,
-                CurrentLineWord::StuckLow => CurrentLine::StuckLow,
-                CurrentLineWord::StuckHigh => CurrentLine::StuckHigh,
-            },
-            thermal: self.check_thermal(&constants)?,
-            current_limit: self.check_current_limit()?,
-            acceleration: self.check_acceleration()?,
-            velocity: coefficients.velocity.as_ref().map(GainTable::check).transpose()?,
-            position: coefficients.position.as_ref().map(GainTable::check).transpose()?,
-            setpoints: timeline(&self.setpoints, duration_s, |s| &s.at_s, SetPointTable::check)?,
-            torques: self.check_torques(duration_s)?,
-            encoder: timeline(&self.encoder, duration_s, |e| &e.at_s, check_encoder)?,
-        })
-    }
-
-    /// Missing values are the usual ones.
-    fn check_thermal(&self, motor: &catalogue::Motor) -> Checked<Option<ThermalLimit>> {
-        let Some(table) = &self.thermal else { return Ok(None) };
-        let seconds = 1..=u16::MAX;
-        let usual = (ThermalLimit::USUAL_WINDING_S, ThermalLimit::USUAL_CASE_S);
-        let winding_s = ranges::whole_or(&table.winding_s, "winding_s", seconds.clone(), usual.0)?;
-        let case_s = ranges::whole_or(&table.case_s, "case_s", seconds, usual.1)?;
-        let continuous_ma = match &table.continuous_a {
-            Some(amperes) => (1e3 * within(amperes, "continuous_a", 0.001..=LARGEST_A)?).round() as u16,
-            None => thermal_limit(motor).map_or(u16::MAX, |usual| usual.continuous_ma()),
-        };
-        Ok(ThermalLimit::new(continuous_ma, winding_s, case_s).ok())
-    }
-
-    fn check_current_limit(&self) -> Checked<Option<NonZeroU16>> {
-        let Some(amperes) = &self.current_limit_a else { return Ok(None) };
-        let ma = 1e3 * within(amperes, "current_limit_a", 0.001..=LARGEST_A)?;
-        Ok(NonZeroU16::new(ma.round() as u16))
-    }
-
-    fn check_acceleration(&self) -> Checked<Option<Acceleration>> {
-        let Some(value) = &self.acceleration_cps2 else { return Ok(None) };
-        let limit = ranges::whole(value, "acceleration_cps2", 1..=HARDEST_CPS2)?;
-        Ok(Acceleration::new(limit).ok())
-    }
-
-    /// The load's own torque holds from the start, until the first change.
-    fn check_torques(&self, duration_s: f64) -> Checked<Vec<Timed<f64>>> {
-        let first = Timed { at_s: 0.0, value: optional(&self.load.torque_nm, "torque_nm", TORQUE)? };
-        let changes = timeline(
-            &self.torques,
-            duration_s,
-            |t| &t.at_s,
-            |t, _| within(&t.torque_nm, "torque_nm", TORQUE),
-        )?;
-        Ok(std::iter::once(first).chain(changes).collect())
-    }
-}
-
-const TORQUE: RangeInclusive<f64> = -1000.0..=1000.0;
-const EMF: RangeInclusive<f64> = 1.0..=60.0;
-
-impl ToldChoice {
-    fn check(&self) -> Checked<Configuration> {
-        match self {
-            Self::Nothing => Ok(Configuration { motion: None, ..Configuration::EXACT }),
-            Self::Factors(factors) => factors.check(),
-        }
-    }
-}
-
-impl ToldTable {
-    fn check(&self) -> Checked<Configuration> {
-        let factor = |value: &Option<Spanned<f64>>, key: &'static str| {
-            value.as_ref().map_or(Ok(1.0), |value| within(value, key, 0.1..=10.0))
-        };
-        Ok(Configuration {
-            resistance: factor(&self.resistance, "resistance")?,
-            emf: factor(&self.emf, "emf")?,
-            motion: Some(ConfiguredMotion {
-                inertia: factor(&self.inertia, "inertia")?,
-                drag: self.drag.as_ref().map_or(Ok(1.0), |drag| within(drag, "drag", 0.0..=10.0))?,
-                friction: factor(&self.friction, "friction")?,
-            }),
-        })
-    }
-}
-
-impl GainTable {
-    fn check(&self) -> Checked<Pidf> {
-        let fixed = |value: &Spanned<f64>, key: &'static str| {
-            let number = within(value, key, 0.0..=LARGEST_COEFFICIENT)?;
-            let bits = (number * f64::from(1 << 16)).round() as i32;
-            Ok(Coefficient::from_bits(bits))
-        };
-        let optional = |value: &Option<Spanned<f64>>, key: &'static str| {
-            value.as_ref().map_or(Ok(Coefficient::ZERO), |value| fixed(value, key))
-        };
-        Ok(Pidf {
-            p: fixed(&self.p, "p")?,
-            i: optional(&self.i, "i")?,
-            d: optional(&self.d, "d")?,
-            f: optional(&self.f, "f")?,
-        })
-    }
-}
-
-impl SetPointTable {
-    fn check(&self, whole: &Spanned<Self>) -> Checked<Setpoint> {
-        let kinds = [
-            self.power.is_some(),
-            self.current_a.is_some(),
-            self.velocity_cps.is_some(),
-            self.position_counts.is_some(),
-            self.disable.is_some(),
-        ];
-        if kinds.into_iter().filter(|&given| given).count() != 1 {
-            return Err(fault(whole, Mistake::SetpointKind));
-        }
-        let (tolerance, limit) = (&self.tolerance_counts, &self.speed_limit_cps);
-        if let Some(counts) = &self.position_counts {
-            let (Some(tolerance), Some(limit)) = (tolerance, limit) else {
-                return Err(fault(whole, Mistake::PositionAlone));
-            };
-            return Ok(Setpoint::Position {
-                target: ranges::whole(counts, "position_counts", i32::MIN..=i32::MAX)?,
-                tolerance: ranges::whole(tolerance, "tolerance_counts", 0..=u16::MAX)?,
-                speed_limit: speed(limit, "speed_limit_cps", 1)?,
-            });
-        }
-        if tolerance.is_some() {
-            return Err(fault(whole, Mistake::PositionMissing));
-        }
-        if let Some(current) = &self.current_a {
-            let ma = 1e3 * within(current, "current_a", -LARGEST_A..=LARGEST_A)?;
-            let speed_limit = limit.as_ref().map(|limit| speed(limit, "speed_limit_cps", 1)).transpose()?;
-            return Ok(Setpoint::Current {
-                current: Milliamperes::new(ma.round() as i32),
-                // Without a limit the motor may become as fast as it can.
-                speed_limit: speed_limit.unwrap_or(CountsPerSecond::new(FASTEST_CPS)),
-            });
-        }
-        if limit.is_some() {
-            return Err(fault(whole, Mistake::SpeedLimitAlone));
-        }
-        if let Some(cps) = &self.velocity_cps {
-            return speed(cps, "velocity_cps", -FASTEST_CPS).map(Setpoint::Velocity);
-        }
-        if let Some(power) = &self.power {
-            let counts = within(power, "power", -1.0..=1.0)? * f64::from(Control::MAX.get());
-            return Ok(Setpoint::ConstantPower(Control::new(counts.round() as i16)));
-        }
-        match &self.disable {
-            Some(no) if !no.get_ref() => Err(fault(no, Mistake::DisableFalse)),
-            _ => Ok(Setpoint::Disabled),
-        }
-    }
-}
-
-fn speed(value: &Spanned<Whole>, key: &'static str, lowest: i32) -> Checked<CountsPerSecond> {
-    ranges::whole(value, key, lowest..=FASTEST_CPS).map(CountsPerSecond::new)
+/// Index of a label among the labels of motors or groups.
+fn find<'a>(
+    what: &str,
+    label: &str,
+    known: impl Iterator<Item = &'a String> + Clone,
+) -> Result<usize, String> {
+    known.clone().position(|other| other == label.trim()).ok_or_else(|| {
+        let known: Vec<&str> = known.map(String::as_str).collect();
+        format!("no {what} has the label {label:?}; labels are {}", known.join(", "))
+    })
 }

@@ -1,4 +1,4 @@
-//! A line to hosts that come and go: to the hub it is a serial line that never ends.
+//! A line to hosts that connect and disconnect. The hub sees a serial line without end.
 
 use super::tcp::Tcp;
 use super::wire::Wire;
@@ -8,26 +8,26 @@ use std::io::{Read, Write};
 #[cfg(unix)]
 use super::pty::Pty;
 
-/// Why a line cannot be had.
+/// Error of opening a line.
 #[derive(Debug, thiserror::Error)]
 pub enum LineError {
-    /// The system has no pseudo-terminal to give.
+    /// The system refuses a pseudo-terminal.
     #[error("no pseudo-terminal: {0}")]
     NoPty(std::io::Error),
-    /// Systems other than Unix have none at all.
+    /// Only Unix has pseudo-terminals.
     #[error("this system has no pseudo-terminals")]
     NoPtys,
-    /// The address cannot be listened to.
+    /// The program cannot listen on the address.
     #[error("{address} cannot be listened to: {error}")]
     Tcp {
-        /// As it was given.
+        /// The given address.
         address: String,
-        /// Why not.
+        /// Error of the operating system.
         error: std::io::Error,
     },
 }
 
-/// A line on which nothing waits.
+/// A line whose calls never block.
 #[derive(Debug)]
 pub struct Line(Kind);
 
@@ -43,7 +43,7 @@ impl Line {
     /// A pseudo-terminal: hosts open its path as a serial port of any speed.
     ///
     /// # Errors
-    /// If the system has none to give.
+    /// If the system refuses a pseudo-terminal.
     #[cfg(unix)]
     pub fn pty() -> Result<Self, LineError> {
         Pty::open().map(|pty| Self(Kind::Pty(pty))).map_err(|errno| LineError::NoPty(errno.into()))
@@ -56,11 +56,11 @@ impl Line {
         Err(LineError::NoPtys)
     }
 
-    /// A TCP port; port 0 is any that is free. It has one host at a time: another is hung up on after 0.2 s, if the
-    /// first is still there then. A host that has sent nothing for 5 s gives way to another.
+    /// A TCP port; port 0 stands for any free port. It serves one host at a time. A second host is disconnected after
+    /// 0.2 s if the first is still connected. A host that has sent nothing for 5 s gives way to another.
     ///
     /// # Errors
-    /// If it cannot be listened to.
+    /// If the program cannot listen on the address.
     pub fn tcp(address: &str) -> Result<Self, LineError> {
         let fails = |error| LineError::Tcp { address: address.to_owned(), error };
         Tcp::listen(address).map(|tcp| Self(Kind::Tcp(tcp))).map_err(fails)
@@ -73,7 +73,7 @@ impl Line {
         (Self(Kind::Wire(hub)), host)
     }
 
-    /// Bytes that have come; 0 if there are none now.
+    /// Reads bytes that have arrived. Returns their number, 0 if there are none.
     pub fn receive(&mut self, bytes: &mut [u8]) -> usize {
         match &mut self.0 {
             #[cfg(unix)]
@@ -83,7 +83,7 @@ impl Line {
         }
     }
 
-    /// How many bytes were taken; 0 if the line is busy. Without a host they go nowhere.
+    /// Sends bytes. Returns the number of accepted bytes, 0 if the line is busy. Without a host all bytes are dropped.
     pub fn send(&mut self, bytes: &[u8]) -> usize {
         match &mut self.0 {
             #[cfg(unix)]
@@ -93,8 +93,9 @@ impl Line {
         }
     }
 
-    /// A host is there: connected and not silent for 5 s, or on a pseudo-terminal heard within the hub's keep-alive time
-    /// of 2.5 s and, on Linux, not gone since.
+    /// Returns true if a host is on the line. On TCP the host is connected and has sent something within 5 s. On a
+    /// pseudo-terminal it has sent something within the hub's keep-alive time of 2.5 s; on Linux it has not closed the
+    /// port since.
     pub fn is_taken(&self) -> bool {
         match &self.0 {
             #[cfg(unix)]
@@ -104,7 +105,7 @@ impl Line {
         }
     }
 
-    /// Hosts that found another one here, and were hung up on.
+    /// Returns the number of hosts that were disconnected because another host was connected.
     pub const fn turned_away(&self) -> u32 {
         match &self.0 {
             #[cfg(unix)]

@@ -1,4 +1,5 @@
-//! A file in the place of flash, for settings that outlast the program: two pages of 16 KB, as the NUCLEO-F429ZI has them.
+//! A file instead of flash, for settings that are kept between runs of the program. It has two pages of 16 KB, as the
+//! NUCLEO-F429ZI has.
 
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -11,18 +12,18 @@ use std::path::Path;
 const PAGE: u32 = 16 * 1024;
 const SIZE: u32 = 2 * PAGE;
 
-/// Why a file cannot be what settings are stored in.
+/// Error of opening a file as the store of settings.
 #[derive(Debug, thiserror::Error)]
 pub enum MemoryError {
-    /// It cannot be opened, read or written.
+    /// The file cannot be opened, read or written.
     #[error("{path}: {error}")]
     File {
         /// The file.
         path: String,
-        /// What the system says.
+        /// Error of the operating system.
         error: io::Error,
     },
-    /// Another program has it open.
+    /// Another program has the file open.
     #[error(
         "{path} is the store of another served hub, which still runs; give another file, or end that hub"
     )]
@@ -30,27 +31,27 @@ pub enum MemoryError {
         /// The file.
         path: String,
     },
-    /// It is something else.
+    /// The file is not a store of settings.
     #[error("{path} is not a store of a hub's settings: it has {size} bytes, which would be {SIZE}")]
     NotAStore {
         /// The file.
         path: String,
-        /// Its size, in bytes.
+        /// Size of the file in bytes.
         size: u64,
     },
 }
 
-/// Where a served hub stores its settings.
+/// The store of a served hub's settings.
 #[derive(Debug)]
 pub struct Memory(File);
 
 impl Memory {
-    /// A file that is made if there is none. It is locked: no other hub can have it as long as this one runs.
+    /// Opens or creates a file, and locks it: no other hub can use the file while this hub runs.
     ///
-    /// A shorter file of erased bytes is completed: it is what a full disk leaves of a new store.
+    /// A shorter file of erased bytes is completed. A full disk leaves such a file.
     ///
     /// # Errors
-    /// If it cannot be read and written, is another hub's, or is something else.
+    /// If the file cannot be read and written, is in use by another hub, or is not a store.
     pub fn open(path: &Path) -> Result<Self, MemoryError> {
         let shown = || path.display().to_string();
         let at = |error| MemoryError::File { path: shown(), error };
@@ -85,7 +86,7 @@ impl Memory {
     }
 }
 
-/// The system has refused.
+/// The operating system has refused.
 #[derive(Debug)]
 pub struct Unwritten;
 

@@ -11,23 +11,23 @@ use std::mem::MaybeUninit;
 use std::os::fd::OwnedFd;
 use std::time::{Duration, Instant};
 
-/// A host that has motors run speaks more often than this: the hub's keep-alive time.
+/// The hub's keep-alive time. A host that runs motors sends more often.
 const KEEP_ALIVE: Duration = Duration::from_millis(2500);
 
 #[derive(Debug)]
 pub(super) struct Pty {
     ours: OwnedFd,
-    /// Held open, so that hosts may come and go: the settings of a terminal that nobody has open are
-    /// forgotten, and reading the other end of it fails.
+    /// The hosts' end, kept open. A terminal that is closed on this end loses its settings, and reading the hub's end
+    /// fails.
     theirs: OwnedFd,
     path: String,
-    /// When a host was heard last, unless it has closed the port since.
+    /// Time of the last bytes of a host; `None` if the host has closed the port since.
     heard: Option<Instant>,
-    /// Somebody has closed the port, and nobody has opened it since or been heard: replies go nowhere.
+    /// True if the port was closed, and neither opened nor written to since. Replies are then dropped.
     shut: bool,
-    /// What is read may have been written before that.
+    /// True if bytes may be left from before the port was closed.
     backlog: bool,
-    /// Tells when somebody opens or closes the port, if the system can.
+    /// Notifications of opening and closing the port; `None` if the system has none.
     #[cfg(target_os = "linux")]
     comings: Option<OwnedFd>,
 }
@@ -39,7 +39,7 @@ impl Pty {
         unlockpt(&ours)?;
         let name = ptsname(&ours, Vec::new())?;
         let theirs = rustix::fs::open(&name, OFlags::RDWR | OFlags::NOCTTY, Mode::empty())?;
-        // Bytes as they are, not lines: what a serial port's driver does when a host asks for it.
+        // Raw bytes instead of lines, as of a serial port.
         let mut settings = termios::tcgetattr(&theirs)?;
         settings.make_raw();
         termios::tcsetattr(&theirs, OptionalActions::Now, &settings)?;
@@ -57,12 +57,12 @@ impl Pty {
         })
     }
 
-    /// What one host has left unread is nothing to the next: it is thrown away when the port is closed. (A host that
-    /// shares the port with another may miss a reply by that.) Systems other than Linux keep it.
+    /// Discards replies that a host left unread when it closed the port. A host that shares the port with another host
+    /// may miss a reply. Systems other than Linux keep the replies.
     fn forget_what_was_left(&mut self) {
         #[cfg(target_os = "linux")]
         if let Some(comings) = &self.comings {
-            // They come one by one or in bunches; how many there were does not matter.
+            // Several notifications may come together; only the last one counts.
             let mut buffer = [MaybeUninit::uninit(); 512];
             let mut events = inotify::Reader::new(comings, &mut buffer);
             let mut last = None;
@@ -81,16 +81,16 @@ impl Pty {
         &self.path
     }
 
-    /// Bytes that have come; 0 if there are none now.
+    /// Reads bytes that have arrived. Returns their number, 0 if there are none.
     pub(super) fn receive(&mut self, bytes: &mut [u8]) -> usize {
         self.forget_what_was_left();
-        // A host that was killed while it had the port to itself would keep the next one out.
+        // A host that was killed while it had exclusive use of the port would lock out the next host.
         let _ = termios::ioctl_tiocnxcl(&self.theirs);
         let received = rustix::io::read(&self.ours, bytes).unwrap_or(0);
         if received == 0 {
             self.backlog = false;
         } else if !self.backlog {
-            // One that shared the port with whoever closed it.
+            // Another host has the port open, and has sent these bytes.
             self.shut = false;
             self.heard = Some(Instant::now());
         }
@@ -104,7 +104,7 @@ impl Pty {
         self.heard.is_some_and(|heard| heard.elapsed() < KEEP_ALIVE)
     }
 
-    /// How many bytes were taken; 0 if the line is busy. Without a host they go nowhere.
+    /// Sends bytes. Returns the number of accepted bytes, 0 if the line is busy. Without a host all bytes are dropped.
     pub(super) fn send(&self, bytes: &[u8]) -> usize {
         if self.shut {
             return bytes.len();

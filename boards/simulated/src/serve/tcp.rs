@@ -5,32 +5,35 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::time::{Duration, Instant};
 
-/// So long another host is kept waiting: one that has hung up may have left something to be read before that shows.
+/// Time that a second host waits before it is disconnected. The first host may have hung up, which shows once its last
+/// bytes are read.
 const GRACE: Duration = Duration::from_millis(200);
 
-/// A host that has been silent for this time gives way to another. The hub has disabled its motors after half of it.
+/// A host that has sent nothing for this time gives way to another. The hub has disabled the motors after half of the
+/// time.
 pub(super) const IDLE: Duration = Duration::from_secs(5);
 
-/// Bytes that wait for the hub, which takes them as slowly as from a serial line. What comes beyond them is lost: else a
-/// host that sends noise would fill the buffers of the system, and keep the hub busy for a minute after it has gone.
+/// Largest number of bytes that wait for the hub, which reads at the speed of a serial line. Further bytes are dropped.
+/// Otherwise a host that sends noise would fill the buffers of the system, and the hub would be busy for a minute after
+/// the host has gone.
 const INBOX: usize = 4096;
 
-/// Reads of the connection at a time. What is left is read the next time, so that no host keeps the hub from its work.
+/// Largest number of reads in a step, so that a host cannot delay the hub. The rest is read in the next step.
 const READS: usize = 64;
 
 #[derive(Debug)]
 pub(super) struct Tcp {
     listener: TcpListener,
     host: Option<TcpStream>,
-    /// What the host has sent and the hub has not received yet.
+    /// Bytes from the host that the hub has not received yet.
     inbox: VecDeque<u8>,
-    /// The host sends nothing more.
+    /// True if the host sends nothing more.
     at_end: bool,
-    /// When the host last sent something, or came.
+    /// Time of the host's last bytes, or of its connection.
     heard: Instant,
-    /// It takes no more replies. What it has sent before it hung up is still to be read: it may be what stops motors.
+    /// True if the host takes no more replies. Its last bytes are still read: they may stop motors.
     deaf: bool,
-    /// Another one, and since when it waits.
+    /// A second host, and the time since when it waits.
     waiting: Option<(TcpStream, Instant)>,
     turned_away: u32,
 }
@@ -55,7 +58,7 @@ impl Tcp {
         self.listener.local_addr()
     }
 
-    /// Hosts that found another one here, and were hung up on.
+    /// Returns the number of hosts that were disconnected because another host was connected.
     pub(super) const fn turned_away(&self) -> u32 {
         self.turned_away
     }
@@ -64,7 +67,7 @@ impl Tcp {
         self.host.is_some() && self.heard.elapsed() < IDLE
     }
 
-    /// Bytes that have come; 0 if there are none now.
+    /// Reads bytes that have arrived. Returns their number, 0 if there are none.
     pub(super) fn receive(&mut self, bytes: &mut [u8]) -> usize {
         if self.host.is_none() {
             self.host = self.waiting.take().map(|(stream, _)| stream).or_else(|| self.accept());
@@ -80,7 +83,7 @@ impl Tcp {
     fn look_for_another(&mut self) {
         match &self.waiting {
             None => self.waiting = self.accept().map(|stream| (stream, Instant::now())),
-            // The next call takes the host that waits.
+            // The next call connects the waiting host.
             Some(_) if !self.is_taken() => self.forget_host(),
             Some((_, since)) if since.elapsed() > GRACE => {
                 self.waiting = None;
@@ -90,7 +93,7 @@ impl Tcp {
         }
     }
 
-    /// How many bytes were taken; 0 if the line is busy. Without a host they go nowhere.
+    /// Sends bytes. Returns the number of accepted bytes, 0 if the line is busy. Without a host all bytes are dropped.
     pub(super) fn send(&mut self, bytes: &[u8]) -> usize {
         let Some(stream) = self.host.as_mut().filter(|_| !self.deaf) else { return bytes.len() };
         moved(stream.write(bytes)).unwrap_or_else(|| {
@@ -100,13 +103,13 @@ impl Tcp {
     }
 
     fn accept(&self) -> Option<TcpStream> {
-        // Nobody there, or gone already.
+        // No host waits, or the host has gone.
         let (stream, _) = self.listener.accept().ok()?;
-        // A reply is one burst, and it is wanted now.
+        // A reply is one burst and should be sent without delay.
         (stream.set_nonblocking(true).is_ok() && stream.set_nodelay(true).is_ok()).then_some(stream)
     }
 
-    /// A host that has hung up, or whose connection is broken, is forgotten once all that it sent is read.
+    /// Reads from the host. A host that has hung up is released after its last bytes are read.
     fn read(&mut self, bytes: &mut [u8]) -> usize {
         self.fill_inbox();
         let received = bytes.len().min(self.inbox.len());
@@ -144,7 +147,7 @@ impl Tcp {
     }
 }
 
-/// Bytes moved, 0 if the connection is busy; `None` if it is at its end.
+/// Returns the number of moved bytes, 0 if the connection is busy; `None` at the end of the connection.
 fn moved(done: std::io::Result<usize>) -> Option<usize> {
     match done {
         Ok(moved) => Some(moved).filter(|moved| *moved > 0),

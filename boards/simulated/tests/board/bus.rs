@@ -1,4 +1,4 @@
-//! A bus that cannot take what braking motors return: what becomes of it, and of the motors.
+//! A bus that cannot take the energy of braking motors.
 
 use motor_hub::bridge::{Drive, Mode};
 use motor_hub::supply::DrawStage;
@@ -22,7 +22,7 @@ setpoints = [{ at_s = 0.5, velocity_cps = 1360 }]
 torques = [{ at_s = 2.0, torque_nm = 0.8 }]
 "#;
 
-/// From 80 to 30 % of its free speed.
+/// A motor with a flywheel that slows down from 80 to 30 % of its free speed.
 const FLYWHEEL: &str = r#"
 motor = "AM 20 A"
 load = { inertia_kg_m2 = 0.006 }
@@ -33,10 +33,10 @@ const SINKS: &str = "capacitance_f = 0.001";
 const ONE_WAY: &str = "capacitance_f = 0.001\none_way = true\nburn_between_v = [14.0, 15.5]";
 const UNGUARDED: &str = "capacitance_f = 0.001\none_way = true\nburn_between_v = [23.8, 24.0]";
 
-/// What was seen.
+/// Measurements of a run.
 #[derive(Debug, Default)]
 struct Seen {
-    /// Every millisecond.
+    /// Voltage of the bus at every millisecond.
     bus: Vec<f64>,
     speeds: Vec<Vec<f64>>,
     highest_v: f64,
@@ -91,7 +91,7 @@ impl Run {
     }
 }
 
-/// From a time in milliseconds on.
+/// Lowest and highest value from a time in milliseconds on.
 fn extremes(values: &[f64], from_ms: usize) -> (f64, f64) {
     values[from_ms..].iter().fold((f64::MAX, f64::MIN), |(low, high), &v| (low.min(v), high.max(v)))
 }
@@ -125,7 +125,7 @@ fn winches_on_a_bus_that_cannot_sink_are_held_and_the_bus_stays_below_its_upper_
         assert!(!seen.coasted && !seen.shut_down, "{motors}: a motor that brakes is not let go");
         assert_eq!(seen.most_at_once, 1, "{motors}: windings give back their energy one after the other");
         for speeds in &seen.speeds {
-            // Once the regulator has found the load.
+            // The regulator has found the load by then.
             let (low, high) = extremes(speeds, 2_250);
             assert!(low > 0.98 * 1360.0 && high < 1.02 * 1360.0, "{motors}: {low} to {high} counts/s");
         }
@@ -135,7 +135,7 @@ fn winches_on_a_bus_that_cannot_sink_are_held_and_the_bus_stays_below_its_upper_
 #[test]
 fn winches_are_held_so_at_every_period_when_unknown_and_by_bridges_that_take_their_time() {
     let real: &'static str = format!("{WINCH}bridge = \"vnh5019\"\n").leak();
-    let unknown: &'static str = format!("{WINCH}told = \"nothing\"\n").leak();
+    let unknown: &'static str = format!("{WINCH}configured = \"nothing\"\n").leak();
     for (period_ms, motor) in [(1, WINCH), (10, real), (10, unknown), (50, real), (100, real)] {
         let seen = Run { motors: 4, bus: ONE_WAY, motor, seconds: 6.0 }.see_every(period_ms, 2_000);
         assert!(seen.highest_v <= UPPER_V && !seen.coasted, "{period_ms} ms: {} V", seen.highest_v);
@@ -171,7 +171,7 @@ fn a_step_down_settles_as_soon_as_on_a_battery_that_sinks() {
 #[test]
 fn motors_that_all_begin_to_brake_at_once_stay_below_the_upper_limit_between_two_looks() {
     let scheme_c: &'static str = format!("{FLYWHEEL}scheme = \"C\"\n").leak();
-    let unknown: &'static str = format!("{FLYWHEEL}told = \"nothing\"\n").leak();
+    let unknown: &'static str = format!("{FLYWHEEL}configured = \"nothing\"\n").leak();
     let real: &'static str = format!("{FLYWHEEL}scheme = \"C\"\nbridge = \"vnh5019\"\n").leak();
     for (period_ms, motor) in [(1, scheme_c), (1, real), (50, scheme_c), (50, unknown), (100, unknown)] {
         let seen = Run { motors: 4, bus: ONE_WAY, motor, seconds: 5.0 }.see_every(period_ms, 3_000);
@@ -195,19 +195,19 @@ fn a_heavy_flywheel_that_is_braked_stays_below_the_upper_limit() {
 fn the_snapshot_tells_what_went_back_and_what_was_burnt() {
     let run = |bus| Run { motors: 1, bus, motor: WINCH, seconds: 8.0 };
     let sinks = run(SINKS).see(2_000);
-    let told = sinks.returned_j;
-    // What the model says went back, from the trace of the same run.
+    let reported = sinks.returned_j;
+    // Returned energy according to the model, from the trace of the same run.
     let trace = simulated::sim::run(&run(SINKS).scenario(50), &mut |_| ()).expect("it runs");
     let truly: f64 = trace.motor(0).map(|(_, sample)| sample.flow.energy_to_battery.0).sum();
-    assert!((told - truly).abs() < 0.15 * truly, "{told} J told, {truly} J went back");
+    assert!((reported - truly).abs() < 0.15 * truly, "{reported} J reported, {truly} J returned");
     let one_way = run(ONE_WAY).see(2_000);
-    assert!(one_way.returned_j < 0.25 * told, "{} J", one_way.returned_j);
+    assert!(one_way.returned_j < 0.25 * reported, "{} J", one_way.returned_j);
     assert!(one_way.burnt_j > 1.5 * sinks.burnt_j, "{} J, {} J", one_way.burnt_j, sinks.burnt_j);
 }
 
 #[test]
 fn a_battery_near_its_end_is_derated_and_neither_flickers_nor_falls_to_where_bridges_open() {
-    // 7.6 V behind so much resistance that four motors that start would pull it down to 3 V.
+    // A weak battery of 7.6 V: four starting motors would pull the voltage down to 3 V.
     let motors: String = (0..4)
         .map(|n| {
             format!(

@@ -1,5 +1,5 @@
-//! What hosts set their motors' loops to, on the motors that are served: half of the free speed, and a position, at every
-//! control period, under every scheme and both duty rules.
+//! Coefficients that hosts usually set, on the served motors. The motors run at half of their free speed and to a
+//! position, at every control period, in every scheme, with both duty rules.
 
 use motor_hub::braking::{DutyRule, Scheme};
 use motor_hub::motion::Pidf;
@@ -20,7 +20,7 @@ fn free_speed(motor: &Motor) -> f64 {
     12_000.0 / motor.constants.ke_fw()
 }
 
-/// The served motors, to be set in motion at the first tick.
+/// The served motors, with a set-point from the first tick on.
 fn served(scheme: Scheme, duty: DutyRule, period_ms: u32, setpoint: impl Fn(&Motor) -> Setpoint) -> Scenario {
     let mut scenario = Scenario::to_serve().expect("it is valid");
     scenario.period = Period::from_millis(period_ms).expect("in range");
@@ -32,7 +32,7 @@ fn served(scheme: Scheme, duty: DutyRule, period_ms: u32, setpoint: impl Fn(&Mot
     scenario
 }
 
-/// Of each motor the mean speed of the last half second, and how far it was from its position at most.
+/// Mean speed of each motor in the last half second, and its largest distance from its position.
 fn outcome(scenario: &Scenario, position: i64) -> Vec<(f64, i64)> {
     let from = (1e3 * scenario.duration_s) as u64 - 500;
     let mut sums = vec![(0.0, 0); scenario.motors.len()];
@@ -47,7 +47,7 @@ fn outcome(scenario: &Scenario, position: i64) -> Vec<(f64, i64)> {
     sums
 }
 
-/// Coefficients of a velocity loop, by what the motor's speed at full power is, in counts/s.
+/// Coefficients of a velocity loop for a motor with this speed at full power, in counts/s.
 type Velocity = fn(f64) -> [f64; 4];
 
 const LEGACY: Velocity = |_| [10.0, 3.0, 0.0, 0.0];
@@ -64,7 +64,7 @@ fn fastest() -> Vec<f64> {
     outcome(&full, 0).into_iter().map(|(speed, _)| speed).collect()
 }
 
-/// By how much of it each motor misses half of its free speed in the end, in percent.
+/// Final error of each motor's speed in percent of half of its free speed.
 fn misses(mut scenario: Scenario, set: impl Fn(f64) -> [f64; 4], fastest: &[f64]) -> Vec<f64> {
     for (motor, &fastest) in scenario.motors.iter_mut().zip(fastest) {
         motor.velocity = Some(pidf(set(fastest)));
@@ -82,7 +82,7 @@ fn at_half(scheme: Scheme, duty: DutyRule, period_ms: u32) -> Scenario {
     served(scheme, duty, period_ms, |motor| Setpoint::Velocity(CountsPerSecond::new(half(motor) as i32)))
 }
 
-/// Of a scheme, a duty rule and a period what each motor missed.
+/// A scheme, a duty rule and a period, with the error of each motor.
 type Line = ((Scheme, DutyRule, u32), Vec<f64>);
 
 /// All schemes, duty rules and periods, a line each.
@@ -107,7 +107,7 @@ fn show(name: &str, lines: &[Line], unit: &str) {
     }
 }
 
-/// Runs a set everywhere, where it must have settled, within 2 %.
+/// Runs a set of coefficients in all cases; the speed must settle within 2 %.
 fn settles(name: &str, set: Velocity) {
     let fastest = fastest();
     // By Scheme A with linear current F was a share of the battery's voltage before, too.
@@ -142,8 +142,9 @@ fn coefficients_with_feed_forward_settle_at_every_period_and_in_every_scheme() {
     settles("P 2, I 0.5, F 11.1", FED_FORWARD);
 }
 
-/// The fan of the default scenario. Of full control at full speed P is 0.042 and I, in a cycle, 0.0106: a time constant of
-/// 1.042 / 0.0106 cycles, or 4.9 s, for the three quarters that are missing by F. Without a flywheel it is no other.
+/// The fan of the default scenario. In shares of full control at full speed, P is 0.042 and I is 0.0106 in a cycle. The
+/// time constant is 1.042 / 0.0106 cycles, or 4.9 s, for the three quarters that F leaves. It is the same without a
+/// flywheel.
 #[test]
 #[ignore = "long: cargo xtask long"]
 fn coefficients_that_are_small_for_a_motor_take_the_time_that_they_stand_for() {

@@ -4,7 +4,7 @@ use motor_hub::motor::{Report, SenseLine};
 use simulated::direct;
 use simulated::scenario::Scenario;
 
-/// An AM 60 A on a flywheel that it hardly moves, for a second after it was told to drive; its last report.
+/// Last report of an AM 60 A after a second of driving a heavy flywheel, which hardly moves.
 fn driving(motor: &str) -> Report {
     let text = format!(
         "name = \"currents\"\nduration_s = 1.5\n[battery]\nemf_v = 12\nresistance_ohm = 0.05\n[[motors]]\n\
@@ -27,7 +27,7 @@ fn a_sound_line_shows_what_flows_also_of_a_motor_of_which_the_hub_was_told_wrong
     let flows = f64::from(truth.current.get());
     let shown = measured(&truth).expect("it is measured");
     assert!(flows > 1_500.0 && (shown - flows).abs() < 0.03 * flows, "{shown} mA of {flows}");
-    let wrongly = driving("current_line = \"sound\"\ntold = { resistance = 2.0 }");
+    let wrongly = driving("current_line = \"sound\"\nconfigured = { resistance = 2.0 }");
     let shown = measured(&wrongly).expect("it is measured");
     assert!((shown - flows).abs() < 0.03 * flows, "{shown} mA of {flows}");
     assert!(f64::from(wrongly.current.get()) < 0.6 * flows, "{:?}", wrongly.current);
@@ -47,7 +47,8 @@ fn a_broken_line_is_named_and_the_model_goes_on() {
 
 #[test]
 fn a_winding_is_as_hot_as_the_current_that_is_measured_makes_it() {
-    let thermal = "thermal = { continuous_a = 0.5, winding_s = 5, case_s = 60 }\ntold = { resistance = 2.0 }";
+    let thermal =
+        "thermal = { continuous_a = 0.5, winding_s = 5, case_s = 60 }\nconfigured = { resistance = 2.0 }";
     let modelled = driving(thermal);
     let shown = driving(&format!("current_line = \"sound\"\n{thermal}"));
     // Half of the current makes a quarter of the heat.

@@ -52,13 +52,13 @@ pub(super) fn all(comparison: &RunReport) -> String {
 fn expectations(verdicts: &[Verdict]) -> String {
     let mut table = table::new(&["expected of", "time, s", "expected", "measured", ""], 2);
     for verdict in verdicts {
-        let Verdict { subject, window_s, wish, measured } = verdict;
+        let Verdict { subject, window_s, expected, measured } = verdict;
         let window = format!("{} to {}", window_s.start, window_s.end);
         let met = if verdict.met() { "met" } else { "NOT MET" };
         table.add_row([
             subject.clone(),
             window,
-            Wanted(*wish).to_string(),
+            Wanted(*expected).to_string(),
             measured.to_string(),
             met.to_owned(),
         ]);

@@ -1,14 +1,15 @@
 //! Every motor of the catalogue without a load, at a speed and to a position, with default settings.
 
 use super::judge::{Verdict, challenges, judge, watch};
-use super::{pool, time_constant};
+use super::parallel::{self, ByKnowledge};
+use super::time_constant;
 use crate::StudyError;
 use motor_hub::model::battery::Battery;
 use motor_hub::model::catalogue;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{Ohms, Volts};
 use motor_hub::motor::Setpoint;
-use motor_hub::units::{CountsPerSecond, Period};
+use motor_hub::units::CountsPerSecond;
 use serde::Serialize;
 use simulated::scenario::{Motor, Scenario, Timed};
 
@@ -53,26 +54,15 @@ pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Cell>, StudyErr
         motors.iter().flat_map(|&motor| modes.map(|mode| (motor, mode))).collect();
     let scenarios: Vec<Scenario> =
         names.iter().map(|&(motor, mode)| scenario(motor, mode == "velocity")).collect();
-    let cases: Vec<(&Scenario, bool, u32)> = scenarios
-        .iter()
-        .flat_map(|scenario| [true, false].map(|configured| (scenario, configured)))
-        .flat_map(|(scenario, configured)| PERIODS.map(|ms| (scenario, configured, ms)))
-        .collect();
-    let total = cases.len();
-    let verdicts = pool::map(
-        &cases,
-        |&(scenario, configured, ms)| both(scenario, configured, ms),
-        |done| progress(done, total),
-    );
-    let mut verdicts = verdicts.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter();
-    let cell = |(motor, mode): (catalogue::Motor, _)| Cell {
+    let verdicts = parallel::at_all_periods(&scenarios, &PERIODS, both, progress)?;
+    let cell = |((motor, mode), [configured, unknown]): ((catalogue::Motor, _), ByKnowledge<_>)| Cell {
         motor: motor.name,
         paper_inertia: motor.j != motor.j_rotor_measured,
         mode,
-        configured: verdicts.by_ref().take(PERIODS.len()).collect(),
-        unknown: verdicts.by_ref().take(PERIODS.len()).collect(),
+        configured,
+        unknown,
     };
-    Ok(names.into_iter().map(cell).collect())
+    Ok(names.into_iter().zip(verdicts).map(cell).collect())
 }
 
 /// From rest to half of the free speed and on to a tenth of it; or the distance of half of the free speed in a
@@ -98,11 +88,7 @@ fn scenario(constants: catalogue::Motor, velocity: bool) -> Scenario {
 }
 
 fn both(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<[Verdict; 2], StudyError> {
-    let mut scenario = scenario.clone();
-    scenario.period = Period::from_millis(period_ms)?;
-    if !configured {
-        scenario.motors.iter_mut().for_each(|motor| motor.configuration.motion = None);
-    }
+    let scenario = parallel::variant(scenario, configured, period_ms)?;
     let tracks = watch(&scenario)?;
     match (challenges(&scenario).as_slice(), tracks.first()) {
         ([first, second], Some(track)) => Ok([judge(first, track), judge(second, track)]),

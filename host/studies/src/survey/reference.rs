@@ -2,7 +2,7 @@
 //! written.
 
 use super::judge::{Verdict, challenges, judge, watch};
-use super::pool;
+use super::parallel::{self, ByKnowledge};
 use crate::StudyError;
 use motor_hub::braking::Scheme;
 use motor_hub::model::battery::Battery;
@@ -11,7 +11,7 @@ use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{Drag, KgM2, NewtonMetres, Ohms, Volts};
 use motor_hub::motor::Setpoint;
-use motor_hub::units::{CountsPerSecond, Period};
+use motor_hub::units::CountsPerSecond;
 use serde::Serialize;
 use simulated::scenario::{Motor, Scenario, Timed};
 
@@ -181,31 +181,16 @@ fn arm() -> Result<Scenario, StudyError> {
 /// If a run fails.
 pub fn run(progress: &mut dyn FnMut(usize, usize)) -> Result<Vec<Row>, StudyError> {
     let tasks = tasks()?;
-    let cases: Vec<(&Task, bool, u32)> = tasks
-        .iter()
-        .flat_map(|task| [true, false].map(|configured| (task, configured)))
-        .flat_map(|(task, configured)| PERIODS.map(|ms| (task, configured, ms)))
-        .collect();
-    let total = cases.len();
-    let verdicts = pool::map(
-        &cases,
-        |&(task, configured, ms)| worst(task, configured, ms),
-        |done| progress(done, total),
-    )
-    .into_iter()
-    .collect::<Result<Vec<_>, _>>()?;
-    let mut verdicts = verdicts.into_iter();
-    Ok(tasks
-        .into_iter()
-        .map(|task| Row {
-            speed: speed(&task),
-            name: task.name,
-            reference: task.reference,
-            figure: task.figure,
-            configured: verdicts.by_ref().take(PERIODS.len()).collect(),
-            unknown: verdicts.by_ref().take(PERIODS.len()).collect(),
-        })
-        .collect())
+    let verdicts = parallel::at_all_periods(&tasks, &PERIODS, worst, progress)?;
+    let row = |(task, [configured, unknown]): (Task, ByKnowledge<_>)| Row {
+        speed: speed(&task),
+        name: task.name,
+        reference: task.reference,
+        figure: task.figure,
+        configured,
+        unknown,
+    };
+    Ok(tasks.into_iter().zip(verdicts).map(row).collect())
 }
 
 fn speed(task: &Task) -> f64 {
@@ -220,11 +205,7 @@ fn speed(task: &Task) -> f64 {
 fn worst(task: &Task, configured: bool, period_ms: u32) -> Result<Verdict, StudyError> {
     let mut worst: Option<Verdict> = None;
     for scenario in &task.scenarios {
-        let mut scenario = scenario.clone();
-        scenario.period = Period::from_millis(period_ms)?;
-        if !configured {
-            scenario.motors.iter_mut().for_each(|motor| motor.configuration.motion = None);
-        }
+        let scenario = parallel::variant(scenario, configured, period_ms)?;
         let tracks = watch(&scenario)?;
         let challenges = challenges(&scenario);
         let challenge = challenges.get(task.response).ok_or(StudyError::NoEvent)?;

@@ -13,7 +13,7 @@
 //! # Ok::<(), studies::StudyError>(())
 //! ```
 
-use super::{Knowledge, circumstances, pool, random, sweep};
+use super::{Knowledge, circumstances, parallel, random, sweep};
 use crate::StudyError;
 use crate::table::{grouped, paragraph};
 use motor_hub::model::friction::Friction;
@@ -59,7 +59,8 @@ pub struct Alarm {
     /// What was reported.
     pub what: String,
     /// How the motor was configured.
-    pub told: Knowledge,
+    #[serde(rename = "told")]
+    pub knowledge: Knowledge,
     /// The motor, its load, battery, period, scheme and configuration, in words.
     pub circumstances: String,
 }
@@ -117,9 +118,13 @@ impl Soak {
     pub fn sweep(every: usize, progress: &mut dyn FnMut(usize, usize)) -> Result<Self, StudyError> {
         let cases = sweep::scenarios(every);
         let numbers: Vec<u64> = (0..).take(cases.len()).collect();
-        let runs = pool::map(
+        let runs = parallel::map(
             &numbers,
-            |&number| cases.get(number as usize).map(|(scenario, told)| looked_at(scenario, number, *told)),
+            |&number| {
+                cases
+                    .get(number as usize)
+                    .map(|(scenario, knowledge)| looked_at(scenario, number, *knowledge))
+            },
             |done| progress(done, cases.len()),
         );
         let mut soak = Self { scenarios: cases.len() as u64, ..Self::default() };
@@ -141,15 +146,19 @@ impl Alarm {
         motor: usize,
         at_s: f64,
         faults: Faults,
-        told: Knowledge,
+        knowledge: Knowledge,
     ) -> Self {
-        let circumstances = format!("{}, {}", circumstances(scenario, motor), told.name());
-        Self { scenario: number, motor, at_s, what: format!("{faults:?}"), told, circumstances }
+        let circumstances = format!("{}, {}", circumstances(scenario, motor), knowledge.name());
+        Self { scenario: number, motor, at_s, what: format!("{faults:?}"), knowledge, circumstances }
     }
 }
 
 /// The alarms of a scenario that is run without tasks, and how many of its motors were taken for stalled.
-fn looked_at(scenario: &Scenario, number: u64, told: Knowledge) -> Result<(Vec<Alarm>, usize), StudyError> {
+fn looked_at(
+    scenario: &Scenario,
+    number: u64,
+    knowledge: Knowledge,
+) -> Result<(Vec<Alarm>, usize), StudyError> {
     let mut first: Vec<(Option<(f64, Faults)>, bool)> = vec![(None, false); scenario.motors.len()];
     direct::run(scenario, |moment| {
         // The battery is measured before the first tick.
@@ -165,7 +174,7 @@ fn looked_at(scenario: &Scenario, number: u64, told: Knowledge) -> Result<(Vec<A
     })?;
     let stalled = first.iter().filter(|(_, stalled)| *stalled).count();
     let alarm = |(motor, (fault, _)): (usize, (Option<(f64, Faults)>, bool))| {
-        fault.map(|(at_s, faults)| Alarm::new((scenario, number), motor, at_s, faults, told))
+        fault.map(|(at_s, faults)| Alarm::new((scenario, number), motor, at_s, faults, knowledge))
     };
     Ok((first.into_iter().enumerate().filter_map(alarm).collect(), stalled))
 }

@@ -1,12 +1,12 @@
-//! The table's margins: what a motor may be doing, what may happen to it, and what is asked of it from then on.
+//! States of a motor, events, and the demands that follow from them.
 
 use crate::common::{BATTERY, Cable};
-use crate::subject::{Constants, Knowledge, Subject};
+use crate::flywheel::{Constants, Knowledge, Subject};
 use motor_hub::braking::{self, Blend, DutyRule, Scheme};
 use motor_hub::motor::{Setpoint, ZeroPower};
 use motor_hub::units::{Control, CountsPerSecond, Period};
 
-/// How the motor moves, and under which load.
+/// Motion and load of the motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Motion {
     Rest,
@@ -24,7 +24,7 @@ impl Motion {
     pub(crate) const ALL: [Self; 5] =
         [Self::Rest, Self::Hanging, Self::Turning, Self::Lowering, Self::Overrun];
 
-    /// As a share of the stall torque.
+    /// Load as a share of the stall torque.
     pub(crate) const fn load(self) -> f64 {
         match self {
             Self::Rest => 0.0,
@@ -35,7 +35,7 @@ impl Motion {
         }
     }
 
-    /// As a share of the free speed.
+    /// Speed as a share of the free speed.
     pub(crate) const fn speed(self) -> f64 {
         match self {
             Self::Rest | Self::Hanging => 0.0,
@@ -45,7 +45,7 @@ impl Motion {
     }
 }
 
-/// What a motor is doing when the event comes.
+/// State of the motor at the event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum State {
     Disabled,
@@ -53,15 +53,15 @@ pub(crate) enum State {
     Braked,
     Power,
     Velocity,
-    /// Commanded to stand, and as far as it came within a tick.
+    /// Commanded to stand for one tick.
     Zero,
     Moving,
     Holding,
-    /// Driven against a stop by a velocity,
+    /// Driven against a stop by a velocity.
     Stalled,
-    /// and by a position beyond it.
+    /// Driven against a stop by a position beyond the stop.
     Pressing,
-    /// Its encoder was unplugged, and is plugged in again: disabled and enabled.
+    /// The encoder was at fault and is plugged in again; the motor was disabled and enabled.
     Faulted,
     BatteryLost,
     EncoderLost,
@@ -89,24 +89,24 @@ impl State {
     }
 }
 
-/// What happens to it.
+/// Event that happens to the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Event {
     Disable,
     Float,
     Brake,
-    /// The power that it needs as it moves.
+    /// The power that keeps the present speed.
     Power,
-    /// The velocity that it has; a brisk one at rest.
+    /// The present velocity; at rest a high velocity.
     Velocity,
     Zero,
-    /// A velocity the other way.
+    /// A velocity in the other direction.
     Back,
-    /// The position where it is,
+    /// The present position.
     Here,
-    /// one far ahead,
+    /// A position far ahead.
     Far,
-    /// and one behind it.
+    /// A position behind the motor.
     Behind,
     SetCoefficients,
     ClearCoefficients,
@@ -162,7 +162,7 @@ pub(crate) fn scheme_name(scheme: Scheme) -> &'static str {
     }
 }
 
-/// What the motor is asked for, in physical terms.
+/// Demand of the motor in physical terms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Demand {
     Coast,
@@ -184,7 +184,7 @@ fn cps(speed: f64) -> CountsPerSecond {
 }
 
 impl Subject {
-    /// Sets what stands for a demand.
+    /// Sends the set-point of a demand.
     pub(crate) fn ask(&mut self, demand: Demand) {
         self.demand = demand;
         self.configure(|settings| settings.zero_power = ZeroPower::Brake);
@@ -200,14 +200,14 @@ impl Subject {
         self.bench.set(0, setpoint);
     }
 
-    /// Coasts by a velocity of 0 of a motor that floats at zero.
+    /// Makes the motor coast, by a velocity of 0 with zero power set to float.
     fn float(&mut self) {
         self.demand = Demand::Coast;
         self.configure(|settings| settings.zero_power = ZeroPower::Float);
         self.bench.set(0, Setpoint::Velocity(CountsPerSecond::ZERO));
     }
 
-    /// The power that keeps the speed, as far as powers can.
+    /// The power that keeps the speed, limited to the range of powers.
     fn steady_power(&self) -> Demand {
         let speed = self.speed();
         let volts = self.constants.kappa * speed + self.constants.ohms * self.need();
@@ -220,7 +220,7 @@ impl Subject {
     }
 }
 
-/// A motor that its regulator has moved like this for long.
+/// Returns a motor that its regulator has moved like this for a long time.
 pub(crate) fn under_way(motion: Motion, knowledge: Knowledge, scheme: Scheme, period: Period) -> Subject {
     let speed = motion.speed() * Constants::new().free_speed;
     let mut subject = Subject::new(knowledge, scheme, period, speed, motion.load());
@@ -243,7 +243,7 @@ fn has(state: State, motion: Motion) -> bool {
     }
 }
 
-/// Brings the motor into a state; `None` if there is no such thing.
+/// Brings the motor into a state; `None` if the state is impossible with this motion.
 pub(crate) fn enter(state: State, motion: Motion, under_way: &Subject) -> Option<Subject> {
     if !has(state, motion) {
         return None;
@@ -312,7 +312,7 @@ pub(crate) fn happen(event: Event, state: State, subject: &mut Subject) {
         Event::Power => subject.ask(subject.steady_power()),
         Event::Velocity => subject.ask(Demand::Speed(brisk)),
         Event::Zero => subject.ask(Demand::Speed(0.0)),
-        // Slowly, away from a stop.
+        // The motor leaves a stop slowly.
         Event::Back => subject.ask(Demand::Speed(if state.against_a_stop() { -0.1 } else { -1.0 } * brisk)),
         Event::Here => subject.ask(Demand::Position { target: subject.position(), limit: brisk.abs() }),
         Event::Behind => {

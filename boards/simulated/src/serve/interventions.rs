@@ -1,11 +1,11 @@
-//! What somebody does to the world of a hub while it is served, in the place of what its scenario has for it.
+//! Interventions in the battery and the motors of a served hub. An intervention replaces what the scenario has.
 //!
 //! ```
-//! use simulated::serve::hands::{Hands, OnMotor};
+//! use simulated::serve::interventions::{Interventions, OnMotor};
 //!
-//! // Somebody holds the shaft of motor 1, and the battery is nearly empty.
-//! let mut hands = Hands { emf_v: Some(9.5), ..Hands::default() };
-//! hands.motors[1] = OnMotor { held: true, ..OnMotor::default() };
+//! // The shaft of motor 1 is held, and the battery is nearly empty.
+//! let mut now = Interventions { emf_v: Some(9.5), ..Interventions::default() };
+//! now.motors[1] = OnMotor { held: true, ..OnMotor::default() };
 //! ```
 
 use crate::encoder::Encoder;
@@ -16,43 +16,43 @@ use motor_hub::model::friction::Friction;
 use motor_hub::model::load::Load;
 use motor_hub::model::si::{KgM2, NewtonMetres, Volts};
 
-/// Of a shaft that is held, in stall torques of its motor at [`NOMINAL_V`].
+/// Friction of a shaft that is held, in stall torques of its motor at [`NOMINAL_V`].
 const HELD: f64 = 20.0;
 const NOMINAL_V: f64 = 12.0;
 
-/// What somebody does to battery and motors; `None` leaves it to the scenario.
+/// Interventions in battery and motors; `None` leaves a value to the scenario.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Hands {
-    /// The battery's voltage without load, in volts.
+pub struct Interventions {
+    /// Voltage of the battery without load, in volts.
     pub emf_v: Option<f64>,
-    /// By motor.
+    /// Interventions of each motor.
     pub motors: [OnMotor; MOTORS],
-    /// Whenever this changes, the scenario's time begins anew: its torques, its battery, its encoders.
+    /// A change of this number restarts the scenario's time: torques, battery and encoders begin again.
     pub restarts: u32,
 }
 
-/// What somebody does to one motor.
+/// Interventions in one motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OnMotor {
     /// External torque on the output shaft in newton metres, positive clockwise.
     pub torque_nm: Option<f64>,
-    /// Moment of inertia that the output shaft turns, in kg m².
+    /// Moment of inertia on the output shaft, in kg m².
     pub inertia_kg_m2: Option<f64>,
-    /// How its encoder is.
+    /// State of the encoder.
     pub encoder: Option<Encoder>,
-    /// The shaft cannot turn.
+    /// True if the shaft is held and cannot turn.
     pub held: bool,
 }
 
-impl Hands {
-    /// External torques on the output shafts in newton metres, of a scenario at a time in seconds.
+impl Interventions {
+    /// Returns the external torques on the output shafts in newton metres, at a time of the scenario in seconds.
     pub(super) fn torques(&self, scenario: &Scenario, at_s: f64) -> Vec<f64> {
         let motors = scenario.motors.iter().zip(&self.motors);
         motors.map(|(motor, hand)| hand.torque_nm.unwrap_or_else(|| motor.torque_at(at_s))).collect()
     }
 
-    /// What the scenario does to battery and encoders at each step is replaced.
-    pub(super) fn meddle(&self, board: &Board) {
+    /// Replaces battery voltage and encoders, which the scenario sets at each step.
+    pub(super) fn set_emf_and_encoders(&self, board: &Board) {
         if let Some(volts) = self.emf_v {
             board.set_emf(Volts(volts));
         }
@@ -63,8 +63,8 @@ impl Hands {
         }
     }
 
-    /// Shafts are loaded and held as they are from now on, where that is otherwise than `before`.
-    pub(super) fn grip(&self, before: &Self, scenario: &Scenario, board: &Board) {
+    /// Changes inertias and friction of the shafts where they differ from the interventions `before`.
+    pub(super) fn set_loads(&self, before: &Self, scenario: &Scenario, board: &Board) {
         let hands = self.motors.iter().zip(&before.motors).enumerate();
         for ((index, (hand, before)), motor) in hands.zip(&scenario.motors) {
             if hand.inertia_kg_m2 != before.inertia_kg_m2 {

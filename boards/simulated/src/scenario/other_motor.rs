@@ -1,6 +1,6 @@
 //! Another motor in the place of a scenario's own, in a run that stays the same in relation to it.
 
-use super::definition::{Motor, Timed};
+use super::types::{Motor, Timed};
 use motor_hub::model::{catalogue, si};
 use motor_hub::motor::Setpoint;
 use motor_hub::units::CountsPerSecond;

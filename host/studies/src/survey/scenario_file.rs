@@ -58,10 +58,10 @@ fn table(out: &mut String, motor: &Motor) -> std::fmt::Result {
     }
     let Configuration { resistance, emf, motion } = motor.configuration;
     match motion {
-        None => writeln!(out, "told = \"nothing\"")?,
+        None => writeln!(out, "configured = \"nothing\"")?,
         Some(motion) => writeln!(
             out,
-            "told = {{ resistance = {resistance:?}, emf = {emf:?}, inertia = {:?}, drag = {:?}, friction = {:?} }}",
+            "configured = {{ resistance = {resistance:?}, emf = {emf:?}, inertia = {:?}, drag = {:?}, friction = {:?} }}",
             motion.inertia, motion.drag, motion.friction
         )?,
     }

@@ -1,13 +1,12 @@
-//! What becomes of a motor when something else is asked of it, or configured: every state that it may be in, every event,
-//! at rest, at speed and driven by its load, in every scheme, at periods of 1 to 100 ms. The motor is configured, unknown,
-//! or has coefficients of a host.
+//! Every event in every state of a motor: at rest, at speed and driven by its load, in every scheme, at periods of 1 to
+//! 100 ms. The motor is configured, unknown, or has coefficients of a host.
 //!
-//! At each such transition the physics runs on, and the winding's current, the speed and the control value are held
-//! against bounds that follow from the demand.
+//! The physics continues after the event. The test compares the winding's current and the speed with limits that follow
+//! from the demand.
 
 use crate::common::{BATTERY, NO_STOPS};
-use crate::subject::{Constants, Knowledge, Subject};
-use crate::table::{Demand, Event, Motion, State, enter, happen, scheme_name, under_way};
+use crate::events::{Demand, Event, Motion, State, enter, happen, scheme_name, under_way};
+use crate::flywheel::{Constants, Knowledge, Subject};
 use motor_hub::braking::Scheme;
 use motor_hub::units::Period;
 use std::sync::Mutex;
@@ -32,8 +31,9 @@ fn explained(subject: &Subject, demand: Demand) -> Range {
     let (least, most) = (least.min(0.0), most.max(0.0));
     // The catch diodes conduct when the back EMF is above the battery.
     let caught = -emf.signum() * ((emf.abs() - BATTERY) / ohms).max(0.0);
-    // A motor that should keep its speed gets what balances its load; one that should turn faster up to what the
-    // battery can drive forward, and one that should turn slower up to what the battery can drive backward.
+    // A motor that should keep its speed gets the current that balances its load. A motor that should turn faster gets
+    // up to the current of full forward drive. A motor that should turn slower gets up to the current of full reverse
+    // drive.
     let towards = |wanted: f64| match wanted - speed {
         off if off > OFF * free_speed => hull(&[need, most]),
         off if off < -OFF * free_speed => hull(&[need, least]),
@@ -47,7 +47,7 @@ fn explained(subject: &Subject, demand: Demand) -> Range {
         Demand::Position { target, limit } => {
             let distance = f64::from(target.wrapping_sub(subject.position()));
             let go = if distance.abs() < 4.0 { 0.0 } else { limit * distance.signum() };
-            // With half of the stall current, and some way to come to rest.
+            // Distance to stop with half of the stall current, and a margin.
             if distance.abs() > speed * speed / stall_acceleration + 300.0 {
                 towards(go)
             } else {
@@ -57,7 +57,7 @@ fn explained(subject: &Subject, demand: Demand) -> Range {
         }
     };
     if subject.bench.settings[0].scheme == Scheme::ForwardReverse && speed != 0.0 {
-        // There is no braking regime: against the motion it is all or nothing.
+        // Without a braking regime the current against the motion is zero or the largest.
         return if speed > 0.0 { (least, high.max(0.0)) } else { (low.min(0.0), most) };
     }
     (low, high)
@@ -105,7 +105,7 @@ fn broken(event: Event, state: State, entered: &Subject) -> Vec<(&'static str, f
             band = hull(&[band.0, band.1, least, most, before]);
         }
         if guesses && !balanced {
-            // What the load takes is not known; no current is as good a start as any.
+            // The load is not known, so the regulator may begin without current.
             band = hull(&[band.0, band.1, 0.0]);
         }
         if at < first_ms {
@@ -125,9 +125,9 @@ fn broken(event: Event, state: State, entered: &Subject) -> Vec<(&'static str, f
     };
     // Shares of the stall current.
     let allowed = match event {
-        // The rule itself says that a control value means another mean current.
+        // With the other duty rule a control value means another mean current.
         Event::LinearDuty => 0.3,
-        // The largest step is 22.7 %: Scheme A at 1 ms, of a motor that overruns and is commanded its own speed.
+        // The largest step is 22.7 %, in Scheme A at 1 ms: an overrunning motor is commanded to keep its speed.
         _ if is_pid => 0.23,
         _ if guesses => 0.2,
         _ => 0.1,
@@ -155,7 +155,7 @@ fn broken(event: Event, state: State, entered: &Subject) -> Vec<(&'static str, f
 
 /// Tries all transitions of a motion. Returns how many there are, and a line for each that breaks a rule.
 fn column(motion: Motion, knowledge: Knowledge, scheme: Scheme, ms: u32) -> (usize, Vec<String>) {
-    // Nothing there can brake a driven motor gently.
+    // Without a braking regime a driven motor cannot be braked gently.
     let driven = matches!(motion, Motion::Lowering | Motion::Overrun);
     let rough = |scheme| driven && scheme == Scheme::ForwardReverse;
     if rough(scheme) {

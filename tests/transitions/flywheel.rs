@@ -1,7 +1,7 @@
-//! The motor that transitions happen to: a NeveRest 60 with a flywheel on the common bench.
+//! The motor of the transitions: a NeveRest 60 with a flywheel on the common bench.
 
 use crate::common::{self, BATTERY, BRIDGE, Bench, configured, dynamics, inertia, neverest_60, unknown};
-use crate::table::Demand;
+use crate::events::Demand;
 use motor_hub::braking::Scheme;
 use motor_hub::model::catalogue::Motor;
 use motor_hub::model::load::{Load, Shaft};
@@ -10,7 +10,7 @@ use motor_hub::regulator::{Coefficients, Dynamics};
 use motor_hub::units::Period;
 use std::f64::consts::TAU;
 
-/// What the hub knows of the motor, which decides how the motor is regulated.
+/// Configuration of the motor. It selects the regulator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Knowledge {
     /// The dynamics are configured: the model regulates.
@@ -38,7 +38,7 @@ pub(crate) struct Constants {
     pub(crate) stall_acceleration: f64,
 }
 
-/// As much inertia again as the rotor has.
+/// A flywheel with the inertia of the rotor.
 fn load() -> Load {
     inertia(0.03)
 }
@@ -66,13 +66,13 @@ impl Constants {
         dynamics(&self.motor, &load())
     }
 
-    /// What a host would send for a scheme.
+    /// Usual coefficients of a host for a scheme.
     pub(crate) fn coefficients(&self, scheme: Scheme, period: Period) -> Coefficients {
         Coefficients::guessed(common::winding(&self.motor).emf, scheme, period)
     }
 }
 
-/// What happened in a tick.
+/// Measurements of a tick.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tick {
     /// Mean current of the winding, A.
@@ -85,7 +85,7 @@ pub(crate) struct Tick {
 /// Milliseconds over which the present current is taken, unless a tick is shorter.
 const RECENT: usize = 20;
 
-/// The motor on the bench, and what is asked of it.
+/// The motor on the bench, and the demand.
 #[derive(Clone)]
 pub(crate) struct Subject {
     pub(crate) bench: Bench<1>,
@@ -158,7 +158,7 @@ impl Subject {
         Tick { current: sum / f64::from(self.period_ms()), speed: self.speed(), report: *self.bench.report() }
     }
 
-    /// As many ticks as take at least this time; returns the last one.
+    /// Runs ticks for at least this time. Returns the last tick.
     pub(crate) fn run(&mut self, ms: u32) -> Tick {
         let mut last = self.tick();
         for _ in 1..ms.div_ceil(self.period_ms()) {

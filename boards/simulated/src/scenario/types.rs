@@ -136,7 +136,7 @@ pub struct Configuration {
     pub resistance: f64,
     /// Of the back-EMF constant.
     pub emf: f64,
-    /// Inertia, drag and friction; `None` for an unknown motor, of which only the winding is configured.
+    /// Inertia, drag and friction; `None` for an unknown motor: only its winding is configured.
     pub motion: Option<ConfiguredMotion>,
 }
 
@@ -272,12 +272,12 @@ impl Motor {
     /// If one of the motor's constants does not fit the firmware's range.
     pub fn settings(&self) -> Result<Settings, RangeError> {
         let Configuration { resistance, emf, motion } = self.configuration;
-        let told = catalogue::Motor {
+        let configured = catalogue::Motor {
             r: si::Ohms(self.constants.r.0 * resistance),
             ke: si::EmfConstant(self.constants.ke.0 * emf),
             ..self.constants
         };
-        let winding = winding(&told)?;
+        let winding = winding(&configured)?;
         let guessed = Coefficients::guessed(winding.emf, self.scheme, Period::DEFAULT);
         let own = self.velocity.is_some() || self.position.is_some();
         Ok(Settings {
@@ -298,12 +298,12 @@ impl Motor {
     }
 
     /// The configured dynamics of the motor with its load.
-    fn dynamics(&self, winding: &Winding, told: ConfiguredMotion) -> Result<Dynamics, RangeError> {
+    fn dynamics(&self, winding: &Winding, factors: ConfiguredMotion) -> Result<Dynamics, RangeError> {
         let truth = mechanics(&self.constants, &self.load);
         let mechanics = Mechanics {
-            inertia: truth.inertia * told.inertia,
-            drag: truth.drag * told.drag,
-            friction: truth.friction * told.friction,
+            inertia: truth.inertia * factors.inertia,
+            drag: truth.drag * factors.drag,
+            friction: truth.friction * factors.friction,
             ..truth
         };
         Dynamics::from_mechanics(winding, &BRIDGE, &mechanics)

@@ -1,0 +1,79 @@
+//! Errors of scenario files: what is wrong, and where.
+
+use std::ops::Range;
+use toml::Spanned;
+
+/// Error of a scenario file that is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ScenarioError {
+    /// The file cannot be read.
+    #[error("{file}: {source}")]
+    Unreadable {
+        /// Path of the file.
+        file: String,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// The scenario cannot be run.
+    #[error("{file}:{line}:{column}: {message}")]
+    Wrong {
+        /// Path of the file.
+        file: String,
+        /// Line, counted from 1.
+        line: usize,
+        /// Column in characters, counted from 1.
+        column: usize,
+        /// What is wrong, and what is allowed.
+        message: String,
+    },
+}
+
+/// An error at a part of the text.
+#[derive(Debug)]
+pub(super) struct Fault {
+    span: Range<usize>,
+    message: String,
+}
+
+pub(super) type Checked<T> = Result<T, Fault>;
+
+impl Fault {
+    /// An error of the TOML parser, or of a single value. A message that begins with "= " gets the key of its value.
+    pub(super) fn of_toml(error: &toml::de::Error, text: &str) -> Self {
+        let span = error.span().unwrap_or_default();
+        let message = error.message().trim_end().replace('\n', "; ");
+        let key = if message.starts_with("= ") { key_of_value(text, span.start) } else { "" };
+        Self { span, message: format!("{key} {message}").trim_start().to_owned() }
+    }
+
+    /// Returns the error with line and column.
+    pub(super) fn in_file(self, file: &str, text: &str) -> ScenarioError {
+        let (line, column) = line_and_column(text, self.span.start);
+        ScenarioError::Wrong { file: file.to_owned(), line, column, message: self.message }
+    }
+}
+
+/// Adds the place in the text to an error.
+pub(super) trait At<T> {
+    fn at<S>(self, place: &Spanned<S>) -> Checked<T>;
+}
+
+impl<T> At<T> for Result<T, String> {
+    fn at<S>(self, place: &Spanned<S>) -> Checked<T> {
+        self.map_err(|message| Fault { span: place.span(), message })
+    }
+}
+
+/// The key of the value that begins at a byte of the text. The value may be in a list.
+fn key_of_value(text: &str, at: usize) -> &str {
+    let before = text.get(..at).unwrap_or_default();
+    let key = before.rsplit_once('=').map_or(before, |(key, _)| key.trim_end());
+    key.rsplit(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or(key)
+}
+
+/// Line and column of a byte of a text, counted from 1, columns in characters. Past the end, the end counts.
+pub fn line_and_column(text: &str, at: usize) -> (usize, usize) {
+    let before = text.get(..at).unwrap_or(text);
+    let column = before.rsplit('\n').next().unwrap_or("").chars().count() + 1;
+    (before.matches('\n').count() + 1, column)
+}

@@ -1,0 +1,472 @@
+//! The tables `[[motors]]`.
+
+use super::numbers::{
+    AccelerationLimit, CoefficientValue, Counts, CountsPerRev, Current, CurrentLimit, Distance, DragFactor,
+    Efficiency, FASTEST_CPS, Factor, GearRatio, Glitches, MotorConstant, MotorDrag, Name, OfLoad, Percent,
+    Power, RestPositions, RotorInertia, Seconds, Slots, Speed, SpeedLimit, Torque, WindingConstant, or,
+    out_of_range,
+};
+use super::timeline;
+use crate::current_line::CurrentLine;
+use crate::encoder::{Encoder, Wire};
+use crate::hardware::{BRIDGE, REAL_BRIDGE, thermal_limit};
+use crate::scenario::error::{At, Checked};
+use crate::scenario::types::{Configuration, ConfiguredMotion, Motor, Timed};
+use crate::scheme::{BlendChoice, DutyWord, SchemeName};
+use motor_hub::braking::DutyRule;
+use motor_hub::bridge::BridgeConstants;
+use motor_hub::model::catalogue::{self, characterised};
+use motor_hub::model::friction::{Cogging, Friction};
+use motor_hub::model::{load::Load, si};
+use motor_hub::motion::Pidf;
+use motor_hub::motor::{OnFault, Setpoint, ThermalLimit, ZeroPower};
+use motor_hub::units::{Acceleration, Coefficient, Control, CountsPerSecond, Milliamperes};
+use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Deserializer, Error, MapAccess, Unexpected, Visitor};
+use std::fmt::{self, Formatter};
+use std::num::{NonZeroU16, NonZeroU32};
+use toml::Spanned;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MotorTable {
+    label: Name,
+    motor: Option<String>,
+    constants: Option<ConstantsTable>,
+    #[serde(default)]
+    inertia: Inertia,
+    friction: Option<FrictionTable>,
+    cogging: Option<CoggingTable>,
+    #[serde(default)]
+    load: LoadTable,
+    #[serde(default, alias = "told")]
+    configured: Configured,
+    scheme: Option<SchemeName>,
+    blend: Option<BlendChoice>,
+    #[serde(default, with = "DutyWord")]
+    duty: DutyRule,
+    #[serde(default, with = "ZeroPowerWord")]
+    zero_power: ZeroPower,
+    #[serde(default, with = "OnFaultWord")]
+    on_fault: OnFault,
+    thermal: Option<ThermalTable>,
+    current_limit_a: Option<CurrentLimit>,
+    #[serde(default)]
+    bridge: BridgeWord,
+    #[serde(default)]
+    current_line: CurrentLine,
+    acceleration_cps2: Option<AccelerationLimit>,
+    #[serde(default)]
+    coefficients: CoefficientTables,
+    #[serde(default)]
+    pub(super) setpoints: Vec<Spanned<SetPointTable>>,
+    #[serde(default)]
+    torques: Vec<Spanned<TorqueTable>>,
+    #[serde(default)]
+    encoder: Vec<Spanned<EncoderTable>>,
+}
+
+/// A motor that the catalogue lacks. All values are of the motor shaft.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ConstantsTable {
+    ke_v_s_per_rad: MotorConstant,
+    counts_per_rev: CountsPerRev,
+    resistance_ohm: WindingConstant,
+    inductance_mh: WindingConstant,
+    rotor_inertia_kg_m2: RotorInertia,
+    gear_ratio: Option<GearRatio>,
+    efficiency: Option<Efficiency>,
+    kt_nm_per_a: Option<MotorConstant>,
+    drag_nms_per_rad: Option<MotorDrag>,
+}
+
+/// The two rotor inertias of the catalogue.
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Inertia {
+    /// As measured on the bare armature.
+    #[default]
+    Rotor,
+    /// As the paper's code uses it: divided by efficiency and squared gear ratio.
+    Paper,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FrictionTable {
+    coulomb_percent: Percent,
+    breakaway_percent: Option<Percent>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CoggingTable {
+    amplitude_percent: Percent,
+    per_turn: RestPositions,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LoadTable {
+    inertia_kg_m2: Option<OfLoad>,
+    drag_nms_per_rad: Option<OfLoad>,
+    torque_nm: Option<Torque>,
+}
+
+/// Configuration of a motor in the hub: factors of the true constants, or the word "nothing".
+enum Configured {
+    Nothing,
+    Factors(FactorsTable),
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FactorsTable {
+    resistance: Option<Factor>,
+    emf: Option<Factor>,
+    inertia: Option<Factor>,
+    drag: Option<DragFactor>,
+    friction: Option<Factor>,
+}
+
+/// Words of [`ZeroPower`].
+#[derive(Deserialize)]
+#[serde(remote = "ZeroPower", rename_all = "lowercase")]
+enum ZeroPowerWord {
+    Brake,
+    Float,
+}
+
+/// Words of [`OnFault`].
+#[derive(Deserialize)]
+#[serde(remote = "OnFault", rename_all = "lowercase")]
+enum OnFaultWord {
+    Coast,
+    Brake,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ThermalTable {
+    continuous_a: Option<CurrentLimit>,
+    winding_s: Option<Seconds>,
+    case_s: Option<Seconds>,
+}
+
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum BridgeWord {
+    #[default]
+    Ideal,
+    Vnh5019,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CoefficientTables {
+    velocity: Option<PidfTable>,
+    position: Option<PidfTable>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PidfTable {
+    p: CoefficientValue,
+    i: Option<CoefficientValue>,
+    d: Option<CoefficientValue>,
+    f: Option<CoefficientValue>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SetPointTable {
+    at_s: f64,
+    power: Option<Power>,
+    current_a: Option<Current>,
+    velocity_cps: Option<Speed>,
+    position_counts: Option<Counts>,
+    tolerance_counts: Option<Distance>,
+    speed_limit_cps: Option<SpeedLimit>,
+    disable: Option<bool>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TorqueTable {
+    at_s: f64,
+    torque_nm: Torque,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EncoderTable {
+    at_s: f64,
+    is: Option<EncoderWord>,
+    glitches_per_s: Option<Glitches>,
+    slot_missing_of: Option<Slots>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum EncoderWord {
+    Sound,
+    Reversed,
+    Unplugged,
+    ALow,
+    AHigh,
+    BLow,
+    BHigh,
+    ALoose,
+    BLoose,
+}
+
+impl MotorTable {
+    pub(super) fn check(&self, whole: &Spanned<Self>, duration_s: f64) -> Checked<Motor> {
+        let constants = self.constants().at(whole)?;
+        Ok(Motor {
+            label: self.label.0.clone(),
+            constants,
+            load: Load {
+                inertia_after: si::KgM2(or(self.load.inertia_kg_m2, 0.0)),
+                drag_after: si::Drag(or(self.load.drag_nms_per_rad, 0.0)),
+                ..Load::NONE
+            },
+            configuration: self.configured.check(),
+            scheme: match (self.scheme, self.blend) {
+                (None, Some(_)) => Err("blend is allowed with scheme = \"D\" only".to_owned()).at(whole)?,
+                (scheme, blend) => scheme
+                    .unwrap_or(SchemeName::A)
+                    .with_blend(blend)
+                    .map_err(|error| error.to_string())
+                    .at(whole)?,
+            },
+            duty: self.duty,
+            zero_power: self.zero_power,
+            on_fault: self.on_fault,
+            bridge: self.bridge.into(),
+            current_line: self.current_line,
+            thermal: self.thermal.as_ref().and_then(|table| table.check(&constants)),
+            current_limit: self.current_limit_a.and_then(|limit| NonZeroU16::new(milliamperes(limit))),
+            acceleration: self.acceleration_cps2.and_then(|limit| Acceleration::new(limit.0).ok()),
+            velocity: self.coefficients.velocity.map(Pidf::from),
+            position: self.coefficients.position.map(Pidf::from),
+            setpoints: timeline(&self.setpoints, duration_s, |s| s.at_s, SetPointTable::check)?,
+            torques: self.torques(duration_s)?,
+            encoder: timeline(&self.encoder, duration_s, |e| e.at_s, EncoderTable::check)?,
+        })
+    }
+
+    /// Constants of the motor with friction and cogging, which are shares of its stall torque.
+    fn constants(&self) -> Result<catalogue::Motor, String> {
+        let mut motor = match (&self.motor, &self.constants) {
+            (Some(name), None) => characterised(name).map_err(|unknown| unknown.to_string())?,
+            (None, Some(table)) => table.into(),
+            _ => return Err("a motor needs either motor = \"NAME\" or constants = { .. }".to_owned()),
+        };
+        let share =
+            |percent: Percent| si::NewtonMetres(percent.0 / 100.0 * motor.stall_torque(si::Volts(12.0)).0);
+        let (mut friction, mut cogging) = (motor.friction, motor.cogging);
+        if let Some(FrictionTable { coulomb_percent, breakaway_percent }) = self.friction {
+            friction = Friction::with_coulomb(share(coulomb_percent));
+            if let Some(breakaway) = breakaway_percent {
+                if breakaway.0 < coulomb_percent.0 {
+                    return Err(out_of_range("breakaway_percent", breakaway.0, coulomb_percent.0..=100.0));
+                }
+                friction.breakaway = share(breakaway);
+            }
+        }
+        if let Some(CoggingTable { amplitude_percent, per_turn }) = self.cogging {
+            cogging = Cogging { amplitude: share(amplitude_percent), per_turn: per_turn.0 };
+        }
+        (motor.friction, motor.cogging) = (friction, cogging);
+        Ok(match self.inertia {
+            Inertia::Rotor => motor.with_measured_rotor_inertia(),
+            Inertia::Paper => motor,
+        })
+    }
+
+    /// The load's own torque remains from the start until the first change.
+    fn torques(&self, duration_s: f64) -> Checked<Vec<Timed<f64>>> {
+        let first = Timed { at_s: 0.0, value: or(self.load.torque_nm, 0.0) };
+        let changes = timeline(&self.torques, duration_s, |t| t.at_s, |t| Ok(t.torque_nm.0))?;
+        Ok(std::iter::once(first).chain(changes).collect())
+    }
+}
+
+impl From<&ConstantsTable> for catalogue::Motor {
+    fn from(table: &ConstantsTable) -> Self {
+        let inertia = si::KgM2(table.rotor_inertia_kg_m2.0);
+        Self {
+            name: "by its constants",
+            r: si::Ohms(table.resistance_ohm.0),
+            l: si::Henries(1e-3 * table.inductance_mh.0),
+            gear_ratio: or(table.gear_ratio, 1.0),
+            eta: or(table.efficiency, 1.0),
+            ke: si::EmfConstant(table.ke_v_s_per_rad.0),
+            kt: si::TorqueConstant(or(table.kt_nm_per_a, table.ke_v_s_per_rad.0)),
+            b: si::Drag(or(table.drag_nms_per_rad, 0.0)),
+            friction: Friction::NONE,
+            cogging: Cogging::NONE,
+            j: inertia,
+            j_rotor_measured: inertia,
+            counts_per_rev_motor: table.counts_per_rev.0,
+        }
+    }
+}
+
+impl Default for Configured {
+    fn default() -> Self {
+        Self::Factors(FactorsTable::default())
+    }
+}
+
+impl Configured {
+    fn check(&self) -> Configuration {
+        let Self::Factors(factors) = self else {
+            return Configuration { motion: None, ..Configuration::EXACT };
+        };
+        Configuration {
+            resistance: or(factors.resistance, 1.0),
+            emf: or(factors.emf, 1.0),
+            motion: Some(ConfiguredMotion {
+                inertia: or(factors.inertia, 1.0),
+                drag: or(factors.drag, 1.0),
+                friction: or(factors.friction, 1.0),
+            }),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Configured {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = Configured;
+
+            fn expecting(&self, f: &mut Formatter<'_>) -> fmt::Result {
+                f.write_str("\"nothing\" or a table of factors")
+            }
+
+            fn visit_str<E: Error>(self, word: &str) -> Result<Configured, E> {
+                match word {
+                    "nothing" => Ok(Configured::Nothing),
+                    _ => Err(E::invalid_value(Unexpected::Str(word), &self)),
+                }
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Configured, A::Error> {
+                FactorsTable::deserialize(MapAccessDeserializer::new(map)).map(Configured::Factors)
+            }
+        }
+        from.deserialize_any(Either)
+    }
+}
+
+impl ThermalTable {
+    /// Missing values are the usual ones.
+    fn check(&self, motor: &catalogue::Motor) -> Option<ThermalLimit> {
+        let continuous_ma = match self.continuous_a {
+            Some(amperes) => milliamperes(amperes),
+            None => thermal_limit(motor).map_or(u16::MAX, |usual| usual.continuous_ma()),
+        };
+        let winding_s = or(self.winding_s, ThermalLimit::USUAL_WINDING_S);
+        ThermalLimit::new(continuous_ma, winding_s, or(self.case_s, ThermalLimit::USUAL_CASE_S)).ok()
+    }
+}
+
+fn milliamperes(amperes: CurrentLimit) -> u16 {
+    (1e3 * amperes.0).round() as u16
+}
+
+impl From<BridgeWord> for BridgeConstants {
+    fn from(word: BridgeWord) -> Self {
+        match word {
+            BridgeWord::Ideal => BRIDGE,
+            BridgeWord::Vnh5019 => REAL_BRIDGE,
+        }
+    }
+}
+
+impl From<PidfTable> for Pidf {
+    fn from(table: PidfTable) -> Self {
+        let term = |value: Option<CoefficientValue>| {
+            Coefficient::from_bits((or(value, 0.0) * f64::from(1 << 16)).round() as i32)
+        };
+        Self { p: term(Some(table.p)), i: term(table.i), d: term(table.d), f: term(table.f) }
+    }
+}
+
+impl SetPointTable {
+    fn check(&self) -> Result<Setpoint, String> {
+        let &Self { power, current_a, velocity_cps, position_counts, disable, .. } = self;
+        let (tolerance, limit) = (self.tolerance_counts, self.speed_limit_cps);
+        let refused = |message: &str| Err(message.to_owned());
+        let speed_limit = CountsPerSecond::new(or(limit, FASTEST_CPS));
+        let setpoint = match (power, current_a, velocity_cps, position_counts, disable) {
+            (Some(power), None, None, None, None) => {
+                let control = power.0 * f64::from(Control::MAX.get());
+                Setpoint::ConstantPower(Control::new(control.round() as i16))
+            }
+            // Without a limit the motor may become as fast as it can.
+            (None, Some(amperes), None, None, None) => Setpoint::Current {
+                current: Milliamperes::new((1e3 * amperes.0).round() as i32),
+                speed_limit,
+            },
+            (None, None, Some(cps), None, None) => Setpoint::Velocity(CountsPerSecond::new(cps.0)),
+            (None, None, None, Some(target), None) => match (tolerance, limit) {
+                (Some(tolerance), Some(_)) => {
+                    Setpoint::Position { target: target.0, tolerance: tolerance.0, speed_limit }
+                }
+                _ => return refused("position_counts needs tolerance_counts and speed_limit_cps"),
+            },
+            (None, None, None, None, Some(true)) => Setpoint::Disabled,
+            (None, None, None, None, Some(false)) => {
+                return refused("disable = false is not allowed; remove disable");
+            }
+            _ => {
+                return refused(
+                    "a set-point needs exactly one of power, current_a, velocity_cps, position_counts and disable",
+                );
+            }
+        };
+        let position = position_counts.is_some();
+        if tolerance.is_some() && !position {
+            return refused("tolerance_counts is allowed with position_counts only");
+        }
+        if limit.is_some() && !position && current_a.is_none() {
+            return refused("speed_limit_cps is allowed with position_counts and current_a only");
+        }
+        Ok(setpoint)
+    }
+}
+
+impl EncoderTable {
+    fn check(&self) -> Result<Encoder, String> {
+        let not_zero = |number| NonZeroU32::new(number).unwrap_or(NonZeroU32::MIN);
+        match (self.is, self.glitches_per_s, self.slot_missing_of) {
+            (Some(word), None, None) => Ok(word.into()),
+            (None, Some(rate), None) => Ok(Encoder::Glitches { per_second: not_zero(rate.0) }),
+            (None, None, Some(slots)) => Ok(Encoder::MissingSlot { of: not_zero(slots.0) }),
+            _ => Err("an encoder needs exactly one of is, glitches_per_s and slot_missing_of".to_owned()),
+        }
+    }
+}
+
+impl From<EncoderWord> for Encoder {
+    fn from(word: EncoderWord) -> Self {
+        let stuck = |wire, high| Self::Stuck { wire, high };
+        match word {
+            EncoderWord::Sound => Self::Sound,
+            EncoderWord::Reversed => Self::Reversed,
+            EncoderWord::Unplugged => Self::Unplugged,
+            EncoderWord::ALow => stuck(Wire::A, false),
+            EncoderWord::AHigh => stuck(Wire::A, true),
+            EncoderWord::BLow => stuck(Wire::B, false),
+            EncoderWord::BHigh => stuck(Wire::B, true),
+            EncoderWord::ALoose => Self::Loose { wire: Wire::A },
+            EncoderWord::BLoose => Self::Loose { wire: Wire::B },
+        }
+    }
+}

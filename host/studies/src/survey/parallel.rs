@@ -1,0 +1,79 @@
+//! Independent work on all cores.
+
+use crate::StudyError;
+use motor_hub::units::Period;
+use simulated::scenario::Scenario;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::thread;
+
+/// The results of `work` for every item, in the order of the items. The calling thread gives `done` the number of items
+/// that are done.
+pub(super) fn map<T: Sync, R: Send>(
+    items: &[T],
+    work: impl Fn(&T) -> R + Sync,
+    mut done: impl FnMut(usize),
+) -> Vec<R> {
+    let threads = thread::available_parallelism().map_or(1, usize::from);
+    let next = AtomicUsize::new(0);
+    let (sender, results) = mpsc::channel();
+    let mut all: Vec<(usize, R)> = Vec::with_capacity(items.len());
+    thread::scope(|scope| {
+        for _ in 0..threads {
+            let (sender, next, work) = (sender.clone(), &next, &work);
+            scope.spawn(move || {
+                while let Some((index, item)) = take(items, next) {
+                    // The receiver outlives the threads.
+                    let _ = sender.send((index, work(item)));
+                }
+            });
+        }
+        drop(sender);
+        for result in results {
+            all.push(result);
+            done(all.len());
+        }
+    });
+    all.sort_by_key(|(index, _)| *index);
+    all.into_iter().map(|(_, result)| result).collect()
+}
+
+fn take<'a, T>(items: &'a [T], next: &AtomicUsize) -> Option<(usize, &'a T)> {
+    let index = next.fetch_add(1, Ordering::Relaxed);
+    Some((index, items.get(index)?))
+}
+
+/// Results of one item at all periods: configured exactly, and not configured.
+pub(super) type ByKnowledge<R> = [Vec<R>; 2];
+
+/// The results of `work` for every item at every period in ms, configured (`true`) and not configured. `progress` gets
+/// the number of runs that are done, and of all.
+pub(super) fn at_all_periods<T: Sync, R: Send>(
+    items: &[T],
+    periods: &[u32],
+    work: impl Fn(&T, bool, u32) -> Result<R, StudyError> + Sync,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Vec<ByKnowledge<R>>, StudyError> {
+    let mut cases = Vec::new();
+    for item in items {
+        for configured in [true, false] {
+            cases.extend(periods.iter().map(|&ms| (item, configured, ms)));
+        }
+    }
+    let total = cases.len();
+    let run = |&(item, configured, ms): &(&T, bool, u32)| work(item, configured, ms);
+    let results = map(&cases, run, |done| progress(done, total));
+    let mut results = results.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter();
+    let mut of_item = || [(); 2].map(|()| results.by_ref().take(periods.len()).collect());
+    Ok(items.iter().map(|_| of_item()).collect())
+}
+
+/// A scenario at this period; its motors are configured as they are, or not at all.
+pub(super) fn variant(scenario: &Scenario, configured: bool, period_ms: u32) -> Result<Scenario, StudyError> {
+    let mut scenario = scenario.clone();
+    scenario.period = Period::from_millis(period_ms)?;
+    if !configured {
+        scenario.motors.iter_mut().for_each(|motor| motor.configuration.motion = None);
+    }
+    Ok(scenario)
+}
