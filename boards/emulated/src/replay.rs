@@ -278,6 +278,7 @@ fn observe(bench: &mut Bench, scenario: &Scenario, at_s: f64, trace: &mut Trace)
         }
     }
     let (battery_v, _) = bench.battery();
+    trace.push_motion(at_s, motors.iter().map(|sample| (sample.speed_cps, sample.counts)));
     trace.ticks.push(Tick { at_s, battery_v, measured_v: None, motors });
 }
 

@@ -174,6 +174,8 @@ pub fn run(scenario: &Scenario, progress: &mut dyn FnMut(f64)) -> Result<Trace, 
         if let Some(snapshot) = snapshots.try_changed() {
             trace.ticks.push(observe(&board, &snapshot, &torques));
         }
+        // A division, so that 7.95 s is the number that a scenario file writes so.
+        trace.push_motion(step as f64 / 1e3, board.view().motors);
         let flows = advance(scenario, &board, now_s, &torques);
         for (sample, flow) in
             trace.ticks.iter_mut().last().map(|t| &mut t.motors).into_iter().flatten().zip(&flows)

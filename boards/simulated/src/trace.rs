@@ -1,4 +1,4 @@
-//! The record of a run: the state at each control tick, and charge and energy until the next tick.
+//! The record of a run: the state at each control tick, charge and energy until the next tick, and the true motion.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, sim};
@@ -18,6 +18,20 @@ use motor_hub::motor::Report;
 pub struct Trace {
     /// Control ticks by time.
     pub ticks: Vec<Tick>,
+    /// True motion of each motor by time: at every millisecond on the simulated board, at every control tick on an
+    /// emulated chip.
+    pub motion: Vec<Vec<Point>>,
+}
+
+/// The true motion of a motor at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Seconds since the start.
+    pub at_s: f64,
+    /// Speed in counts per second.
+    pub speed_cps: f64,
+    /// Position in counts.
+    pub counts: i64,
 }
 
 /// One control tick.
@@ -52,5 +66,17 @@ impl Trace {
     /// One motor's ticks: time in seconds and sample.
     pub fn motor(&self, index: usize) -> impl Iterator<Item = (f64, &Sample)> {
         self.ticks.iter().filter_map(move |tick| Some((tick.at_s, tick.motors.get(index)?)))
+    }
+
+    /// Adds the speed and the position of every motor at a time in seconds.
+    pub fn push_motion(&mut self, at_s: f64, motors: impl IntoIterator<Item = (f64, i64)>) {
+        for (index, (speed_cps, counts)) in motors.into_iter().enumerate() {
+            if index == self.motion.len() {
+                self.motion.push(Vec::new());
+            }
+            if let Some(points) = self.motion.get_mut(index) {
+                points.push(Point { at_s, speed_cps, counts });
+            }
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Whether a run meets its scenario's expectations: each expectation beside its measurement.
 //!
-//! An expectation without a measurement is not met: there was no change of set-point to settle, or no control tick in the
-//! window.
+//! An expectation without a measurement is not met: there was no change of set-point to settle, too little time to judge
+//! one, or no control tick in the window.
 //!
 //! ```
 //! use simulated::{scenario::Scenario, sim};
@@ -122,7 +122,7 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
     let index = match expectation.subject {
         Subject::Motor(index) => index,
         Subject::Group(index) => {
-            return of_group(scenario.groups.get(index)?, trace, expectation).map(Measured::Number);
+            return of_group(scenario, scenario.groups.get(index)?, trace, expectation).map(Measured::Number);
         }
         Subject::Battery => {
             let ticks = trace.ticks.iter().filter(|tick| window_s.contains(&tick.at_s));
@@ -142,6 +142,9 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
     let speeds = || extent(samples.iter().map(|sample| sample.speed_cps));
     Some(match expectation.expected {
         Expected::Quantity(quantity, _) => match quantity {
+            Quantity::SettlingTime if measures.responses.iter().any(|response| response.too_short) => {
+                return None;
+            }
             Quantity::SettlingTime => worst(&|response| Some(response.settling_s.unwrap_or(f64::INFINITY)))?,
             Quantity::Overshoot => worst(&|response| response.overshoot_percent)?,
             Quantity::Speed => speeds().map(|(low, high)| Measured::Between(low, high))?,
@@ -166,12 +169,12 @@ fn measure(scenario: &Scenario, trace: &Trace, expectation: &Expectation) -> Opt
 }
 
 /// The measurement of a group.
-fn of_group(group: &Group, trace: &Trace, expectation: &Expectation) -> Option<f64> {
+fn of_group(scenario: &Scenario, group: &Group, trace: &Trace, expectation: &Expectation) -> Option<f64> {
     let Expectation { window_s, expected, .. } = expectation;
     match expected {
         Expected::Quantity(Quantity::SettlingTime, _) => groups::longest_arrival_s(group, trace, window_s),
         Expected::Quantity(Quantity::HeadingError, _) => {
-            groups::largest_heading_error(group, trace, window_s)
+            groups::largest_heading_error(group, &scenario.motors, trace, window_s)
         }
         _ => None,
     }

@@ -2,7 +2,7 @@
 
 use motor_hub::group::DriveBase;
 use motor_hub::motor::Setpoint;
-use simulated::scenario::Group;
+use simulated::scenario::{Group, Motor};
 use simulated::trace::{Sample, Tick, Trace};
 use std::ops::Range;
 
@@ -27,27 +27,50 @@ fn arrival_s(group: &Group, trace: &Trace, course_s: &Range<f64>) -> f64 {
         .map_or(f64::INFINITY, |arrived| arrived.at_s - course_s.start)
 }
 
-/// By how many degrees the base of a group heads elsewhere than its members' references do: the most at any tick
-/// of the window. `None` if there is no base, or no tick at which both wheels are led.
-pub(crate) fn largest_heading_error(group: &Group, trace: &Trace, window_s: &Range<f64>) -> Option<f64> {
+/// Largest difference in degrees between the heading of a base and the heading of its wheels' references, at any tick of
+/// the window. `None` if there is no base, or no tick at which both wheels are led.
+///
+/// After a wheel is lost, its last reference and that of the other wheel stay in force. So a base that turns while it
+/// halts has an error. They end with the next course, or with a set-point of a wheel's own.
+pub(crate) fn largest_heading_error(
+    group: &Group,
+    motors: &[Motor],
+    trace: &Trace,
+    window_s: &Range<f64>,
+) -> Option<f64> {
     let base = group.base?;
     let &[left, right] = group.motors.as_slice() else { return None };
-    let ticks = trace.ticks.iter().filter(|tick| window_s.contains(&tick.at_s));
-    let errors = ticks.filter_map(|tick| {
-        let [left, right] = [left, right].map(|motor| tick.motors.get(motor).and_then(ahead));
-        Some(heading(&base, [left?, right?]).abs())
-    });
-    errors.reduce(f64::max)
+    let members = [left, right].map(|motor| motors.get(motor).map_or(&[][..], |motor| &motor.setpoints));
+    let own = members.into_iter().flatten().map(|setpoint| setpoint.at_s);
+    let mut ends: Vec<f64> = group.courses.iter().map(|course| course.at_s).chain(own).collect();
+    ends.sort_by(f64::total_cmp);
+    let mut ends = ends.into_iter().peekable();
+    let mut led: Option<[f64; 2]> = None;
+    let mut largest = None;
+    for tick in trace.ticks.iter().take_while(|tick| tick.at_s < window_s.end) {
+        while ends.next_if(|end_s| *end_s < tick.at_s).is_some() {
+            led = None;
+        }
+        let [left, right] = [left, right].map(|motor| tick.motors.get(motor));
+        let (Some(left), Some(right)) = (left, right) else { continue };
+        if let (Some(left), Some(right)) = (reference(left), reference(right)) {
+            led = Some([left, right]);
+        }
+        if let Some(led) = led.filter(|_| tick.at_s >= window_s.start) {
+            let error = heading(&base, [left.counts as f64 - led[0], right.counts as f64 - led[1]]).abs();
+            largest = Some(largest.map_or(error, |largest: f64| largest.max(error)));
+        }
+    }
+    largest
 }
 
-/// Counts by which a member is beyond its reference.
-fn ahead(sample: &Sample) -> Option<f64> {
+/// The position in counts that leads a member of a group.
+fn reference(sample: &Sample) -> Option<f64> {
     let Setpoint::Together(reference) = sample.report.setpoint else { return None };
-    let place = f64::from(reference.position) + f64::from(reference.fraction) / 65_536.0;
-    Some(sample.counts as f64 - place)
+    Some(f64::from(reference.position) + f64::from(reference.fraction) / 65_536.0)
 }
 
-/// To parts of a count.
+/// The heading in degrees of a base whose wheels have turned by so many counts, resolved to a thousandth of a count.
 fn heading(base: &DriveBase, counts: [f64; 2]) -> f64 {
     const PARTS: f64 = 1_000.0;
     base.heading(counts.map(|counts| (PARTS * counts).round() as i32)) / PARTS

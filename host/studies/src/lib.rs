@@ -3,6 +3,7 @@
 //!
 //! | module | what it shows |
 //! |---|---|
+//! | [`settling`] | the one judge of whether a motor has settled |
 //! | [`measures`] | numbers of a run: settling, overshoot, jerk, energy |
 //! | [`expectations`] | whether a run meets its scenario's expectations |
 //! | [`report`] | a scenario with and without a braking regime |
@@ -41,6 +42,7 @@ pub mod paper;
 pub mod points;
 pub mod recording;
 pub mod report;
+pub mod settling;
 pub mod survey;
 pub mod table;
 

@@ -13,19 +13,15 @@
 //! ```
 
 use crate::points::regulator_name;
+use crate::settling::{Goal, Settling, settling};
+use crate::table;
 use motor_hub::braking::Regime;
 use motor_hub::bridge::Drive;
-use motor_hub::motor::{Report, Setpoint};
+use motor_hub::motor::Report;
 use serde::Serialize;
 use simulated::scenario::Motor;
-use simulated::trace::{Sample, Trace};
+use simulated::trace::{Point, Sample, Trace};
 use std::ops::Range;
-
-/// A velocity has settled when it stays this close, as a share of the larger of old and new speed.
-const BAND: f64 = 0.02;
-
-/// Share of the time to the next change for which a motor stays within the band once it has settled.
-const REST: f64 = 0.1;
 
 /// Everything measured of one motor in one run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -56,9 +52,10 @@ pub struct Response {
     pub task: String,
     /// "counts/s" or "counts".
     pub unit: &'static str,
-    /// Seconds until the motor stays within 2 % of the larger of old and new speed, or within the
-    /// position's tolerance, for at least the last tenth of the time; null if it never did.
+    /// Seconds until the motor has [settled](crate::settling); null if it never did, or if `too_short`.
     pub settling_s: Option<f64>,
+    /// True if the next change comes too soon to judge whether the motor settled.
+    pub too_short: bool,
     /// How far it went beyond, in percent of the step; after a change of torque how far it was
     /// pushed away, in percent of the set-point. Null for a hold at zero.
     pub overshoot_percent: Option<f64>,
@@ -71,6 +68,13 @@ pub struct Response {
     /// From lowest to highest value in the last second before the next change: a limit cycle, if the
     /// motor had settled.
     pub swing: f64,
+}
+
+impl Response {
+    /// The settling time for people.
+    pub(crate) fn settling(&self) -> String {
+        if self.too_short { "too short".to_owned() } else { table::seconds(self.settling_s) }
+    }
 }
 
 /// How long before the next change a limit cycle is looked for, in seconds.
@@ -101,29 +105,8 @@ pub struct RegimeShares {
     pub coast: f64,
 }
 
-/// What a regulated motor should do, as a number in its unit.
-#[derive(Clone, Copy, PartialEq)]
-enum Goal {
-    Velocity(f64),
-    Position { counts: f64, tolerance: f64 },
-}
-
 impl Goal {
-    fn of(setpoint: Setpoint) -> Option<Self> {
-        match setpoint {
-            Setpoint::Disabled
-            | Setpoint::FailSafe
-            | Setpoint::ConstantPower(_)
-            | Setpoint::Current { .. }
-            | Setpoint::Identify { .. }
-            | Setpoint::Together(_) => None,
-            Setpoint::Velocity(cps) => Some(Self::Velocity(cps.to_f64())),
-            Setpoint::Position { target, tolerance, .. } => {
-                Some(Self::Position { counts: target.into(), tolerance: tolerance.into() })
-            }
-        }
-    }
-
+    /// The speed or position of the goal, in its unit.
     fn target(self) -> f64 {
         match self {
             Self::Velocity(target) | Self::Position { counts: target, .. } => target,
@@ -137,10 +120,10 @@ impl Goal {
         }
     }
 
-    fn value(self, sample: &Sample) -> f64 {
+    fn value(self, point: &Point) -> f64 {
         match self {
-            Self::Velocity(_) => sample.speed_cps,
-            Self::Position { .. } => sample.counts as f64,
+            Self::Velocity(_) => point.speed_cps,
+            Self::Position { .. } => point.counts as f64,
         }
     }
 }
@@ -157,7 +140,7 @@ impl Measures {
         let ticks: Vec<_> = all.iter().copied().filter(|(at, _)| span_s.contains(at)).collect();
         Self {
             regulator: ticks.last().map_or("", |(_, sample)| regulator_name(sample.report.regulator)),
-            responses: responses(motor, &span_s, &ticks),
+            responses: responses(motor, &span_s, trace.motion.get(index).map_or(&[], Vec::as_slice)),
             deceleration_jerk: jerk(motor, &span_s, &all),
             regimes: shares(&ticks),
             energy_from_battery_j: ticks.iter().map(|(_, s)| s.flow.energy_from_battery.0).sum(),
@@ -166,7 +149,7 @@ impl Measures {
     }
 }
 
-fn responses(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Vec<Response> {
+fn responses(motor: &Motor, span_s: &Range<f64>, motion: &[Point]) -> Vec<Response> {
     let mut changes: Vec<f64> = motor.setpoints.iter().map(|s| s.at_s).collect();
     changes.extend(motor.torques.iter().skip(1).map(|t| t.at_s));
     changes.sort_by(f64::total_cmp);
@@ -174,49 +157,32 @@ fn responses(motor: &Motor, span_s: &Range<f64>, ticks: &[(f64, &Sample)]) -> Ve
     changes.retain(|at_s| span_s.contains(at_s));
     let ends = changes.iter().skip(1).copied().chain([span_s.end]);
     let phases = changes.iter().copied().zip(ends);
-    phases.filter_map(|(from, to)| response(motor, from, to, ticks)).collect()
+    phases.filter_map(|(from, to)| response(motor, from..to, motion)).collect()
 }
 
-fn response(motor: &Motor, from_s: f64, to_s: f64, ticks: &[(f64, &Sample)]) -> Option<Response> {
+fn response(motor: &Motor, span_s: Range<f64>, motion: &[Point]) -> Option<Response> {
+    let Range { start: from_s, end: to_s } = span_s;
     let goal = Goal::of(motor.setpoint_at(from_s))?;
-    let within: Vec<(f64, f64)> = ticks
-        .iter()
-        .filter(|(at, _)| (from_s..to_s).contains(at))
-        .map(|(at, sample)| (*at, goal.value(sample)))
-        .collect();
+    let within = motion.get(motion.partition_point(|point| point.at_s < from_s)..).unwrap_or_default();
+    let within = within.get(..within.partition_point(|point| point.at_s < to_s)).unwrap_or_default();
     let before = motor.setpoints.iter().rev().find(|s| s.at_s < from_s).and_then(|s| Goal::of(s.value));
     let old = match before {
         // A change of run mode begins at the motor's own value.
         Some(before) if before.unit() == goal.unit() => before.target(),
-        _ => within.first()?.1,
+        _ => goal.value(within.first()?),
     };
     let new = goal.target();
     let stepped = motor.setpoints.iter().any(|s| s.at_s == from_s);
-    let largest = old.abs().max(new.abs());
-    let band = match goal {
-        Goal::Velocity(_) => BAND * largest,
-        Goal::Position { tolerance, .. } => tolerance,
-    };
+    let settling = settling(goal, Goal::speed_before(before, within), span_s.clone(), within);
 
-    let last_outside = within.iter().rposition(|(_, value)| (value - new).abs() > band);
-    let settled_at = match last_outside {
-        None => Some(from_s),
-        Some(index) => within.get(index + 1).map(|(at, _)| *at),
-    };
-    let latest = to_s - REST * (to_s - from_s);
-    let beyond =
-        |value: f64| if stepped { (value - new) * (new - old).signum() } else { (value - new).abs() };
+    let errors: Vec<f64> = within.iter().map(|point| goal.value(point) - new).collect();
+    let errors_since =
+        |since_s: f64| errors.get(within.partition_point(|point| point.at_s < since_s)..).unwrap_or_default();
+    let beyond = |error: f64| if stepped { error * (new - old).signum() } else { error.abs() };
     let scale = if stepped { (new - old).abs() } else { new.abs() };
-    let farthest = within
-        .iter()
-        .map(|(_, value)| beyond(*value))
-        .fold(0.0, |most, value| if value > most { value } else { most });
-    let errors_since = |since_s: f64| -> Vec<f64> {
-        within.iter().filter(|(at, _)| *at >= since_s).map(|(_, value)| value - new).collect()
-    };
-    let errors = errors_since(from_s);
-    let tick_s = (to_s - from_s) / errors.len().max(1) as f64;
-    let last = errors_since(to_s - LAST_S);
+    let farthest = errors.iter().map(|&error| beyond(error)).fold(0.0, f64::max);
+    let step_s = (to_s - from_s) / errors.len().max(1) as f64;
+    let last = errors_since(to_s - LAST_S).iter().copied();
     Some(Response {
         at_s: from_s,
         change: if stepped {
@@ -226,13 +192,13 @@ fn response(motor: &Motor, from_s: f64, to_s: f64, ticks: &[(f64, &Sample)]) -> 
         },
         task: task(goal, stepped),
         unit: goal.unit(),
-        settling_s: settled_at.filter(|at| *at <= latest).map(|at| at - from_s),
+        settling_s: settling.seconds(),
+        too_short: settling == Settling::TooShort,
         overshoot_percent: (scale > 0.0).then(|| 100.0 * farthest / scale + 0.0),
-        residual_rms: rms(&errors_since(f64::midpoint(from_s, to_s))),
+        residual_rms: rms(errors_since(f64::midpoint(from_s, to_s))),
         rms_error: rms(&errors),
-        absolute_error_s: tick_s * errors.iter().map(|error| error.abs()).sum::<f64>(),
-        swing: last.iter().copied().reduce(f64::max).unwrap_or(0.0)
-            - last.iter().copied().reduce(f64::min).unwrap_or(0.0),
+        absolute_error_s: step_s * errors.iter().map(|error| error.abs()).sum::<f64>(),
+        swing: last.clone().reduce(f64::max).unwrap_or(0.0) - last.reduce(f64::min).unwrap_or(0.0),
     })
 }
 

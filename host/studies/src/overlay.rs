@@ -150,7 +150,7 @@ impl Overlay {
 }
 
 fn cell(response: &Response) -> String {
-    let settling = table::seconds(response.settling_s);
+    let settling = response.settling();
     let overshoot = response.overshoot_percent.map_or("-".into(), |p| format!("{p:.1} %"));
     format!("\n{settling}\n{overshoot}\n{:.1} {}", response.residual_rms, response.unit)
 }

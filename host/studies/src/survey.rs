@@ -2,10 +2,8 @@
 //! ([`cells`]), and any number of [`random`] scenarios. The hub is configured exactly, configured with a wrong inertia, or
 //! not configured. [`soak`] runs hours of random scenarios and counts false alarms.
 //!
-//! Responses are judged by the true motion at every millisecond. A speed has settled when it stays within 2 % of
-//! the larger of old and new speed, at least 2 counts/s; a position within 10 counts; standstill within 3 of where it
-//! ends; each for at least the last tenth of its time. Of the random responses those are counted that can be
-//! settled by some regulator.
+//! Responses are judged by the true motion at every millisecond, see [`settling`](crate::settling). Of the random
+//! responses those are counted that can be settled by some regulator.
 //!
 //! ```no_run
 //! use studies::survey::reference;
@@ -31,8 +29,9 @@ pub use judge::{Kind, Verdict};
 pub use scenario_file::toml;
 
 use crate::StudyError;
+use crate::settling::Goal;
 use fastest::settleable;
-use judge::{Challenge, Goal};
+use judge::Challenge;
 use motor_hub::braking::DutyRule;
 use motor_hub::model::catalogue;
 use motor_hub::model::load::{Load, Shaft};

@@ -102,6 +102,11 @@ fn a_verdict_says_who_when_what_was_wanted_and_what_was() {
 
 /// Two wheels, the right one dragging behind its reference, with one expectation.
 fn of_group(expectation: &str) -> Verdict {
+    of_group_with("", expectation)
+}
+
+/// As `of_group`, with more keys of the right wheel.
+fn of_group_with(right: &str, expectation: &str) -> Verdict {
     let text = format!(
         r#"
 name = "two wheels turn"
@@ -115,6 +120,7 @@ label = "right"
 motor = "AM 60 A"
 load = {{ drag_nms_per_rad = 0.05 }}
 configured = {{ drag = 0.1 }}
+{right}
 [[groups]]
 label = "base"
 motors = ["left", "right"]
@@ -149,5 +155,27 @@ fn every_expectation_of_a_group_can_hold_can_fail_and_can_find_nothing() {
     for nothing in ["from_s = 2.5\nsettles_within_s = 300", "to_s = 0.4\nheading_error_below_degrees = 360"] {
         let verdict = of_group(nothing);
         assert!(!verdict.met() && verdict.to_string().ends_with("measured nothing"), "{nothing}: {verdict}");
+    }
+}
+
+#[test]
+fn a_base_that_turns_after_it_lost_a_wheel_has_a_heading_error() {
+    let expectation = "to_s = 2.0\nheading_error_below_degrees = 5";
+    assert!(of_group(expectation).met());
+    // The right wheel loses its encoder in the middle of the way, while both turn at full speed.
+    let verdict = of_group_with("encoder = [{ at_s = 0.8, is = \"unplugged\" }]", expectation);
+    assert!(!verdict.met(), "{verdict}");
+    // The heading of the next course is judged anew, and the lost wheel is not led on it.
+    let next = "from_s = 2.2\nheading_error_below_degrees = 360";
+    let verdict = of_group_with("encoder = [{ at_s = 0.8, is = \"unplugged\" }]", next);
+    assert!(verdict.to_string().ends_with("measured nothing"), "{verdict}");
+}
+
+#[test]
+fn a_change_with_less_than_a_second_to_the_next_is_not_judged() {
+    // The torque changes 0.8 s before the end; the first speed has 1 s in this window.
+    for window in ["from_s = 2.0", "to_s = 1.2"] {
+        let verdict = with(&format!("{window}\nsettles_within_s = 10"));
+        assert!(verdict.to_string().ends_with("measured nothing"), "{verdict}");
     }
 }

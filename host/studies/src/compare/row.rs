@@ -20,7 +20,7 @@ pub(super) struct Row {
     pub(super) of: Variant,
     /// The coefficients; null for a model, which has none.
     pub(super) gains: Option<Gains>,
-    /// Seconds until the speed stays within 2 %; null if it never does.
+    /// Seconds until the motor has [settled](crate::settling); null if it never does.
     pub(super) settling_s: Option<f64>,
     /// Percent of the step, or of the set-point after a change of torque; null at standstill.
     pub(super) overshoot_percent: Option<f64>,
@@ -42,19 +42,14 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// The motor did not settle in time, or the hub reported an encoder fault. A standstill that is only held has no
-    /// settling time.
+    /// The motor did not settle, or the hub reported an encoder fault.
     pub(super) const fn fails(&self) -> bool {
-        self.fault || (self.settling_s.is_none() && self.overshoot_percent.is_some())
+        self.fault || self.settling_s.is_none()
     }
 
     /// The settling time for people.
     pub(super) fn settling(&self) -> String {
-        match self.settling_s {
-            _ if self.fault => "fault".to_owned(),
-            None if !self.fails() => "-".to_owned(),
-            settling => table::seconds(settling),
-        }
+        if self.fault { "fault".to_owned() } else { table::seconds(self.settling_s) }
     }
 
     /// Runs one task under one variant.

@@ -10,8 +10,9 @@ use crate::page::Page;
 use crate::table::{self, Table};
 
 const DEFINITIONS: &str = "\
-All measures are from the task's event on. Settling: time until the speed stays within 2 % of the larger of old and new
-speed, for at least the last tenth of the time. Overshoot: largest error beyond the set-point in % of the step; after a
+All measures are from the task's event on. Settling: time until the speed stays within 2 % of the new speed or of the
+step, whichever is more, and of 2 counts/s; a motor at standstill within 3 counts. It must stay there to the end, for a
+second at least. Overshoot: largest error beyond the set-point in % of the step; after a
 change of torque the largest deviation in % of the set-point. Rms error: of the speed, counts/s. Peak jerk: largest
 change of the mean motor current from one control period to the next while the motor slows down, A. Limit cycle: peak
 to peak of the speed in the last second, counts/s. Returned: energy into the battery, J. |error|: integral of the

@@ -2,7 +2,6 @@
 
 use super::runs::RunReport;
 use crate::measures::{Measures, Response};
-use crate::table::seconds;
 use motor_hub::braking::Scheme;
 
 /// One response in both runs.
@@ -23,7 +22,7 @@ impl Pair<'_> {
     }
 
     fn times(&self) -> String {
-        let [as_set, without] = [self.as_set, self.without].map(|response| seconds(response.settling_s));
+        let [as_set, without] = [self.as_set, self.without].map(Response::settling);
         if as_set == without {
             format!("{as_set} with and without braking")
         } else {
@@ -51,7 +50,8 @@ fn result(report: &RunReport) -> String {
     let pairs: Vec<Pair> = motors
         .flat_map(|(motor, [as_set, without])| {
             let responses = as_set.responses.iter().zip(&without.responses);
-            responses.map(|(as_set, without)| Pair { label: &motor.label, as_set, without })
+            let judged = responses.filter(|(as_set, _)| !as_set.too_short);
+            judged.map(|(as_set, without)| Pair { label: &motor.label, as_set, without })
         })
         .collect();
     let largest = pairs.iter().reduce(|a, b| if b.difference() > a.difference() { b } else { a });

@@ -10,8 +10,9 @@ use simulated::scheme;
 const NARROWEST: usize = 18;
 
 const DEFINITIONS: &str = "\
-Settling: time until the speed stays within 2 % of the larger of old and new speed, or the position within
-its tolerance, for at least the last tenth of the time to the next change. Overshoot: largest error beyond the
+Settling: time until the speed stays within 2 % of the new speed or of the step, whichever is more, at least 2
+counts/s; a position within its tolerance; a motor at standstill within 3 counts. It must stay there until the next
+change, for a tenth of the time and for a second at least. Overshoot: largest error beyond the
 set-point, in % of the step; after a change of torque the largest deviation, in % of the set-point.
 Residual: rms error in the second half of the time to the next change. Swing: difference of the highest and the
 lowest value in the last second before the next change. Deceleration jerk: change of the mean motor current from one
@@ -75,7 +76,7 @@ fn rows(measures: &[Measures; 2]) -> Vec<(String, [String; 2])> {
         let cells = [a, b].map(|r| {
             format!(
                 "{}\n{}\n{:.1} {unit}\n{:.1} {unit}",
-                table::seconds(r.settling_s),
+                r.settling(),
                 percent(r.overshoot_percent),
                 r.residual_rms,
                 r.swing,

@@ -1,7 +1,8 @@
 //! Whether a response can be settled by some regulator: the time that the battery's full voltage needs.
 
-use super::judge::{Challenge, Goal, Kind, REST};
+use super::judge::{Challenge, Kind};
 use crate::StudyError;
+use crate::settling::{Goal, rest_s};
 use motor_hub::braking::{Modulator, OperatingPoint};
 use motor_hub::bridge::Drive;
 use motor_hub::model::load::Shaft;
@@ -183,7 +184,7 @@ struct Whereabouts {
 ///
 /// The ideal time is of full voltage within the scheme's range, one way and then the other. The battery counts with
 /// 95 % of its voltage with all motors stalled. A challenge can be settled if 1.5 times the ideal time, 0.3 s, six
-/// periods and the time of three counts fit into the first nine tenths of its time. Some control value must keep the
+/// periods and the time of three counts leave the time for which a motor must stay settled. Some control value must keep the
 /// speed, or standstill at a position, under its torque with a tenth of the voltage to spare. After a challenge that
 /// cannot be settled the next has no known beginning, and is not judged.
 pub(super) fn settleable(scenario: &Scenario, challenges: &[Challenge]) -> Result<Vec<bool>, StudyError> {
@@ -219,7 +220,7 @@ impl Machine {
                 let counts = if to == 0.0 { 0.0 } else { GRACE_COUNTS / to.abs() };
                 (ideal, counts, Whereabouts { speed: to, counts: at.counts + way, slack })
             }
-            Goal::Position { counts, limit_cps } => {
+            Goal::Position { counts, limit_cps, .. } => {
                 let (stopping, run) = self.run_up(from, 0.0, torque)?;
                 let way = counts - at.counts;
                 let way = way + at.slack.copysign(way) + run.abs().copysign(way);
@@ -228,7 +229,8 @@ impl Machine {
             }
         };
         let granted = PATIENCE * ideal + GRACE_S + GRACE_PERIODS * period + counts;
-        let enough = granted <= (1.0 - REST) * challenge.length_s();
+        let length = challenge.length_s();
+        let enough = granted <= length - rest_s(length);
         (enough && self.keeps(after.speed, torque)).then_some(after)
     }
 }

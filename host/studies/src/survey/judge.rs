@@ -1,32 +1,14 @@
 //! The responses that a scenario asks of its motors, judged by the true motion at every millisecond.
 
 use crate::StudyError;
-use motor_hub::motor::Setpoint;
+use crate::settling::{Goal, rest_s, settling};
 use serde::Serialize;
 use simulated::direct;
 use simulated::scenario::{Motor, Scenario};
+use simulated::trace::Point;
 
-/// A speed has settled within this share of the larger of the old and the new one,
-const SPEED_BAND: f64 = 0.02;
-/// but at least within this, in counts/s.
-const LEAST_BAND_CPS: f64 = 2.0;
-/// A position has settled within this, in counts.
-const POSITION_BAND: f64 = 10.0;
-/// A motor that should stand has settled within this of where it comes to rest, in counts.
-const STANDSTILL_BAND: f64 = 3.0;
-/// Of the time to the next change this much must be left once a response has settled.
-pub(super) const REST: f64 = 0.1;
 /// Length of the end of a response in which swings are counted, in milliseconds.
 const SWING_MS: usize = 1_000;
-
-/// The set-point of a response.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Goal {
-    /// Counts/s.
-    Velocity(f64),
-    /// Counts, and the speed on the way.
-    Position { counts: f64, limit_cps: f64 },
-}
 
 /// The change that begins a response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -68,18 +50,6 @@ impl Challenge {
     pub(super) fn length_s(&self) -> f64 {
         (self.to_ms - self.from_ms) as f64 / 1e3
     }
-
-    /// Largest error of a motor that has settled, in counts/s or counts.
-    fn band(&self) -> f64 {
-        match self.goal {
-            Goal::Velocity(0.0) => STANDSTILL_BAND,
-            Goal::Velocity(to) => {
-                let from = if let Some(Goal::Velocity(from)) = self.old { from } else { 0.0 };
-                (SPEED_BAND * f64::max(from.abs(), to.abs())).max(LEAST_BAND_CPS)
-            }
-            Goal::Position { .. } => POSITION_BAND,
-        }
-    }
 }
 
 /// All changes of a scenario, by motor and time.
@@ -101,7 +71,7 @@ fn of_motor(scenario: &Scenario, index: usize, motor: &Motor) -> Vec<Challenge> 
     let mut all = Vec::new();
     for (from_s, to_s) in times.iter().copied().zip(ends) {
         let (old, old_torque) = before;
-        let (goal, torque) = (goal(motor.setpoint_at(from_s)), motor.torque_at(from_s));
+        let (goal, torque) = (Goal::of(motor.setpoint_at(from_s)), motor.torque_at(from_s));
         before = (goal, torque);
         let Some(goal) = goal else { continue };
         let kind = match (old, goal) {
@@ -117,27 +87,11 @@ fn of_motor(scenario: &Scenario, index: usize, motor: &Motor) -> Vec<Challenge> 
     all
 }
 
-fn goal(setpoint: Setpoint) -> Option<Goal> {
-    match setpoint {
-        Setpoint::Disabled
-        | Setpoint::FailSafe
-        | Setpoint::ConstantPower(_)
-        | Setpoint::Current { .. }
-        | Setpoint::Identify { .. }
-        | Setpoint::Together(_) => None,
-        Setpoint::Velocity(cps) => Some(Goal::Velocity(cps.to_f64())),
-        Setpoint::Position { target, speed_limit, .. } => {
-            Some(Goal::Position { counts: target.into(), limit_cps: speed_limit.to_f64().abs() })
-        }
-    }
-}
-
 /// A motor at one millisecond.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Instant {
-    /// Counts/s.
-    pub(super) speed: f64,
-    pub(super) counts: f64,
+    /// The true motion.
+    pub(super) point: Point,
     /// An encoder fault is latched.
     pub(super) fault: bool,
     /// The hub reports a stall.
@@ -149,9 +103,10 @@ pub(super) fn watch(scenario: &Scenario) -> Result<Vec<Vec<Instant>>, StudyError
     let mut all: Vec<Vec<Instant>> = vec![Vec::new(); scenario.motors.len()];
     direct::run(scenario, |moment| {
         let motors = moment.motors.iter().zip(&moment.snapshot.motors);
-        for (track, (&(speed, counts), report)) in all.iter_mut().zip(motors) {
+        for (track, (&(speed_cps, counts), report)) in all.iter_mut().zip(motors) {
             let fault = report.faults.encoder.is_some();
-            track.push(Instant { speed, counts: counts as f64, fault, stalled: report.stalled });
+            let point = Point { at_s: moment.ms as f64 / 1e3, speed_cps, counts };
+            track.push(Instant { point, fault, stalled: report.stalled });
         }
     })?;
     Ok(all)
@@ -160,8 +115,7 @@ pub(super) fn watch(scenario: &Scenario) -> Result<Vec<Vec<Instant>>, StudyError
 /// The judgement of a response.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Verdict {
-    /// Seconds until the motor stayed within the band to the end, with a tenth of the time to spare; `None` if
-    /// it never did.
+    /// Seconds until the motor has [settled](crate::settling); `None` if it never did.
     pub settling_s: Option<f64>,
     /// How far it went beyond its goal, in percent of the step; after another torque how far it was pushed away, in
     /// percent of the speed. `None` where there is no step to speak of: less than 60 counts/s or 60 counts, a
@@ -169,7 +123,7 @@ pub struct Verdict {
     pub beyond_percent: Option<f64>,
     /// It swings about its goal, beyond the band on both sides within the last second.
     pub cycles: bool,
-    /// Mean error of the last tenth, counts/s or counts.
+    /// Mean error of the last tenth of the response, or of its last second if that is more, counts/s or counts.
     pub last_error: f64,
     /// Root mean square of the error in the last second, counts/s or counts.
     pub last_rms: f64,
@@ -184,31 +138,24 @@ pub struct Verdict {
 /// Judges a response by the motion of its motor.
 pub(super) fn judge(challenge: &Challenge, track: &[Instant]) -> Verdict {
     let span = track.get(challenge.from_ms..challenge.to_ms.min(track.len())).unwrap_or_default();
-    let band = challenge.band();
-    let error = |at: &Instant| match challenge.goal {
-        Goal::Velocity(to) => at.speed - to,
-        // A count is from its number to the next.
-        Goal::Position { counts, .. } => at.counts - counts,
+    let points: Vec<Point> = span.iter().map(|at| at.point).collect();
+    let before = Goal::speed_before(challenge.old, &points);
+    let band = challenge.goal.band(before);
+    let errors = challenge.goal.errors(&points);
+    let deviations: Vec<f64> = match challenge.goal {
+        Goal::Velocity(to) => points.iter().map(|point| point.speed_cps - to).collect(),
+        Goal::Position { .. } => errors.clone(),
     };
-    let deviations: Vec<f64> = span.iter().map(error).collect();
-    let errors: Vec<f64> = if challenge.goal == Goal::Velocity(0.0) {
-        // Within a count a motor may tremble as fast as it likes.
-        let ending = span.get(span.len().saturating_sub(SWING_MS)..).unwrap_or_default();
-        let rest = ending.iter().map(|at| at.counts).sum::<f64>() / ending.len().max(1) as f64;
-        span.iter().map(|at| at.counts - rest).collect()
-    } else {
-        deviations.clone()
-    };
-    let settled = errors.iter().rposition(|error| error.abs() > band).map_or(0, |last| last + 1);
+    let span_s = challenge.from_ms as f64 / 1e3..challenge.to_ms as f64 / 1e3;
     let last = |length: usize| errors.get(errors.len().saturating_sub(length)..).unwrap_or_default();
-    let rest = (REST * errors.len() as f64).ceil() as usize;
+    let rest = (1e3 * rest_s(challenge.length_s())).round() as usize;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let ending = last(SWING_MS);
     let low = ending.iter().copied().fold(f64::INFINITY, f64::min);
     let high = ending.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let squares: Vec<f64> = ending.iter().map(|error| error * error).collect();
     Verdict {
-        settling_s: (settled + rest <= errors.len()).then_some(settled as f64 / 1e3),
+        settling_s: settling(challenge.goal, before, span_s, &points).seconds(),
         beyond_percent: beyond(challenge, &deviations),
         cycles: low < -band && high > band,
         last_error: mean(last(rest)),

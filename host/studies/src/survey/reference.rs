@@ -159,11 +159,11 @@ fn with_friction(mut scenario: Scenario) -> Scenario {
     scenario
 }
 
-/// As the default scenario has it.
+/// As the default scenario has it, but with the tolerance of the other tasks.
 fn arm() -> Result<Scenario, StudyError> {
     let there = |at_s, target| Timed {
         at_s,
-        value: Setpoint::Position { target, tolerance: 20, speed_limit: CountsPerSecond::new(1800) },
+        value: Setpoint::Position { target, tolerance: 10, speed_limit: CountsPerSecond::new(1800) },
     };
     let mut scenario = plan("AM 40 C", 0.02, &[there(0.0, 4000), there(5.0, 500)])?;
     for motor in &mut scenario.motors {

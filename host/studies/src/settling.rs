@@ -1,0 +1,205 @@
+//! The one judge of whether a motor has settled after a change. `run`, `compare`, `survey` and `[[expect]]` use it.
+//!
+//! A motor has *settled* when its true motion stays within a band until the next change. It must stay there for at
+//! least a tenth of the time between the two changes, and for at least one second. So a motor that hunts in and out of
+//! the band never settles, and a change with less than a second to the next one is not judged.
+//!
+//! ```
+//! use simulated::trace::Point;
+//! use studies::settling::{Goal, Settling, settling};
+//!
+//! // The speed rises by 10 counts/s in each millisecond until it is 1000 counts/s.
+//! let speed_cps = |ms: u32| f64::from(ms.min(100)) * 10.0;
+//! let point = |ms| Point { at_s: f64::from(ms) / 1e3, speed_cps: speed_cps(ms), counts: 0 };
+//! let points: Vec<Point> = (0..2_000).map(point).collect();
+//! // The band is 2 % of 1000 counts/s.
+//! assert_eq!(settling(Goal::Velocity(1000.0), 0.0, 0.0..2.0, &points), Settling::After(0.098));
+//! assert_eq!(settling(Goal::Velocity(1000.0), 0.0, 0.0..0.9, &points), Settling::TooShort);
+//! ```
+
+use motor_hub::motor::Setpoint;
+use simulated::trace::Point;
+use std::ops::Range;
+
+/// Band of a speed, as a share of the new speed and of the step to it, the larger of both.
+const SPEED_BAND: f64 = 0.02;
+/// Least band of a speed, in counts/s. At a few counts/s, 2 % is less than an encoder resolves.
+const LEAST_BAND_CPS: f64 = 2.0;
+/// Band of a motor at standstill about the place where it comes to rest, in counts.
+const STANDSTILL_BAND: f64 = 3.0;
+/// Share of the time between two changes for which a motor must stay within the band.
+const REST_SHARE: f64 = 0.1;
+/// Least time for which a motor must stay within the band, in seconds. It shows a slow hunting.
+const LEAST_REST_S: f64 = 1.0;
+/// Largest rounding error of a difference of two times, in seconds.
+const ROUNDING_S: f64 = 1e-9;
+
+/// What a regulated motor should do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// Turn at this speed, in counts/s.
+    Velocity(f64),
+    /// Move to a position.
+    Position {
+        /// The position in counts.
+        counts: f64,
+        /// Largest error in counts.
+        tolerance: f64,
+        /// Largest speed on the way, in counts/s, at least 0.
+        limit_cps: f64,
+    },
+}
+
+impl Goal {
+    /// The goal of a set-point; `None` if the set-point regulates neither speed nor position of a motor alone.
+    pub fn of(setpoint: Setpoint) -> Option<Self> {
+        match setpoint {
+            Setpoint::Disabled
+            | Setpoint::FailSafe
+            | Setpoint::ConstantPower(_)
+            | Setpoint::Current { .. }
+            | Setpoint::Identify { .. }
+            | Setpoint::Together(_) => None,
+            Setpoint::Velocity(cps) => Some(Self::Velocity(cps.to_f64())),
+            Setpoint::Position { target, tolerance, speed_limit } => Some(Self::Position {
+                counts: target.into(),
+                tolerance: tolerance.into(),
+                limit_cps: speed_limit.to_f64().abs(),
+            }),
+        }
+    }
+
+    /// The speed that a motor had to keep before a change, in counts/s: that of its goal, or its own.
+    pub fn speed_before(before: Option<Self>, points: &[Point]) -> f64 {
+        match before {
+            Some(Self::Velocity(cps)) => cps,
+            _ => points.first().map_or(0.0, |point| point.speed_cps),
+        }
+    }
+
+    /// Largest error of a motor that has settled, in counts/s, or in counts for a position and for standstill.
+    pub fn band(self, speed_before: f64) -> f64 {
+        match self {
+            Self::Velocity(0.0) => STANDSTILL_BAND,
+            Self::Velocity(cps) => {
+                (SPEED_BAND * cps.abs().max((cps - speed_before).abs())).max(LEAST_BAND_CPS)
+            }
+            Self::Position { tolerance, .. } => tolerance,
+        }
+    }
+
+    /// The error at each point, in the unit of the [band](Self::band). At standstill it is the distance to the mean
+    /// position of the last second, because within one count an estimated speed may tremble.
+    pub fn errors(self, points: &[Point]) -> Vec<f64> {
+        let distance_to =
+            |counts: f64| points.iter().map(move |point| point.counts as f64 - counts).collect();
+        match self {
+            Self::Velocity(0.0) => {
+                let end_s = points.last().map_or(0.0, |point| point.at_s);
+                let ending = || points.iter().filter(|point| point.at_s > end_s - LEAST_REST_S);
+                let sum: f64 = ending().map(|point| point.counts as f64).sum();
+                distance_to(sum / ending().count().max(1) as f64)
+            }
+            Self::Velocity(cps) => points.iter().map(|point| point.speed_cps - cps).collect(),
+            Self::Position { counts, .. } => distance_to(counts),
+        }
+    }
+}
+
+/// The judgement of a change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Settling {
+    /// The motor settled after this time, in seconds.
+    After(f64),
+    /// The motor did not settle.
+    Never,
+    /// The next change, or the end, comes too soon to judge.
+    TooShort,
+}
+
+impl Settling {
+    /// Seconds until the motor settled; `None` if it did not, or was not judged.
+    pub const fn seconds(self) -> Option<f64> {
+        match self {
+            Self::After(seconds) => Some(seconds),
+            Self::Never | Self::TooShort => None,
+        }
+    }
+}
+
+/// How long a motor must stay within the band to its next change, in seconds, if there are `length_s` between two changes.
+pub fn rest_s(length_s: f64) -> f64 {
+    (REST_SHARE * length_s).max(LEAST_REST_S)
+}
+
+/// Judges the points of a motor from a change to the next one.
+pub fn settling(goal: Goal, speed_before: f64, span_s: Range<f64>, points: &[Point]) -> Settling {
+    let Range { start, end } = span_s;
+    let rest = rest_s(end - start);
+    if end - start <= rest {
+        return Settling::TooShort;
+    }
+    let band = goal.band(speed_before);
+    let outside = goal.errors(points).iter().rposition(|error| error.abs() > band);
+    let since = match outside {
+        None => Some(start),
+        Some(last) => points.get(last + 1).map(|point| point.at_s),
+    };
+    match since {
+        Some(since) if end - since >= rest - ROUNDING_S => Settling::After(since - start),
+        _ => Settling::Never,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A motion at every millisecond of so many seconds.
+    fn motion(seconds: u32, speed_cps: impl Fn(f64) -> f64, counts: impl Fn(f64) -> f64) -> Vec<Point> {
+        let point = |at_s: f64| Point { at_s, speed_cps: speed_cps(at_s), counts: counts(at_s) as i64 };
+        (0..1_000 * seconds).map(|ms| point(f64::from(ms) / 1e3)).collect()
+    }
+
+    #[test]
+    fn a_speed_that_hunts_never_settles_whatever_the_length() {
+        // Within the band for nine tenths of each period of 0.8 s.
+        let speed = |at_s: f64| if at_s.rem_euclid(0.8) < 0.08 { 1030.0 } else { 1000.0 };
+        for seconds in 2..40 {
+            let points = motion(seconds, speed, |_| 0.0);
+            let settling = settling(Goal::Velocity(1000.0), 0.0, 0.0..seconds.into(), &points);
+            assert_eq!(settling, Settling::Never, "{seconds} s");
+        }
+    }
+
+    #[test]
+    fn the_band_of_a_speed_is_of_the_new_speed_and_of_the_step() {
+        let band = |new, old| Goal::Velocity(new).band(old);
+        assert_eq!(band(1000.0, 900.0), 20.0);
+        assert_eq!(band(100.0, 2000.0), 38.0);
+        assert_eq!(band(-500.0, 500.0), 20.0);
+        assert_eq!(band(20.0, 10.0), 2.0);
+    }
+
+    #[test]
+    fn standstill_is_judged_by_the_place_and_a_creeping_motor_does_not_stand() {
+        let judge = |counts: &dyn Fn(f64) -> f64| {
+            settling(Goal::Velocity(0.0), 1000.0, 0.0..3.0, &motion(3, |_| 0.0, counts))
+        };
+        assert_eq!(judge(&|at_s| if at_s < 0.5 { 0.0 } else { 700.0 }), Settling::After(0.5));
+        assert_eq!(judge(&|at_s| 40.0 * at_s), Settling::Never);
+    }
+
+    #[test]
+    fn a_position_is_judged_by_its_tolerance_and_a_late_one_never_settles() {
+        let goal = Goal::Position { counts: 500.0, tolerance: 5.0, limit_cps: 1000.0 };
+        let arrives = |late_s: f64, error: f64| {
+            let counts = |at_s: f64| if at_s < late_s { 0.0 } else { 500.0 + error };
+            settling(goal, 0.0, 0.0..4.0, &motion(4, |_| 0.0, counts))
+        };
+        assert_eq!(arrives(1.0, 5.0), Settling::After(1.0));
+        assert_eq!(arrives(1.0, -6.0), Settling::Never);
+        assert_eq!(arrives(3.0, 0.0), Settling::After(3.0));
+        assert_eq!(arrives(3.001, 0.0), Settling::Never);
+    }
+}
