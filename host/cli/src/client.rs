@@ -17,7 +17,6 @@ mod setup;
 mod status;
 mod together;
 mod trouble;
-mod tune;
 mod turn;
 mod update;
 mod watch;
@@ -122,14 +121,9 @@ enum Command {
     /// Sends new firmware to a hub with a bootloader, starts it, and waits until it has confirmed itself
     #[command(long_about = update::HELP)]
     Update(update::Options),
-    /// Measures how a motor moves with its load, by turning it both ways, on hubs of this project
-    ///
-    /// The motion takes some 3 s. The motor must stand, and be free to turn. It is disabled at the end, on Ctrl-C, and on any
-    /// error.
-    Identify(identify::Options),
     /// Identifies a motor, compares it with the catalogue, and proposes settings, on hubs of this project
-    #[command(long_about = tune::HELP)]
-    Tune(tune::Options),
+    #[command(alias = "tune", long_about = identify::HELP)]
+    Identify(identify::Options),
     /// Makes a motor's present position 0
     ResetEncoder {
         #[arg(value_parser = channel)]
@@ -225,7 +219,6 @@ impl Command {
             Self::Settings(options) => return options.execute(&mut session),
             Self::Update(options) => return options.execute(&mut session),
             Self::Identify(options) => return options.execute(&mut session),
-            Self::Tune(options) => return options.execute(&mut session),
             Self::Watch(options) => return options.execute(&mut session),
             Self::Stop => {
                 session.fail_safe()?;

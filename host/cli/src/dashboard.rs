@@ -129,7 +129,7 @@ fn code(url: &str) -> String {
 
 fn real(name: &str) -> Place {
     let (place, mut said) = (name.to_owned(), None);
-    Place::real(name, move || match dashboard::relay::open(&place) {
+    Place::real(name, move || match dashboard::hub::open(&place) {
         Ok(session) => {
             said = None;
             Ok(session)

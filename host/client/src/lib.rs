@@ -11,6 +11,7 @@
 //! | [`mod@line`] | serial port or TCP connection, as bytes with timeouts |
 //! | [`session`] | one request at a time: waiting, retransmission, discovery |
 //! | [`hub`], [`motor`] | the protocol's commands, as methods of [`Session`] |
+//! | [`identification`] | identifying a motor, step by step |
 //! | [`clock`] | the clock of sessions |
 //! | [`update`] | sending and starting new firmware |
 //! | [`memory`] | a hub in memory, for tests of host programs |
@@ -50,6 +51,7 @@ pub struct Readme;
 pub mod clock;
 pub mod error;
 pub mod hub;
+pub mod identification;
 pub mod line;
 pub mod memory;
 pub mod motor;

@@ -1,6 +1,7 @@
 //! Messages to pages: JSON objects with a `kind`. Control values and duties are shares of full control and of full duty, from
 //! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
+use crate::order::KindName;
 use crate::world::WorldIs;
 use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};
@@ -189,14 +190,15 @@ pub(crate) struct Frame {
     /// Share of the braking energy that is dissipated instead of returned, 0 to 1.
     pub(crate) burning: f64,
     /// State by motor.
-    pub(crate) motors: Vec<OfMotor>,
+    pub(crate) motors: Vec<MotorState>,
 }
 
 /// State of a motor. Values that the hub does not report are left out.
 #[derive(Clone, Debug, Default, Serialize)]
-pub(crate) struct OfMotor {
+pub(crate) struct MotorState {
     /// Kind of the set-point.
-    pub(crate) told: &'static str,
+    #[serde(rename = "told")]
+    pub(crate) setpoint: &'static str,
     /// Set-point as a share of power, in amperes, in counts/s or in counts; `None` without one.
     pub(crate) target: Option<f64>,
     /// Position in counts.
@@ -219,7 +221,8 @@ pub(crate) struct OfMotor {
 /// Values of a motor that only hubs of this project report.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct More {
-    regulator: &'static str,
+    #[serde(with = "KindName")]
+    regulator: Kind,
     control: f64,
     regime: Option<&'static str>,
     mode: &'static str,
@@ -345,27 +348,22 @@ impl Frame {
             battery_v: report.battery.map(|mv| f64::from(mv.get()) / 1e3),
             bus: Some(bus_word(report.bus)),
             burning: f64::from(report.dissipate) / 1e3,
-            motors: motors.map(|(index, motor)| OfMotor::of(motor, why_still(report, index))).collect(),
+            motors: motors.map(|(index, motor)| MotorState::of(motor, why_still(report, index))).collect(),
             ..Self::default()
         }
     }
 }
 
-impl OfMotor {
+impl MotorState {
     fn of(motor: &MotorReport, why: Option<&'static str>) -> Self {
-        let (told, target) = match motor.setpoint {
-            ReportedSetpoint::Off => ("off", None),
-            ReportedSetpoint::FailSafe => ("fail-safe", None),
-            ReportedSetpoint::Power(control) => ("power", Some(share(control))),
-            ReportedSetpoint::Current(current) => ("current", Some(f64::from(current.get()) / 1e3)),
-            ReportedSetpoint::Velocity(cps) => ("velocity", Some(cps.into())),
-            ReportedSetpoint::Position(counts) => ("position", Some(counts.into())),
-            ReportedSetpoint::Together(counts) => ("together", Some(counts.into())),
-            ReportedSetpoint::Identify(_) => ("identify", None),
+        // A page draws a target; the travel limit of an identification is none.
+        let target = match motor.setpoint {
+            ReportedSetpoint::Identify(_) => None,
+            setpoint => setpoint.value(),
         };
         let MotorReport { position, velocity, enabled, .. } = *motor;
         Self {
-            told,
+            setpoint: motor.setpoint.name(),
             target,
             position,
             velocity,
@@ -379,19 +377,10 @@ impl OfMotor {
 
 impl More {
     fn of(motor: &MotorReport) -> Self {
-        let regime = motor.regime.map(|regime| match regime {
-            Regime::Reverse => "reverse",
-            Regime::Braking => "braking",
-            Regime::Forward => "forward",
-        });
-        let regulator = match motor.regulator {
-            Kind::Model => "model",
-            Kind::Pid => "pid",
-        };
         Self {
-            regulator,
-            control: share(motor.control),
-            regime,
+            regulator: motor.regulator,
+            control: motor.control.to_f64(),
+            regime: motor.regime.map(Regime::name),
             mode: motor.drive.mode.name(),
             duty: motor.drive.duty.to_f64(),
             best_current_a: amperes(motor.best_current()),
@@ -404,7 +393,7 @@ impl More {
             derated: motor.derated,
             current_limited: motor.current_limited,
             fault: motor.faults.any() && motor.enabled,
-            points: motor.points.map(|points| points.map(share)),
+            points: motor.points.map(|points| points.map(Control::to_f64)),
         }
     }
 }
@@ -504,11 +493,6 @@ const fn bus_word(bus: BusState) -> &'static str {
         BusState::Dissipating => "burning",
         BusState::TooHigh => "too high",
     }
-}
-
-/// Control value as a share of full control, -1 to 1.
-fn share(control: Control) -> f64 {
-    f64::from(control.get()) / f64::from(Control::MAX.get())
 }
 
 fn amperes(current: Milliamperes) -> f64 {

@@ -9,6 +9,7 @@
 //! | module | contents |
 //! |---|---|
 //! | [`relay`] | owns the hub: sends 50 frames per second and executes orders |
+//! | [`hub`] | a session with a hub, and errors of its requests |
 //! | [`pages`] | which page is in control, and whether that page is still open |
 //! | [`order`], `executor` | orders of pages, and their execution |
 //! | `frame`, [`mod@outbox`] | messages to pages, and messages that wait for a page |
@@ -26,12 +27,12 @@
 //! nothing more and disables them itself.
 //!
 //! ```no_run
-//! use dashboard::{Place, Server, relay};
+//! use dashboard::{Place, Server, hub};
 //! use std::sync::atomic::AtomicBool;
 //!
 //! let server = Server::bind("127.0.0.1:0")?;
 //! println!("{}", server.url());
-//! let open = || relay::open("/dev/ttyACM0").map_err(|error| error.to_string());
+//! let open = || hub::open("/dev/ttyACM0").map_err(|error| error.to_string());
 //! server.run(Place::real("/dev/ttyACM0", open), &AtomicBool::new(false));
 //! # Ok::<(), dashboard::BindError>(())
 //! ```
@@ -44,6 +45,7 @@ mod executor;
 mod frame;
 #[cfg(feature = "server")]
 pub mod http;
+pub mod hub;
 pub mod order;
 pub mod outbox;
 pub mod pages;
@@ -56,6 +58,7 @@ pub mod settings_file;
 mod viewer;
 pub mod world;
 
-pub use relay::{Hub, Place, Port};
+pub use hub::{Hub, Port};
+pub use relay::Place;
 #[cfg(feature = "server")]
 pub use server::{BindError, Server};

@@ -15,7 +15,7 @@ use motor_hub::braking::DutyRule;
 use motor_hub::motor::ZeroPower;
 use motor_hub::protocol::motor::{Loop, RunMode};
 use motor_hub::regulator::Kind;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use simulated::scheme::DutyWord;
 
 /// An order of a page.
@@ -216,10 +216,10 @@ enum LoopName {
     Position,
 }
 
-/// Names of a [`Kind`] of regulator in orders.
-#[derive(Deserialize)]
+/// Names of a [`Kind`] of regulator in orders and frames.
+#[derive(Deserialize, Serialize)]
 #[serde(remote = "Kind", rename_all = "kebab-case")]
-enum KindName {
+pub(crate) enum KindName {
     Model,
     Pid,
 }

@@ -5,7 +5,6 @@ use crate::output::{Failure, print, print_json};
 use crate::parse::whole;
 use motor_hub::bridge::Drive;
 use motor_hub::record::{Fault, Head, Tick};
-use motor_hub::units::Control;
 use motor_hub_client::Session;
 use motor_hub_client::line::Line;
 use serde_json::{Value, json};
@@ -108,7 +107,7 @@ fn ticks(head: &Head, ticks: &[Tick]) -> String {
             if before == 0 { "last".to_owned() } else { format!("-{before}") },
             tick.position.to_string(),
             tick.velocity.to_string(),
-            format!("{:.4}", share(tick.control)),
+            format!("{:.4}", tick.control.to_f64()),
             drive(tick.drive),
         ]);
     }
@@ -127,7 +126,7 @@ fn entry_json(head: &Head, ticks: &[Tick]) -> Value {
             json!({
                 "position": tick.position,
                 "velocity": tick.velocity,
-                "control": share(tick.control),
+                "control": tick.control.to_f64(),
                 "mode": tick.drive.mode.name(),
                 "duty_percent": 100.0 * tick.drive.duty.to_f64(),
             })
@@ -165,9 +164,4 @@ fn drive(drive: Drive) -> String {
         return "open".to_owned();
     }
     format!("{} {:.1} %", drive.mode.name(), 100.0 * drive.duty.to_f64())
-}
-
-/// Control value as a share of full control, -1 to 1.
-fn share(control: Control) -> f64 {
-    f64::from(control.get()) / f64::from(Control::MAX.get())
 }

@@ -19,7 +19,7 @@ use studies::table;
 pub(super) const HELP: &str = "\
 Shows, saves, loads, resets, exports or imports the stored settings of a hub of this project
 
-Other commands (setup, coefficients, identify --apply, tune --apply, settings import) change settings until the next reset; \
+Other commands (setup, coefficients, identify --apply, settings import) change settings until the next reset; \
 `save` stores them permanently.
 
 Stored for each motor: set-up, motion, protection, current limit, bridge timing, mode, current alert, and coefficients that a host has set. \

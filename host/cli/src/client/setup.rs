@@ -1,7 +1,7 @@
 //! `motor-hub client setup`.
 
+use super::identify;
 use super::trouble::Trouble;
-use super::tune;
 use crate::choice::Choice;
 use crate::constants::Constants;
 use crate::output::{Failure, print, print_json};
@@ -190,7 +190,7 @@ impl Options {
                 "current_line": line_word(condition.sense_line),
                 "continuous_current_a": amperes,
                 "current_limit_a": limit,
-                "motion": tune::motion_json(settings),
+                "motion": identify::motion_json(settings),
             });
             return Ok(print_json(&document)?);
         }
@@ -217,7 +217,7 @@ impl Options {
                 &amperes.map_or_else(|| "no limit".to_owned(), |a| format!("{a:.3} A")),
             ])
             .add_row(["current limit", &limit.map_or_else(|| "none".to_owned(), |a| format!("{a:.3} A"))]);
-        for (name, value) in tune::rows(settings) {
+        for (name, value) in identify::rows(settings) {
             table.add_row([name, &value]);
         }
         Ok(print(&format!("{table}\n"))?)
