@@ -4,7 +4,7 @@ use crate::output::{Failure, print, say};
 use crate::parse::host_and_port;
 use crate::serve::stop_flag;
 use dashboard::admission::PublicUrl;
-use dashboard::script::Script;
+use dashboard::scenario_player::Script;
 use dashboard::world::World;
 use dashboard::{Hub, Place, Port, Server};
 use motor_hub::protocol::Address;

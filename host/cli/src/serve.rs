@@ -10,7 +10,7 @@ use crate::output::say;
 use crate::output::{Failure, print};
 use crate::parse::{address, host_and_port, seconds, wire};
 #[cfg(unix)]
-use crate::served::Note;
+use crate::served_hubs::Note;
 use indicatif::ProgressBar;
 use motor_hub::protocol::Address;
 use motor_hub::protocol::pins::Pin;

@@ -2,7 +2,7 @@
 
 use crate::frame::{SettingsOf, scheme};
 use crate::hub::{Hub, RequestError};
-use crate::order::Order;
+use crate::requests::Order;
 use crate::settings_file;
 use crate::world::World;
 use motor_hub::braking::DutyRule;

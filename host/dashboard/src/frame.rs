@@ -1,7 +1,7 @@
 //! Messages to pages: JSON objects with a `kind`. Control values and duties are shares of full control and of full duty, from
 //! -1 to 1. All other fields have their unit in the name, or are in counts and seconds.
 
-use crate::order::KindName;
+use crate::requests::KindName;
 use crate::world::WorldIs;
 use motor_hub::braking::{OperatingPoint, Points, Regime, Scheme, Winding};
 use motor_hub::extension::report::{HubReport, MotorReport, ReportedSetpoint};

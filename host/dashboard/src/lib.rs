@@ -2,8 +2,8 @@
 //! The files of the page are part of the program. The page loads nothing from other servers.
 //!
 //! ```text
-//! page --orders--> viewer --Event--> relay --requests--> hub
-//! page <--frames-- viewer <--text--- relay <--answers--- hub
+//! page --orders--> page socket --Event--> relay --requests--> hub
+//! page <--frames-- page socket <--text--- relay <--answers--- hub
 //! ```
 //!
 //! | module | contents |
@@ -11,12 +11,12 @@
 //! | [`relay`] | owns the hub: sends 50 frames per second and executes orders |
 //! | [`hub`] | a session with a hub, and errors of its requests |
 //! | [`pages`] | which page is in control, and whether that page is still open |
-//! | [`order`], `executor` | orders of pages, and their execution |
+//! | [`requests`], `executor` | orders of pages, and their execution |
 //! | `frame`, [`mod@outbox`] | messages to pages, and messages that wait for a page |
-//! | [`world`], [`script`] | changes to a simulated hub's motors and battery; a scenario's set-points |
+//! | [`world`], [`scenario_player`] | changes to a simulated hub's motors and battery; a scenario's set-points |
 //! | [`settings_file`] | settings of a hub as TOML |
 //! | [`assets`] | the files of the page |
-//! | [`server`], `viewer` | listener, with a thread for each connection; the socket of one page |
+//! | [`server`], `page_socket` | listener, with a thread for each connection; the socket of one page |
 //! | [`admission`], [`http`] | which requests are admitted; requests and answers as bytes |
 //!
 //! The modules of the last two rows need the feature `server`. Without it the relay runs in a browser, beside its page.
@@ -46,16 +46,16 @@ mod frame;
 #[cfg(feature = "server")]
 pub mod http;
 pub mod hub;
-pub mod order;
 pub mod outbox;
+#[cfg(feature = "server")]
+mod page_socket;
 pub mod pages;
 pub mod relay;
-pub mod script;
+pub mod requests;
+pub mod scenario_player;
 #[cfg(feature = "server")]
 pub mod server;
 pub mod settings_file;
-#[cfg(feature = "server")]
-mod viewer;
 pub mod world;
 
 pub use hub::{Hub, Port};

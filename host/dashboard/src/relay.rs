@@ -4,10 +4,10 @@
 use crate::executor::{Changed, Executor, channel};
 use crate::frame::{FaultEntry, Found, Frame, Learned, Message, MotorState, PointsAt, Welcome, refused};
 use crate::hub::{Hub, RequestError};
-use crate::order::Order;
 use crate::outbox::Outbox;
 use crate::pages::{Gone, Pages, Taken};
-use crate::script::{Playing, Script};
+use crate::requests::Order;
+use crate::scenario_player::{Playing, Script};
 use crate::settings_file;
 use crate::world::World;
 use motor_hub::extension::HubFunction;

@@ -1,6 +1,6 @@
 //! `motor-hub client faults`.
 
-use super::trouble::Trouble;
+use super::error::ClientError;
 use crate::output::{Failure, print, print_json};
 use crate::parse::whole;
 use motor_hub::bridge::Drive;
@@ -35,7 +35,7 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let Some((run, heads)) = session.recorded()? else {
             return Err(Failure::Work("this hub keeps no record of faults".to_owned()).into());
         };
@@ -63,7 +63,7 @@ impl Options {
     }
 }
 
-fn no_ticks(number: u16, heads: &[Head]) -> Trouble {
+fn no_ticks(number: u16, heads: &[Head]) -> ClientError {
     let with: Vec<String> =
         heads.iter().filter(|head| head.ticks > 0).map(|head| head.number.to_string()).collect();
     let with = if with.is_empty() {

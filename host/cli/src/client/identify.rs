@@ -1,10 +1,10 @@
 //! `motor-hub client identify`.
 
 use super::drive::{INTERVAL, LINE};
-use super::driven::Driven;
+use super::error::ClientError;
 use super::interrupt;
-use super::live::Live;
-use super::trouble::Trouble;
+use super::motors_off::DrivingSession;
+use super::readings::Live;
 use crate::output::{Failure, print, print_json};
 use crate::parse::{channel, whole};
 use motor_hub::extension::settings::MotorSettings;
@@ -59,10 +59,10 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let motor = self.motor;
         let (before, battery) = (session.settings(motor)?, session.battery()?);
-        let outcome = Driven::run(session, |driven| self.identify(driven))?;
+        let outcome = DrivingSession::run(session, |driven| self.identify(driven))?;
         let Identification::Found(found) = outcome else {
             if self.json {
                 let mut document = identify::json(outcome);
@@ -86,7 +86,7 @@ impl Options {
     }
 
     /// Identifies the motor, and shows the progress.
-    fn identify(&self, driven: &mut Driven<'_, Line>) -> Result<Identification, Trouble> {
+    fn identify(&self, driven: &mut DrivingSession<'_, Line>) -> Result<Identification, ClientError> {
         let motor = self.motor;
         let mut identifying = Identifying::begin(driven, motor, self.travel)?;
         driven.enable(motor)?;

@@ -1,6 +1,6 @@
 //! `motor-hub client settings`.
 
-use super::trouble::Trouble;
+use super::error::ClientError;
 use crate::output::{Failure, print, print_json};
 use dashboard::settings_file;
 use motor_hub::extension::HubFunction;
@@ -72,7 +72,7 @@ impl Options {
         }
     }
 
-    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(super) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let done = match self.command {
             Command::Show { json } => return show(&session.stored()?, json),
             Command::Save => saved(session)?,
@@ -106,7 +106,7 @@ impl Options {
     }
 }
 
-fn saved(session: &mut Session<Line>) -> Result<String, Trouble> {
+fn saved(session: &mut Session<Line>) -> Result<String, ClientError> {
     let report = session.store(HubFunction::Save)?;
     ended(&report)?;
     Ok(format!("stored: {}", describe(&report)))
@@ -162,7 +162,7 @@ fn describe(report: &StoreReport) -> String {
     }
 }
 
-fn show(report: &StoreReport, json: bool) -> Result<(), Trouble> {
+fn show(report: &StoreReport, json: bool) -> Result<(), ClientError> {
     let StoreReport { stored, version, number, at_work, outcome, differs, unknown, refused, .. } = *report;
     if json {
         let stored = match stored {

@@ -1,7 +1,7 @@
 //! `motor-hub client status`.
 
-use super::live::alert_words;
-use super::trouble::Trouble;
+use super::error::ClientError;
+use super::readings::alert_words;
 use crate::output::{print, print_json};
 use motor_hub::extension::report::BusReport;
 use motor_hub::extension::report::Condition;
@@ -47,7 +47,7 @@ struct Everything {
 }
 
 impl Options {
-    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), Trouble> {
+    pub(crate) fn execute(self, session: &mut Session<Line>) -> Result<(), ClientError> {
         let hub = Everything::read(session, self.clear)?;
         let printed = if self.json { print_json(&hub.json()) } else { print(&hub.text()) };
         Ok(printed?)

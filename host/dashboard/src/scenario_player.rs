@@ -1,7 +1,7 @@
 //! Sends a scenario's set-points to the hub at their times.
 //!
 //! ```
-//! use dashboard::script::Script;
+//! use dashboard::scenario_player::Script;
 //! use simulated::scenario::Scenario;
 //!
 //! assert!(Script::of(&Scenario::default_one()?).is_some());

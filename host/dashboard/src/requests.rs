@@ -2,7 +2,7 @@
 //! are refused with a text.
 //!
 //! ```
-//! use dashboard::order::Order;
+//! use dashboard::requests::Order;
 //!
 //! let order = Order::parse(r#"{"drive":{"motor":0,"mode":"velocity","value":0.5}}"#).unwrap();
 //! assert!(order.is_for_the_controller());

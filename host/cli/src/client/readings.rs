@@ -1,8 +1,8 @@
 //! Repeated readings of a hub: on a terminal a table that is redrawn, elsewhere lines.
 
+use super::error::ClientError;
 use super::interrupt;
-use super::trouble::Trouble;
-use super::turn::shaft_speed;
+use super::shaft_speed::shaft_speed;
 use crate::output::{Failure, print};
 use motor_hub::braking::Regime;
 use motor_hub::bridge::Drive;
@@ -213,8 +213,8 @@ pub(crate) fn repeat(
     session: &mut Session<Line>,
     interval: Duration,
     length: Option<Duration>,
-    mut each: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, Trouble>,
-) -> Result<bool, Trouble> {
+    mut each: impl FnMut(&mut Session<Line>, &Reading) -> Result<bool, ClientError>,
+) -> Result<bool, ClientError> {
     let since = Instant::now();
     let mut next = since;
     loop {
