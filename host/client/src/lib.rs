@@ -16,6 +16,7 @@
 //! | [`update`] | sending and starting new firmware |
 //! | [`memory`] | a hub in memory, for tests of host programs |
 //! | [`error`] | errors |
+//! | [`explanations`] | what each fault number means |
 //! | [`reasons`] | reasons why a motor does not turn, or settings were not stored |
 //!
 //! [`motor_hub::protocol`] and [`motor_hub::extension`] define the bytes, for host and hub. A hub that receives nothing for 2.5 s releases its motors:
@@ -50,6 +51,7 @@ pub struct Readme;
 
 pub mod clock;
 pub mod error;
+pub mod explanations;
 pub mod hub;
 pub mod identification;
 pub mod line;

@@ -16,6 +16,7 @@ use motor_hub::regulator::Kind;
 use motor_hub::regulator::identify::Identified;
 use motor_hub::supply::BusState;
 use motor_hub::units::{Acceleration, Control, CountsPerSecond, Milliamperes, Millivolts};
+use motor_hub_client::explanations::explanation;
 use motor_hub_client::reasons::why_still;
 use serde::Serialize;
 use simulated::scheme::SchemeWords;
@@ -89,9 +90,6 @@ pub(crate) enum Message {
     World(WorldIs),
 }
 
-/// Explanations of all fault numbers, a section each.
-const EXPLANATIONS: &str = include_str!("../../../docs/reference/fault-numbers.md");
-
 /// An entry of the hub's record of faults.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct FaultEntry {
@@ -103,33 +101,20 @@ pub(crate) struct FaultEntry {
     /// Time since the run's start.
     after_s: f64,
     times: u16,
-    /// Paragraphs of the documentation: meaning, reaction of the hub, what to check.
-    explanation: Vec<String>,
+    /// Paragraphs: meaning, reaction of the hub, what to check.
+    explanation: [String; 3],
 }
 
 impl FaultEntry {
     pub(crate) fn of(head: &Head) -> Self {
-        let fault = head.fault.number();
-        let sections = EXPLANATIONS.split("\n## ").find(|text| text.starts_with(&format!("{fault}:")));
-        let paragraphs = sections.unwrap_or_default().split("\n\n").skip(1);
-        // Of links the text is left.
-        let plain = |text: &str| {
-            let mut parts = text.trim().replace('\n', " ").replace(['*', '`', '['], "");
-            while let Some((before, (_, after))) =
-                parts.split_once("](").and_then(|(before, rest)| Some((before, rest.split_once(')')?)))
-            {
-                parts = format!("{before}{after}");
-            }
-            parts
-        };
         Self {
-            fault,
+            fault: head.fault.number(),
             name: head.fault.name(),
             motor: head.motor,
             run: head.run,
             after_s: f64::from(head.uptime_ms) / 1e3,
             times: head.times.into(),
-            explanation: paragraphs.map(plain).filter(|text| !text.is_empty()).collect(),
+            explanation: explanation(head.fault).sentences(),
         }
     }
 }
