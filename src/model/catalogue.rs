@@ -13,7 +13,7 @@
 //! assert_eq!(find("AM 60 A"), Some(entry));
 //! let motor = entry.motor.expect("characterised");
 //! assert_eq!((motor.gear_ratio, motor.counts_per_rev_motor), (60.0, 28.0));
-//! assert_eq!(catalogue().len(), 18);
+//! assert!(catalogue().contains(entry));
 //! ```
 
 use std::sync::LazyLock;
@@ -272,7 +272,9 @@ mod tests {
 
     #[test]
     fn catalogue_has_all_rows_and_only_tetrix_lacks_constants() {
-        assert_eq!(catalogue().len(), 18);
+        // The first line without `#` has the headings.
+        let lines = include_str!("motors.csv").lines().filter(|line| !line.starts_with('#'));
+        assert_eq!(catalogue().len(), lines.count() - 1);
         let without: Vec<_> = catalogue().iter().filter(|e| e.motor.is_none()).map(|e| e.name).collect();
         assert_eq!(without, ["Tetrix"]);
     }
