@@ -189,7 +189,7 @@ impl Handover {
         let folder = std::env::var_os("XDG_RUNTIME_DIR").map_or_else(std::env::temp_dir, PathBuf::from);
         let path = folder.join(format!("motor-hub-dashboard-{}.html", std::process::id()));
         let mut options = OpenOptions::new();
-        // A file that somebody else has put there is not used.
+        // A file of another user is not used.
         options.write(true).create_new(true);
         #[cfg(unix)]
         std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);

@@ -1,4 +1,4 @@
-//! docs/reference/output.md names every field of what programs read, and nothing else.
+//! The page docs/reference/output.md names every field of the JSON output, and no other field.
 #![expect(
     clippy::unwrap_used,
     clippy::expect_used,
